@@ -1,0 +1,89 @@
+"""Filter card: what the filter believes, estimates and how often it works."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from lvnav_trade.units import (
+    Angle,
+    AngleRandomWalk,
+    AngularRate,
+    Acceleration,
+    Card,
+    Duration,
+    Fraction,
+    Frequency,
+    GSensitivity,
+    Length,
+    RateRandomWalk,
+    AccelerationRandomWalk,
+    Speed,
+    VelocityRandomWalk,
+)
+
+Matched = Literal["matched"]
+
+
+class ImuBelief(Card):
+    """What the filter believes of its inertial unit; `matched` in the filter card takes each number from the truth."""
+
+    gyro_random_walk: AngleRandomWalk
+    accel_random_walk: VelocityRandomWalk
+    gyro_bias: AngularRate
+    gyro_bias_walk: RateRandomWalk = 0.0
+    gyro_bias_time: Duration | None = None
+    accel_bias: Acceleration
+    accel_bias_walk: AccelerationRandomWalk = 0.0
+    accel_bias_time: Duration | None = None
+    gyro_scale_factor: Fraction = 0.0
+    accel_scale_factor: Fraction = 0.0
+    gyro_misalignment: Angle = 0.0
+    accel_misalignment: Angle = 0.0
+    gyro_g_sensitivity: GSensitivity = 0.0
+
+
+class ReceiverBelief(Card):
+    """What the filter believes of the receiver's measurement noise and clock."""
+
+    pseudorange_sigma: Length
+    range_rate_sigma: Speed
+    position_sigma: Length
+    velocity_sigma: Speed
+    clock_h0: float = Field(ge=0)
+    clock_h_minus2: float = Field(ge=0)
+
+
+class InitialBelief(Card):
+    """The filter's one-sigma at the start: tilt (north, east axes) and heading, position and velocity per axis."""
+
+    tilt: Angle
+    heading: Angle
+    position: Length
+    velocity: Speed
+    clock_bias: Length
+    clock_drift: Speed
+
+
+ExtraState = Literal[
+    "gyro_scale_factor", "accel_scale_factor", "gyro_misalignment", "accel_misalignment", "gyro_g_sensitivity"
+]
+
+
+class FilterCard(Card):
+    """A navigation filter: error-state, closed loop, mechanised in the inertial frame."""
+
+    name: str
+    source: str
+    kind: Literal["inertial", "loose", "tight"]
+    extra_states: tuple[ExtraState, ...] = ()
+    covariance_rate: Frequency = 10.0
+    update_rate: Frequency = 1.0
+    gate: float | None = Field(None, gt=0, description="innovation gate in sigma per row; none: no gate")
+    gravity: Literal["point", "j2", "j4"] = "j4"
+    imu: Matched | ImuBelief = "matched"
+    receiver: Matched | ReceiverBelief = "matched"
+    initial: Matched | InitialBelief = "matched"
+    attitude_noise: AngleRandomWalk = Field(0.0, description="process noise beyond the unit's own, root PSD per axis")
+    velocity_noise: VelocityRandomWalk = 0.0

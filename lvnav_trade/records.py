@@ -1,0 +1,126 @@
+"""The arrays that cross rooms: Motion, Reference, Sky, RunBlock, CovHistory."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+class Motion(NamedTuple):
+    """True motion at given times; at a jump of thrust the value just after it. SI, frames i and b.
+
+    t (n,) s since lift-off; r_i, v_i (n, 3); q_b_i (n, 4) unit quaternion, scalar first, body to inertial;
+    f_b (n, 3) specific force; w_ib_b (n, 3) body rate.
+    """
+
+    t: Floats
+    r_i: Floats
+    v_i: Floats
+    q_b_i: Floats
+    f_b: Floats
+    w_ib_b: Floats
+
+
+class Reference(NamedTuple):
+    """True motion on the ticks of an IMU, and the increments of an ideal one between them.
+
+    t (n_imu + 1,); r_i, v_i (n_imu + 1, 3); q_b_i (n_imu + 1, 4); f_b, w_ib_b (n_imu + 1, 3) at the ticks;
+    dtheta, dvel (n_imu, 3): integrals of body rate (rad) and specific force (m/s) over each tick, body frame.
+    """
+
+    t: Floats
+    r_i: Floats
+    v_i: Floats
+    q_b_i: Floats
+    f_b: Floats
+    w_ib_b: Floats
+    dtheta: Floats
+    dvel: Floats
+
+
+class Sky(NamedTuple):
+    """Satellites over a flight, each at the time of transmission of the signal received at the epoch.
+
+    t (n_epoch,); names (n_sat,) such as "G05"; r_i (n_epoch, n_sat, 3) m at transmission; v_i (n_epoch, n_sat, 3) the
+    derivative of r_i with respect to *reception* time; azimuth, elevation (n_epoch, n_sat) rad at the antenna in frame
+    n; tracked (n_epoch, n_sat) bool: above mask, not behind the Earth, not lost to a fault.
+    """
+
+    t: Floats
+    names: tuple[str, ...]
+    r_i: Floats
+    v_i: Floats
+    azimuth: Floats
+    elevation: Floats
+    tracked: NDArray[np.bool_]
+
+
+class RunBlock(NamedTuple):
+    """What a block of Monte-Carlo runs leaves. Error is truth minus estimate, in reporting axes (see layout.Output).
+
+    first_run; t (n_hist,) s; err, sigma (n_run, n_hist, n_out) error and the filter's own one-sigma, SI;
+    nees (n_run, n_hist); t_epoch (n_epoch,); nis (n_run, n_epoch) summed squares of normalised innovations of the
+    accepted rows; n_row, n_reject (n_run, n_epoch) rows accepted and rejected by the gate; innovation
+    (n_run, n_epoch, n_channel) normalised innovation before the gate, NaN where no row; failed (n_run,) int8, 0 good,
+    1 not finite, 2 diverged (position error over the scenario's limit); t_failed (n_run,) s or NaN.
+    """
+
+    first_run: int
+    t: Floats
+    err: Floats
+    sigma: Floats
+    nees: Floats
+    t_epoch: Floats
+    nis: Floats
+    n_row: NDArray[np.int32]
+    n_reject: NDArray[np.int32]
+    innovation: Floats
+    failed: NDArray[np.int8]
+    t_failed: Floats
+
+
+class CovHistory(NamedTuple):
+    """Linear covariance over a flight, in the same reporting axes as RunBlock.
+
+    t (n_hist,); formal, true_sigma, mean (n_hist, n_out): the filter's own sigma, the sigma of the true error about its
+    mean, that mean; sources (n_source,) names; budget (n_hist, n_source, n_out) variance of the true error by source
+    (sums over sources to true_sigma squared); formal_cov, true_cov (n_hist, n_out, n_out) full matrices;
+    t_epoch, n_row (n_epoch,); expected_nees (n_hist,), expected_nis (n_epoch,).
+    """
+
+    t: Floats
+    formal: Floats
+    true_sigma: Floats
+    mean: Floats
+    sources: tuple[str, ...]
+    budget: Floats
+    formal_cov: Floats
+    true_cov: Floats
+    t_epoch: Floats
+    n_row: NDArray[np.int32]
+    expected_nees: Floats
+    expected_nis: Floats
+
+
+class Output(NamedTuple):
+    """One reported error component: ``quantity`` with ``axis``, SI unit, and the unit and factor for people."""
+
+    quantity: str
+    axis: str
+    unit: str
+    label_unit: str
+    label_factor: float
+
+
+class Prepared(NamedTuple):
+    """A scenario made ready for both engines: everything that is the same for all runs."""
+
+    scenario: Any
+    trajectory: Any
+    reference: Reference
+    sky: Sky
+    outputs: tuple[Output, ...]

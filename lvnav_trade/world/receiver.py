@@ -1,0 +1,39 @@
+"""Receiver card; raw observables of a block of runs."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from lvnav_trade.units import Angle, Card, Frequency, Length, Speed
+
+
+class ClockCard(Card):
+    """A receiver oscillator by its power-law coefficients (one-sided): h0 (s), h_minus2 (1/s)."""
+
+    h0: float = Field(ge=0)
+    h_minus2: float = Field(ge=0)
+    initial_bias: Length = 0.0
+    initial_drift: Speed = 0.0
+
+
+class SolutionCard(Card):
+    """The receiver's own position/velocity solution: true position and velocity plus white noise per axis."""
+
+    kind: str = "direct"
+    position_sigma: Length
+    velocity_sigma: Speed
+
+
+class ReceiverCard(Card):
+    """A GNSS receiver and its antenna: what is true of its measurements."""
+
+    name: str
+    source: str
+    rate: Frequency = 1.0
+    mask: Angle = Field(0.0, description="elevation mask above the local horizontal")
+    lever_b: tuple[Length, Length, Length] = (0.0, 0.0, 0.0)
+    channels: int = Field(16, ge=1, le=64, description="satellites tracked at most; the highest are kept")
+    pseudorange_sigma: Length
+    range_rate_sigma: Speed
+    solution: SolutionCard
+    clock: ClockCard
