@@ -1,0 +1,42 @@
+"""The one numba decorator; cache folder named by source digest."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+
+def _source_digest(package: Path) -> str:
+    """Digest of every module that holds a kernel: numba's own cache does not see an edit in another file."""
+    digest = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        text = path.read_bytes()
+        if b"kernels.jit import" in text or path.parent.name == "kernels":
+            digest.update(str(path.relative_to(package)).encode())
+            digest.update(text)
+    return digest.hexdigest()[:16]
+
+
+def _set_cache_folder() -> None:
+    """Point numba at a per-version folder, before numba is first imported; a folder of the user's own is kept as root."""
+    root = os.environ.get("NUMBA_CACHE_DIR") or os.path.join(
+        os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "lvnav_trade"
+    )
+    if not Path(root).name.startswith("kernels-"):
+        root = os.path.join(root, "kernels-" + _source_digest(Path(__file__).resolve().parents[1]))
+    os.environ["NUMBA_CACHE_DIR"] = root
+
+
+_set_cache_folder()
+
+import numba  # noqa: E402  (the cache folder must be known first)
+
+numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
+
+
+def jit(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile a kernel: cached, without the interpreter lock, division by zero gives inf or NaN as in numpy."""
+    return numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=False)(function)  # type: ignore[no-any-return]
