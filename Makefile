@@ -1,0 +1,82 @@
+# make demo   set up, run the demo campaign, say where the report is
+# make test   set up, check style, types and architecture, run the tests and a small campaign from end to end
+# Both need python3 (3.11 or later, with venv) and make, nothing else. Without a network: make wheelhouse where there is
+# one, carry the folder over, then make demo WHEELS=folder.
+
+PYTHON ?= python3
+VENV   ?= .venv
+JOBS   ?= $(shell nproc 2>/dev/null || echo 2)
+WHEELS ?=
+
+bin := $(VENV)/bin
+pip := $(bin)/python -m pip --disable-pip-version-check --quiet
+from_wheels := $(if $(WHEELS),--no-index --find-links "$(WHEELS)")
+wheels_needed := pip 'hatchling>=1.25,<2' editables
+
+.DELETE_ON_ERROR:
+.PHONY: help demo test lint unit smoke slow bench wheelhouse clean
+
+help:
+	@sed -n 's/^# //p' Makefile | head -4
+	@echo 'also: make slow | bench | wheelhouse | clean'
+
+# A stamp stands for an installation and is older than pyproject.toml when that must be repeated.
+$(bin)/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+	    { echo "$(PYTHON) is missing or older than 3.11 (another one: make PYTHON=python3.12 ...)" >&2; exit 1; }
+	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || \
+	    { echo "$(PYTHON) has no venv: apt-get install python3-venv" >&2; exit 1; }
+	@echo "setting up $(VENV)"
+	@$(PYTHON) -m venv "$(VENV)"
+
+$(VENV)/.installed: pyproject.toml | $(bin)/python
+	@echo "installing lvnav-trade$(if $(WHEELS), from $(WHEELS))"
+	@$(pip) install $(from_wheels) --editable .
+	@touch $@
+
+$(VENV)/.installed-%: $(VENV)/.installed
+	@echo "installing what lvnav-trade[$*] needs$(if $(WHEELS), from $(WHEELS))"
+	@$(pip) install $(from_wheels) --editable '.[$*]'
+	@touch $@
+
+# "violated" (1) and "undecided" (3) are answers of a campaign, not failures of the tool.
+define run
+	@$(bin)/lvnav-trade run campaigns/$(1).yaml --fresh --jobs $(JOBS); code=$$?; \
+	case $$code in 0|1|3) ;; *) echo "campaigns/$(1).yaml: lvnav-trade ended with exit code $$code" >&2; exit $$code;; esac
+endef
+
+demo: $(VENV)/.installed
+	$(call run,demo)
+	@test -s results/demo/report.html && echo "report: $(CURDIR)/results/demo/report.html"
+
+test: lint unit smoke
+	@echo "all tests passed"
+
+# Each waits for the one before it, so that `make -j` neither mixes their output nor compiles a kernel twice.
+lint: $(VENV)/.installed-test
+	@$(bin)/ruff check --quiet
+	@$(bin)/ruff format --check --quiet || { $(bin)/ruff format --check; exit 1; }
+	@$(bin)/mypy --no-error-summary
+	@$(bin)/lint-imports --no-logo > "$(VENV)/imports.log" 2>&1 || { cat "$(VENV)/imports.log"; exit 1; }
+	@echo "style, types and architecture: good"
+
+unit: lint
+	@$(bin)/python -m pytest -m "not slow" --numprocesses $(JOBS) --no-header
+
+smoke: unit
+	$(call run,smoke)
+	@test -s results/smoke/report.html && echo "a small campaign from end to end: good"
+
+slow: $(VENV)/.installed-test
+	@$(bin)/python -m pytest -m slow
+
+bench: $(VENV)/.installed-bench
+	@$(bin)/python -m benchmarks
+
+wheelhouse: pyproject.toml | $(bin)/python
+	@$(pip) wheel --wheel-dir wheelhouse '.[test]' $(wheels_needed)
+	@echo "wheelhouse/ holds $$(ls wheelhouse | wc -l) wheels, $$(du -sh wheelhouse | cut -f1)"
+
+clean:
+	@rm -rf "$(VENV)" build dist results wheelhouse .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
+	@find . -name __pycache__ -type d -prune -exec rm -rf {} +
