@@ -70,6 +70,16 @@ ExtraState = Literal[
     "gyro_scale_factor", "accel_scale_factor", "gyro_misalignment", "accel_misalignment", "gyro_g_sensitivity"
 ]
 
+ParameterState = Literal[
+    "gyro_bias",
+    "accel_bias",
+    "gyro_scale_factor",
+    "accel_scale_factor",
+    "gyro_misalignment",
+    "accel_misalignment",
+    "gyro_g_sensitivity",
+]
+
 
 class FilterCard(Card):
     """A navigation filter: error-state, closed loop, mechanised in the inertial frame."""
@@ -80,6 +90,10 @@ class FilterCard(Card):
     extra_states: tuple[ExtraState, ...] = ()
     covariance_rate: Frequency = 10.0
     update_rate: Frequency = 1.0
+    consider: tuple[ParameterState, ...] = Field((), description="states carried but not estimated (Schmidt)")
+    neglect: tuple[Literal["gyro_bias", "accel_bias"], ...] = Field((), description="standard states left out")
+    update: Literal["symmetric", "joseph"] = "symmetric"
+    transition_order: Literal[1, 2] = 2
     gate: float | None = Field(None, gt=0, description="innovation gate in sigma per row; none: no gate")
     gravity: Literal["point", "j2", "j4"] = "j4"
     imu: Matched | ImuBelief = "matched"

@@ -1,0 +1,114 @@
+"""The Earth as a formula: WGS-84 constants, gravitation of zonal harmonics and its gradient.
+
+The scalar formulas use only + - * / and `sqrt`, so that they step one run or eight lanes of runs alike. They hold in
+any frame whose z axis is the Earth's polar axis, Earth-fixed or inertial.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import sqrt
+
+# WGS-84 defining constants (NGA.STND.0036) and what follows from them.
+SEMI_MAJOR = 6378137.0  # m
+FLATTENING = 1.0 / 298.257223563
+SEMI_MINOR = SEMI_MAJOR * (1.0 - FLATTENING)
+ECCENTRICITY_2 = FLATTENING * (2.0 - FLATTENING)  # first eccentricity squared
+SECOND_ECCENTRICITY_2 = ECCENTRICITY_2 / (1.0 - ECCENTRICITY_2)
+GM = 3.986004418e14  # m^3/s^2, atmosphere included
+OMEGA = 7.292115e-5  # rad/s
+
+# Zonal harmonics, unnormalised: J_n = -sqrt(2 n + 1) C_n0. C_20 of WGS-84; C_30 and C_40 of EGM96.
+J2 = math.sqrt(5.0) * 0.484166774985e-3
+J3 = -math.sqrt(7.0) * 0.957254173792e-6
+J4 = -3.0 * 0.539873863789e-6
+
+
+@jit
+def gravity_point(x: Any, y: Any, z: Any) -> Any:
+    """Return the gravitation (gx, gy, gz) in m/s^2 of a point mass at position x, y, z in m."""
+    r2 = x * x + y * y + z * z
+    k = GM / (r2 * sqrt(r2))
+    return -(k * x), -(k * y), -(k * z)
+
+
+@jit
+def gravity_j2(x: Any, y: Any, z: Any) -> Any:
+    """Return the gravitation (gx, gy, gz) in m/s^2 with J2, at position x, y, z in m (z along the polar axis)."""
+    r2 = x * x + y * y + z * z
+    k = GM / (r2 * sqrt(r2))
+    c2 = 1.5 * J2 * SEMI_MAJOR * SEMI_MAJOR / r2
+    s2 = z * z / r2
+    horizontal = k * (1.0 - c2 * (5.0 * s2 - 1.0))
+    return -(horizontal * x), -(horizontal * y), -(k * (1.0 - c2 * (5.0 * s2 - 3.0)) * z)
+
+
+@jit
+def gravity_j4(x: Any, y: Any, z: Any) -> Any:
+    """Return the gravitation (gx, gy, gz) in m/s^2 with J2, J3 and J4, at position x, y, z in m.
+
+    Gradient of GM/r (1 - sum J_n (a/r)^n P_n(z/r)); with P'_(n+1) = (n+1) P_n + s P'_n it splits into a part along the
+    radius, factor 1 - sum J_n (a/r)^n P'_(n+1)(s), and a part along the polar axis, factor sum J_n (a/r)^n P'_n(s).
+    """
+    r2 = x * x + y * y + z * z
+    r = sqrt(r2)
+    s = z / r
+    s2 = s * s
+    q = SEMI_MAJOR / r
+    q2 = q * q
+    c2 = J2 * q2
+    c3 = J3 * (q2 * q)
+    c4 = J4 * (q2 * q2)
+    slope3 = 7.5 * s2 - 1.5  # P'_3, and so on
+    slope4 = (17.5 * s2 - 7.5) * s
+    slope5 = (39.375 * s2 - 26.25) * s2 + 1.875
+    k = GM / r2
+    radial = k * (1.0 - c2 * slope3 - c3 * slope4 - c4 * slope5) / r
+    polar = k * (c2 * (3.0 * s) + c3 * slope3 + c4 * slope4)
+    return -(radial * x), -(radial * y), -(radial * z) - polar
+
+
+@jit
+def gravity_gradient(x: Any, y: Any, z: Any) -> Any:
+    """Return the gradient (xx, xy, xz, yy, yz, zz) in 1/s^2 of `gravity_j2`, at position x, y, z in m."""
+    r2 = x * x + y * y + z * z
+    x2 = x * x / r2
+    y2 = y * y / r2
+    z2 = z * z / r2
+    k = GM / (r2 * sqrt(r2))
+    c = 1.5 * J2 * SEMI_MAJOR * SEMI_MAJOR / r2
+    level = 3.0 + c * (5.0 - 35.0 * z2)  # factor of the products of horizontal coordinates
+    inner = 1.0 - c * (5.0 * z2 - 1.0)
+    tilted = k * (3.0 + c * (15.0 - 35.0 * z2)) / r2
+    xx = k * (level * x2 - inner)
+    yy = k * (level * y2 - inner)
+    zz = k * (3.0 * z2 - 1.0 + c * (30.0 * z2 - 3.0 - 35.0 * z2 * z2))
+    return xx, k * level * x * y / r2, tilted * x * z, yy, tilted * y * z, zz
+
+
+@jit
+def gravity_along(r: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return `gravity_j4` at positions r (n, 3) in m, frame i or e, as (n, 3) in m/s^2, the same frame."""
+    g = np.empty_like(r)
+    for k in range(r.shape[0]):
+        g[k, 0], g[k, 1], g[k, 2] = gravity_j4(r[k, 0], r[k, 1], r[k, 2])
+    return g
+
+
+@jit
+def potential_j4(x: Any, y: Any, z: Any) -> Any:
+    """Return the potential in m^2/s^2 (positive near the Earth) whose gradient is `gravity_j4`."""
+    r2 = x * x + y * y + z * z
+    r = sqrt(r2)
+    s2 = z * z / r2
+    q2 = SEMI_MAJOR * SEMI_MAJOR / r2
+    p2 = 1.5 * s2 - 0.5
+    p3 = (2.5 * s2 - 1.5) * (z / r)
+    p4 = (4.375 * s2 - 3.75) * s2 + 0.375
+    return GM / r * (1.0 - J2 * q2 * p2 - J3 * (q2 * (SEMI_MAJOR / r)) * p3 - J4 * (q2 * q2) * p4)

@@ -1,0 +1,161 @@
+"""Error parameters of an inertial unit in one run: how they start, wander, and corrupt increments.
+
+Parameters come in blocks of three (one per axis of a sensor); what a block multiplies is its driver (see transition). Before
+the ticks they are gathered into one table per sensor, so that a tick costs the same however many sources a card names.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import like, size
+from lvnav_trade.kernels.random import normals
+from lvnav_trade.kernels.transition import CONSTANT, OTHER_0, OTHER_2, OWN_0, OWN_1, OWN_2, SQUARE
+
+# A sensor's table: constant (3), matrix on its own increments (9), on the other sensor's (9), on their squares (3).
+BIAS, OWN, OTHER, SQUARES, N_TABLE = 0, 3, 12, 21, 24
+
+_START, _ZERO = np.uint64(0), np.uint64(0)
+# 2**52 * 1.5: adding and taking it off rounds a float64 below 2**51 to the nearest whole number
+_ROUND = 6755399441055744.0
+
+
+@jit
+def start(values, sigma, sources, k0, k1, run):
+    """Draw every block's value at the start: values (n_block, 3) set; sigma (n_block,), sources (n_block,) words."""
+    for b in range(sigma.shape[0]):
+        n0, n1, n2, _ = normals(k0, k1, sources[b], run, _START, _ZERO)
+        values[b, 0], values[b, 1], values[b, 2] = sigma[b] * n0, sigma[b] * n1, sigma[b] * n2
+
+
+@jit
+def step(values, decay, walk, sources, k0, k1, run, epoch):
+    """Step every block that wanders to the next process epoch (a word from 1): values (n_block, 3) updated."""
+    for b in range(decay.shape[0]):
+        if walk[b] > 0.0:
+            n0, n1, n2, _ = normals(k0, k1, sources[b], run, epoch, _ZERO)
+            values[b, 0] = decay[b] * values[b, 0] + walk[b] * n0
+            values[b, 1] = decay[b] * values[b, 1] + walk[b] * n1
+            values[b, 2] = decay[b] * values[b, 2] + walk[b] * n2
+
+
+@jit
+def gather(tables, values, sensors, drivers):
+    """Sum blocks into the tables (2, 24) of gyro and accelerometer: what each parameter multiplies; tables set."""
+    for sensor in range(2):
+        for i in range(N_TABLE):
+            tables[sensor, i] = 0.0 * values[0, 0]
+    for b in range(sensors.shape[0]):
+        table, kind = tables[sensors[b]], drivers[b]
+        for axis in range(3):
+            value = values[b, axis]
+            if kind == CONSTANT:
+                table[BIAS + axis] = table[BIAS + axis] + value
+            elif OWN_0 <= kind and kind <= OWN_2:
+                at = OWN + 3 * axis + (axis + kind - OWN_0) % 3
+                table[at] = table[at] + value
+            elif OTHER_0 <= kind and kind <= OTHER_2:
+                at = OTHER + 3 * axis + kind - OTHER_0
+                table[at] = table[at] + value
+            else:
+                table[SQUARES + axis] = table[SQUARES + axis] + value
+
+
+@jit
+def error(table, axis, own_0, own_1, own_2, other_0, other_1, other_2, square, dt):
+    """Return the error of one axis' increment over a tick; `square` is the own increment squared over dt."""
+    return (
+        dt * table[BIAS + axis]
+        + table[OWN + 3 * axis] * own_0 + table[OWN + 3 * axis + 1] * own_1 + table[OWN + 3 * axis + 2] * own_2
+        + table[OTHER + 3 * axis] * other_0 + table[OTHER + 3 * axis + 1] * other_1
+        + table[OTHER + 3 * axis + 2] * other_2
+        + table[SQUARES + axis] * square
+    )  # fmt: skip
+
+
+@jit
+def quantise(increment, remainder, step_size):
+    """Return the whole number of steps in increment + remainder, and what is left."""
+    total = increment + remainder
+    out = step_size * ((total / step_size + _ROUND) - _ROUND)
+    return out, total - out
+
+
+@jit
+def corrupt(increments, first_tick, n_tick, dtheta, dvel, gyro, accel, noise, remainder, unit, k0, k1, run):
+    """Fill a window with what the unit puts out: the increments, their error, white noise, and quantisation.
+
+    Parameters
+    ----------
+    increments : (n, 6); first n_tick rows set
+    dtheta, dvel : (n_imu, 3) increments of the ideal unit (rad, m/s)
+    gyro, accel : (24,) tables of `gather`
+    noise : (4,) standard deviation of white noise per tick (gyro, accel), quantisation steps (0: none)
+    remainder : (6,) what quantisation has held back; updated
+    unit : NamedTuple with dt, noise_source, lean (only constant parameters are present)
+    """
+    dt, lean = unit.dt, unit.lean
+    for k in range(n_tick):
+        tick = first_tick + k
+        a0, a1, a2 = dtheta[tick, 0], dtheta[tick, 1], dtheta[tick, 2]
+        f0, f1, f2 = dvel[tick, 0], dvel[tick, 1], dvel[tick, 2]
+        epoch = np.uint64(tick)
+        n0, n1, n2, n3 = normals(k0, k1, unit.noise_source, run, epoch, np.uint64(0))
+        n4, n5, _, _ = normals(k0, k1, unit.noise_source, run, epoch, np.uint64(1))
+        if lean:
+            e0, e1, e2 = dt * gyro[0], dt * gyro[1], dt * gyro[2]
+            e3, e4, e5 = dt * accel[0], dt * accel[1], dt * accel[2]
+        else:
+            e0 = error(gyro, 0, a0, a1, a2, f0, f1, f2, a0 * a0 / dt, dt)
+            e1 = error(gyro, 1, a0, a1, a2, f0, f1, f2, a1 * a1 / dt, dt)
+            e2 = error(gyro, 2, a0, a1, a2, f0, f1, f2, a2 * a2 / dt, dt)
+            e3 = error(accel, 0, f0, f1, f2, a0, a1, a2, f0 * f0 / dt, dt)
+            e4 = error(accel, 1, f0, f1, f2, a0, a1, a2, f1 * f1 / dt, dt)
+            e5 = error(accel, 2, f0, f1, f2, a0, a1, a2, f2 * f2 / dt, dt)
+        increments[k, 0], increments[k, 1], increments[k, 2] = (
+            a0 + e0 + noise[0] * n0, a1 + e1 + noise[0] * n1, a2 + e2 + noise[0] * n2,
+        )  # fmt: skip
+        increments[k, 3], increments[k, 4], increments[k, 5] = (
+            f0 + e3 + noise[1] * n3, f1 + e4 + noise[1] * n4, f2 + e5 + noise[1] * n5,
+        )  # fmt: skip
+    for sensor in range(2):
+        if noise[2 + sensor] > 0.0:
+            for k in range(n_tick):
+                for axis in range(3 * sensor, 3 * sensor + 3):
+                    increments[k, axis], remainder[axis] = quantise(increments[k, axis], remainder[axis], noise[2 + sensor])
+
+
+@jit
+def compensate(increments, n_tick, gyro, accel, lean, dt):
+    """Take the filter's estimate of the unit's errors off the window's increments: increments updated.
+
+    The parameters multiply the true input; the measured one stands for it in a first pass and the corrected in a second.
+    """
+    for k in range(n_tick):
+        if lean:
+            for axis in range(3):
+                increments[k, axis] = increments[k, axis] - dt * gyro[axis]
+                increments[k, 3 + axis] = increments[k, 3 + axis] - dt * accel[axis]
+        else:
+            a0, a1, a2 = increments[k, 0], increments[k, 1], increments[k, 2]
+            f0, f1, f2 = increments[k, 3], increments[k, 4], increments[k, 5]
+            w0, w1, w2, g0, g1, g2 = a0, a1, a2, f0, f1, f2
+            for _ in range(2):
+                e0 = error(gyro, 0, w0, w1, w2, g0, g1, g2, w0 * w0 / dt, dt)
+                e1 = error(gyro, 1, w0, w1, w2, g0, g1, g2, w1 * w1 / dt, dt)
+                e2 = error(gyro, 2, w0, w1, w2, g0, g1, g2, w2 * w2 / dt, dt)
+                e3 = error(accel, 0, g0, g1, g2, w0, w1, w2, g0 * g0 / dt, dt)
+                e4 = error(accel, 1, g0, g1, g2, w0, w1, w2, g1 * g1 / dt, dt)
+                e5 = error(accel, 2, g0, g1, g2, w0, w1, w2, g2 * g2 / dt, dt)
+                w0, w1, w2, g0, g1, g2 = a0 - e0, a1 - e1, a2 - e2, f0 - e3, f1 - e4, f2 - e5
+            increments[k, 0], increments[k, 1], increments[k, 2] = w0, w1, w2
+            increments[k, 3], increments[k, 4], increments[k, 5] = g0, g1, g2
+
+
+@jit
+def zero_all(values):
+    """Set every entry of a matrix of values to zero."""
+    for i in range(size(values, 0)):
+        for j in range(size(values, 1)):
+            values[i, j] = like(values[i, j], 0.0)

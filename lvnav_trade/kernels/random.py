@@ -1,0 +1,108 @@
+"""Keyed draws: a normal depends only on (seed, source, run, epoch, index), never on the order of drawing.
+
+Counter-based generator Philox4x32-10 (Salmon et al., Parallel random numbers: as easy as 1, 2, 3, SC11) and the
+Box-Muller transform, both written once for one run and for eight. A counter's 32 bits give a normal at most 6.8 sigma.
+"""
+
+from __future__ import annotations
+
+import math
+import zlib
+
+import numpy as np
+
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import bits, from_bits, sqrt, to_float, where, word_like
+
+_LOW = np.uint64(0xFFFFFFFF)
+_32 = np.uint64(32)
+_MULTIPLIER_0, _MULTIPLIER_1 = np.uint64(0xD2511F53), np.uint64(0xCD9E8D57)
+_WEYL_0, _WEYL_1 = np.uint64(0x9E3779B9), np.uint64(0xBB67AE85)
+_MANTISSA, _ONE_BITS = np.uint64(0x000FFFFFFFFFFFFF), np.uint64(0x3FF0000000000000)
+_52, _30 = np.uint64(52), np.uint64(30)
+_EIGHTH_TURN, _QUADRANTS = np.uint64(1 << 29), np.uint64(3)
+_TWO_PI, _LN2 = 2.0 * math.pi, math.log(2.0)
+_2M32 = 2.0**-32
+
+
+def source_word(name: str) -> np.uint64:
+    """Return the 32-bit word that stands for a named source of noise in every draw's counter."""
+    return np.uint64(zlib.crc32(name.encode()))
+
+
+def seed_words(seed: int) -> tuple[np.uint64, np.uint64]:
+    """Return the two 32-bit key words of a campaign seed (0 <= seed < 2**64)."""
+    return np.uint64(seed & 0xFFFFFFFF), np.uint64((seed >> 32) & 0xFFFFFFFF)
+
+
+@jit
+def philox(c0, c1, c2, c3, k0, k1):
+    """Return the four 32-bit output words (held in 64) of Philox4x32-10 for a counter and a key."""
+    for _ in range(10):
+        p0, p1 = (c0 & _LOW) * _MULTIPLIER_0, (c2 & _LOW) * _MULTIPLIER_1
+        c0, c2 = (p1 >> _32) ^ c1 ^ k0, (p0 >> _32) ^ c3 ^ k1
+        c1, c3 = p1 & _LOW, p0 & _LOW
+        k0, k1 = (k0 + _WEYL_0) & _LOW, (k1 + _WEYL_1) & _LOW
+    return c0, c1, c2, c3
+
+
+@jit
+def log_unit(x):
+    """Return the natural logarithm of a normal float64 in (0, 2), to 2 ulp (absolute 1e-16 near 1).
+
+    The mantissa is taken between sqrt(1/2) and sqrt(2); 2 atanh((m - 1) / (m + 1)) by its series, remainder below 1e-18.
+    """
+    word = bits(x)
+    exponent = to_float(word >> _52) - 1023.0
+    mantissa = from_bits((word & _MANTISSA) | _ONE_BITS)
+    large = mantissa > 1.4142135623730951
+    mantissa = where(large, 0.5 * mantissa, mantissa)
+    exponent = where(large, exponent + 1.0, exponent)
+    s = (mantissa - 1.0) / (mantissa + 1.0)
+    z = s * s
+    series = 2.0 / 19.0 + z * (2.0 / 21.0)
+    series = 2.0 / 15.0 + z * (2.0 / 17.0 + z * series)
+    series = 2.0 / 11.0 + z * (2.0 / 13.0 + z * series)
+    series = 2.0 / 7.0 + z * (2.0 / 9.0 + z * series)
+    series = 2.0 / 3.0 + z * (2.0 / 5.0 + z * series)
+    return exponent * _LN2 + (2.0 * s + s * z * series)
+
+
+@jit
+def cos_sin_turn(word):
+    """Return cosine and sine of the angle word / 2**32 turns, absolute error below 3e-16.
+
+    The two leading bits choose the quadrant; Taylor series on a quarter of a right angle, remainder below 1e-17.
+    """
+    quadrant = ((word + _EIGHTH_TURN) >> _30) & _QUADRANTS
+    turn = to_float(word) * _2M32
+    turn = where(turn >= 0.875, turn - 1.0, turn)
+    q = to_float(quadrant)
+    a = (turn - 0.25 * q) * _TWO_PI
+    z = a * a
+    s = -1.0 / 1307674368000.0 * z + 1.0 / 6227020800.0
+    s = (s * z - 1.0 / 39916800.0) * z + 1.0 / 362880.0
+    s = ((s * z - 1.0 / 5040.0) * z + 1.0 / 120.0) * z - 1.0 / 6.0
+    s = a + a * z * s
+    c = 1.0 / 20922789888000.0 * z - 1.0 / 87178291200.0
+    c = (c * z + 1.0 / 479001600.0) * z - 1.0 / 3628800.0
+    c = ((c * z + 1.0 / 40320.0) * z - 1.0 / 720.0) * z + 1.0 / 24.0
+    c = 1.0 + z * (z * c - 0.5)
+    odd = (q == 1.0) | (q == 3.0)
+    cosine, sine = where(odd, s, c), where(odd, c, s)
+    return where((q == 1.0) | (q == 2.0), -cosine, cosine), where(q >= 2.0, -sine, sine)
+
+
+@jit
+def normals(k0, k1, source, run, epoch, index):
+    """Return four independent standard normals of a named source at an epoch.
+
+    `run` is a word or eight of them; `source`, `epoch` and `index` (satellite, or group of axes) are words.
+    """
+    w0, w1, w2, w3 = philox(word_like(run, epoch), run, word_like(run, source), word_like(run, index), k0, k1)
+    radius = sqrt(-2.0 * log_unit((to_float(w0) + 0.5) * _2M32))
+    cosine, sine = cos_sin_turn(w1)
+    n0, n1 = radius * cosine, radius * sine
+    radius = sqrt(-2.0 * log_unit((to_float(w2) + 0.5) * _2M32))
+    cosine, sine = cos_sin_turn(w3)
+    return n0, n1, radius * cosine, radius * sine

@@ -1,0 +1,135 @@
+"""Transition of the error state over a window, as a list of 3 x 3 blocks.
+
+Error is truth minus estimate; attitude error is the small rotation from estimate to truth, in frame i. With C = C_b_i, f_i
+specific force, G the gravity gradient and p an error parameter of the inertial unit whose driver is u (one, a rate, a
+specific force, its square, per axis):
+
+    d(att)/dt = -C diag(u) p_gyro,  d(vel)/dt = -[f_i x] att + G pos - C diag(u) p_accel,  d(pos)/dt = vel
+
+The blocks hold Phi - I to second order in the window (third where a gyro parameter reaches position), with the integrals
+of C and of f_i over the window that the strapdown has summed, so thrust may vary within it.
+"""
+
+from __future__ import annotations
+
+from lvnav_trade.kernels.attitude import cross
+from lvnav_trade.kernels.earth import gravity_gradient
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.strapdown import SUM_C, SUM_F, SUM_S, SUM_TH, SUM_V
+
+ATT, VEL, POS = 0, 3, 6
+
+# What a block is.
+(VEL_ATT, POS_ATT, VEL_POS, POS_VEL, VEL_VEL, POS_POS, ATT_GYRO, VEL_GYRO, POS_GYRO, VEL_ACCEL, POS_ACCEL) = range(11)
+
+GYRO, ACCEL = 0, 1
+
+# What an error parameter multiplies, per axis of its sensor.
+CONSTANT, OWN_0, OWN_1, OWN_2, OTHER_0, OTHER_1, OTHER_2, SQUARE = range(8)
+
+
+@jit
+def driver(kind, own_x, own_y, own_z, other_x, other_y, other_z):
+    """Return per axis what a parameter of this kind multiplies; `own` and `other` are mean rates of the two sensors.
+
+    OWN_k is the sensor's own input rolled by k axes (scale factor, two misalignments); OTHER_k the other sensor's axis k
+    on all axes (g-sensitivity); SQUARE the square of the own input.
+    """
+    if kind == CONSTANT:
+        one = 0.0 * own_x + 1.0
+        return one, one, one
+    if kind == OWN_0:
+        return own_x, own_y, own_z
+    if kind == OWN_1:
+        return own_y, own_z, own_x
+    if kind == OWN_2:
+        return own_z, own_x, own_y
+    if kind == OTHER_0:
+        return other_x, other_x, other_x
+    if kind == OTHER_1:
+        return other_y, other_y, other_y
+    if kind == OTHER_2:
+        return other_z, other_z, other_z
+    return own_x * own_x, own_y * own_y, own_z * own_z
+
+
+@jit
+def _skew(block, x, y, z):
+    block[0], block[1], block[2] = 0.0 * x, -z, y
+    block[3], block[4], block[5] = z, 0.0 * x, -x
+    block[6], block[7], block[8] = -y, x, 0.0 * x
+
+
+@jit
+def _gradient(block, factor, position):
+    xx, xy, xz, yy, yz, zz = gravity_gradient(position[0], position[1], position[2])
+    block[0], block[1], block[2] = factor * xx, factor * xy, factor * xz
+    block[3], block[4], block[5] = factor * xy, factor * yy, factor * yz
+    block[6], block[7], block[8] = factor * xz, factor * yz, factor * zz
+
+
+@jit
+def _column(block, factor, sums, ux, uy, uz):
+    """Set a block to factor * (integral of C) diag(u)."""
+    for row in range(3):
+        at = SUM_C + 3 * row
+        block[3 * row] = factor * sums[at] * ux
+        block[3 * row + 1] = factor * sums[at + 1] * uy
+        block[3 * row + 2] = factor * sums[at + 2] * uz
+
+
+@jit
+def _turned_column(block, factor, sums, ux, uy, uz):
+    """Set a block to factor * [velocity gained x] (integral of C) diag(u)."""
+    vx, vy, vz = sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2]
+    for column in range(3):
+        u = ux
+        if column == 1:
+            u = uy
+        elif column == 2:
+            u = uz
+        x, y, z = cross(vx, vy, vz, sums[SUM_C + column], sums[SUM_C + 3 + column], sums[SUM_C + 6 + column])
+        block[column], block[3 + column], block[6 + column] = factor * u * x, factor * u * y, factor * u * z
+
+
+@jit
+def parameter_block(block, kind, driven_by, sums, seconds):
+    """Set a block of an inertial-unit parameter: kinds ATT_GYRO to POS_ACCEL."""
+    th = (sums[SUM_TH] / seconds, sums[SUM_TH + 1] / seconds, sums[SUM_TH + 2] / seconds)
+    f = (sums[SUM_F] / seconds, sums[SUM_F + 1] / seconds, sums[SUM_F + 2] / seconds)
+    if kind == VEL_ACCEL or kind == POS_ACCEL:
+        ux, uy, uz = driver(driven_by, f[0], f[1], f[2], th[0], th[1], th[2])
+        _column(block, -1.0 if kind == VEL_ACCEL else -0.5 * seconds, sums, ux, uy, uz)
+    else:
+        ux, uy, uz = driver(driven_by, th[0], th[1], th[2], f[0], f[1], f[2])
+        if kind == ATT_GYRO:
+            _column(block, -1.0, sums, ux, uy, uz)
+        else:
+            _turned_column(block, 0.5 if kind == VEL_GYRO else seconds / 6.0, sums, ux, uy, uz)
+
+
+@jit
+def fill(blocks, kinds, drivers, sums, position, seconds):
+    """Set every block of Phi - I for a window.
+
+    Parameters
+    ----------
+    blocks : (n_block, 9) entries by rows; updated
+    kinds, drivers : (n_block,) int, what each block is and the driver of its parameter
+    sums : (21,) the strapdown's sums over the window; position : (3,) m, frame i; seconds : length of the window
+    """
+    for b in range(kinds.shape[0]):
+        kind, block = kinds[b], blocks[b]
+        if kind == VEL_ATT:
+            _skew(block, -sums[SUM_V], -sums[SUM_V + 1], -sums[SUM_V + 2])
+        elif kind == POS_ATT:
+            _skew(block, -sums[SUM_S], -sums[SUM_S + 1], -sums[SUM_S + 2])
+        elif kind == VEL_POS:
+            _gradient(block, seconds, position)
+        elif kind == VEL_VEL or kind == POS_POS:
+            _gradient(block, 0.5 * seconds * seconds, position)
+        elif kind == POS_VEL:
+            for i in range(9):
+                block[i] = seconds + 0.0 * position[0] if i % 4 == 0 else 0.0 * position[0]
+        else:
+            parameter_block(block, kind, drivers[b], sums, seconds)

@@ -1,0 +1,88 @@
+"""StateLayout: named error states -> offsets, unit, initial sigma, label."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OTHER_0, OWN_0, OWN_1
+from lvnav_trade.records import Output
+
+
+class ParameterKind(NamedTuple):
+    """A kind of inertial-unit parameter: which sensor, what it multiplies (one driver for each block of three), unit."""
+
+    sensor: int
+    drivers: tuple[int, ...]
+    unit: str
+    label_unit: str
+    label_factor: float
+
+
+_DEG_H = 206264.80624709636
+_MG = 1e3 / 9.80665
+
+# Every kind of inertial parameter by name; a kind with several drivers takes several blocks of three.
+PARAMETERS = {
+    "gyro_bias": ParameterKind(GYRO, (CONSTANT,), "rad/s", "deg/h", _DEG_H),
+    "accel_bias": ParameterKind(ACCEL, (CONSTANT,), "m/s^2", "mg", _MG),
+    "gyro_scale_factor": ParameterKind(GYRO, (OWN_0,), "1", "ppm", 1e6),
+    "accel_scale_factor": ParameterKind(ACCEL, (OWN_0,), "1", "ppm", 1e6),
+    "gyro_misalignment": ParameterKind(GYRO, (OWN_1, OWN_1 + 1), "rad", "mrad", 1e3),
+    "accel_misalignment": ParameterKind(ACCEL, (OWN_1, OWN_1 + 1), "rad", "mrad", 1e3),
+    "gyro_g_sensitivity": ParameterKind(GYRO, (OTHER_0, OTHER_0 + 1, OTHER_0 + 2), "rad*s/m", "deg/h/g", _DEG_H * 9.80665),
+}
+
+
+class ParameterBlock(NamedTuple):
+    """Three parameter states: offset of the first, sensor, driver; initial sigma, walk (root PSD), time constant."""
+
+    name: str
+    part: int
+    offset: int
+    sensor: int
+    driver: int
+    sigma: float
+    walk: float
+    time_constant: float
+
+
+class StateLayout(NamedTuple):
+    """Attitude, velocity, position (0, 3, 6), parameter blocks, clock (bias, drift; -1 for none), in storage order.
+
+    States from n_estimated on are considered, not estimated.
+    """
+
+    parameters: tuple[ParameterBlock, ...]
+    clock: int
+    n_estimated: int
+    n_state: int
+
+
+AXES = {
+    "ned": ("north", "east", "down"),
+    "ecef": ("x", "y", "z"),
+    "inertial": ("x", "y", "z"),
+    "orbital": ("radial", "along", "cross"),
+}
+
+
+def outputs(layout: StateLayout, frame: str) -> tuple[Output, ...]:
+    """Return what each column of a history holds, in the order of the states.
+
+    Attitude error is reported in body axes (roll, pitch, yaw), velocity and position in the axes of `frame`.
+    """
+    names = [Output("attitude", axis, "rad", "mrad", 1e3) for axis in ("roll", "pitch", "yaw")]
+    names += [Output("velocity", axis, "m/s", "m/s", 1.0) for axis in AXES[frame]]
+    names += [Output("position", axis, "m", "m", 1.0) for axis in AXES[frame]]
+    table: dict[int, Output] = dict(enumerate(names))
+    for block in layout.parameters:
+        kind = PARAMETERS[block.name]
+        suffix = "" if len(kind.drivers) == 1 else str(block.part + 1)
+        for axis in range(3):
+            table[block.offset + axis] = Output(
+                block.name, "xyz"[axis] + suffix, kind.unit, kind.label_unit, kind.label_factor
+            )
+    if layout.clock >= 0:
+        table[layout.clock] = Output("clock_bias", "time", "m", "m", 1.0)
+        table[layout.clock + 1] = Output("clock_drift", "rate", "m/s", "m/s", 1.0)
+    return tuple(table[i] for i in range(layout.n_state))

@@ -1,0 +1,40 @@
+"""Geometry that every GNSS row needs: the antenna, the line of sight, and a row's form.
+
+A row is z - z_hat = h . x + v with x = truth minus estimate. Its entries stand for the columns of `COLUMNS`: position (3),
+attitude (3), velocity (3), clock (1); a row type uses the first so many of them that it needs.
+"""
+
+from __future__ import annotations
+
+from lvnav_trade.kernels.attitude import cross, matrix
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import sqrt
+from lvnav_trade.kernels.strapdown import Q, R, V
+
+# Where the entries of a row stand.
+H_POS, H_ATT, H_VEL, H_CLOCK, N_ENTRY = 0, 3, 6, 9, 10
+
+
+@jit
+def antenna(out, nav, rate, lever):
+    """Set the estimated antenna state: out (12,) position (m), velocity (m/s), lever arm and its rate, all in frame i.
+
+    nav (10,) navigation state; rate (3,) body rate (rad/s); lever (3,) antenna from the unit, body frame (m).
+    """
+    c = matrix(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
+    sx, sy, sz = cross(rate[0], rate[1], rate[2], lever[0], lever[1], lever[2])
+    for i in range(3):
+        row = 3 * i
+        arm = c[row] * lever[0] + c[row + 1] * lever[1] + c[row + 2] * lever[2]
+        swing = c[row] * sx + c[row + 1] * sy + c[row + 2] * sz
+        out[i], out[3 + i] = nav[R + i] + arm, nav[V + i] + swing
+        out[6 + i], out[9 + i] = arm, swing
+
+
+@jit
+def line_of_sight(satellite, at):
+    """Return unit vector from antenna to satellite and their distance; satellite (3,) m, frame i; `at` as of `antenna`."""
+    dx, dy, dz = satellite[0] - at[0], satellite[1] - at[1], satellite[2] - at[2]
+    distance = sqrt(dx * dx + dy * dy + dz * dz)
+    scale = 1.0 / distance
+    return dx * scale, dy * scale, dz * scale, distance
