@@ -1,0 +1,98 @@
+"""Habits that a reader relies on: no global generator, no stray print, frames in names, tests that mirror the package."""
+
+from __future__ import annotations
+
+import ast
+import re
+
+import pytest
+
+SEEDED = {"Generator", "BitGenerator", "SeedSequence", "Philox", "PCG64", "default_rng"}
+FRAMES = "ienlbao"
+MISNAMED = (
+    re.compile(rf"^[Cq]_(?![{FRAMES}]_[{FRAMES}](_|$))[a-z]_[a-z](_|$)"),  # C_b_e, q_b_i: from, to
+    re.compile(rf"^w_(?![{FRAMES}]{{2}}_[{FRAMES}](_|$))[a-z]{{2}}_[a-z](_|$)"),  # w_ib_b: of b relative to i, in b
+    re.compile(rf"^[rvf]_(?![{FRAMES}xyz](_|$))[a-z](_|$)"),  # r_i, v_n, f_b: resolved in; f_x: a component
+)
+UNTESTED: set[str] = set()  # modules whose test stands elsewhere, each with its reason; empty is the aim
+
+
+def _dotted(node: ast.expr) -> str:
+    """Return ``np.random.normal`` for such an attribute, and nothing for any other expression."""
+    if isinstance(node, ast.Name):
+        return node.id
+    return f"{_dotted(node.value)}.{node.attr}" if isinstance(node, ast.Attribute) else ""
+
+
+def _random_offence(node: ast.AST) -> bool:
+    if isinstance(node, ast.Import):
+        return any(name.name == "random" for name in node.names)
+    if isinstance(node, ast.ImportFrom):
+        return node.module == "random" or (node.module == "numpy.random" and {n.name for n in node.names} > SEEDED)
+    if isinstance(node, ast.Call) and _dotted(node.func).endswith("default_rng"):
+        return not node.args and not node.keywords
+    return bool(
+        isinstance(node, ast.Attribute)
+        and re.match(r"^(np|numpy)\.random\.", _dotted(node))
+        and _dotted(node).split(".")[2] not in SEEDED
+    )
+
+
+def test_no_code_draws_from_a_global_or_unseeded_generator(modules):
+    offences = [module.at(node) for module in modules for node in ast.walk(module.tree) if _random_offence(node)]
+    assert offences == []
+
+
+def test_no_kernel_uses_a_generator_of_numpy_at_all(modules):
+    kernels = [module for module in modules if module.name.startswith("lvnav_trade.kernels")]
+    assert kernels
+    assert [str(m.path) for m in kernels if re.search(r"\b(np|numpy)\.random\b", m.text)] == []
+
+
+def test_only_the_console_prints(modules):
+    prints = [
+        module.at(node)
+        for module in modules
+        if module.name != "lvnav_trade.cli"
+        for node in ast.walk(module.tree)
+        if isinstance(node, ast.Call) and _dotted(node.func) == "print"
+    ]
+    assert prints == []
+
+
+def test_names_of_vectors_and_rotations_end_in_a_frame_of_the_house(modules):
+    wrong = set()
+    for module in modules:
+        for node in ast.walk(module.tree):
+            stored = isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+            name = node.arg if isinstance(node, ast.arg) else node.id if stored else ""
+            if any(pattern.match(name) for pattern in MISNAMED):
+                wrong.add(f"{module.at(node)} {name}")
+    assert wrong == set()
+
+
+@pytest.mark.parametrize(
+    ("name", "accepted"),
+    [
+        ("C_b_e", True),
+        ("q_b_i_hat", True),
+        ("w_ib_b", True),
+        ("r_i", True),
+        ("f_x", True),
+        ("C_b_k", False),
+        ("r_k", False),
+    ],
+)
+def test_the_check_of_names_knows_good_from_bad(name, accepted):
+    assert accepted is not any(pattern.match(name) for pattern in MISNAMED)
+
+
+def test_every_module_with_functions_has_its_test_file(modules, root):
+    missing = set()
+    for module in modules:
+        if module.path.name.startswith("__") or not any(module.functions()):
+            continue
+        room = module.path.relative_to("lvnav_trade").parent
+        if not (root / "tests" / room / f"test_{module.path.name}").exists():
+            missing.add(str(module.path))
+    assert missing == UNTESTED

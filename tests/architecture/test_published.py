@@ -1,0 +1,45 @@
+"""What is published: cards name their sources, and no text mentions the place where it was written."""
+
+from __future__ import annotations
+
+import re
+
+from ruamel.yaml import YAML
+
+TEXT = {".py", ".md", ".yaml", ".yml", ".toml", ".csv", ".txt", ".html", ".j2", ".css", ".svg", ".cfg", ""}
+# Spelt in pieces, so that this file does not find itself.
+PRIVATE = re.compile(
+    "|".join(
+        [
+            r"(?<![\w.$/}-])/" + r"(work|tmp|root|home)/",  # folders of one machine
+            r"\bissues?" + r"\s*#?\s*\d",  # a tracker's numbers, which a reader of the archive cannot follow
+            r"\bTO" + r"DO\b|\bFIX" + r"ME\b|\bX" + r"XX\b",
+        ]
+    )
+)
+
+
+def test_no_text_mentions_a_private_folder_a_ticket_or_unfinished_work(published, root):
+    found = []
+    for path in published:
+        if path.suffix not in TEXT:
+            continue
+        for number, line in enumerate(path.read_text(errors="replace").splitlines(), 1):
+            if PRIVATE.search(line):
+                found.append(f"{path.relative_to(root)}:{number}: {line.strip()[:100]}")
+    assert found == []
+
+
+def test_every_card_names_its_source(root):
+    cards = sorted((root / "configs").rglob("*.yaml"))
+    assert cards
+    yaml = YAML(typ="safe")
+    bare = [str(card.relative_to(root)) for card in cards if not str(yaml.load(card).get("source", "")).strip()]
+    assert bare == []
+
+
+def test_every_campaign_says_what_it_asks(root):
+    campaigns = sorted((root / "campaigns").rglob("*.yaml"))
+    assert {path.stem for path in campaigns} >= {"demo", "smoke"}
+    yaml = YAML(typ="safe")
+    assert [path.name for path in campaigns if not yaml.load(path).get("description")] == []

@@ -1,0 +1,25 @@
+"""Modules of at most 400 lines, functions of at most 60."""
+
+from __future__ import annotations
+
+import ast
+
+MODULE_LINES = 400
+FUNCTION_LINES = 60
+REASON = "Long because"  # a longer function says so in its docstring, and why
+
+
+def test_no_module_is_longer_than_400_lines(modules, root):
+    tests = [path.relative_to(root) for path in (root / "tests").rglob("*.py")]
+    lengths = {path: len((root / path).read_text().splitlines()) for path in [*tests, *(m.path for m in modules)]}
+    assert {str(path): n for path, n in lengths.items() if n > MODULE_LINES} == {}
+
+
+def test_no_function_is_longer_than_60_lines_unless_its_docstring_says_why(modules):
+    long = {}
+    for module in modules:
+        for function in module.functions():
+            lines = function.end_lineno - function.lineno + 1
+            if lines > FUNCTION_LINES and REASON not in (ast.get_docstring(function) or ""):
+                long[f"{module.at(function)} {function.name}"] = lines
+    assert long == {}
