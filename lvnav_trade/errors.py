@@ -2,6 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
+
+class Mistake(NamedTuple):
+    """One thing to mend: file, line and column (from 1; 0 where there is none), dotted path of the field, message."""
+
+    message: str
+    path: str = ""
+    file: str = ""
+    line: int = 0
+    column: int = 0
+
+    def __str__(self) -> str:
+        where = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
+        return ": ".join(part for part in (where, self.path, self.message) if part)
+
 
 class InputError(Exception):
-    """Bad usage or bad input; the command line prints it in one line and leaves with exit code 2."""
+    """Bad usage or bad input; the command line prints one line per mistake and leaves with exit code 2.
+
+    Attributes
+    ----------
+    records : tuple of Mistake
+        The same as data, for ``--json``.
+    """
+
+    def __init__(self, message: str = "", records: Sequence[Mistake] = ()) -> None:
+        self.records = tuple(records) or (Mistake(message),)
+        super().__init__("\n".join(str(record) for record in self.records))
+
+    def __reduce__(self) -> tuple[type[InputError], tuple[str, tuple[Mistake, ...]]]:
+        return type(self), ("", self.records)  # worker processes hand it back whole

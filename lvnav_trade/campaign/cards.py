@@ -1,0 +1,113 @@
+"""Where cards live: beside the campaign, in its `configs` folder, then those that come with the tool."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from lvnav_trade.campaign import tree
+from lvnav_trade.campaign.tree import Node, Place, hint, refuse
+from lvnav_trade.errors import InputError
+
+_PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def shipped(folder: str) -> Path:
+    """Return the folder (`configs` or `campaigns`) that comes with the tool: in the wheel, else in the checkout."""
+    inside = _PACKAGE / "_data" / folder
+    return inside if inside.is_dir() else _PACKAGE.parent / folder
+
+
+class Shelf(NamedTuple):
+    """The folders in which a card's name is looked up, after the folder of the file that names it."""
+
+    folders: tuple[Path, ...]
+
+    @classmethod
+    def of(cls, campaign_folder: Path) -> Shelf:
+        """Return the shelf of a campaign: its own `configs` folder, then the tool's."""
+        return cls((campaign_folder / "configs", shipped("configs")))
+
+    def find(self, name: str, folder: Path) -> Path | None:
+        """Return the file of the card `name` as written in a file of `folder`, or None."""
+        for start in (folder, *self.folders):
+            for candidate in (start / name, start / f"{name}.yaml", start / f"{name}.yml"):
+                if candidate.is_file():
+                    return candidate.resolve()
+        return None
+
+    def known(self) -> list[str]:
+        """Return the names of all cards in the folders of the shelf."""
+        return sorted({name for folder in self.folders for name, _ in _cards(folder)})
+
+    def read(self, node: Node, path: str, words: Iterable[str] = ()) -> Node:
+        """Return the tree of the card that a scalar node names; InputError offers what is near.
+
+        `words` are literals that the field accepts beside cards, for the suggestion only.
+        """
+        name = str(node.value)
+        file = self.find(name, node.place.folder) if name.strip() else None
+        if file is None:
+            candidates = [*self.known(), *map(str, words)]
+            raise refuse(node.place, path, f"no card {name!r}{hint(name, candidates)}")
+        return tree.read_mapping(file)
+
+
+def _cards(folder: Path) -> Iterator[tuple[str, Path]]:
+    """Yield name (path below the folder without ending) and file of each card of a folder."""
+    for file in sorted([*folder.rglob("*.yaml"), *folder.rglob("*.yml")]):
+        yield str(file.relative_to(folder).with_suffix("")), file
+
+
+class CardInfo(NamedTuple):
+    """One line of the list of cards."""
+
+    name: str
+    title: str
+    source: str
+    file: str
+
+
+def catalogue(folder: Path) -> list[CardInfo]:
+    """Return the cards that a campaign in `folder` can name; the user's own hide the tool's of the same name."""
+    found: dict[str, CardInfo] = {}
+    for start in Shelf.of(folder).folders:
+        for name, file in _cards(start):
+            found.setdefault(name, _info(name, file))
+    return sorted(found.values())
+
+
+def _info(name: str, file: Path) -> CardInfo:
+    try:
+        card = tree.read_mapping(file).value
+    except InputError as error:
+        return CardInfo(name, "(cannot be read)", str(error), tree.show(file))
+    texts = [" ".join(str(card[key].value).split()) if key in card else "" for key in ("name", "source")]
+    return CardInfo(name, texts[0], texts[1], tree.show(file))
+
+
+def card_text(name: str, folder: Path) -> str:
+    """Return the text of the card's file, comments and all."""
+    shelf = Shelf.of(folder)
+    file = shelf.find(name, folder)
+    if file is None:
+        raise InputError(f"no card {name!r}{hint(name, shelf.known())}")
+    tree.read_mapping(file)
+    return file.read_text(encoding="utf-8-sig")
+
+
+def campaign_file(name: str) -> Path:
+    """Return the campaign file that the user names: a path, else one that comes with the tool."""
+    path = Path(name)
+    if path.exists():
+        return path
+    for candidate in (path.name, f"{path.name}.yaml"):
+        if path.parent in (Path(), Path("campaigns")) and (shipped("campaigns") / candidate).is_file():
+            return shipped("campaigns") / candidate
+    return path
+
+
+def nowhere(label: str) -> Place:
+    """Return the place of a value given on the command line; relative paths start from the working folder."""
+    return Place(label, 0, 0, Path.cwd())

@@ -1,0 +1,97 @@
+"""From what the user wrote to whole settings: cards read, overrides on top, kinds inferred, paths absolute."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel
+
+from lvnav_trade.campaign import fields, tree
+from lvnav_trade.campaign.cards import Shelf
+from lvnav_trade.campaign.fields import Kind
+from lvnav_trade.campaign.tree import Node, join, mistake
+from lvnav_trade.errors import InputError, Mistake
+
+_DEEPEST = 16
+
+
+class Expander:
+    """Expands trees against the settings models and collects every mistake it meets on the way."""
+
+    def __init__(self, shelf: Shelf) -> None:
+        self.shelf = shelf
+        self.mistakes: list[Mistake] = []
+
+    def expand(self, node: Node, kind: Kind, path: str, depth: int = 0) -> Node:
+        """Return the tree with all cards in place; where that fails, note the mistake and leave the tree as it is."""
+        if fields.models(kind):
+            return self._settings(node, kind, path, depth)
+        if node.is_list and fields.item(kind, 0) is not None:
+            items = [
+                self.expand(child, fields.item(kind, index), join(path, index), depth)
+                for index, child in enumerate(node.value)
+            ]
+            return Node(items, node.place)
+        return node
+
+    def _settings(self, node: Node, kind: Kind, path: str, depth: int) -> Node:
+        if not node.is_map:
+            if node.value in fields.literals(kind) or not isinstance(node.value, str):
+                return node
+            return self._card(node, node, kind, path, depth)
+        if "card" in node.value and "card" not in fields.names(kind):
+            return self._card(node, node.value["card"], kind, path, depth)
+        return self._mapping(node, kind, path, depth)
+
+    def _card(self, node: Node, reference: Node, kind: Kind, path: str, depth: int) -> Node:
+        """Read the card named by `reference`; `node` is the reference itself, or a mapping that overrides fields."""
+        if depth > _DEEPEST:
+            self.mistakes.append(mistake(reference.place, path, f"the card {reference.value!r} leads back to itself"))
+            return node
+        try:
+            if not isinstance(reference.value, str):
+                raise tree.refuse(reference.place, path, "a card is named by a word such as imu/tactical_fog")
+            card = self.shelf.read(reference, path, fields.literals(kind))
+        except InputError as error:
+            self.mistakes.extend(error.records)
+            return node
+        whole = self._settings(card, kind, path, depth + 1)
+        if node.is_map:
+            # An override may itself name a card one level down, and what it overrides may be named by one.
+            whole = tree.merged(whole, self._mapping(tree.without(node, "card"), kind, path, depth, whole))
+        return whole
+
+    def _mapping(self, node: Node, kind: Kind, path: str, depth: int, under: Node | None = None) -> Node:
+        model = fields.member(kind, under or node)
+        tag = fields.tag_of(model) if model else None
+        if tag and under is None and "kind" not in node.value and len(fields.models(kind)) > 1:
+            node = tree.with_child(node, "kind", Node(tag, node.place))
+        if model is None:
+            return node
+        for key, child in list(node.value.items()):
+            below = fields.child(model, key, child)
+            if below is None:
+                continue
+            if fields.is_path(model, key):
+                done = self._file(child, join(path, key))
+            elif under is not None and child.is_map and "card" not in child.value:
+                done = self._mapping(child, below, join(path, key), depth, tree.find(under, [key]) or child)
+            else:
+                done = self.expand(child, below, join(path, key), depth)
+            node = tree.with_child(node, key, done, node.keys[key])
+        return node
+
+    def _file(self, node: Node, path: str) -> Node:
+        """Return the absolute path of a file that must exist, given relative to the file that names it."""
+        if not isinstance(node.value, str):
+            return node
+        file = node.place.folder / node.value
+        if not file.is_file():
+            what = "is a folder, not a file" if file.is_dir() else "no such file"
+            self.mistakes.append(mistake(node.place, path, f"{what}: {node.value!r}"))
+            return node
+        return Node(str(file.resolve()), node.place)
+
+
+def expand(node: Node, model: type[BaseModel], shelf: Shelf, path: str = "") -> tuple[Node, list[Mistake]]:
+    """Return the expanded tree of `model` and the mistakes met."""
+    expander = Expander(shelf)
+    return expander.expand(node, model, path), expander.mistakes

@@ -1,0 +1,106 @@
+"""What the settings models expect at a path: cards, alternatives, literals, file paths."""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel
+
+from lvnav_trade.campaign.tree import Node
+
+Kind = Any  # a type annotation
+
+
+def options(kind: Kind) -> tuple[Kind, ...]:
+    """Return the alternatives of an annotation, metadata and unions taken apart."""
+    origin = _origin(kind)
+    if origin is Annotated:
+        return options(get_args(kind)[0])
+    if origin in (Union, types.UnionType):
+        return tuple(option for part in get_args(kind) for option in options(part))
+    return (kind,)
+
+
+def _origin(kind: Kind) -> Any:
+    return get_origin(kind)
+
+
+def models(kind: Kind) -> tuple[type[BaseModel], ...]:
+    """Return the settings models among the alternatives of an annotation."""
+    return tuple(option for option in options(kind) if isinstance(option, type) and issubclass(option, BaseModel))
+
+
+def literals(kind: Kind) -> tuple[Any, ...]:
+    """Return the literal words among the alternatives."""
+    return tuple(word for option in options(kind) if _origin(option) is Literal for word in get_args(option))
+
+
+def is_path(model: type[BaseModel], key: str) -> bool:
+    """Whether the field holds a file path, relative to the file that names it."""
+    field = model.model_fields.get(key)
+    extra = field.json_schema_extra if field else None
+    return isinstance(extra, dict) and bool(extra.get("path"))
+
+
+def child(kind: Kind, key: str, node: Node | None = None) -> Kind | None:
+    """Return the annotation one step down, or None; `node` (the value there) chooses among alternatives."""
+    if key.isdigit():
+        return item(kind, int(key))
+    for model in _likely(kind, node):
+        if key in model.model_fields:
+            return model.model_fields[key].annotation
+    return None
+
+
+def item(kind: Kind, index: int) -> Kind | None:
+    """Return the annotation of the item of a sequence."""
+    for option in options(kind):
+        if _origin(option) not in (tuple, list, Sequence):
+            continue
+        arguments = get_args(option)
+        if len(arguments) == 2 and arguments[1] is Ellipsis:
+            return arguments[0]
+        if index < len(arguments):
+            return arguments[index]
+    return None
+
+
+def names(kind: Kind, node: Node | None = None) -> tuple[str, ...]:
+    """Return the keys known at an annotation."""
+    return tuple(dict.fromkeys(name for model in _likely(kind, node) for name in model.model_fields))
+
+
+def tag_of(model: type[BaseModel]) -> str | None:
+    """Return the one word of the model's `kind`, where it has exactly one."""
+    field = model.model_fields.get("kind")
+    words = literals(field.annotation) if field else ()
+    return str(words[0]) if len(words) == 1 else None
+
+
+def tags(kind: Kind) -> tuple[str, ...]:
+    """Return the words of `kind` that the alternatives are known by."""
+    return tuple(tag for tag in map(tag_of, models(kind)) if tag)
+
+
+def member(kind: Kind, node: Node | None) -> type[BaseModel] | None:
+    """Return the alternative that a mapping means: by its `kind`, else by a key that only one alternative has."""
+    found = models(kind)
+    if len(found) == 1 or node is None or not node.is_map:
+        return found[0] if len(found) == 1 else None
+    if "kind" in node.value:
+        return next((model for model in found if tag_of(model) == node.value["kind"].value), None)
+    likely = [model for model in found if any(key in distinctive(kind, model) for key in node.value)]
+    return likely[0] if len(likely) == 1 else None
+
+
+def distinctive(kind: Kind, model: type[BaseModel]) -> set[str]:
+    """Return the fields that only this alternative has."""
+    others = {name for other in models(kind) if other is not model for name in other.model_fields}
+    return set(model.model_fields) - others
+
+
+def _likely(kind: Kind, node: Node | None) -> tuple[type[BaseModel], ...]:
+    chosen = member(kind, node)
+    return (chosen,) if chosen else models(kind)

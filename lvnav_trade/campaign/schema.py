@@ -1,0 +1,199 @@
+"""The campaign: a base scenario, axes to vary, runs, seed, what to keep, requirements."""
+
+from __future__ import annotations
+
+import re
+from typing import Any, Literal, NamedTuple
+
+from pydantic import Field, ValidationInfo, field_serializer, field_validator, model_validator
+
+from lvnav_trade import units
+from lvnav_trade.scenario import Scenario
+from lvnav_trade.units import Card, Duration
+
+_AXES = {
+    "position": ("north", "east", "down", "x", "y", "z", "radial", "along", "cross"),
+    "velocity": ("north", "east", "down", "x", "y", "z", "radial", "along", "cross"),
+    "attitude": ("roll", "pitch", "yaw"),
+}
+_UNIT = {"position": "m", "velocity": "m/s", "attitude": "rad"}
+FRAME_AXES = {
+    "ned": ("north", "east", "down"),
+    "ecef": ("x", "y", "z"),
+    "inertial": ("x", "y", "z"),
+    "orbital": ("radial", "along", "cross"),
+}
+
+
+class Metric(NamedTuple):
+    """A requirement's metric taken apart: ``quantity``, and ``axis`` (an axis of the reporting frame, or ``3d``)."""
+
+    quantity: str
+    axis: str
+
+    @property
+    def unit(self) -> str:
+        """The SI unit of the metric."""
+        return _UNIT[self.quantity]
+
+
+def metric_names() -> tuple[str, ...]:
+    """Return every metric that a requirement can name."""
+    names = [f"{quantity}_error_3d" for quantity in _AXES]
+    names += [f"{quantity}_error_{axis}" for quantity, axes in _AXES.items() for axis in axes]
+    return tuple(names)
+
+
+def metric(name: str) -> Metric:
+    """Take a metric's name apart; ValueError names the nearest where it is unknown."""
+    from lvnav_trade.campaign.tree import hint
+
+    if name not in metric_names():
+        raise ValueError(f"{name!r} is not a metric{hint(name, metric_names())}")
+    quantity, _, axis = name.partition("_error_")
+    return Metric(quantity, axis)
+
+
+class MonteCarlo(Card):
+    """How many runs per case; leave it out for linear covariance alone."""
+
+    runs: int = Field(description="runs per case, each with its own draws")
+    block: int = Field(
+        default=40, ge=8, multiple_of=8, description="runs per block of work: part of the results' identity"
+    )
+
+    @field_validator("runs")
+    @classmethod
+    def _some(cls, runs: int) -> int:
+        if runs < 1:
+            raise ValueError(f"{runs} runs; give at least 1, or leave monte_carlo out for linear covariance alone")
+        return runs
+
+
+class Axis(Card):
+    """One thing that is varied: the path of a field of the base, and the cards or values it takes."""
+
+    path: str = Field(description="field of the base scenario, dotted: imu, filter.gate, faults.0.keep")
+    cards: tuple[str, ...] | None = Field(default=None, description="cards, one per level")
+    values: tuple[Any, ...] | None = Field(default=None, description="values, one per level")
+    labels: tuple[str, ...] | None = Field(
+        default=None, description="names of the levels; from the cards or values if absent"
+    )
+
+    @model_validator(mode="after")
+    def _one_list(self) -> Axis:
+        if (self.cards is None) == (self.values is None):
+            raise ValueError("an axis has either cards or values")
+        levels = self.cards if self.cards is not None else self.values
+        if not levels:
+            raise ValueError("an axis needs at least one card or value")
+        if self.labels is not None and len(self.labels) != len(levels):
+            raise ValueError(f"{len(self.labels)} labels for {len(levels)} levels")
+        if self.labels is not None and len(set(self.labels)) != len(self.labels):
+            raise ValueError("two levels have the same label")
+        return self
+
+
+class Requirement(Card):
+    """A bound that a stated fraction of flights must keep, and the confidence at which the runs must show it."""
+
+    name: str
+    metric: str = Field(description="such as velocity_error_3d, position_error_north, attitude_error_roll")
+    at: str = Field(default="injection", description="event of the trajectory")
+    probability: float = Field(gt=0, lt=1, description="fraction of flights that must keep the bound")
+    below: float = Field(json_schema_extra={"type": "string"}, description="bound with its unit, such as 0.3 m/s")
+    confidence: float = Field(default=0.9, gt=0, lt=1)
+
+    @field_validator("metric")
+    @classmethod
+    def _known(cls, name: str) -> str:
+        metric(name)
+        return name
+
+    @field_validator("below", mode="before")
+    @classmethod
+    def _quantity(cls, value: Any, info: ValidationInfo) -> float:
+        if "metric" not in info.data:
+            return 0.0  # the metric's own mistake is told; its unit is unknown here
+        unit = metric(info.data["metric"]).unit
+        if not isinstance(value, str):
+            raise ValueError(f"{value} has no unit; write it with a unit, such as '0.3 {unit}'")
+        bound = units.parse(value, unit)
+        if bound <= 0:
+            raise ValueError(f"{value!r} is no bound; it should be above zero")
+        return bound
+
+    @field_serializer("below", when_used="json")
+    def _with_unit(self, value: float) -> str:
+        return f"{value!r} {metric(self.metric).unit}"
+
+
+class Published(Card):
+    """A published number that ours is held against."""
+
+    source: str
+    item: str = ""
+    case: dict[str, str] = Field(default_factory=dict, description="level of each axis, by its label")
+    metric: str
+    at: str = "injection"
+    value: float
+    unit: str
+    band: tuple[float, float] = (0.5, 2.0)
+    remark: str = ""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Published:
+        if not 0 < self.band[0] <= self.band[1]:
+            raise ValueError("the band should be two growing ratios above zero, such as [0.5, 2]")
+        return self
+
+
+class Covariance(Card):
+    """What linear covariance leaves."""
+
+    budget: bool = Field(default=True, description="store the variance of every error source over the flight")
+
+
+class Keep(Card):
+    """What is stored of a flight."""
+
+    history: Duration = Field(
+        default=1.0, description="step of the stored histories, whole seconds; events are always kept"
+    )
+
+    @field_validator("history")
+    @classmethod
+    def _whole(cls, step: float) -> float:
+        if step < 1.0 or step != round(step):
+            raise ValueError(f"{step:g} s is not a whole number of seconds (the engines record every second)")
+        return step
+
+
+class Report(Card):
+    """What the page shows."""
+
+    sections: tuple[str, ...] | None = Field(default=None, description="sections in order; all if absent")
+
+
+class Campaign(Card):
+    """A trade-off question. Once loaded, cards are expanded and every default is filled in."""
+
+    name: str
+    description: str = ""
+    seed: int = Field(ge=0, lt=2**63)
+    base: Scenario
+    axes: tuple[Axis, ...] = ()
+    design: Literal["grid", "zip", "one_at_a_time"] = "grid"
+    monte_carlo: MonteCarlo | None = None
+    covariance: Covariance = Covariance()
+    keep: Keep = Keep()
+    requirements: tuple[Requirement, ...] = ()
+    references: tuple[Published, ...] = ()
+    report: Report = Report()
+
+    @field_validator("name")
+    @classmethod
+    def _folder(cls, name: str) -> str:
+        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}", name):
+            raise ValueError(f"{name!r} cannot name a folder; use letters, digits, '-', '_' and '.'")
+        return name

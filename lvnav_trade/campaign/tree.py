@@ -1,0 +1,265 @@
+"""YAML read with positions: every value knows the file, line and column that wrote it."""
+
+from __future__ import annotations
+
+import difflib
+import io
+import os
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
+
+from lvnav_trade.errors import InputError, Mistake
+
+
+class Place(NamedTuple):
+    """Where a value stands: the file (or ``--set``), line and column from 1, and the folder of relative paths."""
+
+    file: str
+    line: int
+    column: int
+    folder: Path
+
+
+@dataclass(frozen=True)
+class Node:
+    """A value with its place; a mapping also knows the places of its keys. Never changed in place."""
+
+    value: Any
+    place: Place
+    keys: dict[str, Place] = field(default_factory=dict)
+
+    @property
+    def is_map(self) -> bool:
+        """Whether the node is a mapping."""
+        return isinstance(self.value, dict)
+
+    @property
+    def is_list(self) -> bool:
+        """Whether the node is a list."""
+        return isinstance(self.value, list)
+
+
+def mistake(place: Place, path: str, message: str) -> Mistake:
+    """Return the mistake at `place`."""
+    return Mistake(message, path, place.file, place.line, place.column)
+
+
+def refuse(place: Place, path: str, message: str) -> InputError:
+    """Return the error of one mistake at `place`."""
+    return InputError(records=[mistake(place, path, message)])
+
+
+def hint(word: str, known: Iterable[str]) -> str:
+    """Return `` (did you mean 'this'?)``, or nothing where no known word is near."""
+    spelled = {str(name).lower(): str(name) for name in known}
+    near = difflib.get_close_matches(word.lower(), list(spelled), n=1, cutoff=0.6)
+    return f" (did you mean {spelled[near[0]]!r}?)" if near else ""
+
+
+def read(path: Path) -> Node:
+    """Read a YAML file into a tree; InputError says in one line why it cannot be read."""
+    shown = show(path)
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise InputError(f"{shown}: no such file{hint(path.name, _siblings(path))}") from None
+    except IsADirectoryError:
+        raise InputError(f"{shown}: is a folder, not a YAML file") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{shown}: is not a text file in UTF-8") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{shown}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    return parse(text, shown, path.resolve().parent)
+
+
+def parse(text: str, file: str, folder: Path) -> Node:
+    """Parse YAML text of `file` (relative paths in it start from `folder`)."""
+    try:
+        root = YAML(typ="rt", pure=True).compose(text)
+    except MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
+        raise InputError(records=[Mistake(_syntax(error, text, line), "", file, line, column)]) from None
+    except (YAMLError, ValueError) as error:
+        raise InputError(f"{file}: is not YAML: {str(error).splitlines()[0]}") from None
+    if root is None:
+        raise InputError(f"{file}: is empty")
+    mistakes: list[Mistake] = []
+    tree = _convert(root, file, folder, "", mistakes, ())
+    if mistakes:
+        raise InputError(records=mistakes)
+    return tree
+
+
+def read_mapping(path: Path) -> Node:
+    """Read a file whose top level must be a mapping of keys to values."""
+    node = read(path)
+    if not node.is_map:
+        raise refuse(node.place, "", "should be a mapping of keys to values ('key: value' lines)")
+    return node
+
+
+def show(path: Path) -> str:
+    """Return the path as a reader of the message knows it: relative to the working folder where it is below it."""
+    relative = os.path.relpath(path)
+    return str(path) if relative.startswith("..") else relative
+
+
+def _siblings(path: Path) -> list[str]:
+    try:
+        return [entry.name for entry in path.parent.iterdir()]
+    except OSError:
+        return []
+
+
+def _syntax(error: MarkedYAMLError, text: str, line: int) -> str:
+    lines = text.splitlines()
+    indent = lines[line - 1][: len(lines[line - 1]) - len(lines[line - 1].lstrip())] if line <= len(lines) else ""
+    if "\t" in indent or "'\\t'" in str(error.problem):
+        return "a tab; YAML is indented with spaces"
+    problem = str(error.problem or error.context or "is not YAML").splitlines()[0]
+    return f"is not YAML: {problem}"
+
+
+def _convert(raw: Any, file: str, folder: Path, path: str, mistakes: list[Mistake], above: tuple[int, ...]) -> Node:
+    """Turn a composed node into a tree node, collecting duplicate keys and whatever else has no meaning here."""
+    place = Place(file, raw.start_mark.line + 1, raw.start_mark.column + 1, folder)
+    if id(raw) in above:
+        mistakes.append(mistake(place, path, "an alias that contains itself"))
+        return Node(None, place)
+    if isinstance(raw, MappingNode):
+        return _convert_mapping(raw, place, path, mistakes, (*above, id(raw)))
+    if isinstance(raw, SequenceNode):
+        items = [
+            _convert(item, file, folder, join(path, index), mistakes, (*above, id(raw)))
+            for index, item in enumerate(raw.value)
+        ]
+        return Node(items, place)
+    return Node(_scalar(raw), place)
+
+
+def _convert_mapping(
+    raw: MappingNode, place: Place, path: str, mistakes: list[Mistake], above: tuple[int, ...]
+) -> Node:
+    values: dict[str, Node] = {}
+    keys: dict[str, Place] = {}
+    for key_node, value_node in raw.value:
+        here = Place(place.file, key_node.start_mark.line + 1, key_node.start_mark.column + 1, place.folder)
+        if not isinstance(key_node, ScalarNode):
+            mistakes.append(mistake(here, path, "a key should be a word"))
+            continue
+        key = str(key_node.value)
+        if key in values:
+            message = f"the key {key!r} stands twice (first on line {keys[key].line})"
+            mistakes.append(mistake(here, join(path, key), message))
+            continue
+        keys[key] = here
+        value = _convert(value_node, place.file, place.folder, join(path, key), mistakes, above)
+        # An empty value has no place of its own: the parser puts it wherever the next word stands.
+        values[key] = value if value.value is not None else Node(None, here)
+    return Node(values, place, keys)
+
+
+def _scalar(raw: ScalarNode) -> Any:
+    """Return the value of a plain word by YAML 1.2: dates, ``no`` and ``12:30`` stay text."""
+    kind = str(raw.tag).rpartition(":")[2]
+    text = raw.value
+    try:
+        if kind == "int":
+            return int(text, 0) if text.lstrip("+-")[:2].lower() in ("0x", "0o") else int(text)
+        if kind == "float":
+            return float(re.sub(r"^([+-]?)\.(inf|nan)$", r"\1\2", text.lower()))
+    except ValueError:
+        return text
+    if kind == "bool":
+        return text.lower() == "true"
+    return None if kind == "null" else text
+
+
+def join(path: str, key: str | int) -> str:
+    """Return the dotted path one step down."""
+    return f"{path}.{key}" if path else str(key)
+
+
+def plain(node: Node) -> Any:
+    """Return the tree as dictionaries, lists and scalars."""
+    if node.is_map:
+        return {key: plain(child) for key, child in node.value.items()}
+    if node.is_list:
+        return [plain(child) for child in node.value]
+    return node.value
+
+
+def from_plain(data: Any, place: Place) -> Node:
+    """Return a tree of `data` (dictionaries, lists, scalars) that all stands at one place."""
+    if isinstance(data, dict):
+        values = {str(key): from_plain(child, place) for key, child in data.items()}
+        return Node(values, place, dict.fromkeys(values, place))
+    if isinstance(data, list | tuple):
+        return Node([from_plain(child, place) for child in data], place)
+    return Node(data, place)
+
+
+def with_child(node: Node, key: str, child: Node, key_place: Place | None = None) -> Node:
+    """Return a copy of a mapping in which `key` holds `child`."""
+    return Node({**node.value, key: child}, node.place, {**node.keys, key: key_place or child.place})
+
+
+def without(node: Node, key: str) -> Node:
+    """Return a copy of a mapping without `key`."""
+    rest = {name: child for name, child in node.value.items() if name != key}
+    return Node(rest, node.place, {name: where for name, where in node.keys.items() if name != key})
+
+
+def merged(base: Node, over: Node) -> Node:
+    """Return `base` with the entries of `over` laid on top, mapping by mapping; anything else is replaced whole."""
+    if not (base.is_map and over.is_map):
+        return over
+    result = base
+    for key, child in over.value.items():
+        below = merged(base.value[key], child) if key in base.value else child
+        result = with_child(result, key, below, over.keys[key])
+    return Node(result.value, base.place, result.keys)
+
+
+def put(node: Node, path: list[str], child: Node) -> Node:
+    """Return the tree with `child` at `path`; mappings that are missing on the way are made."""
+    if not path:
+        return child
+    if node.is_list:
+        index = int(path[0])
+        items = list(node.value)
+        items[index] = put(items[index], path[1:], child)
+        return Node(items, node.place)
+    below = node.value[path[0]] if node.is_map and path[0] in node.value else Node({}, child.place)
+    start = node if node.is_map else Node({}, child.place)
+    return with_child(start, path[0], put(below, path[1:], child), start.keys.get(path[0]))
+
+
+def find(node: Node, path: Iterable[str | int]) -> Node | None:
+    """Return the node at `path`, or None."""
+    for key in path:
+        if node.is_map and str(key) in node.value:
+            node = node.value[str(key)]
+        elif node.is_list and str(key).isdigit() and int(key) < len(node.value):
+            node = node.value[int(key)]
+        else:
+            return None
+    return node
+
+
+def dump(data: Any) -> str:
+    """Return `data` (dictionaries, lists, scalars) as YAML that `parse` reads back to the same."""
+    writer = YAML(typ="rt", pure=True)
+    writer.default_flow_style = False
+    writer.width = 4096
+    out = io.StringIO()
+    writer.dump(data, out)
+    return out.getvalue()
