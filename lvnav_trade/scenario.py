@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import Field
 
-from lvnav_trade.filters.base import FilterCard
+from lvnav_trade.filters.base import FilterCard, ImuBelief, InitialBelief, ReceiverBelief
 from lvnav_trade.units import Angle, Card, Length, Speed
 from lvnav_trade.world.constellation import AlmanacConstellation, NominalConstellation
 from lvnav_trade.world.faults import SatelliteOutage
@@ -37,3 +38,56 @@ class Scenario(Card):
     faults: tuple[SatelliteOutage, ...] = ()
     frame: Literal["ned", "ecef", "inertial", "orbital"] = "ned"
     diverged: Length = Field(100e3, description="a run whose position error exceeds this counts as failed")
+
+
+def _matched_imu(imu: ImuCard) -> ImuBelief:
+    """Take every number from the truth; wandering that the bias states do not model apart is added to their walk."""
+    gyro, accel = imu.gyro, imu.accel
+    # SI numbers are not quantities with a unit, so they bypass the reading of cards
+    return ImuBelief.model_construct(
+        gyro_random_walk=gyro.random_walk,
+        accel_random_walk=accel.random_walk,
+        gyro_bias=math.hypot(gyro.bias_repeatability, gyro.bias_instability),
+        gyro_bias_walk=math.hypot(gyro.rate_random_walk, gyro.bias_instability * math.sqrt(2.0 / gyro.instability_time)),
+        gyro_bias_time=None,
+        accel_bias=math.hypot(accel.bias_repeatability, accel.bias_instability),
+        accel_bias_walk=math.hypot(
+            accel.rate_random_walk, accel.bias_instability * math.sqrt(2.0 / accel.instability_time)
+        ),
+        accel_bias_time=None,
+        gyro_scale_factor=gyro.scale_factor,
+        accel_scale_factor=accel.scale_factor,
+        gyro_misalignment=gyro.misalignment,
+        accel_misalignment=accel.misalignment,
+        gyro_g_sensitivity=gyro.g_sensitivity,
+    )
+
+
+def _matched_receiver(receiver: ReceiverCard) -> ReceiverBelief:
+    return ReceiverBelief.model_construct(
+        pseudorange_sigma=receiver.pseudorange_sigma,
+        range_rate_sigma=receiver.range_rate_sigma,
+        position_sigma=receiver.solution.position_sigma,
+        velocity_sigma=receiver.solution.velocity_sigma,
+        clock_h0=receiver.clock.h0,
+        clock_h_minus2=receiver.clock.h_minus2,
+    )
+
+
+def beliefs(scenario: Scenario) -> tuple[ImuBelief, ReceiverBelief, InitialBelief]:
+    """Return what the filter believes of its sensors and its start; `matched` takes the truth's own numbers."""
+    card, initial, clock = scenario.filter, scenario.initial, scenario.receiver.clock
+    imu = _matched_imu(scenario.imu) if isinstance(card.imu, str) else card.imu
+    receiver = _matched_receiver(scenario.receiver) if isinstance(card.receiver, str) else card.receiver
+    if isinstance(card.initial, str):
+        start = InitialBelief.model_construct(
+            tilt=initial.tilt,
+            heading=initial.heading,
+            position=initial.position,
+            velocity=initial.velocity,
+            clock_bias=clock.initial_bias,
+            clock_drift=clock.initial_drift,
+        )
+    else:
+        start = card.initial
+    return imu, receiver, start

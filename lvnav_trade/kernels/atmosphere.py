@@ -20,33 +20,39 @@ _TEMPERATURE = np.array([288.15, 216.65, 216.65, 228.65, 270.65, 270.65, 214.65]
 _LAPSE = np.array([-6.5e-3, 0.0, 1.0e-3, 2.8e-3, 0.0, -2.8e-3, -2.0e-3])
 _PRESSURE = np.array([101325.0, 22632.064, 5474.8887, 868.01868, 110.90631, 66.938873, 3.9564205])
 
-# Above 86 km: the standard's table (NOAA-S/T 76-1562): km, kg/m^3, Pa, K; density and pressure interpolate in the log.
-_HIGH = 1000.0 * np.array(
-    [86.0, 90.0, 100.0, 110.0, 120.0, 130.0, 150.0, 200.0, 250.0, 300.0, 400.0, 500.0, 600.0, 800.0, 1000.0]
+# Above 86 km: the standard's table (NOAA-S/T 76-1562): m, kg/m^3, Pa, K; density and pressure interpolate in the log.
+_TABLE = np.array(
+    [
+        [86e3, 6.958e-6, 3.7338e-1, 186.87],
+        [90e3, 3.416e-6, 1.8359e-1, 186.87],
+        [100e3, 5.604e-7, 3.2011e-2, 195.08],
+        [110e3, 9.708e-8, 7.1042e-3, 240.00],
+        [120e3, 2.222e-8, 2.5382e-3, 360.00],
+        [130e3, 8.152e-9, 1.2505e-3, 469.27],
+        [150e3, 2.076e-9, 4.5422e-4, 634.39],
+        [200e3, 2.541e-10, 8.4736e-5, 854.56],
+        [250e3, 6.073e-11, 2.4767e-5, 941.33],
+        [300e3, 1.916e-11, 8.7704e-6, 976.01],
+        [400e3, 2.803e-12, 1.4518e-6, 995.83],
+        [500e3, 5.215e-13, 3.0236e-7, 999.24],
+        [600e3, 1.137e-13, 8.2130e-8, 999.85],
+        [800e3, 1.136e-14, 1.7036e-8, 999.99],
+        [1000e3, 3.561e-15, 7.5138e-9, 1000.00],
+    ]
 )
-_HIGH_DENSITY = np.array(
-    [6.958e-6, 3.416e-6, 5.604e-7, 9.708e-8, 2.222e-8, 8.152e-9, 2.076e-9, 2.541e-10, 6.073e-11, 1.916e-11]
-    + [2.803e-12, 5.215e-13, 1.137e-13, 1.136e-14, 3.561e-15]
-)
-_HIGH_PRESSURE = np.array(
-    [3.7338e-1, 1.8359e-1, 3.2011e-2, 7.1042e-3, 2.5382e-3, 1.2505e-3, 4.5422e-4, 8.4736e-5, 2.4767e-5, 8.7704e-6]
-    + [1.4518e-6, 3.0236e-7, 8.2130e-8, 1.7036e-8, 7.5138e-9]
-)
-_HIGH_TEMPERATURE = np.array(
-    [186.87, 186.87, 195.08, 240.0, 360.0, 469.27, 634.39, 854.56, 941.33, 976.01, 995.83, 999.24, 999.85, 999.99]
-    + [1000.0]
-)
-_LOG_DENSITY = np.log(_HIGH_DENSITY)
-_LOG_PRESSURE = np.log(_HIGH_PRESSURE)
+_HIGH = _TABLE[:, 0].copy()
+_HIGH_TEMPERATURE = _TABLE[:, 3].copy()
+_LOG_DENSITY = np.log(_TABLE[:, 1])
+_LOG_PRESSURE = np.log(_TABLE[:, 2])
 
 
 @jit
-def atmosphere(height):  # type: ignore[no-untyped-def]
+def atmosphere(height: float) -> tuple[float, float, float, float]:
     """Return (density kg/m^3, pressure Pa, temperature K, speed of sound m/s) at a geometric height in m.
 
     The layers of the standard up to 86 km (from 5 km below sea level), its table to 1000 km, zero density and pressure
-    beyond. Above 86 km the speed of sound has no meaning in the standard; it is given from the temperature all the same,
-    so that a Mach number exists.
+    beyond. Above 86 km the speed of sound has no meaning in the standard; it is given from the temperature all the
+    same, so that a Mach number exists.
     """
     if height > TOP_OF_LAYERS:
         return _tabulated(height)
@@ -65,7 +71,7 @@ def atmosphere(height):  # type: ignore[no-untyped-def]
 
 
 @jit
-def _tabulated(height):  # type: ignore[no-untyped-def]
+def _tabulated(height: float) -> tuple[float, float, float, float]:
     """Return the same four from the table above 86 km."""
     last = _HIGH.size - 1
     if height >= _HIGH[last]:

@@ -83,12 +83,12 @@ def quantise(increment, remainder, step_size):
 
 
 @jit
-def corrupt(increments, first_tick, n_tick, dtheta, dvel, gyro, accel, noise, remainder, unit, k0, k1, run):
+def corrupt(increments, at, first_tick, n_tick, dtheta, dvel, gyro, accel, noise, remainder, unit, k0, k1, run):
     """Fill a window with what the unit puts out: the increments, their error, white noise, and quantisation.
 
     Parameters
     ----------
-    increments : (n, 6); first n_tick rows set
+    increments : (n, 6); n_tick rows from `at` set
     dtheta, dvel : (n_imu, 3) increments of the ideal unit (rad, m/s)
     gyro, accel : (24,) tables of `gather`
     noise : (4,) standard deviation of white noise per tick (gyro, accel), quantisation steps (0: none)
@@ -97,7 +97,7 @@ def corrupt(increments, first_tick, n_tick, dtheta, dvel, gyro, accel, noise, re
     """
     dt, lean = unit.dt, unit.lean
     for k in range(n_tick):
-        tick = first_tick + k
+        tick, out = first_tick + k, at + k
         a0, a1, a2 = dtheta[tick, 0], dtheta[tick, 1], dtheta[tick, 2]
         f0, f1, f2 = dvel[tick, 0], dvel[tick, 1], dvel[tick, 2]
         epoch = np.uint64(tick)
@@ -113,15 +113,15 @@ def corrupt(increments, first_tick, n_tick, dtheta, dvel, gyro, accel, noise, re
             e3 = error(accel, 0, f0, f1, f2, a0, a1, a2, f0 * f0 / dt, dt)
             e4 = error(accel, 1, f0, f1, f2, a0, a1, a2, f1 * f1 / dt, dt)
             e5 = error(accel, 2, f0, f1, f2, a0, a1, a2, f2 * f2 / dt, dt)
-        increments[k, 0], increments[k, 1], increments[k, 2] = (
+        increments[out, 0], increments[out, 1], increments[out, 2] = (
             a0 + e0 + noise[0] * n0, a1 + e1 + noise[0] * n1, a2 + e2 + noise[0] * n2,
         )  # fmt: skip
-        increments[k, 3], increments[k, 4], increments[k, 5] = (
+        increments[out, 3], increments[out, 4], increments[out, 5] = (
             f0 + e3 + noise[1] * n3, f1 + e4 + noise[1] * n4, f2 + e5 + noise[1] * n5,
         )  # fmt: skip
     for sensor in range(2):
         if noise[2 + sensor] > 0.0:
-            for k in range(n_tick):
+            for k in range(at, at + n_tick):
                 for axis in range(3 * sensor, 3 * sensor + 3):
                     increments[k, axis], remainder[axis] = quantise(increments[k, axis], remainder[axis], noise[2 + sensor])
 

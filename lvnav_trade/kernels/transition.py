@@ -61,8 +61,8 @@ def _skew(block, x, y, z):
 
 
 @jit
-def _gradient(block, factor, position):
-    xx, xy, xz, yy, yz, zz = gravity_gradient(position[0], position[1], position[2])
+def _gradient(block, factor, x, y, z):
+    xx, xy, xz, yy, yz, zz = gravity_gradient(x, y, z)
     block[0], block[1], block[2] = factor * xx, factor * xy, factor * xz
     block[3], block[4], block[5] = factor * xy, factor * yy, factor * yz
     block[6], block[7], block[8] = factor * xz, factor * yz, factor * zz
@@ -109,14 +109,14 @@ def parameter_block(block, kind, driven_by, sums, seconds):
 
 
 @jit
-def fill(blocks, kinds, drivers, sums, position, seconds):
+def fill(blocks, kinds, drivers, sums, x, y, z, seconds):
     """Set every block of Phi - I for a window.
 
     Parameters
     ----------
     blocks : (n_block, 9) entries by rows; updated
     kinds, drivers : (n_block,) int, what each block is and the driver of its parameter
-    sums : (21,) the strapdown's sums over the window; position : (3,) m, frame i; seconds : length of the window
+    sums : (21,) the strapdown's sums over the window; x, y, z : position (m), frame i; seconds : length of the window
     """
     for b in range(kinds.shape[0]):
         kind, block = kinds[b], blocks[b]
@@ -125,11 +125,11 @@ def fill(blocks, kinds, drivers, sums, position, seconds):
         elif kind == POS_ATT:
             _skew(block, -sums[SUM_S], -sums[SUM_S + 1], -sums[SUM_S + 2])
         elif kind == VEL_POS:
-            _gradient(block, seconds, position)
+            _gradient(block, seconds, x, y, z)
         elif kind == VEL_VEL or kind == POS_POS:
-            _gradient(block, 0.5 * seconds * seconds, position)
+            _gradient(block, 0.5 * seconds * seconds, x, y, z)
         elif kind == POS_VEL:
             for i in range(9):
-                block[i] = seconds + 0.0 * position[0] if i % 4 == 0 else 0.0 * position[0]
+                block[i] = seconds + 0.0 * x if i % 4 == 0 else 0.0 * x
         else:
             parameter_block(block, kind, drivers[b], sums, seconds)

@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
-from pydantic import Field
+import math
+from typing import NamedTuple
 
+import numpy as np
+from pydantic import Field
+from scipy.signal import lfilter
+
+from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OTHER_0, OWN_0, OWN_1, SQUARE
+from lvnav_trade.records import Floats
 from lvnav_trade.units import (
     Acceleration,
     AccelerationRandomWalk,
@@ -81,5 +88,58 @@ class ImuCard(Card):
     name: str
     source: str = Field(description="where each number is from")
     rate: Frequency = 200.0
+    process_rate: Frequency = Field(10.0, description="how often wandering errors take a step")
     gyro: GyroCard
     accel: AccelCard
+
+
+class ErrorBlock(NamedTuple):
+    """One true error parameter on the three axes of a sensor: what it multiplies, how it starts and wanders.
+
+    source: physical cause; part: of causes that need several blocks; sigma at the start (SI), walk root PSD of a random
+    walk, time_constant s of a Gauss-Markov process that holds sigma (inf: none).
+    """
+
+    source: str
+    part: int
+    sensor: int
+    driver: int
+    sigma: float
+    walk: float = 0.0
+    time_constant: float = math.inf
+
+
+def _sensor_blocks(name: str, sensor: int, card: GyroCard | AccelCard) -> list[ErrorBlock]:
+    blocks = [
+        ErrorBlock(f"{name} bias repeatability", 0, sensor, CONSTANT, card.bias_repeatability),
+        ErrorBlock(f"{name} bias instability", 0, sensor, CONSTANT, card.bias_instability, 0.0, card.instability_time),
+        ErrorBlock(f"{name} rate random walk", 0, sensor, CONSTANT, 0.0, card.rate_random_walk),
+        ErrorBlock(f"{name} scale factor", 0, sensor, OWN_0, card.scale_factor),
+        ErrorBlock(f"{name} scale-factor drift", 0, sensor, OWN_0, 0.0, card.scale_factor_drift),
+        ErrorBlock(f"{name} misalignment", 0, sensor, OWN_1, card.misalignment),
+        ErrorBlock(f"{name} misalignment", 1, sensor, OWN_1 + 1, card.misalignment),
+        ErrorBlock(f"{name} nonlinearity", 0, sensor, SQUARE, card.nonlinearity / card.full_scale),
+    ]
+    if isinstance(card, GyroCard):
+        blocks += [ErrorBlock(f"{name} g-sensitivity", j, sensor, OTHER_0 + j, card.g_sensitivity) for j in range(3)]
+    return [block for block in blocks if block.sigma > 0.0 or block.walk > 0.0]
+
+
+def error_blocks(card: ImuCard) -> list[ErrorBlock]:
+    """Return the true error parameters that a card names, those that are zero left out."""
+    return _sensor_blocks("gyro", GYRO, card.gyro) + _sensor_blocks("accelerometer", ACCEL, card.accel)
+
+
+def lag(increments: Floats, bandwidth: float | None, dt: float) -> Floats:
+    """Return the increments (n, 3) that a sensor with a first-order bandwidth (Hz) puts out; it starts settled.
+
+    The input is taken as constant over each tick, for which the response of the first-order lag is exact.
+    """
+    if bandwidth is None:
+        return increments
+    time_constant = 1.0 / (2.0 * math.pi * bandwidth)
+    fade = math.exp(-dt / time_constant)
+    level = increments / dt
+    # the sensor's output at the start of each tick trails the level of the tick before
+    trail, _ = lfilter([0.0, 1.0 - fade], [1.0, -fade], level, axis=0, zi=level[:1])
+    return increments + (trail - level) * (time_constant * (1.0 - fade))

@@ -1,0 +1,103 @@
+"""Monte Carlo: run_block(prepared, seed, first_run, n_run) -> RunBlock, eight runs at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import config
+
+from lvnav_trade.engines.flight import Work, fly, work_shapes
+from lvnav_trade.engines.prepare import Prepared, prepare
+from lvnav_trade.filters.belief import LOOSE, TIGHT
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import WIDTH, view
+from lvnav_trade.kernels.random import seed_words
+from lvnav_trade.records import Floats, RunBlock
+
+
+@jit
+def fly_lanes(w, schedule, unit, signals, start, history, belief, k0, k1):
+    """Fly eight runs: `fly` on lane views of arrays whose last axis is the runs."""
+    work = Work(
+        view(w.run), view(w.nav), view(w.sums), view(w.previous), view(w.increments), view(w.P), view(w.X), view(w.D),
+        view(w.x), view(w.K), view(w.H), view(w.z), view(w.antenna), view(w.rate), view(w.true_par), view(w.true_tables),
+        view(w.par), view(w.tables), view(w.remainder), view(w.clock), view(w.clock_hat), view(w.ranges),
+        view(w.solution), view(w.err), view(w.sigma), view(w.nees), view(w.nis), view(w.n_row), view(w.n_reject),
+        view(w.innovation), view(w.failed), view(w.t_failed),
+    )  # fmt: skip
+    fly(work, schedule, unit, signals, start, history, belief, k0, k1)
+
+
+def channels(prepared: Prepared) -> int:
+    """Return how many innovation channels a case has: two per satellite when tight, six when loose."""
+    kind = prepared.belief.kind
+    return 2 * len(prepared.sky.names) if kind == TIGHT else 6 if kind == LOOSE else 1
+
+
+def _new_work(prepared: Prepared, lanes: bool) -> Work:
+    shapes = work_shapes(
+        prepared.layout.n_state,
+        len(prepared.layout.parameters),
+        len(prepared.sources),
+        prepared.belief.block_rows.size,
+        int(prepared.schedule.n_tick.max()),
+        prepared.t_hist.size,
+        prepared.t_epoch.size,
+        prepared.signals.used.shape[1],
+        channels(prepared),
+    )
+    end = (WIDTH,) if lanes else ()
+    return Work(**{
+        name: np.zeros(shape + end, dtype=np.uint64 if name == "run" else np.float64) for name, shape in shapes.items()
+    })  # fmt: skip
+
+
+def _fly(prepared: Prepared, seed: int, runs: Floats, lanes: bool) -> Work:
+    work = _new_work(prepared, lanes)
+    work.run[0] = runs if lanes else runs[0]
+    fixed = (prepared.schedule, prepared.unit, prepared.signals, prepared.start, prepared.record, prepared.belief)
+    (fly_lanes if lanes else fly)(work, *fixed, *seed_words(seed))
+    return work
+
+
+_HANDED_OUT = ("err", "sigma", "nees", "nis", "n_row", "n_reject", "innovation", "failed", "t_failed")
+
+
+def run_block(prepared: Prepared, seed: int, first_run: int, n_run: int, lanes: bool | None = None) -> RunBlock:
+    """Fly runs first_run to first_run + n_run - 1.
+
+    A run's numbers depend on the seed and its own number only, not on the block it is in. Lanes step eight runs at once and
+    agree with one run at a time to rounding; lanes None takes them where compiled code is available.
+    """
+    use_lanes = not config.DISABLE_JIT if lanes is None else lanes
+    width = WIDTH if use_lanes else 1
+    parts: dict[str, list[Floats]] = {name: [] for name in _HANDED_OUT}
+    for first in range(first_run, first_run + n_run, width):
+        work = _fly(prepared, seed, np.arange(first, first + width, dtype=np.uint64), use_lanes)
+        for name in _HANDED_OUT:
+            array = getattr(work, name)
+            parts[name].append(np.moveaxis(array, -1, 0) if use_lanes else array[None])
+    joined = {name: np.ascontiguousarray(np.concatenate(arrays)[:n_run]) for name, arrays in parts.items()}
+    return RunBlock(
+        first_run=first_run,
+        t=prepared.t_hist,
+        err=joined["err"],
+        sigma=joined["sigma"],
+        nees=joined["nees"],
+        t_epoch=prepared.t_epoch,
+        nis=joined["nis"],
+        n_row=joined["n_row"].astype(np.int32),
+        n_reject=joined["n_reject"].astype(np.int32),
+        innovation=joined["innovation"],
+        failed=joined["failed"][:, 0].astype(np.int8),
+        t_failed=joined["t_failed"][:, 0],
+    )
+
+
+def replay(prepared: Prepared, seed: int, run: int) -> RunBlock:
+    """Fly one run again, bit for bit as in its block, with every covariance step recorded.
+
+    The extra history times cut windows where the block had none only at the covariance steps themselves, so the run's
+    numbers are those of the block.
+    """
+    detailed = prepare(prepared.scenario, every_window=True)
+    return run_block(detailed, seed, run, 1)

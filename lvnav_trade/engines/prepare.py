@@ -1,0 +1,236 @@
+"""A scenario made ready for both engines: everything that is the same for all runs, computed once."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lvnav_trade.engines.flight import Record, Schedule, Signals, Start, Unit
+from lvnav_trade.filters.belief import Belief, believe, initial_covariance
+from lvnav_trade.frames import reporting_axes
+from lvnav_trade.kernels.clock import clock_step
+from lvnav_trade.kernels.random import source_word
+from lvnav_trade.kernels.transition import CONSTANT
+from lvnav_trade.layout import StateLayout, outputs
+from lvnav_trade.records import Floats, Output, Reference, Sky
+from lvnav_trade.scenario import Scenario, beliefs
+from lvnav_trade.world.imu import ErrorBlock, ImuCard, error_blocks, lag
+from lvnav_trade.world.sky import sky
+from lvnav_trade.world.trajectory import Trajectory, build, motion, reference
+
+
+class Prepared(NamedTuple):
+    """A scenario and all that its runs share. t_hist, t_epoch: s since lift-off of history and epochs."""
+
+    scenario: Scenario
+    trajectory: Trajectory
+    reference: Reference
+    sky: Sky
+    outputs: tuple[Output, ...]
+    layout: StateLayout
+    belief: Belief
+    sources: tuple[ErrorBlock, ...]
+    schedule: Schedule
+    unit: Unit
+    signals: Signals
+    start: Start
+    record: Record
+    t_hist: Floats
+    t_epoch: Floats
+    lengths: Floats
+
+
+@lru_cache(maxsize=4)
+def _built(trajectory_json: str, kind: type) -> Trajectory:
+    return build(kind.model_validate_json(trajectory_json))
+
+
+def trajectory_of(scenario: Scenario) -> Trajectory:
+    """Return the scenario's trajectory; the last few that were built are kept."""
+    return _built(scenario.trajectory.model_dump_json(), type(scenario.trajectory))
+
+
+@lru_cache(maxsize=4)
+def _sampled(trajectory_json: str, kind: type, rate: float) -> Reference:
+    return reference(_built(trajectory_json, kind), rate)
+
+
+def _ticks(times: Floats, start: float, rate: float, n_imu: int) -> np.ndarray[Any, np.dtype[np.int64]]:
+    return np.clip(np.rint((times - start) * rate).astype(np.int64), 0, n_imu)
+
+
+def _history_times(trajectory: Trajectory, start: float, end: float, every: float) -> Floats:
+    """Return the grid and every event time, sorted; a time that is on the grid stands once."""
+    grid = np.arange(math.ceil(start / every), math.floor(end / every) + 1) * every
+    events = np.array([t for t in trajectory.events.values() if start <= t <= end])
+    return np.unique(np.concatenate([[start], grid, events]))
+
+
+def _schedule(
+    n_imu: int, per_window: int, hist_tick: np.ndarray[Any, Any], epoch_tick: np.ndarray[Any, Any]
+) -> tuple[Schedule, np.ndarray[Any, Any]]:
+    """Cut the flight into windows at covariance steps, epochs and history times; a second history time on the same tick
+    gets a window of no ticks. Returns the schedule and the distinct window lengths in ticks."""
+    bounds = np.unique(np.concatenate([np.arange(0, n_imu + 1, per_window), hist_tick, epoch_tick, [0, n_imu]]))
+    epoch_at = {int(tick): index for index, tick in enumerate(epoch_tick)}
+    hist_at: dict[int, list[int]] = {}
+    for index, tick in enumerate(hist_tick):
+        hist_at.setdefault(int(tick), []).append(index)
+    rows: list[tuple[int, int, int, int]] = []
+    last = 0
+    for tick in map(int, bounds):
+        here = hist_at.get(tick, [])
+        if tick > 0 or here:
+            rows.append((last, tick - last, epoch_at.get(tick, -1), here[0] if here else -1))
+        rows += [(tick, 0, -1, index) for index in here[1:]]
+        last = tick
+    first, count, epoch, hist = (np.array(column, dtype=np.int64) for column in zip(*rows, strict=True))
+    lengths, index = np.unique(count, return_inverse=True)
+    return Schedule(first, count, index.astype(np.int64), epoch, hist), lengths
+
+
+def _unit(card: ImuCard, ref: Reference, blocks: tuple[ErrorBlock, ...]) -> Unit:
+    dt = 1.0 / card.rate
+    process_ticks = max(1, round(card.rate / card.process_rate))
+    step = process_ticks * dt
+    decay = np.array([math.exp(-step / b.time_constant) for b in blocks])
+    walk = np.array(
+        [math.hypot(b.walk * math.sqrt(step), b.sigma * math.sqrt(-math.expm1(-2.0 * step / b.time_constant))) for b in blocks]
+    )
+    ramps = (card.gyro.temperature, card.accel.temperature)
+    return Unit(
+        dt=dt,
+        noise_source=source_word("inertial unit white noise"),
+        lean=all(b.driver == CONSTANT for b in blocks),
+        dtheta=np.ascontiguousarray(lag(ref.dtheta, card.gyro.bandwidth, dt)),
+        dvel=np.ascontiguousarray(lag(ref.dvel, card.accel.bandwidth, dt)),
+        white=np.array([
+            card.gyro.random_walk * math.sqrt(dt), card.accel.random_walk * math.sqrt(dt),
+            card.gyro.quantisation, card.accel.quantisation,
+        ]),
+        process_ticks=process_ticks,
+        wandering=bool(np.any(walk > 0.0)) or any(r is not None for r in ramps),
+        sigma=np.array([b.sigma for b in blocks], dtype=float),
+        decay=decay,
+        walk=walk,
+        sources=np.array([source_word(f"{b.source} {b.part}") for b in blocks], dtype=np.uint64),
+        sensors=np.array([b.sensor for b in blocks], dtype=np.int64),
+        drivers=np.array([b.driver for b in blocks], dtype=np.int64),
+        ramp_start=np.array([0.0 if r is None else r.start for r in ramps]),
+        ramp_end=np.array([1.0 if r is None else r.end for r in ramps]),
+        ramp=np.array([(0.0, 0.0, 0.0) if r is None else r.amplitude for r in ramps]),
+        start=float(ref.t[0]),
+    )  # fmt: skip
+
+
+def _signals(scenario: Scenario, trajectory: Trajectory, seen: Sky) -> Signals:
+    receiver = scenario.receiver
+    at = motion(trajectory, seen.t)
+    C_b_i = rotation_matrices(at.q_b_i)
+    lever = np.array(receiver.lever_b)
+    position = at.r_i + C_b_i @ lever
+    velocity = at.v_i + np.einsum("nij,nj->ni", C_b_i, np.cross(at.w_ib_b, lever))
+    line = seen.r_i - position[:, None, :]
+    distance = np.linalg.norm(line, axis=2)
+    rate = np.einsum("esi,esi->es", line / distance[:, :, None], seen.v_i - velocity[:, None, :])
+    n_used = seen.tracked.sum(axis=1).astype(np.int64)
+    used = np.full((seen.t.size, max(1, int(n_used.max(initial=0)))), -1, dtype=np.int64)
+    for epoch in range(seen.t.size):
+        found = np.flatnonzero(seen.tracked[epoch])
+        used[epoch, : found.size] = found
+    interval = 1.0 / scenario.filter.update_rate
+    names = ("receiver clock", "range noise", "solution noise", "receiver clock start")
+    return Signals(
+        used=used,
+        n_used=n_used,
+        words=np.array([source_word(name) for name in seen.names], dtype=np.uint64),
+        range=distance,
+        rate=rate,
+        position=position,
+        velocity=velocity,
+        satellite=np.ascontiguousarray(seen.r_i),
+        satellite_velocity=np.ascontiguousarray(seen.v_i),
+        sigma=np.array([
+            receiver.pseudorange_sigma, receiver.range_rate_sigma,
+            receiver.solution.position_sigma, receiver.solution.velocity_sigma,
+        ]),
+        clock_step=np.array(clock_step(interval, receiver.clock.h0, receiver.clock.h_minus2)),
+        clock_start=np.array([receiver.clock.initial_bias, receiver.clock.initial_drift]),
+        interval=interval,
+        sources=np.array([source_word(name) for name in names], dtype=np.uint64),
+    )  # fmt: skip
+
+
+def rotation_matrices(q: Floats) -> Floats:
+    """Return the matrices (n, 3, 3) of quaternions (n, 4), body to inertial."""
+    w, x, y, z = q.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def prepare(scenario: Scenario, history: float = 1.0, every_window: bool = False) -> Prepared:
+    """Make a scenario ready: trajectory, increments, satellites, beliefs, and the windows of the flight.
+
+    Parameters
+    ----------
+    history
+        Interval of the history in s; every event time is added to it.
+    every_window
+        Record every covariance step instead (for a replay).
+    """
+    kind, text = type(scenario.trajectory), scenario.trajectory.model_dump_json()
+    trajectory, card = _built(text, kind), scenario.filter
+    ref = _sampled(text, kind, scenario.imu.rate)
+    n_imu, start, end, rate = ref.dtheta.shape[0], float(ref.t[0]), float(ref.t[-1]), scenario.imu.rate
+    interval = 1.0 / card.update_rate
+    t_epoch = start + interval * np.arange(1, math.floor((end - start) / interval + 1e-9) + 1)
+    epoch_tick = _ticks(t_epoch, start, rate, n_imu)
+    per_window = max(1, round(rate / card.covariance_rate))
+    t_hist = _history_times(trajectory, start, end, per_window / rate if every_window else history)
+    hist_tick = _ticks(t_hist, start, rate, n_imu)
+    schedule, lengths = _schedule(n_imu, per_window, hist_tick, epoch_tick)
+    seen = sky(scenario.constellation, scenario.receiver, trajectory, t_epoch, scenario.faults)
+    imu, receiver, initial = beliefs(scenario)
+    layout, belief = believe(card, imu, receiver, scenario.receiver.lever_b, lengths / rate)
+    blocks = tuple(error_blocks(scenario.imu))
+    C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], trajectory.theta0)[0].T
+    return Prepared(
+        scenario=scenario,
+        trajectory=trajectory,
+        reference=ref,
+        sky=seen,
+        outputs=outputs(layout, scenario.frame),
+        layout=layout,
+        belief=belief,
+        sources=blocks,
+        schedule=schedule,
+        unit=_unit(scenario.imu, ref, blocks),
+        signals=_signals(scenario, trajectory, seen),
+        start=_start(scenario, ref, C_n_i, initial_covariance(layout, initial, C_n_i)),
+        record=_record(scenario, trajectory, ref, hist_tick, t_hist),
+        t_hist=t_hist,
+        t_epoch=t_epoch,
+        lengths=lengths / rate,
+    )
+
+
+def _start(scenario: Scenario, ref: Reference, C_n_i: Floats, P: Floats) -> Start:
+    initial = scenario.initial
+    attitude = C_n_i @ np.diag([initial.tilt, initial.tilt, initial.heading])
+    roots = np.array([attitude, np.eye(3) * initial.velocity, np.eye(3) * initial.position])
+    names = ("initial attitude", "initial velocity", "initial position")
+    words = np.array([source_word(name) for name in names], dtype=np.uint64)
+    return Start(np.concatenate([ref.q_b_i[0], ref.v_i[0], ref.r_i[0]]), roots, words, P)
+
+
+def _record(scenario: Scenario, trajectory: Trajectory, ref: Reference, ticks: Any, t_hist: Floats) -> Record:
+    r, v, q = (np.ascontiguousarray(a[ticks]) for a in (ref.r_i, ref.v_i, ref.q_b_i))
+    axes = reporting_axes(scenario.frame, t_hist, r, v, trajectory.theta0)
+    return Record(r, v, q, np.ascontiguousarray(axes), t_hist, scenario.diverged)

@@ -1,0 +1,243 @@
+"""What is kept of a block of runs: sums, histograms, one row per run and event; mergeable in run order."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.records import Floats, Output, RunBlock
+
+Counts = NDArray[np.int64]
+
+NORM = "3d"
+"""Axis name of the norm of a three-axis quantity."""
+BIN = 0.02
+"""Width of a histogram bin in ln(|error| / scale): quantiles come out within half of it, 1 %."""
+LOWEST, HIGHEST = 1e-3, 1e3
+"""Range of |error| / scale that the bins resolve; below is one bin, above another."""
+N_BIN = int(np.ceil(np.log(HIGHEST / LOWEST) / BIN)) + 2
+N_LAG = 11
+"""Lags of the innovation products: 0 to 10 epochs."""
+NOT_FINITE = 1
+
+
+class BlockSummary(NamedTuple):
+    """Streamed statistics of some runs. A *column* is an output or, after them, the norm of a three-axis quantity.
+
+    runs (n_run,) run numbers; failed (n_run,) codes of RunBlock; t_failed (n_run,) s; t (n_hist,) s; scale
+    (n_hist, n_column) SI, unit of the histogram; n_good (1,) runs in the sums below, which leave failed runs out:
+    total, squares, sigma_squares (n_hist, n_column) sums of error, its square, the filter's variance (for a norm the
+    norm, its square, the trace); histogram (n_hist, n_column, N_BIN) counts of |error| / scale; nees (n_hist,) sum;
+    t_epoch, nis, n_row, n_reject (n_epoch,) sums; lag_sum, lag_count (N_LAG, n_channel) products of normalised
+    innovations that many epochs apart. One row per run, failed ones too: event_error, event_sigma
+    (n_run, n_event, n_column) SI, event_nees (n_run, n_event). events: names in time order; t_event (n_event,) s.
+    """
+
+    runs: Counts
+    failed: NDArray[np.int8]
+    t_failed: Floats
+    t: Floats
+    scale: Floats
+    n_good: Counts
+    total: Floats
+    squares: Floats
+    sigma_squares: Floats
+    histogram: NDArray[np.uint32]
+    nees: Floats
+    t_epoch: Floats
+    nis: Floats
+    n_row: Counts
+    n_reject: Counts
+    lag_sum: Floats
+    lag_count: Counts
+    events: tuple[str, ...]
+    t_event: Floats
+    event_error: Floats
+    event_sigma: Floats
+    event_nees: Floats
+
+    @property
+    def first_run(self) -> int:
+        """Number of the first run."""
+        return int(self.runs[0])
+
+    @property
+    def n_run(self) -> int:
+        """How many runs, failed ones among them."""
+        return len(self.runs)
+
+
+_SUMMED = (
+    "n_good",
+    "total",
+    "squares",
+    "sigma_squares",
+    "histogram",
+    "nees",
+    "nis",
+    "n_row",
+    "n_reject",
+    "lag_sum",
+    "lag_count",
+)
+_JOINED = ("runs", "failed", "t_failed", "event_error", "event_sigma", "event_nees")
+_SHARED = ("t", "scale", "t_epoch", "t_event")
+
+
+def norm_groups(outputs: tuple[Output, ...]) -> dict[str, list[int]]:
+    """Return the indices of each quantity that has exactly three axes."""
+    found: dict[str, list[int]] = {}
+    for index, output in enumerate(outputs):
+        found.setdefault(output.quantity, []).append(index)
+    return {quantity: indices for quantity, indices in found.items() if len(indices) == 3}
+
+
+def columns(outputs: tuple[Output, ...]) -> tuple[Output, ...]:
+    """Return the outputs and after them one `Output` with axis "3d" per three-axis quantity."""
+    norms = tuple(outputs[indices[0]]._replace(axis=NORM) for indices in norm_groups(outputs).values())
+    return (*outputs, *norms)
+
+
+def add_norms(components: Floats, outputs: tuple[Output, ...]) -> Floats:
+    """Append to components (..., n_out) the root sum of squares of each three-axis quantity: (..., n_column)."""
+    groups = norm_groups(outputs).values()
+    norms = [np.sqrt(np.sum(components[..., indices] ** 2, axis=-1)) for indices in groups]
+    return np.concatenate([components, *(norm[..., None] for norm in norms)], axis=-1)
+
+
+def summarise(
+    block: RunBlock, event_times: dict[str, float], scale: Floats, outputs: tuple[Output, ...]
+) -> BlockSummary:
+    """Return everything that must be kept of a block of runs.
+
+    Parameters
+    ----------
+    block : RunBlock
+        Errors in the axes of `outputs`.
+    event_times : dict of str to float
+        Name and time, s since lift-off; each must be one of block.t, else ValueError.
+    scale : (n_hist, n_out) float
+        LinCov true sigma, SI: unit of the histograms, the same for all blocks of a case.
+    outputs : tuple of Output
+        The components (Prepared.outputs); three-axis quantities get a norm.
+    """
+    names = tuple(sorted(event_times, key=lambda name: (event_times[name], name)))
+    t_event = np.array([event_times[name] for name in names], dtype=float)
+    at_event = _history_index(block.t, names, t_event)
+    error = add_norms(block.err, outputs)
+    sigma = add_norms(block.sigma, outputs)
+    failed = np.where(np.isfinite(block.err).all(axis=(1, 2)) | (block.failed != 0), block.failed, NOT_FINITE)
+    good = failed == 0
+    unit = _usable(add_norms(scale, outputs))
+    lag_sum, lag_count = _lag_products(block.innovation[good])
+    return BlockSummary(
+        runs=np.arange(block.first_run, block.first_run + len(failed), dtype=np.int64),
+        failed=failed.astype(np.int8),
+        t_failed=np.asarray(block.t_failed, dtype=float),
+        t=block.t,
+        scale=unit,
+        n_good=np.array([good.sum()], dtype=np.int64),
+        total=error[good].sum(axis=0),
+        squares=(error[good] ** 2).sum(axis=0),
+        sigma_squares=(sigma[good] ** 2).sum(axis=0),
+        histogram=_histogram(np.abs(error[good]), unit),
+        nees=block.nees[good].sum(axis=0),
+        t_epoch=block.t_epoch,
+        nis=block.nis[good].sum(axis=0),
+        n_row=block.n_row[good].sum(axis=0, dtype=np.int64),
+        n_reject=block.n_reject[good].sum(axis=0, dtype=np.int64),
+        lag_sum=lag_sum,
+        lag_count=lag_count,
+        events=names,
+        t_event=t_event,
+        event_error=error[:, at_event],
+        event_sigma=sigma[:, at_event],
+        event_nees=block.nees[:, at_event],
+    )
+
+
+def _history_index(t: Floats, names: tuple[str, ...], t_event: Floats) -> NDArray[np.intp]:
+    index = np.clip(np.searchsorted(t, t_event - 1e-9), 0, len(t) - 1)
+    for name, wanted, found in zip(names, t_event, t[index], strict=True):
+        if abs(wanted - found) > 1e-6:
+            raise ValueError(f"event {name} at {wanted} s is not a history time (nearest after it {found} s)")
+    return index
+
+
+def _usable(scale: Floats) -> Floats:
+    """Replace what cannot be divided by: an error that LinCov holds for zero is counted in SI units."""
+    return np.where(np.isfinite(scale) & (scale > 0), scale, 1.0)
+
+
+def _histogram(size: Floats, scale: Floats) -> NDArray[np.uint32]:
+    """Count |error| / scale in log-spaced bins; size (n_run, n_hist, n_column)."""
+    n_run, n_hist, n_column = size.shape
+    with np.errstate(divide="ignore"):
+        place = np.floor(np.log(size / (scale * LOWEST)) / BIN) + 1
+    bins = np.clip(place, 0, N_BIN - 1).astype(np.int64)
+    counts = np.empty((n_hist, n_column, N_BIN), dtype=np.uint32)
+    row = np.arange(n_hist) * N_BIN
+    for column in range(n_column):  # one column at a time bounds the memory of the count
+        flat = np.bincount((row + bins[:, :, column]).ravel(), minlength=n_hist * N_BIN)
+        counts[:, column] = flat.reshape(n_hist, N_BIN)
+    return counts
+
+
+def _lag_products(innovation: Floats) -> tuple[Floats, Counts]:
+    """Sum products of innovations l epochs apart where both exist: innovation (n_run, n_epoch, n_channel)."""
+    n_epoch, n_channel = innovation.shape[1:]
+    there = np.isfinite(innovation)
+    value = np.where(there, innovation, 0.0)
+    total, count = np.zeros((N_LAG, n_channel)), np.zeros((N_LAG, n_channel), dtype=np.int64)
+    for lag in range(min(N_LAG, n_epoch)):
+        early, late = slice(0, n_epoch - lag), slice(lag, n_epoch)
+        total[lag] = np.einsum("ijk,ijk->k", value[:, early], value[:, late])
+        count[lag] = (there[:, early] & there[:, late]).sum(axis=(0, 1))
+    return total, count
+
+
+def merge(parts: Iterable[BlockSummary]) -> BlockSummary:
+    """Return the summary of all parts together, added in run order whatever the order given.
+
+    An iterator already in run order is taken one part at a time, so that memory does not grow with parts.
+    ValueError where parts overlap, belong to different histories, or there is none.
+    """
+    stream = iter(parts) if not isinstance(parts, list) else iter(sorted(parts, key=lambda part: part.first_run))
+    try:
+        first = next(stream)
+    except StopIteration:
+        raise ValueError("there is no part to merge") from None
+    sums = {name: getattr(first, name).copy() for name in _SUMMED}
+    rows = {name: [getattr(first, name)] for name in _JOINED}
+    for part in stream:
+        _check_follows(first, rows["runs"][-1], part)
+        for name in _SUMMED:
+            sums[name] += getattr(part, name)
+        for name in _JOINED:
+            rows[name].append(getattr(part, name))
+    return first._replace(**sums, **{name: np.concatenate(values) for name, values in rows.items()})
+
+
+def _check_follows(first: BlockSummary, runs_before: Counts, part: BlockSummary) -> None:
+    if part.first_run <= runs_before[-1]:
+        raise ValueError(f"run {part.first_run} is in two parts, or the parts are not in run order")
+    same = all(np.array_equal(getattr(first, name), getattr(part, name)) for name in _SHARED)
+    if not same or first.events != part.events:
+        raise ValueError(f"the part that starts at run {part.first_run} belongs to another history")
+
+
+def quantiles(summary: BlockSummary, probability: float) -> Floats:
+    """Return the quantile of |error| (n_hist, n_column), SI, to half a bin (1 %); 0 below the bins, inf above, NaN if none.
+
+    The quantile is the middle (geometric) of the bin that holds the run of rank ceil(probability * n).
+    """
+    n_good = int(summary.n_good[0])
+    if n_good == 0:
+        return np.full(summary.total.shape, np.nan)
+    rank = max(1, int(np.ceil(probability * n_good - 1e-9)))
+    bins = np.argmax(np.cumsum(summary.histogram, axis=-1, dtype=np.uint32) >= rank, axis=-1)
+    middle = summary.scale * LOWEST * np.exp((bins - 0.5) * BIN)
+    return np.where(bins == 0, 0.0, np.where(bins == N_BIN - 1, np.inf, middle))

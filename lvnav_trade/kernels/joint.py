@@ -1,0 +1,92 @@
+"""The joint vector of true error parameters c and navigation error e (truth minus estimate), source by source.
+
+Sources are independent, so each carries its own covariance of e, and the cross-covariance of e with c is one column per
+parameter component, owned by that component's source:
+
+    c+ = f c + w,   e+ = Phi e + b c + g w,   update: e+ = (I - k h) e - k v
+
+Everything is linear in the sources once the gains are fixed, so the true covariance is the sum over them, exactly.
+"""
+
+from __future__ import annotations
+
+from lvnav_trade.kernels.covariance import N_NAV_ERROR
+from lvnav_trade.kernels.jit import jit
+
+
+@jit
+def apply_phi(y, work, blocks, rows, columns, decay, clock, seconds):
+    """Replace the vector y (n,) by Phi y; work (n,)."""
+    n = y.shape[0]
+    for i in range(n):
+        work[i] = y[i]
+    for b in range(rows.shape[0]):
+        r, c = rows[b], columns[b]
+        for i in range(3):
+            y[r + i] += blocks[b, 3 * i] * work[c] + blocks[b, 3 * i + 1] * work[c + 1] + blocks[b, 3 * i + 2] * work[c + 2]
+    for i in range(N_NAV_ERROR, n):
+        y[i] = y[i] * decay[i]
+    if clock >= 0:
+        y[clock] += seconds * y[clock + 1]
+
+
+@jit
+def propagate_component(P, y, b, g, work, variance, fade, wander, blocks, rows, columns, decay, clock, seconds):
+    """Propagate one parameter component: P (n, n) its source's covariance of e, without the Phi P Phi' part; y (n,) = Cov(e, c).
+
+    b, g (n,): how c and its driving noise enter e. variance: of c before the step; fade: f; wander: variance of w.
+    P and y are updated; returns the variance of c after the step.
+    """
+    n = y.shape[0]
+    apply_phi(y, work, blocks, rows, columns, decay, clock, seconds)
+    for i in range(n):
+        if b[i] != 0.0:
+            for j in range(n):
+                P[i, j] += b[i] * y[j]
+                P[j, i] += b[i] * y[j]
+    if variance > 0.0:
+        for i in range(n):
+            if b[i] != 0.0:
+                for j in range(n):
+                    P[i, j] += b[i] * variance * b[j]
+    for i in range(n):
+        y[i] = fade * (y[i] + b[i] * variance)
+    if wander > 0.0:
+        for i in range(n):
+            y[i] += wander * g[i]
+            if g[i] != 0.0:
+                for j in range(n):
+                    P[i, j] += wander * g[i] * g[j]
+    return fade * fade * variance + wander
+
+
+@jit
+def update_vector(y, gain, h, entries, columns):
+    """y <- (I - k h) y; return h y before the update."""
+    projected = 0.0
+    for c in range(columns.shape[0]):
+        projected += h[entries[c]] * y[columns[c]]
+    for i in range(y.shape[0]):
+        y[i] -= gain[i] * projected
+    return projected
+
+
+@jit
+def update_covariance(P, work, gain, h, entries, columns, variance):
+    """P <- (I - k h) P (I - k h)' + k variance k', Joseph's form for any gain; return h P h' before the update."""
+    n = P.shape[0]
+    spread = 0.0
+    for i in range(n):
+        value = 0.0
+        for c in range(columns.shape[0]):
+            value += P[i, columns[c]] * h[entries[c]]
+        work[i] = value
+    for c in range(columns.shape[0]):
+        spread += h[entries[c]] * work[columns[c]]
+    total = spread + variance
+    for i in range(n):
+        for j in range(i, n):
+            value = P[i, j] - gain[i] * work[j] - work[i] * gain[j] + gain[i] * total * gain[j]
+            P[i, j] = value
+            P[j, i] = value
+    return spread
