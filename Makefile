@@ -71,7 +71,7 @@ slow: $(VENV)/.installed-test
 	@$(bin)/python -m pytest -m slow
 
 bench: $(VENV)/.installed-bench
-	@$(bin)/python -m benchmarks
+	@for file in benchmarks/time_*.py; do echo "$$file"; $(bin)/python "$$file" || exit; done
 
 wheelhouse: pyproject.toml | $(bin)/python
 	@$(pip) wheel --wheel-dir wheelhouse '.[test]' $(wheels_needed)

@@ -1,4 +1,4 @@
-"""Habits that a reader relies on: no global generator, no stray print, frames in names, tests that mirror the package."""
+"""Habits that a reader relies on: no global generator, no stray print, frames in names, a test file per module."""
 
 from __future__ import annotations
 

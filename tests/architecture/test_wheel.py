@@ -1,0 +1,56 @@
+"""What is installed stands alone: package, cards and campaigns work far from the checkout."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PIP = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet"]
+
+
+def _run(command: list[str], **options) -> subprocess.CompletedProcess[str]:
+    answer = subprocess.run(command, capture_output=True, text=True, check=False, **options)
+    if answer.returncode:
+        pytest.fail(
+            f"{' '.join(command)} ended with {answer.returncode}:\n{answer.stdout}{answer.stderr}", pytrace=False
+        )
+    return answer
+
+
+@pytest.fixture(scope="module")
+def installed(root, tmp_path_factory) -> Path:
+    """Folder into which the package was installed from its wheel, without its dependencies."""
+    pytest.importorskip("hatchling", reason="hatchling builds the wheel")
+    wheels, target = tmp_path_factory.mktemp("wheels"), tmp_path_factory.mktemp("installed")
+    _run([*PIP, "wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", str(wheels), str(root)])
+    (wheel,) = wheels.glob("*.whl")
+    _run([*PIP, "install", "--no-deps", "--no-index", "--target", str(target), str(wheel)])
+    return target
+
+
+@pytest.mark.parametrize("folder", ["configs", "campaigns"])
+def test_the_wheel_holds_every_card_and_campaign(installed, root, folder):
+    inside = installed / "lvnav_trade" / "_data" / folder
+    expected = {path.relative_to(root / folder) for path in (root / folder).rglob("*") if path.is_file()}
+    assert expected
+    assert {path.relative_to(inside) for path in inside.rglob("*") if path.is_file()} == expected
+
+
+def test_the_wheel_holds_every_file_of_the_package(installed, root):
+    def package(folder: Path) -> set[Path]:
+        names = (path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
+        return {name for name in names if name.suffix != ".pyc" and name.parts[0] != "_data"}
+
+    assert package(installed / "lvnav_trade") == package(root / "lvnav_trade")
+
+
+def test_the_demo_campaign_is_accepted_by_the_installed_tool_outside_the_checkout(installed, tmp_path):
+    environment = {**os.environ, "PYTHONPATH": str(installed)}
+    where = [sys.executable, "-c", "import lvnav_trade; print(lvnav_trade.__file__)"]
+    assert Path(_run(where, cwd=tmp_path, env=environment).stdout.strip()).is_relative_to(installed)
+    check = [sys.executable, "-c", "from lvnav_trade.cli import main; main()", "check", "demo"]
+    _run(check, cwd=tmp_path, env=environment)
