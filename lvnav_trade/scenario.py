@@ -18,7 +18,9 @@ from lvnav_trade.world.vehicle import VehicleAscent
 
 
 class InitialErrors(Card):
-    """True one-sigma error of the navigation state at the start: tilt (north, east axes), heading, position, velocity."""
+    """True one-sigma error of the navigation state at the start: tilt (north, east axes), heading, position,
+    velocity.
+    """
 
     tilt: Angle
     heading: Angle
@@ -48,7 +50,9 @@ def _matched_imu(imu: ImuCard) -> ImuBelief:
         gyro_random_walk=gyro.random_walk,
         accel_random_walk=accel.random_walk,
         gyro_bias=math.hypot(gyro.bias_repeatability, gyro.bias_instability),
-        gyro_bias_walk=math.hypot(gyro.rate_random_walk, gyro.bias_instability * math.sqrt(2.0 / gyro.instability_time)),
+        gyro_bias_walk=math.hypot(
+            gyro.rate_random_walk, gyro.bias_instability * math.sqrt(2.0 / gyro.instability_time)
+        ),
         gyro_bias_time=None,
         accel_bias=math.hypot(accel.bias_repeatability, accel.bias_instability),
         accel_bias_walk=math.hypot(

@@ -25,7 +25,9 @@ _ZERO, _ONE = np.uint64(0), np.uint64(1)
 
 
 class Schedule(NamedTuple):
-    """Windows of IMU ticks: first_tick, n_tick, length (index of its length), epoch and hist (-1: none), all (n_window,)."""
+    """Windows of IMU ticks: first_tick, n_tick, length (index of its length), epoch and hist (-1: none), all
+    (n_window,).
+    """
 
     first_tick: NDArray[np.int64]
     n_tick: NDArray[np.int64]
@@ -65,10 +67,11 @@ class Unit(NamedTuple):
 class Signals(NamedTuple):
     """What is true of the satellites and the receiver at the epochs.
 
-    used (n_epoch, n_slot) satellite index in each slot, -1 none; n_used (n_epoch,); words (n_sat,) of satellites; range,
-    rate (n_epoch, n_sat) true, m and m/s; position, velocity (n_epoch, 3) of the antenna, frame i; satellite,
-    satellite_velocity (n_epoch, n_sat, 3) as the filter knows them; sigma (4,) by row type; clock_step (3,) Cholesky factor
-    over an epoch; clock_start (2,) sigma; interval s between epochs; sources (4,) words: clock, ranges, solution, clock start.
+    used (n_epoch, n_slot) satellite index in each slot, -1 none; n_used (n_epoch,); words (n_sat,) of satellites;
+    range, rate (n_epoch, n_sat) true, m and m/s; position, velocity (n_epoch, 3) of the antenna, frame i; satellite,
+    satellite_velocity (n_epoch, n_sat, 3) as the filter knows them; sigma (4,) by row type; clock_step (3,) Cholesky
+    factor over an epoch; clock_start (2,) sigma; interval s between epochs; sources (4,) words: clock, ranges,
+    solution, clock start.
     """
 
     used: NDArray[np.int64]
@@ -89,7 +92,8 @@ class Signals(NamedTuple):
 
 class Start(NamedTuple):
     """True state at tick 0 and the spread of the filter's: nav (10,); roots (3, 3, 3) of the covariance of attitude,
-    velocity and position error, frame i; sources (3,) words; P (n_state, n_state) the filter's own covariance."""
+    velocity and position error, frame i; sources (3,) words; P (n_state, n_state) the filter's own covariance.
+    """
 
     nav: Floats
     roots: Floats
@@ -98,8 +102,9 @@ class Start(NamedTuple):
 
 
 class Record(NamedTuple):
-    """What is true at the history times: r, v (n_hist, 3), q (n_hist, 4), axes (n_hist, 3, 3) from frame i to the reporting
-    frame; limit m of position error beyond which a run has failed."""
+    """What is true at the history times: r, v (n_hist, 3), q (n_hist, 4), axes (n_hist, 3, 3) from frame i to the
+    reporting frame; limit m of position error beyond which a run has failed.
+    """
 
     r: Floats
     v: Floats
@@ -147,7 +152,15 @@ class Work(NamedTuple):
 
 
 def work_shapes(
-    n_state: int, n_par: int, n_true: int, n_block: int, n_tick: int, n_hist: int, n_epoch: int, n_slot: int, n_channel: int
+    n_state: int,
+    n_par: int,
+    n_true: int,
+    n_block: int,
+    n_tick: int,
+    n_hist: int,
+    n_epoch: int,
+    n_slot: int,
+    n_channel: int,
 ) -> dict[str, tuple[int, ...]]:
     """Return the shape of every array of Work for one run."""
     n_row = max(6, 2 * n_slot)

@@ -19,10 +19,10 @@ def fly_lanes(w, schedule, unit, signals, start, history, belief, k0, k1):
     """Fly eight runs: `fly` on lane views of arrays whose last axis is the runs."""
     work = Work(
         view(w.run), view(w.nav), view(w.sums), view(w.previous), view(w.increments), view(w.P), view(w.X), view(w.D),
-        view(w.x), view(w.K), view(w.H), view(w.z), view(w.antenna), view(w.rate), view(w.true_par), view(w.true_tables),
-        view(w.par), view(w.tables), view(w.remainder), view(w.clock), view(w.clock_hat), view(w.ranges),
-        view(w.solution), view(w.err), view(w.sigma), view(w.nees), view(w.nis), view(w.n_row), view(w.n_reject),
-        view(w.innovation), view(w.failed), view(w.t_failed),
+        view(w.x), view(w.K), view(w.H), view(w.z), view(w.antenna), view(w.rate), view(w.true_par),
+        view(w.true_tables), view(w.par), view(w.tables), view(w.remainder), view(w.clock), view(w.clock_hat),
+        view(w.ranges), view(w.solution), view(w.err), view(w.sigma), view(w.nees), view(w.nis), view(w.n_row),
+        view(w.n_reject), view(w.innovation), view(w.failed), view(w.t_failed),
     )  # fmt: skip
     fly(work, schedule, unit, signals, start, history, belief, k0, k1)
 
@@ -65,8 +65,8 @@ _HANDED_OUT = ("err", "sigma", "nees", "nis", "n_row", "n_reject", "innovation",
 def run_block(prepared: Prepared, seed: int, first_run: int, n_run: int, lanes: bool | None = None) -> RunBlock:
     """Fly runs first_run to first_run + n_run - 1.
 
-    A run's numbers depend on the seed and its own number only, not on the block it is in. Lanes step eight runs at once and
-    agree with one run at a time to rounding; lanes None takes them where compiled code is available.
+    A run's numbers depend on the seed and its own number only, not on the block it is in. Lanes step eight runs at
+    once and agree with one run at a time to rounding; lanes None takes them where compiled code is available.
     """
     use_lanes = not config.DISABLE_JIT if lanes is None else lanes
     width = WIDTH if use_lanes else 1

@@ -73,7 +73,8 @@ def _schedule(
     n_imu: int, per_window: int, hist_tick: np.ndarray[Any, Any], epoch_tick: np.ndarray[Any, Any]
 ) -> tuple[Schedule, np.ndarray[Any, Any]]:
     """Cut the flight into windows at covariance steps, epochs and history times; a second history time on the same tick
-    gets a window of no ticks. Returns the schedule and the distinct window lengths in ticks."""
+    gets a window of no ticks. Returns the schedule and the distinct window lengths in ticks.
+    """
     bounds = np.unique(np.concatenate([np.arange(0, n_imu + 1, per_window), hist_tick, epoch_tick, [0, n_imu]]))
     epoch_at = {int(tick): index for index, tick in enumerate(epoch_tick)}
     hist_at: dict[int, list[int]] = {}
@@ -98,7 +99,10 @@ def _unit(card: ImuCard, ref: Reference, blocks: tuple[ErrorBlock, ...]) -> Unit
     step = process_ticks * dt
     decay = np.array([math.exp(-step / b.time_constant) for b in blocks])
     walk = np.array(
-        [math.hypot(b.walk * math.sqrt(step), b.sigma * math.sqrt(-math.expm1(-2.0 * step / b.time_constant))) for b in blocks]
+        [
+            math.hypot(b.walk * math.sqrt(step), b.sigma * math.sqrt(-math.expm1(-2.0 * step / b.time_constant)))
+            for b in blocks
+        ]
     )
     ramps = (card.gyro.temperature, card.accel.temperature)
     return Unit(

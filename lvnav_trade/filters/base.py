@@ -7,10 +7,11 @@ from typing import Literal
 from pydantic import Field
 
 from lvnav_trade.units import (
+    Acceleration,
+    AccelerationRandomWalk,
     Angle,
     AngleRandomWalk,
     AngularRate,
-    Acceleration,
     Card,
     Duration,
     Fraction,
@@ -18,7 +19,6 @@ from lvnav_trade.units import (
     GSensitivity,
     Length,
     RateRandomWalk,
-    AccelerationRandomWalk,
     Speed,
     VelocityRandomWalk,
 )

@@ -29,8 +29,9 @@ class Belief(NamedTuple):
 
     kind (INERTIAL, LOOSE, TIGHT); gravity code; block_rows, block_columns, block_kinds, block_drivers (n_block,);
     seconds (n_length,) distinct window lengths, decay and noise (n_length, n_state) per length; clock index;
-    n_estimated, n_state; par_sensor, par_driver, par_offset (n_par,); lean (only biases are carried); fading (any decay);
-    gate_squared; joseph; variance (4,) by row type; n_entry (4,), entry and column (4, 10) by row type; lever (3,) m.
+    n_estimated, n_state; par_sensor, par_driver, par_offset (n_par,); lean (only biases are carried); fading (any
+    decay); gate_squared; joseph; variance (4,) by row type; n_entry (4,), entry and column (4, 10) by row type;
+    lever (3,) m.
     """
 
     kind: int
@@ -148,7 +149,12 @@ def _row_tables(layout: StateLayout, has_lever: bool) -> tuple[Ints, Ints, Ints]
     attitude = [(H_ATT + i, ATT + i) for i in range(3)] if has_lever else []
     bias = [(H_CLOCK, layout.clock)] if layout.clock >= 0 else []
     drift = [(H_CLOCK, layout.clock + 1)] if layout.clock >= 0 else []
-    types = [position + attitude + bias, position + attitude + velocity + drift, position + attitude, velocity + attitude]
+    types = [
+        position + attitude + bias,
+        position + attitude + velocity + drift,
+        position + attitude,
+        velocity + attitude,
+    ]
     count = np.array([len(pairs) for pairs in types], dtype=np.int64)
     entry, column = np.zeros((N_ROW_TYPE, 10), dtype=np.int64), np.zeros((N_ROW_TYPE, 10), dtype=np.int64)
     for t, pairs in enumerate(types):

@@ -20,7 +20,16 @@ from lvnav_trade.observables.base import antenna, line_of_sight
 def predict_window(work, belief, length):
     """Propagate covariance, fading parameters and clock estimate over a window of a known length index."""
     seconds = belief.seconds[length]
-    transition.fill(work.D, belief.block_kinds, belief.block_drivers, work.sums, work.nav[R], work.nav[R + 1], work.nav[R + 2], seconds)
+    transition.fill(
+        work.D,
+        belief.block_kinds,
+        belief.block_drivers,
+        work.sums,
+        work.nav[R],
+        work.nav[R + 1],
+        work.nav[R + 2],
+        seconds,
+    )
     predict(
         work.P, work.X, work.D, belief.block_rows, belief.block_columns, belief.decay[length], belief.noise[length],
         belief.clock, seconds,

@@ -21,7 +21,9 @@ def _source_digest(package: Path) -> str:
 
 
 def _set_cache_folder() -> None:
-    """Point numba at a per-version folder, before numba is first imported; a folder of the user's own is kept as root."""
+    """Point numba at a per-version folder, before numba is first imported; a folder of the user's own is kept as
+    root.
+    """
     root = os.environ.get("NUMBA_CACHE_DIR") or os.path.join(
         os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "lvnav_trade"
     )
@@ -39,4 +41,5 @@ numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
 
 def jit(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a kernel: cached, without the interpreter lock, division by zero gives inf or NaN as in numpy."""
-    return numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=False)(function)  # type: ignore[no-any-return]
+    compiled = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=False)(function)
+    return compiled  # type: ignore[no-any-return]

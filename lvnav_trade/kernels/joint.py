@@ -23,7 +23,9 @@ def apply_phi(y, work, blocks, rows, columns, decay, clock, seconds):
     for b in range(rows.shape[0]):
         r, c = rows[b], columns[b]
         for i in range(3):
-            y[r + i] += blocks[b, 3 * i] * work[c] + blocks[b, 3 * i + 1] * work[c + 1] + blocks[b, 3 * i + 2] * work[c + 2]
+            y[r + i] += (
+                blocks[b, 3 * i] * work[c] + blocks[b, 3 * i + 1] * work[c + 1] + blocks[b, 3 * i + 2] * work[c + 2]
+            )
     for i in range(N_NAV_ERROR, n):
         y[i] = y[i] * decay[i]
     if clock >= 0:
@@ -32,7 +34,8 @@ def apply_phi(y, work, blocks, rows, columns, decay, clock, seconds):
 
 @jit
 def propagate_component(P, y, b, g, work, variance, fade, wander, blocks, rows, columns, decay, clock, seconds):
-    """Propagate one parameter component: P (n, n) its source's covariance of e, without the Phi P Phi' part; y (n,) = Cov(e, c).
+    """Propagate one parameter component: P (n, n) its source's covariance of e, without the Phi P Phi' part; y (n,)
+    = Cov(e, c).
 
     b, g (n,): how c and its driving noise enter e. variance: of c before the step; fade: f; wander: variance of w.
     P and y are updated; returns the variance of c after the step.
@@ -62,7 +65,7 @@ def propagate_component(P, y, b, g, work, variance, fade, wander, blocks, rows, 
 
 @jit
 def update_vector(y, gain, h, entries, columns):
-    """y <- (I - k h) y; return h y before the update."""
+    """Y <- (I - k h) y; return h y before the update."""
     projected = 0.0
     for c in range(columns.shape[0]):
         projected += h[entries[c]] * y[columns[c]]

@@ -1,8 +1,9 @@
 """f64x8: eight runs in one value, so that a kernel written for one run steps eight.
 
-A kernel is written for one run, in plain indexing: ``P[i, j] = P[i, j] - gain * K[j]``. Given float64 arrays it steps one
-run; given views made by `view` of arrays whose last axis has `WIDTH` runs it steps eight at once. The source must be
-*lane-clean*: no branch on a value that differs between runs (use `where`), accumulators that start from `like`.
+A kernel is written for one run, in plain indexing: ``P[i, j] = P[i, j] - gain * K[j]``. Given float64 arrays it
+steps one run; given views made by `view` of arrays whose last axis has `WIDTH` runs it steps eight at once. The
+source must be *lane-clean*: no branch on a value that differs between runs (use `where`), accumulators that start
+from `like`.
 
 The lane types are numba extension types on LLVM vectors; LLVM splits them where the processor is narrower. With
 ``NUMBA_DISABLE_JIT=1`` only the one-run form exists, and every name here is an ordinary Python function.
@@ -12,90 +13,29 @@ from __future__ import annotations
 
 import math
 import operator
-from typing import Any
 
 import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic, overload
 
-from lvnav_trade.kernels.jit import jit
-
-WIDTH = 8
-
-# ruff: noqa: ANN001, ANN202  (bodies inside @intrinsic and @overload are typed by numba, not by annotations)
-from llvmlite import ir  # noqa: E402
-from numba import types  # noqa: E402
-from numba.core import cgutils  # noqa: E402
-from numba.extending import intrinsic, models, overload, register_model  # noqa: E402
-
-_DOUBLES = ir.VectorType(ir.DoubleType(), WIDTH)
-_WORDS = ir.VectorType(ir.IntType(64), WIDTH)
-_FLAGS = ir.VectorType(ir.IntType(1), WIDTH)
-
-
-class F64x8(types.Type):
-    """Eight float64."""
-
-    def __init__(self) -> None:
-        super().__init__(name="f64x8")
-
-
-class U64x8(types.Type):
-    """Eight unsigned 64-bit words."""
-
-    def __init__(self) -> None:
-        super().__init__(name="u64x8")
-
-
-class Mask8(types.Type):
-    """Eight truth values."""
-
-    def __init__(self) -> None:
-        super().__init__(name="mask8")
-
-
-class LaneView(types.Type):
-    """An array whose last axis is eight runs, indexed as if that axis were not there; it does not own its memory."""
-
-    def __init__(self, item: Any, ndim: int) -> None:
-        self.item, self.ndim = item, ndim
-        super().__init__(name=f"LaneView({item}, {ndim})")
-
-
-f64x8, u64x8, mask8 = F64x8(), U64x8(), Mask8()
-
-
-@register_model(F64x8)
-class _DoublesModel(models.PrimitiveModel):
-    def __init__(self, dmm, fe_type):
-        super().__init__(dmm, fe_type, _DOUBLES)
-
-
-@register_model(U64x8)
-class _WordsModel(models.PrimitiveModel):
-    def __init__(self, dmm, fe_type):
-        super().__init__(dmm, fe_type, _WORDS)
-
-
-@register_model(Mask8)
-class _FlagsModel(models.PrimitiveModel):
-    def __init__(self, dmm, fe_type):
-        super().__init__(dmm, fe_type, _FLAGS)
-
-
-@register_model(LaneView)
-class _ViewModel(models.StructModel):
-    def __init__(self, dmm, fe_type):
-        scalar = types.float64 if fe_type.item is f64x8 else types.uint64
-        members = [("data", types.CPointer(scalar))] + [(f"n{axis}", types.intp) for axis in range(fe_type.ndim)]
-        super().__init__(dmm, fe_type, members)
-
-
-def _is_lane(*kinds: Any) -> bool:
-    return all(isinstance(kind, F64x8) for kind in kinds)
-
-
-def _is_number(kind: Any) -> bool:
-    return isinstance(kind, types.Float | types.Integer)
-
+from lvnav_trade.kernels.vector import (
+    DOUBLES,
+    FLAGS,
+    WIDTH,
+    WORDS,
+    LaneView,
+    Mask8,
+    U64x8,
+    f64x8,
+    is_lane,
+    is_number,
+    mask8,
+    splat,
+    splat_word,
+    u64x8,
+)
 
 # ---------------------------------------------------------------------------------------------- views
 
@@ -149,7 +89,7 @@ def _indices(context, builder, kind, value):
 def _lane_pointer(context, builder, lane_view, view_value, index_kind, index_value):
     proxy = cgutils.create_struct_proxy(lane_view)(context, builder, value=view_value)
     offset = _offset(builder, proxy, _indices(context, builder, index_kind, index_value))
-    vector = _DOUBLES if lane_view.item is f64x8 else _WORDS
+    vector = DOUBLES if lane_view.item is f64x8 else WORDS
     return builder.bitcast(builder.gep(proxy.data, [offset]), vector.as_pointer())
 
 
@@ -220,8 +160,8 @@ def _setitem(v, index, value):
         return None
     if value is v.item:
         return lambda v, index, value: _store(v, index, value)
-    if v.item is f64x8 and _is_number(value):
-        return lambda v, index, value: _store(v, index, _splat(float(value)))
+    if v.item is f64x8 and is_number(value):
+        return lambda v, index, value: _store(v, index, splat(float(value)))
     return None
 
 
@@ -235,146 +175,6 @@ def _size(array, axis):
     if isinstance(array, LaneView):
         return lambda array, axis: _view_shape(array)[axis]
     return lambda array, axis: array.shape[axis]
-
-
-# ----------------------------------------------------------------------------------------- arithmetic
-
-
-def _broadcast(builder, vector, value):
-    undefined = ir.Constant(vector, ir.Undefined)
-    one = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
-    return builder.shuffle_vector(one, undefined, ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [0] * WIDTH))
-
-
-@intrinsic
-def _splat(typingctx, x):
-    def codegen(context, builder, sig, args):
-        return _broadcast(builder, _DOUBLES, args[0])
-
-    return f64x8(types.float64), codegen
-
-
-@intrinsic
-def _splat_word(typingctx, x):
-    def codegen(context, builder, sig, args):
-        return _broadcast(builder, _WORDS, args[0])
-
-    return u64x8(types.uint64), codegen
-
-
-def _float_operator(symbol, instruction):
-    @intrinsic
-    def vector_op(typingctx, a, b):
-        def codegen(context, builder, sig, args):
-            return getattr(builder, instruction)(args[0], args[1], flags=("contract",))
-
-        return f64x8(f64x8, f64x8), codegen
-
-    @overload(symbol)
-    def dispatch(a, b):
-        if _is_lane(a, b):
-            return lambda a, b: vector_op(a, b)
-        if _is_lane(a) and _is_number(b):
-            return lambda a, b: vector_op(a, _splat(float(b)))
-        if _is_number(a) and _is_lane(b):
-            return lambda a, b: vector_op(_splat(float(a)), b)
-        return None
-
-
-def _word_operator(symbol, instruction):
-    @intrinsic
-    def vector_op(typingctx, a, b):
-        def codegen(context, builder, sig, args):
-            return getattr(builder, instruction)(args[0], args[1])
-
-        return u64x8(u64x8, u64x8), codegen
-
-    @overload(symbol)
-    def dispatch(a, b):
-        if isinstance(a, U64x8) and isinstance(b, U64x8):
-            return lambda a, b: vector_op(a, b)
-        if isinstance(a, U64x8) and isinstance(b, types.Integer):
-            return lambda a, b: vector_op(a, _splat_word(np.uint64(b)))
-        if isinstance(a, types.Integer) and isinstance(b, U64x8):
-            return lambda a, b: vector_op(_splat_word(np.uint64(a)), b)
-        return None
-
-
-def _comparison(symbol, predicate):
-    @intrinsic
-    def compare(typingctx, a, b):
-        def codegen(context, builder, sig, args):
-            return builder.fcmp_ordered(predicate, args[0], args[1])
-
-        return mask8(f64x8, f64x8), codegen
-
-    @overload(symbol)
-    def dispatch(a, b):
-        if _is_lane(a, b):
-            return lambda a, b: compare(a, b)
-        if _is_lane(a) and _is_number(b):
-            return lambda a, b: compare(a, _splat(float(b)))
-        if _is_number(a) and _is_lane(b):
-            return lambda a, b: compare(_splat(float(a)), b)
-        return None
-
-
-for _symbol, _instruction in (
-    (operator.add, "fadd"),
-    (operator.iadd, "fadd"),
-    (operator.sub, "fsub"),
-    (operator.isub, "fsub"),
-    (operator.mul, "fmul"),
-    (operator.imul, "fmul"),
-    (operator.truediv, "fdiv"),
-):
-    _float_operator(_symbol, _instruction)
-for _symbol, _instruction in (
-    (operator.add, "add"),
-    (operator.mul, "mul"),
-    (operator.xor, "xor"),
-    (operator.and_, "and_"),
-    (operator.or_, "or_"),
-    (operator.lshift, "shl"),
-    (operator.rshift, "lshr"),
-):
-    _word_operator(_symbol, _instruction)
-for _symbol, _predicate in ((operator.lt, "<"), (operator.le, "<="), (operator.gt, ">"), (operator.ge, ">="), (operator.eq, "==")):
-    _comparison(_symbol, _predicate)
-
-
-@intrinsic
-def _negate(typingctx, a):
-    def codegen(context, builder, sig, args):
-        return builder.fneg(args[0])
-
-    return f64x8(f64x8), codegen
-
-
-@overload(operator.neg)
-def _neg(a):
-    if _is_lane(a):
-        return lambda a: _negate(a)
-    return None
-
-
-def _mask_operator(symbol, instruction):
-    @intrinsic
-    def mask_op(typingctx, a, b):
-        def codegen(context, builder, sig, args):
-            return getattr(builder, instruction)(args[0], args[1])
-
-        return mask8(mask8, mask8), codegen
-
-    @overload(symbol)
-    def dispatch(a, b):
-        if isinstance(a, Mask8) and isinstance(b, Mask8):
-            return lambda a, b: mask_op(a, b)
-        return None
-
-
-_mask_operator(operator.and_, "and_")
-_mask_operator(operator.or_, "or_")
 
 
 # ------------------------------------------------------------------------------------- named functions
@@ -396,12 +196,12 @@ def where(condition, a, b):
 @overload(where)
 def _where(condition, a, b):
     if isinstance(condition, Mask8):
-        if _is_lane(a) and _is_number(b):
-            return lambda condition, a, b: _select(condition, a, _splat(float(b)))
-        if _is_number(a) and _is_lane(b):
-            return lambda condition, a, b: _select(condition, _splat(float(a)), b)
-        if _is_number(a) and _is_number(b):
-            return lambda condition, a, b: _select(condition, _splat(float(a)), _splat(float(b)))
+        if is_lane(a) and is_number(b):
+            return lambda condition, a, b: _select(condition, a, splat(float(b)))
+        if is_number(a) and is_lane(b):
+            return lambda condition, a, b: _select(condition, splat(float(a)), b)
+        if is_number(a) and is_number(b):
+            return lambda condition, a, b: _select(condition, splat(float(a)), splat(float(b)))
         return lambda condition, a, b: _select(condition, a, b)
     return lambda condition, a, b: a if condition else b
 
@@ -410,7 +210,7 @@ def _vector_intrinsic(name):
     @intrinsic
     def call(typingctx, a):
         def codegen(context, builder, sig, args):
-            signature = ir.FunctionType(_DOUBLES, [_DOUBLES])
+            signature = ir.FunctionType(DOUBLES, [DOUBLES])
             function = cgutils.get_or_insert_function(builder.module, signature, f"{name}.v{WIDTH}f64")
             return builder.call(function, [args[0]])
 
@@ -429,7 +229,7 @@ def sqrt(x):
 
 @overload(sqrt)
 def _sqrt(x):
-    if _is_lane(x):
+    if is_lane(x):
         return lambda x: _vector_sqrt(x)
     return lambda x: math.sqrt(x)
 
@@ -441,7 +241,7 @@ def magnitude(x):
 
 @overload(magnitude)
 def _magnitude(x):
-    if _is_lane(x):
+    if is_lane(x):
         return lambda x: _vector_abs(x)
     return lambda x: abs(x)
 
@@ -450,7 +250,7 @@ def _reduction(function, name):
     @intrinsic
     def reduce(typingctx, mask):
         def codegen(context, builder, sig, args):
-            signature = ir.FunctionType(ir.IntType(1), [_FLAGS])
+            signature = ir.FunctionType(ir.IntType(1), [FLAGS])
             reducer = cgutils.get_or_insert_function(builder.module, signature, f"{name}.v{WIDTH}i1")
             return builder.call(reducer, [args[0]])
 
@@ -484,8 +284,8 @@ def like(x, number):
 
 @overload(like)
 def _like(x, number):
-    if _is_lane(x) or isinstance(x, U64x8):
-        return lambda x, number: _splat(float(number))
+    if is_lane(x) or isinstance(x, U64x8):
+        return lambda x, number: splat(float(number))
     return lambda x, number: float(number)
 
 
@@ -497,7 +297,7 @@ def word_like(x, number):
 @overload(word_like)
 def _word_like(x, number):
     if isinstance(x, U64x8):
-        return lambda x, number: _splat_word(np.uint64(number))
+        return lambda x, number: splat_word(np.uint64(number))
     return lambda x, number: np.uint64(number)
 
 
@@ -539,13 +339,24 @@ def to_float(word):
 
 
 _DOUBLE, _WORD = ir.DoubleType(), ir.IntType(64)
-_conversion(bits, f64x8, u64x8, types.float64, types.uint64, lambda b, a: b.bitcast(a, _WORDS), lambda b, a: b.bitcast(a, _WORD))
 _conversion(
-    from_bits, u64x8, f64x8, types.uint64, types.float64, lambda b, a: b.bitcast(a, _DOUBLES), lambda b, a: b.bitcast(a, _DOUBLE)
+    bits, f64x8, u64x8, types.float64, types.uint64, lambda b, a: b.bitcast(a, WORDS), lambda b, a: b.bitcast(a, _WORD)
 )
-_conversion(to_float, u64x8, f64x8, types.uint64, types.float64, lambda b, a: b.uitofp(a, _DOUBLES), lambda b, a: b.uitofp(a, _DOUBLE))
-
-
-__all__ = [
-    "WIDTH", "all_of", "any_of", "bits", "from_bits", "jit", "like", "magnitude", "size", "sqrt", "to_float", "view", "where", "word_like",
-]  # fmt: skip
+_conversion(
+    from_bits,
+    u64x8,
+    f64x8,
+    types.uint64,
+    types.float64,
+    lambda b, a: b.bitcast(a, DOUBLES),
+    lambda b, a: b.bitcast(a, _DOUBLE),
+)
+_conversion(
+    to_float,
+    u64x8,
+    f64x8,
+    types.uint64,
+    types.float64,
+    lambda b, a: b.uitofp(a, DOUBLES),
+    lambda b, a: b.uitofp(a, _DOUBLE),
+)

@@ -1,7 +1,8 @@
 """Error parameters of an inertial unit in one run: how they start, wander, and corrupt increments.
 
-Parameters come in blocks of three (one per axis of a sensor); what a block multiplies is its driver (see transition). Before
-the ticks they are gathered into one table per sensor, so that a tick costs the same however many sources a card names.
+Parameters come in blocks of three (one per axis of a sensor); what a block multiplies is its driver (see
+transition). Before the ticks they are gathered into one table per sensor, so that a tick costs the same however many
+sources a card names.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import numpy as np
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like, size
 from lvnav_trade.kernels.random import normals
-from lvnav_trade.kernels.transition import CONSTANT, OTHER_0, OTHER_2, OWN_0, OWN_1, OWN_2, SQUARE
+from lvnav_trade.kernels.transition import CONSTANT, OTHER_0, OTHER_2, OWN_0, OWN_2
 
 # A sensor's table: constant (3), matrix on its own increments (9), on the other sensor's (9), on their squares (3).
 BIAS, OWN, OTHER, SQUARES, N_TABLE = 0, 3, 12, 21, 24
@@ -123,14 +124,17 @@ def corrupt(increments, at, first_tick, n_tick, dtheta, dvel, gyro, accel, noise
         if noise[2 + sensor] > 0.0:
             for k in range(at, at + n_tick):
                 for axis in range(3 * sensor, 3 * sensor + 3):
-                    increments[k, axis], remainder[axis] = quantise(increments[k, axis], remainder[axis], noise[2 + sensor])
+                    increments[k, axis], remainder[axis] = quantise(
+                        increments[k, axis], remainder[axis], noise[2 + sensor]
+                    )
 
 
 @jit
 def compensate(increments, n_tick, gyro, accel, lean, dt):
     """Take the filter's estimate of the unit's errors off the window's increments: increments updated.
 
-    The parameters multiply the true input; the measured one stands for it in a first pass and the corrected in a second.
+    The parameters multiply the true input; the measured one stands for it in a first pass and the corrected in a
+    second.
     """
     for k in range(n_tick):
         if lean:

@@ -50,7 +50,8 @@ def philox(c0, c1, c2, c3, k0, k1):
 def log_unit(x):
     """Return the natural logarithm of a normal float64 in (0, 2), to 2 ulp (absolute 1e-16 near 1).
 
-    The mantissa is taken between sqrt(1/2) and sqrt(2); 2 atanh((m - 1) / (m + 1)) by its series, remainder below 1e-18.
+    The mantissa is taken between sqrt(1/2) and sqrt(2); 2 atanh((m - 1) / (m + 1)) by its series, remainder below
+    1e-18.
     """
     word = bits(x)
     exponent = to_float(word >> _52) - 1023.0

@@ -30,7 +30,8 @@ def gravity(kind, x, y, z):
 def mechanise(nav, sums, previous, increments, n_tick, dt, kind):
     """Advance the navigation state over the first `n_tick` increments.
 
-    Two-sample coning and sculling with the previous tick (Savage 1998, parts 1 and 2); gravity at the middle of each tick.
+    Two-sample coning and sculling with the previous tick (Savage 1998, parts 1 and 2); gravity at the middle of each
+    tick.
 
     Parameters
     ----------

@@ -1,13 +1,13 @@
 """Transition of the error state over a window, as a list of 3 x 3 blocks.
 
-Error is truth minus estimate; attitude error is the small rotation from estimate to truth, in frame i. With C = C_b_i, f_i
-specific force, G the gravity gradient and p an error parameter of the inertial unit whose driver is u (one, a rate, a
-specific force, its square, per axis):
+Error is truth minus estimate; attitude error is the small rotation from estimate to truth, in frame i. With C =
+C_b_i, f_i specific force, G the gravity gradient and p an error parameter of the inertial unit whose driver is u
+(one, a rate, a specific force, its square, per axis):
 
     d(att)/dt = -C diag(u) p_gyro,  d(vel)/dt = -[f_i x] att + G pos - C diag(u) p_accel,  d(pos)/dt = vel
 
-The blocks hold Phi - I to second order in the window (third where a gyro parameter reaches position), with the integrals
-of C and of f_i over the window that the strapdown has summed, so thrust may vary within it.
+The blocks hold Phi - I to second order in the window (third where a gyro parameter reaches position), with the
+integrals of C and of f_i over the window that the strapdown has summed, so thrust may vary within it.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ CONSTANT, OWN_0, OWN_1, OWN_2, OTHER_0, OTHER_1, OTHER_2, SQUARE = range(8)
 def driver(kind, own_x, own_y, own_z, other_x, other_y, other_z):
     """Return per axis what a parameter of this kind multiplies; `own` and `other` are mean rates of the two sensors.
 
-    OWN_k is the sensor's own input rolled by k axes (scale factor, two misalignments); OTHER_k the other sensor's axis k
-    on all axes (g-sensitivity); SQUARE the square of the own input.
+    OWN_k is the sensor's own input rolled by k axes (scale factor, two misalignments); OTHER_k the other sensor's
+    axis k on all axes (g-sensitivity); SQUARE the square of the own input.
     """
     if kind == CONSTANT:
         one = 0.0 * own_x + 1.0
@@ -97,7 +97,7 @@ def parameter_block(block, kind, driven_by, sums, seconds):
     """Set a block of an inertial-unit parameter: kinds ATT_GYRO to POS_ACCEL."""
     th = (sums[SUM_TH] / seconds, sums[SUM_TH + 1] / seconds, sums[SUM_TH + 2] / seconds)
     f = (sums[SUM_F] / seconds, sums[SUM_F + 1] / seconds, sums[SUM_F + 2] / seconds)
-    if kind == VEL_ACCEL or kind == POS_ACCEL:
+    if kind in (VEL_ACCEL, POS_ACCEL):
         ux, uy, uz = driver(driven_by, f[0], f[1], f[2], th[0], th[1], th[2])
         _column(block, -1.0 if kind == VEL_ACCEL else -0.5 * seconds, sums, ux, uy, uz)
     else:
@@ -126,7 +126,7 @@ def fill(blocks, kinds, drivers, sums, x, y, z, seconds):
             _skew(block, -sums[SUM_S], -sums[SUM_S + 1], -sums[SUM_S + 2])
         elif kind == VEL_POS:
             _gradient(block, seconds, x, y, z)
-        elif kind == VEL_VEL or kind == POS_POS:
+        elif kind in (VEL_VEL, POS_POS):
             _gradient(block, 0.5 * seconds * seconds, x, y, z)
         elif kind == POS_VEL:
             for i in range(9):

@@ -1,0 +1,1 @@
+"""Scalar measurements, truth side and belief side together."""

@@ -1,7 +1,7 @@
 """Geometry that every GNSS row needs: the antenna, the line of sight, and a row's form.
 
-A row is z - z_hat = h . x + v with x = truth minus estimate. Its entries stand for the columns of `COLUMNS`: position (3),
-attitude (3), velocity (3), clock (1); a row type uses the first so many of them that it needs.
+A row is z - z_hat = h . x + v with x = truth minus estimate. Its entries stand for the columns of `COLUMNS`:
+position (3), attitude (3), velocity (3), clock (1); a row type uses the first so many of them that it needs.
 """
 
 from __future__ import annotations
@@ -33,7 +33,9 @@ def antenna(out, nav, rate, lever):
 
 @jit
 def line_of_sight(satellite, at):
-    """Return unit vector from antenna to satellite and their distance; satellite (3,) m, frame i; `at` as of `antenna`."""
+    """Return unit vector from antenna to satellite and their distance; satellite (3,) m, frame i; `at` as of
+    `antenna`.
+    """
     dx, dy, dz = satellite[0] - at[0], satellite[1] - at[1], satellite[2] - at[2]
     distance = sqrt(dx * dx + dy * dy + dz * dz)
     scale = 1.0 / distance

@@ -11,8 +11,8 @@ from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_VEL
 def row(h, at, satellite_velocity, ux, uy, uz, distance, clock_drift):
     """Set the row and return the predicted range rate (m/s).
 
-    As `pseudorange.row`; satellite_velocity (3,) is the derivative of the satellite's position at transmission with respect
-    to reception time, frame i.
+    As `pseudorange.row`; satellite_velocity (3,) is the derivative of the satellite's position at transmission with
+    respect to reception time, frame i.
     """
     wx = satellite_velocity[0] - at[3]
     wy = satellite_velocity[1] - at[4]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
 from pydantic import Field
 from scipy.signal import lfilter
 

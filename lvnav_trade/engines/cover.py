@@ -1,0 +1,316 @@
+"""One pass over the nominal flight: the filter's covariance by its own model, the true one by the truth's, by
+source.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.engines.flight import ramp_value
+from lvnav_trade.engines.truth import REMAINDER
+from lvnav_trade.filters.belief import INERTIAL, POSITION, PSEUDORANGE, RANGE_RATE, TIGHT, VELOCITY
+from lvnav_trade.filters.ekf import fill_loose, fill_tight, place_antenna
+from lvnav_trade.kernels import transition
+from lvnav_trade.kernels.covariance import absorb, predict
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.joint import apply_phi, propagate_component, update_covariance, update_vector
+from lvnav_trade.kernels.strapdown import J4, Q, R, V, gravity, mechanise
+from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL, parameter_block
+from lvnav_trade.records import Floats
+
+Ints = NDArray[np.int64]
+
+
+class Nominal(NamedTuple):
+    """The one nominal run, in the form that the strapdown and the filter's rows take: see engines.flight.Work."""
+
+    nav: Floats
+    sums: Floats
+    previous: Floats
+    increments: Floats
+    antenna: Floats
+    rate: Floats
+    H: Floats
+    z: Floats
+    ranges: Floats
+    solution: Floats
+    clock_hat: Floats
+
+
+class Joint(NamedTuple):
+    """The state of the pass, updated: formal (n, n) the filter's covariance; sources (n_source, n, n) the true
+    error's by source; cross (n_block, 3, n) Cov(e, c); variance (n_block, 3) of c; mean (n,) of e; ramp (2, 3)
+    present value.
+    """
+
+    formal: Floats
+    sources: Floats
+    cross: Floats
+    variance: Floats
+    mean: Floats
+    ramp: Floats
+
+
+class Scratch(NamedTuple):
+    """Work arrays: X (n, n); D, D_true (n_block, 9); y (n,); b, g (3, n); block (9,); K, x, gain (n,)."""
+
+    X: Floats
+    D: Floats
+    D_true: Floats
+    y: Floats
+    b: Floats
+    g: Floats
+    block: Floats
+    K: Floats
+    x: Floats
+    gain: Floats
+
+
+class Cover(NamedTuple):
+    """What the pass fills: formal, true (n_hist, n, n) frame i; mean (n_hist, n) frame i; budget (n_hist, n_source, n)
+    variances in reporting axes; n_row, expected_nis (n_epoch,).
+    """
+
+    formal: Floats
+    true: Floats
+    mean: Floats
+    budget: Floats
+    n_row: Ints
+    expected_nis: Floats
+
+
+@jit
+def _fill_inputs(b, g, block, j, true, sums, seconds, decay, fade):
+    """Set how the three components of block j and their driving noise enter e: b, g (3, n), minus what the filter's own
+    estimate of the same thing takes off.
+    """
+    for axis in range(3):
+        for i in range(b.shape[1]):
+            b[axis, i], g[axis, i] = 0.0, 0.0
+    sensor, driven_by, matched = true.sensor[j], true.driver[j], true.matched[j]
+    at = ATT if sensor == GYRO else VEL
+    if driven_by == REMAINDER:
+        if seconds > 0.0:
+            for axis in range(3):
+                for i in range(3):
+                    turn = sums[3 * i + axis] / seconds
+                    b[axis, at + i], g[axis, at + i] = turn, -turn
+        return
+    if matched >= 0:
+        # the filter takes off its estimate with the same blocks, so only what the estimate misses remains: in e already
+        for axis in range(3):
+            b[axis, matched + axis] = fade - decay[matched + axis]
+            g[axis, matched + axis] = 1.0
+        return
+    if seconds == 0.0:
+        return
+    first, last = (
+        (transition.ATT_GYRO, transition.POS_GYRO) if sensor == GYRO else (transition.VEL_ACCEL, transition.POS_ACCEL)
+    )
+    for kind in range(first, last + 1):
+        parameter_block(block, kind, driven_by, sums, seconds)
+        for i in range(3):
+            for axis in range(3):
+                b[axis, at + i] = block[3 * i + axis]
+        at = VEL if at == ATT else POS
+
+
+@jit
+def _advance_mean(mean, deviation, sums, gravity_error, seconds):
+    """Add what is the same in every run: sensed minus true increments (bandwidth), and a gravity model that is not
+    the truth's.
+    """
+    for i in range(3):
+        turned, pushed = 0.0, 0.0
+        for axis in range(3):
+            turned += sums[3 * i + axis] * deviation[axis] / seconds
+            pushed += sums[3 * i + axis] * deviation[3 + axis] / seconds
+        mean[ATT + i] -= turned
+        mean[VEL + i] += gravity_error[i] * seconds - pushed
+        mean[POS + i] += 0.5 * seconds * (gravity_error[i] * seconds - pushed)
+
+
+@jit
+def _propagate_parameters(joint, scratch, sums, true, unit, belief, length, middle):
+    """Let every true parameter act over a window, in its source's covariance or, for a ramp, in the mean."""
+    seconds, decay = belief.seconds[length], belief.decay[length]
+    for j in range(true.sensor.shape[0]):
+        fade = true.fade[length, j]
+        _fill_inputs(scratch.b, scratch.g, scratch.block, j, true, sums, seconds, decay, fade)
+        s, ramped = true.source[j], true.ramp[j]
+        for axis in range(3):
+            b, g = scratch.b[axis], scratch.g[axis]
+            if ramped >= 0:
+                value = ramp_value(unit, ramped, axis, middle)
+                change = value - joint.ramp[ramped, axis]
+                joint.ramp[ramped, axis] = value
+                for i in range(b.shape[0]):
+                    joint.mean[i] += b[i] * value + g[i] * change
+            else:
+                joint.variance[j, axis] = propagate_component(
+                    joint.sources[s], joint.cross[j, axis], b, g, scratch.y, joint.variance[j, axis], fade,
+                    true.wander[length, j], scratch.D_true, true.nav_rows, true.nav_columns, decay, belief.clock,
+                    seconds,
+                )  # fmt: skip
+
+
+@jit
+def _propagate(joint, scratch, nominal, true, unit, belief, length, first, n_tick, reference):
+    """Propagate everything over one window: the filter's own covariance by its model, each source's by the truth's."""
+    seconds, decay, sums, nav = belief.seconds[length], belief.decay[length], nominal.sums, nominal.nav
+    x, y, z = nav[R], nav[R + 1], nav[R + 2]
+    transition.fill(scratch.D, belief.block_kinds, belief.block_drivers, sums, x, y, z, seconds)
+    predict(
+        joint.formal, scratch.X, scratch.D, belief.block_rows, belief.block_columns, decay, belief.noise[length],
+        belief.clock, seconds,
+    )  # fmt: skip
+    transition.fill(scratch.D_true, true.nav_kinds, true.nav_drivers, sums, x, y, z, seconds)
+    rows, columns = true.nav_rows, true.nav_columns
+    for i in range(joint.sources.shape[0]):
+        noise = true.noise[i, length]
+        predict(joint.sources[i], scratch.X, scratch.D_true, rows, columns, decay, noise, belief.clock, seconds)
+    apply_phi(joint.mean, scratch.y, scratch.D_true, rows, columns, decay, belief.clock, seconds)
+    _propagate_parameters(
+        joint, scratch, sums, true, unit, belief, length, unit.start + unit.dt * (first + 0.5 * n_tick)
+    )
+    deviation, gravity_error = _deviation(unit, nav, belief, first, n_tick, reference)
+    _advance_mean(joint.mean, deviation, sums, gravity_error, seconds)
+
+
+@jit
+def _deviation(unit, nav, belief, first, n_tick, reference):
+    """Return sensed minus true increments summed over a window (6,), and the error of the filter's gravity (3,)."""
+    deviation = np.zeros(6)
+    for k in range(first, first + n_tick):
+        for axis in range(3):
+            deviation[axis] += unit.dtheta[k, axis] - reference.dtheta[k, axis]
+            deviation[3 + axis] += unit.dvel[k, axis] - reference.dvel[k, axis]
+    x, y, z = nav[R], nav[R + 1], nav[R + 2]
+    true, own = gravity(J4, x, y, z), gravity(belief.gravity, x, y, z)
+    return deviation, np.array([true[0] - own[0], true[1] - own[1], true[2] - own[2]])
+
+
+@jit
+def _absorb_true(joint, scratch, h, kind, true, belief):
+    """Absorb one row in the filter's covariance, and with that gain in every source and in the mean; return the
+    expected square of its normalised innovation.
+    """
+    n = belief.n_entry[kind]
+    entries, columns = belief.entry[kind, :n], belief.column[kind, :n]
+    K, gain = scratch.K, scratch.gain
+    _, weight = absorb(
+        joint.formal,
+        scratch.x,
+        K,
+        h,
+        entries,
+        columns,
+        0.0,
+        belief.variance[kind],
+        np.inf,
+        belief.n_estimated,
+        belief.joseph,
+    )
+    for i in range(gain.shape[0]):
+        gain[i] = K[i] * weight if i < belief.n_estimated else 0.0
+    spread = true.row_variance[kind]
+    for i in range(joint.sources.shape[0]):
+        noise = true.row_variance[kind] if true.row_source[kind] == i else 0.0
+        spread += update_covariance(joint.sources[i], scratch.y, gain, h, entries, columns, noise)
+    for j in range(joint.cross.shape[0]):
+        for axis in range(3):
+            update_vector(joint.cross[j, axis], gain, h, entries, columns)
+    offset = update_vector(joint.mean, gain, h, entries, columns)
+    return (spread + offset * offset) * weight
+
+
+@jit
+def _turned(P, at, c0, c1, c2):
+    a = P[at, at] * c0 * c0 + P[at + 1, at + 1] * c1 * c1 + P[at + 2, at + 2] * c2 * c2
+    return a + 2.0 * (P[at, at + 1] * c0 * c1 + P[at, at + 2] * c0 * c2 + P[at + 1, at + 2] * c1 * c2)
+
+
+@jit
+def _write(out, hist, joint, axes_att, axes):
+    sources, n = joint.sources, joint.mean.shape[0]
+    for i in range(n):
+        out.mean[hist, i] = joint.mean[i]
+        for j in range(n):
+            out.formal[hist, i, j] = joint.formal[i, j]
+            total = 0.0
+            for s in range(sources.shape[0]):
+                total += sources[s, i, j]
+            out.true[hist, i, j] = total
+    for s in range(sources.shape[0]):
+        for i in range(3):
+            out.budget[hist, s, ATT + i] = _turned(sources[s], ATT, axes_att[i, 0], axes_att[i, 1], axes_att[i, 2])
+            for at in (VEL, POS):
+                out.budget[hist, s, at + i] = _turned(sources[s], at, axes[i, 0], axes[i, 1], axes[i, 2])
+        for i in range(9, n):
+            out.budget[hist, s, i] = sources[s, i, i]
+
+
+@jit
+def _take_nominal(nominal, reference, tick):
+    """Set the nominal navigation state to the true one at a tick."""
+    for i in range(4):
+        nominal.nav[Q + i] = reference.q_b_i[tick, i]
+    for i in range(3):
+        nominal.nav[V + i], nominal.nav[R + i] = reference.v_i[tick, i], reference.r_i[tick, i]
+
+
+@jit
+def _fly_window(nominal, reference, first, n_tick, dt, kind):
+    """Mechanise the ideal unit's increments over a window from the true state: the sums that the transition needs."""
+    _take_nominal(nominal, reference, first)
+    for k in range(n_tick):
+        for axis in range(3):
+            nominal.increments[k, axis] = reference.dtheta[first + k, axis]
+            nominal.increments[k, 3 + axis] = reference.dvel[first + k, axis]
+    mechanise(nominal.nav, nominal.sums, nominal.previous, nominal.increments, n_tick, dt, kind)
+
+
+@jit
+def _update(out, joint, scratch, nominal, signals, true, belief, epoch):
+    """Absorb the rows that the filter would absorb at an epoch."""
+    if belief.kind == TIGHT:
+        fill_tight(nominal, belief, signals, epoch)
+        for slot in range(signals.n_used[epoch]):
+            for half in range(2):
+                kind, h = PSEUDORANGE if half == 0 else RANGE_RATE, nominal.H[2 * slot + half]
+                out.expected_nis[epoch] += _absorb_true(joint, scratch, h, kind, true, belief)
+        out.n_row[epoch] = 2 * signals.n_used[epoch]
+    elif signals.n_used[epoch] >= 4:
+        fill_loose(nominal)
+        for row in range(6):
+            kind = POSITION if row < 3 else VELOCITY
+            out.expected_nis[epoch] += _absorb_true(joint, scratch, nominal.H[row], kind, true, belief)
+        out.n_row[epoch] = 6
+
+
+@jit
+def cover(out, joint, scratch, nominal, schedule, unit, signals, record, axes_att, belief, true, reference):
+    """Carry the filter's covariance and the true one, source by source, over the nominal flight; `out` is filled.
+
+    Parameters
+    ----------
+    out : Cover, joint : Joint at the start, scratch : Scratch, nominal : Nominal; all updated
+    schedule : Schedule, unit : Unit, signals : Signals, record : Record, belief : Belief, true : TrueModel
+    axes_att : (n_hist, 3, 3) from frame i to body axes at the history times
+    reference : Reference, the true motion
+    """
+    for w in range(schedule.n_tick.shape[0]):
+        first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
+        if n_tick > 0:
+            _fly_window(nominal, reference, first, n_tick, unit.dt, belief.gravity)
+            _propagate(joint, scratch, nominal, true, unit, belief, schedule.length[w], first, n_tick, reference)
+        epoch, hist = schedule.epoch[w], schedule.hist[w]
+        if epoch >= 0 and belief.kind != INERTIAL:
+            _take_nominal(nominal, reference, first + n_tick)
+            place_antenna(nominal, belief, unit.dt)
+            _update(out, joint, scratch, nominal, signals, true, belief, epoch)
+        if hist >= 0:
+            _write(out, hist, joint, axes_att[hist], record.axes[hist])

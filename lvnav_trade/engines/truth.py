@@ -1,0 +1,178 @@
+"""What is true of a case's error sources, in numbers for the linear covariance, apart from what the filter believes."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.engines.prepare import Prepared
+from lvnav_trade.filters.belief import INERTIAL, TIGHT, transition_blocks
+from lvnav_trade.kernels.clock import spectral_densities
+from lvnav_trade.kernels.transition import ACCEL, ATT, CONSTANT, GYRO, POS, VEL
+from lvnav_trade.records import Floats
+
+Ints = NDArray[np.int64]
+
+# A parameter that is not multiplied by anything but enters as a difference: what quantisation holds back.
+REMAINDER = -1
+
+
+class TrueModel(NamedTuple):
+    """What is true of the error sources, apart from what the filter believes.
+
+    Blocks of three parameters: sensor, driver (REMAINDER: quantisation), matched (offset of the filter's state for
+    the same thing, -1 none), source (index of each block's source), ramp (sensor whose ramp is its mean, -1 none),
+    all (n_block,); fade, wander (n_length, n_block): decay and driving variance over each window length; start
+    (n_block,) variance. nav_rows ... nav_drivers: blocks of the true transition of e; decay (n_length, n_state) of
+    the filter's own estimates. noise (n_source, n_length, n_state): white noise of each source; initial (n_source,
+    n_state, n_state); row_source (4,) source of each row type; row_variance (4,) true.
+    """
+
+    sensor: Ints
+    driver: Ints
+    matched: Ints
+    source: Ints
+    ramp: Ints
+    fade: Floats
+    wander: Floats
+    start: Floats
+    nav_rows: Ints
+    nav_columns: Ints
+    nav_kinds: Ints
+    nav_drivers: Ints
+    noise: Floats
+    initial: Floats
+    row_source: Ints
+    row_variance: Floats
+
+
+def source_names(prepared: Prepared) -> list[str]:
+    """Return every physical source of error of a case, in the order of the budget."""
+    scenario, tight = prepared.scenario, prepared.belief.kind == TIGHT
+    names = [
+        "initial attitude",
+        "initial velocity",
+        "initial position",
+        "gyro random walk",
+        "accelerometer random walk",
+    ]
+    names += list(dict.fromkeys(block.source for block in prepared.sources))
+    if scenario.imu.gyro.quantisation > 0.0:
+        names.append("gyro quantisation")
+    if scenario.imu.accel.quantisation > 0.0:
+        names.append("accelerometer quantisation")
+    if tight:
+        names += ["receiver clock start", "receiver clock", "pseudorange noise", "range-rate noise"]
+    elif prepared.belief.kind != INERTIAL:
+        names += ["position solution noise", "velocity solution noise"]
+    return names
+
+
+def _block_table(prepared: Prepared, names: list[str]) -> list[tuple[int, int, int, int, float, float, float, int]]:
+    """List every true block: sensor, driver, matched state, source, start variance, walk PSD, time constant, ramp."""
+    imu = prepared.scenario.imu
+    states = {(p.sensor, p.driver): p.offset for p in prepared.layout.parameters}
+    table = [
+        (b.sensor, b.driver, states.get((b.sensor, b.driver), -1), names.index(b.source), b.sigma**2, b.walk**2,
+        b.time_constant, -1) for b in prepared.sources
+    ]  # fmt: skip
+    for sensor, card, label in ((GYRO, imu.gyro, "gyro"), (ACCEL, imu.accel, "accelerometer")):
+        if card.quantisation > 0.0:
+            table.append(
+                (sensor, REMAINDER, -1, names.index(f"{label} quantisation"), 0.0, card.quantisation**2 / 12.0, 0.0, -1)
+            )
+        if card.temperature is not None:
+            table.append((sensor, CONSTANT, states.get((sensor, CONSTANT), -1), 0, 0.0, 0.0, math.inf, sensor))
+    return table
+
+
+def _fade_and_wander(table: list[Any], seconds: Floats) -> tuple[Floats, Floats]:
+    fade, wander = np.ones((seconds.size, len(table))), np.zeros((seconds.size, len(table)))
+    for j, (_, driver, _, _, variance, walk, time_constant, _) in enumerate(table):
+        if driver == REMAINDER:
+            # a new remainder at the end of every window, uniform over a step; a window of no ticks leaves it as it was
+            fade[:, j], wander[:, j] = np.where(seconds > 0.0, 0.0, 1.0), np.where(seconds > 0.0, walk, 0.0)
+        else:
+            fade[:, j] = np.exp(-seconds / time_constant)
+            wander[:, j] = walk * seconds - variance * np.expm1(-2.0 * seconds / time_constant)
+    return fade, wander
+
+
+def _white_noise(prepared: Prepared, names: list[str]) -> Floats:
+    imu, receiver, layout = prepared.scenario.imu, prepared.scenario.receiver, prepared.layout
+    noise = np.zeros((len(names), prepared.lengths.size, layout.n_state))
+    seconds = prepared.lengths[:, None]
+    noise[names.index("gyro random walk"), :, ATT : ATT + 3] = imu.gyro.random_walk**2 * seconds
+    noise[names.index("accelerometer random walk"), :, VEL : VEL + 3] = imu.accel.random_walk**2 * seconds
+    if layout.clock >= 0:
+        densities = np.array(spectral_densities(receiver.clock.h0, receiver.clock.h_minus2))
+        noise[names.index("receiver clock"), :, layout.clock : layout.clock + 2] = seconds * densities
+    return noise
+
+
+def _initial(prepared: Prepared, names: list[str]) -> Floats:
+    n, layout, clock = prepared.layout.n_state, prepared.layout, prepared.scenario.receiver.clock
+    initial = np.zeros((len(names), n, n))
+    for index, at in enumerate((ATT, VEL, POS)):
+        root = prepared.start.roots[index]
+        initial[index, at : at + 3, at : at + 3] = root @ root.T
+    if layout.clock >= 0:
+        variances = np.array([clock.initial_bias, clock.initial_drift]) ** 2
+        states = slice(layout.clock, layout.clock + 2)
+        initial[names.index("receiver clock start"), states, states] = np.diag(variances)
+    return initial
+
+
+def true_model(prepared: Prepared, names: list[str]) -> TrueModel:
+    """Turn the truth's cards into numbers; the filter's card is asked only which states it carries."""
+    table = _block_table(prepared, names)
+    columns = list(zip(*table, strict=True)) if table else [()] * 8
+    fade, wander = _fade_and_wander(table, prepared.lengths)
+    rows, cols, kinds, drivers = transition_blocks(prepared.layout.parameters, 2)
+    row_names = ("pseudorange noise", "range-rate noise", "position solution noise", "velocity solution noise")
+    return TrueModel(
+        sensor=np.array(columns[0], dtype=np.int64),
+        driver=np.array(columns[1], dtype=np.int64),
+        matched=np.array(columns[2], dtype=np.int64),
+        source=np.array(columns[3], dtype=np.int64),
+        ramp=np.array(columns[7], dtype=np.int64),
+        fade=fade,
+        wander=wander,
+        start=np.array(columns[4], dtype=float),
+        nav_rows=rows,
+        nav_columns=cols,
+        nav_kinds=kinds,
+        nav_drivers=drivers,
+        noise=_white_noise(prepared, names),
+        initial=_initial(prepared, names),
+        row_source=np.array([names.index(name) if name in names else -1 for name in row_names], dtype=np.int64),
+        row_variance=prepared.signals.sigma**2,
+    )
+
+
+def initial_cross(prepared: Prepared, true: TrueModel) -> tuple[Floats, Floats]:
+    """Return Cov(e, c) (n_block, 3, n) and Var(c) (n_block, 3) at the start: the estimate is zero, so the filter's
+    error in a parameter is the true parameter itself, and Cov = +Var.
+    """
+    n_block = true.sensor.size
+    cross = np.zeros((n_block, 3, prepared.layout.n_state))
+    variance = np.repeat(true.start[:, None], 3, axis=1) if n_block else np.zeros((0, 3))
+    for j in range(n_block):
+        if true.matched[j] >= 0:
+            for axis in range(3):
+                cross[j, axis, true.matched[j] + axis] = variance[j, axis]
+    return cross, variance
+
+
+def start_sources(true: TrueModel, cross: Floats) -> Floats:
+    """Return every source's covariance of e at the start, (n_source, n, n): its own spread, and what it puts in parameters."""
+    sources = true.initial.copy()
+    for j in range(true.sensor.size):
+        if true.matched[j] >= 0:
+            for axis in range(3):
+                at = true.matched[j] + axis
+                sources[true.source[j], at, at] += cross[j, axis, at]
+    return sources
