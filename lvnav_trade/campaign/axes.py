@@ -92,7 +92,7 @@ def cases(campaign: Campaign) -> list[Case]:
                 data = put(data, axis.path.removeprefix("base.").split("."), (axis.values or ())[index])
         scenario = Scenario.model_validate(data)
         axes = choice(campaign.axes, chosen)
-        digest = case_id(scenario, campaign.seed)
+        digest = case_id(scenario, campaign.seed, campaign.keep.history)
         found.setdefault(digest, Case(digest, case_label(axes), axes, scenario))
     return list(found.values())
 
@@ -108,13 +108,13 @@ def put(data: Any, path: Sequence[str], value: Any) -> Any:
     return {**data, path[0]: put(data.get(path[0]), path[1:], value)}
 
 
-def case_id(scenario: Scenario, seed: int) -> str:
-    """Return 12 hex digits that stand for the scenario, the seed and the version of the numbers.
+def case_id(scenario: Scenario, seed: int, history: float) -> str:
+    """Return 12 hex digits that stand for the scenario, the seed, the history's step and the version of the numbers.
 
-    A file that the scenario names counts by its content, not by its path: the same question asked in another folder
-    has the same digest, and an edited almanac has another one.
+    The step counts because covariance steps are cut at history times. A file that the scenario names counts by its
+    content, not by its path: the same question asked in another folder has the same digest, an edited almanac another.
     """
-    data = {"scenario": _canonical(scenario), "seed": seed, "results_version": RESULTS_VERSION}
+    data = {"scenario": _canonical(scenario), "seed": seed, "history": history, "results_version": RESULTS_VERSION}
     text = json.dumps(data, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 

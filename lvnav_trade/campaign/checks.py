@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from lvnav_trade.campaign import tree
@@ -10,6 +10,8 @@ from lvnav_trade.campaign.schema import FRAME_AXES, Campaign, metric
 from lvnav_trade.campaign.tree import Node, Place, mistake
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.scenario import Scenario
+from lvnav_trade.world.events import resolve
+from lvnav_trade.world.faults import SatelliteOutage
 
 if TYPE_CHECKING:
     from lvnav_trade.campaign.axes import Case
@@ -81,29 +83,34 @@ def requirements(campaign: Campaign, root: Node) -> list[Mistake]:
     return found
 
 
-def flight(campaign: Campaign, cases: list[Case], events: Mapping[str, Mapping[str, float]]) -> list[Mistake]:
+def flight(campaign: Campaign, cases: Sequence[Case], events: Mapping[str, Mapping[str, float]]) -> list[Mistake]:
     """Return the faults and requirements that name no event of a case's trajectory, or lie outside its flight.
 
     `events` holds for each case digest the times (s) of its trajectory's events in time order.
     """
-    from lvnav_trade.world.events import resolve
-
     found: dict[Mistake, None] = {}
     for case in cases:
         times = events[case.id]
         last = max(times.values())
         for index, fault in enumerate(case.scenario.faults):
-            path = f"base.faults.{index}.start"
-            try:
-                start = resolve(fault.start, dict(times))
-            except InputError as error:
-                found.setdefault(Mistake(error.records[0].message, path))
-                continue
-            if start >= last:
-                message = f"{fault.start!r} is {start:g} s, at or after the end of the flight ({last:g} s)"
-                found.setdefault(Mistake(message, path))
+            found.update(dict.fromkeys(_fault(fault, f"base.faults.{index}", times, last)))
         for index, requirement in enumerate(campaign.requirements):
             if requirement.at not in times:
                 message = f"{requirement.at!r} is not an event of the trajectory{tree.hint(requirement.at, times)}"
                 found.setdefault(Mistake(message, f"requirements.{index}.at"))
     return list(found)
+
+
+def _fault(fault: SatelliteOutage, path: str, events: Mapping[str, float], last: float) -> list[Mistake]:
+    """Return what is wrong with the times of one fault; `last` (s) is the last event of the flight."""
+    try:
+        start = resolve(fault.start, dict(events))
+    except InputError as error:
+        return [Mistake(error.records[0].message, f"{path}.start")]
+    found = []
+    if start >= last:
+        message = f"{fault.start!r} is {start:g} s, at or after the end of the flight ({last:g} s)"
+        found.append(Mistake(message, f"{path}.start"))
+    if fault.duration <= 0:
+        found.append(Mistake("should be above zero", f"{path}.duration"))
+    return found

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import importlib.util
+import sys
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
 
-def _module() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("study", Path(__file__).with_name("study.py"))
+def _module(name: str) -> ModuleType:
+    """Load a helper that stands beside this file; tests are no package."""
+    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # so that what it defines can be pickled
     spec.loader.exec_module(module)
     return module
 
@@ -23,7 +26,7 @@ class Study:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self._study = _module()
+        self._study = _module("study")
         self.path = self._study.make(folder)
 
     def append(self, text: str) -> Path:
@@ -48,3 +51,9 @@ def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Study:
     """Return the study, with the working folder in it."""
     monkeypatch.chdir(tmp_path)
     return Study(tmp_path)
+
+
+@pytest.fixture
+def fakes() -> ModuleType:
+    """Return the small engine and the small store."""
+    return _module("fakes")

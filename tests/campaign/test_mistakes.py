@@ -295,11 +295,11 @@ BAD: dict[str, tuple[str, str, str, str]] = {
         "seed: 7\nrequirements: [{name: a, metric: velocity_error_along, probability: 0.9, below: 1 m/s}]",
         "campaign.yaml:3:34: requirements.0.metric: 'velocity_error_along': frame ned has the axes north, east, down",
     ),
-    "a_history_finer_than_the_engines_is_refused": (
+    "a_history_without_step_is_refused": (
         "campaign.yaml",
         "seed: 7",
-        "seed: 7\nkeep: {history: 0.5 s}",
-        "campaign.yaml:3:17: keep.history: 0.5 s is not a whole number of seconds (the engines record every second)",
+        "seed: 7\nkeep: {history: 0 s}",
+        "campaign.yaml:3:17: keep.history: should be greater than 0, not '0 s'",
     ),
     "a_tab_is_refused": (
         "campaign.yaml",

@@ -1,0 +1,263 @@
+"""A campaign carried out: linear covariance of all cases first, then blocks of runs, then the tables."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+from joblib import Parallel, delayed
+from joblib.externals.loky import get_reusable_executor
+from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+from lvnav_trade.campaign import work
+from lvnav_trade.campaign.axes import Case, cases
+from lvnav_trade.campaign.checks import flight
+from lvnav_trade.campaign.load import resolved
+from lvnav_trade.campaign.lock import locked
+from lvnav_trade.campaign.plan import blocks
+from lvnav_trade.campaign.progress import Progress, Silent
+from lvnav_trade.campaign.schema import Campaign
+from lvnav_trade.campaign.work import Answer, Done, Job
+from lvnav_trade.errors import InputError
+
+Mode = Literal["resume", "fresh"]
+
+
+class Halted(Exception):
+    """The campaign stopped early and can be resumed; the message says why in one line."""
+
+
+class Outcome(NamedTuple):
+    """What a campaign left: folder, cases, linear covariance's answers, failed units and runs as lines, seconds."""
+
+    folder: Path
+    cases: tuple[Case, ...]
+    answers: tuple[Answer, ...]
+    failures: tuple[str, ...]
+    seconds: float
+
+
+class Store(NamedTuple):
+    """How results are kept; another one takes its place in tests."""
+
+    open_results: Callable[..., Any]
+    case_info: Callable[..., Any]
+
+
+def store() -> Store:
+    """Return the real store."""
+    from lvnav_trade.store.write import CaseInfo, open_results
+
+    return Store(open_results, CaseInfo)
+
+
+def check_flight(campaign: Campaign, found: Sequence[Case], job: Job, jobs: int) -> None:
+    """Build every distinct trajectory and refuse faults and requirements that do not fit it."""
+    distinct: dict[str, Case] = {}
+    for case in found:
+        distinct.setdefault(case.scenario.trajectory.model_dump_json(), case)
+    events = dict(zip(distinct, _all(jobs, work.events_of, [(job, case) for case in distinct.values()]), strict=True))
+    mistakes = flight(campaign, found, {c.id: events[c.scenario.trajectory.model_dump_json()] for c in found})
+    if mistakes:
+        raise InputError(records=mistakes)
+
+
+def run(
+    campaign: Campaign,
+    folder: Path,
+    jobs: int = -1,
+    mode: Mode = "resume",
+    fail_fast: bool = False,
+    progress: Progress | None = None,
+    on_answers: Callable[[Sequence[Answer], Sequence[Case]], None] | None = None,
+    engine: work.Engine | None = None,
+    keep: Store | None = None,
+) -> Outcome:
+    """Carry out a campaign in `folder` and return what it left.
+
+    Parameters
+    ----------
+    jobs : worker processes; -1 all cores; 1 works in this process
+    mode : resume what the folder holds of the same campaign, or begin afresh
+    on_answers : called with linear covariance's answers as soon as they are there
+
+    Raises
+    ------
+    InputError
+        Before anything is computed: the folder holds another campaign, is locked or cannot be written, or an event that
+        a fault or requirement names is not in the flight.
+    Halted
+        Disk full, a worker lost, or a failure with `fail_fast`: the same call resumes.
+    KeyboardInterrupt
+        After the workers are gone; the same call resumes.
+    """
+    watch = progress or Silent()
+    try:
+        with locked(folder):
+            return _Run(campaign, folder, jobs, mode, fail_fast, watch, engine or work.engine(), keep or store()).all(
+                on_answers
+            )
+    except KeyboardInterrupt:
+        _end_workers(jobs)
+        raise
+    except TerminatedWorkerError:
+        fewer = max(1, _count(jobs) // 2)
+        raise Halted(f"a worker process died (out of memory?); the same command resumes, try --jobs {fewer}") from None
+    except OSError as error:
+        _end_workers(jobs)
+        if work.is_full_disk(error):
+            raise Halted(f"{folder}: {error.strerror}; the same command resumes once there is space") from None
+        raise
+    finally:
+        watch.close()
+
+
+class _Run:
+    """One execution of one campaign."""
+
+    def __init__(
+        self,
+        campaign: Campaign,
+        folder: Path,
+        jobs: int,
+        mode: Mode,
+        fail_fast: bool,
+        watch: Progress,
+        engine: work.Engine,
+        keep: Store,
+    ) -> None:
+        self.campaign, self.folder, self.jobs, self.fail_fast, self.watch = campaign, folder, jobs, fail_fast, watch
+        self.cases = cases(campaign)
+        self.labels = {case.id: case.label for case in self.cases}
+        self.keep = keep
+        self.failures: list[str] = []
+        self.timings: dict[str, float] = {}
+        scratch = folder / ".scratch"
+        self.job = Job(engine, None, campaign.seed, campaign.keep.history, campaign.covariance.budget, scratch)
+        check_flight(campaign, self.cases, self.job, jobs)
+        if mode == "fresh":
+            shutil.rmtree(scratch, ignore_errors=True)
+        results = keep.open_results(folder, campaign.name, resolved(campaign), manifest(campaign), mode)
+        self.job = self.job._replace(results=results)
+
+    def all(self, on_answers: Callable[[Sequence[Answer], Sequence[Case]], None] | None) -> Outcome:
+        """Go through the stages."""
+        start = time.monotonic()
+        answers = self._answers()
+        if on_answers is not None:
+            on_answers(answers, self.cases)
+        able = [case for case, found in zip(self.cases, answers, strict=True) if not found.error]
+        lost = self._fly(able)
+        whole = self._close([case for case in able if case.id not in lost])
+        seconds = time.monotonic() - start
+        # The order of the plan, not that in which the workers finished: the tables' bytes must not depend on it.
+        self.job.results.finish({"timings_s": self.timings, "failures": self.failures}, whole)
+        if not self.failures:
+            shutil.rmtree(self.job.scratch, ignore_errors=True)
+        return Outcome(self.folder, tuple(self.cases), tuple(answers), tuple(self.failures), seconds)
+
+    def _stage(self, name: str, function: Any, units: list[Any]) -> Iterator[Any]:
+        """Yield the results of a stage in the order in which they come, timed."""
+        start = time.monotonic()
+        with closing(_each(self.jobs, function, units)) as found:
+            yield from found
+        self.timings[name] = round(time.monotonic() - start, 3)
+
+    def _answers(self) -> list[Answer]:
+        self.watch.stage("linear covariance", len(self.cases))
+        found: dict[str, Answer] = {}
+        for one in self._stage("covariance", work.answer, [(self.job, case) for case in self.cases]):
+            found[one.case] = one
+            self.watch.advance(1)
+            if one.error:
+                self._failed(f"{self.labels[one.case]}: linear covariance: {one.error}")
+        return [found[case.id] for case in self.cases]
+
+    def _fly(self, able: Sequence[Case]) -> set[str]:
+        """Fly all blocks; return the digests of cases of which a block was lost."""
+        done = {case.id: self.job.results.done(case.id) for case in able}
+        units = blocks(self.campaign, able, done)
+        self.watch.stage("runs", sum(unit.n_run for unit in units))
+        lost: set[str] = set()
+        for one in self._stage("monte_carlo", work.fly, [(self.job, unit) for unit in units]):
+            self.watch.advance(one.n_run)
+            if one.error:
+                lost.add(one.case)
+                last = one.first_run + one.n_run - 1
+                self._failed(f"{self.labels[one.case]}, runs {one.first_run} to {last}: {one.error}")
+            for number, why in one.failures:
+                self._failed(
+                    f"{self.labels[one.case]}, run {number} {why}; lvnav-trade replay {self.folder} {one.case} {number}"
+                )
+        return lost
+
+    def _close(self, able: Sequence[Case]) -> list[str]:
+        """Write the tables of the cases; return the digests of those written, in the order of the plan."""
+        runs = self.campaign.monte_carlo.runs if self.campaign.monte_carlo else 0
+        self.watch.stage("tables", len(able))
+        units = [(self.job, case, self.keep.case_info(case.id, case.label, case.axes), runs) for case in able]
+        written = [case.id for case in able]
+        one: Done
+        for one in self._stage("tables", work.close, units):
+            self.watch.advance(1)
+            if one.error:
+                written.remove(one.case)
+                self._failed(f"{self.labels[one.case]}: tables: {one.error}")
+        return written
+
+    def _failed(self, line: str) -> None:
+        self.failures.append(line)
+        self.watch.note(line)
+        if self.fail_fast:
+            raise Halted(f"stopped at the first failure: {line}")
+
+
+def manifest(campaign: Campaign) -> dict[str, Any]:
+    """Return what the results should say of how they came to be."""
+    import platform
+    import sys
+    from importlib import metadata
+
+    packages = ("lvnav-trade", "numpy", "numba", "scipy", "pandas", "pyarrow")
+    versions = {}
+    for name in packages:
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            versions[name] = "not installed"
+    return {
+        "seed": campaign.seed,
+        "versions": {"python": platform.python_version(), **versions},
+        "host": {"machine": platform.machine(), "system": platform.system(), "cores": os.cpu_count()},
+        "command": sys.argv[1:],
+    }
+
+
+def _count(jobs: int) -> int:
+    return (os.cpu_count() or 1) if jobs < 1 else jobs
+
+
+def _each(jobs: int, function: Callable[..., Any], units: Iterable[tuple[Any, ...]]) -> Any:
+    """Return a generator of function(*unit), in the order in which the workers finish; in this process for one job."""
+    if _count(jobs) == 1:
+        return (function(*unit) for unit in units)
+    pool = Parallel(n_jobs=_count(jobs), return_as="generator_unordered", batch_size=1, pre_dispatch="2 * n_jobs")
+    return pool(delayed(function)(*unit) for unit in units)
+
+
+def _all(jobs: int, function: Callable[..., Any], units: Sequence[tuple[Any, ...]]) -> list[Any]:
+    """Return function(*unit) of all units in their order."""
+    if _count(jobs) == 1 or len(units) == 1:
+        return [function(*unit) for unit in units]
+    return list(Parallel(n_jobs=_count(jobs))(delayed(function)(*unit) for unit in units))
+
+
+def _end_workers(jobs: int) -> None:
+    """End the worker processes at once; what they have stored is whole."""
+    if _count(jobs) > 1:
+        get_reusable_executor().shutdown(wait=True, kill_workers=True)

@@ -1,0 +1,116 @@
+"""Progress on standard error: a bar with the time left on a terminal, plain lines elsewhere, nothing when quiet."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from typing import Protocol
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
+from rich.progress import Progress as RichProgress
+
+
+class Progress(Protocol):
+    """What execution tells whoever watches."""
+
+    def stage(self, name: str, total: int) -> None:
+        """Begin a stage of `total` units of work."""
+
+    def advance(self, count: int) -> None:
+        """Count units of work as done."""
+
+    def note(self, line: str) -> None:
+        """Say one line at once, such as a run that failed."""
+
+    def close(self) -> None:
+        """End, whatever happened."""
+
+
+class Silent:
+    """Says nothing."""
+
+    def stage(self, name: str, total: int) -> None:
+        """Ignore the stage."""
+
+    def advance(self, count: int) -> None:
+        """Ignore the count."""
+
+    def note(self, line: str) -> None:
+        """Ignore the line."""
+
+    def close(self) -> None:
+        """Have nothing to end."""
+
+
+class Plain:
+    """One line per tenth of a stage, for logs."""
+
+    def __init__(self) -> None:
+        self.name, self.total, self.done, self.told = "", 0, 0, 0
+        self.start = time.monotonic()
+
+    def stage(self, name: str, total: int) -> None:
+        """Begin a stage and say so."""
+        self.name, self.total, self.done, self.told = name, total, 0, 0
+        self.start = time.monotonic()
+        self.note(f"{name}: {total}")
+
+    def advance(self, count: int) -> None:
+        """Count, and say every tenth with the time left."""
+        self.done += count
+        tenth = 10 * self.done // max(self.total, 1)
+        if tenth > self.told:
+            self.told = tenth
+            spent = time.monotonic() - self.start
+            left = spent * (self.total - self.done) / max(self.done, 1)
+            self.note(f"{self.name}: {self.done}/{self.total}, {left:.0f} s left")
+
+    def note(self, line: str) -> None:
+        """Say a line."""
+        print(line, file=sys.stderr, flush=True)  # noqa: T201 - this is the console
+
+    def close(self) -> None:
+        """Have nothing to end."""
+
+
+class Bar:
+    """A bar for terminals."""
+
+    def __init__(self) -> None:
+        self.bar = RichProgress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+            console=Console(stderr=True),
+            transient=True,
+        )
+
+    def stage(self, name: str, total: int) -> None:
+        """Show a new bar."""
+        self.bar.start()
+        for task in self.bar.task_ids:
+            self.bar.remove_task(task)
+        self.bar.add_task(name, total=total)
+
+    def advance(self, count: int) -> None:
+        """Move the bar."""
+        for task in self.bar.task_ids:
+            self.bar.advance(task, count)
+
+    def note(self, line: str) -> None:
+        """Say a line above the bar."""
+        self.bar.console.print(line, highlight=False, markup=False)
+
+    def close(self) -> None:
+        """Take the bar away."""
+        self.bar.stop()
+
+
+def choose(quiet: bool) -> Progress:
+    """Return what suits where the messages go."""
+    if quiet:
+        return Silent()
+    return Bar() if sys.stderr.isatty() and not os.environ.get("CI") else Plain()

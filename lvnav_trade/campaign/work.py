@@ -1,0 +1,217 @@
+"""The units of work, each done whole by one worker: linear covariance of a case, a block of runs, a case's tables."""
+
+from __future__ import annotations
+
+import errno
+import math
+import multiprocessing
+import os
+import signal
+import traceback
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import joblib
+import numpy as np
+
+from lvnav_trade.campaign.axes import Case
+from lvnav_trade.campaign.plan import Block
+from lvnav_trade.errors import InputError
+from lvnav_trade.records import CovHistory
+from lvnav_trade.scenario import Scenario
+
+WHY = {1: "is not finite", 2: "diverged"}
+
+
+class Engine(NamedTuple):
+    """The functions that compute; another set takes their place in tests.
+
+    events(scenario) -> name: time; prepare(scenario, history step); run_block(prepared, seed, first, n);
+    covariance(prepared); summarise(block, events, scale, outputs).
+    """
+
+    events: Callable[[Scenario], dict[str, float]]
+    prepare: Callable[[Scenario, float], Any]
+    run_block: Callable[[Any, int, int, int], Any]
+    covariance: Callable[[Any], CovHistory]
+    summarise: Callable[..., Any]
+
+
+def engine() -> Engine:
+    """Return the real engines; imported here because compiled code takes a second to load."""
+    from lvnav_trade.engines import lincov, montecarlo, statistics
+    from lvnav_trade.engines.prepare import prepare
+
+    return Engine(_events, prepare, montecarlo.run_block, lincov.covariance, statistics.summarise)
+
+
+def _events(scenario: Scenario) -> dict[str, float]:
+    from lvnav_trade.engines.prepare import trajectory_of
+
+    return dict(trajectory_of(scenario).events)
+
+
+class Job(NamedTuple):
+    """What all units of work of a campaign share."""
+
+    engine: Engine
+    results: Any
+    seed: int
+    history: float
+    budget: bool
+    scratch: Path
+
+
+class Answer(NamedTuple):
+    """Linear covariance's answer for a case: one-sigma true and formal norms at an event; or why there is none."""
+
+    case: str
+    event: str
+    rows: tuple[tuple[str, float, float, str], ...] = ()  # quantity, true, formal, unit
+    error: str = ""
+
+
+class Done(NamedTuple):
+    """A unit of work that is done: failed runs as (run, why), or the error that lost the whole unit."""
+
+    case: str
+    first_run: int
+    n_run: int
+    failures: tuple[tuple[int, str], ...] = ()
+    error: str = ""
+
+
+def events_of(job: Job, case: Case) -> dict[str, float]:
+    """Return the event times of a case's trajectory."""
+    _let_the_parent_be_interrupted()
+    return job.engine.events(case.scenario)
+
+
+def answer(job: Job, case: Case) -> Answer:
+    """Compute a case's linear covariance and leave it on the scratch disk for the workers that need it."""
+    _let_the_parent_be_interrupted()
+    try:
+        prepared = _prepared(job.engine, case, job.history)
+        file = _scratch_file(job, case)
+        if not file.exists():
+            _write(file, job.engine.covariance(prepared))
+        return _answer(case, prepared, _covariance(str(file)))
+    except Exception as error:
+        return Answer(case.id, "", error=_told(error))
+
+
+def fly(job: Job, block: Block) -> Done:
+    """Fly a block of runs and store its statistics."""
+    _let_the_parent_be_interrupted()
+    what = (block.case.id, block.first_run, block.n_run)
+    try:
+        prepared = _prepared(job.engine, block.case, job.history)
+        scale = _covariance(str(_scratch_file(job, block.case))).true_sigma
+        runs = job.engine.run_block(prepared, job.seed, block.first_run, block.n_run)
+        job.results.write_part(
+            block.case.id, job.engine.summarise(runs, _flown_events(prepared), scale, prepared.outputs)
+        )
+        failures = tuple(
+            (block.first_run + int(index), _why(runs, int(index))) for index in np.flatnonzero(np.asarray(runs.failed))
+        )
+        return Done(*what, failures)
+    except Exception as error:
+        return Done(*what, error=_told(error))
+
+
+def close(job: Job, case: Case, info: Any, runs: int) -> Done:
+    """Merge the blocks of a case's first `runs` runs and write its tables."""
+    _let_the_parent_be_interrupted()
+    try:
+        prepared = _prepared(job.engine, case, job.history)
+        covariance = _covariance(str(_scratch_file(job, case)))
+        if not job.budget:
+            covariance = covariance._replace(sources=(), budget=covariance.budget[:, :0])
+        summary = job.results.summary(case.id, runs) if runs else None
+        job.results.write_case(info, prepared, covariance, summary)
+        return Done(case.id, 0, runs)
+    except Exception as error:
+        return Done(case.id, 0, runs, error=_told(error))
+
+
+def _flown_events(prepared: Any) -> dict[str, float]:
+    """Return the events within the flight: those that the history holds."""
+    first, last = prepared.reference.t[0], prepared.reference.t[-1]
+    return {name: t for name, t in prepared.trajectory.events.items() if first <= t <= last}
+
+
+_kept: dict[tuple[Any, str, float], Any] = {}
+
+
+def _prepared(engine: Engine, case: Case, history: float) -> Any:
+    """Return the prepared case; a worker keeps the last two, because blocks come case by case."""
+    key = (engine.prepare, case.id, history)
+    if key not in _kept:
+        while len(_kept) >= 2:
+            del _kept[next(iter(_kept))]
+        _kept[key] = engine.prepare(case.scenario, history)
+    return _kept[key]
+
+
+def _scratch_file(job: Job, case: Case) -> Path:
+    return job.scratch / f"{case.id}.covariance"
+
+
+def _write(file: Path, value: Any) -> None:
+    """Write atomically: a worker that finds the file finds all of it."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    part = file.with_suffix(f".{os.getpid()}")
+    joblib.dump(value, part)
+    part.replace(file)
+
+
+@lru_cache(maxsize=2)
+def _covariance(file: str) -> CovHistory:
+    found: CovHistory = joblib.load(file)
+    return found
+
+
+def _answer(case: Case, prepared: Any, covariance: CovHistory) -> Answer:
+    events = _flown_events(prepared)
+    event = "injection" if "injection" in events else max(events, key=lambda name: events[name], default="end")
+    at = int(np.argmin(np.abs(covariance.t - events.get(event, covariance.t[-1]))))
+    rows = []
+    for quantity in ("position", "velocity", "attitude"):
+        index = [i for i, output in enumerate(prepared.outputs) if output.quantity == quantity]
+        if not index:
+            continue
+        label = prepared.outputs[index[0]]
+        sizes = (
+            math.hypot(*sigma[at, index]) * label.label_factor for sigma in (covariance.true_sigma, covariance.formal)
+        )
+        true, formal = sizes
+        rows.append((quantity, true, formal, label.label_unit))
+    return Answer(case.id, event, tuple(rows))
+
+
+def _why(runs: Any, index: int) -> str:
+    when = float(runs.t_failed[index])
+    why = WHY.get(int(runs.failed[index]), f"failed with code {int(runs.failed[index])}")
+    return why if math.isnan(when) else f"{why} at {when:g} s"
+
+
+def is_full_disk(error: BaseException) -> bool:
+    """Whether the error means that no more can be written."""
+    return isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)
+
+
+def _told(error: Exception) -> str:
+    """Return the error of a unit of work in one line; a user's mistake and a full disk stop the campaign instead."""
+    if isinstance(error, InputError) or is_full_disk(error):
+        raise error
+    if os.environ.get("LVNAV_TRADE_DEBUG"):
+        traceback.print_exc()
+    return f"{type(error).__name__}: {str(error).strip().splitlines()[0] if str(error).strip() else 'no message'}"
+
+
+def _let_the_parent_be_interrupted() -> None:
+    """Ignore Ctrl-C in a worker process: the terminal sends it to all, and the parent ends the work in order."""
+    if multiprocessing.parent_process() is not None:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -1,0 +1,148 @@
+"""A small engine and a small store, so that execution is tested without flying and without Parquet."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lvnav_trade.campaign.execute import Store
+from lvnav_trade.campaign.work import Engine
+from lvnav_trade.errors import InputError
+from lvnav_trade.records import CovHistory, Output
+
+OUTPUTS = tuple(
+    Output(quantity, axis, unit, label, factor)
+    for quantity, unit, label, factor in (
+        ("attitude", "rad", "mrad", 1e3),
+        ("velocity", "m/s", "m/s", 1.0),
+        ("position", "m", "m", 1.0),
+    )
+    for axis in "xyz"
+)
+EVENTS = {"liftoff": 0.0, "stage1_cutoff": 1.0, "injection": 2.0}
+
+
+class Call(NamedTuple):
+    """A unit of work that the engine was asked for."""
+
+    what: str
+    case: str
+    first: int = 0
+    n: int = 0
+
+
+class Fake:
+    """The engine's functions, and a record of the calls; `on_block` may raise, or return the numbers of failed runs."""
+
+    def __init__(self, on_block: Any = None, on_covariance: Any = None) -> None:
+        self.calls: list[Call] = []
+        self.on_block, self.on_covariance = on_block, on_covariance
+
+    def engine(self) -> Engine:
+        return Engine(self.events, self.prepare, self.run_block, self.covariance, self.summarise, self.merge)
+
+    def events(self, scenario: Any) -> dict[str, float]:
+        return dict(EVENTS)
+
+    def prepare(self, scenario: Any, history: float) -> Any:
+        time = np.array([0.0, 1.0, 2.0])
+        return SimpleNamespace(
+            name=f"{scenario.imu.name} {scenario.filter.name}",
+            outputs=OUTPUTS,
+            reference=SimpleNamespace(t=time),
+            trajectory=SimpleNamespace(events=dict(EVENTS)),
+        )
+
+    def covariance(self, prepared: Any) -> CovHistory:
+        self.calls.append(Call("covariance", prepared.name))
+        if self.on_covariance:
+            self.on_covariance(prepared)
+        n, ones = len(OUTPUTS), np.ones((3, len(OUTPUTS)))
+        full = np.zeros((3, n, n))
+        return CovHistory(
+            np.array([0.0, 1.0, 2.0]), ones, 2 * ones, 0 * ones, ("a", "b"), np.ones((3, 2, n)), full, full,
+            np.array([1.0]), np.array([8]), np.ones(3), np.ones(1),
+        )  # fmt: skip
+
+    def run_block(self, prepared: Any, seed: int, first: int, n: int) -> Any:
+        self.calls.append(Call("block", prepared.name, first, n))
+        failed = np.zeros(n, dtype=np.int8)
+        bad = self.on_block(first, n) if self.on_block else None
+        failed[[run - first for run in bad or []]] = 2
+        numbers = np.array([seed * 1000 + run for run in range(first, first + n)])
+        return SimpleNamespace(first=first, numbers=numbers, failed=failed, t_failed=np.where(failed, 1.5, np.nan))
+
+    def summarise(self, runs: Any, events: Any, scale: Any, outputs: Any) -> Any:
+        assert events == EVENTS
+        assert scale.shape == (3, len(OUTPUTS))
+        return SimpleNamespace(first=runs.first, numbers=runs.numbers)
+
+    def merge(self, parts: Any) -> Any:
+        return np.concatenate([part.numbers for part in parts])
+
+
+class Kept:
+    """Results on disk: a pickle per block, one per case."""
+
+    def __init__(self, folder: Path, resolved: str, mode: str, full_after: int | None) -> None:
+        self.folder, self.resolved, self.full_after, self.written = folder, resolved, full_after, 0
+        if mode == "fresh":
+            for file in folder.glob("*.p*"):
+                file.unlink()
+        note = folder / "resolved.yaml"
+        if (
+            mode == "resume"
+            and note.exists()
+            and note.read_text().partition("runs:")[0] != resolved.partition("runs:")[0]
+        ):
+            raise InputError(f"{folder}: holds another campaign")
+        note.write_text(resolved)
+
+    def write_part(self, case: str, summary: Any) -> None:
+        if self.full_after is not None and self.written >= self.full_after:
+            raise OSError(28, "No space left on device")
+        self.written += 1
+        name = f"{case}-{summary.first:06d}"
+        (self.folder / f"{name}.part").write_bytes(pickle.dumps(summary))
+
+    def _parts(self, case: str) -> list[Any]:
+        return [pickle.loads(file.read_bytes()) for file in sorted(self.folder.glob(f"{case}-*.part"))]
+
+    def done(self, case: str) -> list[tuple[int, int]]:
+        return [(part.first, len(part.numbers)) for part in self._parts(case)]
+
+    def parts(self, case: str) -> Any:
+        return iter(self._parts(case))
+
+    def write_case(self, info: Any, prepared: Any, covariance: CovHistory, summary: Any) -> None:
+        row = (tuple(info), covariance.sources, None if summary is None else summary.tolist())
+        (self.folder / f"{info.id}.pcase").write_bytes(pickle.dumps(row))
+
+    def finish(self, extra: dict[str, Any]) -> None:
+        self.finished = extra
+        (self.folder / "finished").write_text("yes")
+
+
+class Info(NamedTuple):
+    """As the store's own CaseInfo."""
+
+    id: str
+    label: str
+    axes: dict[str, str]
+
+
+def store(full_after: int | None = None) -> Store:
+    def open_results(folder: Path, name: str, resolved: str, manifest: dict[str, Any], mode: str) -> Kept:
+        return Kept(folder, resolved, mode, full_after)
+
+    return Store(open_results, Info)
+
+
+def tables(folder: Path) -> dict[str, Any]:
+    """Return what each case's table holds, by label."""
+    rows = [pickle.loads(file.read_bytes()) for file in sorted(folder.glob("*.pcase"))]
+    return {row[0][1]: row for row in rows}

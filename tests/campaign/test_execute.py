@@ -1,0 +1,238 @@
+"""A campaign is carried out, interrupted, resumed; what fails is told and counted."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from lvnav_trade.campaign import execute
+from lvnav_trade.campaign.axes import cases
+from lvnav_trade.campaign.load import load
+from lvnav_trade.campaign.lock import locked
+from lvnav_trade.campaign.plan import blocks
+from lvnav_trade.errors import InputError
+
+TWO = "axes: [{path: imu, cards: [imu/good, imu/poor]}]\nmonte_carlo: {runs: 100}\n"
+
+
+@pytest.fixture
+def run(study, fakes):
+    """Run the study's campaign with the small engine; returns engine and outcome."""
+    study.append(TWO)
+
+    def call(engine=None, sets=(), full_after=None, **options):
+        fake = engine or fakes.Fake()
+        outcome = execute.run(
+            load(study.path, sets),
+            Path("results"),
+            jobs=1,
+            engine=fake.engine(),
+            keep=fakes.store(full_after),
+            **options,
+        )
+        return fake, outcome
+
+    return call
+
+
+def flown(fake) -> list[tuple[str, int, int]]:
+    return [(call.case, call.first, call.n) for call in fake.calls if call.what == "block"]
+
+
+ALL = [(case, first, n) for case in ("good near", "poor near") for first, n in ((0, 40), (40, 40), (80, 20))]
+
+
+def test_linear_covariance_of_all_cases_comes_before_any_run(run) -> None:
+    fake, _ = run()
+    assert [call.what for call in fake.calls[:2]] == ["covariance", "covariance"]
+
+
+def test_runs_are_flown_in_blocks_of_forty_case_by_case(run) -> None:
+    fake, outcome = run()
+    assert flown(fake) == ALL
+    assert outcome.failures == ()
+
+
+def test_the_tables_hold_every_run_once(run, fakes) -> None:
+    run()
+    found = fakes.tables(Path("results"))
+    assert sorted(found) == ["imu=good", "imu=poor"]
+    assert found["imu=good"][2] == [7000 + number for number in range(100)]
+
+
+def test_answers_of_linear_covariance_come_in_the_units_of_people(run) -> None:
+    seen = []
+    _, outcome = run(on_answers=lambda answers, cases: seen.append((answers, cases)))
+    assert [answer.event for answer in outcome.answers] == ["injection", "injection"]
+    rows = {name: (true, formal, unit) for name, true, formal, unit in outcome.answers[0].rows}
+    assert rows["position"] == (pytest.approx(2 * 3**0.5), pytest.approx(3**0.5), "m")
+    assert rows["attitude"] == (pytest.approx(2000 * 3**0.5), pytest.approx(1000 * 3**0.5), "mrad")
+    assert len(seen) == 1
+
+
+def test_a_campaign_without_monte_carlo_flies_no_run(study, run, fakes) -> None:
+    study.append("axes: [{path: imu, cards: [imu/good, imu/poor]}]\n")
+    fake, _ = run()
+    assert flown(fake) == []
+    assert fakes.tables(Path("results"))["imu=good"][2] is None
+
+
+def test_the_budget_is_left_out_where_it_is_not_wanted(run, fakes) -> None:
+    run(sets=["covariance.budget=false"])
+    assert fakes.tables(Path("results"))["imu=good"][1] == ()
+
+
+def test_a_second_call_flies_nothing_again(run) -> None:
+    run()
+    fake, _ = run()
+    assert flown(fake) == []
+
+
+def test_a_fresh_call_flies_all_again(run) -> None:
+    run()
+    fake, _ = run(mode="fresh")
+    assert flown(fake) == ALL
+
+
+def test_more_runs_fly_only_the_incomplete_last_block_and_the_new_ones(run, fakes) -> None:
+    run()
+    fake, _ = run(sets=["monte_carlo.runs=170"])
+    assert flown(fake)[:3] == [("good near", 80, 40), ("good near", 120, 40), ("good near", 160, 10)]
+    assert fakes.tables(Path("results"))["imu=good"][2] == [7000 + number for number in range(170)]
+
+
+class Interrupt:
+    """Interrupts as Ctrl-C does, once, at the given block."""
+
+    def __init__(self, at: int) -> None:
+        self.left = at
+
+    def __call__(self, first: int, n: int) -> None:
+        self.left -= 1
+        if self.left == 0:
+            raise KeyboardInterrupt
+
+
+def test_ctrl_c_leaves_whole_blocks_and_the_same_call_goes_on(run, fakes) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        run(fakes.Fake(on_block=Interrupt(4)))
+    assert not Path("results/finished").exists()
+    fake, _ = run()
+    assert flown(fake) == ALL[3:]
+    assert fakes.tables(Path("results"))["imu=poor"][2] == [7000 + number for number in range(100)]
+
+
+def test_a_resumed_campaign_leaves_the_same_bytes(run, fakes) -> None:
+    run()
+    once = {file.name: file.read_bytes() for file in Path("results").glob("*.p*")}
+    run(mode="fresh")
+    Path("results").rename("first")
+    with pytest.raises(KeyboardInterrupt):
+        run(fakes.Fake(on_block=Interrupt(2)))
+    run()
+    assert {file.name: file.read_bytes() for file in Path("results").glob("*.p*")} == once
+
+
+def test_a_full_disk_ends_in_one_line_and_can_be_resumed(run) -> None:
+    with pytest.raises(execute.Halted, match=r"^results: No space left on device; the same command resumes once") as e:
+        run(full_after=2)
+    assert "\n" not in str(e.value)
+    fake, _ = run()
+    assert flown(fake) == ALL[2:]
+
+
+def test_a_failed_run_is_told_with_the_command_that_shows_it(run, study, fakes) -> None:
+    def one_bad(first: int, n: int) -> list[int]:
+        return [57] if first == 40 else []
+
+    from_engine, outcome = run(fakes.Fake(on_block=one_bad))
+    case = cases(load(study.path))[0]
+    assert outcome.failures[0] == (f"imu=good, run 57 diverged at 1.5 s; lvnav-trade replay results {case.id} 57")
+    assert len(outcome.failures) == 2
+    assert flown(from_engine) == ALL
+
+
+def test_fail_fast_stops_at_the_first_failed_run(run, fakes) -> None:
+    fake = fakes.Fake(on_block=lambda first, n: [first])
+    with pytest.raises(execute.Halted, match="stopped at the first failure: imu=good, run 0 diverged"):
+        run(fake, fail_fast=True)
+    assert len(flown(fake)) == 1
+
+
+def test_an_error_in_one_block_loses_its_case_and_not_the_campaign(run, fakes) -> None:
+    def broken(first: int, n: int) -> list[int]:
+        if first == 40 and not broken.done:
+            broken.done = True
+            raise ZeroDivisionError("division by zero")
+        return []
+
+    broken.done = False
+    fake, outcome = run(fakes.Fake(on_block=broken))
+    assert flown(fake) == ALL
+    assert outcome.failures == ("imu=good, runs 40 to 79: ZeroDivisionError: division by zero",)
+    assert sorted(fakes.tables(Path("results"))) == ["imu=poor"]
+
+
+def test_a_case_whose_covariance_fails_is_told_and_the_others_go_on(run, fakes) -> None:
+    def broken(prepared) -> None:
+        if prepared.name == "good near":
+            raise ValueError("not positive")
+
+    fake, outcome = run(fakes.Fake(on_covariance=broken))
+    assert outcome.failures == ("imu=good: linear covariance: ValueError: not positive",)
+    assert {case for case, _, _ in flown(fake)} == {"poor near"}
+
+
+def test_an_event_that_is_not_in_the_flight_is_refused_before_anything_is_computed(study, run, fakes) -> None:
+    study.append(
+        TWO + "requirements: [{name: a, metric: position_error_3d, at: stage1_cutof, probability: 0.5, below: 1 m}]\n"
+    )
+    fake = fakes.Fake()
+    with pytest.raises(InputError) as caught:
+        run(fake)
+    assert str(caught.value) == (
+        "requirements.0.at: 'stage1_cutof' is not an event of the trajectory (did you mean 'stage1_cutoff'?)"
+    )
+    assert fake.calls == []
+
+
+def test_another_campaign_in_the_folder_is_refused(study, run) -> None:
+    run()
+    with pytest.raises(InputError, match="holds another campaign"):
+        run(sets=["seed=8"])
+
+
+def test_two_processes_do_not_share_a_folder(run) -> None:
+    with (
+        locked(Path("results")),
+        pytest.raises(InputError, match=r"^results: another process is working on these results$"),
+    ):
+        run()
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_that_cannot_be_written_is_refused(run) -> None:
+    Path("results").mkdir(mode=0o500)
+    with pytest.raises(InputError, match=r"^results: cannot be written: Permission denied$"):
+        run()
+
+
+def test_a_file_in_place_of_the_folder_is_refused(run) -> None:
+    Path("results").write_text("")
+    with pytest.raises(InputError, match=r"^results: cannot be written: "):
+        run()
+
+
+def test_blocks_do_not_depend_on_what_is_done_already(study) -> None:
+    study.append(TWO)
+    campaign = load(study.path)
+    found = cases(campaign)
+    left = blocks(campaign, found, {found[0].id: [(0, 40), (80, 20)]})
+    assert [(unit.case.label, unit.first_run, unit.n_run) for unit in left] == [
+        ("imu=good", 40, 40),
+        ("imu=poor", 0, 40),
+        ("imu=poor", 40, 40),
+        ("imu=poor", 80, 20),
+    ]
