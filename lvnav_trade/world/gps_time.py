@@ -1,0 +1,67 @@
+"""Civil time to GPS time: leap seconds, and the week that a truncated week number means."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from datetime import UTC, datetime
+
+from lvnav_trade.errors import InputError
+
+SECONDS_PER_WEEK = 604800.0
+WEEK_ROLLOVER = 1024
+GPS_ORIGIN = datetime(1980, 1, 6, tzinfo=UTC)
+
+# First UTC day on which GPS time leads UTC by one second more than before (IERS Bulletin C; 18 s since 2017, and no
+# leap second has been announced since).
+LEAP_DAYS = tuple(
+    datetime.fromisoformat(day).replace(tzinfo=UTC)
+    for day in (
+        "1981-07-01", "1982-07-01", "1983-07-01", "1985-07-01", "1988-01-01", "1990-01-01", "1991-01-01", "1992-07-01",
+        "1993-07-01", "1994-07-01", "1996-01-01", "1997-07-01", "1999-01-01", "2006-01-01", "2009-01-01", "2012-07-01",
+        "2015-07-01", "2017-01-01",
+    )
+)  # fmt: skip
+
+
+def leap_seconds(utc: datetime) -> int:
+    """Return GPS time minus UTC (s) at a time in UTC."""
+    return bisect_right(LEAP_DAYS, utc)
+
+
+def gps_seconds(epoch: str) -> float:
+    """Return the seconds of GPS time since 1980-01-06 00:00 at an ISO 8601 time in UTC.
+
+    A time without offset is UTC; a time with another offset is converted.
+
+    Raises
+    ------
+    InputError
+        Where the text is not a time, or lies before GPS time begins.
+    """
+    try:
+        moment = datetime.fromisoformat(epoch)
+    except ValueError:
+        raise InputError(f"{epoch!r} is not an ISO 8601 time such as 2026-08-01T12:00:00Z") from None
+    utc = moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
+    if utc < GPS_ORIGIN:
+        raise InputError(f"{epoch!r} lies before GPS time begins (1980-01-06)")
+    return (utc - GPS_ORIGIN).total_seconds() + leap_seconds(utc)
+
+
+def resolve_week(week: int, seconds: float, near: float) -> float:
+    """Return seconds of GPS time for a week number and seconds of week, in the 1024-week era closest to a known time.
+
+    Parameters
+    ----------
+    week
+        Week number, either counted on (1024 or more: taken as it is) or truncated to ten bits as satellites send it.
+    seconds
+        Seconds of that week.
+    near
+        Seconds of GPS time that tell which era is meant: the lift-off.
+    """
+    stated = week * SECONDS_PER_WEEK + seconds
+    if week >= WEEK_ROLLOVER:
+        return stated
+    era = WEEK_ROLLOVER * SECONDS_PER_WEEK
+    return stated + era * max(0, round((near - stated) / era))
