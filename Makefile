@@ -9,7 +9,7 @@ JOBS   ?= $(shell nproc 2>/dev/null || echo 2)
 WHEELS ?=
 
 bin := $(VENV)/bin
-pip := $(bin)/python -m pip --disable-pip-version-check --quiet
+pip := $(bin)/python -m pip --disable-pip-version-check -qq
 from_wheels := $(if $(WHEELS),--no-index --find-links "$(WHEELS)")
 wheels_needed := pip 'hatchling>=1.25,<2' editables
 
