@@ -1,0 +1,269 @@
+"""Eight runs in one value: every operation does in each lane what numpy does, and one run takes the same source."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numba import TypingError
+
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import (
+    WIDTH,
+    all_of,
+    any_of,
+    bits,
+    from_bits,
+    like,
+    magnitude,
+    size,
+    sqrt,
+    to_float,
+    view,
+    where,
+    word_like,
+)
+
+N = 50
+
+
+def draws(*shape):
+    """Random numbers of both signs over many magnitudes, the same in every call."""
+    rng = np.random.default_rng(20260801)
+    return rng.standard_normal(shape) * 10.0 ** rng.integers(-3, 4, shape)
+
+
+@jit
+def arithmetic(out, a, b):
+    for i in range(size(a, 0)):
+        x, y = a[i], b[i]
+        out[0, i], out[1, i], out[2, i], out[3, i] = x + y, x - y, x * y, x / y
+        out[4, i], out[5, i], out[6, i] = -x, magnitude(x), sqrt(magnitude(y))
+        total = like(x, 0.0)
+        total += x
+        total -= y
+        total *= x
+        out[7, i] = total
+
+
+@jit
+def with_numbers(out, a):
+    for i in range(size(a, 0)):
+        x = a[i]
+        out[0, i], out[1, i], out[2, i], out[3, i] = x + 2.5, x - 2.5, x * 2.5, x / 2.5
+        out[4, i], out[5, i], out[6, i], out[7, i] = 2.5 + x, 2.5 - x, 2.5 * x, 2.5 / x
+        out[8, i], out[9, i], out[10, i] = x + 3, 3 - x, 3 * x
+        out[11, i] = 7.0
+
+
+@jit
+def choices(out, a, b):
+    for i in range(size(a, 0)):
+        x, y = a[i], b[i]
+        out[0, i], out[1, i] = where(x < y, x, y), where(x <= y, x, 0.0)
+        out[2, i], out[3, i], out[4, i] = where(x > y, 1.0, y), where(x >= y, 1.0, 0.0), where(x == y, 1.0, 0.0)
+        out[5, i], out[6, i] = where((x > 0.0) & (y > 0.0), x, y), where((0.0 < x) | (0.0 < y), x, y)
+
+
+@jit
+def words(out, floats, a, b):
+    for i in range(size(a, 0)):
+        x, y = a[i], b[i]
+        out[0, i], out[1, i], out[2, i] = x + y, x * y, x ^ y
+        out[3, i], out[4, i] = x & y, x | y
+        out[5, i], out[6, i] = x << np.uint64(7), x >> np.uint64(13)
+        out[7, i], out[8, i] = np.uint64(5) + x, word_like(x, np.uint64(9))
+        out[9, i] = bits(floats[0, i])
+        floats[1, i] = from_bits(out[9, i])
+        floats[2, i] = to_float(x)
+
+
+@jit
+def arithmetic_of_lanes(out, a, b):
+    arithmetic(view(out), view(a), view(b))
+
+
+@jit
+def with_numbers_of_lanes(out, a):
+    with_numbers(view(out), view(a))
+
+
+@jit
+def choices_of_lanes(out, a, b):
+    choices(view(out), view(a), view(b))
+
+
+@jit
+def words_of_lanes(out, floats, a, b):
+    words(view(out), view(floats), view(a), view(b))
+
+
+def expected_arithmetic(a, b):
+    return np.stack([a + b, a - b, a * b, a / b, -a, abs(a), np.sqrt(abs(b)), (a - b) * a])
+
+
+def expected_with_numbers(a):
+    rows = [
+        a + 2.5,
+        a - 2.5,
+        a * 2.5,
+        a / 2.5,
+        2.5 + a,
+        2.5 - a,
+        2.5 * a,
+        2.5 / a,
+        a + 3,
+        3 - a,
+        3 * a,
+        np.full_like(a, 7.0),
+    ]
+    return np.stack(rows)
+
+
+def expected_choices(a, b):
+    both, either = (a > 0) & (b > 0), (a > 0) | (b > 0)
+    return np.stack([
+        np.where(a < b, a, b), np.where(a <= b, a, 0.0), np.where(a > b, 1.0, b), np.where(a >= b, 1.0, 0.0),
+        np.where(a == b, 1.0, 0.0), np.where(both, a, b), np.where(either, a, b),
+    ])  # fmt: skip
+
+
+def inputs(lanes):
+    """Two arrays with ties, zeros and numbers that are not finite among them."""
+    a, b = draws(2, N, WIDTH) if lanes else draws(2, N)
+    a[3], b[4], a[5] = b[3], 0.0, np.inf
+    a[6] = np.nan
+    return a, b
+
+
+@pytest.mark.parametrize(("kernel", "lanes"), [(arithmetic, False), (arithmetic_of_lanes, True)])
+def test_arithmetic_rounds_as_numpy_does_in_every_lane(kernel, lanes):
+    a, b = inputs(lanes)
+    out = np.zeros((8, *a.shape))
+    kernel(out, a, b)
+    with np.errstate(all="ignore"):
+        np.testing.assert_array_equal(out, expected_arithmetic(a, b))
+
+
+@pytest.mark.parametrize(("kernel", "lanes"), [(with_numbers, False), (with_numbers_of_lanes, True)])
+def test_a_number_on_either_side_stands_for_the_same_number_in_all_lanes(kernel, lanes):
+    a, _ = inputs(lanes)
+    out = np.zeros((12, *a.shape))
+    kernel(out, a)
+    np.testing.assert_array_equal(out, expected_with_numbers(a))
+
+
+@pytest.mark.parametrize(("kernel", "lanes"), [(choices, False), (choices_of_lanes, True)])
+def test_a_choice_is_made_lane_by_lane_and_a_comparison_with_nan_fails(kernel, lanes):
+    a, b = inputs(lanes)
+    out = np.zeros((7, *a.shape))
+    kernel(out, a, b)
+    np.testing.assert_array_equal(out, expected_choices(a, b))
+
+
+@pytest.mark.parametrize(("kernel", "lanes"), [(words, False), (words_of_lanes, True)])
+def test_words_wrap_shift_and_change_into_floats_as_numpy_words_do(kernel, lanes):
+    shape = (N, WIDTH) if lanes else (N,)
+    rng = np.random.default_rng(1)
+    a, b = rng.integers(0, 2**64, (2, *shape), dtype=np.uint64)
+    out, floats = np.zeros((10, *shape), dtype=np.uint64), np.zeros((3, *shape))
+    floats[0] = draws(*shape)
+    kernel(out, floats, a, b)
+    five = np.uint64(5)
+    expected = [
+        a + b,
+        a * b,
+        a ^ b,
+        a & b,
+        a | b,
+        a << np.uint64(7),
+        a >> np.uint64(13),
+        five + a,
+        a * np.uint64(0) + 9,
+    ]
+    np.testing.assert_array_equal(out[:9], np.stack(expected))
+    np.testing.assert_array_equal(out[9], floats[0].view(np.uint64))
+    np.testing.assert_array_equal(floats[1], floats[0])
+    np.testing.assert_array_equal(floats[2], a.astype(np.float64))
+
+
+@jit
+def total_of_plane(plane):
+    total = like(plane[0, 0], 0.0)
+    for i in range(size(plane, 0)):
+        row = plane[i]
+        for j in range(size(plane, 1)):
+            total = total + row[j]
+    return total
+
+
+@jit
+def sum_and_transpose(sums, turned, cube):
+    """Views of one, two and three dimensions, a plane and a row of them, read and written."""
+    for k in range(size(cube, 0)):
+        sums[k] = total_of_plane(cube[k])
+        for i in range(size(cube, 1)):
+            for j in range(size(cube, 2)):
+                turned[k, j, i] = cube[k, i, j]
+        last = turned[k]
+        row = last[0]
+        row[0] = 100.0 * cube[k, 0, 0]
+
+
+@jit
+def sum_and_transpose_lanes(sums, turned, cube):
+    sum_and_transpose(view(sums), view(turned), view(cube))
+
+
+@pytest.mark.parametrize(("kernel", "end"), [(sum_and_transpose, ()), (sum_and_transpose_lanes, (WIDTH,))])
+def test_views_of_one_to_three_dimensions_and_their_parts_read_and_write_the_array(kernel, end):
+    cube = np.random.default_rng(2).integers(-50, 50, (4, 3, 5, *end)).astype(float)  # sums of them are exact
+    sums, turned = np.zeros((4, *end)), np.zeros((4, 5, 3, *end))
+    kernel(sums, turned, cube)
+    expected = np.swapaxes(cube, 1, 2).copy()
+    expected[:, 0, 0] *= 100.0
+    np.testing.assert_array_equal(turned, expected)
+    np.testing.assert_array_equal(sums, cube.sum(axis=(1, 2)))
+
+
+@jit
+def any_and_all(x):
+    lanes = view(x)
+    positive = lanes[0] > 0.0
+    return any_of(positive), all_of(positive)
+
+
+@jit
+def any_and_all_of_one(x):
+    return any_of(x > 0.0), all_of(x > 0.0)
+
+
+@pytest.mark.parametrize("lane", range(WIDTH))
+def test_any_and_all_hear_every_single_lane(lane):
+    x = -np.ones((1, WIDTH))
+    assert any_and_all(x) == (False, False)
+    x[0, lane] = 1.0
+    assert any_and_all(x) == (True, False)
+    assert any_and_all(-x) == (True, False)
+    assert any_and_all(np.ones((1, WIDTH))) == (True, True)
+
+
+def test_any_and_all_of_one_run_are_its_own_answer():
+    assert any_and_all_of_one(1.0) == (True, True)
+    assert any_and_all_of_one(-1.0) == (False, False)
+
+
+def test_lane_views_exist_in_compiled_code_only():
+    with pytest.raises(NotImplementedError, match="compiled"):
+        view(np.zeros((2, WIDTH)))
+
+
+@jit
+def length_of_view(x):
+    return size(view(x), 0)
+
+
+@pytest.mark.parametrize("array", [np.zeros((4, WIDTH))[::2], np.zeros((3, WIDTH), dtype=np.float32)])
+def test_an_array_that_lanes_cannot_view_is_refused_at_compilation(array):
+    assert length_of_view(np.zeros((3, WIDTH))) == 3
+    with pytest.raises(TypingError):
+        length_of_view(array)
