@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,13 +114,3 @@ class Output(NamedTuple):
     unit: str
     label_unit: str
     label_factor: float
-
-
-class Prepared(NamedTuple):
-    """A scenario made ready for both engines: everything that is the same for all runs."""
-
-    scenario: Any
-    trajectory: Any
-    reference: Reference
-    sky: Sky
-    outputs: tuple[Output, ...]

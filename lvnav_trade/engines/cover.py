@@ -55,7 +55,7 @@ class Joint(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Work arrays: X (n, n); D, D_true (n_block, 9); y (n,); b, g (3, n); block (9,); K, x, gain (n,)."""
+    """Work arrays: X (n, n); D, D_true (n_block, 9); y (n,); b, g (3, n); block (9,); K, x, gain (n,); deviation (9,)."""
 
     X: Floats
     D: Floats
@@ -67,6 +67,7 @@ class Scratch(NamedTuple):
     K: Floats
     x: Floats
     gain: Floats
+    deviation: Floats
 
 
 class Cover(NamedTuple):
@@ -119,7 +120,7 @@ def _fill_inputs(b, g, block, j, true, sums, seconds, decay, fade):
 
 
 @jit
-def _advance_mean(mean, deviation, sums, gravity_error, seconds):
+def _advance_mean(mean, deviation, sums, seconds):
     """Add what is the same in every run: sensed minus true increments (bandwidth), and a gravity model that is not
     the truth's.
     """
@@ -129,8 +130,8 @@ def _advance_mean(mean, deviation, sums, gravity_error, seconds):
             turned += sums[3 * i + axis] * deviation[axis] / seconds
             pushed += sums[3 * i + axis] * deviation[3 + axis] / seconds
         mean[ATT + i] -= turned
-        mean[VEL + i] += gravity_error[i] * seconds - pushed
-        mean[POS + i] += 0.5 * seconds * (gravity_error[i] * seconds - pushed)
+        mean[VEL + i] += deviation[6 + i] * seconds - pushed
+        mean[POS + i] += 0.5 * seconds * (deviation[6 + i] * seconds - pushed)
 
 
 @jit
@@ -176,21 +177,23 @@ def _propagate(joint, scratch, nominal, true, unit, belief, length, first, n_tic
     _propagate_parameters(
         joint, scratch, sums, true, unit, belief, length, unit.start + unit.dt * (first + 0.5 * n_tick)
     )
-    deviation, gravity_error = _deviation(unit, nav, belief, first, n_tick, reference)
-    _advance_mean(joint.mean, deviation, sums, gravity_error, seconds)
+    _set_deviation(scratch.deviation, unit, nav, belief, first, n_tick, reference)
+    _advance_mean(joint.mean, scratch.deviation, sums, seconds)
 
 
 @jit
-def _deviation(unit, nav, belief, first, n_tick, reference):
-    """Return sensed minus true increments summed over a window (6,), and the error of the filter's gravity (3,)."""
-    deviation = np.zeros(6)
+def _set_deviation(deviation, unit, nav, belief, first, n_tick, reference):
+    """Set what the window holds in every run: sensed minus true increments (6), error of the filter's gravity (3)."""
+    for i in range(6):
+        deviation[i] = 0.0
     for k in range(first, first + n_tick):
         for axis in range(3):
             deviation[axis] += unit.dtheta[k, axis] - reference.dtheta[k, axis]
             deviation[3 + axis] += unit.dvel[k, axis] - reference.dvel[k, axis]
     x, y, z = nav[R], nav[R + 1], nav[R + 2]
-    true, own = gravity(J4, x, y, z), gravity(belief.gravity, x, y, z)
-    return deviation, np.array([true[0] - own[0], true[1] - own[1], true[2] - own[2]])
+    tx, ty, tz = gravity(J4, x, y, z)
+    ox, oy, oz = gravity(belief.gravity, x, y, z)
+    deviation[6], deviation[7], deviation[8] = tx - ox, ty - oy, tz - oz
 
 
 @jit

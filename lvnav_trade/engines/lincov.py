@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from lvnav_trade.engines.cover import Cover, Joint, Nominal, Scratch, cover
-from lvnav_trade.engines.prepare import Prepared, rotation_matrices
+from lvnav_trade.engines.prepare import Prepared
 from lvnav_trade.engines.truth import TrueModel, initial_cross, source_names, start_sources, true_model
+from lvnav_trade.frames import matrices
 from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.records import CovHistory, Floats
 
@@ -49,6 +50,7 @@ def _scratch(prepared: Prepared, true: TrueModel) -> Scratch:
         (n,),
         (n,),
         (n,),
+        (9,),
     )
     return Scratch(*(np.zeros(shape) for shape in shapes))
 
@@ -63,7 +65,7 @@ def covariance(prepared: Prepared) -> CovHistory:
         np.zeros(n_epoch, dtype=np.int64), np.zeros(n_epoch),
     )  # fmt: skip
     record = prepared.record
-    axes_att = np.ascontiguousarray(np.swapaxes(rotation_matrices(record.q), 1, 2))
+    axes_att = np.ascontiguousarray(np.swapaxes(matrices(record.q), 1, 2))
     cover(
         out, _joint(prepared, true), _scratch(prepared, true), _nominal(prepared), prepared.schedule, prepared.unit,
         prepared.signals, record, axes_att, prepared.belief, true, prepared.reference,

@@ -10,7 +10,7 @@ import numpy as np
 
 from lvnav_trade.engines.flight import Record, Schedule, Signals, Start, Unit
 from lvnav_trade.filters.belief import Belief, believe, initial_covariance
-from lvnav_trade.frames import reporting_axes
+from lvnav_trade.frames import earth_angle, matrices, rotation_i_e, rotation_i_n, rotation_i_o
 from lvnav_trade.kernels.clock import clock_step
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.transition import CONSTANT
@@ -133,7 +133,7 @@ def _unit(card: ImuCard, ref: Reference, blocks: tuple[ErrorBlock, ...]) -> Unit
 def _signals(scenario: Scenario, trajectory: Trajectory, seen: Sky) -> Signals:
     receiver = scenario.receiver
     at = motion(trajectory, seen.t)
-    C_b_i = rotation_matrices(at.q_b_i)
+    C_b_i = matrices(at.q_b_i)
     lever = np.array(receiver.lever_b)
     position = at.r_i + C_b_i @ lever
     velocity = at.v_i + np.einsum("nij,nj->ni", C_b_i, np.cross(at.w_ib_b, lever))
@@ -168,15 +168,17 @@ def _signals(scenario: Scenario, trajectory: Trajectory, seen: Sky) -> Signals:
     )  # fmt: skip
 
 
-def rotation_matrices(q: Floats) -> Floats:
-    """Return the matrices (n, 3, 3) of quaternions (n, 4), body to inertial."""
-    w, x, y, z = q.T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), 2, 0)
+def reporting_axes(frame: str, t: Floats, r_i: Floats, v_i: Floats, theta0: float) -> Floats:
+    """Return the matrices (n, 3, 3) from frame i to the frame that errors are reported in, at the true state.
+
+    Velocity errors are errors of inertial velocity resolved in these axes.
+    """
+    if frame == "inertial":
+        return np.tile(np.eye(3), (t.size, 1, 1))
+    if frame == "orbital":
+        return rotation_i_o(r_i, v_i)
+    theta = earth_angle(theta0, t)
+    return rotation_i_e(theta) if frame == "ecef" else rotation_i_n(r_i, theta)
 
 
 def prepare(scenario: Scenario, history: float = 1.0, every_window: bool = False) -> Prepared:
