@@ -180,6 +180,6 @@ def eccentric_anomaly(mean_anomaly: Floats, eccentricity: Floats) -> Floats:
     for _ in range(30):
         step = (mean - anomaly + eccentricity * np.sin(anomaly)) / (1.0 - eccentricity * np.cos(anomaly))
         anomaly = anomaly + step
-        if np.max(np.abs(step)) < 1e-13:
+        if np.max(np.abs(step), initial=0.0) < 1e-13:
             break
     return anomaly

@@ -1,0 +1,84 @@
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from lvnav_trade.errors import InputError
+from lvnav_trade.world.faults import SatelliteOutage, highest, lost
+
+T = np.arange(0.0, 20.0)
+EVENTS = {"lift_off": 0.0, "stage1_cutoff": 8.0}
+# Four satellites at constant rates; the second is the highest at first, and the third from 7.5 s on.
+ELEVATION = np.stack([0.3 + 0.0 * T, 0.9 - 0.02 * T, 0.6 + 0.02 * T, 0.1 + 0.0 * T], axis=1)
+VISIBLE = np.ones((20, 4), dtype=bool)
+
+
+def outage(start="stage1_cutoff + 2 s", duration="5 s", keep=0):
+    return SatelliteOutage(start=start, duration=duration, keep=keep)
+
+
+def test_a_total_outage_takes_all_from_its_start_until_before_its_end():
+    gone = lost([outage()], EVENTS, T, ELEVATION, VISIBLE)
+    assert np.flatnonzero(gone.all(axis=1)).tolist() == [10, 11, 12, 13, 14]
+    assert np.flatnonzero(gone.any(axis=1)).tolist() == [10, 11, 12, 13, 14]
+
+
+def test_a_partial_outage_keeps_the_highest_at_its_start_though_others_rise_above_them():
+    gone = lost([outage(start="5 s", duration="10 s", keep=1)], EVENTS, T, ELEVATION, VISIBLE)
+    assert np.all(gone[5:15] == [True, False, True, True])
+    assert not gone[:5].any()
+    assert not gone[15:].any()
+
+
+def test_a_partial_outage_keeps_only_what_could_be_tracked_at_its_start():
+    visible = VISIBLE.copy()
+    visible[:6, 1] = False
+    gone = lost([outage(start="5 s", keep=2)], EVENTS, T, ELEVATION, visible)
+    assert np.all(gone[5:10] == [False, True, False, True])
+
+
+def test_an_outage_that_begins_between_epochs_takes_the_sky_of_the_next_one():
+    gone = lost([outage(start="4.4 s", duration="2 s", keep=1)], EVENTS, T, ELEVATION, VISIBLE)
+    assert np.flatnonzero(gone.any(axis=1)).tolist() == [5, 6]
+
+
+def test_where_two_outages_hold_each_takes_its_share_in_any_order():
+    faults = [outage(start="5 s", duration="10 s", keep=2), outage(start="9 s", duration="3 s", keep=1)]
+    gone = lost(faults, EVENTS, T, ELEVATION, VISIBLE)
+    assert np.array_equal(gone, lost(faults[::-1], EVENTS, T, ELEVATION, VISIBLE))
+    assert (~gone).sum(axis=1).tolist() == [4] * 5 + [2] * 4 + [1] * 3 + [2] * 3 + [4] * 5
+
+
+def test_an_outage_of_no_length_or_none_at_all_takes_nothing():
+    assert not lost([outage(duration="0 s")], EVENTS, T, ELEVATION, VISIBLE).any()
+    assert not lost([], EVENTS, T, ELEVATION, VISIBLE).any()
+
+
+def test_an_epoch_that_rounding_has_moved_still_lies_on_the_edge():
+    gone = lost([outage(start="10 s", duration="5 s")], EVENTS, T - 1e-12, ELEVATION, VISIBLE)
+    assert np.flatnonzero(gone.any(axis=1)).tolist() == [10, 11, 12, 13, 14]
+
+
+@pytest.mark.parametrize("start", ["30 s", "-100 s"])
+def test_an_outage_outside_the_flight_is_refused(start):
+    with pytest.raises(
+        InputError, match=r"^faults\[1\]: the outage from .* lies outside the flight \(0 s to 19 s\)$"
+    ):
+        lost([outage(), outage(start=start)], EVENTS, T, ELEVATION, VISIBLE)
+
+
+def test_a_start_at_an_unknown_event_is_refused_with_its_place():
+    with pytest.raises(InputError, match=r"^faults\[0\]\.start: .*stage1_cutof"):
+        lost([outage(start="stage1_cutof + 2 s")], EVENTS, T, ELEVATION, VISIBLE)
+
+
+def test_an_outage_of_negative_length_is_refused():
+    with pytest.raises(ValidationError, match="greater than or equal to 0"):
+        outage(duration="-5 s")
+
+
+def test_the_highest_are_chosen_among_the_candidates_only():
+    elevation, candidates = np.array([0.5, 0.9, 0.1, 0.5]), np.array([True, False, True, True])
+    assert highest(elevation, candidates, 0).tolist() == [False] * 4
+    assert highest(elevation, candidates, 1).tolist() == [True, False, False, False]
+    assert highest(elevation, candidates, 2).tolist() == [True, False, False, True]
+    assert highest(elevation, candidates, 9).tolist() == candidates.tolist()
