@@ -56,15 +56,20 @@ def store() -> Store:
     return Store(open_results, CaseInfo)
 
 
-def check_flight(campaign: Campaign, found: Sequence[Case], job: Job, jobs: int) -> None:
-    """Build every distinct trajectory and refuse faults and requirements that do not fit it."""
+def check_flight(campaign: Campaign, found: Sequence[Case], job: Job, jobs: int) -> dict[str, dict[str, float]]:
+    """Build every distinct trajectory and refuse faults and requirements that do not fit it.
+
+    Returns the event times (s) of each case digest.
+    """
     distinct: dict[str, Case] = {}
     for case in found:
         distinct.setdefault(case.scenario.trajectory.model_dump_json(), case)
     events = dict(zip(distinct, _all(jobs, work.events_of, [(job, case) for case in distinct.values()]), strict=True))
-    mistakes = flight(campaign, found, {c.id: events[c.scenario.trajectory.model_dump_json()] for c in found})
+    times = {case.id: events[case.scenario.trajectory.model_dump_json()] for case in found}
+    mistakes = flight(campaign, found, times)
     if mistakes:
         raise InputError(records=mistakes)
+    return times
 
 
 def run(

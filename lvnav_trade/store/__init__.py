@@ -1,0 +1,13 @@
+"""Parquet tables: what a campaign leaves on disk (schema), how it is written and read back.
+
+While a campaign runs: ``results = open_results(folder, name, resolved_yaml, manifest, "resume")``; each worker calls
+``results.write_part(case_id, summary)`` (or ``parts.write`` where the object is not at hand); at the end, in the order
+of the plan, ``results.write_case(case, prepared, cov, results.summary(case_id))`` and ``results.finish({...})``.
+Afterwards: ``tables = load(folder)``; ``tables.history`` is a pandas frame.
+"""
+
+from lvnav_trade.store.read import Tables, load
+from lvnav_trade.store.schema import TABLES
+from lvnav_trade.store.write import CaseInfo, Results, open_results
+
+__all__ = ["TABLES", "CaseInfo", "Results", "Tables", "load", "open_results"]

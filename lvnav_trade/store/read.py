@@ -1,0 +1,73 @@
+"""Reading results back: tidy pandas frames, the manifest, the resolved campaign."""
+
+from __future__ import annotations
+
+import json
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pyarrow.parquet as pq
+import ruamel.yaml
+
+from lvnav_trade.errors import InputError
+from lvnav_trade.store.schema import TABLES
+
+
+class Tables:
+    """The results of one campaign; each table of `schema.TABLES` is an attribute, read when first asked for."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._read: dict[str, pd.DataFrame] = {}
+
+    def __getattr__(self, name: str) -> pd.DataFrame:
+        if name not in TABLES:
+            raise AttributeError(name)
+        if name not in self._read:
+            path = self.folder / f"{name}.parquet"
+            if not path.exists():
+                raise InputError(f"{path}: this table is missing; the campaign has not finished")
+            self._read[name] = pq.read_table(path).to_pandas()
+        return self._read[name]
+
+    @cached_property
+    def manifest(self) -> dict[str, Any]:
+        """What computed the results."""
+        content: dict[str, Any] = json.loads((self.folder / "manifest.json").read_text(encoding="utf-8"))
+        return content
+
+    @cached_property
+    def campaign(self) -> dict[str, Any]:
+        """The resolved campaign, all defaults filled in."""
+        text = (self.folder / "campaign.resolved.yaml").read_text(encoding="utf-8")
+        return dict(ruamel.yaml.YAML(typ="safe", pure=True).load(text) or {})
+
+    @cached_property
+    def labels(self) -> dict[str, str]:
+        """Case digest to label, in the order of the plan; a label that two cases share carries the digest too."""
+        cases = self.cases
+        twice = set(cases.label[cases.label.duplicated()])
+        return {
+            case: f"{label} [{case}]" if label in twice else label
+            for case, label in zip(cases.case, cases.label, strict=True)
+        }
+
+    @cached_property
+    def people(self) -> dict[tuple[str, str], tuple[str, float]]:
+        """Unit for people and its factor per SI unit, by (quantity, axis)."""
+        rows = self.outputs.drop_duplicates(["quantity", "axis"])
+        return {
+            (row.quantity, row.axis): (row.label_unit, row.label_factor_ratio) for row in rows.itertuples(index=False)
+        }
+
+
+def load(results: Path | str | Tables) -> Tables:
+    """Return the tables of a results folder; InputError where there is none. Tables are handed through."""
+    if isinstance(results, Tables):
+        return results
+    folder = Path(results)
+    if not (folder / "manifest.json").exists():
+        raise InputError(f"{folder}: no results here (no manifest.json)")
+    return Tables(folder)

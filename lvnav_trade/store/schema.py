@@ -1,0 +1,179 @@
+"""The data dictionary: which tables there are, which columns, in which unit."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import pyarrow as pa
+
+SUFFIXES = {
+    "s": "second",
+    "m": "metre",
+    "m_per_s": "metre per second",
+    "m_per_s2": "metre per second squared",
+    "rad": "radian",
+    "rad_per_s": "radian per second",
+    "rad_s_per_m": "radian per second, per metre per second squared",
+    "ratio": "dimensionless number",
+    "count": "how many",
+    "number": "a name that is a number (run, lag, seed)",
+    "si": "the SI unit that the column `unit` of the same row names",
+}
+"""The last part of the name of every column of numbers is one of these."""
+
+SI_SUFFIX = {
+    "m": "m",
+    "s": "s",
+    "m/s": "m_per_s",
+    "m/s**2": "m_per_s2",
+    "m/s^2": "m_per_s2",
+    "rad": "rad",
+    "rad/s": "rad_per_s",
+    "rad*s/m": "rad_s_per_m",
+    "dimensionless": "ratio",
+    "": "ratio",
+    "1": "ratio",
+}
+"""Suffix of a column of errors in the table `runs`, by the SI unit of the output."""
+
+
+class Column(NamedTuple):
+    """Name (with unit suffix where it holds numbers), kind, and what it is."""
+
+    name: str
+    kind: str
+    meaning: str
+
+
+_KINDS = {"text": pa.string(), "real": pa.float64(), "whole": pa.int64(), "truth": pa.bool_()}
+
+_CASE = Column("case", "text", "digest of the resolved scenario and the seed, 12 hexadecimal digits")
+_TIME = Column("t_s", "real", "time since lift-off")
+_WHAT = (
+    Column("quantity", "text", "attitude, velocity, position, gyro_bias, ..."),
+    Column("axis", "text", "axis of the component, or 3d for the norm of the three"),
+    Column("unit", "text", "SI unit of the columns that end in _si"),
+)
+_EVENT = Column("event", "text", "name of the event")
+_RUNS = Column("run_count", "whole", "good Monte-Carlo runs behind the row; 0 where there is only LinCov")
+
+TABLES: dict[str, tuple[Column, ...]] = {
+    "cases": (
+        _CASE,
+        Column("label", "text", "the values of the axes, for people"),
+        Column("axes", "text", "the same as a JSON object"),
+        Column("run_count", "whole", "Monte-Carlo runs, failed ones among them"),
+        Column("failed_count", "whole", "runs that failed"),
+        Column("nees_dof_count", "whole", "components in the normalised estimation error squared"),
+        Column("epoch", "text", "UTC of lift-off"),
+        Column("facts", "text", "what the trajectory achieves, a JSON object in SI"),
+    ),
+    "outputs": (
+        _CASE,
+        *_WHAT,
+        Column("label_unit", "text", "unit for people"),
+        Column("label_factor_ratio", "real", "label_unit per SI unit"),
+    ),
+    "runs": (
+        _CASE,
+        Column("run_number", "whole", "number of the run, from 0"),
+        _EVENT,
+        _TIME,
+        Column("failure", "text", "empty, or why the run failed"),
+        Column("t_failed_s", "real", "when it failed; empty if it did not"),
+        Column("nees_ratio", "real", "normalised estimation error squared at the event"),
+    ),
+    "history": (
+        _CASE,
+        _TIME,
+        *_WHAT,
+        _RUNS,
+        Column("mean_si", "real", "mean error (truth minus estimate); for a norm the mean norm"),
+        Column("rms_si", "real", "root mean square error"),
+        Column("filter_sigma_si", "real", "root mean square of the filter's own sigma"),
+        Column("q50_si", "real", "median of |error|, to 1 %"),
+        Column("q95_si", "real", "95 % quantile of |error|, to 1 %"),
+        Column("q997_si", "real", "99.7 % quantile of |error|, to 1 %"),
+        Column("lincov_formal_si", "real", "LinCov: the filter's own sigma"),
+        Column("lincov_true_si", "real", "LinCov: sigma of the true error about its mean"),
+        Column("lincov_mean_si", "real", "LinCov: mean of the true error (its norm for 3d)"),
+        Column("dof_ratio", "real", "chi-square degrees of freedom that one run gives to the mean square, by LinCov"),
+    ),
+    "consistency": (
+        _CASE,
+        _TIME,
+        _RUNS,
+        Column("nees_mean_ratio", "real", "mean over runs of the normalised estimation error squared"),
+        Column("nees_dof_count", "whole", "its expectation for a matched filter"),
+        Column("expected_nees_ratio", "real", "its expectation by LinCov"),
+    ),
+    "innovations": (
+        _CASE,
+        _TIME,
+        _RUNS,
+        Column("nis_sum_ratio", "real", "sum over runs of the normalised innovations squared of accepted rows"),
+        Column("row_count", "whole", "accepted rows, summed over runs"),
+        Column("reject_count", "whole", "rows rejected by the gate, summed over runs"),
+        Column("lincov_row_count", "whole", "rows of one run in LinCov"),
+        Column("expected_nis_ratio", "real", "expectation of one run's sum by LinCov"),
+    ),
+    "whiteness": (
+        _CASE,
+        Column("channel", "text", "innovation channel"),
+        Column("lag_number", "whole", "epochs between the two innovations"),
+        Column("pair_count", "whole", "pairs in the sum"),
+        Column("product_sum_ratio", "real", "sum over runs and epochs of the product of normalised innovations"),
+    ),
+    "budget": (
+        _CASE,
+        Column("event", "text", "name of the event, or empty for a row of the history"),
+        _TIME,
+        Column("source", "text", "error source"),
+        *_WHAT,
+        Column("sigma_si", "real", "one sigma of the true error from this source alone"),
+        Column("share_ratio", "real", "its part of the variance; the parts of all sources sum to 1"),
+    ),
+    "satellites": (
+        _CASE,
+        _TIME,
+        Column("satellite", "text", "name such as G05"),
+        Column("azimuth_rad", "real", "from north over east, at the antenna"),
+        Column("elevation_rad", "real", "above the local horizontal"),
+        Column("tracked", "truth", "above the mask, in sight, not lost to a fault"),
+    ),
+    "reference": (
+        _CASE,
+        _TIME,
+        Column("latitude_rad", "real", "geodetic, WGS-84"),
+        Column("longitude_rad", "real", "east positive"),
+        Column("altitude_m", "real", "above the ellipsoid"),
+        Column("inertial_speed_m_per_s", "real", "in frame i"),
+        Column("ground_speed_m_per_s", "real", "relative to the rotating Earth"),
+        Column("specific_force_m_per_s2", "real", "its magnitude"),
+        Column("body_rate_rad_per_s", "real", "magnitude of the inertial rate of the body"),
+    ),
+    "events": (
+        _CASE,
+        _EVENT,
+        Column("kind", "text", "event, or fault"),
+        _TIME,
+        Column("t_end_s", "real", "end of a fault; equal to t_s for an event"),
+    ),
+}
+
+
+def error_column(quantity: str, axis: str, unit: str) -> str:
+    """Return the column of the table `runs` that holds one error, such as ``velocity_3d_error_m_per_s``."""
+    return f"{quantity}_{axis}_error_{SI_SUFFIX[unit]}"
+
+
+def arrow_schema(table: str, extra: tuple[str, ...] = ()) -> pa.Schema:
+    """Return the Arrow schema of a table; `extra` names more columns of real numbers at its end."""
+    fields = [pa.field(c.name, _KINDS[c.kind], metadata={"meaning": c.meaning}) for c in TABLES[table]]
+    return pa.schema(fields + [pa.field(name, pa.float64()) for name in extra])
+
+
+def unit_of(column: str) -> str | None:
+    """Return the unit suffix of a column's name, the longest that fits, or None."""
+    fitting = [suffix for suffix in SUFFIXES if column.endswith("_" + suffix)]
+    return max(fitting, key=len) if fitting else None

@@ -1,0 +1,94 @@
+"""What computed the results: versions, digests, machine."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.metadata
+import platform
+import subprocess
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import ruamel.yaml
+
+PACKAGE = Path(__file__).resolve().parents[1]
+_COMPUTES = ("kernels", "world", "observables", "receivers", "filters", "engines")
+_COMPUTES_TOO = ("layout.py", "frames.py", "records.py", "scenario.py")
+_NOT_THE_RUNS = ("description", "requirements", "references", "report")
+
+
+def tool_version() -> str:
+    """Return the version of the installed tool, "unknown" where it runs from a folder that was never installed."""
+    try:
+        return importlib.metadata.version("lvnav-trade")
+    except importlib.metadata.PackageNotFoundError:
+        return "unknown"
+
+
+@cache
+def code_digest() -> str:
+    """Return a digest of every source file that can move a number: parts of two codes must not be mixed."""
+    files = [path for room in _COMPUTES for path in (PACKAGE / room).rglob("*.py")]
+    files += [PACKAGE / name for name in _COMPUTES_TOO if (PACKAGE / name).exists()]
+    digest = hashlib.sha256()
+    for path in sorted(files):
+        digest.update(str(path.relative_to(PACKAGE)).encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def campaign_digest(resolved_yaml: str) -> str:
+    """Return a digest of what a resolved campaign computes: neither its number of runs nor what is asked of them."""
+    tree = ruamel.yaml.YAML(typ="safe", pure=True).load(resolved_yaml) or {}
+    kept = {key: value for key, value in tree.items() if key not in _NOT_THE_RUNS}
+    if isinstance(kept.get("monte_carlo"), dict):
+        kept["monte_carlo"] = {key: value for key, value in kept["monte_carlo"].items() if key != "runs"}
+    return hashlib.sha256(_canonical(kept).encode()).hexdigest()[:16]
+
+
+def _canonical(value: Any) -> str:
+    """Write a tree so that equal trees give equal texts whatever the order of keys."""
+    if isinstance(value, dict):
+        return "{" + ",".join(f"{key!s}:{_canonical(value[key])}" for key in sorted(value, key=str)) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ",".join(map(_canonical, value)) + "]"
+    return repr(value)
+
+
+def environment() -> dict[str, str]:
+    """Return versions and machine, for the manifest."""
+    versions = {name: importlib.metadata.version(name) for name in ("numpy", "numba", "scipy", "pyarrow")}
+    return {
+        "tool": tool_version(),
+        "code_digest": code_digest(),
+        "commit": _commit(),
+        "python": platform.python_version(),
+        **versions,
+        "system": platform.platform(),
+        "host": platform.node(),
+        "cpu": _cpu(),
+    }
+
+
+def _commit() -> str:
+    """Return the commit of a git checkout, marked where files differ from it; empty where there is none."""
+    if not (PACKAGE.parent / ".git").exists():
+        return ""
+    git = ["git", "-C", str(PACKAGE.parent)]
+    try:
+        head = subprocess.run([*git, "rev-parse", "HEAD"], capture_output=True, text=True, timeout=10, check=True)
+        changed = subprocess.run([*git, "diff", "--quiet", "HEAD"], capture_output=True, timeout=10, check=False)
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return head.stdout.strip() + (" with changes" if changed.returncode else "")
+
+
+def _cpu() -> str:
+    """Return the processor's name: Linux tells it in a file, elsewhere the platform module knows what it knows."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor()
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor()

@@ -1,0 +1,184 @@
+"""Writing results: parts while a campaign runs, tables and manifest at its end."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from lvnav_trade.engines.statistics import BlockSummary, merge
+from lvnav_trade.errors import InputError
+from lvnav_trade.records import CovHistory
+from lvnav_trade.store import parts as part_files
+from lvnav_trade.store.schema import TABLES, arrow_schema
+from lvnav_trade.store.tables import CaseInfo, case_tables
+from lvnav_trade.store.versions import campaign_digest, environment
+
+if TYPE_CHECKING:
+    from lvnav_trade.engines.prepare import Prepared
+
+__all__ = ["CaseInfo", "Results", "open_results"]
+
+RESOLVED = "campaign.resolved.yaml"
+MANIFEST = "manifest.json"
+
+
+class Results:
+    """The folder of one campaign's results, open for writing."""
+
+    def __init__(self, folder: Path, manifest: dict[str, Any]) -> None:
+        self.folder = folder
+        self.manifest = manifest
+        self.damaged: list[str] = []
+        self._order: list[str] = []
+
+    def case_folder(self, case_id: str) -> Path:
+        """Return the folder that holds the parts of a case."""
+        return self.folder / "parts" / case_id
+
+    def write_part(self, case_id: str, summary: BlockSummary) -> Path:
+        """Write a block's statistics in one step; a shorter part that starts at the same run is replaced."""
+        return part_files.write(self.case_folder(case_id), summary)
+
+    def done(self, case_id: str) -> list[tuple[int, int]]:
+        """Return (first run, number of runs) of each sound part; damaged ones are noted in `damaged` and deleted."""
+        self.damaged += part_files.drop_damaged(self.case_folder(case_id))
+        return [part_files.span(path) for path in part_files.paths(self.case_folder(case_id))]
+
+    def parts(self, case_id: str) -> Iterator[BlockSummary]:
+        """Return the parts of a case in run order, one in memory at a time."""
+        return part_files.stream(self.case_folder(case_id))
+
+    def summary(self, case_id: str, n_run: int | None = None) -> BlockSummary | None:
+        """Return all parts of a case merged, or those of the runs before `n_run`; None where there is none."""
+        chosen = [
+            path
+            for path in part_files.paths(self.case_folder(case_id))
+            if n_run is None or sum(part_files.span(path)) <= n_run
+        ]
+        return merge(part_files.read(path) for path in chosen) if chosen else None
+
+    def write_case(self, case: CaseInfo, prepared: Prepared, cov: CovHistory, summary: BlockSummary | None) -> None:
+        """Write the tables of one case; `finish` puts the cases together in the order in which they were written."""
+        folder = self.case_folder(case.id) / "tables"
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, table in case_tables(case, prepared, cov, summary).items():
+            part_files.replace_table(table, folder / f"{name}.parquet")
+        self._order = [known for known in self._order if known != case.id] + [case.id]
+
+    def finish(self, extra_manifest: dict[str, Any] | None = None) -> None:
+        """Write the tables of all cases, one row group per case, and the manifest (which alone carries times).
+
+        The manifest's "cases" is the order of the plan, needed where workers wrote the cases; else they come in the
+        order of `write_case`.
+        """
+        wanted = (extra_manifest or {}).get("cases", self._order)
+        found = [case for case in wanted if (self.case_folder(case) / "tables").is_dir()]
+        for name in TABLES:
+            self._merge_table(name, found)
+        self.manifest |= extra_manifest or {}
+        self.manifest |= {"cases": found, "finished": _now()}
+        _write_json(self.folder / MANIFEST, self.manifest)
+
+    def _merge_table(self, name: str, cases: Sequence[str]) -> None:
+        files = [self.case_folder(case) / "tables" / f"{name}.parquet" for case in cases]
+        path = self.folder / f"{name}.parquet"
+        temporary = path.with_name(f".{path.name}.{os.getpid()}")
+        schema = self._schema(name, files)
+        with pq.ParquetWriter(temporary, schema, compression="zstd") as writer:
+            for file in files:
+                table = pq.read_table(file)
+                writer.write_table(_widen(table, schema), row_group_size=max(1, table.num_rows))
+        os.replace(temporary, path)
+
+    def _schema(self, name: str, files: Sequence[Path]) -> pa.Schema:
+        """Return the schema that holds the columns of all cases, with what the whole table is from."""
+        known = {column.name for column in TABLES[name]}
+        every = dict.fromkeys(column for file in files for column in pq.read_schema(file).names)
+        schema = arrow_schema(name, tuple(column for column in every if column not in known))
+        return schema.with_metadata(
+            {
+                "lvnav_trade.table": name,
+                "lvnav_trade.version": self.manifest["tool"],
+                "lvnav_trade.campaign": self.manifest["campaign_digest"],
+            }
+        )
+
+
+def _widen(table: pa.Table, schema: pa.Schema) -> pa.Table:
+    """Return the table with all columns of the schema; those that this case lacks are empty."""
+    filled = [
+        table[field.name] if field.name in table.schema.names else pa.nulls(table.num_rows, field.type)
+        for field in schema
+    ]
+    return pa.table(filled, schema=schema)
+
+
+def open_results(
+    folder: Path,
+    campaign_name: str,
+    resolved_yaml: str,
+    manifest: dict[str, Any],
+    mode: Literal["resume", "fresh"] = "resume",
+) -> Results:
+    """Open the folder of a campaign's results for writing.
+
+    With "resume", parts that are there are kept; InputError where they come from another campaign (apart from its
+    number of runs, requirements, references and report) or from another version of the code. With "fresh" what an
+    earlier campaign left is deleted. InputError where the folder cannot be written.
+    """
+    folder = Path(folder)
+    identity = {"campaign": campaign_name, "campaign_digest": campaign_digest(resolved_yaml), **environment()}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if mode == "fresh":
+            _clear(folder)
+        else:
+            _refuse_other(folder, identity)
+        (folder / RESOLVED).write_text(resolved_yaml, encoding="utf-8")
+        results = Results(folder, {**manifest, **identity, "created": _now()})
+        _write_json(folder / MANIFEST, results.manifest)
+    except OSError as error:
+        raise InputError(f"{folder}: the results folder cannot be written: {error.strerror or error}") from error
+    return results
+
+
+def _refuse_other(folder: Path, identity: dict[str, str]) -> None:
+    path = folder / MANIFEST
+    if not path.exists():
+        return
+    try:
+        held = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise InputError(f"{path}: not a manifest ({error}); use --fresh to start again") from error
+    if held.get("campaign_digest") != identity["campaign_digest"]:
+        raise InputError(f"{folder}: holds the results of another campaign; use --fresh, or another folder")
+    for key, what in (("tool", "version"), ("code_digest", "code")):
+        if held.get(key) != identity[key]:
+            raise InputError(
+                f"{folder}: was computed by another {what} ({held.get(key)}, this is {identity[key]}); use --fresh"
+            )
+
+
+def _clear(folder: Path) -> None:
+    """Delete what this module writes, and nothing else."""
+    shutil.rmtree(folder / "parts", ignore_errors=True)
+    for name in (MANIFEST, RESOLVED, *(f"{table}.parquet" for table in TABLES)):
+        (folder / name).unlink(missing_ok=True)
+
+
+def _write_json(path: Path, content: dict[str, Any]) -> None:
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    temporary.write_text(json.dumps(content, indent=2, sort_keys=True, default=str) + "\n", encoding="utf-8")
+    os.replace(temporary, path)
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")

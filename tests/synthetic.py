@@ -1,0 +1,157 @@
+"""Results with known answers: runs drawn from Gaussians, and the covariance history that describes them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from lvnav_trade.engines.statistics import summarise
+from lvnav_trade.kernels.earth import OMEGA
+from lvnav_trade.records import CovHistory, Output, Reference, RunBlock, Sky
+from lvnav_trade.store import CaseInfo, open_results
+
+OUTPUTS = (
+    *(Output("attitude", axis, "rad", "mrad", 1e3) for axis in ("roll", "pitch", "yaw")),
+    *(Output("velocity", axis, "m/s", "m/s", 1.0) for axis in ("north", "east", "down")),
+    *(Output("position", axis, "m", "m", 1.0) for axis in ("north", "east", "down")),
+    Output("clock_bias", "time", "m", "m", 1.0),
+)
+SIGMA = np.array([1e-3, 1e-3, 2e-3, 0.1, 0.12, 0.2, 3.0, 3.5, 6.0, 8.0])
+MEAN = np.array([0.0, 0.0, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 2.0, 0.0])
+EVENTS = {"liftoff": 0.0, "stage1_cutoff": 40.0, "injection": 99.5}
+SOURCES = ("gyro bias", "range noise")
+N_EPOCH, N_SAT = 99, 8
+
+CAMPAIGN = """\
+name: synthetic
+description: Two grades drawn from known Gaussians
+seed: 7
+monte_carlo: {runs: 200, block: 40}
+requirements:
+  - {name: loose bound, metric: velocity_error_3d, at: injection, probability: 0.9, below: 2.0 m/s, confidence: 0.9}
+  - {name: tight bound, metric: position_error_3d, at: injection, probability: 0.9, below: 4.0 m, confidence: 0.9}
+  - {name: rare, metric: attitude_error_roll, at: injection, probability: 0.9973, below: 1.0 rad, confidence: 0.9}
+references:
+  - {source: "A paper, table 1", item: injection velocity, case: {imu: fine}, metric: velocity_error_3d, at: injection,
+     value: 26.0, unit: cm/s, band: [0.5, 2.0], remark: drawn}
+  - {source: "A paper, table 1", item: wrong on purpose, case: {imu: coarse}, metric: position_error_north,
+     at: injection, value: 100.0, unit: m, band: [0.5, 2.0], remark: ""}
+"""
+
+
+def history_times() -> np.ndarray:
+    return np.unique(np.concatenate([np.arange(-5.0, 100.0), list(EVENTS.values())]))
+
+
+def covariance(factor: float = 1.0, true_factor: float = 1.0) -> CovHistory:
+    """Return LinCov of the Gaussians: formal sigma growing with time, the true one `true_factor` times as large."""
+    t = history_times()
+    growth = factor * (1.0 + 0.01 * np.maximum(t, 0.0))[:, None]
+    formal, true = growth * SIGMA, growth * SIGMA * true_factor
+    mean = growth * MEAN
+    share = np.array([0.75, 0.25])
+    return CovHistory(
+        t=t,
+        formal=formal,
+        true_sigma=true,
+        mean=mean,
+        sources=SOURCES,
+        budget=share[None, :, None] * true[:, None, :] ** 2,
+        formal_cov=formal[:, :, None] ** 2 * np.eye(len(SIGMA)),
+        true_cov=true[:, :, None] ** 2 * np.eye(len(SIGMA)),
+        t_epoch=np.arange(1.0, N_EPOCH + 1.0),
+        n_row=np.full(N_EPOCH, 2 * N_SAT, dtype=np.int32),
+        expected_nees=((true**2 + mean**2) / formal**2).sum(axis=1),
+        expected_nis=np.full(N_EPOCH, 2.0 * N_SAT),
+    )
+
+
+def block(cov: CovHistory, first: int, n_run: int, seed: int = 1, failing: tuple[int, ...] = ()) -> RunBlock:
+    """Draw runs whose errors are what `cov` says; each run has its own generator, so that blocks may be cut anywhere."""
+    runs = range(first, first + n_run)
+    error, innovation = [], []
+    for run in runs:
+        draw = np.random.default_rng([seed, run])
+        error.append(cov.mean + cov.true_sigma * draw.standard_normal(cov.mean.shape))
+        innovation.append(draw.standard_normal((N_EPOCH, 2 * N_SAT)))
+    err, inno = np.array(error), np.array(innovation)
+    failed = np.array([run in failing for run in runs], dtype=np.int8) * 2
+    err[failed != 0] = 1e9
+    return RunBlock(
+        first_run=first,
+        t=cov.t,
+        err=err,
+        sigma=np.repeat(cov.formal[None], n_run, axis=0),
+        nees=((err / cov.formal) ** 2).sum(axis=2),
+        t_epoch=cov.t_epoch,
+        nis=(inno**2).sum(axis=2),
+        n_row=np.full((n_run, N_EPOCH), 2 * N_SAT, dtype=np.int32),
+        n_reject=np.zeros((n_run, N_EPOCH), dtype=np.int32),
+        innovation=inno,
+        failed=failed,
+        t_failed=np.where(failed != 0, 50.0, np.nan),
+    )
+
+
+def prepared() -> Any:
+    """Return what the store reads of a prepared scenario: a climb due east, eight satellites, one outage."""
+    t = np.arange(-5.0, 100.01, 0.1)
+    height = 0.5 * 20.0 * np.maximum(t, 0.0) ** 2
+    angle = OMEGA * t + 1e-6 * np.maximum(t, 0.0) ** 2
+    direction = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(t)], axis=1)
+    r_i = (6378137.0 + height)[:, None] * direction
+    ones = np.ones((len(t), 3))
+    reference = Reference(
+        t, r_i, np.gradient(r_i, t, axis=0), np.tile([1.0, 0, 0, 0], (len(t), 1)), 20.0 * ones, 0.01 * ones,
+        ones[1:] * 0.0, ones[1:] * 0.0,
+    )  # fmt: skip
+    t_epoch = np.arange(1.0, N_EPOCH + 1.0)
+    names = tuple(f"G{k + 1:02d}" for k in range(N_SAT))
+    azimuth = np.tile(np.linspace(0.0, 5.5, N_SAT), (N_EPOCH, 1))
+    elevation = np.tile(np.linspace(0.1, 1.5, N_SAT), (N_EPOCH, 1)) + 1e-4 * t_epoch[:, None]
+    tracked = np.ones((N_EPOCH, N_SAT), dtype=bool)
+    tracked[(t_epoch >= 60.0) & (t_epoch < 75.0)] = False
+    shape = (N_EPOCH, N_SAT, 3)
+    return SimpleNamespace(
+        scenario=SimpleNamespace(
+            faults=(SimpleNamespace(kind="satellite_outage", start="stage1_cutoff + 20 s", duration=15.0),)
+        ),
+        trajectory=SimpleNamespace(
+            events=EVENTS, epoch="2026-08-01T12:00:00Z", theta0=0.0, facts={"perigee_m": 2.0e5, "max_load_g": 4.2}
+        ),
+        reference=reference,
+        sky=Sky(t_epoch, names, np.zeros(shape), np.zeros(shape), azimuth, elevation, tracked),
+        outputs=OUTPUTS,
+    )
+
+
+CASES = (
+    (CaseInfo("aaaaaaaaaaaa", "imu=fine", {"imu": "fine"}), 1.0),
+    (CaseInfo("bbbbbbbbbbbb", "imu=coarse", {"imu": "coarse"}), 3.0),
+)
+
+
+def results(
+    folder: Path,
+    n_run: int = 200,
+    size: int = 40,
+    wrong: float = 1.0,
+    failing: tuple[int, ...] = (),
+    campaign: str = CAMPAIGN,
+) -> Path:
+    """Write the results of two cases; the runs are drawn `wrong` times as large as the covariance history says."""
+    written = open_results(folder, "synthetic", campaign, {"seed": 7}, "resume")
+    for case, factor in CASES:
+        told, drawn = covariance(factor), covariance(factor * wrong)
+        done = written.done(case.id)
+        for first in range(0, n_run, size):
+            count = min(size, n_run - first)
+            if (first, count) not in done:
+                runs = block(drawn, first, count, failing=failing)
+                written.write_part(case.id, summarise(runs, EVENTS, told.true_sigma, OUTPUTS))
+        written.write_case(case, prepared(), told, written.summary(case.id) if n_run else None)
+    written.finish({"timings_s": {}})
+    return folder
