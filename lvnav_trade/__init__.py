@@ -1,0 +1,53 @@
+"""Trade-offs for launch-vehicle navigation: which inertial unit, receiver and filter bring a vehicle to injection.
+
+``run`` carries out a campaign, ``load`` reads results, ``check`` looks a campaign over; `InputError` is a mistake of
+the user's, told in one line. The conventions that hold everywhere:
+
+Frames
+    One letter each: ``i`` Earth-centred inertial (true equator; ``e`` turns against it about z by theta0 + omega t),
+    ``e`` Earth-fixed (WGS-84), ``n`` local north-east-down, ``l`` launch site, ``b`` body of the inertial unit (x
+    along the roll axis, forward), ``a`` antenna, ``o`` orbital (radial, along-track, cross-track).
+Vectors
+    The last letter is the frame that resolves them: ``r_i``, ``v_i``, ``f_b``. A rate names three frames: ``w_ib_b`` is
+    the rate of b against i, in b.
+Rotations
+    From left to right, from and to: ``v_e = C_b_e @ v_b``; ``q_b_i`` is a unit quaternion, scalar first.
+Truth and belief
+    Truth is bare; where both appear the estimate wears ``_hat``. An error is truth minus estimate, for attitude the
+    small rotation from estimate to truth, so that a correction is added.
+Units
+    SI and radians in all code, without suffix. People's units stand in cards (``"0.01 deg/h"``) and on axis labels; the
+    columns of stored tables carry their unit (``position_north_error_m``).
+Time
+    ``t`` is seconds since lift-off, negative on the pad. The epoch of lift-off belongs to the trajectory.
+Noise
+    "Sigma" is one sigma. White noise is given by its root spectral density, a Gauss-Markov process by its steady sigma
+    and time constant.
+Shapes
+    In the order run, epoch, satellite, component.
+Randomness
+    A draw depends on the campaign's seed, the run, the source and the epoch; never on the case, worker or order.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from lvnav_trade.api import Results, check, load, run
+    from lvnav_trade.errors import InputError
+
+__all__ = ["InputError", "Results", "check", "load", "run"]
+
+
+def __getattr__(name: str) -> Any:
+    """Import what is asked for when it is asked for: ``import lvnav_trade`` stays fast."""
+    import importlib
+
+    if name == "InputError":
+        return importlib.import_module("lvnav_trade.errors").InputError
+    if name in __all__:
+        return getattr(importlib.import_module("lvnav_trade.api"), name)
+    if name == "__version__":
+        return importlib.import_module("lvnav_trade.store.versions").tool_version()
+    raise AttributeError(f"module 'lvnav_trade' has no attribute {name!r}")

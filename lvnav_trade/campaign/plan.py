@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
-from lvnav_trade.campaign.axes import Case
+from lvnav_trade.campaign.axes import Case, cases
 from lvnav_trade.campaign.schema import Campaign
+
+# Measured on one core of a 2-core Xeon-class machine; used for estimates only.
+_TICK_S, _STEP_S, _COVARIANCE_S, _PREPARE_S = 2e-7, 2e-8, 1e-6, 2.0
+_PART_BYTES, _TABLE_BYTES, _BASE_BYTES = 3e3, 5e3, 4e8
+_TICK_BYTES, _HISTORY_BYTES = 400.0, 1e3
 
 
 class Block(NamedTuple):
@@ -32,3 +38,60 @@ def blocks(campaign: Campaign, cases: Sequence[Case], done: Mapping[str, Sequenc
         for first in range(0, runs, size)
         if (first, min(size, runs - first)) not in done.get(case.id, ())
     ]
+
+
+class Estimate(NamedTuple):
+    """What a campaign will take: one mapping per case (id, label, runs, done), seconds of one core, megabytes."""
+
+    cases: list[dict[str, Any]]
+    blocks: int
+    seconds: float
+    disk_mb: float
+    memory_mb: float
+
+
+def estimate(campaign: Campaign, folder: Path, duration: Mapping[str, float]) -> Estimate:
+    """Return what is left to do of a campaign whose results stand in `folder` (nothing need be there).
+
+    `duration` is the flight's length (s) of each case digest. Seconds are those of the machine of `_COST`; how they
+    scale with rates and states is what the estimate is for.
+    """
+    found = cases(campaign)
+    done = {case.id: stored(folder, case.id) for case in found}
+    left = blocks(campaign, found, done)
+    runs = campaign.monte_carlo.runs if campaign.monte_carlo else 0
+    rows = [
+        {"id": c.id, "label": c.label, "runs": runs, "done": min(runs, sum(n for _, n in done[c.id]))} for c in found
+    ]
+    seconds = sum(_covariance_seconds(case, duration[case.id]) for case in found)
+    seconds += sum(unit.n_run * _run_seconds(unit.case, duration[unit.case.id]) for unit in left)
+    times = {case.id: duration[case.id] / campaign.keep.history for case in found}
+    disk = sum(_PART_BYTES * times[unit.case.id] for unit in left) + sum(_TABLE_BYTES * n for n in times.values())
+    size = min(runs, campaign.monte_carlo.block) if campaign.monte_carlo else 0
+    memory = _BASE_BYTES + max(
+        (duration[c.id] * c.scenario.imu.rate * _TICK_BYTES + size * times[c.id] * _HISTORY_BYTES for c in found),
+        default=0.0,
+    )
+    return Estimate(rows, len(left), seconds, disk / 1e6, memory / 1e6)
+
+
+def stored(folder: Path, case: str) -> list[tuple[int, int]]:
+    """Return (first run, runs) of the blocks that a folder of results holds of a case."""
+    from lvnav_trade.store.parts import paths, span
+
+    return [span(path) for path in paths(folder / "parts" / case)]
+
+
+def _states(case: Case) -> int:
+    return {"inertial": 15, "loose": 15, "tight": 17}[case.scenario.filter.kind] + 3 * len(
+        case.scenario.filter.extra_states
+    )
+
+
+def _run_seconds(case: Case, duration: float) -> float:
+    rates = case.scenario
+    return float(duration * (_TICK_S * rates.imu.rate + _STEP_S * _states(case) ** 2 * rates.filter.covariance_rate))
+
+
+def _covariance_seconds(case: Case, duration: float) -> float:
+    return float(_PREPARE_S + duration * _COVARIANCE_S * _states(case) ** 2 * case.scenario.filter.covariance_rate)

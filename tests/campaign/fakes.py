@@ -43,7 +43,7 @@ class Fake:
         self.on_block, self.on_covariance = on_block, on_covariance
 
     def engine(self) -> Engine:
-        return Engine(self.events, self.prepare, self.run_block, self.covariance, self.summarise, self.merge)
+        return Engine(self.events, self.prepare, self.run_block, self.covariance, self.summarise)
 
     def events(self, scenario: Any) -> dict[str, float]:
         return dict(EVENTS)
@@ -81,9 +81,6 @@ class Fake:
         assert scale.shape == (3, len(OUTPUTS))
         return SimpleNamespace(first=runs.first, numbers=runs.numbers)
 
-    def merge(self, parts: Any) -> Any:
-        return np.concatenate([part.numbers for part in parts])
-
 
 class Kept:
     """Results on disk: a pickle per block, one per case."""
@@ -115,16 +112,15 @@ class Kept:
     def done(self, case: str) -> list[tuple[int, int]]:
         return [(part.first, len(part.numbers)) for part in self._parts(case)]
 
-    def parts(self, case: str) -> Any:
-        return iter(self._parts(case))
+    def summary(self, case: str, n_run: int) -> Any:
+        return np.concatenate([part.numbers for part in self._parts(case)])[:n_run]
 
     def write_case(self, info: Any, prepared: Any, covariance: CovHistory, summary: Any) -> None:
         row = (tuple(info), covariance.sources, None if summary is None else summary.tolist())
         (self.folder / f"{info.id}.pcase").write_bytes(pickle.dumps(row))
 
-    def finish(self, extra: dict[str, Any]) -> None:
-        self.finished = extra
-        (self.folder / "finished").write_text("yes")
+    def finish(self, extra: dict[str, Any], order: list[str]) -> None:
+        (self.folder / "finished").write_text("\n".join(order))
 
 
 class Info(NamedTuple):

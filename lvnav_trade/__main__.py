@@ -1,0 +1,5 @@
+"""``python -m lvnav_trade`` is ``lvnav-trade``."""
+
+from lvnav_trade.cli import main
+
+main()

@@ -1,0 +1,172 @@
+"""The same from Python: run, load, check; tidy pandas frames with units in their column names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from lvnav_trade.campaign import execute, work
+from lvnav_trade.campaign.axes import cases
+from lvnav_trade.campaign.load import load as load_campaign
+from lvnav_trade.campaign.plan import Estimate, estimate
+from lvnav_trade.campaign.progress import Progress
+from lvnav_trade.campaign.schema import Campaign
+from lvnav_trade.campaign.work import Job
+from lvnav_trade.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from lvnav_trade.store.read import Tables
+
+MET, VIOLATED, USAGE, UNDECIDED, FAILED, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 4, 5, 130
+"""Exit codes: all requirements met, one violated, bad usage or file, undecided, some runs failed, our fault, Ctrl-C."""
+
+
+class Results:
+    """A folder of results.
+
+    Attributes
+    ----------
+    cases, runs, history, budget, events, ... : pandas.DataFrame
+        The stored tables, one row per observation, the unit at the end of every column's name.
+    rms, agreement, requirements : pandas.DataFrame
+        What is computed from them: errors by phase and event, Monte Carlo against linear covariance, verdicts.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        from lvnav_trade.store.read import load as read
+
+        self.folder = folder
+        self.tables: Tables = read(folder)
+
+    def __getattr__(self, name: str) -> pd.DataFrame:
+        if name.startswith("_") or name == "tables":
+            raise AttributeError(name)
+        frame: pd.DataFrame = getattr(self.tables, name)
+        return frame
+
+    @property
+    def rms(self) -> pd.DataFrame:
+        """Errors by case, phase or event, and axis, with their intervals."""
+        from lvnav_trade import metrics
+
+        return metrics.rms(self.tables)
+
+    @property
+    def agreement(self) -> pd.DataFrame:
+        """Monte Carlo against linear covariance."""
+        from lvnav_trade import metrics
+
+        return metrics.agreement(self.tables)
+
+    @property
+    def requirements(self) -> pd.DataFrame:
+        """The verdict of every requirement in every case."""
+        return verdicts(self.folder)
+
+    @property
+    def exit_code(self) -> int:
+        """What the command line would leave with."""
+        return exit_code(list(self.requirements.get("verdict", [])), self.tables.manifest.get("failures", []))
+
+
+def check(campaign: str | Path, sets: Sequence[str] = ()) -> Campaign:
+    """Return the campaign of a file after every check that needs no flight, and those that need its trajectories.
+
+    Raises
+    ------
+    InputError
+        One line per mistake.
+    """
+    found = load_campaign(campaign, sets)
+    _events(found)
+    return found
+
+
+def plan(campaign: str | Path, sets: Sequence[str] = (), folder: str | Path | None = None) -> Estimate:
+    """Return the cases of a campaign, what they will take, and what of it `folder` (``results/NAME``) holds already."""
+    found = load_campaign(campaign, sets)
+    duration = {case: max(events.values()) - min(events.values()) for case, events in _events(found).items()}
+    return estimate(found, Path(folder) if folder is not None else Path("results") / found.name, duration)
+
+
+def _events(campaign: Campaign) -> dict[str, dict[str, float]]:
+    """Return the event times of each case digest; InputError where the campaign does not fit them."""
+    job = Job(work.engine(), None, campaign.seed, campaign.keep.history, campaign.covariance.budget, Path())
+    return execute.check_flight(campaign, cases(campaign), job, jobs=1)
+
+
+def run(
+    campaign: str | Path | Campaign,
+    sets: Sequence[str] = (),
+    folder: str | Path | None = None,
+    jobs: int = -1,
+    fresh: bool = False,
+    fail_fast: bool = False,
+    report: bool = True,
+    progress: Progress | None = None,
+    on_answers: Callable[..., None] | None = None,
+) -> Results:
+    """Carry out a campaign and return its results.
+
+    Parameters
+    ----------
+    campaign : file, name of a campaign that comes with the tool, or a loaded one
+    sets : assignments such as ``monte_carlo.runs=500``
+    folder : where results go; ``results/NAME`` if absent
+    jobs : worker processes, -1 for all cores
+    fresh : begin again instead of resuming what the folder holds
+    fail_fast : stop at the first failed run
+    report : build the report too
+    progress, on_answers : see `campaign.execute.run`
+
+    Raises
+    ------
+    InputError
+        A mistake in the campaign, or a folder that cannot be used.
+    campaign.execute.Halted
+        Stopped early; the same call resumes.
+    """
+    if isinstance(campaign, Campaign):
+        if sets:
+            raise InputError("a loaded campaign takes no assignments; give the file, or change the campaign")
+        found = campaign
+    else:
+        found = load_campaign(campaign, sets)
+    place = Path(folder) if folder is not None else Path("results") / found.name
+    mode: execute.Mode = "fresh" if fresh else "resume"
+    execute.run(found, place, jobs, mode, fail_fast, progress, on_answers)
+    if report:
+        build_report(place)
+    return load(place)
+
+
+def load(folder: str | Path) -> Results:
+    """Return the results in a folder; InputError where there are none."""
+    return Results(Path(folder))
+
+
+def verdicts(folder: Path) -> pd.DataFrame:
+    """Return requirement, case, verdict (met, violated, undecided), estimate and what it rests on."""
+    from lvnav_trade.metrics.requirements import verdicts as judge
+
+    return judge(folder)
+
+
+def build_report(folder: Path) -> Path:
+    """Build report.html, report.md, figures and CSV tables from a folder of results; return the page."""
+    from lvnav_trade.report import build
+
+    page = build(folder)
+    return Path(page) if page is not None else folder / "report.html"
+
+
+def exit_code(judged: Sequence[str], failures: Sequence[Any]) -> int:
+    """Return the exit code of a finished campaign; failed runs come first, because no verdict is safe beside them."""
+    if failures:
+        return FAILED
+    if "violated" in judged:
+        return VIOLATED
+    return UNDECIDED if "undecided" in judged else MET

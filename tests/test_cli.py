@@ -1,0 +1,198 @@
+"""The command line: verbs, exit codes, one line per mistake, one JSON object."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from lvnav_trade.campaign import work
+from lvnav_trade.campaign.work import Engine
+from lvnav_trade.cli import app
+
+SMOKE = "campaigns/smoke.yaml"
+
+
+def call(*arguments: str) -> Result:
+    return CliRunner().invoke(app, list(arguments))
+
+
+@pytest.fixture
+def events(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, float]:
+    """Let every trajectory have the same events, so that nothing is flown; work in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    times = {"liftoff": 0.0, "stage2_ignition": 200.0, "injection": 600.0}
+
+    def none(*_: object) -> None:
+        raise AssertionError("nothing should be computed")
+
+    monkeypatch.setattr(work, "engine", lambda: Engine(lambda scenario: times, none, none, none, none))
+    return times
+
+
+def test_help_names_every_verb_and_exit_code() -> None:
+    text = call("--help").output
+    for word in ("run", "check", "plan", "schema", "cards", "report", "replay", "undecided", "130"):
+        assert word in text
+
+
+def test_help_comes_in_half_a_second() -> None:
+    def once() -> float:
+        start = time.perf_counter()
+        subprocess.run([sys.executable, "-m", "lvnav_trade", "--help"], check=True, capture_output=True)
+        return time.perf_counter() - start
+
+    assert min(once() for _ in range(3)) < 0.5
+
+
+def test_the_version_is_one_line() -> None:
+    result = call("--version")
+    assert result.exit_code == 0
+    assert result.output.startswith("lvnav-trade ")
+    assert result.output.count("\n") == 1
+
+
+@pytest.mark.parametrize("name", ["demo", "smoke", "falcon9_formosat5"])
+def test_a_campaign_of_the_tool_is_good_from_any_folder(events: dict[str, float], name: str) -> None:
+    result = call("check", f"campaigns/{name}.yaml")
+    assert result.output.startswith(f"campaigns/{name}.yaml: good, ")
+    assert result.exit_code == 0
+
+
+def test_a_mistake_is_one_line_and_exit_code_two(events: dict[str, float]) -> None:
+    Path("bad.yaml").write_text("name: x\nsead: 1\n")
+    result = call("check", "bad.yaml")
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert "bad.yaml:2:1: sead: unknown key (did you mean 'seed'?)" in result.stderr.splitlines()
+
+
+def test_a_mistake_is_a_json_object_where_that_is_asked_for(events: dict[str, float]) -> None:
+    Path("bad.yaml").write_text("name: x\nsead: 1\n")
+    result = call("check", "bad.yaml", "--json")
+    content = json.loads(result.stdout)
+    assert result.exit_code == content["exit_code"] == 2
+    found = [mistake for mistake in content["mistakes"] if mistake["path"] == "sead"]
+    assert found == [
+        {"message": "unknown key (did you mean 'seed'?)", "path": "sead", "file": "bad.yaml", "line": 2, "column": 1}
+    ]
+
+
+def test_a_mistake_is_a_note_on_its_line_in_a_workflow(events, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    Path("bad.yaml").write_text("name: x\nsead: 1\n")
+    result = call("check", "bad.yaml")
+    assert "::error file=bad.yaml,line=2,col=1::sead: unknown key (did you mean 'seed'?)" in result.stderr.splitlines()
+
+
+def test_a_fault_after_the_flight_is_refused(events: dict[str, float]) -> None:
+    result = call("check", SMOKE, "--set", "faults=[{start: 601 s, duration: 5 s}]")
+    assert result.exit_code == 2
+    assert result.stderr == "base.faults.0.start: '601 s' is 601 s, at or after the end of the flight (600 s)\n"
+
+
+def test_a_requirement_at_an_unknown_event_is_refused(events: dict[str, float]) -> None:
+    result = call("check", "campaigns/demo.yaml", "--set", "requirements.0.at=injektion")
+    assert result.exit_code == 2
+    assert result.stderr == (
+        "requirements.0.at: 'injektion' is not an event of the trajectory (did you mean 'injection'?)\n"
+    )
+
+
+@pytest.mark.parametrize("jobs", ["0", "-2"])
+def test_an_impossible_number_of_jobs_is_refused(events: dict[str, float], jobs: str) -> None:
+    result = call("run", SMOKE, f"--jobs={jobs}")
+    assert result.exit_code == 2
+    assert result.stderr == f"--jobs {jobs}: give a number of worker processes, or -1 for all cores\n"
+
+
+@pytest.mark.parametrize("arguments", [["fly"], ["run"], ["run", SMOKE, "--jobs", "two"], ["check", SMOKE, "--fast"]])
+def test_bad_usage_is_exit_code_two(arguments: list[str]) -> None:
+    assert call(*arguments).exit_code == 2
+
+
+def test_a_campaign_that_is_not_there_is_exit_code_two(events: dict[str, float]) -> None:
+    result = call("run", "nothing.yaml")
+    assert (result.exit_code, result.stderr) == (2, "nothing.yaml: no such file\n")
+
+
+def test_an_internal_error_is_one_line_and_exit_code_five(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+
+    def broken() -> Engine:
+        raise ZeroDivisionError("division by zero")
+
+    monkeypatch.setattr(work, "engine", broken)
+    result = call("check", SMOKE)
+    assert result.exit_code == 5
+    assert result.stderr == (
+        "internal error: ZeroDivisionError: division by zero (--debug shows where; please report it)\n"
+    )
+    assert isinstance(call("check", SMOKE, "--debug").exception, ZeroDivisionError)
+
+
+def test_ctrl_c_is_exit_code_130(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+
+    def interrupted() -> Engine:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(work, "engine", interrupted)
+    result = call("check", SMOKE)
+    assert (result.exit_code, result.stderr) == (130, "interrupted; the same command resumes\n")
+
+
+def test_the_plan_shows_cases_and_what_is_done(events: dict[str, float]) -> None:
+    content = json.loads(call("plan", "campaigns/demo.yaml", "--json").stdout)
+    assert [case["label"] for case in content["cases"]][:2] == [
+        "imu=tactical_fog, filter=loose",
+        "imu=tactical_fog, filter=tight",
+    ]
+    assert content["blocks"] == 6 * 5
+    assert {case["done"] for case in content["cases"]} == {0}
+    part = Path("results/demo/parts", content["cases"][0]["id"])
+    part.mkdir(parents=True)
+    (part / "0-40.parquet").touch()
+    again = json.loads(call("plan", "campaigns/demo.yaml", "--json").stdout)
+    assert again["cases"][0]["done"] == 40
+    assert again["blocks"] == 6 * 5 - 1
+    assert 0 < again["seconds"] < content["seconds"]
+    assert "about" in call("plan", "campaigns/demo.yaml").stdout
+
+
+def test_the_schema_knows_cards_and_every_key() -> None:
+    schema = json.loads(call("schema").stdout)
+    assert set(schema["properties"]) >= {"name", "seed", "base", "axes", "design", "monte_carlo", "requirements"}
+    assert schema["additionalProperties"] is False
+    imu = schema["$defs"]["ImuCard"]["anyOf"]
+    assert imu[0]["type"] == "string"
+    assert "card" in imu[1]["properties"]
+
+
+def test_the_cards_are_listed_and_shown_with_their_sources(events: dict[str, float]) -> None:
+    listed = call("cards").stdout
+    assert "imu/tactical_fog" in listed
+    assert "Trigo and Theil" in listed
+    shown = call("cards", "imu/tactical_fog").stdout
+    assert 'random_walk: "0.03 deg/sqrt(h)"' in shown
+    wrong = call("cards", "imu/tactical_fogg")
+    assert (wrong.exit_code, wrong.stderr) == (2, "no card 'imu/tactical_fogg' (did you mean 'imu/tactical_fog'?)\n")
+
+
+def test_a_folder_without_results_is_refused(events: dict[str, float]) -> None:
+    Path("empty").mkdir()
+    for verb in (["report", "empty"], ["replay", "empty", "0", "0"]):
+        result = call(*verb)
+        assert result.exit_code == 2
+        assert result.stderr.startswith("empty: no results here")
+
+
+def test_a_replay_of_an_unknown_case_is_refused(events: dict[str, float]) -> None:
+    result = call("replay", "campaigns/demo.yaml", "imu=tactical_fog, filter=tigth", "0")
+    assert result.exit_code == 2
+    assert "(did you mean 'imu=tactical_fog, filter=tight'?)" in result.stderr
