@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import pickle
+import time
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -49,11 +51,10 @@ class Fake:
         return dict(EVENTS)
 
     def prepare(self, scenario: Any, history: float) -> Any:
-        time = np.array([0.0, 1.0, 2.0])
         return SimpleNamespace(
             name=f"{scenario.imu.name} {scenario.filter.name}",
             outputs=OUTPUTS,
-            reference=SimpleNamespace(t=time),
+            reference=SimpleNamespace(t=np.array([0.0, 1.0, 2.0])),
             trajectory=SimpleNamespace(events=dict(EVENTS)),
         )
 
@@ -80,6 +81,24 @@ class Fake:
         assert events == EVENTS
         assert scale.shape == (3, len(OUTPUTS))
         return SimpleNamespace(first=runs.first, numbers=runs.numbers)
+
+
+class Slow:
+    """Takes its time for each block, so that something can happen meanwhile."""
+
+    def __init__(self, seconds: float) -> None:
+        self.seconds = seconds
+
+    def __call__(self, first: int, n: int) -> None:
+        time.sleep(self.seconds)
+
+
+class Dies:
+    """Ends the worker process at the second block, as the kernel does when memory is short."""
+
+    def __call__(self, first: int, n: int) -> None:
+        if first == 40:
+            os._exit(9)
 
 
 class Kept:

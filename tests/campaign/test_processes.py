@@ -1,0 +1,103 @@
+"""Several worker processes: the same bytes as one, and whatever ends them leaves whole blocks."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parent
+
+SCRIPT = """\
+import sys
+from pathlib import Path
+import fakes
+from lvnav_trade.campaign import execute
+from lvnav_trade.campaign.load import load
+
+what = {"slow": fakes.Slow(0.3), "quick": None, "dies": fakes.Dies()}[sys.argv[2]]
+try:
+    execute.run(load("campaign.yaml"), Path(sys.argv[3]), jobs=int(sys.argv[1]),
+                engine=fakes.Fake(on_block=what).engine(), keep=fakes.store())
+except KeyboardInterrupt:
+    sys.exit(130)
+except execute.Halted as halted:
+    print(halted)
+    sys.exit(4)
+"""
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture
+def start(study):
+    """Start a campaign in a process group of its own."""
+    study.append("axes: [{path: imu, cards: [imu/good, imu/poor]}]\nmonte_carlo: {runs: 200}\n")
+    study.write("go.py", SCRIPT)
+    root = HERE.parents[1]
+    environment = {**os.environ, "PYTHONPATH": f"{HERE}{os.pathsep}{root}"}
+
+    def go(jobs: int, what: str, folder: str) -> subprocess.Popen[str]:
+        command = [sys.executable, "go.py", str(jobs), what, folder]
+        return subprocess.Popen(
+            command, env=environment, start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+
+    return go
+
+
+def kept(folder: str) -> dict[str, bytes]:
+    return {file.name: file.read_bytes() for file in Path(folder).glob("*.p*")}
+
+
+def wait_for_parts(folder: str, n: int) -> None:
+    end = time.monotonic() + 60
+    while len(list(Path(folder).glob("*.part"))) < n:
+        assert time.monotonic() < end, "no blocks were stored"
+        time.sleep(0.05)
+
+
+def is_gone(group: int) -> bool:
+    end = time.monotonic() + 10
+    while time.monotonic() < end:
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.1)
+    return False
+
+
+def test_two_workers_leave_the_same_bytes_as_one(start) -> None:
+    for jobs in (1, 2):
+        process = start(jobs, "quick", f"by{jobs}")
+        assert process.wait(60) == 0, process.stderr.read()
+    assert kept("by1") == kept("by2")
+    assert Path("by1/finished").read_text() == Path("by2/finished").read_text()
+
+
+@pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -9)])
+def test_a_campaign_that_is_ended_goes_on_and_leaves_the_same_bytes(start, sent: signal.Signals, code: int) -> None:
+    assert start(2, "quick", "whole").wait(60) == 0
+    process = start(2, "slow", "ended")
+    wait_for_parts("ended", 3)
+    os.killpg(process.pid, sent)  # to the whole group, as a terminal does
+    _, messages = process.communicate(timeout=30)
+    assert process.returncode == code
+    assert "Traceback" not in messages
+    assert is_gone(process.pid)
+    assert 3 <= len(list(Path("ended").glob("*.part"))) < 10
+    assert start(1, "quick", "ended").wait(60) == 0
+    assert kept("ended") == kept("whole")
+
+
+def test_a_worker_that_dies_ends_the_campaign_in_one_line(start) -> None:
+    process = start(2, "dies", "dead")
+    output, _ = process.communicate(timeout=60)
+    assert process.returncode == 4
+    assert output == "a worker process died (out of memory?); the same command resumes, try --jobs 1\n"
