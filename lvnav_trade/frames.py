@@ -68,12 +68,12 @@ def rotation_i_e(theta: ArrayLike) -> Floats:
 
 def ecef_from_eci(r_i: ArrayLike, theta: ArrayLike) -> Floats:
     """Return the positions (or any vectors) r_i (..., 3) in Earth-fixed components."""
-    return np.einsum("...jk,...k->...j", rotation_i_e(theta), np.asarray(r_i, dtype=float))
+    return np.asarray(np.einsum("...jk,...k->...j", rotation_i_e(theta), np.asarray(r_i, dtype=float)))
 
 
 def eci_from_ecef(r_e: ArrayLike, theta: ArrayLike) -> Floats:
     """Return the positions (or any vectors) r_e (..., 3) in inertial components."""
-    return np.einsum("...kj,...k->...j", rotation_i_e(theta), np.asarray(r_e, dtype=float))
+    return np.asarray(np.einsum("...kj,...k->...j", rotation_i_e(theta), np.asarray(r_e, dtype=float)))
 
 
 def earth_velocity(r_i: ArrayLike, v_i: ArrayLike) -> Floats:

@@ -1,0 +1,185 @@
+"""Staged ascent from a vehicle card: the legs flown for given steering, from the pad to the final coast."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, gmst, rotation_e_n, unit
+from lvnav_trade.kernels.earth import OMEGA
+from lvnav_trade.world.flight import Drag, Engine, fly, time_to_mass
+from lvnav_trade.world.steering import Steering
+from lvnav_trade.world.vehicle import STANDARD_GRAVITY, Site, Stage, VehicleAscent
+
+Floats = NDArray[np.float64]
+
+STEP = 0.25  # s, of integration and of the truth's knots; halving it moves injection by less than 1 mm
+COASTING = Engine(0.0, 0.0, 0.0, 1.0)
+
+
+class Aim(NamedTuple):
+    """What is solved for: launch azimuth and kick (rad), law of the steered stages, burns and coasts (s).
+
+    tangent and tangent_end are tan of the elevation at the start of the law and `burn` seconds after the last stage's
+    ignition; coast, tangent_2 and burn_2 belong to the second burn of an ascent by a parking orbit.
+    """
+
+    azimuth: float
+    kick: float
+    tangent: float
+    tangent_end: float
+    burn: float
+    coast: float = 0.0
+    tangent_2: float = 0.0
+    burn_2: float = 0.0
+
+
+class Leg(NamedTuple):
+    """A stretch of flight without a jump: times (n,), states (n, 7), engine; steering holds for the whole ascent."""
+
+    name: str
+    t: Floats
+    y: Floats
+    engine: Engine
+
+
+class Flight(NamedTuple):
+    """A whole ascent: legs in order, the final steering, drag, event times in order of time."""
+
+    legs: list[Leg]
+    steering: Steering
+    drag: Drag
+    events: dict[str, float]
+
+
+def pad_state(site: Site, theta: float) -> tuple[Floats, Floats]:
+    """Return r_i (m) and v_i (m/s), each (3,), of a point at rest on the launch site at Earth angle theta."""
+    r_i = eci_from_ecef(ecef_from_geodetic(site.latitude, site.longitude, site.height), theta)
+    return r_i, np.cross([0.0, 0.0, OMEGA], r_i)
+
+
+def site_axes(site: Site, azimuth: float) -> tuple[Floats, Floats, Floats]:
+    """Return the unit vectors up, downrange and right of the downrange, each (3,) in frame e."""
+    north, east, down = rotation_e_n(site.latitude, site.longitude)
+    downrange = math.cos(azimuth) * north + math.sin(azimuth) * east
+    return -down, downrange, np.cross(downrange, -down)
+
+
+def lift_off_mass(card: VehicleAscent) -> float:
+    """Return the mass in kg at ignition."""
+    vehicle = card.vehicle
+    fairing = vehicle.fairing.mass if vehicle.fairing else 0.0
+    return float(sum(stage.propellant + stage.dry for stage in vehicle.stages) + vehicle.payload + fairing)
+
+
+def engine_of(stage: Stage, max_load: float) -> Engine:
+    """Return the engine of a stage."""
+    flow = stage.thrust / (STANDARD_GRAVITY * stage.specific_impulse)
+    return Engine(stage.thrust, flow, stage.exit_area, max_load)
+
+
+class _Pilot:
+    """Flies leg after leg, keeping state, steering and events; used by `fly_ascent` alone."""
+
+    def __init__(self, card: VehicleAscent, aim: Aim) -> None:
+        vehicle = card.vehicle
+        up, downrange, _ = site_axes(card.site, aim.azimuth)
+        self.card, self.aim, self.t = card, aim, 0.0
+        theta0 = gmst(card.epoch)
+        n_law = 1 if card.parking is None else 2
+        kick_end = card.vertical_rise + card.kick_duration
+        self.steering = Steering(
+            up, downrange, theta0, card.vertical_rise, card.kick_duration, aim.kick, kick_end, card.slew,
+            np.full(n_law, np.inf), np.zeros((n_law, 3)), np.zeros(n_law), np.zeros(n_law),
+        )  # fmt: skip
+        self.drag = Drag(vehicle.reference_area, np.array(vehicle.mach), np.array(vehicle.drag_coefficient))
+        self.y = np.concatenate([*pad_state(card.site, float(earth_angle(theta0, 0.0))), [lift_off_mass(card)]])
+        self.legs: list[Leg] = []
+        self.events = {"liftoff": 0.0, "kick": card.vertical_rise}
+
+    def leg(self, name: str, duration: float, engine: Engine = COASTING) -> None:
+        """Fly one leg; a leg without duration is none."""
+        if duration <= 0.0:
+            return
+        n_step = max(8, math.ceil(duration / STEP))
+        t, y = fly(self.t, duration, n_step, self.y, self.steering, engine, self.drag)
+        self.legs.append(Leg(name, t, y, engine))
+        self.t, self.y = float(t[-1]), y[-1].copy()
+
+    def begin_law(self, k: int, tangent: float, rate: float) -> None:
+        """Let steering law k start now, in the present orbital plane."""
+        s = self.steering
+        s.law_start[k], s.tangent[k], s.rate[k] = self.t, tangent, rate
+        s.normal_i[k] = unit(np.cross(self.y[:3], self.y[3:6]))
+
+    def burn(self, number: int, engine: Engine, duration: float | None, propellant: float, again: str = "") -> None:
+        """Burn for a duration, or until the propellant is gone, releasing the fairing where it is due."""
+        fairing = self.card.vehicle.fairing
+        self.events[f"stage{number}_ignition{again}"] = self.t
+        left = self.y[6] - propellant
+        name = f"stage {number} burn{again.replace('_', ' ')}"
+        ends = math.inf if duration is None else self.t + duration
+        if fairing is not None and fairing.stage == number and not again and self.t + fairing.after_ignition < ends:
+            self.leg(name + " with fairing", fairing.after_ignition, engine)
+            self.events["fairing_separation"] = self.t
+            self.y[6] -= fairing.mass
+            left -= fairing.mass
+        if duration is None:
+            ends = self.t + time_to_mass(self.t, left, STEP, self.y, self.steering, engine, self.drag)
+        self.leg(name, ends - self.t, engine)
+        self.events[f"stage{number}_cutoff{again}"] = self.t
+
+    def stage(self, number: int) -> None:
+        """Fly a stage that burns out and is dropped."""
+        stage = self.card.vehicle.stages[number - 1]
+        self.ignite_after(number, stage)
+        self.burn(number, engine_of(stage, self.card.vehicle.max_load), None, stage.propellant)
+        self.leg(f"stage {number} coast", stage.separation_delay)
+        self.events[f"stage{number}_separation"] = self.t
+        self.y[6] -= stage.dry
+
+    def ignite_after(self, number: int, stage: Stage) -> None:
+        """Coast to the ignition of a stage, beginning the linear-tangent law with the first steered one."""
+        if number == self.card.steered_from:
+            span = self.time_to_last_cutoff(number)
+            self.begin_law(0, self.aim.tangent, (self.aim.tangent_end - self.aim.tangent) / span)
+        self.leg(f"coast before stage {number}", stage.ignition_delay)
+
+    def time_to_last_cutoff(self, number: int) -> float:
+        """Return about how long it is from now to the last stage's (first) cut-off; only scales the law."""
+        span = self.aim.burn
+        for stage in self.card.vehicle.stages[number - 1 : -1]:
+            span += stage.propellant * STANDARD_GRAVITY * stage.specific_impulse / stage.thrust + stage.separation_delay
+        return float(span + sum(stage.ignition_delay for stage in self.card.vehicle.stages[number - 1 :]))
+
+    def last_stage(self) -> None:
+        """Fly the last stage, with its second burn where there is a parking orbit."""
+        number, stage = len(self.card.vehicle.stages), self.card.vehicle.stages[-1]
+        engine = engine_of(stage, self.card.vehicle.max_load)
+        self.ignite_after(number, stage)
+        self.burn(number, engine, self.aim.burn, stage.propellant)
+        if self.card.parking is not None and self.aim.burn_2 > 0.0:
+            self.begin_law(1, self.aim.tangent_2, 0.0)
+            self.leg("parking coast", self.aim.coast)
+            self.burn(number, engine, self.aim.burn_2, stage.propellant, "_2")
+
+
+def fly_ascent(card: VehicleAscent, aim: Aim, final_coast: bool = True) -> Flight:
+    """Return the ascent that a vehicle card flies with the given aim, from lift-off to the end of the final coast.
+
+    Without the final coast the last state is that of injection. The last stage may burn more than its propellant: the
+    caller judges the shortfall.
+    """
+    pilot = _Pilot(card, aim)
+    for number in range(1, len(card.vehicle.stages)):
+        pilot.stage(number)
+    pilot.last_stage()
+    pilot.events["injection"] = pilot.t
+    pilot.events.pop("stage1_ignition")  # it is the lift-off
+    if final_coast:
+        pilot.leg("final coast", card.coast_after_injection)
+    events = dict(sorted(pilot.events.items(), key=lambda item: item[1]))
+    return Flight(pilot.legs, pilot.steering, pilot.drag, events)

@@ -1,0 +1,46 @@
+"""Times by the name of an event: "stage1_cutoff + 20 s"."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Mapping
+
+from lvnav_trade.errors import InputError
+from lvnav_trade.units import parse
+
+_TIMED = re.compile(r"\s*(?P<name>[A-Za-z_]\w*)\s*(?:(?P<sign>[+-])\s*(?P<offset>\S.*))?$")
+
+
+def resolve(text: str, events: Mapping[str, float]) -> float:
+    """Return the time in s since lift-off that a text states.
+
+    Parameters
+    ----------
+    text : an event's name, with a duration added or taken away (``"stage1_cutoff + 20 s"``), or a time (``"100 s"``).
+    events : times of the events of the flight, s.
+
+    Raises
+    ------
+    InputError
+        Where the event is not one of the flight (the nearest name is offered), or the duration has no unit.
+    """
+    match = _TIMED.match(text)
+    if match is None:
+        return _seconds(text, text)
+    name = match["name"]
+    if name not in events:
+        near = difflib.get_close_matches(name, list(events), n=1, cutoff=0.5)
+        hint = f"did you mean {near[0]!r}?" if near else f"the flight has {', '.join(events)}"
+        raise InputError(f"{text!r}: no event {name!r} ({hint})")
+    if match["offset"] is None:
+        return events[name]
+    offset = _seconds(match["offset"], text)
+    return events[name] + (offset if match["sign"] == "+" else -offset)
+
+
+def _seconds(part: str, text: str) -> float:
+    try:
+        return parse(part.strip(), "s")
+    except ValueError as error:
+        raise InputError(f"{text!r} is not a time: {error}") from None

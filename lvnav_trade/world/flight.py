@@ -1,0 +1,132 @@
+"""Equations of motion of a point-mass launcher, and their integration over one leg."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.kernels.atmosphere import atmosphere
+from lvnav_trade.kernels.earth import ECCENTRICITY_2, OMEGA, SEMI_MAJOR, gravity_j4
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.world.steering import Steering, direction
+
+Floats = NDArray[np.float64]
+Rates = tuple[float, float, float, float, float, float, float]
+
+
+class Engine(NamedTuple):
+    """What pushes during a leg: vacuum thrust (N), mass flow (kg/s), exit area (m^2), limit of thrust over mass."""
+
+    thrust: float
+    mass_flow: float
+    exit_area: float
+    max_load: float
+
+
+class Drag(NamedTuple):
+    """Reference area (m^2) and drag coefficients over Mach number, held constant outside the table."""
+
+    area: float
+    mach: Floats
+    coefficient: Floats
+
+
+@jit
+def height_above(x: float, y: float, z: float) -> float:
+    """Return the height in m over the ellipsoid along the radius, within 0.2 % of the geodetic height in a launch."""
+    p2 = x * x + y * y
+    r2 = p2 + z * z
+    return math.sqrt(r2) - SEMI_MAJOR * math.sqrt((1.0 - ECCENTRICITY_2) * r2 / (r2 - ECCENTRICITY_2 * p2))
+
+
+@jit
+def thrust_of(mass: float, pressure: float, engine: Engine) -> tuple[float, float]:
+    """Return thrust (N) and throttle at a mass (kg) and ambient pressure (Pa).
+
+    The limit is a smooth minimum over 2 % of it: the load bends within a second or so and stays below the limit.
+    """
+    if engine.thrust == 0.0:
+        return 0.0, 0.0
+    full = engine.thrust - pressure * engine.exit_area
+    limit = engine.max_load * mass
+    width = 0.02 * limit
+    thrust = min(full, limit) - width * math.log1p(math.exp(-abs(full - limit) / width))
+    return thrust, thrust / full
+
+
+@jit
+def drag_factor(r: tuple[float, float, float], w: tuple[float, float, float], drag: Drag) -> tuple[float, float]:
+    """Return the drag force per airspeed (N s/m) and the ambient pressure (Pa) at position r and airspeed vector w."""
+    density, pressure, _, sound = atmosphere(height_above(r[0], r[1], r[2]))
+    speed = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
+    coefficient = np.interp(speed / sound, drag.mach, drag.coefficient)
+    return 0.5 * density * speed * coefficient * drag.area, pressure
+
+
+@jit
+def rates(t: float, y: Floats, steering: Steering, engine: Engine, drag: Drag) -> Rates:
+    """Return the time derivative of y (7,): inertial position (m), velocity (m/s) and mass (kg)."""
+    r = (y[0], y[1], y[2])
+    v = (y[3], y[4], y[5])
+    w = (v[0] + OMEGA * r[1], v[1] - OMEGA * r[0], v[2])
+    push, pressure = drag_factor(r, w, drag)
+    thrust, throttle = thrust_of(y[6], pressure, engine)
+    u = direction(t, r, v, steering)
+    g = gravity_j4(r[0], r[1], r[2])
+    ax = g[0] + (thrust * u[0] - push * w[0]) / y[6]
+    ay = g[1] + (thrust * u[1] - push * w[1]) / y[6]
+    az = g[2] + (thrust * u[2] - push * w[2]) / y[6]
+    return v[0], v[1], v[2], ax, ay, az, -engine.mass_flow * throttle
+
+
+@jit
+def step(t: float, h: float, y: Floats, steering: Steering, engine: Engine, drag: Drag) -> Floats:
+    """Return y (7,) advanced by h with the classical Runge-Kutta step of fourth order."""
+    k1 = np.array(rates(t, y, steering, engine, drag))
+    k2 = np.array(rates(t + 0.5 * h, y + 0.5 * h * k1, steering, engine, drag))
+    k3 = np.array(rates(t + 0.5 * h, y + 0.5 * h * k2, steering, engine, drag))
+    k4 = np.array(rates(t + h, y + h * k3, steering, engine, drag))
+    out: Floats = y + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
+    return out
+
+
+@jit
+def fly(
+    t0: float, duration: float, n_step: int, y0: Floats, steering: Steering, engine: Engine, drag: Drag
+) -> tuple[Floats, Floats]:
+    """Return times (n_step + 1,) and states (n_step + 1, 7) over a leg that starts at t0 with state y0 (7,)."""
+    t = t0 + duration * np.arange(n_step + 1) / n_step
+    y = np.empty((n_step + 1, 7))
+    y[0] = y0
+    for k in range(n_step):
+        y[k + 1] = step(t[k], t[k + 1] - t[k], y[k], steering, engine, drag)
+    return t, y
+
+
+@jit
+def time_to_mass(t0: float, mass: float, h: float, y0: Floats, steering: Steering, engine: Engine, drag: Drag) -> float:
+    """Return how long the engine burns from t0, state y0 (7,), until `mass` (kg) is left, stepping by h (s)."""
+    t, y = t0, y0.copy()
+    while y[6] > mass:
+        before = y
+        y = step(t, h, y, steering, engine, drag)
+        t += h
+    t -= h
+    part = h
+    for _ in range(4):  # secant on the last step, where the flow hardly changes
+        part *= (before[6] - mass) / (before[6] - y[6])
+        y = step(t, part, before, steering, engine, drag)
+    return t + part - t0
+
+
+@jit
+def accelerations(t: Floats, y: Floats, steering: Steering, engine: Engine, drag: Drag) -> Floats:
+    """Return the inertial acceleration (n, 3) at times t (n,) and states y (n, 7) of a leg."""
+    out = np.empty((t.size, 3))
+    for k in range(t.size):
+        rate = rates(t[k], y[k], steering, engine, drag)
+        out[k, 0], out[k, 1], out[k, 2] = rate[3], rate[4], rate[5]
+    return out
