@@ -1,4 +1,4 @@
-"""Keyed draws against known answers and the normal law; bounds are five standard deviations of the estimate for its n."""
+"""Keyed draws against known answers and the normal law; bounds are five standard deviations of the estimate."""
 
 from __future__ import annotations
 
