@@ -18,6 +18,7 @@ def test_help_is_there_at_once(root, record_property):
         answer = subprocess.run(HELP, cwd=root, capture_output=True, text=True, check=False)
         times.append(time.perf_counter() - start)
         assert answer.returncode == 0, answer.stderr
+        assert "run" in answer.stdout.split()
     record_property("console help", f"{min(times):.2f} s (aim {AIM} s)")
     assert min(times) < BOUND
 
