@@ -16,11 +16,20 @@ from lvnav_trade.frames import (
     rotation_i_n,
 )
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
-from lvnav_trade.kernels.earth import OMEGA, SEMI_MAJOR
+from lvnav_trade.kernels.earth import OMEGA, SEMI_MAJOR, SEMI_MINOR
 from lvnav_trade.world.constellation import NominalConstellation, orbits, satellite_ecef
 from lvnav_trade.world.faults import SatelliteOutage
 from lvnav_trade.world.receiver import ReceiverCard
-from lvnav_trade.world.sky import GRAZING_HEIGHT, antenna, look_angles, occluded, satellite_inertial, sky, transmission
+from lvnav_trade.world.sky import (
+    GRAZING_HEIGHT,
+    antenna,
+    look_angles,
+    occluded,
+    range_rate,
+    satellite_inertial,
+    sky,
+    transmission,
+)
 from lvnav_trade.world.trajectory import Phase, Trajectory, motion
 
 EPOCH = "2026-08-01T12:00:00Z"
@@ -42,7 +51,7 @@ def flight():
     half = 0.5 * (0.3 + 0.004 * t)
     q_b_i = np.stack([np.cos(half), 0.6 * np.sin(half), 0.8 * np.sin(half), 0.0 * t], axis=1)
     position = make_interp_spline(t, eci_from_ecef(r_e, earth_angle(theta0, t)), k=5)
-    phase = Phase("flight", -60.0, 620.0, position, make_interp_spline(t, q_b_i, k=5))
+    phase = Phase("flight", -70.0, 620.0, position, make_interp_spline(t, q_b_i, k=5))
     return Trajectory((phase,), {"lift_off": 0.0, "cutoff": 500.0}, theta0, EPOCH, {})
 
 
@@ -101,9 +110,12 @@ def test_the_range_rate_is_the_derivative_of_the_range(gps_24, flight, lever):
 
     seen, (here, velocity) = sky(gps_24, card, flight, T), antenna(flight, card, T)
     line = seen.r_i - here[:, None, :]
-    rate = np.sum(line * (seen.v_i - velocity[:, None, :]), axis=-1) / np.linalg.norm(line, axis=-1)
+    unit = line / np.linalg.norm(line, axis=-1, keepdims=True)
+    rate = np.sum(unit * (seen.v_i - velocity[:, None, :]), axis=-1)
     difference = (distance(T + step) - distance(T - step)) / (2 * step)
     np.testing.assert_allclose(rate, difference, rtol=0.0, atol=1e-4)
+    sent = transmission(orbits(gps_24, EPOCH), flight.theta0, T, here)
+    np.testing.assert_allclose(range_rate(unit, sent.v_i, velocity[:, None, :]), difference, rtol=0.0, atol=1e-4)
 
 
 def test_the_antenna_stands_at_the_end_of_its_lever_arm(gps_24, flight):
@@ -153,6 +165,12 @@ def test_from_orbit_the_horizon_lies_at_the_dip_of_the_grazing_sphere():
     assert occluded(here, there).tolist() == [False, True]
     assert not occluded(here, here * 2.0)
     assert not occluded(here, np.array([SEMI_MAJOR + 100e3, 1.0, 0.0]))  # the Earth is behind what is looked at
+
+
+def test_a_ray_over_the_pole_clears_the_flattened_earth():
+    height = SEMI_MINOR + GRAZING_HEIGHT * np.array([0.99, 1.0])
+    here, there = (np.stack([x + 0.0 * height, 0.0 * height, height], axis=1) for x in (-1e7, 2e7))
+    assert occluded(here, there).tolist() == [True, False]
 
 
 def test_an_antenna_below_the_ellipsoid_or_the_grazing_height_still_sees_upwards():
