@@ -70,7 +70,7 @@ def covariance(factor: float = 1.0, true_factor: float = 1.0) -> CovHistory:
 
 
 def block(cov: CovHistory, first: int, n_run: int, seed: int = 1, failing: tuple[int, ...] = ()) -> RunBlock:
-    """Draw runs whose errors are what `cov` says; each run has its own generator, so that blocks may be cut anywhere."""
+    """Draw runs whose errors are what `cov` says; each run has its own generator: blocks may be cut anywhere."""
     runs = range(first, first + n_run)
     error, innovation = [], []
     for run in runs:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -174,7 +174,7 @@ def _usable(scale: Floats) -> Floats:
 
 def _histogram(size: Floats, scale: Floats) -> NDArray[np.uint32]:
     """Count |error| / scale in log-spaced bins; size (n_run, n_hist, n_column)."""
-    n_run, n_hist, n_column = size.shape
+    n_hist, n_column = size.shape[1:]
     with np.errstate(divide="ignore"):
         place = np.floor(np.log(size / (scale * LOWEST)) / BIN) + 1
     bins = np.clip(place, 0, N_BIN - 1).astype(np.int64)
@@ -210,7 +210,7 @@ def merge(parts: Iterable[BlockSummary]) -> BlockSummary:
         first = next(stream)
     except StopIteration:
         raise ValueError("there is no part to merge") from None
-    sums = {name: getattr(first, name).copy() for name in _SUMMED}
+    sums: dict[str, Any] = {name: getattr(first, name).copy() for name in _SUMMED}
     rows = {name: [getattr(first, name)] for name in _JOINED}
     for part in stream:
         _check_follows(first, rows["runs"][-1], part)
@@ -218,7 +218,8 @@ def merge(parts: Iterable[BlockSummary]) -> BlockSummary:
             sums[name] += getattr(part, name)
         for name in _JOINED:
             rows[name].append(getattr(part, name))
-    return first._replace(**sums, **{name: np.concatenate(values) for name, values in rows.items()})
+    joined: dict[str, Any] = {name: np.concatenate(values) for name, values in rows.items()}
+    return first._replace(**sums, **joined)
 
 
 def _check_follows(first: BlockSummary, runs_before: Counts, part: BlockSummary) -> None:
@@ -230,7 +231,7 @@ def _check_follows(first: BlockSummary, runs_before: Counts, part: BlockSummary)
 
 
 def quantiles(summary: BlockSummary, probability: float) -> Floats:
-    """Return the quantile of |error| (n_hist, n_column), SI, to half a bin (1 %); 0 below the bins, inf above, NaN if none.
+    """Return the quantile of |error| (n_hist, n_column), SI, to half a bin (1 %); 0 below the bins, inf above.
 
     The quantile is the middle (geometric) of the bin that holds the run of rank ceil(probability * n).
     """

@@ -1,0 +1,41 @@
+"""FAMILY 4: Results -> tidy frame (rms, agreement, consistency, whiteness, requirements, references, ...)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pandas as pd
+
+from lvnav_trade.metrics.agreement import agreement
+from lvnav_trade.metrics.budget import budget
+from lvnav_trade.metrics.consistency import consistency, nees, nis
+from lvnav_trade.metrics.ranking import ranking
+from lvnav_trade.metrics.references import references
+from lvnav_trade.metrics.requirements import verdicts
+from lvnav_trade.metrics.rms import rms
+from lvnav_trade.metrics.satellites import in_view, outages
+from lvnav_trade.metrics.whiteness import autocorrelation, whiteness
+from lvnav_trade.store import Tables
+
+METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
+    "rms": rms,
+    "agreement": agreement,
+    "requirements": verdicts,
+    "references": references,
+    "ranking": ranking,
+    "consistency": consistency,
+    "nees": nees,
+    "nis": nis,
+    "whiteness": whiteness,
+    "autocorrelation": autocorrelation,
+    "in_view": in_view,
+    "outages": outages,
+    "budget": budget,
+}
+"""Every metric by name; each takes a results folder, or its tables, and returns a tidy frame."""
+
+CSV = ("rms", "agreement", "references", "requirements")
+"""The metrics that stand beside a report as CSV, with the columns that users and their CI rely on."""
+
+__all__ = ["CSV", "METRICS", "agreement", "budget", "rms", "verdicts"]

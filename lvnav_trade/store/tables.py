@@ -267,7 +267,7 @@ def _satellites(prepared: Prepared) -> dict[str, Any]:
 
 
 def _reference(prepared: Prepared, t: Floats) -> dict[str, Any]:
-    """The flight at the ticks nearest to the history times."""
+    """Describe the flight at the ticks nearest to the history times."""
     reference = prepared.reference
     middle = 0.5 * (reference.t[1:] + reference.t[:-1])
     at = np.searchsorted(middle, t)
