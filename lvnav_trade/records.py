@@ -114,3 +114,18 @@ class Output(NamedTuple):
     unit: str
     label_unit: str
     label_factor: float
+
+
+class AdjointBudget(NamedTuple):
+    """What every source put into the navigation errors at one time, by when it did.
+
+    time s since lift-off; edges (n_bin + 1,) s of the bins of time; sources (n_source,) names; outputs the nine
+    navigation errors; contribution (9, n_source, n_bin) variance, SI: over sources and bins it sums to the true
+    variance at `time`.
+    """
+
+    time: float
+    edges: Floats
+    sources: tuple[str, ...]
+    outputs: tuple[Output, ...]
+    contribution: Floats

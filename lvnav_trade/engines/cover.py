@@ -55,7 +55,9 @@ class Joint(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Work arrays: X (n, n); D, D_true (n_block, 9); y (n,); b, g (3, n); block (9,); K, x, gain (n,); deviation (9,)."""
+    """Work arrays: X (n, n); D, D_true (n_block, 9); y (n,); b, g (3, n); block (9,); K, x, gain (n,); deviation
+    (9,).
+    """
 
     X: Floats
     D: Floats
@@ -68,6 +70,23 @@ class Scratch(NamedTuple):
     x: Floats
     gain: Floats
     deviation: Floats
+
+
+class Tape(NamedTuple):
+    """What a backward pass needs of a forward one; of no length where none will follow.
+
+    sums (n_window, 21), position (n_window, 3) of each window; gain (n_row, n), h (n_row, 10), kind (n_row,) of each
+    row in the order absorbed; first_row (n_window + 1,) index of the first row after each window; count (1,) rows so
+    far.
+    """
+
+    sums: Floats
+    position: Floats
+    gain: Floats
+    h: Floats
+    kind: Ints
+    first_row: Ints
+    count: Ints
 
 
 class Cover(NamedTuple):
@@ -84,7 +103,7 @@ class Cover(NamedTuple):
 
 
 @jit
-def _fill_inputs(b, g, block, j, true, sums, seconds, decay, fade):
+def fill_inputs(b, g, block, j, true, sums, seconds, decay, fade):
     """Set how the three components of block j and their driving noise enter e: b, g (3, n), minus what the filter's own
     estimate of the same thing takes off.
     """
@@ -140,7 +159,7 @@ def _propagate_parameters(joint, scratch, sums, true, unit, belief, length, midd
     seconds, decay = belief.seconds[length], belief.decay[length]
     for j in range(true.sensor.shape[0]):
         fade = true.fade[length, j]
-        _fill_inputs(scratch.b, scratch.g, scratch.block, j, true, sums, seconds, decay, fade)
+        fill_inputs(scratch.b, scratch.g, scratch.block, j, true, sums, seconds, decay, fade)
         s, ramped = true.source[j], true.ramp[j]
         for axis in range(3):
             b, g = scratch.b[axis], scratch.g[axis]
@@ -197,7 +216,27 @@ def _set_deviation(deviation, unit, nav, belief, first, n_tick, reference):
 
 
 @jit
-def _absorb_true(joint, scratch, h, kind, true, belief):
+def _keep_row(tape, gain, h, kind):
+    at = tape.count[0]
+    for i in range(gain.shape[0]):
+        tape.gain[at, i] = gain[i]
+    for i in range(h.shape[0]):
+        tape.h[at, i] = h[i]
+    tape.kind[at] = kind
+    tape.count[0] = at + 1
+
+
+@jit
+def _keep_window(tape, w, nominal):
+    """Keep the sums of a window and the position that its blocks were filled at."""
+    for i in range(nominal.sums.shape[0]):
+        tape.sums[w, i] = nominal.sums[i]
+    for i in range(3):
+        tape.position[w, i] = nominal.nav[R + i]
+
+
+@jit
+def _absorb_true(joint, scratch, tape, h, kind, true, belief):
     """Absorb one row in the filter's covariance, and with that gain in every source and in the mean; return the
     expected square of its normalised innovation.
     """
@@ -219,6 +258,8 @@ def _absorb_true(joint, scratch, h, kind, true, belief):
     )
     for i in range(gain.shape[0]):
         gain[i] = K[i] * weight if i < belief.n_estimated else 0.0
+    if tape.kind.shape[0] > 0:
+        _keep_row(tape, gain, h, kind)
     spread = true.row_variance[kind]
     for i in range(joint.sources.shape[0]):
         noise = true.row_variance[kind] if true.row_source[kind] == i else 0.0
@@ -277,30 +318,30 @@ def _fly_window(nominal, reference, first, n_tick, dt, kind):
 
 
 @jit
-def _update(out, joint, scratch, nominal, signals, true, belief, epoch):
+def _update(out, joint, scratch, tape, nominal, signals, true, belief, epoch):
     """Absorb the rows that the filter would absorb at an epoch."""
     if belief.kind == TIGHT:
         fill_tight(nominal, belief, signals, epoch)
         for slot in range(signals.n_used[epoch]):
             for half in range(2):
                 kind, h = PSEUDORANGE if half == 0 else RANGE_RATE, nominal.H[2 * slot + half]
-                out.expected_nis[epoch] += _absorb_true(joint, scratch, h, kind, true, belief)
+                out.expected_nis[epoch] += _absorb_true(joint, scratch, tape, h, kind, true, belief)
         out.n_row[epoch] = 2 * signals.n_used[epoch]
     elif signals.n_used[epoch] >= 4:
         fill_loose(nominal)
         for row in range(6):
             kind = POSITION if row < 3 else VELOCITY
-            out.expected_nis[epoch] += _absorb_true(joint, scratch, nominal.H[row], kind, true, belief)
+            out.expected_nis[epoch] += _absorb_true(joint, scratch, tape, nominal.H[row], kind, true, belief)
         out.n_row[epoch] = 6
 
 
 @jit
-def cover(out, joint, scratch, nominal, schedule, unit, signals, record, axes_att, belief, true, reference):
+def cover(out, joint, scratch, tape, nominal, schedule, unit, signals, record, axes_att, belief, true, reference):
     """Carry the filter's covariance and the true one, source by source, over the nominal flight; `out` is filled.
 
     Parameters
     ----------
-    out : Cover, joint : Joint at the start, scratch : Scratch, nominal : Nominal; all updated
+    out : Cover, joint : Joint at the start, scratch : Scratch, tape : Tape, nominal : Nominal; all updated
     schedule : Schedule, unit : Unit, signals : Signals, record : Record, belief : Belief, true : TrueModel
     axes_att : (n_hist, 3, 3) from frame i to body axes at the history times
     reference : Reference, the true motion
@@ -310,10 +351,14 @@ def cover(out, joint, scratch, nominal, schedule, unit, signals, record, axes_at
         if n_tick > 0:
             _fly_window(nominal, reference, first, n_tick, unit.dt, belief.gravity)
             _propagate(joint, scratch, nominal, true, unit, belief, schedule.length[w], first, n_tick, reference)
+            if tape.kind.shape[0] > 0:
+                _keep_window(tape, w, nominal)
         epoch, hist = schedule.epoch[w], schedule.hist[w]
         if epoch >= 0 and belief.kind != INERTIAL:
             _take_nominal(nominal, reference, first + n_tick)
             place_antenna(nominal, belief, unit.dt)
-            _update(out, joint, scratch, nominal, signals, true, belief, epoch)
+            _update(out, joint, scratch, tape, nominal, signals, true, belief, epoch)
+        if tape.kind.shape[0] > 0:
+            tape.first_row[w + 1] = tape.count[0]
         if hist >= 0:
             _write(out, hist, joint, axes_att[hist], record.axes[hist])

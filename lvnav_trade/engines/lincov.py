@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from lvnav_trade.engines.cover import Cover, Joint, Nominal, Scratch, cover
+from lvnav_trade.engines.adjoint import BackScratch, Backward, go_back, new_tape
+from lvnav_trade.engines.cover import Cover, Joint, Nominal, Scratch, Tape, cover
 from lvnav_trade.engines.prepare import Prepared
 from lvnav_trade.engines.truth import TrueModel, initial_cross, source_names, start_sources, true_model
+from lvnav_trade.filters.belief import TIGHT
 from lvnav_trade.frames import matrices
 from lvnav_trade.kernels.transition import ATT, POS, VEL
-from lvnav_trade.records import CovHistory, Floats
+from lvnav_trade.records import AdjointBudget, CovHistory, Floats
 
 
 def _joint(prepared: Prepared, true: TrueModel) -> Joint:
@@ -55,31 +57,69 @@ def _scratch(prepared: Prepared, true: TrueModel) -> Scratch:
     return Scratch(*(np.zeros(shape) for shape in shapes))
 
 
-def covariance(prepared: Prepared) -> CovHistory:
-    """Return the filter's own and the true covariance of a case over its nominal flight, the true one by source."""
-    names = source_names(prepared)
-    true = true_model(prepared, names)
+def _turns(prepared: Prepared) -> Floats:
+    """Return the matrices (n_hist, n, n) from the filter's error state to the reporting axes at the history times."""
+    n, record = prepared.layout.n_state, prepared.record
+    turn = np.zeros((prepared.t_hist.size, n, n))
+    turn[:, ATT : ATT + 3, ATT : ATT + 3] = np.swapaxes(matrices(record.q), 1, 2)
+    turn[:, VEL : VEL + 3, VEL : VEL + 3] = record.axes
+    turn[:, POS : POS + 3, POS : POS + 3] = record.axes
+    turn[:, range(9, n), range(9, n)] = 1.0
+    return turn
+
+
+def _cover(prepared: Prepared, names: list[str], true: TrueModel, tape: Tape) -> Cover:
     n, n_hist, n_epoch = prepared.layout.n_state, prepared.t_hist.size, prepared.t_epoch.size
     out = Cover(
         np.zeros((n_hist, n, n)), np.zeros((n_hist, n, n)), np.zeros((n_hist, n)), np.zeros((n_hist, len(names), n)),
         np.zeros(n_epoch, dtype=np.int64), np.zeros(n_epoch),
     )  # fmt: skip
-    record = prepared.record
-    axes_att = np.ascontiguousarray(np.swapaxes(matrices(record.q), 1, 2))
+    axes_att = np.ascontiguousarray(np.swapaxes(matrices(prepared.record.q), 1, 2))
     cover(
-        out, _joint(prepared, true), _scratch(prepared, true), _nominal(prepared), prepared.schedule, prepared.unit,
-        prepared.signals, record, axes_att, prepared.belief, true, prepared.reference,
+        out, _joint(prepared, true), _scratch(prepared, true), tape, _nominal(prepared), prepared.schedule,
+        prepared.unit, prepared.signals, prepared.record, axes_att, prepared.belief, true, prepared.reference,
     )  # fmt: skip
-    return _history(prepared, names, out, axes_att)
+    return out
 
 
-def _history(prepared: Prepared, names: list[str], out: Cover, axes_att: Floats) -> CovHistory:
+def covariance(prepared: Prepared) -> CovHistory:
+    """Return the filter's own and the true covariance of a case over its nominal flight, the true one by source."""
+    names = source_names(prepared)
+    tape = new_tape(0, 0, prepared.layout.n_state)
+    return _history(prepared, names, _cover(prepared, names, true_model(prepared, names), tape))
+
+
+def adjoint(prepared: Prepared, time: float, bin_seconds: float = 10.0) -> AdjointBudget:
+    """Return what every source put into the navigation errors at a time, and when it did.
+
+    Parameters
+    ----------
+    time
+        s since lift-off; the history time nearest to it is taken (events are history times).
+    bin_seconds
+        Length of the bins of time (s) that contributions are summed over.
+    """
+    names = source_names(prepared)
+    true, schedule = true_model(prepared, names), prepared.schedule
+    n, hist = prepared.layout.n_state, int(np.argmin(np.abs(prepared.t_hist - time)))
+    per_satellite = 2 if prepared.belief.kind == TIGHT else 0
+    n_row = int(np.sum(np.maximum(6, per_satellite * prepared.signals.n_used))) + 1
+    tape = new_tape(schedule.n_tick.size, n_row, n)
+    _cover(prepared, names, true, tape)
+    last = int(np.flatnonzero(schedule.hist == hist)[0])
+    ends = prepared.reference.t[schedule.first_tick + schedule.n_tick]
+    edges = np.arange(prepared.t_hist[0], ends[last] + bin_seconds, bin_seconds)
+    bins = np.clip(np.searchsorted(edges, ends - 1e-9, side="right") - 1, 0, edges.size - 2)
+    rows = np.ascontiguousarray(_turns(prepared)[hist, :9])
+    back = Backward(rows, np.zeros((9, true.sensor.size, 3)), np.zeros((9, len(names), edges.size - 1)))
+    shapes = ((true.nav_rows.size, 9), (n,), (3, n), (3, n), (9,))
+    go_back(back, BackScratch(*map(np.zeros, shapes)), tape, last, bins, schedule, true, prepared.belief)
+    return AdjointBudget(float(prepared.t_hist[hist]), edges, tuple(names), prepared.outputs[:9], back.contribution)
+
+
+def _history(prepared: Prepared, names: list[str], out: Cover) -> CovHistory:
     n, m = prepared.layout.n_state, prepared.layout.n_estimated
-    turn = np.zeros((prepared.t_hist.size, n, n))
-    turn[:, ATT : ATT + 3, ATT : ATT + 3] = axes_att
-    turn[:, VEL : VEL + 3, VEL : VEL + 3] = prepared.record.axes
-    turn[:, POS : POS + 3, POS : POS + 3] = prepared.record.axes
-    turn[:, range(9, n), range(9, n)] = 1.0
+    turn = _turns(prepared)
     total = out.true + out.mean[:, :, None] * out.mean[:, None, :]
     expected = np.trace(np.linalg.solve(out.formal[:, :m, :m], total[:, :m, :m]), axis1=1, axis2=2)
     formal, true = turn @ out.formal @ np.swapaxes(turn, 1, 2), turn @ out.true @ np.swapaxes(turn, 1, 2)

@@ -168,7 +168,9 @@ def initial_cross(prepared: Prepared, true: TrueModel) -> tuple[Floats, Floats]:
 
 
 def start_sources(true: TrueModel, cross: Floats) -> Floats:
-    """Return every source's covariance of e at the start, (n_source, n, n): its own spread, and what it puts in parameters."""
+    """Return every source's covariance of e at the start, (n_source, n, n): its own spread, and what it puts in
+    parameters.
+    """
     sources = true.initial.copy()
     for j in range(true.sensor.size):
         if true.matched[j] >= 0:

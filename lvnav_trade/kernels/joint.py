@@ -33,6 +33,22 @@ def apply_phi(y, work, blocks, rows, columns, decay, clock, seconds):
 
 
 @jit
+def apply_phi_transposed(y, work, blocks, rows, columns, decay, clock, seconds):
+    """Replace the vector y (n,) by Phi' y; work (n,)."""
+    n = y.shape[0]
+    for i in range(n):
+        work[i] = y[i]
+    for i in range(N_NAV_ERROR, n):
+        y[i] = y[i] * decay[i]
+    for b in range(rows.shape[0]):
+        r, c = rows[b], columns[b]
+        for i in range(3):
+            y[c + i] += blocks[b, i] * work[r] + blocks[b, 3 + i] * work[r + 1] + blocks[b, 6 + i] * work[r + 2]
+    if clock >= 0:
+        y[clock + 1] += seconds * work[clock]
+
+
+@jit
 def propagate_component(P, y, b, g, work, variance, fade, wander, blocks, rows, columns, decay, clock, seconds):
     """Propagate one parameter component: P (n, n) its source's covariance of e, without the Phi P Phi' part; y (n,)
     = Cov(e, c).
