@@ -1,0 +1,25 @@
+"""FAMILY 5: results -> figure. Each takes a results folder (or its tables), most of them a case or a quantity too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from matplotlib.figure import Figure
+
+from lvnav_trade.plots.consistency import consistency
+from lvnav_trade.plots.errors import budget, comparison, envelope, rank
+from lvnav_trade.plots.flight import satellites, sky, trajectory
+
+PLOTS: dict[str, Callable[..., Figure]] = {
+    "trajectory": trajectory,
+    "satellites": satellites,
+    "sky": sky,
+    "envelope": envelope,
+    "comparison": comparison,
+    "rank": rank,
+    "budget": budget,
+    "consistency": consistency,
+}
+"""Every figure by name."""
+
+__all__ = ["PLOTS"]

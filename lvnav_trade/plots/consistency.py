@@ -1,0 +1,52 @@
+"""Normalised errors and innovations squared over time against their bounds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from lvnav_trade.metrics.consistency import nees, nis
+from lvnav_trade.plots.style import PALETTE, canvas, legend_below, look, mark_events
+from lvnav_trade.store import Tables, load
+
+
+def consistency(results: Path | str | Tables, case: str) -> Figure:
+    """Draw ANEES and ANIS of a case per degree of freedom (1 is a matched filter) with their 95 % bounds."""
+    tables = load(results)
+    events = tables.events[tables.events.case == case]
+    label = tables.labels[case]
+    pieces = (
+        (nees(tables), "anees_ratio", "ANEES per degree\nof freedom (-)"),
+        (nis(tables), "anis_ratio", "ANIS per row (-)"),
+    )
+    with look():
+        figure, grid = canvas(2, 1, 2.1, sharex=True)
+        for number, (ax, (frame, value, name)) in enumerate(zip(grid[:, 0], pieces, strict=True)):
+            _panel(ax, frame[frame.case == label], value)
+            ax.set_ylabel(name)
+            ax.margins(x=0.01)
+            mark_events(ax, events, names=number == 0)
+        grid[-1, 0].set_xlabel("time since lift-off (s)")
+        legend_below(figure, grid[0, 0])
+    return figure
+
+
+def _panel(ax: Any, rows: pd.DataFrame, value: str) -> None:
+    if rows[value].notna().any():
+        ax.fill_between(
+            rows.t_s,
+            rows.low_ratio,
+            rows.high_ratio,
+            color="#9ca3af",
+            alpha=0.35,
+            lw=0,
+            label="95 % of a matched filter",
+        )
+        ax.plot(rows.t_s, rows[value], color=PALETTE[0], lw=1.0, label="Monte Carlo")
+    ax.plot(rows.t_s, rows.expected_ratio, color=PALETTE[1], ls="--", lw=1.1, label="LinCov expectation")
+    shown = pd.concat([rows[value], rows.expected_ratio]).dropna()
+    if len(shown) and shown.max() > 30 * max(shown.min(), 1e-9):
+        ax.set_yscale("log")

@@ -1,0 +1,103 @@
+"""One look for all figures: sizes for a printed page, colours that the colour-blind can tell apart, marks of events."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import matplotlib as mpl
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+WIDTH = 7.4
+"""Inches: the text width of an A4 page."""
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
+"""Okabe and Ito's colours, darkest contrasts first; further cases repeat them with other dashes."""
+DASHES = ("-", "--", "-.", ":")
+GREY = "#6b7280"
+
+_LOOK: dict[str, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 8.5,
+    "axes.titlesize": 9.0,
+    "axes.labelsize": 8.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e5e7eb",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "legend.frameon": False,
+    "legend.fontsize": 8.0,
+    "lines.linewidth": 1.3,
+    "figure.dpi": 110,
+    "savefig.dpi": 110,
+    "svg.hashsalt": "lvnav_trade",
+}
+
+
+def canvas(rows: int = 1, columns: int = 1, height: float = 2.6, **kwargs: Any) -> tuple[Figure, Any]:
+    """Return a figure of the page's width with rows x columns axes (always a 2-D array), `height` inches per row.
+
+    It is not registered with pyplot: nothing piles up, and threads may draw.
+    """
+    with mpl.rc_context(_LOOK):
+        figure = Figure(figsize=(WIDTH, height * rows), layout="constrained")
+        axes = figure.subplots(rows, columns, squeeze=False, **kwargs)
+    return figure, axes
+
+
+def look() -> Any:
+    """Return the context in which a figure is filled and saved."""
+    return mpl.rc_context(_LOOK)
+
+
+def line_of(number: int) -> dict[str, Any]:
+    """Return colour and dashes of the case of that number."""
+    return {"color": PALETTE[number % len(PALETTE)], "linestyle": DASHES[(number // len(PALETTE)) % len(DASHES)]}
+
+
+def mark_events(axes: Axes, events: pd.DataFrame, names: bool = True) -> None:
+    """Draw events as thin vertical lines, named at the top where there is room, and shade faults.
+
+    events: rows of the table `events` of one case.
+    """
+    low, high = axes.get_xlim()
+    last = -float("inf")
+    for event in events.sort_values("t_s", kind="stable").itertuples():
+        if event.kind == "fault":
+            axes.axvspan(event.t_s, event.t_end_s, color="#9ca3af", alpha=0.25, linewidth=0, zorder=0)
+        elif low <= event.t_s <= high:
+            axes.axvline(event.t_s, color=GREY, linewidth=0.7, zorder=1.5)
+            if names and event.t_s - last > 0.025 * (high - low):
+                _name(axes, event.t_s, str(event.event))
+                last = event.t_s
+
+
+def _name(axes: Axes, t: float, name: str) -> None:
+    axes.annotate(
+        name.replace("_", " "),
+        (t, 1.0),
+        xycoords=("data", "axes fraction"),
+        xytext=(1.5, 2),
+        textcoords="offset points",
+        rotation=38,
+        fontsize=6.5,
+        color=GREY,
+        ha="left",
+        va="bottom",
+        annotation_clip=False,
+    )
+
+
+def legend_below(figure: Figure, axes: Axes, columns: int = 4) -> None:
+    """Put one legend for all axes under the figure, where it hides nothing."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(columns, max(1, len(labels))))
+
+
+def positive(values: Iterable[float]) -> bool:
+    """Whether a logarithmic axis can hold the values, and is of use: more than a factor of 30 between them."""
+    found = [value for value in values if value == value and value > 0]
+    return bool(found) and max(found) > 30 * min(found)
