@@ -102,8 +102,10 @@ class Start(NamedTuple):
 
 
 class Record(NamedTuple):
-    """What is true at the history times: r, v (n_hist, 3), q (n_hist, 4), axes (n_hist, 3, 3) from frame i to the
-    reporting frame; limit m of position error beyond which a run has failed.
+    """What is true at the history times.
+
+    r, v (n_hist, 3), q (n_hist, 4) true motion; axes (n_hist, 3, 3) from frame i to the reporting frame; t (n_hist,) s;
+    since (n_hist,) s since the last epoch; limit m of position error beyond which a run has failed.
     """
 
     r: Floats
@@ -111,6 +113,7 @@ class Record(NamedTuple):
     q: Floats
     axes: Floats
     t: Floats
+    since: Floats
     limit: float
 
 
@@ -314,8 +317,9 @@ def record(work, history, belief, hist):
             true = true_parameter(work.true_tables, belief.par_sensor[b], belief.par_driver[b], i)
             x[belief.par_offset[b] + i] = true - work.par[b, i]
     if belief.clock >= 0:
-        for i in range(2):
-            x[belief.clock + i] = work.clock[i] - work.clock_hat[i]
+        # the true clock steps at epochs; between them its bias moves on by its drift
+        x[belief.clock] = work.clock[0] + history.since[hist] * work.clock[1] - work.clock_hat[0]
+        x[belief.clock + 1] = work.clock[1] - work.clock_hat[1]
     c = matrix(q[0], q[1], q[2], q[3])
     axes = history.axes[hist]
     for i in range(3):

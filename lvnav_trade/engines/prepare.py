@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lvnav_trade.engines.flight import Record, Schedule, Signals, Start, Unit
 from lvnav_trade.filters.belief import Belief, believe, initial_covariance
@@ -20,6 +21,8 @@ from lvnav_trade.scenario import Scenario, beliefs
 from lvnav_trade.world.imu import ErrorBlock, ImuCard, error_blocks, lag
 from lvnav_trade.world.sky import sky
 from lvnav_trade.world.trajectory import Trajectory, build, motion, reference
+
+Ints = NDArray[np.int64]
 
 
 class Prepared(NamedTuple):
@@ -58,7 +61,7 @@ def _sampled(trajectory_json: str, kind: type, rate: float) -> Reference:
     return reference(_built(trajectory_json, kind), rate)
 
 
-def _ticks(times: Floats, start: float, rate: float, n_imu: int) -> np.ndarray[Any, np.dtype[np.int64]]:
+def _ticks(times: Floats, start: float, rate: float, n_imu: int) -> Ints:
     return np.clip(np.rint((times - start) * rate).astype(np.int64), 0, n_imu)
 
 
@@ -69,9 +72,7 @@ def _history_times(trajectory: Trajectory, start: float, end: float, every: floa
     return np.unique(np.concatenate([[start], grid, events]))
 
 
-def _schedule(
-    n_imu: int, per_window: int, hist_tick: np.ndarray[Any, Any], epoch_tick: np.ndarray[Any, Any]
-) -> tuple[Schedule, np.ndarray[Any, Any]]:
+def _schedule(n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints) -> tuple[Schedule, Ints]:
     """Cut the flight into windows at covariance steps, epochs and history times; a second history time on the same tick
     gets a window of no ticks. Returns the schedule and the distinct window lengths in ticks.
     """
@@ -220,7 +221,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_window: bool = False
         unit=_unit(scenario.imu, ref, blocks),
         signals=_signals(scenario, trajectory, seen),
         start=_start(scenario, ref, C_n_i, initial_covariance(layout, initial, C_n_i)),
-        record=_record(scenario, trajectory, ref, hist_tick, t_hist),
+        record=_record(scenario, trajectory, ref, hist_tick, t_hist, epoch_tick),
         t_hist=t_hist,
         t_epoch=t_epoch,
         lengths=lengths / rate,
@@ -236,7 +237,11 @@ def _start(scenario: Scenario, ref: Reference, C_n_i: Floats, P: Floats) -> Star
     return Start(np.concatenate([ref.q_b_i[0], ref.v_i[0], ref.r_i[0]]), roots, words, P)
 
 
-def _record(scenario: Scenario, trajectory: Trajectory, ref: Reference, ticks: Any, t_hist: Floats) -> Record:
+def _record(
+    scenario: Scenario, trajectory: Trajectory, ref: Reference, ticks: Ints, t_hist: Floats, epoch_tick: Ints
+) -> Record:
     r, v, q = (np.ascontiguousarray(a[ticks]) for a in (ref.r_i, ref.v_i, ref.q_b_i))
     axes = reporting_axes(scenario.frame, t_hist, r, v, trajectory.theta0)
-    return Record(r, v, q, np.ascontiguousarray(axes), t_hist, scenario.diverged)
+    marks = np.concatenate([[0], epoch_tick])
+    since = (ticks - marks[np.searchsorted(marks, ticks, side="right") - 1]) / scenario.imu.rate
+    return Record(r, v, q, np.ascontiguousarray(axes), t_hist, since, scenario.diverged)
