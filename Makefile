@@ -71,9 +71,7 @@ slow: $(VENV)/.installed-test
 	@$(bin)/python -m pytest -m slow
 
 bench: $(VENV)/.installed-bench
-	@for file in benchmarks/time_*.py; do \
-	    echo "$$file"; $(bin)/python -m "benchmarks.$$(basename "$$file" .py)" || exit; \
-	done
+	@$(bin)/python -m benchmarks.run
 
 wheelhouse: pyproject.toml | $(bin)/python
 	@$(pip) wheel --wheel-dir wheelhouse '.[test]' $(wheels_needed)

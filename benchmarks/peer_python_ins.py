@@ -35,7 +35,16 @@ def speed(time_step: float) -> float:
 
     def run() -> None:
         filters.run_feedback_filter(
-            trajectory.iloc[0], 1.0, 0.1, 0.1, 0.5, increments, gyro, accel, _measurements(trajectory), time_step=time_step
+            trajectory.iloc[0],
+            1.0,
+            0.1,
+            0.1,
+            0.5,
+            increments,
+            gyro,
+            accel,
+            _measurements(trajectory),
+            time_step=time_step,
         )
 
     run()

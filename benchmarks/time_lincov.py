@@ -1,0 +1,37 @@
+"""Linear covariance: one case with every source at every event, and a sweep of 100 cases with the adjoint at injection."""
+
+from __future__ import annotations
+
+import time
+
+from joblib import Parallel, delayed
+
+from benchmarks.common import best, scenario
+from lvnav_trade.engines.lincov import adjoint, covariance
+from lvnav_trade.engines.prepare import prepare
+from lvnav_trade.scenario import Scenario
+
+CASES = 100
+
+
+def _case(one: Scenario) -> float:
+    prepared = prepare(one)
+    budget = adjoint(prepared, prepared.trajectory.events["injection"])
+    return float(covariance(prepared).true_sigma[-1, 3] + budget.contribution.sum())
+
+
+def sweep(jobs: int, n_case: int = CASES) -> float:
+    """Return wall seconds of a sweep over the accelerometers' bias: true and formal covariance, adjoint at injection."""
+    found = [scenario(f"base.imu.accel.bias_repeatability={0.1 + 0.02 * k} mg") for k in range(n_case)]
+    with Parallel(n_jobs=jobs) as pool:
+        pool(delayed(_case)(one) for one in found[:jobs])  # workers start, kernels load, the trajectory is built
+        start = time.perf_counter()
+        pool(delayed(_case)(one) for one in found)
+        return time.perf_counter() - start
+
+
+def measure() -> dict[str, float]:
+    """Return seconds of one rich case on one core (all rows of the card, 39 states) and of the sweep on two."""
+    sets = ("base.imu=imu/tactical_mems", "base.filter=filters/tight_extended")
+    rich = prepare(scenario(*sets))
+    return {"lincov_one_rich_case_s": best(lambda: covariance(rich), 2), "lincov_100_cases_s": sweep(2)}
