@@ -127,7 +127,8 @@ def window_tables(layout: StateLayout, densities: Floats, seconds: Floats) -> tu
         if math.isfinite(block.time_constant):
             states = slice(block.offset, block.offset + 3)
             decay[:, states] = np.exp(-seconds / block.time_constant)[:, None]
-            noise[:, states] += block.sigma**2 * (1.0 - np.exp(-2.0 * seconds / block.time_constant))[:, None]
+            # half of it enters before the decay d, half after: 2 (1 - d^2) / (1 + d^2) of the variance then holds it
+            noise[:, states] += 2.0 * block.sigma**2 * np.tanh(seconds / block.time_constant)[:, None]
     return decay, noise
 
 
