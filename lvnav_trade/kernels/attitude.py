@@ -39,7 +39,7 @@ def matrix(q0, q1, q2, q3):
 
 @jit
 def from_rotation(x, y, z):
-    """Return the quaternion of a rotation vector; series to the ninth power, exact to 1e-16 below 0.5 rad."""
+    """Return the quaternion of a rotation vector; series to the ninth power, exact to 1e-16 below 0.2 rad."""
     h = 0.25 * (x * x + y * y + z * z)
     cosine = 1.0 + h * (-0.5 + h * (1.0 / 24.0 + h * (-1.0 / 720.0 + h * (1.0 / 40320.0))))
     half_sinc = 0.5 + h * (-1.0 / 12.0 + h * (1.0 / 240.0 + h * (-1.0 / 10080.0 + h * (1.0 / 725760.0))))
