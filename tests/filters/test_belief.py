@@ -1,0 +1,166 @@
+"""What a filter card means in numbers."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from lvnav_trade.filters import belief as room
+from lvnav_trade.filters.base import FilterCard, ImuBelief, InitialBelief, ReceiverBelief
+from lvnav_trade.filters.belief import (
+    POSITION,
+    PSEUDORANGE,
+    RANGE_RATE,
+    VELOCITY,
+    believe,
+    initial_covariance,
+    state_layout,
+    window_tables,
+)
+from lvnav_trade.kernels.covariance import predict
+from lvnav_trade.kernels.transition import ATT, POS, VEL
+from lvnav_trade.layout import StateLayout
+
+IMU = ImuBelief(
+    gyro_random_walk="0.03 deg/sqrt(h)", accel_random_walk="50 ug/sqrt(Hz)",
+    gyro_bias="1 deg/h", gyro_bias_walk="0.1 deg/h/sqrt(h)", accel_bias="2 mg", accel_bias_time="60 s",
+    gyro_scale_factor="300 ppm", gyro_misalignment="0.5 mrad", gyro_g_sensitivity="1 deg/h/g",
+)  # fmt: skip
+RECEIVER = ReceiverBelief(
+    pseudorange_sigma="2 m", range_rate_sigma="0.1 m/s", position_sigma="3 m", velocity_sigma="0.2 m/s",
+    clock_h0=2e-21, clock_h_minus2=3e-24,
+)  # fmt: skip
+INITIAL = InitialBelief(
+    tilt="1 mrad", heading="10 mrad", position="5 m", velocity="0.1 m/s", clock_bias="100 m", clock_drift="1 m/s"
+)
+SECONDS = np.array([0.0, 0.1])
+
+
+def card(**fields):
+    return FilterCard(**{"name": "f", "source": "test", "kind": "tight", **fields})
+
+
+def believed(lever=(0.0, 0.0, 0.0), **fields):
+    return believe(card(**fields), IMU, RECEIVER, lever, SECONDS)
+
+
+def test_a_tight_filter_has_17_states_and_a_loose_one_no_clock():
+    tight, _ = believed()
+    loose, _ = believed(kind="loose")
+    assert (tight.n_state, tight.clock, tight.n_estimated) == (17, 15, 17)
+    assert (loose.n_state, loose.clock) == (15, -1)
+    assert [(b.name, b.offset) for b in tight.parameters] == [("gyro_bias", 9), ("accel_bias", 12)]
+
+
+def test_extra_states_take_one_block_for_each_driver():
+    layout, belief = believed(extra_states=("gyro_scale_factor", "gyro_misalignment", "gyro_g_sensitivity"))
+    assert layout.n_state == 17 + 3 * (1 + 2 + 3)
+    assert not belief.lean
+    offsets = [b.offset for b in layout.parameters]
+    assert offsets == sorted(set(offsets))
+    assert layout.clock == max(offsets) + 3
+
+
+def test_considered_states_stand_behind_all_estimated_ones():
+    layout, _ = believed(extra_states=("gyro_scale_factor",), consider=("gyro_bias", "gyro_scale_factor"))
+    by_name = {b.name: b.offset for b in layout.parameters}
+    assert layout.n_estimated == 9 + 3 + 2  # accelerometer bias and clock
+    assert min(by_name["gyro_bias"], by_name["gyro_scale_factor"]) == layout.n_estimated
+    assert layout.n_state == layout.n_estimated + 6
+
+
+def test_a_state_may_be_considered_without_being_named_among_the_extra_ones():
+    layout, _ = believed(consider=("gyro_scale_factor",))
+    assert [b.name for b in layout.parameters] == ["gyro_bias", "accel_bias", "gyro_scale_factor"]
+    assert layout.n_state == layout.n_estimated + 3
+
+
+def test_neglected_biases_are_left_out():
+    layout, _ = believed(neglect=("gyro_bias", "accel_bias"))
+    assert layout.parameters == ()
+    assert layout.n_state == 11
+
+
+def test_rows_stand_for_the_states_they_depend_on():
+    layout, with_lever = believed(lever=(1.0, 0.0, 0.0))
+    _, without = believed()
+    assert list(without.n_entry) == [4, 7, 3, 3]
+    assert list(with_lever.n_entry) == [7, 10, 6, 6]
+    columns = [set(with_lever.column[kind, : with_lever.n_entry[kind]]) for kind in range(4)]
+    attitude, velocity, position = (set(range(at, at + 3)) for at in (ATT, VEL, POS))
+    assert columns[PSEUDORANGE] == position | attitude | {layout.clock}
+    assert columns[RANGE_RATE] == position | attitude | velocity | {layout.clock + 1}
+    assert columns[POSITION] == position | attitude
+    assert columns[VELOCITY] == velocity | attitude
+
+
+def test_the_variances_of_rows_are_the_squares_of_the_believed_sigmas():
+    _, belief = believed()
+    np.testing.assert_allclose(belief.variance, np.square([2.0, 0.1, 3.0, 0.2]))
+
+
+def test_noise_densities_are_the_cards_own_and_add_in_square():
+    layout, belief = believed(attitude_noise="0.04 deg/sqrt(h)", velocity_noise="0 ug/sqrt(Hz)")
+    unit = math.radians(0.01) / 60.0
+    np.testing.assert_allclose(belief.noise[1, ATT : ATT + 3], 0.1 * (5.0 * unit) ** 2)  # 3, 4, 5
+    np.testing.assert_allclose(belief.noise[1, VEL : VEL + 3], 0.1 * (50e-6 * 9.80665) ** 2)
+    np.testing.assert_array_equal(belief.noise[1, POS : POS + 3], 0.0)
+    walk = math.radians(0.1) / 3600.0 / 60.0
+    np.testing.assert_allclose(belief.noise[1, 9:12], 0.1 * walk**2)
+    np.testing.assert_array_equal(belief.noise[0], 0.0)  # a window of no ticks changes nothing
+    np.testing.assert_array_equal(belief.decay[0], 1.0)
+    clock = np.array([299792458.0**2 * 1e-21, 299792458.0**2 * 2.0 * math.pi**2 * 3e-24])
+    np.testing.assert_allclose(belief.noise[1, layout.clock :], 0.1 * clock)
+
+
+def _carried(seconds, total, tau=2.0, sigma=3.0):
+    """Variance of one Gauss-Markov state after `total` seconds of windows, from its steady state."""
+    block = room.ParameterBlock("gyro_bias", 0, 9, 0, 0, sigma, 0.0, tau)
+    layout = StateLayout((block,), -1, 12, 12)
+    decay, noise = window_tables(layout, np.zeros(12), np.array([seconds]))
+    P = np.diag([0.0] * 9 + [sigma**2] * 3)
+    none = np.zeros(0, dtype=np.int64)
+    for _ in range(round(total / seconds)):
+        predict(P, np.empty((12, 12)), np.zeros((0, 9)), none, none, decay[0], noise[0], -1, seconds)
+    return P[9, 9]
+
+
+@pytest.mark.parametrize("seconds", [0.005, 0.1, 1.0])
+def test_a_gauss_markov_state_keeps_its_sigma_whatever_the_window(seconds):
+    # the steady state is exact for any window: half of the noise enters before it decays, half after
+    assert _carried(seconds, total=100.0) == pytest.approx(9.0, rel=1e-9)
+
+
+def test_the_first_covariance_is_the_belief_in_the_axes_of_the_start():
+    layout, _ = believed()
+    C_n_i = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+    P = initial_covariance(layout, INITIAL, C_n_i)
+    expected = np.diag([1e-3, 1e-3, 1e-2]) ** 2
+    np.testing.assert_allclose(P[:3, :3], C_n_i @ expected @ C_n_i.T, rtol=1e-14)
+    np.testing.assert_allclose(np.diag(P)[3:9], np.square([0.1] * 3 + [5.0] * 3))
+    np.testing.assert_allclose(np.diag(P)[9:12], math.radians(1.0 / 3600.0) ** 2)
+    np.testing.assert_allclose(np.diag(P)[12:15], (2e-3 * 9.80665) ** 2)
+    np.testing.assert_allclose(np.diag(P)[15:], [1e4, 1.0])
+    assert np.count_nonzero(P - np.diag(np.diag(P))) == np.count_nonzero(
+        (C_n_i @ expected @ C_n_i.T) - np.diag(np.diag(C_n_i @ expected @ C_n_i.T))
+    )
+
+
+def test_settings_reach_the_numbers_of_the_kernels():
+    _, plain = believed()
+    _, other = believed(gate=3.0, update="joseph", gravity="j2", transition_order=1)
+    assert math.isinf(plain.gate_squared)
+    assert other.gate_squared == 9.0
+    assert (plain.joseph, other.joseph) == (False, True)
+    assert plain.gravity != other.gravity
+    assert other.block_rows.size < plain.block_rows.size
+    assert plain.fading  # the accelerometer bias has a time constant here
+
+
+def test_the_layout_does_not_depend_on_how_extra_states_are_ordered_in_the_card():
+    one = state_layout(card(extra_states=("gyro_scale_factor", "accel_scale_factor")), IMU)
+    two = state_layout(card(extra_states=("accel_scale_factor", "gyro_scale_factor")), IMU)
+    assert {b.name for b in one.parameters} == {b.name for b in two.parameters}
+    assert one.n_state == two.n_state
