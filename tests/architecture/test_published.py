@@ -43,3 +43,11 @@ def test_every_campaign_says_what_it_asks(root):
     assert {path.stem for path in campaigns} >= {"demo", "smoke"}
     yaml = YAML(typ="safe")
     assert [path.name for path in campaigns if not yaml.load(path).get("description")] == []
+
+
+def test_the_readme_shows_the_demo_campaign_as_it_is(root):
+    yaml = YAML(typ="safe")
+    shown = yaml.load((root / "README.md").read_text().split("```yaml\n")[1].split("```")[0])
+    asked = yaml.load(root / "campaigns" / "demo.yaml")
+    assert {key: asked.get(key) for key in shown} == shown
+    assert set(asked) - set(shown) <= {"description", "references", "report", "keep", "covariance"}
