@@ -1,0 +1,1 @@
+"""Benchmarks: what the tool costs, beside what a user would take instead."""

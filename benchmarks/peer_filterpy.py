@@ -1,4 +1,6 @@
-"""filterpy (PyPI): its predict and update on 17 states, one run at a time; the covariance step that a user would write."""
+"""filterpy (PyPI): its predict and update on 17 states, one run at a time; the covariance step that a user would
+write.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The same work in JAX, as an afternoon's baseline: `vmap` over 100 runs, dense covariance, noise drawn inside the scan.
+"""The same work in JAX, as an afternoon's baseline: `vmap` over 100 runs, dense covariance, noise drawn inside the
+scan.
 
 17 states, unit and covariance at 200 Hz, ten satellites' pseudorange and range rate at 1 Hz.
 """

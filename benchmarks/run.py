@@ -1,6 +1,7 @@
 """`make bench`: ours and its peers in one run, as a table and as benchmarks/results.json.
 
-Figures of one machine in one run: trust their ratios. A peer that is not installed (extra `bench`) is left out and named.
+Figures of one machine in one run: trust their ratios. A peer that is not installed (extra `bench`) is left out and
+named.
 """
 
 from __future__ import annotations

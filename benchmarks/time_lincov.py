@@ -1,4 +1,6 @@
-"""Linear covariance: one case with every source at every event, and a sweep of 100 cases with the adjoint at injection."""
+"""Linear covariance: one case with every source at every event, and a sweep of 100 cases with the adjoint at
+injection.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ def _case(one: Scenario) -> float:
 
 
 def sweep(jobs: int, n_case: int = CASES) -> float:
-    """Return wall seconds of a sweep over the accelerometers' bias: true and formal covariance, adjoint at injection."""
+    """Return wall seconds of a sweep over the accelerometers' bias: true and formal covariance, adjoint at
+    injection.
+    """
     found = [scenario(f"base.imu.accel.bias_repeatability={0.1 + 0.02 * k} mg") for k in range(n_case)]
     with Parallel(n_jobs=jobs) as pool:
         pool(delayed(_case)(one) for one in found[:jobs])  # workers start, kernels load, the trajectory is built

@@ -89,7 +89,8 @@ class CovHistory(NamedTuple):
     t (n_hist,); formal, true_sigma, mean (n_hist, n_out): the filter's own sigma, the sigma of the true error about its
     mean, that mean; sources (n_source,) names; budget (n_hist, n_source, n_out) variance of the true error by source
     (sums over sources to true_sigma squared); formal_cov, true_cov (n_hist, n_out, n_out) full matrices;
-    t_epoch, n_row (n_epoch,); expected_nees (n_hist,), expected_nis (n_epoch,).
+    t_epoch, n_row (n_epoch,); expected_nees (n_hist,), expected_nis (n_epoch,); false_rejection (n_epoch,)
+    probability that the gate rejects a good measurement, of the most endangered row.
     """
 
     t: Floats
@@ -104,6 +105,7 @@ class CovHistory(NamedTuple):
     n_row: NDArray[np.int32]
     expected_nees: Floats
     expected_nis: Floats
+    false_rejection: Floats
 
 
 class Output(NamedTuple):

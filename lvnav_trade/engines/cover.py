@@ -91,7 +91,8 @@ class Tape(NamedTuple):
 
 class Cover(NamedTuple):
     """What the pass fills: formal, true (n_hist, n, n) frame i; mean (n_hist, n) frame i; budget (n_hist, n_source, n)
-    variances in reporting axes; n_row, expected_nis (n_epoch,).
+    variances in reporting axes; n_row, expected_nis (n_epoch,); worst_ratio (n_epoch,) largest expected
+    square of a normalised innovation among the epoch's rows.
     """
 
     formal: Floats
@@ -100,6 +101,7 @@ class Cover(NamedTuple):
     budget: Floats
     n_row: Ints
     expected_nis: Floats
+    worst_ratio: Floats
 
 
 @jit
@@ -318,6 +320,12 @@ def _fly_window(nominal, reference, first, n_tick, dt, kind):
 
 
 @jit
+def _count_row(out, epoch, expected_square):
+    out.expected_nis[epoch] += expected_square
+    out.worst_ratio[epoch] = max(out.worst_ratio[epoch], expected_square)
+
+
+@jit
 def _update(out, joint, scratch, tape, nominal, signals, true, belief, epoch):
     """Absorb the rows that the filter would absorb at an epoch."""
     if belief.kind == TIGHT:
@@ -325,13 +333,13 @@ def _update(out, joint, scratch, tape, nominal, signals, true, belief, epoch):
         for slot in range(signals.n_used[epoch]):
             for half in range(2):
                 kind, h = PSEUDORANGE if half == 0 else RANGE_RATE, nominal.H[2 * slot + half]
-                out.expected_nis[epoch] += _absorb_true(joint, scratch, tape, h, kind, true, belief)
+                _count_row(out, epoch, _absorb_true(joint, scratch, tape, h, kind, true, belief))
         out.n_row[epoch] = 2 * signals.n_used[epoch]
     elif signals.n_used[epoch] >= 4:
         fill_loose(nominal)
         for row in range(6):
             kind = POSITION if row < 3 else VELOCITY
-            out.expected_nis[epoch] += _absorb_true(joint, scratch, tape, nominal.H[row], kind, true, belief)
+            _count_row(out, epoch, _absorb_true(joint, scratch, tape, nominal.H[row], kind, true, belief))
         out.n_row[epoch] = 6
 
 

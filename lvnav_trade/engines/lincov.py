@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.stats import chi2
 
 from lvnav_trade.engines.adjoint import BackScratch, Backward, go_back, new_tape
 from lvnav_trade.engines.cover import Cover, Joint, Nominal, Scratch, Tape, cover
@@ -72,7 +73,7 @@ def _cover(prepared: Prepared, names: list[str], true: TrueModel, tape: Tape) ->
     n, n_hist, n_epoch = prepared.layout.n_state, prepared.t_hist.size, prepared.t_epoch.size
     out = Cover(
         np.zeros((n_hist, n, n)), np.zeros((n_hist, n, n)), np.zeros((n_hist, n)), np.zeros((n_hist, len(names), n)),
-        np.zeros(n_epoch, dtype=np.int64), np.zeros(n_epoch),
+        np.zeros(n_epoch, dtype=np.int64), np.zeros(n_epoch), np.zeros(n_epoch),
     )  # fmt: skip
     axes_att = np.ascontiguousarray(np.swapaxes(matrices(prepared.record.q), 1, 2))
     cover(
@@ -89,6 +90,16 @@ def covariance(prepared: Prepared) -> CovHistory:
     return _history(prepared, names, _cover(prepared, names, true_model(prepared, names), tape))
 
 
+def forward_tape(prepared: Prepared, true: TrueModel) -> Tape:
+    """Return what a backward pass, or an observability analysis, needs of a forward one."""
+    names = source_names(prepared)
+    per_satellite = 2 if prepared.belief.kind == TIGHT else 0
+    n_row = int(np.sum(np.maximum(6, per_satellite * prepared.signals.n_used))) + 1
+    tape = new_tape(prepared.schedule.n_tick.size, n_row, prepared.layout.n_state)
+    _cover(prepared, names, true, tape)
+    return tape
+
+
 def adjoint(prepared: Prepared, time: float, bin_seconds: float = 10.0) -> AdjointBudget:
     """Return what every source put into the navigation errors at a time, and when it did.
 
@@ -102,10 +113,7 @@ def adjoint(prepared: Prepared, time: float, bin_seconds: float = 10.0) -> Adjoi
     names = source_names(prepared)
     true, schedule = true_model(prepared, names), prepared.schedule
     n, hist = prepared.layout.n_state, int(np.argmin(np.abs(prepared.t_hist - time)))
-    per_satellite = 2 if prepared.belief.kind == TIGHT else 0
-    n_row = int(np.sum(np.maximum(6, per_satellite * prepared.signals.n_used))) + 1
-    tape = new_tape(schedule.n_tick.size, n_row, n)
-    _cover(prepared, names, true, tape)
+    tape = forward_tape(prepared, true)
     last = int(np.flatnonzero(schedule.hist == hist)[0])
     ends = prepared.reference.t[schedule.first_tick + schedule.n_tick]
     edges = np.arange(prepared.t_hist[0], ends[last] + bin_seconds, bin_seconds)
@@ -137,4 +145,13 @@ def _history(prepared: Prepared, names: list[str], out: Cover) -> CovHistory:
         n_row=out.n_row.astype(np.int32),
         expected_nees=expected,
         expected_nis=out.expected_nis,
+        false_rejection=_false_rejection(prepared.belief.gate_squared, out.worst_ratio),
     )
+
+
+def _false_rejection(gate_squared: float, ratio: Floats) -> Floats:
+    """Return the probability (n_epoch,) that the gate rejects a good measurement, of the epoch's most endangered row.
+
+    A row's normalised innovation is normal with the expected square `ratio`; a matched filter has 1.
+    """
+    return chi2.sf(gate_squared / np.maximum(ratio, 1e-300), 1) if np.isfinite(gate_squared) else np.zeros_like(ratio)

@@ -66,7 +66,7 @@ class Fake:
         full = np.zeros((3, n, n))
         return CovHistory(
             np.array([0.0, 1.0, 2.0]), ones, 2 * ones, 0 * ones, ("a", "b"), np.ones((3, 2, n)), full, full,
-            np.array([1.0]), np.array([8]), np.ones(3), np.ones(1),
+            np.array([1.0]), np.array([8]), np.ones(3), np.ones(1), np.zeros(1),
         )  # fmt: skip
 
     def run_block(self, prepared: Any, seed: int, first: int, n: int) -> Any:
@@ -138,8 +138,8 @@ class Kept:
         row = (tuple(info), covariance.sources, None if summary is None else summary.tolist())
         (self.folder / f"{info.id}.pcase").write_bytes(pickle.dumps(row))
 
-    def finish(self, extra: dict[str, Any], order: list[str]) -> None:
-        (self.folder / "finished").write_text("\n".join(order))
+    def finish(self, extra: dict[str, Any]) -> None:
+        (self.folder / "finished").write_text("\n".join(extra["cases"]))
 
 
 class Info(NamedTuple):

@@ -1,0 +1,104 @@
+"""What the filter's rows can tell of its states over a stretch of the nominal flight."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.engines.cover import Tape
+from lvnav_trade.engines.lincov import forward_tape
+from lvnav_trade.engines.prepare import Prepared
+from lvnav_trade.engines.truth import TrueModel, source_names, true_model
+from lvnav_trade.kernels import transition
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.joint import apply_phi
+from lvnav_trade.records import Floats
+
+TOLERANCE = 1e-2
+
+
+class Stretch(NamedTuple):
+    """Observability over one stretch: start, end s since lift-off; rank; singular (n,) values, falling; weakest (n,)
+    direction, entries in initial sigmas, largest of size 1; rows that were used.
+
+    The singular values are those of the stacked rows H Phi, each row in sigmas of its noise and each state in its
+    initial sigma: a value of 1 means that the stretch alone halves the variance of that direction. The rank counts
+    values above `TOLERANCE`.
+    """
+
+    start: float
+    end: float
+    rank: int
+    singular: Floats
+    weakest: Floats
+    rows: int
+
+
+@jit
+def _gather(rows_out, phi, D, y, tape, schedule, true, belief, first_window, last_window):
+    """Write every row of a stretch, times the transition since its start, in sigmas of its noise; return their number.
+
+    rows_out (n_row, n) set; phi (n, n) columns of the transition, updated; D (n_block, 9), y (n,) work.
+    """
+    n, count = phi.shape[0], 0
+    for w in range(first_window, last_window + 1):
+        if schedule.n_tick[w] > 0:
+            length, at = schedule.length[w], tape.position[w]
+            seconds, decay = belief.seconds[length], belief.decay[length]
+            transition.fill(D, true.nav_kinds, true.nav_drivers, tape.sums[w], at[0], at[1], at[2], seconds)
+            for j in range(n):
+                apply_phi(phi[j], y, D, true.nav_rows, true.nav_columns, decay, belief.clock, seconds)
+        for row in range(tape.first_row[w], tape.first_row[w + 1]):
+            kind = tape.kind[row]
+            weight = 1.0 / np.sqrt(belief.variance[kind])
+            for j in range(n):
+                total = 0.0
+                for k in range(belief.n_entry[kind]):
+                    total += tape.h[row, belief.entry[kind, k]] * phi[j, belief.column[kind, k]]
+                rows_out[count, j] = weight * total
+            count += 1
+    return count
+
+
+def _stretch(prepared: Prepared, true: TrueModel, tape: Tape, start: float, end: float) -> Stretch:
+    schedule, n = prepared.schedule, prepared.layout.n_state
+    ends = prepared.reference.t[schedule.first_tick + schedule.n_tick]
+    inside = np.flatnonzero((ends > start + 1e-9) & (ends <= end + 1e-9))
+    first, last = int(inside[0]), int(inside[-1])
+    rows = np.zeros((int(tape.first_row[last + 1] - tape.first_row[first]), n))
+    phi = np.eye(n)  # row j is the column of Phi that belongs to state j
+    count = _gather(
+        rows, phi, np.zeros((true.nav_rows.size, 9)), np.zeros(n), tape, schedule, true, prepared.belief, first, last
+    )
+    scale = np.sqrt(np.diag(prepared.start.P))
+    singular, weakest = _decompose(rows[:count] * scale, n)
+    return Stretch(start, end, int(np.sum(singular > TOLERANCE)), singular, weakest, count)
+
+
+def _decompose(scaled: Floats, n: int) -> tuple[Floats, Floats]:
+    """Return the n singular values, falling, of the rows (any number of them), and the weakest direction at size 1."""
+    _, triangle = np.linalg.qr(np.vstack([scaled, np.zeros((n, n))]))
+    _, singular, directions = np.linalg.svd(triangle)
+    weakest = directions[-1]
+    return singular, weakest / weakest[np.argmax(np.abs(weakest))]
+
+
+def observability(prepared: Prepared, edges: Floats) -> list[Stretch]:
+    """Return the observability of the filter's states over the stretches between edges (s since lift-off).
+
+    Evaluated on the nominal flight with the rows that the filter absorbs there; edges outside it are moved to its ends.
+    """
+    true = true_model(prepared, source_names(prepared))
+    tape = forward_tape(prepared, true)
+    t = prepared.reference.t
+    marks = np.unique(np.clip(edges, t[0], t[-1]))
+    return [_stretch(prepared, true, tape, float(a), float(b)) for a, b in pairwise(marks)]
+
+
+def in_words(direction: Floats, names: tuple[str, ...], threshold: float = 0.3) -> str:
+    """Say a direction of the state space in words: the states that make up most of it, largest first."""
+    order = np.argsort(-np.abs(direction))
+    parts = [f"{direction[i]:+.2f} {names[i]}" for i in order if abs(direction[i]) >= threshold]
+    return ", ".join(parts)
