@@ -12,8 +12,9 @@ from lvnav_trade.campaign.load import load as load_campaign
 from lvnav_trade.campaign.plan import Estimate, estimate
 from lvnav_trade.campaign.progress import Progress
 from lvnav_trade.campaign.schema import Campaign
+from lvnav_trade.campaign.tree import hint
 from lvnav_trade.campaign.work import Job
-from lvnav_trade.errors import InputError
+from lvnav_trade.errors import InputError, Mistake
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -94,6 +95,7 @@ def plan(campaign: str | Path, sets: Sequence[str] = (), folder: str | Path | No
 
 def _events(campaign: Campaign) -> dict[str, dict[str, float]]:
     """Return the event times of each case digest; InputError where the campaign does not fit them."""
+    _check_sections(campaign)
     job = Job(work.engine(), None, campaign.seed, campaign.keep.history, campaign.covariance.budget, Path())
     return execute.check_flight(campaign, cases(campaign), job, jobs=1)
 
@@ -136,11 +138,27 @@ def run(
     else:
         found = load_campaign(campaign, sets)
     place = Path(folder) if folder is not None else Path("results") / found.name
+    _check_sections(found)
     mode: execute.Mode = "fresh" if fresh else "resume"
     execute.run(found, place, jobs, mode, fail_fast, progress, on_answers)
     if report:
         build_report(place)
     return load(place)
+
+
+def _check_sections(campaign: Campaign) -> None:
+    """Refuse a section that the report does not have before anything is computed for it."""
+    if campaign.report.sections is None:
+        return
+    from lvnav_trade.report import SECTIONS
+
+    wrong = [
+        Mistake(f"no section {name!r}{hint(name, SECTIONS)}", f"report.sections.{index}")
+        for index, name in enumerate(campaign.report.sections)
+        if name not in SECTIONS
+    ]
+    if wrong:
+        raise InputError(records=wrong)
 
 
 def load(folder: str | Path) -> Results:
@@ -159,8 +177,7 @@ def build_report(folder: Path) -> Path:
     """Build report.html, report.md, figures and CSV tables from a folder of results; return the page."""
     from lvnav_trade.report import build
 
-    page = build(folder)
-    return Path(page) if page is not None else folder / "report.html"
+    return build(folder)
 
 
 def exit_code(judged: Sequence[str], failures: Sequence[Any]) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
@@ -161,7 +162,7 @@ class _Run:
         whole = self._close([case for case in able if case.id not in lost])
         seconds = time.monotonic() - start
         # The order of the plan, not that in which the workers finished: the tables' bytes must not depend on it.
-        self.job.results.finish({"timings_s": self.timings, "failures": self.failures}, whole)
+        self.job.results.finish({"timings_s": self.timings, "failures": self.failures, "cases": whole})
         if not self.failures:
             shutil.rmtree(self.job.scratch, ignore_errors=True)
         return Outcome(self.folder, tuple(self.cases), tuple(answers), tuple(self.failures), seconds)
@@ -223,24 +224,8 @@ class _Run:
 
 
 def manifest(campaign: Campaign) -> dict[str, Any]:
-    """Return what the results should say of how they came to be."""
-    import platform
-    import sys
-    from importlib import metadata
-
-    packages = ("lvnav-trade", "numpy", "numba", "scipy", "pandas", "pyarrow")
-    versions = {}
-    for name in packages:
-        try:
-            versions[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            versions[name] = "not installed"
-    return {
-        "seed": campaign.seed,
-        "versions": {"python": platform.python_version(), **versions},
-        "host": {"machine": platform.machine(), "system": platform.system(), "cores": os.cpu_count()},
-        "command": sys.argv[1:],
-    }
+    """Return what the results should say of how they were asked for; the store adds what computed them."""
+    return {"seed": campaign.seed, "command": sys.argv[1:]}
 
 
 def _count(jobs: int) -> int:

@@ -1,0 +1,124 @@
+"""The same from Python, end to end: a small campaign through every room."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import lvnav_trade
+from lvnav_trade import api
+from lvnav_trade.errors import InputError
+
+REQUIREMENT = "requirements=[{name: lost, metric: position_error_3d, probability: 0.5, below: 100 km, confidence: 0.5}]"
+
+
+def test_the_conventions_stand_on_the_front_page() -> None:
+    for word in ("Frames", "Rotations", "Truth and belief", "Units", "Noise", "Shapes", "Randomness"):
+        assert word in (lvnav_trade.__doc__ or "")
+
+
+def test_importing_the_package_imports_no_heavy_room() -> None:
+    code = (
+        "import sys, lvnav_trade; print([m for m in ('numba', 'pandas', 'pydantic', 'matplotlib') if m in sys.modules])"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout == "[]\n"
+
+
+def test_the_names_of_the_package_are_those_of_the_api() -> None:
+    assert lvnav_trade.run is api.run
+    assert lvnav_trade.load is api.load
+    assert lvnav_trade.check is api.check
+    assert lvnav_trade.InputError is InputError
+    with pytest.raises(AttributeError):
+        lvnav_trade.fly  # noqa: B018
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "failures", "code"),
+    [
+        ([], [], 0),
+        (["met", "met"], [], 0),
+        (["met", "violated", "undecided"], [], 1),
+        (["met", "undecided"], [], 3),
+        (["met", "violated"], ["run 3 diverged"], 4),
+    ],
+)
+def test_the_exit_code_tells_the_verdict(verdicts: list[str], failures: list[str], code: int) -> None:
+    assert api.exit_code(verdicts, failures) == code
+
+
+def test_a_section_that_the_report_does_not_have_is_refused_first(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError) as caught:
+        api.run("campaigns/smoke.yaml", ["report.sections=[sumary]"])
+    assert str(caught.value) == "report.sections.0: no section 'sumary' (did you mean 'summary'?)"
+    assert not Path("results").exists()
+
+
+def test_a_folder_without_results_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no results here"):
+        api.load(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> api.Results:
+    """Return the smoke campaign, flown by this process."""
+    folder = tmp_path_factory.mktemp("flown") / "smoke"
+    return api.run("campaigns/smoke.yaml", [REQUIREMENT], folder, jobs=1)
+
+
+@pytest.mark.slow
+def test_a_campaign_leaves_tidy_frames_with_units(flown: api.Results) -> None:
+    assert len(flown.cases) == 1
+    assert set(flown.runs.run_number) == set(range(8))
+    assert {"t_s", "position_3d_error_m", "velocity_3d_error_m_per_s"} <= set(flown.runs.columns)
+    assert {"case", "metric", "unit", "rms"} <= set(flown.rms.columns)
+    assert list(flown.requirements.verdict) == ["met"]
+    assert flown.exit_code == 0
+
+
+@pytest.mark.slow
+def test_a_campaign_leaves_a_report_and_csv_tables(flown: api.Results) -> None:
+    names = {file.name for file in flown.folder.iterdir()}
+    assert {"report.html", "report.md", "rms.csv", "requirements.csv", "campaign.resolved.yaml"} <= names
+
+
+@pytest.mark.slow
+def test_a_replay_equals_the_stored_run_bit_for_bit(flown: api.Results, monkeypatch) -> None:
+    monkeypatch.chdir(flown.folder.parent)
+    out = _call("replay", str(flown.folder), "base", "5", "--json")
+    content = json.loads(out.stdout)
+    import pandas as pd
+
+    trace = pd.read_parquet(content["trace"])
+    stored = flown.runs[flown.runs.run_number == 5].set_index("event")
+    columns = [name for name in trace.columns if "_error_" in name]
+    assert len(columns) >= 15
+    for event, row in stored.iterrows():
+        again = trace.iloc[int(np.argmin(np.abs(trace.t_s - row.t_s)))]
+        assert list(again[columns]) == list(row[columns]), event
+
+
+@pytest.mark.slow
+def test_the_command_line_leaves_the_same_tables(flown: api.Results, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    out = _call("run", "campaigns/smoke.yaml", "--set", REQUIREMENT, "--jobs", "2", "--no-report", "--json", "--quiet")
+    assert out.stderr == ""
+    content = json.loads(out.stdout)
+    assert out.returncode == content["exit_code"] == 0
+    for file in sorted(flown.folder.glob("*.parquet")):
+        assert (tmp_path / "results/smoke" / file.name).read_bytes() == file.read_bytes(), file.name
+
+
+def _call(*arguments: str) -> subprocess.CompletedProcess[str]:
+    root = Path(__file__).resolve().parents[1]
+    environment = {**os.environ, "PYTHONPATH": str(root)}
+    command = [sys.executable, "-m", "lvnav_trade", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
