@@ -66,6 +66,7 @@ def covariance(factor: float = 1.0, true_factor: float = 1.0) -> CovHistory:
         n_row=np.full(N_EPOCH, 2 * N_SAT, dtype=np.int32),
         expected_nees=((true**2 + mean**2) / formal**2).sum(axis=1),
         expected_nis=np.full(N_EPOCH, 2.0 * N_SAT),
+        false_rejection=np.zeros(N_EPOCH),
     )
 
 
@@ -145,7 +146,7 @@ def results(
     """Write the results of two cases; the runs are drawn `wrong` times as large as the covariance history says."""
     written = open_results(folder, "synthetic", campaign, {"seed": 7}, "resume")
     for case, factor in CASES:
-        told, drawn = covariance(factor), covariance(factor * wrong)
+        told, drawn = covariance(factor), covariance(factor, wrong)
         done = written.done(case.id)
         for first in range(0, n_run, size):
             count = min(size, n_run - first)

@@ -95,4 +95,4 @@ def _quantile(error: np.ndarray[Any, Any], probability: float) -> float:
 
 
 def _told(value: float, unit: str) -> str:
-    return "" if np.isnan(value) else f"{value:.3g} {unit}"
+    return "" if np.isnan(value) else f"{float(f'{value:.3g}'):g} {unit}"

@@ -116,6 +116,7 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("reject_count", "whole", "rows rejected by the gate, summed over runs"),
         Column("lincov_row_count", "whole", "rows of one run in LinCov"),
         Column("expected_nis_ratio", "real", "expectation of one run's sum by LinCov"),
+        Column("false_rejection_ratio", "real", "LinCov: probability that the gate rejects a good row, the worst one"),
     ),
     "whiteness": (
         _CASE,

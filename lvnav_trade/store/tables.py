@@ -195,6 +195,7 @@ def _innovations(cov: CovHistory, summary: BlockSummary | None) -> dict[str, Any
         "reject_count": summary.n_reject if summary else none,
         "lincov_row_count": cov.n_row.astype(np.int64),
         "expected_nis_ratio": cov.expected_nis,
+        "false_rejection_ratio": cov.false_rejection,
     }
 
 

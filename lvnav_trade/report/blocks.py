@@ -1,0 +1,117 @@
+"""What a page is made of: paragraphs, tables, pictures; and how numbers are written on it."""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+from typing import Any, NamedTuple
+
+import pandas as pd
+from matplotlib.figure import Figure
+from PIL import Image
+
+from lvnav_trade.plots.style import look
+
+COLOURS = 96
+"""Colours kept in a picture: line art loses nothing that one could see, and is a third of the size."""
+
+
+class Text(NamedTuple):
+    """A paragraph; its lead stands out."""
+
+    text: str
+    lead: str = ""
+    kind: str = "text"
+
+
+class Code(NamedTuple):
+    """Lines to type."""
+
+    text: str
+    kind: str = "code"
+
+
+class Table(NamedTuple):
+    """A table: headings, rows of finished texts, which columns hold numbers, caption."""
+
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    numeric: tuple[bool, ...]
+    caption: str = ""
+    kind: str = "table"
+
+
+class Picture(NamedTuple):
+    """A figure as PNG: file name without ending, bytes, caption."""
+
+    name: str
+    png: bytes
+    caption: str
+    kind: str = "picture"
+
+    @property
+    def uri(self) -> str:
+        """The picture as text that a page can carry in itself."""
+        return "data:image/png;base64," + base64.b64encode(self.png).decode()
+
+
+Block = Text | Code | Table | Picture
+
+
+class Section(NamedTuple):
+    """A part of the page."""
+
+    name: str
+    title: str
+    blocks: list[Block]
+
+
+def number(value: float) -> str:
+    """Write a number with three significant digits; a dash where there is none."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "–"
+    if isinstance(value, int):
+        return str(value)
+    if math.isinf(value):
+        return "∞" if value > 0 else "-∞"
+    if value == 0:
+        return "0"
+    if not 1e-4 <= abs(value) < 1e6:
+        return f"{value:.2e}"
+    rounded = float(f"{value:.2e}")
+    return f"{rounded:.{max(0, 2 - math.floor(math.log10(abs(rounded))))}f}"
+
+
+def percent(value: float) -> str:
+    """Write a fraction in percent without rounding 99.73 to 100."""
+    return f"{100.0 * value:.6g} %"
+
+
+def table(frame: pd.DataFrame, caption: str = "") -> Table:
+    """Return a frame as a table; its column names are the headings."""
+    numeric = tuple(pd.api.types.is_numeric_dtype(kind) and kind is not bool for kind in frame.dtypes)
+    rows = tuple(tuple(_cell(value) for value in row) for row in frame.itertuples(index=False))
+    return Table(tuple(map(str, frame.columns)), rows, numeric, caption)
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, bool) or type(value).__name__ == "bool":
+        return "yes" if value else "no"
+    if isinstance(value, str):
+        return value
+    if type(value).__name__.startswith("int"):
+        return str(value)
+    return number(float(value)) if value is not None else "–"
+
+
+def picture(name: str, figure: Figure, caption: str) -> Picture:
+    """Return a figure as a small PNG that holds no date."""
+    raw, small = io.BytesIO(), io.BytesIO()
+    with look():
+        figure.savefig(raw, format="png", metadata={"Software": None})
+    with Image.open(raw) as image:
+        image.convert("RGB").quantize(COLOURS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(
+            small, format="PNG", optimize=True
+        )
+    return Picture(name, small.getvalue(), caption)

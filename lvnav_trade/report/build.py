@@ -1,0 +1,93 @@
+"""report.html (one file, nothing from the network), report.md with its figures, and the CSV tables."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Callable, Sequence
+from importlib import resources
+from pathlib import Path
+
+import jinja2
+
+from lvnav_trade.errors import InputError
+from lvnav_trade.metrics import CSV, METRICS
+from lvnav_trade.report import evidence
+from lvnav_trade.report.blocks import Block, Picture, Section
+from lvnav_trade.report.summary import summary
+from lvnav_trade.store import Tables, load
+
+SECTIONS: dict[str, tuple[str, Callable[[Tables], list[Block]]]] = {
+    "summary": ("Answer", summary),
+    "requirements": ("Requirements", evidence.requirements),
+    "trajectory": ("Trajectory", evidence.trajectory),
+    "envelopes": ("Errors", evidence.envelopes),
+    "consistency": ("Consistency", evidence.consistency),
+    "agreement": ("Monte Carlo against linear covariance", evidence.agreement),
+    "satellites": ("Satellites", evidence.satellites),
+    "outages": ("Outages", evidence.outages),
+    "references": ("Published numbers", evidence.references),
+    "budget": ("Error budget", evidence.budget),
+    "reproduce": ("How to reproduce", evidence.reproduce),
+}
+"""Every section by name, in the order in which they stand unless the campaign says otherwise."""
+
+
+def build(folder: Path | str, sections: Sequence[str] | None = None) -> Path:
+    """Write report.html, report.md, figures/ and the CSV tables into a results folder; return the page.
+
+    `sections` or else the campaign's ``report: {sections: [...]}`` choose and order the sections; InputError names one
+    that does not exist.
+    """
+    tables = load(folder)
+    stated = (tables.campaign.get("report") or {}).get("sections")
+    names = list(sections or stated or SECTIONS)
+    _check(names)
+    for name in CSV:
+        METRICS[name](tables).to_csv(tables.folder / f"{name}.csv", index=False, float_format="%.6g")
+    made = [Section(name, SECTIONS[name][0], SECTIONS[name][1](tables)) for name in names]
+    _write_figures(tables.folder / "figures", made)
+    title = str(tables.manifest.get("campaign") or tables.campaign.get("name"))
+    asked = str(tables.campaign.get("description") or "")
+    page = tables.folder / "report.html"
+    page.write_text(_render("page.html.j2", title, asked, made), encoding="utf-8")
+    text = re.sub(r"\n{3,}", "\n\n", _render("page.md.j2", title, asked, made)).strip() + "\n"
+    (tables.folder / "report.md").write_text(text, encoding="utf-8")
+    return page
+
+
+def _check(names: Sequence[str]) -> None:
+    for name in names:
+        if name not in SECTIONS:
+            near = difflib.get_close_matches(name, SECTIONS, 1)
+            hint = f" (did you mean {near[0]}?)" if near else f"; there are {', '.join(SECTIONS)}"
+            raise InputError(f"report.sections: no section {name!r}{hint}")
+
+
+def _write_figures(folder: Path, sections: Sequence[Section]) -> None:
+    """Write the pictures of the Markdown twin; those of an earlier report go."""
+    folder.mkdir(exist_ok=True)
+    for old in folder.glob("*.png"):
+        old.unlink()
+    for section in sections:
+        for block in section.blocks:
+            if isinstance(block, Picture):
+                (folder / f"{block.name}.png").write_bytes(block.png)
+
+
+def _render(template: str, title: str, asked: str, sections: Sequence[Section]) -> str:
+    folder = resources.files("lvnav_trade.report") / "templates"
+
+    def source(name: str) -> str:
+        return (folder / name).read_text(encoding="utf-8")
+
+    environment = jinja2.Environment(
+        loader=jinja2.FunctionLoader(source),
+        autoescape=lambda name: bool(name and name.endswith(".html.j2")),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    environment.filters["cell"] = lambda text: str(text).replace("|", "\\|").replace("\n", " ")
+    style = source("page.css")
+    return environment.get_template(template).render(title=title, asked=asked, sections=sections, style=style)

@@ -1,0 +1,314 @@
+"""The sections behind the answer: flight, errors, consistency, agreement, satellites, outages, budget, references."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pandas as pd
+
+from lvnav_trade.metrics import METRICS
+from lvnav_trade.metrics.agreement import by_case
+from lvnav_trade.plots import PLOTS
+from lvnav_trade.report.blocks import Block, Code, Table, Text, number, percent, picture, table
+from lvnav_trade.store import Tables
+
+MOST_CASES = 8
+"""Cases whose own figures are drawn; of more, the best and the worst."""
+NAVIGATION = ("position", "velocity", "attitude")
+
+
+def chosen_cases(tables: Tables) -> list[str]:
+    """Return the digests of the cases that get figures of their own, in the order of the plan."""
+    if len(tables.labels) <= MOST_CASES:
+        return list(tables.labels)
+    order = list(METRICS["ranking"](tables).case)
+    kept = {*order[: MOST_CASES - 2], *order[-2:]}
+    return [case for case, label in tables.labels.items() if label in kept]
+
+
+def _left_out(tables: Tables) -> list[Block]:
+    more = len(tables.labels) - len(chosen_cases(tables))
+    return [Text(f"Shown are the {MOST_CASES - 2} best cases and the 2 worst; {more} more are in the tables.")] * (
+        more > 0
+    )
+
+
+def distinct(tables: Tables, name: str, columns: list[str]) -> list[str]:
+    """Return one case of each group whose rows of a table are the same."""
+    frame = getattr(tables, name)
+    first: dict[int, str] = {}
+    for case in tables.labels:
+        rows = frame.loc[frame.case == case, columns]
+        first.setdefault(hash(pd.util.hash_pandas_object(rows, index=False).to_numpy().tobytes()), case)
+    return list(first.values())
+
+
+def _of(tables: Tables, case: str, group: list[str]) -> str:
+    """Name the case where a figure does not stand for all."""
+    return f" {tables.labels[case]}." if len(group) > 1 else ""
+
+
+def requirements(tables: Tables) -> list[Block]:
+    """Return the verdicts in figures."""
+    frame = METRICS["requirements"](tables)
+    if frame.empty:
+        return [Text("The campaign states no requirement.")]
+    frame = frame.assign(probability=frame.probability.map(percent), confidence=frame.confidence.map(percent))
+    frame.columns = [name.replace("_", " ") for name in frame.columns]
+    note = (
+        "Met: the lower bound on the probability of success reaches what is asked; violated: the upper bound stays "
+        "below it. Bounds are exact binomial, one-sided, at the stated confidence. A failed run is a failure. "
+        "Estimate: the error that the stated fraction of runs stays within."
+    )
+    return [table(frame), Text(note)]
+
+
+def trajectory(tables: Tables) -> list[Block]:
+    """Return the flight, once per distinct trajectory."""
+    group = distinct(tables, "reference", ["t_s", "altitude_m"])
+    blocks: list[Block] = []
+    for number_, case in enumerate(group, start=1):
+        caption = "Trajectory; events as lines, faults shaded." + _of(tables, case, group)
+        blocks.append(picture(f"trajectory-{number_}", PLOTS["trajectory"](tables, case), caption))
+        events = tables.events[tables.events.case == case].sort_values("t_s", kind="stable")
+        shown = pd.DataFrame({"event": events.event.str.replace("_", " "), "kind": events.kind})
+        shown["time (s)"] = events.t_s.map(lambda t: f"{t:.2f}")
+        shown["end (s)"] = events.t_end_s.where(events.kind == "fault").map(lambda t: f"{t:.2f}" if t == t else "")
+        blocks.append(table(shown, "Events, seconds since lift-off."))
+        facts = json.loads(tables.cases.set_index("case").facts[case])
+        if facts:
+            rows = [
+                (name.replace("_", " "), value if isinstance(value, str) else f"{value:.6g}")
+                for name, value in facts.items()
+            ]
+            blocks.append(
+                Table(
+                    ("what the flight achieves (SI, unit at the end of the name)", "value"), tuple(rows), (False, True)
+                )
+            )
+    return blocks
+
+
+def envelopes(tables: Tables) -> list[Block]:
+    """Return the errors of all cases together, then of each case against its covariances, then the RMS table."""
+    blocks: list[Block] = []
+    known = [quantity for quantity in NAVIGATION if (quantity, "3d") in tables.people]
+    for quantity in known:
+        figure = PLOTS["comparison"](tables, quantity)
+        blocks.append(picture(f"compare-{quantity}", figure, f"{quantity.capitalize()} error of all cases."))
+    blocks += _left_out(tables)
+    for case in chosen_cases(tables):
+        for quantity in known:
+            caption = f"{tables.labels[case]}: {quantity} error by axis, 1 sigma."
+            blocks.append(picture(f"envelope-{case}-{quantity}", PLOTS["envelope"](tables, case, quantity), caption))
+    frame = METRICS["rms"](tables)
+    shown = ~frame.phase_or_event.str.contains(" to ", regex=False)
+    frame = frame[shown & (frame.axis == "3d") & frame.metric.isin([f"{quantity}_error" for quantity in known])]
+    frame = frame.assign(
+        metric=frame.metric.str.replace("_", " "), phase_or_event=frame.phase_or_event.str.replace("_", " ")
+    )
+    head = ["case", "over or at", "metric", "axis", "unit", "RMS", "low", "high", "filter sigma", "LinCov true"]
+    frame.columns = head
+    blocks.append(
+        table(
+            frame.drop(columns="axis"),
+            "3D errors over the flight and at events; low and high bound RMS at 95 %. All phases and axes: rms.csv.",
+        )
+    )
+    return blocks
+
+
+def consistency(tables: Tables) -> list[Block]:
+    """Return NEES, NIS and whiteness."""
+    frame = METRICS["consistency"](tables)
+    frame = frame.assign(inside_ratio=frame.inside_ratio * 100)
+    frame.columns = ["case", "test", "time mean (-)", "LinCov expects (-)", "inside 95 % bounds (% of times)", "times"]
+    blocks: list[Block] = [
+        Text(
+            "ANEES and ANIS are divided by their degrees of freedom: 1 is a filter whose covariance fits its errors, "
+            "more is optimism."
+        ),
+        table(frame, "Consistency."),
+        *_left_out(tables),
+    ]
+    for case in chosen_cases(tables):
+        caption = f"{tables.labels[case]}: normalised errors and innovations squared."
+        blocks.append(picture(f"consistency-{case}", PLOTS["consistency"](tables, case), caption))
+    return [*blocks, *_whiteness(tables)]
+
+
+def _whiteness(tables: Tables) -> list[Block]:
+    frame = METRICS["whiteness"](tables)
+    if frame.empty:
+        return []
+    rows = []
+    for case, group in frame.groupby("case", sort=False):
+        worst = group.iloc[int(group.largest_ratio.abs().to_numpy().argmax())]
+        rows.append(
+            (case, len(group), int((~group.white).sum()), worst.channel, worst.largest_ratio, worst.largest_lag_number)
+        )
+    head = [
+        "case",
+        "channels",
+        "not white (1 % per case, Holm)",
+        "worst channel",
+        "its autocorrelation (-)",
+        "at lag (epochs)",
+    ]
+    return [table(pd.DataFrame(rows, columns=head), "Whiteness of the innovations, lags 1 to 10.")]
+
+
+def agreement(tables: Tables) -> list[Block]:
+    """Return the verdict per case and the rows that disagree."""
+    rows = METRICS["agreement"](tables)
+    cases = by_case(rows)
+    cases.columns = ["case", "verdict", "tested", "outside", "worst state", "at", "ratio (-)", "low (-)", "high (-)"]
+    gate = tables.innovations.groupby("case", sort=False).false_rejection_ratio.max() * 100
+    cases["good rows rejected (%, worst epoch)"] = [gate.get(case, 0.0) for case in tables.labels]
+    note = (
+        "Monte-Carlo RMS over the RMS that linear covariance expects, for nine navigation errors at every event; "
+        "bounds by chi-square, all rows of a case together at the 1 % level (Bonferroni). All rows: agreement.csv. "
+        "Linear covariance knows no gate: where a gate rejects more than 1 % of good rows, it does not represent the "
+        "filter, and the last column says so."
+    )
+    blocks: list[Block] = [Text(note), table(cases, "Agreement of the two engines.")]
+    bad = rows[rows.agree == "disagree"].drop(columns="agree")
+    if len(bad):
+        bad = bad.assign(distance=(bad.ratio - 1.0).abs()).nlargest(12, "distance").drop(columns="distance")
+        blocks.append(
+            table(bad.rename(columns=lambda name: name.replace("_", " ")), "Furthest from agreement (at most 12).")
+        )
+    return blocks
+
+
+def satellites(tables: Tables) -> list[Block]:
+    """Return satellites in view and the sky, once per distinct sky."""
+    group = distinct(tables, "satellites", ["t_s", "satellite", "tracked"])
+    blocks: list[Block] = []
+    for number_, case in enumerate(group, start=1):
+        note = _of(tables, case, group)
+        blocks.append(
+            picture(
+                f"satellites-{number_}", PLOTS["satellites"](tables, case), "Satellites in view; faults shaded." + note
+            )
+        )
+        blocks.append(picture(f"sky-{number_}", PLOTS["sky"](tables, case), "The sky at the antenna." + note))
+    return blocks
+
+
+def outages(tables: Tables) -> list[Block]:
+    """Return the errors around every fault."""
+    frame = METRICS["outages"](tables)
+    if frame.empty:
+        return [Text("No fault in any case.")]
+    frame = frame.assign(fault=frame.fault.str.replace("_", " "), metric=frame.metric.str.replace("_", " "))
+    frame.columns = [
+        "case",
+        "fault",
+        "start (s)",
+        "end (s)",
+        "metric",
+        "unit",
+        "before",
+        "at end",
+        "10 s after",
+        "growth (-)",
+        "LinCov at end",
+    ]
+    return [table(frame, "3D RMS error before, at the end of, and 10 s after every fault.")]
+
+
+def references(tables: Tables) -> list[Block]:
+    """Return published numbers beside ours."""
+    frame = METRICS["references"](tables)
+    if frame.empty:
+        return [Text("The campaign names no published number.")]
+    inside = int(frame.in_band.sum())
+    frame = frame.assign(
+        metric=frame.metric.str.replace("_", " "),
+        band=frame.band_low.map(number) + " to " + frame.band_high.map(number),
+    )
+    shown = frame[
+        ["source", "item", "case", "metric", "unit", "published", "ours", "ratio", "band", "in_band", "remark"]
+    ]
+    shown = shown.rename(columns={"ratio": "ours / published (-)", "in_band": "in band"})
+    return [
+        Text(f"{inside} of {len(frame)} numbers lie in their band."),
+        table(shown, "Published numbers beside ours."),
+    ]
+
+
+def budget(tables: Tables) -> list[Block]:
+    """Return linear covariance's errors by source: a table per case at the last event, and their parts over time."""
+    frame = METRICS["budget"](tables)
+    if frame.empty:
+        return [Text("The campaign asked for no error budget.")]
+    blocks: list[Block] = [
+        Text(
+            "By linear covariance: sigma of the true error from each source alone; squares add. "
+            "The mean error is not part of it."
+        ),
+        *_left_out(tables),
+    ]
+    for case in chosen_cases(tables):
+        blocks.append(_budget_table(frame[frame.case == tables.labels[case]], tables.labels[case]))
+        for quantity in ("position", "velocity"):
+            caption = f"{tables.labels[case]}: parts of the variance of the {quantity} error by source."
+            blocks.append(picture(f"budget-{case}-{quantity}", PLOTS["budget"](tables, case, quantity), caption))
+    return blocks
+
+
+def _budget_table(rows: pd.DataFrame, label: str) -> Table:
+    """Return source x (event, metric): the sigma at every event, largest at the last event first."""
+    rows = rows[rows.metric.isin(["position_error", "velocity_error"])]
+    rows = rows.assign(
+        column=rows.event.str.replace("_", " ") + ": " + rows.metric.str.split("_").str[0] + " (" + rows.unit + ")"
+    )
+    wide = rows.pivot_table(index="source", columns="column", values="sigma", sort=False)
+    events = list(dict.fromkeys(rows.event.str.replace("_", " ")))
+    last = [name for event in events[-3:] for name in wide.columns if name.startswith(event + ": ")]
+    order = wide[last[-1]].sort_values(ascending=False, kind="stable").index
+    return table(
+        wide.loc[order, last].reset_index(),
+        f"{label}: 3D error by source at the last events, 1 sigma. All events: budget.parquet.",
+    )
+
+
+def reproduce(tables: Tables) -> list[Block]:
+    """Return commands, seed, versions, digests."""
+    manifest = tables.manifest
+    commands = "lvnav-trade run campaign.resolved.yaml\nlvnav-trade report " + tables.folder.name
+    keys: dict[str, Any] = {
+        "campaign": manifest.get("campaign"),
+        "seed": tables.campaign.get("seed", manifest.get("seed")),
+        "campaign digest": manifest.get("campaign_digest"),
+        **{
+            name: manifest.get(name)
+            for name in (
+                "tool",
+                "code_digest",
+                "commit",
+                "python",
+                "numpy",
+                "numba",
+                "scipy",
+                "pyarrow",
+                "system",
+                "cpu",
+                "created",
+            )
+        },
+    }
+    rows = tuple((name.replace("_", " "), str(value)) for name, value in keys.items() if value)
+    cases = tables.cases[["label", "case", "run_count", "failed_count"]]
+    cases = cases.set_axis(["case", "digest", "runs", "failed"], axis=1)
+    return [
+        Text(
+            "The resolved campaign, all defaults filled in, stands beside the results. The same campaign, seed and "
+            "version give the same tables byte for byte, whatever the number of workers."
+        ),
+        Code(commands),
+        Table(("what", "value"), rows, (False, False), "What computed these results."),
+        table(cases, "Cases and their digests."),
+    ]
