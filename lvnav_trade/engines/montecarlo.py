@@ -39,7 +39,7 @@ def _new_work(prepared: Prepared, lanes: bool) -> Work:
         len(prepared.layout.parameters),
         len(prepared.sources),
         prepared.belief.block_rows.size,
-        int(prepared.schedule.n_tick.max()),
+        int(prepared.schedule.n_tick.max(initial=0)),
         prepared.t_hist.size,
         prepared.t_epoch.size,
         prepared.signals.used.shape[1],
@@ -57,6 +57,15 @@ def _fly(prepared: Prepared, seed: int, runs: Floats, lanes: bool) -> Work:
     fixed = (prepared.schedule, prepared.unit, prepared.signals, prepared.start, prepared.record, prepared.belief)
     (fly_lanes if lanes else fly)(work, *fixed, *seed_words(seed))
     return work
+
+
+def compile_kernels(prepared: Prepared) -> None:
+    """Compile what flies runs (or load it from the cache) without flying any: a flight of no windows."""
+    none = np.zeros(0, dtype=np.int64)
+    grounded = prepared._replace(schedule=prepared.schedule._replace(
+        first_tick=none, n_tick=none, length=none, epoch=none, hist=none
+    ))  # fmt: skip
+    _fly(grounded, 0, np.arange(WIDTH, dtype=np.uint64), not config.DISABLE_JIT)
 
 
 _HANDED_OUT = ("err", "sigma", "nees", "nis", "n_row", "n_reject", "innovation", "failed", "t_failed")
