@@ -1,0 +1,40 @@
+"""Every figure has labelled axes and can be saved."""
+
+from __future__ import annotations
+
+import pytest
+
+from lvnav_trade.plots import PLOTS
+from lvnav_trade.plots.style import look
+
+CASE = "aaaaaaaaaaaa"
+
+
+ARGUMENTS = {
+    "trajectory": (CASE,),
+    "satellites": (CASE,),
+    "sky": (CASE,),
+    "envelope": (CASE, "velocity"),
+    "comparison": ("position",),
+    "rank": (),
+    "budget": (CASE, "position"),
+    "consistency": (CASE,),
+}
+
+
+@pytest.mark.parametrize("name", PLOTS)
+def test_every_axis_is_labelled(name, good):
+    figure = PLOTS[name](good, *ARGUMENTS[name])
+    for axes in figure.axes:
+        shared = axes.get_subplotspec().get_gridspec().nrows > 1 and not axes.get_subplotspec().is_last_row()
+        assert axes.get_xlabel() or (shared and name in ("envelope", "consistency"))
+        assert axes.get_ylabel() or name == "sky" or (name == "rank" and not axes.get_subplotspec().is_first_col())
+
+
+@pytest.mark.parametrize("name", PLOTS)
+@pytest.mark.parametrize("which", ["good", "alone"])
+def test_every_figure_can_be_saved(name, which, request, tmp_path):
+    figure = PLOTS[name](request.getfixturevalue(which), *ARGUMENTS[name])
+    with look():
+        figure.savefig(tmp_path / "figure.png")
+    assert (tmp_path / "figure.png").stat().st_size > 5000

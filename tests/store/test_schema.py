@@ -1,0 +1,31 @@
+"""The data dictionary: units and meanings."""
+
+from __future__ import annotations
+
+import pyarrow.parquet as pq
+
+from lvnav_trade.store import TABLES, load
+from lvnav_trade.store.schema import arrow_schema, error_column, unit_of
+
+
+def test_every_column_of_numbers_names_its_unit(written):
+    for name in TABLES:
+        for field in pq.read_schema(written / f"{name}.parquet"):
+            if str(field.type) in ("double", "int64"):
+                assert unit_of(field.name), f"{name}.{field.name}"
+
+
+def test_every_row_carries_the_digest_of_its_case(written):
+    tables = load(written)
+    for name in TABLES:
+        assert set(getattr(tables, name).case) == {"aaaaaaaaaaaa", "bbbbbbbbbbbb"}, name
+
+
+def test_every_column_has_a_meaning():
+    for name in TABLES:
+        for field in arrow_schema(name):
+            assert field.metadata[b"meaning"]
+
+
+def test_error_columns_are_named_by_quantity_axis_and_unit():
+    assert error_column("velocity", "3d", "m/s") == "velocity_3d_error_m_per_s"

@@ -1,0 +1,19 @@
+"""Which changes make another campaign."""
+
+from __future__ import annotations
+
+from lvnav_trade.store import load
+from lvnav_trade.store.versions import campaign_digest
+from tests.synthetic import CAMPAIGN
+
+
+def test_more_runs_or_another_requirement_is_the_same_campaign():
+    assert campaign_digest(CAMPAIGN) == campaign_digest(CAMPAIGN.replace("runs: 200", "runs: 400"))
+    assert campaign_digest(CAMPAIGN) == campaign_digest(CAMPAIGN.replace("below: 2.0", "below: 3.0"))
+    assert campaign_digest(CAMPAIGN) != campaign_digest(CAMPAIGN.replace("block: 40", "block: 80"))
+
+
+def test_the_manifest_names_versions_machine_and_order(written):
+    manifest = load(written).manifest
+    assert manifest["cases"] == ["aaaaaaaaaaaa", "bbbbbbbbbbbb"]
+    assert {"tool", "python", "numpy", "numba", "host", "cpu", "seed", "created", "commit"} <= set(manifest)

@@ -1,0 +1,109 @@
+"""Results grow, resume and finish with the same bytes."""
+
+from __future__ import annotations
+
+import json
+
+import pyarrow.parquet as pq
+import pytest
+
+from lvnav_trade.engines.statistics import merge, summarise
+from lvnav_trade.errors import InputError
+from lvnav_trade.store import TABLES, CaseInfo, load, open_results
+from lvnav_trade.store.versions import campaign_digest
+from tests import synthetic
+from tests.synthetic import CAMPAIGN, EVENTS, OUTPUTS, block, covariance
+
+COV = covariance()
+
+
+def part(first: int = 0, n_run: int = 8):
+    return summarise(block(COV, first, n_run), EVENTS, COV.true_sigma, OUTPUTS)
+
+
+def table_bytes(folder):
+    return {name: (folder / f"{name}.parquet").read_bytes() for name in TABLES}
+
+
+def test_a_damaged_part_is_reported_and_dropped(tmp_path):
+    results = open_results(tmp_path, "x", CAMPAIGN, {})
+    results.write_part("c", part(0))
+    path = results.write_part("c", part(8))
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    path.write_bytes(content)
+    assert results.done("c") == [(0, 8)]
+    assert len(results.damaged) == 1
+    assert "8-8.parquet" in results.damaged[0]
+    assert not path.exists()
+
+
+def test_a_truncated_part_is_dropped(tmp_path):
+    results = open_results(tmp_path, "x", CAMPAIGN, {})
+    path = results.write_part("c", part(0))
+    path.write_bytes(path.read_bytes()[:1000])
+    assert results.done("c") == []
+
+
+def test_parts_come_in_run_order_not_in_the_order_of_names(tmp_path):
+    results = open_results(tmp_path, "x", CAMPAIGN, {})
+    for first in (80, 8, 0):
+        results.write_part("c", part(first))
+    assert [p.first_run for p in results.parts("c")] == [0, 8, 80]
+    assert merge(results.parts("c")).n_run == 24
+
+
+def test_fifty_runs_and_then_fifty_more_give_the_bytes_of_a_hundred(tmp_path, written):
+    synthetic.results(tmp_path / "grown", n_run=50)
+    synthetic.results(tmp_path / "grown", n_run=100)
+    assert table_bytes(tmp_path / "grown") == table_bytes(written)
+
+
+def test_a_second_writing_gives_the_same_bytes(written):
+    before = table_bytes(written)
+    synthetic.results(written, n_run=100)
+    assert table_bytes(written) == before
+
+
+def test_tables_say_what_wrote_them_and_are_compressed(written):
+    for name in TABLES:
+        file = pq.ParquetFile(written / f"{name}.parquet")
+        metadata = file.schema_arrow.metadata
+        assert metadata[b"lvnav_trade.campaign"].decode() == campaign_digest(CAMPAIGN)
+        assert b"lvnav_trade.version" in metadata
+        assert file.metadata.num_row_groups == 2
+        assert file.metadata.row_group(0).column(0).compression == "ZSTD"
+
+
+def test_another_campaign_is_refused_and_fresh_starts_again(tmp_path):
+    synthetic.results(tmp_path, n_run=8)
+    other = CAMPAIGN.replace("seed: 7", "seed: 8")
+    with pytest.raises(InputError, match="another campaign"):
+        open_results(tmp_path, "synthetic", other, {})
+    (tmp_path / "notes.txt").write_text("mine")
+    results = open_results(tmp_path, "synthetic", other, {}, "fresh")
+    assert results.done("aaaaaaaaaaaa") == []
+    assert (tmp_path / "notes.txt").exists()
+
+
+def test_results_of_another_version_are_refused(tmp_path):
+    synthetic.results(tmp_path, n_run=8)
+    manifest = json.loads((tmp_path / "manifest.json").read_text())
+    (tmp_path / "manifest.json").write_text(json.dumps({**manifest, "tool": "0.0.1"}))
+    with pytest.raises(InputError, match="another version"):
+        open_results(tmp_path, "synthetic", CAMPAIGN, {})
+
+
+def test_a_folder_that_cannot_be_written_is_a_users_error(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be written"):
+        open_results(tmp_path / "file" / "results", "x", CAMPAIGN, {})
+
+
+def test_workers_may_write_the_cases_and_the_plan_gives_the_order(tmp_path):
+    results = open_results(tmp_path, "x", CAMPAIGN, {})
+    for name in ("b", "a"):
+        results.write_case(CaseInfo(name, name, {}), synthetic.prepared(), COV, None)
+    again = open_results(tmp_path, "x", CAMPAIGN, {})
+    again.finish({"cases": ["a", "b"]})
+    assert list(load(tmp_path).cases.case) == ["a", "b"]
