@@ -108,5 +108,4 @@ def replay(prepared: Prepared, seed: int, run: int) -> RunBlock:
     The extra history times cut windows where the block had none only at the covariance steps themselves, so the run's
     numbers are those of the block.
     """
-    detailed = prepare(prepared.scenario, every_window=True)
-    return run_block(detailed, seed, run, 1)
+    return run_block(prepare(prepared.scenario, every_step_beside=prepared.t_hist), seed, run, 1)

@@ -182,15 +182,22 @@ def reporting_axes(frame: str, t: Floats, r_i: Floats, v_i: Floats, theta0: floa
     return rotation_i_e(theta) if frame == "ecef" else rotation_i_n(r_i, theta)
 
 
-def prepare(scenario: Scenario, history: float = 1.0, every_window: bool = False) -> Prepared:
+def _with_steps(t_hist: Floats, steps: Floats, start: float, rate: float, n_imu: int) -> Floats:
+    """Return history times and covariance steps (s), sorted; a step on the tick of a history time stands once."""
+    new = ~np.isin(_ticks(steps, start, rate, n_imu), _ticks(t_hist, start, rate, n_imu))
+    return np.sort(np.concatenate([t_hist, steps[new]]))
+
+
+def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats | None = None) -> Prepared:
     """Make a scenario ready: trajectory, increments, satellites, beliefs, and the windows of the flight.
 
     Parameters
     ----------
     history
         Interval of the history in s; every event time is added to it.
-    every_window
-        Record every covariance step instead (for a replay).
+    every_step_beside
+        History times (s) of a block; they are kept, and every covariance step is recorded beside them (for a replay:
+        where windows are cut, and so the last bit of every number, is as in the block).
     """
     kind, text = type(scenario.trajectory), scenario.trajectory.model_dump_json()
     trajectory, card = _built(text, kind), scenario.filter
@@ -199,8 +206,11 @@ def prepare(scenario: Scenario, history: float = 1.0, every_window: bool = False
     interval = 1.0 / card.update_rate
     t_epoch = start + interval * np.arange(1, math.floor((end - start) / interval + 1e-9) + 1)
     epoch_tick = _ticks(t_epoch, start, rate, n_imu)
+    t_epoch = ref.t[epoch_tick]  # increments end at ticks: half a tick is 20 m at orbital speed
     per_window = max(1, round(rate / card.covariance_rate))
-    t_hist = _history_times(trajectory, start, end, per_window / rate if every_window else history)
+    t_hist = _history_times(trajectory, start, end, history)
+    if every_step_beside is not None:
+        t_hist = _with_steps(every_step_beside, ref.t[::per_window], start, rate, n_imu)
     hist_tick = _ticks(t_hist, start, rate, n_imu)
     schedule, lengths = _schedule(n_imu, per_window, hist_tick, epoch_tick)
     seen = sky(scenario.constellation, scenario.receiver, trajectory, t_epoch, scenario.faults)
