@@ -121,3 +121,19 @@ def prepare_hop(scenario: Scenario, trajectory: Trajectory | None = None, **how:
     """Prepare a scenario on the short flight (or another trajectory)."""
     with flying(trajectory or hop()):
         return room.prepare(scenario, **how)
+
+
+MATCHED = "base.imu=imu/tactical_fog_matched"
+LOOSE, INERTIAL = "base.filter=filters/loose", "base.filter=filters/inertial"
+
+
+@lru_cache(maxsize=32)
+def case(*settings: str) -> Prepared:
+    """Return the short flight, prepared, of the smoke campaign's scenario with settings."""
+    return prepare_hop(loaded(*settings))
+
+
+@lru_cache(maxsize=8)
+def ascent(*settings: str) -> Prepared:
+    """Return the shipped ascent, prepared, of the smoke campaign's scenario with settings."""
+    return room.prepare(loaded(*settings))
