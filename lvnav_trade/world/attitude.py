@@ -20,8 +20,13 @@ def roll_angle(roll: Roll, t: Floats) -> Floats:
     change = roll.flight - roll.pad
     if change == 0.0:
         return np.full_like(t, roll.pad)
-    x = np.clip((t - roll.start) * roll.rate / (_PEAK * abs(change)), 0.0, 1.0)
-    return np.asarray(roll.pad + change * x**3 * (10.0 + x * (6.0 * x - 15.0)))
+    return np.asarray(roll.pad + change * smoothsteps((t - roll.start) * roll.rate / (_PEAK * abs(change))))
+
+
+def smoothsteps(x: Floats) -> Floats:
+    """Return the quintic step of `steering.smoothstep` at every x (n,)."""
+    x = np.clip(x, 0.0, 1.0)
+    return np.asarray(x**3 * (10.0 + x * (6.0 * x - 15.0)))
 
 
 def ascent_attitude(t: Floats, x: Floats, right_e: Floats, theta0: float, roll: Roll) -> BSpline:
