@@ -1,0 +1,155 @@
+"""One flight: compiled and interpreted alike, errors defined once, perfect sensors without error."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lvnav_trade.engines.flight import Work, from_errors, record, true_parameter, work_shapes
+from lvnav_trade.engines.montecarlo import _new_work, run_block
+from lvnav_trade.engines.prepare import prepare
+from lvnav_trade.filters.ekf import correct
+from lvnav_trade.kernels import processes
+from lvnav_trade.kernels.attitude import matrix
+from lvnav_trade.kernels.random import seed_words
+from lvnav_trade.kernels.transition import ACCEL, GYRO, OTHER_0, OWN_0, SQUARE
+from lvnav_trade.scenario import beliefs
+from tests.building import INERTIAL, LOOSE, ascent, case, hop, loaded, prepare_hop, with_fields
+
+ROOT = Path(__file__).resolve().parents[2]
+
+INTERPRETED = """
+import sys
+import numpy as np
+from lvnav_trade.engines.montecarlo import run_block
+from tests.engines.test_flight import brief
+block = run_block(brief(sys.argv[1]), 5, 2, 1)
+np.savez(sys.argv[2], err=block.err, sigma=block.sigma, nees=block.nees, nis=block.nis, z=block.innovation)
+"""
+
+
+def brief(kind):
+    """A flight of three seconds at 50 Hz with every error that a card can name."""
+    scenario = loaded(f"base.filter=filters/{kind}")
+    imu = with_fields(scenario.imu, rate="50 Hz", **{"gyro.quantisation": "1e-6 rad", "accel.quantisation": "1e-4 m/s"})
+    receiver = with_fields(scenario.receiver, lever_b=["1 m", "0.5 m", "-0.3 m"])
+    card = with_fields(scenario.filter, gate=2.5)
+    scenario = scenario.model_copy(update={"imu": imu, "receiver": receiver, "filter": card})
+    return prepare_hop(scenario, hop(2.0, 1.0))
+
+
+@pytest.mark.parametrize("kind", ["tight_extended", "loose"])
+def test_compiled_and_interpreted_code_fly_the_same_run(kind, tmp_path):
+    file = tmp_path / "interpreted.npz"
+    subprocess.run(
+        [sys.executable, "-c", INTERPRETED, kind, str(file)],
+        check=True, cwd=ROOT, timeout=300,
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    block, other = run_block(brief(kind), 5, 2, 1, lanes=False), np.load(file)
+    # the compiler keeps the order of operations: what may differ is the last bit of a library function
+    for name in ("err", "sigma"):
+        off = np.abs(getattr(block, name) - other[name]) / block.sigma
+        assert off.max() < 1e-8
+    np.testing.assert_allclose(other["sigma"], block.sigma, rtol=1e-12)
+    np.testing.assert_allclose(other["nis"], block.nis, rtol=1e-6)
+    assert np.array_equal(np.isnan(other["z"]), np.isnan(block.innovation))
+
+
+def test_every_array_of_a_run_has_a_shape():
+    assert list(work_shapes(17, 2, 5, 10, 20, 31, 30, 8, 48)) == list(Work._fields)
+
+
+def scene(settings=()):
+    prepared = case(*settings)
+    work = _new_work(prepared, lanes=False)
+    return prepared, work
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_an_error_that_is_injected_computed_and_fed_back_leaves_nothing(seed):
+    """Error definition: inject by the start, compute by the record, feed back by the filter, compute again: 1e-12."""
+    prepared, work = scene()
+    belief, start = prepared.belief, prepared.start
+    k0, k1 = seed_words(seed)
+    q = from_errors(work, start, k0, k1, np.uint64(seed))
+    work.nav[:4] = q
+    at_start = prepared.record._replace(axes=np.tile(np.eye(3), (prepared.t_hist.size, 1, 1)))
+    work.P[:] = np.eye(belief.n_state)
+    work.par[:] = [[1e-6, -2e-6, 3e-6], [1e-2, -2e-2, 3e-2]]
+    work.clock[:] = [300.0, -3.0]
+    record(work, at_start, belief, 0)
+    error = work.err[0].copy()
+    C = np.reshape(np.array(matrix(*prepared.record.q[0])), (3, 3))
+    work.x[:] = error
+    work.x[:3] = C @ error[:3]  # reported in body axes, fed back in frame i
+    assert np.abs(error[:9]).min() > 0.0
+    correct(work, belief)
+    np.testing.assert_array_equal(work.x, 0.0)
+    record(work, at_start, belief, 0)
+    left = work.err[0]
+    np.testing.assert_allclose(left[:3], 0.0, atol=1e-12)
+    np.testing.assert_allclose(left[3:6], 0.0, atol=1e-12)  # a float64 of 4 km/s counts in 1e-12 m/s
+    np.testing.assert_allclose(left[6:9], 0.0, atol=2e-9)  # and one of 7000 km in 1e-9 m
+    np.testing.assert_allclose(left[9:], 0.0, atol=1e-12)
+
+
+def test_the_true_value_of_a_state_is_the_sum_of_all_parameters_of_its_driver():
+    values = np.random.default_rng(1).standard_normal((4, 3))
+    sensors, drivers = np.array([GYRO, GYRO, ACCEL, GYRO]), np.array([OWN_0 + 1, OWN_0 + 1, SQUARE, OTHER_0 + 2])
+    tables = np.zeros((2, processes.N_TABLE))
+    processes.gather(tables, values, sensors, drivers)
+    for axis in range(3):
+        assert true_parameter(tables, GYRO, OWN_0 + 1, axis) == pytest.approx(values[0, axis] + values[1, axis])
+        assert true_parameter(tables, ACCEL, SQUARE, axis) == values[2, axis]
+        assert true_parameter(tables, GYRO, OTHER_0 + 2, axis) == values[3, axis]
+        assert true_parameter(tables, ACCEL, OTHER_0 + 2, axis) == 0.0
+
+
+PERFECT_RECEIVER = {
+    "pseudorange_sigma": "0 m", "range_rate_sigma": "0 m/s", "solution.position_sigma": "0 m",
+    "solution.velocity_sigma": "0 m/s", "clock.h0": 0.0, "clock.h_minus2": 0.0, "clock.initial_bias": "0 m",
+    "clock.initial_drift": "0 m/s",
+}  # fmt: skip
+
+
+def perfect(*settings, lever=(0.0, 0.0, 0.0)):
+    """The scenario without any true error; what the filter believes stays as it was."""
+    scenario = loaded(*settings)
+    imu = with_fields(scenario.imu, gyro={}, accel={})
+    receiver = with_fields(scenario.receiver, lever_b=[f"{x} m" for x in lever], **PERFECT_RECEIVER)
+    initial = with_fields(scenario.initial, tilt="0 rad", heading="0 rad", position="0 m", velocity="0 m/s")
+    matched = case(*settings)
+    belief = {
+        "imu": _text(matched, "imu"), "receiver": _text(matched, "receiver"), "initial": _text(matched, "initial"),
+    }  # fmt: skip
+    card = with_fields(scenario.filter, **belief)
+    return scenario.model_copy(update={"imu": imu, "receiver": receiver, "initial": initial, "filter": card})
+
+
+def _text(prepared, which):
+    imu, receiver, initial = beliefs(prepared.scenario)
+    return {"imu": imu, "receiver": receiver, "initial": initial}[which].model_dump(mode="json")
+
+
+@pytest.mark.parametrize("settings", [(), (LOOSE,), (INERTIAL,)], ids=["tight", "loose", "inertial"])
+def test_with_perfect_sensors_and_a_perfect_start_the_estimate_is_the_truth(settings):
+    block = run_block(prepare_hop(perfect(*settings)), 1, 0, 1)
+    # strapdown at 200 Hz, 4 deg/s of roll and 3 g for 20 s: (rate x tick)^2 / 6 of 600 m/s is below 1e-5 m/s
+    assert np.abs(block.err[0, :, 6:9]).max() < 1e-3
+    assert np.abs(block.err[0, :, 3:6]).max() < 1e-4
+    # the filter turns a velocity residual of 1e-4 m/s into tilt over the 600 m/s gained
+    assert np.abs(block.err[0, :, 0:3]).max() < 1e-4 / 600.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("settings", [(), (LOOSE,), (INERTIAL,)], ids=["tight", "loose", "inertial"])
+def test_with_perfect_sensors_the_whole_ascent_is_navigated_to_a_centimetre(settings):
+    assert ascent().t_hist[-1] > 500.0
+    block = run_block(prepare(perfect(*settings)), 1, 0, 1)
+    assert np.linalg.norm(block.err[0, :, 6:9], axis=1).max() < 1e-2
