@@ -68,9 +68,20 @@ class Results:
         return verdicts(self.folder)
 
     @property
+    def failures(self) -> list[str]:
+        """One line per failed run, with the command that flies it again, and per unit of work that was lost."""
+        runs = self.tables.runs
+        failed = runs[runs.failure != ""].drop_duplicates(["case", "run_number"])
+        return [*self.tables.manifest.get("lost", []), *map(self._told, failed.itertuples(index=False))]
+
+    def _told(self, row: Any) -> str:
+        what = f"{self.tables.labels[row.case]}, run {row.run_number} {row.failure} at {row.t_failed_s:g} s"
+        return f"{what}; lvnav-trade replay {self.folder} {row.case} {row.run_number}"
+
+    @property
     def exit_code(self) -> int:
         """What the command line would leave with."""
-        return exit_code(list(self.requirements.get("verdict", [])), self.tables.manifest.get("failures", []))
+        return exit_code(list(self.requirements.verdict), self.failures)
 
 
 def check(campaign: str | Path, sets: Sequence[str] = ()) -> Campaign:

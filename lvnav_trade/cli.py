@@ -95,7 +95,7 @@ def run(
 def _finish(results: Any, answers: Sequence[Any], report: bool, as_json: bool) -> NoReturn:
     """Print verdicts and where the results are, and leave with the code that they mean."""
     verdicts = results.requirements
-    failures = results.tables.manifest.get("failures", [])
+    failures = results.failures
     code = results.exit_code
     page = results.folder / "report.html" if report else None
     if as_json:

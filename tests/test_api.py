@@ -122,3 +122,19 @@ def _call(*arguments: str) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "PYTHONPATH": str(root)}
     command = [sys.executable, "-m", "lvnav_trade", *arguments]
     return subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+
+
+@pytest.mark.slow
+def test_failed_runs_are_rows_and_exit_code_four_even_when_nothing_is_flown_again(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    # A limit that some of the runs exceed: the error near the first cut-off is some metres.
+    for _ in range(2):
+        out = _call("run", "campaigns/smoke.yaml", "--set", "diverged=4 m", "--jobs", "1", "--no-report", "--quiet")
+        assert out.returncode == 4
+        told = [line for line in out.stdout.splitlines() if line.startswith("failed: base, run ")]
+        assert 0 < len(told) < 8
+        assert "diverged at" in told[0]
+        assert "lvnav-trade replay results/smoke" in told[0]
+    runs = api.load("results/smoke").runs
+    assert (runs.failure == "diverged").any()
+    assert (runs.failure == "").any()

@@ -142,6 +142,7 @@ class _Run:
         self.labels = {case.id: case.label for case in self.cases}
         self.keep = keep
         self.failures: list[str] = []
+        self.lost: list[str] = []
         self.timings: dict[str, float] = {}
         scratch = folder / ".scratch"
         self.job = Job(engine, None, campaign.seed, campaign.keep.history, campaign.covariance.budget, scratch)
@@ -162,8 +163,8 @@ class _Run:
         whole = self._close([case for case in able if case.id not in lost])
         seconds = time.monotonic() - start
         # The order of the plan, not that in which the workers finished: the tables' bytes must not depend on it.
-        self.job.results.finish({"timings_s": self.timings, "failures": self.failures, "cases": whole})
-        if not self.failures:
+        self.job.results.finish({"timings_s": self.timings, "lost": self.lost, "cases": whole})
+        if not self.lost:
             shutil.rmtree(self.job.scratch, ignore_errors=True)
         return Outcome(self.folder, tuple(self.cases), tuple(answers), tuple(self.failures), seconds)
 
@@ -181,7 +182,7 @@ class _Run:
             found[one.case] = one
             self.watch.advance(1)
             if one.error:
-                self._failed(f"{self.labels[one.case]}: linear covariance: {one.error}")
+                self._lose(f"{self.labels[one.case]}: linear covariance: {one.error}")
         return [found[case.id] for case in self.cases]
 
     def _fly(self, able: Sequence[Case]) -> set[str]:
@@ -195,7 +196,7 @@ class _Run:
             if one.error:
                 lost.add(one.case)
                 last = one.first_run + one.n_run - 1
-                self._failed(f"{self.labels[one.case]}, runs {one.first_run} to {last}: {one.error}")
+                self._lose(f"{self.labels[one.case]}, runs {one.first_run} to {last}: {one.error}")
             for number, why in one.failures:
                 self._failed(
                     f"{self.labels[one.case]}, run {number} {why}; lvnav-trade replay {self.folder} {one.case} {number}"
@@ -213,8 +214,13 @@ class _Run:
             self.watch.advance(1)
             if one.error:
                 written.remove(one.case)
-                self._failed(f"{self.labels[one.case]}: tables: {one.error}")
+                self._lose(f"{self.labels[one.case]}: tables: {one.error}")
         return written
+
+    def _lose(self, line: str) -> None:
+        """Note a unit of work that was lost: unlike a failed run it leaves no row in the tables."""
+        self.lost.append(line)
+        self._failed(line)
 
     def _failed(self, line: str) -> None:
         self.failures.append(line)

@@ -163,8 +163,11 @@ def _write(file: Path, value: Any) -> None:
     """Write atomically: a worker that finds the file finds all of it."""
     file.parent.mkdir(parents=True, exist_ok=True)
     part = file.with_suffix(f".{os.getpid()}")
-    joblib.dump(value, part)
-    part.replace(file)
+    try:
+        joblib.dump(value, part)
+        part.replace(file)
+    finally:
+        part.unlink(missing_ok=True)
 
 
 @lru_cache(maxsize=2)

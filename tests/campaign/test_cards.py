@@ -1,0 +1,75 @@
+"""The cards that come with the tool: readable, sourced, and the numbers that were published."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from lvnav_trade.campaign import tree
+from lvnav_trade.campaign.cards import card_text, catalogue, shipped
+from lvnav_trade.errors import InputError
+from lvnav_trade.filters.base import FilterCard
+from lvnav_trade.world.imu import ImuCard
+
+IMUS = sorted(file.stem for file in (shipped("configs") / "imu").glob("*.yaml"))
+FILTERS = sorted(file.stem for file in (shipped("configs") / "filters").glob("*.yaml"))
+G = 9.80665
+DEG = math.pi / 180.0
+HOUR = 3600.0
+
+
+def imu(name: str) -> ImuCard:
+    return ImuCard.model_validate(tree.plain(tree.read(shipped("configs") / "imu" / f"{name}.yaml")))
+
+
+@pytest.mark.parametrize("name", IMUS)
+def test_an_inertial_unit_states_its_source(name: str) -> None:
+    assert "table" in imu(name).source
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_a_filter_card_reads(name: str) -> None:
+    card = FilterCard.model_validate(tree.plain(tree.read(shipped("configs") / "filters" / f"{name}.yaml")))
+    assert card.kind == name.partition("_")[0]
+
+
+def test_the_numbers_of_a_published_table_become_si() -> None:
+    # Trigo and Theil, table 1, column Tactical-MEMS; conversions by hand.
+    card = imu("tactical_mems")
+    assert card.gyro.random_walk == pytest.approx(0.2 * DEG / 60.0, rel=1e-12)
+    assert card.gyro.rate_random_walk == pytest.approx(1.0 * DEG / HOUR / 60.0, rel=1e-12)
+    assert card.gyro.g_sensitivity == pytest.approx(10.0 * DEG / HOUR / G, rel=1e-12)
+    assert card.gyro.scale_factor_drift == pytest.approx(3500e-6 / math.sqrt(365.25 * 86400.0), rel=1e-12)
+    assert card.accel.random_walk == pytest.approx(0.5e-3 * G, rel=1e-12)
+    assert card.accel.rate_random_walk == pytest.approx(2e-3 * G / 60.0, rel=1e-12)
+    assert card.accel.misalignment == pytest.approx(1e-3, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", [name for name in IMUS if not name.endswith("_matched")])
+def test_a_matched_twin_holds_only_what_the_standard_filter_models(name: str) -> None:
+    unit, twin = imu(name), imu(f"{name}_matched")
+    for triad in ("gyro", "accel"):
+        whole, part = getattr(unit, triad), getattr(twin, triad)
+        assert part.model_fields_set <= {"random_walk", "rate_random_walk", "bias_repeatability"}
+        for field in part.model_fields_set:
+            assert getattr(part, field) == getattr(whole, field)
+
+
+def test_the_catalogue_lists_the_users_cards_beside_the_tools(study) -> None:
+    found = {card.name: card for card in catalogue(Path())}
+    assert found["imu/good"].file == "configs/imu/good.yaml"
+    assert found["imu/tactical_fog"].title.startswith("Tactical grade")
+
+
+def test_a_card_that_cannot_be_read_is_listed_and_not_an_end(study) -> None:
+    study.write("configs/imu/broken.yaml", "a: [1\n")
+    found = {card.name: card for card in catalogue(Path())}
+    assert found["imu/broken"].title == "(cannot be read)"
+
+
+def test_a_card_is_shown_with_its_comments() -> None:
+    assert card_text("imu/conae_000", Path()).startswith("# The noise is printed as 0.7 deg/h")
+    with pytest.raises(InputError, match=r"^no card 'imu/conae_001' \(did you mean 'imu/conae_000'\?\)$"):
+        card_text("imu/conae_001", Path())
