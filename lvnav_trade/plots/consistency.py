@@ -9,7 +9,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from lvnav_trade.metrics.consistency import nees, nis
-from lvnav_trade.plots.style import PALETTE, canvas, legend_below, look, mark_events
+from lvnav_trade.plots.style import PALETTE, canvas, legend_below, look, mark_events, scale_up
 from lvnav_trade.store import Tables, load
 
 
@@ -47,6 +47,4 @@ def _panel(ax: Any, rows: pd.DataFrame, value: str) -> None:
         )
         ax.plot(rows.t_s, rows[value], color=PALETTE[0], lw=1.0, label="Monte Carlo")
     ax.plot(rows.t_s, rows.expected_ratio, color=PALETTE[1], ls="--", lw=1.1, label="LinCov expectation")
-    shown = pd.concat([rows[value], rows.expected_ratio]).dropna()
-    if len(shown) and shown.max() > 30 * max(shown.min(), 1e-9):
-        ax.set_yscale("log")
+    scale_up(ax.yaxis, pd.concat([rows[value], rows.expected_ratio]), from_zero=False)

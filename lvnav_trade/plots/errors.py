@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from lvnav_trade.metrics.intervals import rms_interval
 from lvnav_trade.metrics.ranking import ranking
 from lvnav_trade.metrics.select import lincov_rms
-from lvnav_trade.plots.style import PALETTE, canvas, legend_below, line_of, look, mark_events, positive
+from lvnav_trade.plots.style import PALETTE, canvas, legend_below, line_of, look, mark_events, scale_up
 from lvnav_trade.store import Tables, load
 
 MOST_SOURCES = 7
@@ -40,10 +40,7 @@ def envelope(results: Path | str | Tables, case: str, quantity: str) -> Figure:
             rows = rows_of(tables, case, quantity, axis)
             _lines(ax, rows, factor)
             ax.set_ylabel(f"{axis} ({unit}, 1 sigma)")
-            if positive(pd.concat([rows.rms_si, rows.lincov_true_si, rows.lincov_formal_si])):
-                ax.set_yscale("log")
-            else:
-                ax.set_ylim(bottom=0)
+            scale_up(ax.yaxis, pd.concat([rows.rms_si, rows.lincov_true_si, rows.lincov_formal_si]))
             ax.margins(x=0.01)
             mark_events(ax, tables.events[tables.events.case == case], names=number == 0)
         grid[-1, 0].set_xlabel("time since lift-off (s)")
@@ -67,7 +64,7 @@ def comparison(results: Path | str | Tables, quantity: str) -> Figure:
     tables = load(results)
     unit, factor = tables.people[quantity, "3d"]
     with look():
-        figure, grid = canvas(1, 1, 3.1)
+        figure, grid = canvas(1, 1, 3.0 + 0.09 * len(tables.labels))
         ax = grid[0, 0]
         every = []
         for number, (case, label) in enumerate(tables.labels.items()):
@@ -75,10 +72,9 @@ def comparison(results: Path | str | Tables, quantity: str) -> Figure:
             error = (rows.rms_si if rows.run_count.iloc[0] else lincov_rms(rows)) * factor
             ax.plot(rows.t_s, error, label=label, **line_of(number))
             every.append(error)
-        if positive(pd.concat(every)):
-            ax.set_yscale("log")
+        scale_up(ax.yaxis, pd.concat(every))
         ax.set_xlabel("time since lift-off (s)")
-        ax.set_ylabel(f"{quantity} error, 3D RMS ({unit}, 1 sigma)")
+        ax.set_ylabel(f"{quantity} error, 3D RMS\n({unit}, 1 sigma)")
         ax.margins(x=0.01)
         mark_events(ax, tables.events[tables.events.case == next(iter(tables.labels))])
         legend_below(figure, ax, columns=2)
@@ -99,8 +95,7 @@ def rank(results: Path | str | Tables) -> Figure:
             ax.barh(place, value, color=PALETTE[0], height=0.6)
             ax.errorbar(value, place, xerr=np.nan_to_num(spread), fmt="none", ecolor="black", capsize=2, lw=0.9)
             ax.set_xlabel(f"{quantity} error at {frame.event.iloc[0]}, 3D RMS ({frame[f'{quantity}_unit'].iloc[0]})")
-            if positive(value):
-                ax.set_xscale("log")
+            scale_up(ax.xaxis, value)
             ax.grid(axis="y", visible=False)
         grid[0, 0].set_yticks(place, frame.case)
         grid[0, 0].set_ylabel("case")

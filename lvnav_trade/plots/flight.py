@@ -80,11 +80,11 @@ def sky(results: Path | str | Tables, case: str) -> Figure:
     events = flight_events(tables, case).set_index("event").t_s
     end = float(events.get(final_event(tables, case), rows.t_s.max()))
     with look():
-        figure, grid = canvas(1, 3, 2.9, subplot_kw={"projection": "polar"})
+        figure, grid = canvas(1, 3, 3.1, subplot_kw={"projection": "polar"})
         for axes, name, wanted in zip(grid[0], ("lift-off", "half way", "injection"), (0.0, end / 2, end), strict=True):
             t = rows.t_s.iloc[int(np.argmin(np.abs(rows.t_s.to_numpy() - wanted)))]
             _one_sky(axes, rows[(rows.t_s == t) & (rows.elevation_rad > 0)])
-            axes.set_title(f"{name}, {t:.0f} s")
+            axes.set_title(f"{name}, {t:.0f} s", pad=12)
             axes.set_xlabel("azimuth, elevation (deg)", fontsize=7)
         figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure

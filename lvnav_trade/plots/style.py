@@ -9,6 +9,7 @@ import matplotlib as mpl
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 WIDTH = 7.4
 """Inches: the text width of an A4 page."""
@@ -65,14 +66,16 @@ def mark_events(axes: Axes, events: pd.DataFrame, names: bool = True) -> None:
     """
     low, high = axes.get_xlim()
     last = -float("inf")
-    for event in events.sort_values("t_s", kind="stable").itertuples():
-        if event.kind == "fault":
-            axes.axvspan(event.t_s, event.t_end_s, color="#9ca3af", alpha=0.25, linewidth=0, zorder=0)
-        elif low <= event.t_s <= high:
-            axes.axvline(event.t_s, color=GREY, linewidth=0.7, zorder=1.5)
-            if names and event.t_s - last > 0.025 * (high - low):
-                _name(axes, event.t_s, str(event.event))
-                last = event.t_s
+    place = axes.get_subplotspec()
+    room = 0.03 * (place.get_gridspec().ncols if place is not None else 1) * (high - low)
+    for fault in events[events.kind == "fault"].itertuples():
+        axes.axvspan(fault.t_s, fault.t_end_s, color="#9ca3af", alpha=0.25, linewidth=0, zorder=0)
+    for t, group in events[events.kind == "event"].groupby("t_s"):
+        if low <= t <= high:
+            axes.axvline(t, color=GREY, linewidth=0.7, zorder=1.5)
+            if names and t - last > room:
+                _name(axes, t, ", ".join(group.event))
+                last = t
 
 
 def _name(axes: Axes, t: float, name: str) -> None:
@@ -97,7 +100,13 @@ def legend_below(figure: Figure, axes: Axes, columns: int = 4) -> None:
     figure.legend(handles, labels, loc="outside lower center", ncols=min(columns, max(1, len(labels))))
 
 
-def positive(values: Iterable[float]) -> bool:
-    """Whether a logarithmic axis can hold the values, and is of use: more than a factor of 30 between them."""
+def scale_up(axis: Any, values: Iterable[float], from_zero: bool = True) -> None:
+    """Make an axis (ax.xaxis or ax.yaxis) logarithmic where its values span a factor of 30, else begin it at zero."""
     found = [value for value in values if value == value and value > 0]
-    return bool(found) and max(found) > 30 * min(found)
+    x = axis.axis_name == "x"
+    if found and max(found) > 30 * min(found):
+        (axis.axes.set_xscale if x else axis.axes.set_yscale)("log")
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())
+    elif from_zero:
+        (axis.axes.set_xlim if x else axis.axes.set_ylim)(0)

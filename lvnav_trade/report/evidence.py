@@ -9,10 +9,15 @@ import pandas as pd
 
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.agreement import by_case
+from lvnav_trade.metrics.select import final_event, flight_events
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.report.blocks import Block, Code, Table, Text, number, percent, picture, table
 from lvnav_trade.store import Tables
 
+_FACT_UNITS = (
+    ("gee_m", "km", 1e-3), ("_rad", "deg", 57.29577951308232),
+    ("_pa", "kPa", 1e-3), ("_m", "m", 1.0), ("_g", "g", 1.0), ("_kg", "kg", 1.0), ("_s", "s", 1.0),
+)  # fmt: skip
 MOST_CASES = 8
 """Cases whose own figures are drawn; of more, the best and the worst."""
 NAVIGATION = ("position", "velocity", "attitude")
@@ -78,16 +83,17 @@ def trajectory(tables: Tables) -> list[Block]:
         blocks.append(table(shown, "Events, seconds since lift-off."))
         facts = json.loads(tables.cases.set_index("case").facts[case])
         if facts:
-            rows = [
-                (name.replace("_", " "), value if isinstance(value, str) else f"{value:.6g}")
-                for name, value in facts.items()
-            ]
-            blocks.append(
-                Table(
-                    ("what the flight achieves (SI, unit at the end of the name)", "value"), tuple(rows), (False, True)
-                )
-            )
+            rows = tuple(_fact(name, value) for name, value in facts.items())
+            blocks.append(Table(("what the flight achieves", "value"), rows, (False, True)))
     return blocks
+
+
+def _fact(name: str, value: float | str) -> tuple[str, str]:
+    """Write a fact of the trajectory (SI, its unit at the end of its name) in the units of people."""
+    for ending, unit, factor in _FACT_UNITS:
+        if name.endswith(ending) and not isinstance(value, str):
+            return f"{name.rpartition('_')[0].replace('_', ' ')} ({unit})", f"{value * factor:.6g}"
+    return name.replace("_", " "), value if isinstance(value, str) else f"{value:.6g}"
 
 
 def envelopes(tables: Tables) -> list[Block]:
@@ -252,27 +258,33 @@ def budget(tables: Tables) -> list[Block]:
         *_left_out(tables),
     ]
     for case in chosen_cases(tables):
-        blocks.append(_budget_table(frame[frame.case == tables.labels[case]], tables.labels[case]))
+        blocks.append(
+            _budget_table(frame[frame.case == tables.labels[case]], tables.labels[case], _last_events(tables, case))
+        )
         for quantity in ("position", "velocity"):
             caption = f"{tables.labels[case]}: parts of the variance of the {quantity} error by source."
             blocks.append(picture(f"budget-{case}-{quantity}", PLOTS["budget"](tables, case, quantity), caption))
     return blocks
 
 
-def _budget_table(rows: pd.DataFrame, label: str) -> Table:
+def _budget_table(rows: pd.DataFrame, label: str, events: list[str]) -> Table:
     """Return source x (event, metric): the sigma at every event, largest at the last event first."""
-    rows = rows[rows.metric.isin(["position_error", "velocity_error"])]
-    rows = rows.assign(
-        column=rows.event.str.replace("_", " ") + ": " + rows.metric.str.split("_").str[0] + " (" + rows.unit + ")"
-    )
+    rows = rows[rows.metric.isin(["position_error", "velocity_error"]) & rows.event.isin(events)]
+    what = rows.metric.str.split("_").str[0] + " (" + rows.unit + ")"
+    rows = rows.assign(column=rows.event.str.replace("_", " ") + ": " + what)
     wide = rows.pivot_table(index="source", columns="column", values="sigma", sort=False)
-    events = list(dict.fromkeys(rows.event.str.replace("_", " ")))
-    last = [name for event in events[-3:] for name in wide.columns if name.startswith(event + ": ")]
-    order = wide[last[-1]].sort_values(ascending=False, kind="stable").index
-    return table(
-        wide.loc[order, last].reset_index(),
-        f"{label}: 3D error by source at the last events, 1 sigma. All events: budget.parquet.",
-    )
+    order = wide.iloc[:, -1].sort_values(ascending=False, kind="stable").index
+    caption = f"{label}: 3D error by source at the last events, 1 sigma. All events and axes: budget.parquet."
+    return table(wide.loc[order].reset_index(), caption)
+
+
+def _last_events(tables: Tables, case: str, count: int = 3) -> list[str]:
+    """Return the last events at different times, the final one for those that coincide with it."""
+    events = flight_events(tables, case)
+    final = final_event(tables, case)
+    events = events[events.t_s <= events.t_s[events.event == final].iloc[0]] if final else events
+    events = events.assign(order=events.event == final).sort_values(["t_s", "order"], kind="stable")
+    return list(events.drop_duplicates("t_s", keep="last").event)[-count:]
 
 
 def reproduce(tables: Tables) -> list[Block]:

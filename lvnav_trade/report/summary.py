@@ -19,7 +19,7 @@ def summary(tables: Tables) -> list[Block]:
     judged = METRICS["requirements"](tables)
     blocks: list[Block] = [Text(_scale(tables))]
     for requirement in tables.campaign.get("requirements") or ():
-        blocks.append(_answer(tables, requirement, judged[judged.requirement == requirement["name"]]))
+        blocks += _answer(tables, requirement, judged[judged.requirement == requirement["name"]])
     if not len(judged):
         blocks.append(Text("The campaign states no requirement; the cases are ranked below."))
     blocks.append(ranking_table(tables))
@@ -32,25 +32,42 @@ def _scale(tables: Tables) -> str:
     cases = tables.cases
     runs, failed = int(cases.run_count.sum()), int(cases.failed_count.sum())
     each = sorted(set(cases.run_count))
-    flown = f"{each[0]} Monte-Carlo runs each" if len(each) == 1 else f"{each[0]} to {each[-1]} Monte-Carlo runs each"
+    flown = (
+        f"{each[0]} Monte-Carlo runs{' each' * (len(cases) > 1)}"
+        if len(each) == 1
+        else f"{each[0]} to {each[-1]} Monte-Carlo runs each"
+    )
     text = f"{len(cases)} case{'s' * (len(cases) > 1)}, linear covariance" + (f" and {flown}." if runs else " only.")
     return text + (f" {failed} of {runs} runs failed and count against every requirement." if failed else "")
 
 
-def _answer(tables: Tables, requirement: dict[str, Any], rows: pd.DataFrame) -> Text:
+def _answer(tables: Tables, requirement: dict[str, Any], rows: pd.DataFrame) -> list[Block]:
     """Say in words which cases meet a requirement."""
     asked = (
         f"{str(requirement['metric']).replace('_', ' ')} below {rows.limit.iloc[0]} at "
         f"{str(requirement.get('at', 'injection')).replace('_', ' ')} in {percent(requirement['probability'])} of "
         f"flights, to be shown with {percent(requirement.get('confidence', 0.9))} confidence."
     )
-    parts = [asked[0].upper() + asked[1:]]
+    blocks: list[Block] = [Text(asked[0].upper() + asked[1:], f"{str(requirement['name']).capitalize()}.")]
     for verdict, word in (("met", "Met by"), ("violated", "Violated by"), ("undecided", "Undecided for")):
-        names = [_case(row, verdict) for row in rows[rows.verdict == verdict].itertuples()]
-        if names:
-            parts.append(f"{word} {'every case: ' if len(names) == len(rows) > 1 else ''}{'; '.join(names)}.")
-    parts += _largest_sources(tables, requirement, rows[rows.verdict == "violated"])
-    return Text(" ".join(parts), f"{str(requirement['name']).capitalize()}.")
+        chosen = rows[rows.verdict == verdict]
+        if len(chosen):
+            every = f"all {len(rows)} cases: " if len(chosen) == len(rows) > 1 else ""
+            names = _undecided(chosen) if verdict == "undecided" else [_case(row) for row in chosen.itertuples()]
+            blocks.append(Text(f"{every}{'; '.join(names)}.", f"{word}:"))
+    return blocks + [Text(text) for text in _largest_sources(tables, requirement, rows[rows.verdict == "violated"])]
+
+
+def _case(row: Any) -> str:
+    return f"{row.case} ({row.estimate}; {row.failures} of {row.runs} runs beyond)"
+
+
+def _undecided(rows: pd.DataFrame) -> list[str]:
+    """Name the cases that the same number of further runs would decide together."""
+    return [
+        f"{' and '.join(group.case)} ({more} further good runs {'each ' * (len(group) > 1)}would decide)"
+        for more, group in rows.groupby("runs_to_decide", sort=True)
+    ]
 
 
 def _largest_sources(tables: Tables, requirement: dict[str, Any], violated: pd.DataFrame) -> list[str]:
@@ -65,12 +82,6 @@ def _largest_sources(tables: Tables, requirement: dict[str, Any], violated: pd.D
             top = rows.iloc[0]
             found.append(f"{case}: {top.source} ({100 * top.share_ratio:.0f} % of the variance)")
     return [f"Largest source in the 3D error, by linear covariance: {'; '.join(found)}."] if found else []
-
-
-def _case(row: Any, verdict: str) -> str:
-    if verdict != "undecided":
-        return f"{row.case} ({row.estimate}, {row.failures} of {row.runs} runs beyond)" if row.runs else row.case
-    return f"{row.case} ({row.runs_to_decide} further good runs would decide)"
 
 
 def ranking_table(tables: Tables) -> Block:
@@ -94,7 +105,8 @@ def _agreement(tables: Tables) -> str:
         return ""
     bad = tested[tested.verdict == "disagree"]
     if bad.empty:
-        return f"Monte Carlo and linear covariance agree in all {len(tested)} cases (1 % family-wise level per case)."
+        where = "in the one case" if len(tested) == 1 else f"in all {len(tested)} cases"
+        return f"Monte Carlo and linear covariance agree {where} (1 % family-wise level per case)."
     return (
         f"Monte Carlo and linear covariance disagree in {len(bad)} of {len(tested)} cases: "
         + "; ".join(

@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from lvnav_trade import frames
-from lvnav_trade.engines.statistics import BlockSummary, add_norms, columns, norm_groups, quantiles
+from lvnav_trade.engines.statistics import NORM, BlockSummary, add_norms, columns, norm_groups, quantiles
 from lvnav_trade.records import CovHistory, Floats, Output
 from lvnav_trade.store.schema import arrow_schema, error_column
 from lvnav_trade.world.events import resolve
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from lvnav_trade.engines.prepare import Prepared
 
 FAILURES = {0: "", 1: "not finite", 2: "diverged"}
+_DRAWN = ("attitude", "velocity", "position")
+"""Quantities of which the budget is kept over the whole flight."""
 _NORM_LIKE_CONSTANT = 1e9
 """Degrees of freedom of a mean square that does not vary from run to run."""
 
@@ -223,7 +225,7 @@ def _channel_names(prepared: Prepared, n_channel: int) -> list[str]:
 
 
 def _budget(prepared: Prepared, cov: CovHistory) -> dict[str, Any]:
-    """Variance by source: every column at the events, the norms (and what has none) over the history."""
+    """Split the variance by source: every column at the events, the navigation norms over the history."""
     outputs, every = prepared.outputs, columns(prepared.outputs)
     if not cov.sources:
         names = ("event", "t_s", "source", "quantity", "axis", "unit", "sigma_si", "share_ratio")
@@ -231,8 +233,7 @@ def _budget(prepared: Prepared, cov: CovHistory) -> dict[str, Any]:
     variance = add_norms(np.sqrt(np.maximum(cov.budget, 0.0)), outputs) ** 2
     total = variance.sum(axis=1, keepdims=True)
     share = np.divide(variance, total, out=np.zeros_like(variance), where=total > 0)
-    in_norm = {index for group in norm_groups(outputs).values() for index in group}
-    summed = [index for index in range(len(every)) if index not in in_norm]
+    summed = [k for k, output in enumerate(every) if output.axis == NORM and output.quantity in _DRAWN]
     blocks = [("", np.arange(len(cov.t)), summed)]
     for name, t in prepared.trajectory.events.items():
         blocks.append((name, np.array([np.argmin(np.abs(cov.t - t))]), list(range(len(every)))))
