@@ -178,7 +178,12 @@ class _Run:
     def _answers(self) -> list[Answer]:
         self.watch.stage("linear covariance", len(self.cases))
         found: dict[str, Answer] = {}
-        for one in self._stage("covariance", work.answer, [(self.job, case) for case in self.cases]):
+        units = [(self.job, case, False) for case in self.cases]
+        if _count(self.jobs) > 1 and self.campaign.monte_carlo:
+            units.insert(0, (self.job, self.cases[0], True))
+        for one in self._stage("covariance", work.answer_or_compile, units):
+            if one is None:
+                continue
             found[one.case] = one
             self.watch.advance(1)
             if one.error:

@@ -9,6 +9,7 @@ import os
 import signal
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -29,7 +30,8 @@ class Engine(NamedTuple):
     """The functions that compute; another set takes their place in tests.
 
     events(scenario) -> name: time; prepare(scenario, history step); run_block(prepared, seed, first, n);
-    covariance(prepared); summarise(block, events, scale, outputs).
+    covariance(prepared); summarise(block, events, scale, outputs); compile_kernels(prepared) where there is anything to
+    compile before a block is flown.
     """
 
     events: Callable[[Scenario], dict[str, float]]
@@ -37,6 +39,7 @@ class Engine(NamedTuple):
     run_block: Callable[[Any, int, int, int], Any]
     covariance: Callable[[Any], CovHistory]
     summarise: Callable[..., Any]
+    compile_kernels: Callable[[Any], None] | None = None
 
 
 def engine() -> Engine:
@@ -44,7 +47,9 @@ def engine() -> Engine:
     from lvnav_trade.engines import lincov, montecarlo, statistics
     from lvnav_trade.engines.prepare import prepare
 
-    return Engine(_events, prepare, montecarlo.run_block, lincov.covariance, statistics.summarise)
+    return Engine(
+        _events, prepare, montecarlo.run_block, lincov.covariance, statistics.summarise, montecarlo.compile_kernels
+    )
 
 
 def _events(scenario: Scenario) -> dict[str, float]:
@@ -100,6 +105,19 @@ def answer(job: Job, case: Case) -> Answer:
         return _answer(case, prepared, _covariance(str(file)))
     except Exception as error:
         return Answer(case.id, "", error=_told(error))
+
+
+def answer_or_compile(job: Job, case: Case, only_compile: bool) -> Answer | None:
+    """Answer a case, or compile what will fly it: on a fresh machine one worker does this while another compiles the
+    linear covariance. A failure to prepare is reported by the case's own answer.
+    """
+    if not only_compile:
+        return answer(job, case)
+    _let_the_parent_be_interrupted()
+    with suppress(Exception):
+        if job.engine.compile_kernels is not None:
+            job.engine.compile_kernels(_prepared(job.engine, case, job.history))
+    return None
 
 
 def fly(job: Job, block: Block) -> Done:
