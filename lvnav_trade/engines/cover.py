@@ -169,6 +169,8 @@ def _propagate_parameters(joint, scratch, sums, true, unit, belief, length, midd
                 value = ramp_value(unit, ramped, axis, middle)
                 change = value - joint.ramp[ramped, axis]
                 joint.ramp[ramped, axis] = value
+                # the value is the window's mean, so a change acts from the window's start
+                apply_phi(g, scratch.y, scratch.D_true, true.nav_rows, true.nav_columns, decay, belief.clock, seconds)
                 for i in range(b.shape[0]):
                     joint.mean[i] += b[i] * value + g[i] * change
             else:
