@@ -125,11 +125,23 @@ def adjoint(prepared: Prepared, time: float, bin_seconds: float = 10.0) -> Adjoi
     return AdjointBudget(float(prepared.t_hist[hist]), edges, tuple(names), prepared.outputs[:9], back.contribution)
 
 
+def _expected_nees(formal: Floats, total: Floats) -> Floats:
+    """Return tr(formal^-1 total) of each history time (n_hist,); NaN where the filter is certain of a state.
+
+    Both (n_hist, m, m) are brought to the filter's sigmas first: states differ by ten orders of magnitude.
+    """
+    sigma = np.sqrt(np.diagonal(formal, axis1=1, axis2=2))
+    sound = np.all(sigma > 0.0, axis=1)
+    scale = sigma[sound, :, None] * sigma[sound, None, :]
+    expected = np.full(len(formal), np.nan)
+    expected[sound] = np.trace(np.linalg.solve(formal[sound] / scale, total[sound] / scale), axis1=1, axis2=2)
+    return expected
+
+
 def _history(prepared: Prepared, names: list[str], out: Cover) -> CovHistory:
     n, m = prepared.layout.n_state, prepared.layout.n_estimated
     turn = _turns(prepared)
     total = out.true + out.mean[:, :, None] * out.mean[:, None, :]
-    expected = np.trace(np.linalg.solve(out.formal[:, :m, :m], total[:, :m, :m]), axis1=1, axis2=2)
     formal, true = turn @ out.formal @ np.swapaxes(turn, 1, 2), turn @ out.true @ np.swapaxes(turn, 1, 2)
     diagonal = range(n)
     return CovHistory(
@@ -143,7 +155,7 @@ def _history(prepared: Prepared, names: list[str], out: Cover) -> CovHistory:
         true_cov=true,
         t_epoch=prepared.t_epoch,
         n_row=out.n_row.astype(np.int32),
-        expected_nees=expected,
+        expected_nees=_expected_nees(out.formal[:, :m, :m], total[:, :m, :m]),
         expected_nis=out.expected_nis,
         false_rejection=_false_rejection(prepared.belief.gate_squared, out.worst_ratio),
     )
