@@ -1,4 +1,4 @@
-# make demo   set up, run the demo campaign, say where the report is
+# make demo   set up, run the demo campaign; its last line says where the report is
 # make test   set up, check style, types and architecture, run the tests and a small campaign from end to end
 # Both need python3 (3.11 or later, with venv) and make, nothing else. Without a network: make wheelhouse where there is
 # one, carry the folder over, then make demo WHEELS=folder.
@@ -47,7 +47,7 @@ endef
 
 demo: $(VENV)/.installed
 	$(call run,demo)
-	@test -s results/demo/report.html && echo "report: $(CURDIR)/results/demo/report.html"
+	@test -s results/demo/report.html || { echo "the demo campaign left no report" >&2; exit 1; }
 
 test: lint unit smoke
 	@echo "all tests passed"
@@ -65,7 +65,8 @@ unit: lint
 
 smoke: unit
 	$(call run,smoke)
-	@test -s results/smoke/report.html && echo "a small campaign from end to end: good"
+	@test -s results/smoke/report.html || { echo "the small campaign left no report" >&2; exit 1; }
+	@echo "a small campaign from end to end: good"
 
 slow: $(VENV)/.installed-test
 	@$(bin)/python -m pytest -m slow
