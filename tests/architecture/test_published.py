@@ -51,3 +51,21 @@ def test_the_readme_shows_the_demo_campaign_as_it_is(root):
     asked = yaml.load(root / "campaigns" / "demo.yaml")
     assert {key: asked.get(key) for key in shown} == shown
     assert set(asked) - set(shown) <= {"description", "references", "report", "keep", "covariance"}
+
+
+def test_every_decision_stands_in_the_map_of_the_documents(root):
+    docs = (root / "docs" / "README.md").read_text()
+    decisions = sorted(path.name for path in (root / "docs" / "decisions").glob("*.md"))
+    assert [name for name in decisions if f"(decisions/{name})" not in docs] == []
+
+
+def test_every_link_between_documents_leads_to_a_file(published, root):
+    link = re.compile(r"\]\((?![a-z]+:|#)([^)#\s]+)")
+    broken = [
+        f"{path.relative_to(root)}: {target}"
+        for path in published
+        if path.suffix == ".md"
+        for target in link.findall(path.read_text())
+        if not (path.parent / target).exists()
+    ]
+    assert broken == []
