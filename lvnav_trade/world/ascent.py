@@ -16,7 +16,7 @@ from lvnav_trade.world.vehicle import STANDARD_GRAVITY, Site, Stage, VehicleAsce
 
 Floats = NDArray[np.float64]
 
-STEP = 0.25  # s, of integration and of the truth's knots; halving it moves injection by less than 1 mm
+STEP = 0.25  # s, of integration and of the truth's knots; halving it moves injection by 0.3 m, which the aim absorbs
 COASTING = Engine(0.0, 0.0, 0.0, 1.0)
 
 
@@ -24,7 +24,7 @@ class Aim(NamedTuple):
     """What is solved for: launch azimuth and kick (rad), law of the steered stages, burns and coasts (s).
 
     tangent and tangent_end are tan of the elevation at the start of the law and `burn` seconds after the last stage's
-    ignition; coast, tangent_2 and burn_2 belong to the second burn of an ascent by a parking orbit.
+    ignition; coast and burn_2 belong to the second burn, level, of an ascent by a parking orbit.
     """
 
     azimuth: float
@@ -33,7 +33,6 @@ class Aim(NamedTuple):
     tangent_end: float
     burn: float
     coast: float = 0.0
-    tangent_2: float = 0.0
     burn_2: float = 0.0
 
 
@@ -162,7 +161,7 @@ class _Pilot:
         self.ignite_after(number, stage)
         self.burn(number, engine, self.aim.burn, stage.propellant)
         if self.card.parking is not None and self.aim.burn_2 > 0.0:
-            self.begin_law(1, self.aim.tangent_2, 0.0)
+            self.begin_law(1, 0.0, 0.0)
             self.leg("parking coast", self.aim.coast)
             self.burn(number, engine, self.aim.burn_2, stage.propellant, "_2")
 

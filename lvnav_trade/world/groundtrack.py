@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -68,7 +69,7 @@ def _normals(site: Site, azimuth: float, psi: Floats) -> tuple[Floats, Floats, F
     """Return latitude and longitude (n,) along the circle, its direction over north and east (n,), and the radii of
     curvature of meridian and prime vertical (n,) in m, at angles psi (n,) from the site.
     """
-    up, downrange, _ = site_axes(site, azimuth)
+    up, downrange, _ = site_axes(site, _azimuth_of_normals(site, azimuth))
     normal = np.cos(psi)[:, None] * up + np.sin(psi)[:, None] * downrange
     tangent = np.cos(psi)[:, None] * downrange - np.sin(psi)[:, None] * up
     latitude, longitude = np.arcsin(normal[:, 2]), np.arctan2(normal[:, 1], normal[:, 0])
@@ -76,6 +77,13 @@ def _normals(site: Site, azimuth: float, psi: Floats) -> tuple[Floats, Floats, F
     across = SEMI_MAJOR / np.sqrt(1.0 - ECCENTRICITY_2 * normal[:, 2] ** 2)
     meridian = across**3 * (1.0 - ECCENTRICITY_2) / SEMI_MAJOR**2
     return latitude, longitude, local[:, 0], local[:, 1], meridian, across
+
+
+def _azimuth_of_normals(site: Site, azimuth: float) -> float:
+    """Return the azimuth (rad) in which the normal turns when the track leaves by `azimuth`: the radii differ."""
+    sine = math.sin(site.latitude)
+    ratio = (1.0 - ECCENTRICITY_2) / (1.0 - ECCENTRICITY_2 * sine * sine)  # of meridian to prime vertical
+    return math.atan2(ratio * math.sin(azimuth), math.cos(azimuth))
 
 
 def _range_angle(site: Site, azimuth: float, t: Floats, climb: Climb, inside: Floats, first: float) -> Floats:

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.optimize import brentq
+from scipy.sparse import block_array, csc_array, diags_array
+from scipy.sparse.linalg import splu
 
 from lvnav_trade.kernels.earth import GM, SEMI_MAJOR
 from lvnav_trade.world.record import Record
@@ -48,12 +50,12 @@ class _Problem(NamedTuple):
     noise: tuple[float, float]
     knots_h: Floats
     knots_u: Floats
-    height: Floats
-    climb: Floats
-    level: Floats
-    jerk_h: Floats
-    jerk_u: Floats
-    fall: tuple[Floats, Floats, Floats, Floats, Floats]
+    height: csc_array
+    climb: csc_array
+    level: csc_array
+    jerk_h: csc_array
+    jerk_u: csc_array
+    fall: tuple[csc_array, csc_array, csc_array, csc_array, Floats]
 
     def residual(self, c: Floats) -> Floats:
         """Return the weighted residuals at free coefficients c: altitude, speed, roughness (two), free fall (two)."""
@@ -73,22 +75,22 @@ class _Problem(NamedTuple):
             ]
         )
 
-    def jacobian(self, c: Floats) -> Floats:
+    def jacobian(self, c: Floats) -> csc_array:
         """Return the derivative of `residual`."""
         h, u = np.split(c, [self.height.shape[1]])
         bend_h, slope_h, slope_u, level_u, _ = self.fall
         up, along = self.climb @ h, self.level @ u
         speed = self.noise[0] * np.maximum(np.hypot(up, along), _STEEPEST)
-        level, rise = (level_u @ u)[:, None], (slope_h @ h)[:, None]
+        level, rise = diags_array(level_u @ u), diags_array(slope_h @ h)
         rows = [
-            [self.climb * (up / speed)[:, None], self.level * (along / speed)[:, None]],
-            [self.height / self.noise[1], np.zeros_like(self.level)],
-            [self.jerk_h, np.zeros((len(self.jerk_h), u.size))],
-            [np.zeros((len(self.jerk_u), h.size)), self.jerk_u],
-            [bend_h / _COAST_NOISE, -2.0 * level * level_u / SEMI_MAJOR / _COAST_NOISE],
-            [level * slope_h / SEMI_MAJOR / _COAST_NOISE, (slope_u + rise * level_u / SEMI_MAJOR) / _COAST_NOISE],
+            [diags_array(up / speed) @ self.climb, diags_array(along / speed) @ self.level],
+            [self.height / self.noise[1], None],
+            [self.jerk_h, None],
+            [None, self.jerk_u],
+            [bend_h / _COAST_NOISE, level @ level_u * (-2.0 / SEMI_MAJOR / _COAST_NOISE)],
+            [level @ slope_h / (SEMI_MAJOR * _COAST_NOISE), (slope_u + rise @ level_u / SEMI_MAJOR) / _COAST_NOISE],
         ]
-        return np.block(rows)
+        return csc_array(block_array(rows))
 
     def start(self) -> Floats:
         """Return coefficients to start from: altitude alone, then what is left of the speed."""
@@ -100,16 +102,14 @@ class _Problem(NamedTuple):
     def solve(self, c: Floats) -> tuple[Floats, Floats]:
         """Return coefficients and residuals of the fit, from the start c.
 
-        Levenberg and Marquardt's steps, because the speed rows are not linear.
-
-        In the vertical rise the speed does not see the level speed, hence the damping; the cost there is flat, and
-        steps that gain less than 1e-5 of it end the search.
+        Levenberg and Marquardt's steps, because the speed rows are not linear. In the vertical rise the speed does not
+        see the level speed, hence the damping; the cost there is flat, and steps that gain less than 1e-5 of it end the
+        search.
         """
         r, damping = self.residual(c), 1e-3
         for _ in range(_STEPS):
             rows = self.jacobian(c)
-            normal, slope = rows.T @ rows, rows.T @ r
-            trial = c - np.linalg.solve(normal + damping * np.diag(np.diag(normal)), slope)
+            trial = c - _damped(rows.T @ rows, rows.T @ r, damping)
             r_trial = self.residual(trial)
             gain = 1.0 - float(r_trial @ r_trial) / float(r @ r)
             if gain > 0.0:
@@ -130,9 +130,14 @@ class _Problem(NamedTuple):
         )
 
 
-def _regularised(rows: Floats, rough: Floats, values: Floats) -> Floats:
+def _damped(normal: csc_array, slope: Floats, damping: float) -> Floats:
+    """Return the solution of (normal + damping times its diagonal) @ x = slope; splines make the matrix sparse."""
+    return np.asarray(splu(csc_array(normal + damping * diags_array(normal.diagonal()))).solve(slope))
+
+
+def _regularised(rows: csc_array, rough: csc_array, values: Floats) -> Floats:
     """Return the least-squares solution of rows @ x = values with rough @ x small."""
-    return np.asarray(np.linalg.lstsq(np.vstack([rows, rough]), np.append(values, np.zeros(len(rough))))[0])
+    return _damped(rows.T @ rows + rough.T @ rough, rows.T @ values, 1e-9)
 
 
 def smooth(
@@ -175,10 +180,10 @@ def _knots(t: Floats, breaks: list[float], degree: int) -> Floats:
     return np.array([edges[0]] * (degree + 1) + inner + [edges[-1]] * (degree + 1))
 
 
-def _design(knots: Floats, degree: int, t: Floats, order: int, fixed: int) -> Floats:
+def _design(knots: Floats, degree: int, t: Floats, order: int, fixed: int) -> csc_array:
     """Return derivative `order` of every basis spline at t, without the first `fixed`, whose coefficients are zero."""
     count = len(knots) - degree - 1
-    return np.asarray(BSpline(knots, np.eye(count), degree)(t, order))[:, fixed:]
+    return csc_array(BSpline(knots, np.eye(count), degree)(t, order)[:, fixed:])
 
 
 def _problem(
@@ -189,9 +194,6 @@ def _problem(
     knots_h, knots_u = _knots(t, breaks, 5), _knots(t, breaks, 4)
     fine = np.linspace(t[0], t[-1], 4 * len(knots_h))
     cell = np.sqrt(fine[1] - fine[0])
-    # Only the square of the roughness counts: its triangular factor has far fewer rows.
-    rough_h = np.linalg.qr(cell * _design(knots_h, 5, fine, 3, 2)).R
-    rough_u = np.linalg.qr(cell * _design(knots_u, 4, fine, 2, 1)).R
     free = np.concatenate([np.zeros(0), *(np.linspace(begin, end, 12)[1:-1] for begin, end in coasts)])
     gravity = GM / (SEMI_MAJOR + np.interp(free, t, record.altitude)) ** 2
     return _Problem(
@@ -202,8 +204,8 @@ def _problem(
         _design(knots_h, 5, t, 0, 2),
         _design(knots_h, 5, t, 1, 2),
         _design(knots_u, 4, t, 0, 1),
-        rough_h,
-        rough_u,
+        cell * _design(knots_h, 5, fine, 3, 2),
+        cell * _design(knots_u, 4, fine, 2, 1),
         (
             _design(knots_h, 5, free, 2, 2),
             _design(knots_h, 5, free, 1, 2),

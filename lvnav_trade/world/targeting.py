@@ -29,11 +29,11 @@ def solve(card: VehicleAscent) -> Aim:
     (radius, speed, level flight, inclination); the kick is the card's, or the one that needs the shortest burn.
     """
     _check(card)
-    low = card.parking or card.target
+    perigee = (card.parking or card.target).perigee
     kick = card.kick_angle
     if kick is None:
-        kick = _best_kick(card, low.perigee, low.apogee)
-    solution = _reach(card, kick, low.perigee, low.apogee, _first_guess(card))
+        kick = _best_kick(card, perigee, card.target.apogee)
+    solution = _reach(card, kick, perigee, card.target.apogee, _first_guess(card))
     aim = _aim(solution.x, kick)
     _judge(card, aim, solution)
     if card.parking is not None:
@@ -75,14 +75,17 @@ def _aim(x: Floats, kick: float) -> Aim:
     return Aim(float(x[0]), kick, float(x[1]), float(x[2]), float(x[3]))
 
 
-def _insertion(card: VehicleAscent, aim: Aim, radius: float, speed: float) -> Floats:
-    """Return the residuals (4,) of radius, speed, flight-path angle and inclination at the last cut-off."""
-    y = fly_ascent(card, aim, final_coast=False).legs[-1].y[-1]
+def _residuals(y: Floats, radius: float, speed: float, inclination: float) -> Floats:
+    """Return what a state y (7,) has too much of radius, speed, flight-path angle and inclination, (4,)."""
     r, v = y[:3], y[3:6]
     length, pace = float(np.linalg.norm(r)), float(np.linalg.norm(v))
     climb = math.asin(float(r @ v) / (length * pace))
-    tilt = float(elements_from_state(r, v).inclination) - card.target.inclination
-    return np.array([length - radius, pace - speed, climb, tilt])
+    return np.array([length - radius, pace - speed, climb, float(elements_from_state(r, v).inclination) - inclination])
+
+
+def _insertion(card: VehicleAscent, aim: Aim, radius: float, speed: float) -> Floats:
+    """Return the residuals (4,) at the last cut-off."""
+    return _residuals(fly_ascent(card, aim, final_coast=False).legs[-1].y[-1], radius, speed, card.target.inclination)
 
 
 def _apse(perigee: float, apogee: float, at_apogee: bool = False) -> tuple[float, float]:
@@ -140,26 +143,47 @@ def _kick_for_climb(card: VehicleAscent, guess: Floats) -> float:
 
 
 def _raise_orbit(card: VehicleAscent, aim: Aim) -> Aim:
-    """Return the aim with coast and second burn that lead from the parking orbit to the target, cut off at apogee."""
+    """Return the aim that cuts off at the parking perigee and a second time at the target's apogee.
+
+    The aim given reaches the parking orbit as if the Earth were a sphere from there on; its oblateness moves apogee by
+    some kilometres, so both burns are solved together: six unknowns (all but the second tangent, which is level), six
+    conditions (radius and level flight at the first cut-off, the four of `_insertion` at the second).
+    """
     assert card.parking is not None
-    stage = card.vehicle.stages[-1]
-    flow = stage.thrust / (STANDARD_GRAVITY * stage.specific_impulse)
-    mass = float(fly_ascent(card, aim, final_coast=False).legs[-1].y[-1, 6])
+    start = _second_burn(card, aim)
+    begin = np.array([start.azimuth, start.tangent, start.tangent_end, start.burn])
+    low = SEMI_MAJOR + card.parking.perigee
     radius, speed = _apse(card.target.perigee, card.target.apogee, at_apogee=True)
-    gain = speed - _apse(card.parking.perigee, card.parking.apogee, at_apogee=True)[1]
-    burn = mass / flow * -math.expm1(-gain / (STANDARD_GRAVITY * stage.specific_impulse))
-    a = SEMI_MAJOR + 0.5 * (card.parking.perigee + card.parking.apogee)
-    half = math.pi * math.sqrt(a**3 / GM)
 
     def full(z: Floats) -> Aim:
-        return aim._replace(coast=half - 0.5 * burn + 10.0 * z[0], tangent_2=0.1 * z[1], burn_2=burn + z[2])
+        first = _aim(begin + z[:4] * _UNKNOWN, aim.kick)
+        return first._replace(coast=start.coast + 10.0 * z[4], burn_2=start.burn_2 + z[5])
 
     def miss(z: Floats) -> Floats:
-        return np.asarray((_insertion(card, full(z), radius, speed) / _RESIDUAL)[:3])
+        flight = fly_ascent(card, full(z), final_coast=False)
+        cutoff = flight.events[f"stage{len(card.vehicle.stages)}_cutoff"]
+        y = next(leg.y[-1] for leg in flight.legs if leg.t[-1] >= cutoff)
+        return np.append(
+            _residuals(flight.legs[-1].y[-1], radius, speed, card.target.inclination) / _RESIDUAL,
+            _residuals(y, low, 0.0, 0.0)[[0, 2]] / _RESIDUAL[[0, 2]],
+        )
 
-    result = root(miss, np.zeros(3), method="hybr", options={"xtol": 1e-12, "maxfev": 100})
+    result = root(miss, np.zeros(6), method="hybr", options={"xtol": 1e-12, "maxfev": 100})
     _judge(card, full(result.x), result)
     return full(result.x)
+
+
+def _second_burn(card: VehicleAscent, aim: Aim) -> Aim:
+    """Return the aim with coast and second burn of a Hohmann transfer, to start from."""
+    assert card.parking is not None
+    stage = card.vehicle.stages[-1]
+    exhaust = STANDARD_GRAVITY * stage.specific_impulse
+    mass = float(fly_ascent(card, aim, final_coast=False).legs[-1].y[-1, 6])
+    high = card.target.apogee
+    gain = _apse(card.target.perigee, high, at_apogee=True)[1] - _apse(card.parking.perigee, high, at_apogee=True)[1]
+    burn = mass * exhaust / stage.thrust * -math.expm1(-gain / exhaust)
+    a = SEMI_MAJOR + 0.5 * (card.parking.perigee + high)
+    return aim._replace(coast=math.pi * math.sqrt(a**3 / GM) - 0.5 * burn, burn_2=burn)
 
 
 def _judge(card: VehicleAscent, aim: Aim, result: OptimizeResult) -> None:

@@ -95,16 +95,9 @@ class Orbit(Card):
 
 
 class Parking(Card):
-    """Intermediate orbit: the last stage cuts off here, coasts to apogee and lights again."""
+    """Transfer orbit: the last stage cuts off at its perigee, coasts to the target's apogee and lights again."""
 
     perigee: Length
-    apogee: Length
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        if self.apogee < self.perigee:
-            raise ValueError("apogee lies below perigee")
-        return self
 
 
 class Roll(Card):
@@ -147,4 +140,6 @@ class VehicleAscent(Card):
             raise ValueError("an ascent to orbit is built for two stages or more")
         if self.steered_from > len(self.vehicle.stages):
             raise ValueError(f"steered_from is {self.steered_from}, the vehicle has {len(self.vehicle.stages)} stages")
+        if self.parking is not None and self.parking.perigee > self.target.perigee:
+            raise ValueError("the perigee of the parking orbit lies above that of the target")
         return self

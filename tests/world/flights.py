@@ -1,0 +1,55 @@
+"""The two shipped flights, built once for all tests of this folder."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+
+from lvnav_trade.world.profile import RecordedAscent
+from lvnav_trade.world.trajectory import Trajectory, build
+from lvnav_trade.world.vehicle import VehicleAscent
+
+CONFIGS = Path(__file__).resolve().parents[2] / "configs"
+
+
+def _load(name: str) -> dict[str, Any]:
+    return YAML(typ="safe").load((CONFIGS / f"{name}.yaml").read_text())
+
+
+def ascent_settings() -> dict[str, Any]:
+    """Settings of the two-stage ascent, its vehicle filled in."""
+    settings = _load("trajectories/two_stage_leo")
+    settings["vehicle"] = _load(settings["vehicle"])
+    return settings
+
+
+def record_settings() -> dict[str, Any]:
+    """Settings of the recorded ascent, its file made absolute."""
+    settings = _load("trajectories/falcon9_formosat5")
+    settings["file"] = str(CONFIGS / "trajectories" / settings["file"])
+    return settings
+
+
+def ascent_card(**changes: Any) -> VehicleAscent:
+    """The two-stage ascent, some settings changed."""
+    return VehicleAscent.model_validate({**ascent_settings(), **changes})
+
+
+def record_card(**changes: Any) -> RecordedAscent:
+    """The recorded ascent, some settings changed."""
+    return RecordedAscent.model_validate({**record_settings(), **changes})
+
+
+@cache
+def ascent() -> Trajectory:
+    """The two-stage ascent."""
+    return build(ascent_card())
+
+
+@cache
+def recorded() -> Trajectory:
+    """The recorded ascent."""
+    return build(record_card())
