@@ -1,0 +1,1 @@
+"""What is true: vehicle, flight, sky, and the errors of instruments."""
