@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from lvnav_trade.units import (
     Acceleration,
@@ -101,3 +101,10 @@ class FilterCard(Card):
     initial: Matched | InitialBelief = "matched"
     attitude_noise: AngleRandomWalk = Field(0.0, description="process noise beyond the unit's own, root PSD per axis")
     velocity_noise: VelocityRandomWalk = 0.0
+
+    @model_validator(mode="after")
+    def _decided(self) -> Self:
+        both = sorted(set(self.neglect) & set(self.consider))
+        if both:
+            raise ValueError(f"{', '.join(both)}: neglected and considered, choose one")
+        return self

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from pydantic import Field
 
 from lvnav_trade.units import Angle, Card, Frequency, Length, Speed
@@ -19,7 +21,7 @@ class ClockCard(Card):
 class SolutionCard(Card):
     """The receiver's own position/velocity solution: true position and velocity plus white noise per axis."""
 
-    kind: str = "direct"
+    kind: Literal["direct"] = "direct"
     position_sigma: Length
     velocity_sigma: Speed
 
@@ -29,7 +31,7 @@ class ReceiverCard(Card):
 
     name: str
     source: str
-    rate: Frequency = 1.0
+    rate: Frequency = Field(1.0, description="of its measurements; a filter uses all of them or every n-th")
     mask: Angle = Field(0.0, description="elevation mask above the local horizontal")
     lever_b: tuple[Length, Length, Length] = (0.0, 0.0, 0.0)
     channels: int = Field(16, ge=1, le=64, description="satellites tracked at most; the highest are kept")
