@@ -49,7 +49,8 @@ def test_the_wheel_holds_every_file_of_the_package(installed, root):
 
 
 def test_the_demo_campaign_is_accepted_by_the_installed_tool_outside_the_checkout(installed, tmp_path):
-    environment = {**os.environ, "PYTHONPATH": str(installed)}
+    # A cache of its own: compiled code is kept by the path of its source, which here is a new one every time.
+    environment = {**os.environ, "PYTHONPATH": str(installed), "NUMBA_CACHE_DIR": str(tmp_path / "compiled")}
     where = [sys.executable, "-c", "import lvnav_trade; print(lvnav_trade.__file__)"]
     assert Path(_run(where, cwd=tmp_path, env=environment).stdout.strip()).is_relative_to(installed)
     check = [sys.executable, "-c", "from lvnav_trade.cli import main; main()", "check", "demo"]
