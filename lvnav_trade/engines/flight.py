@@ -12,7 +12,7 @@ from lvnav_trade.filters.ekf import clear_epoch, correct, predict_window, update
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.attitude import from_rotation, matrix, multiply, normalise, small_rotation
 from lvnav_trade.kernels.covariance import normalised_square
-from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, size, sqrt, where
 from lvnav_trade.kernels.random import normals
 from lvnav_trade.kernels.strapdown import Q, R, V, mechanise
@@ -232,7 +232,7 @@ def ramp_value(unit, sensor, axis, t):
     return share * unit.ramp[sensor, axis]
 
 
-@jit
+@inlined
 def sense(work, unit, first, n_tick, k0, k1):
     """Fill the window's increments with what the unit puts out; wandering parameters step on their own clock."""
     run, done = work.run[0], 0
@@ -349,7 +349,7 @@ def _judge(work, history, hist):
     work.failed[0] = now
 
 
-@jit
+@inlined
 def fly(work, schedule, unit, signals, start, history, belief, k0, k1):
     """Fly one run (float64 arrays) or eight (lane views) from start to end; `work` is filled.
 

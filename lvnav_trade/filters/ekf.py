@@ -8,7 +8,7 @@ from lvnav_trade.filters.belief import POSITION, PSEUDORANGE, RANGE_RATE, VELOCI
 from lvnav_trade.kernels import processes, transition
 from lvnav_trade.kernels.attitude import from_rotation, multiply, normalise
 from lvnav_trade.kernels.covariance import absorb, predict
-from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, where
 from lvnav_trade.kernels.strapdown import Q, R, V
 from lvnav_trade.kernels.transition import ATT, POS, VEL
@@ -16,7 +16,7 @@ from lvnav_trade.observables import doppler, position, pseudorange, velocity
 from lvnav_trade.observables.base import antenna, line_of_sight
 
 
-@jit
+@inlined
 def predict_window(work, belief, length):
     """Propagate covariance, fading parameters and clock estimate over a window of a known length index."""
     seconds = belief.seconds[length]
@@ -74,7 +74,7 @@ def fill_loose(work):
         work.z[3 + axis] = work.solution[3 + axis] - velocity.row(work.H[3 + axis], work.antenna, axis)
 
 
-@jit
+@inlined
 def absorb_row(work, belief, row, kind):
     """Absorb one filled row of a row type; return its normalised innovation and weight."""
     n = belief.n_entry[kind]
@@ -84,7 +84,7 @@ def absorb_row(work, belief, row, kind):
     )  # fmt: skip
 
 
-@jit
+@inlined
 def _absorb_and_count(work, belief, epoch, row, kind, channel):
     normalised, weight = absorb_row(work, belief, row, kind)
     work.innovation[epoch, channel] = normalised

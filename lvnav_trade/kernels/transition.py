@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from lvnav_trade.kernels.attitude import cross
 from lvnav_trade.kernels.earth import gravity_gradient
-from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.strapdown import SUM_C, SUM_F, SUM_S, SUM_TH, SUM_V
 
 ATT, VEL, POS = 0, 3, 6
@@ -53,14 +53,14 @@ def driver(kind, own_x, own_y, own_z, other_x, other_y, other_z):
     return own_x * own_x, own_y * own_y, own_z * own_z
 
 
-@jit
+@inlined
 def _skew(block, x, y, z):
     block[0], block[1], block[2] = 0.0 * x, -z, y
     block[3], block[4], block[5] = z, 0.0 * x, -x
     block[6], block[7], block[8] = -y, x, 0.0 * x
 
 
-@jit
+@inlined
 def _gradient(block, factor, x, y, z):
     xx, xy, xz, yy, yz, zz = gravity_gradient(x, y, z)
     block[0], block[1], block[2] = factor * xx, factor * xy, factor * xz
@@ -68,7 +68,7 @@ def _gradient(block, factor, x, y, z):
     block[6], block[7], block[8] = factor * xz, factor * yz, factor * zz
 
 
-@jit
+@inlined
 def _column(block, factor, sums, ux, uy, uz):
     """Set a block to factor * (integral of C) diag(u)."""
     for row in range(3):
@@ -78,7 +78,7 @@ def _column(block, factor, sums, ux, uy, uz):
         block[3 * row + 2] = factor * sums[at + 2] * uz
 
 
-@jit
+@inlined
 def _turned_column(block, factor, sums, ux, uy, uz):
     """Set a block to factor * [velocity gained x] (integral of C) diag(u)."""
     vx, vy, vz = sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2]
@@ -92,7 +92,7 @@ def _turned_column(block, factor, sums, ux, uy, uz):
         block[column], block[3 + column], block[6 + column] = factor * u * x, factor * u * y, factor * u * z
 
 
-@jit
+@inlined
 def parameter_block(block, kind, driven_by, sums, seconds):
     """Set a block of an inertial-unit parameter: kinds ATT_GYRO to POS_ACCEL."""
     th = (sums[SUM_TH] / seconds, sums[SUM_TH + 1] / seconds, sums[SUM_TH + 2] / seconds)
@@ -108,7 +108,7 @@ def parameter_block(block, kind, driven_by, sums, seconds):
             _turned_column(block, 0.5 if kind == VEL_GYRO else seconds / 6.0, sums, ux, uy, uz)
 
 
-@jit
+@inlined
 def fill(blocks, kinds, drivers, sums, x, y, z, seconds):
     """Set every block of Phi - I for a window.
 

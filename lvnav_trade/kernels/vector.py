@@ -120,7 +120,7 @@ def _float_operator(symbol, instruction):
     @intrinsic
     def vector_op(typingctx, a, b):
         def codegen(context, builder, sig, args):
-            return getattr(builder, instruction)(args[0], args[1], flags=("contract",))
+            return getattr(builder, instruction)(args[0], args[1])
 
         return f64x8(f64x8, f64x8), codegen
 
