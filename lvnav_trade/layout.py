@@ -9,7 +9,7 @@ from lvnav_trade.records import Output
 
 
 class ParameterKind(NamedTuple):
-    """A kind of inertial-unit parameter: which sensor, what it multiplies (one driver for each block of three), unit."""
+    """A kind of inertial-unit parameter: its sensor, what it multiplies (a driver for each block of three), its unit."""
 
     sensor: int
     drivers: tuple[int, ...]
@@ -29,7 +29,9 @@ PARAMETERS = {
     "accel_scale_factor": ParameterKind(ACCEL, (OWN_0,), "1", "ppm", 1e6),
     "gyro_misalignment": ParameterKind(GYRO, (OWN_1, OWN_1 + 1), "rad", "mrad", 1e3),
     "accel_misalignment": ParameterKind(ACCEL, (OWN_1, OWN_1 + 1), "rad", "mrad", 1e3),
-    "gyro_g_sensitivity": ParameterKind(GYRO, (OTHER_0, OTHER_0 + 1, OTHER_0 + 2), "rad*s/m", "deg/h/g", _DEG_H * 9.80665),
+    "gyro_g_sensitivity": ParameterKind(
+        GYRO, (OTHER_0, OTHER_0 + 1, OTHER_0 + 2), "rad*s/m", "deg/h/g", _DEG_H * 9.80665
+    ),
 }
 
 

@@ -13,7 +13,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSeriali
 @lru_cache(maxsize=1)
 def registry() -> pint.UnitRegistry[Any]:
     """Return the one unit registry: pint's own plus the spellings of inertial datasheets."""
-    units = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
+    units: pint.UnitRegistry[Any] = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
     # In a datasheet "g" is standard gravity and "h" is an hour; pint's gram and Planck constant are never meant.
     units.define("g_standard = 9.80665 m/s^2 = g")
     units.define("milli_g = 1e-3 * g_standard = mg")
@@ -51,7 +51,9 @@ def parse(text: str, unit: str) -> float:
     except pint.DimensionalityError:
         raise ValueError(f"{text!r} has the wrong unit; expected {_example(unit)}") from None
     except (pint.UndefinedUnitError, pint.PintError, AttributeError, TypeError, SyntaxError, AssertionError) as error:
-        raise ValueError(f"{text!r} has no unit that is known ({spelled.strip()!r}); expected {_example(unit)}") from error
+        raise ValueError(
+            f"{text!r} has no unit that is known ({spelled.strip()!r}); expected {_example(unit)}"
+        ) from error
 
 
 def _split(text: str) -> tuple[str, str]:

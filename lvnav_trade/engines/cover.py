@@ -1,6 +1,4 @@
-"""One pass over the nominal flight: the filter's covariance by its own model, the true one by the truth's, by
-source.
-"""
+"""One pass over the nominal flight: the filter's covariance by its own model, the true one by source."""
 
 from __future__ import annotations
 
@@ -76,7 +74,7 @@ class Tape(NamedTuple):
     """What a backward pass needs of a forward one; of no length where none will follow.
 
     sums (n_window, 21), position (n_window, 3) of each window; gain (n_row, n), h (n_row, 10), kind (n_row,) of each
-    row in the order absorbed; first_row (n_window + 1,) index of the first row after each window; count (1,) rows so
+    row in the order absorbed; first_row (n_window + 1,) index of the first row after each window; used (1,) rows so
     far.
     """
 
@@ -86,7 +84,7 @@ class Tape(NamedTuple):
     h: Floats
     kind: Ints
     first_row: Ints
-    count: Ints
+    used: Ints
 
 
 class Cover(NamedTuple):
@@ -221,13 +219,13 @@ def _set_deviation(deviation, unit, nav, belief, first, n_tick, reference):
 
 @jit
 def _keep_row(tape, gain, h, kind):
-    at = tape.count[0]
+    at = tape.used[0]
     for i in range(gain.shape[0]):
         tape.gain[at, i] = gain[i]
     for i in range(h.shape[0]):
         tape.h[at, i] = h[i]
     tape.kind[at] = kind
-    tape.count[0] = at + 1
+    tape.used[0] = at + 1
 
 
 @jit
@@ -369,6 +367,6 @@ def cover(out, joint, scratch, tape, nominal, schedule, unit, signals, record, a
             place_antenna(nominal, belief, unit.dt)
             _update(out, joint, scratch, tape, nominal, signals, true, belief, epoch)
         if tape.kind.shape[0] > 0:
-            tape.first_row[w + 1] = tape.count[0]
+            tape.first_row[w + 1] = tape.used[0]
         if hist >= 0:
             _write(out, hist, joint, axes_att[hist], record.axes[hist])

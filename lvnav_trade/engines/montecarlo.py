@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import config
 
@@ -9,13 +11,16 @@ from lvnav_trade.engines.flight import Work, fly, work_shapes
 from lvnav_trade.engines.prepare import Prepared, prepare
 from lvnav_trade.filters.belief import LOOSE, TIGHT
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import WIDTH, view
+from lvnav_trade.kernels.lanes import view
 from lvnav_trade.kernels.random import seed_words
+from lvnav_trade.kernels.vector import WIDTH
 from lvnav_trade.records import Floats, RunBlock
 
 
 @jit
-def fly_lanes(w, schedule, unit, signals, start, history, belief, k0, k1):
+def fly_lanes(
+    w: Any, schedule: Any, unit: Any, signals: Any, start: Any, history: Any, belief: Any, k0: Any, k1: Any
+) -> None:
     """Fly eight runs: `fly` on lane views of arrays whose last axis is the runs."""
     work = Work(
         view(w.run), view(w.nav), view(w.sums), view(w.previous), view(w.increments), view(w.P), view(w.X), view(w.D),
@@ -46,9 +51,10 @@ def _new_work(prepared: Prepared, lanes: bool) -> Work:
         channels(prepared),
     )
     end = (WIDTH,) if lanes else ()
-    return Work(**{
+    arrays: dict[str, Any] = {
         name: np.zeros(shape + end, dtype=np.uint64 if name == "run" else np.float64) for name, shape in shapes.items()
-    })  # fmt: skip
+    }
+    return Work(**arrays)
 
 
 def _fly(prepared: Prepared, seed: int, runs: Floats, lanes: bool) -> Work:

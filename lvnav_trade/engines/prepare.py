@@ -20,7 +20,9 @@ from lvnav_trade.records import Floats, Output, Reference, Sky
 from lvnav_trade.scenario import Scenario, beliefs
 from lvnav_trade.world.imu import ErrorBlock, ImuCard, error_blocks, lag
 from lvnav_trade.world.sky import sky
+from lvnav_trade.world.profile import RecordedAscent
 from lvnav_trade.world.trajectory import Trajectory, build, motion, reference
+from lvnav_trade.world.vehicle import VehicleAscent
 
 Ints = NDArray[np.int64]
 
@@ -47,7 +49,7 @@ class Prepared(NamedTuple):
 
 
 @lru_cache(maxsize=4)
-def _built(trajectory_json: str, kind: type) -> Trajectory:
+def _built(trajectory_json: str, kind: type[VehicleAscent] | type[RecordedAscent]) -> Trajectory:
     return build(kind.model_validate_json(trajectory_json))
 
 
@@ -57,7 +59,7 @@ def trajectory_of(scenario: Scenario) -> Trajectory:
 
 
 @lru_cache(maxsize=4)
-def _sampled(trajectory_json: str, kind: type, rate: float) -> Reference:
+def _sampled(trajectory_json: str, kind: type[VehicleAscent] | type[RecordedAscent], rate: float) -> Reference:
     return reference(_built(trajectory_json, kind), rate)
 
 
@@ -83,15 +85,15 @@ def _schedule(n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints) ->
         hist_at.setdefault(int(tick), []).append(index)
     rows: list[tuple[int, int, int, int]] = []
     last = 0
-    for tick in map(int, bounds):
+    for tick in bounds.tolist():
         here = hist_at.get(tick, [])
         if tick > 0 or here:
             rows.append((last, tick - last, epoch_at.get(tick, -1), here[0] if here else -1))
         rows += [(tick, 0, -1, index) for index in here[1:]]
         last = tick
-    first, count, epoch, hist = (np.array(column, dtype=np.int64) for column in zip(*rows, strict=True))
-    lengths, index = np.unique(count, return_inverse=True)
-    return Schedule(first, count, index.astype(np.int64), epoch, hist), lengths
+    first, counts, epoch, hist = (np.array(column, dtype=np.int64) for column in zip(*rows, strict=True))
+    lengths, which = np.unique(counts, return_inverse=True)
+    return Schedule(first, counts, which.astype(np.int64), epoch, hist), lengths
 
 
 def _unit(card: ImuCard, ref: Reference, blocks: tuple[ErrorBlock, ...]) -> Unit:

@@ -1,6 +1,4 @@
-"""How a metric moves when one source gets better or worse: with gains frozen, and honestly, with the filter
-re-tuned.
-"""
+"""How a metric moves with one source's sigma: with gains frozen, and honestly, with the filter re-tuned."""
 
 from __future__ import annotations
 
@@ -84,8 +82,20 @@ def _norm(history: CovHistory, hist: int, columns: list[int]) -> float:
     return float(np.sqrt(np.sum(history.true_sigma[hist, columns] ** 2 + history.mean[hist, columns] ** 2)))
 
 
+def _again(scenario: Scenario, source: str, factor: float, known: dict[tuple[str, float], CovHistory]) -> CovHistory:
+    if (source, factor) not in known:
+        known[source, factor] = covariance(prepare(scaled(scenario, source, factor)))
+    return known[source, factor]
+
+
 def sensitivity(
-    scenario: Scenario, history: CovHistory, time: float, quantity: str, columns: list[int], share: float = 0.01
+    scenario: Scenario,
+    history: CovHistory,
+    time: float,
+    quantity: str,
+    columns: list[int],
+    share: float = 0.01,
+    known: dict[tuple[str, float], CovHistory] | None = None,
 ) -> Sensitivity:
     """Return the frozen and the re-tuned metric for every source that makes up at least `share` of its variance.
 
@@ -97,7 +107,10 @@ def sensitivity(
         s since lift-off, a history time.
     quantity, columns
         Name of a three-axis quantity and the columns that hold it.
+    known
+        Linear covariances by (source, factor), found and added to: the next quantity asks for the same.
     """
+    known = {} if known is None else known
     hist = int(np.argmin(np.abs(history.t - time)))
     by_source = history.budget[hist][:, columns].sum(axis=1)
     total = by_source.sum() + np.sum(history.mean[hist, columns] ** 2)
@@ -107,7 +120,7 @@ def sensitivity(
     retuned = np.empty_like(frozen)
     for row, k in enumerate(chosen):
         for column, factor in enumerate(FACTORS):
-            again = history if factor == 1.0 else covariance(prepare(scaled(scenario, history.sources[k], factor)))
+            again = history if factor == 1.0 else _again(scenario, history.sources[k], factor, known)
             retuned[row, column] = _norm(again, int(np.argmin(np.abs(again.t - time))), columns)
     return Sensitivity(
         float(history.t[hist]), quantity, tuple(history.sources[k] for k in chosen), FACTORS, frozen, retuned

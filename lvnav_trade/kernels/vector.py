@@ -1,7 +1,7 @@
 """The lane types and their operators: eight float64, eight words, eight truth values, each an LLVM vector.
 
-Extension types of numba; the bodies inside @intrinsic and @overload are typed by numba. Multiply and add may
-contract to one rounding.
+Extension types of numba; the bodies inside @intrinsic and @overload are typed by numba. Multiply and add
+never contract to one rounding: eight runs give the bits of one.
 """
 
 from __future__ import annotations

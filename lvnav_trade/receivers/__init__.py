@@ -1,0 +1,1 @@
+"""Position and velocity solutions that a receiver hands out."""
