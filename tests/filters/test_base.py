@@ -1,0 +1,53 @@
+"""The filter card: what it accepts and refuses."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from pydantic import ValidationError
+
+from lvnav_trade.filters.base import FilterCard, ImuBelief
+
+PLAIN = {"name": "f", "source": "test", "kind": "tight"}
+
+
+def test_a_plain_card_is_matched_second_order_at_ten_hertz_and_one_hertz_without_a_gate():
+    card = FilterCard(**PLAIN)
+    assert (card.imu, card.receiver, card.initial) == ("matched", "matched", "matched")
+    assert (card.covariance_rate, card.update_rate, card.transition_order, card.gate) == (10.0, 1.0, 2, None)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"kind": "unscented"},
+        {"extra_states": ["gyro_bias_bias"]},
+        {"consider": ["clock"]},
+        {"neglect": ["gyro_scale_factor"]},
+        {"neglect": ["gyro_bias"], "consider": ["gyro_bias"]},
+        {"update": "square root"},
+        {"transition_order": 3},
+        {"gate": 0.0},
+        {"gate": -3.0},
+        {"gravity": "j6"},
+        {"imu": "unmatched"},
+        {"covariance_rate": 10},
+        {"covariance_rate": "10 s"},
+        {"colour": "red"},
+    ],
+    ids=str,
+)
+def test_what_no_filter_understands_is_refused(wrong):
+    with pytest.raises(ValidationError):
+        FilterCard(**{**PLAIN, **wrong})
+
+
+def test_a_belief_is_read_in_the_datasheets_units():
+    belief = ImuBelief(
+        gyro_random_walk="0.03 deg/sqrt(h)", accel_random_walk="50 ug/sqrt(Hz)", gyro_bias="1 deg/h", accel_bias="2 mg"
+    )
+    assert belief.gyro_random_walk == pytest.approx(math.radians(0.03) / 60.0, rel=1e-12)
+    assert belief.accel_random_walk == pytest.approx(50e-6 * 9.80665, rel=1e-12)
+    assert belief.gyro_bias == pytest.approx(math.radians(1.0) / 3600.0, rel=1e-12)
+    assert belief.gyro_bias_time is None

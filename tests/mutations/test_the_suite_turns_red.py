@@ -1,0 +1,147 @@
+"""The suite itself is tested: a seeded mistake in a copy of the package turns a named test red."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+class Mutation(NamedTuple):
+    """A mistake: in which file, what stands there, what is put in its place, and the test that must find it."""
+
+    file: str
+    old: str
+    new: str
+    found_by: str
+
+
+OBSERVABLE = "tests/observables/test_contract.py::test_a_row_is_the_derivative_of_the_predicted_measurement"
+MUTATIONS = {
+    "lever arm of a range with the wrong sign": Mutation(
+        "observables/pseudorange.py", "cross(ux, uy, uz, at[6], at[7], at[8])",
+        "cross(at[6], at[7], at[8], ux, uy, uz)",
+        OBSERVABLE,
+    ),
+    "lever arm's rate of a range rate with the wrong sign": Mutation(
+        "observables/doppler.py", "cross(ux, uy, uz, at[9], at[10], at[11])",
+        "cross(at[9], at[10], at[11], ux, uy, uz)",
+        OBSERVABLE,
+    ),
+    "lever arm of a position with the wrong sign": Mutation(
+        "observables/position.py", "= at[6 + (axis + 2) % 3]", "= -at[6 + (axis + 2) % 3]", OBSERVABLE
+    ),
+    "believed variance four times too large, seen in the numbers": Mutation(
+        "filters/belief.py", "variance=np.array(deviations) ** 2", "variance=4.0 * np.array(deviations) ** 2",
+        "tests/filters/test_belief.py::test_the_variances_of_rows_are_the_squares_of_the_believed_sigmas",
+    ),
+    "believed variance four times too large, seen in the statistics": Mutation(
+        "filters/belief.py", "variance=np.array(deviations) ** 2", "variance=4.0 * np.array(deviations) ** 2",
+        "tests/engines/test_montecarlo.py::test_a_matched_filter_is_consistent",
+    ),
+    "weight of a row its variance instead of the inverse": Mutation(
+        "kernels/covariance.py", "weight = where(believed, inverse, 0.0)", "weight = where(believed, s, 0.0)",
+        "tests/kernels/test_covariance.py::test_a_row_is_the_update_of_kalman",
+    ),
+    "residual that forgets what earlier rows have moved": Mutation(
+        "kernels/covariance.py", "residual = residual - h[entries[c]] * x[columns[c]]", "residual = residual + 0.0",
+        "tests/kernels/test_covariance.py::test_rows_of_an_epoch_may_come_in_any_order",
+    ),
+    "time constant of the truth twice too long": Mutation(
+        "engines/prepare.py", "math.exp(-step / b.time_constant)", "math.exp(-0.5 * step / b.time_constant)",
+        "tests/world/test_imu.py::test_bias_instability_is_a_stationary_gauss_markov_process",
+    ),
+    "noise of a Gauss-Markov process scaled wrongly": Mutation(
+        "engines/prepare.py", "-math.expm1(-2.0 * step / b.time_constant)", "-math.expm1(-step / b.time_constant)",
+        "tests/world/test_imu.py::test_bias_instability_is_a_stationary_gauss_markov_process",
+    ),
+    "noise of the filter's Gauss-Markov state scaled wrongly": Mutation(
+        "filters/belief.py", "2.0 * block.sigma**2 * np.tanh", "block.sigma**2 * np.tanh",
+        "tests/filters/test_belief.py::test_a_gauss_markov_state_keeps_its_sigma_whatever_the_window",
+    ),
+    "measurement tagged half a tick early": Mutation(
+        "engines/prepare.py", "at = motion(trajectory, seen.t)", "at = motion(trajectory, seen.t - 0.0025)",
+        "tests/engines/test_prepare.py::test_measurements_are_taken_on_ticks_where_the_increments_end",
+    ),
+    "attitude correction with the wrong sign": Mutation(
+        "filters/ekf.py", "from_rotation(x[ATT], x[ATT + 1], x[ATT + 2])",
+        "from_rotation(-x[ATT], -x[ATT + 1], -x[ATT + 2])",
+        "tests/engines/test_flight.py::test_an_error_that_is_injected_computed_and_fed_back_leaves_nothing",
+    ),
+    "true parameters that start without correlation to the filter's error": Mutation(
+        "engines/lincov.py", "start_sources(true, cross), cross,", "start_sources(true, cross), 0.0 * cross,",
+        "tests/engines/test_lincov.py::test_linear_covariance_is_true_for_a_filter_that_is_wrong",
+    ),
+    "true errors that do not start in the filter's parameters at all": Mutation(
+        "engines/truth.py", "cross[j, axis, true.matched[j] + axis] = variance[j, axis]",
+        "cross[j, axis, true.matched[j] + axis] = 0.0",
+        "tests/engines/test_lincov.py::test_a_matched_filter_knows_its_own_error",
+    ),
+    "true covariance updated as if every gain were optimal": Mutation(
+        "kernels/joint.py", "- gain[i] * work[j] - work[i] * gain[j] + gain[i] * total * gain[j]",
+        "- gain[i] * work[j]",
+        "tests/kernels/test_joint.py::test_the_true_update_is_josephs_form_for_any_gain",
+    ),
+    "coning with the wrong sign": Mutation(
+        "kernels/strapdown.py", "from_rotation(wx + twelfth * coning_x,", "from_rotation(wx - twelfth * coning_x,",
+        "tests/kernels/test_strapdown.py::test_coning_drifts_as_the_closed_form_says",
+    ),
+    "thrust that turns the velocity error the wrong way": Mutation(
+        "kernels/transition.py", "_skew(block, -sums[SUM_V], -sums[SUM_V + 1], -sums[SUM_V + 2])",
+        "_skew(block, sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2])",
+        "tests/kernels/test_transition.py::test_a_block_is_the_difference_of_the_nonlinear_strapdown",
+    ),
+    "two satellites with the same noise": Mutation(
+        "kernels/random.py", "word_like(run, index)", "word_like(run, epoch)",
+        "tests/kernels/test_random.py::test_streams_of_another_source_epoch_satellite_run_or_seed_are_uncorrelated",
+    ),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory):
+    """A copy of what the tests need, and a cache of kernels that the mutations share where they may."""
+    folder = tmp_path_factory.mktemp("mutated")
+    for name in ("lvnav_trade", "tests", "configs", "campaigns"):
+        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__", "mutations"))
+    shutil.copy(ROOT / "pyproject.toml", folder)
+    return folder
+
+
+def run(copy, test):
+    return subprocess.run(
+        [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "--no-header", test],
+        cwd=copy, capture_output=True, text=True, timeout=900, check=False,
+        env={**os.environ, "PYTHONPATH": str(copy), "NUMBA_CACHE_DIR": str(copy / "cache")},
+    )  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MUTATIONS)
+def test_a_seeded_mistake_turns_its_named_test_red(copy, name):
+    mutation = MUTATIONS[name]
+    file = copy / "lvnav_trade" / mutation.file
+    before = file.read_text(encoding="utf-8")
+    assert before.count(mutation.old) == 1, "the mutation no longer fits the source"
+    file.write_text(before.replace(mutation.old, mutation.new), encoding="utf-8")
+    try:
+        finished = run(copy, mutation.found_by)
+    finally:
+        file.write_text(before, encoding="utf-8")
+    assert f"FAILED {mutation.found_by}" in finished.stdout, finished.stdout[-2000:]
+    assert finished.returncode == pytest.ExitCode.TESTS_FAILED
+
+
+@pytest.mark.slow
+def test_the_copy_without_a_mistake_is_green(copy):
+    """Otherwise a broken copy would pass for a mistake found."""
+    kernels = {m.found_by for m in MUTATIONS.values() if "/engines/" not in m.found_by}
+    for test in sorted(kernels):
+        assert run(copy, test).returncode == pytest.ExitCode.OK
