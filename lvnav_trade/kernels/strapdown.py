@@ -31,7 +31,7 @@ def mechanise(nav, sums, previous, increments, n_tick, dt, kind):
     """Advance the navigation state over the first `n_tick` increments.
 
     Two-sample coning and sculling with the previous tick (Savage 1998, parts 1 and 2); gravity at the middle of each
-    tick.
+    tick. Long because its state stays in registers over the loop.
 
     Parameters
     ----------
