@@ -19,7 +19,7 @@ from benchmarks.common import HERE, machine
 
 PARTS = (
     "time_flight",
-    "time_covariance",
+    "time_kernels",
     "time_lincov",
     "scaling",
     "memory",

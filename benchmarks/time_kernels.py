@@ -1,0 +1,147 @@
+"""Where a flight's time goes: each kernel alone, in nanoseconds a run, beside the operations that it must do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks import fma
+from benchmarks.common import best, scenario
+from lvnav_trade.engines.prepare import Prepared, prepare
+from lvnav_trade.kernels import processes, transition
+from lvnav_trade.kernels.covariance import absorb, predict
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import view
+from lvnav_trade.kernels.random import normals
+from lvnav_trade.kernels.strapdown import mechanise
+from lvnav_trade.kernels.vector import WIDTH
+
+REPEATS, TICKS = 2000, 20
+
+
+class Kernel(NamedTuple):
+    """A kernel's cost: what one call is, nanoseconds a call and run, floating-point operations a call and run."""
+
+    name: str
+    nanoseconds: float
+    operations: float
+
+
+@jit
+def _predicts(P, X, D, rows, columns, decay, noise, repeats):
+    for _ in range(repeats):
+        predict(view(P), view(X), view(D), rows, columns, decay, noise, 15, 0.005)
+
+
+@jit
+def _absorbs(P, x, K, h, z, entries, columns, repeats):
+    for k in range(repeats):
+        absorb(view(P), view(x), view(K), view(h)[k % 16], entries, columns, view(z)[0], 1.0, 1e30, 17, False)
+
+
+@jit
+def _fills(D, kinds, drivers, sums, r, repeats):
+    at = view(r)
+    for _ in range(repeats):
+        transition.fill(view(D), kinds, drivers, view(sums), at[0], at[1], at[2], 0.005)
+
+
+@jit
+def _mechanises(nav, sums, previous, increments, ticks, repeats):
+    for _ in range(repeats):
+        mechanise(view(nav), view(sums), view(previous), view(increments), ticks, 0.005, 2)
+
+
+@jit
+def _corrupts(increments, tables, remainder, run, unit, ticks, repeats):
+    for _ in range(repeats):
+        table = view(tables)
+        processes.corrupt(
+            view(increments), 0, 0, ticks, unit.dtheta, unit.dvel, table[0], table[1], unit.white, view(remainder),
+            unit, np.uint64(1), np.uint64(2), view(run)[0],
+        )  # fmt: skip
+
+
+@jit
+def _normals(run, out, repeats):
+    lanes = view(out)
+    for k in range(repeats):
+        a, b, c, d = normals(np.uint64(1), np.uint64(2), np.uint64(3), view(run)[0], np.uint64(k), np.uint64(0))
+        lanes[k, 0], lanes[k, 1], lanes[k, 2], lanes[k, 3] = a, b, c, d
+
+
+def _time(name: str, function: Callable[[], Any], calls: int, operations: float) -> Kernel:
+    return Kernel(name, best(function) / calls / WIDTH * 1e9, operations)
+
+
+def predict_operations(rows: np.ndarray, n: int) -> float:
+    """Count a covariance step: rows of D P, then the upper part of (D P) D', the clock, the noise."""
+    return 18 * n * rows.size + sum(18 * (int(row) + 3) for row in rows) + 4 * n + 4 * n
+
+
+def kernels(prepared: Prepared) -> list[Kernel]:
+    """Return the cost of every kernel of a flight, for eight runs at once."""
+    rng, belief, n = np.random.default_rng(0), prepared.belief, prepared.layout.n_state
+    P = np.repeat(np.eye(n)[:, :, None], WIDTH, 2)
+    X, D = np.zeros_like(P), rng.standard_normal((belief.block_rows.size, 9, WIDTH)) * 1e-6
+    decay, noise = np.ones(n), np.full(n, 1e-12)
+    h, z = rng.standard_normal((16, 10, WIDTH)), rng.standard_normal((1, WIDTH))
+    x, K = np.zeros((n, WIDTH)), np.zeros((n, WIDTH))
+    entries, states = np.array([0, 1, 2, 6, 7, 8, 9]), np.array([6, 7, 8, 3, 4, 5, 16])
+    nav = np.zeros((10, WIDTH))
+    nav[0], nav[5], nav[7] = 1.0, 7e3, 6.7e6
+    sums, previous, increments = np.zeros((21, WIDTH)), np.zeros((6, WIDTH)), np.zeros((TICKS, 6, WIDTH))
+    r, run = np.full((3, WIDTH), 4e6), np.arange(WIDTH, dtype=np.uint64)[None]
+    tables, remainder, drawn = (
+        np.zeros((2, processes.N_TABLE, WIDTH)),
+        np.zeros((6, WIDTH)),
+        np.zeros((REPEATS, 4, WIDTH)),
+    )
+    rows, columns = belief.block_rows, belief.block_columns
+    kinds, drivers, unit = belief.block_kinds, belief.block_drivers, prepared.unit
+    flights = REPEATS // TICKS
+    return [
+        _time("four normals", lambda: _normals(run, drawn, REPEATS), REPEATS, 110),
+        _time(
+            "unit, a tick (draws included)",
+            lambda: _corrupts(increments, tables, remainder, run, unit, TICKS, flights), flights * TICKS, 240,
+        ),
+        _time(
+            "strapdown, a tick",
+            lambda: _mechanises(nav, sums, previous, increments, TICKS, flights), flights * TICKS, 260,
+        ),
+        _time("transition blocks", lambda: _fills(D, kinds, drivers, sums, r, REPEATS), REPEATS, 210),
+        _time(
+            "covariance step", lambda: _predicts(P.copy(), X, D, rows, columns, decay, noise, REPEATS), REPEATS,
+            predict_operations(rows, n),
+        ),
+        _time(
+            "row", lambda: _absorbs(P.copy(), x, K, h, z, entries, states, REPEATS), REPEATS,
+            n * 13 + 28 + n * (n + 1) + 2 * n,
+        ),
+    ]  # fmt: skip
+
+
+def measure() -> dict[str, float]:
+    """Print the kernels beside this core's peak; return the covariance's figures."""
+    top = fma.peak()
+    found = kernels(prepare(scenario()))
+    table = Table(
+        "kernel", "ns a run", "operations", "share of FMA peak", title=f"FMA peak {top / 1e9:.0f} GFLOP/s a core"
+    )
+    for kernel in found:
+        share = kernel.operations / kernel.nanoseconds * 1e9 / top
+        table.add_row(kernel.name, f"{kernel.nanoseconds:.1f}", f"{kernel.operations:.0f}", f"{share:.0%}")
+    Console().print(table)
+    step = next(kernel for kernel in found if kernel.name == "covariance step")
+    row = next(kernel for kernel in found if kernel.name == "row")
+    return {
+        "covariance_step_ns_per_run": step.nanoseconds,
+        "row_ns_per_run": row.nanoseconds,
+        "covariance_share_of_fma_peak": step.operations / step.nanoseconds * 1e9 / top,
+        "fma_peak_gflops": top / 1e9,
+    }
