@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from lvnav_trade.filters.base import FilterCard, ImuBelief, InitialBelief, ReceiverBelief
-from lvnav_trade.units import Angle, Card, Length, Speed
+from lvnav_trade.units import AngleSigma, Card, Length, LengthSigma, SpeedSigma
 from lvnav_trade.world.constellation import AlmanacConstellation, NominalConstellation
 from lvnav_trade.world.faults import SatelliteOutage
 from lvnav_trade.world.imu import ImuCard
@@ -22,10 +22,10 @@ class InitialErrors(Card):
     velocity.
     """
 
-    tilt: Angle
-    heading: Angle
-    position: Length
-    velocity: Speed
+    tilt: AngleSigma
+    heading: AngleSigma
+    position: LengthSigma
+    velocity: SpeedSigma
 
 
 class Scenario(Card):
@@ -39,7 +39,7 @@ class Scenario(Card):
     initial: InitialErrors
     faults: tuple[SatelliteOutage, ...] = ()
     frame: Literal["ned", "ecef", "inertial", "orbital"] = "ned"
-    diverged: Length = Field(100e3, description="a run whose position error exceeds this counts as failed")
+    diverged: Length = Field(100e3, gt=0.0, description="a run whose position error exceeds this counts as failed")
 
 
 def _matched_imu(imu: ImuCard) -> ImuBelief:

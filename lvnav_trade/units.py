@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from functools import lru_cache
 from typing import Annotated, Any
 
@@ -46,14 +47,16 @@ def parse(text: str, unit: str) -> float:
             raise ValueError(f"{text!r} has the wrong unit; expected dB-Hz")
         return value
     try:
-        factor = registry().parse_expression(_pint_spelling(spelled))
-        return float((value * factor).to(unit).magnitude)
+        value = float((value * registry().parse_expression(_pint_spelling(spelled))).to(unit).magnitude)
     except pint.DimensionalityError:
         raise ValueError(f"{text!r} has the wrong unit; expected {_example(unit)}") from None
-    except (pint.UndefinedUnitError, pint.PintError, AttributeError, TypeError, SyntaxError, AssertionError) as error:
+    except Exception as error:  # what is no unit fails in the tokenizer, in the evaluation or in the conversion
         raise ValueError(
             f"{text!r} has no unit that is known ({spelled.strip()!r}); expected {_example(unit)}"
         ) from error
+    if not math.isfinite(value):
+        raise ValueError(f"{text!r} is not a finite quantity")
+    return value
 
 
 def _split(text: str) -> tuple[str, str]:
@@ -70,11 +73,7 @@ def _split(text: str) -> tuple[str, str]:
 def _pint_spelling(unit: str) -> str:
     """Turn ``deg/sqrt(h)`` into an expression that pint evaluates, and percent and ppm into numbers."""
     text = unit.strip().replace("^", "**").replace("%", "percent")
-    while "sqrt(" in text:
-        start = text.index("sqrt(")
-        end = text.index(")", start)
-        text = f"{text[:start]}(({text[start + 5 : end]})**0.5){text[end + 1 :]}"
-    return text
+    return re.sub(r"sqrt\(([^()]*)\)", r"((\1)**0.5)", text)
 
 
 _EXAMPLES = {
@@ -102,10 +101,11 @@ def _example(unit: str) -> str:
     return _EXAMPLES.get(unit, unit)
 
 
-def quantity(unit: str) -> Any:
+def quantity(unit: str, minimum: float | None = None, above: float | None = None) -> Any:
     """Return the pydantic annotation of a float held in SI `unit` and written with a unit in the card.
 
-    Dumped in JSON mode it becomes text again (``"0.0003 m/s"``), so that a resolved card reads back to the same number.
+    It is refused below `minimum`, and unless it is greater than `above` (both SI). Dumped in JSON mode it becomes text
+    again (``"0.0003 m/s"``), so that a resolved card reads back to the same number.
     """
 
     def read(value: Any) -> float:
@@ -126,7 +126,7 @@ def quantity(unit: str) -> Any:
         BeforeValidator(read),
         PlainSerializer(write, return_type=str, when_used="json"),
         WithJsonSchema(schema),
-        Field(allow_inf_nan=False),
+        Field(ge=minimum, gt=above, allow_inf_nan=False),
     ]
 
 
@@ -142,15 +142,26 @@ Angle = quantity("rad")
 AngularRate = quantity("rad/s")
 Speed = quantity("m/s")
 Acceleration = quantity("m/s**2")
-Frequency = quantity("Hz")
-Mass = quantity("kg")
-Force = quantity("N")
-Area = quantity("m**2")
-AngleRandomWalk = quantity("rad/s**0.5")
-VelocityRandomWalk = quantity("m/s**1.5")
-RateRandomWalk = quantity("rad/s**1.5")
-AccelerationRandomWalk = quantity("m/s**2.5")
-GSensitivity = quantity("rad*s/m")
-ScaleDrift = quantity("1/s**0.5")
-Fraction = quantity("dimensionless")
 CarrierToNoise = quantity("dB-Hz")
+
+# These have no sign: a mass, the length of a pause, and every one-sigma.
+Mass = quantity("kg", minimum=0.0)
+Area = quantity("m**2", minimum=0.0)
+Pause = quantity("s", minimum=0.0)
+LengthSigma = quantity("m", minimum=0.0)
+AngleSigma = quantity("rad", minimum=0.0)
+AngularRateSigma = quantity("rad/s", minimum=0.0)
+SpeedSigma = quantity("m/s", minimum=0.0)
+AccelerationSigma = quantity("m/s**2", minimum=0.0)
+AngleRandomWalk = quantity("rad/s**0.5", minimum=0.0)
+VelocityRandomWalk = quantity("m/s**1.5", minimum=0.0)
+RateRandomWalk = quantity("rad/s**1.5", minimum=0.0)
+AccelerationRandomWalk = quantity("m/s**2.5", minimum=0.0)
+GSensitivity = quantity("rad*s/m", minimum=0.0)
+ScaleDrift = quantity("1/s**0.5", minimum=0.0)
+Fraction = quantity("dimensionless", minimum=0.0)
+
+# And these divide.
+Frequency = quantity("Hz", above=0.0)
+TimeConstant = quantity("s", above=0.0)
+Force = quantity("N", above=0.0)

@@ -69,7 +69,8 @@ class Plain:
 
     def note(self, line: str) -> None:
         """Say a line."""
-        print(line, file=sys.stderr, flush=True)  # noqa: T201 - this is the console
+        sys.stderr.write(f"{line}\n")
+        sys.stderr.flush()
 
     def close(self) -> None:
         """Have nothing to end."""

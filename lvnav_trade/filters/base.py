@@ -7,19 +7,19 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 
 from lvnav_trade.units import (
-    Acceleration,
     AccelerationRandomWalk,
-    Angle,
+    AccelerationSigma,
     AngleRandomWalk,
-    AngularRate,
+    AngleSigma,
+    AngularRateSigma,
     Card,
-    Duration,
     Fraction,
     Frequency,
     GSensitivity,
-    Length,
+    LengthSigma,
     RateRandomWalk,
-    Speed,
+    SpeedSigma,
+    TimeConstant,
     VelocityRandomWalk,
 )
 
@@ -31,26 +31,26 @@ class ImuBelief(Card):
 
     gyro_random_walk: AngleRandomWalk
     accel_random_walk: VelocityRandomWalk
-    gyro_bias: AngularRate
+    gyro_bias: AngularRateSigma
     gyro_bias_walk: RateRandomWalk = 0.0
-    gyro_bias_time: Duration | None = None
-    accel_bias: Acceleration
+    gyro_bias_time: TimeConstant | None = None
+    accel_bias: AccelerationSigma
     accel_bias_walk: AccelerationRandomWalk = 0.0
-    accel_bias_time: Duration | None = None
+    accel_bias_time: TimeConstant | None = None
     gyro_scale_factor: Fraction = 0.0
     accel_scale_factor: Fraction = 0.0
-    gyro_misalignment: Angle = 0.0
-    accel_misalignment: Angle = 0.0
+    gyro_misalignment: AngleSigma = 0.0
+    accel_misalignment: AngleSigma = 0.0
     gyro_g_sensitivity: GSensitivity = 0.0
 
 
 class ReceiverBelief(Card):
     """What the filter believes of the receiver's measurement noise and clock."""
 
-    pseudorange_sigma: Length
-    range_rate_sigma: Speed
-    position_sigma: Length
-    velocity_sigma: Speed
+    pseudorange_sigma: LengthSigma
+    range_rate_sigma: SpeedSigma
+    position_sigma: LengthSigma
+    velocity_sigma: SpeedSigma
     clock_h0: float = Field(ge=0)
     clock_h_minus2: float = Field(ge=0)
 
@@ -58,12 +58,12 @@ class ReceiverBelief(Card):
 class InitialBelief(Card):
     """The filter's one-sigma at the start: tilt (north, east axes) and heading, position and velocity per axis."""
 
-    tilt: Angle
-    heading: Angle
-    position: Length
-    velocity: Speed
-    clock_bias: Length
-    clock_drift: Speed
+    tilt: AngleSigma
+    heading: AngleSigma
+    position: LengthSigma
+    velocity: SpeedSigma
+    clock_bias: LengthSigma
+    clock_drift: SpeedSigma
 
 
 ExtraState = Literal[

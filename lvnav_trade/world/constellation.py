@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -36,7 +36,7 @@ class NominalConstellation(Card):
     source: str
     epoch: str  # ISO 8601, UTC
     greenwich: Angle = Field(description="Greenwich hour angle of the direction that nodes are counted from, at epoch")
-    semi_major_axis: Length
+    semi_major_axis: Annotated[Length, Field(gt=0.0)]
     inclination: Angle
     slots: tuple[Slot, ...] = Field(min_length=1)
 

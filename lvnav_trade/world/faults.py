@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from pydantic import Field
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.records import Floats
-from lvnav_trade.units import Card, Duration
+from lvnav_trade.units import Card, Pause
 from lvnav_trade.world.events import resolve
 
 Mask = NDArray[np.bool_]
@@ -24,7 +24,7 @@ class SatelliteOutage(Card):
 
     kind: Literal["satellite_outage"] = "satellite_outage"
     start: str = Field(description="time such as '100 s', or relative to an event: 'stage1_cutoff + 20 s'")
-    duration: Annotated[Duration, Field(ge=0.0)]
+    duration: Pause
     keep: int = Field(0, ge=0)
 
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 from scipy.signal import lfilter
 
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OTHER_0, OWN_0, OWN_1, SQUARE
@@ -13,9 +13,11 @@ from lvnav_trade.records import Floats
 from lvnav_trade.units import (
     Acceleration,
     AccelerationRandomWalk,
-    Angle,
+    AccelerationSigma,
     AngleRandomWalk,
+    AngleSigma,
     AngularRate,
+    AngularRateSigma,
     Card,
     Duration,
     Fraction,
@@ -23,24 +25,34 @@ from lvnav_trade.units import (
     GSensitivity,
     RateRandomWalk,
     ScaleDrift,
-    Speed,
+    SpeedSigma,
+    TimeConstant,
     VelocityRandomWalk,
 )
 
 
-class GyroRamp(Card):
-    """A bias that grows linearly between two times and then stays (warming during the burn); same in every run."""
+class Ramp(Card):
+    """When a bias grows linearly before it stays as it is."""
 
     start: Duration = 0.0
     end: Duration
+
+    @model_validator(mode="after")
+    def _forwards(self) -> Self:
+        if self.end <= self.start:
+            raise ValueError("the ramp's end should come after its start")
+        return self
+
+
+class GyroRamp(Ramp):
+    """A bias that grows linearly between two times and then stays (warming during the burn); same in every run."""
+
     amplitude: tuple[AngularRate, AngularRate, AngularRate]
 
 
-class AccelRamp(Card):
+class AccelRamp(Ramp):
     """The accelerometers' bias ramp; same in every run."""
 
-    start: Duration = 0.0
-    end: Duration
     amplitude: tuple[Acceleration, Acceleration, Acceleration]
 
 
@@ -48,18 +60,18 @@ class GyroCard(Card):
     """Errors of the gyro triad, one sigma per axis (rows of table 1 of Trigo and Theil)."""
 
     bandwidth: Frequency | None = Field(None, description="first-order bandwidth; none: ideal")
-    misalignment: Angle = 0.0
+    misalignment: AngleSigma = 0.0
     random_walk: AngleRandomWalk = 0.0
     rate_random_walk: RateRandomWalk = 0.0
-    bias_repeatability: AngularRate = 0.0
-    bias_instability: AngularRate = 0.0
-    instability_time: Duration = 100.0
+    bias_repeatability: AngularRateSigma = 0.0
+    bias_instability: AngularRateSigma = 0.0
+    instability_time: TimeConstant = 100.0
     g_sensitivity: GSensitivity = 0.0
     scale_factor: Fraction = Field(0.0, description="repeatability")
     scale_factor_drift: ScaleDrift = 0.0
     nonlinearity: Fraction = Field(0.0, description="scale-factor error at full scale, growing with the rate")
-    full_scale: AngularRate = 8.7266462599716477  # 500 deg/s
-    quantisation: Angle = 0.0
+    full_scale: Annotated[AngularRate, Field(gt=0.0)] = 8.7266462599716477  # 500 deg/s
+    quantisation: AngleSigma = 0.0
     temperature: GyroRamp | None = None
 
 
@@ -67,17 +79,17 @@ class AccelCard(Card):
     """Errors of the accelerometer triad, one sigma per axis."""
 
     bandwidth: Frequency | None = Field(None, description="first-order bandwidth; none: ideal")
-    misalignment: Angle = 0.0
+    misalignment: AngleSigma = 0.0
     random_walk: VelocityRandomWalk = 0.0
     rate_random_walk: AccelerationRandomWalk = 0.0
-    bias_repeatability: Acceleration = 0.0
-    bias_instability: Acceleration = 0.0
-    instability_time: Duration = 100.0
+    bias_repeatability: AccelerationSigma = 0.0
+    bias_instability: AccelerationSigma = 0.0
+    instability_time: TimeConstant = 100.0
     scale_factor: Fraction = Field(0.0, description="repeatability")
     scale_factor_drift: ScaleDrift = 0.0
     nonlinearity: Fraction = Field(0.0, description="scale-factor error at full scale, growing with specific force")
-    full_scale: Acceleration = 294.1995  # 30 g
-    quantisation: Speed = 0.0
+    full_scale: Annotated[Acceleration, Field(gt=0.0)] = 294.1995  # 30 g
+    quantisation: SpeedSigma = 0.0
     temperature: AccelRamp | None = None
 
 

@@ -13,7 +13,7 @@ from scipy.optimize import root_scalar
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.frames import gmst
-from lvnav_trade.units import Angle, Card, Duration, Length, Speed
+from lvnav_trade.units import Angle, Card, Duration, Length, Pause, Speed
 from lvnav_trade.world.groundtrack import Course, course, end_state, pointing, tracks_of
 from lvnav_trade.world.launch import achieved, pad_track, phases_of
 from lvnav_trade.world.record import Record, read
@@ -46,7 +46,7 @@ class RecordedAscent(Card):
     events: dict[str, Duration] = Field(description="times of the named events, from lift-off")
     speed_noise: Annotated[Speed, Field(gt=0.0)] = Field(description="one-sigma error of a recorded speed")
     altitude_noise: Annotated[Length, Field(gt=0.0)] = Field(description="one-sigma error of a recorded altitude")
-    pad_hold: Annotated[Duration, Field(ge=0.0)] = 60.0
+    pad_hold: Pause = 60.0
     roll: Roll = Roll()
     coast_after_injection: Annotated[Duration, Field(gt=0.0)] = 20.0
 

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from lvnav_trade.units import Angle, Card, Frequency, Length, Speed
+from lvnav_trade.units import Angle, Card, Frequency, Length, LengthSigma, SpeedSigma
 
 
 class ClockCard(Card):
@@ -14,16 +14,16 @@ class ClockCard(Card):
 
     h0: float = Field(ge=0)
     h_minus2: float = Field(ge=0)
-    initial_bias: Length = 0.0
-    initial_drift: Speed = 0.0
+    initial_bias: LengthSigma = 0.0
+    initial_drift: SpeedSigma = 0.0
 
 
 class SolutionCard(Card):
     """The receiver's own position/velocity solution: true position and velocity plus white noise per axis."""
 
     kind: Literal["direct"] = "direct"
-    position_sigma: Length
-    velocity_sigma: Speed
+    position_sigma: LengthSigma
+    velocity_sigma: SpeedSigma
 
 
 class ReceiverCard(Card):
@@ -35,7 +35,7 @@ class ReceiverCard(Card):
     mask: Angle = Field(0.0, description="elevation mask above the local horizontal")
     lever_b: tuple[Length, Length, Length] = (0.0, 0.0, 0.0)
     channels: int = Field(16, ge=1, le=64, description="satellites tracked at most; the highest are kept")
-    pseudorange_sigma: Length
-    range_rate_sigma: Speed
+    pseudorange_sigma: LengthSigma
+    range_rate_sigma: SpeedSigma
     solution: SolutionCard
     clock: ClockCard

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from lvnav_trade.units import Acceleration, Angle, AngularRate, Area, Card, Duration, Force, Length, Mass
+from lvnav_trade.units import Acceleration, Angle, AngularRate, Area, Card, Duration, Force, Length, Mass, Pause
 
 STANDARD_GRAVITY = 9.80665  # m/s^2, converts specific impulse in seconds to exhaust speed
 
@@ -18,23 +18,13 @@ class Stage(Card):
     """
 
     name: str
-    propellant: Mass = Field(description="usable propellant")
-    dry: Mass = Field(description="mass that stays behind when the stage is dropped")
+    propellant: Annotated[Mass, Field(gt=0.0)] = Field(description="usable propellant")
+    dry: Annotated[Mass, Field(gt=0.0)] = Field(description="mass that stays behind when the stage is dropped")
     thrust: Force = Field(description="vacuum thrust at full throttle")
-    specific_impulse: Duration = Field(description="vacuum specific impulse")
+    specific_impulse: Annotated[Duration, Field(gt=0.0)] = Field(description="vacuum specific impulse")
     exit_area: Area = 0.0
-    ignition_delay: Duration = Field(0.0, description="coast between separation of the stage below and ignition")
-    separation_delay: Duration = Field(0.0, description="coast between cut-off and separation")
-
-    @model_validator(mode="after")
-    def _positive(self) -> Self:
-        for field in ("propellant", "dry", "thrust", "specific_impulse"):
-            if getattr(self, field) <= 0.0:
-                raise ValueError(f"{field} of stage {self.name!r} must be positive")
-        for field in ("exit_area", "ignition_delay", "separation_delay"):
-            if getattr(self, field) < 0.0:
-                raise ValueError(f"{field} of stage {self.name!r} must not be negative")
-        return self
+    ignition_delay: Pause = Field(0.0, description="coast between separation of the stage below and ignition")
+    separation_delay: Pause = Field(0.0, description="coast between cut-off and separation")
 
 
 class Fairing(Card):
@@ -42,7 +32,7 @@ class Fairing(Card):
 
     mass: Mass
     stage: int = Field(2, ge=1, description="number of the stage that burns when it is released")
-    after_ignition: Duration = Field(description="time between that ignition and the release")
+    after_ignition: Pause = Field(description="time between that ignition and the release")
 
 
 class VehicleCard(Card):
@@ -53,10 +43,12 @@ class VehicleCard(Card):
     stages: tuple[Stage, ...] = Field(min_length=1)
     payload: Mass
     fairing: Fairing | None = None
-    reference_area: Area = Field(description="area that the drag coefficients refer to")
+    reference_area: Annotated[Area, Field(gt=0.0)] = Field(description="area that the drag coefficients refer to")
     mach: tuple[float, ...] = Field(min_length=2, description="Mach numbers of the drag table, rising")
     drag_coefficient: tuple[float, ...] = Field(min_length=2)
-    max_load: Acceleration = Field(description="thrust is throttled to stay below this specific force")
+    max_load: Annotated[Acceleration, Field(gt=0.0)] = Field(
+        description="thrust is throttled to stay below this specific force"
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -66,8 +58,6 @@ class VehicleCard(Card):
             raise ValueError("mach must rise from entry to entry")
         if self.fairing is not None and self.fairing.stage > len(self.stages):
             raise ValueError(f"the fairing is released in stage {self.fairing.stage} of {len(self.stages)}")
-        if self.max_load <= 0.0:
-            raise ValueError("max_load must be positive")
         return self
 
 
@@ -123,7 +113,7 @@ class VehicleAscent(Card):
     site: Site
     target: Orbit
     parking: Parking | None = Field(None, description="none: one burn of the last stage straight into the target")
-    pad_hold: Annotated[Duration, Field(ge=0.0)] = 60.0
+    pad_hold: Pause = 60.0
     vertical_rise: Annotated[Duration, Field(gt=0.0)] = 8.0
     kick_duration: Annotated[Duration, Field(gt=0.0)] = 8.0
     kick_angle: Annotated[Angle, Field(gt=0.0)] | None = Field(

@@ -263,7 +263,97 @@ BAD: dict[str, tuple[str, str, str, str]] = {
         "configs/imu/good.yaml",
         '"200 Hz"',
         "0",
-        "configs/imu/good.yaml:3:7: base.imu.rate: should be above zero",
+        "configs/imu/good.yaml:3:7: base.imu.rate: should be greater than 0, not 0",
+    ),
+    "a_negative_sigma_is_refused": (
+        "configs/imu/good.yaml",
+        '"1 deg/h"',
+        "-1 deg/h",
+        "configs/imu/good.yaml:4:61: base.imu.gyro.bias_repeatability: should be greater than or equal to 0, not '-1 deg/h'",
+    ),
+    "a_negative_noise_is_refused": (
+        "configs/imu/good.yaml",
+        '"0.05 mg/sqrt(Hz)"',
+        "-0.05 mg/sqrt(Hz)",
+        "configs/imu/good.yaml:5:22: base.imu.accel.random_walk: should be greater than or equal to 0, not '-0.05 mg/sqrt(Hz)'",
+    ),
+    "a_negative_initial_error_is_refused": (
+        "campaign.yaml",
+        'tilt: "0.1 deg"',
+        "tilt: -0.1 deg",
+        "campaign.yaml:9:19: base.initial.tilt: should be greater than or equal to 0, not '-0.1 deg'",
+    ),
+    "a_negative_receiver_sigma_is_refused": (
+        "configs/receivers/plain.yaml",
+        'position_sigma: "3 m"',
+        "position_sigma: -3 m",
+        "configs/receivers/plain.yaml:5:28: base.receiver.solution.position_sigma: should be greater than or equal to 0, not '-3 m'",
+    ),
+    "a_belief_below_zero_is_refused": (
+        "campaign.yaml",
+        "filters/near",
+        "{card: filters/near, initial: {tilt: 1 deg, heading: 1 deg, position: -1 m, velocity: 1 m/s, clock_bias: 1 m, clock_drift: 1 m/s}}",
+        "campaign.yaml:8:81: base.filter.initial.position: should be greater than or equal to 0, not '-1 m'",
+    ),
+    "a_negative_rate_is_refused": (
+        "configs/filters/near.yaml",
+        "kind: tight",
+        "kind: tight\nupdate_rate: -1 Hz",
+        "configs/filters/near.yaml:4:14: base.filter.update_rate: should be greater than 0, not '-1 Hz'",
+    ),
+    "a_negative_bandwidth_is_refused": (
+        "configs/imu/good.yaml",
+        "gyro: {",
+        "gyro: {bandwidth: -60 Hz, ",
+        "configs/imu/good.yaml:4:19: base.imu.gyro.bandwidth: should be greater than 0, not '-60 Hz'",
+    ),
+    "a_time_constant_of_zero_is_refused": (
+        "configs/imu/good.yaml",
+        "accel: {",
+        "accel: {instability_time: 0 s, ",
+        "configs/imu/good.yaml:5:27: base.imu.accel.instability_time: should be greater than 0, not '0 s'",
+    ),
+    "a_negative_pause_is_refused": (
+        "configs/vehicles/small.yaml",
+        'specific_impulse: "330 s"',
+        'specific_impulse: "330 s", ignition_delay: -5 s',
+        "configs/vehicles/small.yaml:5:108: base.trajectory.vehicle.stages.1.ignition_delay: should be greater than or equal to 0, not '-5 s'",
+    ),
+    "a_negative_mass_is_refused": (
+        "configs/vehicles/small.yaml",
+        '"300 kg"',
+        "-300 kg",
+        "configs/vehicles/small.yaml:6:10: base.trajectory.vehicle.payload: should be greater than or equal to 0, not '-300 kg'",
+    ),
+    "a_stage_without_thrust_is_refused": (
+        "configs/vehicles/small.yaml",
+        '"600 kN"',
+        "0 kN",
+        "configs/vehicles/small.yaml:4:57: base.trajectory.vehicle.stages.0.thrust: should be greater than 0, not '0 kN'",
+    ),
+    "an_outage_of_negative_length_is_refused": (
+        "campaign.yaml",
+        "  imu: imu/good",
+        "  imu: imu/good\n  faults: [{start: 100 s, duration: -5 s}]",
+        "campaign.yaml:6:37: base.faults.0.duration: should be greater than or equal to 0, not '-5 s'",
+    ),
+    "a_ramp_that_ends_before_it_starts_is_refused": (
+        "configs/imu/good.yaml",
+        "gyro: {",
+        "gyro: {temperature: {start: 10 s, end: 5 s, amplitude: [1 deg/h, 0, 0]}, ",
+        "configs/imu/good.yaml:4:21: base.imu.gyro.temperature: the ramp's end should come after its start",
+    ),
+    "a_process_rate_that_does_not_divide_the_imu_rate_is_refused": (
+        "configs/imu/good.yaml",
+        'rate: "200 Hz"',
+        'rate: "200 Hz"\nprocess_rate: 30 Hz',
+        "configs/imu/good.yaml:4:15: base.imu.process_rate: 30 Hz does not divide the IMU rate of 200 Hz",
+    ),
+    "a_process_rate_above_the_imu_rate_is_refused": (
+        "configs/imu/good.yaml",
+        'rate: "200 Hz"',
+        'rate: "200 Hz"\nprocess_rate: 400 Hz',
+        "configs/imu/good.yaml:4:15: base.imu.process_rate: 400 Hz does not divide the IMU rate of 200 Hz",
     ),
     "an_unknown_metric_is_refused": (
         "campaign.yaml",
@@ -323,6 +413,19 @@ def test_a_mistake_is_told_in_one_line(study, what: str) -> None:
     with pytest.raises(InputError) as caught:
         load(study.path.name)
     assert str(caught.value) == message
+
+
+def test_what_may_point_either_way_keeps_its_sign(study) -> None:
+    study.edit("configs/receivers/plain.yaml", "name: plain", "name: plain\nlever_b: [-1 m, 0, -2 m]\nmask: -5 deg")
+    study.edit("configs/constellations/two.yaml", 'node: "60 deg"', "node: -60 deg")
+    ramp = "temperature: {start: -30 s, end: 100 s, amplitude: [-1 deg/h, 0, 0]}"
+    study.edit("configs/imu/good.yaml", "gyro: {", f"gyro: {{{ramp}, ")
+    base = load("campaign.yaml").base
+    assert base.receiver.lever_b == (-1.0, 0.0, -2.0)
+    assert base.receiver.mask < 0.0
+    assert base.constellation.slots[1].node < 0.0
+    assert base.imu.gyro.temperature.amplitude[0] < 0.0
+    assert base.trajectory.site.latitude < 0.0
 
 
 def test_several_mistakes_are_told_together_each_in_its_line(study) -> None:
