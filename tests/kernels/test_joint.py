@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
@@ -113,6 +115,33 @@ def test_a_random_walk_that_the_filter_takes_for_a_constant_grows_as_in_odtbx_ca
     np.testing.assert_allclose(truth, [0.909091, 0.750567, 0.907388, 1.149911, 1.427912], rtol=0, atol=5.1e-7)
     np.testing.assert_allclose(believed, [0.909091, 0.476190, 0.322581, 0.243902, 0.196078], rtol=0, atol=5.1e-7)
     np.testing.assert_allclose(sources[:, 0, 0], [0.003845, 0.192234, 1.231834], rtol=0, atol=5.1e-7)
+
+
+def rational_case_1():
+    """Return true and formal variance after each update of case 1 by the textbook recursion in exact fractions."""
+    true, formal, found = Fraction(10), Fraction(10), []
+    for epoch in range(5):
+        true += 1 if epoch else 0
+        gain = formal / (formal + 1)
+        true, formal = (1 - gain) ** 2 * true + gain**2, (1 - gain) ** 2 * formal + gain**2
+        found.append((float(true), float(formal)))
+    return np.array(found).T
+
+
+def test_case_1_agrees_with_exact_fractions_to_1e_10():
+    n = 9
+    formal, sources = np.zeros((n, n)), np.zeros((3, n, n))
+    formal[0, 0] = sources[0, 0, 0] = 10.0
+    walk = np.zeros(n)
+    walk[0] = 1.0
+    h, entries, columns = np.ones((1, 10)), np.array([0]), np.array([[0]])
+    found = []
+    for epoch in range(5):
+        if epoch:
+            advance(sources[2], np.zeros((0, 9)), NONE, NONE, walk, -1, 1.0, 1)
+        take_rows(formal, sources, h, entries, columns, 1.0, 1.0, 1, n)
+        found.append((sources[:, 0, 0].sum(), formal[0, 0]))
+    np.testing.assert_allclose(np.array(found).T, rational_case_1(), rtol=0, atol=1e-10)
 
 
 BIAS, RATE, N_CLOCKED = 9, 10, 11
