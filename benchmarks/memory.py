@@ -1,4 +1,4 @@
-"""Memory against run count: the largest resident set of a campaign's processes at 100, 1,000 and 10,000 runs."""
+"""Memory against run count: the most that a campaign's processes take together at 100, 1,000 and 10,000 runs."""
 
 from __future__ import annotations
 
@@ -13,34 +13,48 @@ from benchmarks.common import HERE
 COUNTS = (100, 1_000, 10_000)
 
 
-def _resident_mib(root: int) -> float:
-    """Return the resident memory of a process and its descendants (MiB), from /proc."""
-    parents: dict[int, int] = {}
-    sizes: dict[int, float] = {}
+def _parents() -> dict[int, int]:
+    """Return the parent of every process."""
+    found: dict[int, int] = {}
     for folder in Path("/proc").glob("[0-9]*"):
         try:
-            status = dict(line.split(":", 1) for line in (folder / "status").read_text().splitlines())
+            # the command's name, in brackets, may hold blanks
+            found[int(folder.name)] = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
         except OSError:
             continue
-        parents[int(folder.name)] = int(status["PPid"])
-        sizes[int(folder.name)] = float(status.get("VmRSS", "0 kB").split()[0]) / 1024.0
-    family, grown = {root}, True
+    return found
+
+
+def _family(root: int) -> set[int]:
+    parents, family, grown = _parents(), {root}, True
     while grown:
         more = {pid for pid, parent in parents.items() if parent in family} - family
         family |= more
         grown = bool(more)
-    return sum(sizes.get(pid, 0.0) for pid in family)
+    return family
+
+
+def _memory_mib(root: int) -> float:
+    """Return the memory of a process and its descendants (MiB), pages that several share counted once (PSS)."""
+    total = 0.0
+    for pid in _family(root):
+        try:
+            text = Path(f"/proc/{pid}/smaps_rollup").read_text()
+        except OSError:
+            continue
+        total += sum(float(line.split()[1]) for line in text.splitlines() if line.startswith("Pss:"))
+    return total / 1024.0
 
 
 def peak(runs: int) -> float:
     """Return the largest memory (MiB) that a campaign of so many runs takes, workers included."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "lvnav_trade", "run", str(HERE / "flight.yaml"), "--fresh", "--quiet"]
-        command += ["--results", folder, "--set", f"monte_carlo.runs={runs}"]
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        command += ["--out", folder, "--set", f"monte_carlo.runs={runs}"]
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, cwd=HERE.parent)
         highest = 0.0
         while process.poll() is None:
-            highest = max(highest, _resident_mib(process.pid))
+            highest = max(highest, _memory_mib(process.pid))
             time.sleep(0.2)
         return highest
 
