@@ -14,7 +14,7 @@ from lvnav_trade.campaign.progress import Progress
 from lvnav_trade.campaign.schema import Campaign
 from lvnav_trade.campaign.tree import hint
 from lvnav_trade.campaign.work import Job
-from lvnav_trade.errors import InputError, Mistake
+from lvnav_trade.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -164,7 +164,7 @@ def _check_sections(campaign: Campaign) -> None:
     from lvnav_trade.report import SECTIONS
 
     wrong = [
-        Mistake(f"no section {name!r}{hint(name, SECTIONS)}", f"report.sections.{index}")
+        campaign.written.mistake(f"report.sections.{index}", f"no section {name!r}{hint(name, SECTIONS)}")
         for index, name in enumerate(campaign.report.sections)
         if name not in SECTIONS
     ]

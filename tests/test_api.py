@@ -58,7 +58,7 @@ def test_a_section_that_the_report_does_not_have_is_refused_first(tmp_path: Path
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError) as caught:
         api.run("campaigns/smoke.yaml", ["report.sections=[sumary]"])
-    assert str(caught.value) == "report.sections.0: no section 'sumary' (did you mean 'summary'?)"
+    assert str(caught.value) == "--set: report.sections.0: no section 'sumary' (did you mean 'summary'?)"
     assert not Path("results").exists()
 
 

@@ -91,16 +91,16 @@ def test_a_mistake_is_a_note_on_its_line_in_a_workflow(events, monkeypatch: pyte
 
 
 def test_a_fault_after_the_flight_is_refused(events: dict[str, float]) -> None:
-    result = call("check", SMOKE, "--set", "faults=[{start: 601 s, duration: 5 s}]")
+    result = call("check", SMOKE, "--set", "faults=[{start: 621 s, duration: 5 s}]")
     assert result.exit_code == 2
-    assert result.stderr == "base.faults.0.start: '601 s' is 601 s, at or after the end of the flight (600 s)\n"
+    assert result.stderr == "--set: base.faults.0.start: '621 s' is 621 s, at or after the end of the flight (620 s)\n"
 
 
 def test_a_requirement_at_an_unknown_event_is_refused(events: dict[str, float]) -> None:
     result = call("check", "campaigns/demo.yaml", "--set", "requirements.0.at=injektion")
     assert result.exit_code == 2
     assert result.stderr == (
-        "requirements.0.at: 'injektion' is not an event of the trajectory (did you mean 'injection'?)\n"
+        "--set: requirements.0.at: 'injektion' is not an event of the trajectory (did you mean 'injection'?)\n"
     )
 
 

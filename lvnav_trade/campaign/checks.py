@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 from lvnav_trade.campaign import tree
+from lvnav_trade.campaign.axes import Case, axis_names
 from lvnav_trade.campaign.schema import FRAME_AXES, Campaign, metric
-from lvnav_trade.campaign.tree import Node, Place, mistake
+from lvnav_trade.campaign.tree import Node, mistake
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.events import resolve
 from lvnav_trade.world.faults import SatelliteOutage
-
-if TYPE_CHECKING:
-    from lvnav_trade.campaign.axes import Case
 
 _FIELDS = {
     "imu.rate": "IMU rate",
@@ -33,36 +30,24 @@ def rates(scenario: Scenario, node: Node) -> list[Mistake]:
     """Return the rates that are no multiples of each other, each at the slower one's place."""
     values = {
         "imu.rate": scenario.imu.rate,
+        "imu.process_rate": scenario.imu.process_rate,
         "filter.covariance_rate": scenario.filter.covariance_rate,
         "filter.update_rate": scenario.filter.update_rate,
         "receiver.rate": scenario.receiver.rate,
     }
-    found = [
-        mistake(_place(node, path), f"base.{path}", "should be above zero")
-        for path, value in values.items()
-        if not value > 0
+    found = []
+    pairs = [
+        ("imu.rate", "imu.process_rate"),
+        ("imu.rate", "filter.covariance_rate"),
+        ("filter.covariance_rate", "filter.update_rate"),
     ]
-    if found:
-        return found
-    pairs = [("imu.rate", "filter.covariance_rate"), ("filter.covariance_rate", "filter.update_rate")]
     if scenario.filter.kind != "inertial":
         pairs.append(("receiver.rate", "filter.update_rate"))
     for fast, slow in pairs:
         if not _multiple(values[fast], values[slow]):
             message = f"{values[slow]:g} Hz does not divide the {_FIELDS[fast]} of {values[fast]:g} Hz"
-            found.append(mistake(_place(node, slow), f"base.{slow}", message))
+            found.append(mistake(tree.nearest(node, slow.split(".")), f"base.{slow}", message))
     return found
-
-
-def _place(node: Node, path: str) -> Place:
-    """Return the place of a field, or of the nearest mapping above that was written (the field has its default)."""
-    steps = path.split(".")
-    while steps:
-        found = tree.find(node, steps)
-        if found is not None:
-            return found.place
-        steps.pop()
-    return node.place
 
 
 def requirements(campaign: Campaign, root: Node) -> list[Mistake]:
@@ -91,26 +76,46 @@ def flight(campaign: Campaign, cases: Sequence[Case], events: Mapping[str, Mappi
     found: dict[Mistake, None] = {}
     for case in cases:
         times = events[case.id]
-        last = max(times.values())
+        wanted = {f"requirements.{index}.at": requirement.at for index, requirement in enumerate(campaign.requirements)}
+        for path, event in wanted.items():
+            if event not in times:
+                message = f"{event!r} is not an event of the trajectory{tree.hint(event, times)}"
+                found.setdefault(campaign.written.mistake(path, message))
         for index, fault in enumerate(case.scenario.faults):
-            found.update(dict.fromkeys(_fault(fault, f"base.faults.{index}", times, last)))
-        for index, requirement in enumerate(campaign.requirements):
-            if requirement.at not in times:
-                message = f"{requirement.at!r} is not an event of the trajectory{tree.hint(requirement.at, times)}"
-                found.setdefault(Mistake(message, f"requirements.{index}.at"))
+            message = _fault(fault, times, *span(case.scenario, times))
+            if message:
+                found.setdefault(written(campaign, case, f"base.faults.{index}.start", message))
     return list(found)
 
 
-def _fault(fault: SatelliteOutage, path: str, events: Mapping[str, float], last: float) -> list[Mistake]:
-    """Return what is wrong with the times of one fault; `last` (s) is the last event of the flight."""
+def span(scenario: Scenario, events: Mapping[str, float]) -> tuple[float, float]:
+    """Return the first and the last time (s) of a flight."""
+    card = scenario.trajectory
+    return min(events.values()) - card.pad_hold, max(events.values()) + card.coast_after_injection
+
+
+def written(campaign: Campaign, case: Case, path: str, message: str) -> Mistake:
+    """Return the mistake where a case's value was written: in the base, or in the axis that gave the case its level."""
+    steps, root = [*path.split(".")], campaign.written.root
+    for index, (name, axis) in enumerate(zip(axis_names(campaign.axes), campaign.axes, strict=True)):
+        varied = ["base", *axis.path.removeprefix("base.").split(".")]
+        level = case.axes.get(name, "")
+        if steps[: len(varied)] == varied and level in (axis.labels or ()):
+            at = str((axis.labels or ()).index(level))
+            key = "cards" if root and tree.find(root, ["axes", index, "cards"]) else "values"
+            steps = ["axes", str(index), key, at, *steps[len(varied) :]]
+            break
+    return campaign.written.mistake(path, message, steps)
+
+
+def _fault(fault: SatelliteOutage, events: Mapping[str, float], first: float, last: float) -> str:
+    """Return what is wrong with the times of a fault, or nothing; `first` and `last` (s) bound the flight."""
     try:
         start = resolve(fault.start, dict(events))
     except InputError as error:
-        return [Mistake(error.records[0].message, f"{path}.start")]
-    found = []
+        return error.records[0].message
     if start >= last:
-        message = f"{fault.start!r} is {start:g} s, at or after the end of the flight ({last:g} s)"
-        found.append(Mistake(message, f"{path}.start"))
-    if fault.duration <= 0:
-        found.append(Mistake("should be above zero", f"{path}.duration"))
-    return found
+        return f"{fault.start!r} is {start:g} s, at or after the end of the flight ({last:g} s)"
+    if start + fault.duration < first:
+        return f"{fault.start!r} is {start:g} s: the fault is over before the flight begins ({first:g} s)"
+    return ""

@@ -17,7 +17,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from lvnav_trade.campaign import work
 from lvnav_trade.campaign.axes import Case, cases
-from lvnav_trade.campaign.checks import flight
+from lvnav_trade.campaign.checks import flight, written
 from lvnav_trade.campaign.load import resolved
 from lvnav_trade.campaign.lock import locked
 from lvnav_trade.campaign.plan import blocks
@@ -58,19 +58,31 @@ def store() -> Store:
 
 
 def check_flight(campaign: Campaign, found: Sequence[Case], job: Job, jobs: int) -> dict[str, dict[str, float]]:
-    """Build every distinct trajectory and refuse faults and requirements that do not fit it.
+    """Build every distinct trajectory; refuse what cannot fly, and faults and requirements that do not fit a flight.
 
     Returns the event times (s) of each case digest.
     """
     distinct: dict[str, Case] = {}
     for case in found:
-        distinct.setdefault(case.scenario.trajectory.model_dump_json(), case)
-    events = dict(zip(distinct, _all(jobs, work.events_of, [(job, case) for case in distinct.values()]), strict=True))
-    times = {case.id: events[case.scenario.trajectory.model_dump_json()] for case in found}
-    mistakes = flight(campaign, found, times)
+        distinct.setdefault(_flight_of(case), case)
+    units = [(job, case) for case in distinct.values()]
+    events = dict(zip(distinct, _all(jobs, work.events_of, units), strict=True))
+    grounded = [
+        written(campaign, case, record.path, record.message) if not record.line else record
+        for key, case in distinct.items()
+        if isinstance(events[key], InputError)
+        for record in events[key].records
+    ]
+    times = {case.id: events[_flight_of(case)] for case in found}
+    mistakes = grounded or flight(campaign, found, times)
     if mistakes:
         raise InputError(records=mistakes)
     return times
+
+
+def _flight_of(case: Case) -> str:
+    """Return what a case's events depend on, and whether it can be flown."""
+    return case.scenario.trajectory.model_dump_json() + case.scenario.constellation.model_dump_json()
 
 
 def run(

@@ -71,6 +71,7 @@ class _Loader:
         self._check_cases(whole, base, axes, levels)
         self.mistakes.extend(checks.requirements(whole, root))
         self._raise()
+        whole._written = tree.Written(root)
         return whole
 
     def _raise(self) -> None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 from typing import Any, Literal, NamedTuple
 
-from pydantic import Field, ValidationInfo, field_serializer, field_validator, model_validator
+from pydantic import Field, PrivateAttr, ValidationInfo, field_serializer, field_validator, model_validator
 
 from lvnav_trade import units
+from lvnav_trade.campaign.tree import Written, hint
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.units import Card, Duration
 
@@ -46,8 +47,6 @@ def metric_names() -> tuple[str, ...]:
 
 def metric(name: str) -> Metric:
     """Take a metric's name apart; ValueError names the nearest where it is unknown."""
-    from lvnav_trade.campaign.tree import hint
-
     if name not in metric_names():
         raise ValueError(f"{name!r} is not a metric{hint(name, metric_names())}")
     quantity, _, axis = name.partition("_error_")
@@ -188,3 +187,9 @@ class Campaign(Card):
         if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}", name):
             raise ValueError(f"{name!r} cannot name a folder; use letters, digits, '-', '_' and '.'")
         return name
+    _written: Written = PrivateAttr(default_factory=Written)
+
+    @property
+    def written(self) -> Written:
+        """Where every value was written, for mistakes that show only later."""
+        return self._written

@@ -46,6 +46,36 @@ class Node:
         return isinstance(self.value, list)
 
 
+class Written:
+    """The tree that settings were read from. Any two are equal: settings are compared by what they say."""
+
+    def __init__(self, root: Node | None = None) -> None:
+        self.root = root
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Written)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def mistake(self, path: str, message: str, steps: Iterable[str | int] | None = None) -> Mistake:
+        """Return the mistake at the place where `path` was written; `steps` where it stands elsewhere than it says.
+
+        A field that was not written has the place of the settings above it; without a tree there is none.
+        """
+        place = None if self.root is None else nearest(self.root, path.split(".") if steps is None else steps)
+        return Mistake(message, path) if place is None else mistake(place, path, message)
+
+
+def nearest(node: Node, steps: Iterable[str | int]) -> Place:
+    """Return the place of the node at a path, or of the nearest one above that is there."""
+    for step in steps:
+        below = find(node, [step])
+        if below is None:
+            break
+        node = below
+    return node.place
+
+
 def mistake(place: Place, path: str, message: str) -> Mistake:
     """Return the mistake at `place`."""
     return Mistake(message, path, place.file, place.line, place.column)

@@ -8,8 +8,8 @@ import multiprocessing
 import os
 import signal
 import traceback
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -55,9 +55,23 @@ def engine() -> Engine:
 def _events(scenario: Scenario) -> dict[str, float]:
     from lvnav_trade.engines.prepare import trajectory_of
 
-    return dict(trajectory_of(scenario).events)
+    with _about("base.constellation"):
+        orbits(scenario.constellation, scenario.trajectory.epoch)
+    with _about("base.trajectory"):
+        return dict(trajectory_of(scenario).events)
 
 
+@contextmanager
+def _about(path: str) -> Iterator[None]:
+    """Let a mistake that is found within say which field it is about."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(records=[record._replace(path=record.path or path) for record in error.records]) from None
+
+    """Return the event times of a flight; InputError where it or the satellites cannot be."""
+
+    from lvnav_trade.world.constellation import orbits
 class Job(NamedTuple):
     """What all units of work of a campaign share."""
 
@@ -88,10 +102,13 @@ class Done(NamedTuple):
     error: str = ""
 
 
-def events_of(job: Job, case: Case) -> dict[str, float]:
-    """Return the event times of a case's trajectory."""
+def events_of(job: Job, case: Case) -> dict[str, float] | InputError:
+    """Return the event times of a case's trajectory, or why it cannot be flown."""
     _let_the_parent_be_interrupted()
-    return job.engine.events(case.scenario)
+    try:
+        return job.engine.events(case.scenario)
+    except InputError as error:
+        return error
 
 
 def answer(job: Job, case: Case) -> Answer:

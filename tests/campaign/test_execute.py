@@ -193,7 +193,8 @@ def test_an_event_that_is_not_in_the_flight_is_refused_before_anything_is_comput
     with pytest.raises(InputError) as caught:
         run(fake)
     assert str(caught.value) == (
-        "requirements.0.at: 'stage1_cutof' is not an event of the trajectory (did you mean 'stage1_cutoff'?)"
+        "campaign.yaml:12:57: requirements.0.at: 'stage1_cutof' is not an event of the trajectory"
+        " (did you mean 'stage1_cutoff'?)"
     )
     assert fake.calls == []
 

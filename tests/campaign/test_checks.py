@@ -1,0 +1,143 @@
+"""What must fit together is checked where it was written: rates, events, times of faults."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lvnav_trade.campaign import checks, tree
+from lvnav_trade.campaign.axes import cases
+from lvnav_trade.campaign.load import load, resolved
+from lvnav_trade.campaign.tree import Place
+from lvnav_trade.errors import InputError
+
+EVENTS = {"liftoff": 0.0, "stage1_cutoff": 150.0, "injection": 540.0}  # the climb holds 60 s and coasts 20 s
+
+
+def told(study: Any, sets: tuple[str, ...] = (), name: str = "campaign.yaml") -> list[str]:
+    """Return what is wrong with the study's campaign in a flight of these events."""
+    campaign = load(name, sets)
+    found = cases(campaign)
+    return [str(mistake) for mistake in checks.flight(campaign, found, {case.id: EVENTS for case in found})]
+
+
+def with_fault(study: Any, start: str, duration: str = "5 s") -> None:
+    text = f"  imu: imu/good\n  faults: [{{start: {start}, duration: {duration}}}]"
+    study.edit("campaign.yaml", "  imu: imu/good", text)
+
+
+@pytest.mark.parametrize(
+    ("start", "message"),
+    [
+        ("stage1_cutof + 20 s", "'stage1_cutof + 20 s': no event 'stage1_cutof' (did you mean 'stage1_cutoff'?)"),
+        ("stage1_cutoff + 20", "'stage1_cutoff + 20' is not a time: '20' has no unit; write it as a quantity in a unit"
+         " of time (s, ms, min)"),
+        ("injection + 30 s", "'injection + 30 s' is 570 s, at or after the end of the flight (560 s)"),
+        ("liftoff - 100 s", "'liftoff - 100 s' is -100 s: the fault is over before the flight begins (-60 s)"),
+    ],
+)  # fmt: skip
+def test_a_fault_that_does_not_fit_the_flight_is_told_at_its_start(study, start: str, message: str) -> None:
+    with_fault(study, start)
+    assert told(study) == [f"campaign.yaml:6:20: base.faults.0.start: {message}"]
+
+
+@pytest.mark.parametrize("start", ["liftoff - 60 s", "stage1_cutoff + 20 s", "injection + 10 s", "100 s"])
+def test_a_fault_on_the_pad_in_flight_or_in_the_coast_is_good(study, start: str) -> None:
+    with_fault(study, start)
+    assert told(study) == []
+
+
+def test_an_outage_of_no_length_is_a_level_like_any_other(study) -> None:
+    with_fault(study, "100 s")
+    text = "axes: [{path: faults.0.duration, values: [0 s, 30 s]}]\n"
+    study.path.write_text(study.path.read_text() + text)
+    assert told(study) == []
+
+
+def test_a_fault_that_an_axis_brings_is_told_in_the_axis(study) -> None:
+    study.append(
+        "axes:\n  - path: faults\n    values:\n      - []\n      - [{start: 100 s, duration: 5 s}]\n"
+        "      - [{start: 100 min, duration: 5 s}]\n"
+    )
+    place = "campaign.yaml:15:18: base.faults.0.start"
+    assert told(study) == [f"{place}: '100 min' is 6000 s, at or after the end of the flight (560 s)"]
+
+
+def test_a_field_of_a_fault_that_an_axis_varies_is_told_in_the_axis(study) -> None:
+    with_fault(study, "100 s")
+    text = "axes: [{path: faults.0.start, values: [150 s, 600 s]}]\n"
+    study.path.write_text(study.path.read_text() + text)
+    assert told(study) == [
+        "campaign.yaml:11:47: base.faults.0.start: '600 s' is 600 s, at or after the end of the flight (560 s)"
+    ]
+
+
+def test_a_fault_given_on_the_command_line_is_told_there(study) -> None:
+    assert told(study, ("faults=[{start: 600 s, duration: 5 s}]",)) == [
+        "--set: base.faults.0.start: '600 s' is 600 s, at or after the end of the flight (560 s)"
+    ]
+
+
+def test_a_requirement_at_an_unknown_event_is_told_at_the_word(study) -> None:
+    study.append(
+        "requirements:\n  - {name: a, metric: position_error_3d, at: injektion, probability: 0.5, below: 1 m}\n"
+    )
+    assert told(study) == [
+        "campaign.yaml:11:46: requirements.0.at: 'injektion' is not an event of the trajectory"
+        " (did you mean 'injection'?)"
+    ]
+
+
+def test_a_default_that_does_not_fit_is_told_where_it_was_left_out(study) -> None:
+    study.append("requirements:\n  - {name: a, metric: position_error_3d, probability: 0.5, below: 1 m}\n")
+    campaign = load("campaign.yaml")
+    found = cases(campaign)
+    mistakes = checks.flight(campaign, found, {case.id: {"liftoff": 0.0, "meco": 540.0} for case in found})
+    assert [str(mistake) for mistake in mistakes] == [
+        "campaign.yaml:11:5: requirements.0.at: 'injection' is not an event of the trajectory"
+    ]
+
+
+def test_the_same_mistake_in_many_cases_is_told_once(study) -> None:
+    with_fault(study, "600 s")
+    text = "axes: [{path: imu, cards: [imu/good, imu/poor]}, {path: filter.gate, values: [4, 5]}]\n"
+    study.path.write_text(study.path.read_text() + text)
+    assert len(told(study)) == 1
+
+
+def test_a_mistake_in_a_resolved_campaign_stands_in_that_file(study) -> None:
+    with_fault(study, "600 s")
+    study.write("frozen.yaml", resolved(load("campaign.yaml")))
+    (line,) = told(study, name="frozen.yaml")
+    assert line.startswith("frozen.yaml:")
+    assert line.endswith("base.faults.0.start: '600 s' is 600 s, at or after the end of the flight (560 s)")
+
+
+def test_a_rule_between_rates_is_told_at_the_mapping_where_the_slower_one_has_its_default(study) -> None:
+    study.edit("configs/imu/good.yaml", '"200 Hz"', "125 Hz")
+    with pytest.raises(InputError) as caught:
+        load("campaign.yaml")
+    assert str(caught.value).splitlines() == [
+        "configs/filters/near.yaml:1:1: base.filter.covariance_rate: 10 Hz does not divide the IMU rate of 125 Hz",
+        "configs/imu/good.yaml:1:1: base.imu.process_rate: 10 Hz does not divide the IMU rate of 125 Hz",
+    ]
+
+
+@pytest.mark.parametrize(("fast", "slow"), [(200.0, 0.1), (200.0, 200.0), (100.0 / 3.0, 100.0 / 9.0)])
+def test_a_rate_divides_another_whatever_the_rounding(study, fast: float, slow: float) -> None:
+    slower = ("imu.process_rate", "filter.covariance_rate", "filter.update_rate", "receiver.rate")
+    load("campaign.yaml", [f"imu.rate={fast} Hz", *(f"{path}={slow} Hz" for path in slower)])
+
+
+def test_an_inertial_filter_asks_nothing_of_the_receiver(study) -> None:
+    load("campaign.yaml", ["filter.kind=inertial", "receiver.rate=3 Hz"])
+    with pytest.raises(InputError, match="1 Hz does not divide the receiver rate of 1\\.5 Hz"):
+        load("campaign.yaml", ["receiver.rate=1.5 Hz"])
+
+
+def test_the_nearest_place_is_that_of_the_settings_above_what_was_not_written() -> None:
+    root = tree.parse("a:\n  b: {c: 1}\n", "f.yaml", Path())
+    assert tree.nearest(root, ["a", "b", "d", "e"])[:3] == ("f.yaml", 2, 6)
+    assert isinstance(tree.nearest(root, ["x"]), Place)
