@@ -260,7 +260,7 @@ def _jobs(jobs: int) -> None:
 @contextmanager
 def _errors(as_json: bool, debug: bool) -> Iterator[None]:
     """Turn every way to fail into one line and an exit code."""
-    from lvnav_trade.errors import InputError
+    from lvnav_trade.errors import InputError, is_full_disk
 
     if debug:
         os.environ["LVNAV_TRADE_DEBUG"] = "1"
@@ -278,10 +278,18 @@ def _errors(as_json: bool, debug: bool) -> Iterator[None]:
     except Exception as error:
         if type(error).__name__ == "Halted":
             _leave(4, as_json, str(error))
+        if is_full_disk(error):
+            _leave(4, as_json, f"{_os_error(error)}; the same command resumes once there is space")
         if debug:
             raise
         text = str(error).strip().partition("\n")[0]
         _leave(5, as_json, f"internal error: {type(error).__name__}: {text} (--debug shows where; please report it)")
+
+
+def _os_error(error: OSError) -> str:
+    """Return what the operating system says, with the file where it names one."""
+    said = error.strerror or str(error)
+    return f"{error.filename}: {said}" if error.filename else said
 
 
 def _leave(code: int, as_json: bool, message: str, records: Sequence[Mistake] = ()) -> NoReturn:

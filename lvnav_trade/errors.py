@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeGuard
 
 
 class Mistake(NamedTuple):
@@ -18,6 +19,11 @@ class Mistake(NamedTuple):
     def __str__(self) -> str:
         where = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
         return ": ".join(part for part in (where, self.path, self.message) if part)
+
+
+def is_full_disk(error: BaseException) -> TypeGuard[OSError]:
+    """Whether the error means that no more can be written: no mistake, and the work resumes once there is space."""
+    return isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)
 
 
 class InputError(Exception):

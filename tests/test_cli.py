@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
+from lvnav_trade import api
 from lvnav_trade.campaign import work
 from lvnav_trade.campaign.work import Engine
 from lvnav_trade.cli import app
@@ -134,6 +135,17 @@ def test_an_internal_error_is_one_line_and_exit_code_five(monkeypatch: pytest.Mo
         "internal error: ZeroDivisionError: division by zero (--debug shows where; please report it)\n"
     )
     assert isinstance(call("check", SMOKE, "--debug").exception, ZeroDivisionError)
+
+
+def test_a_full_disk_is_exit_code_four_wherever_it_shows(events, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(api, "build_report", full)
+    monkeypatch.setattr(api, "load", lambda folder: None)
+    result = call("report", "results/smoke")
+    assert result.exit_code == 4
+    assert result.stderr == "No space left on device; the same command resumes once there is space\n"
 
 
 def test_ctrl_c_is_exit_code_130(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import pickle
 
 import pytest
 
-from lvnav_trade.errors import InputError, Mistake
+from lvnav_trade.errors import InputError, Mistake, is_full_disk
 
 
 @pytest.mark.parametrize(
@@ -39,3 +40,9 @@ def test_an_error_comes_back_whole_from_a_worker_process() -> None:
     assert isinstance(again, InputError)
     assert again.records == error.records
     assert str(again) == str(error)
+
+
+@pytest.mark.parametrize(("number", "full"), [(errno.ENOSPC, True), (errno.EDQUOT, True), (errno.EACCES, False)])
+def test_a_full_disk_is_told_from_other_trouble(number: int, full: bool) -> None:
+    assert is_full_disk(OSError(number, "trouble")) is full
+    assert not is_full_disk(ValueError("trouble"))

@@ -24,7 +24,7 @@ from lvnav_trade.campaign.plan import blocks
 from lvnav_trade.campaign.progress import Progress, Silent
 from lvnav_trade.campaign.schema import Campaign
 from lvnav_trade.campaign.work import Answer, Done, Job
-from lvnav_trade.errors import InputError
+from lvnav_trade.errors import InputError, is_full_disk
 
 Mode = Literal["resume", "fresh"]
 
@@ -128,7 +128,7 @@ def run(
         raise Halted(f"a worker process died (out of memory?); the same command resumes, try --jobs {fewer}") from None
     except OSError as error:
         _end_workers(jobs)
-        if work.is_full_disk(error):
+        if is_full_disk(error):
             raise Halted(f"{folder}: {error.strerror}; the same command resumes once there is space") from None
         raise
     finally:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import errno
 import fcntl
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from lvnav_trade.errors import InputError
+from lvnav_trade.errors import InputError, is_full_disk
 
 
 @contextmanager
@@ -21,7 +20,7 @@ def locked(folder: Path) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         handle = (folder / ".lock").open("w")
     except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        if is_full_disk(error):
             raise
         raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
     with handle:

@@ -12,7 +12,7 @@ from lvnav_trade.campaign.axes import Case
 from lvnav_trade.campaign.schema import Campaign
 from lvnav_trade.campaign.tree import hint
 from lvnav_trade.campaign.work import WHY
-from lvnav_trade.errors import InputError
+from lvnav_trade.errors import InputError, is_full_disk
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -63,6 +63,8 @@ def write_trace(found: Replay, folder: Path, case: Case, run: int) -> Path:
         place.mkdir(parents=True, exist_ok=True)
         found.trace.to_parquet(path, compression="zstd", index=False)
     except OSError as error:
+        if is_full_disk(error):
+            raise
         raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
     return path
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import math
 import multiprocessing
 import os
@@ -19,7 +18,7 @@ import numpy as np
 
 from lvnav_trade.campaign.axes import Case
 from lvnav_trade.campaign.plan import Block
-from lvnav_trade.errors import InputError
+from lvnav_trade.errors import InputError, is_full_disk
 from lvnav_trade.records import CovHistory
 from lvnav_trade.scenario import Scenario
 
@@ -233,11 +232,6 @@ def _why(runs: Any, index: int) -> str:
     when = float(runs.t_failed[index])
     why = WHY.get(int(runs.failed[index]), f"failed with code {int(runs.failed[index])}")
     return why if math.isnan(when) else f"{why} at {when:g} s"
-
-
-def is_full_disk(error: BaseException) -> bool:
-    """Whether the error means that no more can be written."""
-    return isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)
 
 
 def _told(error: Exception) -> str:

@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from lvnav_trade.engines.statistics import BlockSummary, merge
-from lvnav_trade.errors import InputError
+from lvnav_trade.errors import InputError, is_full_disk
 from lvnav_trade.records import CovHistory
 from lvnav_trade.store import parts as part_files
 from lvnav_trade.store.schema import TABLES, arrow_schema
@@ -154,6 +154,8 @@ def _refuse_other(folder: Path, identity: dict[str, str]) -> None:
     path = folder / MANIFEST
     if not path.exists():
         return
+        if is_full_disk(error):
+            raise
     try:
         held = json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:

@@ -143,6 +143,21 @@ def test_a_full_disk_ends_in_one_line_and_can_be_resumed(run) -> None:
     assert flown(fake) == ALL[2:]
 
 
+def test_a_disk_that_is_full_from_the_start_ends_in_the_same_line(study, fakes) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    study.append(TWO)
+    with pytest.raises(execute.Halted, match=r"^results: No space left on device; the same command resumes once"):
+        execute.run(
+            load(study.path),
+            Path("results"),
+            jobs=1,
+            engine=fakes.Fake().engine(),
+            keep=execute.Store(full, fakes.Info),
+        )
+
+
 def test_a_failed_run_is_told_with_the_command_that_shows_it(run, study, fakes) -> None:
     def one_bad(first: int, n: int) -> list[int]:
         return [57] if first == 40 else []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 
 import pyarrow.parquet as pq
@@ -9,7 +10,7 @@ import pytest
 
 from lvnav_trade.engines.statistics import merge, summarise
 from lvnav_trade.errors import InputError
-from lvnav_trade.store import TABLES, CaseInfo, load, open_results
+from lvnav_trade.store import TABLES, CaseInfo, load, open_results, write
 from lvnav_trade.store.versions import campaign_digest
 from tests import synthetic
 from tests.synthetic import CAMPAIGN, EVENTS, OUTPUTS, block, covariance
@@ -98,6 +99,15 @@ def test_a_folder_that_cannot_be_written_is_a_users_error(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot be written"):
         open_results(tmp_path / "file" / "results", "x", CAMPAIGN, {})
+
+
+def test_a_full_disk_is_not_a_users_error(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(write, "_write_json", full)
+    with pytest.raises(OSError, match="No space left on device"):
+        open_results(tmp_path, "x", CAMPAIGN, {})
 
 
 def test_workers_may_write_the_cases_and_the_plan_gives_the_order(tmp_path):
