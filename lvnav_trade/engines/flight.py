@@ -359,13 +359,17 @@ def fly(work, schedule, unit, signals, start, history, belief, k0, k1):
     k0, k1 : key words of the campaign's seed
     """
     begin(work, unit, signals, start, belief, k0, k1)
-    tight = belief.kind == TIGHT
+    tight, dt = belief.kind == TIGHT, unit.dt * belief.group
     for w in range(schedule.n_tick.shape[0]):
         first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
         if n_tick > 0:
             sense(work, unit, first, n_tick, k0, k1)
             processes.compensate(work.increments, n_tick, work.tables[0], work.tables[1], belief.lean, unit.dt)
-            mechanise(work.nav, work.sums, work.previous, work.increments, n_tick, unit.dt, belief.gravity)
+            if belief.group > 1:
+                processes.combine(work.increments, n_tick, belief.group)
+            mechanise(
+                work.nav, work.sums, work.previous, work.increments, n_tick // belief.group, dt, belief.gravity
+            )  # fmt: skip
             predict_window(work, belief, schedule.length[w])
         epoch = schedule.epoch[w]
         if epoch >= 0:
@@ -373,9 +377,9 @@ def fly(work, schedule, unit, signals, start, history, belief, k0, k1):
         if epoch >= 0 and belief.kind != INERTIAL:
             observe(work, signals, tight, epoch, k0, k1)
             if tight:
-                update_tight(work, belief, signals, epoch, unit.dt)
+                update_tight(work, belief, signals, epoch, dt)
             elif signals.n_used[epoch] >= 4:
-                update_loose(work, belief, epoch, unit.dt)
+                update_loose(work, belief, epoch, dt)
             correct(work, belief)
         if schedule.hist[w] >= 0:
             record(work, history, belief, schedule.hist[w])

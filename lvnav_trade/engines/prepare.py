@@ -19,8 +19,8 @@ from lvnav_trade.layout import StateLayout, outputs
 from lvnav_trade.records import Floats, Output, Reference, Sky
 from lvnav_trade.scenario import Scenario, beliefs
 from lvnav_trade.world.imu import ErrorBlock, ImuCard, error_blocks, lag
-from lvnav_trade.world.sky import sky
 from lvnav_trade.world.profile import RecordedAscent
+from lvnav_trade.world.sky import sky
 from lvnav_trade.world.trajectory import Trajectory, build, motion, reference
 from lvnav_trade.world.vehicle import VehicleAscent
 
@@ -63,8 +63,9 @@ def _sampled(trajectory_json: str, kind: type[VehicleAscent] | type[RecordedAsce
     return reference(_built(trajectory_json, kind), rate)
 
 
-def _ticks(times: Floats, start: float, rate: float, n_imu: int) -> Ints:
-    return np.clip(np.rint((times - start) * rate).astype(np.int64), 0, n_imu)
+def _ticks(times: Floats, start: float, rate: float, n_imu: int, group: int = 1) -> Ints:
+    """Return the tick nearest to each time, on a step of the strapdown (`group` ticks)."""
+    return np.clip(np.rint((times - start) * rate / group).astype(np.int64) * group, 0, n_imu)
 
 
 def _history_times(trajectory: Trajectory, start: float, end: float, every: float) -> Floats:
@@ -184,9 +185,10 @@ def reporting_axes(frame: str, t: Floats, r_i: Floats, v_i: Floats, theta0: floa
     return rotation_i_e(theta) if frame == "ecef" else rotation_i_n(r_i, theta)
 
 
-def _with_steps(t_hist: Floats, steps: Floats, start: float, rate: float, n_imu: int) -> Floats:
+def _with_steps(t_hist: Floats, steps: Floats, start: float, rate: float, n_imu: int, group: int) -> Floats:
     """Return history times and covariance steps (s), sorted; a step on the tick of a history time stands once."""
-    new = ~np.isin(_ticks(steps, start, rate, n_imu), _ticks(t_hist, start, rate, n_imu))
+    grid = (start, rate, n_imu, group)
+    new = ~np.isin(_ticks(steps, *grid), _ticks(t_hist, *grid))
     return np.sort(np.concatenate([t_hist, steps[new]]))
 
 
@@ -204,20 +206,22 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     kind, text = type(scenario.trajectory), scenario.trajectory.model_dump_json()
     trajectory, card = _built(text, kind), scenario.filter
     ref = _sampled(text, kind, scenario.imu.rate)
-    n_imu, start, end, rate = ref.dtheta.shape[0], float(ref.t[0]), float(ref.t[-1]), scenario.imu.rate
+    start, end, rate = float(ref.t[0]), float(ref.t[-1]), scenario.imu.rate
+    group = 1 if card.strapdown_rate is None else round(rate / card.strapdown_rate)
+    n_imu = ref.dtheta.shape[0] // group * group
     interval = 1.0 / card.update_rate
     t_epoch = start + interval * np.arange(1, math.floor((end - start) / interval + 1e-9) + 1)
-    epoch_tick = _ticks(t_epoch, start, rate, n_imu)
+    epoch_tick = _ticks(t_epoch, start, rate, n_imu, group)
     t_epoch = ref.t[epoch_tick]  # increments end at ticks: half a tick is 20 m at orbital speed
     per_window = max(1, round(rate / card.covariance_rate))
     t_hist = _history_times(trajectory, start, end, history)
     if every_step_beside is not None:
-        t_hist = _with_steps(every_step_beside, ref.t[::per_window], start, rate, n_imu)
-    hist_tick = _ticks(t_hist, start, rate, n_imu)
+        t_hist = _with_steps(every_step_beside, ref.t[::per_window], start, rate, n_imu, group)
+    hist_tick = _ticks(t_hist, start, rate, n_imu, group)
     schedule, lengths = _schedule(n_imu, per_window, hist_tick, epoch_tick)
     seen = sky(scenario.constellation, scenario.receiver, trajectory, t_epoch, scenario.faults)
     imu, receiver, initial = beliefs(scenario)
-    layout, belief = believe(card, imu, receiver, scenario.receiver.lever_b, lengths / rate)
+    layout, belief = believe(card, imu, receiver, scenario.receiver.lever_b, lengths / rate, group)
     blocks = tuple(error_blocks(scenario.imu))
     C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], trajectory.theta0)[0].T
     return Prepared(

@@ -88,6 +88,9 @@ class FilterCard(Card):
     source: str
     kind: Literal["inertial", "loose", "tight"]
     extra_states: tuple[ExtraState, ...] = ()
+    strapdown_rate: Frequency | None = Field(
+        None, description="increments are added up to this rate before the strapdown; none: the unit's own rate"
+    )
     covariance_rate: Frequency = 10.0
     update_rate: Frequency = 1.0
     consider: tuple[ParameterState, ...] = Field((), description="states carried but not estimated (Schmidt)")

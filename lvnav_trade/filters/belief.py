@@ -30,8 +30,8 @@ class Belief(NamedTuple):
     kind (INERTIAL, LOOSE, TIGHT); gravity code; block_rows, block_columns, block_kinds, block_drivers (n_block,);
     seconds (n_length,) distinct window lengths, decay and noise (n_length, n_state) per length; clock index;
     n_estimated, n_state; par_sensor, par_driver, par_offset (n_par,); lean (only biases are carried); fading (any
-    decay); gate_squared; joseph; variance (4,) by row type; n_entry (4,), entry and column (4, 10) by row type;
-    lever (3,) m.
+    decay); gate_squared; joseph; group (ticks to a strapdown step); variance (4,) by row type; n_entry (4,), entry
+    and column (4, 10) by row type; lever (3,) m.
     """
 
     kind: int
@@ -53,6 +53,7 @@ class Belief(NamedTuple):
     fading: bool
     gate_squared: float
     joseph: bool
+    group: int
     variance: Floats
     n_entry: Ints
     entry: Ints
@@ -165,9 +166,17 @@ def _row_tables(layout: StateLayout, has_lever: bool) -> tuple[Ints, Ints, Ints]
 
 
 def believe(
-    card: FilterCard, imu: ImuBelief, receiver: ReceiverBelief, lever: tuple[float, float, float], seconds: Floats
+    card: FilterCard,
+    imu: ImuBelief,
+    receiver: ReceiverBelief,
+    lever: tuple[float, float, float],
+    seconds: Floats,
+    group: int = 1,
 ) -> tuple[StateLayout, Belief]:
-    """Turn a filter card and its beliefs into numbers; seconds (n_length,) are the window lengths that will occur."""
+    """Turn a filter card and its beliefs into numbers.
+
+    seconds (n_length,) are the window lengths that will occur; group the ticks of the unit to a strapdown step.
+    """
     layout = state_layout(card, imu)
     rows, columns, kinds, drivers = transition_blocks(layout.parameters, card.transition_order)
     decay, noise = window_tables(layout, _densities(card, layout, imu, receiver), seconds)
@@ -195,6 +204,7 @@ def believe(
         fading=any(math.isfinite(b.time_constant) for b in layout.parameters),
         gate_squared=math.inf if card.gate is None else card.gate**2,
         joseph=card.update == "joseph",
+        group=group,
         variance=np.array(deviations) ** 2,
         n_entry=count,
         entry=entry,

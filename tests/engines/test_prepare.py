@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lvnav_trade.engines.montecarlo import run_block
 from lvnav_trade.engines.prepare import reporting_axes
 from lvnav_trade.frames import rotation_i_n, rotation_i_o
 from lvnav_trade.kernels.attitude import matrix
@@ -129,3 +130,15 @@ def test_the_units_noise_per_tick_follows_from_its_root_density():
     gyro, accel = prepared.scenario.imu.gyro, prepared.scenario.imu.accel
     expected = [gyro.random_walk * np.sqrt(0.005), accel.random_walk * np.sqrt(0.005)]
     np.testing.assert_allclose(prepared.unit.white[:2], expected, rtol=1e-14)
+
+
+def test_a_strapdown_at_a_quarter_of_the_units_rate_steps_over_four_ticks_and_stays_near_the_truth():
+    slow, full = (case(f"base.filter.strapdown_rate={rate} Hz") for rate in (50, 200))
+    assert (slow.belief.group, full.belief.group) == (4, 1)
+    assert np.all(slow.schedule.n_tick % 4 == 0)
+    runs = [run_block(one, 3, 0, 8) for one in (slow, full)]
+    # The draws are the same, so what differs is the algorithm: two-sample coning and sculling over 20 ms of a flight
+    # that turns at some 0.1 rad/s leave far less than the noise of the fixes.
+    at_end = [one.err[:, -1, 6:9] for one in runs]
+    np.testing.assert_allclose(at_end[0], at_end[1], rtol=0, atol=0.2 * float(runs[1].sigma[0, -1, 6]))
+    assert not np.array_equal(at_end[0], at_end[1])
