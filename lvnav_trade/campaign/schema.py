@@ -180,6 +180,12 @@ class Campaign(Card):
     requirements: tuple[Requirement, ...] = ()
     references: tuple[Published, ...] = ()
     report: Report = Report()
+    _written: Written = PrivateAttr(default_factory=Written)
+
+    @property
+    def written(self) -> Written:
+        """Where every value was written, for mistakes that show only later."""
+        return self._written
 
     @field_validator("name")
     @classmethod
@@ -187,9 +193,3 @@ class Campaign(Card):
         if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}", name):
             raise ValueError(f"{name!r} cannot name a folder; use letters, digits, '-', '_' and '.'")
         return name
-    _written: Written = PrivateAttr(default_factory=Written)
-
-    @property
-    def written(self) -> Written:
-        """Where every value was written, for mistakes that show only later."""
-        return self._written

@@ -52,7 +52,9 @@ def engine() -> Engine:
 
 
 def _events(scenario: Scenario) -> dict[str, float]:
+    """Return the event times of a flight; InputError where it or the satellites cannot be."""
     from lvnav_trade.engines.prepare import trajectory_of
+    from lvnav_trade.world.constellation import orbits
 
     with _about("base.constellation"):
         orbits(scenario.constellation, scenario.trajectory.epoch)
@@ -68,9 +70,7 @@ def _about(path: str) -> Iterator[None]:
     except InputError as error:
         raise InputError(records=[record._replace(path=record.path or path) for record in error.records]) from None
 
-    """Return the event times of a flight; InputError where it or the satellites cannot be."""
 
-    from lvnav_trade.world.constellation import orbits
 class Job(NamedTuple):
     """What all units of work of a campaign share."""
 

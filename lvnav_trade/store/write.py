@@ -146,6 +146,8 @@ def open_results(
         results = Results(folder, {**manifest, **identity, "created": _now()})
         _write_json(folder / MANIFEST, results.manifest)
     except OSError as error:
+        if is_full_disk(error):
+            raise
         raise InputError(f"{folder}: the results folder cannot be written: {error.strerror or error}") from error
     return results
 
@@ -154,8 +156,6 @@ def _refuse_other(folder: Path, identity: dict[str, str]) -> None:
     path = folder / MANIFEST
     if not path.exists():
         return
-        if is_full_disk(error):
-            raise
     try:
         held = json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
