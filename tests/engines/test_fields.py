@@ -76,7 +76,8 @@ OTHER = {
         "clock.h_minus2": 2e-20, "clock.initial_bias": "100 m", "clock.initial_drift": "1 m/s",
     },
     "filter": {
-        "kind": "inertial", "extra_states": ["gyro_scale_factor"], "covariance_rate": "5 Hz", "update_rate": "2 Hz", "strapdown_rate": "100 Hz",
+        "kind": "inertial", "extra_states": ["gyro_scale_factor"], "covariance_rate": "5 Hz", "update_rate": "2 Hz",
+        "strapdown_rate": "100 Hz",
         "consider": ["gyro_scale_factor"], "neglect": ["accel_bias"], "update": "joseph", "transition_order": 1,
         "gate": 1.5, "gravity": "point", "attitude_noise": "0.1 deg/sqrt(h)", "velocity_noise": "1 mg/sqrt(Hz)",
         "imu.gyro_random_walk": "0.06 deg/sqrt(h)", "imu.accel_random_walk": "0.2 mg/sqrt(Hz)",
