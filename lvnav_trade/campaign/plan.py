@@ -55,16 +55,15 @@ class Estimate(NamedTuple):
 def estimate(campaign: Campaign, folder: Path, duration: Mapping[str, float]) -> Estimate:
     """Return what is left to do of a campaign whose results stand in `folder` (nothing need be there).
 
-    `duration` is the flight's length (s) of each case digest. Seconds are those of the machine of `_COST`; how they
-    scale with rates and states is what the estimate is for.
+    `duration` is the flight's length (s) of each case digest. Seconds are those of the machine that the constants above
+    were measured on; how they scale with rates and states is what the estimate is for.
     """
     found = cases(campaign)
     done = {case.id: stored(folder, case.id) for case in found}
     left = blocks(campaign, found, done)
     runs = campaign.monte_carlo.runs if campaign.monte_carlo else 0
-    rows = [
-        {"id": c.id, "label": c.label, "runs": runs, "done": min(runs, sum(n for _, n in done[c.id]))} for c in found
-    ]
+    to_do = {case.id: sum(unit.n_run for unit in left if unit.case.id == case.id) for case in found}
+    rows = [{"id": c.id, "label": c.label, "runs": runs, "done": runs - to_do[c.id]} for c in found]
     seconds = sum(_covariance_seconds(case, duration[case.id]) for case in found)
     seconds += sum(unit.n_run * _run_seconds(unit.case, duration[unit.case.id]) for unit in left)
     times = {case.id: duration[case.id] / campaign.keep.history for case in found}

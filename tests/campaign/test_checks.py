@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-from lvnav_trade.campaign import checks, tree
+from lvnav_trade.campaign import checks
 from lvnav_trade.campaign.axes import cases
 from lvnav_trade.campaign.load import load, resolved
-from lvnav_trade.campaign.tree import Place
 from lvnav_trade.errors import InputError
 
 EVENTS = {"liftoff": 0.0, "stage1_cutoff": 150.0, "injection": 540.0}  # the climb holds 60 s and coasts 20 s
@@ -135,9 +133,3 @@ def test_an_inertial_filter_asks_nothing_of_the_receiver(study) -> None:
     load("campaign.yaml", ["filter.kind=inertial", "receiver.rate=3 Hz"])
     with pytest.raises(InputError, match="1 Hz does not divide the receiver rate of 1\\.5 Hz"):
         load("campaign.yaml", ["receiver.rate=1.5 Hz"])
-
-
-def test_the_nearest_place_is_that_of_the_settings_above_what_was_not_written() -> None:
-    root = tree.parse("a:\n  b: {c: 1}\n", "f.yaml", Path())
-    assert tree.nearest(root, ["a", "b", "d", "e"])[:3] == ("f.yaml", 2, 6)
-    assert isinstance(tree.nearest(root, ["x"]), Place)

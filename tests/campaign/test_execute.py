@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import pytest
@@ -10,8 +9,6 @@ import pytest
 from lvnav_trade.campaign import execute
 from lvnav_trade.campaign.axes import cases
 from lvnav_trade.campaign.load import load
-from lvnav_trade.campaign.lock import locked
-from lvnav_trade.campaign.plan import blocks
 from lvnav_trade.errors import InputError
 
 TWO = "axes: [{path: imu, cards: [imu/good, imu/poor]}]\nmonte_carlo: {runs: 100}\n"
@@ -218,37 +215,3 @@ def test_another_campaign_in_the_folder_is_refused(study, run) -> None:
     run()
     with pytest.raises(InputError, match="holds another campaign"):
         run(sets=["seed=8"])
-
-
-def test_two_processes_do_not_share_a_folder(run) -> None:
-    with (
-        locked(Path("results")),
-        pytest.raises(InputError, match=r"^results: another process is working on these results$"),
-    ):
-        run()
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_a_folder_that_cannot_be_written_is_refused(run) -> None:
-    Path("results").mkdir(mode=0o500)
-    with pytest.raises(InputError, match=r"^results: cannot be written: Permission denied$"):
-        run()
-
-
-def test_a_file_in_place_of_the_folder_is_refused(run) -> None:
-    Path("results").write_text("")
-    with pytest.raises(InputError, match=r"^results: cannot be written: "):
-        run()
-
-
-def test_blocks_do_not_depend_on_what_is_done_already(study) -> None:
-    study.append(TWO)
-    campaign = load(study.path)
-    found = cases(campaign)
-    left = blocks(campaign, found, {found[0].id: [(0, 40), (80, 20)]})
-    assert [(unit.case.label, unit.first_run, unit.n_run) for unit in left] == [
-        ("imu=good", 40, 40),
-        ("imu=poor", 0, 40),
-        ("imu=poor", 40, 40),
-        ("imu=poor", 80, 20),
-    ]

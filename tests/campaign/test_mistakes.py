@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from lvnav_trade.campaign.load import load
@@ -453,29 +451,6 @@ def test_a_mistake_is_also_data(study) -> None:
         "line": 2,
         "column": 7,
     }
-
-
-@pytest.mark.parametrize(
-    ("content", "message"),
-    [
-        (b"", "odd.yaml: is empty"),
-        (b"# only a comment\n", "odd.yaml: is empty"),
-        (b"\x80\x81\xff\x00", "odd.yaml: is not a text file in UTF-8"),
-        (b"a\x00b: 1\n", "odd.yaml: is not YAML: unacceptable character #x0000: special characters are not allowed"),
-        (b"just words\n", "odd.yaml:1:1: should be a mapping of keys to values ('key: value' lines)"),
-        (b"- 1\n", "odd.yaml:1:1: should be a mapping of keys to values ('key: value' lines)"),
-        (b"a: &x\n  b: *x\n", "odd.yaml:1:4: a.b: an alias that contains itself"),
-        (b"? [a, b]\n: 1\n", "odd.yaml:1:3: a key should be a word"),
-    ],
-)
-def test_a_file_that_is_no_campaign_is_told_in_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: bytes, message: str
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("odd.yaml").write_bytes(content)
-    with pytest.raises(InputError) as caught:
-        load("odd.yaml")
-    assert str(caught.value) == message
 
 
 def test_a_campaign_that_is_not_there_is_told_with_the_nearest_name(study) -> None:

@@ -1,0 +1,104 @@
+"""Cards become whole settings: overrides on top, kinds inferred, paths found from the file that names them."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from lvnav_trade.campaign.load import load
+from lvnav_trade.errors import InputError
+from lvnav_trade.world.constellation import AlmanacConstellation
+
+DEG_PER_HOUR = math.radians(1.0) / 3600.0
+
+
+def test_an_override_changes_one_field_of_a_card_and_keeps_the_others(study) -> None:
+    study.edit("campaign.yaml", "imu: imu/good", "imu: {card: imu/good, gyro: {bias_repeatability: 2 deg/h}}")
+    imu = load(study.path).base.imu
+    assert imu.gyro.bias_repeatability == pytest.approx(2 * DEG_PER_HOUR, rel=1e-15)
+    assert imu.gyro.random_walk == pytest.approx(math.radians(0.03) / 60.0, rel=1e-15)
+    assert imu.accel.bias_repeatability == pytest.approx(2e-3 * 9.80665, rel=1e-15)
+
+
+def test_an_override_reaches_into_a_card_that_a_card_names(study) -> None:
+    study.edit("campaign.yaml", "trajectories/climb", "{card: trajectories/climb, vehicle: {payload: 0.4 t}}")
+    vehicle = load(study.path).base.trajectory.vehicle
+    assert vehicle.payload == 400.0
+    assert vehicle.name == "small"
+
+
+def test_a_card_can_build_on_another_card(study) -> None:
+    study.write("configs/imu/better.yaml", "card: imu/good\nname: better\naccel: {bias_repeatability: 1 mg}\n")
+    study.edit("campaign.yaml", "imu/good", "imu/better")
+    imu = load(study.path).base.imu
+    assert imu.name == "better"
+    assert imu.accel.bias_repeatability == pytest.approx(9.80665e-3, rel=1e-15)
+    assert imu.gyro.bias_repeatability > 0
+
+
+def test_a_card_can_be_a_path_beside_the_campaign(study) -> None:
+    study.write("mine.yaml", (study.folder / "configs/imu/poor.yaml").read_text())
+    for name in ("mine", "mine.yaml", "./mine", str(study.folder / "mine.yaml")):
+        study.append("")
+        study.edit("campaign.yaml", "imu/good", name)
+        assert load(study.path).base.imu.name == "poor"
+
+
+def test_matched_is_a_word_and_no_card(study) -> None:
+    study.write("configs/matched.yaml", "name: trap\n")
+    study.edit("configs/filters/near.yaml", "kind: tight", "kind: tight\nimu: matched")
+    assert load(study.path).base.filter.imu == "matched"
+
+
+def test_a_file_is_found_from_the_file_that_names_it(study) -> None:
+    study.write("configs/constellations/real.alm", "almanac\n")
+    study.write("configs/constellations/real.yaml", "kind: almanac\nalmanac: real.alm\n")
+    study.edit("campaign.yaml", "constellations/two", "constellations/real")
+    constellation = load(study.path).base.constellation
+    assert isinstance(constellation, AlmanacConstellation)
+    assert constellation.almanac == str(study.folder.resolve() / "configs/constellations/real.alm")
+
+
+def test_the_kind_is_inferred_from_a_key_that_only_one_kind_has(study) -> None:
+    study.write("real.alm", "almanac\n")
+    study.edit("campaign.yaml", "constellations/two", "{almanac: real.alm}")
+    assert load(study.path).base.constellation.kind == "almanac"
+
+
+def test_settings_in_a_list_may_be_cards_too(study) -> None:
+    study.write("configs/faults/short.yaml", "start: 100 s\nduration: 5 s\n")
+    study.edit(
+        "campaign.yaml", "  imu: imu/good", "  imu: imu/good\n  faults: [faults/short, {card: faults/short, keep: 2}]"
+    )
+    faults = load(study.path).base.faults
+    assert [(fault.duration, fault.keep) for fault in faults] == [(5.0, 0), (5.0, 2)]
+
+
+def test_an_override_may_itself_name_a_card(study) -> None:
+    study.write("configs/vehicles/heavy.yaml", "card: vehicles/small\nname: heavy\npayload: 500 kg\n")
+    text = "{card: trajectories/climb, vehicle: {card: vehicles/heavy, max_load: 5 g}}"
+    study.edit("campaign.yaml", "trajectories/climb", text)
+    vehicle = load(study.path).base.trajectory.vehicle
+    assert (vehicle.name, vehicle.payload) == ("heavy", 500.0)
+    assert vehicle.max_load == pytest.approx(5 * 9.80665)
+
+
+def test_every_mistake_is_collected_and_expansion_goes_on(study) -> None:
+    study.edit("campaign.yaml", "imu/good", "imu/goood")
+    study.edit("campaign.yaml", "filters/near", "filters/nera")
+    with pytest.raises(InputError) as caught:
+        load(study.path.name)
+    assert [record.path for record in caught.value.records] == ["base.imu", "base.filter"]
+
+
+def test_a_card_that_is_named_by_a_number_is_refused(study) -> None:
+    study.edit("campaign.yaml", "imu/good", "{card: 3}")
+    with pytest.raises(InputError, match=r"^campaign\.yaml:5:15: base\.imu: a card is named by a word such as"):
+        load(study.path.name)
+
+
+def test_a_folder_in_place_of_a_file_is_told_as_one(study) -> None:
+    study.edit("campaign.yaml", "constellations/two", "{almanac: configs}")
+    with pytest.raises(InputError, match=r"base\.constellation\.almanac: is a folder, not a file: 'configs'$"):
+        load(study.path.name)

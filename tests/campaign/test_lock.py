@@ -1,0 +1,91 @@
+"""One process at a time works on a folder of results, and a killed one leaves no lock."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from lvnav_trade.campaign.lock import locked
+from lvnav_trade.errors import InputError
+
+HOLD = """\
+import sys, time
+from pathlib import Path
+from lvnav_trade.campaign.lock import locked
+with locked(Path(sys.argv[1])):
+    print("held", flush=True)
+    time.sleep(60)
+"""
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_two_do_not_share_a_folder_and_two_folders_are_two(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with locked(Path("results")):
+        with locked(Path("others")):
+            pass
+        with (
+            pytest.raises(InputError, match=r"^results: another process is working on these results$"),
+            locked(Path("results")),
+        ):
+            pass
+
+
+def test_the_lock_is_given_back_even_after_an_error(tmp_path: Path) -> None:
+    for _ in range(2):
+        with pytest.raises(ZeroDivisionError), locked(tmp_path):
+            raise ZeroDivisionError
+
+
+def test_a_process_that_is_killed_leaves_no_lock(tmp_path: Path) -> None:
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    process = subprocess.Popen(
+        [sys.executable, "-c", HOLD, str(tmp_path)], stdout=subprocess.PIPE, text=True, env=environment
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "held\n"
+    with pytest.raises(InputError, match="another process"), locked(tmp_path):
+        pass
+    process.send_signal(signal.SIGKILL)
+    process.wait(10)
+    process.stdout.close()
+    with locked(tmp_path):
+        pass
+
+
+def test_a_folder_that_is_not_there_is_made(tmp_path: Path) -> None:
+    with locked(tmp_path / "a" / "b"):
+        assert (tmp_path / "a" / "b").is_dir()
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("results").mkdir(mode=0o500)
+    with (
+        pytest.raises(InputError, match=r"^results: cannot be written: Permission denied$"),
+        locked(Path("results")),
+    ):
+        pass
+
+
+def test_a_file_in_place_of_the_folder_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("results").write_text("")
+    for folder in ("results", "results/deeper"):
+        with pytest.raises(InputError, match=rf"^{folder}: cannot be written: "), locked(Path(folder)):
+            pass
+
+
+def test_a_full_disk_is_no_mistake_of_the_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "open", full)
+    with pytest.raises(OSError, match="No space left"), locked(tmp_path):
+        pass

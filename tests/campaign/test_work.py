@@ -1,0 +1,148 @@
+"""A unit of work is done whole by one worker, or says in one line why not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import joblib
+import pytest
+
+from lvnav_trade.campaign import work
+from lvnav_trade.campaign.axes import Case, cases
+from lvnav_trade.campaign.load import load
+from lvnav_trade.campaign.plan import Block
+from lvnav_trade.campaign.work import Job
+from lvnav_trade.errors import InputError
+from lvnav_trade.records import Asked
+
+
+@pytest.fixture(autouse=True)
+def _forget() -> None:
+    """Let no test find what another one prepared."""
+    work._kept.clear()
+    work._covariance.cache_clear()
+
+
+@pytest.fixture
+def case(study) -> Case:
+    return cases(load(study.path))[0]
+
+
+@pytest.fixture
+def job(study, fakes):
+    """Return what makes the job of a small engine."""
+
+    def make(**how: Any) -> tuple[Any, Job]:
+        fake = fakes.Fake(**how)
+        results = fakes.store().open_results(Path(), "study", "", {}, "resume")
+        return fake, Job(fake.engine(), results, 7, 1.0, Asked(), Path("scratch"))
+
+    return make
+
+
+def test_linear_covariance_is_computed_once_and_left_for_all_workers(job, case: Case) -> None:
+    fake, todo = job()
+    first = work.answer(todo, case)
+    work._covariance.cache_clear()  # as another process
+    assert work.answer(todo, case) == first
+    assert [call.what for call in fake.calls] == ["covariance"]
+    assert [file.name for file in Path("scratch").iterdir()] == [f"{case.id}.covariance"]
+
+
+def test_an_answer_that_fails_is_told_in_one_line(job, case: Case) -> None:
+    def broken(prepared: Any) -> None:
+        raise ValueError("first line\nsecond line")
+
+    _, todo = job(on_covariance=broken)
+    assert work.answer(todo, case).error == "ValueError: first line"
+    assert not list(Path().glob("scratch/*"))  # nothing half written
+
+
+def test_an_error_without_words_is_told_by_its_name(job, case: Case) -> None:
+    def broken(prepared: Any) -> None:
+        raise KeyError
+
+    _, todo = job(on_covariance=broken)
+    assert work.answer(todo, case).error == "KeyError: no message"
+
+
+@pytest.mark.parametrize("error", [InputError("the almanac is empty"), OSError(28, "No space left on device")])
+def test_a_users_mistake_and_a_full_disk_stop_the_campaign(job, case: Case, error: Exception) -> None:
+    def broken(prepared: Any) -> None:
+        raise error
+
+    _, todo = job(on_covariance=broken)
+    with pytest.raises(type(error)):
+        work.answer(todo, case)
+
+
+def test_a_block_is_flown_stored_and_its_failed_runs_are_told(job, case: Case) -> None:
+    _, todo = job(on_block=lambda first, n: [first + 3])
+    work.answer(todo, case)
+    done = work.fly(todo, Block(case, 40, 20))
+    assert (done.first_run, done.n_run, done.error) == (40, 20, "")
+    assert done.failures == ((43, "diverged at 1.5 s"),)
+    assert todo.results.done(case.id) == [(40, 20)]
+
+
+def test_a_block_that_breaks_is_lost_and_stores_nothing(job, case: Case) -> None:
+    def broken(first: int, n: int) -> None:
+        raise FloatingPointError("overflow")
+
+    _, todo = job(on_block=broken)
+    work.answer(todo, case)
+    assert work.fly(todo, Block(case, 0, 40)).error == "FloatingPointError: overflow"
+    assert todo.results.done(case.id) == []
+
+
+def test_a_worker_keeps_two_prepared_cases_and_no_more(study, job) -> None:
+    _, todo = job()
+    study.append("axes: [{path: filter.gate, values: [3, 4, 5]}]\n")
+    found = cases(load(study.path))
+    for case in found:
+        work.answer(todo, case)
+    assert [key[1] for key in work._kept] == [case.id for case in found[-2:]]
+
+
+def test_a_flight_that_cannot_be_is_returned_and_not_raised(job, case: Case, monkeypatch) -> None:
+    _, todo = job()
+
+    def out_of_reach(scenario: Any) -> dict[str, float]:
+        raise InputError("lacks 300 m/s")
+
+    found = work.events_of(todo._replace(engine=todo.engine._replace(events=out_of_reach)), case)
+    assert isinstance(found, InputError)
+    assert work.events_of(todo, case) == {"liftoff": 0.0, "stage1_cutoff": 1.0, "injection": 2.0}
+
+
+def test_what_is_left_on_the_scratch_disk_is_whole_or_not_there(tmp_path: Path, monkeypatch) -> None:
+    work._write(tmp_path / "a.covariance", [1, 2, 3])
+    assert joblib.load(tmp_path / "a.covariance") == [1, 2, 3]
+
+    def torn(value: Any, path: Path) -> None:
+        path.write_bytes(b"half")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(work.joblib, "dump", torn)
+    with pytest.raises(OSError, match="No space left"):
+        work._write(tmp_path / "b.covariance", [1, 2, 3])
+    assert [file.name for file in tmp_path.iterdir()] == ["a.covariance"]
+
+
+def test_an_almanac_that_cannot_be_read_is_found_before_anything_is_flown(study) -> None:
+    study.write("broken.alm", "******** Week 1 almanac for PRN-01 ********\nID: one\n")
+    case = cases(load(study.path, ["constellation.almanac=broken.alm"]))[0]
+    with pytest.raises(InputError) as caught:
+        work.engine().events(case.scenario)
+    assert caught.value.records[0].path == "base.constellation"
+    assert "broken.alm" in str(caught.value)
+
+
+def test_an_orbit_out_of_reach_is_told_with_the_field_that_asks_for_it(study) -> None:
+    case = cases(load(study.path, ["trajectory.vehicle.payload=60 t"]))[0]
+    with pytest.raises(InputError) as caught:
+        work.engine().events(case.scenario)
+    (record,) = caught.value.records
+    assert record.path == "base.trajectory"
+    assert "\n" not in record.message
