@@ -107,7 +107,7 @@ def plan(campaign: str | Path, sets: Sequence[str] = (), folder: str | Path | No
 def _events(campaign: Campaign) -> dict[str, dict[str, float]]:
     """Return the event times of each case digest; InputError where the campaign does not fit them."""
     _check_sections(campaign)
-    job = Job(work.engine(), None, campaign.seed, campaign.keep.history, campaign.covariance.budget, Path())
+    job = Job(work.engine(), None, campaign.seed, campaign.keep.history, work.asked_of(campaign), Path())
     return execute.check_flight(campaign, cases(campaign), job, jobs=1)
 
 
@@ -189,6 +189,13 @@ def build_report(folder: Path) -> Path:
     from lvnav_trade.report import build
 
     return build(folder)
+
+
+def keep_report(results: Path, folder: Path) -> Path:
+    """Copy the Markdown page, the figures and the CSV tables of a report into a folder; return the page there."""
+    from lvnav_trade.report import keep
+
+    return keep(results, folder)
 
 
 def exit_code(judged: Sequence[str], failures: Sequence[Any]) -> int:

@@ -188,7 +188,13 @@ def cards(
 
 @app.command()
 def report(
-    folder: Annotated[Path, typer.Argument(metavar="RESULTS")], as_json: Json = False, debug: Debug = False
+    folder: Annotated[Path, typer.Argument(metavar="RESULTS")],
+    keep: Annotated[
+        Path | None,
+        typer.Option("--keep", metavar="FOLDER", help="copy the Markdown page, figures and CSV tables here"),
+    ] = None,
+    as_json: Json = False,
+    debug: Debug = False,
 ) -> None:
     """Build the report again from results."""
     with _errors(as_json, debug):
@@ -196,10 +202,11 @@ def report(
 
         api.load(folder)
         page = api.build_report(folder)
+        kept = api.keep_report(folder, keep) if keep is not None else None
         if as_json:
-            _print_json("report", 0, report=str(page))
+            _print_json("report", 0, report=str(page), kept=str(kept) if kept else None)
         else:
-            print(f"report: {page}")
+            print(f"report: {page}" + (f"\nkept: {kept}" if kept else ""))
 
 
 @app.command()

@@ -1,4 +1,4 @@
-"""The arrays that cross rooms: Motion, Reference, Sky, RunBlock, CovHistory."""
+"""The arrays that cross rooms: Motion, Reference, Sky, RunBlock, CovHistory; and what is asked of the last."""
 
 from __future__ import annotations
 
@@ -116,6 +116,20 @@ class Output(NamedTuple):
     unit: str
     label_unit: str
     label_factor: float
+
+
+class Asked(NamedTuple):
+    """What linear covariance leaves of a case: budget by source over the flight; and of the event `at` (empty:
+    injection, or else the last one) when each source acted, what a better one is worth, by source the covariance at
+    `events` too; observability by phase.
+    """
+
+    at: str = ""
+    events: tuple[str, ...] = ()
+    adjoint: bool = True
+    sensitivity: bool = False
+    observability: bool = True
+    budget: bool = True
 
 
 class AdjointBudget(NamedTuple):

@@ -8,9 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from lvnav_trade.engines.explain import Explanation, PhaseView, SourceCovariance
+from lvnav_trade.engines.nonlinearity import Nonlinearity
+from lvnav_trade.engines.retune import FACTORS, Sensitivity
 from lvnav_trade.engines.statistics import summarise
 from lvnav_trade.kernels.earth import OMEGA
-from lvnav_trade.records import CovHistory, Output, Reference, RunBlock, Sky
+from lvnav_trade.records import AdjointBudget, CovHistory, Output, Reference, RunBlock, Sky
 from lvnav_trade.store import CaseInfo, open_results
 
 OUTPUTS = (
@@ -23,6 +26,10 @@ SIGMA = np.array([1e-3, 1e-3, 2e-3, 0.1, 0.12, 0.2, 3.0, 3.5, 6.0, 8.0])
 MEAN = np.array([0.0, 0.0, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 2.0, 0.0])
 EVENTS = {"liftoff": 0.0, "stage1_cutoff": 40.0, "injection": 99.5}
 SOURCES = ("gyro bias", "range noise")
+SHARE = np.array([0.75, 0.25])
+RETUNED = 0.9
+"""What a re-tuned filter makes of the frozen one's error where a source's sigma is changed."""
+QUANTITIES = ("attitude", "velocity", "position")
 N_EPOCH, N_SAT = 99, 8
 
 CAMPAIGN = """\
@@ -52,14 +59,13 @@ def covariance(factor: float = 1.0, true_factor: float = 1.0) -> CovHistory:
     growth = factor * (1.0 + 0.01 * np.maximum(t, 0.0))[:, None]
     formal, true = growth * SIGMA, growth * SIGMA * true_factor
     mean = growth * MEAN
-    share = np.array([0.75, 0.25])
     return CovHistory(
         t=t,
         formal=formal,
         true_sigma=true,
         mean=mean,
         sources=SOURCES,
-        budget=share[None, :, None] * true[:, None, :] ** 2,
+        budget=SHARE[None, :, None] * true[:, None, :] ** 2,
         formal_cov=formal[:, :, None] ** 2 * np.eye(len(SIGMA)),
         true_cov=true[:, :, None] ** 2 * np.eye(len(SIGMA)),
         t_epoch=np.arange(1.0, N_EPOCH + 1.0),
@@ -129,6 +135,35 @@ def prepared() -> Any:
     )
 
 
+def explanation(cov: CovHistory) -> Explanation:
+    """Return what is behind the Gaussians: all sources act evenly over ten bins, re-tuning is worth a tenth."""
+    by_source = []
+    for event, t in EVENTS.items():
+        true = cov.true_cov[int(np.argmin(np.abs(cov.t - t)))]
+        blocks = np.stack([true[at : at + 3, at : at + 3] for at in (0, 3, 6)])
+        by_source.append(SourceCovariance(event, t, SOURCES, SHARE[:, None, None, None] * blocks))
+    end = by_source[-1].covariance
+    variance = np.concatenate([end[:, q].diagonal(axis1=1, axis2=2) for q in range(3)], axis=1).T
+    adjoint = AdjointBudget(
+        99.5, np.arange(-0.5, 100.0, 10.0), SOURCES, OUTPUTS[:9], np.repeat(variance[:, :, None] / 10.0, 10, axis=2)
+    )
+    singular = np.array([30.0, 4.0, 1.0, 0.2, 1e-5])
+    return Explanation(
+        "injection",
+        adjoint,
+        tuple(by_source),
+        tuple(_sensitivity(quantity, np.trace(end[:, q], axis1=1, axis2=2)) for q, quantity in enumerate(QUANTITIES)),
+        (PhaseView("liftoff to injection", 0.0, 99.5, 4, 1e-2, singular, 900, "+1.00 attitude roll"),),
+        tuple((event, Nonlinearity(t, 1e-3, 4, 2e-5, 1e-6)) for event, t in EVENTS.items()),
+    )
+
+
+def _sensitivity(quantity: str, variance: np.ndarray) -> Sensitivity:
+    factors = np.array(FACTORS)
+    frozen = np.sqrt(variance.sum() + (factors**2 - 1.0) * variance[:, None])
+    return Sensitivity(99.5, quantity, SOURCES, FACTORS, frozen, frozen * np.where(factors == 1.0, 1.0, RETUNED))
+
+
 CASES = (
     (CaseInfo("aaaaaaaaaaaa", "imu=fine", {"imu": "fine"}), 1.0),
     (CaseInfo("bbbbbbbbbbbb", "imu=coarse", {"imu": "coarse"}), 3.0),
@@ -142,17 +177,23 @@ def results(
     wrong: float = 1.0,
     failing: tuple[int, ...] = (),
     campaign: str = CAMPAIGN,
+    rejects: float = 0.0,
 ) -> Path:
-    """Write the results of two cases; the runs are drawn `wrong` times as large as the covariance history says."""
+    """Write the results of two cases; the runs are drawn `wrong` times as large as the covariance history says.
+
+    rejects: probability that the gate rejects a good row at one epoch.
+    """
     written = open_results(folder, "synthetic", campaign, {"seed": 7}, "resume")
     for case, factor in CASES:
         told, drawn = covariance(factor), covariance(factor, wrong)
+        told.false_rejection[50] = rejects
         done = written.done(case.id)
         for first in range(0, n_run, size):
             count = min(size, n_run - first)
             if (first, count) not in done:
                 runs = block(drawn, first, count, failing=failing)
                 written.write_part(case.id, summarise(runs, EVENTS, told.true_sigma, OUTPUTS))
-        written.write_case(case, prepared(), told, written.summary(case.id) if n_run else None)
+        summary = written.summary(case.id) if n_run else None
+        written.write_case(case, prepared(), told, summary, explanation(told))
     written.finish({"timings_s": {}})
     return folder

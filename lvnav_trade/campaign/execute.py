@@ -157,7 +157,7 @@ class _Run:
         self.lost: list[str] = []
         self.timings: dict[str, float] = {}
         scratch = folder / ".scratch"
-        self.job = Job(engine, None, campaign.seed, campaign.keep.history, campaign.covariance.budget, scratch)
+        self.job = Job(engine, None, campaign.seed, campaign.keep.history, work.asked_of(campaign), scratch)
         check_flight(campaign, self.cases, self.job, jobs)
         if mode == "fresh":
             shutil.rmtree(scratch, ignore_errors=True)
@@ -171,6 +171,7 @@ class _Run:
         if on_answers is not None:
             on_answers(answers, self.cases)
         able = [case for case, found in zip(self.cases, answers, strict=True) if not found.error]
+        self._explain(able)
         lost = self._fly(able)
         whole = self._close([case for case in able if case.id not in lost])
         seconds = time.monotonic() - start
@@ -201,6 +202,17 @@ class _Run:
             if one.error:
                 self._lose(f"{self.labels[one.case]}: linear covariance: {one.error}")
         return [found[case.id] for case in self.cases]
+
+    def _explain(self, able: Sequence[Case]) -> None:
+        """Find out what is behind every case's linear covariance; a case goes on without where that fails."""
+        if self.job.engine.explain is None:
+            return
+        self.watch.stage("explanations", len(able))
+        one: Done
+        for one in self._stage("explanations", work.explain, [(self.job, case) for case in able]):
+            self.watch.advance(1)
+            if one.error:
+                self._lose(f"{self.labels[one.case]}: what is behind its linear covariance: {one.error}")
 
     def _fly(self, able: Sequence[Case]) -> set[str]:
         """Fly all blocks; return the digests of cases of which a block was lost."""

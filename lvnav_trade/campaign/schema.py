@@ -151,6 +151,16 @@ class Covariance(Card):
     """What linear covariance leaves."""
 
     budget: bool = Field(default=True, description="store the variance of every error source over the flight")
+    at: str | None = Field(
+        default=None, description="event that is explained; injection, or else the last one, if absent"
+    )
+    adjoint: bool = Field(default=True, description="when every source put how much into the errors at the event")
+    sensitivity: bool = Field(
+        default=False,
+        description="errors at the event with each source 0.1 to 10 times as large and the filter re-tuned to it: four "
+        "further linear covariances per source that matters",
+    )
+    observability: bool = Field(default=True, description="what the measurements tell in each phase of flight")
 
 
 class Keep(Card):

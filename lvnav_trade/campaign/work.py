@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import multiprocessing
 import os
@@ -18,8 +19,9 @@ import numpy as np
 
 from lvnav_trade.campaign.axes import Case
 from lvnav_trade.campaign.plan import Block
+from lvnav_trade.campaign.schema import Campaign
 from lvnav_trade.errors import InputError, is_full_disk
-from lvnav_trade.records import CovHistory
+from lvnav_trade.records import Asked, CovHistory
 from lvnav_trade.scenario import Scenario
 
 WHY = {1: "is not finite", 2: "diverged"}
@@ -30,7 +32,7 @@ class Engine(NamedTuple):
 
     events(scenario) -> name: time; prepare(scenario, history step); run_block(prepared, seed, first, n);
     covariance(prepared); summarise(block, events, scale, outputs); compile_kernels(prepared) where there is anything to
-    compile before a block is flown.
+    compile before a block is flown; explain(scenario, prepared, covariance, asked) what is behind the covariance.
     """
 
     events: Callable[[Scenario], dict[str, float]]
@@ -39,16 +41,18 @@ class Engine(NamedTuple):
     covariance: Callable[[Any], CovHistory]
     summarise: Callable[..., Any]
     compile_kernels: Callable[[Any], None] | None = None
+    explain: Callable[..., Any] | None = None
 
 
 def engine() -> Engine:
     """Return the real engines; imported here because compiled code takes a second to load."""
-    from lvnav_trade.engines import lincov, montecarlo, statistics
+    from lvnav_trade.engines import explain, lincov, montecarlo, statistics
     from lvnav_trade.engines.prepare import prepare
 
     return Engine(
-        _events, prepare, montecarlo.run_block, lincov.covariance, statistics.summarise, montecarlo.compile_kernels
-    )
+        _events, prepare, montecarlo.run_block, lincov.covariance, statistics.summarise, montecarlo.compile_kernels,
+        explain.explain,
+    )  # fmt: skip
 
 
 def _events(scenario: Scenario) -> dict[str, float]:
@@ -72,14 +76,21 @@ def _about(path: str) -> Iterator[None]:
 
 
 class Job(NamedTuple):
-    """What all units of work of a campaign share."""
+    """What all units of work of a campaign share. asked: what linear covariance leaves of each case."""
 
     engine: Engine
     results: Any
     seed: int
     history: float
-    budget: bool
+    asked: Asked
     scratch: Path
+
+
+def asked_of(campaign: Campaign) -> Asked:
+    """Return what a campaign asks of linear covariance."""
+    card = campaign.covariance
+    events = tuple(dict.fromkeys(requirement.at for requirement in campaign.requirements))
+    return Asked(card.at or "", events, card.adjoint, card.sensitivity, card.observability, card.budget)
 
 
 class Answer(NamedTuple):
@@ -136,6 +147,20 @@ def answer_or_compile(job: Job, case: Case, only_compile: bool) -> Answer | None
     return None
 
 
+def explain(job: Job, case: Case) -> Done:
+    """Leave on the scratch disk what is behind a case's linear covariance."""
+    _let_the_parent_be_interrupted()
+    try:
+        file = _explained_file(job, case)
+        if job.engine.explain is not None and not file.exists():
+            covariance = _covariance(str(_scratch_file(job, case)))
+            prepared = _prepared(job.engine, case, job.history)
+            _write(file, job.engine.explain(case.scenario, prepared, covariance, job.asked))
+        return Done(case.id, 0, 0)
+    except Exception as error:
+        return Done(case.id, 0, 0, error=_told(error))
+
+
 def fly(job: Job, block: Block) -> Done:
     """Fly a block of runs and store its statistics."""
     _let_the_parent_be_interrupted()
@@ -161,10 +186,11 @@ def close(job: Job, case: Case, info: Any, runs: int) -> Done:
     try:
         prepared = _prepared(job.engine, case, job.history)
         covariance = _covariance(str(_scratch_file(job, case)))
-        if not job.budget:
+        if not job.asked.budget:
             covariance = covariance._replace(sources=(), budget=covariance.budget[:, :0])
         summary = job.results.summary(case.id, runs) if runs else None
-        job.results.write_case(info, prepared, covariance, summary)
+        file = _explained_file(job, case)
+        job.results.write_case(info, prepared, covariance, summary, joblib.load(file) if file.exists() else None)
         return Done(case.id, 0, runs)
     except Exception as error:
         return Done(case.id, 0, runs, error=_told(error))
@@ -191,6 +217,12 @@ def _prepared(engine: Engine, case: Case, history: float) -> Any:
 
 def _scratch_file(job: Job, case: Case) -> Path:
     return job.scratch / f"{case.id}.covariance"
+
+
+def _explained_file(job: Job, case: Case) -> Path:
+    """Return where a case's explanation is left: another question, another file."""
+    question = hashlib.sha256(repr(job.asked).encode()).hexdigest()[:8]
+    return job.scratch / f"{case.id}.{question}.explained"
 
 
 def _write(file: Path, value: Any) -> None:

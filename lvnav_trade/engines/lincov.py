@@ -21,7 +21,8 @@ def _joint(prepared: Prepared, true: TrueModel) -> Joint:
     return Joint(prepared.start.P.copy(), start_sources(true, cross), cross, variance, np.zeros(n), np.zeros((2, 3)))
 
 
-def _nominal(prepared: Prepared) -> Nominal:
+def nominal(prepared: Prepared) -> Nominal:
+    """Return the work arrays of the nominal run, empty."""
     n_slot = prepared.signals.used.shape[1]
     n_row = max(6, 2 * n_slot)
     shapes = (
@@ -58,7 +59,7 @@ def _scratch(prepared: Prepared, true: TrueModel) -> Scratch:
     return Scratch(*(np.zeros(shape) for shape in shapes))
 
 
-def _turns(prepared: Prepared) -> Floats:
+def turns(prepared: Prepared) -> Floats:
     """Return the matrices (n_hist, n, n) from the filter's error state to the reporting axes at the history times."""
     n, record = prepared.layout.n_state, prepared.record
     turn = np.zeros((prepared.t_hist.size, n, n))
@@ -77,7 +78,7 @@ def _cover(prepared: Prepared, names: list[str], true: TrueModel, tape: Tape) ->
     )  # fmt: skip
     axes_att = np.ascontiguousarray(np.swapaxes(matrices(prepared.record.q), 1, 2))
     cover(
-        out, _joint(prepared, true), _scratch(prepared, true), tape, _nominal(prepared), prepared.schedule,
+        out, _joint(prepared, true), _scratch(prepared, true), tape, nominal(prepared), prepared.schedule,
         prepared.unit, prepared.signals, prepared.record, axes_att, prepared.belief, true, prepared.reference,
     )  # fmt: skip
     return out
@@ -100,7 +101,7 @@ def forward_tape(prepared: Prepared, true: TrueModel) -> Tape:
     return tape
 
 
-def adjoint(prepared: Prepared, time: float, bin_seconds: float = 10.0) -> AdjointBudget:
+def adjoint(prepared: Prepared, time: float, bin_seconds: float = 10.0, tape: Tape | None = None) -> AdjointBudget:
     """Return what every source put into the navigation errors at a time, and when it did.
 
     Parameters
@@ -109,20 +110,53 @@ def adjoint(prepared: Prepared, time: float, bin_seconds: float = 10.0) -> Adjoi
         s since lift-off; the history time nearest to it is taken (events are history times).
     bin_seconds
         Length of the bins of time (s) that contributions are summed over.
+    tape
+        The forward pass (`forward_tape`) where it is known already.
     """
+    hist = int(np.argmin(np.abs(prepared.t_hist - time)))
+    edges, contribution = _go_back(prepared, hist, turns(prepared)[hist, :9], bin_seconds, tape)
+    names = tuple(source_names(prepared))
+    return AdjointBudget(float(prepared.t_hist[hist]), edges, names, prepared.outputs[:9], contribution)
+
+
+def source_covariances(prepared: Prepared, time: float, tape: Tape | None = None) -> Floats:
+    """Return the true covariance of attitude, velocity and position at a time by source, (n_source, 3, 3, 3), in the
+    reporting axes.
+
+    By the backward pass for each component and for each sum of two: Cov(x, y) = (Var(x + y) - Var x - Var y) / 2.
+    """
+    hist = int(np.argmin(np.abs(prepared.t_hist - time)))
+    single = turns(prepared)[hist, :9]
+    pairs = [(3 * q + i, 3 * q + j) for q in range(3) for i, j in ((0, 1), (0, 2), (1, 2))]
+    rows = np.vstack([single, [single[i] + single[j] for i, j in pairs]])
+    variance = _go_back(prepared, hist, rows, float(np.ptp(prepared.t_hist)) + 1.0, tape)[1].sum(axis=2)
+    found = np.zeros((variance.shape[1], 9, 9))
+    found[:, range(9), range(9)] = variance[:9].T
+    for row, (i, j) in enumerate(pairs, start=9):
+        found[:, i, j] = found[:, j, i] = 0.5 * (variance[row] - variance[i] - variance[j])
+    return np.stack([found[:, at : at + 3, at : at + 3] for at in (ATT, VEL, POS)], axis=1)
+
+
+def _go_back(
+    prepared: Prepared, hist: int, rows: Floats, bin_seconds: float, tape: Tape | None
+) -> tuple[Floats, Floats]:
+    """Return the edges of the bins and the variance (n_row, n_source, n_bin) that sources put into rows' e."""
     names = source_names(prepared)
     true, schedule = true_model(prepared, names), prepared.schedule
-    n, hist = prepared.layout.n_state, int(np.argmin(np.abs(prepared.t_hist - time)))
-    tape = forward_tape(prepared, true)
+    n = prepared.layout.n_state
+    tape = tape or forward_tape(prepared, true)
     last = int(np.flatnonzero(schedule.hist == hist)[0])
     ends = prepared.reference.t[schedule.first_tick + schedule.n_tick]
     edges = np.arange(prepared.t_hist[0], ends[last] + bin_seconds, bin_seconds)
     bins = np.clip(np.searchsorted(edges, ends - 1e-9, side="right") - 1, 0, edges.size - 2)
-    rows = np.ascontiguousarray(_turns(prepared)[hist, :9])
-    back = Backward(rows, np.zeros((9, true.sensor.size, 3)), np.zeros((9, len(names), edges.size - 1)))
+    back = Backward(
+        np.array(rows, order="C"),
+        np.zeros((len(rows), true.sensor.size, 3)),
+        np.zeros((len(rows), len(names), edges.size - 1)),
+    )
     shapes = ((true.nav_rows.size, 9), (n,), (3, n), (3, n), (9,))
     go_back(back, BackScratch(*map(np.zeros, shapes)), tape, last, bins, schedule, true, prepared.belief)
-    return AdjointBudget(float(prepared.t_hist[hist]), edges, tuple(names), prepared.outputs[:9], back.contribution)
+    return edges, back.contribution
 
 
 def _expected_nees(formal: Floats, total: Floats) -> Floats:
@@ -140,7 +174,7 @@ def _expected_nees(formal: Floats, total: Floats) -> Floats:
 
 def _history(prepared: Prepared, names: list[str], out: Cover) -> CovHistory:
     n, m = prepared.layout.n_state, prepared.layout.n_estimated
-    turn = _turns(prepared)
+    turn = turns(prepared)
     total = out.true + out.mean[:, :, None] * out.mean[:, None, :]
     formal, true = turn @ out.formal @ np.swapaxes(turn, 1, 2), turn @ out.true @ np.swapaxes(turn, 1, 2)
     diagonal = range(n)

@@ -85,13 +85,14 @@ def _decompose(scaled: Floats, n: int) -> tuple[Floats, Floats]:
     return singular, weakest / weakest[np.argmax(np.abs(weakest))]
 
 
-def observability(prepared: Prepared, edges: Floats) -> list[Stretch]:
+def observability(prepared: Prepared, edges: Floats, tape: Tape | None = None) -> list[Stretch]:
     """Return the observability of the filter's states over the stretches between edges (s since lift-off).
 
     Evaluated on the nominal flight with the rows that the filter absorbs there; edges outside it are moved to its ends.
+    `tape` is the forward pass where it is known already.
     """
     true = true_model(prepared, source_names(prepared))
-    tape = forward_tape(prepared, true)
+    tape = tape or forward_tape(prepared, true)
     t = prepared.reference.t
     marks = np.unique(np.clip(edges, t[0], t[-1]))
     return [_stretch(prepared, true, tape, float(a), float(b)) for a, b in pairwise(marks)]

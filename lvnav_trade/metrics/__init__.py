@@ -10,6 +10,8 @@ import pandas as pd
 from lvnav_trade.metrics.agreement import agreement
 from lvnav_trade.metrics.budget import budget
 from lvnav_trade.metrics.consistency import consistency, nees, nis
+from lvnav_trade.metrics.explained import contributions, nonlinearity, observability, sensitivity
+from lvnav_trade.metrics.levers import expected, levers
 from lvnav_trade.metrics.ranking import ranking
 from lvnav_trade.metrics.references import references
 from lvnav_trade.metrics.requirements import verdicts
@@ -32,10 +34,16 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
     "in_view": in_view,
     "outages": outages,
     "budget": budget,
+    "expected": expected,
+    "levers": levers,
+    "contributions": contributions,
+    "sensitivity": sensitivity,
+    "observability": observability,
+    "nonlinearity": nonlinearity,
 }
 """Every metric by name; each takes a results folder, or its tables, and returns a tidy frame."""
 
-CSV = ("rms", "agreement", "references", "requirements")
+CSV = ("rms", "agreement", "references", "requirements", "budget", "expected", "sensitivity")
 """The metrics that stand beside a report as CSV, with the columns that users and their CI rely on."""
 
 __all__ = ["CSV", "METRICS", "agreement", "budget", "rms", "verdicts"]

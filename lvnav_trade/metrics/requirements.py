@@ -57,14 +57,14 @@ def _verdict(tables: Tables, case: str, requirement: dict[str, Any]) -> dict[str
         error, bound, unit, factor = np.empty(0), 0.0, "", 1.0
     else:
         row = known.iloc[0]
-        unit, factor, bound = row.label_unit, row.label_factor_ratio, _bound(requirement["below"], row.unit)
+        unit, factor, bound = row.label_unit, row.label_factor_ratio, bound_of(requirement["below"], row.unit)
         error = _errors(tables, case, at, error_column(quantity, axis, row.unit))
     failures = int((error >= bound).sum())
     verdict, more = judge(len(error), failures, probability, confidence)
     return {
         "verdict": verdict,
-        "estimate": _told(_quantile(error, probability) * factor, unit),
-        "limit": _told(bound * factor, unit),
+        "estimate": told(_quantile(error, probability) * factor, unit),
+        "limit": told(bound * factor, unit),
         "probability": probability,
         "confidence": confidence,
         "runs": len(error),
@@ -83,7 +83,8 @@ def _errors(tables: Tables, case: str, event: str, column: str) -> np.ndarray[An
     return np.where((chosen.failure.to_numpy() != "") | ~np.isfinite(size), np.inf, size)
 
 
-def _bound(below: Any, unit: str) -> float:
+def bound_of(below: Any, unit: str) -> float:
+    """Return a requirement's bound in SI."""
     return units.parse(below, unit) if isinstance(below, str) else float(below)
 
 
@@ -94,5 +95,6 @@ def _quantile(error: np.ndarray[Any, Any], probability: float) -> float:
     return float(np.sort(error)[int(np.ceil(probability * len(error) - 1e-9)) - 1])
 
 
-def _told(value: float, unit: str) -> str:
+def told(value: float, unit: str) -> str:
+    """Write a value with its unit, three digits; empty where there is none."""
     return "" if np.isnan(value) else f"{float(f'{value:.3g}'):g} {unit}"

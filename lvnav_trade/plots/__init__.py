@@ -6,8 +6,9 @@ from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
+from lvnav_trade.plots.budget import budget, heatmap
 from lvnav_trade.plots.consistency import consistency
-from lvnav_trade.plots.errors import budget, comparison, envelope, rank
+from lvnav_trade.plots.errors import comparison, envelope, rank
 from lvnav_trade.plots.flight import satellites, sky, trajectory
 
 PLOTS: dict[str, Callable[..., Figure]] = {
@@ -18,6 +19,7 @@ PLOTS: dict[str, Callable[..., Figure]] = {
     "comparison": comparison,
     "rank": rank,
     "budget": budget,
+    "heatmap": heatmap,
     "consistency": consistency,
 }
 """Every figure by name."""

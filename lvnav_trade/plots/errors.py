@@ -1,4 +1,4 @@
-"""Errors over time: envelopes of one case, all cases on one axis, ranking, budget by source."""
+"""Errors over time: envelopes of one case, all cases on one axis, ranking."""
 
 from __future__ import annotations
 
@@ -14,9 +14,6 @@ from lvnav_trade.metrics.ranking import ranking
 from lvnav_trade.metrics.select import lincov_rms
 from lvnav_trade.plots.style import PALETTE, canvas, legend_below, line_of, look, mark_events, scale_up
 from lvnav_trade.store import Tables, load
-
-MOST_SOURCES = 7
-_SOURCES = (*PALETTE[:6], "#8C6D31")
 
 
 def rows_of(tables: Tables, case: str, quantity: str, axis: str) -> pd.DataFrame:
@@ -35,11 +32,11 @@ def envelope(results: Path | str | Tables, case: str, quantity: str) -> Figure:
     single = [name for name in axes_names if name != "3d"][:3] or axes_names
     unit, factor = tables.people[quantity, single[0]]
     with look():
-        figure, grid = canvas(len(single), 1, 1.75, sharex=True)
+        figure, grid = canvas(len(single), 1, 1.95, sharex=True)
         for number, (ax, axis) in enumerate(zip(grid[:, 0], single, strict=True)):
             rows = rows_of(tables, case, quantity, axis)
             _lines(ax, rows, factor)
-            ax.set_ylabel(f"{axis} ({unit}, 1 sigma)")
+            ax.set_ylabel(f"{axis}\n({unit}, 1 sigma)")
             scale_up(ax.yaxis, pd.concat([rows.rms_si, rows.lincov_true_si, rows.lincov_formal_si]))
             ax.margins(x=0.01)
             mark_events(ax, tables.events[tables.events.case == case], names=number == 0)
@@ -100,31 +97,4 @@ def rank(results: Path | str | Tables) -> Figure:
         grid[0, 0].set_yticks(place, frame.case)
         grid[0, 0].set_ylabel("case")
         grid[0, 0].invert_yaxis()
-    return figure
-
-
-def budget(results: Path | str | Tables, case: str, quantity: str) -> Figure:
-    """Draw the parts of the variance of a 3-D error over time by source, the largest at the end at the bottom."""
-    tables = load(results)
-    rows = tables.budget
-    rows = rows[(rows.case == case) & (rows.event == "") & (rows.quantity == quantity) & (rows.axis == "3d")]
-    wide = rows.pivot_table(index="t_s", columns="source", values="share_ratio", sort=False) * 100.0
-    order = wide.mean().sort_values(ascending=False, kind="stable").index
-    shown = [wide[source] for source in order[:MOST_SOURCES]]
-    names = list(order[:MOST_SOURCES])
-    if len(order) > MOST_SOURCES:
-        shown.append(wide[list(order[MOST_SOURCES:])].sum(axis=1))
-        names.append("all others")
-    with look():
-        figure, grid = canvas(1, 1, 3.0)
-        ax = grid[0, 0]
-        colours = ["#c4c9d1" if name == "all others" else _SOURCES[k] for k, name in enumerate(names)]
-        ax.stackplot(wide.index, shown, labels=names, colors=colours, linewidth=0)
-        ax.set_ylim(0, 100)
-        ax.margins(x=0)
-        ax.set_xlabel("time since lift-off (s)")
-        ax.set_ylabel(f"part of the variance of the\n{quantity} error, 3D (%)")
-        mark_events(ax, tables.events[tables.events.case == case])
-        legend_below(figure, ax)
-        ax.grid(visible=False)
     return figure

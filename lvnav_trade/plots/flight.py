@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from lvnav_trade.metrics.satellites import in_view
 from lvnav_trade.metrics.select import final_event, flight_events
-from lvnav_trade.plots.style import GREY, PALETTE, canvas, look, mark_events
+from lvnav_trade.plots.style import GREY, PALETTE, canvas, event_key, look, mark_events
 from lvnav_trade.store import Tables, load
 
 G = 9.80665
@@ -36,8 +36,9 @@ def trajectory(results: Path | str | Tables, case: str) -> Figure:
         for number, axes in enumerate((altitude, speed, force)):
             axes.set_xlabel("time since lift-off (s)")
             axes.margins(x=0.01)
-            mark_events(axes, events, names=number < 2)
+            mark_events(axes, events, names=number < 3, numbers=True)
         _ground_track(track, rows, flight_events(tables, case))
+        figure.supxlabel(event_key(events), fontsize=7.5, color=GREY)
     return figure
 
 
@@ -58,7 +59,7 @@ def satellites(results: Path | str | Tables, case: str) -> Figure:
     rows = in_view(tables)
     rows = rows[rows.case == tables.labels[case]]
     with look():
-        figure, grid = canvas(1, 1, 2.5)
+        figure, grid = canvas(1, 1, 2.9)
         axes = grid[0, 0]
         axes.step(rows.t_s, rows.above_count, where="post", color=GREY, ls="--", label="above the horizon")
         axes.step(rows.t_s, rows.tracked_count, where="post", color=PALETTE[0], label="tracked")

@@ -6,10 +6,12 @@ from collections.abc import Iterable
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
+from numpy.typing import NDArray
 
 WIDTH = 7.4
 """Inches: the text width of an A4 page."""
@@ -32,8 +34,8 @@ _LOOK: Any = {
     "legend.frameon": False,
     "legend.fontsize": 8.0,
     "lines.linewidth": 1.3,
-    "figure.dpi": 110,
-    "savefig.dpi": 110,
+    "figure.dpi": 130,
+    "savefig.dpi": 130,
     "svg.hashsalt": "lvnav_trade",
 }
 
@@ -59,38 +61,80 @@ def line_of(number: int) -> dict[str, Any]:
     return {"color": PALETTE[number % len(PALETTE)], "linestyle": DASHES[(number // len(PALETTE)) % len(DASHES)]}
 
 
-def mark_events(axes: Axes, events: pd.DataFrame, names: bool = True) -> None:
-    """Draw events as thin vertical lines, named at the top where there is room, and shade faults.
+def mark_events(axes: Axes, events: pd.DataFrame, names: bool = True, numbers: bool = False) -> None:
+    """Draw events as thin vertical lines and shade faults; names stand at the top, those of close events together.
 
-    events: rows of the table `events` of one case.
+    events: rows of the table `events` of one case; numbers: where panels are narrow, numbers stand in place of names
+    (their key: `event_key`).
     """
     low, high = axes.get_xlim()
-    last = -float("inf")
     place = axes.get_subplotspec()
-    room = 0.03 * (place.get_gridspec().ncols if place is not None else 1) * (high - low)
+    room = 0.032 * (place.get_gridspec().ncols if place is not None and numbers else 1) * (high - low)
     for fault in events[events.kind == "fault"].itertuples():
         axes.axvspan(fault.t_s, fault.t_end_s, color="#9ca3af", alpha=0.25, linewidth=0, zorder=0)
-    for t, group in events[events.kind == "event"].groupby("t_s"):
-        if low <= t <= high:
-            axes.axvline(t, color=GREY, linewidth=0.7, zorder=1.5)
-            if names and t - last > room:
-                _name(axes, t, ", ".join(group.event))
-                last = t
+    flown = _flown(events)
+    flown = flown[flown.t_s.between(low, high)]
+    for t in flown.t_s.unique():
+        axes.axvline(t, color=GREY, linewidth=0.7, zorder=1.5)
+    if names:
+        for first, last in _groups(flown.t_s.to_numpy(), room):
+            text = _span(first, last) if numbers else _joined(list(flown.event.iloc[first : last + 1]))
+            _name(
+                axes,
+                float(flown.t_s.iloc[first]),
+                text,
+                numbers,
+                float(flown.t_s.iloc[first]) > low + 0.85 * (high - low),
+            )
 
 
-def _name(axes: Axes, t: float, name: str) -> None:
+def event_key(events: pd.DataFrame) -> str:
+    """Return what the numbers of `mark_events` stand for, in two lines at most."""
+    told = [f"{number} {name.replace('_', ' ')}" for number, name in enumerate(_flown(events).event, start=1)]
+    half = (len(told) + 1) // 2 if len(told) > 6 else len(told)
+    return "\n".join("   ".join(part) for part in (told[:half], told[half:]) if part)
+
+
+def _flown(events: pd.DataFrame) -> pd.DataFrame:
+    return events[events.kind == "event"].sort_values(["t_s", "event"], kind="stable")
+
+
+def _groups(t: NDArray[np.float64], room: float) -> list[tuple[int, int]]:
+    """Return (first, last) of each group of events that are closer than `room` to its first."""
+    found: list[tuple[int, int]] = []
+    for index, time in enumerate(t):
+        if found and time - t[found[-1][0]] < room:
+            found[-1] = (found[-1][0], index)
+        else:
+            found.append((index, index))
+    return found
+
+
+def _span(first: int, last: int) -> str:
+    return str(first + 1) if first == last else f"{first + 1}-{last + 1}"
+
+
+def _joined(names: list[str]) -> str:
+    """Name a group of events: all of two, of more the first and the last."""
+    return ", ".join(names) if len(names) <= 2 else f"{names[0]} ... {names[-1]}"
+
+
+def _name(axes: Axes, t: float, name: str, upright: bool, leftward: bool) -> None:
+    """Write a name at the top; near the right edge it leans to the left, so that it needs no room beside the axes."""
+    lean: dict[str, Any] = {"rotation": 0, "ha": "center"} if upright else {"rotation": 38, "ha": "left"}
+    if leftward and not upright:
+        lean = {"rotation": -38, "ha": "right"}
     axes.annotate(
         name.replace("_", " "),
         (t, 1.0),
         xycoords=("data", "axes fraction"),
-        xytext=(1.5, 2),
+        xytext=(0 if upright else -1.5 if leftward else 1.5, 2),
         textcoords="offset points",
-        rotation=38,
         fontsize=6.5,
         color=GREY,
-        ha="left",
         va="bottom",
         annotation_clip=False,
+        **lean,
     )
 
 

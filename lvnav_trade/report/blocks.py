@@ -56,7 +56,14 @@ class Picture(NamedTuple):
         return "data:image/png;base64," + base64.b64encode(self.png).decode()
 
 
-Block = Text | Code | Table | Picture
+class Grades(NamedTuple):
+    """Data, as JSON, of a control that scales a source of error; shown by a script on the page, else not at all."""
+
+    data: str
+    kind: str = "grades"
+
+
+Block = Text | Code | Table | Picture | Grades
 
 
 class Section(NamedTuple):

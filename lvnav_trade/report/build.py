@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import base64
 import difflib
+import hashlib
 import re
+import shutil
 from collections.abc import Callable, Sequence
 from importlib import resources
 from pathlib import Path
@@ -12,10 +15,15 @@ import jinja2
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.metrics import CSV, METRICS
-from lvnav_trade.report import evidence
+from lvnav_trade.report import evidence, explained
 from lvnav_trade.report.blocks import Block, Picture, Section
 from lvnav_trade.report.summary import summary
 from lvnav_trade.store import Tables, load
+
+
+def _agreement(tables: Tables) -> list[Block]:
+    return evidence.agreement(tables) + explained.nonlinearity(tables)
+
 
 SECTIONS: dict[str, tuple[str, Callable[[Tables], list[Block]]]] = {
     "summary": ("Answer", summary),
@@ -23,11 +31,13 @@ SECTIONS: dict[str, tuple[str, Callable[[Tables], list[Block]]]] = {
     "trajectory": ("Trajectory", evidence.trajectory),
     "envelopes": ("Errors", evidence.envelopes),
     "consistency": ("Consistency", evidence.consistency),
-    "agreement": ("Monte Carlo against linear covariance", evidence.agreement),
+    "agreement": ("Monte Carlo against linear covariance", _agreement),
     "satellites": ("Satellites", evidence.satellites),
     "outages": ("Outages", evidence.outages),
     "references": ("Published numbers", evidence.references),
-    "budget": ("Error budget", evidence.budget),
+    "budget": ("Error budget", explained.budget),
+    "grades": ("What a better sensor is worth", explained.grades),
+    "observability": ("Observability", explained.observability),
     "reproduce": ("How to reproduce", evidence.reproduce),
 }
 """Every section by name, in the order in which they stand unless the campaign says otherwise."""
@@ -54,6 +64,24 @@ def build(folder: Path | str, sections: Sequence[str] | None = None) -> Path:
     text = re.sub(r"\n{3,}", "\n\n", _render("page.md.j2", title, asked, made)).strip() + "\n"
     (tables.folder / "report.md").write_text(text, encoding="utf-8")
     return page
+
+
+def keep(results: Path | str, folder: Path | str) -> Path:
+    """Copy what a repository keeps of a report into a folder, and return its Markdown page: page, figures, CSV tables.
+
+    What an earlier report left there is replaced; the HTML page is remade from results, not kept.
+    """
+    source, target = load(results).folder, Path(folder)
+    try:
+        (target / "figures").mkdir(parents=True, exist_ok=True)
+        for old in [*(target / "figures").glob("*.png"), *target.glob("*.csv")]:
+            old.unlink()
+        for path in [*sorted((source / "figures").glob("*.png")), *(source / f"{name}.csv" for name in CSV)]:
+            shutil.copyfile(path, target / path.relative_to(source))
+        shutil.copyfile(source / "report.md", target / "report.md")
+    except OSError as error:
+        raise InputError(f"{target}: the report cannot be kept there: {error.strerror or error}") from error
+    return target / "report.md"
 
 
 def _check(names: Sequence[str]) -> None:
@@ -89,5 +117,8 @@ def _render(template: str, title: str, asked: str, sections: Sequence[Section]) 
         undefined=jinja2.StrictUndefined,
     )
     environment.filters["cell"] = lambda text: str(text).replace("|", "\\|").replace("\n", " ")
-    style = source("page.css")
-    return environment.get_template(template).render(title=title, asked=asked, sections=sections, style=style)
+    script = source("grades.js")
+    allowed = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    return environment.get_template(template).render(
+        title=title, asked=asked, sections=sections, style=source("page.css"), script=script, allowed=allowed
+    )

@@ -1,4 +1,4 @@
-"""The sections behind the answer: flight, errors, consistency, agreement, satellites, outages, budget, references."""
+"""The sections behind the answer: flight, errors, consistency, agreement, satellites, outages, references."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import pandas as pd
 
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.agreement import by_case
-from lvnav_trade.metrics.select import final_event, flight_events
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.report.blocks import Block, Code, Table, Text, number, percent, picture, table
 from lvnav_trade.store import Tables
@@ -32,7 +31,8 @@ def chosen_cases(tables: Tables) -> list[str]:
     return [case for case, label in tables.labels.items() if label in kept]
 
 
-def _left_out(tables: Tables) -> list[Block]:
+def left_out(tables: Tables) -> list[Block]:
+    """Say that cases are left out, where some are."""
     more = len(tables.labels) - len(chosen_cases(tables))
     return [Text(f"Shown are the {MOST_CASES - 2} best cases and the 2 worst; {more} more are in the tables.")] * (
         more > 0
@@ -66,7 +66,31 @@ def requirements(tables: Tables) -> list[Block]:
         "below it. Bounds are exact binomial, one-sided, at the stated confidence. A failed run is a failure. "
         "Estimate: the error that the stated fraction of runs stays within."
     )
-    return [table(frame), Text(note)]
+    return [table(frame), Text(note), *_expected(tables)]
+
+
+def _expected(tables: Tables) -> list[Block]:
+    """Return linear covariance's own verdicts."""
+    frame = METRICS["expected"](tables)
+    shown = pd.DataFrame(
+        {
+            "requirement": frame.requirement,
+            "case": frame.case,
+            "verdict by linear covariance": frame.verdict,
+            "expected to keep it (%)": 100.0 * frame.expected_probability,
+            "asked (%)": 100.0 * frame.probability,
+            "estimate": frame.estimate.fillna("–"),
+            "limit": frame.limit.fillna("–"),
+            "remark": frame.reason.fillna(""),
+        }
+    )
+    note = (
+        "Linear covariance's own verdict: the probability that the error, a Gaussian vector with its mean and "
+        "covariance, stays below the limit (exact for that Gaussian, by quadrature). It has no sampling error and "
+        "knows neither nonlinearity nor gates; the Monte-Carlo verdict counts."
+    )
+    shown = shown if shown.remark.any() else shown.drop(columns="remark")
+    return [table(shown, "The same requirements by linear covariance alone."), Text(note)]
 
 
 def trajectory(tables: Tables) -> list[Block]:
@@ -103,7 +127,7 @@ def envelopes(tables: Tables) -> list[Block]:
     for quantity in known:
         figure = PLOTS["comparison"](tables, quantity)
         blocks.append(picture(f"compare-{quantity}", figure, f"{quantity.capitalize()} error of all cases."))
-    blocks += _left_out(tables)
+    blocks += left_out(tables)
     for case in chosen_cases(tables):
         for quantity in known:
             caption = f"{tables.labels[case]}: {quantity} error by axis, 1 sigma."
@@ -133,10 +157,12 @@ def consistency(tables: Tables) -> list[Block]:
     blocks: list[Block] = [
         Text(
             "ANEES and ANIS are divided by their degrees of freedom: 1 is a filter whose covariance fits its errors, "
-            "more is optimism."
+            "more is optimism. Dashed in the pictures: what linear covariance expects. Where a filter has a gate, "
+            "ANIS is that of the accepted rows over what the gate leaves of a matched filter's (F(g^2; 3) / F(g^2; "
+            "1) per row); NEES has no such correction."
         ),
         table(frame, "Consistency."),
-        *_left_out(tables),
+        *left_out(tables),
     ]
     for case in chosen_cases(tables):
         caption = f"{tables.labels[case]}: normalised errors and innovations squared."
@@ -168,17 +194,28 @@ def _whiteness(tables: Tables) -> list[Block]:
 def agreement(tables: Tables) -> list[Block]:
     """Return the verdict per case and the rows that disagree."""
     rows = METRICS["agreement"](tables)
-    cases = by_case(rows)
-    cases.columns = ["case", "verdict", "tested", "outside", "worst state", "at", "ratio (-)", "low (-)", "high (-)"]
+    cases = by_case(tables)
+    alpha = percent(float(cases.alpha_ratio.iloc[0])) if len(cases) else ""
     gate = tables.innovations.groupby("case", sort=False).false_rejection_ratio.max() * 100
-    cases["good rows rejected (%, worst epoch)"] = [gate.get(case, 0.0) for case in tables.labels]
+    shown = pd.DataFrame({"case": cases.case, "verdict": cases.verdict, "tested": cases.tested_count})
+    shown["outside"] = cases.outside_count
+    shown["worst state"] = cases.state
+    shown["at"] = cases.event.str.replace("_", " ")
+    shown["ratio (-)"] = cases.ratio
+    shown["bounds (-)"] = cases.low.map(number) + " to " + cases.high.map(number)
+    shown["largest source there"] = [
+        f"{row.source} ({100 * row.share_ratio:.0f} %)" if row.source else "–" for row in cases.itertuples()
+    ]
+    shown["good rows rejected (%)"] = [gate.get(case, 0.0) for case in tables.labels][: len(shown)]
     note = (
         "Monte-Carlo RMS over the RMS that linear covariance expects, for nine navigation errors at every event; "
-        "bounds by chi-square, all rows of a case together at the 1 % level (Bonferroni). All rows: agreement.csv. "
-        "Linear covariance knows no gate: where a gate rejects more than 1 % of good rows, it does not represent the "
-        "filter, and the last column says so."
+        f"bounds by chi-square, all rows of a case together at the {alpha} level (Bonferroni). All rows: "
+        "agreement.csv. Linear covariance knows no gate: where a gate rejects more than 1 % of good rows at some "
+        "epoch (last column, the worst epoch, by linear covariance), it does not describe the filter, and the "
+        "verdict is not applicable."
     )
-    blocks: list[Block] = [Text(note), table(cases, "Agreement of the two engines.")]
+    blocks: list[Block] = [Text(note), table(shown, "Agreement of the two engines.")]
+    blocks += [Text(f"{row.case}: {row.reason}.", "Not applicable.") for row in cases.itertuples() if row.reason]
     bad = rows[rows.agree == "disagree"].drop(columns="agree")
     if len(bad):
         bad = bad.assign(distance=(bad.ratio - 1.0).abs()).nlargest(12, "distance").drop(columns="distance")
@@ -243,48 +280,6 @@ def references(tables: Tables) -> list[Block]:
         Text(f"{inside} of {len(frame)} numbers lie in their band."),
         table(shown, "Published numbers beside ours."),
     ]
-
-
-def budget(tables: Tables) -> list[Block]:
-    """Return linear covariance's errors by source: a table per case at the last event, and their parts over time."""
-    frame = METRICS["budget"](tables)
-    if frame.empty:
-        return [Text("The campaign asked for no error budget.")]
-    blocks: list[Block] = [
-        Text(
-            "By linear covariance: sigma of the true error from each source alone; squares add. "
-            "The mean error is not part of it."
-        ),
-        *_left_out(tables),
-    ]
-    for case in chosen_cases(tables):
-        blocks.append(
-            _budget_table(frame[frame.case == tables.labels[case]], tables.labels[case], _last_events(tables, case))
-        )
-        for quantity in ("position", "velocity"):
-            caption = f"{tables.labels[case]}: parts of the variance of the {quantity} error by source."
-            blocks.append(picture(f"budget-{case}-{quantity}", PLOTS["budget"](tables, case, quantity), caption))
-    return blocks
-
-
-def _budget_table(rows: pd.DataFrame, label: str, events: list[str]) -> Table:
-    """Return source x (event, metric): the sigma at every event, largest at the last event first."""
-    rows = rows[rows.metric.isin(["position_error", "velocity_error"]) & rows.event.isin(events)]
-    what = rows.metric.str.split("_").str[0] + " (" + rows.unit + ")"
-    rows = rows.assign(column=rows.event.str.replace("_", " ") + ": " + what)
-    wide = rows.pivot_table(index="source", columns="column", values="sigma", sort=False)
-    order = wide.iloc[:, -1].sort_values(ascending=False, kind="stable").index
-    caption = f"{label}: 3D error by source at the last events, 1 sigma. All events and axes: budget.parquet."
-    return table(wide.loc[order].reset_index(), caption)
-
-
-def _last_events(tables: Tables, case: str, count: int = 3) -> list[str]:
-    """Return the last events at different times, the final one for those that coincide with it."""
-    events = flight_events(tables, case)
-    final = final_event(tables, case)
-    events = events[events.t_s <= events.t_s[events.event == final].iloc[0]] if final else events
-    events = events.assign(order=events.event == final).sort_values(["t_s", "order"], kind="stable")
-    return list(events.drop_duplicates("t_s", keep="last").event)[-count:]
 
 
 def reproduce(tables: Tables) -> list[Block]:

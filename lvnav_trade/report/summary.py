@@ -13,6 +13,9 @@ from lvnav_trade.metrics.select import split_metric
 from lvnav_trade.report.blocks import Block, Text, number, percent, picture, table
 from lvnav_trade.store import Tables
 
+_FEW = 4
+"""Cases that are all named beside their verdict."""
+
 
 def summary(tables: Tables) -> list[Block]:
     """Return the answer: what each requirement says of the cases, how sure it is, and the ranking."""
@@ -55,7 +58,53 @@ def _answer(tables: Tables, requirement: dict[str, Any], rows: pd.DataFrame) -> 
             every = f"all {len(rows)} cases: " if len(chosen) == len(rows) > 1 else ""
             names = _undecided(chosen) if verdict == "undecided" else [_case(row) for row in chosen.itertuples()]
             blocks.append(Text(f"{every}{'; '.join(names)}.", f"{word}:"))
+    blocks += [
+        Text(text, "Linear covariance alone:") for text in _by_covariance(tables, str(requirement["name"]), rows)
+    ]
+    lever = _levers(tables, str(requirement["name"]))
+    if lever:
+        return [*blocks, Text(lever, "What would make it met (frozen-gain estimate by linear covariance):")]
     return blocks + [Text(text) for text in _largest_sources(tables, requirement, rows[rows.verdict == "violated"])]
+
+
+def _by_covariance(tables: Tables, name: str, judged: pd.DataFrame) -> list[str]:
+    """Say what linear covariance by itself would conclude, in one sentence where it concludes the same."""
+    frame = METRICS["expected"](tables)
+    frame = frame[frame.requirement == name]
+    runs = judged.set_index("case").verdict
+    told = [
+        f"{row.case}: not applicable, {row.reason}"
+        if row.verdict == "not applicable"
+        else f"{row.case}: {row.verdict}, {_chance(row.expected_probability)} of flights expected to keep it"
+        for row in frame.itertuples()
+        if row.verdict != runs[row.case] or len(frame) <= _FEW
+    ]
+    if not len(frame):
+        return []
+    same = int(sum(row.verdict == runs[row.case] for row in frame.itertuples()))
+    if not told:
+        return ["the same verdict" + (f" in all {same} cases." if same > 1 else ".")]
+    start = f"the same verdict in {same} of {len(frame)} cases; " if same and len(frame) > _FEW else ""
+    return [start + "; ".join(told) + "."]
+
+
+def _chance(probability: float) -> str:
+    """Write a probability in percent; what would round to 100 is told as more than 99.9."""
+    return "more than 99.9 %" if probability > 0.999 else f"{100 * probability:.3g} %"
+
+
+def _levers(tables: Tables, name: str) -> str:
+    """Say which source must get better by which factor, case by case."""
+    frame = METRICS["levers"](tables)
+    told = []
+    for row in frame[frame.requirement == name].itertuples():
+        if not row.source:
+            told.append(f"{row.case}: {row.remark}")
+            continue
+        together = " together" if row.remark == "together" else ""
+        part = f"{100 * row.share_ratio:.0f} % of the mean square"
+        told.append(f"{row.case}: sigma of {row.source}{together} times {number(row.factor_ratio)} ({part})")
+    return "; ".join(told) + "." if told else ""
 
 
 def _case(row: Any) -> str:
@@ -99,20 +148,28 @@ def ranking_table(tables: Tables) -> Block:
 
 
 def _agreement(tables: Tables) -> str:
-    found = by_case(METRICS["agreement"](tables))
-    tested = found[found.verdict != "no runs"]
+    found = by_case(tables)
+    tested = found[found.verdict.isin(["agree", "disagree"])]
+    outside = found[found.verdict == "not applicable"]
+    parts = [f"Not applicable: {'; '.join(f'{row.case} ({row.reason})' for row in outside.itertuples())}."] * bool(
+        len(outside)
+    )
     if not len(tested):
-        return ""
+        return " ".join(parts)
+    level = percent(float(tested.alpha_ratio.iloc[0]))
     bad = tested[tested.verdict == "disagree"]
     if bad.empty:
         where = "in the one case" if len(tested) == 1 else f"in all {len(tested)} cases"
-        return f"Monte Carlo and linear covariance agree {where} (1 % family-wise level per case)."
-    return (
-        f"Monte Carlo and linear covariance disagree in {len(bad)} of {len(tested)} cases: "
-        + "; ".join(
-            f"{row.case} (worst: {row.state} at {row.event}, ratio {number(row.ratio)}, "
-            f"bounds {number(row.low)} to {number(row.high)})"
-            for row in bad.itertuples()
-        )
-        + ". There the Monte-Carlo numbers count."
+        parts.insert(0, f"Monte Carlo and linear covariance agree {where} ({level} family-wise level per case).")
+        return " ".join(parts)
+    worst = "; ".join(
+        f"{row.case} (worst: {row.state} at {row.event.replace('_', ' ')}, ratio {number(row.ratio)}, "
+        f"bounds {number(row.low)} to {number(row.high)}, largest source there: {row.source or 'unknown'})"
+        for row in bad.itertuples()
     )
+    parts.insert(
+        0,
+        f"Monte Carlo and linear covariance disagree in {len(bad)} of {len(tested)} cases ({level} family-wise level "
+        f"per case): {worst}. There the Monte-Carlo numbers count.",
+    )
+    return " ".join(parts)

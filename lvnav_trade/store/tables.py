@@ -11,10 +11,12 @@ import pyarrow as pa
 from lvnav_trade import frames
 from lvnav_trade.engines.statistics import NORM, BlockSummary, add_norms, columns, norm_groups, quantiles
 from lvnav_trade.records import CovHistory, Floats, Output
+from lvnav_trade.store.explained import explained_tables
 from lvnav_trade.store.schema import arrow_schema, error_column
 from lvnav_trade.world.events import resolve
 
 if TYPE_CHECKING:
+    from lvnav_trade.engines.explain import Explanation
     from lvnav_trade.engines.prepare import Prepared
 
 FAILURES = {0: "", 1: "not finite", 2: "diverged"}
@@ -33,7 +35,11 @@ class CaseInfo(NamedTuple):
 
 
 def case_tables(
-    case: CaseInfo, prepared: Prepared, cov: CovHistory, summary: BlockSummary | None
+    case: CaseInfo,
+    prepared: Prepared,
+    cov: CovHistory,
+    summary: BlockSummary | None,
+    explained: Explanation | None = None,
 ) -> dict[str, pa.Table]:
     """Return every table of `schema.TABLES` for one case; without Monte Carlo its columns are NaN and counts 0."""
     lincov = _LinCov(cov, prepared.outputs)
@@ -49,6 +55,7 @@ def case_tables(
         "satellites": _satellites(prepared),
         "reference": _reference(prepared, cov.t),
         "events": _events(prepared),
+        **explained_tables(prepared, cov, explained),
     }
     return {name: _arrow(name, case.id, content) for name, content in contents.items()}
 
@@ -106,6 +113,13 @@ def nees_dof(prepared: Prepared) -> int:
     return int(layout.n_estimated) if layout is not None else len(prepared.outputs)
 
 
+def _gate(prepared: Prepared) -> float:
+    """Return the gate on normalised innovations; NaN where there is none."""
+    belief = getattr(prepared, "belief", None)
+    squared = belief.gate_squared if belief is not None else np.inf
+    return float(np.sqrt(squared)) if np.isfinite(squared) else float("nan")
+
+
 # --- one function per table -------------------------------------------------------------------------------------------
 
 
@@ -116,6 +130,7 @@ def _cases(case: CaseInfo, prepared: Prepared, summary: BlockSummary | None) -> 
         "run_count": [summary.n_run if summary else 0],
         "failed_count": [int((summary.failed != 0).sum()) if summary else 0],
         "nees_dof_count": [nees_dof(prepared)],
+        "gate_ratio": [_gate(prepared)],
         "epoch": [prepared.trajectory.epoch],
         "facts": [json.dumps(prepared.trajectory.facts, sort_keys=True, default=float)],
     }

@@ -22,6 +22,7 @@ from lvnav_trade.store.tables import CaseInfo, case_tables
 from lvnav_trade.store.versions import campaign_digest, environment
 
 if TYPE_CHECKING:
+    from lvnav_trade.engines.explain import Explanation
     from lvnav_trade.engines.prepare import Prepared
 
 __all__ = ["CaseInfo", "Results", "open_results"]
@@ -65,11 +66,18 @@ class Results:
         ]
         return merge(part_files.read(path) for path in chosen) if chosen else None
 
-    def write_case(self, case: CaseInfo, prepared: Prepared, cov: CovHistory, summary: BlockSummary | None) -> None:
+    def write_case(
+        self,
+        case: CaseInfo,
+        prepared: Prepared,
+        cov: CovHistory,
+        summary: BlockSummary | None,
+        explained: Explanation | None = None,
+    ) -> None:
         """Write the tables of one case; `finish` puts the cases together in the order in which they were written."""
         folder = self.case_folder(case.id) / "tables"
         folder.mkdir(parents=True, exist_ok=True)
-        for name, table in case_tables(case, prepared, cov, summary).items():
+        for name, table in case_tables(case, prepared, cov, summary, explained).items():
             part_files.replace_table(table, folder / f"{name}.parquet")
         self._order = [known for known in self._order if known != case.id] + [case.id]
 

@@ -45,7 +45,7 @@ class Fake:
         self.on_block, self.on_covariance = on_block, on_covariance
 
     def engine(self) -> Engine:
-        return Engine(self.events, self.prepare, self.run_block, self.covariance, self.summarise)
+        return Engine(self.events, self.prepare, self.run_block, self.covariance, self.summarise, explain=self.explain)
 
     def events(self, scenario: Any) -> dict[str, float]:
         return dict(EVENTS)
@@ -68,6 +68,10 @@ class Fake:
             np.array([0.0, 1.0, 2.0]), ones, 2 * ones, 0 * ones, ("a", "b"), np.ones((3, 2, n)), full, full,
             np.array([1.0]), np.array([8]), np.ones(3), np.ones(1), np.zeros(1),
         )  # fmt: skip
+
+    def explain(self, scenario: Any, prepared: Any, covariance: CovHistory, asked: Any) -> Any:
+        self.calls.append(Call("explain", prepared.name))
+        return ("explained", prepared.name, asked)
 
     def run_block(self, prepared: Any, seed: int, first: int, n: int) -> Any:
         self.calls.append(Call("block", prepared.name, first, n))
@@ -134,8 +138,8 @@ class Kept:
     def summary(self, case: str, n_run: int) -> Any:
         return np.concatenate([part.numbers for part in self._parts(case)])[:n_run]
 
-    def write_case(self, info: Any, prepared: Any, covariance: CovHistory, summary: Any) -> None:
-        row = (tuple(info), covariance.sources, None if summary is None else summary.tolist())
+    def write_case(self, info: Any, prepared: Any, covariance: CovHistory, summary: Any, explained: Any) -> None:
+        row = (tuple(info), covariance.sources, None if summary is None else summary.tolist(), explained)
         (self.folder / f"{info.id}.pcase").write_bytes(pickle.dumps(row))
 
     def finish(self, extra: dict[str, Any]) -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from scipy import stats
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.consistency import nees, nis
+from lvnav_trade.metrics.consistency import accepted_moments, nees, nis
 
 
 def test_a_matched_filter_is_inside_its_bounds(good):
@@ -33,3 +34,17 @@ def test_anis_is_bounded_by_the_rows_that_there_were(good):
     row = nis(good).iloc[0]
     assert row.row_count == 199 * 16
     assert row.high_ratio == pytest.approx(stats.chi2.ppf(0.975, 199 * 16) / (199 * 16), rel=1e-12)
+
+
+@pytest.mark.parametrize("gate", [1.0, 2.0, 3.0])
+def test_the_moments_are_those_of_a_truncated_normal(gate):
+    """Variance and fourth moment of a standard normal within +- gate, by scipy's truncated normal."""
+    law = stats.truncnorm(-gate, gate)
+    mean, variance = accepted_moments(np.array([gate]))
+    assert mean[0] == pytest.approx(law.moment(2), rel=1e-9)
+    assert variance[0] == pytest.approx(law.moment(4) - law.moment(2) ** 2, rel=1e-8)
+
+
+def test_without_a_gate_it_is_the_chi_square():
+    mean, variance = accepted_moments(np.array([np.nan]))
+    assert (mean[0], variance[0]) == (1.0, 2.0)

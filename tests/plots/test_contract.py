@@ -18,6 +18,7 @@ ARGUMENTS = {
     "comparison": ("position",),
     "rank": (),
     "budget": (CASE, "position"),
+    "heatmap": (CASE, "velocity"),
     "consistency": (CASE,),
 }
 
@@ -26,9 +27,16 @@ ARGUMENTS = {
 def test_every_axis_is_labelled(name, good):
     figure = PLOTS[name](good, *ARGUMENTS[name])
     for axes in figure.axes:
+        if axes.get_label() == "<colorbar>":
+            assert "%" in axes.get_ylabel()
+            continue
         shared = axes.get_subplotspec().get_gridspec().nrows > 1 and not axes.get_subplotspec().is_last_row()
-        assert axes.get_xlabel() or (shared and name in ("envelope", "consistency"))
-        assert axes.get_ylabel() or name == "sky" or (name == "rank" and not axes.get_subplotspec().is_first_col())
+        assert axes.get_xlabel() or (shared and name in ("envelope", "consistency", "budget"))
+        assert (
+            axes.get_ylabel()
+            or name == "sky"
+            or (name in ("rank", "heatmap") and not axes.get_subplotspec().is_first_col())
+        )
 
 
 @pytest.mark.parametrize("name", PLOTS)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from lvnav_trade.plots import PLOTS
+import numpy as np
+
+from lvnav_trade.plots import PLOTS, style
 
 CASE = "aaaaaaaaaaaa"
 
@@ -11,3 +13,18 @@ def test_faults_are_shaded_and_events_are_named(good):
     axes = PLOTS["satellites"](good, CASE).axes[0]
     assert len(axes.patches) == 1
     assert {"stage1 cutoff", "injection"} <= {text.get_text() for text in axes.texts}
+
+
+def test_close_events_share_one_name_and_none_is_lost():
+    times = np.array([0.0, 8.0, 150.0, 153.0, 158.0, 183.0])
+    assert style._groups(times, 20.0) == [(0, 1), (2, 4), (5, 5)]
+    assert style._joined(["stage1_cutoff", "stage1_separation", "stage2_ignition"]) == (
+        "stage1_cutoff ... stage2_ignition"
+    )
+
+
+def test_numbers_of_events_have_a_key(good):
+    events = good.events[good.events.case == CASE]
+    assert style.event_key(events) == "1 liftoff   2 stage1 cutoff   3 injection"
+    names = {text.get_text() for text in PLOTS["trajectory"](good, CASE).axes[0].texts}
+    assert names == {"1", "2", "3"}

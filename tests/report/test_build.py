@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
+import json
 import re
 from html.parser import HTMLParser
 from itertools import pairwise
@@ -10,7 +13,8 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.errors import InputError
-from lvnav_trade.report import build
+from lvnav_trade.report import build, keep
+from lvnav_trade.report.blocks import number
 from tests import synthetic
 
 
@@ -35,8 +39,38 @@ def test_the_page_loads_nothing_and_is_well_formed(text):
     links.feed(text)
     assert links.open == []
     assert all(link.startswith(("data:image/png;base64,", "#")) for link in links.found)
-    assert "<script" not in text
+    scripts = re.findall(r"<script([^>]*)>", text)
+    assert set(scripts) == {"", ' type="application/json" class="grades"'}
+    assert not re.search(r"fetch\(|XMLHttpRequest|import\(", text)
     assert not re.search(r"url\(|@import|http://|https://", text.split("<main>")[0])
+
+
+def test_the_only_script_that_may_run_is_the_one_on_the_page(text):
+    allowed = re.search(r"script-src 'sha256-([^']+)'", text)[1]
+    script = re.search(r"<script>(.*?)</script>", text, flags=re.S)[1]
+    assert base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() == allowed
+
+
+def test_the_control_holds_the_numbers_of_its_table(text):
+    data = json.loads(re.search(r'class="grades">(.*?)</script>', text, flags=re.S)[1])
+    attitude = next(row for row in data if row["case"] == "imu=fine" and row["metric"].startswith("attitude"))
+    source = attitude["sources"][0]
+    assert source["name"] == "gyro bias"
+    frozen = (attitude["square"] + 99.0 * source["square"]) ** 0.5
+    tuned = dict(map(tuple, source["retuned"]))[10.0]
+    assert f"<td>{number(frozen)} / {number(tuned)}</td>" in re.sub(r'<td class="[^"]*">', "<td>", text)
+
+
+def test_a_report_is_kept_without_its_html(page, tmp_path):
+    kept = keep(page.parent, tmp_path / "kept")
+    assert kept.read_bytes() == (page.parent / "report.md").read_bytes()
+    pictures = {file.name for file in (page.parent / "figures").iterdir()}
+    assert {file.name for file in (tmp_path / "kept" / "figures").iterdir()} == pictures
+    assert (tmp_path / "kept" / "budget.csv").exists()
+    assert not list((tmp_path / "kept").glob("*.html"))
+    (tmp_path / "kept" / "figures" / "old.png").write_bytes(b"")
+    keep(page.parent, tmp_path / "kept")
+    assert not (tmp_path / "kept" / "figures" / "old.png").exists()
 
 
 def test_the_page_is_small(page):

@@ -1,0 +1,145 @@
+"""Behind a case's linear covariance: which source, when, what a better one is worth, what the rows can tell."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.engines.cover import Tape
+from lvnav_trade.engines.lincov import adjoint, forward_tape, source_covariances, turns
+from lvnav_trade.engines.nonlinearity import Nonlinearity, nonlinearity
+from lvnav_trade.engines.observability import TOLERANCE, in_words, observability
+from lvnav_trade.engines.prepare import Prepared
+from lvnav_trade.engines.retune import Sensitivity, sensitivity
+from lvnav_trade.engines.truth import source_names, true_model
+from lvnav_trade.records import AdjointBudget, Asked, CovHistory, Floats
+from lvnav_trade.scenario import Scenario
+
+QUANTITIES = ("attitude", "velocity", "position")
+_SHORTEST = 1.0
+"""Seconds: a shorter phase is joined to the one after it."""
+
+
+class SourceCovariance(NamedTuple):
+    """True covariance (n_source, 3, 3, 3) of attitude, velocity and position at an event by source, SI."""
+
+    event: str
+    time: float
+    sources: tuple[str, ...]
+    covariance: Floats
+
+
+class PhaseView(NamedTuple):
+    """What the rows of a phase of flight tell: name, start, end s, rank, tolerance, singular (n_state,) values, rows,
+    and the weakest direction in words.
+    """
+
+    name: str
+    start: float
+    end: float
+    rank: int
+    tolerance: float
+    singular: Floats
+    rows: int
+    weakest: str
+
+
+class Explanation(NamedTuple):
+    """All that was asked of a case; empty where not asked. nonlinear: event name and nonlinearity at every event."""
+
+    event: str = ""
+    adjoint: AdjointBudget | None = None
+    by_source: tuple[SourceCovariance, ...] = ()
+    sensitivity: tuple[Sensitivity, ...] = ()
+    phases: tuple[PhaseView, ...] = ()
+    nonlinear: tuple[tuple[str, Nonlinearity], ...] = ()
+
+
+def explain(scenario: Scenario, prepared: Prepared, history: CovHistory, asked: Asked) -> Explanation:
+    """Return what was asked of a case; one forward pass serves all of it."""
+    events = flown_events(prepared)
+    at = _event(events, asked.at)
+    tape = None
+    if events and (asked.adjoint or asked.observability):
+        tape = forward_tape(prepared, true_model(prepared, source_names(prepared)))
+    return Explanation(
+        at,
+        adjoint(prepared, events[at], tape=tape) if at and asked.adjoint else None,
+        _by_source(prepared, events, (at, *asked.events), tape) if at and asked.adjoint else (),
+        _sensitivities(scenario, prepared, history, events[at]) if at and asked.sensitivity else (),
+        _phases(prepared, events, tape) if asked.observability else (),
+        tuple((name, nonlinearity(prepared, history, t)) for name, t in events.items()),
+    )
+
+
+def flown_events(prepared: Prepared) -> dict[str, float]:
+    """Return the events within the flight: those that the history holds."""
+    first, last = prepared.reference.t[0], prepared.reference.t[-1]
+    return {name: t for name, t in prepared.trajectory.events.items() if first <= t <= last}
+
+
+def _event(events: dict[str, float], wanted: str) -> str:
+    if wanted in events:
+        return wanted
+    return "injection" if "injection" in events else max(events, key=lambda name: events[name], default="")
+
+
+def _by_source(
+    prepared: Prepared, events: dict[str, float], wanted: tuple[str, ...], tape: Tape | None
+) -> tuple[SourceCovariance, ...]:
+    names = tuple(source_names(prepared))
+    return tuple(
+        SourceCovariance(name, events[name], names, source_covariances(prepared, events[name], tape))
+        for name in dict.fromkeys(wanted)
+        if name in events
+    )
+
+
+def _sensitivities(scenario: Scenario, prepared: Prepared, history: CovHistory, time: float) -> tuple[Sensitivity, ...]:
+    known: dict[tuple[str, float], CovHistory] = {}
+    columns = {
+        quantity: [i for i, output in enumerate(prepared.outputs) if output.quantity == quantity]
+        for quantity in QUANTITIES
+    }
+    return tuple(
+        sensitivity(scenario, history, time, quantity, found, known=known) for quantity, found in columns.items()
+    )
+
+
+def _phases(prepared: Prepared, events: dict[str, float], tape: Tape | None) -> tuple[PhaseView, ...]:
+    """Return the observability of the stretches between events."""
+    marks = _marks(prepared, events)
+    stretches = observability(prepared, np.array([t for _, t in marks]), tape)
+    return tuple(
+        PhaseView(
+            f"{first} to {second}", s.start, s.end, s.rank, TOLERANCE, s.singular, s.rows,
+            in_words(_reported(prepared, s.start, s.weakest), _state_names(prepared)) if s.rows else "every direction",
+        )
+        for ((first, _), (second, _)), s in zip(pairwise(marks), stretches, strict=True)
+    )  # fmt: skip
+
+
+def _marks(prepared: Prepared, events: dict[str, float]) -> list[tuple[str, float]]:
+    """Return the names and times between which the phases lie."""
+    t = prepared.reference.t
+    marks = [("start", float(t[0]))]
+    for name, time in sorted(events.items(), key=lambda item: item[1]):
+        if time - marks[-1][1] >= _SHORTEST:
+            marks.append((name, time))
+    if t[-1] - marks[-1][1] >= _SHORTEST:
+        marks.append(("end", float(t[-1])))
+    return marks
+
+
+def _reported(prepared: Prepared, start: float, direction: Floats) -> Floats:
+    """Return a direction in initial sigmas of the states as one in initial sigmas of the reporting axes."""
+    turn = turns(prepared)[int(np.argmin(np.abs(prepared.t_hist - start)))]
+    P = prepared.start.P
+    found = turn @ (np.sqrt(np.diag(P)) * direction) / np.sqrt(np.diag(turn @ P @ turn.T))
+    return found / found[np.argmax(np.abs(found))]
+
+
+def _state_names(prepared: Prepared) -> tuple[str, ...]:
+    return tuple(f"{o.quantity.replace('_', ' ')} {o.axis}" for o in prepared.outputs)

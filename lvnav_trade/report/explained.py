@@ -1,0 +1,220 @@
+"""The sections on linear covariance: budget by source, when sources act, what better ones are worth, what is seen."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from lvnav_trade.metrics import METRICS
+from lvnav_trade.metrics.covariances import gaussian
+from lvnav_trade.metrics.select import final_event, flight_events, metric_name
+from lvnav_trade.plots import PLOTS
+from lvnav_trade.report.blocks import Block, Grades, Table, Text, number, picture, table
+from lvnav_trade.report.evidence import NAVIGATION, chosen_cases, left_out
+from lvnav_trade.store import Tables
+
+_LEAST_SHARE = 0.01
+"""Part of the variance below which a source is summed with others in a table."""
+
+
+def budget(tables: Tables) -> list[Block]:
+    """Return linear covariance's errors by source: tables at every event, sandpiles, and when each source acted."""
+    frame = METRICS["budget"](tables)
+    if frame.empty:
+        return [Text("The campaign asked for no error budget.")]
+    blocks: list[Block] = [
+        Text(
+            "By linear covariance: one sigma of the true error from each source alone, in brackets its part of the "
+            "variance; squares add. The mean error is not part of it. In the pictures heights are variances, on an "
+            "axis labelled as their root: the top of the pile is one sigma of the true error, the dashed line what "
+            "the filter believes; what stands above the line is optimism. The map tells when a source made the error "
+            "that is left at the event; constant errors are drawn once, at the start."
+        ),
+        *left_out(tables),
+    ]
+    for case in chosen_cases(tables):
+        label = tables.labels[case]
+        for quantity in NAVIGATION:
+            rows = frame[(frame.case == label) & (frame.metric == metric_name(quantity))]
+            if len(rows):
+                blocks.append(_by_event(tables, case, quantity, rows))
+        for quantity in ("position", "velocity"):
+            blocks += _pictures(tables, case, quantity)
+    return blocks
+
+
+def _pictures(tables: Tables, case: str, quantity: str) -> list[Block]:
+    label = tables.labels[case]
+    caption = f"{label}: {quantity} error, variance by source; the dashed line is the filter's own sigma."
+    found: list[Block] = [picture(f"budget-{case}-{quantity}", PLOTS["budget"](tables, case, quantity), caption)]
+    if (tables.adjoint.case == case).any():
+        caption = f"{label}: which source made the {quantity} error at the event, and when; at the right the sum."
+        found.append(picture(f"when-{case}-{quantity}", PLOTS["heatmap"](tables, case, quantity), caption))
+    return found
+
+
+def _by_event(tables: Tables, case: str, quantity: str, rows: pd.DataFrame) -> Table:
+    """Return source x event: sigma and part of the variance, largest at the final event first."""
+    events = _events(tables, case)
+    share = rows.pivot_table(index="source", columns="event", values="share_ratio", sort=False)[events]
+    square = rows.pivot_table(index="source", columns="event", values="sigma", sort=False)[events] ** 2
+    order = share.iloc[:, -1].sort_values(ascending=False, kind="stable").index
+    kept = [source for source in order if share.loc[source].max() >= _LEAST_SHARE]
+    rest = [source for source in order if source not in kept]
+    lines = [(source, square.loc[source], share.loc[source]) for source in kept]
+    if rest:
+        lines.append((f"{len(rest)} others", square.loc[rest].sum(), share.loc[rest].sum()))
+    lines.append(("all", square.sum(), share.sum()))
+    shown = tuple(
+        (name, *(_part(float(np.sqrt(s)), float(p)) for s, p in zip(squares, parts, strict=True)))
+        for name, squares, parts in lines
+    )
+    head = (f"{quantity} ({rows.unit.iloc[0]})", *(event.replace("_", " ") for event in events))
+    caption = f"{tables.labels[case]}: {quantity} error, 3D, by source at every event; a dash is below half a percent."
+    return Table(head, shown, (False, *(True for _ in events)), caption)
+
+
+def _part(sigma: float, share: float) -> str:
+    """Write a sigma with two digits and its part; a dash for what would be 0 %, the sigma alone for all."""
+    if share > 1.0 - 1e-9:
+        return number(sigma)
+    return f"{float(f'{sigma:.2g}'):g} ({100.0 * share:.0f} %)" if share >= 0.005 else "–"
+
+
+def _events(tables: Tables, case: str) -> list[str]:
+    """Return the events at different times up to the final one, which stands for those that coincide with it."""
+    events = flight_events(tables, case)
+    final = final_event(tables, case)
+    events = events[events.t_s <= events.t_s[events.event == final].iloc[0]] if final else events
+    events = events.assign(order=events.event == final).sort_values(["t_s", "order"], kind="stable")
+    return list(events.drop_duplicates("t_s", keep="last").event)
+
+
+def grades(tables: Tables) -> list[Block]:
+    """Return what a source of another size would do to the errors at the explained event: a control, and tables."""
+    tuned = METRICS["sensitivity"](tables)
+    data, blocks = [], []
+    for case in chosen_cases(tables):
+        for quantity in NAVIGATION:
+            found = _metric(tables, case, quantity, tuned)
+            if found is not None:
+                data.append(found)
+                blocks.append(_grades_table(found))
+    if not data:
+        return [Text("The campaign asked for no covariance by source at the event (covariance: {adjoint: true}).")]
+    honest = (
+        "Re-tuned numbers come from a linear covariance of their own for each factor, with a filter whose beliefs "
+        "follow: they are what this filter makes of a better or worse "
+        "unit."
+        if len(tuned)
+        else "Re-tuned numbers were not asked for (covariance: {sensitivity: true})."
+    )
+    note = (
+        "The error at the event if one source had another sigma. Frozen: the filter keeps the gains that it has; "
+        "exact, because with fixed gains the variance is a sum over sources. " + honest
+    )
+    return [Text(note), Grades(json.dumps(data).replace("</", "<\\/")), *blocks]
+
+
+def _metric(tables: Tables, case: str, quantity: str, tuned: pd.DataFrame) -> dict[str, Any] | None:
+    """Return the squares of a norm and of its sources, in the units of people, with the re-tuned points of each."""
+    rows = tables.adjoint[tables.adjoint.case == case]
+    event = str(rows.event.iloc[0]) if len(rows) else final_event(tables, case)
+    law = gaussian(tables, case, event, quantity, "3d")
+    if law is None or not law.sources:
+        return None
+    unit, factor = tables.people[quantity, "3d"]
+    label = tables.labels[case]
+    tuned = tuned[(tuned.case == label) & (tuned.metric == metric_name(quantity))]
+    sources: list[dict[str, Any]] = [
+        {
+            "name": name,
+            "square": float(np.trace(part)) * factor**2,
+            "retuned": [
+                [row.factor_ratio, float(f"{row.retuned:.6g}")] for row in tuned[tuned.source == name].itertuples()
+            ],
+        }
+        for name, part in law.sources.items()
+    ]
+    sources.sort(key=lambda source: -source["square"])
+    total = float(np.trace(law.covariance) + law.mean @ law.mean) * factor**2
+    metric = f"{quantity} error, 3D RMS at {event.replace('_', ' ')}"
+    return {"case": label, "metric": metric, "unit": unit, "square": total, "sources": sources}
+
+
+def _grades_table(found: dict[str, Any]) -> Table:
+    """Return the numbers behind the control: frozen and re-tuned error per source and factor."""
+    factors = (0.1, 0.3, 1.0, 3.0, 10.0)
+    rows = []
+    for source in found["sources"]:
+        share = source["square"] / found["square"]
+        if share < _LEAST_SHARE:
+            continue
+        tuned = dict(map(tuple, source["retuned"]))
+        cells = []
+        for factor in factors:
+            frozen = np.sqrt(found["square"] + (factor**2 - 1.0) * source["square"])
+            cells.append(number(float(frozen)) + (f" / {number(tuned[factor])}" if factor in tuned else ""))
+        rows.append((source["name"], f"{100 * share:.0f} %", *cells))
+    head = ("source", "part of the mean square", *(f"x {factor:g}" for factor in factors))
+    what = "gains frozen / filter re-tuned" if any(source["retuned"] for source in found["sources"]) else "gains frozen"
+    caption = f"{found['case']}: {found['metric']} ({found['unit']}), {what}; sigma of one source times a factor."
+    return Table(head, tuple(rows), (False, *(True for _ in head[1:])), caption)
+
+
+def observability(tables: Tables) -> list[Block]:
+    """Return rank, smallest singular values and weakest direction of each phase of flight."""
+    frame = METRICS["observability"](tables)
+    if frame.empty:
+        return [Text("The campaign asked for no observability.")]
+    note = (
+        "What the measurements of one phase alone tell of the filter's states, on the nominal flight: singular "
+        "values of the stacked rows, in sigmas of their noise, states in initial sigmas. A value of 1 halves the "
+        f"variance of that direction. The rank counts values above {frame.tolerance_ratio.iloc[0]:g}; the weakest "
+        "direction is that of the smallest value, in initial sigmas of the states."
+    )
+    blocks: list[Block] = [Text(note), *left_out(tables)]
+    for case in chosen_cases(tables):
+        label = tables.labels[case]
+        rows = frame[frame.case == label]
+        shown = pd.DataFrame(
+            {
+                "phase": rows.phase.str.replace("_", " "),
+                "time (s)": [f"{a:.1f} to {b:.1f}" for a, b in zip(rows.t_start_s, rows.t_end_s, strict=True)],
+                "rows": rows.row_count,
+                "rank / states": [f"{r} / {n}" for r, n in zip(rows.rank_count, rows.state_count, strict=True)],
+                "smallest (-)": rows.smallest_ratio,
+                "second (-)": rows.second_ratio,
+                "third (-)": rows.third_ratio,
+                "weakest direction": rows.weakest,
+            }
+        )
+        blocks.append(table(shown, f"{label}: observability by phase of flight."))
+    return blocks
+
+
+def nonlinearity(tables: Tables) -> list[Block]:
+    """Return the nonlinearity index of each case at its worst event."""
+    frame = METRICS["nonlinearity"](tables)
+    rows = []
+    for case, group in frame.groupby("case", sort=False):
+        worst = group.loc[group.motion_ratio.idxmax()]
+        rows.append(
+            (case, worst.motion_ratio, worst.state, worst.event.replace("_", " "), group.transition_ratio.max(),
+             group.row_ratio.max())
+        )  # fmt: skip
+    if not rows:
+        return []
+    head = ["case", "motion (sigma)", "in state", "at", "transition (sigma)", "measurements (sigma)"]
+    caption = "Nonlinearity at one-sigma true errors, the worst event of each case."
+    note = (
+        "Nonlinearity: the error after one update interval, flown by the strapdown itself from plus and minus "
+        "one-sigma true errors. Motion is its second-order part and transition the difference of its first-order "
+        "part to the filter's transition, both in the filter's own sigma; measurements is the second-order part of a "
+        "predicted measurement in sigmas of its innovation. Where all are far below 1, a disagreement of the two "
+        "engines is not the linearisation's doing."
+    )
+    return [Text(note), table(pd.DataFrame(rows, columns=head), caption)]
