@@ -1,0 +1,113 @@
+"""Compiled code is kept per version of the sources, and divides as numpy does."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lvnav_trade.kernels import jit as room
+from lvnav_trade.kernels.jit import inlined, jit
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """Return a small package: a kernel, a module that holds one, and one that holds none."""
+    for name, text in {
+        "kernels/earth.py": "a = 1\n",
+        "engines/flight.py": "from lvnav_trade.kernels.jit import jit\n",
+        "report/page.py": "b = 2\n",
+    }.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", ["kernels/earth.py", "engines/flight.py"])
+def test_an_edit_of_any_module_that_holds_a_kernel_gives_another_folder(package: Path, name: str) -> None:
+    before = room._source_digest(package)
+    (package / name).write_text((package / name).read_text() + "\n")
+    assert room._source_digest(package) != before
+
+
+def test_an_edit_elsewhere_compiles_nothing_again(package: Path) -> None:
+    before = room._source_digest(package)
+    (package / "report/page.py").write_text("b = 3\n")
+    assert room._source_digest(package) == before
+
+
+def test_a_kernel_under_another_name_gives_another_folder(package: Path) -> None:
+    before = room._source_digest(package)
+    (package / "kernels/earth.py").rename(package / "kernels/globe.py")
+    assert room._source_digest(package) != before
+
+
+def folder_with(monkeypatch: pytest.MonkeyPatch, **environment: str) -> Path:
+    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "HOME"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    room._set_cache_folder()
+    return Path(os.environ["NUMBA_CACHE_DIR"])
+
+
+@pytest.mark.parametrize(
+    ("environment", "parent"),
+    [
+        ({"NUMBA_CACHE_DIR": "/mine", "XDG_CACHE_HOME": "/cache", "HOME": "/home/a"}, "/mine"),
+        ({"XDG_CACHE_HOME": "/cache", "HOME": "/home/a"}, "/cache/lvnav_trade"),
+        ({"HOME": "/home/a"}, "/home/a/.cache/lvnav_trade"),
+    ],
+)
+def test_the_users_choice_of_a_cache_folder_is_kept(monkeypatch, environment: dict[str, str], parent: str) -> None:
+    found = folder_with(monkeypatch, **environment)
+    assert str(found.parent) == parent
+    assert found.name.startswith("kernels-")
+
+
+def test_a_worker_process_inherits_the_folder_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = folder_with(monkeypatch, NUMBA_CACHE_DIR="/mine")
+    assert folder_with(monkeypatch, NUMBA_CACHE_DIR=str(found)) == found
+
+
+@jit
+def ratio(a, b):
+    return a / b
+
+
+@inlined
+def _twice(a):
+    return 2.0 * a
+
+
+@jit
+def four_times(a):
+    return _twice(_twice(a))
+
+
+def test_a_division_by_zero_is_infinite_or_no_number_and_no_error() -> None:
+    assert ratio(1.0, 0.0) == np.inf
+    assert np.isnan(ratio(0.0, 0.0))
+
+
+def test_a_step_that_is_compiled_into_its_caller_computes_the_same() -> None:
+    assert four_times(1.5) == 6.0
+
+
+def test_without_compilation_a_kernel_is_the_python_function() -> None:
+    code = (
+        "from lvnav_trade.kernels.earth import gravity_j4\n"
+        "assert not hasattr(gravity_j4, 'signatures')\n"
+        "print(repr(gravity_j4(4.0e6, 3.0e6, 4.1e6)))"
+    )
+    root = Path(__file__).resolve().parents[2]
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(root)}
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True)
+    from lvnav_trade.kernels.earth import gravity_j4
+
+    interpreted = [float(word.strip("()np.float64 \n")) for word in found.stdout.split(",")]
+    np.testing.assert_allclose(interpreted, gravity_j4(4.0e6, 3.0e6, 4.1e6), rtol=1e-15)
