@@ -146,3 +146,30 @@ def test_an_orbit_out_of_reach_is_told_with_the_field_that_asks_for_it(study) ->
     (record,) = caught.value.records
     assert record.path == "base.trajectory"
     assert "\n" not in record.message
+
+
+def test_what_is_behind_a_covariance_is_found_once_and_told_to_the_store(job, case: Case, fakes) -> None:
+    fake, todo = job()
+    work.answer(todo, case)
+    assert work.explain(todo, case).error == ""
+    work.explain(todo, case)
+    assert [call.what for call in fake.calls] == ["covariance", "explain"]
+    work.close(todo, case, fakes.Info(case.id, case.label, case.axes), 0)
+    (row,) = fakes.tables(Path()).values()
+    assert row[3][0] == "explained"
+
+
+def test_another_question_is_answered_anew(job, case: Case) -> None:
+    fake, todo = job()
+    work.answer(todo, case)
+    work.explain(todo, case)
+    work.explain(todo._replace(asked=Asked(sensitivity=True)), case)
+    assert [call.what for call in fake.calls] == ["covariance", "explain", "explain"]
+
+
+def test_a_campaign_asks_for_the_events_of_its_requirements(study) -> None:
+    study.append(
+        "covariance: {at: stage1_cutoff, sensitivity: true}\n"
+        "requirements: [{name: a, metric: velocity_error_3d, at: liftoff, probability: 0.9, below: 1 m/s}]\n"
+    )
+    assert work.asked_of(load(study.path)) == Asked("stage1_cutoff", ("liftoff",), sensitivity=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.metrics.covariances import gaussian, reach
+from lvnav_trade.metrics.covariances import reach
 from lvnav_trade.metrics.gaussian import norm_probability, norm_quantile
 from lvnav_trade.metrics.levers import expected, levers
 from lvnav_trade.store import load
@@ -20,19 +20,6 @@ def test_the_expected_probability_is_that_of_the_gaussian_of_the_case(good):
     assert row.expected_probability == pytest.approx(norm_probability(mean, np.diag(sigma**2), 4.0), abs=1e-9)
     assert row.verdict == "violated"
     assert row.limit == "4 m"
-
-
-def test_a_norm_has_three_components_and_an_axis_one(good):
-    case = next(iter(good.labels))
-    assert gaussian(good, case, "injection", "velocity", "3d").covariance.shape == (3, 3)
-    roll = gaussian(good, case, "injection", "attitude", "roll")
-    np.testing.assert_allclose(roll.covariance, [[(AT_END * 1e-3) ** 2]], rtol=1e-12)
-    assert gaussian(good, case, "injection", "velocity", "radial") is None
-
-
-def test_the_sources_sum_to_the_whole(good):
-    found = gaussian(good, next(iter(good.labels)), "injection", "position", "3d")
-    np.testing.assert_allclose(sum(found.sources.values()), found.covariance, rtol=1e-12)
 
 
 def test_a_lever_meets_the_requirement_exactly(tmp_path):
