@@ -23,7 +23,7 @@ class Stretch(NamedTuple):
     """Observability over one stretch: start, end s since lift-off; rank; singular (n,) values, falling; weakest (n,)
     direction, entries in initial sigmas, largest of size 1; rows that were used.
 
-    The singular values are those of the stacked rows H Phi, each row in sigmas of its noise and each state in its
+    The singular values are those of the stacked rows H Phi, each row in sigmas of its noise and each direction in its
     initial sigma: a value of 1 means that the stretch alone halves the variance of that direction. The rank counts
     values above `TOLERANCE`.
     """
@@ -72,16 +72,28 @@ def _stretch(prepared: Prepared, true: TrueModel, tape: Tape, start: float, end:
     count = _gather(
         rows, phi, np.zeros((true.nav_rows.size, 9)), np.zeros(n), tape, schedule, true, prepared.belief, first, last
     )
-    scale = np.sqrt(np.diag(prepared.start.P))
-    singular, weakest = _decompose(rows[:count] * scale, n)
+    scale, root = _initial_spread(prepared.start.P)
+    singular, weakest = _decompose(rows[:count] * scale @ root, root)
     return Stretch(start, end, int(np.sum(singular > TOLERANCE)), singular, weakest, count)
 
 
-def _decompose(scaled: Floats, n: int) -> tuple[Floats, Floats]:
-    """Return the n singular values, falling, of the rows (any number of them), and the weakest direction at size 1."""
-    _, triangle = np.linalg.qr(np.vstack([scaled, np.zeros((n, n))]))
+def _initial_spread(P: Floats) -> tuple[Floats, Floats]:
+    """Return the initial sigmas (n,) and a square root (n, n) of the initial correlation: a direction y that spreads
+    evenly is the error scale * (root @ y). Tilts and heading are correlated in the axes of frame i.
+    """
+    scale = np.sqrt(np.diag(P))
+    safe = np.where(scale > 0.0, scale, 1.0)
+    values, vectors = np.linalg.eigh(P / np.outer(safe, safe))
+    return scale, vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
+
+
+def _decompose(scaled: Floats, root: Floats) -> tuple[Floats, Floats]:
+    """Return the n singular values, falling, of the rows (any number of them), and the weakest direction in sigmas of
+    the states, at size 1.
+    """
+    _, triangle = np.linalg.qr(np.vstack([scaled, np.zeros(root.shape)]))
     _, singular, directions = np.linalg.svd(triangle)
-    weakest = directions[-1]
+    weakest = root @ directions[-1]
     return singular, weakest / weakest[np.argmax(np.abs(weakest))]
 
 

@@ -1,0 +1,93 @@
+"""What the rows of a stretch can tell of the states: against theory on the pad, and against the filter's covariance."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lvnav_trade.engines.lincov import covariance
+from lvnav_trade.engines.observability import TOLERANCE, in_words, observability
+from lvnav_trade.kernels.transition import ATT
+from lvnav_trade.scenario import beliefs
+from tests.building import INERTIAL, LOOSE, MATCHED, ascent, case, loaded, prepare_hop
+
+PAD = np.array([-60.0, 0.0])
+
+
+def test_without_a_measurement_nothing_is_observable():
+    (stretch,) = observability(ascent(MATCHED, INERTIAL), PAD)
+    assert (stretch.rank, stretch.rows) == (0, 0)
+    assert not stretch.singular.any()
+
+
+def test_on_the_pad_three_directions_are_unobservable_and_heading_takes_longer_than_a_minute():
+    """Three states of a stationary unit cannot be told, whatever the time (Bar-Itzhack and Berman, Control Theoretic
+    Approach to Inertial Navigation Systems, 1988): both tilts from level accelerometer biases, heading from the east
+    gyro's. Heading itself shows as the tilt that Earth's rate turns it into: 3e-3 of it in a minute.
+    """
+    (stretch,) = observability(ascent(MATCHED, LOOSE), PAD)
+    assert np.sum(stretch.singular < 1e-6) == 3
+    assert 1e-5 < stretch.singular[11] < TOLERANCE
+    assert stretch.rank == 15 - 3 - 1
+    assert stretch.rows == 60 * 6
+
+
+def test_the_weakest_direction_on_the_pad_turns_about_the_vertical():
+    prepared = ascent(MATCHED, LOOSE)
+    (stretch,) = observability(prepared, PAD)
+    up = prepared.reference.r_i[0] / np.linalg.norm(prepared.reference.r_i[0])
+    sigmas = np.sqrt(np.diag(prepared.start.P))
+    turn = (sigmas * stretch.weakest)[ATT : ATT + 3]
+    # the vertical differs from the direction to the Earth's centre by 0.2 deg at most
+    assert abs(turn @ up) > 0.999 * np.linalg.norm(turn)
+
+
+def test_thrust_makes_every_state_observable():
+    (stretch,) = observability(ascent(MATCHED, LOOSE), np.array([0.0, 150.0]))
+    assert stretch.rank == 15
+
+
+@pytest.mark.parametrize("settings", [(), (LOOSE,)], ids=["tight", "loose"])
+def test_the_singular_values_say_how_far_the_filter_s_own_covariance_shrinks(settings):
+    """Without process noise P+ = Phi S (I + A'A)^-1 S Phi' with A the scaled rows, so that the determinant falls by the
+    product of 1 + s^2: the forward filter and the stacked rows reach it by different ways.
+    """
+    scenario = loaded(*settings)
+    imu, receiver, initial = beliefs(scenario)
+    quiet = dict.fromkeys(("gyro_random_walk", "accel_random_walk", "gyro_bias_walk", "accel_bias_walk"), 0.0)
+    update = {
+        "imu": imu.model_copy(update=quiet),
+        "receiver": receiver.model_copy(update={"clock_h0": 0.0, "clock_h_minus2": 0.0}),
+        "initial": initial.model_copy(update={"clock_bias": 100.0, "clock_drift": 1.0}),
+    }
+    prepared = prepare_hop(scenario.model_copy(update={"filter": scenario.filter.model_copy(update=update)}))
+    (stretch,) = observability(prepared, np.array([0.0, 30.0]))
+    after = covariance(prepared).formal_cov[-1]
+    fallen = np.linalg.slogdet(prepared.start.P)[1] - np.linalg.slogdet(after)[1]
+    assert fallen == pytest.approx(np.sum(np.log1p(stretch.singular**2)), rel=1e-6)
+
+
+def test_a_stretch_holds_the_rows_that_fall_into_it_and_all_stretches_hold_them_all():
+    prepared = case(MATCHED, LOOSE)
+    parts = observability(prepared, np.array([0.0, 7.5, 20.0, 30.0]))
+    assert [part.rows for part in parts] == [7 * 6, 13 * 6, 10 * 6]
+    assert [(part.start, part.end) for part in parts] == [(0.0, 7.5), (7.5, 20.0), (20.0, 30.0)]
+    assert observability(prepared, np.array([0.0, 30.0]))[0].rows == 30 * 6
+
+
+def test_more_rows_never_tell_less():
+    prepared = case(MATCHED)
+    short, long = (observability(prepared, np.array([0.0, end]))[0].singular for end in (10.0, 30.0))
+    assert np.all(long >= short * (1.0 - 1e-9))
+    assert np.all(np.diff(long) <= 0.0)
+
+
+def test_edges_outside_the_flight_are_moved_to_its_ends():
+    prepared = case(MATCHED, LOOSE)
+    (stretch,) = observability(prepared, np.array([-100.0, 0.0, 30.0, 500.0]))
+    assert (stretch.start, stretch.end) == (0.0, 30.0)
+
+
+def test_a_direction_is_said_by_its_largest_states_first():
+    names = ("roll", "pitch", "gyro bias x")
+    assert in_words(np.array([-0.5, 0.1, 1.0]), names) == "+1.00 gyro bias x, -0.50 roll"
