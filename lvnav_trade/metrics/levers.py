@@ -68,7 +68,8 @@ def levers(results: Path | str | Tables) -> pd.DataFrame:
     source: the one source of error that needs the least improvement, or the fewest of the largest ones together;
     factor_ratio: what its sigma must be multiplied by; share_ratio: its part of the variance now. remark says it where
     nothing need be better, or where nothing that is known would do. By bisection on the probability that the Gaussian
-    stays below the bound; the filter keeps the gains that it has, so a re-tuned one does at least as well.
+    stays below the bound. The filter keeps the gains that it has: re-tuned to the better source it may do
+    better or, where it neglects other errors, worse.
     """
     tables = load(results)
     judged = verdicts(tables).set_index(["requirement", "case"]).verdict

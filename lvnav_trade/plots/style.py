@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 WIDTH = 7.4
@@ -150,6 +150,8 @@ def scale_up(axis: Any, values: Iterable[float], from_zero: bool = True) -> None
     x = axis.axis_name == "x"
     if found and max(found) > 30 * min(found):
         (axis.axes.set_xscale if x else axis.axes.set_yscale)("log")
+        few = max(found) < 300 * min(found)
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axis.set_minor_formatter(NullFormatter())
     elif from_zero:

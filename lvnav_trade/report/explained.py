@@ -108,7 +108,7 @@ def grades(tables: Tables) -> list[Block]:
     honest = (
         "Re-tuned numbers come from a linear covariance of their own for each factor, with a filter whose beliefs "
         "follow: they are what this filter makes of a better or worse "
-        "unit."
+        "unit. A filter that neglects some errors can do worse with a better sensor, because it trusts its model more."
         if len(tuned)
         else "Re-tuned numbers were not asked for (covariance: {sensitivity: true})."
     )

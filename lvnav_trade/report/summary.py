@@ -63,7 +63,10 @@ def _answer(tables: Tables, requirement: dict[str, Any], rows: pd.DataFrame) -> 
     ]
     lever = _levers(tables, str(requirement["name"]))
     if lever:
-        return [*blocks, Text(lever, "What would make it met (frozen-gain estimate by linear covariance):")]
+        return [
+            *blocks,
+            Text(lever, "What would make it met (by linear covariance, gains frozen; re-tuned may differ):"),
+        ]
     return blocks + [Text(text) for text in _largest_sources(tables, requirement, rows[rows.verdict == "violated"])]
 
 

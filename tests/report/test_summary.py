@@ -8,7 +8,7 @@ def test_the_first_section_answers_in_words(text):
     assert "<strong>Met by:</strong> imu=fine" in first
     assert "Violated by" in first
     assert "further good runs each would decide" in first
-    assert "What would make it met (frozen-gain estimate by linear covariance):" in first
+    assert "What would make it met (by linear covariance, gains frozen; re-tuned may differ):" in first
     assert "imu=coarse: sigma of gyro bias times 0.826 (72 % of the mean square)" in first
     assert "<strong>Linear covariance alone:</strong> imu=fine: met, more than 99.9 % of flights" in first
     assert "2 of 160 runs failed" in first
