@@ -37,10 +37,28 @@ class Stretch(NamedTuple):
 
 
 @jit
-def _gather(rows_out, phi, D, y, tape, schedule, true, belief, first_window, last_window):
-    """Write every row of a stretch, times the transition since its start, in sigmas of its noise; return their number.
+def fold(triangle, row):
+    """Fold a row (n,) into the triangle (n, n) of the rows so far, by rotations; triangle updated, row used up.
 
-    rows_out (n_row, n) set; phi (n, n) columns of the transition, updated; D (n_block, 9), y (n,) work.
+    Not LAPACK's: the last bit of a long factorisation depends on how many threads the process has.
+    """
+    n = row.shape[0]
+    for k in range(n):
+        if row[k] == 0.0:
+            continue
+        size = np.sqrt(triangle[k, k] ** 2 + row[k] ** 2)
+        c, s = triangle[k, k] / size, row[k] / size
+        for j in range(k, n):
+            above = triangle[k, j]
+            triangle[k, j] = c * above + s * row[j]
+            row[j] = c * row[j] - s * above
+
+
+@jit
+def _gather(triangle, phi, D, y, row_of, tape, schedule, true, belief, first_window, last_window):
+    """Fold in every row of a stretch, times the transition since its start, in sigmas of its noise; return how many.
+
+    triangle (n, n) and phi (n, n), the columns of the transition, updated; D (n_block, 9), y and row_of (n,) work.
     """
     n, count = phi.shape[0], 0
     for w in range(first_window, last_window + 1):
@@ -57,7 +75,8 @@ def _gather(rows_out, phi, D, y, tape, schedule, true, belief, first_window, las
                 total = 0.0
                 for k in range(belief.n_entry[kind]):
                     total += tape.h[row, belief.entry[kind, k]] * phi[j, belief.column[kind, k]]
-                rows_out[count, j] = weight * total
+                row_of[j] = weight * total
+            fold(triangle, row_of)
             count += 1
     return count
 
@@ -67,13 +86,13 @@ def _stretch(prepared: Prepared, true: TrueModel, tape: Tape, start: float, end:
     ends = prepared.reference.t[schedule.first_tick + schedule.n_tick]
     inside = np.flatnonzero((ends > start + 1e-9) & (ends <= end + 1e-9))
     first, last = int(inside[0]), int(inside[-1])
-    rows = np.zeros((int(tape.first_row[last + 1] - tape.first_row[first]), n))
-    phi = np.eye(n)  # row j is the column of Phi that belongs to state j
+    triangle, phi = np.zeros((n, n)), np.eye(n)  # row j of phi is the column of Phi that belongs to state j
     count = _gather(
-        rows, phi, np.zeros((true.nav_rows.size, 9)), np.zeros(n), tape, schedule, true, prepared.belief, first, last
-    )
+        triangle, phi, np.zeros((true.nav_rows.size, 9)), np.zeros(n), np.zeros(n), tape, schedule, true,
+        prepared.belief, first, last,
+    )  # fmt: skip
     scale, root = _initial_spread(prepared.start.P)
-    singular, weakest = _decompose(rows[:count] * scale @ root, root)
+    singular, weakest = _decompose(triangle * scale @ root, root)
     return Stretch(start, end, int(np.sum(singular > TOLERANCE)), singular, weakest, count)
 
 
@@ -88,11 +107,8 @@ def _initial_spread(P: Floats) -> tuple[Floats, Floats]:
 
 
 def _decompose(scaled: Floats, root: Floats) -> tuple[Floats, Floats]:
-    """Return the n singular values, falling, of the rows (any number of them), and the weakest direction in sigmas of
-    the states, at size 1.
-    """
-    _, triangle = np.linalg.qr(np.vstack([scaled, np.zeros(root.shape)]))
-    _, singular, directions = np.linalg.svd(triangle)
+    """Return the singular values (n,), falling, and the weakest direction in sigmas of the states, at size 1."""
+    _, singular, directions = np.linalg.svd(scaled)
     weakest = root @ directions[-1]
     return singular, weakest / weakest[np.argmax(np.abs(weakest))]
 

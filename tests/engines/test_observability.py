@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.engines.lincov import covariance
-from lvnav_trade.engines.observability import TOLERANCE, in_words, observability
+from lvnav_trade.engines.observability import TOLERANCE, fold, in_words, observability
 from lvnav_trade.kernels.transition import ATT
 from lvnav_trade.scenario import beliefs
 from tests.building import INERTIAL, LOOSE, MATCHED, ascent, case, loaded, prepare_hop
@@ -91,3 +91,13 @@ def test_edges_outside_the_flight_are_moved_to_its_ends():
 def test_a_direction_is_said_by_its_largest_states_first():
     names = ("roll", "pitch", "gyro bias x")
     assert in_words(np.array([-0.5, 0.1, 1.0]), names) == "+1.00 gyro bias x, -0.50 roll"
+
+
+def test_folding_rows_in_one_by_one_is_the_factorisation_of_all():
+    generator = np.random.default_rng(7)
+    rows = generator.standard_normal((50, 6)) * [1e3, 1.0, 1e-3, 1.0, 1.0, 1.0]
+    triangle = np.zeros((6, 6))
+    for row in rows:
+        fold(triangle, row.copy())
+    np.testing.assert_array_equal(triangle, np.triu(triangle))
+    np.testing.assert_allclose(np.abs(triangle), np.abs(np.linalg.qr(rows)[1]), rtol=1e-11, atol=1e-13)
