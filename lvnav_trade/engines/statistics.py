@@ -212,6 +212,7 @@ def merge(parts: Iterable[BlockSummary]) -> BlockSummary:
         raise ValueError("there is no part to merge") from None
     sums: dict[str, Any] = {name: getattr(first, name).copy() for name in _SUMMED}
     rows = {name: [getattr(first, name)] for name in _JOINED}
+    first = first._replace(**sums)  # lets the first part's own histogram go
     for part in stream:
         _check_follows(first, rows["runs"][-1], part)
         for name in _SUMMED:
@@ -239,6 +240,8 @@ def quantiles(summary: BlockSummary, probability: float) -> Floats:
     if n_good == 0:
         return np.full(summary.total.shape, np.nan)
     rank = max(1, int(np.ceil(probability * n_good - 1e-9)))
-    bins = np.argmax(np.cumsum(summary.histogram, axis=-1, dtype=np.uint32) >= rank, axis=-1)
+    bins = np.empty(summary.total.shape, dtype=np.int64)
+    for k in range(len(bins)):  # one time after another: the cumulated histogram is as large as the histogram
+        bins[k] = np.argmax(np.cumsum(summary.histogram[k], axis=-1, dtype=np.uint32) >= rank, axis=-1)
     middle = summary.scale * LOWEST * np.exp((bins - 0.5) * BIN)
     return np.where(bins == 0, 0.0, np.where(bins == N_BIN - 1, np.inf, middle))

@@ -6,8 +6,21 @@ of the plan, ``results.write_case(case, prepared, cov, results.summary(case_id))
 Afterwards: ``tables = load(folder)``; ``tables.history`` is a pandas frame.
 """
 
-from lvnav_trade.store.read import Tables, load
+from typing import TYPE_CHECKING, Any
+
 from lvnav_trade.store.schema import TABLES
 from lvnav_trade.store.write import CaseInfo, Results, open_results
 
+if TYPE_CHECKING:
+    from lvnav_trade.store.read import Tables, load
+
 __all__ = ["TABLES", "CaseInfo", "Results", "Tables", "load", "open_results"]
+
+
+def __getattr__(name: str) -> Any:
+    """Reading needs pandas, which a worker that only writes need not hold in memory."""
+    if name in ("Tables", "load"):
+        from lvnav_trade.store import read
+
+        return getattr(read, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
