@@ -9,7 +9,7 @@ from lvnav_trade.records import Output
 
 
 class ParameterKind(NamedTuple):
-    """A kind of inertial-unit parameter: its sensor, what it multiplies (a driver for each block of three), its unit."""
+    """A kind of inertial-unit parameter: its sensor, what it multiplies (a driver a block of three), its unit."""
 
     sensor: int
     drivers: tuple[int, ...]

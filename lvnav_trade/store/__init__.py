@@ -18,7 +18,7 @@ __all__ = ["TABLES", "CaseInfo", "Results", "Tables", "load", "open_results"]
 
 
 def __getattr__(name: str) -> Any:
-    """Reading needs pandas, which a worker that only writes need not hold in memory."""
+    """Import what reads only when it is asked for: a worker that writes need not hold pandas in memory."""
     if name in ("Tables", "load"):
         from lvnav_trade.store import read
 
