@@ -60,9 +60,7 @@ def test_an_epoch_that_rounding_has_moved_still_lies_on_the_edge():
 
 @pytest.mark.parametrize("start", ["30 s", "-100 s"])
 def test_an_outage_outside_the_flight_is_refused(start):
-    with pytest.raises(
-        InputError, match=r"^faults\[1\]: the outage from .* lies outside the flight \(0 s to 19 s\)$"
-    ):
+    with pytest.raises(InputError, match=r"^faults\[1\]: the outage from .* lies outside the flight \(0 s to 19 s\)$"):
         lost([outage(), outage(start=start)], EVENTS, T, ELEVATION, VISIBLE)
 
 
