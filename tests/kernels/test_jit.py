@@ -58,9 +58,9 @@ def folder_with(monkeypatch: pytest.MonkeyPatch, **environment: str) -> Path:
 @pytest.mark.parametrize(
     ("environment", "parent"),
     [
-        ({"NUMBA_CACHE_DIR": "/mine", "XDG_CACHE_HOME": "/cache", "HOME": "/home/a"}, "/mine"),
-        ({"XDG_CACHE_HOME": "/cache", "HOME": "/home/a"}, "/cache/lvnav_trade"),
-        ({"HOME": "/home/a"}, "/home/a/.cache/lvnav_trade"),
+        ({"NUMBA_CACHE_DIR": "/mine", "XDG_CACHE_HOME": "/cache", "HOME": "/users/a"}, "/mine"),
+        ({"XDG_CACHE_HOME": "/cache", "HOME": "/users/a"}, "/cache/lvnav_trade"),
+        ({"HOME": "/users/a"}, "/users/a/.cache/lvnav_trade"),
     ],
 )
 def test_the_users_choice_of_a_cache_folder_is_kept(monkeypatch, environment: dict[str, str], parent: str) -> None:
