@@ -49,9 +49,16 @@ class Shelf(NamedTuple):
         name = str(node.value)
         file = self.find(name, node.place.folder) if name.strip() else None
         if file is None:
-            candidates = [*self.known(), *map(str, words)]
+            candidates = [*self.known(), *_beside(name, node.place.folder), *map(str, words)]
             raise refuse(node.place, path, f"no card {name!r}{hint(name, candidates)}")
         return tree.read_mapping(file)
+
+
+def _beside(name: str, folder: Path) -> list[str]:
+    """Return the names, written as `name` is, of the cards in the folder that a path leads to."""
+    place = (folder / name).parent
+    found = [*place.glob("*.yaml"), *place.glob("*.yml")]
+    return [str(Path(name).with_name(file.name if Path(name).suffix else file.stem)) for file in found]
 
 
 def _cards(folder: Path) -> Iterator[tuple[str, Path]]:

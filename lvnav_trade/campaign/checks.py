@@ -9,7 +9,7 @@ from lvnav_trade.campaign.axes import Case, axis_names
 from lvnav_trade.campaign.schema import FRAME_AXES, Campaign, metric
 from lvnav_trade.campaign.tree import Node, mistake
 from lvnav_trade.errors import InputError, Mistake
-from lvnav_trade.scenario import Scenario
+from lvnav_trade.scenario import Scenario, beliefs
 from lvnav_trade.world.events import resolve
 from lvnav_trade.world.faults import SatelliteOutage
 
@@ -50,6 +50,28 @@ def rates(scenario: Scenario, node: Node) -> list[Mistake]:
     return found
 
 
+_ROWS = {
+    "inertial": (),
+    "loose": ("position_sigma", "velocity_sigma"),
+    "tight": ("pseudorange_sigma", "range_rate_sigma"),
+}
+
+
+def measurements(scenario: Scenario, node: Node) -> list[Mistake]:
+    """Return the measurements that the filter would believe perfect: its covariance would lose its rank."""
+    card = scenario.filter
+    _, receiver, _ = beliefs(scenario)
+    found = []
+    for name in _ROWS[card.kind]:
+        if getattr(receiver, name) > 0.0:
+            continue
+        truth = f"receiver.solution.{name}" if card.kind == "loose" else f"receiver.{name}"
+        path = truth if isinstance(card.receiver, str) else f"filter.receiver.{name}"
+        message = f"a {card.kind} filter cannot believe a measurement perfect; should be greater than 0"
+        found.append(mistake(tree.nearest(node, path.split(".")), f"base.{path}", message))
+    return found
+
+
 def requirements(campaign: Campaign, root: Node) -> list[Mistake]:
     """Return the requirements that name an axis which the reporting frame does not have, or share a name."""
     found = []
@@ -77,9 +99,12 @@ def flight(campaign: Campaign, cases: Sequence[Case], events: Mapping[str, Mappi
     for case in cases:
         times = events[case.id]
         wanted = {f"requirements.{index}.at": requirement.at for index, requirement in enumerate(campaign.requirements)}
+        if campaign.covariance.at is not None:
+            wanted["covariance.at"] = campaign.covariance.at
         for path, event in wanted.items():
             if event not in times:
-                message = f"{event!r} is not an event of the trajectory{tree.hint(event, times)}"
+                near = tree.hint(event, times) or f" (it has {', '.join(times)})"
+                message = f"{event!r} is not an event of the trajectory{near}"
                 found.setdefault(campaign.written.mistake(path, message))
         for index, fault in enumerate(case.scenario.faults):
             message = _fault(fault, times, *span(case.scenario, times))

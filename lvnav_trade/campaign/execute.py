@@ -116,10 +116,10 @@ def run(
     """
     watch = progress or Silent()
     try:
-        with locked(folder):
-            return _Run(campaign, folder, jobs, mode, fail_fast, watch, engine or work.engine(), keep or store()).all(
-                on_answers
-            )
+        work_to_do = _Run(campaign, folder, jobs, fail_fast, watch, engine or work.engine())
+        with locked(folder):  # a campaign that is refused leaves no folder
+            work_to_do.open(keep or store(), mode)
+            return work_to_do.all(on_answers)
     except KeyboardInterrupt:
         _end_workers(jobs)
         raise
@@ -143,25 +143,27 @@ class _Run:
         campaign: Campaign,
         folder: Path,
         jobs: int,
-        mode: Mode,
         fail_fast: bool,
         watch: Progress,
         engine: work.Engine,
-        keep: Store,
     ) -> None:
         self.campaign, self.folder, self.jobs, self.fail_fast, self.watch = campaign, folder, jobs, fail_fast, watch
         self.cases = cases(campaign)
         self.labels = {case.id: case.label for case in self.cases}
-        self.keep = keep
         self.failures: list[str] = []
         self.lost: list[str] = []
         self.timings: dict[str, float] = {}
         scratch = folder / ".scratch"
         self.job = Job(engine, None, campaign.seed, campaign.keep.history, work.asked_of(campaign), scratch)
         check_flight(campaign, self.cases, self.job, jobs)
+
+    def open(self, keep: Store, mode: Mode) -> None:
+        """Open the folder of results, of which this process holds the lock."""
+        self.case_info = keep.case_info
         if mode == "fresh":
-            shutil.rmtree(scratch, ignore_errors=True)
-        results = keep.open_results(folder, campaign.name, resolved(campaign), manifest(campaign), mode)
+            shutil.rmtree(self.job.scratch, ignore_errors=True)
+        asked = self.campaign
+        results = keep.open_results(self.folder, asked.name, resolved(asked), manifest(asked), mode)
         self.job = self.job._replace(results=results)
 
     def all(self, on_answers: Callable[[Sequence[Answer], Sequence[Case]], None] | None) -> Outcome:
@@ -236,7 +238,7 @@ class _Run:
         """Write the tables of the cases; return the digests of those written, in the order of the plan."""
         runs = self.campaign.monte_carlo.runs if self.campaign.monte_carlo else 0
         self.watch.stage("tables", len(able))
-        units = [(self.job, case, self.keep.case_info(case.id, case.label, case.axes), runs) for case in able]
+        units = [(self.job, case, self.case_info(case.id, case.label, case.axes), runs) for case in able]
         written = [case.id for case in able]
         one: Done
         for one in self._stage("tables", work.close, units):

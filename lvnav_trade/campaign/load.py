@@ -168,6 +168,7 @@ class _Loader:
             scenario = self._validate(node, Scenario, "base")
             if isinstance(scenario, Scenario):
                 self.mistakes.extend(checks.rates(scenario, node))
+                self.mistakes.extend(checks.measurements(scenario, node))
 
 
 def _level_nodes(axis: Node) -> list[Node]:

@@ -60,10 +60,16 @@ class Written:
     def mistake(self, path: str, message: str, steps: Iterable[str | int] | None = None) -> Mistake:
         """Return the mistake at the place where `path` was written; `steps` where it stands elsewhere than it says.
 
-        A field that was not written has the place of the settings above it; without a tree there is none.
+        Settings as a whole stand at their key, because what follows it may come from a card; a field that was not
+        written has the place of the settings above it; without a tree there is none.
         """
-        place = None if self.root is None else nearest(self.root, path.split(".") if steps is None else steps)
-        return Mistake(message, path) if place is None else mistake(place, path, message)
+        if self.root is None:
+            return Mistake(message, path)
+        way = list(path.split(".") if steps is None else steps)
+        node, above = find(self.root, way), find(self.root, way[:-1])
+        if node is not None and node.is_map and above is not None and way[-1] in above.keys:
+            return mistake(above.keys[str(way[-1])], path, message)
+        return mistake(nearest(self.root, way), path, message)
 
 
 def nearest(node: Node, steps: Iterable[str | int]) -> Place:

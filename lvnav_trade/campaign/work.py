@@ -60,10 +60,11 @@ def _events(scenario: Scenario) -> dict[str, float]:
     from lvnav_trade.engines.prepare import trajectory_of
     from lvnav_trade.world.constellation import orbits
 
+    with _about("base.trajectory"):
+        events = dict(trajectory_of(scenario).events)
     with _about("base.constellation"):
         orbits(scenario.constellation, scenario.trajectory.epoch)
-    with _about("base.trajectory"):
-        return dict(trajectory_of(scenario).events)
+    return events
 
 
 @contextmanager

@@ -152,7 +152,8 @@ class _Pilot:
         span = self.aim.burn
         for stage in self.card.vehicle.stages[number - 1 : -1]:
             span += stage.propellant * STANDARD_GRAVITY * stage.specific_impulse / stage.thrust + stage.separation_delay
-        return float(span + sum(stage.ignition_delay for stage in self.card.vehicle.stages[number - 1 :]))
+        span += sum(stage.ignition_delay for stage in self.card.vehicle.stages[number - 1 :])
+        return max(1.0, float(span))  # a solver on its way may ask for no burn at all
 
     def last_stage(self) -> None:
         """Fly the last stage, with its second burn where there is a parking orbit."""

@@ -79,7 +79,7 @@ def _residuals(y: Floats, radius: float, speed: float, inclination: float) -> Fl
     """Return what a state y (7,) has too much of radius, speed, flight-path angle and inclination, (4,)."""
     r, v = y[:3], y[3:6]
     length, pace = float(np.linalg.norm(r)), float(np.linalg.norm(v))
-    climb = math.asin(float(r @ v) / (length * pace))
+    climb = math.asin(max(-1.0, min(1.0, float(r @ v) / (length * pace))))
     return np.array([length - radius, pace - speed, climb, float(elements_from_state(r, v).inclination) - inclination])
 
 
@@ -132,7 +132,8 @@ def _kick_for_climb(card: VehicleAscent, guess: Floats) -> float:
         t = flight.events["stage1_separation"]
         y = next(leg.y[-1] for leg in flight.legs if leg.t[-1] >= t)
         r, v = y[:3], earth_velocity(y[:3], y[3:6])
-        return float(math.asin(r @ v / (np.linalg.norm(r) * np.linalg.norm(v)))) - _CLIMB_AT_SEPARATION
+        sine = float(r @ v / (np.linalg.norm(r) * np.linalg.norm(v)))
+        return math.asin(max(-1.0, min(1.0, sine))) - _CLIMB_AT_SEPARATION
 
     angles = np.radians([0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
     climbs = [climb(float(angle)) for angle in angles]

@@ -9,6 +9,7 @@ import pytest
 
 from lvnav_trade.campaign import tree
 from lvnav_trade.campaign.cards import card_text, catalogue, shipped
+from lvnav_trade.campaign.load import load
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.base import FilterCard
 from lvnav_trade.world.imu import ImuCard
@@ -73,3 +74,11 @@ def test_a_card_is_shown_with_its_comments() -> None:
     assert card_text("imu/conae_000", Path()).startswith("# The noise is printed as 0.7 deg/h")
     with pytest.raises(InputError, match=r"^no card 'imu/conae_001' \(did you mean 'imu/conae_000'\?\)$"):
         card_text("imu/conae_001", Path())
+
+
+@pytest.mark.parametrize(("written", "near"), [("cards/mnie", "cards/mine"), ("cards/mnie.yaml", "cards/mine.yaml")])
+def test_a_card_of_the_users_own_folder_is_offered_as_it_would_be_written(study, written: str, near: str) -> None:
+    study.write("cards/mine.yaml", "name: mine\n")
+    study.edit("campaign.yaml", "imu/good", written)
+    with pytest.raises(InputError, match=rf"no card '{written}' \(did you mean '{near}'\?\)$"):
+        load("campaign.yaml")

@@ -94,7 +94,7 @@ def test_a_default_that_does_not_fit_is_told_where_it_was_left_out(study) -> Non
     found = cases(campaign)
     mistakes = checks.flight(campaign, found, {case.id: {"liftoff": 0.0, "meco": 540.0} for case in found})
     assert [str(mistake) for mistake in mistakes] == [
-        "campaign.yaml:11:5: requirements.0.at: 'injection' is not an event of the trajectory"
+        "campaign.yaml:11:5: requirements.0.at: 'injection' is not an event of the trajectory (it has liftoff, meco)"
     ]
 
 
@@ -133,3 +133,24 @@ def test_an_inertial_filter_asks_nothing_of_the_receiver(study) -> None:
     load("campaign.yaml", ["filter.kind=inertial", "receiver.rate=3 Hz"])
     with pytest.raises(InputError, match="1 Hz does not divide the receiver rate of 1\\.5 Hz"):
         load("campaign.yaml", ["receiver.rate=1.5 Hz"])
+
+
+@pytest.mark.parametrize(
+    ("kind", "assignment", "path"),
+    [
+        ("tight", "receiver.pseudorange_sigma=0 m", "base.receiver.pseudorange_sigma"),
+        ("loose", "receiver.solution.velocity_sigma=0", "base.receiver.solution.velocity_sigma"),
+        ("loose", "filter.receiver={pseudorange_sigma: 1 m, range_rate_sigma: 1 m/s, position_sigma: 0,"
+         " velocity_sigma: 1 m/s, clock_h0: 0, clock_h_minus2: 0}", "base.filter.receiver.position_sigma"),
+    ],
+)  # fmt: skip
+def test_a_measurement_that_the_filter_would_believe_perfect_is_refused(study, kind, assignment, path) -> None:
+    with pytest.raises(InputError) as caught:
+        load("campaign.yaml", [f"filter.kind={kind}", assignment])
+    assert str(caught.value) == (
+        f"--set: {path}: a {kind} filter cannot believe a measurement perfect; should be greater than 0"
+    )
+
+
+def test_a_measurement_that_is_not_used_may_be_perfect(study) -> None:
+    load("campaign.yaml", ["filter.kind=loose", "receiver.pseudorange_sigma=0 m"])

@@ -209,6 +209,22 @@ def test_an_event_that_is_not_in_the_flight_is_refused_before_anything_is_comput
         " (did you mean 'stage1_cutoff'?)"
     )
     assert fake.calls == []
+    assert not Path("results").exists()
+
+
+def test_a_trajectory_that_cannot_be_flown_is_told_where_the_campaign_asks_for_it(study, fakes) -> None:
+    study.edit("campaign.yaml", "trajectories/climb", "{card: trajectories/climb, vehicle: {payload: 60 t}}")
+    with pytest.raises(InputError) as caught:
+        execute.run(load("campaign.yaml"), Path("results"), jobs=1, keep=fakes.store())
+    (line,) = str(caught.value).splitlines()
+    assert line.startswith("campaign.yaml:4:3: base.trajectory: climb: the first stage does not lift off: ")
+
+
+def test_a_trajectory_of_an_axis_that_cannot_be_flown_is_told_in_the_axis(study, fakes) -> None:
+    study.append("axes: [{path: trajectory.vehicle.payload, values: [300 kg, 60 t]}]\n")
+    with pytest.raises(InputError) as caught:
+        execute.run(load("campaign.yaml"), Path("results"), jobs=1, keep=fakes.store())
+    assert "base.trajectory: climb: the first stage does not lift off: " in str(caught.value)
 
 
 def test_another_campaign_in_the_folder_is_refused(study, run) -> None:

@@ -132,7 +132,7 @@ def test_what_is_left_on_the_scratch_disk_is_whole_or_not_there(tmp_path: Path, 
 
 def test_an_almanac_that_cannot_be_read_is_found_before_anything_is_flown(study) -> None:
     study.write("broken.alm", "******** Week 1 almanac for PRN-01 ********\nID: one\n")
-    case = cases(load(study.path, ["constellation.almanac=broken.alm"]))[0]
+    case = cases(load(study.path, ["constellation.almanac=broken.alm", "trajectory.vehicle.payload=100 kg"]))[0]
     with pytest.raises(InputError) as caught:
         work.engine().events(case.scenario)
     assert caught.value.records[0].path == "base.constellation"

@@ -65,3 +65,14 @@ def test_an_inclination_below_the_latitude_is_refused_with_the_difference():
 def test_an_orbit_out_of_reach_of_any_steering_is_refused_with_the_miss():
     with pytest.raises(InputError, match=r"no steering reaches the orbit|lacks \d+ m/s"):
         solve(ascent_card(target=orbit("3000 km", "3000 km", "45 deg"), kick_angle="1 deg"))
+
+
+def test_a_second_stage_may_light_the_moment_the_first_is_dropped():
+    settings = ascent_settings()["vehicle"]
+    settings["stages"][1]["ignition_delay"] = "0 s"
+    card = ascent_card(vehicle=settings)
+    aim = solve(card)
+    flight = fly_ascent(card, aim)
+    assert flight.events["stage2_ignition"] == flight.events["stage1_separation"]
+    low, _, _ = achieved(flight.legs[-1].y[0])
+    assert low == pytest.approx(card.target.perigee, abs=1000.0)
