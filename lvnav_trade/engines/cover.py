@@ -238,9 +238,10 @@ def _keep_window(tape, w, nominal):
 
 
 @jit
-def _absorb_true(joint, scratch, tape, h, kind, true, belief):
+def _absorb_true(joint, scratch, tape, h, surprise, kind, true, belief):
     """Absorb one row in the filter's covariance, and with that gain in every source and in the mean; return the
-    expected square of its normalised innovation.
+    expected square of its normalised innovation. `surprise` is the innovation on the nominal flight: what the truth's
+    measurement holds, in every run, that the filter's model of it does not (an uncompensated latency).
     """
     n = belief.n_entry[kind]
     entries, columns = belief.entry[kind, :n], belief.column[kind, :n]
@@ -269,7 +270,9 @@ def _absorb_true(joint, scratch, tape, h, kind, true, belief):
     for j in range(joint.cross.shape[0]):
         for axis in range(3):
             update_vector(joint.cross[j, axis], gain, h, entries, columns)
-    offset = update_vector(joint.mean, gain, h, entries, columns)
+    offset = update_vector(joint.mean, gain, h, entries, columns) + surprise
+    for i in range(gain.shape[0]):
+        joint.mean[i] -= gain[i] * surprise
     return (spread + offset * offset) * weight
 
 
@@ -329,17 +332,24 @@ def _count_row(out, epoch, expected_square):
 def _update(out, joint, scratch, tape, nominal, signals, true, belief, epoch):
     """Absorb the rows that the filter would absorb at an epoch."""
     if belief.kind == TIGHT:
+        for slot in range(signals.n_used[epoch]):
+            s = signals.used[epoch, slot]
+            nominal.ranges[slot, 0], nominal.ranges[slot, 1] = signals.range[epoch, s], signals.rate[epoch, s]
         fill_tight(nominal, belief, signals, epoch)
         for slot in range(signals.n_used[epoch]):
             for half in range(2):
-                kind, h = PSEUDORANGE if half == 0 else RANGE_RATE, nominal.H[2 * slot + half]
-                _count_row(out, epoch, _absorb_true(joint, scratch, tape, h, kind, true, belief))
+                kind, row = PSEUDORANGE if half == 0 else RANGE_RATE, 2 * slot + half
+                h, surprise = nominal.H[row], nominal.z[row]
+                _count_row(out, epoch, _absorb_true(joint, scratch, tape, h, surprise, kind, true, belief))
         out.n_row[epoch] = 2 * signals.n_used[epoch]
     elif signals.n_used[epoch] >= 4:
+        for axis in range(3):
+            nominal.solution[axis] = signals.position[epoch, axis]
+            nominal.solution[3 + axis] = signals.velocity[epoch, axis]
         fill_loose(nominal)
         for row in range(6):
-            kind = POSITION if row < 3 else VELOCITY
-            _count_row(out, epoch, _absorb_true(joint, scratch, tape, nominal.H[row], kind, true, belief))
+            kind, h, surprise = POSITION if row < 3 else VELOCITY, nominal.H[row], nominal.z[row]
+            _count_row(out, epoch, _absorb_true(joint, scratch, tape, h, surprise, kind, true, belief))
         out.n_row[epoch] = 6
 
 

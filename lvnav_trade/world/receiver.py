@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from lvnav_trade.units import Angle, Card, Frequency, Length, LengthSigma, SpeedSigma
+from lvnav_trade.units import Angle, Card, Frequency, Length, LengthSigma, Pause, SpeedSigma
 
 
 class ClockCard(Card):
@@ -32,6 +32,9 @@ class ReceiverCard(Card):
     name: str
     source: str
     rate: Frequency = Field(1.0, description="of its measurements; a filter uses all of them or every n-th")
+    latency: Pause = Field(
+        0.0, description="age of a measurement when the filter takes it for present; not compensated"
+    )
     mask: Angle = Field(0.0, description="elevation mask above the local horizontal")
     lever_b: tuple[Length, Length, Length] = (0.0, 0.0, 0.0)
     channels: int = Field(16, ge=1, le=64, description="satellites tracked at most; the highest are kept")

@@ -70,7 +70,7 @@ OTHER = {
         "accel.temperature.amplitude": ["2 mg", "0 mg", "2 mg"],
     },
     "receiver": {
-        "rate": "0.5 Hz", "mask": "40 deg", "lever_b": ["1 m", "0.5 m", "0.3 m"], "channels": 5,
+        "rate": "0.5 Hz", "mask": "40 deg", "latency": "0.1 s", "lever_b": ["1 m", "0.5 m", "0.3 m"], "channels": 5,
         "pseudorange_sigma": "3 m", "range_rate_sigma": "0.2 m/s", "solution.kind": "bancroft",
         "solution.position_sigma": "4 m", "solution.velocity_sigma": "0.3 m/s", "clock.h0": 2e-19,
         "clock.h_minus2": 2e-20, "clock.initial_bias": "100 m", "clock.initial_drift": "1 m/s",
