@@ -15,8 +15,8 @@ RUNS = 16
 
 @pytest.mark.parametrize("coupling", ["loose", "tight"])
 def test_a_latency_of_300_ms_at_orbital_speed_displaces_the_estimate_by_two_kilometres(coupling):
-    # Published for this vehicle class, uncompensated: 2150 to 2350 m and about 15 m/s (Cánepa and Servidia, section 6.2.1
-    # and table 5); 0.3 s at 7.7 km/s inertial speed, less what the filter believes of its own drift, is 2300 m.
+    # Published for this vehicle class, uncompensated: 2150 to 2350 m and about 15 m/s (Cánepa and Servidia, section
+    # 6.2.1 and table 5); 0.3 s at 7.7 km/s inertial speed, less what the filter believes of its own drift, is 2300 m.
     case = ascent(MATCHED, LATENCY, f"base.filter=filters/{coupling}")
     runs, history = run_block(case, 5, 0, RUNS), covariance(case)
     at = int(np.argmin(np.abs(case.t_hist - case.trajectory.events["injection"])))
