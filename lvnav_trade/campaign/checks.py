@@ -15,6 +15,7 @@ from lvnav_trade.world.faults import SatelliteOutage
 
 _FIELDS = {
     "imu.rate": "IMU rate",
+    "filter.strapdown_rate": "strapdown rate",
     "filter.covariance_rate": "covariance rate",
     "filter.update_rate": "update rate",
     "receiver.rate": "receiver rate",
@@ -35,12 +36,17 @@ def rates(scenario: Scenario, node: Node) -> list[Mistake]:
         "filter.update_rate": scenario.filter.update_rate,
         "receiver.rate": scenario.receiver.rate,
     }
+    strapdown = scenario.filter.strapdown_rate
+    if strapdown is not None:
+        values["filter.strapdown_rate"] = strapdown
     found = []
     pairs = [
         ("imu.rate", "imu.process_rate"),
         ("imu.rate", "filter.covariance_rate"),
         ("filter.covariance_rate", "filter.update_rate"),
     ]
+    if strapdown is not None:
+        pairs += [("imu.rate", "filter.strapdown_rate"), ("filter.strapdown_rate", "filter.covariance_rate")]
     if scenario.filter.kind != "inertial":
         pairs.append(("receiver.rate", "filter.update_rate"))
     for fast, slow in pairs:
