@@ -177,6 +177,7 @@ class _Run:
         lost = self._fly(able)
         whole = self._close([case for case in able if case.id not in lost])
         seconds = time.monotonic() - start
+        _end_workers(self.jobs)  # the page is made by this process alone: their memory is of no use to it
         # The order of the plan, not that in which the workers finished: the tables' bytes must not depend on it.
         self.job.results.finish({"timings_s": self.timings, "lost": self.lost, "cases": whole})
         if not self.lost:
@@ -279,7 +280,7 @@ def _each(jobs: int, function: Callable[..., Any], units: Iterable[tuple[Any, ..
 
 def _all(jobs: int, function: Callable[..., Any], units: Sequence[tuple[Any, ...]]) -> list[Any]:
     """Return function(*unit) of all units in their order."""
-    if _count(jobs) == 1 or len(units) == 1:
+    if _count(jobs) == 1:
         return [function(*unit) for unit in units]
     return list(Parallel(n_jobs=_count(jobs))(delayed(function)(*unit) for unit in units))
 

@@ -45,7 +45,7 @@ class BlockSummary(NamedTuple):
     total: Floats
     squares: Floats
     sigma_squares: Floats
-    histogram: NDArray[np.uint32]
+    histogram: NDArray[np.uint8 | np.uint32]
     nees: Floats
     t_epoch: Floats
     nis: Floats
@@ -172,13 +172,13 @@ def _usable(scale: Floats) -> Floats:
     return np.where(np.isfinite(scale) & (scale > 0), scale, 1.0)
 
 
-def _histogram(size: Floats, scale: Floats) -> NDArray[np.uint32]:
-    """Count |error| / scale in log-spaced bins; size (n_run, n_hist, n_column)."""
+def _histogram(size: Floats, scale: Floats) -> NDArray[np.uint8 | np.uint32]:
+    """Count |error| / scale in log-spaced bins; size (n_run, n_hist, n_column). A block of few runs counts in bytes."""
     n_hist, n_column = size.shape[1:]
     with np.errstate(divide="ignore"):
         place = np.floor(np.log(size / (scale * LOWEST)) / BIN) + 1
     bins = np.clip(place, 0, N_BIN - 1).astype(np.int64)
-    counts = np.empty((n_hist, n_column, N_BIN), dtype=np.uint32)
+    counts = np.empty((n_hist, n_column, N_BIN), dtype=np.uint8 if len(size) < 256 else np.uint32)
     row = np.arange(n_hist) * N_BIN
     for column in range(n_column):  # one column at a time bounds the memory of the count
         flat = np.bincount((row + bins[:, :, column]).ravel(), minlength=n_hist * N_BIN)
@@ -211,6 +211,7 @@ def merge(parts: Iterable[BlockSummary]) -> BlockSummary:
     except StopIteration:
         raise ValueError("there is no part to merge") from None
     sums: dict[str, Any] = {name: getattr(first, name).copy() for name in _SUMMED}
+    sums["histogram"] = sums["histogram"].astype(np.uint32)  # many blocks of few runs
     rows = {name: [getattr(first, name)] for name in _JOINED}
     first = first._replace(**sums)  # lets the first part's own histogram go
     for part in stream:
