@@ -64,7 +64,9 @@ def main() -> int:
     for name, value in found.items():
         table.add_row(name, f"{value:,.4g}")
     Console().print(table)
-    (HERE / "results.json").write_text(json.dumps({**found, "machine": machine()}, indent=2) + "\n")
+    file = HERE / "results.json"
+    before = json.loads(file.read_text()) if sys.argv[1:] and file.exists() else {}  # some parts anew: keep the others
+    file.write_text(json.dumps({**before, **found, "machine": machine()}, indent=2) + "\n")
     return 0
 
 

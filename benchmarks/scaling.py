@@ -11,7 +11,7 @@ from lvnav_trade.engines.montecarlo import run_block
 from lvnav_trade.engines.prepare import prepare
 from lvnav_trade.scenario import Scenario
 
-BLOCKS, RUNS = 16, 40
+BLOCKS, RUNS = 64, 40
 
 
 def _block(one: Scenario, first: int) -> float:
@@ -21,7 +21,7 @@ def _block(one: Scenario, first: int) -> float:
 def _seconds(jobs: int) -> float:
     one = scenario()
     with Parallel(n_jobs=jobs) as pool:
-        pool(delayed(_block)(one, 0) for _ in range(jobs))
+        pool(delayed(_block)(one, 0) for _ in range(6 * jobs))  # every worker loads its kernels and builds the flight
         start = time.perf_counter()
         pool(delayed(_block)(one, RUNS * k) for k in range(BLOCKS))
         return time.perf_counter() - start
