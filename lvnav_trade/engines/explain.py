@@ -137,7 +137,8 @@ def _reported(prepared: Prepared, start: float, direction: Floats) -> Floats:
     """Return a direction in initial sigmas of the states as one in initial sigmas of the reporting axes."""
     turn = turns(prepared)[int(np.argmin(np.abs(prepared.t_hist - start)))]
     P = prepared.start.P
-    found = turn @ (np.sqrt(np.diag(P)) * direction) / np.sqrt(np.diag(turn @ P @ turn.T))
+    sigma = np.sqrt(np.diag(turn @ P @ turn.T))
+    found = turn @ (np.sqrt(np.diag(P)) * direction) / np.where(sigma > 0.0, sigma, 1.0)
     return found / found[np.argmax(np.abs(found))]
 
 

@@ -20,8 +20,9 @@ TOLERANCE = 1e-2
 
 
 class Stretch(NamedTuple):
-    """Observability over one stretch: start, end s since lift-off; rank; singular (n,) values, falling; weakest (n,)
-    direction, entries in initial sigmas, largest of size 1; rows that were used.
+    """Observability over one stretch: start, end s since lift-off; rank; singular (n_asked,) values, falling, of the
+    states that have an initial sigma; weakest (n,) direction, entries in initial sigmas, largest of size 1; rows that
+    were used.
 
     The singular values are those of the stacked rows H Phi, each row in sigmas of its noise and each direction in its
     initial sigma: a value of 1 means that the stretch alone halves the variance of that direction. The rank counts
@@ -92,7 +93,10 @@ def _stretch(prepared: Prepared, true: TrueModel, tape: Tape, start: float, end:
         prepared.belief, first, last,
     )  # fmt: skip
     scale, root = _initial_spread(prepared.start.P)
-    singular, weakest = _decompose(triangle * scale @ root, root)
+    asked = scale > 0.0  # a state of no initial sigma is known, not unobservable
+    weakest = np.zeros(n)
+    root = root[np.ix_(asked, asked)]
+    singular, weakest[asked] = _decompose((triangle * scale)[:, asked] @ root, root)
     return Stretch(start, end, int(np.sum(singular > TOLERANCE)), singular, weakest, count)
 
 

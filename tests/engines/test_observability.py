@@ -101,3 +101,13 @@ def test_folding_rows_in_one_by_one_is_the_factorisation_of_all():
         fold(triangle, row.copy())
     np.testing.assert_array_equal(triangle, np.triu(triangle))
     np.testing.assert_allclose(np.abs(triangle), np.abs(np.linalg.qr(rows)[1]), rtol=1e-11, atol=1e-13)
+
+
+def test_a_state_that_the_filter_is_certain_of_is_not_counted_among_those_to_be_observed():
+    # The unit's card names no scale factor, so the extended filter carries its nine states at sigma zero.
+    flight = case("base.imu=imu/kvh1750_003", "base.filter=filters/tight_extended")
+    certain = int(np.sum(np.diag(flight.start.P) == 0.0))
+    assert certain > 0
+    (stretch,) = observability(flight, flight.t_hist[[0, -1]])
+    assert stretch.singular.size == flight.layout.n_state - certain
+    assert np.all(np.isfinite(stretch.weakest))
