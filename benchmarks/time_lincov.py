@@ -35,7 +35,7 @@ def sweep(jobs: int, n_case: int = CASES) -> float:
 
 
 def measure() -> dict[str, float]:
-    """Return seconds of one rich case on one core (all rows of the card, 39 states) and of the sweep on two."""
+    """Return seconds of one rich case on one core (all rows of the card, 44 states) and of the sweep on two."""
     sets = ("base.imu=imu/tactical_mems", "base.filter=filters/tight_extended")
     rich = prepare(scenario(*sets))
     return {"lincov_one_rich_case_s": best(lambda: covariance(rich), 2), "lincov_100_cases_s": sweep(2)}
