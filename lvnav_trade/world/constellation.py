@@ -48,6 +48,9 @@ class AlmanacConstellation(Card):
     almanac: str = Field(description="path of a YUMA file", json_schema_extra={"path": True})
 
 
+Constellation = NominalConstellation | AlmanacConstellation
+
+
 class Orbits(NamedTuple):
     """Keplerian elements of all satellites at a reference time, (n_sat,) each, SI and radians.
 
@@ -64,6 +67,15 @@ class Orbits(NamedTuple):
     perigee: Floats
     mean_anomaly: Floats
     mean_motion: Floats
+
+    @property
+    def systems(self) -> tuple[str, ...]:
+        """Letters of the systems, (n_sat,)."""
+        return ("G",) * len(self.names)
+
+    def ecef(self, t: Floats) -> tuple[Floats, Floats]:
+        """Return position and Earth-relative velocity as `satellite_ecef` does."""
+        return satellite_ecef(self, t)
 
 
 def orbits(constellation: NominalConstellation | AlmanacConstellation, epoch: str) -> Orbits:

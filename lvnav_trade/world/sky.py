@@ -18,9 +18,10 @@ from lvnav_trade.frames import (
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.kernels.earth import OMEGA, SEMI_MAJOR, SEMI_MINOR
 from lvnav_trade.records import Floats, Sky
-from lvnav_trade.world.constellation import AlmanacConstellation, NominalConstellation, Orbits, orbits, satellite_ecef
+from lvnav_trade.world.constellation import Constellation
 from lvnav_trade.world.faults import Mask, SatelliteOutage, highest, lost
 from lvnav_trade.world.receiver import ReceiverCard
+from lvnav_trade.world.satellites import Satellites, satellites
 from lvnav_trade.world.trajectory import Trajectory, motion
 
 # A signal that would pass lower over the ellipsoid than this counts as lost: below lie most of the weather, and bending
@@ -39,7 +40,7 @@ class Transmission(NamedTuple):
 
 
 def sky(
-    constellation: NominalConstellation | AlmanacConstellation,
+    constellation: Constellation,
     receiver: ReceiverCard,
     trajectory: Trajectory,
     t_epoch: Floats,
@@ -63,9 +64,9 @@ def sky(
     InputError
         Where the almanac is broken, or a fault's start cannot be resolved.
     """
-    orbit = orbits(constellation, trajectory.epoch)
+    above = satellites(constellation, trajectory.epoch)
     antenna_r, antenna_v = antenna(trajectory, receiver, t_epoch)
-    sent = transmission(orbit, trajectory.theta0, t_epoch, antenna_r)
+    sent = transmission(above, trajectory.theta0, t_epoch, antenna_r)
     line = sent.r_i - antenna_r[:, None, :]
     direction = line / np.linalg.norm(line, axis=-1, keepdims=True)
     received = 1.0 - range_rate(direction, sent.v_i, antenna_v[:, None, :]) / SPEED_OF_LIGHT
@@ -74,7 +75,7 @@ def sky(
     available = visible & ~lost(faults, trajectory.events, t_epoch, elevation, visible)
     return Sky(
         t=t_epoch,
-        names=orbit.names,
+        names=above.names,
         r_i=sent.r_i,
         v_i=sent.v_i * received[..., None],
         azimuth=azimuth,
@@ -92,28 +93,28 @@ def antenna(trajectory: Trajectory, receiver: ReceiverCard, t: Floats) -> tuple[
     return at.r_i + C_b_i @ lever_b, at.v_i + swing
 
 
-def transmission(orbit: Orbits, theta0: float, t: Floats, antenna_r: Floats) -> Transmission:
+def transmission(above: Satellites, theta0: float, t: Floats, antenna_r: Floats) -> Transmission:
     """Solve the light-time equation |r_sat(t - travel) - r_antenna(t)| = c travel for all epochs and satellites.
 
     Parameters
     ----------
-    orbit
-        Elements with the lift-off as reference time, (n_sat,).
+    above
+        The satellites, (n_sat,), around the same lift-off as `t`.
     theta0
         Earth angle at lift-off (rad).
     t, antenna_r
         (n_epoch,) s and (n_epoch, 3) m, frame i: reception.
     """
-    travel = np.full((t.size, orbit.node.size), 0.075)
+    travel = np.full((t.size, len(above.names)), 0.075)
     for _ in range(LIGHT_TIME_ROUNDS):
-        r_i, v_i = satellite_inertial(orbit, theta0, t[:, None] - travel)
+        r_i, v_i = satellite_inertial(above, theta0, t[:, None] - travel)
         travel = np.linalg.norm(r_i - antenna_r[:, None, :], axis=-1) / SPEED_OF_LIGHT
     return Transmission(travel, r_i, v_i)
 
 
-def satellite_inertial(orbit: Orbits, theta0: float, t: Floats) -> tuple[Floats, Floats]:
+def satellite_inertial(above: Satellites, theta0: float, t: Floats) -> tuple[Floats, Floats]:
     """Return position and velocity of the satellites in frame i, (..., n_sat, 3), at times t (..., n_sat) in s."""
-    r_e, v_e = satellite_ecef(orbit, t)
+    r_e, v_e = above.ecef(t)
     theta = earth_angle(theta0, t)
     turning = OMEGA * np.stack([-r_e[..., 1], r_e[..., 0], np.zeros_like(r_e[..., 0])], axis=-1)
     return eci_from_ecef(r_e, theta), eci_from_ecef(v_e + turning, theta)
