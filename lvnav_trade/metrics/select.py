@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from lvnav_trade.store import Tables
+from lvnav_trade.store.schema import error_column
 
 NAVIGATION = ("attitude", "velocity", "position")
 
@@ -31,6 +33,37 @@ def split_metric(name: str) -> tuple[str, str]:
     """Take ``velocity_error_3d`` apart into quantity and axis; an axis left out is the norm."""
     quantity, _, axis = name.partition("_error")
     return quantity, axis.lstrip("_") or "3d"
+
+
+class Errors(NamedTuple):
+    """|error| of every run (n_run,), in the SI `unit`, infinite for a failed run; unit for people and its factor."""
+
+    size: NDArray[np.float64]
+    unit: str
+    label_unit: str
+    label_factor: float
+
+
+def errors_at(tables: Tables, case: str, event: str, metric: str) -> Errors | None:
+    """Return the size of a metric's error at an event in every run, in the order of the runs; None where unknown.
+
+    An error that is not finite, in a run that did not fail, counts as infinite too.
+    """
+    quantity, axis = split_metric(metric)
+    outputs = tables.outputs
+    known = outputs[(outputs.case == case) & (outputs.quantity == quantity) & (outputs.axis == axis)]
+    if known.empty:
+        return None
+    row: Any = known.iloc[0]
+    runs, column = tables.runs, error_column(quantity, axis, row.unit)
+    chosen = runs[(runs.case == case) & (runs.event == event)]
+    values = chosen[column].to_numpy(dtype=float) if column in runs.columns else np.empty(0)
+    failed = chosen.failure.to_numpy()[: len(values)] != ""
+    return Errors(_sizes(values, failed), row.unit, row.label_unit, float(row.label_factor_ratio))
+
+
+def _sizes(values: NDArray[np.float64], failed: NDArray[np.bool_]) -> NDArray[np.float64]:
+    return np.where(failed | ~np.isfinite(values), np.inf, np.abs(values))
 
 
 def flight_events(tables: Tables, case: str) -> pd.DataFrame:
