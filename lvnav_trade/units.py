@@ -42,9 +42,9 @@ def parse(text: str, unit: str) -> float:
         raise ValueError(f"{text!r} has no unit; write it as a quantity in a unit of {_example(unit)}")
     if not math.isfinite(value):
         raise ValueError(f"{text!r} is not a finite quantity")
-    if unit == "dB-Hz":
-        if spelled.strip() != "dB-Hz":
-            raise ValueError(f"{text!r} has the wrong unit; expected dB-Hz")
+    if unit in _LEVELS:
+        if spelled.strip() != unit:
+            raise ValueError(f"{text!r} has the wrong unit; expected {unit}")
         return value
     try:
         value = float((value * registry().parse_expression(_pint_spelling(spelled))).to(unit).magnitude)
@@ -76,6 +76,9 @@ def _pint_spelling(unit: str) -> str:
     return re.sub(r"sqrt\(([^()]*)\)", r"((\1)**0.5)", text)
 
 
+# Levels are read as they stand: they are logarithms, and which ratio each is of is said by its one spelling.
+_LEVELS = ("dB-Hz", "dB", "dBi", "dBW")
+
 _EXAMPLES = {
     "m": "length (m, km, cm)",
     "s": "time (s, ms, min)",
@@ -94,6 +97,11 @@ _EXAMPLES = {
     "1/s**0.5": "scale-factor drift (ppm/sqrt(year))",
     "dimensionless": "fraction (ppm, percent, dimensionless)",
     "dB-Hz": "carrier to noise density (dB-Hz)",
+    "dB": "ratio of powers (dB)",
+    "dBi": "antenna gain (dBi)",
+    "dBW": "power (dBW)",
+    "K": "temperature (K)",
+    "rad*s**2/m": "angle per specific force (rad/g, deg/g)",
 }
 
 
@@ -143,6 +151,8 @@ AngularRate = quantity("rad/s")
 Speed = quantity("m/s")
 Acceleration = quantity("m/s**2")
 CarrierToNoise = quantity("dB-Hz")
+Gain = quantity("dBi")
+Level = quantity("dBW")
 
 # These have no sign: a mass, the length of a pause, and every one-sigma.
 Mass = quantity("kg", minimum=0.0)
@@ -160,6 +170,9 @@ AccelerationRandomWalk = quantity("m/s**2.5", minimum=0.0)
 GSensitivity = quantity("rad*s/m", minimum=0.0)
 ScaleDrift = quantity("1/s**0.5", minimum=0.0)
 Fraction = quantity("dimensionless", minimum=0.0)
+Decibels = quantity("dB", minimum=0.0)
+Temperature = quantity("K", minimum=0.0)
+JitterPerForce = quantity("rad*s**2/m", minimum=0.0)
 
 # And these divide.
 Frequency = quantity("Hz", above=0.0)

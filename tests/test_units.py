@@ -35,6 +35,9 @@ DEG, HOUR, G = math.pi / 180.0, 3600.0, 9.80665
         ("1e-3 m^2", "m**2", 1e-3),
         ("-38.6 deg", "rad", -38.6 * DEG),
         ("45 dB-Hz", "dB-Hz", 45.0),
+        ("-3.5 dBi", "dBi", -3.5),
+        ("130 K", "K", 130.0),
+        ("11 deg/g", "rad*s**2/m", 11.0 * DEG / G),
     ],
 )
 def test_a_datasheets_spelling_becomes_si(text: str, unit: str, value: float) -> None:
@@ -53,6 +56,7 @@ def test_a_datasheets_spelling_becomes_si(text: str, unit: str, value: float) ->
          " (deg/sqrt(h), deg/h/sqrt(Hz))"),
         ("nan m", "m", "'nan m' is not a finite quantity"),
         ("45 Hz", "dB-Hz", "'45 Hz' has the wrong unit; expected dB-Hz"),
+        ("5 dB", "dBi", "'5 dB' has the wrong unit; expected dBi"),
         ("", "m", "'' is not a quantity: a number and a unit, such as '0.5 deg/h'"),
     ],
 )  # fmt: skip
