@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OTHER_0, OWN_0, OWN_1
 from lvnav_trade.records import Output
 
@@ -48,8 +51,34 @@ class ParameterBlock(NamedTuple):
     time_constant: float
 
 
+# Every kind of extra state that rows share, by name: SI unit, unit and factor for people.
+EXTRAS = {
+    "range_bias": ("m", "m", 1.0),
+    "time_offset": ("m", "m", 1.0),
+    "timing": ("s", "ms", 1e3),
+    "troposphere_scale": ("1", "%", 1e2),
+    "ionosphere_scale": ("1", "%", 1e2),
+    "position_bias": ("m", "m", 1.0),
+    "velocity_bias": ("m/s", "m/s", 1.0),
+}
+
+
+class ExtraBlock(NamedTuple):
+    """States that measurements share: name; labels of its components; offset of the first; member (n_channel,)
+    component in each channel, -1 none; initial sigma; time constant (s, inf: constant).
+    """
+
+    name: str
+    labels: tuple[str, ...]
+    offset: int
+    member: NDArray[np.int64]
+    sigma: float
+    time_constant: float
+
+
 class StateLayout(NamedTuple):
-    """Attitude, velocity, position (0, 3, 6), parameter blocks, clock (bias, drift; -1 for none), in storage order.
+    """Attitude, velocity, position (0, 3, 6), parameter blocks, clock (bias, drift; -1 for none), extra blocks, in
+    storage order.
 
     States from n_estimated on are considered, not estimated.
     """
@@ -58,6 +87,7 @@ class StateLayout(NamedTuple):
     clock: int
     n_estimated: int
     n_state: int
+    extras: tuple[ExtraBlock, ...] = ()
 
 
 AXES = {
@@ -87,4 +117,7 @@ def outputs(layout: StateLayout, frame: str) -> tuple[Output, ...]:
     if layout.clock >= 0:
         table[layout.clock] = Output("clock_bias", "time", "m", "m", 1.0)
         table[layout.clock + 1] = Output("clock_drift", "rate", "m/s", "m/s", 1.0)
+    for extra in layout.extras:
+        for i, label in enumerate(extra.labels):
+            table[extra.offset + i] = Output(extra.name, label or "all", *EXTRAS[extra.name])
     return tuple(table[i] for i in range(layout.n_state))

@@ -75,6 +75,14 @@ def _matched_receiver(receiver: ReceiverCard) -> ReceiverBelief:
         velocity_sigma=receiver.solution.velocity_sigma,
         clock_h0=receiver.clock.h0,
         clock_h_minus2=receiver.clock.h_minus2,
+        range_bias=receiver.multipath,
+        range_bias_time=receiver.multipath_time,
+        timing=receiver.latency_error,
+        timing_time=None,
+        position_bias=receiver.solution.position_bias,
+        position_bias_time=receiver.solution.bias_time,
+        velocity_bias=receiver.solution.velocity_bias,
+        velocity_bias_time=receiver.solution.bias_time,
     )
 
 

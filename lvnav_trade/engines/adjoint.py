@@ -9,9 +9,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-
-from lvnav_trade.engines.cover import Tape, fill_inputs
+from lvnav_trade.engines.cover import fill_inputs, shared_partial
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.joint import apply_phi_transposed
@@ -19,12 +17,14 @@ from lvnav_trade.records import Floats
 
 
 class Backward(NamedTuple):
-    """State and outcome of a backward pass. e (n_metric, n) and c (n_metric, n_block, 3) multipliers, updated;
-    contribution (n_metric, n_source, n_bin) variance put in by each source in each time bin, set.
+    """State and outcome of a backward pass. e (n_metric, n), c (n_metric, n_block, 3) and shared (n_metric,
+    n_component) multipliers, updated; contribution (n_metric, n_source, n_bin) variance put in by each source in each
+    time bin, set.
     """
 
     e: Floats
     c: Floats
+    shared: Floats
     contribution: Floats
 
 
@@ -47,14 +47,34 @@ def _dot(a, b):
 
 
 @jit
-def _back_row(back, gain, h, kind, time_bin, true, belief):
-    """Go back through one row: what its noise put in, and the multiplier before it."""
-    n = belief.n_entry[kind]
+def _back_row(back, gain, h, epoch, channel, time_bin, signals, true, belief):
+    """Go back through one row: what its noise put in, and the multipliers before it."""
+    n, source = belief.n_entry[channel], true.row_source[belief.row_type[channel]]
+    variance, shared = signals.sigma[epoch, channel] ** 2, signals.shared.member
     for m in range(back.e.shape[0]):
         through = _dot(back.e[m], gain)
-        back.contribution[m, true.row_source[kind], time_bin] += through * through * true.row_variance[kind]
+        back.contribution[m, source, time_bin] += through * through * variance
+        for family in range(shared.shape[0]):
+            component = shared[family, channel]
+            if component >= 0:
+                back.shared[m, component] -= through * shared_partial(signals, true, family, epoch, channel)
         for k in range(n):
-            back.e[m, belief.column[kind, k]] -= through * h[belief.entry[kind, k]]
+            back.e[m, belief.column[channel, k]] -= through * h[belief.entry[channel, k]]
+
+
+@jit
+def _back_shared(back, true, belief, length, time_bin):
+    """Go back through a window for every shared error: its driving noise's share, and its multiplier before."""
+    for k in range(true.shared_source.shape[0]):
+        fade, wander, at = true.shared_fade[length, k], true.shared_wander[length, k], true.shared_matched[k]
+        for m in range(back.e.shape[0]):
+            in_e = back.e[m, at] if at >= 0 else 0.0
+            if wander > 0.0:
+                through = back.shared[m, k] + in_e
+                back.contribution[m, true.shared_source[k], time_bin] += through * through * wander
+            back.shared[m, k] *= fade
+            if at >= 0:
+                back.shared[m, k] += in_e * (fade - belief.decay[length, at])
 
 
 @jit
@@ -72,7 +92,7 @@ def _back_parameters(back, scratch, sums, true, belief, length, time_bin):
     """Go back through a window for every true parameter: its driving noise's share, and its multiplier before."""
     seconds, decay = belief.seconds[length], belief.decay[length]
     for j in range(true.sensor.shape[0]):
-        if true.ramp[j] >= 0:
+        if true.profile[j] >= 0:
             continue
         fade, wander = true.fade[length, j], true.wander[length, j]
         fill_inputs(scratch.b, scratch.g, scratch.block, j, true, sums, seconds, decay, fade)
@@ -101,23 +121,28 @@ def _back_start(back, true):
                 if true.matched[j] >= 0:
                     through += back.e[m, true.matched[j] + axis]
                 back.contribution[m, true.source[j], 0] += through * through * true.start[j]
+        for k in range(true.shared_source.shape[0]):
+            at = true.shared_matched[k]
+            through = back.shared[m, k] + (back.e[m, at] if at >= 0 else 0.0)
+            back.contribution[m, true.shared_source[k], 0] += through * through * true.shared_start[k]
 
 
 @jit
-def go_back(back, scratch, tape, last_window, time_bins, schedule, true, belief):
+def go_back(back, scratch, tape, last_window, time_bins, schedule, signals, true, belief):
     """Carry the multipliers from the end of a window back to the start of the flight; `back` is filled.
 
     Parameters
     ----------
     back : Backward, with e set to the metrics' rows; scratch : BackScratch; tape : Tape of the forward pass
     last_window : the metric stands at its end; time_bins (n_window,) bin of each window
-    schedule : Schedule; true : TrueModel; belief : Belief
+    schedule : Schedule; signals : Signals; true : TrueModel; belief : Belief
     """
     n_metric = back.e.shape[0]
     for w in range(last_window, -1, -1):
         time_bin = time_bins[w]
         for row in range(tape.first_row[w + 1] - 1, tape.first_row[w] - 1, -1):
-            _back_row(back, tape.gain[row], tape.h[row], tape.kind[row], time_bin, true, belief)
+            epoch, channel = tape.epoch[row], tape.channel[row]
+            _back_row(back, tape.gain[row], tape.h[row], epoch, channel, time_bin, signals, true, belief)
         if schedule.n_tick[w] == 0:
             continue
         length, sums, at = schedule.length[w], tape.sums[w], tape.position[w]
@@ -126,6 +151,7 @@ def go_back(back, scratch, tape, last_window, time_bins, schedule, true, belief)
         transition.fill(scratch.D, true.nav_kinds, true.nav_drivers, sums, at[0], at[1], at[2], seconds)
         _back_noise(back, noise, time_bin)
         _back_parameters(back, scratch, sums, true, belief, length, time_bin)
+        _back_shared(back, true, belief, length, time_bin)
         for m in range(n_metric):
             apply_phi_transposed(
                 back.e[m],
@@ -139,12 +165,3 @@ def go_back(back, scratch, tape, last_window, time_bins, schedule, true, belief)
             )
         _back_noise(back, noise, time_bin)
     _back_start(back, true)
-
-
-def new_tape(n_window: int, n_row: int, n: int) -> Tape:
-    """Return an empty tape for a flight of n_window windows and n_row rows; n_row 0 keeps nothing."""
-    windows = n_window if n_row else 0
-    return Tape(
-        np.zeros((windows, 21)), np.zeros((windows, 3)), np.zeros((n_row, n)), np.zeros((n_row, 10)),
-        np.zeros(n_row, dtype=np.int64), np.zeros(windows + 1, dtype=np.int64), np.zeros(1, dtype=np.int64),
-    )  # fmt: skip

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
-from lvnav_trade.engines.flight import ramp_value
-from lvnav_trade.engines.truth import REMAINDER
-from lvnav_trade.filters.belief import INERTIAL, POSITION, PSEUDORANGE, RANGE_RATE, TIGHT, VELOCITY
+from lvnav_trade.engines.sensing import profile_value
+from lvnav_trade.engines.truth import GRAVITY, REMAINDER
+from lvnav_trade.filters.belief import INERTIAL, TIGHT
 from lvnav_trade.filters.ekf import fill_loose, fill_tight, place_antenna
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import absorb, predict
@@ -17,89 +14,6 @@ from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.joint import apply_phi, propagate_component, update_covariance, update_vector
 from lvnav_trade.kernels.strapdown import J4, Q, R, V, gravity, mechanise
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL, parameter_block
-from lvnav_trade.records import Floats
-
-Ints = NDArray[np.int64]
-
-
-class Nominal(NamedTuple):
-    """The one nominal run, in the form that the strapdown and the filter's rows take: see engines.flight.Work."""
-
-    nav: Floats
-    sums: Floats
-    previous: Floats
-    increments: Floats
-    antenna: Floats
-    rate: Floats
-    H: Floats
-    z: Floats
-    ranges: Floats
-    solution: Floats
-    clock_hat: Floats
-
-
-class Joint(NamedTuple):
-    """The state of the pass, updated: formal (n, n) the filter's covariance; sources (n_source, n, n) the true
-    error's by source; cross (n_block, 3, n) Cov(e, c); variance (n_block, 3) of c; mean (n,) of e; ramp (2, 3)
-    present value.
-    """
-
-    formal: Floats
-    sources: Floats
-    cross: Floats
-    variance: Floats
-    mean: Floats
-    ramp: Floats
-
-
-class Scratch(NamedTuple):
-    """Work arrays: X (n, n); D, D_true (n_block, 9); y (n,); b, g (3, n); block (9,); K, x, gain (n,); deviation
-    (9,).
-    """
-
-    X: Floats
-    D: Floats
-    D_true: Floats
-    y: Floats
-    b: Floats
-    g: Floats
-    block: Floats
-    K: Floats
-    x: Floats
-    gain: Floats
-    deviation: Floats
-
-
-class Tape(NamedTuple):
-    """What a backward pass needs of a forward one; of no length where none will follow.
-
-    sums (n_window, 21), position (n_window, 3) of each window; gain (n_row, n), h (n_row, 10), kind (n_row,) of each
-    row in the order absorbed; first_row (n_window + 1,) index of the first row after each window; used (1,) rows so
-    far.
-    """
-
-    sums: Floats
-    position: Floats
-    gain: Floats
-    h: Floats
-    kind: Ints
-    first_row: Ints
-    used: Ints
-
-
-class Cover(NamedTuple):
-    """What the pass fills: formal, true (n_hist, n, n) frame i; mean (n_hist, n) frame i; budget (n_hist, n_source, n)
-    variances in reporting axes; n_row, expected_nis (n_epoch,); worst_ratio (n_epoch,) largest expected
-    square of a normalised innovation among the epoch's rows.
-    """
-
-    formal: Floats
-    true: Floats
-    mean: Floats
-    budget: Floats
-    n_row: Ints
-    expected_nis: Floats
-    worst_ratio: Floats
 
 
 @jit
@@ -112,6 +26,10 @@ def fill_inputs(b, g, block, j, true, sums, seconds, decay, fade):
             b[axis, i], g[axis, i] = 0.0, 0.0
     sensor, driven_by, matched = true.sensor[j], true.driver[j], true.matched[j]
     at = ATT if sensor == GYRO else VEL
+    if driven_by == GRAVITY:
+        for axis in range(3):
+            b[axis, VEL + axis], b[axis, POS + axis] = seconds, 0.5 * seconds * seconds
+        return
     if driven_by == REMAINDER:
         if seconds > 0.0:
             for axis in range(3):
@@ -155,18 +73,18 @@ def _advance_mean(mean, deviation, sums, seconds):
 
 @jit
 def _propagate_parameters(joint, scratch, sums, true, unit, belief, length, middle):
-    """Let every true parameter act over a window, in its source's covariance or, for a ramp, in the mean."""
+    """Let every true parameter act over a window, in its source's covariance or, for a profile, in the mean."""
     seconds, decay = belief.seconds[length], belief.decay[length]
     for j in range(true.sensor.shape[0]):
         fade = true.fade[length, j]
         fill_inputs(scratch.b, scratch.g, scratch.block, j, true, sums, seconds, decay, fade)
-        s, ramped = true.source[j], true.ramp[j]
+        s, profile = true.source[j], true.profile[j]
         for axis in range(3):
             b, g = scratch.b[axis], scratch.g[axis]
-            if ramped >= 0:
-                value = ramp_value(unit, ramped, axis, middle)
-                change = value - joint.ramp[ramped, axis]
-                joint.ramp[ramped, axis] = value
+            if profile >= 0:
+                value = profile_value(unit, profile, axis, middle)
+                change = value - joint.profile[profile, axis]
+                joint.profile[profile, axis] = value
                 # the value is the window's mean, so a change acts from the window's start
                 apply_phi(g, scratch.y, scratch.D_true, true.nav_rows, true.nav_columns, decay, belief.clock, seconds)
                 for i in range(b.shape[0]):
@@ -177,6 +95,28 @@ def _propagate_parameters(joint, scratch, sums, true, unit, belief, length, midd
                     true.wander[length, j], scratch.D_true, true.nav_rows, true.nav_columns, decay, belief.clock,
                     seconds,
                 )  # fmt: skip
+
+
+@jit
+def _propagate_shared(joint, scratch, true, belief, length):
+    """Let the errors that measurements share fade and wander over a window; in e they act where a state stands for
+    them.
+    """
+    seconds, decay, n = belief.seconds[length], belief.decay[length], joint.mean.shape[0]
+    b, g = scratch.b[0], scratch.g[0]
+    for i in range(n):
+        b[i], g[i] = 0.0, 0.0
+    for m in range(true.shared_source.shape[0]):
+        matched, fade = true.shared_matched[m], true.shared_fade[length, m]
+        if matched >= 0:
+            b[matched], g[matched] = fade - decay[matched], 1.0
+        joint.shared_variance[m] = propagate_component(
+            joint.sources[true.shared_source[m]], joint.shared_cross[m], b, g, scratch.y, joint.shared_variance[m],
+            fade, true.shared_wander[length, m], scratch.D_true, true.nav_rows, true.nav_columns, decay, belief.clock,
+            seconds,
+        )  # fmt: skip
+        if matched >= 0:
+            b[matched], g[matched] = 0.0, 0.0
 
 
 @jit
@@ -198,6 +138,7 @@ def _propagate(joint, scratch, nominal, true, unit, belief, length, first, n_tic
     _propagate_parameters(
         joint, scratch, sums, true, unit, belief, length, unit.start + unit.dt * (first + 0.5 * n_tick)
     )
+    _propagate_shared(joint, scratch, true, belief, length)
     _set_deviation(scratch.deviation, unit, nav, belief, first, n_tick, reference)
     _advance_mean(joint.mean, scratch.deviation, sums, seconds)
 
@@ -218,13 +159,13 @@ def _set_deviation(deviation, unit, nav, belief, first, n_tick, reference):
 
 
 @jit
-def _keep_row(tape, gain, h, kind):
+def _keep_row(tape, gain, h, epoch, channel):
     at = tape.used[0]
     for i in range(gain.shape[0]):
         tape.gain[at, i] = gain[i]
     for i in range(h.shape[0]):
         tape.h[at, i] = h[i]
-    tape.kind[at] = kind
+    tape.epoch[at], tape.channel[at] = epoch, channel
     tape.used[0] = at + 1
 
 
@@ -238,38 +179,63 @@ def _keep_window(tape, w, nominal):
 
 
 @jit
-def _absorb_true(joint, scratch, tape, h, surprise, kind, true, belief):
+def shared_partial(signals, true, family, epoch, channel):
+    """Return what of a shared error is in the innovation beyond what the filter's own state of it (in e) takes off."""
+    own = true.shared_family[family]
+    known = signals.partial[own, epoch, channel] if own >= 0 else 0.0
+    return signals.shared.partial[family, epoch, channel] - known
+
+
+@jit
+def _absorb_shared(joint, gain, h, entries, columns, signals, true, epoch, channel):
+    """Take the errors that measurements share through a row, after the sources' own update; return what they add to
+    the innovation's variance.
+    """
+    spread, n = 0.0, gain.shape[0]
+    member = signals.shared.member
+    for m in range(true.shared_source.shape[0]):
+        y = joint.shared_cross[m]
+        projected = update_vector(y, gain, h, entries, columns)
+        for family in range(member.shape[0]):
+            if member[family, channel] != m:
+                continue
+            a, P = shared_partial(signals, true, family, epoch, channel), joint.sources[true.shared_source[m]]
+            variance = joint.shared_variance[m]
+            spread += 2.0 * a * projected + a * a * variance
+            for i in range(n):
+                for j in range(n):
+                    P[i, j] += a * a * variance * gain[i] * gain[j] - a * (y[i] * gain[j] + gain[i] * y[j])
+            for i in range(n):
+                y[i] -= gain[i] * a * variance
+    return spread
+
+
+@jit
+def _absorb_true(joint, scratch, tape, h, surprise, epoch, channel, signals, true, belief):
     """Absorb one row in the filter's covariance, and with that gain in every source and in the mean; return the
     expected square of its normalised innovation. `surprise` is the innovation on the nominal flight: what the truth's
     measurement holds, in every run, that the filter's model of it does not (an uncompensated latency).
     """
-    n = belief.n_entry[kind]
-    entries, columns = belief.entry[kind, :n], belief.column[kind, :n]
+    n, row_type = belief.n_entry[channel], belief.row_type[channel]
+    entries, columns = belief.entry[channel, :n], belief.column[channel, :n]
     K, gain = scratch.K, scratch.gain
     _, weight = absorb(
-        joint.formal,
-        scratch.x,
-        K,
-        h,
-        entries,
-        columns,
-        0.0,
-        belief.variance[kind],
-        np.inf,
-        belief.n_estimated,
-        belief.joseph,
-    )
+        joint.formal, scratch.x, K, h, entries, columns, 0.0, signals.variance[epoch, channel], np.inf,
+        belief.n_estimated, belief.joseph,
+    )  # fmt: skip
     for i in range(gain.shape[0]):
         gain[i] = K[i] * weight if i < belief.n_estimated else 0.0
-    if tape.kind.shape[0] > 0:
-        _keep_row(tape, gain, h, kind)
-    spread = true.row_variance[kind]
+    if tape.channel.shape[0] > 0:
+        _keep_row(tape, gain, h, epoch, channel)
+    noise = signals.sigma[epoch, channel] ** 2
+    spread = noise
     for i in range(joint.sources.shape[0]):
-        noise = true.row_variance[kind] if true.row_source[kind] == i else 0.0
-        spread += update_covariance(joint.sources[i], scratch.y, gain, h, entries, columns, noise)
+        own = noise if true.row_source[row_type] == i else 0.0
+        spread += update_covariance(joint.sources[i], scratch.y, gain, h, entries, columns, own)
     for j in range(joint.cross.shape[0]):
         for axis in range(3):
             update_vector(joint.cross[j, axis], gain, h, entries, columns)
+    spread += _absorb_shared(joint, gain, h, entries, columns, signals, true, epoch, channel)
     offset = update_vector(joint.mean, gain, h, entries, columns) + surprise
     for i in range(gain.shape[0]):
         joint.mean[i] -= gain[i] * surprise
@@ -331,25 +297,28 @@ def _count_row(out, epoch, expected_square):
 @jit
 def _update(out, joint, scratch, tape, nominal, signals, true, belief, epoch):
     """Absorb the rows that the filter would absorb at an epoch."""
+    if belief.clock >= 0:
+        joint.mean[belief.clock] += signals.clock_jump[epoch]
     if belief.kind == TIGHT:
         for slot in range(signals.n_used[epoch]):
             s = signals.used[epoch, slot]
             nominal.ranges[slot, 0], nominal.ranges[slot, 1] = signals.range[epoch, s], signals.rate[epoch, s]
         fill_tight(nominal, belief, signals, epoch)
-        for slot in range(signals.n_used[epoch]):
-            for half in range(2):
-                kind, row = PSEUDORANGE if half == 0 else RANGE_RATE, 2 * slot + half
-                h, surprise = nominal.H[row], nominal.z[row]
-                _count_row(out, epoch, _absorb_true(joint, scratch, tape, h, surprise, kind, true, belief))
+        for row in range(2 * signals.n_used[epoch]):
+            channel = 2 * signals.used[epoch, row // 2] + row % 2
+            h, surprise = nominal.H[row], nominal.z[row]
+            square = _absorb_true(joint, scratch, tape, h, surprise, epoch, channel, signals, true, belief)
+            _count_row(out, epoch, square)
         out.n_row[epoch] = 2 * signals.n_used[epoch]
     elif signals.n_used[epoch] >= 4:
         for axis in range(3):
             nominal.solution[axis] = signals.position[epoch, axis]
             nominal.solution[3 + axis] = signals.velocity[epoch, axis]
-        fill_loose(nominal)
+        fill_loose(nominal, belief, signals, epoch)
         for row in range(6):
-            kind, h, surprise = POSITION if row < 3 else VELOCITY, nominal.H[row], nominal.z[row]
-            _count_row(out, epoch, _absorb_true(joint, scratch, tape, h, surprise, kind, true, belief))
+            h, surprise = nominal.H[row], nominal.z[row]
+            square = _absorb_true(joint, scratch, tape, h, surprise, epoch, row, signals, true, belief)
+            _count_row(out, epoch, square)
         out.n_row[epoch] = 6
 
 
@@ -369,14 +338,14 @@ def cover(out, joint, scratch, tape, nominal, schedule, unit, signals, record, a
         if n_tick > 0:
             _fly_window(nominal, reference, first, n_tick, unit.dt, belief.gravity)
             _propagate(joint, scratch, nominal, true, unit, belief, schedule.length[w], first, n_tick, reference)
-            if tape.kind.shape[0] > 0:
+            if tape.channel.shape[0] > 0:
                 _keep_window(tape, w, nominal)
         epoch, hist = schedule.epoch[w], schedule.hist[w]
         if epoch >= 0 and belief.kind != INERTIAL:
             _take_nominal(nominal, reference, first + n_tick)
             place_antenna(nominal, belief, unit.dt)
             _update(out, joint, scratch, tape, nominal, signals, true, belief, epoch)
-        if tape.kind.shape[0] > 0:
+        if tape.channel.shape[0] > 0:
             tape.first_row[w + 1] = tape.used[0]
         if hist >= 0:
             _write(out, hist, joint, axes_att[hist], record.axes[hist])

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines.cover import Tape
+from lvnav_trade.engines.carried import Tape
 from lvnav_trade.engines.lincov import adjoint, forward_tape, source_covariances, turns
 from lvnav_trade.engines.nonlinearity import Nonlinearity, nonlinearity
 from lvnav_trade.engines.observability import TOLERANCE, in_words, observability

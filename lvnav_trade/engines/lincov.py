@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.stats import chi2
 
-from lvnav_trade.engines.adjoint import BackScratch, Backward, go_back, new_tape
-from lvnav_trade.engines.cover import Cover, Joint, Nominal, Scratch, Tape, cover
+from lvnav_trade.engines.adjoint import BackScratch, Backward, go_back
+from lvnav_trade.engines.carried import Cover, Joint, Nominal, Scratch, Tape, new_tape
+from lvnav_trade.engines.cover import cover
 from lvnav_trade.engines.prepare import Prepared
-from lvnav_trade.engines.truth import TrueModel, initial_cross, source_names, start_sources, true_model
+from lvnav_trade.engines.truth import TrueModel, initial_cross, initial_shared, source_names, start_sources, true_model
 from lvnav_trade.filters.belief import TIGHT
 from lvnav_trade.frames import matrices
 from lvnav_trade.kernels.transition import ATT, POS, VEL
@@ -17,27 +18,22 @@ from lvnav_trade.records import AdjointBudget, CovHistory, Floats
 
 def _joint(prepared: Prepared, true: TrueModel) -> Joint:
     cross, variance = initial_cross(prepared, true)
-    n = prepared.layout.n_state
-    return Joint(prepared.start.P.copy(), start_sources(true, cross), cross, variance, np.zeros(n), np.zeros((2, 3)))
+    n, n_profile = prepared.layout.n_state, prepared.unit.profile_sensor.size
+    return Joint(
+        prepared.start.P.copy(), start_sources(true, cross), cross, variance, initial_shared(prepared, true),
+        true.shared_start.copy(), np.zeros(n), np.zeros((n_profile, 3)),
+    )  # fmt: skip
 
 
 def nominal(prepared: Prepared) -> Nominal:
     """Return the work arrays of the nominal run, empty."""
-    n_slot = prepared.signals.used.shape[1]
+    n_slot, belief = prepared.signals.used.shape[1], prepared.belief
     n_row = max(6, 2 * n_slot)
     shapes = (
-        (10,),
-        (21,),
-        (6,),
-        (int(prepared.schedule.n_tick.max()), 6),
-        (12,),
-        (3,),
-        (n_row, 10),
-        (n_row,),
-        (n_slot, 2),
-        (6,),
-        (2,),
-    )
+        (10,), (21,), (6,), (int(prepared.schedule.n_tick.max()), 6), (len(belief.levers), 12), (3,),
+        (n_row, belief.entry.shape[1]), (n_row,), (n_slot, 2), (6,), (2,), (belief.n_state,),
+        (max(1, belief.extra_offset.size),),
+    )  # fmt: skip
     return Nominal(*(np.zeros(shape) for shape in shapes))
 
 
@@ -87,7 +83,7 @@ def _cover(prepared: Prepared, names: list[str], true: TrueModel, tape: Tape) ->
 def covariance(prepared: Prepared) -> CovHistory:
     """Return the filter's own and the true covariance of a case over its nominal flight, the true one by source."""
     names = source_names(prepared)
-    tape = new_tape(0, 0, prepared.layout.n_state)
+    tape = new_tape(0, 0, prepared.layout.n_state, prepared.belief.entry.shape[1])
     return _history(prepared, names, _cover(prepared, names, true_model(prepared, names), tape))
 
 
@@ -96,7 +92,8 @@ def forward_tape(prepared: Prepared, true: TrueModel) -> Tape:
     names = source_names(prepared)
     per_satellite = 2 if prepared.belief.kind == TIGHT else 0
     n_row = int(np.sum(np.maximum(6, per_satellite * prepared.signals.n_used))) + 1
-    tape = new_tape(prepared.schedule.n_tick.size, n_row, prepared.layout.n_state)
+    n_entry = prepared.belief.entry.shape[1]
+    tape = new_tape(prepared.schedule.n_tick.size, n_row, prepared.layout.n_state, n_entry)
     _cover(prepared, names, true, tape)
     return tape
 
@@ -152,10 +149,12 @@ def _go_back(
     back = Backward(
         np.array(rows, order="C"),
         np.zeros((len(rows), true.sensor.size, 3)),
+        np.zeros((len(rows), true.shared_source.size)),
         np.zeros((len(rows), len(names), edges.size - 1)),
     )
     shapes = ((true.nav_rows.size, 9), (n,), (3, n), (3, n), (9,))
-    go_back(back, BackScratch(*map(np.zeros, shapes)), tape, last, bins, schedule, true, prepared.belief)
+    scratch = BackScratch(*map(np.zeros, shapes))
+    go_back(back, scratch, tape, last, bins, schedule, prepared.signals, true, prepared.belief)
     return edges, back.contribution
 
 

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numba import config
 
-from lvnav_trade.engines.flight import Work, fly, work_shapes
+from lvnav_trade.engines.flight import fly
+from lvnav_trade.engines.inputs import Sizes, Work, work_shapes
 from lvnav_trade.engines.prepare import Prepared, prepare
 from lvnav_trade.filters.belief import LOOSE, TIGHT
 from lvnav_trade.kernels.jit import jit
@@ -26,8 +27,8 @@ def fly_lanes(
         view(w.run), view(w.nav), view(w.sums), view(w.previous), view(w.increments), view(w.P), view(w.X), view(w.D),
         view(w.x), view(w.K), view(w.H), view(w.z), view(w.antenna), view(w.rate), view(w.true_par),
         view(w.true_tables), view(w.par), view(w.tables), view(w.remainder), view(w.clock), view(w.clock_hat),
-        view(w.ranges), view(w.solution), view(w.err), view(w.sigma), view(w.nees), view(w.nis), view(w.n_row),
-        view(w.n_reject), view(w.innovation), view(w.failed), view(w.t_failed),
+        view(w.shared), view(w.extra), view(w.ranges), view(w.solution), view(w.err), view(w.sigma), view(w.nees),
+        view(w.nis), view(w.n_row), view(w.n_reject), view(w.innovation), view(w.failed), view(w.t_failed),
     )  # fmt: skip
     fly(work, schedule, unit, signals, start, history, belief, k0, k1)
 
@@ -39,17 +40,22 @@ def channels(prepared: Prepared) -> int:
 
 
 def _new_work(prepared: Prepared, lanes: bool) -> Work:
-    shapes = work_shapes(
-        prepared.layout.n_state,
-        len(prepared.layout.parameters),
-        len(prepared.sources),
-        prepared.belief.block_rows.size,
-        int(prepared.schedule.n_tick.max(initial=0)),
-        prepared.t_hist.size,
-        prepared.t_epoch.size,
-        prepared.signals.used.shape[1],
-        channels(prepared),
-    )
+    belief, signals = prepared.belief, prepared.signals
+    shapes = work_shapes(Sizes(
+        n_state=prepared.layout.n_state,
+        n_par=len(prepared.layout.parameters),
+        n_true=prepared.unit.sigma.size,
+        n_block=belief.block_rows.size,
+        n_tick=int(prepared.schedule.n_tick.max(initial=0)),
+        n_hist=prepared.t_hist.size,
+        n_epoch=prepared.t_epoch.size,
+        n_slot=signals.used.shape[1],
+        n_channel=channels(prepared),
+        n_antenna=len(belief.levers),
+        n_entry=belief.entry.shape[1],
+        n_shared=signals.shared.start.size,
+        n_extra=belief.extra_offset.size,
+    ))  # fmt: skip
     end = (WIDTH,) if lanes else ()
     arrays: dict[str, Any] = {
         name: np.zeros(shape + end, dtype=np.uint64 if name == "run" else np.float64) for name, shape in shapes.items()

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines.cover import Nominal
+from lvnav_trade.engines.carried import Nominal
 from lvnav_trade.engines.lincov import nominal, turns
 from lvnav_trade.engines.prepare import Prepared
-from lvnav_trade.filters.belief import INERTIAL, POSITION, PSEUDORANGE, RANGE_RATE, TIGHT, VELOCITY
+from lvnav_trade.filters.belief import INERTIAL, TIGHT
 from lvnav_trade.filters.ekf import fill_loose, fill_tight, place_antenna
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.attitude import from_rotation, multiply, small_rotation
@@ -164,7 +164,7 @@ def _rows(prepared: Prepared, time: float, directions: Floats, formal: Floats) -
         return float("nan")
     work = nominal(prepared)
     expected = _predicted(prepared, work, epoch, np.zeros(directions.shape[1]))
-    sigma = _innovation_sigma(prepared, work, len(expected), formal)
+    sigma = _innovation_sigma(prepared, work, epoch, len(expected), formal)
     bent = [
         _predicted(prepared, work, epoch, d) + _predicted(prepared, work, epoch, -d) - 2.0 * expected
         for d in directions
@@ -179,24 +179,23 @@ def _predicted(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Floa
     work.nav[:] = _nav(prepared, tick, d)
     work.previous[:] = _increments(prepared, max(0, tick - 1), 1, d)[0]
     work.clock_hat[:] = -d[belief.clock : belief.clock + 2] if belief.clock >= 0 else 0.0
+    for extra, offset in enumerate(belief.extra_offset):
+        work.extra[extra] = -d[offset]
     place_antenna(work, belief, prepared.unit.dt)
     if belief.kind == TIGHT:
         fill_tight(work, belief, prepared.signals, epoch)
         return work.z[: 2 * prepared.signals.n_used[epoch]].copy()
-    fill_loose(work)
+    fill_loose(work, belief, prepared.signals, epoch)
     return work.z[:6].copy()
 
 
-def _innovation_sigma(prepared: Prepared, work: Nominal, n_row: int, formal: Floats) -> Floats:
+def _innovation_sigma(prepared: Prepared, work: Nominal, epoch: int, n_row: int, formal: Floats) -> Floats:
     """Return the filter's sigma of the innovations of the rows that `work` holds."""
-    belief, sigma = prepared.belief, np.empty(n_row)
+    belief, signals, sigma = prepared.belief, prepared.signals, np.empty(n_row)
     for row in range(n_row):
-        if belief.kind == TIGHT:
-            kind = PSEUDORANGE if row % 2 == 0 else RANGE_RATE
-        else:
-            kind = POSITION if row < 3 else VELOCITY
-        n = belief.n_entry[kind]
+        channel = 2 * signals.used[epoch, row // 2] + row % 2 if belief.kind == TIGHT else row
+        n = belief.n_entry[channel]
         h = np.zeros(prepared.layout.n_state)
-        h[belief.column[kind, :n]] = work.H[row, belief.entry[kind, :n]]
-        sigma[row] = np.sqrt(h @ formal @ h + belief.variance[kind])
+        h[belief.column[channel, :n]] = work.H[row, belief.entry[channel, :n]]
+        sigma[row] = np.sqrt(h @ formal @ h + signals.variance[epoch, channel])
     return sigma

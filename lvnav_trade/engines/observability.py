@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines.cover import Tape
+from lvnav_trade.engines.carried import Tape
 from lvnav_trade.engines.lincov import forward_tape
 from lvnav_trade.engines.prepare import Prepared
 from lvnav_trade.engines.truth import TrueModel, source_names, true_model
@@ -56,7 +56,7 @@ def fold(triangle, row):
 
 
 @jit
-def _gather(triangle, phi, D, y, row_of, tape, schedule, true, belief, first_window, last_window):
+def _gather(triangle, phi, D, y, row_of, tape, schedule, signals, true, belief, first_window, last_window):
     """Fold in every row of a stretch, times the transition since its start, in sigmas of its noise; return how many.
 
     triangle (n, n) and phi (n, n), the columns of the transition, updated; D (n_block, 9), y and row_of (n,) work.
@@ -70,12 +70,12 @@ def _gather(triangle, phi, D, y, row_of, tape, schedule, true, belief, first_win
             for j in range(n):
                 apply_phi(phi[j], y, D, true.nav_rows, true.nav_columns, decay, belief.clock, seconds)
         for row in range(tape.first_row[w], tape.first_row[w + 1]):
-            kind = tape.kind[row]
-            weight = 1.0 / np.sqrt(belief.variance[kind])
+            channel = tape.channel[row]
+            weight = 1.0 / np.sqrt(signals.variance[tape.epoch[row], channel])
             for j in range(n):
                 total = 0.0
-                for k in range(belief.n_entry[kind]):
-                    total += tape.h[row, belief.entry[kind, k]] * phi[j, belief.column[kind, k]]
+                for k in range(belief.n_entry[channel]):
+                    total += tape.h[row, belief.entry[channel, k]] * phi[j, belief.column[channel, k]]
                 row_of[j] = weight * total
             fold(triangle, row_of)
             count += 1
@@ -89,8 +89,8 @@ def _stretch(prepared: Prepared, true: TrueModel, tape: Tape, start: float, end:
     first, last = int(inside[0]), int(inside[-1])
     triangle, phi = np.zeros((n, n)), np.eye(n)  # row j of phi is the column of Phi that belongs to state j
     count = _gather(
-        triangle, phi, np.zeros((true.nav_rows.size, 9)), np.zeros(n), np.zeros(n), tape, schedule, true,
-        prepared.belief, first, last,
+        triangle, phi, np.zeros((true.nav_rows.size, 9)), np.zeros(n), np.zeros(n), tape, schedule, prepared.signals,
+        true, prepared.belief, first, last,
     )  # fmt: skip
     scale, root = _initial_spread(prepared.start.P)
     asked = scale > 0.0  # a state of no initial sigma is known, not unobservable

@@ -9,26 +9,29 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.engines.flight import Record, Schedule, Signals, Start, Unit
+from lvnav_trade.engines.families import ErrorFamily, shared_of
+from lvnav_trade.engines.inputs import Record, Schedule, Signals, Start, Unit
+from lvnav_trade.engines.signals import Line, channels_of, families, geometry_of, signals
 from lvnav_trade.filters.belief import Belief, believe, initial_covariance
-from lvnav_trade.frames import earth_angle, matrices, rotation_i_e, rotation_i_n, rotation_i_o
-from lvnav_trade.kernels.clock import clock_step
+from lvnav_trade.frames import earth_angle, rotation_i_e, rotation_i_n, rotation_i_o
 from lvnav_trade.kernels.random import source_word
-from lvnav_trade.kernels.transition import CONSTANT
+from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
 from lvnav_trade.layout import StateLayout, outputs
 from lvnav_trade.records import Floats, Output, Reference, Sky
 from lvnav_trade.scenario import Scenario, beliefs
 from lvnav_trade.world.imu import ErrorBlock, ImuCard, error_blocks, lag
 from lvnav_trade.world.profile import RecordedAscent
 from lvnav_trade.world.sky import sky
-from lvnav_trade.world.trajectory import Trajectory, build, motion, reference
+from lvnav_trade.world.trajectory import Trajectory, build, reference
 from lvnav_trade.world.vehicle import VehicleAscent
 
 Ints = NDArray[np.int64]
 
 
 class Prepared(NamedTuple):
-    """A scenario and all that its runs share. t_hist, t_epoch: s since lift-off of history and epochs."""
+    """A scenario and all that its runs share. sources: true error blocks of the unit; families: errors that
+    measurements share; t_hist, t_epoch: s since lift-off of history and epochs.
+    """
 
     scenario: Scenario
     trajectory: Trajectory
@@ -38,6 +41,7 @@ class Prepared(NamedTuple):
     layout: StateLayout
     belief: Belief
     sources: tuple[ErrorBlock, ...]
+    families: tuple[ErrorFamily, ...]
     schedule: Schedule
     unit: Unit
     signals: Signals
@@ -108,7 +112,7 @@ def _unit(card: ImuCard, ref: Reference, blocks: tuple[ErrorBlock, ...]) -> Unit
             for b in blocks
         ]
     )
-    ramps = (card.gyro.temperature, card.accel.temperature)
+    ramps = [(k, r) for k, r in ((GYRO, card.gyro.temperature), (ACCEL, card.accel.temperature)) if r is not None]
     return Unit(
         dt=dt,
         noise_source=source_word("inertial unit white noise"),
@@ -120,55 +124,19 @@ def _unit(card: ImuCard, ref: Reference, blocks: tuple[ErrorBlock, ...]) -> Unit
             card.gyro.quantisation, card.accel.quantisation,
         ]),
         process_ticks=process_ticks,
-        wandering=bool(np.any(walk > 0.0)) or any(r is not None for r in ramps),
+        wandering=bool(np.any(walk > 0.0)) or bool(ramps),
         sigma=np.array([b.sigma for b in blocks], dtype=float),
         decay=decay,
         walk=walk,
         sources=np.array([source_word(f"{b.source} {b.part}") for b in blocks], dtype=np.uint64),
         sensors=np.array([b.sensor for b in blocks], dtype=np.int64),
         drivers=np.array([b.driver for b in blocks], dtype=np.int64),
-        ramp_start=np.array([0.0 if r is None else r.start for r in ramps]),
-        ramp_end=np.array([1.0 if r is None else r.end for r in ramps]),
-        ramp=np.array([(0.0, 0.0, 0.0) if r is None else r.amplitude for r in ramps]),
+        profile_sensor=np.array([sensor for sensor, _ in ramps], dtype=np.int64),
+        profile_start=np.array([r.start for _, r in ramps], dtype=float),
+        profile_end=np.array([r.end for _, r in ramps], dtype=float),
+        profile=np.array([r.amplitude for _, r in ramps], dtype=float).reshape(len(ramps), 3),
+        gravity=-1,
         start=float(ref.t[0]),
-    )  # fmt: skip
-
-
-def _signals(scenario: Scenario, trajectory: Trajectory, seen: Sky) -> Signals:
-    receiver = scenario.receiver
-    at = motion(trajectory, seen.t)
-    C_b_i = matrices(at.q_b_i)
-    lever = np.array(receiver.lever_b)
-    position = at.r_i + C_b_i @ lever
-    velocity = at.v_i + np.einsum("nij,nj->ni", C_b_i, np.cross(at.w_ib_b, lever))
-    line = seen.r_i - position[:, None, :]
-    distance = np.linalg.norm(line, axis=2)
-    rate = np.einsum("esi,esi->es", line / distance[:, :, None], seen.v_i - velocity[:, None, :])
-    n_used = seen.tracked.sum(axis=1).astype(np.int64)
-    used = np.full((seen.t.size, max(1, int(n_used.max(initial=0)))), -1, dtype=np.int64)
-    for epoch in range(seen.t.size):
-        found = np.flatnonzero(seen.tracked[epoch])
-        used[epoch, : found.size] = found
-    interval = 1.0 / scenario.filter.update_rate
-    names = ("receiver clock", "range noise", "solution noise", "receiver clock start")
-    return Signals(
-        used=used,
-        n_used=n_used,
-        words=np.array([source_word(name) for name in seen.names], dtype=np.uint64),
-        range=distance,
-        rate=rate,
-        position=position,
-        velocity=velocity,
-        satellite=np.ascontiguousarray(seen.r_i),
-        satellite_velocity=np.ascontiguousarray(seen.v_i),
-        sigma=np.array([
-            receiver.pseudorange_sigma, receiver.range_rate_sigma,
-            receiver.solution.position_sigma, receiver.solution.velocity_sigma,
-        ]),
-        clock_step=np.array(clock_step(interval, receiver.clock.h0, receiver.clock.h_minus2)),
-        clock_start=np.array([receiver.clock.initial_bias, receiver.clock.initial_drift]),
-        interval=interval,
-        sources=np.array([source_word(name) for name in names], dtype=np.uint64),
     )  # fmt: skip
 
 
@@ -222,7 +190,12 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     measured = np.maximum(start, t_epoch - scenario.receiver.latency)
     seen = sky(scenario.constellation, scenario.receiver, trajectory, measured, scenario.faults)
     imu, receiver, initial = beliefs(scenario)
-    layout, belief = believe(card, imu, receiver, scenario.receiver.lever_b, lengths / rate, group)
+    channels, levers = channels_of(scenario, seen), np.array([scenario.receiver.lever_b])
+    layout, belief = believe(card, imu, receiver, levers, lengths / rate, channels, group)
+    line, still = Line(trajectory, levers[0], seen), np.zeros((*seen.tracked.shape, 2))
+    geometry = geometry_of(line, still, still)
+    shared_errors = families(scenario, geometry, channels)
+    shared = shared_of(shared_errors, layout, interval, (t_epoch.size, channels.n_channel))
     blocks = tuple(error_blocks(scenario.imu))
     C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], trajectory.theta0)[0].T
     return Prepared(
@@ -234,9 +207,10 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         layout=layout,
         belief=belief,
         sources=blocks,
+        families=shared_errors,
         schedule=schedule,
         unit=_unit(scenario.imu, ref, blocks),
-        signals=_signals(scenario, trajectory, seen),
+        signals=signals(scenario, seen, line, receiver, layout, geometry, channels, shared),
         start=_start(scenario, ref, C_n_i, initial_covariance(layout, initial, C_n_i)),
         record=_record(scenario, trajectory, ref, hist_tick, t_hist, epoch_tick),
         t_hist=t_hist,

@@ -16,29 +16,38 @@ from lvnav_trade.records import Floats
 
 Ints = NDArray[np.int64]
 
-# A parameter that is not multiplied by anything but enters as a difference: what quantisation holds back.
-REMAINDER = -1
+# Parameters that no increment multiplies: what quantisation holds back enters as a difference, a disturbance of gravity
+# pushes along the axes of frame i.
+REMAINDER, GRAVITY = -1, -2
 
 
 class TrueModel(NamedTuple):
     """What is true of the error sources, apart from what the filter believes.
 
-    Blocks of three parameters: sensor, driver (REMAINDER: quantisation), matched (offset of the filter's state for
-    the same thing, -1 none), source (index of each block's source), ramp (sensor whose ramp is its mean, -1 none),
-    all (n_block,); fade, wander (n_length, n_block): decay and driving variance over each window length; start
-    (n_block,) variance. nav_rows ... nav_drivers: blocks of the true transition of e; decay (n_length, n_state) of
-    the filter's own estimates. noise (n_source, n_length, n_state): white noise of each source; initial (n_source,
-    n_state, n_state); row_source (4,) source of each row type; row_variance (4,) true.
+    Blocks of three parameters: sensor, driver (REMAINDER, GRAVITY: see there), matched (offset of the filter's state
+    for the same thing, -1 none), source (index of each block's source), profile (that is its mean, -1 none), all
+    (n_block,); fade, wander (n_length, n_block): decay and driving variance over each window length; start (n_block,)
+    variance. Errors that measurements share, by component: shared_source, shared_matched (n_component,), shared_fade,
+    shared_wander (n_length, n_component), shared_start (n_component,) as above; shared_family (n_family,) family of the
+    filter's extra states that stands for the same thing, -1 none. nav_rows ... nav_drivers: blocks of the true
+    transition of e. noise (n_source, n_length, n_state): white noise of each source; initial (n_source, n_state,
+    n_state); row_source (4,) source of each row type.
     """
 
     sensor: Ints
     driver: Ints
     matched: Ints
     source: Ints
-    ramp: Ints
+    profile: Ints
     fade: Floats
     wander: Floats
     start: Floats
+    shared_source: Ints
+    shared_matched: Ints
+    shared_fade: Floats
+    shared_wander: Floats
+    shared_start: Floats
+    shared_family: Ints
     nav_rows: Ints
     nav_columns: Ints
     nav_kinds: Ints
@@ -46,7 +55,6 @@ class TrueModel(NamedTuple):
     noise: Floats
     initial: Floats
     row_source: Ints
-    row_variance: Floats
 
 
 def source_names(prepared: Prepared) -> list[str]:
@@ -64,6 +72,8 @@ def source_names(prepared: Prepared) -> list[str]:
         names.append("gyro quantisation")
     if scenario.imu.accel.quantisation > 0.0:
         names.append("accelerometer quantisation")
+    if prepared.belief.kind != INERTIAL:
+        names += list(dict.fromkeys(family.source for family in prepared.families))
     if tight:
         names += ["receiver clock start", "receiver clock", "pseudorange noise", "range-rate noise"]
     elif prepared.belief.kind != INERTIAL:
@@ -72,7 +82,9 @@ def source_names(prepared: Prepared) -> list[str]:
 
 
 def _block_table(prepared: Prepared, names: list[str]) -> list[tuple[int, int, int, int, float, float, float, int]]:
-    """List every true block: sensor, driver, matched state, source, start variance, walk PSD, time constant, ramp."""
+    """List every true block: sensor, driver, matched state, source, start variance, walk PSD, time constant,
+    profile.
+    """
     imu = prepared.scenario.imu
     states = {(p.sensor, p.driver): p.offset for p in prepared.layout.parameters}
     table = [
@@ -84,9 +96,32 @@ def _block_table(prepared: Prepared, names: list[str]) -> list[tuple[int, int, i
             table.append(
                 (sensor, REMAINDER, -1, names.index(f"{label} quantisation"), 0.0, card.quantisation**2 / 12.0, 0.0, -1)
             )
-        if card.temperature is not None:
-            table.append((sensor, CONSTANT, states.get((sensor, CONSTANT), -1), 0, 0.0, 0.0, math.inf, sensor))
+    for profile, sensor in enumerate(prepared.unit.profile_sensor.tolist()):
+        table.append((sensor, CONSTANT, states.get((sensor, CONSTANT), -1), 0, 0.0, 0.0, math.inf, profile))
     return table
+
+
+def _shared(prepared: Prepared, names: list[str]) -> dict[str, Floats | Ints]:
+    """Return what is true of the errors that measurements share, by component; see TrueModel."""
+    seconds, families, belief = prepared.lengths, prepared.families, prepared.belief
+    inertial = belief.kind == INERTIAL
+    parts = [] if inertial else [(names.index(f.source), f.sigma, f.time_constant) for f in families for _ in f.labels]
+    fade, wander = np.ones((seconds.size, len(parts))), np.zeros((seconds.size, len(parts)))
+    for m, (_, sigma, time_constant) in enumerate(parts):
+        # an error without memory is a new one at every epoch; a window of no ticks leaves it as it was
+        still = 1.0 if math.isinf(time_constant) else 0.0
+        fade[:, m] = np.exp(-seconds / time_constant) if time_constant > 0.0 else np.where(seconds > 0.0, still, 1.0)
+        wander[:, m] = sigma**2 * (1.0 - fade[:, m] ** 2)
+    extra = prepared.signals.shared.extra[: len(parts)]
+    by_name = {block.name: f for f, block in enumerate(prepared.layout.extras)}
+    return {
+        "shared_source": np.array([part[0] for part in parts], dtype=np.int64),
+        "shared_matched": np.array([belief.extra_offset[e] if e >= 0 else -1 for e in extra], dtype=np.int64),
+        "shared_fade": fade,
+        "shared_wander": wander,
+        "shared_start": np.array([part[1] ** 2 for part in parts], dtype=float),
+        "shared_family": np.array([by_name.get(f.state, -1) for f in families], dtype=np.int64),
+    }
 
 
 def _fade_and_wander(table: list[Any], seconds: Floats) -> tuple[Floats, Floats]:
@@ -138,7 +173,7 @@ def true_model(prepared: Prepared, names: list[str]) -> TrueModel:
         driver=np.array(columns[1], dtype=np.int64),
         matched=np.array(columns[2], dtype=np.int64),
         source=np.array(columns[3], dtype=np.int64),
-        ramp=np.array(columns[7], dtype=np.int64),
+        profile=np.array(columns[7], dtype=np.int64),
         fade=fade,
         wander=wander,
         start=np.array(columns[4], dtype=float),
@@ -149,7 +184,7 @@ def true_model(prepared: Prepared, names: list[str]) -> TrueModel:
         noise=_white_noise(prepared, names),
         initial=_initial(prepared, names),
         row_source=np.array([names.index(name) if name in names else -1 for name in row_names], dtype=np.int64),
-        row_variance=prepared.signals.sigma**2,
+        **_shared(prepared, names),  # type: ignore[arg-type]  # every entry goes to the field of its name
     )
 
 
@@ -177,4 +212,17 @@ def start_sources(true: TrueModel, cross: Floats) -> Floats:
             for axis in range(3):
                 at = true.matched[j] + axis
                 sources[true.source[j], at, at] += cross[j, axis, at]
+    for m in range(true.shared_source.size):
+        at = true.shared_matched[m]
+        if at >= 0:
+            sources[true.shared_source[m], at, at] += true.shared_start[m]
     return sources
+
+
+def initial_shared(prepared: Prepared, true: TrueModel) -> Floats:
+    """Return Cov(e, c) (n_component, n) at the start of the errors that measurements share; see `initial_cross`."""
+    cross = np.zeros((true.shared_source.size, prepared.layout.n_state))
+    for m in range(true.shared_source.size):
+        if true.shared_matched[m] >= 0:
+            cross[m, true.shared_matched[m]] = true.shared_start[m]
+    return cross

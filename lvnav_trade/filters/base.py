@@ -17,6 +17,7 @@ from lvnav_trade.units import (
     Frequency,
     GSensitivity,
     LengthSigma,
+    Pause,
     RateRandomWalk,
     SpeedSigma,
     TimeConstant,
@@ -53,6 +54,20 @@ class ReceiverBelief(Card):
     velocity_sigma: SpeedSigma
     clock_h0: float = Field(ge=0)
     clock_h_minus2: float = Field(ge=0)
+    range_bias: LengthSigma = Field(0.0, description="of each satellite, as a state; its initial one-sigma")
+    range_bias_time: TimeConstant | None = None
+    time_offset: LengthSigma = Field(0.0, description="of each further system's time, in range")
+    time_offset_time: TimeConstant | None = None
+    timing: Pause = Field(0.0, description="error of the time tags")
+    timing_time: TimeConstant | None = None
+    troposphere_scale: Fraction = 0.0
+    troposphere_scale_time: TimeConstant | None = None
+    ionosphere_scale: Fraction = 0.0
+    ionosphere_scale_time: TimeConstant | None = None
+    position_bias: LengthSigma = Field(0.0, description="of the receiver's solution, per axis")
+    position_bias_time: TimeConstant | None = None
+    velocity_bias: SpeedSigma = 0.0
+    velocity_bias_time: TimeConstant | None = None
 
 
 class InitialBelief(Card):
@@ -67,7 +82,18 @@ class InitialBelief(Card):
 
 
 ExtraState = Literal[
-    "gyro_scale_factor", "accel_scale_factor", "gyro_misalignment", "accel_misalignment", "gyro_g_sensitivity"
+    "gyro_scale_factor",
+    "accel_scale_factor",
+    "gyro_misalignment",
+    "accel_misalignment",
+    "gyro_g_sensitivity",
+    "range_bias",
+    "time_offset",
+    "timing",
+    "troposphere_scale",
+    "ionosphere_scale",
+    "position_bias",
+    "velocity_bias",
 ]
 
 ParameterState = Literal[
@@ -78,6 +104,13 @@ ParameterState = Literal[
     "gyro_misalignment",
     "accel_misalignment",
     "gyro_g_sensitivity",
+    "range_bias",
+    "time_offset",
+    "timing",
+    "troposphere_scale",
+    "ionosphere_scale",
+    "position_bias",
+    "velocity_bias",
 ]
 
 

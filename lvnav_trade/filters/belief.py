@@ -12,8 +12,9 @@ from lvnav_trade.filters.base import FilterCard, ImuBelief, InitialBelief, Recei
 from lvnav_trade.kernels import strapdown, transition
 from lvnav_trade.kernels.clock import spectral_densities
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL
-from lvnav_trade.layout import PARAMETERS, ParameterBlock, StateLayout
-from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_VEL
+from lvnav_trade.layout import EXTRAS, PARAMETERS, ExtraBlock, ParameterBlock, StateLayout
+from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_VEL, N_ENTRY
+from lvnav_trade.observables.partials import Channels, members
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -21,7 +22,6 @@ Ints = NDArray[np.int64]
 INERTIAL, LOOSE, TIGHT = 0, 1, 2
 KINDS = {"inertial": INERTIAL, "loose": LOOSE, "tight": TIGHT}
 PSEUDORANGE, RANGE_RATE, POSITION, VELOCITY = 0, 1, 2, 3
-N_ROW_TYPE = 4
 
 
 class Belief(NamedTuple):
@@ -30,8 +30,9 @@ class Belief(NamedTuple):
     kind (INERTIAL, LOOSE, TIGHT); gravity code; block_rows, block_columns, block_kinds, block_drivers (n_block,);
     seconds (n_length,) distinct window lengths, decay and noise (n_length, n_state) per length; clock index;
     n_estimated, n_state; par_sensor, par_driver, par_offset (n_par,); lean (only biases are carried); fading (any
-    decay); gate_squared; joseph; group (ticks to a strapdown step); variance (4,) by row type; n_entry (4,), entry
-    and column (4, 10) by row type; lever (3,) m.
+    decay); gate_squared; joseph; group (ticks to a strapdown step); row_type, n_entry (n_channel,), entry and column
+    (n_channel, n) by channel; levers (n_antenna, 3) m; extra_offset (n_extra,) state of each extra one, extra_member
+    (n_extra_family, n_channel) extra state in a channel, -1 none.
     """
 
     kind: int
@@ -54,11 +55,13 @@ class Belief(NamedTuple):
     gate_squared: float
     joseph: bool
     group: int
-    variance: Floats
+    row_type: Ints
     n_entry: Ints
     entry: Ints
     column: Ints
-    lever: Floats
+    levers: Floats
+    extra_offset: Ints
+    extra_member: Ints
 
 
 def _parameter_numbers(imu: ImuBelief, name: str) -> tuple[float, float, float]:
@@ -70,25 +73,49 @@ def _parameter_numbers(imu: ImuBelief, name: str) -> tuple[float, float, float]:
     return getattr(imu, name), 0.0, math.inf
 
 
-def state_layout(card: FilterCard, imu: ImuBelief) -> StateLayout:
-    """Lay out the states of a filter: navigation, estimated parameters, clock, considered parameters."""
-    considered = [name for name in card.consider if name in PARAMETERS]
-    names = [n for n in ("gyro_bias", "accel_bias", *card.extra_states) if n not in card.neglect]
-    estimated = [name for name in names if name not in considered]
-    offset, blocks = 9, []
-    clock = -1
-    for group in (estimated, considered):
-        for name in group:
-            sigma, walk, time_constant = _parameter_numbers(imu, name)
-            kind = PARAMETERS[name]
-            for part, driven_by in enumerate(kind.drivers):
-                blocks.append(ParameterBlock(name, part, offset, kind.sensor, driven_by, sigma, walk, time_constant))
-                offset += 3
-        if group is estimated:
-            if card.kind == "tight":
-                clock, offset = offset, offset + 2
+def _parameter_blocks(names: list[str], imu: ImuBelief, offset: int) -> list[ParameterBlock]:
+    blocks: list[ParameterBlock] = []
+    for name in names:
+        sigma, walk, time_constant = _parameter_numbers(imu, name)
+        kind = PARAMETERS[name]
+        for part, driven_by in enumerate(kind.drivers):
+            at = offset + 3 * len(blocks)
+            blocks.append(ParameterBlock(name, part, at, kind.sensor, driven_by, sigma, walk, time_constant))
+    return blocks
+
+
+def _extra_blocks(names: list[str], receiver: ReceiverBelief, channels: Channels, offset: int) -> list[ExtraBlock]:
+    blocks = []
+    for name in names:
+        labels, member = members(name, channels)
+        if labels:
+            time_constant = getattr(receiver, f"{name}_time") or math.inf
+            blocks.append(ExtraBlock(name, labels, offset, member, getattr(receiver, name), time_constant))
+            offset += len(labels)
+    return blocks
+
+
+def state_layout(card: FilterCard, imu: ImuBelief, receiver: ReceiverBelief, channels: Channels) -> StateLayout:
+    """Lay out the states of a filter: navigation, estimated parameters, clock, estimated extra states, and then what
+    is considered.
+    """
+    wanted = [n for n in ("gyro_bias", "accel_bias", *card.extra_states) if n not in card.neglect]
+    wanted += [n for n in card.consider if n not in wanted]
+    parameters: list[ParameterBlock] = []
+    extras: list[ExtraBlock] = []
+    offset, clock, n_estimated = 9, -1, 9
+    for considered in (False, True):
+        group = [n for n in wanted if (n in card.consider) == considered]
+        blocks = _parameter_blocks([n for n in group if n in PARAMETERS], imu, offset)
+        offset += 3 * len(blocks)
+        if not considered and card.kind == "tight":
+            clock, offset = offset, offset + 2
+        shared = _extra_blocks([n for n in group if n in EXTRAS], receiver, channels, offset)
+        offset += sum(len(block.labels) for block in shared)
+        parameters, extras = parameters + blocks, extras + shared
+        if not considered:
             n_estimated = offset
-    return StateLayout(tuple(blocks), clock, n_estimated, offset)
+    return StateLayout(tuple(parameters), clock, n_estimated, offset, tuple(extras))
 
 
 def transition_blocks(parameters: tuple[ParameterBlock, ...], order: int) -> tuple[Ints, Ints, Ints, Ints]:
@@ -130,6 +157,11 @@ def window_tables(layout: StateLayout, densities: Floats, seconds: Floats) -> tu
             decay[:, states] = np.exp(-seconds / block.time_constant)[:, None]
             # half of it enters before the decay d, half after: 2 (1 - d^2) / (1 + d^2) of the variance then holds it
             noise[:, states] += 2.0 * block.sigma**2 * np.tanh(seconds / block.time_constant)[:, None]
+    for extra in layout.extras:
+        if math.isfinite(extra.time_constant):
+            states = slice(extra.offset, extra.offset + len(extra.labels))
+            decay[:, states] = np.exp(-seconds / extra.time_constant)[:, None]
+            noise[:, states] += 2.0 * extra.sigma**2 * np.tanh(seconds / extra.time_constant)[:, None]
     return decay, noise
 
 
@@ -144,46 +176,70 @@ def _densities(card: FilterCard, layout: StateLayout, imu: ImuBelief, receiver: 
     return found
 
 
-def _row_tables(layout: StateLayout, has_lever: bool) -> tuple[Ints, Ints, Ints]:
-    """Return per row type how many entries it has, which, and the states that they stand for."""
+def _row_types(kind: str, n_channel: int) -> Ints:
+    """Return the row type of each channel."""
+    if kind == "tight":
+        return np.tile(np.array([PSEUDORANGE, RANGE_RATE], dtype=np.int64), n_channel // 2)
+    return np.repeat(np.array([POSITION, VELOCITY], dtype=np.int64), 3)
+
+
+def _row_tables(layout: StateLayout, row_type: Ints, has_lever: bool) -> tuple[Ints, Ints, Ints]:
+    """Return per channel how many entries its rows have, which, and the states that they stand for."""
     position = [(H_POS + i, POS + i) for i in range(3)]
     velocity = [(H_VEL + i, VEL + i) for i in range(3)]
     attitude = [(H_ATT + i, ATT + i) for i in range(3)] if has_lever else []
     bias = [(H_CLOCK, layout.clock)] if layout.clock >= 0 else []
     drift = [(H_CLOCK, layout.clock + 1)] if layout.clock >= 0 else []
-    types = [
-        position + attitude + bias,
-        position + attitude + velocity + drift,
-        position + attitude,
-        velocity + attitude,
-    ]
-    count = np.array([len(pairs) for pairs in types], dtype=np.int64)
-    entry, column = np.zeros((N_ROW_TYPE, 10), dtype=np.int64), np.zeros((N_ROW_TYPE, 10), dtype=np.int64)
-    for t, pairs in enumerate(types):
+    types = {
+        PSEUDORANGE: position + attitude + bias,
+        RANGE_RATE: position + attitude + velocity + drift,
+        POSITION: position + attitude,
+        VELOCITY: velocity + attitude,
+    }
+    rows = []
+    for channel, kind in enumerate(row_type.tolist()):
+        member = [(N_ENTRY + f, e.offset + int(e.member[channel])) for f, e in enumerate(layout.extras)
+                  if e.member[channel] >= 0]  # fmt: skip
+        rows.append(types[kind] + member)
+    shape = (len(rows), N_ENTRY + len(layout.extras))
+    count = np.array([len(pairs) for pairs in rows], dtype=np.int64)
+    entry, column = np.zeros(shape, dtype=np.int64), np.zeros(shape, dtype=np.int64)
+    for channel, pairs in enumerate(rows):
         for i, (e, c) in enumerate(pairs):
-            entry[t, i], column[t, i] = e, c
+            entry[channel, i], column[channel, i] = e, c
     return count, entry, column
+
+
+def _extra_tables(layout: StateLayout, n_channel: int) -> tuple[Ints, Ints]:
+    """Return the state of every extra one, (n_extra,), and by family which of them stands in a channel."""
+    offsets: list[int] = []
+    member = np.full((len(layout.extras), n_channel), -1, dtype=np.int64)
+    for f, block in enumerate(layout.extras):
+        member[f] = np.where(block.member >= 0, len(offsets) + block.member, -1)
+        offsets += [block.offset + i for i in range(len(block.labels))]
+    return np.array(offsets, dtype=np.int64), member
 
 
 def believe(
     card: FilterCard,
     imu: ImuBelief,
     receiver: ReceiverBelief,
-    lever: tuple[float, float, float],
+    levers: Floats,
     seconds: Floats,
+    channels: Channels,
     group: int = 1,
 ) -> tuple[StateLayout, Belief]:
     """Turn a filter card and its beliefs into numbers.
 
-    seconds (n_length,) are the window lengths that will occur; group the ticks of the unit to a strapdown step.
+    levers (n_antenna, 3) m of the antennas; seconds (n_length,) are the window lengths that will occur; group the
+    ticks of the unit to a strapdown step.
     """
-    layout = state_layout(card, imu)
+    layout = state_layout(card, imu, receiver, channels)
     rows, columns, kinds, drivers = transition_blocks(layout.parameters, card.transition_order)
     decay, noise = window_tables(layout, _densities(card, layout, imu, receiver), seconds)
-    count, entry, column = _row_tables(layout, any(lever))
-    deviations = (
-        receiver.pseudorange_sigma, receiver.range_rate_sigma, receiver.position_sigma, receiver.velocity_sigma,
-    )  # fmt: skip
+    row_type = _row_types(card.kind, channels.n_channel)
+    count, entry, column = _row_tables(layout, row_type, bool(np.any(levers)))
+    extra_offset, extra_member = _extra_tables(layout, channels.n_channel)
     belief = Belief(
         kind=KINDS[card.kind],
         gravity={"point": strapdown.POINT, "j2": strapdown.J2, "j4": strapdown.J4}[card.gravity],
@@ -201,15 +257,17 @@ def believe(
         par_driver=np.array([b.driver for b in layout.parameters], dtype=np.int64),
         par_offset=np.array([b.offset for b in layout.parameters], dtype=np.int64),
         lean=all(b.driver == transition.CONSTANT for b in layout.parameters),
-        fading=any(math.isfinite(b.time_constant) for b in layout.parameters),
+        fading=bool(np.any(decay != 1.0)),
         gate_squared=math.inf if card.gate is None else card.gate**2,
         joseph=card.update == "joseph",
         group=group,
-        variance=np.array(deviations) ** 2,
+        row_type=row_type,
         n_entry=count,
         entry=entry,
         column=column,
-        lever=np.array(lever, dtype=float),
+        levers=np.array(levers, dtype=float),
+        extra_offset=extra_offset,
+        extra_member=extra_member,
     )
     return layout, belief
 
@@ -224,6 +282,9 @@ def initial_covariance(layout: StateLayout, initial: InitialBelief, C_n_i: Float
     for block in layout.parameters:
         for i in range(block.offset, block.offset + 3):
             P[i, i] = block.sigma**2
+    for extra in layout.extras:
+        for i in range(extra.offset, extra.offset + len(extra.labels)):
+            P[i, i] = extra.sigma**2
     if layout.clock >= 0:
         P[layout.clock, layout.clock] = initial.clock_bias**2
         P[layout.clock + 1, layout.clock + 1] = initial.clock_drift**2

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from lvnav_trade.filters.belief import POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY
 from lvnav_trade.kernels import processes, transition
 from lvnav_trade.kernels.attitude import from_rotation, multiply, normalise
 from lvnav_trade.kernels.covariance import absorb, predict
@@ -13,7 +12,7 @@ from lvnav_trade.kernels.lanes import like, where
 from lvnav_trade.kernels.strapdown import Q, R, V
 from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.observables import doppler, position, pseudorange, velocity
-from lvnav_trade.observables.base import antenna, line_of_sight
+from lvnav_trade.observables.base import N_ENTRY, antenna, line_of_sight
 
 
 @inlined
@@ -40,15 +39,32 @@ def predict_window(work, belief, length):
         for b in range(belief.par_offset.shape[0]):
             for i in range(3):
                 work.par[b, i] = belief.decay[length, belief.par_offset[b] + i] * work.par[b, i]
+        for e in range(belief.extra_offset.shape[0]):
+            work.extra[e] = belief.decay[length, belief.extra_offset[e]] * work.extra[e]
         processes.gather(work.tables, work.par, belief.par_sensor, belief.par_driver)
 
 
 @jit
 def place_antenna(work, belief, dt):
-    """Set the estimated antenna state from the navigation state and the last tick's rate."""
+    """Set the estimated state of every antenna from the navigation state and the last tick's rate."""
     for i in range(3):
         work.rate[i] = work.previous[i] / dt
-    antenna(work.antenna, work.nav, work.rate, belief.lever)
+    for a in range(belief.levers.shape[0]):
+        antenna(work.antenna[a], work.nav, work.rate, belief.levers[a])
+
+
+@jit
+def _add_extra(work, belief, signals, epoch, row, channel):
+    """Set the entries of a row for the filter's extra states; return what their estimates add to the prediction."""
+    h = work.H[row]
+    total = like(work.x[0], 0.0)
+    for family in range(belief.extra_member.shape[0]):
+        e = belief.extra_member[family, channel]
+        if e >= 0:
+            partial = like(work.x[0], signals.partial[family, epoch, channel])
+            h[N_ENTRY + family] = partial
+            total = total + partial * work.extra[e]
+    return total
 
 
 @jit
@@ -56,37 +72,43 @@ def fill_tight(work, belief, signals, epoch):
     """Set the rows of every satellite in use: pseudorange and range rate in turn; z holds measured minus predicted."""
     for slot in range(signals.n_used[epoch]):
         s = signals.used[epoch, slot]
-        ux, uy, uz, distance = line_of_sight(signals.satellite[epoch, s], work.antenna)
+        at = work.antenna[signals.antenna[epoch, s]]
+        ux, uy, uz, distance = line_of_sight(signals.satellite[epoch, s], at)
         h, g = work.H[2 * slot], work.H[2 * slot + 1]
-        predicted = pseudorange.row(h, work.antenna, ux, uy, uz, distance, work.clock_hat[0])
+        predicted = pseudorange.row(h, at, ux, uy, uz, distance, work.clock_hat[0])
+        predicted = predicted + _add_extra(work, belief, signals, epoch, 2 * slot, 2 * s)
         work.z[2 * slot] = work.ranges[slot, 0] - predicted
-        predicted = doppler.row(
-            g, work.antenna, signals.satellite_velocity[epoch, s], ux, uy, uz, distance, work.clock_hat[1]
-        )
+        moving = signals.satellite_velocity[epoch, s]
+        predicted = doppler.row(g, at, moving, ux, uy, uz, distance, work.clock_hat[1])
+        predicted = predicted + _add_extra(work, belief, signals, epoch, 2 * slot + 1, 2 * s + 1)
         work.z[2 * slot + 1] = work.ranges[slot, 1] - predicted
 
 
 @jit
-def fill_loose(work):
+def fill_loose(work, belief, signals, epoch):
     """Set three position and three velocity rows; z holds measured minus predicted."""
+    at = work.antenna[0]
     for axis in range(3):
-        work.z[axis] = work.solution[axis] - position.row(work.H[axis], work.antenna, axis)
-        work.z[3 + axis] = work.solution[3 + axis] - velocity.row(work.H[3 + axis], work.antenna, axis)
+        predicted = position.row(work.H[axis], at, axis) + _add_extra(work, belief, signals, epoch, axis, axis)
+        work.z[axis] = work.solution[axis] - predicted
+        moving = velocity.row(work.H[3 + axis], at, axis)
+        moving = moving + _add_extra(work, belief, signals, epoch, 3 + axis, 3 + axis)
+        work.z[3 + axis] = work.solution[3 + axis] - moving
 
 
 @inlined
-def absorb_row(work, belief, row, kind):
-    """Absorb one filled row of a row type; return its normalised innovation and weight."""
-    n = belief.n_entry[kind]
+def absorb_row(work, belief, row, channel, variance):
+    """Absorb one filled row of a channel; return its normalised innovation and weight."""
+    n = belief.n_entry[channel]
     return absorb(
-        work.P, work.x, work.K, work.H[row], belief.entry[kind, :n], belief.column[kind, :n], work.z[row],
-        belief.variance[kind], belief.gate_squared, belief.n_estimated, belief.joseph,
+        work.P, work.x, work.K, work.H[row], belief.entry[channel, :n], belief.column[channel, :n], work.z[row],
+        variance, belief.gate_squared, belief.n_estimated, belief.joseph,
     )  # fmt: skip
 
 
 @inlined
-def _absorb_and_count(work, belief, epoch, row, kind, channel):
-    normalised, weight = absorb_row(work, belief, row, kind)
+def _absorb_and_count(work, belief, signals, epoch, row, channel):
+    normalised, weight = absorb_row(work, belief, row, channel, signals.variance[epoch, channel])
     work.innovation[epoch, channel] = normalised
     believed = weight > 0.0
     work.nis[epoch] = work.nis[epoch] + where(believed, normalised * normalised, 0.0)
@@ -110,19 +132,17 @@ def update_tight(work, belief, signals, epoch, dt):
     fill_tight(work, belief, signals, epoch)
     for slot in range(signals.n_used[epoch]):
         s = signals.used[epoch, slot]
-        _absorb_and_count(work, belief, epoch, 2 * slot, PSEUDORANGE, 2 * s)
-        _absorb_and_count(work, belief, epoch, 2 * slot + 1, RANGE_RATE, 2 * s + 1)
+        _absorb_and_count(work, belief, signals, epoch, 2 * slot, 2 * s)
+        _absorb_and_count(work, belief, signals, epoch, 2 * slot + 1, 2 * s + 1)
 
 
 @jit
-def update_loose(work, belief, epoch, dt):
+def update_loose(work, belief, signals, epoch, dt):
     """Absorb the receiver's position and velocity, axis by axis; all rows linearised at one point."""
     place_antenna(work, belief, dt)
-    fill_loose(work)
-    for axis in range(3):
-        _absorb_and_count(work, belief, epoch, axis, POSITION, axis)
-    for axis in range(3):
-        _absorb_and_count(work, belief, epoch, 3 + axis, VELOCITY, 3 + axis)
+    fill_loose(work, belief, signals, epoch)
+    for axis in range(6):
+        _absorb_and_count(work, belief, signals, epoch, axis, axis)
 
 
 @jit
@@ -141,6 +161,8 @@ def correct(work, belief):
     if belief.clock >= 0:
         for i in range(2):
             work.clock_hat[i] = work.clock_hat[i] + x[belief.clock + i]
+    for e in range(belief.extra_offset.shape[0]):
+        work.extra[e] = work.extra[e] + x[belief.extra_offset[e]]
     processes.gather(work.tables, work.par, belief.par_sensor, belief.par_driver)
     for i in range(belief.n_state):
         x[i] = like(x[i], 0.0)

@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from lvnav_trade.units import Angle, Card, Frequency, Length, LengthSigma, Pause, SpeedSigma
+from lvnav_trade.units import Angle, Card, Frequency, Length, LengthSigma, Pause, SpeedSigma, TimeConstant
 
 
 class ClockCard(Card):
@@ -24,6 +24,9 @@ class SolutionCard(Card):
     kind: Literal["direct"] = "direct"
     position_sigma: LengthSigma
     velocity_sigma: SpeedSigma
+    position_bias: LengthSigma = Field(0.0, description="Gauss-Markov error per axis beside the white noise")
+    velocity_bias: SpeedSigma = 0.0
+    bias_time: TimeConstant = Field(60.0, description="time constant of both")
 
 
 class ReceiverCard(Card):
@@ -35,6 +38,11 @@ class ReceiverCard(Card):
     latency: Pause = Field(
         0.0, description="age of a measurement when the filter takes it for present; not compensated"
     )
+    latency_error: Pause = Field(0.0, description="one-sigma of what the latency differs by over a flight")
+    latency_sigma: Pause = Field(0.0, description="one-sigma of the latency from epoch to epoch")
+    multipath: LengthSigma = Field(0.0, description="Gauss-Markov error of every pseudorange of its own")
+    multipath_time: TimeConstant = 60.0
+    lever_error: LengthSigma = Field(0.0, description="of the antenna's place on the vehicle, per body axis")
     mask: Angle = Field(0.0, description="elevation mask above the local horizontal")
     lever_b: tuple[Length, Length, Length] = (0.0, 0.0, 0.0)
     channels: int = Field(16, ge=1, le=64, description="satellites tracked at most; the highest are kept")

@@ -29,7 +29,10 @@ IMU = {
     "accel.nonlinearity": "300 ppm", "accel.quantisation": "1 mm/s", "accel.bandwidth": "100 Hz",
     "accel.temperature": ACCEL_RAMP,
 }  # fmt: skip
-RECEIVER = {"rate": "2 Hz", "lever_b": ["1 m", "0.5 m", "-0.3 m"]}
+RECEIVER = {
+    "rate": "2 Hz", "lever_b": ["1 m", "0.5 m", "-0.3 m"], "latency_error": "2 ms", "multipath": "1 m",
+    "solution.position_bias": "2 m", "solution.velocity_bias": "0.1 m/s",
+}  # fmt: skip
 OWN_IMU = {
     "gyro_random_walk": "0.05 deg/sqrt(h)", "accel_random_walk": "0.1 mg/sqrt(Hz)", "gyro_bias": "2 deg/h",
     "gyro_bias_walk": "1 deg/h/sqrt(h)", "gyro_bias_time": "60 s", "accel_bias": "3 mg",
@@ -39,7 +42,11 @@ OWN_IMU = {
 }  # fmt: skip
 OWN_RECEIVER = {
     "pseudorange_sigma": "3 m", "range_rate_sigma": "0.2 m/s", "position_sigma": "3 m", "velocity_sigma": "0.2 m/s",
-    "clock_h0": 2e-20, "clock_h_minus2": 3e-23,
+    "clock_h0": 2e-20, "clock_h_minus2": 3e-23, "range_bias": "2 m", "range_bias_time": "50 s",
+    "time_offset": "3 m", "time_offset_time": "500 s", "timing": "3 ms", "timing_time": "500 s",
+    "troposphere_scale": "10 percent", "troposphere_scale_time": "500 s", "ionosphere_scale": "30 percent",
+    "ionosphere_scale_time": "500 s", "position_bias": "3 m", "position_bias_time": "30 s",
+    "velocity_bias": "0.2 m/s", "velocity_bias_time": "30 s",
 }  # fmt: skip
 OWN_INITIAL = {
     "tilt": "0.2 deg", "heading": "0.2 deg", "position": "5 m", "velocity": "0.1 m/s", "clock_bias": "500 m",
@@ -48,6 +55,7 @@ OWN_INITIAL = {
 FILTER = {
     "extra_states": [
         "gyro_scale_factor", "accel_scale_factor", "gyro_misalignment", "accel_misalignment", "gyro_g_sensitivity",
+        "range_bias", "timing", "position_bias", "velocity_bias",
     ],
 }  # fmt: skip
 
@@ -70,8 +78,10 @@ OTHER = {
         "accel.temperature.amplitude": ["2 mg", "0 mg", "2 mg"],
     },
     "receiver": {
-        "rate": "0.5 Hz", "mask": "40 deg", "latency": "0.1 s", "lever_b": ["1 m", "0.5 m", "0.3 m"], "channels": 5,
+        "rate": "0.5 Hz", "mask": "40 deg", "latency": "0.1 s", "latency_error": "4 ms",
+        "latency_sigma": "3 ms", "multipath": "3 m", "multipath_time": "20 s", "lever_error": "0.5 m", "lever_b": ["1 m", "0.5 m", "0.3 m"], "channels": 5,
         "pseudorange_sigma": "3 m", "range_rate_sigma": "0.2 m/s", "solution.kind": "bancroft",
+        "solution.position_bias": "3 m", "solution.velocity_bias": "0.3 m/s", "solution.bias_time": "20 s",
         "solution.position_sigma": "4 m", "solution.velocity_sigma": "0.3 m/s", "clock.h0": 2e-19,
         "clock.h_minus2": 2e-20, "clock.initial_bias": "100 m", "clock.initial_drift": "1 m/s",
     },
@@ -87,6 +97,12 @@ OTHER = {
         "imu.accel_misalignment": "2 mrad", "imu.gyro_g_sensitivity": "2 deg/h/g",
         "receiver.pseudorange_sigma": "4 m", "receiver.range_rate_sigma": "0.3 m/s", "receiver.position_sigma": "4 m",
         "receiver.velocity_sigma": "0.3 m/s", "receiver.clock_h0": 2e-19, "receiver.clock_h_minus2": 3e-22,
+        "receiver.range_bias": "3 m", "receiver.range_bias_time": "40 s", "receiver.time_offset": "4 m",
+        "receiver.time_offset_time": "400 s", "receiver.timing": "4 ms", "receiver.timing_time": "400 s",
+        "receiver.troposphere_scale": "20 percent", "receiver.troposphere_scale_time": "400 s",
+        "receiver.ionosphere_scale": "20 percent", "receiver.ionosphere_scale_time": "400 s",
+        "receiver.position_bias": "4 m", "receiver.position_bias_time": "20 s", "receiver.velocity_bias": "0.3 m/s",
+        "receiver.velocity_bias_time": "20 s",
         "initial.tilt": "0.3 deg", "initial.heading": "0.3 deg", "initial.position": "6 m",
         "initial.velocity": "0.2 m/s", "initial.clock_bias": "600 m", "initial.clock_drift": "6 m/s",
     },
@@ -137,7 +153,7 @@ def base_numbers(coupling):
 
 
 def coupling_of(name):
-    solution = name.startswith("solution.") or name in ("receiver.position_sigma", "receiver.velocity_sigma")
+    solution = name.startswith(("solution.", "receiver.position_", "receiver.velocity_"))
     return "loose" if solution else "tight"
 
 

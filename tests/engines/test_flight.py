@@ -10,9 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.flight import Work, from_errors, record, true_parameter, work_shapes
+from lvnav_trade.engines.flight import record, true_parameter
+from lvnav_trade.engines.inputs import Sizes, Work, work_shapes
 from lvnav_trade.engines.montecarlo import _new_work, run_block
 from lvnav_trade.engines.prepare import prepare
+from lvnav_trade.engines.sensing import from_errors
 from lvnav_trade.filters.ekf import correct
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.attitude import matrix
@@ -62,7 +64,7 @@ def test_compiled_and_interpreted_code_fly_the_same_run(kind, tmp_path):
 
 
 def test_every_array_of_a_run_has_a_shape():
-    assert list(work_shapes(17, 2, 5, 10, 20, 31, 30, 8, 48)) == list(Work._fields)
+    assert list(work_shapes(Sizes(17, 2, 5, 10, 20, 31, 30, 8, 48, 1, 10, 3, 2))) == list(Work._fields)
 
 
 def scene(settings=()):
@@ -83,7 +85,7 @@ def test_an_error_that_is_injected_computed_and_fed_back_leaves_nothing(seed):
     work.P[:] = np.eye(belief.n_state)
     work.par[:] = [[1e-6, -2e-6, 3e-6], [1e-2, -2e-2, 3e-2]]
     work.clock[:] = [300.0, -3.0]
-    record(work, at_start, belief, 0)
+    record(work, at_start, prepared.signals.shared, belief, 0)
     error = work.err[0].copy()
     C = np.reshape(np.array(matrix(*prepared.record.q[0])), (3, 3))
     work.x[:] = error
@@ -91,7 +93,7 @@ def test_an_error_that_is_injected_computed_and_fed_back_leaves_nothing(seed):
     assert np.abs(error[:9]).min() > 0.0
     correct(work, belief)
     np.testing.assert_array_equal(work.x, 0.0)
-    record(work, at_start, belief, 0)
+    record(work, at_start, prepared.signals.shared, belief, 0)
     left = work.err[0]
     np.testing.assert_allclose(left[:3], 0.0, atol=1e-12)
     np.testing.assert_allclose(left[3:6], 0.0, atol=1e-12)  # a float64 of 4 km/s counts in 1e-12 m/s

@@ -16,12 +16,12 @@ from lvnav_trade.filters.belief import (
     VELOCITY,
     believe,
     initial_covariance,
-    state_layout,
     window_tables,
 )
 from lvnav_trade.kernels.covariance import predict
 from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.layout import StateLayout
+from lvnav_trade.observables.partials import Channels
 
 IMU = ImuBelief(
     gyro_random_walk="0.03 deg/sqrt(h)", accel_random_walk="50 ug/sqrt(Hz)",
@@ -36,14 +36,20 @@ INITIAL = InitialBelief(
     tilt="1 mrad", heading="10 mrad", position="5 m", velocity="0.1 m/s", clock_bias="100 m", clock_drift="1 m/s"
 )
 SECONDS = np.array([0.0, 0.1])
+SATELLITES = ("G01", "G02", "E05")
+SEEN = (True, False, True)
 
 
 def card(**fields):
     return FilterCard(**{"name": "f", "source": "test", "kind": "tight", **fields})
 
 
+def channels(kind="tight"):
+    return Channels(kind == "tight", SATELLITES, ("G", "G", "E"), SEEN)
+
+
 def believed(lever=(0.0, 0.0, 0.0), **fields):
-    return believe(card(**fields), IMU, RECEIVER, lever, SECONDS)
+    return believe(card(**fields), IMU, RECEIVER, np.array([lever]), SECONDS, channels(fields.get("kind", "tight")))
 
 
 def test_a_tight_filter_has_17_states_and_a_loose_one_no_clock():
@@ -86,19 +92,53 @@ def test_neglected_biases_are_left_out():
 def test_rows_stand_for_the_states_they_depend_on():
     layout, with_lever = believed(lever=(1.0, 0.0, 0.0))
     _, without = believed()
-    assert list(without.n_entry) == [4, 7, 3, 3]
-    assert list(with_lever.n_entry) == [7, 10, 6, 6]
-    columns = [set(with_lever.column[kind, : with_lever.n_entry[kind]]) for kind in range(4)]
+    _, loose = believed(lever=(1.0, 0.0, 0.0), kind="loose")
+    assert list(without.n_entry) == [4, 7] * 3
+    assert list(with_lever.n_entry) == [7, 10] * 3
+    assert list(without.row_type) == [PSEUDORANGE, RANGE_RATE] * 3
+    assert list(loose.row_type) == [POSITION] * 3 + [VELOCITY] * 3
     attitude, velocity, position = (set(range(at, at + 3)) for at in (ATT, VEL, POS))
-    assert columns[PSEUDORANGE] == position | attitude | {layout.clock}
-    assert columns[RANGE_RATE] == position | attitude | velocity | {layout.clock + 1}
-    assert columns[POSITION] == position | attitude
-    assert columns[VELOCITY] == velocity | attitude
+    assert columns(with_lever, 0) == position | attitude | {layout.clock}
+    assert columns(with_lever, 1) == position | attitude | velocity | {layout.clock + 1}
+    assert columns(loose, 0) == position | attitude
+    assert columns(loose, 5) == velocity | attitude
 
 
-def test_the_variances_of_rows_are_the_squares_of_the_believed_sigmas():
-    _, belief = believed()
-    np.testing.assert_allclose(belief.variance, np.square([2.0, 0.1, 3.0, 0.2]))
+def columns(belief, channel):
+    return set(belief.column[channel, : belief.n_entry[channel]].tolist())
+
+
+def test_a_range_bias_has_a_state_for_each_satellite_that_is_ever_seen():
+    layout, belief = believed(extra_states=("range_bias", "timing"))
+    biases, timing = layout.extras
+    assert (biases.labels, timing.labels) == (("G01", "E05"), ("",))
+    assert layout.n_estimated == layout.n_state == 17 + 3
+    assert columns(belief, 0) == {POS, POS + 1, POS + 2, layout.clock, biases.offset, timing.offset}
+    assert biases.offset not in columns(belief, 1)  # a bias of the range is none of its rate
+    assert columns(belief, 2) == {POS, POS + 1, POS + 2, layout.clock, timing.offset}
+    assert list(belief.extra_offset) == [17, 18, 19]
+    assert list(belief.extra_member[0]) == [0, -1, -1, -1, 1, -1]
+
+
+def test_the_time_of_a_further_system_is_a_state_of_its_satellites_only():
+    layout, belief = believed(extra_states=("time_offset",))
+    (block,) = layout.extras
+    assert block.labels == ("E",)
+    assert [block.offset in columns(belief, channel) for channel in range(6)] == [False] * 4 + [True, False]
+
+
+def test_a_considered_extra_state_stands_behind_all_estimated_ones():
+    layout, _ = believed(extra_states=("range_bias",), consider=("range_bias", "gyro_bias"))
+    assert layout.n_estimated == 9 + 3 + 2
+    assert min(layout.extras[0].offset, *(p.offset for p in layout.parameters if p.name == "gyro_bias")) == 14
+
+
+def test_states_of_a_solution_are_none_of_a_tight_filter():
+    tight, _ = believed(extra_states=("position_bias",))
+    loose, _ = believed(extra_states=("position_bias",), kind="loose")
+    assert tight.extras == ()
+    assert loose.extras[0].labels == ("x", "y", "z")
+    assert loose.n_state == 18
 
 
 def test_noise_densities_are_the_cards_own_and_add_in_square():
@@ -160,7 +200,7 @@ def test_settings_reach_the_numbers_of_the_kernels():
 
 
 def test_the_layout_does_not_depend_on_how_extra_states_are_ordered_in_the_card():
-    one = state_layout(card(extra_states=("gyro_scale_factor", "accel_scale_factor")), IMU)
-    two = state_layout(card(extra_states=("accel_scale_factor", "gyro_scale_factor")), IMU)
+    one, _ = believed(extra_states=("gyro_scale_factor", "accel_scale_factor"))
+    two, _ = believed(extra_states=("accel_scale_factor", "gyro_scale_factor"))
     assert {b.name for b in one.parameters} == {b.name for b in two.parameters}
     assert one.n_state == two.n_state

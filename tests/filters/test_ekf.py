@@ -46,9 +46,9 @@ def test_the_antenna_swings_with_the_rate_of_the_last_tick():
     place_antenna(work, prepared.belief, 0.005)
     C = np.reshape(np.array(matrix(*work.nav[Q : Q + 4])), (3, 3))
     lever = np.array([1.0, 2.0, -1.0])
-    np.testing.assert_allclose(work.antenna[:3], work.nav[R : R + 3] + C @ lever, rtol=1e-14)
+    np.testing.assert_allclose(work.antenna[0, :3], work.nav[R : R + 3] + C @ lever, rtol=1e-14)
     np.testing.assert_allclose(
-        work.antenna[3:6], work.nav[V : V + 3] + C @ np.cross([0.1, -0.2, 0.3], lever), rtol=1e-13
+        work.antenna[0, 3:6], work.nav[V : V + 3] + C @ np.cross([0.1, -0.2, 0.3], lever), rtol=1e-13
     )
 
 

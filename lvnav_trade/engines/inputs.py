@@ -1,0 +1,212 @@
+"""What a flight takes in and leaves, in numbers for the kernels: schedule, unit, signals, start, record, work."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.kernels import processes
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Schedule(NamedTuple):
+    """Windows of IMU ticks: first_tick, n_tick, length (index of its length), epoch and hist (-1: none), all
+    (n_window,).
+    """
+
+    first_tick: Ints
+    n_tick: Ints
+    length: Ints
+    epoch: Ints
+    hist: Ints
+
+
+class Unit(NamedTuple):
+    """The inertial unit's truth. dt s; noise_source word; lean: only constant parameters; dtheta, dvel (n_imu, 3).
+
+    white (4,) per-tick sigma of gyro and accelerometer, quantisation steps; process_ticks between steps of wandering
+    parameters; wandering: any; sigma, decay, walk (n_block,); sources words, sensors, drivers (n_block,); profiles of
+    bias that are the same in every run: profile_sensor (n_profile,), profile_start, profile_end (n_profile,) s,
+    profile (n_profile, 3) SI; gravity: block of the gravity disturbance, -1 none; start s since lift-off of tick 0.
+    """
+
+    dt: float
+    noise_source: np.uint64
+    lean: bool
+    dtheta: Floats
+    dvel: Floats
+    white: Floats
+    process_ticks: int
+    wandering: bool
+    sigma: Floats
+    decay: Floats
+    walk: Floats
+    sources: NDArray[np.uint64]
+    sensors: Ints
+    drivers: Ints
+    profile_sensor: Ints
+    profile_start: Floats
+    profile_end: Floats
+    profile: Floats
+    gravity: int
+    start: float
+
+
+class Shared(NamedTuple):
+    """Random errors of measurements that last or that rows share; a family is one physical cause.
+
+    member (n_family, n_channel) component of the family in the channel, -1 none; partial (n_family, n_epoch, n_channel)
+    of the measurement with respect to it; start (n_component,) sigma, decay and walk (n_component,) over an interval of
+    epochs; sources, satellites (n_component,) words; extra (n_component,) extra state of the filter that stands for the
+    same thing, -1 none.
+    """
+
+    member: Ints
+    partial: Floats
+    start: Floats
+    decay: Floats
+    walk: Floats
+    sources: NDArray[np.uint64]
+    satellites: NDArray[np.uint64]
+    extra: Ints
+
+
+class Signals(NamedTuple):
+    """What is true of the satellites and the receiver at the epochs. A channel is a kind of row of one satellite
+    (tight: pseudorange and range rate in turn) or an axis of the solution (loose).
+
+    used (n_epoch, n_slot) satellite index in each slot, -1 none; n_used (n_epoch,); words (n_sat,) of satellites;
+    range, rate (n_epoch, n_sat) m and m/s that the receiver would measure without clock and random errors, less what
+    the filter corrects; position, velocity (n_epoch, 3) the same of its solution, frame i; satellite,
+    satellite_velocity (n_epoch, n_sat, 3) as the filter knows them; antenna (n_epoch, n_sat) that receives; sigma
+    (n_epoch, n_channel) of white noise; variance (n_epoch, n_channel) as the filter believes; partial (n_extra_family,
+    n_epoch, n_channel) of rows with respect to the filter's extra states, as it believes; clock_step (3,) Cholesky
+    factor over an epoch; clock_start (2,) sigma; clock_jump (n_epoch,) m; frozen (n_epoch,): the output is that of the
+    epoch before; interval s between epochs; sources (4,) words: clock, ranges, solution, clock start.
+    """
+
+    used: Ints
+    n_used: Ints
+    words: NDArray[np.uint64]
+    range: Floats
+    rate: Floats
+    position: Floats
+    velocity: Floats
+    satellite: Floats
+    satellite_velocity: Floats
+    antenna: Ints
+    sigma: Floats
+    variance: Floats
+    partial: Floats
+    clock_step: Floats
+    clock_start: Floats
+    clock_jump: Floats
+    frozen: NDArray[np.bool_]
+    interval: float
+    sources: NDArray[np.uint64]
+    shared: Shared
+
+
+class Start(NamedTuple):
+    """True state at tick 0 and the spread of the filter's: nav (10,); roots (3, 3, 3) of the covariance of attitude,
+    velocity and position error, frame i; sources (3,) words; P (n_state, n_state) the filter's own covariance.
+    """
+
+    nav: Floats
+    roots: Floats
+    sources: NDArray[np.uint64]
+    P: Floats
+
+
+class Record(NamedTuple):
+    """What is true at the history times.
+
+    r, v (n_hist, 3), q (n_hist, 4) true motion; axes (n_hist, 3, 3) from frame i to the reporting frame; t (n_hist,) s;
+    since (n_hist,) s since the last epoch; limit m of position error beyond which a run has failed.
+    """
+
+    r: Floats
+    v: Floats
+    q: Floats
+    axes: Floats
+    t: Floats
+    since: Floats
+    limit: float
+
+
+class Work(NamedTuple):
+    """Arrays of a run (or lane views of eight): states, scratch, and what is handed out. See `work_shapes`."""
+
+    run: NDArray[np.uint64]
+    nav: Floats
+    sums: Floats
+    previous: Floats
+    increments: Floats
+    P: Floats
+    X: Floats
+    D: Floats
+    x: Floats
+    K: Floats
+    H: Floats
+    z: Floats
+    antenna: Floats
+    rate: Floats
+    true_par: Floats
+    true_tables: Floats
+    par: Floats
+    tables: Floats
+    remainder: Floats
+    clock: Floats
+    clock_hat: Floats
+    shared: Floats
+    extra: Floats
+    ranges: Floats
+    solution: Floats
+    err: Floats
+    sigma: Floats
+    nees: Floats
+    nis: Floats
+    n_row: Floats
+    n_reject: Floats
+    innovation: Floats
+    failed: Floats
+    t_failed: Floats
+
+
+class Sizes(NamedTuple):
+    """Numbers that the shapes of a run's arrays follow from."""
+
+    n_state: int
+    n_par: int
+    n_true: int
+    n_block: int
+    n_tick: int
+    n_hist: int
+    n_epoch: int
+    n_slot: int
+    n_channel: int
+    n_antenna: int
+    n_entry: int
+    n_shared: int
+    n_extra: int
+
+
+def work_shapes(z: Sizes) -> dict[str, tuple[int, ...]]:
+    """Return the shape of every array of Work for one run."""
+    n_row = max(6, 2 * z.n_slot)
+    return {
+        "run": (1,), "nav": (10,), "sums": (21,), "previous": (6,), "increments": (z.n_tick, 6),
+        "P": (z.n_state, z.n_state), "X": (z.n_state, z.n_state), "D": (z.n_block, 9), "x": (z.n_state,),
+        "K": (z.n_state,), "H": (n_row, z.n_entry), "z": (n_row,), "antenna": (z.n_antenna, 12), "rate": (3,),
+        "true_par": (max(1, z.n_true), 3), "true_tables": (2, processes.N_TABLE),
+        "par": (max(1, z.n_par), 3), "tables": (2, processes.N_TABLE),
+        "remainder": (6,), "clock": (2,), "clock_hat": (2,), "shared": (max(1, z.n_shared),),
+        "extra": (max(1, z.n_extra),), "ranges": (z.n_slot, 2), "solution": (6,),
+        "err": (z.n_hist, z.n_state), "sigma": (z.n_hist, z.n_state), "nees": (z.n_hist,),
+        "nis": (z.n_epoch,), "n_row": (z.n_epoch,), "n_reject": (z.n_epoch,), "innovation": (z.n_epoch, z.n_channel),
+        "failed": (1,), "t_failed": (1,),
+    }  # fmt: skip

@@ -1,0 +1,171 @@
+"""What is true in one run, or in eight at once: how it starts, what the unit puts out, what the receiver measures."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lvnav_trade.kernels import processes
+from lvnav_trade.kernels.attitude import from_rotation, multiply, normalise
+from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.lanes import like
+from lvnav_trade.kernels.random import normals
+from lvnav_trade.kernels.strapdown import Q, R, V
+from lvnav_trade.observables import doppler, position, pseudorange, velocity
+
+_ZERO, _ONE = np.uint64(0), np.uint64(1)
+
+
+@jit
+def begin(work, unit, signals, start, belief, k0, k1):
+    """Set every state of a run at tick 0: true parameters and clock drawn, the estimate off by its initial error."""
+    run = work.run[0]
+    q = from_errors(work, start, k0, k1, run)
+    work.nav[Q], work.nav[Q + 1], work.nav[Q + 2], work.nav[Q + 3] = q
+    for i in range(6):
+        work.previous[i] = like(q[0], 0.0)
+        work.remainder[i] = like(q[0], 0.0)
+    for i in range(belief.n_state):
+        work.x[i] = like(q[0], 0.0)
+        for j in range(belief.n_state):
+            work.P[i, j] = like(q[0], start.P[i, j])
+    processes.zero_all(work.par)
+    processes.zero_all(work.tables)
+    processes.zero_all(work.true_par)
+    processes.start(work.true_par, unit.sigma, unit.sources, k0, k1, run)
+    processes.gather(work.true_tables, work.true_par, unit.sensors, unit.drivers)
+    n0, n1, _, _ = normals(k0, k1, signals.sources[3], run, _ZERO, _ZERO)
+    work.clock[0], work.clock[1] = signals.clock_start[0] * n0, signals.clock_start[1] * n1
+    work.clock_hat[0], work.clock_hat[1] = like(n0, 0.0), like(n0, 0.0)
+    shared = signals.shared
+    for m in range(shared.start.shape[0]):
+        s0, _, _, _ = normals(k0, k1, shared.sources[m], run, _ZERO, shared.satellites[m])
+        work.shared[m] = shared.start[m] * s0
+    for m in range(belief.extra_offset.shape[0]):
+        work.extra[m] = like(n0, 0.0)
+    work.failed[0], work.t_failed[0] = like(n0, 0.0), like(n0, np.nan)
+
+
+@jit
+def from_errors(work, start, k0, k1, run):
+    """Set velocity and position of the estimate, and return its attitude, off the truth by drawn errors."""
+    for block in range(1, 3):
+        n0, n1, n2, _ = normals(k0, k1, start.sources[block], run, _ZERO, _ZERO)
+        root, at = start.roots[block], V if block == 1 else R
+        for i in range(3):
+            error = root[i, 0] * n0 + root[i, 1] * n1 + root[i, 2] * n2
+            work.nav[at + i] = start.nav[at + i] - error
+    n0, n1, n2, _ = normals(k0, k1, start.sources[0], run, _ZERO, _ZERO)
+    root = start.roots[0]
+    x = root[0, 0] * n0 + root[0, 1] * n1 + root[0, 2] * n2
+    y = root[1, 0] * n0 + root[1, 1] * n1 + root[1, 2] * n2
+    z = root[2, 0] * n0 + root[2, 1] * n1 + root[2, 2] * n2
+    e0, e1, e2, e3 = from_rotation(-x, -y, -z)
+    t = start.nav
+    q0, q1, q2, q3 = multiply(e0, e1, e2, e3, t[Q], t[Q + 1], t[Q + 2], t[Q + 3])
+    return normalise(q0, q1, q2, q3)
+
+
+@jit
+def profile_value(unit, profile, axis, t):
+    """Return the bias (SI) that a profile has on an axis at time t (s since lift-off)."""
+    first, last = unit.profile_start[profile], unit.profile_end[profile]
+    share = min(1.0, max(0.0, (t - first) / (last - first)))
+    return share * unit.profile[profile, axis]
+
+
+@jit
+def _set_true_tables(work, unit, tick):
+    """Set what true parameters and profiles multiply, for the process step that starts at a tick."""
+    processes.gather(work.true_tables, work.true_par, unit.sensors, unit.drivers)
+    middle = unit.start + unit.dt * (tick + 0.5 * unit.process_ticks)
+    for profile in range(unit.profile_sensor.shape[0]):
+        table = work.true_tables[unit.profile_sensor[profile]]
+        for axis in range(3):
+            table[axis] = table[axis] + profile_value(unit, profile, axis, middle)
+
+
+@jit
+def _miss_gravity(work, value, seconds):
+    """Move the estimate by what its gravity lacks over a piece of a window: x gains (value) t and value t^2 / 2."""
+    for i in range(3):
+        lost = seconds * value[i]
+        work.nav[V + i] = work.nav[V + i] - lost
+        # the strapdown will carry the lost speed over the whole piece; only half of that is due
+        work.nav[R + i] = work.nav[R + i] + 0.5 * seconds * lost
+
+
+@inlined
+def sense(work, unit, first, n_tick, k0, k1):
+    """Fill the window's increments with what the unit puts out; wandering parameters step on their own clock."""
+    run, done = work.run[0], 0
+    while done < n_tick:
+        tick = first + done
+        phase = tick % unit.process_ticks
+        if tick == 0 or (unit.wandering and phase == 0):
+            if tick > 0:
+                epoch = np.uint64(tick // unit.process_ticks)
+                processes.step(work.true_par, unit.decay, unit.walk, unit.sources, k0, k1, run, epoch)
+            _set_true_tables(work, unit, tick)
+        count = min(n_tick - done, unit.process_ticks - phase)
+        processes.corrupt(
+            work.increments, done, tick, count, unit.dtheta, unit.dvel, work.true_tables[0], work.true_tables[1],
+            unit.white, work.remainder, unit, k0, k1, run,
+        )  # fmt: skip
+        if unit.gravity >= 0:
+            _miss_gravity(work, work.true_par[unit.gravity], unit.dt * count)
+        done += count
+
+
+@jit
+def _step_receiver(work, signals, word, epoch, k0, k1):
+    """Step the receiver's clock and the errors that measurements share to an epoch."""
+    run = work.run[0]
+    n0, n1, _, _ = normals(k0, k1, signals.sources[0], run, word, _ZERO)
+    step = signals.clock_step
+    work.clock[0] = work.clock[0] + signals.interval * work.clock[1] + step[0] * n0 + signals.clock_jump[epoch]
+    work.clock[1] = work.clock[1] + step[1] * n0 + step[2] * n1
+    shared = signals.shared
+    for m in range(shared.walk.shape[0]):
+        if shared.walk[m] > 0.0:
+            s0, _, _, _ = normals(k0, k1, shared.sources[m], run, word, shared.satellites[m])
+            work.shared[m] = shared.decay[m] * work.shared[m] + shared.walk[m] * s0
+
+
+@jit
+def _shared_error(work, shared, epoch, channel):
+    """Return what the shared errors add to the measurement of a channel at an epoch."""
+    total = like(work.clock[0], 0.0)
+    for family in range(shared.member.shape[0]):
+        m = shared.member[family, channel]
+        if m >= 0:
+            total = total + shared.partial[family, epoch, channel] * work.shared[m]
+    return total
+
+
+@jit
+def observe(work, signals, tight, epoch, k0, k1):
+    """Step the receiver to the epoch and fill the measurements that the filter uses; a frozen output stays."""
+    run, shared = work.run[0], signals.shared
+    word = np.uint64(epoch + 1)
+    _step_receiver(work, signals, word, epoch, k0, k1)
+    if signals.frozen[epoch]:
+        return
+    sigma = signals.sigma[epoch]
+    if tight:
+        for slot in range(signals.n_used[epoch]):
+            s = signals.used[epoch, slot]
+            at_range, at_rate = 2 * s, 2 * s + 1
+            m0, m1, _, _ = normals(k0, k1, signals.sources[1], run, word, signals.words[s])
+            true_range = signals.range[epoch, s] + _shared_error(work, shared, epoch, at_range)
+            true_rate = signals.rate[epoch, s] + _shared_error(work, shared, epoch, at_rate)
+            work.ranges[slot, 0] = pseudorange.observe(true_range, work.clock[0], sigma[at_range], m0)
+            work.ranges[slot, 1] = doppler.observe(true_rate, work.clock[1], sigma[at_rate], m1)
+    else:
+        p0, p1, p2, _ = normals(k0, k1, signals.sources[2], run, word, _ZERO)
+        v0, v1, v2, _ = normals(k0, k1, signals.sources[2], run, word, _ONE)
+        p, v = (p0, p1, p2), (v0, v1, v2)
+        for axis in range(3):
+            true_position = signals.position[epoch, axis] + _shared_error(work, shared, epoch, axis)
+            true_velocity = signals.velocity[epoch, axis] + _shared_error(work, shared, epoch, 3 + axis)
+            work.solution[axis] = position.observe(true_position, sigma[axis], p[axis])
+            work.solution[3 + axis] = velocity.observe(true_velocity, sigma[3 + axis], v[axis])

@@ -1,0 +1,173 @@
+"""What a receiver measures on the nominal flight, and what is common to all runs of it: Signals for the kernels."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lvnav_trade.engines.families import Cause, ErrorFamily, families_of, lever_causes
+from lvnav_trade.engines.inputs import Shared, Signals
+from lvnav_trade.filters.base import ReceiverBelief
+from lvnav_trade.frames import matrices
+from lvnav_trade.kernels.clock import clock_step
+from lvnav_trade.kernels.earth import GM
+from lvnav_trade.kernels.random import source_word
+from lvnav_trade.layout import StateLayout
+from lvnav_trade.observables.partials import Channels, Geometry, partial
+from lvnav_trade.records import Floats, Sky
+from lvnav_trade.scenario import Scenario
+from lvnav_trade.world.trajectory import Trajectory, motion
+
+
+def channels_of(scenario: Scenario, seen: Sky) -> Channels:
+    """Return the channels of a case."""
+    systems = tuple(name[0] for name in seen.names)
+    ever = tuple(bool(np.any(seen.tracked[:, s])) for s in range(len(seen.names)))
+    return Channels(scenario.filter.kind == "tight", seen.names, systems, ever)
+
+
+class Line:
+    """The lines of sight at the epochs: antenna and satellites, their distance and its first two derivatives.
+
+    at: Motion of the vehicle; C_b_i (n_epoch, 3, 3); position, velocity, push (n_epoch, 3) of the antenna, frame i
+    (push without the swing of the lever arm); direction (n_epoch, n_sat, 3) and its rate of change, drift; distance,
+    rate, acceleration (n_epoch, n_sat).
+    """
+
+    def __init__(self, trajectory: Trajectory, lever_b: Floats, seen: Sky) -> None:
+        at = motion(trajectory, seen.t)
+        self.at, self.C_b_i, self.lever_b = at, matrices(at.q_b_i), lever_b
+        self.position = at.r_i + self.C_b_i @ lever_b
+        swing = np.einsum("nij,nj->ni", self.C_b_i, np.cross(at.w_ib_b, lever_b))
+        self.velocity = at.v_i + swing
+        self.push = _pull(at.r_i) + np.einsum("nij,nj->ni", self.C_b_i, at.f_b)
+        line = seen.r_i - self.position[:, None, :]
+        self.distance = np.linalg.norm(line, axis=2)
+        self.direction = line / self.distance[:, :, None]
+        moving = seen.v_i - self.velocity[:, None, :]
+        self.rate = np.einsum("esi,esi->es", self.direction, moving)
+        across = np.sum(moving**2, axis=2) - self.rate**2
+        self.drift = (moving - self.rate[:, :, None] * self.direction) / self.distance[:, :, None]
+        pulled = np.einsum("esi,esi->es", self.direction, _pull(seen.r_i) - self.push[:, None, :])
+        self.acceleration = across / self.distance + pulled
+
+    @property
+    def lever(self) -> Floats:
+        """Range and range rate with respect to the lever arm in body axes, (n_epoch, n_sat, 2, 3)."""
+        towards = np.einsum("esi,eij->esj", self.direction, self.C_b_i)  # u in body axes
+        swinging = np.cross(towards, self.at.w_ib_b[:, None, :])  # u . (w x l) = l . (u x w)
+        drifting = np.einsum("esi,eij->esj", self.drift, self.C_b_i)
+        return np.stack([-towards, -swinging - drifting], axis=2)
+
+
+def _pull(r_i: Floats) -> Floats:
+    """Return point-mass gravity (m/s^2) at positions (..., 3): enough for the curvature of a range."""
+    return -GM * r_i / np.linalg.norm(r_i, axis=-1, keepdims=True) ** 3
+
+
+def geometry_of(line: Line, troposphere: Floats, ionosphere: Floats) -> Geometry:
+    """Return what partials of measurements are made of; delays (n_epoch, n_sat, 2) with their rates."""
+    return Geometry(
+        rate=line.rate,
+        acceleration=line.acceleration,
+        velocity=line.velocity,
+        push=line.push,
+        troposphere=troposphere,
+        ionosphere=ionosphere,
+        lever=line.lever,
+    )
+
+
+def causes_of(scenario: Scenario) -> list[Cause]:
+    """Return the causes of errors that measurements share, as the cards of the truth state them."""
+    receiver, solution = scenario.receiver, scenario.receiver.solution
+    found = [
+        Cause("multipath", "range_bias", "range_bias", receiver.multipath, receiver.multipath_time),
+        Cause("latency error", "timing", "timing", receiver.latency_error),
+        Cause("latency jitter", "timing", "", receiver.latency_sigma, 0.0),
+        *lever_causes(receiver.lever_error),
+    ]
+    position, velocity = solution.position_bias, solution.velocity_bias
+    found.append(Cause("solution position bias", "position_bias", "position_bias", position, solution.bias_time))
+    found.append(Cause("solution velocity bias", "velocity_bias", "velocity_bias", velocity, solution.bias_time))
+    return found
+
+
+def families(scenario: Scenario, geometry: Geometry, channels: Channels) -> tuple[ErrorFamily, ...]:
+    """Return the errors that the measurements of a case share."""
+    return families_of(causes_of(scenario), geometry, channels)
+
+
+def _slots(seen: Sky) -> tuple[np.ndarray, np.ndarray]:
+    """Return (n_epoch, n_slot) satellite in each slot, -1 none, and how many there are, (n_epoch,)."""
+    n_used = seen.tracked.sum(axis=1).astype(np.int64)
+    used = np.full((seen.t.size, max(1, int(n_used.max(initial=0)))), -1, dtype=np.int64)
+    for epoch in range(seen.t.size):
+        found = np.flatnonzero(seen.tracked[epoch])
+        used[epoch, : found.size] = found
+    return used, n_used
+
+
+def _noise(scenario: Scenario, channels: Channels, n_epoch: int) -> Floats:
+    """Return the true sigma of white noise, (n_epoch, n_channel)."""
+    receiver = scenario.receiver
+    sigma = np.empty((n_epoch, channels.n_channel))
+    if channels.tight:
+        sigma[:, 0::2], sigma[:, 1::2] = receiver.pseudorange_sigma, receiver.range_rate_sigma
+    else:
+        sigma[:, :3], sigma[:, 3:] = receiver.solution.position_sigma, receiver.solution.velocity_sigma
+    return sigma
+
+
+def _believed_variance(scenario: Scenario, belief: ReceiverBelief, channels: Channels, sigma: Floats) -> Floats:
+    """Return the variance (n_epoch, n_channel) that the filter gives rows: its own numbers, or what the receiver tells
+    of its noise where the card says so.
+    """
+    if isinstance(scenario.filter.receiver, str):
+        return sigma**2
+    variance = np.empty_like(sigma)
+    if channels.tight:
+        variance[:, 0::2], variance[:, 1::2] = belief.pseudorange_sigma**2, belief.range_rate_sigma**2
+    else:
+        variance[:, :3], variance[:, 3:] = belief.position_sigma**2, belief.velocity_sigma**2
+    return variance
+
+
+def signals(
+    scenario: Scenario,
+    seen: Sky,
+    line: Line,
+    belief: ReceiverBelief,
+    layout: StateLayout,
+    geometry: Geometry,
+    channels: Channels,
+    shared: Shared,
+) -> Signals:
+    """Return what is true of satellites and receiver at the epochs, and what the filter knows of it."""
+    receiver, clock = scenario.receiver, scenario.receiver.clock
+    used, n_used = _slots(seen)
+    sigma = _noise(scenario, channels, seen.t.size)
+    extra = [partial(block.name, geometry, channels) for block in layout.extras]
+    interval = 1.0 / scenario.filter.update_rate
+    names = ("receiver clock", "range noise", "solution noise", "receiver clock start")
+    return Signals(
+        used=used,
+        n_used=n_used,
+        words=np.array([source_word(name) for name in seen.names], dtype=np.uint64),
+        range=line.distance,
+        rate=line.rate,
+        position=line.position,
+        velocity=line.velocity,
+        satellite=np.ascontiguousarray(seen.r_i),
+        satellite_velocity=np.ascontiguousarray(seen.v_i),
+        antenna=np.zeros(seen.tracked.shape, dtype=np.int64),
+        sigma=sigma,
+        variance=_believed_variance(scenario, belief, channels, sigma),
+        partial=np.array(extra).reshape(len(extra), seen.t.size, channels.n_channel),
+        clock_step=np.array(clock_step(interval, receiver.clock.h0, receiver.clock.h_minus2)),
+        clock_start=np.array([clock.initial_bias, clock.initial_drift]),
+        clock_jump=np.zeros(seen.t.size),
+        frozen=np.zeros(seen.t.size, dtype=np.bool_),
+        interval=interval,
+        sources=np.array([source_word(name) for name in names], dtype=np.uint64),
+        shared=shared,
+    )

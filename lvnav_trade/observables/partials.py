@@ -1,0 +1,111 @@
+"""How measurements depend on what rows share beyond the navigation state: biases, delays, timing, lever arm.
+
+Truth and belief both ask here, each with its own geometry: a shared error of the measurement on one side, an extra
+state of the filter on the other. A channel is a kind of row of one satellite (tight: pseudorange and range rate in
+turn) or an axis of the receiver's solution (loose: position, velocity).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+LEVER_AXES = ("lever_x", "lever_y", "lever_z")
+RANGE_ONLY = ("range_bias", "time_offset")
+SATELLITE_KINDS = ("range_bias", "time_offset", "timing", "troposphere_scale", "ionosphere_scale", *LEVER_AXES)
+SOLUTION_KINDS = ("position_bias", "velocity_bias", "timing")
+
+
+class Channels(NamedTuple):
+    """The channels of a case: tight; satellites (n_sat,) names, systems letters, seen whether ever tracked."""
+
+    tight: bool
+    satellites: tuple[str, ...]
+    systems: tuple[str, ...]
+    seen: tuple[bool, ...]
+
+    @property
+    def n_channel(self) -> int:
+        """How many channels there are."""
+        return 2 * len(self.satellites) if self.tight else 6
+
+
+class Geometry(NamedTuple):
+    """What partials are made of, at the epochs, all in SI.
+
+    rate, acceleration (n_epoch, n_sat) of the range; velocity, push (n_epoch, 3) of the antenna and its derivative,
+    frame i; troposphere, ionosphere (n_epoch, n_sat, 2) delay and its rate; lever (n_epoch, n_sat, 2, 3) of range and
+    range rate with respect to the lever arm in body axes.
+    """
+
+    rate: Floats
+    acceleration: Floats
+    velocity: Floats
+    push: Floats
+    troposphere: Floats
+    ionosphere: Floats
+    lever: Floats
+
+
+def members(kind: str, channels: Channels) -> tuple[tuple[str, ...], Ints]:
+    """Return the components of a kind by their labels, and which one stands in each channel, (n_channel,), -1 none.
+
+    A range bias has a component for each satellite that is ever tracked, a time offset one for each system but the
+    first, a solution's bias one for each axis of frame i, everything else one for all channels.
+    """
+    member = np.full(channels.n_channel, -1, dtype=np.int64)
+    if not channels.tight:
+        if kind not in SOLUTION_KINDS:
+            return (), member
+        if kind == "timing":
+            member[:] = 0
+            return ("",), member
+        first = 0 if kind == "position_bias" else 3
+        member[first : first + 3] = range(3)
+        return ("x", "y", "z"), member
+    if kind not in SATELLITE_KINDS:
+        return (), member
+    if kind == "range_bias":
+        labels = tuple(name for name, seen in zip(channels.satellites, channels.seen, strict=True) if seen)
+        owner = [labels.index(n) if n in labels else -1 for n in channels.satellites]
+    elif kind == "time_offset":
+        labels = tuple(dict.fromkeys(channels.systems))[1:]
+        owner = [labels.index(s) if s in labels else -1 for s in channels.systems]
+    else:
+        labels, owner = ("",), [0] * len(channels.satellites)
+    member[0::2] = owner
+    if kind not in RANGE_ONLY:
+        member[1::2] = owner
+    return labels, member
+
+
+def partial(kind: str, geometry: Geometry, channels: Channels) -> Floats:
+    """Return the derivative (n_epoch, n_channel) of the measurements with respect to their component of a kind.
+
+    Units: m/m and (m/s)/m of biases and lever arms, m/1 and (m/s)/1 of scale factors of delays, m/s and m/s^2 of a
+    timing error. A measurement that is late by s seconds is that of s seconds before.
+    """
+    n_epoch, found = len(geometry.rate), np.zeros((len(geometry.rate), channels.n_channel))
+    if not channels.tight:
+        if kind == "timing":
+            found[:, :3], found[:, 3:] = -geometry.velocity, -geometry.push
+        elif kind in SOLUTION_KINDS:
+            found[:] = 1.0
+        return found
+    pair = {
+        "timing": (-geometry.rate, -geometry.acceleration),
+        "troposphere_scale": tuple(np.moveaxis(geometry.troposphere, -1, 0)),
+        "ionosphere_scale": tuple(np.moveaxis(geometry.ionosphere, -1, 0)),
+    }.get(kind)
+    if kind in LEVER_AXES:
+        pair = tuple(np.moveaxis(geometry.lever[..., LEVER_AXES.index(kind)], -1, 0))
+    elif kind in RANGE_ONLY:
+        pair = (np.ones((n_epoch, len(channels.satellites))), np.zeros((n_epoch, len(channels.satellites))))
+    if pair is not None:
+        found[:, 0::2], found[:, 1::2] = pair
+    return found
