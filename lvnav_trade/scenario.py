@@ -10,7 +10,8 @@ from pydantic import Field
 from lvnav_trade.filters.base import FilterCard, ImuBelief, InitialBelief, ReceiverBelief
 from lvnav_trade.units import AngleSigma, Card, Length, LengthSigma, SpeedSigma
 from lvnav_trade.world.constellation import AlmanacConstellation, NominalConstellation
-from lvnav_trade.world.faults import SatelliteOutage
+from lvnav_trade.world.faults import Fault
+from lvnav_trade.world.gravity import GravityCard
 from lvnav_trade.world.imu import ImuCard
 from lvnav_trade.world.profile import RecordedAscent
 from lvnav_trade.world.receiver import ReceiverCard
@@ -37,7 +38,8 @@ class Scenario(Card):
     receiver: ReceiverCard
     filter: FilterCard
     initial: InitialErrors
-    faults: tuple[SatelliteOutage, ...] = ()
+    faults: tuple[Fault, ...] = ()
+    gravity: GravityCard | None = Field(None, description="what true gravity has beyond the model of the truth")
     frame: Literal["ned", "ecef", "inertial", "orbital"] = "ned"
     diverged: Length = Field(100e3, gt=0.0, description="a run whose position error exceeds this counts as failed")
 

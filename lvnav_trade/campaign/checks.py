@@ -11,7 +11,7 @@ from lvnav_trade.campaign.tree import Node, mistake
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.scenario import Scenario, beliefs
 from lvnav_trade.world.events import resolve
-from lvnav_trade.world.faults import SatelliteOutage
+from lvnav_trade.world.faults import AnyFault
 
 _FIELDS = {
     "imu.rate": "IMU rate",
@@ -139,7 +139,7 @@ def written(campaign: Campaign, case: Case, path: str, message: str) -> Mistake:
     return campaign.written.mistake(path, message, steps)
 
 
-def _fault(fault: SatelliteOutage, events: Mapping[str, float], first: float, last: float) -> str:
+def _fault(fault: AnyFault, events: Mapping[str, float], first: float, last: float) -> str:
     """Return what is wrong with the times of a fault, or nothing; `first` and `last` (s) bound the flight."""
     try:
         start = resolve(fault.start, dict(events))

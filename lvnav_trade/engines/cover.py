@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lvnav_trade.engines.sensing import profile_value
-from lvnav_trade.engines.truth import GRAVITY, REMAINDER
+from lvnav_trade.engines.truth import REMAINDER
 from lvnav_trade.filters.belief import INERTIAL, TIGHT
 from lvnav_trade.filters.ekf import fill_loose, fill_tight, place_antenna
 from lvnav_trade.kernels import transition
@@ -14,6 +14,7 @@ from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.joint import apply_phi, propagate_component, update_covariance, update_vector
 from lvnav_trade.kernels.strapdown import J4, Q, R, V, gravity, mechanise
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL, parameter_block
+from lvnav_trade.world.gravity import GRAVITY
 
 
 @jit

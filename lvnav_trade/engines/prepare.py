@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -19,6 +20,16 @@ from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
 from lvnav_trade.layout import StateLayout, outputs
 from lvnav_trade.records import Floats, Output, Reference, Sky
 from lvnav_trade.scenario import Scenario, beliefs
+from lvnav_trade.world.faults import (
+    AccelBiasStep,
+    AnyFault,
+    DroppedSamples,
+    GyroBiasStep,
+    delay,
+    failures,
+    span,
+)
+from lvnav_trade.world.gravity import disturbance
 from lvnav_trade.world.imu import ErrorBlock, ImuCard, error_blocks, lag
 from lvnav_trade.world.profile import RecordedAscent
 from lvnav_trade.world.sky import sky
@@ -26,6 +37,10 @@ from lvnav_trade.world.trajectory import Trajectory, build, reference
 from lvnav_trade.world.vehicle import VehicleAscent
 
 Ints = NDArray[np.int64]
+# Sensor, start and end (s) of its growth, amplitude (SI): a bias that is the same in every run.
+Profile = tuple[int, float, float, tuple[float, float, float]]
+# What begins with a step is a profile that grows within this time (s), far less than an IMU tick.
+STEP = 1e-6
 
 
 class Prepared(NamedTuple):
@@ -101,7 +116,39 @@ def _schedule(n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints) ->
     return Schedule(first, counts, which.astype(np.int64), epoch, hist), lengths
 
 
-def _unit(card: ImuCard, ref: Reference, blocks: tuple[ErrorBlock, ...]) -> Unit:
+def _profiles(card: ImuCard, faults: Sequence[AnyFault], events: dict[str, float]) -> list[Profile]:
+    """List the profiles of bias that are the same in every run: warming, and faults that begin and end with a step."""
+    found: list[Profile] = []
+    for sensor, ramp in ((GYRO, card.gyro.temperature), (ACCEL, card.accel.temperature)):
+        if ramp is not None:
+            found.append((sensor, ramp.start, ramp.end, ramp.amplitude))
+    for number, fault in enumerate(faults):
+        if isinstance(fault, GyroBiasStep | AccelBiasStep):
+            sensor = GYRO if isinstance(fault, GyroBiasStep) else ACCEL
+            start, end = span(number, fault, events)
+            x, y, z = fault.size
+            found += [(sensor, start, start + STEP, (x, y, z)), (sensor, end, end + STEP, (-x, -y, -z))]
+    return found
+
+
+def _arriving(ref: Reference, card: ImuCard, faults: Sequence[AnyFault], events: dict[str, float]) -> list[Floats]:
+    """Return increments (n_imu, 3) of angle and velocity as an ideal unit of this bandwidth puts them out, where
+    samples are dropped without them.
+    """
+    dt = 1.0 / card.rate
+    out = [lag(ref.dtheta, card.gyro.bandwidth, dt).copy(), lag(ref.dvel, card.accel.bandwidth, dt).copy()]
+    for number, fault in enumerate(faults):
+        if isinstance(fault, DroppedSamples):
+            start, end = span(number, fault, events)
+            gone = np.flatnonzero((ref.t[1:] > start + 1e-9) & (ref.t[1:] <= end + 1e-9))
+            for array in out:
+                array[gone] = array[max(0, gone[0] - 1)] if gone.size and fault.instead == "last" else 0.0
+    return out
+
+
+def _unit(scenario: Scenario, ref: Reference, blocks: tuple[ErrorBlock, ...], events: dict[str, float]) -> Unit:
+    card = scenario.imu
+    inertial = [block for block in blocks if block.sensor >= 0]
     dt = 1.0 / card.rate
     process_ticks = max(1, round(card.rate / card.process_rate))
     step = process_ticks * dt
@@ -112,30 +159,31 @@ def _unit(card: ImuCard, ref: Reference, blocks: tuple[ErrorBlock, ...]) -> Unit
             for b in blocks
         ]
     )
-    ramps = [(k, r) for k, r in ((GYRO, card.gyro.temperature), (ACCEL, card.accel.temperature)) if r is not None]
+    profiles = _profiles(card, scenario.faults, events)
+    dtheta, dvel = _arriving(ref, card, scenario.faults, events)
     return Unit(
         dt=dt,
         noise_source=source_word("inertial unit white noise"),
-        lean=all(b.driver == CONSTANT for b in blocks),
-        dtheta=np.ascontiguousarray(lag(ref.dtheta, card.gyro.bandwidth, dt)),
-        dvel=np.ascontiguousarray(lag(ref.dvel, card.accel.bandwidth, dt)),
+        lean=all(b.driver == CONSTANT for b in inertial),
+        dtheta=dtheta,
+        dvel=dvel,
         white=np.array([
             card.gyro.random_walk * math.sqrt(dt), card.accel.random_walk * math.sqrt(dt),
             card.gyro.quantisation, card.accel.quantisation,
         ]),
         process_ticks=process_ticks,
-        wandering=bool(np.any(walk > 0.0)) or bool(ramps),
+        wandering=bool(np.any(walk > 0.0)) or bool(profiles),
         sigma=np.array([b.sigma for b in blocks], dtype=float),
         decay=decay,
         walk=walk,
         sources=np.array([source_word(f"{b.source} {b.part}") for b in blocks], dtype=np.uint64),
-        sensors=np.array([b.sensor for b in blocks], dtype=np.int64),
-        drivers=np.array([b.driver for b in blocks], dtype=np.int64),
-        profile_sensor=np.array([sensor for sensor, _ in ramps], dtype=np.int64),
-        profile_start=np.array([r.start for _, r in ramps], dtype=float),
-        profile_end=np.array([r.end for _, r in ramps], dtype=float),
-        profile=np.array([r.amplitude for _, r in ramps], dtype=float).reshape(len(ramps), 3),
-        gravity=-1,
+        sensors=np.array([b.sensor for b in inertial], dtype=np.int64),
+        drivers=np.array([b.driver for b in inertial], dtype=np.int64),
+        profile_sensor=np.array([p[0] for p in profiles], dtype=np.int64),
+        profile_start=np.array([p[1] for p in profiles], dtype=float),
+        profile_end=np.array([p[2] for p in profiles], dtype=float),
+        profile=np.array([p[3] for p in profiles], dtype=float).reshape(len(profiles), 3),
+        gravity=len(inertial) if len(blocks) > len(inertial) else -1,
         start=float(ref.t[0]),
     )  # fmt: skip
 
@@ -187,16 +235,18 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         t_hist = _with_steps(every_step_beside, ref.t[::per_window], start, rate, n_imu, group)
     hist_tick = _ticks(t_hist, start, rate, n_imu, group)
     schedule, lengths = _schedule(n_imu, per_window, hist_tick, epoch_tick)
-    measured = np.maximum(start, t_epoch - scenario.receiver.latency)
+    late = scenario.receiver.latency + delay(scenario.faults, trajectory.events, t_epoch)
+    measured = np.maximum(start, t_epoch - late)
     seen = sky(scenario.constellation, scenario.receiver, trajectory, measured, scenario.faults)
     imu, receiver, initial = beliefs(scenario)
     channels, levers = channels_of(scenario, seen), np.array([scenario.receiver.lever_b])
     layout, belief = believe(card, imu, receiver, levers, lengths / rate, channels, group)
     line, still = Line(trajectory, levers[0], seen), np.zeros((*seen.tracked.shape, 2))
     geometry = geometry_of(line, still, still)
-    shared_errors = families(scenario, geometry, channels)
+    failed = failures(scenario.faults, trajectory.events, t_epoch, seen.names, seen.elevation, seen.tracked)
+    shared_errors = families(scenario, geometry, channels, failed)
     shared = shared_of(shared_errors, layout, interval, (t_epoch.size, channels.n_channel))
-    blocks = tuple(error_blocks(scenario.imu))
+    blocks = (*error_blocks(scenario.imu), *disturbance(scenario.gravity))
     C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], trajectory.theta0)[0].T
     return Prepared(
         scenario=scenario,
@@ -209,8 +259,8 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         sources=blocks,
         families=shared_errors,
         schedule=schedule,
-        unit=_unit(scenario.imu, ref, blocks),
-        signals=signals(scenario, seen, line, receiver, layout, geometry, channels, shared),
+        unit=_unit(scenario, ref, blocks, trajectory.events),
+        signals=signals(scenario, seen, line, receiver, layout, geometry, channels, shared, failed),
         start=_start(scenario, ref, C_n_i, initial_covariance(layout, initial, C_n_i)),
         record=_record(scenario, trajectory, ref, hist_tick, t_hist, epoch_tick),
         t_hist=t_hist,

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from lvnav_trade.engines.families import Cause, ErrorFamily, families_of, lever_causes
 from lvnav_trade.engines.inputs import Shared, Signals
@@ -15,6 +18,7 @@ from lvnav_trade.layout import StateLayout
 from lvnav_trade.observables.partials import Channels, Geometry, partial
 from lvnav_trade.records import Floats, Sky
 from lvnav_trade.scenario import Scenario
+from lvnav_trade.world.faults import Failures
 from lvnav_trade.world.trajectory import Trajectory, motion
 
 
@@ -92,9 +96,21 @@ def causes_of(scenario: Scenario) -> list[Cause]:
     return found
 
 
-def families(scenario: Scenario, geometry: Geometry, channels: Channels) -> tuple[ErrorFamily, ...]:
-    """Return the errors that the measurements of a case share."""
-    return families_of(causes_of(scenario), geometry, channels)
+def families(scenario: Scenario, geometry: Geometry, channels: Channels, failed: Failures) -> tuple[ErrorFamily, ...]:
+    """Return the errors that the measurements of a case share, wild samples of a fault among them."""
+    found = families_of(causes_of(scenario), geometry, channels)
+    partial_of_wild = np.zeros((len(failed.jump), channels.n_channel))
+    if channels.tight:
+        partial_of_wild[:, 0::2] = failed.wild
+    else:
+        partial_of_wild[:, :3] = failed.solution_wild[:, None]
+    hit = np.flatnonzero(np.any(partial_of_wild > 0.0, axis=0))
+    if not hit.size:
+        return found
+    member = np.full(channels.n_channel, -1, dtype=np.int64)
+    member[hit] = range(hit.size)
+    labels = tuple(channels.satellites[c // 2] if channels.tight else "xyz"[c] for c in hit.tolist())
+    return (*found, ErrorFamily("wild samples", "wild", "", labels, member, partial_of_wild, 1.0, 0.0))
 
 
 def _slots(seen: Sky) -> tuple[np.ndarray, np.ndarray]:
@@ -108,7 +124,7 @@ def _slots(seen: Sky) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _noise(scenario: Scenario, channels: Channels, n_epoch: int) -> Floats:
-    """Return the true sigma of white noise, (n_epoch, n_channel)."""
+    """Return the sigma (n_epoch, n_channel) of white noise that the receiver's design has."""
     receiver = scenario.receiver
     sigma = np.empty((n_epoch, channels.n_channel))
     if channels.tight:
@@ -116,6 +132,30 @@ def _noise(scenario: Scenario, channels: Channels, n_epoch: int) -> Floats:
     else:
         sigma[:, :3], sigma[:, 3:] = receiver.solution.position_sigma, receiver.solution.velocity_sigma
     return sigma
+
+
+def _grown(sigma: Floats, channels: Channels, failed: Failures) -> Floats:
+    """Return the true sigma, grown by what has failed."""
+    factor = np.repeat(failed.noise, 2, axis=1) if channels.tight else failed.solution_noise[:, None]
+    return np.ascontiguousarray(sigma * factor)
+
+
+def _shifts(line: Line, tracked: NDArray[np.bool_], errors: Floats) -> Floats:
+    """Return what errors of ranges or rates (n_epoch, n_sat) put into a least-squares solution, (n_epoch, 3)."""
+    shift = np.zeros((len(errors), 3))
+    for epoch in np.flatnonzero(np.any(np.where(tracked, errors, 0.0) != 0.0, axis=1)):
+        on = tracked[epoch]
+        if np.count_nonzero(on) >= 4:
+            design = np.column_stack([-line.direction[epoch, on], np.ones(np.count_nonzero(on))])
+            shift[epoch] = np.linalg.lstsq(design, errors[epoch, on])[0][:3]
+    return shift
+
+
+def _hold(frozen: NDArray[np.bool_], *tables: NDArray[Any]) -> None:
+    """Let every frozen epoch repeat the one before, in place: tables (n_epoch, ...) updated."""
+    for epoch in np.flatnonzero(frozen):
+        for table in tables:
+            table[epoch] = table[epoch - 1]
 
 
 def _believed_variance(scenario: Scenario, belief: ReceiverBelief, channels: Channels, sigma: Floats) -> Floats:
@@ -141,6 +181,7 @@ def signals(
     geometry: Geometry,
     channels: Channels,
     shared: Shared,
+    failed: Failures,
 ) -> Signals:
     """Return what is true of satellites and receiver at the epochs, and what the filter knows of it."""
     receiver, clock = scenario.receiver, scenario.receiver.clock
@@ -148,25 +189,30 @@ def signals(
     sigma = _noise(scenario, channels, seen.t.size)
     extra = [partial(block.name, geometry, channels) for block in layout.extras]
     interval = 1.0 / scenario.filter.update_rate
+    ranges = np.asarray(line.distance + failed.bias)
+    rates = np.asarray(line.rate + failed.drift)
+    position = line.position + _shifts(line, seen.tracked, failed.bias)
+    velocity = line.velocity + _shifts(line, seen.tracked, failed.drift)
+    _hold(failed.frozen, used, n_used, ranges, rates, position, velocity)
     names = ("receiver clock", "range noise", "solution noise", "receiver clock start")
     return Signals(
         used=used,
         n_used=n_used,
         words=np.array([source_word(name) for name in seen.names], dtype=np.uint64),
-        range=line.distance,
-        rate=line.rate,
-        position=line.position,
-        velocity=line.velocity,
+        range=ranges,
+        rate=rates,
+        position=position,
+        velocity=velocity,
         satellite=np.ascontiguousarray(seen.r_i),
         satellite_velocity=np.ascontiguousarray(seen.v_i),
         antenna=np.zeros(seen.tracked.shape, dtype=np.int64),
-        sigma=sigma,
+        sigma=_grown(sigma, channels, failed),
         variance=_believed_variance(scenario, belief, channels, sigma),
         partial=np.array(extra).reshape(len(extra), seen.t.size, channels.n_channel),
         clock_step=np.array(clock_step(interval, receiver.clock.h0, receiver.clock.h_minus2)),
         clock_start=np.array([clock.initial_bias, clock.initial_drift]),
-        clock_jump=np.zeros(seen.t.size),
-        frozen=np.zeros(seen.t.size, dtype=np.bool_),
+        clock_jump=failed.jump,
+        frozen=failed.frozen,
         interval=interval,
         sources=np.array([source_word(name) for name in names], dtype=np.uint64),
         shared=shared,

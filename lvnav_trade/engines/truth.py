@@ -16,9 +16,8 @@ from lvnav_trade.records import Floats
 
 Ints = NDArray[np.int64]
 
-# Parameters that no increment multiplies: what quantisation holds back enters as a difference, a disturbance of gravity
-# pushes along the axes of frame i.
-REMAINDER, GRAVITY = -1, -2
+# A parameter that no increment multiplies but enters as a difference: what quantisation holds back.
+REMAINDER = -1
 
 
 class TrueModel(NamedTuple):

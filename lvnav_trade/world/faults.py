@@ -1,9 +1,9 @@
-"""Faults that a campaign names: what fails, when."""
+"""Faults that a campaign names: what fails, when, and what that does to satellites and receiver at the epochs."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, Literal
+from collections.abc import Iterable, Sequence
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from pydantic import Field
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.records import Floats
-from lvnav_trade.units import Card, Pause
+from lvnav_trade.units import Acceleration, AngularRate, Card, Duration, Length, LengthSigma, Pause, Speed
 from lvnav_trade.world.events import resolve
 
 Mask = NDArray[np.bool_]
@@ -19,19 +19,175 @@ Mask = NDArray[np.bool_]
 ROUNDING = 1e-6  # s; an epoch that rounding has moved by less still lies on the fault's edge
 
 
-class SatelliteOutage(Card):
+class Timed(Card):
+    """What every fault has: when it starts, and how long it lasts."""
+
+    start: str = Field(description="time such as '100 s', or relative to an event: 'stage1_cutoff + 20 s'")
+    duration: Pause
+
+
+class SatelliteOutage(Timed):
     """All satellites lost, or all but `keep` (the highest at the start of the outage)."""
 
     kind: Literal["satellite_outage"] = "satellite_outage"
-    start: str = Field(description="time such as '100 s', or relative to an event: 'stage1_cutoff + 20 s'")
-    duration: Pause
     keep: int = Field(0, ge=0)
 
 
-def lost(
-    faults: Sequence[SatelliteOutage], events: dict[str, float], t: Floats, elevation: Floats, visible: Mask
-) -> Mask:
-    """Return which satellites the faults take away, (n_epoch, n_sat) bool.
+class AntennaFailure(Timed):
+    """Antennas that receive nothing, by their numbers from 1 in the receiver's list."""
+
+    kind: Literal["antenna_failure"] = "antenna_failure"
+    antennas: tuple[Annotated[int, Field(ge=1)], ...] = Field(min_length=1)
+
+
+class DegradedNoise(Timed):
+    """White noise of the measurements grown by a factor; the filter is not told."""
+
+    kind: Literal["degraded_noise"] = "degraded_noise"
+    factor: float = Field(gt=0.0)
+    satellites: tuple[str, ...] = Field((), description="such as G05; all, and the solution, if empty")
+
+
+class RangeBias(Timed):
+    """Pseudoranges of some satellites wrong by a step and a drift (a satellite's clock that runs away)."""
+
+    kind: Literal["range_bias"] = "range_bias"
+    satellites: tuple[str, ...] = Field((), description="such as G05; the highest at the start if empty")
+    size: Length = 0.0
+    drift: Speed = 0.0
+
+
+class ClockJump(Card):
+    """The receiver's clock jumps by so much range, once."""
+
+    kind: Literal["clock_jump"] = "clock_jump"
+    start: str = Field(description="time, or relative to an event")
+    size: Length
+
+    @property
+    def duration(self) -> float:
+        """A jump takes no time."""
+        return 0.0
+
+
+class WildSamples(Timed):
+    """Measurements with a further random error, new at every epoch: ranges, or each axis of the solution."""
+
+    kind: Literal["wild_samples"] = "wild_samples"
+    sigma: LengthSigma
+    satellites: tuple[str, ...] = Field((), description="such as G05; all if empty")
+
+
+class FrozenOutput(Timed):
+    """The receiver goes on putting out what it measured when the fault began."""
+
+    kind: Literal["frozen_output"] = "frozen_output"
+
+
+class LatencyChange(Timed):
+    """Measurements arrive later than the filter is told."""
+
+    kind: Literal["latency_change"] = "latency_change"
+    by: Duration
+
+
+class GyroBiasStep(Timed):
+    """A step of the gyros' bias, body axes."""
+
+    kind: Literal["gyro_bias_step"] = "gyro_bias_step"
+    size: tuple[AngularRate, AngularRate, AngularRate]
+
+
+class AccelBiasStep(Timed):
+    """A step of the accelerometers' bias, body axes."""
+
+    kind: Literal["accel_bias_step"] = "accel_bias_step"
+    size: tuple[Acceleration, Acceleration, Acceleration]
+
+
+class DroppedSamples(Timed):
+    """Increments of the inertial unit that do not arrive; the strapdown sees none, or the last one again."""
+
+    kind: Literal["dropped_samples"] = "dropped_samples"
+    instead: Literal["nothing", "last"] = "nothing"
+
+
+Fault = Annotated[
+    SatelliteOutage
+    | AntennaFailure
+    | DegradedNoise
+    | RangeBias
+    | ClockJump
+    | WildSamples
+    | FrozenOutput
+    | LatencyChange
+    | GyroBiasStep
+    | AccelBiasStep
+    | DroppedSamples,
+    Field(discriminator="kind"),
+]
+AnyFault = (
+    SatelliteOutage
+    | AntennaFailure
+    | DegradedNoise
+    | RangeBias
+    | ClockJump
+    | WildSamples
+    | FrozenOutput
+    | LatencyChange
+    | GyroBiasStep
+    | AccelBiasStep
+    | DroppedSamples
+)
+
+
+class Failures(NamedTuple):
+    """What faults do at the epochs. noise (n_epoch, n_sat) factor on white noise, solution_noise (n_epoch,); bias and
+    drift (n_epoch, n_sat) m and m/s in range and its rate; jump (n_epoch,) m of the clock at this epoch; wild (n_epoch,
+    n_sat) and solution_wild (n_epoch,) sigma (m); frozen (n_epoch,).
+    """
+
+    noise: Floats
+    solution_noise: Floats
+    bias: Floats
+    drift: Floats
+    jump: Floats
+    wild: Floats
+    solution_wild: Floats
+    frozen: Mask
+
+
+def span(number: int, fault: AnyFault, events: dict[str, float]) -> tuple[float, float]:
+    """Return start (included) and end (excluded) of a fault in s; InputError names it where its start is unknown."""
+    try:
+        start = float(resolve(fault.start, events))
+    except InputError as error:
+        raise InputError(f"faults[{number}].start: {error}") from None
+    return start, start + fault.duration
+
+
+def active(faults: Sequence[AnyFault], kind: type[Card], events: dict[str, float], t: Floats) -> Iterable[Any]:
+    """Yield every fault of a kind with the mask (n_epoch,) of the epochs at which it holds.
+
+    Raises
+    ------
+    InputError
+        Where a start cannot be resolved, or the fault lies wholly before or after the epochs.
+    """
+    for number, fault in enumerate(faults):
+        start, end = span(number, fault, events)
+        if t.size and (end < t[0] - ROUNDING or t[-1] + ROUNDING < start):
+            what = "outage" if isinstance(fault, SatelliteOutage) else fault.kind.replace("_", " ")
+            raise InputError(
+                f"faults[{number}]: the {what} from {start:g} s to {end:g} s "
+                f"lies outside the flight ({t[0]:g} s to {t[-1]:g} s)"
+            )
+        if isinstance(fault, kind):
+            yield fault, (t >= start - ROUNDING) & (t < end - ROUNDING), start
+
+
+def lost(faults: Sequence[AnyFault], events: dict[str, float], t: Floats, elevation: Floats, visible: Mask) -> Mask:
+    """Return which satellites outages take away, (n_epoch, n_sat) bool.
 
     Parameters
     ----------
@@ -47,28 +203,85 @@ def lost(
     Raises
     ------
     InputError
-        Where a start cannot be resolved, or the fault lies wholly before or after the epochs.
+        Where a start cannot be resolved, or a fault lies wholly before or after the epochs.
     """
     gone = np.zeros_like(visible)
-    for number, fault in enumerate(faults):
-        start = _start(number, fault, events)
-        within = (t >= start - ROUNDING) & (t < start + fault.duration - ROUNDING)
+    for fault, within, _ in active(faults, SatelliteOutage, events, t):
         if np.any(within):
             first = int(np.argmax(within))
             gone |= within[:, None] & ~highest(elevation[first], visible[first], fault.keep)
-        elif t.size and (start + fault.duration < t[0] or t[-1] < start):
-            raise InputError(
-                f"faults[{number}]: the outage from {start:g} s to {start + fault.duration:g} s "
-                f"lies outside the flight ({t[0]:g} s to {t[-1]:g} s)"
-            )
     return gone
 
 
-def _start(number: int, fault: SatelliteOutage, events: dict[str, float]) -> float:
-    try:
-        return float(resolve(fault.start, events))
-    except InputError as error:
-        raise InputError(f"faults[{number}].start: {error}") from None
+def antennas_alive(faults: Sequence[AnyFault], events: dict[str, float], t: Floats, n_antenna: int) -> Mask:
+    """Return which antennas receive, (n_epoch, n_antenna) bool; InputError where a fault names one that is none."""
+    alive = np.ones((t.size, n_antenna), dtype=bool)
+    for fault, within, _ in active(faults, AntennaFailure, events, t):
+        for antenna in fault.antennas:
+            if antenna > n_antenna:
+                number = [f is fault for f in faults].index(True)
+                raise InputError(f"faults[{number}].antennas: antenna {antenna}, the receiver has {n_antenna}")
+            alive[within, antenna - 1] = False
+    return alive
+
+
+def delay(faults: Sequence[AnyFault], events: dict[str, float], t: Floats) -> Floats:
+    """Return by how much later than told measurements arrive, (n_epoch,) s."""
+    late = np.zeros(t.size)
+    for fault, within, _ in active(faults, LatencyChange, events, t):
+        late[within] += fault.by
+    return late
+
+
+def _named(number: int, wanted: tuple[str, ...], names: tuple[str, ...]) -> Mask:
+    unknown = [name for name in wanted if name not in names]
+    if unknown:
+        raise InputError(f"faults[{number}].satellites: {unknown[0]!r} is not in the constellation")
+    return np.array([not wanted or name in wanted for name in names])
+
+
+def failures(
+    faults: Sequence[AnyFault],
+    events: dict[str, float],
+    t: Floats,
+    names: tuple[str, ...],
+    elevation: Floats,
+    tracked: Mask,
+) -> Failures:
+    """Return what faults do to the measurements at the epochs.
+
+    Parameters
+    ----------
+    t
+        (n_epoch,) s, rising; names (n_sat,); elevation, tracked (n_epoch, n_sat).
+    """
+    shape = (t.size, len(names))
+    out = Failures(
+        np.ones(shape), np.ones(t.size), np.zeros(shape), np.zeros(shape), np.zeros(t.size), np.zeros(shape),
+        np.zeros(t.size), np.zeros(t.size, dtype=bool),
+    )  # fmt: skip
+    place = {id(fault): number for number, fault in enumerate(faults)}
+    for fault, within, _ in active(faults, DegradedNoise, events, t):
+        out.noise[np.ix_(within, _named(place[id(fault)], fault.satellites, names))] *= fault.factor
+        out.solution_noise[within] *= 1.0 if fault.satellites else fault.factor
+    for fault, within, start in active(faults, RangeBias, events, t):
+        hit = _named(place[id(fault)], fault.satellites, names)
+        if not fault.satellites and np.any(within):
+            first = int(np.argmax(within))
+            hit = np.asarray(highest(elevation[first], tracked[first], 1))
+        out.bias[np.ix_(within, hit)] += (fault.size + fault.drift * (t[within] - start))[:, None]
+        out.drift[np.ix_(within, hit)] += fault.drift
+    for fault, _, start in active(faults, ClockJump, events, t):
+        out.jump[min(int(np.searchsorted(t, start - ROUNDING)), t.size - 1)] += fault.size
+    for fault, within, _ in active(faults, WildSamples, events, t):
+        hit = _named(place[id(fault)], fault.satellites, names)
+        out.wild[np.ix_(within, hit)] = np.hypot(out.wild[np.ix_(within, hit)], fault.sigma)
+        out.solution_wild[within] = np.hypot(out.solution_wild[within], fault.sigma)
+    for _, within, _ in active(faults, FrozenOutput, events, t):
+        out.frozen[within] = True
+        if out.frozen.size:
+            out.frozen[0] = False  # there is nothing yet to be held
+    return out
 
 
 def highest(elevation: Floats, candidates: Mask, count: int) -> Any:

@@ -19,7 +19,7 @@ from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.kernels.earth import OMEGA, SEMI_MAJOR, SEMI_MINOR
 from lvnav_trade.records import Floats, Sky
 from lvnav_trade.world.constellation import Constellation
-from lvnav_trade.world.faults import Mask, SatelliteOutage, highest, lost
+from lvnav_trade.world.faults import AnyFault, Mask, highest, lost
 from lvnav_trade.world.receiver import ReceiverCard
 from lvnav_trade.world.satellites import Satellites, satellites
 from lvnav_trade.world.trajectory import Trajectory, motion
@@ -44,7 +44,7 @@ def sky(
     receiver: ReceiverCard,
     trajectory: Trajectory,
     t_epoch: Floats,
-    faults: Sequence[SatelliteOutage] = (),
+    faults: Sequence[AnyFault] = (),
 ) -> Sky:
     """Return all usable satellites at the GNSS epochs, as seen from the true antenna; the same for all runs.
 

@@ -79,7 +79,8 @@ OTHER = {
     },
     "receiver": {
         "rate": "0.5 Hz", "mask": "40 deg", "latency": "0.1 s", "latency_error": "4 ms",
-        "latency_sigma": "3 ms", "multipath": "3 m", "multipath_time": "20 s", "lever_error": "0.5 m", "lever_b": ["1 m", "0.5 m", "0.3 m"], "channels": 5,
+        "latency_sigma": "3 ms", "multipath": "3 m", "multipath_time": "20 s", "lever_error": "0.5 m",
+        "lever_b": ["1 m", "0.5 m", "0.3 m"], "channels": 5,
         "pseudorange_sigma": "3 m", "range_rate_sigma": "0.2 m/s", "solution.kind": "bancroft",
         "solution.position_bias": "3 m", "solution.velocity_bias": "0.3 m/s", "solution.bias_time": "20 s",
         "solution.position_sigma": "4 m", "solution.velocity_sigma": "0.3 m/s", "clock.h0": 2e-19,

@@ -3,7 +3,21 @@ import pytest
 from pydantic import ValidationError
 
 from lvnav_trade.errors import InputError
-from lvnav_trade.world.faults import SatelliteOutage, highest, lost
+from lvnav_trade.world.faults import (
+    AntennaFailure,
+    ClockJump,
+    DegradedNoise,
+    FrozenOutput,
+    LatencyChange,
+    RangeBias,
+    SatelliteOutage,
+    WildSamples,
+    antennas_alive,
+    delay,
+    failures,
+    highest,
+    lost,
+)
 
 T = np.arange(0.0, 20.0)
 EVENTS = {"lift_off": 0.0, "stage1_cutoff": 8.0}
@@ -80,3 +94,66 @@ def test_the_highest_are_chosen_among_the_candidates_only():
     assert highest(elevation, candidates, 1).tolist() == [True, False, False, False]
     assert highest(elevation, candidates, 2).tolist() == [True, False, False, True]
     assert highest(elevation, candidates, 9).tolist() == candidates.tolist()
+
+
+def test_an_antenna_that_is_not_there_cannot_fail():
+    with pytest.raises(InputError, match=r"faults\[0\]\.antennas: antenna 5, the receiver has 4"):
+        antennas_alive([AntennaFailure(start="2 s", duration="3 s", antennas=[5])], EVENTS, T, 4)
+
+
+def test_antennas_fail_from_the_start_until_before_the_end():
+    alive = antennas_alive([AntennaFailure(start="2 s", duration="3 s", antennas=[1, 3])], EVENTS, T, 4)
+    assert np.flatnonzero(~alive[:, 0]).tolist() == [2, 3, 4]
+    assert np.array_equal(alive[:, 0], alive[:, 2])
+    assert alive[:, 1].all()
+    assert alive[:, 3].all()
+
+
+def test_latency_changes_add_up_where_they_overlap():
+    late = delay(
+        [
+            LatencyChange(start="2 s", duration="4 s", by="100 ms"),
+            LatencyChange(start="4 s", duration="4 s", by="50 ms"),
+        ],
+        EVENTS, T,
+    )  # fmt: skip
+    np.testing.assert_allclose(late[:10], [0, 0, 0.1, 0.1, 0.15, 0.15, 0.05, 0.05, 0, 0])
+
+
+def test_each_fault_touches_its_own_satellites_and_times_only():
+    names = ("G01", "G02", "G03", "G04")
+    out = failures(
+        [
+            DegradedNoise(start="3 s", duration="2 s", factor=4.0, satellites=["G02"]),
+            DegradedNoise(start="15 s", duration="2 s", factor=2.0),
+            RangeBias(start="stage1_cutoff", duration="4 s", size="20 m", drift="3 m/s"),
+            ClockJump(start="12.4 s", size="150 m"),
+            WildSamples(start="5 s", duration="2 s", sigma="100 m", satellites=["G04"]),
+            FrozenOutput(start="17 s", duration="9 s"),
+        ],
+        EVENTS, T, names, ELEVATION, VISIBLE,
+    )  # fmt: skip
+    assert {tuple(place) for place in np.argwhere(out.noise == 4.0).tolist()} == {(3, 1), (4, 1)}
+    assert np.all(out.noise[15:17] == 2.0)
+    assert np.flatnonzero(out.solution_noise != 1.0).tolist() == [15, 16]
+    # the highest at the fault's start, the third from 7.5 s on
+    np.testing.assert_allclose(out.bias[8:12, 2], [20.0, 23.0, 26.0, 29.0])
+    assert np.count_nonzero(out.bias) == 4
+    np.testing.assert_allclose(out.drift[8:12, 2], 3.0)
+    assert np.flatnonzero(out.jump).tolist() == [13]
+    assert out.jump.sum() == 150.0
+    assert {tuple(place) for place in np.argwhere(out.wild > 0.0).tolist()} == {(5, 3), (6, 3)}
+    assert np.flatnonzero(out.frozen).tolist() == [17, 18, 19]
+
+
+def test_a_satellite_that_is_none_of_the_constellation_is_named():
+    with pytest.raises(InputError, match=r"faults\[1\]\.satellites: 'G9' is not in the constellation"):
+        failures(
+            [outage(), DegradedNoise(start="3 s", duration="2 s", factor=4.0, satellites=["G9"])],
+            EVENTS, T, ("G01", "G02", "G03", "G04"), ELEVATION, VISIBLE,
+        )  # fmt: skip
+
+
+def test_any_fault_outside_the_flight_is_refused_with_its_kind():
+    with pytest.raises(InputError, match=r"faults\[0\]: the clock jump from 50 s to 50 s lies outside the flight"):
+        failures([ClockJump(start="50 s", size="1 m")], EVENTS, T, ("G01",) * 4, ELEVATION, VISIBLE)

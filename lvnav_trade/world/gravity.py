@@ -1,0 +1,30 @@
+"""What true gravity has beyond any model: a disturbance along the flight."""
+
+from __future__ import annotations
+
+import math
+
+from pydantic import Field
+
+from lvnav_trade.units import AccelerationSigma, Card, TimeConstant
+from lvnav_trade.world.imu import ErrorBlock
+
+# Not a sensor's error: it pushes along the axes of frame i.
+NO_SENSOR, GRAVITY = -1, -2
+
+
+class GravityCard(Card):
+    """Gravity disturbance as a Gauss-Markov process in time, per axis (10 to 50 mGal over land; a correlation length of
+    tens of kilometres passes in seconds at orbital speed: Jordan, J. Geophys. Res. 77 (1972) 3660).
+    """
+
+    sigma: AccelerationSigma
+    time: TimeConstant | None = Field(20.0, description="correlation time; none: constant over the flight")
+
+
+def disturbance(card: GravityCard | None) -> tuple[ErrorBlock, ...]:
+    """Return the disturbance as a block of true parameters; none where the card names none."""
+    if card is None or card.sigma == 0.0:
+        return ()
+    time_constant = card.time if card.time is not None else math.inf
+    return (ErrorBlock("gravity disturbance", 0, NO_SENSOR, GRAVITY, card.sigma, 0.0, time_constant),)
