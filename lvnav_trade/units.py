@@ -95,6 +95,8 @@ _EXAMPLES = {
     "m/s**2.5": "acceleration random walk (mg/sqrt(h))",
     "rad*s/m": "g-sensitivity (deg/h/g)",
     "1/s**0.5": "scale-factor drift (ppm/sqrt(year))",
+    "m**2/s**3": "density of acceleration (g^2/Hz, (m/s^2)^2/Hz)",
+    "rad**2/s": "density of angular rate ((deg/s)^2/Hz, (rad/s)^2/Hz)",
     "dimensionless": "fraction (ppm, percent, dimensionless)",
     "dB-Hz": "carrier to noise density (dB-Hz)",
     "dB": "ratio of powers (dB)",
@@ -169,6 +171,8 @@ RateRandomWalk = quantity("rad/s**1.5", minimum=0.0)
 AccelerationRandomWalk = quantity("m/s**2.5", minimum=0.0)
 GSensitivity = quantity("rad*s/m", minimum=0.0)
 ScaleDrift = quantity("1/s**0.5", minimum=0.0)
+AccelerationDensity = quantity("m**2/s**3", minimum=0.0)
+RateDensity = quantity("rad**2/s", minimum=0.0)
 Fraction = quantity("dimensionless", minimum=0.0)
 Decibels = quantity("dB", minimum=0.0)
 Temperature = quantity("K", minimum=0.0)
