@@ -19,10 +19,8 @@ from lvnav_trade.layout import StateLayout, outputs
 from lvnav_trade.records import Floats, Output, Reference, Sky
 from lvnav_trade.scenario import Scenario, beliefs
 from lvnav_trade.world.imu import ErrorBlock, ImuCard, error_blocks, lag
-from lvnav_trade.world.profile import RecordedAscent
 from lvnav_trade.world.sky import sky
-from lvnav_trade.world.trajectory import Trajectory, build, motion, reference
-from lvnav_trade.world.vehicle import VehicleAscent
+from lvnav_trade.world.trajectory import Trajectory, TrajectoryCard, build, motion, reference
 
 Ints = NDArray[np.int64]
 
@@ -49,7 +47,7 @@ class Prepared(NamedTuple):
 
 
 @lru_cache(maxsize=4)
-def _built(trajectory_json: str, kind: type[VehicleAscent] | type[RecordedAscent]) -> Trajectory:
+def _built(trajectory_json: str, kind: type[TrajectoryCard]) -> Trajectory:
     return build(kind.model_validate_json(trajectory_json))
 
 
@@ -59,7 +57,7 @@ def trajectory_of(scenario: Scenario) -> Trajectory:
 
 
 @lru_cache(maxsize=4)
-def _sampled(trajectory_json: str, kind: type[VehicleAscent] | type[RecordedAscent], rate: float) -> Reference:
+def _sampled(trajectory_json: str, kind: type[TrajectoryCard], rate: float) -> Reference:
     return reference(_built(trajectory_json, kind), rate)
 
 
