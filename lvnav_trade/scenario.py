@@ -9,7 +9,7 @@ from pydantic import Field
 
 from lvnav_trade.filters.base import FilterCard, ImuBelief, InitialBelief, ReceiverBelief
 from lvnav_trade.units import AngleSigma, Card, Length, LengthSigma, SpeedSigma
-from lvnav_trade.world.constellation import AlmanacConstellation, NominalConstellation
+from lvnav_trade.world.constellation import Constellation
 from lvnav_trade.world.faults import SatelliteOutage
 from lvnav_trade.world.imu import ImuCard
 from lvnav_trade.world.receiver import ReceiverCard
@@ -32,7 +32,7 @@ class Scenario(Card):
 
     trajectory: Annotated[TrajectoryCard, Field(discriminator="kind")]
     imu: ImuCard
-    constellation: Annotated[NominalConstellation | AlmanacConstellation, Field(discriminator="kind")]
+    constellation: Annotated[Constellation, Field(discriminator="kind")]
     receiver: ReceiverCard
     filter: FilterCard
     initial: InitialErrors
