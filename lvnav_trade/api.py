@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,7 @@ from lvnav_trade.errors import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
+    from lvnav_trade.metrics.comparison import Comparison
     from lvnav_trade.store.read import Tables
 
 MET, VIOLATED, USAGE, UNDECIDED, FAILED, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 4, 5, 130
@@ -194,6 +195,49 @@ def build_report(folder: Path) -> Path:
 def keep_report(results: Path, folder: Path) -> Path:
     """Copy the Markdown page, the figures and the CSV tables of a report into a folder; return the page there."""
     from lvnav_trade.report import keep
+
+    return keep(results, folder)
+
+
+def compare(
+    base: str | Path,
+    candidate: str | Path,
+    effects: Sequence[str] = (),
+    confidence: float | None = None,
+    mapping: Mapping[str, str] | None = None,
+    jobs: int = -1,
+) -> Comparison:
+    """Hold a candidate against a base, run by run on the same draws: worse, not worse or undecided, metric by metric.
+
+    Parameters
+    ----------
+    base, candidate : folders of results, or campaign files, which are run first
+    effects : smallest changes of interest, such as ``velocity_error_3d=5%``, ``position_error_3d@stage1_cutoff=0.5 m``,
+        ``velocity_error_3d:q95=5%``, ``NAME OF A REQUIREMENT=1%``; ``METRIC=none`` leaves one out
+    confidence : 0.95 unless the base's campaign says otherwise
+    mapping : the candidate's name of a case or level, by the base's
+
+    Raises
+    ------
+    InputError
+        The two do not compare, with the reason.
+    """
+    from lvnav_trade.metrics.comparison import compare as hold
+    from lvnav_trade.metrics.comparison import parse_effects
+
+    wanted = parse_effects(effects)
+    folders = [_results_of(place, jobs) for place in (base, candidate)]
+    return hold(folders[0], folders[1], wanted, confidence, mapping)
+
+
+def _results_of(place: str | Path, jobs: int) -> Path:
+    """Return the folder of results; a campaign is run, or what is missing of it."""
+    return Path(place) if Path(place).is_dir() else run(place, jobs=jobs, report=False).folder
+
+
+def keep_base(results: Path, folder: Path) -> Path:
+    """Copy of results what a later comparison needs, small enough for a repository; return the folder."""
+    from lvnav_trade.report.compare import keep_base as keep
 
     return keep(results, folder)
 

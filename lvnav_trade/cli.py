@@ -210,6 +210,53 @@ def report(
 
 
 @app.command()
+def compare(
+    base: Annotated[str, typer.Argument(metavar="BASE", help="folder of results, or a campaign, which is run first")],
+    candidate: Annotated[str, typer.Argument(metavar="CANDIDATE", help="the same")],
+    effect: Annotated[
+        list[str] | None,
+        typer.Option("--effect", metavar="METRIC=AMOUNT", help="smallest change of interest: velocity_error_3d=5%"),
+    ] = None,
+    confidence: Annotated[float | None, typer.Option("--confidence", help="of the verdicts [default: 0.95]")] = None,
+    maps: Annotated[
+        list[str] | None, typer.Option("--map", metavar="BASE:CANDIDATE", help="cases or levels of other names")
+    ] = None,
+    md: Annotated[Path | None, typer.Option("--md", metavar="FILE", help="write the page in Markdown")] = None,
+    junit: Annotated[Path | None, typer.Option("--junit", metavar="FILE", help="write JUnit XML")] = None,
+    jobs: Jobs = -1,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Hold a candidate against a base, run by run: exit code 0 nothing worse, 1 worse, 2 no comparison, 3 undecided."""
+    with _errors(as_json, debug):
+        from lvnav_trade import api
+        from lvnav_trade.report import compare as told
+
+        _jobs(jobs)
+        found = api.compare(base, candidate, effect or (), confidence, told.parse_map(maps or ()), jobs)
+        written = told.write(found, md, junit)
+        code = told.exit_code(found)
+        if as_json:
+            _print_json("compare", code, **told.content(found), written=written)
+        else:
+            print(_table(told.HEAD, told.rows(found)), *found.notes, told.answer(found), sep="\n")
+        raise typer.Exit(code)
+
+
+@app.command("keep-base")
+def keep_base(
+    folder: Annotated[Path, typer.Argument(metavar="RESULTS")],
+    target: Annotated[Path, typer.Argument(metavar="FOLDER", help="where, such as a folder of the repository")],
+    debug: Debug = False,
+) -> None:
+    """Copy of results what `compare` needs of a base: runs and events, some hundred kilobytes."""
+    with _errors(False, debug):
+        from lvnav_trade import api
+
+        print(f"base: {api.keep_base(folder, target)}")
+
+
+@app.command()
 def replay(
     source: Annotated[str, typer.Argument(metavar="CAMPAIGN|RESULTS", help="campaign file or folder of results")],
     case: Annotated[str, typer.Argument(metavar="CASE", help="digest of a case, its beginning, or its label")],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +11,8 @@ import pandas as pd
 
 from lvnav_trade import units
 from lvnav_trade.metrics.intervals import runs_needed, success_bounds
-from lvnav_trade.metrics.select import split_metric
+from lvnav_trade.metrics.select import Errors, errors_at
 from lvnav_trade.store import Tables, load
-from lvnav_trade.store.schema import error_column
 
 COLUMNS = [
     "requirement", "case", "verdict", "estimate", "limit", "probability", "confidence", "runs", "failures",
@@ -49,16 +49,12 @@ def judge(runs: int, failures: int, probability: float, confidence: float) -> tu
 
 def _verdict(tables: Tables, case: str, requirement: dict[str, Any]) -> dict[str, Any]:
     probability, confidence = float(requirement["probability"]), float(requirement.get("confidence", 0.9))
-    quantity, axis = split_metric(requirement["metric"])
-    at = requirement.get("at", "injection")
-    outputs = tables.outputs
-    known = outputs[(outputs.case == case) & (outputs.quantity == quantity) & (outputs.axis == axis)]
-    if known.empty:
+    found = errors_of(tables, case, requirement)
+    if found is None:
         error, bound, unit, factor = np.empty(0), 0.0, "", 1.0
     else:
-        row = known.iloc[0]
-        unit, factor, bound = row.label_unit, row.label_factor_ratio, bound_of(requirement["below"], row.unit)
-        error = _errors(tables, case, at, error_column(quantity, axis, row.unit))
+        error, unit, factor = found.size, found.label_unit, found.label_factor
+        bound = bound_of(requirement["below"], found.unit)
     failures = int((error >= bound).sum())
     verdict, more = judge(len(error), failures, probability, confidence)
     return {
@@ -73,14 +69,14 @@ def _verdict(tables: Tables, case: str, requirement: dict[str, Any]) -> dict[str
     }
 
 
-def _errors(tables: Tables, case: str, event: str, column: str) -> np.ndarray[Any, Any]:
-    """Return |error| of every run at the event, SI; infinite where the run failed."""
-    runs = tables.runs
-    chosen = runs[(runs.case == case) & (runs.event == event)]
-    if column not in runs.columns:
-        return np.empty(0)
-    size = np.abs(chosen[column].to_numpy(dtype=float))
-    return np.where((chosen.failure.to_numpy() != "") | ~np.isfinite(size), np.inf, size)
+def errors_of(tables: Tables, case: str, requirement: Mapping[str, Any]) -> Errors | None:
+    """Return the errors that a requirement is about, of every run of a case; None where its metric is unknown."""
+    return errors_at(tables, case, where(requirement), str(requirement["metric"]))
+
+
+def where(requirement: Mapping[str, Any]) -> str:
+    """Return where in the flight a requirement holds, in words that stand in tables."""
+    return str(requirement.get("at") or "injection")
 
 
 def bound_of(below: Any, unit: str) -> float:
