@@ -9,6 +9,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, field_serializer, field
 
 from lvnav_trade import units
 from lvnav_trade.campaign.tree import Written, hint
+from lvnav_trade.layout import MISSION
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.units import Card, Duration
 
@@ -27,7 +28,10 @@ FRAME_AXES = {
 
 
 class Metric(NamedTuple):
-    """A requirement's metric taken apart: ``quantity``, and ``axis`` (an axis of the reporting frame, or ``3d``)."""
+    """A requirement's metric taken apart: ``quantity``, and ``axis`` (an axis of the reporting frame, or ``3d``).
+
+    A metric of the mission, such as ``perigee_error``, is a quantity by its whole name.
+    """
 
     quantity: str
     axis: str
@@ -35,20 +39,22 @@ class Metric(NamedTuple):
     @property
     def unit(self) -> str:
         """The SI unit of the metric."""
-        return _UNIT[self.quantity]
+        return MISSION[self.quantity].unit if self.quantity in MISSION else _UNIT[self.quantity]
 
 
 def metric_names() -> tuple[str, ...]:
     """Return every metric that a requirement can name."""
     names = [f"{quantity}_error_3d" for quantity in _AXES]
     names += [f"{quantity}_error_{axis}" for quantity, axes in _AXES.items() for axis in axes]
-    return tuple(names)
+    return (*names, *MISSION)
 
 
 def metric(name: str) -> Metric:
     """Take a metric's name apart; ValueError names the nearest where it is unknown."""
     if name not in metric_names():
         raise ValueError(f"{name!r} is not a metric{hint(name, metric_names())}")
+    if name in MISSION:
+        return Metric(name, "3d")
     quantity, _, axis = name.partition("_error_")
     return Metric(quantity, axis)
 
@@ -97,7 +103,7 @@ class Requirement(Card):
     """A bound that a stated fraction of flights must keep, and the confidence at which the runs must show it."""
 
     name: str
-    metric: str = Field(description="such as velocity_error_3d, position_error_north, attitude_error_roll")
+    metric: str = Field(description="such as velocity_error_3d, attitude_error_roll, perigee_error, impact_error")
     at: str = Field(default="injection", description="event of the trajectory")
     probability: float = Field(gt=0, lt=1, description="fraction of flights that must keep the bound")
     below: float = Field(json_schema_extra={"type": "string"}, description="bound with its unit, such as 0.3 m/s")

@@ -13,6 +13,7 @@ from lvnav_trade.engines.statistics import NORM, BlockSummary, add_norms, column
 from lvnav_trade.records import CovHistory, Floats, Output
 from lvnav_trade.store.explained import explained_tables
 from lvnav_trade.store.schema import arrow_schema, error_column
+from lvnav_trade.store.states import state_tables
 from lvnav_trade.world.events import resolve
 
 if TYPE_CHECKING:
@@ -55,6 +56,7 @@ def case_tables(
         "satellites": _satellites(prepared),
         "reference": _reference(prepared, cov.t),
         "events": _events(prepared),
+        **state_tables(prepared, cov),
         **explained_tables(prepared, cov, explained),
     }
     return {name: _arrow(name, case.id, content) for name, content in contents.items()}
