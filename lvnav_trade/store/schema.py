@@ -85,6 +85,14 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("t_failed_s", "real", "when it failed; empty if it did not"),
         Column("nees_ratio", "real", "normalised estimation error squared at the event"),
     ),
+    "worst": (
+        _CASE,
+        Column("run_number", "whole", "number of the run, from 0"),
+        _TIME,
+        Column(
+            "t_end_s", "real", "end of the span, from an event to the next; the largest |error| within stands beside"
+        ),
+    ),
     "history": (
         _CASE,
         _TIME,

@@ -14,6 +14,7 @@ from lvnav_trade.records import CovHistory, Floats, Output
 from lvnav_trade.store.explained import explained_tables
 from lvnav_trade.store.schema import arrow_schema, error_column
 from lvnav_trade.store.states import state_tables
+from lvnav_trade.store.worst import worst_table
 from lvnav_trade.world.events import resolve
 
 if TYPE_CHECKING:
@@ -48,6 +49,7 @@ def case_tables(
         "cases": _cases(case, prepared, summary),
         "outputs": _outputs(prepared.outputs),
         "runs": _runs(prepared.outputs, summary),
+        "worst": worst_table(prepared.outputs, summary),
         "history": _history(prepared.outputs, cov, lincov, summary),
         "consistency": _consistency(prepared, cov, summary),
         "innovations": _innovations(cov, summary),

@@ -1,0 +1,26 @@
+"""The table of each run's largest errors between the events: what a bound on a whole phase is judged on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from lvnav_trade.engines.statistics import BlockSummary, columns
+from lvnav_trade.records import Output
+from lvnav_trade.store.schema import error_column
+
+
+def worst_table(outputs: tuple[Output, ...], summary: BlockSummary | None) -> dict[str, Any]:
+    """Return the columns of `worst`: one row per run and span from an event to the next; none without runs."""
+    every = columns(outputs)
+    names = [error_column(output.quantity, output.axis, output.unit) for output in every]
+    if summary is None:
+        return {name: [] for name in ("run_number", "t_s", "t_end_s", *names)}
+    n_span = summary.worst.shape[1]
+    content: dict[str, Any] = {
+        "run_number": np.repeat(summary.runs, n_span),
+        "t_s": np.tile(summary.t_bound[:-1], summary.n_run),
+        "t_end_s": np.tile(summary.t_bound[1:], summary.n_run),
+    }
+    return content | {name: summary.worst[:, :, k].ravel() for k, name in enumerate(names)}
