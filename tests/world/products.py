@@ -40,6 +40,9 @@ def read_observations(path, code):
     while at < len(lines):
         words = lines[at][:26].split()
         count = int(lines[at][29:32])
+        if int(lines[at][26:29]) > 1:  # no observations but header lines
+            at += 1 + count
+            continue
         assert count <= 12
         names = [f"G{int(lines[at][33 + 3 * k : 35 + 3 * k]):02d}" for k in range(count)]
         time = gps_time(2000 + int(words[0]), *map(int, words[1:5])) + float(words[5])
