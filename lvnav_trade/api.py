@@ -242,6 +242,33 @@ def keep_base(results: Path, folder: Path) -> Path:
     return keep(results, folder)
 
 
+def write_kml(
+    source: str | Path, file: str | Path, ellipses: bool = False, every: float = 60.0, magnify: float = 1.0
+) -> Path:
+    """Write the flight of a trajectory card, or all flights of a folder of results, as KML; return the file.
+
+    ellipses : draw 3-sigma position errors too, `every` seconds and at the events; results only
+    magnify : how many times as large as they are
+    """
+    import pandas as pd
+
+    from lvnav_trade.campaign.preview import preview, read_card
+    from lvnav_trade.report import kml
+    from lvnav_trade.store.read import load as read_tables
+
+    if not every > 0.0 or not magnify > 0.0:
+        raise InputError("the interval of the ellipses and their magnification should be above zero")
+    if Path(source).is_dir():
+        tables = read_tables(source)
+        drawn = kml.flights(tables, ellipses, every)
+        return kml.write_kml(Path(file), str(tables.manifest.get("campaign", Path(source).name)), drawn, magnify)
+    if ellipses:
+        raise InputError(f"{source}: a trajectory has no errors; give a folder of results to draw ellipses")
+    seen = preview(read_card(str(source), Path.cwd()))
+    flight = kml.Flight(seen.name, pd.DataFrame(seen.reference), pd.DataFrame(seen.events))
+    return kml.write_kml(Path(file), seen.name, [flight], magnify)
+
+
 def exit_code(judged: Sequence[str], failures: Sequence[Any]) -> int:
     """Return the exit code of a finished campaign; failed runs come first, because no verdict is safe beside them."""
     if failures:

@@ -126,6 +126,10 @@ class TableTrajectory(Card):
     moving_reference: tuple[tuple[str, str], ...] = Field(
         (), description="pairs of events between which the point that the rows of position refer to moves in the body"
     )
+    largest_force_angle: Annotated[Angle, Field(gt=0.0)] = Field(
+        1.0471975511965976,  # 60 deg
+        description="median angle of forces above 1 g from the body's x axis; beyond it the attitude is refused",
+    )
     pointing: Literal["thrust", "velocity"] = Field(
         "thrust", description="without attitude: along the specific force, or along the Earth-relative velocity"
     )

@@ -203,7 +203,7 @@ def _stepped(card: TableTrajectory, rows: Rows, change: Floats, marks: Mapping[s
         if not names:
             raise InputError(
                 f"{card.file}: the position steps by {size[k]:.3g} m beside its velocity between {rows.t[k]:.9g} and "
-                f"{rows.t[k + 1]:.9g} s, where no event is declared"
+                f"{rows.t[k + 1]:.9g} s, where no event is declared: is one missing, or a frame or unit wrong?"
             )
         found.append(Jump(names, float(rows.t[k + 1]), -change[k]))
         change[k] = 0.0
@@ -293,7 +293,10 @@ def _attitude(card: TableTrajectory, path: Fitted, hold: float) -> BSpline:
 
 
 def _facts(card: TableTrajectory, path: Fitted, flight: Trajectory) -> dict[str, float | str]:
-    """Return what the report says of the file and of what was made of it, SI."""
+    """Return what the report says of the file and of what was made of it, SI.
+
+    InputError where the forces do not lie along the roll axis at all.
+    """
     low, high, inclination = achieved(np.concatenate([path.position(path.edges[-1]), path.position(path.edges[-1], 1)]))
     t = _inner(path.edges)
     jerk = np.linalg.norm(path.position(t, 3), axis=1)
@@ -322,13 +325,27 @@ def _facts(card: TableTrajectory, path: Fitted, flight: Trajectory) -> dict[str,
             facts[f"residual_{what}_worst_{unit_}"] = worst.size
             facts[f"residual_{what}_worst_at_s"] = worst.time
     if path.rows.q_b_i is not None:
-        coarse = fit(path.rows.t[::2], path.rows.q_b_i[::2], [], 5, path.rows.noise[2] * _COMPONENTS).spline
-        every = slice(1, None if path.rows.t.size % 2 else -1, 2)  # the rows left out, none beyond the last one kept
-        facts["attitude_from_half_the_rows_worst_rad"] = float(
-            np.max(_angles(coarse(path.rows.t[every]), path.rows.q_b_i[every]))
-        )
-        powered = load > STANDARD_GRAVITY
-        if np.any(powered):
-            off = np.einsum("ij,ij->i", unit(force[powered]), matrices(motion(flight, t[powered]).q_b_i)[:, :, 0])
-            facts["force_off_roll_axis_median_rad"] = float(np.median(np.arccos(np.clip(off, -1.0, 1.0))))
+        facts |= _attitude_facts(card, path, flight, t[load > STANDARD_GRAVITY], force[load > STANDARD_GRAVITY])
+    return facts
+
+
+def _attitude_facts(
+    card: TableTrajectory, path: Fitted, flight: Trajectory, t: Floats, force: Floats
+) -> dict[str, float]:
+    """Return how well the rows of attitude are spaced, and how far off the roll axis the forces (n, 3) at t lie."""
+    rows = path.rows
+    assert rows.q_b_i is not None
+    coarse = fit(rows.t[::2], rows.q_b_i[::2], [], 5, rows.noise[2] * _COMPONENTS).spline
+    every = slice(1, None if rows.t.size % 2 else -1, 2)  # the rows left out, none beyond the last one kept
+    worst = float(np.max(_angles(coarse(rows.t[every]), rows.q_b_i[every])))
+    facts = {"attitude_from_half_the_rows_worst_rad": worst}
+    if t.size:
+        along = np.einsum("ij,ij->i", unit(force), matrices(motion(flight, t).q_b_i)[:, :, 0])
+        angle = float(np.median(np.arccos(np.clip(along, -1.0, 1.0))))
+        facts["force_off_roll_axis_median_rad"] = angle
+        if angle > card.largest_force_angle:
+            raise InputError(
+                f"{card.file}: forces above 1 g lie {np.degrees(angle):.0f} deg off the body's x axis (median): are "
+                f"turns, scalar and frame of the attitude right? If so, set largest_force_angle"
+            )
     return facts
