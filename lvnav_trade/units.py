@@ -23,6 +23,7 @@ def registry() -> pint.UnitRegistry[Any]:
     units.define("t = 1000 kg")
     units.define("rtHz = Hz ** 0.5")
     units.define("dB_Hz = [cn0]")
+    units.define("TECU = 1e16 / m**2")
     return units
 
 
@@ -103,6 +104,8 @@ _EXAMPLES = {
     "dBi": "antenna gain (dBi)",
     "dBW": "power (dBW)",
     "K": "temperature (K)",
+    "1/m**2": "electron content (TECU)",
+    "Pa": "pressure (Pa, hPa, mbar)",
     "rad*s**2/m": "angle per specific force (rad/g, deg/g)",
 }
 
@@ -153,6 +156,7 @@ AngularRate = quantity("rad/s")
 Speed = quantity("m/s")
 Acceleration = quantity("m/s**2")
 CarrierToNoise = quantity("dB-Hz")
+TurnRate = quantity("Hz")
 Gain = quantity("dBi")
 Level = quantity("dBW")
 
@@ -176,9 +180,12 @@ RateDensity = quantity("rad**2/s", minimum=0.0)
 Fraction = quantity("dimensionless", minimum=0.0)
 Decibels = quantity("dB", minimum=0.0)
 Temperature = quantity("K", minimum=0.0)
+ElectronContent = quantity("1/m**2", minimum=0.0)
 JitterPerForce = quantity("rad*s**2/m", minimum=0.0)
 
 # And these divide.
 Frequency = quantity("Hz", above=0.0)
 TimeConstant = quantity("s", above=0.0)
 Force = quantity("N", above=0.0)
+Pressure = quantity("Pa", above=0.0)
+ScaleHeight = quantity("m", above=0.0)
