@@ -11,13 +11,16 @@ import pandas as pd
 
 from lvnav_trade import units
 from lvnav_trade.metrics.intervals import runs_needed, success_bounds
-from lvnav_trade.metrics.select import Errors, errors_at
+from lvnav_trade.metrics.select import Errors, errors_at, flight_events, split_metric
 from lvnav_trade.store import Tables, load
+from lvnav_trade.store.schema import error_column
 
 COLUMNS = [
     "requirement", "case", "verdict", "estimate", "limit", "probability", "confidence", "runs", "failures",
     "runs_to_decide",
 ]  # fmt: skip
+_SAME = 1e-6
+"""Seconds: one instant."""
 
 
 def verdicts(results: Path | str | Tables) -> pd.DataFrame:
@@ -70,13 +73,50 @@ def _verdict(tables: Tables, case: str, requirement: dict[str, Any]) -> dict[str
 
 
 def errors_of(tables: Tables, case: str, requirement: Mapping[str, Any]) -> Errors | None:
-    """Return the errors that a requirement is about, of every run of a case; None where its metric is unknown."""
-    return errors_at(tables, case, where(requirement), str(requirement["metric"]))
+    """Return the errors that a requirement is about, of every run of a case; None where its metric is unknown.
+
+    Of a phase that is the largest error of each run at the times of the history within it, both ends included.
+    """
+    metric, during = str(requirement["metric"]), requirement.get("during")
+    if not during:
+        return errors_at(tables, case, where(requirement), metric)
+    quantity, axis = split_metric(metric)
+    outputs = tables.outputs
+    known = outputs[(outputs.case == case) & (outputs.quantity == quantity) & (outputs.axis == axis)]
+    if known.empty:
+        return None
+    row: Any = known.iloc[0]
+    first, last = phase_of(tables, case, str(during))
+    worst = tables.worst
+    within = worst[(worst.case == case) & (worst.t_s >= first - _SAME) & (worst.t_end_s <= last + _SAME)]
+    size = within[error_column(quantity, axis, row.unit)].to_numpy(dtype=float)
+    size = np.where((within.failure.to_numpy() != "") | ~np.isfinite(size), np.inf, size)
+    largest = pd.Series(size).groupby(within.run_number.to_numpy(), sort=True).max().to_numpy()
+    return Errors(largest, row.unit, row.label_unit, float(row.label_factor_ratio))
+
+
+def phase_of(tables: Tables, case: str, phase: str) -> tuple[float, float]:
+    """Return first and last time (s) of a phase: ``liftoff to injection``, ``flight`` (lift-off to the end), or with
+    ``start`` and ``end`` for the ends of the history. NaN for an event that the flight does not have.
+    """
+    worst = tables.worst[tables.worst.case == case]
+    ends = (float(worst.t_s.min()), float(worst.t_end_s.max())) if len(worst) else _ends(tables, case)
+    if phase == "flight":
+        return max(ends[0], 0.0), ends[1]
+    known = dict(zip(("start", "end"), ends, strict=True))
+    known |= flight_events(tables, case).set_index("event").t_s.to_dict()
+    first, _, last = phase.partition(" to ")
+    return float(known.get(first, np.nan)), float(known.get(last, np.nan))
+
+
+def _ends(tables: Tables, case: str) -> tuple[float, float]:
+    t = tables.consistency.t_s[tables.consistency.case == case]
+    return float(t.min()), float(t.max())
 
 
 def where(requirement: Mapping[str, Any]) -> str:
-    """Return where in the flight a requirement holds, in words that stand in tables."""
-    return str(requirement.get("at") or "injection")
+    """Return where in the flight a requirement holds: its event, or its phase."""
+    return str(requirement.get("during") or requirement.get("at") or "injection")
 
 
 def bound_of(below: Any, unit: str) -> float:

@@ -25,7 +25,8 @@ EXIT = {"not worse": MET, "worse": WORSE, "undecided": UNDECIDED}
 """Exit codes of the verdicts."""
 ORDER = ("worse", "undecided", "not worse")
 HEAD = ("verdict", "case", "metric", "base", "candidate", "change", "bounds", "effect", "runs", "effective runs")
-KEPT = ("cases", "outputs", "runs", "events", "reference")
+KEPT = ("cases", "outputs", "runs", "worst", "events", "states", "reference")
+KEPT_WITHOUT_RUNS = ("history", "consistency", "covariances", "joint", "innovations")
 """Tables that a comparison reads; `reference` at fewer times, to know the flight again."""
 _KEPT_EVERY = 20
 
@@ -167,12 +168,14 @@ def keep_base(results: Path | str | Tables, folder: Path | str) -> Path:
     import pyarrow.parquet as pq
 
     tables, target = load(results), Path(folder)
-    names = KEPT if int(tables.cases.run_count.sum()) else (*KEPT, "history", "covariances", "innovations", "budget")
+    names = KEPT if int(tables.cases.run_count.sum()) else (*KEPT, *KEPT_WITHOUT_RUNS)
     try:
         target.mkdir(parents=True, exist_ok=True)
         for name in ("manifest.json", "campaign.resolved.yaml"):
             shutil.copyfile(tables.folder / name, target / name)
         for name in names:
+            if not (tables.folder / f"{name}.parquet").exists():
+                continue  # of an older version; a comparison that needs it says so
             table = pq.read_table(tables.folder / f"{name}.parquet")
             if name == "reference":
                 table = table.take(list(range(0, table.num_rows, _KEPT_EVERY)))

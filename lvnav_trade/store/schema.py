@@ -89,9 +89,8 @@ TABLES: dict[str, tuple[Column, ...]] = {
         _CASE,
         Column("run_number", "whole", "number of the run, from 0"),
         _TIME,
-        Column(
-            "t_end_s", "real", "end of the span, from an event to the next; the largest |error| within stands beside"
-        ),
+        Column("t_end_s", "real", "end of the span, from an event to the next; beside it the largest |error| within"),
+        Column("failure", "text", "empty, or why the run failed"),
     ),
     "history": (
         _CASE,

@@ -49,7 +49,7 @@ def case_tables(
         "cases": _cases(case, prepared, summary),
         "outputs": _outputs(prepared.outputs),
         "runs": _runs(prepared.outputs, summary),
-        "worst": worst_table(prepared.outputs, summary),
+        "worst": worst_table(prepared.outputs, summary, FAILURES),
         "history": _history(prepared.outputs, cov, lincov, summary),
         "consistency": _consistency(prepared, cov, summary),
         "innovations": _innovations(cov, summary),

@@ -27,8 +27,8 @@ def test_every_run_has_a_row_for_each_span_with_the_largest_error_in_it(tmp_path
 
 
 def test_without_runs_the_table_has_its_columns_and_no_row():
-    empty = worst_table(synthetic.OUTPUTS, None)
+    empty = worst_table(synthetic.OUTPUTS, None, {})
     cov = synthetic.covariance()
     one = merge([summarise(synthetic.block(cov, 0, 8), synthetic.EVENTS, cov.true_sigma, synthetic.OUTPUTS)])
-    assert list(empty) == list(worst_table(synthetic.OUTPUTS, one))
+    assert list(empty) == list(worst_table(synthetic.OUTPUTS, one, {0: ""}))
     assert set(map(len, empty.values())) == {0}
