@@ -8,6 +8,7 @@ from typing import Any, Literal, NamedTuple
 from pydantic import Field, PrivateAttr, ValidationInfo, field_serializer, field_validator, model_validator
 
 from lvnav_trade import units
+from lvnav_trade.campaign.corridor import Corridor
 from lvnav_trade.campaign.tree import Written, hint
 from lvnav_trade.layout import MISSION
 from lvnav_trade.scenario import Scenario
@@ -25,6 +26,10 @@ FRAME_AXES = {
     "inertial": ("x", "y", "z"),
     "orbital": ("radial", "along", "cross"),
 }
+
+
+FLIGHT, ENDS = "flight", ("start", "end")
+"""Words of a phase that are no events: from lift-off on; the first and the last time of the flight."""
 
 
 class Metric(NamedTuple):
@@ -104,7 +109,13 @@ class Requirement(Card):
 
     name: str
     metric: str = Field(description="such as velocity_error_3d, attitude_error_roll, perigee_error, impact_error")
-    at: str = Field(default="injection", description="event of the trajectory")
+    during: str | None = Field(
+        default=None,
+        description="phase whose worst error counts, in place of an event: 'liftoff to injection'; flight, start, end",
+    )
+    at: str | None = Field(
+        default=None, validate_default=True, description="event of the trajectory; injection if no phase is given"
+    )
     probability: float = Field(gt=0, lt=1, description="fraction of flights that must keep the bound")
     below: float = Field(json_schema_extra={"type": "string"}, description="bound with its unit, such as 0.3 m/s")
     confidence: float = Field(default=0.9, gt=0, lt=1)
@@ -114,6 +125,31 @@ class Requirement(Card):
     def _known(cls, name: str) -> str:
         metric(name)
         return name
+
+    @field_validator("during")
+    @classmethod
+    def _span(cls, phase: str | None, info: ValidationInfo) -> str | None:
+        if phase is not None and info.data.get("metric") in MISSION:
+            raise ValueError(f"{info.data['metric']} is a number of the orbit at an event; give at in place of during")
+        if phase is not None and phase != FLIGHT and len(phase.split(" to ")) != 2:
+            raise ValueError(f"{phase!r} is no phase; write 'EVENT to EVENT' or {FLIGHT}")
+        return phase
+
+    @field_validator("at")
+    @classmethod
+    def _one_place(cls, event: str | None, info: ValidationInfo) -> str | None:
+        during = info.data.get("during")
+        if event is not None and during is not None:
+            raise ValueError("a requirement holds at an event or during a phase, not both")
+        return event if event is not None or during is not None else "injection"
+
+    @property
+    def events(self) -> tuple[str, ...]:
+        """The events that it names: the one, or both ends of the phase."""
+        if self.during is None:
+            return (self.at or "injection",)
+        ends = () if self.during == FLIGHT else self.during.split(" to ")
+        return tuple(end for end in ends if end not in ENDS)
 
     @field_validator("below", mode="before")
     @classmethod
@@ -195,6 +231,7 @@ class Campaign(Card):
     keep: Keep = Keep()
     requirements: tuple[Requirement, ...] = ()
     references: tuple[Published, ...] = ()
+    corridor: Corridor | None = Field(default=None, description="where the point of impact must stay")
     report: Report = Report()
     _written: Written = PrivateAttr(default_factory=Written)
 

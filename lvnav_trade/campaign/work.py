@@ -90,7 +90,7 @@ class Job(NamedTuple):
 def asked_of(campaign: Campaign) -> Asked:
     """Return what a campaign asks of linear covariance."""
     card = campaign.covariance
-    events = tuple(dict.fromkeys(requirement.at for requirement in campaign.requirements))
+    events = tuple(dict.fromkeys(event for requirement in campaign.requirements for event in requirement.events))
     return Asked(card.at or "", events, card.adjoint, card.sensitivity, card.observability, card.budget)
 
 
