@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,7 @@ from lvnav_trade.errors import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
+    from lvnav_trade.metrics.comparison import Comparison
     from lvnav_trade.store.read import Tables
 
 MET, VIOLATED, USAGE, UNDECIDED, FAILED, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 4, 5, 130
@@ -196,6 +197,76 @@ def keep_report(results: Path, folder: Path) -> Path:
     from lvnav_trade.report import keep
 
     return keep(results, folder)
+
+
+def compare(
+    base: str | Path,
+    candidate: str | Path,
+    effects: Sequence[str] = (),
+    confidence: float | None = None,
+    mapping: Mapping[str, str] | None = None,
+    jobs: int = -1,
+) -> Comparison:
+    """Hold a candidate against a base, run by run on the same draws: worse, not worse or undecided, metric by metric.
+
+    Parameters
+    ----------
+    base, candidate : folders of results, or campaign files, which are run first
+    effects : smallest changes of interest, such as ``velocity_error_3d=5%``, ``position_error_3d@stage1_cutoff=0.5 m``,
+        ``velocity_error_3d:q95=5%``, ``NAME OF A REQUIREMENT=1%``; ``METRIC=none`` leaves one out
+    confidence : 0.95 unless the base's campaign says otherwise
+    mapping : the candidate's name of a case or level, by the base's
+
+    Raises
+    ------
+    InputError
+        The two do not compare, with the reason.
+    """
+    from lvnav_trade.metrics.comparison import compare as hold
+    from lvnav_trade.metrics.comparison import parse_effects
+
+    wanted = parse_effects(effects)
+    folders = [_results_of(place, jobs) for place in (base, candidate)]
+    return hold(folders[0], folders[1], wanted, confidence, mapping)
+
+
+def _results_of(place: str | Path, jobs: int) -> Path:
+    """Return the folder of results; a campaign is run, or what is missing of it."""
+    return Path(place) if Path(place).is_dir() else run(place, jobs=jobs, report=False).folder
+
+
+def keep_base(results: Path, folder: Path) -> Path:
+    """Copy of results what a later comparison needs, small enough for a repository; return the folder."""
+    from lvnav_trade.report.compare import keep_base as keep
+
+    return keep(results, folder)
+
+
+def write_kml(
+    source: str | Path, file: str | Path, ellipses: bool = False, every: float = 60.0, magnify: float = 1.0
+) -> Path:
+    """Write the flight of a trajectory card, or all flights of a folder of results, as KML; return the file.
+
+    ellipses : draw 3-sigma position errors too, `every` seconds and at the events; results only
+    magnify : how many times as large as they are
+    """
+    import pandas as pd
+
+    from lvnav_trade.campaign.preview import preview, read_card
+    from lvnav_trade.report import kml
+    from lvnav_trade.store.read import load as read_tables
+
+    if not every > 0.0 or not magnify > 0.0:
+        raise InputError("the interval of the ellipses and their magnification should be above zero")
+    if Path(source).is_dir():
+        tables = read_tables(source)
+        drawn = kml.flights(tables, ellipses, every)
+        return kml.write_kml(Path(file), str(tables.manifest.get("campaign", Path(source).name)), drawn, magnify)
+    if ellipses:
+        raise InputError(f"{source}: a trajectory has no errors; give a folder of results to draw ellipses")
+    seen = preview(read_card(str(source), Path.cwd()))
+    flight = kml.Flight(seen.name, pd.DataFrame(seen.reference), pd.DataFrame(seen.events))
+    return kml.write_kml(Path(file), seen.name, [flight], magnify)
 
 
 def exit_code(judged: Sequence[str], failures: Sequence[Any]) -> int:

@@ -129,10 +129,8 @@ def check(campaign: CampaignFile, sets: Sets = None, as_json: Json = False, debu
         from lvnav_trade.campaign.axes import cases
 
         found = cases(api.check(campaign, sets or ()))
-        if as_json:
-            _print_json("check", 0, cases=[{"id": case.id, "label": case.label} for case in found], mistakes=[])
-        else:
-            print(f"{campaign}: good, {len(found)} {'case' if len(found) == 1 else 'cases'}")
+        good = f"{campaign}: good, {len(found)} {'case' if len(found) == 1 else 'cases'}"
+        _say("check", as_json, good, cases=[{"id": case.id, "label": case.label} for case in found], mistakes=[])
 
 
 @app.command()
@@ -144,13 +142,9 @@ def plan(
         from lvnav_trade import api
 
         found = api.plan(campaign, sets or (), out)
-        if as_json:
-            _print_json("plan", 0, **found._asdict())
-            return
-        print(_table(["case", "label", "runs", "done"], [list(row.values()) for row in found.cases]))
-        print(
-            f"about {found.seconds:.0f} s of one core, {found.disk_mb:.0f} MB of disk, {found.memory_mb:.0f} MB a job"
-        )
+        table = _table(["case", "label", "runs", "done"], [list(row.values()) for row in found.cases])
+        cost = f"{found.seconds:.0f} s of one core, {found.disk_mb:.0f} MB of disk, {found.memory_mb:.0f} MB a job"
+        _say("plan", as_json, f"{table}\nabout {cost}", **found._asdict())
 
 
 @app.command()
@@ -174,16 +168,11 @@ def cards(
 
         if name is not None:
             text = shelf.card_text(name, Path.cwd())
-            if as_json:
-                _print_json("cards", 0, name=name, text=text)
-            else:
-                print(text, end="")
+            _say("cards", as_json, text.removesuffix("\n"), name=name, text=text)
             return
         found = shelf.catalogue(Path.cwd())
-        if as_json:
-            _print_json("cards", 0, cards=[card._asdict() for card in found])
-        else:
-            print(_table(["card", "what", "source"], [[card.name, card.title, card.source] for card in found]))
+        listed = _table(["card", "what", "source"], [[card.name, card.title, card.source] for card in found])
+        _say("cards", as_json, listed, cards=[card._asdict() for card in found])
 
 
 @app.command()
@@ -203,10 +192,73 @@ def report(
         api.load(folder)
         page = api.build_report(folder)
         kept = api.keep_report(folder, keep) if keep is not None else None
+        told = f"report: {page}" + (f"\nkept: {kept}" if kept else "")
+        _say("report", as_json, told, report=str(page), kept=str(kept) if kept else None)
+
+
+@app.command()
+def compare(
+    base: Annotated[str, typer.Argument(metavar="BASE", help="folder of results, or a campaign, which is run first")],
+    candidate: Annotated[str, typer.Argument(metavar="CANDIDATE", help="the same")],
+    effect: Annotated[
+        list[str] | None,
+        typer.Option("--effect", metavar="METRIC=AMOUNT", help="smallest change of interest: velocity_error_3d=5%"),
+    ] = None,
+    confidence: Annotated[float | None, typer.Option("--confidence", help="of the verdicts [default: 0.95]")] = None,
+    maps: Annotated[
+        list[str] | None, typer.Option("--map", metavar="BASE:CANDIDATE", help="cases or levels of other names")
+    ] = None,
+    md: Annotated[Path | None, typer.Option("--md", metavar="FILE", help="write the page in Markdown")] = None,
+    junit: Annotated[Path | None, typer.Option("--junit", metavar="FILE", help="write JUnit XML")] = None,
+    jobs: Jobs = -1,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Hold a candidate against a base, run by run: exit code 0 nothing worse, 1 worse, 2 no comparison, 3 undecided."""
+    with _errors(as_json, debug):
+        from lvnav_trade import api
+        from lvnav_trade.report import compare as told
+
+        _jobs(jobs)
+        found = api.compare(base, candidate, effect or (), confidence, told.parse_map(maps or ()), jobs)
+        written = told.write(found, md, junit)
+        code = told.exit_code(found)
         if as_json:
-            _print_json("report", 0, report=str(page), kept=str(kept) if kept else None)
+            _print_json("compare", code, **told.content(found), written=written)
         else:
-            print(f"report: {page}" + (f"\nkept: {kept}" if kept else ""))
+            print(_table(told.HEAD, told.rows(found)), *found.notes, told.answer(found), sep="\n")
+        raise typer.Exit(code)
+
+
+@app.command("keep-base")
+def keep_base(
+    folder: Annotated[Path, typer.Argument(metavar="RESULTS")],
+    target: Annotated[Path, typer.Argument(metavar="FOLDER", help="where, such as a folder of the repository")],
+    debug: Debug = False,
+) -> None:
+    """Copy of results what `compare` needs of a base: runs and events, some hundred kilobytes."""
+    with _errors(False, debug):
+        from lvnav_trade import api
+
+        print(f"base: {api.keep_base(folder, target)}")
+
+
+@app.command()
+def kml(
+    source: Annotated[str, typer.Argument(metavar="CARD|RESULTS", help="trajectory card, or folder of results")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="file to write")],
+    ellipses: Annotated[bool, typer.Option("--ellipses", help="draw 3-sigma position errors, of results")] = False,
+    every: Annotated[float, typer.Option("--every", help="seconds between ellipses")] = 60.0,
+    magnify: Annotated[float, typer.Option("--magnify", help="draw ellipses so many times as large")] = 1.0,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Write flights as KML, for viewers of the Earth."""
+    with _errors(as_json, debug):
+        from lvnav_trade import api
+
+        written = str(api.write_kml(source, output, ellipses, every, magnify))
+        _say("kml", as_json, f"kml: {written}", kml=written)
 
 
 @app.command()
@@ -312,6 +364,14 @@ def _leave(code: int, as_json: bool, message: str, records: Sequence[Mistake] = 
             where = f" file={record.file},line={record.line},col={record.column}" if record.line else ""
             print(f"::error{where}::{text}", file=sys.stderr)
     raise typer.Exit(code)
+
+
+def _say(verb: str, as_json: bool, text: str, /, **content: Any) -> None:
+    """Print what a verb has to tell, which went well: the text for people, or the content for programs."""
+    if as_json:
+        _print_json(verb, 0, **content)
+    else:
+        print(text)
 
 
 def _print_json(verb: str, code: int, **content: Any) -> None:

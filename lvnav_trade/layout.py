@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -121,3 +122,22 @@ def outputs(layout: StateLayout, frame: str) -> tuple[Output, ...]:
         for i, label in enumerate(extra.labels):
             table[extra.offset + i] = Output(extra.name, label or "all", *EXTRAS[extra.name])
     return tuple(table[i] for i in range(layout.n_state))
+
+
+MISSION = {
+    name: Output(name, "3d", unit, label_unit, factor)
+    for name, unit, label_unit, factor in (
+        ("semi_major_axis_error", "m", "km", 1e-3),
+        ("eccentricity_error", "dimensionless", "-", 1.0),
+        ("eccentricity_vector_error", "dimensionless", "-", 1.0),
+        ("perigee_error", "m", "km", 1e-3),
+        ("apogee_error", "m", "km", 1e-3),
+        ("inclination_error", "rad", "deg", 180.0 / math.pi),
+        ("node_error", "rad", "deg", 180.0 / math.pi),
+        ("correction_delta_v", "m/s", "m/s", 1.0),
+        ("impact_error", "m", "km", 1e-3),
+        ("impact_error_down", "m", "km", 1e-3),
+        ("impact_error_cross", "m", "km", 1e-3),
+    )
+}
+"""Metrics of a mission that a requirement may name: functions of the errors of velocity and position together."""

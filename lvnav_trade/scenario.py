@@ -9,13 +9,12 @@ from pydantic import Field
 
 from lvnav_trade.filters.base import FilterCard, ImuBelief, InitialBelief, ReceiverBelief
 from lvnav_trade.units import AngleSigma, Card, Length, LengthSigma, SpeedSigma
-from lvnav_trade.world.constellation import AlmanacConstellation, NominalConstellation
+from lvnav_trade.world.constellation import Constellation
 from lvnav_trade.world.faults import Fault
 from lvnav_trade.world.gravity import GravityCard
 from lvnav_trade.world.imu import ImuCard
-from lvnav_trade.world.profile import RecordedAscent
 from lvnav_trade.world.receiver import ReceiverCard
-from lvnav_trade.world.vehicle import VehicleAscent
+from lvnav_trade.world.trajectory import TrajectoryCard
 
 
 class InitialErrors(Card):
@@ -32,9 +31,9 @@ class InitialErrors(Card):
 class Scenario(Card):
     """Everything that one case needs; cards are already resolved into it."""
 
-    trajectory: Annotated[VehicleAscent | RecordedAscent, Field(discriminator="kind")]
+    trajectory: Annotated[TrajectoryCard, Field(discriminator="kind")]
     imu: ImuCard
-    constellation: Annotated[NominalConstellation | AlmanacConstellation, Field(discriminator="kind")]
+    constellation: Annotated[Constellation, Field(discriminator="kind")]
     receiver: ReceiverCard
     filter: FilterCard
     initial: InitialErrors

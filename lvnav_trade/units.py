@@ -23,6 +23,7 @@ def registry() -> pint.UnitRegistry[Any]:
     units.define("t = 1000 kg")
     units.define("rtHz = Hz ** 0.5")
     units.define("dB_Hz = [cn0]")
+    units.define("TECU = 1e16 / m**2")
     return units
 
 
@@ -95,12 +96,16 @@ _EXAMPLES = {
     "m/s**2.5": "acceleration random walk (mg/sqrt(h))",
     "rad*s/m": "g-sensitivity (deg/h/g)",
     "1/s**0.5": "scale-factor drift (ppm/sqrt(year))",
+    "m**2/s**3": "density of acceleration (g^2/Hz, (m/s^2)^2/Hz)",
+    "rad**2/s": "density of angular rate ((deg/s)^2/Hz, (rad/s)^2/Hz)",
     "dimensionless": "fraction (ppm, percent, dimensionless)",
     "dB-Hz": "carrier to noise density (dB-Hz)",
     "dB": "ratio of powers (dB)",
     "dBi": "antenna gain (dBi)",
     "dBW": "power (dBW)",
     "K": "temperature (K)",
+    "1/m**2": "electron content (TECU)",
+    "Pa": "pressure (Pa, hPa, mbar)",
     "rad*s**2/m": "angle per specific force (rad/g, deg/g)",
 }
 
@@ -151,6 +156,7 @@ AngularRate = quantity("rad/s")
 Speed = quantity("m/s")
 Acceleration = quantity("m/s**2")
 CarrierToNoise = quantity("dB-Hz")
+TurnRate = quantity("Hz")
 Gain = quantity("dBi")
 Level = quantity("dBW")
 
@@ -169,12 +175,17 @@ RateRandomWalk = quantity("rad/s**1.5", minimum=0.0)
 AccelerationRandomWalk = quantity("m/s**2.5", minimum=0.0)
 GSensitivity = quantity("rad*s/m", minimum=0.0)
 ScaleDrift = quantity("1/s**0.5", minimum=0.0)
+AccelerationDensity = quantity("m**2/s**3", minimum=0.0)
+RateDensity = quantity("rad**2/s", minimum=0.0)
 Fraction = quantity("dimensionless", minimum=0.0)
 Decibels = quantity("dB", minimum=0.0)
 Temperature = quantity("K", minimum=0.0)
+ElectronContent = quantity("1/m**2", minimum=0.0)
 JitterPerForce = quantity("rad*s**2/m", minimum=0.0)
 
 # And these divide.
 Frequency = quantity("Hz", above=0.0)
 TimeConstant = quantity("s", above=0.0)
 Force = quantity("N", above=0.0)
+Pressure = quantity("Pa", above=0.0)
+ScaleHeight = quantity("m", above=0.0)

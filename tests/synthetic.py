@@ -124,6 +124,7 @@ def prepared() -> Any:
     shape = (N_EPOCH, N_SAT, 3)
     return SimpleNamespace(
         scenario=SimpleNamespace(
+            frame="ned",
             faults=(SimpleNamespace(kind="satellite_outage", start="stage1_cutoff + 20 s", duration=15.0),)
         ),
         trajectory=SimpleNamespace(

@@ -208,3 +208,44 @@ def test_a_replay_of_an_unknown_case_is_refused(events: dict[str, float]) -> Non
     result = call("replay", "campaigns/demo.yaml", "imu=tactical_fog, filter=tigth", "0")
     assert result.exit_code == 2
     assert "(did you mean 'imu=tactical_fog, filter=tight'?)" in result.stderr
+
+
+@pytest.fixture(scope="module")
+def variants(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with results and three candidates."""
+    from lvnav_trade.store import load
+    from tests import synthetic
+    from tests.metrics.variants import variant, worse
+
+    folder = tmp_path_factory.mktemp("variants")
+    base = load(synthetic.results(folder / "base", n_run=40))
+    variant(base, folder / "same", runs=worse(1.0))
+    variant(base, folder / "larger", runs=worse(1.3))
+    variant(base, folder / "close", runs=worse(1.05, 0.05))
+    variant(base, folder / "other", campaign=lambda campaign: campaign | {"seed": 8})
+    return folder
+
+
+@pytest.mark.parametrize(("candidate", "code"), [("same", 0), ("larger", 1), ("other", 2), ("close", 3)])
+def test_a_comparison_says_by_its_exit_code_what_came_out(variants: Path, candidate: str, code: int) -> None:
+    result = call("compare", str(variants / "base"), str(variants / candidate), "--effect", "rare=none")
+    assert result.exit_code == code
+    assert (result.stdout == "") == (code == 2)
+
+
+def test_a_comparison_as_one_json_object_and_as_files(variants: Path, tmp_path: Path) -> None:
+    junit, md = tmp_path / "junit.xml", tmp_path / "page.md"
+    sides = [str(variants / "base"), str(variants / "larger")]
+    result = call("compare", *sides, "--json", "--junit", str(junit), "--md", str(md), "--map", "fine:coarse")
+    content = json.loads(result.stdout)
+    assert (content["verb"], content["verdict"], content["exit_code"]) == ("compare", "worse", 1)
+    assert content["rows"][0]["case"] == "imu=fine → imu=coarse"
+    assert content["written"] == [str(md), str(junit)]
+    assert junit.read_text().startswith("<?xml")
+    assert "imu=fine → imu=coarse" in md.read_text()
+
+
+def test_what_a_repository_keeps_of_a_base_is_told(variants: Path, tmp_path: Path) -> None:
+    kept = tmp_path / "kept"
+    assert call("keep-base", str(variants / "base"), str(kept)).stdout == f"base: {kept}\n"
+    assert call("compare", str(kept), str(variants / "same"), "--effect", "rare=none").exit_code == 0

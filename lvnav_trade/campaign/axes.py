@@ -128,5 +128,11 @@ def _canonical(model: BaseModel) -> dict[str, Any]:
         elif isinstance(value, tuple) and value and isinstance(value[0], BaseModel):
             data[name] = [_canonical(item) for item in value]
         elif fields.is_path(type(model), name) and isinstance(value, str):
-            data[name] = hashlib.sha256(Path(value).read_bytes()).hexdigest()
+            data[name] = _content(value)
+        elif fields.is_path(type(model), name) and isinstance(value, tuple):
+            data[name] = [_content(item) for item in value]
     return data
+
+
+def _content(file: str) -> str:
+    return hashlib.sha256(Path(file).read_bytes()).hexdigest()

@@ -104,19 +104,35 @@ def flight(campaign: Campaign, cases: Sequence[Case], events: Mapping[str, Mappi
     found: dict[Mistake, None] = {}
     for case in cases:
         times = events[case.id]
-        wanted = {f"requirements.{index}.at": requirement.at for index, requirement in enumerate(campaign.requirements)}
+        wanted = [
+            (f"requirements.{index}.{'during' if requirement.during else 'at'}", event)
+            for index, requirement in enumerate(campaign.requirements)
+            for event in requirement.events
+        ]
         if campaign.covariance.at is not None:
-            wanted["covariance.at"] = campaign.covariance.at
-        for path, event in wanted.items():
+            wanted.append(("covariance.at", campaign.covariance.at))
+        for path, event in wanted:
             if event not in times:
                 near = tree.hint(event, times) or f" (it has {', '.join(times)})"
                 message = f"{event!r} is not an event of the trajectory{near}"
                 found.setdefault(campaign.written.mistake(path, message))
+        for index, requirement in enumerate(campaign.requirements):
+            message = _backwards(requirement.events, times) if requirement.during else ""
+            if message:
+                found.setdefault(campaign.written.mistake(f"requirements.{index}.during", message))
         for index, fault in enumerate(case.scenario.faults):
             message = _fault(fault, times, *span(case.scenario, times))
             if message:
                 found.setdefault(written(campaign, case, f"base.faults.{index}.start", message))
     return list(found)
+
+
+def _backwards(ends: Sequence[str], times: Mapping[str, float]) -> str:
+    """Say that a phase ends before it begins, where it does."""
+    known = [times[event] for event in ends if event in times]
+    if len(known) < 2 or known[0] < known[1]:
+        return ""
+    return f"the phase from {ends[0]} ({known[0]:g} s) to {ends[1]} ({known[1]:g} s) has no length"
 
 
 def span(scenario: Scenario, events: Mapping[str, float]) -> tuple[float, float]:

@@ -82,7 +82,9 @@ def check_flight(campaign: Campaign, found: Sequence[Case], job: Job, jobs: int)
 
 def _flight_of(case: Case) -> str:
     """Return what a case's events depend on, and whether it can be flown."""
-    return case.scenario.trajectory.model_dump_json() + case.scenario.constellation.model_dump_json()
+    scenario = case.scenario
+    judged_by = scenario.imu.model_dump_json() if scenario.trajectory.kind == "table" else ""  # see its residual
+    return scenario.trajectory.model_dump_json() + scenario.constellation.model_dump_json() + judged_by
 
 
 def run(

@@ -80,7 +80,10 @@ class Expander:
         return node
 
     def _file(self, node: Node, path: str) -> Node:
-        """Return the absolute path of a file that must exist, given relative to the file that names it."""
+        """Return the absolute path of a file that must exist, or of several, given relative to what names it."""
+        if node.is_list:
+            files = [self._file(child, join(path, index)) for index, child in enumerate(node.value)]
+            return Node(files, node.place)
         if not isinstance(node.value, str):
             return node
         file = node.place.folder / node.value

@@ -15,6 +15,7 @@ from lvnav_trade.campaign.expand import Expander
 from lvnav_trade.campaign.explain import explain
 from lvnav_trade.campaign.overrides import apply
 from lvnav_trade.campaign.schema import Axis, Campaign
+from lvnav_trade.campaign.sets import splice
 from lvnav_trade.campaign.tree import Node, mistake
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.scenario import Scenario
@@ -57,6 +58,8 @@ class _Loader:
     def campaign(self) -> Campaign:
         """Return the campaign or raise all mistakes."""
         axes = self._axes()
+        self.root, in_sets = splice(self.root, self.shelf)
+        self.mistakes.extend(in_sets)
         root = self._with_base_from(axes)
         expander = Expander(self.shelf)
         root = expander.expand(root, Campaign, "")

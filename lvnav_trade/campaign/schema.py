@@ -8,7 +8,9 @@ from typing import Any, Literal, NamedTuple
 from pydantic import Field, PrivateAttr, ValidationInfo, field_serializer, field_validator, model_validator
 
 from lvnav_trade import units
+from lvnav_trade.campaign.corridor import Corridor
 from lvnav_trade.campaign.tree import Written, hint
+from lvnav_trade.layout import MISSION
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.units import Card, Duration
 
@@ -26,8 +28,15 @@ FRAME_AXES = {
 }
 
 
+FLIGHT, ENDS = "flight", ("start", "end")
+"""Words of a phase that are no events: from lift-off on; the first and the last time of the flight."""
+
+
 class Metric(NamedTuple):
-    """A requirement's metric taken apart: ``quantity``, and ``axis`` (an axis of the reporting frame, or ``3d``)."""
+    """A requirement's metric taken apart: ``quantity``, and ``axis`` (an axis of the reporting frame, or ``3d``).
+
+    A metric of the mission, such as ``perigee_error``, is a quantity by its whole name.
+    """
 
     quantity: str
     axis: str
@@ -35,20 +44,22 @@ class Metric(NamedTuple):
     @property
     def unit(self) -> str:
         """The SI unit of the metric."""
-        return _UNIT[self.quantity]
+        return MISSION[self.quantity].unit if self.quantity in MISSION else _UNIT[self.quantity]
 
 
 def metric_names() -> tuple[str, ...]:
     """Return every metric that a requirement can name."""
     names = [f"{quantity}_error_3d" for quantity in _AXES]
     names += [f"{quantity}_error_{axis}" for quantity, axes in _AXES.items() for axis in axes]
-    return tuple(names)
+    return (*names, *MISSION)
 
 
 def metric(name: str) -> Metric:
     """Take a metric's name apart; ValueError names the nearest where it is unknown."""
     if name not in metric_names():
         raise ValueError(f"{name!r} is not a metric{hint(name, metric_names())}")
+    if name in MISSION:
+        return Metric(name, "3d")
     quantity, _, axis = name.partition("_error_")
     return Metric(quantity, axis)
 
@@ -97,8 +108,14 @@ class Requirement(Card):
     """A bound that a stated fraction of flights must keep, and the confidence at which the runs must show it."""
 
     name: str
-    metric: str = Field(description="such as velocity_error_3d, position_error_north, attitude_error_roll")
-    at: str = Field(default="injection", description="event of the trajectory")
+    metric: str = Field(description="such as velocity_error_3d, attitude_error_roll, perigee_error, impact_error")
+    during: str | None = Field(
+        default=None,
+        description="phase whose worst error counts, in place of an event: 'liftoff to injection'; flight, start, end",
+    )
+    at: str | None = Field(
+        default=None, validate_default=True, description="event of the trajectory; injection if no phase is given"
+    )
     probability: float = Field(gt=0, lt=1, description="fraction of flights that must keep the bound")
     below: float = Field(json_schema_extra={"type": "string"}, description="bound with its unit, such as 0.3 m/s")
     confidence: float = Field(default=0.9, gt=0, lt=1)
@@ -108,6 +125,31 @@ class Requirement(Card):
     def _known(cls, name: str) -> str:
         metric(name)
         return name
+
+    @field_validator("during")
+    @classmethod
+    def _span(cls, phase: str | None, info: ValidationInfo) -> str | None:
+        if phase is not None and info.data.get("metric") in MISSION:
+            raise ValueError(f"{info.data['metric']} is a number of the orbit at an event; give at in place of during")
+        if phase is not None and phase != FLIGHT and len(phase.split(" to ")) != 2:
+            raise ValueError(f"{phase!r} is no phase; write 'EVENT to EVENT' or {FLIGHT}")
+        return phase
+
+    @field_validator("at")
+    @classmethod
+    def _one_place(cls, event: str | None, info: ValidationInfo) -> str | None:
+        during = info.data.get("during")
+        if event is not None and during is not None:
+            raise ValueError("a requirement holds at an event or during a phase, not both")
+        return event if event is not None or during is not None else "injection"
+
+    @property
+    def events(self) -> tuple[str, ...]:
+        """The events that it names: the one, or both ends of the phase."""
+        if self.during is None:
+            return (self.at or "injection",)
+        ends = () if self.during == FLIGHT else self.during.split(" to ")
+        return tuple(end for end in ends if end not in ENDS)
 
     @field_validator("below", mode="before")
     @classmethod
@@ -189,6 +231,7 @@ class Campaign(Card):
     keep: Keep = Keep()
     requirements: tuple[Requirement, ...] = ()
     references: tuple[Published, ...] = ()
+    corridor: Corridor | None = Field(default=None, description="where the point of impact must stay")
     report: Report = Report()
     _written: Written = PrivateAttr(default_factory=Written)
 

@@ -58,12 +58,12 @@ def engine() -> Engine:
 def _events(scenario: Scenario) -> dict[str, float]:
     """Return the event times of a flight; InputError where it or the satellites cannot be."""
     from lvnav_trade.engines.prepare import trajectory_of
-    from lvnav_trade.world.constellation import orbits
+    from lvnav_trade.world.satellites import satellites
 
     with _about("base.trajectory"):
         events = dict(trajectory_of(scenario).events)
     with _about("base.constellation"):
-        orbits(scenario.constellation, scenario.trajectory.epoch)
+        satellites(scenario.constellation, scenario.trajectory.epoch)
     return events
 
 
@@ -90,7 +90,7 @@ class Job(NamedTuple):
 def asked_of(campaign: Campaign) -> Asked:
     """Return what a campaign asks of linear covariance."""
     card = campaign.covariance
-    events = tuple(dict.fromkeys(requirement.at for requirement in campaign.requirements))
+    events = tuple(dict.fromkeys(event for requirement in campaign.requirements for event in requirement.events))
     return Asked(card.at or "", events, card.adjoint, card.sensitivity, card.observability, card.budget)
 
 

@@ -31,10 +31,15 @@ from lvnav_trade.world.faults import (
 )
 from lvnav_trade.world.gravity import disturbance
 from lvnav_trade.world.imu import ErrorBlock, ImuCard, error_blocks, lag
-from lvnav_trade.world.profile import RecordedAscent
 from lvnav_trade.world.sky import sky
-from lvnav_trade.world.trajectory import Trajectory, build, reference
-from lvnav_trade.world.vehicle import VehicleAscent
+from lvnav_trade.world.trajectory import (
+    Trajectory,
+    TrajectoryCard,
+    build,
+    content,
+    reference,
+    refuse_contradiction,
+)
 
 Ints = NDArray[np.int64]
 # Sensor, start and end (s) of its growth, amplitude (SI): a bias that is the same in every run.
@@ -68,18 +73,25 @@ class Prepared(NamedTuple):
 
 
 @lru_cache(maxsize=4)
-def _built(trajectory_json: str, kind: type[VehicleAscent] | type[RecordedAscent]) -> Trajectory:
+def _built(trajectory_json: str, kind: type[TrajectoryCard], digest: str) -> Trajectory:
+    """Return the flight of a card; `digest` is that of the file it names, so that a changed one is read."""
     return build(kind.model_validate_json(trajectory_json))
 
 
 def trajectory_of(scenario: Scenario) -> Trajectory:
-    """Return the scenario's trajectory; the last few that were built are kept."""
-    return _built(scenario.trajectory.model_dump_json(), type(scenario.trajectory))
+    """Return the scenario's trajectory; the last few that were built are kept.
+
+    InputError where it cannot be flown, or where a user's own file contradicts itself.
+    """
+    card = scenario.trajectory
+    flight = _built(card.model_dump_json(), type(card), content(card))
+    refuse_contradiction(card, scenario.imu)
+    return flight
 
 
 @lru_cache(maxsize=4)
-def _sampled(trajectory_json: str, kind: type[VehicleAscent] | type[RecordedAscent], rate: float) -> Reference:
-    return reference(_built(trajectory_json, kind), rate)
+def _sampled(trajectory_json: str, kind: type[TrajectoryCard], digest: str, rate: float) -> Reference:
+    return reference(_built(trajectory_json, kind, digest), rate)
 
 
 def _ticks(times: Floats, start: float, rate: float, n_imu: int, group: int = 1) -> Ints:
@@ -220,8 +232,9 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         where windows are cut, and so the last bit of every number, is as in the block).
     """
     kind, text = type(scenario.trajectory), scenario.trajectory.model_dump_json()
-    trajectory, card = _built(text, kind), scenario.filter
-    ref = _sampled(text, kind, scenario.imu.rate)
+    digest = content(scenario.trajectory)
+    trajectory, card = _built(text, kind, digest), scenario.filter
+    ref = _sampled(text, kind, digest, scenario.imu.rate)
     start, end, rate = float(ref.t[0]), float(ref.t[-1]), scenario.imu.rate
     group = 1 if card.strapdown_rate is None else round(rate / card.strapdown_rate)
     n_imu = ref.dtheta.shape[0] // group * group

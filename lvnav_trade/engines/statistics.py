@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,6 +35,8 @@ class BlockSummary(NamedTuple):
     t_epoch, nis, n_row, n_reject (n_epoch,) sums; lag_sum, lag_count (N_LAG, n_channel) products of normalised
     innovations that many epochs apart. One row per run, failed ones too: event_error, event_sigma
     (n_run, n_event, n_column) SI, event_nees (n_run, n_event). events: names in time order; t_event (n_event,) s.
+    t_bound (n_interval + 1,) s: events and both ends of the history; worst (n_run, n_interval, n_column) SI: largest
+    |error| of each run at the history times from one bound to the next, both included.
     """
 
     runs: Counts
@@ -58,6 +61,8 @@ class BlockSummary(NamedTuple):
     event_error: Floats
     event_sigma: Floats
     event_nees: Floats
+    t_bound: Floats
+    worst: Floats
 
     @property
     def first_run(self) -> int:
@@ -83,8 +88,8 @@ _SUMMED = (
     "lag_sum",
     "lag_count",
 )
-_JOINED = ("runs", "failed", "t_failed", "event_error", "event_sigma", "event_nees")
-_SHARED = ("t", "scale", "t_epoch", "t_event")
+_JOINED = ("runs", "failed", "t_failed", "event_error", "event_sigma", "event_nees", "worst")
+_SHARED = ("t", "scale", "t_epoch", "t_event", "t_bound")
 
 
 def norm_groups(outputs: tuple[Output, ...]) -> dict[str, list[int]]:
@@ -133,6 +138,7 @@ def summarise(
     good = failed == 0
     unit = _usable(add_norms(scale, outputs))
     lag_sum, lag_count = _lag_products(block.innovation[good])
+    t_bound = np.unique(np.concatenate([block.t[[0, -1]], block.t[at_event]]))
     return BlockSummary(
         runs=np.arange(block.first_run, block.first_run + len(failed), dtype=np.int64),
         failed=failed.astype(np.int8),
@@ -156,7 +162,16 @@ def summarise(
         event_error=error[:, at_event],
         event_sigma=sigma[:, at_event],
         event_nees=block.nees[:, at_event],
+        t_bound=t_bound,
+        worst=_worst(block.t, error, t_bound),
     )
+
+
+def _worst(t: Floats, error: Floats, bounds: Floats) -> Floats:
+    """Return the largest |error| from each bound to the next; error (n_run, n_hist, n_column)."""
+    at = np.searchsorted(t, bounds)
+    spans = [np.abs(error[:, first : last + 1]).max(axis=1) for first, last in pairwise(at)]
+    return np.stack(spans, axis=1) if spans else np.zeros((error.shape[0], 0, error.shape[2]))
 
 
 def _history_index(t: Floats, names: tuple[str, ...], t_event: Floats) -> NDArray[np.intp]:

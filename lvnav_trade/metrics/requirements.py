@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import pandas as pd
 
 from lvnav_trade import units
 from lvnav_trade.metrics.intervals import runs_needed, success_bounds
-from lvnav_trade.metrics.select import split_metric
+from lvnav_trade.metrics.select import Errors, errors_at, flight_events, split_metric
 from lvnav_trade.store import Tables, load
 from lvnav_trade.store.schema import error_column
 
@@ -18,6 +19,8 @@ COLUMNS = [
     "requirement", "case", "verdict", "estimate", "limit", "probability", "confidence", "runs", "failures",
     "runs_to_decide",
 ]  # fmt: skip
+_SAME = 1e-6
+"""Seconds: one instant."""
 
 
 def verdicts(results: Path | str | Tables) -> pd.DataFrame:
@@ -49,16 +52,12 @@ def judge(runs: int, failures: int, probability: float, confidence: float) -> tu
 
 def _verdict(tables: Tables, case: str, requirement: dict[str, Any]) -> dict[str, Any]:
     probability, confidence = float(requirement["probability"]), float(requirement.get("confidence", 0.9))
-    quantity, axis = split_metric(requirement["metric"])
-    at = requirement.get("at", "injection")
-    outputs = tables.outputs
-    known = outputs[(outputs.case == case) & (outputs.quantity == quantity) & (outputs.axis == axis)]
-    if known.empty:
+    found = errors_of(tables, case, requirement)
+    if found is None:
         error, bound, unit, factor = np.empty(0), 0.0, "", 1.0
     else:
-        row = known.iloc[0]
-        unit, factor, bound = row.label_unit, row.label_factor_ratio, bound_of(requirement["below"], row.unit)
-        error = _errors(tables, case, at, error_column(quantity, axis, row.unit))
+        error, unit, factor = found.size, found.label_unit, found.label_factor
+        bound = bound_of(requirement["below"], found.unit)
     failures = int((error >= bound).sum())
     verdict, more = judge(len(error), failures, probability, confidence)
     return {
@@ -73,14 +72,51 @@ def _verdict(tables: Tables, case: str, requirement: dict[str, Any]) -> dict[str
     }
 
 
-def _errors(tables: Tables, case: str, event: str, column: str) -> np.ndarray[Any, Any]:
-    """Return |error| of every run at the event, SI; infinite where the run failed."""
-    runs = tables.runs
-    chosen = runs[(runs.case == case) & (runs.event == event)]
-    if column not in runs.columns:
-        return np.empty(0)
-    size = np.abs(chosen[column].to_numpy(dtype=float))
-    return np.where((chosen.failure.to_numpy() != "") | ~np.isfinite(size), np.inf, size)
+def errors_of(tables: Tables, case: str, requirement: Mapping[str, Any]) -> Errors | None:
+    """Return the errors that a requirement is about, of every run of a case; None where its metric is unknown.
+
+    Of a phase that is the largest error of each run at the times of the history within it, both ends included.
+    """
+    metric, during = str(requirement["metric"]), requirement.get("during")
+    if not during:
+        return errors_at(tables, case, where(requirement), metric)
+    quantity, axis = split_metric(metric)
+    outputs = tables.outputs
+    known = outputs[(outputs.case == case) & (outputs.quantity == quantity) & (outputs.axis == axis)]
+    if known.empty:
+        return None
+    row: Any = known.iloc[0]
+    first, last = phase_of(tables, case, str(during))
+    worst = tables.worst
+    within = worst[(worst.case == case) & (worst.t_s >= first - _SAME) & (worst.t_end_s <= last + _SAME)]
+    size = within[error_column(quantity, axis, row.unit)].to_numpy(dtype=float)
+    size = np.where((within.failure.to_numpy() != "") | ~np.isfinite(size), np.inf, size)
+    largest = pd.Series(size).groupby(within.run_number.to_numpy(), sort=True).max().to_numpy()
+    return Errors(largest, row.unit, row.label_unit, float(row.label_factor_ratio))
+
+
+def phase_of(tables: Tables, case: str, phase: str) -> tuple[float, float]:
+    """Return first and last time (s) of a phase: ``liftoff to injection``, ``flight`` (lift-off to the end), or with
+    ``start`` and ``end`` for the ends of the history. NaN for an event that the flight does not have.
+    """
+    worst = tables.worst[tables.worst.case == case]
+    ends = (float(worst.t_s.min()), float(worst.t_end_s.max())) if len(worst) else _ends(tables, case)
+    if phase == "flight":
+        return max(ends[0], 0.0), ends[1]
+    known = dict(zip(("start", "end"), ends, strict=True))
+    known |= flight_events(tables, case).set_index("event").t_s.to_dict()
+    first, _, last = phase.partition(" to ")
+    return float(known.get(first, np.nan)), float(known.get(last, np.nan))
+
+
+def _ends(tables: Tables, case: str) -> tuple[float, float]:
+    t = tables.consistency.t_s[tables.consistency.case == case]
+    return float(t.min()), float(t.max())
+
+
+def where(requirement: Mapping[str, Any]) -> str:
+    """Return where in the flight a requirement holds: its event, or its phase."""
+    return str(requirement.get("during") or requirement.get("at") or "injection")
 
 
 def bound_of(below: Any, unit: str) -> float:

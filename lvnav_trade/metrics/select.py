@@ -10,6 +10,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from lvnav_trade.layout import MISSION
+from lvnav_trade.metrics.mission import people, sizes_at
 from lvnav_trade.store import Tables
 from lvnav_trade.store.schema import error_column
 
@@ -49,6 +51,9 @@ def errors_at(tables: Tables, case: str, event: str, metric: str) -> Errors | No
 
     An error that is not finite, in a run that did not fail, counts as infinite too.
     """
+    if metric in MISSION:
+        size = sizes_at(tables, case, event, metric)
+        return None if size is None else Errors(size, *people(metric))
     quantity, axis = split_metric(metric)
     outputs = tables.outputs
     known = outputs[(outputs.case == case) & (outputs.quantity == quantity) & (outputs.axis == axis)]

@@ -13,6 +13,8 @@ from lvnav_trade.engines.statistics import NORM, BlockSummary, add_norms, column
 from lvnav_trade.records import CovHistory, Floats, Output
 from lvnav_trade.store.explained import explained_tables
 from lvnav_trade.store.schema import arrow_schema, error_column
+from lvnav_trade.store.states import state_tables
+from lvnav_trade.store.worst import worst_table
 from lvnav_trade.world.events import resolve
 
 if TYPE_CHECKING:
@@ -47,6 +49,7 @@ def case_tables(
         "cases": _cases(case, prepared, summary),
         "outputs": _outputs(prepared.outputs),
         "runs": _runs(prepared.outputs, summary),
+        "worst": worst_table(prepared.outputs, summary, FAILURES),
         "history": _history(prepared.outputs, cov, lincov, summary),
         "consistency": _consistency(prepared, cov, summary),
         "innovations": _innovations(cov, summary),
@@ -55,6 +58,7 @@ def case_tables(
         "satellites": _satellites(prepared),
         "reference": _reference(prepared, cov.t),
         "events": _events(prepared),
+        **state_tables(prepared, cov),
         **explained_tables(prepared, cov, explained),
     }
     return {name: _arrow(name, case.id, content) for name, content in contents.items()}

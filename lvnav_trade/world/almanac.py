@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 from lvnav_trade.errors import InputError
+from lvnav_trade.world.numbers import Bounds, number, read_lines
 
 HIGHEST_PRN = 63  # six bits in the navigation message (IS-GPS-200, 20.3.3.5)
 
@@ -32,26 +32,24 @@ class AlmanacRecord(NamedTuple):
 
 class _Field(NamedTuple):
     label: str  # what the line begins with, in lower case
-    read: Callable[[str], float]
-    low: float
-    high: float
+    bounds: Bounds
 
 
 # The file's own order of lines; bounds refuse what no orbit can have, not what is merely unusual.
 _FIELDS = {
-    "prn": _Field("id", int, 1, HIGHEST_PRN),
-    "health": _Field("health", int, 0, 255),
-    "eccentricity": _Field("eccentricity", float, 0.0, 0.999),
-    "applicability": _Field("time of applicability", float, 0.0, 604800.0),
-    "inclination": _Field("orbital inclination", float, -math.pi, math.pi),
-    "node_rate": _Field("rate of right ascen", float, -1e-6, 1e-6),
-    "root_axis": _Field("sqrt(a)", float, 2600.0, 1e5),
-    "node": _Field("right ascen at week", float, -7.0, 7.0),
-    "perigee": _Field("argument of perigee", float, -7.0, 7.0),
-    "mean_anomaly": _Field("mean anom", float, -7.0, 7.0),
-    "clock_bias": _Field("af0", float, -1.0, 1.0),
-    "clock_drift": _Field("af1", float, -1e-3, 1e-3),
-    "week": _Field("week", int, 0, 99999),
+    "prn": _Field("id", Bounds(1, HIGHEST_PRN, int)),
+    "health": _Field("health", Bounds(0, 255, int)),
+    "eccentricity": _Field("eccentricity", Bounds(0.0, 0.999)),
+    "applicability": _Field("time of applicability", Bounds(0.0, 604800.0)),
+    "inclination": _Field("orbital inclination", Bounds(-math.pi, math.pi)),
+    "node_rate": _Field("rate of right ascen", Bounds(-1e-6, 1e-6)),
+    "root_axis": _Field("sqrt(a)", Bounds(2600.0, 1e5)),
+    "node": _Field("right ascen at week", Bounds(-7.0, 7.0)),
+    "perigee": _Field("argument of perigee", Bounds(-7.0, 7.0)),
+    "mean_anomaly": _Field("mean anom", Bounds(-7.0, 7.0)),
+    "clock_bias": _Field("af0", Bounds(-1.0, 1.0)),
+    "clock_drift": _Field("af1", Bounds(-1e-3, 1e-3)),
+    "week": _Field("week", Bounds(0, 99999, int)),
 }
 
 
@@ -86,7 +84,7 @@ def _blocks(path: str | Path) -> list[tuple[int, int, list[tuple[int, str, str]]
     """Split the file into records: (first line, last line, [(line, label, value)])."""
     blocks: list[tuple[int, int, list[tuple[int, str, str]]]] = []
     current: list[tuple[int, str, str]] = []
-    for number, line in enumerate([*_read_lines(path), "*"], start=1):
+    for at, line in enumerate([*read_lines(path, "YUMA almanac"), "*"], start=1):
         label, colon, value = line.partition(":")
         begins = line.startswith("*") or label.strip().lower() == "id"
         if begins and current:
@@ -95,43 +93,22 @@ def _blocks(path: str | Path) -> list[tuple[int, int, list[tuple[int, str, str]]
         if line.startswith("*") or not line.strip():
             continue
         if not colon:
-            raise InputError(f"{path}:{number}: {line.strip()!r} is not a line 'label: value' of a YUMA almanac")
-        current.append((number, " ".join(label.lower().split()), value.strip()))
+            raise InputError(f"{path}:{at}: {line.strip()!r} is not a line 'label: value' of a YUMA almanac")
+        current.append((at, " ".join(label.lower().split()), value.strip()))
     return blocks
-
-
-def _read_lines(path: str | Path) -> list[str]:
-    try:
-        return Path(path).read_text(encoding="ascii").splitlines()
-    except OSError as error:
-        raise InputError(f"{path}: cannot read the almanac: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}:1: not a text file, so not a YUMA almanac") from None
 
 
 def _record(path: str | Path, end: int, lines: list[tuple[int, str, str]]) -> AlmanacRecord:
     """Read one record; `end` is its last line, where a missing field is reported."""
     values: dict[str, float] = {}
-    for number, label, value in lines:
+    for line, label, value in lines:
         name = next((name for name, field in _FIELDS.items() if label.startswith(field.label)), None)
         if name is None:
-            raise InputError(f"{path}:{number}: {label!r} is not a field of a YUMA almanac")
+            raise InputError(f"{path}:{line}: {label!r} is not a field of a YUMA almanac")
         if name in values:
-            raise InputError(f"{path}:{number}: {label!r} comes twice in one record")
-        values[name] = _number(f"{path}:{number}: {label}", value, _FIELDS[name])
+            raise InputError(f"{path}:{line}: {label!r} comes twice in one record")
+        values[name] = number(f"{path}:{line}: {label}", value, _FIELDS[name].bounds)
     missing = [field.label for name, field in _FIELDS.items() if name not in values]
     if missing:
         raise InputError(f"{path}:{end}: the record ends without {', '.join(repr(label) for label in missing)}")
     return AlmanacRecord(**values)  # type: ignore[arg-type]
-
-
-def _number(where: str, text: str, field: _Field) -> float:
-    """Return the number that the text states, Fortran exponents included, within the field's bounds."""
-    try:
-        value = field.read(text.upper().replace("D", "E"))
-    except ValueError:
-        kind = "a whole number" if field.read is int else "a number"
-        raise InputError(f"{where}: {text!r} is not {kind}") from None
-    if not field.low <= value <= field.high:  # also refuses nan and inf
-        raise InputError(f"{where}: {text} is outside {field.low:g} to {field.high:g}")
-    return value

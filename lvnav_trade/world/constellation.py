@@ -1,23 +1,29 @@
-"""Nominal slots or an almanac to satellite states."""
+"""Constellations as cards; nominal slots or an almanac to satellite states."""
 
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, field_validator, model_validator
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.kernels.earth import J2, SEMI_MAJOR
 from lvnav_trade.records import Floats
-from lvnav_trade.units import Angle, Card, Length
+from lvnav_trade.units import Angle, AngularRate, Card, Length, LengthSigma, TimeConstant
 from lvnav_trade.world.almanac import AlmanacRecord, read_yuma
 from lvnav_trade.world.gps_time import gps_seconds, resolve_week
+from lvnav_trade.world.numbers import read_lines
+from lvnav_trade.world.sem import read_sem
+
+System = Literal["GPS", "Galileo", "GLONASS"]
+LETTERS: dict[str, str] = {"GPS": "G", "Galileo": "E", "GLONASS": "R"}  # as in RINEX
 
 # Values that the GPS user algorithm prescribes (IS-GPS-200, table 20-IV); they differ from WGS-84's in the last digits.
 GM_GPS = 3.986005e14  # m^3/s^2
 EARTH_RATE_GPS = 7.2921151467e-5  # rad/s
+RELATIVITY_GPS = -4.442807633e-10  # s/m^0.5: -2 sqrt(GM) / c^2
 
 
 class Slot(Card):
@@ -28,27 +34,104 @@ class Slot(Card):
     latitude_argument: Angle
 
 
-class NominalConstellation(Card):
-    """Circular orbits from published slots, carried from their epoch with the secular drift of J2."""
+class SignalErrors(Card):
+    """What is wrong with the signals of a constellation before they are received."""
+
+    range_error: LengthSigma = Field(
+        default=0.0, description="one sigma in range of each satellite's clock and ephemeris residual, Gauss-Markov"
+    )
+    range_error_time: TimeConstant | None = Field(
+        default=None, description="time constant of the range error; constant over the flight if absent"
+    )
+
+
+class SystemErrors(SignalErrors):
+    """Errors of the signals, and of the time of a system that is not GPS."""
+
+    time_offset: LengthSigma = Field(
+        default=0.0, description="one sigma in range of the system's time against GPS time, one for all its satellites"
+    )
+    time_offset_time: TimeConstant | None = Field(
+        default=None, description="time constant of the time offset; constant over the flight if absent"
+    )
+
+
+class NominalConstellation(SystemErrors):
+    """Circular orbits from published slots, carried from their epoch with secular rates."""
 
     kind: Literal["nominal"] = "nominal"
     name: str
     source: str
+    system: System = "GPS"
     epoch: str  # ISO 8601, UTC
     greenwich: Angle = Field(description="Greenwich hour angle of the direction that nodes are counted from, at epoch")
     semi_major_axis: Annotated[Length, Field(gt=0.0)]
     inclination: Angle
+    node_rate: AngularRate | None = Field(
+        default=None, description="published rate of the nodes; that of J2 on a circular orbit if absent"
+    )
+    latitude_rate: AngularRate | None = Field(
+        default=None, description="published rate of the argument of latitude; two bodies and J2 if absent"
+    )
     slots: tuple[Slot, ...] = Field(min_length=1)
 
+    @model_validator(mode="after")
+    def _reference_time(self) -> NominalConstellation:
+        if self.system == "GPS" and self.time_offset > 0.0:
+            raise ValueError("time_offset counts from GPS time, so a constellation of GPS has none")
+        return self
 
-class AlmanacConstellation(Card):
-    """A YUMA almanac file of the user's; satellites that it calls unhealthy are left out."""
+
+class AlmanacConstellation(SignalErrors):
+    """A YUMA or SEM almanac file of the user's, told apart by content; GPS satellites that it calls unhealthy are left
+    out.
+    """
 
     kind: Literal["almanac"] = "almanac"
-    almanac: str = Field(description="path of a YUMA file", json_schema_extra={"path": True})
+    almanac: str = Field(description="path of a YUMA or SEM file", json_schema_extra={"path": True})
+    longest_age: TimeConstant = Field(
+        default=180 * 86400.0, description="lift-off at most this far from the time of applicability"
+    )
 
 
-Constellation = NominalConstellation | AlmanacConstellation
+class RinexConstellation(SystemErrors):
+    """RINEX navigation files of the user's: broadcast ephemerides of GPS and Galileo, broadcast states of GLONASS."""
+
+    kind: Literal["rinex"] = "rinex"
+    rinex: str | tuple[str, ...] = Field(
+        description="path of a RINEX 2 or 3 navigation file, gzip or plain, or a list of such",
+        json_schema_extra={"path": True},
+    )
+    systems: tuple[System, ...] | None = Field(
+        default=None, description="systems to take; those of the three that the files hold if absent"
+    )
+    longest_age: TimeConstant | None = Field(
+        default=None,
+        description="lift-off at most this far from a satellite's reference time; 2 h for GPS, 4 h for Galileo and "
+        "30 min for GLONASS if absent",
+    )
+
+    @field_validator("rinex", "systems")
+    @classmethod
+    def _some(cls, value: Any) -> Any:
+        if value == ():
+            raise ValueError("is an empty list")
+        return value
+
+
+Part = NominalConstellation | AlmanacConstellation | RinexConstellation
+
+
+class CombinedConstellation(Card):
+    """Several constellations seen by one receiver; each system by one part."""
+
+    kind: Literal["combined"] = "combined"
+    name: str = ""
+    source: str = ""
+    parts: tuple[Annotated[Part, Field(discriminator="kind")], ...] = Field(min_length=1)
+
+
+Constellation = Part | CombinedConstellation
 
 
 class Orbits(NamedTuple):
@@ -67,15 +150,22 @@ class Orbits(NamedTuple):
     perigee: Floats
     mean_anomaly: Floats
     mean_motion: Floats
-
-    @property
-    def systems(self) -> tuple[str, ...]:
-        """Letters of the systems, (n_sat,)."""
-        return ("G",) * len(self.names)
+    clock_bias: Floats  # s
+    clock_drift: Floats  # s/s
+    systems: tuple[str, ...]
 
     def ecef(self, t: Floats) -> tuple[Floats, Floats]:
         """Return position and Earth-relative velocity as `satellite_ecef` does."""
         return satellite_ecef(self, t)
+
+    def clock(self, t: Floats) -> Floats:
+        """Return what the satellites' clocks are ahead by their polynomials, (..., n_sat) s, relativity apart."""
+        return np.asarray(self.clock_bias + self.clock_drift * t)
+
+    def relativity(self, t: Floats) -> Floats:
+        """Return F e sqrt(A) sin E, (..., n_sat) s: what eccentricity adds to the clocks (IS-GPS-200, 20.3.3.3.3.1)."""
+        anomaly = eccentric_anomaly(self.mean_anomaly + self.mean_motion * t, self.eccentricity)
+        return np.asarray(RELATIVITY_GPS * self.eccentricity * np.sqrt(self.semi_major_axis) * np.sin(anomaly))
 
 
 def orbits(constellation: NominalConstellation | AlmanacConstellation, epoch: str) -> Orbits:
@@ -84,14 +174,37 @@ def orbits(constellation: NominalConstellation | AlmanacConstellation, epoch: st
     Raises
     ------
     InputError
-        Where the almanac is broken (``file:line: what``), holds no healthy satellite, or a time cannot be read.
+        Where the almanac is broken (``file:line: what``), holds no healthy satellite, is too old or too young, or a
+        time cannot be read.
     """
     if isinstance(constellation, NominalConstellation):
         return _nominal_orbits(constellation, epoch)
-    records = [record for record in read_yuma(constellation.almanac) if record.health == 0]
+    records = [record for record in read_almanac(constellation.almanac) if record.health == 0]
     if not records:
         raise InputError(f"{constellation.almanac}: no healthy satellite")
-    return _almanac_orbits(records, gps_seconds(epoch))
+    lift_off = gps_seconds(epoch)
+    ages = [lift_off - resolve_week(record.week, record.applicability, lift_off) for record in records]
+    recent = [abs(age) <= constellation.longest_age for age in ages]
+    if not any(recent):
+        age, limit = min(ages, key=abs) / 86400.0, constellation.longest_age / 86400.0
+        when = f"{abs(age):.1f} days {'after' if age > 0.0 else 'before'} the time of applicability"
+        raise InputError(f"{constellation.almanac}: the lift-off {epoch} is {when}; longest_age allows {limit:g} days")
+    return _almanac_orbits([record for record, usable in zip(records, recent, strict=True) if usable], lift_off)
+
+
+def read_almanac(path: str) -> tuple[AlmanacRecord, ...]:
+    """Read a YUMA or a SEM almanac, told apart by its first word: a SEM file begins with the number of its records.
+
+    Raises
+    ------
+    InputError
+        As `read_yuma` and `read_sem` do, and where the file is one of another kind.
+    """
+    lines = read_lines(path, "YUMA or SEM almanac")
+    if lines and lines[0].rstrip().endswith("RINEX VERSION / TYPE"):
+        raise InputError(f"{path}:1: a RINEX file; name it by {{rinex: ...}}, not {{almanac: ...}}")
+    words = next((line.split() for line in lines if line.strip()), [""])
+    return read_sem(path) if words[0].isdigit() else read_yuma(path)
 
 
 def _nominal_orbits(card: NominalConstellation, epoch: str) -> Orbits:
@@ -103,8 +216,11 @@ def _nominal_orbits(card: NominalConstellation, epoch: str) -> Orbits:
     n = math.sqrt(GM_GPS / card.semi_major_axis**3)
     oblateness = 1.5 * n * J2 * (SEMI_MAJOR / card.semi_major_axis) ** 2
     sin2 = math.sin(card.inclination) ** 2
-    node_rate = -oblateness * math.cos(card.inclination)
-    latitude_rate = n + oblateness * ((2.0 - 2.5 * sin2) + (1.0 - 1.5 * sin2))
+    node_rate, latitude_rate = card.node_rate, card.latitude_rate
+    if node_rate is None:
+        node_rate = -oblateness * math.cos(card.inclination)
+    if latitude_rate is None:
+        latitude_rate = n + oblateness * ((2.0 - 2.5 * sin2) + (1.0 - 1.5 * sin2))
     node = np.array([slot.node for slot in card.slots]) - card.greenwich + (node_rate - EARTH_RATE_GPS) * elapsed
     latitude = np.array([slot.latitude_argument for slot in card.slots]) + latitude_rate * elapsed
     same = np.ones(len(card.slots))
@@ -118,6 +234,9 @@ def _nominal_orbits(card: NominalConstellation, epoch: str) -> Orbits:
         perigee=0.0 * same,
         mean_anomaly=np.mod(latitude, 2.0 * math.pi),
         mean_motion=latitude_rate * same,
+        clock_bias=0.0 * same,
+        clock_drift=0.0 * same,
+        systems=(LETTERS[card.system],) * len(card.slots),
     )
 
 
@@ -130,6 +249,7 @@ def _almanac_orbits(records: list[AlmanacRecord], reference: float) -> Orbits:
     mean_motion = np.sqrt(GM_GPS / axis**3)
     node = np.array([record.node for record in records]) - EARTH_RATE_GPS * applicability
     mean_anomaly = np.array([record.mean_anomaly for record in records])
+    clock_drift = np.array([record.clock_drift for record in records])
     return Orbits(
         names=tuple(f"G{record.prn:02d}" for record in records),
         semi_major_axis=axis,
@@ -140,6 +260,9 @@ def _almanac_orbits(records: list[AlmanacRecord], reference: float) -> Orbits:
         perigee=np.array([record.perigee for record in records]),
         mean_anomaly=np.mod(mean_anomaly + mean_motion * elapsed, 2.0 * math.pi),
         mean_motion=mean_motion,
+        clock_bias=np.array([record.clock_bias for record in records]) + clock_drift * elapsed,
+        clock_drift=clock_drift,
+        systems=("G",) * len(records),
     )
 
 

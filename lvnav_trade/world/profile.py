@@ -16,6 +16,7 @@ from lvnav_trade.frames import gmst
 from lvnav_trade.units import Angle, Card, Duration, Length, Pause, Speed
 from lvnav_trade.world.groundtrack import Course, course, end_state, pointing, tracks_of
 from lvnav_trade.world.launch import achieved, pad_track, phases_of
+from lvnav_trade.world.oscillation import OscillationCard
 from lvnav_trade.world.record import Record, read
 from lvnav_trade.world.smoothing import Climb, smooth
 from lvnav_trade.world.truth import Phase, Trajectory, motion
@@ -49,6 +50,7 @@ class RecordedAscent(Card):
     pad_hold: Pause = 60.0
     roll: Roll = Roll()
     coast_after_injection: Annotated[Duration, Field(gt=0.0)] = 20.0
+    oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
 
     @model_validator(mode="after")
     def _aimed(self) -> Self:

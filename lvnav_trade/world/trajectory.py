@@ -2,16 +2,45 @@
 
 from __future__ import annotations
 
+from lvnav_trade.world.columns import TableTrajectory
+from lvnav_trade.world.imu import ImuCard
 from lvnav_trade.world.launch import build_ascent
+from lvnav_trade.world.oscillation import oscillations
 from lvnav_trade.world.profile import RecordedAscent, rebuild
-from lvnav_trade.world.truth import Phase, Trajectory, motion, reference
+from lvnav_trade.world.residual import judge
+from lvnav_trade.world.table import content_of, from_table, residuals
+from lvnav_trade.world.truth import Phase, Trajectory, motion, oscillating, reference
 from lvnav_trade.world.vehicle import VehicleAscent
 
-__all__ = ["Phase", "Trajectory", "build", "motion", "reference"]
+__all__ = ["Phase", "Trajectory", "TrajectoryCard", "build", "content", "motion", "reference", "refuse_contradiction"]
+
+TrajectoryCard = VehicleAscent | RecordedAscent | TableTrajectory
 
 
-def build(card: VehicleAscent | RecordedAscent) -> Trajectory:
-    """Return the true flight of a trajectory card; InputError where it cannot be flown or rebuilt."""
+def build(card: TrajectoryCard) -> Trajectory:
+    """Return the true flight of a trajectory card, its oscillations laid over it.
+
+    InputError where it cannot be flown or rebuilt, or where an oscillation does not lie within it.
+    """
+    flight = _undisturbed(card)
+    span = (flight.start, flight.end)
+    return oscillating(flight, oscillations(card.oscillation, flight.events, span))
+
+
+def _undisturbed(card: TrajectoryCard) -> Trajectory:
     if isinstance(card, VehicleAscent):
         return build_ascent(card)
+    if isinstance(card, TableTrajectory):
+        return from_table(card)
     return rebuild(card)
+
+
+def content(card: TrajectoryCard) -> str:
+    """Return a digest of the file that a card names, empty where it names none: a changed file is another flight."""
+    return "" if isinstance(card, VehicleAscent) else content_of(card.file)
+
+
+def refuse_contradiction(card: TrajectoryCard, imu: ImuCard) -> None:
+    """InputError where a user's own file contradicts itself by more than an inertial unit would let pass."""
+    if isinstance(card, TableTrajectory):
+        judge(residuals(card), imu, card.file)

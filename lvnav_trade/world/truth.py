@@ -1,36 +1,45 @@
-"""Truth as splines: position and attitude per phase, and everything that follows from them by differentiation."""
+"""Truth as splines: position and attitude per phase, and everything that follows from them by differentiation.
+
+A roll of many turns and what oscillates stand beside the splines, as formulas.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import BSpline, make_interp_spline
+from scipy.interpolate import BSpline, PPoly, make_interp_spline
 
 from lvnav_trade.frames import matrices, unit
 from lvnav_trade.kernels.earth import gravity_along
 from lvnav_trade.records import Motion, Reference
+from lvnav_trade.world.oscillation import Oscillation, small_motion
 
 Floats = NDArray[np.float64]
 
-# Gauss-Legendre nodes and weights on (0, 1): three are exact to the sixth power of the tick, below rounding at 100 Hz.
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
-_NODES, _WEIGHTS = 0.5 * (1.0 + _NODES), 0.5 * _WEIGHTS
 _SLIVER = 1e-9  # s; a piece of a tick shorter than this is rounding of the grid, not a piece
 
 
 class Phase(NamedTuple):
-    """A stretch without a jump of force: splines of position (m, frame i) and quaternion (q_b_i before normalising)."""
+    """A stretch without a jump of force: splines of position (m, frame i) and quaternion (q_b_i before normalising).
+
+    spin: roll angle (rad) over time, by which the body is turned about its x axis from the splined attitude.
+    oscillations: coning and vibration, by which it is turned and displaced from there.
+    """
 
     name: str
     start: float
     end: float
     position: BSpline
     attitude: BSpline
+    spin: PPoly | None = None
+    oscillations: tuple[Oscillation, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -87,27 +96,124 @@ def motion(trajectory: Trajectory, t: ArrayLike) -> Motion:
 def _in_phase(phase: Phase, t: Floats) -> Motion:
     """Return the motion at times t (n,) of one phase."""
     r = phase.position(t)
+    if phase.oscillations:
+        return _shaken(phase, t, r)
     q, f_b, w_ib_b = _sensed(phase, t, r)
     return Motion(t, r, phase.position(t, 1), q, f_b, w_ib_b)
 
 
 def _sensed(phase: Phase, t: Floats, r: Floats) -> tuple[Floats, Floats, Floats]:
     """Return quaternion (n, 4), specific force (n, 3) and body rate (n, 3) at times t (n,), positions r (n, 3)."""
+    if phase.oscillations:
+        return _shaken(phase, t, r)[3:]
+    q, w_ib_b = _turning(phase, t)
+    f_i = phase.position(t, 2) - gravity_along(r)
+    f_b = np.einsum("kji,kj->ki", matrices(q), f_i)
+    return q, f_b, w_ib_b
+
+
+def _turning(phase: Phase, t: Floats) -> tuple[Floats, Floats]:
+    """Return quaternion (n, 4) and body rate (n, 3) at times t (n,) of the body that does not oscillate."""
     raw = phase.attitude(t)
     length = np.linalg.norm(raw, axis=1, keepdims=True)
     q, slope = raw / length, phase.attitude(t, 1) / length
-    f_i = phase.position(t, 2) - gravity_along(r)
-    f_b = np.einsum("kji,kj->ki", matrices(q), f_i)
     # w = 2 vec(q* qdot); a change of length is along q and has no vector part, so qdot need not be freed of it.
     w, xyz, dw, dxyz = q[:, :1], q[:, 1:], slope[:, :1], slope[:, 1:]
-    return q, f_b, 2.0 * (w * dxyz - dw * xyz - np.cross(xyz, dxyz))
+    rate = 2.0 * (w * dxyz - dw * xyz - np.cross(xyz, dxyz))
+    if phase.spin is None:
+        return q, rate
+    roll = rotation_quaternions(np.outer(phase.spin(t), [1.0, 0.0, 0.0]))
+    rate = np.einsum("kji,kj->ki", matrices(roll), rate)
+    rate[:, 0] += phase.spin(t, 1)
+    return product(q, roll), rate
+
+
+def _turning_faster(phase: Phase, t: Floats, w_ib_b: Floats) -> Floats:
+    """Return the derivative (n, 3) of the body rate w_ib_b (n, 3) of `_turning`."""
+    raw, first, second = phase.attitude(t), phase.attitude(t, 1), phase.attitude(t, 2)
+    square = np.sum(raw * raw, axis=1, keepdims=True)
+    w, xyz = raw[:, :1], raw[:, 1:]
+    # The term of qdot* qdot is a number without vector part; what is left besides is the change of length.
+    bend = 2.0 * (w * second[:, 1:] - second[:, :1] * xyz - np.cross(xyz, second[:, 1:])) / square
+    rate = 2.0 * (w * first[:, 1:] - first[:, :1] * xyz - np.cross(xyz, first[:, 1:])) / square
+    bend -= rate * (2.0 * np.sum(raw * first, axis=1, keepdims=True) / square)
+    if phase.spin is None:
+        return np.asarray(bend)
+    roll = rotation_quaternions(np.outer(phase.spin(t), [1.0, 0.0, 0.0]))
+    along = np.outer(phase.spin(t, 1), [1.0, 0.0, 0.0])
+    bend = np.einsum("kji,kj->ki", matrices(roll), bend) - np.cross(along, w_ib_b)
+    bend[:, 0] += phase.spin(t, 2)
+    return bend
+
+
+def _shaken(phase: Phase, t: Floats, r: Floats) -> Motion:
+    """Return the motion at times t (n,) of an oscillating body whose resting place is at r (n, 3).
+
+    The displacement d in the axes of the resting body gives f_b its own acceleration and the three terms of the
+    turning axes: d'' + 2 w x d' + w' x d + w x (w x d). The rotation vector p turns the body by exp(p) at the rate J(p)
+    p', J = 1 - (1 - cos |p|) / |p|^2 [p x] + (|p| - sin |p|) / |p|^3 [p x]^2.
+    """
+    q, w = _turning(phase, t)
+    dw = _turning_faster(phase, t, w)
+    small = small_motion(phase.oscillations, t)
+    C = matrices(q)
+    speed = small.shift_rate + np.cross(w, small.shift)
+    push = small.shift_acceleration + np.cross(w, small.shift_rate + speed) + np.cross(dw, small.shift)
+    r = r + np.einsum("kij,kj->ki", C, small.shift)
+    f_i = phase.position(t, 2) + np.einsum("kij,kj->ki", C, push) - gravity_along(r)
+    swing = rotation_quaternions(small.turn)
+    back = matrices(swing)
+    rate = np.einsum("kji,kj->ki", back, w) + _vector_rate(small.turn, small.turn_rate)
+    q = product(q, swing)
+    f_b = np.einsum("kji,kj->ki", matrices(q), f_i)
+    return Motion(t, r, phase.position(t, 1) + np.einsum("kij,kj->ki", C, speed), q, f_b, rate)
+
+
+def _vector_rate(p: Floats, dp: Floats) -> Floats:
+    """Return the body rate (n, 3) of a rotation vector p (n, 3), below half a turn, that changes by dp (n, 3)."""
+    x2 = np.sum(p * p, axis=1, keepdims=True)
+    small = x2 < 0.01
+    x = np.sqrt(np.where(small, 1.0, x2))
+    a = np.where(small, 0.5 - x2 / 24.0 * (1.0 - x2 / 30.0 * (1.0 - x2 / 56.0)), (1.0 - np.cos(x)) / x**2)
+    series = 1.0 / 6.0 - x2 / 120.0 * (1.0 - x2 / 42.0 * (1.0 - x2 / 72.0))
+    b = np.where(small, series, (x - np.sin(x)) / x**3)
+    once = np.cross(p, dp)
+    return np.asarray(dp - a * once + b * np.cross(p, once))
+
+
+def rotation_quaternions(p: Floats) -> Floats:
+    """Return the quaternions (n, 4) of rotation vectors p (n, 3), continuous in p."""
+    half = 0.5 * np.linalg.norm(p, axis=1, keepdims=True)
+    return np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * p], axis=1)
+
+
+def product(p: Floats, q: Floats) -> Floats:
+    """Return the quaternions (n, 4) of the rotation p (n, 4) followed, in the turned axes, by q (n, 4)."""
+    a, b, u, v = p[:, :1], q[:, :1], p[:, 1:], q[:, 1:]
+    scalar = a * b - np.sum(u * v, axis=1, keepdims=True)
+    return np.concatenate([scalar, a * v + b * u + np.cross(u, v)], axis=1)
+
+
+def oscillating(trajectory: Trajectory, oscillations: tuple[Oscillation, ...]) -> Trajectory:
+    """Return the flight with oscillations laid over it, its phases cut where a window's formula changes."""
+    if not oscillations:
+        return trajectory
+    cuts = sorted({edge for one in oscillations for edge in one.edges()})
+    phases: list[Phase] = []
+    for phase in trajectory.phases:
+        times = [phase.start, *(cut for cut in cuts if phase.start < cut < phase.end), phase.end]
+        for start, end in pairwise(times):
+            here = tuple(one for one in oscillations if one.start < end and start < one.end)
+            phases.append(phase._replace(start=start, end=end, oscillations=here))
+    return replace(trajectory, phases=tuple(phases))
 
 
 def reference(trajectory: Trajectory, rate: float) -> Reference:
     """Return the motion on ticks at `rate` (Hz) from the start, and the increments of an ideal IMU between them.
 
     Increments are Gauss-Legendre integrals of body rate (rad) and specific force (m/s) over each tick, split where a
-    phase ends within it. A last piece of flight shorter than a tick is left out.
+    phase ends within it; with three nodes, exact to the sixth power of the tick, or more where the body spins or
+    oscillates. A last piece of flight shorter than a tick is left out.
     """
     n_imu = math.floor((trajectory.end - trajectory.start) * rate + 1e-6)
     t = np.minimum(trajectory.start + np.arange(n_imu + 1) / rate, trajectory.end)
@@ -139,13 +245,35 @@ def _integrals(phase: Phase, begin: Floats, end: Floats) -> tuple[Floats, Floats
     """Return the integrals of body rate and specific force, each (n, 3), over the intervals begin to end (n,)."""
     length = end - begin
     turn, push = np.zeros((length.size, 3)), np.zeros((length.size, 3))
-    for node, weight in zip(_NODES, _WEIGHTS, strict=True):
+    for node, weight in zip(*_quadrature(_fastest(phase) * float(np.max(length))), strict=True):
         t = begin + node * length
         _, f_b, w_ib_b = _sensed(phase, t, phase.position(t))
         scale = (weight * length)[:, None]
         turn += scale * w_ib_b
         push += scale * f_b
     return turn, push
+
+
+def _fastest(phase: Phase) -> float:
+    """Return the highest angular frequency (rad/s) in a phase's force and rate, second harmonics included."""
+    spin = 0.0
+    if phase.spin is not None:
+        inside = phase.spin.x[(phase.start < phase.spin.x) & (phase.spin.x < phase.end)]
+        spin = float(np.max(np.abs(phase.spin(np.concatenate([[phase.start], inside, [phase.end]]), 1))))
+    return spin + 2.0 * max((float(np.max(one.omega)) for one in phase.oscillations), default=0.0)
+
+
+@lru_cache(maxsize=256)
+def _quadrature(angle: float) -> tuple[Floats, Floats]:
+    """Return Gauss-Legendre nodes and weights on (0, 1): three, or as many as integrate a wave over `angle` rad of its
+    phase to 1e-14.
+    """
+    n, exact = max(3, int(0.25 * angle)), np.sinc(0.5 * angle / np.pi)  # with fewer, the wave is not resolved
+    while True:
+        nodes, weights = np.polynomial.legendre.leggauss(n)
+        if abs(0.5 * weights @ np.cos(0.5 * angle * nodes) - exact) < 1e-14 * (n + 1):
+            return 0.5 * (1.0 + nodes), 0.5 * weights
+        n += 1
 
 
 def body_axes(x: Floats, right: Floats, roll: Floats) -> Floats:

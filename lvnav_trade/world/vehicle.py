@@ -7,6 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from lvnav_trade.units import Acceleration, Angle, AngularRate, Area, Card, Duration, Force, Length, Mass, Pause
+from lvnav_trade.world.oscillation import OscillationCard
 
 STANDARD_GRAVITY = 9.80665  # m/s^2, converts specific impulse in seconds to exhaust speed
 
@@ -123,6 +124,7 @@ class VehicleAscent(Card):
     slew: Annotated[Duration, Field(gt=0.0)] = Field(12.0, description="time to turn from one steering law to the next")
     roll: Roll = Roll()
     coast_after_injection: Annotated[Duration, Field(gt=0.0)] = 20.0
+    oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

@@ -90,6 +90,19 @@ def test_a_file_counts_by_its_content_and_not_by_its_path(study) -> None:
     assert cases(load(study.path, ["constellation.almanac=two.alm"]))[0].id != ids[0]
 
 
+def test_every_file_of_a_list_and_of_a_part_counts_by_its_content(study) -> None:
+    def digest():
+        return cases(load(study.path))[0].id
+
+    for name in ("one.rnx", "two.rnx"):
+        study.write(name, f"{name}\n")
+    study.edit("campaign.yaml", "constellations/two", "{parts: [constellations/two, {rinex: [one.rnx, two.rnx]}]}")
+    first = digest()
+    assert digest() == first
+    study.write("two.rnx", "another\n")
+    assert digest() != first
+
+
 def test_an_axis_reaches_into_a_list(study) -> None:
     study.edit("campaign.yaml", "  imu: imu/good", "  imu: imu/good\n  faults: [{start: 100 s, duration: 30 s}]")
     study.path.write_text(study.path.read_text() + "axes: [{path: faults.0.keep, values: [1, 2, 3]}]\n")

@@ -88,6 +88,21 @@ def test_a_requirement_at_an_unknown_event_is_told_at_the_word(study) -> None:
     ]
 
 
+def test_a_phase_that_does_not_fit_is_told_at_the_word(study) -> None:
+    bound = "metric: position_error_3d, probability: 0.5, below: 1 m}\n"
+    study.append(
+        "requirements:\n"
+        f"  - {{name: a, during: liftoff to injektion, {bound}"
+        f"  - {{name: b, during: injection to liftoff, {bound}"
+        f"  - {{name: c, during: start to end, {bound}"
+    )
+    assert told(study) == [
+        "campaign.yaml:11:23: requirements.0.during: 'injektion' is not an event of the trajectory"
+        " (did you mean 'injection'?)",
+        "campaign.yaml:12:23: requirements.1.during: the phase from injection (540 s) to liftoff (0 s) has no length",
+    ]
+
+
 def test_a_default_that_does_not_fit_is_told_where_it_was_left_out(study) -> None:
     study.append("requirements:\n  - {name: a, metric: position_error_3d, probability: 0.5, below: 1 m}\n")
     campaign = load("campaign.yaml")

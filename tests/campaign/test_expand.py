@@ -66,6 +66,27 @@ def test_the_kind_is_inferred_from_a_key_that_only_one_kind_has(study) -> None:
     assert load(study.path).base.constellation.kind == "almanac"
 
 
+def test_files_in_a_list_are_found_and_the_one_that_is_not_is_told_by_its_place(study) -> None:
+    study.write("one.rnx", "one\n")
+    study.write("two.rnx", "two\n")
+    study.edit("campaign.yaml", "constellations/two", "{rinex: [one.rnx, two.rnx]}")
+    constellation = load(study.path).base.constellation
+    assert constellation.kind == "rinex"
+    assert constellation.rinex == tuple(str(study.folder.resolve() / name) for name in ("one.rnx", "two.rnx"))
+    study.edit("campaign.yaml", "two.rnx", "three.rnx")
+    with pytest.raises(InputError, match=r"base\.constellation\.rinex\.1: no such file: 'three\.rnx'$"):
+        load(study.path)
+
+
+def test_parts_of_a_constellation_may_be_cards_with_fields_changed(study) -> None:
+    study.edit("campaign.yaml", "constellations/two",
+               "{parts: [constellations/two, {card: constellations/galileo_24, time_offset: 2 m}]}")  # fmt: skip
+    constellation = load(study.path).base.constellation
+    assert [part.kind for part in constellation.parts] == ["nominal", "nominal"]
+    assert constellation.parts[1].time_offset == 2.0
+    assert constellation.parts[1].system == "Galileo"
+
+
 def test_settings_in_a_list_may_be_cards_too(study) -> None:
     study.write("configs/faults/short.yaml", "start: 100 s\nduration: 5 s\n")
     study.edit(

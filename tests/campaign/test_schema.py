@@ -12,7 +12,8 @@ def test_every_metric_has_a_quantity_an_axis_and_a_unit() -> None:
     found = {name: metric(name) for name in metric_names()}
     assert found["velocity_error_3d"] == ("velocity", "3d")
     assert found["attitude_error_roll"].unit == "rad"
-    assert {value.unit for value in found.values()} == {"m", "m/s", "rad"}
+    assert found["perigee_error"] == ("perigee_error", "3d")
+    assert {value.unit for value in found.values()} == {"m", "m/s", "rad", "dimensionless"}
 
 
 def test_a_bound_is_held_in_si_and_written_with_its_unit(study) -> None:

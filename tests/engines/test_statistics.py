@@ -150,3 +150,19 @@ def test_sigma_of_the_filter_is_averaged_as_variance():
     summary = parts([0, 40])[0]
     np.testing.assert_allclose(np.sqrt(summary.sigma_squares[:, :10] / 40), COV.formal, rtol=1e-12)
     assert SIGMA.size == 10
+
+
+def test_the_worst_of_a_span_is_that_of_the_whole_history_both_bounds_included(four):
+    whole = block(COV, 0, 160)
+    merged = merge(four)
+    np.testing.assert_array_equal(merged.t_bound, [-5.0, 0.0, 40.0, 99.5])
+    for k, (first, last) in enumerate(pairwise(merged.t_bound)):
+        within = (whole.t >= first) & (whole.t <= last)
+        np.testing.assert_array_equal(merged.worst[:, k, :10], np.abs(whole.err[:, within]).max(axis=1))
+        norm = np.sqrt((whole.err[:, within][:, :, 3:6] ** 2).sum(axis=2)).max(axis=1)
+        np.testing.assert_allclose(merged.worst[:, k, 11], norm, rtol=1e-12)
+
+
+def test_the_worst_of_spans_together_is_the_worst_of_the_flight(four):
+    whole = np.abs(block(COV, 0, 160).err).max(axis=1)
+    np.testing.assert_array_equal(merge(four).worst[:, :, :10].max(axis=1), whole)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.requirements import judge
+from lvnav_trade.metrics.requirements import errors_of, judge, phase_of, where
+from tests import synthetic
 
 
 @pytest.mark.parametrize(
@@ -40,3 +42,37 @@ def test_without_runs_a_requirement_is_undecided(alone):
     found = METRICS["requirements"](alone)
     assert set(found.verdict) == {"undecided"}
     assert list(found.runs_to_decide)[-1] == 852
+
+
+PHASE = {"name": "x", "metric": "velocity_error_3d", "probability": 0.9, "below": "2 m/s"}
+
+
+@pytest.mark.parametrize(
+    ("during", "first", "last"),
+    [
+        ("liftoff to stage1_cutoff", 0.0, 40.0), ("stage1_cutoff to injection", 40.0, 99.5), ("flight", 0.0, 99.5),
+        ("start to liftoff", -5.0, 0.0), ("start to end", -5.0, 99.5),
+    ],
+)  # fmt: skip
+def test_a_phase_is_judged_on_the_largest_error_of_each_run_within(good, during, first, last):
+    assert phase_of(good, "aaaaaaaaaaaa", during) == (first, last)
+    cov = synthetic.covariance()
+    runs = synthetic.block(cov, 0, 200)
+    within = (cov.t >= first) & (cov.t <= last)
+    expected = np.linalg.norm(runs.err[:, within, 3:6], axis=2).max(axis=1)
+    expected[3] = np.inf  # the run that failed
+    found = errors_of(good, "aaaaaaaaaaaa", PHASE | {"during": during})
+    np.testing.assert_allclose(found.size, expected, rtol=1e-12)
+    assert (found.unit, found.label_unit) == ("m/s", "m/s")
+    assert where(PHASE | {"during": during}) == during
+
+
+def test_the_worst_of_the_flight_is_no_better_than_any_event(good):
+    flight = errors_of(good, "bbbbbbbbbbbb", PHASE | {"during": "flight"}).size
+    for event in ("liftoff", "stage1_cutoff", "injection"):
+        assert (flight >= errors_of(good, "bbbbbbbbbbbb", PHASE | {"at": event}).size).all()
+
+
+def test_a_phase_between_unknown_events_has_no_run(good):
+    assert not len(errors_of(good, "aaaaaaaaaaaa", PHASE | {"during": "kick to injection"}).size)
+    assert errors_of(good, "aaaaaaaaaaaa", PHASE | {"metric": "heading_error_3d", "during": "flight"}) is None

@@ -72,7 +72,7 @@ def test_a_file_without_records_is_refused(tmp_path, text):
 
 def test_a_missing_file_is_refused_by_name(tmp_path):
     path = tmp_path / "absent.alm"
-    assert refusal(path) == f"{path}: cannot read the almanac: No such file or directory"
+    assert refusal(path) == f"{path}: cannot be read: No such file or directory"
 
 
 def test_a_file_that_is_not_text_is_refused(tmp_path):

@@ -1,0 +1,208 @@
+"""Cards of the tropospheric and ionospheric models, of the true atmosphere and of what the filter corrects."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from lvnav_trade.units import (
+    Angle,
+    Card,
+    ElectronContent,
+    Fraction,
+    Length,
+    Pressure,
+    ScaleHeight,
+    Temperature,
+    TimeConstant,
+)
+
+# --- refractivity of the ray-traced troposphere -----------------------------------------------------------------------
+
+
+class StandardProfile(Card):
+    """US Standard Atmosphere 1976, with vapour that falls off exponentially (default: ITU-R P.835, 7.5 g/m^3)."""
+
+    kind: Literal["standard"] = "standard"
+    wet: float = Field(44.8, ge=0.0, description="wet refractivity at sea level, (n - 1) x 1e6")
+    wet_scale_height: ScaleHeight = 2000.0
+
+    @model_validator(mode="after")
+    def _untrapped(self) -> Self:
+        if self.wet / self.wet_scale_height > 0.05:
+            raise ValueError("wet / wet_scale_height should be at most 50 per km: vapour that falls faster traps rays")
+        return self
+
+
+class BeanThayerProfile(Card):
+    """Exponential reference atmosphere of Bean and Thayer (1959), with 324.8 that of NATO STANAG 4294."""
+
+    kind: Literal["bean_thayer"] = "bean_thayer"
+    surface: float = Field(324.8, ge=200.0, le=450.0, description="refractivity at sea level, (n - 1) x 1e6")
+
+
+class ExponentialProfile(Card):
+    """One exponential; default: mean of the world, ITU-R P.453."""
+
+    kind: Literal["exponential"] = "exponential"
+    surface: float = Field(315.0, gt=0.0, le=450.0, description="refractivity at sea level, (n - 1) x 1e6")
+    scale_height: Annotated[ScaleHeight, Field(ge=5000.0)] = 7350.0
+
+
+RefractivityProfile = Annotated[StandardProfile | BeanThayerProfile | ExponentialProfile, Field(discriminator="kind")]
+
+# --- troposphere ------------------------------------------------------------------------------------------------------
+
+
+class NoTroposphere(Card):
+    """No tropospheric delay."""
+
+    kind: Literal["none"] = "none"
+
+
+class RayTracedTroposphere(Card):
+    """Rays traced through layered air, bending included: any height, any elevation."""
+
+    kind: Literal["ray_traced"] = "ray_traced"
+    profile: RefractivityProfile = StandardProfile()
+    satellite_radius: Annotated[Length, Field(ge=12e6)] = Field(
+        26.56e6, description="of the satellites' orbits; 10 % more adds 1 % to grazing rays, nothing to others"
+    )
+
+
+class ConaeTroposphere(Card):
+    """Canepa and Servidia, eq. 3.1 to 3.15: one formula for every height, negative elevations included."""
+
+    kind: Literal["conae_000"] = "conae_000"
+    gain: Length = Field(2.47, description="k_alpha of eq. 3.1")
+    scale_height: ScaleHeight = Field(7518.8, description="h_tau of eq. 3.1")
+    offset: float = Field(0.0121, gt=0.0, description="phi_alpha of eq. 3.1")
+    join: Angle = Field(0.08726646259971647, gt=0.0, description="elevation below which eq. 3.3 holds, 5 deg")
+    gain_law: bool = Field(True, description="gain that depends on height and elevation, eq. 3.14 and 3.15")
+
+
+class SpilkerTroposphere(Card):
+    """Spilker's simple model: Trigo and Theil, eq. 16 to 18."""
+
+    kind: Literal["spilker"] = "spilker"
+    zenith: Length = Field(2.4405, description="at sea level")
+    scale_height: ScaleHeight = Field(1e3 / 0.133, description="eq. 18 prints 0.133e-3 per m")
+    offset: float = Field(0.0121, gt=0.0)
+    lowest: Angle = Field(0.08726646259971647, ge=0.0, description="below it the value at this elevation holds; 5 deg")
+
+
+class _Weather(Card):
+    """Weather at sea level, standard lapse above."""
+
+    pressure: Pressure = 101325.0
+    temperature: Annotated[Temperature, Field(ge=200.0)] = 288.15
+    humidity: Annotated[Fraction, Field(le=1.0)] = 0.5
+    lowest: Angle = Field(0.05235987755982989, gt=0.0, description="below it the value at this elevation holds; 3 deg")
+
+
+class SaastamoinenTroposphere(_Weather):
+    """Saastamoinen's zenith delay over the sine of elevation; above 11 km it falls smoothly to zero."""
+
+    kind: Literal["saastamoinen"] = "saastamoinen"
+
+
+class NiellTroposphere(_Weather):
+    """Saastamoinen's zenith delay with Niell's mapping functions, by latitude, height and day of the year."""
+
+    kind: Literal["niell"] = "niell"
+
+
+TroposphereModel = Annotated[
+    NoTroposphere
+    | RayTracedTroposphere
+    | ConaeTroposphere
+    | SpilkerTroposphere
+    | SaastamoinenTroposphere
+    | NiellTroposphere,
+    Field(discriminator="kind"),
+]
+
+# --- ionosphere -------------------------------------------------------------------------------------------------------
+
+
+class NoIonosphere(Card):
+    """No ionospheric delay."""
+
+    kind: Literal["none"] = "none"
+
+
+class KlobucharIonosphere(Card):
+    """Broadcast model (IS-GPS-200, 20.3.3.5.2.5): by place and time of day, blind to the receiver's height."""
+
+    kind: Literal["klobuchar"] = "klobuchar"
+    alpha: tuple[float, float, float, float] = Field(description="s, s per semicircle, and so on, as broadcast")
+    beta: tuple[float, float, float, float] = Field(description="s, s per semicircle, and so on, as broadcast")
+
+
+class ContentIonosphere(Card):
+    """Chapman layer, with the content above the receiver: Trigo and Theil, eq. 19 to 22."""
+
+    kind: Literal["content"] = "content"
+    vertical: ElectronContent = Field(20e16, description="at the ground; 20 TECU in section 5.2.3")
+    peak: ScaleHeight = Field(420e3, description="h0 of eq. 21")
+    scale_height: ScaleHeight = Field(100e3, description="H of eq. 21")
+    slant: Literal["lear", "integrated"] = Field(
+        "lear", description="mapping of eq. 22 at the median of the content above, or integral along the ray"
+    )
+
+
+IonosphereModel = Annotated[NoIonosphere | KlobucharIonosphere | ContentIonosphere, Field(discriminator="kind")]
+
+# --- what is true, what is believed -----------------------------------------------------------------------------------
+
+
+class AtmosphereCard(Card):
+    """The true atmosphere: a model each, and by how much a day differs from it.
+
+    A run's delay is the model's times (1 + scale), scale drawn once per run with the sigma given, for all satellites;
+    with a time it wanders as a Gauss-Markov process of that sigma.
+    """
+
+    troposphere: TroposphereModel = NoTroposphere()
+    ionosphere: IonosphereModel = NoIonosphere()
+    troposphere_scale: Fraction = Field(0.0, description="one sigma of the true delay's relative error")
+    troposphere_scale_time: TimeConstant | None = Field(None, description="of its change; none: constant in a run")
+    ionosphere_scale: Fraction = Field(0.0, description="one sigma of the true delay's relative error")
+    ionosphere_scale_time: TimeConstant | None = Field(None, description="of its change; none: constant in a run")
+
+
+class Matched(Card):
+    """The model that is true."""
+
+    kind: Literal["matched"] = "matched"
+
+
+class CorrectionsCard(Card):
+    """What is subtracted from the measurements before a filter sees them; `matched` takes the model that is true."""
+
+    troposphere: Annotated[
+        NoTroposphere
+        | RayTracedTroposphere
+        | ConaeTroposphere
+        | SpilkerTroposphere
+        | SaastamoinenTroposphere
+        | NiellTroposphere
+        | Matched,
+        Field(discriminator="kind"),
+    ] = NoTroposphere()
+    ionosphere: Annotated[
+        NoIonosphere | KlobucharIonosphere | ContentIonosphere | Matched, Field(discriminator="kind")
+    ] = NoIonosphere()
+
+
+def believed_troposphere(corrections: CorrectionsCard, atmosphere: AtmosphereCard) -> TroposphereModel:
+    """Return the tropospheric model to correct with: its own, or the true one where `matched` is asked for."""
+    model = corrections.troposphere
+    return atmosphere.troposphere if isinstance(model, Matched) else model
+
+
+def believed_ionosphere(corrections: CorrectionsCard, atmosphere: AtmosphereCard) -> IonosphereModel:
+    """Return the ionospheric model to correct with: its own, or the true one where `matched` is asked for."""
+    model = corrections.ionosphere
+    return atmosphere.ionosphere if isinstance(model, Matched) else model

@@ -1,0 +1,159 @@
+"""Tropospheric delay as published formulas: Canepa and Servidia, Spilker, Saastamoinen, Niell."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+
+SCALE_HEIGHT = 7518.8  # m, of Canepa and Servidia, section 3.1; Spilker prints 0.133e-3 per m
+TROPOPAUSE = 11e3  # m
+_ISOTHERMAL_SCALE = 6341.6  # m: 287.05287 x 216.65 / 9.80665, so that pressure falls as smoothly as it did below
+
+# --- models of one formula --------------------------------------------------------------------------------------------
+
+
+def conae(
+    elevation: ArrayLike,
+    height: ArrayLike,
+    earth_radius: ArrayLike,
+    gain: float = 2.47,
+    scale_height: float = SCALE_HEIGHT,
+    offset: float = 0.0121,
+    join: float = np.radians(5.0),
+    gain_law: bool = True,
+) -> Floats:
+    """Return the delay (...,) m of Canepa and Servidia's compensation, eq. 3.1 to 3.15, negative elevations included.
+
+    Parameters
+    ----------
+    elevation, height, earth_radius
+        (...,) rad, m, m; the radius is that of the local Earth.
+    gain, scale_height, offset, join
+        k_alpha (m), h_tau (m), phi_alpha and epsilon_alpha (rad) of eq. 3.1 and 3.3.
+    gain_law
+        Whether the gain depends on height and elevation (eq. 3.14, 3.15).
+
+    Notes
+    -----
+    A ray that would pass below sea level is taken to touch it: the formula has no meaning below eq. 3.5's minimum.
+    """
+    el, h, radius = (np.asarray(value, dtype=float) for value in (elevation, height, earth_radius))
+
+    def upwards(angle: Floats, above: Floats) -> Floats:
+        high = 1.0 / (np.sin(np.maximum(angle, join)) + offset)
+        mirrored = 1.0 / (np.sin(2.0 * join - np.minimum(angle, join)) + offset)
+        low = 2.0 / (np.sin(join) + offset) - mirrored
+        factor = np.minimum(0.9 + 0.1 * angle / join, 1.0) - above / (16.0 * scale_height) if gain_law else 1.0
+        decay = np.exp(-above / scale_height)
+        return np.asarray(gain * np.maximum(factor, 0.0) * decay * np.where(angle >= join, high, low))
+
+    here = upwards(np.abs(el), h)
+    lowest = np.maximum((radius + h) * np.cos(el) - radius, 0.0)
+    return np.asarray(np.where(el < 0.0, 2.0 * upwards(np.zeros_like(el), lowest) - here, here))
+
+
+def spilker(
+    elevation: ArrayLike,
+    height: ArrayLike,
+    zenith: float = 2.4405,
+    scale_height: float = 1e3 / 0.133,
+    offset: float = 0.0121,
+) -> Floats:
+    """Return the delay (...,) m of Spilker's simple model: Trigo and Theil, eq. 16 to 18.
+
+    elevation (...,) rad, above zero: at sin(elevation) = -offset the formula is infinite; height (...,) m.
+    """
+    mapping = (1.0 + offset) / (np.sin(elevation) + offset)
+    return np.asarray(zenith * np.exp(-np.asarray(height, dtype=float) / scale_height) * mapping)
+
+
+# --- zenith delay from weather ----------------------------------------------------------------------------------------
+
+
+def weather(
+    height: ArrayLike, pressure: float = 101325.0, temperature: float = 288.15, humidity: float = 0.5
+) -> tuple[Floats, Floats, Floats]:
+    """Return pressure (Pa), temperature (K) and vapour pressure (Pa) at heights (...,) m, from those at sea level.
+
+    Up to 11 km the standard lapse of 6.5 K/km, with constant relative humidity (0 to 1), as GNSS software has it
+    (RTKLIB ``tropmodel``). That ends with a step to nothing; here the air goes on isothermal and with
+    constant mixing ratio, so that the delay falls smoothly to zero.
+    """
+    h = np.asarray(height, dtype=float)
+    below, above = np.clip(h, 0.0, TROPOPAUSE), np.maximum(h - TROPOPAUSE, 0.0)
+    thin = np.exp(-above / _ISOTHERMAL_SCALE)
+    warmth = temperature - 6.5e-3 * below
+    vapour = 610.8 * humidity * np.exp((17.15 * warmth - 4684.0) / (warmth - 38.45))
+    return pressure * (1.0 - 2.2557e-5 * below) ** 5.2568 * thin, np.asarray(warmth), np.asarray(vapour * thin)
+
+
+def saastamoinen_zenith(
+    pressure: ArrayLike, temperature: ArrayLike, vapour: ArrayLike, latitude: ArrayLike, height: ArrayLike
+) -> tuple[Floats, Floats]:
+    """Return dry and wet zenith delay (...,) m from the weather at the receiver (Saastamoinen 1972, Davis 1985).
+
+    pressure, vapour (...,) Pa; temperature (...,) K; latitude (...,) rad; height (...,) m, for the fall of gravity
+    (beyond 100 km, where there is no air, it counts as 100 km).
+    """
+    p, warmth, e, lat = (np.asarray(value, dtype=float) for value in (pressure, temperature, vapour, latitude))
+    gravity = 1.0 - 0.00266 * np.cos(2.0 * lat) - 0.00028e-3 * np.clip(height, 0.0, 100e3)
+    return np.asarray(2.2768e-5 * p / gravity), np.asarray(2.277e-5 * (1255.0 / warmth + 0.05) * e)
+
+
+# --- mapping functions ------------------------------------------------------------------------------------------------
+
+# Niell 1996, tables 3 and 4, at latitudes 15, 30, 45, 60, 75 degrees: a, b, c.
+_LATITUDES = np.radians([15.0, 30.0, 45.0, 60.0, 75.0])
+_DRY_MEAN = np.array(
+    [
+        [1.2769934e-3, 1.2683230e-3, 1.2465397e-3, 1.2196049e-3, 1.2045996e-3],
+        [2.9153695e-3, 2.9152299e-3, 2.9288445e-3, 2.9022565e-3, 2.9024912e-3],
+        [62.610505e-3, 62.837393e-3, 63.721774e-3, 63.824265e-3, 64.258455e-3],
+    ]
+)
+_DRY_AMPLITUDE = np.array(
+    [
+        [0.0, 1.2709626e-5, 2.6523662e-5, 3.4000452e-5, 4.1202191e-5],
+        [0.0, 2.1414979e-5, 3.0160779e-5, 7.2562722e-5, 11.723375e-5],
+        [0.0, 9.0128400e-5, 4.3497037e-5, 84.795348e-5, 170.37206e-5],
+    ]
+)
+_WET = np.array(
+    [
+        [5.8021897e-4, 5.6794847e-4, 5.8118019e-4, 5.9727542e-4, 6.1641693e-4],
+        [1.4275268e-3, 1.5138625e-3, 1.4572752e-3, 1.5007428e-3, 1.7599082e-3],
+        [4.3472961e-2, 4.6729510e-2, 4.3908931e-2, 4.4626982e-2, 5.4736038e-2],
+    ]
+)
+_HEIGHT = (2.53e-5, 5.49e-3, 1.14e-3)
+
+
+def niell(
+    elevation: ArrayLike, latitude: ArrayLike, height: ArrayLike, day_of_year: ArrayLike
+) -> tuple[Floats, Floats]:
+    """Return Niell's dry and wet mapping functions (...,), J. Geophys. Res. 101 (B2), 1996, 3227-3246.
+
+    elevation, latitude (...,) rad; height (...,) m; day_of_year (...,) from 1.0 at the start of the year. Made for
+    elevations from 3 degrees and for the Earth's surface.
+    """
+    el, lat, h, day = np.broadcast_arrays(
+        *(np.asarray(v, dtype=float) for v in (elevation, latitude, height, day_of_year))
+    )
+    season = np.cos(2.0 * np.pi * ((day - 28.0) / 365.25 + np.where(lat < 0.0, 0.5, 0.0)))
+    north = np.abs(lat)
+
+    def at(table: Floats) -> list[Floats]:
+        return [np.interp(north, _LATITUDES, row) for row in table]
+
+    mean, amplitude = at(_DRY_MEAN), at(_DRY_AMPLITUDE)
+    dry = _fraction(el, *(m - swing * season for m, swing in zip(mean, amplitude, strict=True)))
+    correction = (1.0 / np.sin(el) - _fraction(el, *(np.asarray(c) for c in _HEIGHT))) * h / 1e3
+    return np.asarray(dry + correction), _fraction(el, *at(_WET))
+
+
+def _fraction(elevation: Floats, a: Floats, b: Floats, c: Floats) -> Floats:
+    """Return Marini's continued fraction, one at the zenith."""
+    sine = np.sin(elevation)
+    return np.asarray((1.0 + a / (1.0 + b / (1.0 + c))) / (sine + a / (sine + b / (sine + c))))

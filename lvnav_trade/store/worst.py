@@ -1,0 +1,33 @@
+"""The table of each run's largest errors between the events: what a bound on a whole phase is judged on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from lvnav_trade.engines.statistics import BlockSummary, columns
+from lvnav_trade.records import Output
+from lvnav_trade.store.schema import error_column
+
+
+def worst_table(
+    outputs: tuple[Output, ...], summary: BlockSummary | None, failures: Mapping[int, str]
+) -> dict[str, Any]:
+    """Return the columns of `worst`: one row per run and span from an event to the next; none without runs.
+
+    failures: the words for the codes of failed runs.
+    """
+    every = columns(outputs)
+    names = [error_column(output.quantity, output.axis, output.unit) for output in every]
+    if summary is None:
+        return {name: [] for name in ("run_number", "t_s", "t_end_s", "failure", *names)}
+    n_span = summary.worst.shape[1]
+    content: dict[str, Any] = {
+        "run_number": np.repeat(summary.runs, n_span),
+        "t_s": np.tile(summary.t_bound[:-1], summary.n_run),
+        "t_end_s": np.tile(summary.t_bound[1:], summary.n_run),
+        "failure": [failures.get(int(code), f"code {code}") for code in summary.failed for _ in range(n_span)],
+    }
+    return content | {name: summary.worst[:, :, k].ravel() for k, name in enumerate(names)}

@@ -1,0 +1,60 @@
+"""Lines and numbers of navigation files, with every mistake named by file and line."""
+
+from __future__ import annotations
+
+import gzip
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from lvnav_trade.errors import InputError
+
+GZIP_MAGIC = b"\x1f\x8b"
+
+
+class Bounds(NamedTuple):
+    """What a number may be: read as int or float, from low to high, both allowed."""
+
+    low: float
+    high: float
+    read: Callable[[str], float] = float
+
+
+def number(where: str, text: str, bounds: Bounds) -> float:
+    """Return the number that the text states, Fortran exponents included, within its bounds.
+
+    Raises
+    ------
+    InputError
+        ``where: what`` where the text is no such number or outside the bounds; nan and inf are outside all.
+    """
+    try:
+        value = bounds.read(text.strip().upper().replace("D", "E"))
+    except ValueError:
+        kind = "a whole number" if bounds.read is int else "a number"
+        raise InputError(f"{where}: {text!r} is not {kind}") from None
+    if not bounds.low <= value <= bounds.high:  # also refuses nan and inf
+        raise InputError(f"{where}: {text.strip()} is outside {bounds.low:g} to {bounds.high:g}")
+    return value
+
+
+def read_lines(path: str | Path, what: str) -> list[str]:
+    """Return the lines of a text file, unpacked where it is gzip; `what` it should be is told where it cannot be.
+
+    Raises
+    ------
+    InputError
+        Where the file cannot be read, is no whole gzip file, or is not text.
+    """
+    try:
+        data = Path(path).read_bytes()
+        if data.startswith(GZIP_MAGIC):
+            data = gzip.decompress(data)
+        return data.decode("ascii").splitlines()
+    except (EOFError, gzip.BadGzipFile, zlib.error):
+        raise InputError(f"{path}: a broken or truncated gzip file") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path}:1: not a text file, so not a {what}") from None

@@ -1,0 +1,250 @@
+"""Coning and vibration: the cards, and the sums of sinusoids that they become."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Literal, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from lvnav_trade.errors import InputError
+from lvnav_trade.kernels.random import source_word
+from lvnav_trade.units import (
+    AccelerationDensity,
+    AccelerationSigma,
+    Angle,
+    AngleSigma,
+    Card,
+    Frequency,
+    RateDensity,
+    TimeConstant,
+)
+from lvnav_trade.world.events import resolve
+
+Floats = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Axis = Literal["x", "y", "z"]
+
+_CHUNK = 4096  # times evaluated at once: a matrix of this by the number of lines stays in the cache
+
+
+class Coning(Card):
+    """A motion in which `axis` describes a cone: a rotation vector of constant length, across it, turns about it."""
+
+    angle: Annotated[Angle, Field(gt=0.0, lt=0.5)] = Field(description="half-angle of the cone")
+    frequency: Frequency
+    axis: Axis = "x"
+    phase: Angle = 0.0
+
+
+class Tone(Card):
+    """One sinusoid along or about a body axis: a thrust oscillation, a bending mode. The value given is its peak."""
+
+    frequency: Frequency
+    axis: Axis
+    phase: Angle = 0.0
+    acceleration: AccelerationSigma | None = Field(None, description="peak acceleration along the axis")
+    angle: AngleSigma | None = Field(None, description="peak angle about the axis")
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        if (self.acceleration is None) == (self.angle is None):
+            raise ValueError("give acceleration or angle, one of the two")
+        return self
+
+
+class Noise(Card):
+    """Random vibration: a one-sided spectral density over a band, as `lines` sinusoids of fixed frequency and phase.
+
+    The density is interpolated on logarithmic axes between the breakpoints. Each axis has phases of its own, which
+    depend on `name` alone: every run, case and campaign shakes alike.
+    """
+
+    name: str = "vibration"
+    frequency: tuple[Frequency, ...] = Field(min_length=2, description="breakpoints of the density, rising")
+    acceleration: tuple[AccelerationDensity, ...] | None = Field(None, description="along each axis")
+    rate: tuple[RateDensity, ...] | None = Field(None, description="of the body rate about each axis")
+    axes: tuple[Axis, ...] = ("x", "y", "z")
+    lines: int = Field(64, ge=4, le=1024)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if (self.acceleration is None) == (self.rate is None):
+            raise ValueError("give acceleration or rate, one of the two")
+        density = self.acceleration or self.rate or ()
+        if len(density) != len(self.frequency):
+            raise ValueError(f"{len(self.frequency)} frequencies but {len(density)} densities")
+        if any(value <= 0.0 for value in density):
+            raise ValueError("a density on logarithmic axes is greater than zero")
+        if any(later <= earlier for earlier, later in zip(self.frequency, self.frequency[1:], strict=False)):
+            raise ValueError("frequency must rise from entry to entry")
+        return self
+
+
+class OscillationCard(Card):
+    """Coning and vibration between two times of the flight, which grow and die away over `ramp` at either end.
+
+    They are laid over the flight: the trajectory of the unit's resting point stays what it is.
+    """
+
+    start: str = Field(description="event of the flight, with a duration added or not, or a time since lift-off")
+    end: str
+    ramp: TimeConstant = 0.5
+    coning: tuple[Coning, ...] = ()
+    tones: tuple[Tone, ...] = ()
+    noise: tuple[Noise, ...] = ()
+
+    @model_validator(mode="after")
+    def _moves(self) -> Self:
+        if not (self.coning or self.tones or self.noise):
+            raise ValueError("an oscillation needs coning, tones or noise")
+        return self
+
+
+class Oscillation(NamedTuple):
+    """A small motion over [start, end] (s): the real part of sums of lines, times a window with ramps of `ramp` s.
+
+    omega (k,) rad/s; turn (k, 3) rotation vector (rad), shift (k, 3) displacement (m), complex, body axes, at `start`.
+    """
+
+    start: float
+    end: float
+    ramp: float
+    omega: Floats
+    turn: Complex
+    shift: Complex
+
+    def edges(self) -> tuple[float, ...]:
+        """Return the times at which the window's polynomial changes."""
+        return self.start, self.start + self.ramp, self.end - self.ramp, self.end
+
+
+class Small(NamedTuple):
+    """Rotation vector from the resting to the moving body and its rate, displacement and its two rates, (n, 3) each."""
+
+    turn: Floats
+    turn_rate: Floats
+    shift: Floats
+    shift_rate: Floats
+    shift_acceleration: Floats
+
+
+def small_motion(oscillations: Iterable[Oscillation], t: Floats) -> Small:
+    """Return the sum of oscillations at times t (n,), body axes; nothing outside their windows."""
+    total = Small(*(np.zeros((t.size, 3)) for _ in Small._fields))
+    for one in oscillations:
+        for first in range(0, t.size, _CHUNK):
+            here = slice(first, first + _CHUNK)
+            for whole, part in zip(total, _one(one, t[here]), strict=True):
+                whole[here] += part
+    return total
+
+
+def _one(one: Oscillation, t: Floats) -> Small:
+    w, dw, ddw = (column[:, None] for column in _window(one, t))
+    wave = np.exp(1j * np.outer(t - one.start, one.omega))
+    speed = 1j * one.omega[:, None]
+    turn, turn_rate = (wave @ one.turn).real, (wave @ (speed * one.turn)).real
+    shift, rate = (wave @ one.shift).real, (wave @ (speed * one.shift)).real
+    acceleration = (wave @ (speed**2 * one.shift)).real
+    return Small(
+        w * turn,
+        dw * turn + w * turn_rate,
+        w * shift,
+        dw * shift + w * rate,
+        ddw * shift + 2.0 * dw * rate + w * acceleration,
+    )
+
+
+def _window(one: Oscillation, t: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the window (n,) and its two derivatives: quintic from 0 to 1 and back, without slope and curvature at the
+    ends of a ramp, so that attitude, body rate, velocity and specific force have no jump.
+    """
+    rising, falling = (t - one.start) / one.ramp, (one.end - t) / one.ramp
+    x = np.clip(np.minimum(rising, falling), 0.0, 1.0)
+    sign = np.where(rising <= falling, 1.0, -1.0) / one.ramp
+    w = x**3 * (10.0 + x * (6.0 * x - 15.0))
+    dw = 30.0 * x**2 * (1.0 - x) ** 2 * sign
+    ddw = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / one.ramp**2
+    return w, dw, ddw
+
+
+def oscillations(
+    cards: Iterable[OscillationCard], events: Mapping[str, float], span: tuple[float, float]
+) -> tuple[Oscillation, ...]:
+    """Return the oscillations of cards in a flight with events (s) and first and last time `span` (s).
+
+    InputError where a time is no time of the flight, or a window is too short for its ramps.
+    """
+    return tuple(_placed(card, f"oscillation {k}", events, span) for k, card in enumerate(cards, start=1))
+
+
+def _placed(card: OscillationCard, name: str, events: Mapping[str, float], span: tuple[float, float]) -> Oscillation:
+    start, end = resolve(card.start, events), resolve(card.end, events)
+    if end - start < 2.0 * card.ramp:
+        raise InputError(f"{name}: from {start:g} to {end:g} s there is no room for two ramps of {card.ramp:g} s")
+    if start < span[0] or end > span[1]:
+        raise InputError(f"{name}: {start:g} to {end:g} s is not within the flight, {span[0]:g} to {span[1]:g} s")
+    rows = [*map(_cone, card.coning), *map(_tone, card.tones), *(row for noise in card.noise for row in _lines(noise))]
+    omega = np.array([row[0] for row in rows])
+    turn, shift = (np.array([row[k] for row in rows], dtype=complex) for k in (1, 2))
+    return Oscillation(start, end, card.ramp, omega, turn, shift)
+
+
+Row = tuple[float, Complex, Complex]
+_NONE: Complex = np.zeros(3, dtype=complex)
+
+
+def _unit(axis: Axis, step: int = 0) -> Complex:
+    """Return the unit vector of the axis `step` places after `axis` in the cycle x, y, z."""
+    return np.eye(3, dtype=complex)[("xyz".index(axis) + step) % 3]
+
+
+def _cone(card: Coning) -> Row:
+    vector = card.angle * np.exp(1j * card.phase) * (_unit(card.axis, 1) - 1j * _unit(card.axis, 2))
+    return 2.0 * math.pi * card.frequency, vector, _NONE
+
+
+def _tone(card: Tone) -> Row:
+    omega, wave = 2.0 * math.pi * card.frequency, -1j * np.exp(1j * card.phase) * _unit(card.axis)
+    if card.angle is not None:
+        return omega, card.angle * wave, _NONE
+    assert card.acceleration is not None
+    return omega, _NONE, -card.acceleration / omega**2 * wave
+
+
+def _lines(card: Noise) -> Iterable[Row]:
+    """Yield the lines of a band: equal steps of log frequency, each with one line of the step's power.
+
+    Frequencies within a step and phases come from a fixed stream, so that lines of no two axes beat together.
+    """
+    density = card.acceleration or card.rate or ()
+    edges = np.geomspace(card.frequency[0], card.frequency[-1], card.lines + 1)
+    for axis in card.axes:
+        word = source_word(f"{card.name} {axis} {'acceleration' if card.rate is None else 'rate'}")
+        raw = np.random.Philox(key=int(word)).random_raw(2 * card.lines)
+        where, phase = raw.reshape(2, card.lines) / 2.0**64
+        frequency = edges[:-1] * (edges[1:] / edges[:-1]) ** where
+        power = np.diff(_cumulated(np.array(card.frequency), np.array(density), edges))
+        for f, a, p in zip(frequency, np.sqrt(2.0 * power), 2.0 * np.pi * phase, strict=True):
+            omega, wave = 2.0 * math.pi * f, a * np.exp(1j * p) * _unit(axis)
+            yield (omega, wave / (1j * omega), _NONE) if card.rate is not None else (omega, _NONE, -wave / omega**2)
+
+
+def _cumulated(f: Floats, density: Floats, at: Floats) -> Floats:
+    """Return the power (n,) from f[0] to `at` (n,) of a density given at f, straight on logarithmic axes between."""
+    slope = np.diff(np.log(density)) / np.diff(np.log(f))
+
+    def part(k: int, upper: Floats | float) -> Floats:
+        p = slope[k] + 1.0
+        if abs(p) < 1e-12:
+            return np.asarray(density[k] * f[k] * np.log(upper / f[k]))
+        return np.asarray(density[k] * f[k] / p * ((upper / f[k]) ** p - 1.0))
+
+    total = np.zeros_like(at)
+    for k in range(slope.size):
+        total += part(k, np.clip(at, f[k], f[k + 1]))
+    return total

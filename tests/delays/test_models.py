@@ -1,0 +1,135 @@
+"""Delays on arrays: shapes, continuity, one model against another, and the published residual along an ascent."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lvnav_trade.delays import Geometry, ionosphere_delay, troposphere_delay
+from lvnav_trade.delays.cards import (
+    BeanThayerProfile,
+    ConaeTroposphere,
+    ContentIonosphere,
+    KlobucharIonosphere,
+    NiellTroposphere,
+    NoIonosphere,
+    NoTroposphere,
+    RayTracedTroposphere,
+    SaastamoinenTroposphere,
+    SpilkerTroposphere,
+)
+from lvnav_trade.kernels.ionosphere import L1
+
+TROPOSPHERES = [
+    RayTracedTroposphere(),
+    ConaeTroposphere(),
+    SpilkerTroposphere(),
+    SaastamoinenTroposphere(),
+    NiellTroposphere(),
+]
+KLOBUCHAR = KlobucharIonosphere(alpha=(2e-8, -8e-9, -5e-8, 1e-7), beta=(2e5, 2e5, -1e5, -1e6))
+IONOSPHERES = [KLOBUCHAR, ContentIonosphere(), ContentIonosphere(slant="integrated")]
+
+
+def seen(height, degrees, azimuth=0.5, latitude=-0.674):
+    """Geometry of every pair of a height (m) and an elevation (deg)."""
+    height = np.atleast_1d(np.asarray(height, dtype=float))
+    elevation = np.broadcast_to(np.radians(degrees), (height.size, np.size(degrees)))
+    place = np.full(height.size, latitude), np.full(height.size, -1.08)
+    return Geometry(213.0, 54000.0, *place, height, np.full(elevation.shape, azimuth), elevation)
+
+
+@pytest.mark.parametrize("model", TROPOSPHERES, ids=lambda m: m.kind)
+def test_each_troposphere_has_the_shape_of_the_sky_and_is_finite_anywhere(model):
+    delay = troposphere_delay(model, seen([-400.0, 0.0, 9e3, 60e3, 350e3, 2e6], [-40.0, -10.0, 0.0, 3.0, 90.0]))
+    assert delay.shape == (6, 5)
+    assert np.all(np.isfinite(delay))
+    assert np.all(delay[:3, 2:] > 0.4)
+    assert np.all(np.abs(delay[4:, 2:]) < 1e-12)  # above the air, looking up
+
+
+@pytest.mark.parametrize("model", TROPOSPHERES, ids=lambda m: m.kind)
+def test_each_troposphere_is_smooth_on_the_way_up(model):
+    height = np.arange(0.0, 80e3, 50.0)
+    delay = troposphere_delay(model, seen(height, [10.0, 45.0, 90.0]))
+    assert np.all(np.diff(delay, axis=0) < 1e-6)
+    assert np.abs(np.diff(delay, 2, axis=0)).max() < 1e-3  # m; a step at 10 km would be metres
+
+
+@pytest.mark.parametrize("model", TROPOSPHERES, ids=lambda m: m.kind)
+def test_all_models_agree_where_all_hold(model):
+    geometry = seen([0.0, 1e3], [90.0, 45.0, 20.0, 15.0])
+    rays = troposphere_delay(RayTracedTroposphere(), geometry)
+    assert troposphere_delay(model, geometry) == pytest.approx(rays, rel=0.05)
+
+
+def test_niell_is_nearest_to_the_rays_at_five_degrees():
+    geometry = seen(0.0, [5.0])
+    rays = troposphere_delay(RayTracedTroposphere(), geometry)
+    errors = {model.kind: abs(float((troposphere_delay(model, geometry) - rays)[0, 0])) for model in TROPOSPHERES[1:]}
+    assert min(errors, key=errors.get) == "niell"
+    assert errors["niell"] < 0.5 < 2.0 < errors["saastamoinen"]  # the sine alone is metres off
+
+
+def test_models_without_negative_elevations_keep_their_lowest_value():
+    for model in TROPOSPHERES[2:]:
+        delay = troposphere_delay(model, seen(20e3, [-5.0, 0.0, np.degrees(model.lowest)]))
+        assert delay[0, 0] == delay[0, 1] == pytest.approx(delay[0, 2], rel=1e-12)
+
+
+def test_no_troposphere_and_no_ionosphere_are_zero():
+    geometry = seen([0.0, 1e5], [5.0, 50.0, 90.0])
+    assert troposphere_delay(NoTroposphere(), geometry).tolist() == np.zeros((2, 3)).tolist()
+    assert ionosphere_delay(NoIonosphere(), geometry).tolist() == np.zeros((2, 3)).tolist()
+
+
+@pytest.mark.parametrize("model", IONOSPHERES, ids=lambda m: getattr(m, "slant", m.kind))
+def test_each_ionosphere_is_finite_and_falls_with_the_square_of_frequency(model):
+    geometry = seen([0.0, 60e3, 350e3, 1.2e6], [-20.0, -5.0, 0.0, 30.0, 90.0])
+    delay = ionosphere_delay(model, geometry)
+    assert delay.shape == (4, 5)
+    assert np.all(np.isfinite(delay))
+    assert np.all(delay > 0.0)
+    other = ionosphere_delay(model, geometry, 1227.6e6)  # L2
+    assert other == pytest.approx(delay * (77.0 / 60.0) ** 2, rel=1e-9)
+
+
+def test_twenty_units_of_content_are_three_metres_and_a_quarter_overhead():
+    delay = ionosphere_delay(ContentIonosphere(), seen([0.0, 420e3, 1000e3], [90.0]))
+    assert delay[0, 0] == pytest.approx(40.3 * 20e16 / L1**2, rel=2e-4)
+    assert delay[1:, 0] / delay[0, 0] == pytest.approx([0.632, 0.003], abs=5e-4)
+
+
+def test_an_epoch_may_have_its_own_time_of_day():
+    geometry = seen([0.0, 0.0], [40.0])
+    times = ionosphere_delay(KLOBUCHAR, geometry._replace(seconds_of_day=np.array([3600.0, 68400.0])))
+    one = ionosphere_delay(KLOBUCHAR, geometry._replace(seconds_of_day=68400.0))
+    assert times[1] == one[1]
+    assert times[0] != one[0]
+
+
+def mask(height, earth=6371e3, scale=7518.8):
+    """Lowest elevation (rad) by height of Canepa and Servidia, section 6.3.1."""
+    low = np.radians(10.0) * (10.0 * scale - height) / (10.0 * scale)
+    high = -np.arccos(np.minimum((earth + 10.0 * scale) / (earth + height), 1.0))
+    return np.where(height <= 10.0 * scale, low, high)
+
+
+@pytest.mark.parametrize("air", [BeanThayerProfile(), RayTracedTroposphere().profile], ids=lambda card: card.kind)
+def test_the_compensation_of_canepa_and_servidia_is_within_a_metre_behind_its_mask(air, record_property):
+    height = np.concatenate([np.arange(0.0, 20e3, 100.0), np.arange(20e3, 350e3, 2e3)])
+    share = np.linspace(0.0, 1.0, 60) ** 2
+    lowest = mask(height)[:, None]
+    geometry = seen(height, 0.0)._replace(elevation=lowest + share * (np.pi / 2 - lowest), azimuth=np.zeros((1, 1)))
+    truth = RayTracedTroposphere(profile=air)
+    error = troposphere_delay(ConaeTroposphere(), geometry) - troposphere_delay(truth, geometry)
+    record_property(f"compensation less {air.kind} rays behind the mask, m", (error.min(), error.max()))
+    assert np.abs(error).max() < 1.0
+    assert np.abs(error).max() > 0.2  # it is a simple model
+
+
+def test_without_the_mask_the_compensation_is_tens_of_metres_off_at_the_horizon():
+    geometry = seen(0.0, [0.0, 2.0, 5.0])
+    error = troposphere_delay(ConaeTroposphere(), geometry) - troposphere_delay(RayTracedTroposphere(), geometry)
+    assert -60.0 < error[0, 0] < -30.0
+    assert abs(error[0, 2]) < 1.5

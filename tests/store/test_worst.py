@@ -1,0 +1,34 @@
+"""The table of largest errors says of every run what its history holds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lvnav_trade.engines.statistics import merge, summarise
+from lvnav_trade.store import load
+from lvnav_trade.store.worst import worst_table
+from tests import synthetic
+
+
+def test_every_run_has_a_row_for_each_span_with_the_largest_error_in_it(tmp_path):
+    tables = load(synthetic.results(tmp_path, n_run=16, size=8))
+    worst = tables.worst[tables.worst.case == "aaaaaaaaaaaa"]
+    bounds = [(-5.0, 0.0), (0.0, 40.0), (40.0, 99.5)]
+    assert list(zip(worst.t_s, worst.t_end_s, strict=True)) == bounds * 16
+    assert list(worst.run_number) == [run for run in range(16) for _ in bounds]
+    drawn = synthetic.block(synthetic.covariance(1.0), 0, 16)
+    within = (drawn.t >= 0.0) & (drawn.t <= 40.0)
+    np.testing.assert_array_equal(
+        worst.velocity_north_error_m_per_s[worst.t_s == 0.0], np.abs(drawn.err[:, within, 3]).max(axis=1)
+    )
+    at_injection = tables.runs[(tables.runs.case == "aaaaaaaaaaaa") & (tables.runs.event == "injection")]
+    last = worst[worst.t_s == 40.0].position_3d_error_m.to_numpy()
+    assert (last >= at_injection.position_3d_error_m.to_numpy()).all()
+
+
+def test_without_runs_the_table_has_its_columns_and_no_row():
+    empty = worst_table(synthetic.OUTPUTS, None, {})
+    cov = synthetic.covariance()
+    one = merge([summarise(synthetic.block(cov, 0, 8), synthetic.EVENTS, cov.true_sigma, synthetic.OUTPUTS)])
+    assert list(empty) == list(worst_table(synthetic.OUTPUTS, one, {0: ""}))
+    assert set(map(len, empty.values())) == {0}
