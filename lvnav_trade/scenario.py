@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from lvnav_trade.delays import AtmosphereCard
 from lvnav_trade.filters.base import FilterCard, ImuBelief, InitialBelief, ReceiverBelief
 from lvnav_trade.units import AngleSigma, Card, Length, LengthSigma, SpeedSigma
 from lvnav_trade.world.constellation import Constellation
@@ -38,6 +39,7 @@ class Scenario(Card):
     filter: FilterCard
     initial: InitialErrors
     faults: tuple[Fault, ...] = ()
+    atmosphere: AtmosphereCard = Field(AtmosphereCard(), description="what is true of the signals' delays")
     gravity: GravityCard | None = Field(None, description="what true gravity has beyond the model of the truth")
     frame: Literal["ned", "ecef", "inertial", "orbital"] = "ned"
     diverged: Length = Field(100e3, gt=0.0, description="a run whose position error exceeds this counts as failed")

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lvnav_trade.engines.atmosphere import delays
 from lvnav_trade.engines.families import ErrorFamily, shared_of
 from lvnav_trade.engines.inputs import Record, Schedule, Signals, Start, Unit
 from lvnav_trade.engines.signals import Line, channels_of, families, geometry_of, signals
@@ -254,8 +255,10 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     imu, receiver, initial = beliefs(scenario)
     channels, levers = channels_of(scenario, seen), np.array([scenario.receiver.lever_b])
     layout, belief = believe(card, imu, receiver, levers, lengths / rate, channels, group)
-    line, still = Line(trajectory, levers[0], seen), np.zeros((*seen.tracked.shape, 2))
-    geometry = geometry_of(line, still, still)
+    line = Line(trajectory, levers[0], seen)
+    late_by = delays(trajectory, scenario.receiver, seen, scenario.atmosphere, card.corrections)
+    geometry = geometry_of(line, seen.tracked, late_by.troposphere, late_by.ionosphere)
+    believed = geometry_of(line, seen.tracked, late_by.believed_troposphere, late_by.believed_ionosphere)
     failed = failures(scenario.faults, trajectory.events, t_epoch, seen.names, seen.elevation, seen.tracked)
     shared_errors = families(scenario, geometry, channels, failed)
     shared = shared_of(shared_errors, layout, interval, (t_epoch.size, channels.n_channel))
@@ -273,7 +276,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         families=shared_errors,
         schedule=schedule,
         unit=_unit(scenario, ref, blocks, trajectory.events),
-        signals=signals(scenario, seen, line, receiver, layout, geometry, channels, shared, failed),
+        signals=signals(scenario, seen, line, receiver, layout, believed, channels, shared, failed, late_by.left),
         start=_start(scenario, ref, C_n_i, initial_covariance(layout, initial, C_n_i)),
         record=_record(scenario, trajectory, ref, hist_tick, t_hist, epoch_tick),
         t_hist=t_hist,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,14 @@ from lvnav_trade.layout import StateLayout
 from lvnav_trade.observables.partials import Channels, Geometry, partial
 from lvnav_trade.records import Floats, Sky
 from lvnav_trade.scenario import Scenario
+from lvnav_trade.world.constellation import (
+    LETTERS,
+    AlmanacConstellation,
+    CombinedConstellation,
+    Constellation,
+    Part,
+    RinexConstellation,
+)
 from lvnav_trade.world.faults import Failures
 from lvnav_trade.world.trajectory import Trajectory, motion
 
@@ -68,7 +77,12 @@ def _pull(r_i: Floats) -> Floats:
     return -GM * r_i / np.linalg.norm(r_i, axis=-1, keepdims=True) ** 3
 
 
-def geometry_of(line: Line, troposphere: Floats, ionosphere: Floats) -> Geometry:
+def _in_solution(line: Line, tracked: NDArray[np.bool_], errors: Floats) -> Floats:
+    """Return what errors of ranges and rates (n_epoch, n_sat, 2) put into a least-squares solution, (n_epoch, 6)."""
+    return np.hstack([_shifts(line, tracked, errors[:, :, 0]), _shifts(line, tracked, errors[:, :, 1])])
+
+
+def geometry_of(line: Line, tracked: NDArray[np.bool_], troposphere: Floats, ionosphere: Floats) -> Geometry:
     """Return what partials of measurements are made of; delays (n_epoch, n_sat, 2) with their rates."""
     return Geometry(
         rate=line.rate,
@@ -77,8 +91,29 @@ def geometry_of(line: Line, troposphere: Floats, ionosphere: Floats) -> Geometry
         push=line.push,
         troposphere=troposphere,
         ionosphere=ionosphere,
+        solution_troposphere=_in_solution(line, tracked, troposphere),
+        solution_ionosphere=_in_solution(line, tracked, ionosphere),
         lever=line.lever,
     )
+
+
+def _scale(layer: str, sigma: float, time: float | None) -> Cause:
+    kind = f"{layer}_scale"
+    return Cause(f"{layer} scale", kind, kind, sigma, time or math.inf)
+
+
+def parts_of(constellation: Constellation) -> tuple[Part, ...]:
+    """Return the parts of a constellation: itself where it is none of several."""
+    return constellation.parts if isinstance(constellation, CombinedConstellation) else (constellation,)
+
+
+def letters(part: Part) -> tuple[str, ...]:
+    """Return the letters of the systems of a part."""
+    if isinstance(part, AlmanacConstellation):
+        return ("G",)
+    if isinstance(part, RinexConstellation):
+        return tuple(LETTERS[system] for system in part.systems or LETTERS)
+    return (LETTERS[part.system],)
 
 
 def causes_of(scenario: Scenario) -> list[Cause]:
@@ -92,6 +127,18 @@ def causes_of(scenario: Scenario) -> list[Cause]:
     ]
     position, velocity = solution.position_bias, solution.velocity_bias
     found.append(Cause("solution position bias", "position_bias", "position_bias", position, solution.bias_time))
+    air = scenario.atmosphere
+    found += [
+        _scale("troposphere", air.troposphere_scale, air.troposphere_scale_time),
+        _scale("ionosphere", air.ionosphere_scale, air.ionosphere_scale_time),
+    ]
+    for part in parts_of(scenario.constellation):
+        systems = letters(part)
+        residual, fade = part.range_error, part.range_error_time or math.inf
+        found.append(Cause("satellite clock and ephemeris", "range_bias", "range_bias", residual, fade, systems))
+        if not isinstance(part, AlmanacConstellation):
+            offset, fade = part.time_offset, part.time_offset_time or math.inf
+            found.append(Cause("system time offset", "time_offset", "time_offset", offset, fade, systems))
     found.append(Cause("solution velocity bias", "velocity_bias", "velocity_bias", velocity, solution.bias_time))
     return found
 
@@ -182,17 +229,21 @@ def signals(
     channels: Channels,
     shared: Shared,
     failed: Failures,
+    left: Floats,
 ) -> Signals:
-    """Return what is true of satellites and receiver at the epochs, and what the filter knows of it."""
+    """Return what is true of satellites and receiver at the epochs, and what the filter knows of it.
+
+    left (n_epoch, n_sat, 2): what corrections leave of delays of ranges and their rates.
+    """
     receiver, clock = scenario.receiver, scenario.receiver.clock
     used, n_used = _slots(seen)
     sigma = _noise(scenario, channels, seen.t.size)
     extra = [partial(block.name, geometry, channels) for block in layout.extras]
     interval = 1.0 / scenario.filter.update_rate
-    ranges = np.asarray(line.distance + failed.bias)
-    rates = np.asarray(line.rate + failed.drift)
-    position = line.position + _shifts(line, seen.tracked, failed.bias)
-    velocity = line.velocity + _shifts(line, seen.tracked, failed.drift)
+    off, off_rate = failed.bias + left[:, :, 0], failed.drift + left[:, :, 1]
+    ranges, rates = np.asarray(line.distance + off), np.asarray(line.rate + off_rate)
+    position = line.position + _shifts(line, seen.tracked, off)
+    velocity = line.velocity + _shifts(line, seen.tracked, off_rate)
     _hold(failed.frozen, used, n_used, ranges, rates, position, velocity)
     names = ("receiver clock", "range noise", "solution noise", "receiver clock start")
     return Signals(

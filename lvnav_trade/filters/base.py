@@ -6,6 +6,7 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
+from lvnav_trade.delays import CorrectionsCard
 from lvnav_trade.units import (
     AccelerationRandomWalk,
     AccelerationSigma,
@@ -135,6 +136,7 @@ class FilterCard(Card):
     imu: Matched | ImuBelief = "matched"
     receiver: Matched | ReceiverBelief = "matched"
     initial: Matched | InitialBelief = "matched"
+    corrections: CorrectionsCard = Field(CorrectionsCard(), description="taken off the measurements beforehand")
     attitude_noise: AngleRandomWalk = Field(0.0, description="process noise beyond the unit's own, root PSD per axis")
     velocity_noise: VelocityRandomWalk = 0.0
 

@@ -18,7 +18,7 @@ Ints = NDArray[np.int64]
 LEVER_AXES = ("lever_x", "lever_y", "lever_z")
 RANGE_ONLY = ("range_bias", "time_offset")
 SATELLITE_KINDS = ("range_bias", "time_offset", "timing", "troposphere_scale", "ionosphere_scale", *LEVER_AXES)
-SOLUTION_KINDS = ("position_bias", "velocity_bias", "timing")
+SOLUTION_KINDS = ("position_bias", "velocity_bias", "timing", "troposphere_scale", "ionosphere_scale")
 
 
 class Channels(NamedTuple):
@@ -39,8 +39,9 @@ class Geometry(NamedTuple):
     """What partials are made of, at the epochs, all in SI.
 
     rate, acceleration (n_epoch, n_sat) of the range; velocity, push (n_epoch, 3) of the antenna and its derivative,
-    frame i; troposphere, ionosphere (n_epoch, n_sat, 2) delay and its rate; lever (n_epoch, n_sat, 2, 3) of range and
-    range rate with respect to the lever arm in body axes.
+    frame i; troposphere, ionosphere (n_epoch, n_sat, 2) delay and its rate, and what they put into a least-squares
+    solution, solution_troposphere, solution_ionosphere (n_epoch, 6); lever (n_epoch, n_sat, 2, 3) of range and range
+    rate with respect to the lever arm in body axes.
     """
 
     rate: Floats
@@ -49,20 +50,22 @@ class Geometry(NamedTuple):
     push: Floats
     troposphere: Floats
     ionosphere: Floats
+    solution_troposphere: Floats
+    solution_ionosphere: Floats
     lever: Floats
 
 
 def members(kind: str, channels: Channels) -> tuple[tuple[str, ...], Ints]:
     """Return the components of a kind by their labels, and which one stands in each channel, (n_channel,), -1 none.
 
-    A range bias has a component for each satellite that is ever tracked, a time offset one for each system but the
-    first, a solution's bias one for each axis of frame i, everything else one for all channels.
+    A range bias has a component for each satellite that is ever tracked, a time offset one for each system but GPS (or
+    the first), a solution's bias one for each axis of frame i, everything else one for all channels.
     """
     member = np.full(channels.n_channel, -1, dtype=np.int64)
     if not channels.tight:
         if kind not in SOLUTION_KINDS:
             return (), member
-        if kind == "timing":
+        if kind not in ("position_bias", "velocity_bias"):
             member[:] = 0
             return ("",), member
         first = 0 if kind == "position_bias" else 3
@@ -74,7 +77,8 @@ def members(kind: str, channels: Channels) -> tuple[tuple[str, ...], Ints]:
         labels = tuple(name for name, seen in zip(channels.satellites, channels.seen, strict=True) if seen)
         owner = [labels.index(n) if n in labels else -1 for n in channels.satellites]
     elif kind == "time_offset":
-        labels = tuple(dict.fromkeys(channels.systems))[1:]
+        reference = "G" if "G" in channels.systems else channels.systems[0]
+        labels = tuple(s for s in dict.fromkeys(channels.systems) if s != reference)
         owner = [labels.index(s) if s in labels else -1 for s in channels.systems]
     else:
         labels, owner = ("",), [0] * len(channels.satellites)
@@ -94,6 +98,10 @@ def partial(kind: str, geometry: Geometry, channels: Channels) -> Floats:
     if not channels.tight:
         if kind == "timing":
             found[:, :3], found[:, 3:] = -geometry.velocity, -geometry.push
+        elif kind == "troposphere_scale":
+            found[:] = geometry.solution_troposphere
+        elif kind == "ionosphere_scale":
+            found[:] = geometry.solution_ionosphere
         elif kind in SOLUTION_KINDS:
             found[:] = 1.0
         return found

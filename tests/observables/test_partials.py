@@ -22,7 +22,10 @@ def line(t=T, lever=(1.0, 0.5, -0.3)):
 def geometry(of):
     shape = (*of.rate.shape, 2)
     troposphere, ionosphere = np.full(shape, 2.0), np.full(shape, 3.0)
-    return Geometry(of.rate, of.acceleration, of.velocity, of.push, troposphere, ionosphere, of.lever)
+    solution = np.ones((of.rate.shape[0], 6))
+    return Geometry(
+        of.rate, of.acceleration, of.velocity, of.push, troposphere, ionosphere, solution, 2.0 * solution, of.lever
+    )
 
 
 def channels(of, tight=True):
@@ -60,6 +63,9 @@ def test_a_scale_factor_of_a_delay_is_worth_the_delay():
     middle = line()
     np.testing.assert_array_equal(partial("troposphere_scale", geometry(middle), channels(middle)), 2.0)
     np.testing.assert_array_equal(partial("ionosphere_scale", geometry(middle), channels(middle)), 3.0)
+    loose = channels(middle, tight=False)
+    np.testing.assert_array_equal(partial("troposphere_scale", geometry(middle), loose), 1.0)
+    np.testing.assert_array_equal(partial("ionosphere_scale", geometry(middle), loose), 2.0)
 
 
 def test_a_bias_of_a_range_is_none_of_its_rate():

@@ -1,0 +1,96 @@
+"""What the true atmosphere does to the signals of a flight, and what the filter's correction makes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import datetime, timedelta
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.delays import (
+    AtmosphereCard,
+    CorrectionsCard,
+    Geometry,
+    believed_ionosphere,
+    believed_troposphere,
+    ionosphere_delay,
+    troposphere_delay,
+)
+from lvnav_trade.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
+from lvnav_trade.records import Floats, Sky
+from lvnav_trade.world.gps_time import leap_seconds
+from lvnav_trade.world.receiver import ReceiverCard
+from lvnav_trade.world.sky import antenna, look_angles
+from lvnav_trade.world.trajectory import Trajectory
+
+HALF_STEP = 0.25  # s to either side of an epoch for the rate of a delay
+
+
+class Delays(NamedTuple):
+    """Delay (m) and its rate (m/s) of code and Doppler, (n_epoch, n_sat, 2) each; zero where a satellite is not
+    tracked: what is true of the troposphere and the ionosphere, and what the filter believes of them.
+
+    The ionosphere advances the carrier by what it delays the code, so a Doppler's rate has the other sign.
+    """
+
+    troposphere: Floats
+    ionosphere: Floats
+    believed_troposphere: Floats
+    believed_ionosphere: Floats
+
+    @property
+    def left(self) -> Floats:
+        """What the filter's correction leaves of the true delay, (n_epoch, n_sat, 2)."""
+        true, taken = self.troposphere + self.ionosphere, self.believed_troposphere + self.believed_ionosphere
+        return np.asarray(true - taken)
+
+
+def _geometry(trajectory: Trajectory, receiver: ReceiverCard, seen: Sky, shift: float) -> tuple[Geometry, Floats]:
+    """Return where the antenna stands and looks `shift` seconds after each epoch, and those times (n_epoch,)."""
+    t = np.clip(seen.t + shift, trajectory.start, trajectory.end)
+    at, _ = antenna(trajectory, receiver, t)
+    moved = seen.r_i + (t - seen.t)[:, None, None] * seen.v_i
+    line = moved - at[:, None, :]
+    direction = line / np.linalg.norm(line, axis=2, keepdims=True)
+    azimuth, elevation = look_angles(trajectory.theta0, t, at, direction)
+    latitude, longitude, height = geodetic_from_ecef(ecef_from_eci(at, earth_angle(trajectory.theta0, t)))
+    lift_off = datetime.fromisoformat(trajectory.epoch)
+    start = lift_off + timedelta(seconds=leap_seconds(lift_off))
+    midnight = start.replace(hour=0, minute=0, second=0, microsecond=0)
+    seconds = (start - midnight).total_seconds() + t
+    day = float(start.timetuple().tm_yday)
+    return Geometry(day, seconds, latitude, longitude, height, azimuth, elevation), t
+
+
+def delays(
+    trajectory: Trajectory,
+    receiver: ReceiverCard,
+    seen: Sky,
+    atmosphere: AtmosphereCard,
+    corrections: CorrectionsCard,
+) -> Delays:
+    """Return true and believed delays along the nominal flight.
+
+    The filter's models are evaluated at the true place of the antenna, not at the estimate: at worst, near the ground
+    and the horizon, they differ by 1 cm per metre of position error.
+    """
+    places = [_geometry(trajectory, receiver, seen, shift) for shift in (-HALF_STEP, 0.0, HALF_STEP)]
+
+    def along(value: Callable[[Geometry], Floats], carrier: float) -> Floats:
+        before, now, after = (value(place) for place, _ in places)
+        seconds = (places[2][1] - places[0][1])[:, None]
+        both = np.stack([now, carrier * (after - before) / seconds], axis=2)
+        return np.where(seen.tracked[:, :, None], both, 0.0)
+
+    models = (
+        (atmosphere.troposphere, believed_troposphere(corrections, atmosphere)),
+        (atmosphere.ionosphere, believed_ionosphere(corrections, atmosphere)),
+    )
+    (air, air_hat), (charge, charge_hat) = models
+    return Delays(
+        along(lambda g: troposphere_delay(air, g), 1.0),
+        along(lambda g: ionosphere_delay(charge, g), -1.0),
+        along(lambda g: troposphere_delay(air_hat, g), 1.0),
+        along(lambda g: ionosphere_delay(charge_hat, g), -1.0),
+    )
