@@ -9,6 +9,10 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
+# What a receiver does with a satellite, by number and by name: idle is neither looked for nor remembered.
+IDLE, SEARCH, ACQUIRE, TRACK, LOST = range(5)
+TRACKING = ("idle", "search", "acquire", "track", "lost")
+
 
 class Motion(NamedTuple):
     """True motion at given times; at a jump of thrust the value just after it. SI, frames i and b.
@@ -42,12 +46,28 @@ class Reference(NamedTuple):
     dvel: Floats
 
 
+class Transition(NamedTuple):
+    """A change of what the receiver does with a satellite: t s, name, states before and after by name, and why."""
+
+    t: float
+    satellite: str
+    before: str
+    after: str
+    reason: str
+
+
 class Sky(NamedTuple):
     """Satellites over a flight, each at the time of transmission of the signal received at the epoch.
 
     t (n_epoch,); names (n_sat,) such as "G05"; r_i (n_epoch, n_sat, 3) m at transmission; v_i (n_epoch, n_sat, 3) the
     derivative of r_i with respect to *reception* time; azimuth, elevation (n_epoch, n_sat) rad at the antenna in frame
-    n; tracked (n_epoch, n_sat) bool: above mask, not behind the Earth, not lost to a fault.
+    n; tracked (n_epoch, n_sat) bool: what is measured at the epoch.
+
+    antenna (n_epoch, n_sat) number of the antenna that hears the satellite best; cn0 (n_epoch, n_sat) dB-Hz as the
+    loops have it, NaN where there is no link budget or nothing is heard; range_sigma (m), rate_sigma (m/s)
+    (n_epoch, n_sat) true white noise; state (n_epoch, n_sat) int8, see TRACKING; levers (n_antenna, 3) m phase centres
+    from the inertial unit, body axes; transitions of the receiver's channels in order of time (none without a tracking
+    card).
     """
 
     t: Floats
@@ -57,6 +77,13 @@ class Sky(NamedTuple):
     azimuth: Floats
     elevation: Floats
     tracked: NDArray[np.bool_]
+    antenna: NDArray[np.int64]
+    cn0: Floats
+    range_sigma: Floats
+    rate_sigma: Floats
+    state: NDArray[np.int8]
+    levers: Floats
+    transitions: tuple[Transition, ...] = ()
 
 
 class RunBlock(NamedTuple):

@@ -13,7 +13,7 @@ from lvnav_trade.engines.nonlinearity import Nonlinearity
 from lvnav_trade.engines.retune import FACTORS, Sensitivity
 from lvnav_trade.engines.statistics import summarise
 from lvnav_trade.kernels.earth import OMEGA
-from lvnav_trade.records import AdjointBudget, CovHistory, Output, Reference, RunBlock, Sky
+from lvnav_trade.records import IDLE, TRACK, AdjointBudget, CovHistory, Output, Reference, RunBlock, Sky
 from lvnav_trade.store import CaseInfo, open_results
 
 OUTPUTS = (
@@ -124,14 +124,27 @@ def prepared() -> Any:
     shape = (N_EPOCH, N_SAT, 3)
     return SimpleNamespace(
         scenario=SimpleNamespace(
-            frame="ned",
-            faults=(SimpleNamespace(kind="satellite_outage", start="stage1_cutoff + 20 s", duration=15.0),)
+            frame="ned", faults=(SimpleNamespace(kind="satellite_outage", start="stage1_cutoff + 20 s", duration=15.0),)
         ),
         trajectory=SimpleNamespace(
             events=EVENTS, epoch="2026-08-01T12:00:00Z", theta0=0.0, facts={"perigee_m": 2.0e5, "max_load_g": 4.2}
         ),
         reference=reference,
-        sky=Sky(t_epoch, names, np.zeros(shape), np.zeros(shape), azimuth, elevation, tracked),
+        sky=Sky(
+            t_epoch,
+            names,
+            np.zeros(shape),
+            np.zeros(shape),
+            azimuth,
+            elevation,
+            tracked,
+            antenna=np.zeros(shape[:2], dtype=np.int64),
+            cn0=np.full(shape[:2], np.nan),
+            range_sigma=np.full(shape[:2], 2.0),
+            rate_sigma=np.full(shape[:2], 0.1),
+            state=np.where(tracked, TRACK, IDLE).astype(np.int8),
+            levers=np.zeros((1, 3)),
+        ),
         outputs=OUTPUTS,
     )
 

@@ -249,13 +249,12 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         t_hist = _with_steps(every_step_beside, ref.t[::per_window], start, rate, n_imu, group)
     hist_tick = _ticks(t_hist, start, rate, n_imu, group)
     schedule, lengths = _schedule(n_imu, per_window, hist_tick, epoch_tick)
-    late = scenario.receiver.latency + delay(scenario.faults, trajectory.events, t_epoch)
-    measured = np.maximum(start, t_epoch - late)
-    seen = sky(scenario.constellation, scenario.receiver, trajectory, measured, scenario.faults)
+    seen = _seen(scenario, trajectory, t_epoch, start)
     imu, receiver, initial = beliefs(scenario)
-    channels, levers = channels_of(scenario, seen), np.array([scenario.receiver.lever_b])
+    channels, lever_b = channels_of(scenario, seen), np.array(scenario.receiver.lever_b)
+    levers = seen.levers if channels.tight else lever_b[None, :]
     layout, belief = believe(card, imu, receiver, levers, lengths / rate, channels, group)
-    line = Line(trajectory, levers[0], seen)
+    line = Line(trajectory, lever_b, seen)
     late_by = delays(trajectory, scenario.receiver, seen, scenario.atmosphere, card.corrections)
     geometry = geometry_of(line, seen.tracked, late_by.troposphere, late_by.ionosphere)
     believed = geometry_of(line, seen.tracked, late_by.believed_troposphere, late_by.believed_ionosphere)
@@ -283,6 +282,18 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         t_epoch=t_epoch,
         lengths=lengths / rate,
     )
+
+
+def _seen(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: float) -> Sky:
+    """Return the sky that the measurements of each epoch are of: that of a latency before."""
+    receiver, above = scenario.receiver, scenario.constellation
+    late = receiver.latency + delay(scenario.faults, trajectory.events, t_epoch)
+    if receiver.latency_per_satellite > 0.0:
+        now = sky(above, receiver, trajectory, t_epoch, scenario.faults)
+        late = late + receiver.latency_per_satellite * now.tracked.sum(axis=1)
+    # where the latency falls, a later epoch still measures no earlier
+    measured = np.maximum.accumulate(np.maximum(start, t_epoch - late))
+    return sky(above, receiver, trajectory, measured, scenario.faults)
 
 
 def _start(scenario: Scenario, ref: Reference, C_n_i: Floats, P: Floats) -> Start:

@@ -41,27 +41,33 @@ def channels_of(scenario: Scenario, seen: Sky) -> Channels:
 class Line:
     """The lines of sight at the epochs: antenna and satellites, their distance and its first two derivatives.
 
-    at: Motion of the vehicle; C_b_i (n_epoch, 3, 3); position, velocity, push (n_epoch, 3) of the antenna, frame i
-    (push without the swing of the lever arm); direction (n_epoch, n_sat, 3) and its rate of change, drift; distance,
+    at: Motion of the vehicle; C_b_i (n_epoch, 3, 3); position, velocity, push (n_epoch, 3) of the point that the
+    receiver's solution is for, frame i (push without the swing of the lever arm); from the antenna that hears the
+    satellite: direction (n_epoch, n_sat, 3) and its rate of change, drift; distance,
     rate, acceleration (n_epoch, n_sat).
     """
 
     def __init__(self, trajectory: Trajectory, lever_b: Floats, seen: Sky) -> None:
         at = motion(trajectory, seen.t)
-        self.at, self.C_b_i, self.lever_b = at, matrices(at.q_b_i), lever_b
-        self.position = at.r_i + self.C_b_i @ lever_b
-        swing = np.einsum("nij,nj->ni", self.C_b_i, np.cross(at.w_ib_b, lever_b))
-        self.velocity = at.v_i + swing
+        self.at, self.C_b_i = at, matrices(at.q_b_i)
+        self.position, self.velocity = self._point(lever_b)
         self.push = _pull(at.r_i) + np.einsum("nij,nj->ni", self.C_b_i, at.f_b)
-        line = seen.r_i - self.position[:, None, :]
+        points = [self._point(lever) for lever in seen.levers]
+        places, speeds = (np.stack(arrays, axis=1) for arrays in zip(*points, strict=True))
+        line = seen.r_i - np.take_along_axis(places, seen.antenna[:, :, None], axis=1)
+        moving = seen.v_i - np.take_along_axis(speeds, seen.antenna[:, :, None], axis=1)
         self.distance = np.linalg.norm(line, axis=2)
         self.direction = line / self.distance[:, :, None]
-        moving = seen.v_i - self.velocity[:, None, :]
         self.rate = np.einsum("esi,esi->es", self.direction, moving)
         across = np.sum(moving**2, axis=2) - self.rate**2
         self.drift = (moving - self.rate[:, :, None] * self.direction) / self.distance[:, :, None]
         pulled = np.einsum("esi,esi->es", self.direction, _pull(seen.r_i) - self.push[:, None, :])
         self.acceleration = across / self.distance + pulled
+
+    def _point(self, lever_b: Floats) -> tuple[Floats, Floats]:
+        """Return position and velocity (n_epoch, 3) of a point of the vehicle, frame i."""
+        swing = np.einsum("nij,nj->ni", self.C_b_i, np.cross(self.at.w_ib_b, lever_b))
+        return self.at.r_i + self.C_b_i @ lever_b, self.at.v_i + swing
 
     @property
     def lever(self) -> Floats:
@@ -170,14 +176,14 @@ def _slots(seen: Sky) -> tuple[np.ndarray, np.ndarray]:
     return used, n_used
 
 
-def _noise(scenario: Scenario, channels: Channels, n_epoch: int) -> Floats:
-    """Return the sigma (n_epoch, n_channel) of white noise that the receiver's design has."""
-    receiver = scenario.receiver
-    sigma = np.empty((n_epoch, channels.n_channel))
+def _noise(scenario: Scenario, seen: Sky, channels: Channels) -> Floats:
+    """Return the sigma (n_epoch, n_channel) of white noise of a receiver in which nothing has failed."""
+    solution = scenario.receiver.solution
+    sigma = np.empty((seen.t.size, channels.n_channel))
     if channels.tight:
-        sigma[:, 0::2], sigma[:, 1::2] = receiver.pseudorange_sigma, receiver.range_rate_sigma
+        sigma[:, 0::2], sigma[:, 1::2] = seen.range_sigma, seen.rate_sigma
     else:
-        sigma[:, :3], sigma[:, 3:] = receiver.solution.position_sigma, receiver.solution.velocity_sigma
+        sigma[:, :3], sigma[:, 3:] = solution.position_sigma, solution.velocity_sigma
     return sigma
 
 
@@ -237,7 +243,7 @@ def signals(
     """
     receiver, clock = scenario.receiver, scenario.receiver.clock
     used, n_used = _slots(seen)
-    sigma = _noise(scenario, channels, seen.t.size)
+    sigma = _noise(scenario, seen, channels)
     extra = [partial(block.name, geometry, channels) for block in layout.extras]
     interval = 1.0 / scenario.filter.update_rate
     off, off_rate = failed.bias + left[:, :, 0], failed.drift + left[:, :, 1]
@@ -256,7 +262,7 @@ def signals(
         velocity=velocity,
         satellite=np.ascontiguousarray(seen.r_i),
         satellite_velocity=np.ascontiguousarray(seen.v_i),
-        antenna=np.zeros(seen.tracked.shape, dtype=np.int64),
+        antenna=seen.antenna if channels.tight else np.zeros_like(seen.antenna),
         sigma=_grown(sigma, channels, failed),
         variance=_believed_variance(scenario, belief, channels, sigma),
         partial=np.array(extra).reshape(len(extra), seen.t.size, channels.n_channel),

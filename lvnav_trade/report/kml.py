@@ -19,6 +19,7 @@ Floats = NDArray[np.float64]
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"
 SIGMAS = 3.0
+_AXES = ("north", "east", "down")
 _CORNERS = 36  # of an ellipse
 _COLOURS = ("ff1f77ff", "ffb4771f", "ff2ca02c", "ff2827d6")  # alpha, blue, green, red; one case after the other
 
@@ -45,8 +46,8 @@ def flights(tables: Tables, ellipses: bool, every: float) -> list[Flight]:
     ellipses: at the events whose covariance is stored in full, and every `every` seconds of the history, where only the
     sigma of each axis is. InputError where errors are not reported in frame ned.
     """
-    if ellipses and tables.campaign["base"]["frame"] != "ned":
-        raise InputError(f"{tables.folder}: ellipses need errors in frame ned, not {tables.campaign['base']['frame']}")
+    if ellipses and not set(_AXES) <= set(tables.history.axis):
+        raise InputError(f"{tables.folder}: ellipses need errors that are reported in frame ned")
     found = []
     for case, label in tables.labels.items():
         reference, events = tables.reference, tables.events
@@ -59,7 +60,7 @@ def flights(tables: Tables, ellipses: bool, every: float) -> list[Flight]:
 def _ellipses(tables: Tables, case: str, every: float) -> tuple[Ellipse, ...]:
     whole = tables.covariances
     whole = whole[(whole["case"] == case) & (whole.quantity == "position") & (whole.source == "")]
-    axes = ["north", "east", "down"]
+    axes = list(_AXES)
     found = {}
     sigma = tables.history
     sigma = sigma[(sigma["case"] == case) & (sigma.quantity == "position") & sigma.axis.isin(axes)]

@@ -127,7 +127,7 @@ class TableTrajectory(Card):
         (), description="pairs of events between which the point that the rows of position refer to moves in the body"
     )
     largest_force_angle: Annotated[Angle, Field(gt=0.0)] = Field(
-        1.0471975511965976,  # 60 deg
+        0.5235987755982988,  # 30 deg
         description="median angle of forces above 1 g from the body's x axis; beyond it the attitude is refused",
     )
     pointing: Literal["thrust", "velocity"] = Field(

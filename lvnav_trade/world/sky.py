@@ -18,9 +18,11 @@ from lvnav_trade.frames import (
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.kernels.earth import OMEGA, SEMI_MAJOR, SEMI_MINOR
 from lvnav_trade.records import Floats, Sky
-from lvnav_trade.world.constellation import Constellation
-from lvnav_trade.world.faults import AnyFault, Mask, highest, lost
+from lvnav_trade.world.constellation import GM_GPS, Constellation
+from lvnav_trade.world.faults import AntennaFailure, AnyFault, Mask, antennas_alive, lost
+from lvnav_trade.world.link import off_nadir
 from lvnav_trade.world.receiver import ReceiverCard
+from lvnav_trade.world.reception import Arrival, receive
 from lvnav_trade.world.satellites import Satellites, satellites
 from lvnav_trade.world.trajectory import Trajectory, motion
 
@@ -45,6 +47,7 @@ def sky(
     trajectory: Trajectory,
     t_epoch: Floats,
     faults: Sequence[AnyFault] = (),
+    antenna_alive: Mask | None = None,
 ) -> Sky:
     """Return all usable satellites at the GNSS epochs, as seen from the true antenna; the same for all runs.
 
@@ -52,12 +55,15 @@ def sky(
     ----------
     t_epoch
         (n_epoch,) s since lift-off, rising: times of reception.
+    antenna_alive
+        (n_epoch, n_antenna) bool: which antennas work at the epoch and since the one before. None: as the faults
+        say.
 
     Returns
     -------
     Sky
         Positions at transmission in frame i (no Earth-rotation term is left to apply), velocities with respect to
-        reception time, azimuth and elevation at the antenna, and what the receiver tracks.
+        reception time, azimuth and elevation at the antenna, and what the receiver hears, tracks and measures.
 
     Raises
     ------
@@ -68,11 +74,19 @@ def sky(
     antenna_r, antenna_v = antenna(trajectory, receiver, t_epoch)
     sent = transmission(above, trajectory.theta0, t_epoch, antenna_r)
     line = sent.r_i - antenna_r[:, None, :]
-    direction = line / np.linalg.norm(line, axis=-1, keepdims=True)
+    distance = np.linalg.norm(line, axis=-1)
+    direction = line / distance[..., None]
     received = 1.0 - range_rate(direction, sent.v_i, antenna_v[:, None, :]) / SPEED_OF_LIGHT
     azimuth, elevation = look_angles(trajectory.theta0, t_epoch, antenna_r, direction)
-    visible = (elevation >= receiver.mask) & ~occluded(antenna_r[:, None, :], sent.r_i)
-    available = visible & ~lost(faults, trajectory.events, t_epoch, elevation, visible)
+    lowest = mask(receiver, trajectory.theta0, t_epoch, antenna_r)
+    visible = (elevation >= lowest) & ~occluded(antenna_r[:, None, :], sent.r_i)
+    faulty = np.asarray(lost(faults, trajectory.events, t_epoch, elevation, visible))
+    pull = range_pull(direction, distance, sent, antenna_v)
+    angle = off_nadir(sent.r_i, direction)
+    arrival = Arrival(t_epoch, above.names, direction, distance, angle, elevation, pull, visible, faulty)
+    if antenna_alive is None and any(isinstance(fault, AntennaFailure) for fault in faults):
+        antenna_alive = antennas_alive(faults, trajectory.events, t_epoch, len(receiver.antennas))
+    found = receive(receiver, trajectory, arrival, antenna_alive)
     return Sky(
         t=t_epoch,
         names=above.names,
@@ -80,8 +94,47 @@ def sky(
         v_i=sent.v_i * received[..., None],
         azimuth=azimuth,
         elevation=elevation,
-        tracked=highest(elevation, available, receiver.channels),
+        levers=np.array(receiver.levers),
+        **found._asdict(),
     )
+
+
+def mask(receiver: ReceiverCard, theta0: float, t: Floats, antenna_r: Floats) -> Floats | float:
+    """Return the elevation (rad) below which the receiver does not look, (n_epoch, 1), or one number for all epochs.
+
+    antenna_r (n_epoch, 3) m, frame i. A mask that sinks with height: Canepa and Servidia, section 6.3.1, where the
+    shell is ten scale heights of the troposphere high.
+    """
+    shell = receiver.mask_height
+    if shell is None:
+        return receiver.mask
+    height = geodetic_from_ecef(ecef_from_eci(antenna_r, earth_angle(theta0, t)))[2]
+    radius = np.linalg.norm(antenna_r, axis=-1) - height
+    dip = -np.arccos(np.clip((radius + shell) / (radius + np.maximum(height, shell)), -1.0, 1.0))
+    return np.asarray(np.where(height > shell, dip, receiver.mask * (1.0 - height / shell)))[:, None]
+
+
+def range_pull(direction: Floats, distance: Floats, sent: Transmission, antenna_v: Floats) -> Floats:
+    """Return the acceleration of the range (m/s^2) apart from the antenna's own, (n_epoch, n_sat).
+
+    Gravity on the satellite along the line, and the square of the speed across it over the distance: few m/s^2, for
+    loops that trail behind acceleration.
+    """
+    radius = np.linalg.norm(sent.r_i, axis=-1)
+    falling = -GM_GPS * np.sum(direction * sent.r_i, axis=-1) / radius**3
+    speed = sent.v_i - antenna_v[:, None, :]
+    across = np.sum(speed * speed, axis=-1) - np.sum(direction * speed, axis=-1) ** 2
+    return np.asarray(falling + across / distance)
+
+
+def antenna_states(trajectory: Trajectory, receiver: ReceiverCard, t: Floats) -> tuple[Floats, Floats]:
+    """Return true position (m) and velocity (m/s) of the phase centres in frame i, (n_epoch, n_antenna, 3) each."""
+    at = motion(trajectory, t)
+    levers_b = np.array(receiver.levers)
+    C_b_i = matrices(at.q_b_i)
+    arms = np.einsum("nij,aj->nai", C_b_i, levers_b)
+    swing = np.einsum("nij,naj->nai", C_b_i, np.cross(at.w_ib_b[:, None, :], levers_b))
+    return at.r_i[:, None, :] + arms, at.v_i[:, None, :] + swing
 
 
 def antenna(trajectory: Trajectory, receiver: ReceiverCard, t: Floats) -> tuple[Floats, Floats]:

@@ -17,6 +17,7 @@ Floats = NDArray[np.float64]
 
 _CLOSEST = 0.1  # s between knots at least: closer ones only turn the rounding of the rows into force
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # exact for the square of what is left after `order` derivatives
+_TIE = 1e-4  # weight of the next lower derivative, which alone ties down a stretch with hardly a row
 _EXACT = -9.0  # log10 of the weight of roughness that leaves the rows where they are
 _SMOOTHEST = 8.0
 _REFINEMENTS = 2  # of the normal equations, which lose half of the digits
@@ -58,7 +59,8 @@ def fit(t: Floats, y: Floats, breaks: Sequence[float], degree: int, noise: float
         Times (s) at which derivative degree - 3 and above may jump: force, for a velocity of degree 4 or a position of
         degree 5.
     degree
-        Of the spline. Smoothest means the least integrated square of derivative degree - 2: of jerk, for the same two.
+        Of the spline. Smoothest means the least integrated square of derivative degree - 1: of the derivative of jerk,
+        for the same two.
     noise
         One sigma of a component of a row, in its unit; the spline leaves the rows by that much (RMS). Zero: it goes
         through every row, as far as rows closer than 0.1 s allow.
@@ -107,13 +109,16 @@ def _knots(t: Floats, spans: list[float], degree: int) -> Floats:
 
 def _rows(t: Floats, y: Floats, knots: Floats, degree: int, steps: Sequence[float]) -> _Rows:
     """Return the rows; roughness is weighted so that one stands for the interval between rows whatever its length."""
-    order = degree - 2
     values = csr_array(BSpline.design_matrix(t, knots, degree))
     ends = np.unique(knots)
     length = np.diff(ends)
     at = (ends[:-1, None] + 0.5 * length[:, None] * (1.0 + _NODES)).ravel()
-    scale = np.sqrt((0.5 * length[:, None] * _WEIGHTS).ravel() * float(np.median(np.diff(t))) ** (2 * order - 1))
-    rough = diags_array(scale) @ _derivative(knots, degree, order, at)
+    cell, usual = (0.5 * length[:, None] * _WEIGHTS).ravel(), float(np.median(np.diff(t)))
+    parts = []
+    for order, weight in ((degree - 1, 1.0), (degree - 2, _TIE)):
+        scale = weight * np.sqrt(cell * usual ** (2 * order - 1))
+        parts.append([diags_array(scale) @ _derivative(knots, degree, order, at)])
+    rough = csr_array(block_array(parts))
     if steps:
         after = csr_array((t[:, None] >= np.asarray(steps)).astype(float))
         values = csr_array(block_array([[values, after]]))

@@ -17,11 +17,11 @@ def vectors(refdata):
     return json.loads((refdata / "gnss/test_vectors/unit_check_vectors.json").read_text())
 
 
-@pytest.fixture(scope="module")
-def gpstk(refdata):
+@pytest.fixture(params=["Saas", "NB"])  # the two of GPSTk's models that map as Niell does
+def gpstk(request, refdata):
     """Columns elevation (deg), dry mapping, dry slant, wet mapping of GPSTk's output: 20 C, 1013 mbar, day 103."""
-    lines = (refdata / "gnss/test_vectors/gpstk_TropModel_Saas.exp").read_text().splitlines()
-    rows = [line.split() for line in lines if line.split()[:1] == ["Saas"] and line.split()[1] != "Trop"]
+    lines = (refdata / f"gnss/test_vectors/gpstk_TropModel_{request.param}.exp").read_text().splitlines()
+    rows = [line.split() for line in lines if line.split()[:1] == [request.param] and line.split()[1] != "Trop"]
     return np.array([[float(word) for word in row[1:5]] for row in rows])
 
 

@@ -24,6 +24,7 @@ from lvnav_trade.world.sky import (
     GRAZING_HEIGHT,
     antenna,
     look_angles,
+    mask,
     occluded,
     range_rate,
     satellite_inertial,
@@ -194,6 +195,17 @@ def test_no_more_than_the_channels_are_tracked_and_those_the_highest(gps_24, fli
     for epoch in range(T.size):
         left_out = free.tracked[epoch] & ~few.tracked[epoch]
         assert few.elevation[epoch][few.tracked[epoch]].min() > few.elevation[epoch][left_out].max()
+
+
+def test_a_mask_that_sinks_is_the_papers_at_every_height():
+    # Canepa and Servidia, section 6.3.1: 10 deg at sea level, 0 at ten scale heights, then the dip of that shell.
+    card = receiver(mask="10 deg", mask_height="75.188 km")
+    heights = np.array([0.0, 37.594e3, 75.188e3, 350e3])
+    here = eci_from_ecef(ecef_from_geodetic(0.0 * heights, 0.3 + 0.0 * heights, heights), 1.2 + 0.0 * heights)
+    dip = math.degrees(math.acos((SEMI_MAJOR + 75.188e3) / (SEMI_MAJOR + 350e3)))
+    found = np.degrees(mask(card, 1.2, np.zeros(4), here))[:, 0]
+    np.testing.assert_allclose(found, [10.0, 5.0, 0.0, -dip], rtol=0.0, atol=1e-6)
+    assert mask(receiver(mask="10 deg"), 1.2, np.zeros(4), here) == math.radians(10.0)
 
 
 def test_an_outage_keeps_the_highest_and_moves_nothing_else(gps_24, flight):

@@ -1,0 +1,208 @@
+"""Channels of a receiver: which satellite is searched for, acquired, tracked or lost, when, and why."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from lvnav_trade.kernels.random import philox, seed_words, source_word
+from lvnav_trade.records import ACQUIRE, IDLE, LOST, SEARCH, TRACK, TRACKING, Floats, Transition
+from lvnav_trade.units import Card, CarrierToNoise, Pause
+
+Mask = NDArray[np.bool_]
+
+# Why a signal is not held, in the order in which one hides the other; the first holds it.
+HELD, DYNAMICS, WEAK, DEAF, FAULT, HIDDEN = range(6)
+CAUSES = ("", "dynamics", "weak signal", "no antenna", "fault", "out of view")
+
+FIX = 4  # satellites with which a receiver knows where it is, and so where to look for others
+
+
+class TrackingCard(Card):
+    """How a receiver finds satellites, how long that takes, and when it gives one up.
+
+    A search is one pass over all code phases and frequencies that the signal may have; the signal is found where it is,
+    anywhere in the pass with the same probability. It is then pulled into the loops, and counts once that is done.
+    """
+
+    acquire_above: CarrierToNoise = Field(33.0, description="weaker signals are not found; without a link all are")
+    track_above: CarrierToNoise = Field(25.0, description="weaker signals are lost; loops may let go earlier")
+    search_time: Pause = Field(20.0, description="of a pass over everything that is possible")
+    reacquire_time: Pause = Field(4.0, description="of a pass around where a satellite was when it was lost")
+    memory: Pause = Field(15.0, description="how long after the loss that still helps")
+    aiding: Literal["none", "own", "fused"] = Field(
+        "own",
+        description="what narrows the search: the receiver's own solution while it tracks four, or the fused state",
+    )
+    aided_factor: float = Field(0.25, gt=0, le=1, description="of every pass, while aided")
+    searchers: int = Field(1, ge=1, description="satellites searched for at a time; 1: one after the other")
+    pull_in: Pause = Field(2.0, description="from found to measured: loops closed, bits and frames in step")
+    coast: Pause = Field(
+        0.5, description="how long a channel waits for a signal to come back before it is lost, such as over a jolt"
+    )
+    start: Literal["tracking", "searching"] = Field("tracking", description="at the first epoch")
+    realisation: int = Field(0, ge=0, lt=2**32, description="which draw of search times; the same for all runs")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.acquire_above < self.track_above:
+            raise ValueError("acquire_above lies below track_above: what is found would be lost at once")
+        return self
+
+
+class Signals(NamedTuple):
+    """What reaches the receiver at the steps of its channels, (n_step, n_sat) each but the times t (n_step,) s.
+
+    expected bool: above the mask, and not behind the Earth, as the receiver knows from its almanac; cause int8: why the
+    loops do not hold the signal (0: they do); strong bool: strong enough to be found; elevation rad.
+    """
+
+    t: Floats
+    expected: Mask
+    cause: NDArray[np.int8]
+    strong: Mask
+    elevation: Floats
+
+
+def share(card: TrackingCard, satellite: str, t: float) -> float:
+    """Return where in the pass that starts at t (s) the satellite is found, between 0 and 1.
+
+    It depends on realisation, satellite and time alone (in milliseconds), never on what else is searched.
+    """
+    moment = np.uint64(round(1e3 * t) & 0xFFFFFFFF)
+    word, _, _, _ = philox(
+        moment, np.uint64(card.realisation), source_word("acquisition"), source_word(satellite), *seed_words(0)
+    )
+    return (float(word) + 0.5) / 2.0**32
+
+
+def track(
+    card: TrackingCard, channels: int, names: tuple[str, ...], signals: Signals
+) -> tuple[NDArray[np.int8], tuple[Transition, ...]]:
+    """Return the state of every satellite at every step, (n_step, n_sat), and all transitions in order of time.
+
+    Parameters
+    ----------
+    channels
+        Satellites that are searched for, acquired and tracked together at most. Who has a channel keeps it until the
+        signal is lost; a free one goes to the highest satellite, those that were searched in vain after the others.
+    names
+        (n_sat,) names of the satellites.
+    """
+    receiver = _Channels(card, channels, names, signals)
+    states = np.zeros(signals.expected.shape, dtype=np.int8)
+    for step in range(signals.t.size):
+        if step == 0 and card.start == "tracking":
+            receiver.begin()
+        receiver.advance(step)
+        states[step] = receiver.state
+    return states, tuple(receiver.transitions)
+
+
+class _Channels:
+    """The channels while time goes on; times in s, NaN where there is none."""
+
+    def __init__(self, card: TrackingCard, channels: int, names: tuple[str, ...], signals: Signals) -> None:
+        count = len(names)
+        self.card, self.channels, self.names, self.signals = card, channels, names, signals
+        self.state = np.zeros(count, dtype=np.int8)
+        self.gone = signals.cause != HELD
+        self.failing = np.full(count, np.nan)  # since when the loops of a busy channel do not hold
+        self.found = np.full(count, np.nan)  # when the pass reaches the signal
+        self.due = np.full(count, np.nan)  # when the pass, or the pull-in, ends
+        self.lost = np.full(count, np.nan)  # when lock was lost
+        self.vain = np.zeros(count, dtype=int)  # passes in vain since the last success
+        self.next = np.inf  # the earliest of all that is found or due
+        self.transitions: list[Transition] = []
+
+    def begin(self) -> None:
+        """Track from the start what can be tracked, the highest first."""
+        up = self.signals.expected[0] & ~self.gone[0]
+        order = np.argsort(-np.where(up, self.signals.elevation[0], -np.inf), kind="stable")
+        for sat in order[: min(self.channels, int(up.sum()))]:
+            self._turn(0, int(sat), TRACK, "tracked from the start")
+
+    def advance(self, step: int) -> None:
+        """Carry all channels to a step: losses, then what has ended, then new searches."""
+        t = float(self.signals.t[step])
+        held = (self.state == TRACK) | (self.state == ACQUIRE)
+        bad = self.gone[step]
+        if np.any(held & (bad | ~np.isnan(self.failing))):
+            for sat in np.flatnonzero(held):
+                self._watch(step, t, int(sat), bool(bad[sat]))
+        hidden = ~self.signals.expected[step] & (self.state != IDLE)
+        for sat in np.flatnonzero(hidden):
+            self.lost[sat], self.vain[sat] = np.nan, 0
+            self._turn(step, int(sat), IDLE, CAUSES[HIDDEN])
+        if t >= self.next:
+            for sat in np.flatnonzero((self.state == SEARCH) | (self.state == ACQUIRE)):
+                self._end(step, t, int(sat))
+            self._schedule()
+        self._start(step, t)
+
+    def _watch(self, step: int, t: float, sat: int, bad: bool) -> None:
+        """Give up a satellite whose signal has not been held for longer than the channel waits."""
+        if not bad:
+            self.failing[sat] = np.nan
+            return
+        if np.isnan(self.failing[sat]):
+            self.failing[sat] = t
+        if t - self.failing[sat] >= self.card.coast or self.state[sat] == ACQUIRE:
+            if self.state[sat] == TRACK:
+                self.lost[sat] = t
+            self._rest(step, sat, CAUSES[int(self.signals.cause[step, sat])])
+
+    def _rest(self, step: int, sat: int, reason: str) -> None:
+        """Free the channel: lost is what was tracked before, idle what was not."""
+        self._turn(step, sat, IDLE if np.isnan(self.lost[sat]) else LOST, reason)
+
+    def _end(self, step: int, t: float, sat: int) -> None:
+        """End a pass that has met its signal or is over, or a pull-in."""
+        if self.state[sat] == ACQUIRE:
+            if t >= self.due[sat]:
+                self.lost[sat] = np.nan
+                self._turn(step, sat, TRACK, "loops closed")
+        elif t >= self.found[sat] and self.signals.strong[step, sat]:
+            self.vain[sat] = 0
+            self._turn(step, sat, ACQUIRE, "found")
+            self.due[sat] = t + self.card.pull_in
+        elif t >= self.due[sat]:
+            self.vain[sat] += 1
+            self._rest(step, sat, "not found")
+        elif t >= self.found[sat]:
+            self.found[sat] = np.inf  # the pass has gone over the signal and goes on in vain
+
+    def _start(self, step: int, t: float) -> None:
+        """Give free channels and searchers to satellites that should be there."""
+        waiting = self.signals.expected[step] & ((self.state == IDLE) | (self.state == LOST))
+        if not np.any(waiting):
+            return
+        searching = int(np.sum(self.state == SEARCH))
+        busy = searching + int(np.sum((self.state == ACQUIRE) | (self.state == TRACK)))
+        free = min(self.card.searchers - searching, self.channels - busy)
+        if free <= 0:
+            return
+        tracked = int(np.sum(self.state == TRACK))
+        aided = self.card.aiding == "fused" or (self.card.aiding == "own" and tracked >= FIX)
+        order = sorted(np.flatnonzero(waiting), key=lambda s: (self.vain[s], -self.signals.elevation[step, s]))
+        for sat in map(int, order[:free]):
+            fresh = t - self.lost[sat] < self.card.memory  # false where there was no loss
+            window = self.card.reacquire_time if fresh else self.card.search_time
+            window *= self.card.aided_factor if aided else 1.0
+            self._turn(step, sat, SEARCH, "aided search" if aided else "search")
+            self.found[sat] = t + window * share(self.card, self.names[sat], t)
+            self.due[sat] = t + window
+        self._schedule()
+
+    def _turn(self, step: int, sat: int, state: int, reason: str) -> None:
+        before, after = TRACKING[int(self.state[sat])], TRACKING[state]
+        self.transitions.append(Transition(float(self.signals.t[step]), self.names[sat], before, after, reason))
+        self.state[sat] = state
+        self.failing[sat] = self.found[sat] = self.due[sat] = np.nan
+
+    def _schedule(self) -> None:
+        soonest = np.fmin(self.found, self.due)
+        self.next = float(np.nanmin(soonest)) if np.any(~np.isnan(soonest)) else np.inf
