@@ -10,7 +10,7 @@ from pydantic import Field
 from lvnav_trade.delays import AtmosphereCard
 from lvnav_trade.filters.base import FilterCard, ImuBelief, InitialBelief, ReceiverBelief
 from lvnav_trade.units import AngleSigma, Card, Length, LengthSigma, SpeedSigma
-from lvnav_trade.world.constellation import Constellation
+from lvnav_trade.world.constellation import AlmanacConstellation, Constellation, parts_of
 from lvnav_trade.world.faults import Fault
 from lvnav_trade.world.gravity import GravityCard
 from lvnav_trade.world.imu import ImuCard
@@ -70,7 +70,15 @@ def _matched_imu(imu: ImuCard) -> ImuBelief:
     )
 
 
-def _matched_receiver(receiver: ReceiverCard) -> ReceiverBelief:
+def _matched_receiver(scenario: Scenario) -> ReceiverBelief:
+    """Take every number from the truth; what several causes put into a range of its own is one bias, as slow as the
+    largest of them.
+    """
+    receiver, air = scenario.receiver, scenario.atmosphere
+    parts = parts_of(scenario.constellation)
+    biases = [(p.range_error, p.range_error_time) for p in parts] + [(receiver.multipath, receiver.multipath_time)]
+    offsets = [(p.time_offset, p.time_offset_time) for p in parts if not isinstance(p, AlmanacConstellation)]
+    largest = max(offsets, default=(0.0, None), key=lambda pair: pair[0])
     return ReceiverBelief.model_construct(
         pseudorange_sigma=receiver.pseudorange_sigma,
         range_rate_sigma=receiver.range_rate_sigma,
@@ -78,8 +86,14 @@ def _matched_receiver(receiver: ReceiverCard) -> ReceiverBelief:
         velocity_sigma=receiver.solution.velocity_sigma,
         clock_h0=receiver.clock.h0,
         clock_h_minus2=receiver.clock.h_minus2,
-        range_bias=receiver.multipath,
-        range_bias_time=receiver.multipath_time,
+        range_bias=math.hypot(max(sigma for sigma, _ in biases[:-1]), receiver.multipath),
+        range_bias_time=max(biases, key=lambda pair: pair[0])[1],
+        time_offset=largest[0],
+        time_offset_time=largest[1],
+        troposphere_scale=air.troposphere_scale,
+        troposphere_scale_time=air.troposphere_scale_time,
+        ionosphere_scale=air.ionosphere_scale,
+        ionosphere_scale_time=air.ionosphere_scale_time,
         timing=receiver.latency_error,
         timing_time=None,
         position_bias=receiver.solution.position_bias,
@@ -93,7 +107,7 @@ def beliefs(scenario: Scenario) -> tuple[ImuBelief, ReceiverBelief, InitialBelie
     """Return what the filter believes of its sensors and its start; `matched` takes the truth's own numbers."""
     card, initial, clock = scenario.filter, scenario.initial, scenario.receiver.clock
     imu = _matched_imu(scenario.imu) if isinstance(card.imu, str) else card.imu
-    receiver = _matched_receiver(scenario.receiver) if isinstance(card.receiver, str) else card.receiver
+    receiver = _matched_receiver(scenario) if isinstance(card.receiver, str) else card.receiver
     if isinstance(card.initial, str):
         start = InitialBelief.model_construct(
             tilt=initial.tilt,

@@ -22,10 +22,9 @@ from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.constellation import (
     LETTERS,
     AlmanacConstellation,
-    CombinedConstellation,
-    Constellation,
     Part,
     RinexConstellation,
+    parts_of,
 )
 from lvnav_trade.world.faults import Failures
 from lvnav_trade.world.trajectory import Trajectory, motion
@@ -106,11 +105,6 @@ def geometry_of(line: Line, tracked: NDArray[np.bool_], troposphere: Floats, ion
 def _scale(layer: str, sigma: float, time: float | None) -> Cause:
     kind = f"{layer}_scale"
     return Cause(f"{layer} scale", kind, kind, sigma, time or math.inf)
-
-
-def parts_of(constellation: Constellation) -> tuple[Part, ...]:
-    """Return the parts of a constellation: itself where it is none of several."""
-    return constellation.parts if isinstance(constellation, CombinedConstellation) else (constellation,)
 
 
 def letters(part: Part) -> tuple[str, ...]:

@@ -134,6 +134,11 @@ class CombinedConstellation(Card):
 Constellation = Part | CombinedConstellation
 
 
+def parts_of(constellation: Constellation) -> tuple[Part, ...]:
+    """Return the parts of a constellation: itself where it is none of several."""
+    return constellation.parts if isinstance(constellation, CombinedConstellation) else (constellation,)
+
+
 class Orbits(NamedTuple):
     """Keplerian elements of all satellites at a reference time, (n_sat,) each, SI and radians.
 
