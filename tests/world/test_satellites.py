@@ -193,6 +193,17 @@ def test_two_parts_of_one_system_are_refused(card):
         satellites(CombinedConstellation(parts=(gps_24, gps_24)), EPOCH)
 
 
+def test_two_satellites_of_one_name_are_refused(card):
+    gps_24, galileo = card("gps_24"), card("galileo_24").model_dump(mode="json")
+    same = NominalConstellation(
+        **galileo | {"slots": [slot | {"name": f"A{k}"} for k, slot in enumerate(galileo["slots"])]}
+    )
+    with pytest.raises(InputError, match="two parts of the combined constellation name a satellite A1"):
+        satellites(CombinedConstellation(parts=(gps_24, same)), EPOCH)
+    with pytest.raises(ValueError, match="two slots are named 'A1'"):
+        NominalConstellation(**galileo | {"slots": [slot | {"name": "A1"} for slot in galileo["slots"]]})
+
+
 def test_a_combined_constellation_is_its_parts_one_after_the_other(card):
     whole, t = (
         satellites(card("gps_galileo_glonass"), EPOCH),
