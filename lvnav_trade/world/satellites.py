@@ -182,7 +182,8 @@ def _time(item: Ephemeris | StateVector) -> float:
 
 
 def _too_far(age: float, epoch: str, system: str, limit: float) -> str:
-    when = f"{abs(age) / 3600.0:.1f} h {'after' if age > 0.0 else 'before'}"
+    size = f"{abs(age) / 3600.0:.1f} h" if abs(age) < 48.0 * 3600.0 else f"{abs(age) / 86400.0:.1f} days"
+    when = f"{size} {'after' if age > 0.0 else 'before'}"
     return f"the lift-off {epoch} is {when} the nearest ephemeris of {system}; longest_age allows {limit / 3600.0:g} h"
 
 

@@ -174,6 +174,8 @@ def test_a_lift_off_outside_the_files_time_is_refused_and_says_so(refdata, tmp_p
     assert str(refused.value).startswith(f"{path}: the lift-off 2018-06-21T12:00:00Z is 3")
     assert str(refused.value).endswith(" h after the nearest ephemeris of GPS; longest_age allows 2 h")
     early = own(tmp_path, HEAD_3 + GALILEO_3)
+    with pytest.raises(InputError, match=r"is 10\.0 days after the nearest ephemeris of Galileo"):
+        satellites(early, "2018-06-28T15:40:00Z")
     with pytest.raises(InputError, match=r"is 5\.7 h before the nearest ephemeris of Galileo; longest_age allows 4 h$"):
         satellites(early, "2018-06-18T10:00:00Z")
     assert satellites(early.model_copy(update={"longest_age": 6 * 3600.0}), "2018-06-18T10:00:00Z").names == ("E01",)
