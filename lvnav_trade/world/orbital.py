@@ -283,7 +283,7 @@ class _Flight:
                 raise InputError(f"{self.card.name}: the descent begins below {mark / 1e3:g} km")
             found = fly("descent", self.t, self.y, law, _LONGEST, step, above)
             if above(float(found.t[-1]), found.y[-1]) > 1.0:
-                raise InputError(f"{self.card.name}: does not come down to {mark / 1e3:g} km")
+                raise InputError(f"{self.card.name}: does not come down to {card.altitude / 1e3:g} km")
             if mark == card.altitude:  # a whole second is the end of a tick at every rate
                 found = fly("descent", self.t, self.y, law, math.floor(found.t[-1]) - self.t, step)
             self.keep(found)

@@ -185,6 +185,8 @@ class _Flight:
     def fall(self) -> None:
         """Coast down to the end, nose first again where there is air."""
         law = newton(self.air, None, self.theta0)
+        if self.height - self.card.end_altitude < 1.0:
+            raise InputError(f"{self.card.name}: the apogee is not above end_altitude")
         marks = [self.card.held_above] if self.card.end_altitude < self.card.held_above < self.height else []
         for mark in [*marks, self.card.end_altitude]:
             last = mark == self.card.end_altitude
@@ -194,10 +196,8 @@ class _Flight:
 
             found = fly("descent", self.t, self.y, law, _LONGEST, _STEP, above)
             if last:  # a whole second is the end of a tick at every rate
-                whole = math.floor(found.t[-1]) - self.t
-                if whole < 1.0:
-                    raise InputError(f"{self.card.name}: the apogee is not above end_altitude")
-                found = fly("descent", self.t, self.y, law, whole, _STEP)
+                whole = max(math.floor(found.t[-1]), math.ceil(self.t + 1e-6))
+                found = fly("descent", self.t, self.y, law, whole - self.t, _STEP)
             self.keep(found)
             if not last:
                 self.modes.append(Mode(self.t, self.card.settle, pointing.along_airspeed(self.right_e, self.theta0)))
@@ -237,6 +237,7 @@ def _solve(card: SoundingFlight) -> tuple[float, float | None]:
     if wanted is None:
         assert rail is not None
         return rail, None
+    _Flight(card, rail or math.radians(80.0)).leave_rail(card.stages[0])  # refuses what does not, before the search
 
     def excess(elevation: float) -> float:
         start, turn = (elevation, None) if rail is None else (rail, elevation)
