@@ -59,7 +59,8 @@ class Transition(NamedTuple):
 class Sky(NamedTuple):
     """Satellites over a flight, each at the time of transmission of the signal received at the epoch.
 
-    t (n_epoch,); names (n_sat,) such as "G05"; r_i (n_epoch, n_sat, 3) m at transmission; v_i (n_epoch, n_sat, 3) the
+    t (n_epoch,); names (n_sat,) such as "G05"; systems (n_sat,) letters as in RINEX; r_i (n_epoch, n_sat, 3) m at
+    transmission; v_i (n_epoch, n_sat, 3) the
     derivative of r_i with respect to *reception* time; azimuth, elevation (n_epoch, n_sat) rad at the antenna in frame
     n; tracked (n_epoch, n_sat) bool: what is measured at the epoch.
 
@@ -83,6 +84,7 @@ class Sky(NamedTuple):
     rate_sigma: Floats
     state: NDArray[np.int8]
     levers: Floats
+    systems: tuple[str, ...]
     transitions: tuple[Transition, ...] = ()
 
 

@@ -144,6 +144,7 @@ def prepared() -> Any:
             rate_sigma=np.full(shape[:2], 0.1),
             state=np.where(tracked, TRACK, IDLE).astype(np.int8),
             levers=np.zeros((1, 3)),
+            systems=("G",) * N_SAT,
         ),
         outputs=OUTPUTS,
     )

@@ -74,9 +74,13 @@ class Prepared(NamedTuple):
 
 
 @lru_cache(maxsize=4)
-def _built(trajectory_json: str, kind: type[TrajectoryCard], digest: str) -> Trajectory:
-    """Return the flight of a card; `digest` is that of the file it names, so that a changed one is read."""
-    return build(kind.model_validate_json(trajectory_json))
+def _built(identity: str, kind: type[TrajectoryCard]) -> Trajectory:
+    return build(kind.model_validate_json(identity.partition("\n")[0]))
+
+
+def _identity(card: TrajectoryCard) -> str:
+    """Return a card as a line of JSON, and in a second line the digest of the file it names: a changed one is read."""
+    return f"{card.model_dump_json()}\n{content(card)}"
 
 
 def trajectory_of(scenario: Scenario) -> Trajectory:
@@ -85,14 +89,14 @@ def trajectory_of(scenario: Scenario) -> Trajectory:
     InputError where it cannot be flown, or where a user's own file contradicts itself.
     """
     card = scenario.trajectory
-    flight = _built(card.model_dump_json(), type(card), content(card))
+    flight = _built(_identity(card), type(card))
     refuse_contradiction(card, scenario.imu)
     return flight
 
 
 @lru_cache(maxsize=4)
-def _sampled(trajectory_json: str, kind: type[TrajectoryCard], digest: str, rate: float) -> Reference:
-    return reference(_built(trajectory_json, kind, digest), rate)
+def _sampled(identity: str, kind: type[TrajectoryCard], rate: float) -> Reference:
+    return reference(_built(identity, kind), rate)
 
 
 def _ticks(times: Floats, start: float, rate: float, n_imu: int, group: int = 1) -> Ints:
@@ -232,10 +236,9 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         History times (s) of a block; they are kept, and every covariance step is recorded beside them (for a replay:
         where windows are cut, and so the last bit of every number, is as in the block).
     """
-    kind, text = type(scenario.trajectory), scenario.trajectory.model_dump_json()
-    digest = content(scenario.trajectory)
-    trajectory, card = _built(text, kind, digest), scenario.filter
-    ref = _sampled(text, kind, digest, scenario.imu.rate)
+    kind, text = type(scenario.trajectory), _identity(scenario.trajectory)
+    trajectory, card = _built(text, kind), scenario.filter
+    ref = _sampled(text, kind, scenario.imu.rate)
     start, end, rate = float(ref.t[0]), float(ref.t[-1]), scenario.imu.rate
     group = 1 if card.strapdown_rate is None else round(rate / card.strapdown_rate)
     n_imu = ref.dtheta.shape[0] // group * group

@@ -32,9 +32,8 @@ from lvnav_trade.world.trajectory import Trajectory, motion
 
 def channels_of(scenario: Scenario, seen: Sky) -> Channels:
     """Return the channels of a case."""
-    systems = tuple(name[0] for name in seen.names)
     ever = tuple(bool(np.any(seen.tracked[:, s])) for s in range(len(seen.names)))
-    return Channels(scenario.filter.kind == "tight", seen.names, systems, ever)
+    return Channels(scenario.filter.kind == "tight", seen.names, seen.systems, ever)
 
 
 class Line:

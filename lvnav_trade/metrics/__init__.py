@@ -10,8 +10,11 @@ import pandas as pd
 from lvnav_trade.metrics.agreement import agreement
 from lvnav_trade.metrics.budget import budget
 from lvnav_trade.metrics.consistency import consistency, nees, nis
+from lvnav_trade.metrics.correction import correction
 from lvnav_trade.metrics.explained import contributions, nonlinearity, observability, sensitivity
+from lvnav_trade.metrics.impact import corridor_verdicts, impact
 from lvnav_trade.metrics.levers import expected, levers
+from lvnav_trade.metrics.orbit import orbit
 from lvnav_trade.metrics.ranking import ranking
 from lvnav_trade.metrics.references import references
 from lvnav_trade.metrics.requirements import verdicts
@@ -40,10 +43,17 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
     "sensitivity": sensitivity,
     "observability": observability,
     "nonlinearity": nonlinearity,
+    "orbit": orbit,
+    "correction": correction,
+    "impact": impact,
+    "corridor": corridor_verdicts,
 }
 """Every metric by name; each takes a results folder, or its tables, and returns a tidy frame."""
 
-CSV = ("rms", "agreement", "references", "requirements", "budget", "expected", "sensitivity")
+CSV = (
+    "rms", "agreement", "references", "requirements", "budget", "expected", "sensitivity", "orbit", "correction",
+    "impact", "corridor",
+)  # fmt: skip
 """The metrics that stand beside a report as CSV, with the columns that users and their CI rely on."""
 
 __all__ = ["CSV", "METRICS", "agreement", "budget", "rms", "verdicts"]

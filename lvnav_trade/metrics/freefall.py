@@ -35,10 +35,10 @@ class Impact(NamedTuple):
     heading: Floats
 
 
-def impact(r_i: ArrayLike, v_i: ArrayLike, earth_angle: ArrayLike, j2: bool = True) -> Impact:
+def impact(r_i: ArrayLike, v_i: ArrayLike, earth_angle: ArrayLike, j2: bool = True, lowest: float = LOWEST) -> Impact:
     """Return where states r_i (m), v_i (m/s), each (n, 3), would come down.
 
-    None where the orbit clears the ground, where the vehicle is lower than `LOWEST`, or escapes.
+    None where the orbit clears the ground, where the vehicle is lower than `lowest` (m), or escapes.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def impact(r_i: ArrayLike, v_i: ArrayLike, earth_angle: ArrayLike, j2: bool = Tr
     with np.errstate(invalid="ignore", divide="ignore"):
         fall = _kepler_fall(r_i, v_i)
         _, _, height = geodetic_from_ecef(r_i)  # height does not depend on the turn of the Earth
-        fall = np.where(height >= LOWEST, fall, np.nan)
+        fall = np.where(height >= lowest, fall, np.nan)
         end = _fly(r_i, v_i, fall, j2, _STEPS)
         fall, end = _to_ground(fall, end, j2)
         return _told(end[:, :3], end[:, 3:], theta, fall)

@@ -95,13 +95,16 @@ def _least(error: Floats, pushes: Floats, tolerance: float) -> Correction:
     goal = np.where(size[:, None] > 0.0, error, 1.0) / np.where(size > 0.0, size, 1.0)[:, None]
     weight = np.full((len(error), m), 1.0 / m)
     best, bound = np.full(len(error), np.inf), np.zeros(len(error))
+    left = np.arange(len(error))
     for _ in range(_ROUNDS):
         metric = (weight @ squares).reshape(-1, 5, 5)
-        primer = np.linalg.solve(metric, goal[:, :, None])[:, :, 0]
+        primer = np.linalg.solve(metric, goal[left, :, None])[:, :, 0]
         length = np.linalg.norm((primer @ flat).reshape(-1, m, 3), axis=2)
-        best = np.minimum(best, np.sum(weight * length, axis=1))
-        bound = np.maximum(bound, np.sum(primer * goal, axis=1) / length.max(axis=1))
-        if np.all(best - bound <= tolerance * best):
+        best[left] = np.minimum(best[left], np.sum(weight * length, axis=1))
+        bound[left] = np.maximum(bound[left], np.sum(primer * goal[left], axis=1) / length.max(axis=1))
+        far = best[left] - bound[left] > tolerance * best[left]
+        left, weight, length = left[far], weight[far], length[far]
+        if not len(left):
             break
         weight = weight * (length / length.max(axis=1, keepdims=True)) ** _HASTE
         weight = weight / weight.sum(axis=1, keepdims=True) + _FLOOR

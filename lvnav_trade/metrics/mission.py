@@ -31,14 +31,14 @@ _LEAST_SIGMAS = 3.0
 
 
 class State(NamedTuple):
-    """The true state at an event or time: r_i, v_i (3,), Earth angle (rad), C_r_i (3, 3) from the reporting axes."""
+    """The true state at an event or time: r_i, v_i (3,), Earth angle (rad), turn (3, 3) from the reporting axes."""
 
     event: str
     t: float
     r_i: Floats
     v_i: Floats
     earth_angle: float
-    C_r_i: Floats
+    turn: Floats
 
 
 class Law(NamedTuple):
@@ -95,7 +95,7 @@ def run_errors(tables: Tables, case: str, state: State) -> tuple[Floats, NDArray
     parts = []
     for quantity, suffix in (("velocity", "m_per_s"), ("position", "m")):
         names = [f"{quantity}_{axis}_error_{suffix}" for axis in outputs.axis[outputs.quantity == quantity]]
-        parts.append(chosen[names].to_numpy(dtype=float) @ state.C_r_i.T)
+        parts.append(chosen[names].to_numpy(dtype=float) @ state.turn.T)
     error = np.concatenate(parts, axis=1)
     return error, (chosen.failure.to_numpy() != "") | ~np.isfinite(error).all(axis=1)
 
@@ -128,7 +128,7 @@ def impact_errors(state: State, error: Floats) -> Floats:
     true = impact(state.r_i, state.v_i, state.earth_angle)
     if not np.isfinite(true.fall[0]):
         return np.full((len(error), 2), np.nan)
-    believed = impact(state.r_i - error[:, 3:], state.v_i - error[:, :3], state.earth_angle)
+    believed = impact(state.r_i - error[:, 3:], state.v_i - error[:, :3], state.earth_angle, lowest=0.0)
     return -offsets(true.r_e, believed.r_e, true.heading)
 
 

@@ -10,6 +10,8 @@ from lvnav_trade.plots.budget import budget, heatmap
 from lvnav_trade.plots.consistency import consistency
 from lvnav_trade.plots.errors import comparison, envelope, rank
 from lvnav_trade.plots.flight import satellites, sky, trajectory
+from lvnav_trade.plots.impact import impact
+from lvnav_trade.plots.orbit import orbit
 
 PLOTS: dict[str, Callable[..., Figure]] = {
     "trajectory": trajectory,
@@ -21,6 +23,8 @@ PLOTS: dict[str, Callable[..., Figure]] = {
     "budget": budget,
     "heatmap": heatmap,
     "consistency": consistency,
+    "orbit": orbit,
+    "impact": impact,
 }
 """Every figure by name."""
 

@@ -15,7 +15,7 @@ import jinja2
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.metrics import CSV, METRICS
-from lvnav_trade.report import evidence, explained
+from lvnav_trade.report import evidence, explained, mission
 from lvnav_trade.report.blocks import Block, Picture, Section
 from lvnav_trade.report.summary import summary
 from lvnav_trade.store import Tables, load
@@ -35,6 +35,8 @@ SECTIONS: dict[str, tuple[str, Callable[[Tables], list[Block]]]] = {
     "satellites": ("Satellites", evidence.satellites),
     "outages": ("Outages", evidence.outages),
     "references": ("Published numbers", evidence.references),
+    "orbit": ("Orbit at injection", mission.orbit),
+    "impact": ("Point of impact", mission.impact),
     "budget": ("Error budget", explained.budget),
     "grades": ("What a better sensor is worth", explained.grades),
     "observability": ("Observability", explained.observability),

@@ -9,6 +9,7 @@ import pandas as pd
 from lvnav_trade import plots
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.agreement import by_case
+from lvnav_trade.metrics.requirements import where
 from lvnav_trade.metrics.select import split_metric
 from lvnav_trade.report.blocks import Block, Text, number, percent, picture, table
 from lvnav_trade.store import Tables
@@ -47,9 +48,9 @@ def _scale(tables: Tables) -> str:
 def _answer(tables: Tables, requirement: dict[str, Any], rows: pd.DataFrame) -> list[Block]:
     """Say in words which cases meet a requirement."""
     asked = (
-        f"{str(requirement['metric']).replace('_', ' ')} below {rows.limit.iloc[0]} at "
-        f"{str(requirement.get('at', 'injection')).replace('_', ' ')} in {percent(requirement['probability'])} of "
-        f"flights, to be shown with {percent(requirement.get('confidence', 0.9))} confidence."
+        f"{str(requirement['metric']).replace('_', ' ')} below {rows.limit.iloc[0]} {_place(requirement)} in "
+        f"{percent(requirement['probability'])} of flights, to be shown with "
+        f"{percent(requirement.get('confidence', 0.9))} confidence."
     )
     blocks: list[Block] = [Text(asked[0].upper() + asked[1:], f"{str(requirement['name']).capitalize()}.")]
     for verdict, word in (("met", "Met by"), ("violated", "Violated by"), ("undecided", "Undecided for")):
@@ -68,6 +69,14 @@ def _answer(tables: Tables, requirement: dict[str, Any], rows: pd.DataFrame) -> 
             Text(lever, "What would make it met (by linear covariance, gains frozen; re-tuned may differ):"),
         ]
     return blocks + [Text(text) for text in _largest_sources(tables, requirement, rows[rows.verdict == "violated"])]
+
+
+def _place(requirement: dict[str, Any]) -> str:
+    """Say where in the flight a requirement holds."""
+    at = where(requirement).replace("_", " ")
+    if not requirement.get("during"):
+        return f"at {at}"
+    return "at all times of the flight" if at == "flight" else f"at all times from {at}"
 
 
 def _by_covariance(tables: Tables, name: str, judged: pd.DataFrame) -> list[str]:
@@ -104,9 +113,10 @@ def _levers(tables: Tables, name: str) -> str:
         if not row.source:
             told.append(f"{row.case}: {row.remark}")
             continue
-        together = " together" if row.remark == "together" else ""
+        together, _, beyond = row.remark.partition("; ") if row.remark.startswith("together") else ("", "", row.remark)
+        together, beyond = f" {together}" if together else "", f", {beyond}" if beyond else ""
         part = f"{100 * row.share_ratio:.0f} % of the mean square"
-        told.append(f"{row.case}: sigma of {row.source}{together} times {number(row.factor_ratio)} ({part})")
+        told.append(f"{row.case}: sigma of {row.source}{together} times {number(row.factor_ratio)} ({part}{beyond})")
     return "; ".join(told) + "." if told else ""
 
 
@@ -126,7 +136,7 @@ def _largest_sources(tables: Tables, requirement: dict[str, Any], violated: pd.D
     """Say which source makes most of the error, by linear covariance, where a requirement is violated."""
     budget = METRICS["budget"](tables)
     metric = split_metric(requirement["metric"])[0] + "_error"
-    at = requirement.get("at", "injection")
+    at = where(requirement)
     found = []
     for case in violated.case:
         rows = budget[(budget.case == case) & (budget.event == at) & (budget.metric == metric)]

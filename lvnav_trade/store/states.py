@@ -1,6 +1,4 @@
-"""The tables from which orbits and points of impact are told: true states, and the covariance of velocity and position
-together.
-"""
+"""The tables from which orbits and points of impact are told: true states, covariances of velocity and position."""
 
 from __future__ import annotations
 

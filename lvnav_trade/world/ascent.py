@@ -11,20 +11,23 @@ from numpy.typing import NDArray
 from lvnav_trade.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, gmst, rotation_e_n, unit
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.world.flight import Drag, Engine, fly, time_to_mass
+from lvnav_trade.world.motors import cuts, engine, throttled
 from lvnav_trade.world.steering import Steering
-from lvnav_trade.world.vehicle import STANDARD_GRAVITY, Site, Stage, VehicleAscent
+from lvnav_trade.world.vehicle import Site, Stage, VehicleAscent
 
 Floats = NDArray[np.float64]
 
 STEP = 0.25  # s, of integration and of the truth's knots; halving it moves injection by 0.3 m, which the aim absorbs
 COASTING = Engine(0.0, 0.0, 0.0, 1.0)
+_SLIVER = 1e-9  # s; a piece of a burn shorter than this is rounding
 
 
 class Aim(NamedTuple):
     """What is solved for: launch azimuth and kick (rad), law of the steered stages, burns and coasts (s).
 
-    tangent and tangent_end are tan of the elevation at the start of the law and `burn` seconds after the last stage's
-    ignition; coast and burn_2 belong to the second burn, level, of an ascent by a parking orbit.
+    tangent and tangent_end are tan of the elevation at the start of the law and `burn` seconds after the ignition of
+    the stage that is cut off in orbit; coast and burn_2 belong to the last burn, level, of an ascent by a parking
+    orbit. yaw (rad, to the right) turns the plane of the law out of that of the velocity, for a prescribed azimuth.
     """
 
     azimuth: float
@@ -34,6 +37,7 @@ class Aim(NamedTuple):
     burn: float
     coast: float = 0.0
     burn_2: float = 0.0
+    yaw: float = 0.0
 
 
 class Leg(NamedTuple):
@@ -71,13 +75,19 @@ def lift_off_mass(card: VehicleAscent) -> float:
     """Return the mass in kg at ignition."""
     vehicle = card.vehicle
     fairing = vehicle.fairing.mass if vehicle.fairing else 0.0
-    return float(sum(stage.propellant + stage.dry for stage in vehicle.stages) + vehicle.payload + fairing)
+    boosters = sum(group.number * (group.propellant + group.dry) for group in vehicle.boosters)
+    return float(sum(stage.propellant + stage.dry for stage in vehicle.stages) + vehicle.payload + fairing + boosters)
 
 
-def engine_of(stage: Stage, max_load: float) -> Engine:
-    """Return the engine of a stage."""
-    flow = stage.thrust / (STANDARD_GRAVITY * stage.specific_impulse)
-    return Engine(stage.thrust, flow, stage.exit_area, max_load)
+def mass_above(card: VehicleAscent, number: int) -> float:
+    """Return the mass in kg that stage `number` carries in orbit: full stages above it and the payload."""
+    above = card.vehicle.stages[number:]
+    return float(sum(stage.propellant + stage.dry for stage in above) + card.vehicle.payload)
+
+
+def turned(vector: Floats, axis: Floats, angle: float) -> Floats:
+    """Return a vector (3,) turned by an angle in rad about a unit axis (3,) at right angles to it, right-handed."""
+    return np.asarray(math.cos(angle) * vector + math.sin(angle) * np.cross(axis, vector))
 
 
 class _Pilot:
@@ -108,34 +118,54 @@ class _Pilot:
         self.legs.append(Leg(name, t, y, engine))
         self.t, self.y = float(t[-1]), y[-1].copy()
 
-    def begin_law(self, k: int, tangent: float, rate: float) -> None:
-        """Let steering law k start now, in the present orbital plane."""
+    def begin_law(self, k: int, tangent: float, rate: float, yaw: float = 0.0) -> None:
+        """Let steering law k start now, in the present orbital plane or turned from it to the right by yaw."""
         s = self.steering
         s.law_start[k], s.tangent[k], s.rate[k] = self.t, tangent, rate
-        s.normal_i[k] = unit(np.cross(self.y[:3], self.y[3:6]))
+        normal = unit(np.cross(self.y[:3], self.y[3:6]))
+        s.normal_i[k] = normal if yaw == 0.0 else turned(normal, unit(self.y[:3]), -yaw)
 
-    def burn(self, number: int, engine: Engine, duration: float | None, propellant: float, again: str = "") -> None:
-        """Burn for a duration, or until the propellant is gone, releasing the fairing where it is due."""
-        fairing = self.card.vehicle.fairing
-        self.events[f"stage{number}_ignition{again}"] = self.t
-        left = self.y[6] - propellant
-        name = f"stage {number} burn{again.replace('_', ' ')}"
-        ends = math.inf if duration is None else self.t + duration
-        if fairing is not None and fairing.stage == number and not again and self.t + fairing.after_ignition < ends:
-            self.leg(name + " with fairing", fairing.after_ignition, engine)
-            self.events["fairing_separation"] = self.t
-            self.y[6] -= fairing.mass
-            left -= fairing.mass
+    def burn(self, number: int, duration: float | None, again: bool = False) -> None:
+        """Burn for a duration, or until the propellant is gone, from cut to cut; a second burn has no cuts."""
+        vehicle = self.card.vehicle
+        stage, mark = vehicle.stages[number - 1], "_2" if again else ""
+        begin, elapsed = self.t, 0.0
+        self.events[f"stage{number}_ignition{mark}"] = begin
+        left = self.y[6] - stage.propellant
+        if number == 1:
+            left -= sum(group.number * group.propellant for group in vehicle.boosters)
+        if duration is None and not throttled(vehicle, stage):
+            duration = stage.full_burn
+        name = f"stage {number} burn{mark.replace('_', ' ')}"
+        ends = math.inf if duration is None else begin + duration
+        for cut in [] if again else cuts(vehicle, number):
+            if begin + cut.after >= ends:
+                break
+            piece = cut.after - elapsed
+            if piece > _SLIVER:
+                with_fairing = " with fairing" if self.carries_fairing(number) else ""
+                self.leg(name + with_fairing, piece, engine(vehicle, number, begin, self.t, self.t + piece))
+            if cut.event:
+                self.events[cut.event] = self.t
+            self.y[6] -= cut.drop
+            left -= cut.drop
+            elapsed = cut.after
+        push = engine(vehicle, number, begin, self.t, ends)
         if duration is None:
-            ends = self.t + time_to_mass(self.t, left, STEP, self.y, self.steering, engine, self.drag)
-        self.leg(name, ends - self.t, engine)
-        self.events[f"stage{number}_cutoff{again}"] = self.t
+            ends = self.t + time_to_mass(self.t, left, STEP, self.y, self.steering, push, self.drag)
+        self.leg(name, ends - self.t, push)
+        self.events[f"stage{number}_cutoff{mark}"] = self.t
+
+    def carries_fairing(self, number: int) -> bool:
+        """Whether the fairing is still there, and goes during the burn of stage `number`."""
+        fairing = self.card.vehicle.fairing
+        return fairing is not None and fairing.stage == number and "fairing_separation" not in self.events
 
     def stage(self, number: int) -> None:
         """Fly a stage that burns out and is dropped."""
         stage = self.card.vehicle.stages[number - 1]
         self.ignite_after(number, stage)
-        self.burn(number, engine_of(stage, self.card.vehicle.max_load), None, stage.propellant)
+        self.burn(number, None)
         self.leg(f"stage {number} coast", stage.separation_delay)
         self.events[f"stage{number}_separation"] = self.t
         self.y[6] -= stage.dry
@@ -144,27 +174,35 @@ class _Pilot:
         """Coast to the ignition of a stage, beginning the linear-tangent law with the first steered one."""
         if number == self.card.steered_from:
             span = self.time_to_last_cutoff(number)
-            self.begin_law(0, self.aim.tangent, (self.aim.tangent_end - self.aim.tangent) / span)
+            rate = (self.aim.tangent_end - self.aim.tangent) / span
+            self.begin_law(0, self.aim.tangent, rate, self.aim.yaw)
         self.leg(f"coast before stage {number}", stage.ignition_delay)
 
     def time_to_last_cutoff(self, number: int) -> float:
-        """Return about how long it is from now to the last stage's (first) cut-off; only scales the law."""
-        span = self.aim.burn
-        for stage in self.card.vehicle.stages[number - 1 : -1]:
-            span += stage.propellant * STANDARD_GRAVITY * stage.specific_impulse / stage.thrust + stage.separation_delay
-        span += sum(stage.ignition_delay for stage in self.card.vehicle.stages[number - 1 :])
+        """Return about how long it is from now to the (first) cut-off in orbit; only scales the law."""
+        span, inserting = self.aim.burn, self.card.inserting
+        for stage in self.card.vehicle.stages[number - 1 : inserting - 1]:
+            span += stage.full_burn + stage.separation_delay
+        span += sum(stage.ignition_delay for stage in self.card.vehicle.stages[number - 1 : inserting])
         return max(1.0, float(span))  # a solver on its way may ask for no burn at all
 
-    def last_stage(self) -> None:
-        """Fly the last stage, with its second burn where there is a parking orbit."""
-        number, stage = len(self.card.vehicle.stages), self.card.vehicle.stages[-1]
-        engine = engine_of(stage, self.card.vehicle.max_load)
+    def into_orbit(self) -> None:
+        """Fly the stage that is cut off in orbit, and the last burn where that orbit is a parking orbit."""
+        number, last = self.card.inserting, len(self.card.vehicle.stages)
+        stage = self.card.vehicle.stages[number - 1]
         self.ignite_after(number, stage)
-        self.burn(number, engine, self.aim.burn, stage.propellant)
-        if self.card.parking is not None and self.aim.burn_2 > 0.0:
-            self.begin_law(1, 0.0, 0.0)
-            self.leg("parking coast", self.aim.coast)
-            self.burn(number, engine, self.aim.burn_2, stage.propellant, "_2")
+        self.burn(number, self.aim.burn)
+        if self.card.parking is None or self.aim.burn_2 <= 0.0:
+            return
+        self.begin_law(1, 0.0, 0.0)
+        coast = self.aim.coast
+        if number < last:
+            self.leg(f"stage {number} coast", stage.separation_delay)
+            self.events[f"stage{number}_separation"] = self.t
+            self.y[6] = mass_above(self.card, number)
+            coast -= stage.separation_delay
+        self.leg("parking coast", coast)
+        self.burn(last, self.aim.burn_2, again=number == last)
 
 
 def fly_ascent(card: VehicleAscent, aim: Aim, final_coast: bool = True) -> Flight:
@@ -174,9 +212,9 @@ def fly_ascent(card: VehicleAscent, aim: Aim, final_coast: bool = True) -> Fligh
     caller judges the shortfall.
     """
     pilot = _Pilot(card, aim)
-    for number in range(1, len(card.vehicle.stages)):
+    for number in range(1, card.inserting):
         pilot.stage(number)
-    pilot.last_stage()
+    pilot.into_orbit()
     pilot.events["injection"] = pilot.t
     pilot.events.pop("stage1_ignition")  # it is the lift-off
     if final_coast:

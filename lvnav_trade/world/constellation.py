@@ -81,6 +81,15 @@ class NominalConstellation(SystemErrors):
             raise ValueError("time_offset counts from GPS time, so a constellation of GPS has none")
         return self
 
+    @field_validator("slots")
+    @classmethod
+    def _own_names(cls, slots: tuple[Slot, ...]) -> tuple[Slot, ...]:
+        names = [slot.name for slot in slots]
+        again = [name for name in names if names.count(name) > 1]
+        if again:  # draws are keyed by name
+            raise ValueError(f"two slots are named {again[0]!r}")
+        return slots
+
 
 class AlmanacConstellation(SignalErrors):
     """A YUMA or SEM almanac file of the user's, told apart by content; GPS satellites that it calls unhealthy are left

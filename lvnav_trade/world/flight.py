@@ -17,13 +17,32 @@ Floats = NDArray[np.float64]
 Rates = tuple[float, float, float, float, float, float, float]
 
 
+class Unthrottled(NamedTuple):
+    """Motors that burn as they are built to: at `since` (s) vacuum thrust (N) and mass flow (kg/s), and their slopes
+    (N/s, kg/s^2); exit area (m^2) of all together.
+    """
+
+    since: float
+    thrust: float
+    thrust_slope: float
+    mass_flow: float
+    flow_slope: float
+    exit_area: float
+
+
+NOTHING = Unthrottled(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
 class Engine(NamedTuple):
-    """What pushes during a leg: vacuum thrust (N), mass flow (kg/s), exit area (m^2), limit of thrust over mass."""
+    """What pushes during a leg: an engine that can be throttled, of vacuum thrust (N), mass flow (kg/s), exit area
+    (m^2), limit of thrust over mass (m/s^2, infinite for none), and the motors beside it that cannot.
+    """
 
     thrust: float
     mass_flow: float
     exit_area: float
     max_load: float
+    beside: Unthrottled = NOTHING
 
 
 class Drag(NamedTuple):
@@ -43,18 +62,34 @@ def height_above(x: float, y: float, z: float) -> float:
 
 
 @jit
-def thrust_of(mass: float, pressure: float, engine: Engine) -> tuple[float, float]:
-    """Return thrust (N) and throttle at a mass (kg) and ambient pressure (Pa).
+def thrust_of(mass: float, pressure: float, engine: Engine, beside: float = 0.0) -> tuple[float, float]:
+    """Return thrust (N) and throttle of what can be throttled, at a mass (kg) and ambient pressure (Pa).
 
-    The limit is a smooth minimum over 2 % of it: the load bends within a second or so and stays below the limit.
+    The limit, less the thrust `beside` (N) of other motors, is a smooth minimum over 2 % of it: the load bends within a
+    second or so and stays below the limit.
     """
     if engine.thrust == 0.0:
         return 0.0, 0.0
     full = engine.thrust - pressure * engine.exit_area
     limit = engine.max_load * mass
+    if limit == math.inf:
+        return full, 1.0
     width = 0.02 * limit
+    limit = limit - beside
     thrust = min(full, limit) - width * math.log1p(math.exp(-abs(full - limit) / width))
+    if beside > 0.0:
+        thrust = max(0.0, thrust)  # the others alone may exceed the limit
     return thrust, thrust / full
+
+
+@jit
+def thrust_beside(t: float, pressure: float, motors: Unthrottled) -> tuple[float, float]:
+    """Return thrust (N) and mass flow (kg/s) of motors that cannot be throttled, at time t (s) and pressure (Pa)."""
+    if motors.thrust == 0.0:
+        return 0.0, 0.0
+    span = t - motors.since
+    thrust = motors.thrust + motors.thrust_slope * span - pressure * motors.exit_area
+    return max(0.0, thrust), motors.mass_flow + motors.flow_slope * span
 
 
 @jit
@@ -73,13 +108,15 @@ def rates(t: float, y: Floats, steering: Steering, engine: Engine, drag: Drag) -
     v = (y[3], y[4], y[5])
     w = (v[0] + OMEGA * r[1], v[1] - OMEGA * r[0], v[2])
     push, pressure = drag_factor(r, w, drag)
-    thrust, throttle = thrust_of(y[6], pressure, engine)
+    other, flow = thrust_beside(t, pressure, engine.beside)
+    thrust, throttle = thrust_of(y[6], pressure, engine, other)
+    thrust += other
     u = direction(t, r, v, steering)
     g = gravity_j4(r[0], r[1], r[2])
     ax = g[0] + (thrust * u[0] - push * w[0]) / y[6]
     ay = g[1] + (thrust * u[1] - push * w[1]) / y[6]
     az = g[2] + (thrust * u[2] - push * w[2]) / y[6]
-    return v[0], v[1], v[2], ax, ay, az, -engine.mass_flow * throttle
+    return v[0], v[1], v[2], ax, ay, az, -engine.mass_flow * throttle - flow
 
 
 @jit

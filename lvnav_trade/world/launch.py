@@ -21,6 +21,7 @@ from lvnav_trade.kernels.atmosphere import atmosphere
 from lvnav_trade.kernels.earth import OMEGA, SEMI_MAJOR, gravity_along
 from lvnav_trade.world.ascent import Aim, Flight, Leg, fly_ascent, pad_state, site_axes
 from lvnav_trade.world.attitude import ascent_attitude
+from lvnav_trade.world.comparison import differences
 from lvnav_trade.world.flight import accelerations
 from lvnav_trade.world.steering import directions
 from lvnav_trade.world.targeting import propellant_left, solve
@@ -53,7 +54,10 @@ def build_ascent(card: VehicleAscent) -> Trajectory:
     events = dict(flight.events)
     events["max_q"], pressure = _max_q(flight)
     events = dict(sorted(events.items(), key=lambda item: item[1]))
-    return Trajectory(phases_of(tracks, attitude), events, theta0, card.epoch, _facts(card, aim, flight, pressure))
+    built = Trajectory(phases_of(tracks, attitude), events, theta0, card.epoch, _facts(card, aim, flight, pressure))
+    if card.recorded is not None:
+        built.facts.update(differences(card.recorded, built, card.site))
+    return built
 
 
 def pad_track(site: Site, theta0: float, hold: float) -> Track:
@@ -106,13 +110,21 @@ def _heights(leg: Leg, theta0: float) -> Floats:
 
 def _max_q(flight: Flight) -> tuple[float, float]:
     """Return time (s) and value (Pa) of the greatest dynamic pressure, by a parabola through the top samples."""
-    leg = flight.legs[0]
-    density = np.array([atmosphere(height)[0] for height in _heights(leg, flight.steering.theta0)])
-    q = 0.5 * density * np.sum(earth_velocity(leg.y[:, :3], leg.y[:, 3:6]) ** 2, axis=1)
+    first = [leg for leg in flight.legs if leg.t[0] < flight.events["stage1_cutoff"]]
+    pressures = [_dynamic_pressure(leg, flight.steering.theta0) for leg in first]
+    top = int(np.argmax([np.max(q) for q in pressures]))
+    leg, q = first[top], pressures[top]
     k = int(np.clip(np.argmax(q), 1, q.size - 2))
     bend = q[k - 1] - 2.0 * q[k] + q[k + 1]
     shift = 0.5 * (q[k - 1] - q[k + 1]) / bend if bend < 0.0 else 0.0
+    shift = float(np.clip(shift, -1.0, 1.0))
     return float(leg.t[k] + shift * (leg.t[1] - leg.t[0])), float(q[k])
+
+
+def _dynamic_pressure(leg: Leg, theta0: float) -> Floats:
+    """Return the dynamic pressure (n,) in Pa along a leg."""
+    density = np.array([atmosphere(height)[0] for height in _heights(leg, theta0)])
+    return np.asarray(0.5 * density * np.sum(earth_velocity(leg.y[:, :3], leg.y[:, 3:6]) ** 2, axis=1))
 
 
 def _facts(card: VehicleAscent, aim: Aim, flight: Flight, max_q: float) -> dict[str, float | str]:

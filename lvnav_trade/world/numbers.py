@@ -11,6 +11,7 @@ from typing import NamedTuple
 from lvnav_trade.errors import InputError
 
 GZIP_MAGIC = b"\x1f\x8b"
+COMPRESS_MAGIC = b"\x1f\x9d"  # of the older program `compress`, files .Z
 
 
 class Bounds(NamedTuple):
@@ -45,16 +46,22 @@ def read_lines(path: str | Path, what: str) -> list[str]:
     Raises
     ------
     InputError
-        Where the file cannot be read, is no whole gzip file, or is not text.
+        Where the file cannot be read, is no whole gzip file or a .Z file, or is not text.
+
+    Notes
+    -----
+    Letters beyond ASCII stand in names and remarks only, so any encoding of them will do.
     """
     try:
         data = Path(path).read_bytes()
         if data.startswith(GZIP_MAGIC):
             data = gzip.decompress(data)
-        return data.decode("ascii").splitlines()
     except (EOFError, gzip.BadGzipFile, zlib.error):
         raise InputError(f"{path}: a broken or truncated gzip file") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}:1: not a text file, so not a {what}") from None
+    if data.startswith(COMPRESS_MAGIC):
+        raise InputError(f"{path}: packed by 'compress' (.Z); unpack it, or pack it by gzip")
+    if b"\0" in data:
+        raise InputError(f"{path}:1: not a text file, so not a {what}")
+    return data.decode("latin-1").splitlines()

@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.kernels.random import source_word
+from lvnav_trade.kernels.waves import sum_of_waves
 from lvnav_trade.units import (
     AccelerationDensity,
     AccelerationSigma,
@@ -27,8 +28,6 @@ from lvnav_trade.world.events import resolve
 Floats = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Axis = Literal["x", "y", "z"]
-
-_CHUNK = 4096  # times evaluated at once: a matrix of this by the number of lines stays in the cache
 
 
 class Coning(Card):
@@ -136,20 +135,17 @@ def small_motion(oscillations: Iterable[Oscillation], t: Floats) -> Small:
     """Return the sum of oscillations at times t (n,), body axes; nothing outside their windows."""
     total = Small(*(np.zeros((t.size, 3)) for _ in Small._fields))
     for one in oscillations:
-        for first in range(0, t.size, _CHUNK):
-            here = slice(first, first + _CHUNK)
-            for whole, part in zip(total, _one(one, t[here]), strict=True):
-                whole[here] += part
+        within = (one.start < t) & (t < one.end)
+        for whole, part in zip(total, _moved(one, t[within]), strict=True):
+            whole[within] += part
     return total
 
 
-def _one(one: Oscillation, t: Floats) -> Small:
+def _moved(one: Oscillation, t: Floats) -> Small:
     w, dw, ddw = (column[:, None] for column in _window(one, t))
-    wave = np.exp(1j * np.outer(t - one.start, one.omega))
-    speed = 1j * one.omega[:, None]
-    turn, turn_rate = (wave @ one.turn).real, (wave @ (speed * one.turn)).real
-    shift, rate = (wave @ one.shift).real, (wave @ (speed * one.shift)).real
-    acceleration = (wave @ (speed**2 * one.shift)).real
+    parts = (np.hstack([amplitude.real, amplitude.imag]) for amplitude in (one.turn, one.shift))
+    waves = sum_of_waves(t - one.start, one.omega, *parts)
+    turn, turn_rate, shift, rate, acceleration = np.split(waves, 5, axis=1)
     return Small(
         w * turn,
         dw * turn + w * turn_rate,

@@ -101,7 +101,7 @@ def satellites(constellation: Constellation, epoch: str) -> Satellites:
     ------
     InputError
         Where a file is broken (``file:line: what``), holds no healthy satellite of a system asked for, or none with a
-        reference time near the lift-off; where two parts give the same system; where a time cannot be read.
+        reference time near the lift-off; where two parts give the same system or name; where a time cannot be read.
     """
     if not isinstance(constellation, CombinedConstellation):
         return _part(constellation, epoch)
@@ -110,7 +110,11 @@ def satellites(constellation: Constellation, epoch: str) -> Satellites:
     twice = [_NAMES[letter] for letter in letters if letters.count(letter) > 1]
     if twice:
         raise InputError(f"two parts of the combined constellation give {twice[0]}")
-    return Combined(parts)
+    whole = Combined(parts)
+    again = [name for name in whole.names if whole.names.count(name) > 1]
+    if again:  # draws are keyed by name
+        raise InputError(f"two parts of the combined constellation name a satellite {again[0]}")
+    return whole
 
 
 def _part(card: Part, epoch: str) -> Satellites:
@@ -178,7 +182,8 @@ def _time(item: Ephemeris | StateVector) -> float:
 
 
 def _too_far(age: float, epoch: str, system: str, limit: float) -> str:
-    when = f"{abs(age) / 3600.0:.1f} h {'after' if age > 0.0 else 'before'}"
+    size = f"{abs(age) / 3600.0:.1f} h" if abs(age) < 48.0 * 3600.0 else f"{abs(age) / 86400.0:.1f} days"
+    when = f"{size} {'after' if age > 0.0 else 'before'}"
     return f"the lift-off {epoch} is {when} the nearest ephemeris of {system}; longest_age allows {limit / 3600.0:g} h"
 
 

@@ -90,6 +90,7 @@ def sky(
     return Sky(
         t=t_epoch,
         names=above.names,
+        systems=above.systems,
         r_i=sent.r_i,
         v_i=sent.v_i * received[..., None],
         azimuth=azimuth,

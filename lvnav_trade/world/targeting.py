@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +11,10 @@ from scipy.optimize import OptimizeResult, brentq, minimize_scalar, root
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.frames import earth_velocity, elements_from_state
-from lvnav_trade.kernels.earth import GM, SEMI_MAJOR
-from lvnav_trade.world.ascent import Aim, fly_ascent, lift_off_mass
+from lvnav_trade.kernels.earth import GM, OMEGA, SEMI_MAJOR
+from lvnav_trade.world.ascent import Aim, Flight, fly_ascent, lift_off_mass, mass_above
+from lvnav_trade.world.flight import Engine, thrust_beside
+from lvnav_trade.world.motors import engine, exhaust_speed, impulse_speed
 from lvnav_trade.world.vehicle import STANDARD_GRAVITY, VehicleAscent
 
 Floats = NDArray[np.float64]
@@ -19,22 +22,29 @@ Floats = NDArray[np.float64]
 _CLIMB_AT_SEPARATION = math.radians(30.0)  # where the search for the kick starts
 _SMALL = 1e-6  # norm of the scaled residuals that counts as solved: 10 mm, 1e-5 m/s, 1e-9 rad
 _RESIDUAL = np.array([1e4, 10.0, 1e-2, 1e-3])  # m, m/s, rad, rad: residuals of one are about alike
+_LONGEST = 3.0  # times a whole burn: more is not flown
+_PATIENCE = 5  # kicks tried in vain before a vehicle is taken for too weak
+_PARTS = (0.7, 0.5, 0.35, 0.25, 0.18, 0.12, 0.08, 0.05, 0.0)  # of a payload too heavy: what may still be carried
 _UNKNOWN = np.array([1e-3, 0.1, 0.1, 1.0])  # rad, tan, tan, s: so are steps of one
 
 
 def solve(card: VehicleAscent) -> Aim:
     """Return the aim with which the vehicle reaches the card's orbit; InputError where it cannot.
 
-    For a given kick four unknowns (azimuth, two of the tangent law, burn) meet four conditions at the last cut-off
-    (radius, speed, level flight, inclination); the kick is the card's, or the one that needs the shortest burn.
+    For a given kick four unknowns (azimuth or, where that is prescribed, yaw; two of the tangent law; burn) meet four
+    conditions at the cut-off in orbit (radius, speed, level flight, inclination); the kick is the card's, or the one
+    that needs the shortest burn.
     """
     _check(card)
-    perigee = (card.parking or card.target).perigee
+    if impulse_speed(card.vehicle, card.vehicle.payload) < _least_speed(card):
+        _refuse_too_heavy(card)
     kick = card.kick_angle
     if kick is None:
-        kick = _best_kick(card, perigee, card.target.apogee)
-    solution = _reach(card, kick, perigee, card.target.apogee, _first_guess(card))
-    aim = _aim(solution.x, kick)
+        kick = _best_kick(card)
+    solution = _reach(card, kick, _first_guess(card))
+    aim = _aim(card, solution.x, kick)
+    if np.linalg.norm(solution.fun) > _SMALL:
+        _refuse_too_heavy(card)
     _judge(card, aim, solution)
     if card.parking is not None:
         aim = _raise_orbit(card, aim)
@@ -44,9 +54,8 @@ def solve(card: VehicleAscent) -> Aim:
 
 def _check(card: VehicleAscent) -> None:
     """Refuse what no steering can mend."""
-    first = card.vehicle.stages[0]
     weight = lift_off_mass(card) * STANDARD_GRAVITY
-    thrust = first.thrust - 101325.0 * first.exit_area
+    thrust = _pad_thrust(engine(card.vehicle, 1, 0.0, 0.0, 1.0))
     if thrust <= weight:
         raise InputError(
             f"{card.name}: the first stage does not lift off: {thrust / 1e3:.0f} kN of thrust at sea level, "
@@ -61,63 +70,105 @@ def _check(card: VehicleAscent) -> None:
         )
 
 
+def _pad_thrust(push: Engine) -> float:
+    """Return the thrust in N at sea level, all motors lit."""
+    return push.thrust - 101325.0 * push.exit_area + thrust_beside(push.beside.since, 101325.0, push.beside)[0]
+
+
 def _first_guess(card: VehicleAscent) -> Floats:
-    """Return azimuth, tangent at the ends of the law, and last burn to start from."""
+    """Return what to start from: azimuth (or yaw), tangent at both ends of the law, burn of the stage cut off."""
     azimuth = math.asin(math.cos(card.target.inclination) / math.cos(card.site.latitude))
     if card.target.direction == "descending":
         azimuth = math.pi - azimuth
-    last = card.vehicle.stages[-1]
-    burn = 0.95 * last.propellant * STANDARD_GRAVITY * last.specific_impulse / last.thrust
-    return np.array([azimuth, 0.5, -0.1, burn if card.parking is None else 0.8 * burn])
+    if card.azimuth is not None:
+        azimuth -= card.azimuth
+    stage = card.vehicle.stages[card.inserting - 1]
+    burn = 0.95 * stage.propellant * STANDARD_GRAVITY * stage.specific_impulse / stage.full_thrust
+    twice = card.parking is not None and card.inserting == len(card.vehicle.stages)
+    return np.array([azimuth, 0.5, -0.1, 0.8 * burn if twice else burn])
 
 
-def _aim(x: Floats, kick: float) -> Aim:
-    return Aim(float(x[0]), kick, float(x[1]), float(x[2]), float(x[3]))
+def _aim(card: VehicleAscent, x: Floats, kick: float) -> Aim:
+    """Return the aim of unknowns x (4,): azimuth or yaw, tangent at both ends of the law, burn."""
+    law = (kick, float(x[1]), float(x[2]), float(x[3]))
+    if card.azimuth is None:
+        return Aim(float(x[0]), *law)
+    return Aim(card.azimuth, *law, yaw=float(x[0]))
 
 
-def _residuals(y: Floats, radius: float, speed: float, inclination: float) -> Floats:
+class _Point(NamedTuple):
+    """Where an orbit is entered: radius (m), speed (m/s), flight-path angle (rad)."""
+
+    radius: float
+    speed: float
+    climb: float = 0.0
+
+
+def _residuals(y: Floats, at: _Point, inclination: float) -> Floats:
     """Return what a state y (7,) has too much of radius, speed, flight-path angle and inclination, (4,)."""
     r, v = y[:3], y[3:6]
     length, pace = float(np.linalg.norm(r)), float(np.linalg.norm(v))
     climb = math.asin(max(-1.0, min(1.0, float(r @ v) / (length * pace))))
-    return np.array([length - radius, pace - speed, climb, float(elements_from_state(r, v).inclination) - inclination])
+    turn = float(elements_from_state(r, v).inclination) - inclination
+    return np.array([length - at.radius, pace - at.speed, climb - at.climb, turn])
 
 
-def _insertion(card: VehicleAscent, aim: Aim, radius: float, speed: float) -> Floats:
-    """Return the residuals (4,) at the last cut-off."""
-    return _residuals(fly_ascent(card, aim, final_coast=False).legs[-1].y[-1], radius, speed, card.target.inclination)
-
-
-def _apse(perigee: float, apogee: float, at_apogee: bool = False) -> tuple[float, float]:
-    """Return radius (m) and speed (m/s) at perigee, or at apogee, of an orbit given by its altitudes."""
+def _apse(perigee: float, apogee: float, at_apogee: bool = False) -> _Point:
+    """Return perigee, or apogee, of an orbit given by its altitudes in m."""
     low, high = SEMI_MAJOR + perigee, SEMI_MAJOR + apogee
     radius = high if at_apogee else low
-    return radius, math.sqrt(GM * (2.0 / radius - 2.0 / (low + high)))
+    return _Point(radius, math.sqrt(GM * (2.0 / radius - 2.0 / (low + high))))
 
 
-def _reach(card: VehicleAscent, kick: float, perigee: float, apogee: float, guess: Floats) -> OptimizeResult:
-    """Solve for azimuth, law and burn of an insertion at perigee; x of the result is in the units of `_aim`."""
-    radius, speed = _apse(perigee, apogee)
+def _entry(card: VehicleAscent) -> _Point:
+    """Return the point of the target orbit at its card's true anomaly, or the perigee of the parking orbit."""
+    orbit = card.target
+    if card.parking is not None or orbit.anomaly == 0.0:
+        return _apse((card.parking or orbit).perigee, orbit.apogee)
+    low, high = SEMI_MAJOR + orbit.perigee, SEMI_MAJOR + orbit.apogee
+    e = (high - low) / (high + low)
+    along, out = 1.0 + e * math.cos(orbit.anomaly), e * math.sin(orbit.anomaly)
+    radius = low * (1.0 + e) / along
+    return _Point(radius, math.sqrt(GM * (2.0 / radius - 2.0 / (low + high))), math.atan2(out, along))
+
+
+def _reach(card: VehicleAscent, kick: float, guess: Floats, most: int = 200) -> OptimizeResult:
+    """Solve for azimuth, law and burn of an insertion; x of the result is in the units of `_aim`."""
+    entry = _entry(card)
+    longest = _LONGEST * card.vehicle.stages[card.inserting - 1].full_burn
 
     def miss(z: Floats) -> Floats:
-        return np.asarray(_insertion(card, _aim(guess + z * _UNKNOWN, kick), radius, speed) / _RESIDUAL)
+        aim = _aim(card, guess + z * _UNKNOWN, kick)
+        astray = max(0.0, aim.burn - longest)  # a solver astray may ask for a burn of days
+        flight = fly_ascent(card, aim._replace(burn=aim.burn - astray), final_coast=False)
+        residuals = _residuals(flight.legs[-1].y[-1], entry, card.target.inclination) / _RESIDUAL
+        return np.asarray(residuals + astray)
 
-    result = root(miss, np.zeros(4), method="hybr", options={"xtol": 1e-12, "maxfev": 200})
+    result = root(miss, np.zeros(4), method="hybr", options={"xtol": 1e-12, "maxfev": most})
     result.x = guess + result.x * _UNKNOWN
     return result
 
 
-def _best_kick(card: VehicleAscent, perigee: float, apogee: float) -> float:
+def _state_at(flight: Flight, t: float) -> Floats:
+    """Return the state y (7,) at the end of the leg that ends at time t."""
+    return next(leg.y[-1] for leg in flight.legs if leg.t[-1] >= t)
+
+
+def _best_kick(card: VehicleAscent) -> float:
     """Return the kick angle in rad that reaches the orbit with the shortest last burn."""
     guess = _first_guess(card)
     start = _kick_for_climb(card, guess)
+    tried = 0
 
     def burn(kick: float) -> float:
-        nonlocal guess
-        result = _reach(card, kick, perigee, apogee, guess)
+        nonlocal guess, tried
+        result = _reach(card, kick, guess)
         if np.linalg.norm(result.fun) > _SMALL:
+            tried += 1
+            if tried == _PATIENCE:
+                _refuse_too_heavy(card)
             return 1e6 * (1.0 + float(np.linalg.norm(result.fun)))
-        guess = result.x
+        guess, tried = result.x, _PATIENCE
         return float(result.x[3])
 
     best = minimize_scalar(burn, bounds=(0.7 * start, 1.3 * start), method="bounded", options={"xatol": 0.01 * start})
@@ -128,9 +179,9 @@ def _kick_for_climb(card: VehicleAscent, guess: Floats) -> float:
     """Return the kick angle in rad after which the first stage is dropped at a middling climb angle."""
 
     def climb(kick: float) -> float:
-        flight = fly_ascent(card, _aim(np.array([*guess[:3], 0.0]), kick), final_coast=False)
+        flight = fly_ascent(card, _aim(card, np.array([*guess[:3], 0.0]), kick), final_coast=False)
         t = flight.events["stage1_separation"]
-        y = next(leg.y[-1] for leg in flight.legs if leg.t[-1] >= t)
+        y = _state_at(flight, t)
         r, v = y[:3], earth_velocity(y[:3], y[3:6])
         sine = float(r @ v / (np.linalg.norm(r) * np.linalg.norm(v)))
         return math.asin(max(-1.0, min(1.0, sine))) - _CLIMB_AT_SEPARATION
@@ -152,21 +203,23 @@ def _raise_orbit(card: VehicleAscent, aim: Aim) -> Aim:
     """
     assert card.parking is not None
     start = _second_burn(card, aim)
-    begin = np.array([start.azimuth, start.tangent, start.tangent_end, start.burn])
-    low = SEMI_MAJOR + card.parking.perigee
-    radius, speed = _apse(card.target.perigee, card.target.apogee, at_apogee=True)
+    first = start.azimuth if card.azimuth is None else start.yaw
+    begin = np.array([first, start.tangent, start.tangent_end, start.burn])
+    low, high = (
+        _Point(SEMI_MAJOR + card.parking.perigee, 0.0),
+        _apse(card.target.perigee, card.target.apogee, at_apogee=True),
+    )
 
     def full(z: Floats) -> Aim:
-        first = _aim(begin + z[:4] * _UNKNOWN, aim.kick)
-        return first._replace(coast=start.coast + 10.0 * z[4], burn_2=start.burn_2 + z[5])
+        changed = _aim(card, begin + z[:4] * _UNKNOWN, aim.kick)
+        return changed._replace(coast=start.coast + 10.0 * z[4], burn_2=start.burn_2 + z[5])
 
     def miss(z: Floats) -> Floats:
         flight = fly_ascent(card, full(z), final_coast=False)
-        cutoff = flight.events[f"stage{len(card.vehicle.stages)}_cutoff"]
-        y = next(leg.y[-1] for leg in flight.legs if leg.t[-1] >= cutoff)
+        y = _state_at(flight, flight.events[f"stage{card.inserting}_cutoff"])
         return np.append(
-            _residuals(flight.legs[-1].y[-1], radius, speed, card.target.inclination) / _RESIDUAL,
-            _residuals(y, low, 0.0, 0.0)[[0, 2]] / _RESIDUAL[[0, 2]],
+            _residuals(flight.legs[-1].y[-1], high, card.target.inclination) / _RESIDUAL,
+            _residuals(y, low, 0.0)[[0, 2]] / _RESIDUAL[[0, 2]],
         )
 
     result = root(miss, np.zeros(6), method="hybr", options={"xtol": 1e-12, "maxfev": 100})
@@ -178,11 +231,14 @@ def _second_burn(card: VehicleAscent, aim: Aim) -> Aim:
     """Return the aim with coast and second burn of a Hohmann transfer, to start from."""
     assert card.parking is not None
     stage = card.vehicle.stages[-1]
-    exhaust = STANDARD_GRAVITY * stage.specific_impulse
-    mass = float(fly_ascent(card, aim, final_coast=False).legs[-1].y[-1, 6])
+    exhaust = exhaust_speed(stage)
+    mass = mass_above(card, card.inserting)
+    if card.inserting == len(card.vehicle.stages):
+        mass = float(fly_ascent(card, aim, final_coast=False).legs[-1].y[-1, 6])
     high = card.target.apogee
-    gain = _apse(card.target.perigee, high, at_apogee=True)[1] - _apse(card.parking.perigee, high, at_apogee=True)[1]
-    burn = mass * exhaust / stage.thrust * -math.expm1(-gain / exhaust)
+    there, before = (_apse(low, high, at_apogee=True).speed for low in (card.target.perigee, card.parking.perigee))
+    gain = there - before
+    burn = mass * exhaust / stage.full_thrust * -math.expm1(-gain / exhaust)
     a = SEMI_MAJOR + 0.5 * (card.parking.perigee + high)
     return aim._replace(coast=math.pi * math.sqrt(a**3 / GM) - 0.5 * burn, burn_2=burn)
 
@@ -201,19 +257,82 @@ def _judge(card: VehicleAscent, aim: Aim, result: OptimizeResult) -> None:
 
 def propellant_left(card: VehicleAscent, aim: Aim) -> float:
     """Return the usable propellant of the last stage at injection, kg; negative where it was not enough."""
-    mass = float(fly_ascent(card, aim, final_coast=False).legs[-1].y[-1, 6])
-    return float(mass - card.vehicle.stages[-1].dry - card.vehicle.payload)
+    return _left(card, aim, len(card.vehicle.stages))
+
+
+def _left(card: VehicleAscent, aim: Aim, number: int) -> float:
+    """Return the usable propellant in kg that a stage cut off in orbit has left after its last burn."""
+    flight = fly_ascent(card, aim, final_coast=False)
+    y = flight.legs[-1].y[-1]
+    if number < len(card.vehicle.stages):
+        y = _state_at(flight, flight.events[f"stage{number}_cutoff"])
+    return float(y[6] - card.vehicle.stages[number - 1].dry - mass_above(card, number))
 
 
 def _judge_propellant(card: VehicleAscent, aim: Aim) -> None:
     """Refuse an aim that burns more propellant than there is, with the missing delta-v."""
-    left = propellant_left(card, aim)
-    if left >= 0.0:
+    for number in range(card.inserting, len(card.vehicle.stages) + 1):
+        left = _left(card, aim, number)
+        if left >= 0.0:
+            continue
+        stage = card.vehicle.stages[number - 1]
+        empty = stage.dry + mass_above(card, number)
+        if empty + left <= 0.5 * empty:  # it would burn itself: no measure of what is missing
+            _refuse_too_heavy(card)
+        lacking = exhaust_speed(stage) * math.log(empty / (empty + left))
+        raise InputError(
+            f"{card.name}: vehicle {card.vehicle.name!r} lacks {lacking:.0f} m/s of delta-v for the target orbit: "
+            f"stage {stage.name!r} would need {-left:.0f} kg more propellant with the payload of "
+            f"{card.vehicle.payload:.0f} kg"
+        )
+
+
+def _refuse_too_heavy(card: VehicleAscent) -> None:
+    """Refuse a payload that no steering carries to the orbit where a lighter one gets there, with the missing delta-v.
+
+    The greatest payload that reaches the orbit is bracketed with the kick of a middling climb; the shortfall is the
+    difference of the ideal speed gains with the two. Where not even an empty vehicle gets there, the speed that the
+    orbit's energy asks for, losses not counted, says how much is missing at least.
+    """
+    vehicle = card.vehicle
+    payload, gain = vehicle.payload, impulse_speed(vehicle, vehicle.payload)
+    say = f"{card.name}: vehicle {vehicle.name!r} lacks "
+    carried = next((part * payload for part in _PARTS if _reaches(card, part * payload)), None)
+    if carried is None:
+        lacking = _least_speed(card) - gain
+        if lacking > 0.0:
+            raise InputError(
+                f"{say}at least {lacking:.0f} m/s of delta-v for the target orbit, losses not counted; no payload, "
+                "however light, gets there"
+            )
         return
-    stage = card.vehicle.stages[-1]
-    empty = stage.dry + card.vehicle.payload
-    lacking = STANDARD_GRAVITY * stage.specific_impulse * math.log(empty / (empty + left))
+    above = min(part * payload for part in (1.0, *_PARTS) if part * payload > carried)
+    for _ in range(5):
+        middle = 0.5 * (carried + above)
+        if _reaches(card, middle):
+            carried = middle
+        else:
+            above = middle
+    lacking = impulse_speed(vehicle, carried) - gain
     raise InputError(
-        f"{card.name}: vehicle {card.vehicle.name!r} lacks {lacking:.0f} m/s of delta-v for the target orbit: stage "
-        f"{stage.name!r} would need {-left:.0f} kg more propellant with the payload of {card.vehicle.payload:.0f} kg"
+        f"{say}about {lacking:.0f} m/s of delta-v for the target orbit: it carries about {carried:.0f} kg there, the "
+        f"payload is {payload:.0f} kg"
     )
+
+
+def _reaches(card: VehicleAscent, payload: float) -> bool:
+    """Whether the (first) orbit is reached with a payload in kg, within the propellant."""
+    light = card.model_copy(update={"vehicle": card.vehicle.model_copy(update={"payload": payload})})
+    if impulse_speed(light.vehicle, payload) < _least_speed(light):
+        return False
+    guess = _first_guess(light)
+    kick = light.kick_angle or _kick_for_climb(light, guess)
+    solution = _reach(light, kick, guess, 80)
+    aim = _aim(light, solution.x, kick)
+    return float(np.linalg.norm(solution.fun)) <= _SMALL and _left(light, aim, light.inserting) >= 0.0
+
+
+def _least_speed(card: VehicleAscent) -> float:
+    """Return the speed in m/s that the energy of the orbit asks for from the ground, the Earth's turn helping."""
+    a = SEMI_MAJOR + 0.5 * ((card.parking or card.target).perigee + card.target.apogee)
+    return math.sqrt(2.0 * GM / SEMI_MAJOR - GM / a) - OMEGA * SEMI_MAJOR * math.cos(card.target.inclination)

@@ -128,15 +128,15 @@ class _Channels:
     def advance(self, step: int) -> None:
         """Carry all channels to a step: losses, then what has ended, then new searches."""
         t = float(self.signals.t[step])
+        hidden = ~self.signals.expected[step] & (self.state != IDLE)
+        for sat in np.flatnonzero(hidden):
+            self.lost[sat], self.vain[sat] = np.nan, 0
+            self._turn(step, int(sat), IDLE, CAUSES[HIDDEN])
         held = (self.state == TRACK) | (self.state == ACQUIRE)
         bad = self.gone[step]
         if np.any(held & (bad | ~np.isnan(self.failing))):
             for sat in np.flatnonzero(held):
                 self._watch(step, t, int(sat), bool(bad[sat]))
-        hidden = ~self.signals.expected[step] & (self.state != IDLE)
-        for sat in np.flatnonzero(hidden):
-            self.lost[sat], self.vain[sat] = np.nan, 0
-            self._turn(step, int(sat), IDLE, CAUSES[HIDDEN])
         if t >= self.next:
             for sat in np.flatnonzero((self.state == SEARCH) | (self.state == ACQUIRE)):
                 self._end(step, t, int(sat))

@@ -5,16 +5,19 @@ from __future__ import annotations
 from lvnav_trade.world.columns import TableTrajectory
 from lvnav_trade.world.imu import ImuCard
 from lvnav_trade.world.launch import build_ascent
+from lvnav_trade.world.orbital import OrbitalFlight, orbit
 from lvnav_trade.world.oscillation import oscillations
 from lvnav_trade.world.profile import RecordedAscent, rebuild
 from lvnav_trade.world.residual import judge
+from lvnav_trade.world.sounding import SoundingFlight
+from lvnav_trade.world.sounding_flight import launch
 from lvnav_trade.world.table import content_of, from_table, residuals
 from lvnav_trade.world.truth import Phase, Trajectory, motion, oscillating, reference
 from lvnav_trade.world.vehicle import VehicleAscent
 
 __all__ = ["Phase", "Trajectory", "TrajectoryCard", "build", "content", "motion", "reference", "refuse_contradiction"]
 
-TrajectoryCard = VehicleAscent | RecordedAscent | TableTrajectory
+TrajectoryCard = VehicleAscent | RecordedAscent | TableTrajectory | SoundingFlight | OrbitalFlight
 
 
 def build(card: TrajectoryCard) -> Trajectory:
@@ -32,12 +35,16 @@ def _undisturbed(card: TrajectoryCard) -> Trajectory:
         return build_ascent(card)
     if isinstance(card, TableTrajectory):
         return from_table(card)
+    if isinstance(card, SoundingFlight):
+        return launch(card)
+    if isinstance(card, OrbitalFlight):
+        return orbit(card)
     return rebuild(card)
 
 
 def content(card: TrajectoryCard) -> str:
     """Return a digest of the file that a card names, empty where it names none: a changed file is another flight."""
-    return "" if isinstance(card, VehicleAscent) else content_of(card.file)
+    return content_of(card.file) if isinstance(card, RecordedAscent | TableTrajectory) else ""
 
 
 def refuse_contradiction(card: TrajectoryCard, imu: ImuCard) -> None:

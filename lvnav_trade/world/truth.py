@@ -266,12 +266,12 @@ def _fastest(phase: Phase) -> float:
 @lru_cache(maxsize=256)
 def _quadrature(angle: float) -> tuple[Floats, Floats]:
     """Return Gauss-Legendre nodes and weights on (0, 1): three, or as many as integrate a wave over `angle` rad of its
-    phase to 1e-14.
+    phase to 1e-12.
     """
     n, exact = max(3, int(0.25 * angle)), np.sinc(0.5 * angle / np.pi)  # with fewer, the wave is not resolved
     while True:
         nodes, weights = np.polynomial.legendre.leggauss(n)
-        if abs(0.5 * weights @ np.cos(0.5 * angle * nodes) - exact) < 1e-14 * (n + 1):
+        if abs(0.5 * weights @ np.cos(0.5 * angle * nodes) - exact) < 1e-12:
             return 0.5 * (1.0 + nodes), 0.5 * weights
         n += 1
 

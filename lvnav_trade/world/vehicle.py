@@ -2,30 +2,105 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+import math
+from itertools import pairwise
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from lvnav_trade.units import Acceleration, Angle, AngularRate, Area, Card, Duration, Force, Length, Mass, Pause
+from lvnav_trade.kernels.earth import GM, J2, SEMI_MAJOR
+from lvnav_trade.units import (
+    Acceleration,
+    Angle,
+    AngularRate,
+    Area,
+    Card,
+    Duration,
+    Force,
+    Length,
+    Mass,
+    Pause,
+    parse,
+)
 from lvnav_trade.world.oscillation import OscillationCard
 
 STANDARD_GRAVITY = 9.80665  # m/s^2, converts specific impulse in seconds to exhaust speed
 
 
-class Stage(Card):
-    """One stage: masses, engine and the pauses around its burn.
+class Profile(Card):
+    """How the thrust of a solid motor goes over its burn, straight from point to point.
 
-    Thrust at altitude is the vacuum thrust less ambient pressure times exit area, at a constant mass flow per throttle.
+    Only the shape counts: the mean over the burn is that of propellant, specific impulse and burn time.
+    """
+
+    part: tuple[float, ...] = Field(min_length=2, description="parts of the burn time, from 0 to 1, rising")
+    thrust: tuple[Annotated[float, Field(gt=0.0)], ...] = Field(description="vacuum thrust there, in any measure")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if len(self.part) != len(self.thrust):
+            raise ValueError(f"{len(self.part)} parts of the burn but {len(self.thrust)} thrusts")
+        if self.part[0] != 0.0 or self.part[-1] != 1.0 or any(b <= a for a, b in pairwise(self.part)):
+            raise ValueError("part must rise from 0 to 1")
+        return self
+
+
+class Motor(Card):
+    """What burns: masses and engine. Thrust or burn time is given, the other follows; mean thrust where it varies.
+
+    Thrust at altitude is the vacuum thrust less ambient pressure times exit area. A motor known by its thrust may be
+    throttled, at a constant specific impulse; one known by its burn time burns just so long.
     """
 
     name: str
     propellant: Annotated[Mass, Field(gt=0.0)] = Field(description="usable propellant")
-    dry: Annotated[Mass, Field(gt=0.0)] = Field(description="mass that stays behind when the stage is dropped")
-    thrust: Force = Field(description="vacuum thrust at full throttle")
+    dry: Annotated[Mass, Field(gt=0.0)] = Field(description="mass that stays behind when it is dropped")
+    thrust: Force | None = Field(None, description="vacuum thrust at full throttle")
+    burn_time: Annotated[Duration, Field(gt=0.0)] | None = Field(None, description="of all the propellant")
     specific_impulse: Annotated[Duration, Field(gt=0.0)] = Field(description="vacuum specific impulse")
     exit_area: Area = 0.0
-    ignition_delay: Pause = Field(0.0, description="coast between separation of the stage below and ignition")
+    profile: Profile | None = Field(None, description="none: constant thrust")
     separation_delay: Pause = Field(0.0, description="coast between cut-off and separation")
+
+    @model_validator(mode="after")
+    def _one_of_two(self) -> Self:
+        if (self.thrust is None) == (self.burn_time is None):
+            raise ValueError("give the thrust or the burn time, one of the two")
+        if self.profile is not None and self.burn_time is None:
+            raise ValueError("a thrust profile needs the burn time: a motor that is throttled has none")
+        return self
+
+    @property
+    def full_thrust(self) -> float:
+        """Vacuum thrust in N: at full throttle, or the mean over the burn."""
+        if self.thrust is not None:
+            return self.thrust
+        assert self.burn_time is not None
+        return self.propellant * STANDARD_GRAVITY * self.specific_impulse / self.burn_time
+
+    @property
+    def full_burn(self) -> float:
+        """Time in s that all the propellant lasts without throttling."""
+        return self.propellant * STANDARD_GRAVITY * self.specific_impulse / self.full_thrust
+
+
+class Stage(Motor):
+    """One stage, and the coast before it lights."""
+
+    ignition_delay: Pause = Field(0.0, description="coast between separation of the stage below and ignition")
+
+
+class Boosters(Motor):
+    """Strap-on motors that burn beside the first stage, all of a group alike; masses and thrust are of one of them."""
+
+    name: str = Field(pattern="^[a-z][a-z0-9_]*$", description="begins the names of its events")
+    number: int = Field(ge=1, description="how many")
+    ignition: Pause = Field(0.0, description="time between lift-off and ignition")
+
+    @property
+    def gone(self) -> float:
+        """Time of separation, s after lift-off."""
+        return self.ignition + self.full_burn + self.separation_delay
 
 
 class Fairing(Card):
@@ -37,29 +112,49 @@ class Fairing(Card):
 
 
 class VehicleCard(Card):
-    """A launch vehicle as a point mass with stages, drag and a load limit."""
+    """A launch vehicle as a point mass with stages, strap-on boosters, drag and a load limit."""
 
     name: str
     source: str
     stages: tuple[Stage, ...] = Field(min_length=1)
+    boosters: tuple[Boosters, ...] = Field((), description="groups of strap-on boosters of the first stage")
     payload: Mass
     fairing: Fairing | None = None
     reference_area: Annotated[Area, Field(gt=0.0)] = Field(description="area that the drag coefficients refer to")
     mach: tuple[float, ...] = Field(min_length=2, description="Mach numbers of the drag table, rising")
     drag_coefficient: tuple[float, ...] = Field(min_length=2)
-    max_load: Annotated[Acceleration, Field(gt=0.0)] = Field(
-        description="thrust is throttled to stay below this specific force"
+    max_load: Annotated[Acceleration, Field(gt=0.0)] | None = Field(
+        None, description="what can be throttled is, to stay below this specific force; none: no throttling"
     )
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if len(self.mach) != len(self.drag_coefficient):
             raise ValueError(f"{len(self.mach)} Mach numbers but {len(self.drag_coefficient)} drag coefficients")
-        if any(later <= earlier for earlier, later in zip(self.mach, self.mach[1:], strict=False)):
+        if any(later <= earlier for earlier, later in pairwise(self.mach)):
             raise ValueError("mach must rise from entry to entry")
         if self.fairing is not None and self.fairing.stage > len(self.stages):
             raise ValueError(f"the fairing is released in stage {self.fairing.stage} of {len(self.stages)}")
+        self._released_in_time()
         return self
+
+    def _released_in_time(self) -> None:
+        """Refuse a fairing or boosters that the stage below them would burn out before releasing."""
+        if self.fairing is not None and self.fairing.stage < len(self.stages):
+            below = self.stages[self.fairing.stage - 1]
+            if self.fairing.after_ignition >= below.full_burn:
+                raise ValueError(
+                    f"stage {below.name!r} burns out after {below.full_burn:.1f} s, before the fairing goes"
+                )
+        names = [group.name for group in self.boosters]
+        if len(set(names)) < len(names):
+            raise ValueError(f"two groups of boosters share a name: {', '.join(names)}")
+        for group in self.boosters:
+            if group.gone >= self.stages[0].full_burn:
+                raise ValueError(
+                    f"boosters {group.name!r} are dropped {group.gone:.1f} s after lift-off, the first stage burns out "
+                    f"after {self.stages[0].full_burn:.1f} s"
+                )
 
 
 class Site(Card):
@@ -75,8 +170,23 @@ class Orbit(Card):
 
     perigee: Length
     apogee: Length
-    inclination: Angle
+    inclination: Angle = Field(description="an angle, or the word sun-synchronous")
     direction: Literal["ascending", "descending"] = Field("ascending", description="sense of the pass over the site")
+    anomaly: Annotated[Angle, Field(ge=0.0, lt=1.5707963267948966)] = Field(
+        0.0, description="true anomaly of injection; zero: at perigee. A weak last stage gets there past it for less"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _sun_synchronous(cls, given: Any) -> Any:
+        """Put the angle in the place of the word."""
+        if not isinstance(given, dict) or given.get("inclination") != "sun-synchronous":
+            return given
+        try:
+            low, high = (parse(str(given[key]), "m") for key in ("perigee", "apogee"))
+        except (KeyError, ValueError):
+            return given  # the fault is told for that field
+        return {**given, "inclination": f"{sun_synchronous(low, high)!r} rad"}
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
@@ -85,10 +195,39 @@ class Orbit(Card):
         return self
 
 
+def sun_synchronous(perigee: float, apogee: float) -> float:
+    """Return the inclination in rad at which the node of an orbit (altitudes in m) follows the mean Sun.
+
+    Mean precession of the node by J2 alone, -3/2 J2 n (a_e / p)^2 cos i (Kaula 1966), a turn in a tropical year.
+    ValueError where no inclination does.
+    """
+    a = SEMI_MAJOR + 0.5 * (perigee + apogee)
+    p = a * (1.0 - (0.5 * (apogee - perigee) / a) ** 2)
+    year = 365.24219 * 86400.0
+    cosine = -2.0 * math.pi / year / (1.5 * J2 * math.sqrt(GM / a**3) * (SEMI_MAJOR / p) ** 2)
+    if cosine < -1.0:
+        raise ValueError(f"no orbit of {perigee / 1e3:.0f} x {apogee / 1e3:.0f} km is sun-synchronous")
+    return math.acos(cosine)
+
+
 class Parking(Card):
-    """Transfer orbit: the last stage cuts off at its perigee, coasts to the target's apogee and lights again."""
+    """Transfer orbit: a stage cuts off at its perigee, coasts to the target's apogee, and the last stage burns there.
+
+    That stage is the last one, which then lights a second time, or the one below it, which is dropped before the coast.
+    """
 
     perigee: Length
+    stage: int | None = Field(None, ge=2, description="number of the stage that reaches it; none: the last")
+
+
+class Recorded(Card):
+    """What is on record of such a flight; the facts of the trajectory say how far it lies from that."""
+
+    source: str
+    file: str | None = Field(
+        None, description="CSV of time, Earth-relative speed and altitude", json_schema_extra={"path": True}
+    )
+    events: dict[str, Duration] = Field(default={}, description="times of the trajectory's events, from lift-off")
 
 
 class Roll(Card):
@@ -114,6 +253,10 @@ class VehicleAscent(Card):
     site: Site
     target: Orbit
     parking: Parking | None = Field(None, description="none: one burn of the last stage straight into the target")
+    azimuth: Angle | None = Field(
+        None, description="of the launch, where it is prescribed; the steered stages then turn the plane"
+    )
+    recorded: Recorded | None = Field(None, description="a flight to compare with")
     pad_hold: Pause = 60.0
     vertical_rise: Annotated[Duration, Field(gt=0.0)] = 8.0
     kick_duration: Annotated[Duration, Field(gt=0.0)] = 8.0
@@ -134,4 +277,20 @@ class VehicleAscent(Card):
             raise ValueError(f"steered_from is {self.steered_from}, the vehicle has {len(self.vehicle.stages)} stages")
         if self.parking is not None and self.parking.perigee > self.target.perigee:
             raise ValueError("the perigee of the parking orbit lies above that of the target")
+        if self.parking is not None and self.target.anomaly != 0.0:
+            raise ValueError("by a parking orbit the target is reached at its apogee: its anomaly cannot be chosen")
+        n_stage = len(self.vehicle.stages)
+        if self.inserting not in (n_stage - 1, n_stage) or self.inserting < self.steered_from:
+            raise ValueError(
+                f"the parking orbit is reached by stage {self.inserting}; of {n_stage} stages it must be one of the "
+                f"last two, and steered (from {self.steered_from})"
+            )
+        last = self.vehicle.stages[-1]
+        if self.parking is not None and last.profile is not None:
+            raise ValueError(f"stage {last.name!r} burns as long as guidance asks: it cannot have a thrust profile")
         return self
+
+    @property
+    def inserting(self) -> int:
+        """Number of the stage that is cut off in orbit: in the target, or in the parking orbit."""
+        return len(self.vehicle.stages) if self.parking is None or self.parking.stage is None else self.parking.stage

@@ -9,17 +9,24 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
+from lvnav_trade.delays import AtmosphereCard
 from lvnav_trade.engines.lincov import covariance
 from lvnav_trade.engines.montecarlo import run_block
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.base import FilterCard
 from lvnav_trade.scenario import InitialErrors, Scenario
+from lvnav_trade.world.constellation import CombinedConstellation
 from lvnav_trade.world.imu import ImuCard
 from lvnav_trade.world.receiver import ReceiverCard
 from tests.building import LOOSE, loaded, prepare_hop, with_fields
 
 # What names a card and says where it is from; both stand in the report, no engine reads them.
 LABELS = {"name", "source"}
+
+# How a receiver hears and tracks: tests/world/test_reception.py walks these cards, because the sky shows all they do.
+HEARING = {"antennas", "link", "loops", "tracking"}
+# Models of delays: tests/delays walks their fields, tests/engines/test_atmosphere.py what the engines make of them.
+DELAYS = {"corrections"}
 
 RAMP = {"start": "1 s", "end": "20 s", "amplitude": ["10 deg/h", "0 deg/h", "5 deg/h"]}
 ACCEL_RAMP = {"start": "1 s", "end": "20 s", "amplitude": ["1 mg", "0 mg", "2 mg"]}
@@ -30,7 +37,7 @@ IMU = {
     "accel.temperature": ACCEL_RAMP,
 }  # fmt: skip
 RECEIVER = {
-    "rate": "2 Hz", "lever_b": ["1 m", "0.5 m", "-0.3 m"], "latency_error": "2 ms", "multipath": "1 m",
+    "rate": "2 Hz", "lever_b": ["1 m", "0.5 m", "-0.3 m"], "latency_error": "2 ms", "multipath": "1 m", "channels": 32,
     "solution.position_bias": "2 m", "solution.velocity_bias": "0.1 m/s",
 }  # fmt: skip
 OWN_IMU = {
@@ -52,10 +59,12 @@ OWN_INITIAL = {
     "tilt": "0.2 deg", "heading": "0.2 deg", "position": "5 m", "velocity": "0.1 m/s", "clock_bias": "500 m",
     "clock_drift": "5 m/s",
 }  # fmt: skip
+CORRECTIONS = {"troposphere": {"kind": "spilker"}, "ionosphere": {"kind": "content"}}
 FILTER = {
     "extra_states": [
         "gyro_scale_factor", "accel_scale_factor", "gyro_misalignment", "accel_misalignment", "gyro_g_sensitivity",
-        "range_bias", "timing", "position_bias", "velocity_bias",
+        "range_bias", "time_offset", "timing", "troposphere_scale", "ionosphere_scale", "position_bias",
+        "velocity_bias",
     ],
 }  # fmt: skip
 
@@ -78,9 +87,9 @@ OTHER = {
         "accel.temperature.amplitude": ["2 mg", "0 mg", "2 mg"],
     },
     "receiver": {
-        "rate": "0.5 Hz", "mask": "40 deg", "latency": "0.1 s", "latency_error": "4 ms",
-        "latency_sigma": "3 ms", "multipath": "3 m", "multipath_time": "20 s", "lever_error": "0.5 m",
-        "lever_b": ["1 m", "0.5 m", "0.3 m"], "channels": 5,
+        "rate": "0.5 Hz", "mask": "40 deg", "mask_height": "100 km", "latency": "0.1 s", "latency_error": "4 ms",
+        "latency_per_satellite": "10 ms", "latency_sigma": "3 ms", "multipath": "3 m", "multipath_time": "20 s",
+        "lever_error": "0.5 m", "lever_b": ["1 m", "0.5 m", "0.3 m"], "channels": 5,
         "pseudorange_sigma": "3 m", "range_rate_sigma": "0.2 m/s", "solution.kind": "bancroft",
         "solution.position_bias": "3 m", "solution.velocity_bias": "0.3 m/s", "solution.bias_time": "20 s",
         "solution.position_sigma": "4 m", "solution.velocity_sigma": "0.3 m/s", "clock.h0": 2e-19,
@@ -117,6 +126,8 @@ def leaves(model, before=""):
     for name, field in model.model_fields.items():
         within = [a for a in (field.annotation, *get_args(field.annotation)) if isinstance(a, type)]
         inner = [a for a in within if issubclass(a, BaseModel)]
+        if name in DELAYS or (model is ReceiverCard and name in HEARING):
+            continue
         if inner:
             yield from leaves(inner[0], f"{before}{name}.")
         elif not (name in LABELS and not before):
@@ -130,13 +141,18 @@ FIELDS = [(card, name) for card, model in CARDS.items() for name in leaves(model
 def base(coupling):
     """A scenario in which every error, belief and state is there."""
     scenario = loaded(*([LOOSE] if coupling == "loose" else []))
+    gps = scenario.constellation
+    galileo = loaded("base.constellation=constellations/galileo_24").constellation.model_dump(mode="json")
     parts = {
         "imu": with_fields(scenario.imu, **IMU),
         "receiver": with_fields(scenario.receiver, **RECEIVER),
         "filter": with_fields(
             scenario.filter, **FILTER, imu=OWN_IMU, receiver=OWN_RECEIVER, initial=OWN_INITIAL, consider=["gyro_bias"]
         ),
+        "atmosphere": AtmosphereCard(troposphere={"kind": "ray_traced"}, ionosphere={"kind": "content"}),
+        "constellation": CombinedConstellation(parts=[gps.model_dump(mode="json"), galileo]),
     }
+    parts["filter"] = with_fields(parts["filter"], corrections=CORRECTIONS)
     return scenario.model_copy(update=parts)
 
 

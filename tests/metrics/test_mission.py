@@ -54,11 +54,11 @@ def test_the_true_state_at_an_event_is_that_of_the_flight(orbit):
 def test_the_joint_covariance_is_that_of_the_history_turned_to_the_inertial_frame(orbit):
     law, state = mission.law_at(orbit, flights.CASE, "injection"), state_of(orbit)
     growth = 1.0 + 0.01 * 99.5
-    C = np.kron(np.eye(2), state.C_r_i)
+    C = np.kron(np.eye(2), state.turn)
     sigma, mean = growth * synthetic.SIGMA[3:9], growth * synthetic.MEAN[3:9]
     np.testing.assert_allclose(law.true, C @ np.diag(sigma**2) @ C.T, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(law.mean, C @ mean, rtol=1e-9)
-    down = state.C_r_i[:, 2]
+    down = state.turn[:, 2]
     assert down @ unit(state.r_i) == pytest.approx(-1.0, abs=1e-5)  # the ellipsoid's normal is 0.2 deg off at most
 
 
@@ -145,7 +145,7 @@ def test_the_errors_of_runs_are_those_of_the_believed_orbit(orbit):
     error, _ = mission.run_errors(orbit, flights.CASE, state)
     row = orbit.runs[(orbit.runs.event == "injection") & (orbit.runs.run_number == 7)].iloc[0]
     north_east_down = row[[f"velocity_{axis}_error_m_per_s" for axis in ("north", "east", "down")]].to_numpy(float)
-    np.testing.assert_allclose(error[7, :3], state.C_r_i @ north_east_down, rtol=1e-12)
+    np.testing.assert_allclose(error[7, :3], state.turn @ north_east_down, rtol=1e-12)
     believed = meanorbit.mean(state.r_i - error[7, 3:], state.v_i - error[7, :3])
     true = meanorbit.mean(state.r_i, state.v_i)
     size = errors_at(orbit, flights.CASE, "injection", "perigee_error").size[7]

@@ -20,6 +20,8 @@ ARGUMENTS = {
     "budget": (CASE, "position"),
     "heatmap": (CASE, "velocity"),
     "consistency": (CASE,),
+    "orbit": (CASE,),
+    "impact": (CASE,),
 }
 
 

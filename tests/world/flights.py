@@ -1,4 +1,4 @@
-"""The two shipped flights, built once for all tests of this folder."""
+"""The shipped flights, built once for all tests of this folder."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ from typing import Any
 
 from ruamel.yaml import YAML
 
+from lvnav_trade.world.orbital import OrbitalFlight
 from lvnav_trade.world.profile import RecordedAscent
+from lvnav_trade.world.sounding import SoundingFlight
 from lvnav_trade.world.trajectory import Trajectory, build
 from lvnav_trade.world.vehicle import VehicleAscent
 
@@ -53,3 +55,41 @@ def ascent() -> Trajectory:
 def recorded() -> Trajectory:
     """The recorded ascent."""
     return build(record_card())
+
+
+def launcher_settings(name: str) -> dict[str, Any]:
+    """Settings of a shipped ascent, its vehicle filled in, its record made absolute."""
+    settings = _load(f"trajectories/{name}")
+    settings["vehicle"] = _load(settings["vehicle"])
+    recorded = settings.get("recorded", {})
+    if "file" in recorded:
+        recorded["file"] = str(CONFIGS / "trajectories" / recorded["file"])
+    return settings
+
+
+@cache
+def launch(name: str) -> Trajectory:
+    """A shipped ascent."""
+    return build(VehicleAscent.model_validate(launcher_settings(name)))
+
+
+def sounding_settings(**changes: Any) -> dict[str, Any]:
+    """Settings of the sounding rocket, without its oscillations, some changed."""
+    return {**_load("trajectories/shefex2_class"), "oscillation": [], **changes}
+
+
+@cache
+def sounding() -> Trajectory:
+    """The sounding rocket, without its oscillations."""
+    return build(SoundingFlight.model_validate(sounding_settings()))
+
+
+def orbital_settings(**changes: Any) -> dict[str, Any]:
+    """Settings of the recovery from orbit, some changed."""
+    return {**_load("trajectories/recovery_polar"), **changes}
+
+
+@cache
+def recovery() -> Trajectory:
+    """The recovery from orbit."""
+    return build(OrbitalFlight.model_validate(orbital_settings()))

@@ -9,7 +9,18 @@ import pytest
 
 from lvnav_trade.frames import ecef_from_geodetic
 from lvnav_trade.kernels.earth import gravity_j4, potential_j4
-from lvnav_trade.world.flight import Drag, Engine, fly, height_above, rates, thrust_of, time_to_mass
+from lvnav_trade.world.flight import (
+    NOTHING,
+    Drag,
+    Engine,
+    Unthrottled,
+    fly,
+    height_above,
+    rates,
+    thrust_beside,
+    thrust_of,
+    time_to_mass,
+)
 from tests.world.test_steering import steering
 
 VACUUM = Drag(0.0, np.array([0.0, 1.0]), np.array([0.0, 0.0]))
@@ -27,6 +38,36 @@ def test_thrust_stays_below_the_load_limit(mass):
     thrust, throttle = thrust_of(mass, 0.0, ENGINE)
     assert thrust <= 60.0 * mass
     assert throttle < 1.0
+
+
+def test_an_engine_without_a_limit_is_not_throttled():
+    assert thrust_of(10.0, 0.0, ENGINE._replace(max_load=math.inf)) == (1e6, 1.0)
+
+
+def test_the_limit_counts_the_thrust_of_other_motors():
+    thrust, throttle = thrust_of(3e4, 0.0, ENGINE, 1.2e6)
+    assert thrust + 1.2e6 <= 60.0 * 3e4
+    assert thrust == pytest.approx(6e5, rel=0.05)
+    assert throttle == pytest.approx(thrust / 1e6)
+    assert thrust_of(1e4, 0.0, ENGINE, 1.2e6)[0] == 0.0  # nothing is left to throttle
+
+
+def test_a_motor_of_straight_thrust_burns_what_its_flow_says():
+    # Straight up, far from the Earth: mass falls with the integral of the flow, speed gains the log.
+    motor = Unthrottled(5.0, 9e5, -4e3, 300.0, -4.0 / 3.0, 0.5)
+    y0 = np.array([1e9, 0.0, 0.0, 0.0, 0.0, 0.0, 1e5])
+    still = steering(kick_angle=0.0, follow_start=np.inf, law_start=np.array([np.inf]))
+    _, y = fly(5.0, 100.0, 400, y0, still, Engine(0.0, 0.0, 0.0, 1.0, motor), VACUUM)
+    burnt = 300.0 * 100.0 - 0.5 * 4.0 / 3.0 * 100.0**2
+    assert y[-1, 6] == pytest.approx(1e5 - burnt, rel=1e-12)
+    assert np.linalg.norm(y[-1, 3:6]) == pytest.approx(3000.0 * math.log(1e5 / (1e5 - burnt)), abs=0.1)
+
+
+def test_motors_that_cannot_be_throttled_lose_pressure_times_exit_area_and_never_pull():
+    motor = Unthrottled(0.0, 9e5, 0.0, 300.0, 0.0, 0.5)
+    assert thrust_beside(7.0, 101325.0, motor) == pytest.approx((9e5 - 0.5 * 101325.0, 300.0))
+    assert thrust_beside(7.0, 101325.0, motor._replace(thrust=1e4))[0] == 0.0
+    assert thrust_beside(7.0, 101325.0, NOTHING) == (0.0, 0.0)
 
 
 def test_a_coast_keeps_its_energy():

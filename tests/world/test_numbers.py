@@ -35,14 +35,22 @@ def test_a_packed_file_is_read_as_the_plain_one(tmp_path):
 
 
 def test_a_truncated_packed_file_an_absent_one_and_a_picture_are_refused(tmp_path):
-    packed, absent, picture = tmp_path / "b.gz", tmp_path / "absent", tmp_path / "c.png"
+    packed, absent, picture, old = (tmp_path / name for name in ("b.gz", "absent", "c.png", "d.Z"))
+    old.write_bytes(b"\x1f\x9d\x90abc")
     packed.write_bytes(gzip.compress(b"one\n" * 1000)[:-12])
     picture.write_bytes(b"\x89PNG\r\n\x1a\n\xff\x00")
     for path, what in [
         (packed, f"{packed}: a broken or truncated gzip file"),
         (absent, f"{absent}: cannot be read: No such file or directory"),
+        (old, f"{old}: packed by 'compress' (.Z); unpack it, or pack it by gzip"),
         (picture, f"{picture}:1: not a text file, so not a list"),
     ]:
         with pytest.raises(InputError) as refused:
             read_lines(path, "list")
         assert str(refused.value) == what
+
+
+def test_a_name_beyond_ascii_in_a_remark_is_no_mistake(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_bytes("Málaga\n1.5\n".encode("latin-1"))
+    assert read_lines(path, "list")[1] == "1.5"

@@ -9,13 +9,14 @@ from scipy.interpolate import make_interp_spline
 
 from lvnav_trade.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, gmst, matrices, quaternions
 from lvnav_trade.records import IDLE, TRACK
-from lvnav_trade.world.antenna import gains
+from lvnav_trade.world.antenna import AntennaCard, CosineGain, TableGain, gains
 from lvnav_trade.world.constellation import NominalConstellation
 from lvnav_trade.world.faults import SatelliteOutage
-from lvnav_trade.world.link import carrier_to_noise
-from lvnav_trade.world.loops import code_sigma, rate_sigma
+from lvnav_trade.world.link import LinkCard, carrier_to_noise
+from lvnav_trade.world.loops import LoopsCard, code_sigma, rate_sigma
 from lvnav_trade.world.receiver import ReceiverCard
 from lvnav_trade.world.sky import antenna_states, sky
+from lvnav_trade.world.tracking import TrackingCard
 from lvnav_trade.world.trajectory import Phase, Trajectory, motion
 from lvnav_trade.world.truth import attitude_spline
 from tests.world.flights import CONFIGS, ascent
@@ -310,3 +311,73 @@ def test_ten_minutes_with_four_antennas_take_less_than_a_second():
     start = perf_counter()
     sky(gps(), card, flight, t)
     assert perf_counter() - start < 2.0  # 0.2 s on an idle machine
+
+
+ALL = {
+    "antennas": [
+        {"name": "nose", "lever_b": ["2 m", "0 m", "0 m"], "cutoff": "95 deg", "boresight": [1, 0.1, 0],
+         "pattern": {"kind": "table", "angle": ["0 deg", "90 deg"], "gain": ["-5 dBi", "-12 dBi"]}},
+        {"name": "side", "boresight": [0, 1, 0], "cutoff": "70 deg",
+         "pattern": {"kind": "cosine", "peak": "3 dBi", "exponent": 3, "front_to_back": "12 dB"}},
+    ],
+    "link": {},
+    "loops": LOOPS | {"spacing": 0.5, "vibration": "2 deg/g"},
+    "tracking": {"memory": "4 s", "acquire_above": "36 dB-Hz", "track_above": "34 dB-Hz", "search_time": "12 s"},
+}  # fmt: skip
+OTHER = {
+    "antennas": {
+        "0.lever_b": ["2 m", "1 m", "0 m"], "0.boresight": [1, -0.3, 0], "0.cutoff": "60 deg",
+        "0.pattern.angle": ["0 deg", "60 deg"], "0.pattern.gain": ["-5 dBi", "-10 dBi"], "0.pattern.kind": "cosine",
+        "1.pattern.peak": "4 dBi", "1.pattern.exponent": 1, "1.pattern.front_to_back": "3 dB",
+    },
+    "link": {
+        "frequency": "1602 MHz", "transmit_power": "15 dBW", "transmit_gain": ["11 dBi"] * 5, "loss": "3 dB",
+        "transmit_angle": ["0 deg", "5 deg", "10 deg", "12 deg", "14 deg"], "antenna_temperature": "100 K",
+        "noise_figure": "3 dB", "implementation_loss": "2 dB",
+    },
+    "loops": {
+        "carrier": "fll", "carrier_order": 2, "carrier_bandwidth": "15 Hz", "integration": "10 ms",
+        "rate_interval": "0.2 s", "code_bandwidth": "1 Hz", "code_aided": False, "spacing": 0.8, "front_end": "6 MHz",
+        "code_rate": "10.23 MHz", "jitter": "3 deg", "vibration": "0 deg/g",
+    },
+    "tracking": {
+        "acquire_above": "40 dB-Hz", "track_above": "25 dB-Hz", "search_time": "30 s", "reacquire_time": "2 s",
+        "memory": "2 s", "aiding": "none", "aided_factor": 0.5, "searchers": 2, "pull_in": "3 s", "coast": "3 s",
+        "start": "searching", "realisation": 7,
+    },
+}  # fmt: skip
+
+
+@cache
+def told(text=None):
+    """Return all that the sky says of a receiver with everything, on a flight with a jolt, a spin and an outage."""
+    card = receiver(**ALL) if text is None else ReceiverCard.model_validate_json(text)
+    fault = SatelliteOutage(start="-12 s", duration="3 s", keep=3)
+    seen = sky(gps(), card, vertical(spin=0.4, push=40.0), np.arange(-19.0, 33.0), [fault])
+    arrays = b"".join(np.ascontiguousarray(part).tobytes() for part in seen[6:-1])
+    return arrays + repr(seen.transitions).encode()
+
+
+@pytest.mark.parametrize(("part", "name"), [(part, name) for part, names in OTHER.items() for name in names])
+def test_every_field_of_hearing_and_tracking_changes_the_sky_or_is_refused(part, name):
+    text = receiver(**ALL).model_dump(mode="json")
+    *way, last = [part, *name.split(".")]
+    at = text
+    for key in way:
+        at = at[int(key)] if isinstance(at, list) else at[key]
+    assert last in at
+    at[last] = OTHER[part][name]
+    try:
+        card = ReceiverCard.model_validate(text)
+    except ValueError:
+        return
+    changes = told(card.model_dump_json()) != told()  # not in the assertion: the bytes are long
+    assert changes
+
+
+def test_no_field_of_hearing_and_tracking_is_left_out():
+    models = {"link": LinkCard, "loops": LoopsCard, "tracking": TrackingCard}
+    assert {part: set(model.model_fields) for part, model in models.items()} == {p: set(OTHER[p]) for p in models}
+    antenna = {name for name in AntennaCard.model_fields if name not in ("name", "source", "pattern")}
+    patterns = {f"pattern.{name}" for model in (CosineGain, TableGain) for name in model.model_fields}
+    assert antenna | patterns == {name.partition(".")[2] for name in OTHER["antennas"]}

@@ -174,6 +174,8 @@ def test_a_lift_off_outside_the_files_time_is_refused_and_says_so(refdata, tmp_p
     assert str(refused.value).startswith(f"{path}: the lift-off 2018-06-21T12:00:00Z is 3")
     assert str(refused.value).endswith(" h after the nearest ephemeris of GPS; longest_age allows 2 h")
     early = own(tmp_path, HEAD_3 + GALILEO_3)
+    with pytest.raises(InputError, match=r"is 10\.0 days after the nearest ephemeris of Galileo"):
+        satellites(early, "2018-06-28T15:40:00Z")
     with pytest.raises(InputError, match=r"is 5\.7 h before the nearest ephemeris of Galileo; longest_age allows 4 h$"):
         satellites(early, "2018-06-18T10:00:00Z")
     assert satellites(early.model_copy(update={"longest_age": 6 * 3600.0}), "2018-06-18T10:00:00Z").names == ("E01",)
@@ -191,6 +193,17 @@ def test_two_parts_of_one_system_are_refused(card):
     gps_24 = card("gps_24")
     with pytest.raises(InputError, match="two parts of the combined constellation give GPS"):
         satellites(CombinedConstellation(parts=(gps_24, gps_24)), EPOCH)
+
+
+def test_two_satellites_of_one_name_are_refused(card):
+    gps_24, galileo = card("gps_24"), card("galileo_24").model_dump(mode="json")
+    same = NominalConstellation(
+        **galileo | {"slots": [slot | {"name": f"A{k}"} for k, slot in enumerate(galileo["slots"])]}
+    )
+    with pytest.raises(InputError, match="two parts of the combined constellation name a satellite A1"):
+        satellites(CombinedConstellation(parts=(gps_24, same)), EPOCH)
+    with pytest.raises(ValueError, match="two slots are named 'A1'"):
+        NominalConstellation(**galileo | {"slots": [slot | {"name": "A1"} for slot in galileo["slots"]]})
 
 
 def test_a_combined_constellation_is_its_parts_one_after_the_other(card):

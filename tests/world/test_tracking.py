@@ -148,6 +148,8 @@ def test_a_signal_that_vanishes_while_it_is_pulled_in_is_searched_again():
 def test_a_satellite_that_sets_is_forgotten_at_once():
     given = signals(20.0)
     take(given, 3, 5.0, 8.0, HIDDEN)
+    _, transitions = track(card(), 16, NAMES[:4], given)
+    assert of(transitions, "G04")[1] == (5.0, "track", "idle", "out of view")
     states, transitions = track(card(coast="10 s"), 16, NAMES[:4], given)
     assert of(transitions, "G04")[1] == (5.0, "track", "idle", "out of view")
     assert of(transitions, "G04")[2][:3] == (8.0, "idle", "search")

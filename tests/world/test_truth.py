@@ -10,7 +10,9 @@ import pytest
 
 from lvnav_trade.frames import earth_angle, ecef_from_eci, matrices
 from lvnav_trade.kernels.earth import OMEGA, gravity_along, gravity_j4, potential_j4
-from lvnav_trade.world.truth import Trajectory, motion, reference
+from lvnav_trade.world.sounding import SpinStep, spin_angle
+from lvnav_trade.world.truth import Phase, Trajectory, motion, product, reference, rotation_quaternions
+from tests import building
 from tests.world.flights import ascent, recorded
 
 FLIGHTS = pytest.mark.parametrize("flight", [ascent, recorded])
@@ -165,3 +167,56 @@ def test_ticks_go_from_the_start_to_the_end_and_carry_the_motion():
 def test_a_time_outside_the_flight_is_refused():
     with pytest.raises(ValueError, match="the trajectory has -60"):
         motion(ascent(), [1e4])
+
+
+def spinning(frequency="1.7 Hz", attitude=None):
+    """A flight under a force that stands still in frame i, of a body that spins up and then turns evenly."""
+    force = np.array([12.0, -30.0, 8.0])
+    still = attitude or (lambda t: np.tile([1.0, 0.0, 0.0, 0.0], (t.size, 1)))
+    flight = building.flight([(20.0, lambda t: force)], still)
+    step = SpinStep.model_validate({"at": "2 s", "frequency": frequency, "over": "3 s"})
+    spin = spin_angle((step,), {}, 0.0, 20.0)
+    phases = tuple(phase._replace(spin=spin) for phase in flight.phases)
+    return Trajectory(phases, flight.events, flight.theta0, flight.epoch), force, spin
+
+
+@pytest.mark.parametrize(("frequency", "rate"), [("1.7 Hz", 400.0), ("1.7 Hz", 50.0), ("-6 Hz", 100.0)])
+def test_increments_of_a_spinning_body_are_the_closed_form(frequency, rate):
+    # Even spin w: the angle is w dt, and a force that stands still, seen by the body, integrates to sines and cosines.
+    flight, force, spin = spinning(frequency)
+    ref = reference(flight, rate)
+    first = int(np.searchsorted(ref.t, 6.0))
+    w = float(spin(10.0, 1))
+    assert np.max(np.abs(ref.dtheta[first:] - [w / rate, 0.0, 0.0])) < 1e-13
+    angle = spin(ref.t)
+    s, c = np.diff(np.sin(angle))[first:] / w, -np.diff(np.cos(angle))[first:] / w
+    expected = np.column_stack(
+        [np.full(s.size, force[0] / rate), force[1] * s + force[2] * c, force[2] * s - force[1] * c]
+    )
+    # Rounding of positions of 6e6 m leaves 4e-7 m/s^2.
+    assert np.max(np.abs(ref.dvel[first:] - expected)) < 4e-7 / rate
+
+
+def test_the_rate_of_a_spinning_body_is_the_derivative_of_its_attitude():
+    flight, _, _ = spinning(attitude=building.turning)
+    t, h = np.linspace(1.0, 19.0, 300), 1e-4
+    slope = (motion(flight, t + h).q_b_i - motion(flight, t - h).q_b_i) / (2.0 * h)
+    here = motion(flight, t)
+    rate = 2.0 * product(here.q_b_i * [1.0, -1.0, -1.0, -1.0], slope)[:, 1:]
+    assert np.max(np.abs(rate - here.w_ib_b)) < 5e-6
+
+
+def test_a_spin_turns_the_body_about_its_own_axis():
+    flight, _, spin = spinning(attitude=building.turning)
+    bare = Trajectory(tuple(Phase(*phase[:5]) for phase in flight.phases), {}, 0.0, "")
+    t = np.linspace(0.0, 20.0, 50)
+    C, C_bare = matrices(motion(flight, t).q_b_i), matrices(motion(bare, t).q_b_i)
+    assert np.max(np.abs(C[:, :, 0] - C_bare[:, :, 0])) < 1e-12
+    assert np.max(np.abs(np.einsum("ki,ki->k", C[:, :, 1], C_bare[:, :, 2]) - np.sin(spin(t)))) < 1e-11
+
+
+def test_quaternions_of_rotation_vectors_multiply_as_matrices_do():
+    draw = np.random.default_rng(3)
+    p, q = (rotation_quaternions(draw.normal(size=(20, 3))) for _ in range(2))
+    assert np.max(np.abs(matrices(product(p, q)) - matrices(p) @ matrices(q))) < 1e-14
+    assert np.array_equal(rotation_quaternions(np.zeros((1, 3))), [[1.0, 0.0, 0.0, 0.0]])

@@ -1,0 +1,43 @@
+"""The figure of the orbit shows runs and ellipses in the units of people."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lvnav_trade.metrics.select import errors_at
+from lvnav_trade.plots import PLOTS
+from lvnav_trade.plots.orbit import outline_of
+from lvnav_trade.store import load
+from tests import mission as flights
+
+
+def test_dots_are_the_runs_and_ellipses_those_of_linear_covariance(tmp_path):
+    tables = load(flights.results(tmp_path, n_run=80))
+    axes = PLOTS["orbit"](tables, flights.CASE).axes
+    lines = {line.get_label(): line for line in axes[0].get_lines()}
+    size = errors_at(tables, flights.CASE, "injection", "perigee_error").size * 1e-3
+    np.testing.assert_allclose(np.abs(lines["runs"].get_xdata()), size, rtol=1e-9)
+    assert set(lines) == {"runs", "LinCov, true, 3 sigma", "LinCov, filter's own, 3 sigma"}
+    assert axes[0].get_xlabel() == "perigee error (km)"
+    assert "99 % below" in axes[3].get_legend().get_texts()[0].get_text()
+
+
+def test_where_the_orbit_is_circular_perigee_and_apogee_have_draws_and_no_ellipse(tmp_path):
+    tables = load(flights.results(tmp_path, flights.CIRCULAR, n_run=0, factor=40.0))
+    axes = PLOTS["orbit"](tables, flights.CASE).axes
+    assert [line.get_label() for line in axes[0].get_lines()] == ["draws of LinCov"]
+    assert "no first-order sigma" in axes[0].get_title()
+    assert "LinCov, true, 3 sigma" in [line.get_label() for line in axes[1].get_lines()]
+
+
+def test_an_outline_lies_at_so_many_sigmas():
+    covariance = np.array([[4.0, 1.0], [1.0, 2.0]])
+    points = outline_of(covariance, 2.0)
+    np.testing.assert_allclose(np.einsum("ni,ij,nj->n", points, np.linalg.inv(covariance), points), 4.0, rtol=1e-12)
+
+
+def test_a_flight_that_does_not_end_in_an_orbit_says_so(good):
+    figure = PLOTS["orbit"](good, "aaaaaaaaaaaa")
+    assert figure.axes[0].texts[0].get_text() == "the flight does not end in an orbit"
+    assert len(figure.axes) == pytest.approx(1)
