@@ -67,7 +67,11 @@ def metric(name: str) -> Metric:
 class MonteCarlo(Card):
     """How many runs per case; leave it out for linear covariance alone."""
 
-    runs: int = Field(description="runs per case, each with its own draws")
+    runs: int = Field(description="runs per case, each with its own draws; with stop the most there may be")
+    stop: Literal["decided"] | None = Field(
+        default=None,
+        description="'decided': a case's blocks of runs end once all its requirements are met or violated",
+    )
     block: int = Field(
         default=40, ge=8, multiple_of=8, description="runs per block of work: part of the results' identity"
     )
@@ -78,6 +82,13 @@ class MonteCarlo(Card):
         if runs < 1:
             raise ValueError(f"{runs} runs; give at least 1, or leave monte_carlo out for linear covariance alone")
         return runs
+
+    @model_validator(mode="after")
+    def _whole_blocks(self) -> MonteCarlo:
+        if self.stop and self.runs % self.block:
+            more = self.runs + self.block - self.runs % self.block
+            raise ValueError(f"stop looks after every block of {self.block} runs; {more} runs are whole blocks")
+        return self
 
 
 class Axis(Card):
