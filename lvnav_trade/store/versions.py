@@ -15,7 +15,7 @@ import ruamel.yaml
 PACKAGE = Path(__file__).resolve().parents[1]
 _COMPUTES = ("kernels", "world", "observables", "receivers", "filters", "engines")
 _COMPUTES_TOO = ("layout.py", "frames.py", "records.py", "scenario.py")
-_NOT_THE_RUNS = ("description", "covariance", "requirements", "references", "report", "corridor")
+_NOT_THE_RUNS = ("description", "covariance", "requirements", "references", "report", "corridor", "compare")
 
 
 def tool_version() -> str:
