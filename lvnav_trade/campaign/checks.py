@@ -79,8 +79,14 @@ def measurements(scenario: Scenario, node: Node) -> list[Mistake]:
 
 
 def requirements(campaign: Campaign, root: Node) -> list[Mistake]:
-    """Return the requirements that name an axis which the reporting frame does not have, or share a name."""
+    """Return the requirements that name an axis which the reporting frame does not have, or share a name; and a
+    campaign that would stop by requirements and has none.
+    """
     found = []
+    if campaign.monte_carlo is not None and campaign.monte_carlo.stop and not campaign.requirements:
+        place = tree.nearest(root, ["monte_carlo", "stop"])
+        message = "there is no requirement that could be decided"
+        found.append(mistake(place, "monte_carlo.stop", message))
     known = FRAME_AXES[campaign.base.frame]
     names: set[str] = set()
     for index, requirement in enumerate(campaign.requirements):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import shutil
 import sys
@@ -20,9 +21,10 @@ from lvnav_trade.campaign.axes import Case, cases
 from lvnav_trade.campaign.checks import flight, written
 from lvnav_trade.campaign.load import resolved
 from lvnav_trade.campaign.lock import locked
-from lvnav_trade.campaign.plan import blocks
+from lvnav_trade.campaign.plan import Block, blocks
 from lvnav_trade.campaign.progress import Progress, Silent
 from lvnav_trade.campaign.schema import Campaign
+from lvnav_trade.campaign.stopping import Judged, Stopping
 from lvnav_trade.campaign.work import Answer, Done, Job
 from lvnav_trade.errors import InputError, is_full_disk
 
@@ -156,7 +158,9 @@ class _Run:
         self.lost: list[str] = []
         self.timings: dict[str, float] = {}
         scratch = folder / ".scratch"
-        self.job = Job(engine, None, campaign.seed, campaign.keep.history, work.asked_of(campaign), scratch)
+        asked, judged = work.asked_of(campaign), work.judged_of(campaign)
+        self.job = Job(engine, None, campaign.seed, campaign.keep.history, asked, scratch, judged)
+        self.stopping = Stopping.of(campaign)
         check_flight(campaign, self.cases, self.job, jobs)
 
     def open(self, keep: Store, mode: Mode) -> None:
@@ -186,7 +190,7 @@ class _Run:
             shutil.rmtree(self.job.scratch, ignore_errors=True)
         return Outcome(self.folder, tuple(self.cases), tuple(answers), tuple(self.failures), seconds)
 
-    def _stage(self, name: str, function: Any, units: list[Any]) -> Iterator[Any]:
+    def _stage(self, name: str, function: Any, units: Iterable[Any]) -> Iterator[Any]:
         """Yield the results of a stage in the order in which they come, timed."""
         start = time.monotonic()
         with closing(_each(self.jobs, function, units)) as found:
@@ -223,25 +227,57 @@ class _Run:
         """Fly all blocks; return the digests of cases of which a block was lost."""
         done = {case.id: self.job.results.done(case.id) for case in able}
         units = blocks(self.campaign, able, done)
+        if self.stopping is not None:
+            held = [case for case in able if done[case.id]]
+            for one in itertools.chain(*_all(self.jobs, work.tally, [(self.job, case) for case in held])):
+                self._look(one)
         self.watch.stage("runs", sum(unit.n_run for unit in units))
-        lost: set[str] = set()
-        for one in self._stage("monte_carlo", work.fly, [(self.job, unit) for unit in units]):
+        lost: list[Done] = []
+        for one in self._stage("monte_carlo", work.fly, self._wanted(units)):
             self.watch.advance(one.n_run)
+            self._look(one)
+            if not self._counts(one):
+                continue
             if one.error:
-                lost.add(one.case)
+                lost.append(one)
                 last = one.first_run + one.n_run - 1
                 self._lose(f"{self.labels[one.case]}, runs {one.first_run} to {last}: {one.error}")
             for number, why in one.failures:
                 self._failed(
                     f"{self.labels[one.case]}, run {number} {why}; lvnav-trade replay {self.folder} {one.case} {number}"
                 )
-        return lost
+        return {one.case for one in lost if self._counts(one)}
+
+    def _look(self, one: Done) -> None:
+        """Take a block in where blocks decide when their case ends."""
+        if self.stopping is not None and not one.error:
+            self.stopping.note(one.case, Judged(one.first_run, one.n_run, one.beyond))
+
+    def _counts(self, one: Done) -> bool:
+        """Whether a block is among the runs of its case: it may have been flown ahead of a decision."""
+        return self.stopping is None or self.stopping.wants(one.case, one.first_run)
+
+    def _wanted(self, units: Sequence[Block]) -> Iterator[tuple[Job, Block]]:
+        """Yield the blocks still wanted when their turn comes: a case may be decided by then."""
+        for unit in units:
+            if self.stopping is None or self.stopping.wants(unit.case.id, unit.first_run):
+                yield self.job, unit
+            else:
+                self.watch.advance(unit.n_run)
 
     def _close(self, able: Sequence[Case]) -> list[str]:
         """Write the tables of the cases; return the digests of those written, in the order of the plan."""
         runs = self.campaign.monte_carlo.runs if self.campaign.monte_carlo else 0
         self.watch.stage("tables", len(able))
-        units = [(self.job, case, self.case_info(case.id, case.label, case.axes), runs) for case in able]
+        units = [
+            (
+                self.job,
+                case,
+                self.case_info(case.id, case.label, case.axes),
+                runs if self.stopping is None else self.stopping.runs(case.id),
+            )
+            for case in able
+        ]
         written = [case.id for case in able]
         one: Done
         for one in self._stage("tables", work.close, units):

@@ -10,6 +10,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, field_serializer, field
 from lvnav_trade import units
 from lvnav_trade.campaign.corridor import Corridor
 from lvnav_trade.campaign.tree import Written, hint
+from lvnav_trade.errors import InputError
 from lvnav_trade.layout import MISSION
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.units import Card, Duration
@@ -67,7 +68,11 @@ def metric(name: str) -> Metric:
 class MonteCarlo(Card):
     """How many runs per case; leave it out for linear covariance alone."""
 
-    runs: int = Field(description="runs per case, each with its own draws")
+    runs: int = Field(description="runs per case, each with its own draws; with stop the most there may be")
+    stop: Literal["decided"] | None = Field(
+        default=None,
+        description="'decided': a case's blocks of runs end once all its requirements are met or violated",
+    )
     block: int = Field(
         default=40, ge=8, multiple_of=8, description="runs per block of work: part of the results' identity"
     )
@@ -78,6 +83,13 @@ class MonteCarlo(Card):
         if runs < 1:
             raise ValueError(f"{runs} runs; give at least 1, or leave monte_carlo out for linear covariance alone")
         return runs
+
+    @model_validator(mode="after")
+    def _whole_blocks(self) -> MonteCarlo:
+        if self.stop and self.runs % self.block:
+            more = self.runs + self.block - self.runs % self.block
+            raise ValueError(f"stop looks after every block of {self.block} runs; {more} runs are whole blocks")
+        return self
 
 
 class Axis(Card):
@@ -211,6 +223,29 @@ class Keep(Card):
     history: Duration = Field(default=1.0, gt=0, description="step of the stored histories; events are always kept")
 
 
+class Compare(Card):
+    """How a candidate is held against these results."""
+
+    confidence: float = Field(default=0.95, ge=0.5, lt=1)
+    effects: dict[str, str] = Field(
+        default_factory=dict,
+        description="smallest change of interest by METRIC, METRIC@EVENT, METRIC@EVENT:q95 or a requirement's name: "
+        "'5 %', '0.1 m/s', or none to leave it out",
+    )
+
+    @field_validator("effects")
+    @classmethod
+    def _known(cls, effects: dict[str, str]) -> dict[str, str]:
+        from lvnav_trade.metrics.comparison import parse_effect
+
+        for key, amount in effects.items():
+            try:
+                parse_effect(key, amount)
+            except InputError as error:
+                raise ValueError(str(error)) from None
+        return effects
+
+
 class Report(Card):
     """What the page shows."""
 
@@ -233,6 +268,7 @@ class Campaign(Card):
     references: tuple[Published, ...] = ()
     corridor: Corridor | None = Field(default=None, description="where the point of impact must stay")
     report: Report = Report()
+    compare: Compare = Compare()
     _written: Written = PrivateAttr(default_factory=Written)
 
     @property

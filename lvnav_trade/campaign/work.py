@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import joblib
 import numpy as np
 
+from lvnav_trade.campaign import stopping
 from lvnav_trade.campaign.axes import Case
 from lvnav_trade.campaign.plan import Block
 from lvnav_trade.campaign.schema import Campaign
@@ -32,7 +33,8 @@ class Engine(NamedTuple):
 
     events(scenario) -> name: time; prepare(scenario, history step); run_block(prepared, seed, first, n);
     covariance(prepared); summarise(block, events, scale, outputs); compile_kernels(prepared) where there is anything to
-    compile before a block is flown; explain(scenario, prepared, covariance, asked) what is behind the covariance.
+    compile before a block is flown; explain(scenario, prepared, covariance, asked) what is behind the covariance;
+    beyond(requirements, case, prepared, covariance, summary) how many runs of a block do not keep each requirement.
     """
 
     events: Callable[[Scenario], dict[str, float]]
@@ -42,6 +44,7 @@ class Engine(NamedTuple):
     summarise: Callable[..., Any]
     compile_kernels: Callable[[Any], None] | None = None
     explain: Callable[..., Any] | None = None
+    beyond: Callable[..., stopping.Counts] = stopping.beyond
 
 
 def engine() -> Engine:
@@ -77,7 +80,9 @@ def _about(path: str) -> Iterator[None]:
 
 
 class Job(NamedTuple):
-    """What all units of work of a campaign share. asked: what linear covariance leaves of each case."""
+    """What all units of work of a campaign share. asked: what linear covariance leaves of each case; judged: the
+    requirements that decide when it stops.
+    """
 
     engine: Engine
     results: Any
@@ -85,6 +90,14 @@ class Job(NamedTuple):
     history: float
     asked: Asked
     scratch: Path
+    judged: tuple[dict[str, Any], ...] = ()
+
+
+def judged_of(campaign: Campaign) -> tuple[dict[str, Any], ...]:
+    """Return the requirements that every block of runs is held against: those of a campaign that stops by them."""
+    if campaign.monte_carlo is None or campaign.monte_carlo.stop is None:
+        return ()
+    return tuple(requirement.model_dump(mode="json") for requirement in campaign.requirements)
 
 
 def asked_of(campaign: Campaign) -> Asked:
@@ -104,13 +117,16 @@ class Answer(NamedTuple):
 
 
 class Done(NamedTuple):
-    """A unit of work that is done: failed runs as (run, why), or the error that lost the whole unit."""
+    """A unit of work that is done: failed runs as (run, why), or the error that lost the whole unit; the runs beyond
+    each requirement where they decide when a case stops.
+    """
 
     case: str
     first_run: int
     n_run: int
     failures: tuple[tuple[int, str], ...] = ()
     error: str = ""
+    beyond: stopping.Counts = ()
 
 
 def events_of(job: Job, case: Case) -> dict[str, float] | InputError:
@@ -168,17 +184,33 @@ def fly(job: Job, block: Block) -> Done:
     what = (block.case.id, block.first_run, block.n_run)
     try:
         prepared = _prepared(job.engine, block.case, job.history)
-        scale = _covariance(str(_scratch_file(job, block.case))).true_sigma
+        covariance = _covariance(str(_scratch_file(job, block.case)))
         runs = job.engine.run_block(prepared, job.seed, block.first_run, block.n_run)
-        job.results.write_part(
-            block.case.id, job.engine.summarise(runs, _flown_events(prepared), scale, prepared.outputs)
-        )
+        summary = job.engine.summarise(runs, _flown_events(prepared), covariance.true_sigma, prepared.outputs)
+        job.results.write_part(block.case.id, summary)
+        beyond = job.engine.beyond(job.judged, block.case.id, prepared, covariance, summary) if job.judged else ()
         failures = tuple(
             (block.first_run + int(index), _why(runs, int(index))) for index in np.flatnonzero(np.asarray(runs.failed))
         )
-        return Done(*what, failures)
+        return Done(*what, failures, beyond=beyond)
     except Exception as error:
         return Done(*what, error=_told(error))
+
+
+def tally(job: Job, case: Case) -> list[Done]:
+    """Hold the blocks that are stored of a case against the requirements, one at a time."""
+    _let_the_parent_be_interrupted()
+    prepared = _prepared(job.engine, case, job.history)
+    covariance = _covariance(str(_scratch_file(job, case)))
+    return [
+        Done(
+            case.id,
+            part.first_run,
+            part.n_run,
+            beyond=job.engine.beyond(job.judged, case.id, prepared, covariance, part),
+        )
+        for part in job.results.parts(case.id)
+    ]
 
 
 def close(job: Job, case: Case, info: Any, runs: int) -> Done:

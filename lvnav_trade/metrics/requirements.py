@@ -12,6 +12,7 @@ import pandas as pd
 from lvnav_trade import units
 from lvnav_trade.metrics.intervals import runs_needed, success_bounds
 from lvnav_trade.metrics.select import Errors, errors_at, flight_events, split_metric
+from lvnav_trade.metrics.sequential import decide, further_runs
 from lvnav_trade.store import Tables, load
 from lvnav_trade.store.schema import error_column
 
@@ -19,6 +20,8 @@ COLUMNS = [
     "requirement", "case", "verdict", "estimate", "limit", "probability", "confidence", "runs", "failures",
     "runs_to_decide",
 ]  # fmt: skip
+DECIDED, BLOCK = "decided", 40
+"""Word of a campaign that stops once every requirement is decided; runs in a block where it is not said."""
 _SAME = 1e-6
 """Seconds: one instant."""
 
@@ -28,8 +31,9 @@ def verdicts(results: Path | str | Tables) -> pd.DataFrame:
 
     "met": the lower bound on the probability of success reaches the probability asked for; "violated": the upper bound
     stays below it; "undecided" otherwise. The bounds are exact binomial (Clopper and Pearson), each one-sided at the
-    confidence asked for. A failed run is a failure. estimate: the error that the stated fraction of runs stays below,
-    limit: the bound on it, both with their unit; runs_to_decide: further runs, all good, after which it would be met.
+    confidence asked for; where a campaign stops once all is decided, those of `sequential`. A failed run is a failure.
+    estimate: the error that the stated fraction of runs stays below, limit: the bound on it, both with their unit;
+    runs_to_decide: further runs, all good, after which it would be met.
     """
     tables = load(results)
     rows = [
@@ -50,6 +54,24 @@ def judge(runs: int, failures: int, probability: float, confidence: float) -> tu
     return "undecided", max(1, runs_needed(failures, probability, confidence) - runs)
 
 
+def judge_in_order(failed: Any, probability: float, confidence: float, block: int) -> tuple[str, int]:
+    """Return the same of a campaign that stops once all is decided: by boundaries that allow a look after every block.
+
+    failed (n_run,) truth values in the order of the runs; runs after the last whole block are not looked at.
+    """
+    counts = np.cumsum(np.asarray(failed, dtype=int))[block - 1 :: block].tolist()
+    found = decide(counts, probability, confidence, block)
+    if found.verdict != "undecided":
+        return found.verdict, 0
+    return "undecided", further_runs(counts, probability, confidence, block)
+
+
+def beyond(tables: Tables, case: str, requirement: Mapping[str, Any]) -> int | None:
+    """Return how many runs do not keep a requirement; None where its metric is unknown."""
+    found = errors_of(tables, case, requirement)
+    return None if found is None else int((found.size >= bound_of(requirement["below"], found.unit)).sum())
+
+
 def _verdict(tables: Tables, case: str, requirement: dict[str, Any]) -> dict[str, Any]:
     probability, confidence = float(requirement["probability"]), float(requirement.get("confidence", 0.9))
     found = errors_of(tables, case, requirement)
@@ -58,8 +80,12 @@ def _verdict(tables: Tables, case: str, requirement: dict[str, Any]) -> dict[str
     else:
         error, unit, factor = found.size, found.label_unit, found.label_factor
         bound = bound_of(requirement["below"], found.unit)
-    failures = int((error >= bound).sum())
-    verdict, more = judge(len(error), failures, probability, confidence)
+    failed = error >= bound
+    failures, stated = int(failed.sum()), tables.campaign.get("monte_carlo") or {}
+    if stated.get("stop") == DECIDED:
+        verdict, more = judge_in_order(failed, probability, confidence, int(stated.get("block", BLOCK)))
+    else:
+        verdict, more = judge(len(error), failures, probability, confidence)
     return {
         "verdict": verdict,
         "estimate": told(_quantile(error, probability) * factor, unit),

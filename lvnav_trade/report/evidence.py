@@ -66,6 +66,11 @@ def requirements(tables: Tables) -> list[Block]:
         "below it. Bounds are exact binomial, one-sided, at the stated confidence. A failed run is a failure. "
         "Estimate: the error that the stated fraction of runs stays within."
     )
+    if (tables.campaign.get("monte_carlo") or {}).get("stop"):
+        note += (
+            " Each case flew until all of its requirements were decided: the bounds allow a look after every block of "
+            "runs, so that looking often costs no confidence."
+        )
     return [table(frame), Text(note), *_expected(tables)]
 
 

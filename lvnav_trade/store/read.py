@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
+import pyarrow as pa
 import pyarrow.parquet as pq
 import ruamel.yaml
 
@@ -21,6 +23,13 @@ class Tables:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._read: dict[str, pd.DataFrame] = {}
+
+    @classmethod
+    def of(cls, tables: Mapping[str, pa.Table]) -> Tables:
+        """Return tables that are in memory, without a folder."""
+        found = cls(Path())
+        found._read = {name: table.to_pandas() for name, table in tables.items()}
+        return found
 
     def __getattr__(self, name: str) -> pd.DataFrame:
         if name not in TABLES:

@@ -64,6 +64,18 @@ def case_tables(
     return {name: _arrow(name, case.id, content) for name, content in contents.items()}
 
 
+def judged_tables(case_id: str, prepared: Prepared, cov: CovHistory, summary: BlockSummary) -> dict[str, pa.Table]:
+    """Return the tables on which requirements are judged, of some runs of a case."""
+    contents = {
+        "outputs": _outputs(prepared.outputs),
+        "runs": _runs(prepared.outputs, summary),
+        "worst": worst_table(prepared.outputs, summary, FAILURES),
+        "events": _events(prepared),
+        **state_tables(prepared, cov),
+    }
+    return {name: _arrow(name, case_id, content) for name, content in contents.items()}
+
+
 def _arrow(name: str, case_id: str, content: dict[str, Any]) -> pa.Table:
     length = max((len(value) for value in content.values() if not isinstance(value, str)), default=0)
     schema = arrow_schema(name)

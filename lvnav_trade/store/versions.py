@@ -15,7 +15,7 @@ import ruamel.yaml
 PACKAGE = Path(__file__).resolve().parents[1]
 _COMPUTES = ("kernels", "world", "observables", "receivers", "filters", "engines")
 _COMPUTES_TOO = ("layout.py", "frames.py", "records.py", "scenario.py")
-_NOT_THE_RUNS = ("description", "covariance", "requirements", "references", "report", "corridor")
+_NOT_THE_RUNS = ("description", "covariance", "requirements", "references", "report", "corridor", "compare")
 
 
 def tool_version() -> str:
@@ -43,7 +43,7 @@ def campaign_digest(resolved_yaml: str) -> str:
     tree = ruamel.yaml.YAML(typ="safe", pure=True).load(resolved_yaml) or {}
     kept = {key: value for key, value in tree.items() if key not in _NOT_THE_RUNS}
     if isinstance(kept.get("monte_carlo"), dict):
-        kept["monte_carlo"] = {key: value for key, value in kept["monte_carlo"].items() if key != "runs"}
+        kept["monte_carlo"] = {key: value for key, value in kept["monte_carlo"].items() if key not in ("runs", "stop")}
     return hashlib.sha256(_canonical(kept).encode()).hexdigest()[:16]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -29,6 +29,8 @@ __all__ = ["CaseInfo", "Results", "open_results"]
 
 RESOLVED = "campaign.resolved.yaml"
 MANIFEST = "manifest.json"
+_LIBRARIES = tuple((name, f"with another {name}") for name in ("numpy", "numba", "scipy"))
+"""Those that compute: another version of one may round otherwise."""
 
 
 class Results:
@@ -37,6 +39,7 @@ class Results:
     def __init__(self, folder: Path, manifest: dict[str, Any]) -> None:
         self.folder = folder
         self.manifest = manifest
+        self.identity = _identity(manifest)
         self.damaged: list[str] = []
         self._order: list[str] = []
 
@@ -46,25 +49,37 @@ class Results:
 
     def write_part(self, case_id: str, summary: BlockSummary) -> Path:
         """Write a block's statistics in one step; a shorter part that starts at the same run is replaced."""
-        return part_files.write(self.case_folder(case_id), summary)
+        return part_files.write(self.case_folder(case_id), summary, self.identity)
 
     def done(self, case_id: str) -> list[tuple[int, int]]:
-        """Return (first run, number of runs) of each sound part; damaged ones are noted in `damaged` and deleted."""
-        self.damaged += part_files.drop_damaged(self.case_folder(case_id))
+        """Return (first run, number of runs) of each sound part; damaged ones, and those of another campaign or code,
+        are noted in `damaged` and deleted.
+        """
+        self.damaged += part_files.drop_damaged(self.case_folder(case_id), self.identity)
         return [part_files.span(path) for path in part_files.paths(self.case_folder(case_id))]
 
     def parts(self, case_id: str) -> Iterator[BlockSummary]:
         """Return the parts of a case in run order, one in memory at a time."""
-        return part_files.stream(self.case_folder(case_id))
+        return part_files.stream(self.case_folder(case_id), self.identity)
 
     def summary(self, case_id: str, n_run: int | None = None) -> BlockSummary | None:
-        """Return all parts of a case merged, or those of the runs before `n_run`; None where there is none."""
+        """Return all parts of a case merged, or those of the runs before `n_run`; None where there is none.
+
+        ValueError where one of the runs before `n_run` is in no part, or a part is damaged.
+        """
         chosen = [
             path
             for path in part_files.paths(self.case_folder(case_id))
             if n_run is None or sum(part_files.span(path)) <= n_run
         ]
-        return merge(part_files.read(path) for path in chosen) if chosen else None
+        end = 0
+        for first, count in map(part_files.span, chosen):
+            if n_run is not None and first != end:
+                raise ValueError(f"{self.case_folder(case_id)}: runs {end} to {first - 1} are in no part")
+            end = first + count
+        if n_run is not None and end != n_run:
+            raise ValueError(f"{self.case_folder(case_id)}: runs {end} to {n_run - 1} are in no part")
+        return merge(part_files.read(path, self.identity) for path in chosen) if chosen else None
 
     def write_case(
         self,
@@ -100,11 +115,14 @@ class Results:
         path = self.folder / f"{name}.parquet"
         temporary = path.with_name(f".{path.name}.{os.getpid()}")
         schema = self._schema(name, files)
-        with pq.ParquetWriter(temporary, schema, compression="zstd") as writer:
-            for file in files:
-                table = pq.read_table(file)
-                writer.write_table(_widen(table, schema), row_group_size=max(1, table.num_rows))
-        os.replace(temporary, path)
+        try:
+            with pq.ParquetWriter(temporary, schema, compression="zstd") as writer:
+                for file in files:
+                    table = pq.read_table(file)
+                    writer.write_table(_widen(table, schema), row_group_size=max(1, table.num_rows))
+            os.replace(temporary, path)
+        finally:
+            temporary.unlink(missing_ok=True)
 
     def _schema(self, name: str, files: Sequence[Path]) -> pa.Schema:
         """Return the schema that holds the columns of all cases, with what the whole table is from."""
@@ -150,7 +168,9 @@ def open_results(
             _clear(folder)
         else:
             _refuse_other(folder, identity)
-        (folder / RESOLVED).write_text(resolved_yaml, encoding="utf-8")
+        for place in (folder, *folder.glob("parts/*"), *folder.glob("parts/*/tables")):
+            part_files.sweep(place)
+        _write_text(folder / RESOLVED, resolved_yaml)
         results = Results(folder, {**manifest, **identity, "created": _now()})
         _write_json(folder / MANIFEST, results.manifest)
     except OSError as error:
@@ -170,24 +190,36 @@ def _refuse_other(folder: Path, identity: dict[str, str]) -> None:
         raise InputError(f"{path}: not a manifest ({error}); use --fresh to start again") from error
     if held.get("campaign_digest") != identity["campaign_digest"]:
         raise InputError(f"{folder}: holds the results of another campaign; use --fresh, or another folder")
-    for key, what in (("tool", "version"), ("code_digest", "code")):
+    for key, what in (("tool", "by another version"), ("code_digest", "by another code"), *_LIBRARIES):
         if held.get(key) != identity[key]:
-            raise InputError(
-                f"{folder}: was computed by another {what} ({held.get(key)}, this is {identity[key]}); use --fresh"
-            )
+            raise InputError(f"{folder}: was computed {what} ({held.get(key)}, this is {identity[key]}); use --fresh")
+
+
+def _identity(manifest: Mapping[str, Any]) -> str:
+    """Return what two parts must have in common to be merged, as one text."""
+    keys = ("campaign_digest", "tool", "code_digest", *(name for name, _ in _LIBRARIES))
+    return " ".join(f"{key}={manifest.get(key, '')}" for key in keys)
 
 
 def _clear(folder: Path) -> None:
-    """Delete what this module writes, and nothing else."""
-    shutil.rmtree(folder / "parts", ignore_errors=True)
+    """Delete what this module writes, and nothing else; OSError where that cannot be."""
+    if (folder / "parts").exists():
+        shutil.rmtree(folder / "parts")
     for name in (MANIFEST, RESOLVED, *(f"{table}.parquet" for table in TABLES)):
         (folder / name).unlink(missing_ok=True)
 
 
 def _write_json(path: Path, content: dict[str, Any]) -> None:
+    _write_text(path, json.dumps(content, indent=2, sort_keys=True, default=str) + "\n")
+
+
+def _write_text(path: Path, text: str) -> None:
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    temporary.write_text(json.dumps(content, indent=2, sort_keys=True, default=str) + "\n", encoding="utf-8")
-    os.replace(temporary, path)
+    try:
+        temporary.write_text(text, encoding="utf-8")
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def _now() -> str:

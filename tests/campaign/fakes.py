@@ -45,7 +45,15 @@ class Fake:
         self.on_block, self.on_covariance = on_block, on_covariance
 
     def engine(self) -> Engine:
-        return Engine(self.events, self.prepare, self.run_block, self.covariance, self.summarise, explain=self.explain)
+        return Engine(
+            self.events, self.prepare, self.run_block, self.covariance, self.summarise, explain=self.explain,
+            beyond=self.beyond,
+        )  # fmt: skip
+
+    def beyond(self, requirements: Any, case: str, prepared: Any, covariance: CovHistory, summary: Any) -> Any:
+        """Every fourth run of the unit called poor is beyond its bounds, none of the good one."""
+        bad = sum(number % 4 == 0 for number in summary.numbers) if "poor" in prepared.name else 0
+        return tuple(bad for _ in requirements)
 
     def events(self, scenario: Any) -> dict[str, float]:
         return dict(EVENTS)
@@ -84,7 +92,7 @@ class Fake:
     def summarise(self, runs: Any, events: Any, scale: Any, outputs: Any) -> Any:
         assert events == EVENTS
         assert scale.shape == (3, len(OUTPUTS))
-        return SimpleNamespace(first=runs.first, numbers=runs.numbers)
+        return SimpleNamespace(first=runs.first, numbers=runs.numbers, first_run=runs.first, n_run=len(runs.numbers))
 
 
 class Slow:
@@ -131,6 +139,9 @@ class Kept:
 
     def _parts(self, case: str) -> list[Any]:
         return [pickle.loads(file.read_bytes()) for file in sorted(self.folder.glob(f"{case}-*.part"))]
+
+    def parts(self, case: str) -> list[Any]:
+        return self._parts(case)
 
     def done(self, case: str) -> list[tuple[int, int]]:
         return [(part.first, len(part.numbers)) for part in self._parts(case)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lvnav_trade.campaign.load import load
-from lvnav_trade.campaign.schema import metric, metric_names
+from lvnav_trade.campaign.schema import Compare, metric, metric_names
 
 
 def test_every_metric_has_a_quantity_an_axis_and_a_unit() -> None:
@@ -21,3 +21,10 @@ def test_a_bound_is_held_in_si_and_written_with_its_unit(study) -> None:
     requirement = load(study.path).requirements[0]
     assert requirement.below == pytest.approx(1e-3, rel=1e-15)
     assert requirement.model_dump(mode="json")["below"] == "0.001 rad"
+
+
+def test_smallest_effects_of_interest_are_checked_with_the_campaign() -> None:
+    found = Compare(effects={"velocity_error_3d@injection:q95": "5 %", "position_error_3d": "none"})
+    assert found.confidence == 0.95
+    with pytest.raises(ValueError, match="neither a percentage, nor a quantity"):
+        Compare(effects={"velocity_error_3d": "little"})

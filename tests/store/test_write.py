@@ -95,6 +95,48 @@ def test_results_of_another_version_are_refused(tmp_path):
         open_results(tmp_path, "synthetic", CAMPAIGN, {})
 
 
+@pytest.mark.parametrize("library", ["numpy", "numba", "scipy"])
+def test_results_computed_with_another_version_of_a_library_are_refused(tmp_path, library):
+    synthetic.results(tmp_path, n_run=8)
+    manifest = json.loads((tmp_path / "manifest.json").read_text())
+    (tmp_path / "manifest.json").write_text(json.dumps({**manifest, library: "0.0.1"}))
+    with pytest.raises(InputError, match=rf"with another {library} \(0\.0\.1, this is .*\); use --fresh$"):
+        open_results(tmp_path, "synthetic", CAMPAIGN, {})
+
+
+def test_parts_without_a_manifest_are_kept_only_where_they_are_of_this_campaign(tmp_path):
+    synthetic.results(tmp_path, n_run=8)
+    (tmp_path / "manifest.json").unlink()
+    same = open_results(tmp_path, "synthetic", CAMPAIGN, {})
+    assert same.done("aaaaaaaaaaaa") == [(0, 8)]
+    (tmp_path / "manifest.json").unlink()
+    other = open_results(tmp_path, "synthetic", CAMPAIGN.replace("seed: 7", "seed: 8"), {})
+    assert other.done("aaaaaaaaaaaa") == []
+    assert "a part of another campaign or code" in other.damaged[0]
+
+
+def test_a_case_with_a_hole_in_its_runs_has_no_summary(tmp_path):
+    results = open_results(tmp_path, "x", CAMPAIGN, {})
+    for first in (0, 8, 16):
+        results.write_part("c", part(first))
+    assert results.summary("c", 24).n_run == 24
+    with pytest.raises(ValueError, match="runs 24 to 31 are in no part"):
+        results.summary("c", 32)
+    (tmp_path / "parts/c/8-8.parquet").unlink()
+    with pytest.raises(ValueError, match="runs 8 to 15 are in no part"):
+        results.summary("c", 24)
+
+
+def test_what_a_killed_process_left_half_written_is_gone_when_the_campaign_goes_on(tmp_path):
+    synthetic.results(tmp_path, n_run=8)
+    case = tmp_path / "parts/aaaaaaaaaaaa"
+    litter = [tmp_path / ".runs.parquet.1", case / ".8-8.parquet.1", case / "tables/.runs.parquet.1"]
+    for path in litter:
+        path.write_bytes(b"PAR1")
+    open_results(tmp_path, "synthetic", CAMPAIGN, {})
+    assert not any(path.exists() for path in litter)
+
+
 def test_a_folder_that_cannot_be_written_is_a_users_error(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot be written"):
