@@ -7,10 +7,10 @@ import numpy as np
 from lvnav_trade.engines.sensing import profile_value
 from lvnav_trade.engines.truth import REMAINDER
 from lvnav_trade.filters.belief import INERTIAL, TIGHT
-from lvnav_trade.filters.ekf import fill_loose, fill_tight, place_antenna
+from lvnav_trade.filters.ekf import channel_of, fill_loose, fill_tight, place_antenna, rows_at
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import absorb, predict
-from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.joint import apply_phi, propagate_component, update_covariance, update_vector
 from lvnav_trade.kernels.strapdown import J4, Q, R, V, gravity, mechanise
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL, parameter_block
@@ -120,7 +120,7 @@ def _propagate_shared(joint, scratch, true, belief, length):
             b[matched], g[matched] = 0.0, 0.0
 
 
-@jit
+@inlined
 def _propagate(joint, scratch, nominal, true, unit, belief, length, first, n_tick, reference):
     """Propagate everything over one window: the filter's own covariance by its model, each source's by the truth's."""
     seconds, decay, sums, nav = belief.seconds[length], belief.decay[length], nominal.sums, nominal.nav
@@ -211,7 +211,7 @@ def _absorb_shared(joint, gain, h, entries, columns, signals, true, epoch, chann
     return spread
 
 
-@jit
+@inlined
 def _absorb_true(joint, scratch, tape, h, surprise, epoch, channel, signals, true, belief):
     """Absorb one row in the filter's covariance, and with that gain in every source and in the mean; return the
     expected square of its normalised innovation. `surprise` is the innovation on the nominal flight: what the truth's
@@ -289,38 +289,31 @@ def _fly_window(nominal, reference, first, n_tick, dt, kind):
     mechanise(nominal.nav, nominal.sums, nominal.previous, nominal.increments, n_tick, dt, kind)
 
 
-@jit
-def _count_row(out, epoch, expected_square):
-    out.expected_nis[epoch] += expected_square
-    out.worst_ratio[epoch] = max(out.worst_ratio[epoch], expected_square)
-
-
-@jit
+@inlined
 def _update(out, joint, scratch, tape, nominal, signals, true, belief, epoch):
     """Absorb the rows that the filter would absorb at an epoch."""
     if belief.clock >= 0:
         joint.mean[belief.clock] += signals.clock_jump[epoch]
+    n_row = rows_at(belief, signals, epoch)
+    if n_row == 0:
+        return
     if belief.kind == TIGHT:
         for slot in range(signals.n_used[epoch]):
             s = signals.used[epoch, slot]
             nominal.ranges[slot, 0], nominal.ranges[slot, 1] = signals.range[epoch, s], signals.rate[epoch, s]
         fill_tight(nominal, belief, signals, epoch)
-        for row in range(2 * signals.n_used[epoch]):
-            channel = 2 * signals.used[epoch, row // 2] + row % 2
-            h, surprise = nominal.H[row], nominal.z[row]
-            square = _absorb_true(joint, scratch, tape, h, surprise, epoch, channel, signals, true, belief)
-            _count_row(out, epoch, square)
-        out.n_row[epoch] = 2 * signals.n_used[epoch]
-    elif signals.n_used[epoch] >= 4:
+    else:
         for axis in range(3):
             nominal.solution[axis] = signals.position[epoch, axis]
             nominal.solution[3 + axis] = signals.velocity[epoch, axis]
         fill_loose(nominal, belief, signals, epoch)
-        for row in range(6):
-            h, surprise = nominal.H[row], nominal.z[row]
-            square = _absorb_true(joint, scratch, tape, h, surprise, epoch, row, signals, true, belief)
-            _count_row(out, epoch, square)
-        out.n_row[epoch] = 6
+    for row in range(n_row):
+        channel = channel_of(belief, signals, epoch, row)
+        h, surprise = nominal.H[row], nominal.z[row]
+        square = _absorb_true(joint, scratch, tape, h, surprise, epoch, channel, signals, true, belief)
+        out.expected_nis[epoch] += square
+        out.worst_ratio[epoch] = max(out.worst_ratio[epoch], square)
+    out.n_row[epoch] = n_row
 
 
 @jit

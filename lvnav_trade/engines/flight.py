@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lvnav_trade.engines.sensing import begin, observe, sense
 from lvnav_trade.filters.belief import INERTIAL, TIGHT
-from lvnav_trade.filters.ekf import clear_epoch, correct, predict_window, update_loose, update_tight
+from lvnav_trade.filters.ekf import clear_epoch, correct, predict_window, rows_at, update
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.attitude import matrix, small_rotation
 from lvnav_trade.kernels.covariance import normalised_square
@@ -123,10 +123,8 @@ def fly(work, schedule, unit, signals, start, history, belief, k0, k1):
             clear_epoch(work, epoch, size(work.innovation, 1))
         if epoch >= 0 and belief.kind != INERTIAL:
             observe(work, signals, tight, epoch, k0, k1)
-            if tight:
-                update_tight(work, belief, signals, epoch, dt)
-            elif signals.n_used[epoch] >= 4:
-                update_loose(work, belief, signals, epoch, dt)
+            if rows_at(belief, signals, epoch) > 0:
+                update(work, belief, signals, epoch, dt)
             correct(work, belief)
         if schedule.hist[w] >= 0:
             record(work, history, signals.shared, belief, schedule.hist[w])

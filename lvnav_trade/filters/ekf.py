@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lvnav_trade.filters.belief import TIGHT
 from lvnav_trade.kernels import processes, transition
 from lvnav_trade.kernels.attitude import from_rotation, multiply, normalise
 from lvnav_trade.kernels.covariance import absorb, predict
@@ -96,6 +97,20 @@ def fill_loose(work, belief, signals, epoch):
         work.z[3 + axis] = work.solution[3 + axis] - moving
 
 
+@jit
+def rows_at(belief, signals, epoch):
+    """Return how many rows a filter has at an epoch: a solution takes four satellites."""
+    if belief.kind == TIGHT:
+        return 2 * signals.n_used[epoch]
+    return 6 if signals.n_used[epoch] >= 4 else 0
+
+
+@jit
+def channel_of(belief, signals, epoch, row):
+    """Return the channel of a row of an epoch."""
+    return 2 * signals.used[epoch, row // 2] + row % 2 if belief.kind == TIGHT else row
+
+
 @inlined
 def absorb_row(work, belief, row, channel, variance):
     """Absorb one filled row of a channel; return its normalised innovation and weight."""
@@ -125,24 +140,20 @@ def clear_epoch(work, epoch, n_channel):
         work.innovation[epoch, channel] = like(zero, np.nan)
 
 
-@jit
-def update_tight(work, belief, signals, epoch, dt):
-    """Absorb pseudorange and range rate of every satellite in use; all rows linearised at one point."""
+@inlined
+def update(work, belief, signals, epoch, dt):
+    """Absorb what the receiver put out at an epoch, all rows linearised at one point: pseudorange and range rate of
+    every satellite in use, or position and velocity of a solution axis by axis.
+    """
     place_antenna(work, belief, dt)
-    fill_tight(work, belief, signals, epoch)
-    for slot in range(signals.n_used[epoch]):
-        s = signals.used[epoch, slot]
-        _absorb_and_count(work, belief, signals, epoch, 2 * slot, 2 * s)
-        _absorb_and_count(work, belief, signals, epoch, 2 * slot + 1, 2 * s + 1)
-
-
-@jit
-def update_loose(work, belief, signals, epoch, dt):
-    """Absorb the receiver's position and velocity, axis by axis; all rows linearised at one point."""
-    place_antenna(work, belief, dt)
-    fill_loose(work, belief, signals, epoch)
-    for axis in range(6):
-        _absorb_and_count(work, belief, signals, epoch, axis, axis)
+    tight = belief.kind == TIGHT
+    if tight:
+        fill_tight(work, belief, signals, epoch)
+    else:
+        fill_loose(work, belief, signals, epoch)
+    for row in range(rows_at(belief, signals, epoch)):
+        channel = channel_of(belief, signals, epoch, row)
+        _absorb_and_count(work, belief, signals, epoch, row, channel)
 
 
 @jit
