@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 
 import pytest
@@ -138,6 +139,53 @@ def test_a_full_disk_ends_in_one_line_and_can_be_resumed(run) -> None:
     assert "\n" not in str(e.value)
     fake, _ = run()
     assert flown(fake) == ALL[2:]
+
+
+@pytest.mark.parametrize(
+    ("number", "said"),
+    [
+        (errno.EDQUOT, "Disk quota exceeded; the same command resumes once there is space"),
+        (errno.EROFS, "Read-only file system; the same command resumes once that is mended"),
+        (errno.EIO, "Input/output error; the same command resumes once that is mended"),
+        (errno.ESTALE, "Stale file handle; the same command resumes once that is mended"),
+    ],
+)
+def test_what_the_system_refuses_ends_in_one_line_and_can_be_resumed(run, fakes, number: int, said: str) -> None:
+    def refuse(first: int, n: int) -> None:
+        if first == 80:
+            raise OSError(number, "words of a library", "results/part")
+
+    fake = fakes.Fake(on_block=refuse)
+    with pytest.raises(execute.Halted) as caught:
+        run(fake)
+    assert str(caught.value) == f"results/part: {said}"
+    assert flown(fake) == ALL[:3]
+    fake, _ = run()
+    assert flown(fake) == ALL[2:]
+
+
+def test_scratch_of_an_interrupted_campaign_that_is_damaged_is_computed_again(run, fakes, caplog) -> None:
+    Path("results").mkdir()
+    Path("results/manifest.json").write_text("{}")  # as the real store leaves
+    with pytest.raises(KeyboardInterrupt):
+        run(fakes.Fake(on_block=Interrupt(4)))
+    files = sorted(Path("results/.scratch").iterdir())
+    assert len(files) == 4
+    content = files[0].read_bytes()
+    files[0].write_bytes(content[:-9] + bytes([content[-9] ^ 1]) + content[-8:])
+    files[1].write_bytes(b"")
+    fake, outcome = run()
+    assert outcome.failures == ()
+    assert flown(fake) == ALL[3:]
+    assert sum(call.what in ("covariance", "explain") for call in fake.calls) == 2
+    assert caplog.text.count("damaged: its checksum does not fit; computed again") == 2
+
+
+def test_scratch_that_nobody_knows_the_campaign_of_is_not_used(run, fakes) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        run(fakes.Fake(on_block=Interrupt(4)))
+    fake, _ = run()
+    assert sum(call.what == "covariance" for call in fake.calls) == 2
 
 
 def test_a_disk_that_is_full_from_the_start_ends_in_the_same_line(study, fakes) -> None:
