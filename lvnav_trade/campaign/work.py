@@ -39,7 +39,8 @@ class Engine(NamedTuple):
     events(scenario) -> name: time; prepare(scenario, history step); run_block(prepared, seed, first, n);
     covariance(prepared); summarise(block, events, scale, outputs); compile_kernels(prepared) where there is anything to
     compile before a block is flown; explain(scenario, prepared, covariance, asked) what is behind the covariance;
-    beyond(requirements, case, prepared, covariance, summary) how many runs of a block do not keep each requirement.
+    beyond(requirements, case, prepared, covariance, summary) how many runs of a block do not keep each requirement;
+    starts(prepared, seed, n) what the first n runs draw once.
     """
 
     events: Callable[[Scenario], dict[str, float]]
@@ -50,16 +51,17 @@ class Engine(NamedTuple):
     compile_kernels: Callable[[Any], None] | None = None
     explain: Callable[..., Any] | None = None
     beyond: Callable[..., stopping.Counts] = stopping.beyond
+    starts: Callable[[Any, int, int], Any] | None = None
 
 
 def engine() -> Engine:
     """Return the real engines; imported here because compiled code takes a second to load."""
-    from lvnav_trade.engines import explain, lincov, montecarlo, statistics
+    from lvnav_trade.engines import explain, lincov, montecarlo, starts, statistics
     from lvnav_trade.engines.prepare import prepare
 
     return Engine(
         _events, prepare, montecarlo.run_block, lincov.covariance, statistics.summarise, montecarlo.compile_kernels,
-        explain.explain,
+        explain.explain, starts=starts.start_draws,
     )  # fmt: skip
 
 
@@ -228,7 +230,9 @@ def close(job: Job, case: Case, info: Any, runs: int) -> Done:
             covariance = covariance._replace(sources=(), budget=covariance.budget[:, :0])
         summary = job.results.summary(case.id, runs) if runs else None
         file = _explained_file(job, case)
-        job.results.write_case(info, prepared, covariance, summary, _read(file) if file.exists() else None)
+        explained = _read(file) if file.exists() else None
+        drawn = {"starts": job.engine.starts(prepared, job.seed, runs)} if runs and job.engine.starts else {}
+        job.results.write_case(info, prepared, covariance, summary, explained, **drawn)
         return Done(case.id, 0, runs)
     except Exception as error:
         return Done(case.id, 0, runs, error=_told(error))
