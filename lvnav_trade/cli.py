@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
+from lvnav_trade.campaign.text import table
+
 if TYPE_CHECKING:
     from lvnav_trade.campaign.schema import Campaign
     from lvnav_trade.errors import Mistake
@@ -104,7 +106,7 @@ def _finish(results: Any, answers: Sequence[Any], report: bool, as_json: bool) -
         _print_json("run", code, **content, covariance=linear, requirements=_records(verdicts))
     else:
         if len(verdicts):
-            print(_table(list(verdicts.columns), [list(row) for row in verdicts.itertuples(index=False)]))
+            print(table(list(verdicts.columns), [list(row) for row in verdicts.itertuples(index=False)]))
         for line in failures:
             print(f"failed: {line}")
         print(f"report: {page}" if page else f"results: {results.folder}")
@@ -117,7 +119,7 @@ def _print_answers(answers: Sequence[Any], cases: Sequence[Any]) -> None:
         cells = [f"{true:.3g} ({formal:.3g}) {unit}" for _, true, formal, unit in answer.rows]
         rows.append([case.label, answer.event, *(cells or [answer.error])])
     print("Linear covariance, one sigma of the true error (in brackets what the filter believes), 3D:")
-    print(_table(["case", "at", "position", "velocity", "attitude"], rows))
+    print(table(["case", "at", "position", "velocity", "attitude"], rows))
     sys.stdout.flush()
 
 
@@ -142,9 +144,22 @@ def plan(
         from lvnav_trade import api
 
         found = api.plan(campaign, sets or (), out)
-        table = _table(["case", "label", "runs", "done"], [list(row.values()) for row in found.cases])
+        rows = table(["case", "label", "runs", "done"], [list(row.values()) for row in found.cases])
         cost = f"{found.seconds:.0f} s of one core, {found.disk_mb:.0f} MB of disk, {found.memory_mb:.0f} MB a job"
-        _say("plan", as_json, f"{table}\nabout {cost}", **found._asdict())
+        _say("plan", as_json, f"{rows}\nabout {cost}", **found._asdict())
+
+
+@app.command()
+def status(
+    folder: Annotated[Path, typer.Argument(metavar="RESULTS")], as_json: Json = False, debug: Debug = False
+) -> None:
+    """Tell where a campaign stands: running, unfinished, damaged or finished; blocks and tables are checked."""
+    with _errors(as_json, debug):
+        from lvnav_trade.campaign.status import status as look
+
+        found = look(folder)
+        cases = [case._asdict() for case in found.cases]
+        _say("status", as_json, found.text, **{**found._asdict(), "cases": cases})
 
 
 @app.command()
@@ -171,7 +186,7 @@ def cards(
             _say("cards", as_json, text.removesuffix("\n"), name=name, text=text)
             return
         found = shelf.catalogue(Path.cwd())
-        listed = _table(["card", "what", "source"], [[card.name, card.title, card.source] for card in found])
+        listed = table(["card", "what", "source"], [[card.name, card.title, card.source] for card in found])
         _say("cards", as_json, listed, cards=[card._asdict() for card in found])
 
 
@@ -226,7 +241,7 @@ def compare(
         if as_json:
             _print_json("compare", code, **told.content(found), written=written)
         else:
-            print(_table(told.HEAD, told.rows(found)), *found.notes, told.answer(found), sep="\n")
+            print(table(told.HEAD, told.rows(found)), *found.notes, told.answer(found), sep="\n")
         raise typer.Exit(code)
 
 
@@ -290,7 +305,7 @@ def replay(
             for event, t, sizes, units in found.at_events
         ]
         print(f"{chosen.label}, run {number}{f': {found.failure}' if found.failure else ''}")
-        print(_table(["event", "t", "position", "velocity", "attitude"], rows))
+        print(table(["event", "t", "position", "velocity", "attitude"], rows))
         print(f"trace: {trace}")
 
 
@@ -382,18 +397,3 @@ def _records(frame: Any) -> list[dict[str, Any]]:
     """Return the rows of a frame as JSON can hold them: what is not a number is null."""
     records: list[dict[str, Any]] = json.loads(frame.to_json(orient="records"))
     return records
-
-
-def _cell(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
-def _table(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    """Return an aligned table without frames, fit for a terminal and for grep."""
-    lines = [list(header), *([_cell(value) for value in row] for row in rows)]
-    columns = max(len(line) for line in lines)
-    lines = [line + [""] * (columns - len(line)) for line in lines]
-    widths = [max(len(line[index]) for line in lines) for index in range(columns)]
-    return "\n".join(
-        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines
-    )

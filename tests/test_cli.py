@@ -38,7 +38,7 @@ def events(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, float]:
 
 def test_help_names_every_verb_and_exit_code() -> None:
     text = call("--help").output
-    for word in ("run", "check", "plan", "schema", "cards", "report", "replay", "undecided", "130"):
+    for word in ("run", "check", "plan", "status", "schema", "cards", "report", "replay", "undecided", "130"):
         assert word in text
 
 
@@ -202,6 +202,14 @@ def test_a_folder_without_results_is_refused(events: dict[str, float]) -> None:
         result = call(*verb)
         assert result.exit_code == 2
         assert result.stderr.startswith("empty: no results here")
+
+
+def test_the_status_is_told_in_words_and_as_json(variants: Path) -> None:
+    result = call("status", str(variants / "base"))
+    assert (result.exit_code, result.stdout.startswith(f"{variants / 'base'}: finished: ")) == (0, True)
+    content = json.loads(call("status", str(variants / "base"), "--json").stdout)
+    assert (content["verb"], content["state"], content["damaged"]) == ("status", "finished", [])
+    assert call("status", str(variants)).exit_code == 2
 
 
 def test_a_replay_of_an_unknown_case_is_refused(events: dict[str, float]) -> None:

@@ -51,7 +51,7 @@ def test_a_full_disk_is_told_from_other_trouble(number: int, full: bool) -> None
 @pytest.mark.parametrize(
     ("error", "line"),
     [
-        (OSError(errno.ENOSPC, "long words", "a/b"), "a/b: No space left on device; the same command resumes once there"),
+        (OSError(errno.ENOSPC, "long words", "a/b"), "a/b: No space left on device; the same command resumes once"),
         (OSError(errno.EROFS, "long words"), "results: Read-only file system; the same command resumes once that is"),
         (OSError("no number"), "results: no number; the same command resumes once that is mended"),
     ],

@@ -172,7 +172,7 @@ class _Run:
         if mode == "fresh" or not (self.folder / "manifest.json").exists():  # nobody knows what it is of
             shutil.rmtree(self.job.scratch, ignore_errors=True)
         asked = self.campaign
-        results = keep.open_results(self.folder, asked.name, resolved(asked), manifest(asked), mode)
+        results = keep.open_results(self.folder, asked.name, resolved(asked), manifest(asked, self.cases), mode)
         self.job = self.job._replace(results=results)
 
     def all(self, on_answers: Callable[[Sequence[Answer], Sequence[Case]], None] | None) -> Outcome:
@@ -352,9 +352,11 @@ def _numbered(function: Callable[..., Any], number: int, unit: tuple[Any, ...]) 
     return number, function(*unit)
 
 
-def manifest(campaign: Campaign) -> dict[str, Any]:
+def manifest(campaign: Campaign, asked: Sequence[Case]) -> dict[str, Any]:
     """Return what the results should say of how they were asked for; the store adds what computed them."""
-    return {"seed": campaign.seed, "command": sys.argv[1:]}
+    runs, block = (campaign.monte_carlo.runs, campaign.monte_carlo.block) if campaign.monte_carlo else (0, 1)
+    told = {"asked_cases": {case.id: case.label for case in asked}, "asked_runs": runs, "asked_block": block}
+    return {"seed": campaign.seed, "command": sys.argv[1:], **told}
 
 
 def _count(jobs: int) -> int:
