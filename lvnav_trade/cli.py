@@ -158,8 +158,7 @@ def status(
         from lvnav_trade.campaign.status import status as look
 
         found = look(folder)
-        cases = [case._asdict() for case in found.cases]
-        _say("status", as_json, found.text, **{**found._asdict(), "cases": cases})
+        _say("status", as_json, found.text, **found._asdict() | {"cases": [case._asdict() for case in found.cases]})
 
 
 @app.command()
@@ -334,13 +333,16 @@ def _jobs(jobs: int) -> None:
 @contextmanager
 def _errors(as_json: bool, debug: bool) -> Iterator[None]:
     """Turn every way to fail into one line and an exit code."""
-    from lvnav_trade.errors import InputError, is_full_disk
+    from lvnav_trade.errors import InputError, is_full_disk, told_by_system
 
     if debug:
         os.environ["LVNAV_TRADE_DEBUG"] = "1"
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # a batch system that ends the job, as Ctrl-C
     try:
-        yield
+        try:
+            yield
+        finally:
+            sys.stdout.flush()  # where nobody can write, that should show here and not when Python ends
     except InputError as error:
         _leave(2, as_json, str(error), error.records)
     except KeyboardInterrupt:
@@ -352,27 +354,26 @@ def _errors(as_json: bool, debug: bool) -> Iterator[None]:
     except Exception as error:
         if type(error).__name__ == "Halted":
             _leave(4, as_json, str(error))
-        if is_full_disk(error):
-            _leave(4, as_json, f"{_os_error(error)}; the same command resumes once there is space")
+        if isinstance(error, OSError) and error.errno and not debug:
+            _leave(4 if is_full_disk(error) else 2, as_json, told_by_system(error))
         if debug:
             raise
         text = str(error).strip().partition("\n")[0]
         _leave(5, as_json, f"internal error: {type(error).__name__}: {text} (--debug shows where; please report it)")
 
 
-def _os_error(error: OSError) -> str:
-    """Return what the operating system says, with the file where it names one."""
-    said = error.strerror or str(error)
-    return f"{error.filename}: {said}" if error.filename else said
-
-
 def _leave(code: int, as_json: bool, message: str, records: Sequence[Mistake] = ()) -> NoReturn:
     """Print why and leave; as a note on the file's line too where a CI service reads those."""
-    if as_json:
-        mistakes = [record._asdict() for record in records]
-        _print_json("error", code, message=message, mistakes=mistakes)
-    else:
-        print(message, file=sys.stderr)
+    try:
+        if as_json:
+            _print_json("error", code, message=message, mistakes=[record._asdict() for record in records])
+        else:
+            print(message, file=sys.stderr)
+        sys.stdout.flush()
+    except OSError:  # of standard output itself, which is given up
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        if as_json:
+            print(message, file=sys.stderr)
     if os.environ.get("GITHUB_ACTIONS"):
         for record in records:
             text = f"{record.path}: {record.message}" if record.path else record.message
