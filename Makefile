@@ -45,6 +45,12 @@ define run
 	case $$code in 0|1|3) ;; *) echo "campaigns/$(1).yaml: lvnav-trade ended with exit code $$code" >&2; exit $$code;; esac
 endef
 
+# Worse than what is kept is a failure; undecided (3) is not, eight runs may be too few for a change that is meant.
+define compare
+	@$(bin)/lvnav-trade compare $(1) $(2); code=$$?; \
+	case $$code in 0|3) ;; *) echo "$(2): worse than $(1), or not to be compared with it ($$code)" >&2; exit 1;; esac
+endef
+
 demo: $(VENV)/.installed
 	$(call run,demo)
 	@test -s results/demo/report.html || { echo "the demo campaign left no report" >&2; exit 1; }
@@ -66,6 +72,7 @@ unit: lint
 smoke: unit
 	$(call run,smoke)
 	@test -s results/smoke/report.html || { echo "the small campaign left no report" >&2; exit 1; }
+	$(call compare,tests/baseline/smoke,results/smoke)
 	@echo "a small campaign from end to end: good"
 
 slow: $(VENV)/.installed-test

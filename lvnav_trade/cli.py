@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
+from lvnav_trade.campaign.text import table
+
 if TYPE_CHECKING:
     from lvnav_trade.campaign.schema import Campaign
     from lvnav_trade.errors import Mistake
@@ -104,7 +106,7 @@ def _finish(results: Any, answers: Sequence[Any], report: bool, as_json: bool) -
         _print_json("run", code, **content, covariance=linear, requirements=_records(verdicts))
     else:
         if len(verdicts):
-            print(_table(list(verdicts.columns), [list(row) for row in verdicts.itertuples(index=False)]))
+            print(table(list(verdicts.columns), [list(row) for row in verdicts.itertuples(index=False)]))
         for line in failures:
             print(f"failed: {line}")
         print(f"report: {page}" if page else f"results: {results.folder}")
@@ -117,7 +119,7 @@ def _print_answers(answers: Sequence[Any], cases: Sequence[Any]) -> None:
         cells = [f"{true:.3g} ({formal:.3g}) {unit}" for _, true, formal, unit in answer.rows]
         rows.append([case.label, answer.event, *(cells or [answer.error])])
     print("Linear covariance, one sigma of the true error (in brackets what the filter believes), 3D:")
-    print(_table(["case", "at", "position", "velocity", "attitude"], rows))
+    print(table(["case", "at", "position", "velocity", "attitude"], rows))
     sys.stdout.flush()
 
 
@@ -142,9 +144,21 @@ def plan(
         from lvnav_trade import api
 
         found = api.plan(campaign, sets or (), out)
-        table = _table(["case", "label", "runs", "done"], [list(row.values()) for row in found.cases])
+        rows = table(["case", "label", "runs", "done"], [list(row.values()) for row in found.cases])
         cost = f"{found.seconds:.0f} s of one core, {found.disk_mb:.0f} MB of disk, {found.memory_mb:.0f} MB a job"
-        _say("plan", as_json, f"{table}\nabout {cost}", **found._asdict())
+        _say("plan", as_json, f"{rows}\nabout {cost}", **found._asdict())
+
+
+@app.command()
+def status(
+    folder: Annotated[Path, typer.Argument(metavar="RESULTS")], as_json: Json = False, debug: Debug = False
+) -> None:
+    """Tell where a campaign stands: running, unfinished, damaged or finished; blocks and tables are checked."""
+    with _errors(as_json, debug):
+        from lvnav_trade.campaign.status import status as look
+
+        found = look(folder)
+        _say("status", as_json, found.text, **found._asdict() | {"cases": [case._asdict() for case in found.cases]})
 
 
 @app.command()
@@ -171,7 +185,7 @@ def cards(
             _say("cards", as_json, text.removesuffix("\n"), name=name, text=text)
             return
         found = shelf.catalogue(Path.cwd())
-        listed = _table(["card", "what", "source"], [[card.name, card.title, card.source] for card in found])
+        listed = table(["card", "what", "source"], [[card.name, card.title, card.source] for card in found])
         _say("cards", as_json, listed, cards=[card._asdict() for card in found])
 
 
@@ -226,7 +240,7 @@ def compare(
         if as_json:
             _print_json("compare", code, **told.content(found), written=written)
         else:
-            print(_table(told.HEAD, told.rows(found)), *found.notes, told.answer(found), sep="\n")
+            print(table(told.HEAD, told.rows(found)), *found.notes, told.answer(found), sep="\n")
         raise typer.Exit(code)
 
 
@@ -290,7 +304,7 @@ def replay(
             for event, t, sizes, units in found.at_events
         ]
         print(f"{chosen.label}, run {number}{f': {found.failure}' if found.failure else ''}")
-        print(_table(["event", "t", "position", "velocity", "attitude"], rows))
+        print(table(["event", "t", "position", "velocity", "attitude"], rows))
         print(f"trace: {trace}")
 
 
@@ -319,13 +333,16 @@ def _jobs(jobs: int) -> None:
 @contextmanager
 def _errors(as_json: bool, debug: bool) -> Iterator[None]:
     """Turn every way to fail into one line and an exit code."""
-    from lvnav_trade.errors import InputError, is_full_disk
+    from lvnav_trade.errors import InputError, is_full_disk, told_by_system
 
     if debug:
         os.environ["LVNAV_TRADE_DEBUG"] = "1"
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # a batch system that ends the job, as Ctrl-C
     try:
-        yield
+        try:
+            yield
+        finally:
+            sys.stdout.flush()  # where nobody can write, that should show here and not when Python ends
     except InputError as error:
         _leave(2, as_json, str(error), error.records)
     except KeyboardInterrupt:
@@ -337,27 +354,26 @@ def _errors(as_json: bool, debug: bool) -> Iterator[None]:
     except Exception as error:
         if type(error).__name__ == "Halted":
             _leave(4, as_json, str(error))
-        if is_full_disk(error):
-            _leave(4, as_json, f"{_os_error(error)}; the same command resumes once there is space")
+        if isinstance(error, OSError) and error.errno and not debug:
+            _leave(4 if is_full_disk(error) else 2, as_json, told_by_system(error))
         if debug:
             raise
         text = str(error).strip().partition("\n")[0]
         _leave(5, as_json, f"internal error: {type(error).__name__}: {text} (--debug shows where; please report it)")
 
 
-def _os_error(error: OSError) -> str:
-    """Return what the operating system says, with the file where it names one."""
-    said = error.strerror or str(error)
-    return f"{error.filename}: {said}" if error.filename else said
-
-
 def _leave(code: int, as_json: bool, message: str, records: Sequence[Mistake] = ()) -> NoReturn:
     """Print why and leave; as a note on the file's line too where a CI service reads those."""
-    if as_json:
-        mistakes = [record._asdict() for record in records]
-        _print_json("error", code, message=message, mistakes=mistakes)
-    else:
-        print(message, file=sys.stderr)
+    try:
+        if as_json:
+            _print_json("error", code, message=message, mistakes=[record._asdict() for record in records])
+        else:
+            print(message, file=sys.stderr)
+        sys.stdout.flush()
+    except OSError:  # of standard output itself, which is given up
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        if as_json:
+            print(message, file=sys.stderr)
     if os.environ.get("GITHUB_ACTIONS"):
         for record in records:
             text = f"{record.path}: {record.message}" if record.path else record.message
@@ -382,18 +398,3 @@ def _records(frame: Any) -> list[dict[str, Any]]:
     """Return the rows of a frame as JSON can hold them: what is not a number is null."""
     records: list[dict[str, Any]] = json.loads(frame.to_json(orient="records"))
     return records
-
-
-def _cell(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
-def _table(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    """Return an aligned table without frames, fit for a terminal and for grep."""
-    lines = [list(header), *([_cell(value) for value in row] for row in rows)]
-    columns = max(len(line) for line in lines)
-    lines = [line + [""] * (columns - len(line)) for line in lines]
-    widths = [max(len(line[index]) for line in lines) for index in range(columns)]
-    return "\n".join(
-        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines
-    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 from collections.abc import Sequence
 from typing import NamedTuple, TypeGuard
 
@@ -24,6 +25,13 @@ class Mistake(NamedTuple):
 def is_full_disk(error: BaseException) -> TypeGuard[OSError]:
     """Whether the error means that no more can be written: no mistake, and the work resumes once there is space."""
     return isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)
+
+
+def told_by_system(error: OSError, place: object = "") -> str:
+    """Return in one line what the operating system refused and what to do; `place` where it names no file."""
+    said = os.strerror(error.errno) if error.errno else str(error)
+    mended = "there is space" if is_full_disk(error) else "that is mended"
+    return f"{error.filename or place}: {said}; the same command resumes once {mended}".removeprefix(": ")
 
 
 class InputError(Exception):

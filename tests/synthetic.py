@@ -11,6 +11,7 @@ import numpy as np
 from lvnav_trade.engines.explain import Explanation, PhaseView, SourceCovariance
 from lvnav_trade.engines.nonlinearity import Nonlinearity
 from lvnav_trade.engines.retune import FACTORS, Sensitivity
+from lvnav_trade.engines.starts import StartDraws
 from lvnav_trade.engines.statistics import summarise
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.records import IDLE, TRACK, AdjointBudget, CovHistory, Output, Reference, RunBlock, Sky
@@ -179,6 +180,17 @@ def _sensitivity(quantity: str, variance: np.ndarray) -> Sensitivity:
     return Sensitivity(99.5, quantity, SOURCES, FACTORS, frozen, frozen * np.where(factors == 1.0, 1.0, RETUNED))
 
 
+def starts(n_run: int, seed: int = 1) -> StartDraws:
+    """Return draws of which the errors at injection follow to 95 %, as linear theory would have it."""
+    cov = covariance()
+    blind = covariance()._replace(mean=0.0 * cov.mean, true_sigma=np.ones_like(cov.true_sigma))
+    sigmas = block(blind, 0, n_run, seed).err[:, int(np.argmin(np.abs(cov.t - EVENTS["injection"]))), :9]
+    other = np.array([np.random.default_rng([seed + 1, run]).standard_normal(9) for run in range(n_run)])
+    values = 0.95 * sigmas + np.sqrt(1.0 - 0.95**2) * other
+    sources = tuple(name for name in ("turn-on a", "turn-on b", "turn-on c") for _ in "xyz")
+    return StartDraws(np.arange(n_run), sources, ("x", "y", "z") * 3, values)
+
+
 CASES = (
     (CaseInfo("aaaaaaaaaaaa", "imu=fine", {"imu": "fine"}), 1.0),
     (CaseInfo("bbbbbbbbbbbb", "imu=coarse", {"imu": "coarse"}), 3.0),
@@ -209,6 +221,7 @@ def results(
                 runs = block(drawn, first, count, failing=failing)
                 written.write_part(case.id, summarise(runs, EVENTS, told.true_sigma, OUTPUTS))
         summary = written.summary(case.id) if n_run else None
-        written.write_case(case, prepared(), told, summary, explanation(told))
+        drawn = starts(n_run) if n_run else None
+        written.write_case(case, prepared(), told, summary, explanation(told), drawn)
     written.finish({"timings_s": {}})
     return folder

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -138,3 +139,23 @@ def test_failed_runs_are_rows_and_exit_code_four_even_when_nothing_is_flown_agai
     runs = api.load("results/smoke").runs
     assert (runs.failure == "diverged").any()
     assert (runs.failure == "").any()
+
+
+@pytest.mark.slow
+def test_a_scale_factor_five_percent_worse_is_told_with_eighty_runs(tmp_path: Path) -> None:
+    runs, unit = "monte_carlo.runs=80", "imu.accel.scale_factor"
+    flown = {
+        name: api.run("campaigns/smoke.yaml", [runs, *change], tmp_path / name, jobs=1, report=False).folder
+        for name, change in {"base": (), "same": (), "worse": (f"{unit}=1575 ppm",)}.items()
+    }
+
+    def verdict(candidate: str, effect: str) -> Any:
+        found = api.compare(flown["base"], flown[candidate], [f"velocity_error_3d={effect}"])
+        return found.frame.set_index("metric").loc["velocity_error_3d"]
+
+    assert verdict("same", "2 %").verdict == "not worse"
+    worse = verdict("worse", "2 %")
+    assert (worse.verdict, worse.runs) == ("worse", 80)
+    assert worse.effective_runs > 10_000
+    assert verdict("worse", f"{100.0 * worse.change:.4f} %").verdict == "undecided"
+    assert verdict("worse", "10 %").verdict == "not worse"

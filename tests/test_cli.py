@@ -38,7 +38,7 @@ def events(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, float]:
 
 def test_help_names_every_verb_and_exit_code() -> None:
     text = call("--help").output
-    for word in ("run", "check", "plan", "schema", "cards", "report", "replay", "undecided", "130"):
+    for word in ("run", "check", "plan", "status", "schema", "cards", "report", "replay", "undecided", "130"):
         assert word in text
 
 
@@ -148,6 +148,27 @@ def test_a_full_disk_is_exit_code_four_wherever_it_shows(events, monkeypatch: py
     assert result.stderr == "No space left on device; the same command resumes once there is space\n"
 
 
+def test_what_the_system_refuses_to_a_verb_is_no_internal_error(events, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError(13, "Permission denied", "results/report.html")
+
+    monkeypatch.setattr(api, "build_report", refuse)
+    monkeypatch.setattr(api, "load", lambda folder: None)
+    result = call("report", "results/smoke")
+    assert result.exit_code == 2
+    assert result.stderr == "results/report.html: Permission denied; the same command resumes once that is mended\n"
+
+
+@pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="no device that is always full")
+@pytest.mark.parametrize("more", [(), ("--json",), ("imu/tactical_fog",)])
+def test_output_to_a_full_disk_is_one_line_and_exit_code_four(more: tuple[str, ...]) -> None:
+    with Path("/dev/full").open("w") as full:
+        command = [sys.executable, "-m", "lvnav_trade", "cards", *more]
+        found = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    told = "No space left on device; the same command resumes once there is space\n"
+    assert (found.returncode, found.stderr) == (4, told)
+
+
 def test_ctrl_c_is_exit_code_130(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
 
@@ -202,6 +223,14 @@ def test_a_folder_without_results_is_refused(events: dict[str, float]) -> None:
         result = call(*verb)
         assert result.exit_code == 2
         assert result.stderr.startswith("empty: no results here")
+
+
+def test_the_status_is_told_in_words_and_as_json(variants: Path) -> None:
+    result = call("status", str(variants / "base"))
+    assert (result.exit_code, result.stdout.startswith(f"{variants / 'base'}: finished: ")) == (0, True)
+    content = json.loads(call("status", str(variants / "base"), "--json").stdout)
+    assert (content["verb"], content["state"], content["damaged"]) == ("status", "finished", [])
+    assert call("status", str(variants)).exit_code == 2
 
 
 def test_a_replay_of_an_unknown_case_is_refused(events: dict[str, float]) -> None:

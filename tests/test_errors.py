@@ -7,7 +7,7 @@ import pickle
 
 import pytest
 
-from lvnav_trade.errors import InputError, Mistake, is_full_disk
+from lvnav_trade.errors import InputError, Mistake, is_full_disk, told_by_system
 
 
 @pytest.mark.parametrize(
@@ -46,3 +46,15 @@ def test_an_error_comes_back_whole_from_a_worker_process() -> None:
 def test_a_full_disk_is_told_from_other_trouble(number: int, full: bool) -> None:
     assert is_full_disk(OSError(number, "trouble")) is full
     assert not is_full_disk(ValueError("trouble"))
+
+
+@pytest.mark.parametrize(
+    ("error", "line"),
+    [
+        (OSError(errno.ENOSPC, "long words", "a/b"), "a/b: No space left on device; the same command resumes once"),
+        (OSError(errno.EROFS, "long words"), "results: Read-only file system; the same command resumes once that is"),
+        (OSError("no number"), "results: no number; the same command resumes once that is mended"),
+    ],
+)
+def test_what_the_system_refused_is_told_with_what_to_do(error: OSError, line: str) -> None:
+    assert told_by_system(error, "results").startswith(line)

@@ -6,6 +6,7 @@ import itertools
 import os
 import shutil
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
@@ -26,9 +27,10 @@ from lvnav_trade.campaign.progress import Progress, Silent
 from lvnav_trade.campaign.schema import Campaign
 from lvnav_trade.campaign.stopping import Judged, Stopping
 from lvnav_trade.campaign.work import Answer, Done, Job
-from lvnav_trade.errors import InputError, is_full_disk
+from lvnav_trade.errors import InputError, told_by_system
 
 Mode = Literal["resume", "fresh"]
+_DEATHS = 3
 
 
 class Halted(Exception):
@@ -114,7 +116,7 @@ def run(
         Before anything is computed: the folder holds another campaign, is locked or cannot be written, or an event that
         a fault or requirement names is not in the flight.
     Halted
-        Disk full, a worker lost, or a failure with `fail_fast`: the same call resumes.
+        Disk full or gone, workers lost again and again, or a failure with `fail_fast`: the same call resumes.
     KeyboardInterrupt
         After the workers are gone; the same call resumes.
     """
@@ -132,9 +134,9 @@ def run(
         raise Halted(f"a worker process died (out of memory?); the same command resumes, try --jobs {fewer}") from None
     except OSError as error:
         _end_workers(jobs)
-        if is_full_disk(error):
-            raise Halted(f"{folder}: {error.strerror}; the same command resumes once there is space") from None
-        raise
+        if error.errno is None:
+            raise
+        raise Halted(told_by_system(error, folder)) from None
     finally:
         watch.close()
 
@@ -157,6 +159,7 @@ class _Run:
         self.failures: list[str] = []
         self.lost: list[str] = []
         self.timings: dict[str, float] = {}
+        self.deaths = 0
         scratch = folder / ".scratch"
         asked, judged = work.asked_of(campaign), work.judged_of(campaign)
         self.job = Job(engine, None, campaign.seed, campaign.keep.history, asked, scratch, judged)
@@ -166,10 +169,10 @@ class _Run:
     def open(self, keep: Store, mode: Mode) -> None:
         """Open the folder of results, of which this process holds the lock."""
         self.case_info = keep.case_info
-        if mode == "fresh":
+        if mode == "fresh" or not (self.folder / "manifest.json").exists():  # nobody knows what it is of
             shutil.rmtree(self.job.scratch, ignore_errors=True)
         asked = self.campaign
-        results = keep.open_results(self.folder, asked.name, resolved(asked), manifest(asked), mode)
+        results = keep.open_results(self.folder, asked.name, resolved(asked), manifest(asked, self.cases), mode)
         self.job = self.job._replace(results=results)
 
     def all(self, on_answers: Callable[[Sequence[Answer], Sequence[Case]], None] | None) -> Outcome:
@@ -185,17 +188,33 @@ class _Run:
         seconds = time.monotonic() - start
         _end_workers(self.jobs)  # the page is made by this process alone: their memory is of no use to it
         # The order of the plan, not that in which the workers finished: the tables' bytes must not depend on it.
-        self.job.results.finish({"timings_s": self.timings, "lost": self.lost, "cases": whole})
+        told = {"timings_s": self.timings, "lost": self.lost, "workers_died": self.deaths, "cases": whole}
+        self.job.results.finish(told)
         if not self.lost:
             shutil.rmtree(self.job.scratch, ignore_errors=True)
         return Outcome(self.folder, tuple(self.cases), tuple(answers), tuple(self.failures), seconds)
 
     def _stage(self, name: str, function: Any, units: Iterable[Any]) -> Iterator[Any]:
-        """Yield the results of a stage in the order in which they come, timed."""
+        """Yield the results of a stage in the order in which they come, timed; what a dead worker had is done again."""
         start = time.monotonic()
-        with closing(_each(self.jobs, function, units)) as found:
-            yield from found
+        work_list = _WorkList(units)
+        while not work_list.is_done():
+            try:
+                with closing(_each(self.jobs, _numbered, ((function, *unit) for unit in work_list.open()))) as found:
+                    for number, one in found:
+                        work_list.close(number)
+                        yield one
+            except TerminatedWorkerError:
+                self._bury()
         self.timings[name] = round(time.monotonic() - start, 3)
+
+    def _bury(self) -> None:
+        """Go on with fewer workers when one was killed; give up at the third, for it will not be the last."""
+        self.deaths += 1
+        if self.fail_fast or self.deaths == _DEATHS:
+            raise
+        self.jobs = max(2, _count(self.jobs) // 2)
+        self.watch.note(f"a worker process died (out of memory?); its work is done again by {self.jobs} workers")
 
     def _answers(self) -> list[Answer]:
         self.watch.stage("linear covariance", len(self.cases))
@@ -299,9 +318,45 @@ class _Run:
             raise Halted(f"stopped at the first failure: {line}")
 
 
-def manifest(campaign: Campaign) -> dict[str, Any]:
+class _WorkList:
+    """The units of a stage, taken one by one, each open until its result is in."""
+
+    def __init__(self, units: Iterable[tuple[Any, ...]]) -> None:
+        self._coming = enumerate(units)
+        self._open: dict[int, tuple[Any, ...]] = {}
+        self._taking = threading.Lock()  # a pool that ends may still take units while the next one does
+        self._ended = False
+
+    def open(self) -> Iterator[tuple[int, tuple[Any, ...]]]:
+        """Yield (number, unit): first those that were taken and never done, then new ones."""
+        yield from list(self._open.items())
+        while True:
+            with self._taking:
+                taken = next(self._coming, None)
+                if taken is None:
+                    self._ended = True
+                    return
+                self._open[taken[0]] = taken[1]
+            yield taken
+
+    def close(self, number: int) -> None:
+        """Note that a unit is done."""
+        self._open.pop(number, None)
+
+    def is_done(self) -> bool:
+        """Whether no unit is left."""
+        return self._ended and not self._open
+
+
+def _numbered(function: Callable[..., Any], number: int, unit: tuple[Any, ...]) -> tuple[int, Any]:
+    return number, function(*unit)
+
+
+def manifest(campaign: Campaign, asked: Sequence[Case]) -> dict[str, Any]:
     """Return what the results should say of how they were asked for; the store adds what computed them."""
-    return {"seed": campaign.seed, "command": sys.argv[1:]}
+    runs, block = (campaign.monte_carlo.runs, campaign.monte_carlo.block) if campaign.monte_carlo else (0, 1)
+    told = {"asked_cases": {case.id: case.label for case in asked}, "asked_runs": runs, "asked_block": block}
+    return {"seed": campaign.seed, "command": sys.argv[1:], **told}
 
 
 def _count(jobs: int) -> int:

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import fcntl
+import os
+import platform
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
 from lvnav_trade.errors import InputError, is_full_disk
+
+_NAME = ".lock"
+_GLANCE_S = 0.1  # longer than `holder` looks
 
 
 @contextmanager
@@ -18,14 +25,44 @@ def locked(folder: Path) -> Iterator[None]:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        handle = (folder / ".lock").open("w")
+        handle = (folder / _NAME).open("a+b", buffering=0)
     except OSError as error:
         if is_full_disk(error):
             raise
         raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
     with handle:
         try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise InputError(f"{folder}: another process is working on these results") from None
+            free = _taken(handle, fcntl.LOCK_EX)
+            if not free:
+                time.sleep(_GLANCE_S)
+                free = _taken(handle, fcntl.LOCK_EX)
+            if not free:
+                raise InputError(f"{folder}: {_who(handle)} is working on these results; wait, or give another folder")
+        except OSError as error:
+            raise InputError(f"{folder}: cannot be locked: {error.strerror}") from None
+        handle.truncate(0)
+        handle.write(f"{os.getpid()} on {platform.node()}".encode())
         yield
+
+
+def holder(folder: Path) -> str:
+    """Return who works on a folder of results, such as "process 12 on host"; empty where nobody does."""
+    try:
+        with (folder / _NAME).open("rb") as handle:
+            return "" if _taken(handle, fcntl.LOCK_SH) else _who(handle)
+    except OSError:  # no such file, or a file system without locks: then no campaign runs there
+        return ""
+
+
+def _taken(handle: IO[bytes], kind: int) -> bool:
+    try:
+        fcntl.flock(handle, kind | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+def _who(handle: IO[bytes]) -> str:
+    handle.seek(0)
+    text = handle.read(200).decode(errors="replace")
+    return f"process {text}" if text else "another process"

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import io
+import logging
 import math
 import multiprocessing
 import os
 import signal
+import threading
+import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -21,10 +25,11 @@ from lvnav_trade.campaign import stopping
 from lvnav_trade.campaign.axes import Case
 from lvnav_trade.campaign.plan import Block
 from lvnav_trade.campaign.schema import Campaign
-from lvnav_trade.errors import InputError, is_full_disk
+from lvnav_trade.errors import InputError
 from lvnav_trade.records import Asked, CovHistory
 from lvnav_trade.scenario import Scenario
 
+_LOG = logging.getLogger("lvnav_trade.campaign")
 WHY = {1: "is not finite", 2: "diverged"}
 
 
@@ -34,7 +39,8 @@ class Engine(NamedTuple):
     events(scenario) -> name: time; prepare(scenario, history step); run_block(prepared, seed, first, n);
     covariance(prepared); summarise(block, events, scale, outputs); compile_kernels(prepared) where there is anything to
     compile before a block is flown; explain(scenario, prepared, covariance, asked) what is behind the covariance;
-    beyond(requirements, case, prepared, covariance, summary) how many runs of a block do not keep each requirement.
+    beyond(requirements, case, prepared, covariance, summary) how many runs of a block do not keep each requirement;
+    starts(prepared, seed, n) what the first n runs draw once.
     """
 
     events: Callable[[Scenario], dict[str, float]]
@@ -45,16 +51,17 @@ class Engine(NamedTuple):
     compile_kernels: Callable[[Any], None] | None = None
     explain: Callable[..., Any] | None = None
     beyond: Callable[..., stopping.Counts] = stopping.beyond
+    starts: Callable[[Any, int, int], Any] | None = None
 
 
 def engine() -> Engine:
     """Return the real engines; imported here because compiled code takes a second to load."""
-    from lvnav_trade.engines import explain, lincov, montecarlo, statistics
+    from lvnav_trade.engines import explain, lincov, montecarlo, starts, statistics
     from lvnav_trade.engines.prepare import prepare
 
     return Engine(
         _events, prepare, montecarlo.run_block, lincov.covariance, statistics.summarise, montecarlo.compile_kernels,
-        explain.explain,
+        explain.explain, starts=starts.start_draws,
     )  # fmt: skip
 
 
@@ -131,7 +138,7 @@ class Done(NamedTuple):
 
 def events_of(job: Job, case: Case) -> dict[str, float] | InputError:
     """Return the event times of a case's trajectory, or why it cannot be flown."""
-    _let_the_parent_be_interrupted()
+    _settle()
     try:
         return job.engine.events(case.scenario)
     except InputError as error:
@@ -140,11 +147,11 @@ def events_of(job: Job, case: Case) -> dict[str, float] | InputError:
 
 def answer(job: Job, case: Case) -> Answer:
     """Compute a case's linear covariance and leave it on the scratch disk for the workers that need it."""
-    _let_the_parent_be_interrupted()
+    _settle()
     try:
         prepared = _prepared(job.engine, case, job.history)
         file = _scratch_file(job, case)
-        if not file.exists():
+        if not _is_sound(file):
             _write(file, job.engine.covariance(prepared))
         return _answer(case, prepared, _covariance(str(file)))
     except Exception as error:
@@ -157,7 +164,7 @@ def answer_or_compile(job: Job, case: Case, only_compile: bool) -> Answer | None
     """
     if not only_compile:
         return answer(job, case)
-    _let_the_parent_be_interrupted()
+    _settle()
     with suppress(Exception):
         if job.engine.compile_kernels is not None:
             job.engine.compile_kernels(_prepared(job.engine, case, job.history))
@@ -166,10 +173,10 @@ def answer_or_compile(job: Job, case: Case, only_compile: bool) -> Answer | None
 
 def explain(job: Job, case: Case) -> Done:
     """Leave on the scratch disk what is behind a case's linear covariance."""
-    _let_the_parent_be_interrupted()
+    _settle()
     try:
         file = _explained_file(job, case)
-        if job.engine.explain is not None and not file.exists():
+        if job.engine.explain is not None and not _is_sound(file):
             covariance = _covariance(str(_scratch_file(job, case)))
             prepared = _prepared(job.engine, case, job.history)
             _write(file, job.engine.explain(case.scenario, prepared, covariance, job.asked))
@@ -180,7 +187,7 @@ def explain(job: Job, case: Case) -> Done:
 
 def fly(job: Job, block: Block) -> Done:
     """Fly a block of runs and store its statistics."""
-    _let_the_parent_be_interrupted()
+    _settle()
     what = (block.case.id, block.first_run, block.n_run)
     try:
         prepared = _prepared(job.engine, block.case, job.history)
@@ -199,7 +206,7 @@ def fly(job: Job, block: Block) -> Done:
 
 def tally(job: Job, case: Case) -> list[Done]:
     """Hold the blocks that are stored of a case against the requirements, one at a time."""
-    _let_the_parent_be_interrupted()
+    _settle()
     prepared = _prepared(job.engine, case, job.history)
     covariance = _covariance(str(_scratch_file(job, case)))
     return [
@@ -215,7 +222,7 @@ def tally(job: Job, case: Case) -> list[Done]:
 
 def close(job: Job, case: Case, info: Any, runs: int) -> Done:
     """Merge the blocks of a case's first `runs` runs and write its tables."""
-    _let_the_parent_be_interrupted()
+    _settle()
     try:
         prepared = _prepared(job.engine, case, job.history)
         covariance = _covariance(str(_scratch_file(job, case)))
@@ -223,7 +230,9 @@ def close(job: Job, case: Case, info: Any, runs: int) -> Done:
             covariance = covariance._replace(sources=(), budget=covariance.budget[:, :0])
         summary = job.results.summary(case.id, runs) if runs else None
         file = _explained_file(job, case)
-        job.results.write_case(info, prepared, covariance, summary, joblib.load(file) if file.exists() else None)
+        explained = _read(file) if file.exists() else None
+        drawn = {"starts": job.engine.starts(prepared, job.seed, runs)} if runs and job.engine.starts else {}
+        job.results.write_case(info, prepared, covariance, summary, explained, **drawn)
         return Done(case.id, 0, runs)
     except Exception as error:
         return Done(case.id, 0, runs, error=_told(error))
@@ -249,29 +258,52 @@ def _prepared(engine: Engine, case: Case, history: float) -> Any:
 
 
 def _scratch_file(job: Job, case: Case) -> Path:
-    return job.scratch / f"{case.id}.covariance"
+    return job.scratch / f"{case.id}.{job.history!r}.covariance"
 
 
 def _explained_file(job: Job, case: Case) -> Path:
     """Return where a case's explanation is left: another question, another file."""
-    question = hashlib.sha256(repr(job.asked).encode()).hexdigest()[:8]
+    question = hashlib.sha256(repr((job.asked, job.history)).encode()).hexdigest()[:8]
     return job.scratch / f"{case.id}.{question}.explained"
 
 
 def _write(file: Path, value: Any) -> None:
-    """Write atomically: a worker that finds the file finds all of it."""
+    """Write atomically, after its checksum: a worker that finds the file finds all of it."""
     file.parent.mkdir(parents=True, exist_ok=True)
+    buffer = io.BytesIO()
+    joblib.dump(value, buffer)
+    content = buffer.getvalue()
     part = file.with_suffix(f".{os.getpid()}")
     try:
-        joblib.dump(value, part)
+        part.write_bytes(hashlib.sha256(content).digest() + content)
         part.replace(file)
     finally:
         part.unlink(missing_ok=True)
 
 
+def _read(file: Path) -> Any:
+    """Return what was written; ValueError where the file is damaged."""
+    content = file.read_bytes()
+    if hashlib.sha256(content[32:]).digest() != content[:32]:
+        raise ValueError(f"{file}: damaged: its checksum does not fit")
+    return joblib.load(io.BytesIO(content[32:]))
+
+
+def _is_sound(file: Path) -> bool:
+    """Whether a file of an earlier, interrupted campaign is there whole."""
+    if not file.exists():
+        return False
+    try:
+        _read(file)
+    except ValueError as error:
+        _LOG.warning("%s; computed again", error)
+        return False
+    return True
+
+
 @lru_cache(maxsize=2)
 def _covariance(file: str) -> CovHistory:
-    found: CovHistory = joblib.load(file)
+    found: CovHistory = _read(Path(file))
     return found
 
 
@@ -300,15 +332,31 @@ def _why(runs: Any, index: int) -> str:
 
 
 def _told(error: Exception) -> str:
-    """Return the error of a unit of work in one line; a user's mistake and a full disk stop the campaign instead."""
-    if isinstance(error, InputError) or is_full_disk(error):
+    """Return the error of a unit of work in one line; a user's mistake stops the campaign instead, and so does what the
+    operating system refuses: no other unit would fare better on a full disk or a folder that went away.
+    """
+    if isinstance(error, InputError | OSError):
         raise error
     if os.environ.get("LVNAV_TRADE_DEBUG"):
         traceback.print_exc()
     return f"{type(error).__name__}: {str(error).strip().splitlines()[0] if str(error).strip() else 'no message'}"
 
 
-def _let_the_parent_be_interrupted() -> None:
-    """Ignore Ctrl-C in a worker process: the terminal sends it to all, and the parent ends the work in order."""
-    if multiprocessing.parent_process() is not None:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _settle() -> None:
+    """Let a worker process leave Ctrl-C to its parent, which ends the work in order, and end where that was killed."""
+    parent = multiprocessing.parent_process()
+    if parent is not None and parent.pid is not None:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal sends it to all
+        _follow(parent.pid)
+
+
+@lru_cache(maxsize=1)
+def _follow(parent: int) -> None:
+    """Let this process end when its parent was killed: it would go on for minutes, and write beside a new campaign."""
+
+    def wait() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.engines.atmosphere import delays
+from lvnav_trade.engines.atmosphere import Delays, delays
 from lvnav_trade.engines.families import ErrorFamily, shared_of
 from lvnav_trade.engines.inputs import Record, Schedule, Signals, Start, Unit
 from lvnav_trade.engines.signals import Line, channels_of, families, geometry_of, signals
@@ -71,6 +71,7 @@ class Prepared(NamedTuple):
     t_hist: Floats
     t_epoch: Floats
     lengths: Floats
+    delays: Delays
 
 
 @lru_cache(maxsize=4)
@@ -284,6 +285,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         t_hist=t_hist,
         t_epoch=t_epoch,
         lengths=lengths / rate,
+        delays=late_by,
     )
 
 

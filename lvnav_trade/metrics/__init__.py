@@ -10,6 +10,7 @@ import pandas as pd
 from lvnav_trade.metrics.agreement import agreement
 from lvnav_trade.metrics.budget import budget
 from lvnav_trade.metrics.consistency import consistency, nees, nis
+from lvnav_trade.metrics.control import controlled
 from lvnav_trade.metrics.correction import correction
 from lvnav_trade.metrics.explained import contributions, nonlinearity, observability, sensitivity
 from lvnav_trade.metrics.impact import corridor_verdicts, impact
@@ -26,6 +27,7 @@ from lvnav_trade.store import Tables
 METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
     "rms": rms,
     "agreement": agreement,
+    "controlled": controlled,
     "requirements": verdicts,
     "references": references,
     "ranking": ranking,
@@ -51,8 +53,8 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
 """Every metric by name; each takes a results folder, or its tables, and returns a tidy frame."""
 
 CSV = (
-    "rms", "agreement", "references", "requirements", "budget", "expected", "sensitivity", "orbit", "correction",
-    "impact", "corridor",
+    "rms", "agreement", "controlled", "references", "requirements", "budget", "expected", "sensitivity", "orbit",
+    "correction", "impact", "corridor",
 )  # fmt: skip
 """The metrics that stand beside a report as CSV, with the columns that users and their CI rely on."""
 

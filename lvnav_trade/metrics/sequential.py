@@ -1,6 +1,4 @@
-"""A verdict that may be looked for after every block of runs: exact binomial boundaries that share one error among all
-looks.
-"""
+"""A verdict that may be looked for after every block of runs: exact binomial boundaries, one error for all looks."""
 
 from __future__ import annotations
 

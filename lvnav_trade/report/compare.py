@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import re
@@ -29,6 +30,7 @@ KEPT = ("cases", "outputs", "runs", "worst", "events", "states", "reference")
 KEPT_WITHOUT_RUNS = ("history", "consistency", "covariances", "joint", "innovations")
 """Tables that a comparison reads; `reference` at fewer times, to know the flight again."""
 _KEPT_EVERY = 20
+_OF_ONE_MACHINE = ("command", "cpu", "host", "system", "timings_s", "created", "finished")
 
 
 def exit_code(found: Comparison) -> int:
@@ -171,8 +173,9 @@ def keep_base(results: Path | str | Tables, folder: Path | str) -> Path:
     names = KEPT if int(tables.cases.run_count.sum()) else (*KEPT, *KEPT_WITHOUT_RUNS)
     try:
         target.mkdir(parents=True, exist_ok=True)
-        for name in ("manifest.json", "campaign.resolved.yaml"):
-            shutil.copyfile(tables.folder / name, target / name)
+        shutil.copyfile(tables.folder / "campaign.resolved.yaml", target / "campaign.resolved.yaml")
+        manifest = {name: value for name, value in tables.manifest.items() if name not in _OF_ONE_MACHINE}
+        (target / "manifest.json").write_text(json.dumps(manifest, indent=2, sort_keys=True) + "\n", encoding="utf-8")
         for name in names:
             if not (tables.folder / f"{name}.parquet").exists():
                 continue  # of an older version; a comparison that needs it says so

@@ -50,7 +50,8 @@ def replace_table(table: pa.Table, path: Path) -> None:
     """Write a table as one zstd row group to `path` in one step that either happens or does not."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        pq.write_table(table, temporary, compression="zstd", row_group_size=max(1, table.num_rows))
+        rows = max(1, table.num_rows)
+        pq.write_table(table, temporary, compression="zstd", row_group_size=rows, write_page_checksum=True)
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
@@ -35,16 +36,17 @@ class Tables:
         if name not in TABLES:
             raise AttributeError(name)
         if name not in self._read:
-            path = self.folder / f"{name}.parquet"
-            if not path.exists():
-                raise InputError(f"{path}: this table is missing; the campaign has not finished")
-            self._read[name] = pq.read_table(path).to_pandas()
+            self._read[name] = read_table(self.folder / f"{name}.parquet").to_pandas()
         return self._read[name]
 
     @cached_property
     def manifest(self) -> dict[str, Any]:
         """What computed the results."""
-        content: dict[str, Any] = json.loads((self.folder / "manifest.json").read_text(encoding="utf-8"))
+        path = self.folder / "manifest.json"
+        try:
+            content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        except ValueError as error:
+            raise InputError(f"{path}: damaged: {error}") from None
         return content
 
     @cached_property
@@ -79,4 +81,20 @@ def load(results: Path | str | Tables) -> Tables:
     folder = Path(results)
     if not (folder / "manifest.json").exists():
         raise InputError(f"{folder}: no results here (no manifest.json)")
-    return Tables(folder)
+    tables = Tables(folder)
+    if "created" in tables.manifest and "finished" not in tables.manifest:  # a kept base has neither
+        raise InputError(f"{folder}: the campaign has not finished; the same lvnav-trade run goes on with it")
+    return tables
+
+
+def read_table(path: Path) -> pa.Table:
+    """Return a table of results, every page held against its checksum; InputError where it is missing or damaged."""
+    try:
+        return pq.read_table(path, page_checksum_verification=True)
+    except FileNotFoundError:
+        raise InputError(f"{path}: this table is missing; the campaign has not finished") from None
+    except (OSError, pa.ArrowException, ValueError, MemoryError) as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise InputError(f"{path}: cannot be read: {os.strerror(error.errno)}") from None
+        why = str(error).strip().partition("\n")[0] or type(error).__name__
+        raise InputError(f"{path}: damaged: {why}; the same lvnav-trade run makes it again") from None

@@ -92,6 +92,13 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("t_end_s", "real", "end of the span, from an event to the next; beside it the largest |error| within"),
         Column("failure", "text", "empty, or why the run failed"),
     ),
+    "starts": (
+        _CASE,
+        Column("run_number", "whole", "number of the run, from 0"),
+        Column("source", "text", "error source that is drawn once, at the start"),
+        Column("axis", "text", "of the sensor, or of the error"),
+        Column("draw_ratio", "real", "the draw, in sigmas"),
+    ),
     "history": (
         _CASE,
         _TIME,

@@ -20,6 +20,7 @@ from lvnav_trade.world.events import resolve
 if TYPE_CHECKING:
     from lvnav_trade.engines.explain import Explanation
     from lvnav_trade.engines.prepare import Prepared
+    from lvnav_trade.engines.starts import StartDraws
 
 FAILURES = {0: "", 1: "not finite", 2: "diverged"}
 _DRAWN = ("attitude", "velocity", "position")
@@ -42,6 +43,7 @@ def case_tables(
     cov: CovHistory,
     summary: BlockSummary | None,
     explained: Explanation | None = None,
+    starts: StartDraws | None = None,
 ) -> dict[str, pa.Table]:
     """Return every table of `schema.TABLES` for one case; without Monte Carlo its columns are NaN and counts 0."""
     lincov = _LinCov(cov, prepared.outputs)
@@ -50,6 +52,7 @@ def case_tables(
         "outputs": _outputs(prepared.outputs),
         "runs": _runs(prepared.outputs, summary),
         "worst": worst_table(prepared.outputs, summary, FAILURES),
+        "starts": _starts(starts),
         "history": _history(prepared.outputs, cov, lincov, summary),
         "consistency": _consistency(prepared, cov, summary),
         "innovations": _innovations(cov, summary),
@@ -177,6 +180,18 @@ def _runs(outputs: tuple[Output, ...], summary: BlockSummary | None) -> dict[str
         "nees_ratio": summary.event_nees.ravel(),
     }
     return content | {name: summary.event_error[:, :, k].ravel() for k, name in enumerate(names)}
+
+
+def _starts(starts: StartDraws | None) -> dict[str, Any]:
+    if starts is None:
+        return {name: [] for name in ("run_number", "source", "axis", "draw_ratio")}
+    n_run, n_draw = starts.values.shape
+    return {
+        "run_number": np.repeat(starts.runs, n_draw),
+        "source": list(starts.sources) * n_run,
+        "axis": list(starts.axes) * n_run,
+        "draw_ratio": starts.values.ravel(),
+    }
 
 
 def _history(

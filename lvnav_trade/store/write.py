@@ -24,6 +24,7 @@ from lvnav_trade.store.versions import campaign_digest, environment
 if TYPE_CHECKING:
     from lvnav_trade.engines.explain import Explanation
     from lvnav_trade.engines.prepare import Prepared
+    from lvnav_trade.engines.starts import StartDraws
 
 __all__ = ["CaseInfo", "Results", "open_results"]
 
@@ -39,7 +40,7 @@ class Results:
     def __init__(self, folder: Path, manifest: dict[str, Any]) -> None:
         self.folder = folder
         self.manifest = manifest
-        self.identity = _identity(manifest)
+        self.identity = identity_of(manifest)
         self.damaged: list[str] = []
         self._order: list[str] = []
 
@@ -88,11 +89,12 @@ class Results:
         cov: CovHistory,
         summary: BlockSummary | None,
         explained: Explanation | None = None,
+        starts: StartDraws | None = None,
     ) -> None:
         """Write the tables of one case; `finish` puts the cases together in the order in which they were written."""
         folder = self.case_folder(case.id) / "tables"
         folder.mkdir(parents=True, exist_ok=True)
-        for name, table in case_tables(case, prepared, cov, summary, explained).items():
+        for name, table in case_tables(case, prepared, cov, summary, explained, starts).items():
             part_files.replace_table(table, folder / f"{name}.parquet")
         self._order = [known for known in self._order if known != case.id] + [case.id]
 
@@ -116,7 +118,7 @@ class Results:
         temporary = path.with_name(f".{path.name}.{os.getpid()}")
         schema = self._schema(name, files)
         try:
-            with pq.ParquetWriter(temporary, schema, compression="zstd") as writer:
+            with pq.ParquetWriter(temporary, schema, compression="zstd", write_page_checksum=True) as writer:
                 for file in files:
                     table = pq.read_table(file)
                     writer.write_table(_widen(table, schema), row_group_size=max(1, table.num_rows))
@@ -190,12 +192,20 @@ def _refuse_other(folder: Path, identity: dict[str, str]) -> None:
         raise InputError(f"{path}: not a manifest ({error}); use --fresh to start again") from error
     if held.get("campaign_digest") != identity["campaign_digest"]:
         raise InputError(f"{folder}: holds the results of another campaign; use --fresh, or another folder")
+    other = difference(held, identity)
+    if other:
+        raise InputError(f"{folder}: was computed {other}; use --fresh")
+
+
+def difference(held: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """Return by which other code results were computed than that of `now`; empty where by the same."""
     for key, what in (("tool", "by another version"), ("code_digest", "by another code"), *_LIBRARIES):
-        if held.get(key) != identity[key]:
-            raise InputError(f"{folder}: was computed {what} ({held.get(key)}, this is {identity[key]}); use --fresh")
+        if held.get(key) != now[key]:
+            return f"{what} ({held.get(key)}, this is {now[key]})"
+    return ""
 
 
-def _identity(manifest: Mapping[str, Any]) -> str:
+def identity_of(manifest: Mapping[str, Any]) -> str:
     """Return what two parts must have in common to be merged, as one text."""
     keys = ("campaign_digest", "tool", "code_digest", *(name for name, _ in _LIBRARIES))
     return " ".join(f"{key}={manifest.get(key, '')}" for key in keys)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import errno
+import itertools
 from pathlib import Path
 
 import pytest
+from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from lvnav_trade.campaign import execute
 from lvnav_trade.campaign.axes import cases
@@ -138,6 +141,99 @@ def test_a_full_disk_ends_in_one_line_and_can_be_resumed(run) -> None:
     assert "\n" not in str(e.value)
     fake, _ = run()
     assert flown(fake) == ALL[2:]
+
+
+@pytest.mark.parametrize(
+    ("number", "said"),
+    [
+        (errno.EDQUOT, "Disk quota exceeded; the same command resumes once there is space"),
+        (errno.EROFS, "Read-only file system; the same command resumes once that is mended"),
+        (errno.EIO, "Input/output error; the same command resumes once that is mended"),
+        (errno.ESTALE, "Stale file handle; the same command resumes once that is mended"),
+    ],
+)
+def test_what_the_system_refuses_ends_in_one_line_and_can_be_resumed(run, fakes, number: int, said: str) -> None:
+    def refuse(first: int, n: int) -> None:
+        if first == 80:
+            raise OSError(number, "words of a library", "results/part")
+
+    fake = fakes.Fake(on_block=refuse)
+    with pytest.raises(execute.Halted) as caught:
+        run(fake)
+    assert str(caught.value) == f"results/part: {said}"
+    assert flown(fake) == ALL[:3]
+    fake, _ = run()
+    assert flown(fake) == ALL[2:]
+
+
+def dying_pool(monkeypatch: pytest.MonkeyPatch, deaths: list[int]) -> list[int]:
+    """Let the pool take two units ahead and lose a worker before its n-th result; return the workers of each pool."""
+    pools = []
+
+    def each(jobs, function, units):
+        pools.append(jobs)
+        left = deaths.pop(0) if deaths else None
+        taken = list(itertools.islice(units, 2))
+        while taken:
+            if left == 0:
+                raise TerminatedWorkerError("a worker died")
+            left = None if left is None else left - 1
+            result = function(*taken.pop())  # in no particular order
+            taken += itertools.islice(units, 1)
+            yield result
+
+    monkeypatch.setattr(execute, "_each", each)
+    monkeypatch.setattr(execute, "_count", lambda jobs: jobs)
+    monkeypatch.setattr(execute, "_end_workers", lambda jobs: None)
+    monkeypatch.setattr(execute, "_all", lambda jobs, function, units: [function(*unit) for unit in units])
+    return pools
+
+
+def test_the_work_of_a_worker_that_died_is_done_again_by_fewer(study, fakes, monkeypatch) -> None:
+    study.append(TWO)
+    pools = dying_pool(monkeypatch, [9, 9, 3, 0])  # none in the first stages, then two among the blocks
+    fake = fakes.Fake()
+    execute.run(load(study.path), Path("results"), jobs=8, engine=fake.engine(), keep=fakes.store())
+    assert pools == [8, 8, 8, 4, 2, 2]
+    assert sorted(flown(fake)) == ALL
+    assert fakes.tables(Path("results"))["imu=poor"][2] == [7000 + number for number in range(100)]
+
+
+def test_the_third_death_ends_the_campaign_and_so_does_the_first_where_failures_should(
+    study, fakes, monkeypatch
+) -> None:
+    study.append(TWO)
+    for options, deaths in (({}, 3), ({"fail_fast": True}, 1)):
+        pools = dying_pool(monkeypatch, [9, 9, 0, 0, 0])
+        with pytest.raises(execute.Halted, match=r"^a worker process died .* resumes, try --jobs 2$"):
+            execute.run(
+                load(study.path), Path("r"), jobs=4, engine=fakes.Fake().engine(), keep=fakes.store(), **options
+            )
+        assert len(pools) == 2 + deaths
+
+
+def test_scratch_of_an_interrupted_campaign_that_is_damaged_is_computed_again(run, fakes, caplog) -> None:
+    Path("results").mkdir()
+    Path("results/manifest.json").write_text("{}")  # as the real store leaves
+    with pytest.raises(KeyboardInterrupt):
+        run(fakes.Fake(on_block=Interrupt(4)))
+    files = sorted(Path("results/.scratch").iterdir())
+    assert len(files) == 4
+    content = files[0].read_bytes()
+    files[0].write_bytes(content[:-9] + bytes([content[-9] ^ 1]) + content[-8:])
+    files[1].write_bytes(b"")
+    fake, outcome = run()
+    assert outcome.failures == ()
+    assert flown(fake) == ALL[3:]
+    assert sum(call.what in ("covariance", "explain") for call in fake.calls) == 2
+    assert caplog.text.count("damaged: its checksum does not fit; computed again") == 2
+
+
+def test_scratch_that_nobody_knows_the_campaign_of_is_not_used(run, fakes) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        run(fakes.Fake(on_block=Interrupt(4)))
+    fake, _ = run()
+    assert sum(call.what == "covariance" for call in fake.calls) == 2
 
 
 def test_a_disk_that_is_full_from_the_start_ends_in_the_same_line(study, fakes) -> None:

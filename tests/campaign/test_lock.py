@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
+import platform
+import shutil
 import signal
 import subprocess
 import sys
@@ -10,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from lvnav_trade.campaign.lock import locked
+from lvnav_trade.campaign.lock import holder, locked
 from lvnav_trade.errors import InputError
 
 HOLD = """\
@@ -30,10 +33,30 @@ def test_two_do_not_share_a_folder_and_two_folders_are_two(tmp_path: Path, monke
         with locked(Path("others")):
             pass
         with (
-            pytest.raises(InputError, match=r"^results: another process is working on these results$"),
+            pytest.raises(
+                InputError,
+                match=r"^results: process \d+ on .* these results; wait, or give another folder$",
+            ),
             locked(Path("results")),
         ):
             pass
+
+
+def test_who_holds_the_lock_is_known_to_whoever_asks(tmp_path: Path) -> None:
+    assert holder(tmp_path) == holder(tmp_path / "none") == ""
+    with locked(tmp_path):
+        assert holder(tmp_path) == f"process {os.getpid()} on {platform.node()}"
+        assert holder(tmp_path).startswith("process")  # asking takes nothing away
+    assert holder(tmp_path) == ""
+
+
+def test_a_file_system_without_locks_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(37, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    with pytest.raises(InputError, match=r"cannot be locked: No locks available$"), locked(tmp_path):
+        pass
 
 
 def test_the_lock_is_given_back_even_after_an_error(tmp_path: Path) -> None:
@@ -49,7 +72,7 @@ def test_a_process_that_is_killed_leaves_no_lock(tmp_path: Path) -> None:
     )
     assert process.stdout is not None
     assert process.stdout.readline() == "held\n"
-    with pytest.raises(InputError, match="another process"), locked(tmp_path):
+    with pytest.raises(InputError, match=r"process .* is working"), locked(tmp_path):
         pass
     process.send_signal(signal.SIGKILL)
     process.wait(10)
@@ -63,15 +86,19 @@ def test_a_folder_that_is_not_there_is_made(tmp_path: Path) -> None:
         assert (tmp_path / "a" / "b").is_dir()
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("results").mkdir(mode=0o500)
-    with (
-        pytest.raises(InputError, match=r"^results: cannot be written: Permission denied$"),
-        locked(Path("results")),
-    ):
-        pass
+@pytest.mark.parametrize("folder", ["results", "results/deeper"])
+def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path, folder: str) -> None:
+    (tmp_path / "results").mkdir(mode=0o500)
+    drop = []
+    if os.geteuid() == 0:  # root may write anywhere, unless it drops that right
+        if shutil.which("setpriv") is None:
+            pytest.skip("root may write anywhere")
+        drop = ["setpriv", "--bounding-set=-dac_override,-dac_read_search"]
+    command = [*drop, sys.executable, "-c", HOLD, folder]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    found = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert found.returncode == 1
+    assert found.stderr.splitlines()[-1].endswith(f"InputError: {folder}: cannot be written: Permission denied")
 
 
 def test_a_file_in_place_of_the_folder_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -83,7 +110,7 @@ def test_a_file_in_place_of_the_folder_is_refused(tmp_path: Path, monkeypatch: p
 
 
 def test_a_full_disk_is_no_mistake_of_the_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(*_: object) -> None:
+    def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(Path, "open", full)

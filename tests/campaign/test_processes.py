@@ -19,11 +19,12 @@ from pathlib import Path
 import fakes
 from lvnav_trade.campaign import execute
 from lvnav_trade.campaign.load import load
+from lvnav_trade.campaign.progress import Plain
 
-what = {"slow": fakes.Slow(0.3), "quick": None, "dies": fakes.Dies()}[sys.argv[2]]
+what = {"slow": fakes.Slow(0.3), "quick": None, "dies": fakes.Dies(), "once": fakes.DiesOnce("mark")}[sys.argv[2]]
 try:
     execute.run(load("campaign.yaml"), Path(sys.argv[3]), jobs=int(sys.argv[1]),
-                engine=fakes.Fake(on_block=what).engine(), keep=fakes.store())
+                engine=fakes.Fake(on_block=what).engine(), keep=fakes.store(), progress=Plain())
 except KeyboardInterrupt:
     sys.exit(130)
 except execute.Halted as halted:
@@ -96,8 +97,42 @@ def test_a_campaign_that_is_ended_goes_on_and_leaves_the_same_bytes(start, sent:
     assert kept("ended") == kept("whole")
 
 
-def test_a_worker_that_dies_ends_the_campaign_in_one_line(start) -> None:
+def test_a_worker_that_dies_costs_its_block_and_not_the_campaign(start) -> None:
+    assert start(2, "quick", "whole").wait(60) == 0
+    Path("mark").touch()
+    process = start(2, "once", "again")
+    _, messages = process.communicate(timeout=60)
+    assert process.returncode == 0
+    told = "a worker process died (out of memory?); its work is done again by 2 workers"
+    assert messages.splitlines().count(told) == 1
+    assert not Path("mark").exists()
+    assert kept("again") == kept("whole")
+
+
+def test_workers_that_die_again_and_again_end_the_campaign_in_one_line(start) -> None:
     process = start(2, "dies", "dead")
     output, _ = process.communicate(timeout=60)
     assert process.returncode == 4
     assert output == "a worker process died (out of memory?); the same command resumes, try --jobs 1\n"
+    assert is_gone(process.pid)
+
+
+def test_the_workers_of_a_killed_campaign_end_too(start) -> None:
+    process = start(2, "slow", "killed")
+    wait_for_parts("killed", 3)
+    process.kill()  # this process alone, as `kill -9` or the system does
+    process.communicate(timeout=30)
+    assert is_gone(process.pid)
+
+
+def test_a_second_campaign_in_the_folder_is_refused_and_changes_nothing(start) -> None:
+    assert start(2, "quick", "whole").wait(60) == 0
+    first = start(2, "slow", "shared")
+    wait_for_parts("shared", 1)
+    second = start(1, "quick", "shared")
+    _, messages = second.communicate(timeout=60)
+    assert second.returncode == 1
+    assert f"shared: process {first.pid} on " in messages.splitlines()[-1]
+    first.communicate(timeout=60)
+    assert first.returncode == 0
+    assert kept("shared") == kept("whole")

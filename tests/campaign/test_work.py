@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import joblib
 import pytest
 
 from lvnav_trade.campaign import work
@@ -47,7 +46,7 @@ def test_linear_covariance_is_computed_once_and_left_for_all_workers(job, case: 
     work._covariance.cache_clear()  # as another process
     assert work.answer(todo, case) == first
     assert [call.what for call in fake.calls] == ["covariance"]
-    assert [file.name for file in Path("scratch").iterdir()] == [f"{case.id}.covariance"]
+    assert [file.name for file in Path("scratch").iterdir()] == [f"{case.id}.1.0.covariance"]
 
 
 def test_an_answer_that_fails_is_told_in_one_line(job, case: Case) -> None:
@@ -118,13 +117,15 @@ def test_a_flight_that_cannot_be_is_returned_and_not_raised(job, case: Case, mon
 
 def test_what_is_left_on_the_scratch_disk_is_whole_or_not_there(tmp_path: Path, monkeypatch) -> None:
     work._write(tmp_path / "a.covariance", [1, 2, 3])
-    assert joblib.load(tmp_path / "a.covariance") == [1, 2, 3]
+    assert work._read(tmp_path / "a.covariance") == [1, 2, 3]
 
-    def torn(value: Any, path: Path) -> None:
-        path.write_bytes(b"half")
+    whole = Path.write_bytes
+
+    def torn(path: Path, content: bytes) -> None:
+        whole(path, content[:20])
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(work.joblib, "dump", torn)
+    monkeypatch.setattr(Path, "write_bytes", torn)
     with pytest.raises(OSError, match="No space left"):
         work._write(tmp_path / "b.covariance", [1, 2, 3])
     assert [file.name for file in tmp_path.iterdir()] == ["a.covariance"]

@@ -2,12 +2,52 @@
 
 from __future__ import annotations
 
+import json
+
+import pandas as pd
 import pytest
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.store import load
+from tests import synthetic
 
 
 def test_no_results_is_a_users_error(tmp_path):
     with pytest.raises(InputError, match="no results here"):
         load(tmp_path)
+
+
+def test_an_unfinished_campaign_is_not_read_as_if_it_had_finished(tmp_path):
+    """The tables on disk may be those of an earlier campaign of fewer runs, or asked other questions."""
+    folder = synthetic.results(tmp_path, n_run=8)
+    manifest = json.loads((folder / "manifest.json").read_text())
+    del manifest["finished"]
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    with pytest.raises(InputError, match=r"has not finished; the same lvnav-trade run goes on with it$"):
+        load(folder)
+
+
+def test_no_flipped_byte_among_the_numbers_of_a_table_gives_others(tmp_path):
+    folder = synthetic.results(tmp_path, n_run=8)
+    path = folder / "runs.parquet"
+    content, sound = path.read_bytes(), load(folder).runs
+    refused = 0
+    footer = len(content) - 8 - int.from_bytes(content[-8:-4], "little")  # which has no checksum, and no numbers
+    for at in range(4, footer, max(1, footer // 150)):
+        damaged = bytearray(content)
+        damaged[at] ^= 0x10
+        path.write_bytes(damaged)
+        try:
+            found = load(folder).runs
+        except InputError as error:
+            refused += f"{path}: damaged: " in str(error)
+            continue
+        pd.testing.assert_frame_equal(found, sound)
+    assert refused > 75
+
+
+def test_a_torn_manifest_is_told(tmp_path):
+    folder = synthetic.results(tmp_path, n_run=8)
+    (folder / "manifest.json").write_text('{"created":')
+    with pytest.raises(InputError, match=r"manifest\.json: damaged: "):
+        load(folder)
