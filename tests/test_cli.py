@@ -92,7 +92,7 @@ def test_a_mistake_is_a_note_on_its_line_in_a_workflow(events, monkeypatch: pyte
 
 
 def test_a_fault_after_the_flight_is_refused(events: dict[str, float]) -> None:
-    result = call("check", SMOKE, "--set", "faults=[{start: 621 s, duration: 5 s}]")
+    result = call("check", SMOKE, "--set", "faults=[{start: 621 s, duration: 5 s, kind: satellite_outage}]")
     assert result.exit_code == 2
     assert result.stderr == "--set: base.faults.0.start: '621 s' is 621 s, at or after the end of the flight (620 s)\n"
 

@@ -327,7 +327,7 @@ BAD: dict[str, tuple[str, str, str, str]] = {
     "an_outage_of_negative_length_is_refused": (
         "campaign.yaml",
         "  imu: imu/good",
-        "  imu: imu/good\n  faults: [{start: 100 s, duration: -5 s}]",
+        "  imu: imu/good\n  faults: [{start: 100 s, duration: -5 s, kind: satellite_outage}]",
         "campaign.yaml:6:37: base.faults.0.duration: should be greater than or equal to 0, not '-5 s'",
     ),
     "a_ramp_that_ends_before_it_starts_is_refused": (

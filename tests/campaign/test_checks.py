@@ -22,7 +22,7 @@ def told(study: Any, sets: tuple[str, ...] = (), name: str = "campaign.yaml") ->
 
 
 def with_fault(study: Any, start: str, duration: str = "5 s") -> None:
-    text = f"  imu: imu/good\n  faults: [{{start: {start}, duration: {duration}}}]"
+    text = f"  imu: imu/good\n  faults: [{{start: {start}, duration: {duration}, kind: satellite_outage}}]"
     study.edit("campaign.yaml", "  imu: imu/good", text)
 
 
@@ -56,8 +56,8 @@ def test_an_outage_of_no_length_is_a_level_like_any_other(study) -> None:
 
 def test_a_fault_that_an_axis_brings_is_told_in_the_axis(study) -> None:
     study.append(
-        "axes:\n  - path: faults\n    values:\n      - []\n      - [{start: 100 s, duration: 5 s}]\n"
-        "      - [{start: 100 min, duration: 5 s}]\n"
+        "axes:\n  - path: faults\n    values:\n      - []\n      - [{start: 100 s, duration: 5 s, kind: satellite_outage}]\n"
+        "      - [{start: 100 min, duration: 5 s, kind: satellite_outage}]\n"
     )
     place = "campaign.yaml:15:18: base.faults.0.start"
     assert told(study) == [f"{place}: '100 min' is 6000 s, at or after the end of the flight (560 s)"]
@@ -73,7 +73,7 @@ def test_a_field_of_a_fault_that_an_axis_varies_is_told_in_the_axis(study) -> No
 
 
 def test_a_fault_given_on_the_command_line_is_told_there(study) -> None:
-    assert told(study, ("faults=[{start: 600 s, duration: 5 s}]",)) == [
+    assert told(study, ("faults=[{start: 600 s, duration: 5 s, kind: satellite_outage}]",)) == [
         "--set: base.faults.0.start: '600 s' is 600 s, at or after the end of the flight (560 s)"
     ]
 

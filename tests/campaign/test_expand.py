@@ -88,7 +88,7 @@ def test_parts_of_a_constellation_may_be_cards_with_fields_changed(study) -> Non
 
 
 def test_settings_in_a_list_may_be_cards_too(study) -> None:
-    study.write("configs/faults/short.yaml", "start: 100 s\nduration: 5 s\n")
+    study.write("configs/faults/short.yaml", "kind: satellite_outage\nstart: 100 s\nduration: 5 s\n")
     study.edit(
         "campaign.yaml", "  imu: imu/good", "  imu: imu/good\n  faults: [faults/short, {card: faults/short, keep: 2}]"
     )
