@@ -104,7 +104,11 @@ def test_every_file_of_a_list_and_of_a_part_counts_by_its_content(study) -> None
 
 
 def test_an_axis_reaches_into_a_list(study) -> None:
-    study.edit("campaign.yaml", "  imu: imu/good", "  imu: imu/good\n  faults: [{start: 100 s, duration: 30 s, kind: satellite_outage}]")
+    study.edit(
+        "campaign.yaml",
+        "  imu: imu/good",
+        "  imu: imu/good\n  faults: [{start: 100 s, duration: 30 s, kind: satellite_outage}]",
+    )
     study.path.write_text(study.path.read_text() + "axes: [{path: faults.0.keep, values: [1, 2, 3]}]\n")
     assert [case.scenario.faults[0].keep for case in cases(load(study.path))] == [1, 2, 3]
 

@@ -56,7 +56,8 @@ def test_an_outage_of_no_length_is_a_level_like_any_other(study) -> None:
 
 def test_a_fault_that_an_axis_brings_is_told_in_the_axis(study) -> None:
     study.append(
-        "axes:\n  - path: faults\n    values:\n      - []\n      - [{start: 100 s, duration: 5 s, kind: satellite_outage}]\n"
+        "axes:\n  - path: faults\n    values:\n      - []\n      - [{start: 100 s, "
+        "duration: 5 s, kind: satellite_outage}]\n"
         "      - [{start: 100 min, duration: 5 s, kind: satellite_outage}]\n"
     )
     place = "campaign.yaml:15:18: base.faults.0.start"

@@ -1,0 +1,68 @@
+"""Lines of sight of several antennas, what ranges put into a solution, and what the filter is told."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lvnav_trade.engines.signals import Line, _shifts
+from lvnav_trade.world.sky import antenna_states, sky
+from tests.building import LOOSE, MATCHED, case, hop, loaded, prepare_hop, with_fields
+
+T = np.array([3.0, 12.0, 25.0])
+PATCHES = [
+    {"name": name, "lever_b": lever, "boresight": boresight, "pattern": {"kind": "cosine", "peak": "4 dBi"}}
+    for name, lever, boresight in (
+        ("left", ["1 m", "-1 m", "0 m"], [0.0, -1.0, 0.0]), ("right", ["1 m", "1 m", "0 m"], [0.0, 1.0, 0.0]),
+    )
+]  # fmt: skip
+
+
+def with_patches(*settings):
+    scenario = loaded(MATCHED, *settings)
+    return scenario.model_copy(update={"receiver": with_fields(scenario.receiver, antennas=PATCHES)})
+
+
+def test_every_range_is_that_of_the_antenna_that_hears_the_satellite():
+    scenario = with_patches()
+    seen = sky(scenario.constellation, scenario.receiver, hop(), T)
+    line = Line(hop(), np.array(scenario.receiver.lever_b), seen)
+    places, speeds = antenna_states(hop(), scenario.receiver, T)
+    assert set(np.unique(seen.antenna[seen.tracked])) == {0, 1}
+    for epoch in range(T.size):
+        for s in np.flatnonzero(seen.tracked[epoch]):
+            a = seen.antenna[epoch, s]
+            away = seen.r_i[epoch, s] - places[epoch, a]
+            assert line.distance[epoch, s] == pytest.approx(np.linalg.norm(away), abs=1e-8)
+            moving = seen.v_i[epoch, s] - speeds[epoch, a]
+            assert line.rate[epoch, s] == pytest.approx(moving @ away / np.linalg.norm(away), abs=1e-9)
+
+
+def test_the_filter_knows_which_antenna_it_was():
+    prepared = prepare_hop(with_patches())
+    assert prepared.belief.levers.shape == (2, 3)
+    np.testing.assert_array_equal(prepared.signals.antenna, prepared.sky.antenna)
+    loose = prepare_hop(with_patches(LOOSE))
+    assert loose.belief.levers.shape == (1, 3)
+
+
+def test_a_common_error_of_all_ranges_is_the_clocks_and_moves_no_solution():
+    prepared = case(MATCHED, LOOSE)
+    line = Line(hop(), np.zeros(3), prepared.sky)
+    shift = _shifts(line, prepared.sky.tracked, np.full(prepared.sky.tracked.shape, 30.0))
+    np.testing.assert_allclose(shift, 0.0, atol=1e-9)
+
+
+def test_an_error_along_the_lines_of_sight_moves_the_solution_by_itself():
+    prepared = case(MATCHED, LOOSE)
+    line, wanted = Line(hop(), np.zeros(3), prepared.sky), np.array([3.0, -5.0, 2.0])
+    shift = _shifts(line, prepared.sky.tracked, -line.direction @ wanted)
+    np.testing.assert_allclose(shift, np.tile(wanted, (len(shift), 1)), atol=1e-9)
+
+
+def test_latency_that_grows_with_satellites_makes_the_measurement_older():
+    scenario = loaded(MATCHED)
+    receiver = with_fields(scenario.receiver, latency="20 ms", latency_per_satellite="5 ms")
+    prepared = prepare_hop(scenario.model_copy(update={"receiver": receiver}))
+    age = prepared.t_epoch - prepared.sky.t
+    np.testing.assert_allclose(age, 0.02 + 0.005 * case(MATCHED).sky.tracked.sum(axis=1), atol=1e-9)
