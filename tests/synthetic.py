@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from lvnav_trade.engines.atmosphere import Delays
 from lvnav_trade.engines.explain import Explanation, PhaseView, SourceCovariance
 from lvnav_trade.engines.nonlinearity import Nonlinearity
 from lvnav_trade.engines.retune import FACTORS, Sensitivity
 from lvnav_trade.engines.starts import StartDraws
 from lvnav_trade.engines.statistics import summarise
 from lvnav_trade.kernels.earth import OMEGA
-from lvnav_trade.records import IDLE, TRACK, AdjointBudget, CovHistory, Output, Reference, RunBlock, Sky
+from lvnav_trade.records import LOST, TRACK, AdjointBudget, CovHistory, Output, Reference, RunBlock, Sky, Transition
 from lvnav_trade.store import CaseInfo, open_results
 
 OUTPUTS = (
@@ -122,10 +123,16 @@ def prepared() -> Any:
     elevation = np.tile(np.linspace(0.1, 1.5, N_SAT), (N_EPOCH, 1)) + 1e-4 * t_epoch[:, None]
     tracked = np.ones((N_EPOCH, N_SAT), dtype=bool)
     tracked[(t_epoch >= 60.0) & (t_epoch < 75.0)] = False
+    # after the outage one satellite after the other is found again, a second each
+    tracked &= (t_epoch[:, None] < 60.0) | (t_epoch[:, None] >= 75.0 + np.arange(N_SAT))
     shape = (N_EPOCH, N_SAT, 3)
     return SimpleNamespace(
         scenario=SimpleNamespace(
-            frame="ned", faults=(SimpleNamespace(kind="satellite_outage", start="stage1_cutoff + 20 s", duration=15.0),)
+            frame="ned",
+            faults=(SimpleNamespace(kind="satellite_outage", start="stage1_cutoff + 20 s", duration=15.0),),
+            receiver=SimpleNamespace(
+                link=SimpleNamespace(), tracking=SimpleNamespace(acquire_above=33.0, track_above=25.0)
+            ),
         ),
         trajectory=SimpleNamespace(
             events=EVENTS, epoch="2026-08-01T12:00:00Z", theta0=0.0, facts={"perigee_m": 2.0e5, "max_load_g": 4.2}
@@ -139,16 +146,42 @@ def prepared() -> Any:
             azimuth,
             elevation,
             tracked,
-            antenna=np.zeros(shape[:2], dtype=np.int64),
-            cn0=np.full(shape[:2], np.nan),
+            antenna=np.tile(np.arange(N_SAT) % 2, (N_EPOCH, 1)),
+            cn0=np.where(tracked, 38.0 + np.arange(N_SAT), 20.0),
             range_sigma=np.full(shape[:2], 2.0),
             rate_sigma=np.full(shape[:2], 0.1),
-            state=np.where(tracked, TRACK, IDLE).astype(np.int8),
-            levers=np.zeros((1, 3)),
+            state=np.where(tracked, TRACK, LOST).astype(np.int8),
+            levers=np.zeros((2, 3)),
             systems=("G",) * N_SAT,
+            transitions=_transitions(names),
         ),
+        delays=_delays(elevation, tracked, height[np.searchsorted(t, t_epoch)]),
+        t_epoch=t_epoch + np.where(t_epoch < 50.0, 0.1, 0.3),
         outputs=OUTPUTS,
     )
+
+
+def _transitions(names: tuple[str, ...]) -> tuple[Transition, ...]:
+    """Return what the channels do: track from the start, lose all to the fault, find one a second after it."""
+    start = [Transition(1.0, name, "idle", "track", "tracked from the start") for name in names]
+    loss = [Transition(60.0, name, "track", "lost", "fault") for name in names]
+    back = [
+        Transition(75.0 + k + wait, name, before, after, reason)
+        for k, name in enumerate(names)
+        for wait, before, after, reason in (
+            (-0.9, "lost", "search", "search"),
+            (-0.5, "search", "acquire", "found"),
+            (0.0, "acquire", "track", "loops closed"),
+        )
+    ]
+    return (*start, *loss, *sorted(back))
+
+
+def _delays(elevation: np.ndarray, tracked: np.ndarray, height: np.ndarray) -> Delays:
+    """Return 2.4 m over the sine of the elevation that fade with height, and 5 m of ionosphere; half is corrected."""
+    air = 2.4 * np.exp(-height / 8e3)[:, None] / np.sin(elevation)
+    true = [np.where(tracked, delay, 0.0)[:, :, None] * np.array([1.0, 0.0]) for delay in (air, 5.0 + 0.0 * air)]
+    return Delays(*true, *(0.5 * delay for delay in true))
 
 
 def explanation(cov: CovHistory) -> Explanation:

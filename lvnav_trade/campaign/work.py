@@ -346,7 +346,8 @@ def _settle() -> None:
     """Let a worker process leave Ctrl-C to its parent, which ends the work in order, and end where that was killed."""
     parent = multiprocessing.parent_process()
     if parent is not None and parent.pid is not None:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal sends it to all
+        if threading.current_thread() is threading.main_thread():  # a cluster's workers work in others
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal sends it to all
         _follow(parent.pid)
 
 

@@ -21,6 +21,7 @@ from lvnav_trade.metrics.references import references
 from lvnav_trade.metrics.requirements import verdicts
 from lvnav_trade.metrics.rms import rms
 from lvnav_trade.metrics.satellites import in_view, outages
+from lvnav_trade.metrics.tracking import losses, recovery, tracking, transitions
 from lvnav_trade.metrics.whiteness import autocorrelation, whiteness
 from lvnav_trade.store import Tables
 
@@ -38,6 +39,10 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
     "autocorrelation": autocorrelation,
     "in_view": in_view,
     "outages": outages,
+    "tracking": tracking,
+    "losses": losses,
+    "recovery": recovery,
+    "transitions": transitions,
     "budget": budget,
     "expected": expected,
     "levers": levers,
@@ -54,7 +59,7 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
 
 CSV = (
     "rms", "agreement", "controlled", "references", "requirements", "budget", "expected", "sensitivity", "orbit",
-    "correction", "impact", "corridor",
+    "correction", "impact", "corridor", "transitions",
 )  # fmt: skip
 """The metrics that stand beside a report as CSV, with the columns that users and their CI rely on."""
 

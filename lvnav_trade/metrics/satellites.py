@@ -27,7 +27,8 @@ def outages(results: Path | str | Tables) -> pd.DataFrame:
     """Return the 3-D navigation errors around every fault, in the units of people.
 
     Columns: case, fault, t_start_s, t_end_s, metric, unit, before, at_end, after (10 s after the end, or at the end of
-    the flight), growth_ratio (at_end / before), lincov_at_end. Monte-Carlo RMS, or LinCov's without runs.
+    the flight), worst (from the start to 10 s after the end), growth_ratio (at_end / before), lincov_at_end.
+    Monte-Carlo RMS, or LinCov's without runs. Before is at the start, of a fault without duration at the time before.
     """
     tables = load(results)
     rows = []
@@ -38,7 +39,11 @@ def outages(results: Path | str | Tables) -> pd.DataFrame:
         expected = lincov_rms(history)
         error = history.assign(expected=expected, error=history.rms_si if history.run_count.iloc[0] else expected)
         for fault in faults(tables, case).itertuples():
-            before, end, after = (at_time(error, t) for t in (fault.t_s, fault.t_end_s, fault.t_end_s + AFTER))
+            end, after = (at_time(error, t) for t in (fault.t_end_s, fault.t_end_s + AFTER))
+            ahead = error[error.t_s < fault.t_s - 1e-6]
+            momentary = fault.t_end_s <= fault.t_s and len(ahead)
+            before = ahead.iloc[-1] if momentary else at_time(error, fault.t_s)
+            footprint = error[error.t_s.between(fault.t_s, fault.t_end_s + AFTER)]
             rows.append(
                 {
                     "case": tables.labels[case],
@@ -50,9 +55,10 @@ def outages(results: Path | str | Tables) -> pd.DataFrame:
                     "before": before.error * factor,
                     "at_end": end.error * factor,
                     "after": after.error * factor,
+                    "worst": footprint.error.max() * factor,
                     "growth_ratio": end.error / before.error if before.error > 0 else np.nan,
                     "lincov_at_end": end.expected * factor,
                 }
             )
     names = ["case", "fault", "t_start_s", "t_end_s", "metric", "unit"]
-    return pd.DataFrame(rows, columns=[*names, "before", "at_end", "after", "growth_ratio", "lincov_at_end"])
+    return pd.DataFrame(rows, columns=[*names, "before", "at_end", "after", "worst", "growth_ratio", "lincov_at_end"])

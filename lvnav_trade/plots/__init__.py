@@ -8,15 +8,21 @@ from matplotlib.figure import Figure
 
 from lvnav_trade.plots.budget import budget, heatmap
 from lvnav_trade.plots.consistency import consistency
+from lvnav_trade.plots.delays import delays, latency
 from lvnav_trade.plots.errors import comparison, envelope, rank
-from lvnav_trade.plots.flight import satellites, sky, trajectory
+from lvnav_trade.plots.flight import trajectory
 from lvnav_trade.plots.impact import impact
 from lvnav_trade.plots.orbit import orbit
+from lvnav_trade.plots.sky import satellites, sky
+from lvnav_trade.plots.timeline import timeline
 
 PLOTS: dict[str, Callable[..., Figure]] = {
     "trajectory": trajectory,
     "satellites": satellites,
     "sky": sky,
+    "timeline": timeline,
+    "delays": delays,
+    "latency": latency,
     "envelope": envelope,
     "comparison": comparison,
     "rank": rank,

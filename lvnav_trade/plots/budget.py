@@ -19,11 +19,12 @@ from lvnav_trade.store import Tables, load
 MOST_SOURCES = 7
 MOST_ROWS = 12
 _SOURCES = (*PALETTE[:6], "#8C6D31")
+REST = "all others"
 _REST = "#c4c9d1"
 _HATCHES = ("", "////", "", "....", "", "xxxx", "", "")
 """Every other layer is hatched: neighbours can be told apart in black and white."""
 _LEAST, _LEAST_ROW = 1e-2, 0.05
-"""Percent: smaller contributions are left white, sources with a smaller sum are left out."""
+"""Percent: smaller contributions are left white, sources with a smaller sum are drawn together."""
 
 
 def budget(results: Path | str | Tables, case: str, quantity: str) -> Figure:
@@ -70,12 +71,12 @@ def _layers(share: pd.DataFrame) -> pd.DataFrame:
     order = share.mean().sort_values(ascending=False, kind="stable").index
     found = share[list(order[:MOST_SOURCES])].copy()
     if len(order) > MOST_SOURCES:
-        found["all others"] = share[list(order[MOST_SOURCES:])].sum(axis=1)
+        found[REST] = share[list(order[MOST_SOURCES:])].sum(axis=1)
     return found
 
 
 def _stack(ax: Any, layers: pd.DataFrame) -> None:
-    colours = [_REST if name == "all others" else _SOURCES[k] for k, name in enumerate(layers.columns)]
+    colours = [_REST if name == REST else _SOURCES[k] for k, name in enumerate(layers.columns)]
     drawn = ax.stackplot(layers.index, layers.to_numpy().T, labels=list(layers.columns), colors=colours, linewidth=0)
     for layer, hatch in zip(drawn, _HATCHES, strict=False):
         layer.set_hatch(hatch)
@@ -109,8 +110,13 @@ def heatmap(results: Path | str | Tables, case: str, quantity: str) -> Figure:
     rows = rows[(rows.case == tables.labels[case]) & (rows.metric == metric_name(quantity))]
     total = rows.groupby("source", sort=False).share_ratio.sum().sort_values(ascending=False, kind="stable") * 100.0
     names = list(total.index[total >= _LEAST_ROW][:MOST_ROWS])
+    rest = [name for name in total.index if name not in names]
     edges = np.unique(np.concatenate([rows.t_start_s, rows.t_end_s]))
     wide = rows.pivot_table(index="source", columns="t_start_s", values="share_ratio", sort=False) * 100.0
+    if rest:
+        wide.loc[REST] = wide.loc[rest].sum()
+        total[REST] = total[rest].sum()
+        names.append(REST)
     image = wide.reindex(index=names, columns=edges[:-1]).to_numpy()
     event = rows.event.iloc[0].replace("_", " ")
     with look():

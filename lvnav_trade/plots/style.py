@@ -62,16 +62,19 @@ def line_of(number: int) -> dict[str, Any]:
 
 
 def mark_events(axes: Axes, events: pd.DataFrame, names: bool = True, numbers: bool = False) -> None:
-    """Draw events as thin vertical lines and shade faults; names stand at the top, those of close events together.
+    """Draw events as thin vertical lines and shade faults, those of a moment as thick lines; names stand at the top.
 
-    events: rows of the table `events` of one case; numbers: where panels are narrow, numbers stand in place of names
-    (their key: `event_key`).
+    Close events share a name. events: rows of the table `events` of one case; numbers: where panels are narrow,
+    numbers stand in place of names (their key: `event_key`).
     """
     low, high = axes.get_xlim()
     place = axes.get_subplotspec()
     room = 0.032 * (place.get_gridspec().ncols if place is not None and numbers else 1) * (high - low)
     for fault in events[events.kind == "fault"].itertuples():
-        axes.axvspan(fault.t_s, fault.t_end_s, color="#9ca3af", alpha=0.25, linewidth=0, zorder=0)
+        if fault.t_end_s > fault.t_s:
+            axes.axvspan(fault.t_s, fault.t_end_s, color="#9ca3af", alpha=0.25, linewidth=0, zorder=0)
+        else:
+            axes.axvline(fault.t_s, color=GREY, alpha=0.7, linewidth=2.4, linestyle=(0, (1.2, 0.8)), zorder=1.4)
     flown = _flown(events)
     flown = flown[flown.t_s.between(low, high)]
     for t in flown.t_s.unique():

@@ -15,8 +15,8 @@ import jinja2
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.metrics import CSV, METRICS
-from lvnav_trade.report import evidence, explained, mission
-from lvnav_trade.report.blocks import Block, Picture, Section
+from lvnav_trade.report import evidence, explained, mission, reception
+from lvnav_trade.report.blocks import Block, Picture, Section, Text
 from lvnav_trade.report.summary import summary
 from lvnav_trade.store import Tables, load
 
@@ -32,7 +32,9 @@ SECTIONS: dict[str, tuple[str, Callable[[Tables], list[Block]]]] = {
     "envelopes": ("Errors", evidence.envelopes),
     "consistency": ("Consistency", evidence.consistency),
     "agreement": ("Monte Carlo against linear covariance", _agreement),
-    "satellites": ("Satellites", evidence.satellites),
+    "satellites": ("Satellites", reception.satellites),
+    "tracking": ("Tracking", reception.tracking),
+    "delays": ("Delays and latency", reception.delays),
     "outages": ("Outages", evidence.outages),
     "references": ("Published numbers", evidence.references),
     "orbit": ("Orbit at injection", mission.orbit),
@@ -42,7 +44,11 @@ SECTIONS: dict[str, tuple[str, Callable[[Tables], list[Block]]]] = {
     "observability": ("Observability", explained.observability),
     "reproduce": ("How to reproduce", evidence.reproduce),
 }
-"""Every section by name, in the order in which they stand unless the campaign says otherwise."""
+"""Every section by name, in the order in which they stand unless the campaign says otherwise; one that has nothing to
+show stands on the page only where it was asked for by name.
+"""
+_WHERE_ANY = ("transitions",)
+"""CSV tables that are written only where they have rows."""
 
 
 def build(folder: Path | str, sections: Sequence[str] | None = None) -> Path:
@@ -56,8 +62,11 @@ def build(folder: Path | str, sections: Sequence[str] | None = None) -> Path:
     names = list(sections or stated or SECTIONS)
     _check(names)
     for name in CSV:
-        METRICS[name](tables).to_csv(tables.folder / f"{name}.csv", index=False, float_format="%.6g")
+        _write_csv(tables, name)
     made = [Section(name, SECTIONS[name][0], SECTIONS[name][1](tables)) for name in names]
+    if sections or stated:
+        made = [section._replace(blocks=section.blocks or [Text("Nothing to show.")]) for section in made]
+    made = [section for section in made if section.blocks]
     _write_figures(tables.folder / "figures", made)
     title = str(tables.manifest.get("campaign") or tables.campaign.get("name"))
     asked = str(tables.campaign.get("description") or "")
@@ -66,6 +75,14 @@ def build(folder: Path | str, sections: Sequence[str] | None = None) -> Path:
     text = re.sub(r"\n{3,}", "\n\n", _render("page.md.j2", title, asked, made)).strip() + "\n"
     (tables.folder / "report.md").write_text(text, encoding="utf-8")
     return page
+
+
+def _write_csv(tables: Tables, name: str) -> None:
+    frame, path = METRICS[name](tables), tables.folder / f"{name}.csv"
+    if frame.empty and name in _WHERE_ANY:
+        path.unlink(missing_ok=True)
+    else:
+        frame.to_csv(path, index=False, float_format="%.6g")
 
 
 def keep(results: Path | str, folder: Path | str) -> Path:
@@ -78,7 +95,10 @@ def keep(results: Path | str, folder: Path | str) -> Path:
         (target / "figures").mkdir(parents=True, exist_ok=True)
         for old in [*(target / "figures").glob("*.png"), *target.glob("*.csv")]:
             old.unlink()
-        for path in [*sorted((source / "figures").glob("*.png")), *(source / f"{name}.csv" for name in CSV)]:
+        written = [
+            source / f"{name}.csv" for name in CSV if name not in _WHERE_ANY or (source / f"{name}.csv").exists()
+        ]
+        for path in [*sorted((source / "figures").glob("*.png")), *written]:
             shutil.copyfile(path, target / path.relative_to(source))
         shutil.copyfile(source / "report.md", target / "report.md")
     except OSError as error:

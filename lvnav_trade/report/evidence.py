@@ -1,4 +1,4 @@
-"""The sections behind the answer: flight, errors, consistency, agreement, satellites, outages, references."""
+"""The sections behind the answer: flight, errors, consistency, agreement, outages, references."""
 
 from __future__ import annotations
 
@@ -14,9 +14,11 @@ from lvnav_trade.report.blocks import Block, Code, Table, Text, number, percent,
 from lvnav_trade.store import Tables
 
 _FACT_UNITS = (
-    ("gee_m", "km", 1e-3), ("_rad", "deg", 57.29577951308232),
-    ("_pa", "kPa", 1e-3), ("_m", "m", 1.0), ("_g", "g", 1.0), ("_kg", "kg", 1.0), ("_s", "s", 1.0),
+    ("gee_m", "_m", "km", 1e-3), ("_m_per_s", "_m_per_s", "m/s", 1.0), ("_m_s", "_m_s", "m/s", 1.0),
+    ("_rad", "_rad", "deg", 57.29577951308232), ("_pa", "_pa", "kPa", 1e-3), ("_m", "_m", "m", 1.0),
+    ("_g", "_g", "g", 1.0), ("_kg", "_kg", "kg", 1.0), ("_s", "_s", "s", 1.0),
 )  # fmt: skip
+"""What a fact's name ends with, what of that is its unit, the unit for people, their factor."""
 MOST_CASES = 8
 """Cases whose own figures are drawn; of more, the best and the worst."""
 NAVIGATION = ("position", "velocity", "attitude")
@@ -49,7 +51,7 @@ def distinct(tables: Tables, name: str, columns: list[str]) -> list[str]:
     return list(first.values())
 
 
-def _of(tables: Tables, case: str, group: list[str]) -> str:
+def named_if_several(tables: Tables, case: str, group: list[str]) -> str:
     """Name the case where a figure does not stand for all."""
     return f" {tables.labels[case]}." if len(group) > 1 else ""
 
@@ -103,7 +105,7 @@ def trajectory(tables: Tables) -> list[Block]:
     group = distinct(tables, "reference", ["t_s", "altitude_m"])
     blocks: list[Block] = []
     for number_, case in enumerate(group, start=1):
-        caption = "Trajectory; events as lines, faults shaded." + _of(tables, case, group)
+        caption = "Trajectory; events as lines, faults shaded." + named_if_several(tables, case, group)
         blocks.append(picture(f"trajectory-{number_}", PLOTS["trajectory"](tables, case), caption))
         events = tables.events[tables.events.case == case].sort_values("t_s", kind="stable")
         shown = pd.DataFrame({"event": events.event.str.replace("_", " "), "kind": events.kind})
@@ -119,9 +121,9 @@ def trajectory(tables: Tables) -> list[Block]:
 
 def _fact(name: str, value: float | str) -> tuple[str, str]:
     """Write a fact of the trajectory (SI, its unit at the end of its name) in the units of people."""
-    for ending, unit, factor in _FACT_UNITS:
+    for ending, suffix, unit, factor in _FACT_UNITS:
         if name.endswith(ending) and not isinstance(value, str):
-            return f"{name.rpartition('_')[0].replace('_', ' ')} ({unit})", f"{value * factor:.6g}"
+            return f"{name.removesuffix(suffix).replace('_', ' ')} ({unit})", f"{value * factor:.6g}"
     return name.replace("_", " "), value if isinstance(value, str) else f"{value:.6g}"
 
 
@@ -251,21 +253,6 @@ def _controlled(tables: Tables) -> list[Block]:
     return [table(shown, f"3D errors at {str(frame.event.iloc[0]).replace('_', ' ')}."), Text(note)]
 
 
-def satellites(tables: Tables) -> list[Block]:
-    """Return satellites in view and the sky, once per distinct sky."""
-    group = distinct(tables, "satellites", ["t_s", "satellite", "tracked"])
-    blocks: list[Block] = []
-    for number_, case in enumerate(group, start=1):
-        note = _of(tables, case, group)
-        blocks.append(
-            picture(
-                f"satellites-{number_}", PLOTS["satellites"](tables, case), "Satellites in view; faults shaded." + note
-            )
-        )
-        blocks.append(picture(f"sky-{number_}", PLOTS["sky"](tables, case), "The sky at the antenna." + note))
-    return blocks
-
-
 def outages(tables: Tables) -> list[Block]:
     """Return the errors around every fault."""
     frame = METRICS["outages"](tables)
@@ -282,10 +269,12 @@ def outages(tables: Tables) -> list[Block]:
         "before",
         "at end",
         "10 s after",
+        "worst",
         "growth (-)",
         "LinCov at end",
     ]
-    return [table(frame, "3D RMS error before, at the end of, and 10 s after every fault.")]
+    caption = "3D RMS error before, at the end of, and 10 s after every fault; the worst in between."
+    return [table(frame, caption)]
 
 
 def references(tables: Tables) -> list[Block]:

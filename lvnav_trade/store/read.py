@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 import ruamel.yaml
 
 from lvnav_trade.errors import InputError
-from lvnav_trade.store.schema import TABLES
+from lvnav_trade.store.schema import TABLES, arrow_schema
 
 
 class Tables:
@@ -36,7 +36,7 @@ class Tables:
         if name not in TABLES:
             raise AttributeError(name)
         if name not in self._read:
-            self._read[name] = read_table(self.folder / f"{name}.parquet").to_pandas()
+            self._read[name] = _whole(name, read_table(self.folder / f"{name}.parquet")).to_pandas()
         return self._read[name]
 
     @cached_property
@@ -72,6 +72,14 @@ class Tables:
         return {
             (row.quantity, row.axis): (row.label_unit, row.label_factor_ratio) for row in rows.itertuples(index=False)
         }
+
+
+def _whole(name: str, table: pa.Table) -> pa.Table:
+    """Return a table with every column of its schema; one that an earlier version did not write is empty."""
+    for field in arrow_schema(name):
+        if field.name not in table.column_names:
+            table = table.append_column(field, pa.nulls(table.num_rows, field.type))
+    return table
 
 
 def load(results: Path | str | Tables) -> Tables:

@@ -13,6 +13,7 @@ from lvnav_trade.engines.statistics import NORM, BlockSummary, add_norms, column
 from lvnav_trade.records import CovHistory, Floats, Output
 from lvnav_trade.store.explained import explained_tables
 from lvnav_trade.store.schema import arrow_schema, error_column
+from lvnav_trade.store.sky import sky_tables, thresholds
 from lvnav_trade.store.states import state_tables
 from lvnav_trade.store.worst import worst_table
 from lvnav_trade.world.events import resolve
@@ -58,9 +59,9 @@ def case_tables(
         "innovations": _innovations(cov, summary),
         "whiteness": _whiteness(prepared, summary),
         "budget": _budget(prepared, cov),
-        "satellites": _satellites(prepared),
         "reference": _reference(prepared, cov.t),
         "events": _events(prepared),
+        **sky_tables(prepared),
         **state_tables(prepared, cov),
         **explained_tables(prepared, cov, explained),
     }
@@ -150,6 +151,7 @@ def _cases(case: CaseInfo, prepared: Prepared, summary: BlockSummary | None) -> 
         "failed_count": [int((summary.failed != 0).sum()) if summary else 0],
         "nees_dof_count": [nees_dof(prepared)],
         "gate_ratio": [_gate(prepared)],
+        **thresholds(prepared.scenario),
         "epoch": [prepared.trajectory.epoch],
         "facts": [json.dumps(prepared.trajectory.facts, sort_keys=True, default=float)],
     }
@@ -298,20 +300,6 @@ def _budget(prepared: Prepared, cov: CovHistory) -> dict[str, Any]:
             for key, values in piece.items():
                 rows.setdefault(key, []).extend(values)
     return rows
-
-
-def _satellites(prepared: Prepared) -> dict[str, Any]:
-    """Positions in the sky once a second at most: a receiver at 10 Hz adds nothing that a figure could show."""
-    sky = prepared.sky
-    step = max(1, round(1.0 / float(np.median(np.diff(sky.t))))) if len(sky.t) > 1 else 1
-    t, n_sat = sky.t[::step], len(sky.names)
-    return {
-        "t_s": np.repeat(t, n_sat),
-        "satellite": list(sky.names) * len(t),
-        "azimuth_rad": sky.azimuth[::step].ravel(),
-        "elevation_rad": sky.elevation[::step].ravel(),
-        "tracked": sky.tracked[::step].ravel(),
-    }
 
 
 def _reference(prepared: Prepared, t: Floats) -> dict[str, Any]:

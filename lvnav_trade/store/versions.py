@@ -13,8 +13,8 @@ from typing import Any
 import ruamel.yaml
 
 PACKAGE = Path(__file__).resolve().parents[1]
-_COMPUTES = ("kernels", "world", "observables", "receivers", "filters", "engines")
-_COMPUTES_TOO = ("layout.py", "frames.py", "records.py", "scenario.py")
+_COMPUTES = ("kernels", "delays", "world", "observables", "receivers", "filters", "engines")
+_COMPUTES_TOO = ("layout.py", "frames.py", "records.py", "scenario.py", "units.py")
 _NOT_THE_RUNS = ("description", "covariance", "requirements", "references", "report", "corridor", "compare")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from lvnav_trade.plots import PLOTS
@@ -40,3 +41,33 @@ def test_the_map_has_the_largest_source_on_top_and_its_sum_beside_it(good):
     assert start.yaxis_inverted()
     assert [text.get_text() for text in axes.texts][:2] == ["75.0 %", "25.0 %"]
     assert axes.collections[0].get_array().compressed().sum() == pytest.approx(90.0)  # nine of ten bins
+
+
+@pytest.fixture
+def many(good):
+    """The results with each source cut into fifteen, of ever smaller parts."""
+    parts = 0.5 ** np.arange(15)
+    tables = type(good)(good.folder)
+    for name, value in (("budget", "share_ratio"), ("adjoint", "variance_si2")):
+        table = getattr(good, name)
+        pieces = [
+            table.assign(source=table.source + f" {k:02d}", **{value: table[value] * part / parts.sum()})
+            for k, part in enumerate(parts)
+        ]
+        tables._read[name] = pd.concat(pieces, ignore_index=True)
+    return tables
+
+
+def test_of_many_sources_the_smallest_are_summed(many):
+    figure = PLOTS["budget"](many, CASE, "velocity")
+    told = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert told == [
+        "gyro bias 00", "gyro bias 01", "range noise 00", "gyro bias 02", "range noise 01", "gyro bias 03",
+        "range noise 02", "all others", "filter's own sigma",
+    ]  # fmt: skip
+    start, axes = PLOTS["heatmap"](many, CASE, "velocity").axes[:2]
+    names = [label.get_text() for label in start.get_yticklabels()]
+    assert len(names) == 13
+    assert names[-1] == "all others"
+    sums = [float(text.get_text().split()[0]) for text in axes.texts[:13]]
+    assert sum(sums) == pytest.approx(100.0, abs=0.5)

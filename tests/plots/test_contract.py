@@ -14,6 +14,9 @@ ARGUMENTS = {
     "trajectory": (CASE,),
     "satellites": (CASE,),
     "sky": (CASE,),
+    "timeline": (CASE,),
+    "delays": (CASE,),
+    "latency": (CASE,),
     "envelope": (CASE, "velocity"),
     "comparison": ("position",),
     "rank": (),
@@ -33,7 +36,7 @@ def test_every_axis_is_labelled(name, good):
             assert "%" in axes.get_ylabel()
             continue
         shared = axes.get_subplotspec().get_gridspec().nrows > 1 and not axes.get_subplotspec().is_last_row()
-        assert axes.get_xlabel() or (shared and name in ("envelope", "consistency", "budget"))
+        assert axes.get_xlabel() or (shared and name in ("envelope", "consistency", "budget", "satellites", "delays"))
         assert (
             axes.get_ylabel()
             or name == "sky"

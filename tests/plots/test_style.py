@@ -28,3 +28,12 @@ def test_numbers_of_events_have_a_key(good):
     assert style.event_key(events) == "1 liftoff   2 stage1 cutoff   3 injection"
     names = {text.get_text() for text in PLOTS["trajectory"](good, CASE).axes[0].texts}
     assert names == {"1", "2", "3"}
+
+
+def test_a_fault_of_a_moment_is_a_line(good):
+    events = good.events[good.events.case == CASE].assign(t_end_s=lambda rows: rows.t_s)
+    _, grid = style.canvas()
+    grid[0, 0].set_xlim(-5.0, 100.0)
+    style.mark_events(grid[0, 0], events)
+    assert len(grid[0, 0].patches) == 0
+    assert [60.0, 60.0] in [list(line.get_xdata()) for line in grid[0, 0].get_lines()]

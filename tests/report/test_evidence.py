@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import re
 
+import pytest
+
 from lvnav_trade.report import SECTIONS, build
+from lvnav_trade.report.evidence import _fact
 from tests import synthetic
 
 
@@ -17,3 +20,20 @@ def test_linear_covariance_alone_makes_a_report(tmp_path):
     text = build(synthetic.results(tmp_path, n_run=0)).read_text(encoding="utf-8")
     assert "linear covariance only" in text
     assert "nan" not in re.sub(r"base64,[^\"]+|<style>.*?</style>", "", text, flags=re.S).lower()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "told"),
+    [
+        ("perigee_m", 2.0e5, ("perigee (km)", "200")),
+        ("record_speed_rms_m_s", 12.5, ("record speed rms (m/s)", "12.5")),
+        ("ground_speed_at_end_m_per_s", 7.0, ("ground speed at end (m/s)", "7")),
+        ("kick_after_record_s", 3.0, ("kick after record (s)", "3")),
+        ("position_misfit_rms_m", 0.5, ("position misfit rms (m)", "0.5")),
+        ("inclination_rad", 0.5 * 3.141592653589793, ("inclination (deg)", "90")),
+        ("max_load_g", 4.2, ("max load (g)", "4.2")),
+        ("compared_with", "a record", ("compared with", "a record")),
+    ],
+)
+def test_a_fact_is_told_in_the_unit_of_its_name(name, value, told):
+    assert _fact(name, value) == told

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import shutil
 
 import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 
 from lvnav_trade.errors import InputError
@@ -15,6 +17,16 @@ from tests import synthetic
 def test_no_results_is_a_users_error(tmp_path):
     with pytest.raises(InputError, match="no results here"):
         load(tmp_path)
+
+
+def test_a_column_that_an_earlier_version_did_not_write_is_empty(written, tmp_path):
+    folder = shutil.copytree(written, tmp_path / "older")
+    rows = pq.read_table(folder / "satellites.parquet").drop_columns(["cn0_db_hz", "state"])
+    pq.write_table(rows, folder / "satellites.parquet")
+    found = load(folder).satellites
+    assert len(found) == rows.num_rows
+    assert found.cn0_db_hz.isna().all()
+    assert found.state.isna().all()
 
 
 def test_an_unfinished_campaign_is_not_read_as_if_it_had_finished(tmp_path):

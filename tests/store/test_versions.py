@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
+
 from lvnav_trade.store import load
-from lvnav_trade.store.versions import campaign_digest
+from lvnav_trade.store.versions import _COMPUTES, _COMPUTES_TOO, PACKAGE, campaign_digest
 from tests.synthetic import CAMPAIGN
 
 
@@ -17,3 +19,9 @@ def test_the_manifest_names_versions_machine_and_order(written):
     manifest = load(written).manifest
     assert manifest["cases"] == ["aaaaaaaaaaaa", "bbbbbbbbbbbb"]
     assert {"tool", "python", "numpy", "numba", "host", "cpu", "seed", "created", "commit"} <= set(manifest)
+
+
+def test_the_digest_of_the_code_covers_every_room_that_computing_rooms_use():
+    text = "".join(path.read_text() for room in _COMPUTES for path in (PACKAGE / room).rglob("*.py"))
+    used = set(re.findall(r"^from lvnav_trade\.(\w+)", text, flags=re.M))
+    assert used - {"errors"} == used & {*_COMPUTES, *(name.removesuffix(".py") for name in _COMPUTES_TOO)}

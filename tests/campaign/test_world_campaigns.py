@@ -1,0 +1,66 @@
+"""The campaigns that come with the tool: well put, with known sections; those of `world` run, and both engines agree."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from lvnav_trade import api
+from lvnav_trade.campaign.axes import cases
+from lvnav_trade.campaign.load import load
+from lvnav_trade.metrics.agreement import agreement
+from lvnav_trade.report.build import SECTIONS
+
+FOLDER = Path(__file__).resolve().parents[2] / "campaigns"
+FILES = sorted(FOLDER.rglob("*.yaml"))
+WORLD = sorted((FOLDER / "world").glob("*.yaml"))
+
+# Where linear covariance does not describe the case, as its campaign says: words of the label, and why.
+BEYOND = {
+    "faults": ["frozen output"],  # kilometres of error within a second, in a filter without a gate
+    "latency": ["300 ms"],  # the mean error is 2.3 km at injection
+    "vibration": ["100 Hz", "50 Hz"],  # an error of the strapdown's own
+}
+FAULTS = 11
+
+
+def name(path: Path) -> str:
+    return path.stem
+
+
+@pytest.mark.parametrize("path", FILES, ids=name)
+def test_every_campaign_is_well_put(path: Path, tmp_path: Path) -> None:
+    campaign = load(path)
+    assert campaign.name == path.stem
+    assert set(campaign.report.sections or ()) <= set(SECTIONS)
+    labels = [case.label for case in cases(campaign)]
+    assert len(set(labels)) == len(labels)
+    planned = api.plan(path, (), tmp_path)
+    assert [row["label"] for row in planned.cases] == labels
+
+
+def test_every_model_of_the_world_has_its_campaign() -> None:
+    told = {path.stem: load(path) for path in WORLD}
+    kinds = [fault.kind for case in cases(told["faults"]) for fault in case.scenario.faults]
+    assert len(kinds) == len(set(kinds)) == FAULTS
+    flown = {case.scenario.trajectory.name for case in cases(told["vehicles"])}
+    shipped = {path.stem for path in (FOLDER.parent / "configs" / "trajectories").glob("*.yaml")}
+    assert flown == shipped
+    corrected = {case.scenario.filter.corrections.troposphere.kind for case in cases(told["troposphere"])}
+    assert corrected == {"none", "conae_000", "spilker", "saastamoinen", "niell", "matched"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", WORLD, ids=name)
+def test_monte_carlo_and_linear_covariance_agree_in_every_world_campaign(path: Path, tmp_path: Path) -> None:
+    results = api.run(path, ["monte_carlo.runs=8"], tmp_path, jobs=1, report=False)
+    assert results.exit_code == 0
+    found = agreement(results.folder)
+    beyond = found.case.str.contains("|".join(BEYOND.get(path.stem, ["(?!)"])))
+    outside = found[(found.agree != "agree") & ~beyond]
+    # One percent of the cases may fall outside by chance, and cases of one campaign share their draws.
+    assert outside.empty, outside.to_string()
+    ratio: pd.Series = found[~beyond].groupby("case").ratio.mean()
+    assert ratio.between(0.5, 1.5).all(), ratio.to_string()
