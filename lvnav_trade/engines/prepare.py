@@ -226,6 +226,40 @@ def _with_steps(t_hist: Floats, steps: Floats, start: float, rate: float, n_imu:
     return np.sort(np.concatenate([t_hist, steps[new]]))
 
 
+class _Times(NamedTuple):
+    """When a flight is looked at: epochs and history times (s) with their ticks, windows, their lengths (s), and the
+    ticks to a strapdown step.
+    """
+
+    t_epoch: Floats
+    epoch_tick: Ints
+    t_hist: Floats
+    hist_tick: Ints
+    schedule: Schedule
+    lengths: Floats
+    group: int
+
+
+def _times(
+    scenario: Scenario, trajectory: Trajectory, ref: Reference, history: float, every_step_beside: Floats | None
+) -> _Times:
+    card, rate = scenario.filter, scenario.imu.rate
+    start, end = float(ref.t[0]), float(ref.t[-1])
+    group = 1 if card.strapdown_rate is None else round(rate / card.strapdown_rate)
+    n_imu = ref.dtheta.shape[0] // group * group
+    interval = 1.0 / card.update_rate
+    t_epoch = start + interval * np.arange(1, math.floor((end - start) / interval + 1e-9) + 1)
+    epoch_tick = _ticks(t_epoch, start, rate, n_imu, group)
+    t_epoch = ref.t[epoch_tick]  # increments end at ticks: half a tick is 20 m at orbital speed
+    per_window = max(1, round(rate / card.covariance_rate))
+    t_hist = _history_times(trajectory, start, end, history)
+    if every_step_beside is not None:
+        t_hist = _with_steps(every_step_beside, ref.t[::per_window], start, rate, n_imu, group)
+    hist_tick = _ticks(t_hist, start, rate, n_imu, group)
+    schedule, lengths = _schedule(n_imu, per_window, hist_tick, epoch_tick)
+    return _Times(t_epoch, epoch_tick, t_hist, hist_tick, schedule, lengths / rate, group)
+
+
 def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats | None = None) -> Prepared:
     """Make a scenario ready: trajectory, increments, satellites, beliefs, and the windows of the flight.
 
@@ -240,31 +274,19 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     kind, text = type(scenario.trajectory), _identity(scenario.trajectory)
     trajectory, card = _built(text, kind), scenario.filter
     ref = _sampled(text, kind, scenario.imu.rate)
-    start, end, rate = float(ref.t[0]), float(ref.t[-1]), scenario.imu.rate
-    group = 1 if card.strapdown_rate is None else round(rate / card.strapdown_rate)
-    n_imu = ref.dtheta.shape[0] // group * group
-    interval = 1.0 / card.update_rate
-    t_epoch = start + interval * np.arange(1, math.floor((end - start) / interval + 1e-9) + 1)
-    epoch_tick = _ticks(t_epoch, start, rate, n_imu, group)
-    t_epoch = ref.t[epoch_tick]  # increments end at ticks: half a tick is 20 m at orbital speed
-    per_window = max(1, round(rate / card.covariance_rate))
-    t_hist = _history_times(trajectory, start, end, history)
-    if every_step_beside is not None:
-        t_hist = _with_steps(every_step_beside, ref.t[::per_window], start, rate, n_imu, group)
-    hist_tick = _ticks(t_hist, start, rate, n_imu, group)
-    schedule, lengths = _schedule(n_imu, per_window, hist_tick, epoch_tick)
-    seen = _seen(scenario, trajectory, t_epoch, start)
+    at = _times(scenario, trajectory, ref, history, every_step_beside)
+    seen = _seen(scenario, trajectory, at.t_epoch, float(ref.t[0]))
     imu, receiver, initial = beliefs(scenario)
     channels, lever_b = channels_of(scenario, seen), np.array(scenario.receiver.lever_b)
     levers = seen.levers if channels.tight else lever_b[None, :]
-    layout, belief = believe(card, imu, receiver, levers, lengths / rate, channels, group)
+    layout, belief = believe(card, imu, receiver, levers, at.lengths, channels, at.group)
     line = Line(trajectory, lever_b, seen)
     late_by = delays(trajectory, scenario.receiver, seen, scenario.atmosphere, card.corrections)
     geometry = geometry_of(line, seen.tracked, late_by.troposphere, late_by.ionosphere)
     believed = geometry_of(line, seen.tracked, late_by.believed_troposphere, late_by.believed_ionosphere)
-    failed = failures(scenario.faults, trajectory.events, t_epoch, seen.names, seen.elevation, seen.tracked)
+    failed = failures(scenario.faults, trajectory.events, at.t_epoch, seen.names, seen.elevation, seen.tracked)
     shared_errors = families(scenario, geometry, channels, failed)
-    shared = shared_of(shared_errors, layout, interval, (t_epoch.size, channels.n_channel))
+    shared = shared_of(shared_errors, layout, 1.0 / card.update_rate, (at.t_epoch.size, channels.n_channel))
     blocks = (*error_blocks(scenario.imu), *disturbance(scenario.gravity))
     C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], trajectory.theta0)[0].T
     return Prepared(
@@ -277,14 +299,14 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         belief=belief,
         sources=blocks,
         families=shared_errors,
-        schedule=schedule,
+        schedule=at.schedule,
         unit=_unit(scenario, ref, blocks, trajectory.events),
         signals=signals(scenario, seen, line, receiver, layout, believed, channels, shared, failed, late_by.left),
         start=_start(scenario, ref, C_n_i, initial_covariance(layout, initial, C_n_i)),
-        record=_record(scenario, trajectory, ref, hist_tick, t_hist, epoch_tick),
-        t_hist=t_hist,
-        t_epoch=t_epoch,
-        lengths=lengths / rate,
+        record=_record(scenario, trajectory, ref, at.hist_tick, at.t_hist, at.epoch_tick),
+        t_hist=at.t_hist,
+        t_epoch=at.t_epoch,
+        lengths=at.lengths,
         delays=late_by,
     )
 
