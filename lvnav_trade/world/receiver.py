@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
@@ -10,6 +10,7 @@ from lvnav_trade.units import Angle, Card, Frequency, Length, LengthSigma, Pause
 from lvnav_trade.world.antenna import AntennaCard
 from lvnav_trade.world.link import LinkCard
 from lvnav_trade.world.loops import LoopsCard
+from lvnav_trade.world.solutions import DirectSolution
 from lvnav_trade.world.tracking import TrackingCard
 
 
@@ -20,17 +21,6 @@ class ClockCard(Card):
     h_minus2: float = Field(ge=0)
     initial_bias: LengthSigma = 0.0
     initial_drift: SpeedSigma = 0.0
-
-
-class SolutionCard(Card):
-    """The receiver's own position/velocity solution: true position and velocity plus white noise per axis."""
-
-    kind: Literal["direct"] = "direct"
-    position_sigma: LengthSigma
-    velocity_sigma: SpeedSigma
-    position_bias: LengthSigma = Field(0.0, description="Gauss-Markov error per axis beside the white noise")
-    velocity_bias: SpeedSigma = 0.0
-    bias_time: TimeConstant = Field(60.0, description="time constant of both")
 
 
 class ReceiverCard(Card):
@@ -65,7 +55,7 @@ class ReceiverCard(Card):
     channels: int = Field(16, ge=1, le=64, description="satellites tracked at most; the highest are kept")
     pseudorange_sigma: LengthSigma = Field(description="with loops: what is there beside their thermal noise")
     range_rate_sigma: SpeedSigma = Field(description="with loops: what is there beside their thermal noise")
-    solution: SolutionCard
+    solution: DirectSolution
     clock: ClockCard
     antennas: tuple[AntennaCard, ...] = Field((), description="none: one at lever_b that hears all directions alike")
     link: LinkCard | None = Field(None, description="none: no C/N0")

@@ -1,4 +1,4 @@
-"""The campaigns that come with the tool: well put, with known sections; those of `world` run, and both engines agree."""
+"""The campaigns that come with the tool are well put; those of `world` run, and both engines agree."""
 
 from __future__ import annotations
 

@@ -1,0 +1,241 @@
+"""The receiver's own filter: position, velocity, acceleration and clock from ranges and range rates (EKF-GNSS).
+
+Canepa and Servidia, section 4.2, in frame i and on the kernels of the navigation filter: `predict` sees acceleration,
+velocity, position where that one has attitude, velocity, position, and the rows are those of tight coupling without a
+lever arm. Noise of the driving jerk (or, without acceleration states, of the acceleration itself) is taken as constant
+over the interval: its covariance is g q g' per axis with g = (T, T^2/2, T^3/6), added whole after the propagation, as
+eq. 4.8 and 4.16 have it; half of a diagonal noise before and half after would give the position nearly twice as much.
+
+The acceleration that noise is adapted by (eq. 4.23 to 4.28) is that of the last two point solutions; the one into an
+epoch is known when that epoch is filtered, so it already governs the propagation into it. While there is no point
+solution the last one stands.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lvnav_trade.kernels.covariance import absorb, predict
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import like, magnitude, sqrt, where
+from lvnav_trade.observables import doppler, pseudorange
+from lvnav_trade.observables.base import H_CLOCK, H_POS, H_VEL, N_ENTRY, line_of_sight
+from lvnav_trade.receivers.bancroft import fix
+from lvnav_trade.receivers.base import (
+    ACC,
+    ACCELERATION,
+    BIAS,
+    CARRIED,
+    DRIFT,
+    FIX_BIAS,
+    FIX_DRIFT,
+    FIX_POS,
+    FIX_VEL,
+    FULL,
+    IDLE,
+    LAST_VELOCITY,
+    MISSES,
+    N_STATE,
+    NO_FIX,
+    PARTIAL,
+    POS,
+    SINCE,
+    STARTED,
+    VEL,
+)
+
+RANGE_ENTRIES = np.array([H_POS, H_POS + 1, H_POS + 2, H_CLOCK])
+RANGE_COLUMNS = np.array([POS, POS + 1, POS + 2, BIAS])
+RATE_ENTRIES = np.array([H_POS, H_POS + 1, H_POS + 2, H_VEL, H_VEL + 1, H_VEL + 2, H_CLOCK])
+RATE_COLUMNS = np.array([POS, POS + 1, POS + 2, VEL, VEL + 1, VEL + 2, DRIFT])
+
+
+@jit
+def _larger(a, b):
+    return where(a > b, a, b)
+
+
+@jit
+def adapted(ax, ay, az, model):
+    """Return variances under an acceleration (m/s^2): of the driving noise per axis, of ranges and of range rates.
+
+    Eq. 4.25 to 4.28 (4.27 with the acceleration along z). With gains of zero they are the constant floors. Linear
+    covariance asks with the difference of nominal velocities; the runs ask with that of noisy point solutions.
+    """
+    size = sqrt(ax * ax + ay * ay + az * az)
+    x = _larger(model.drive_gain * ax * ax, like(ax, model.drive_floor))
+    y = _larger(model.drive_gain * ay * ay, like(ax, model.drive_floor))
+    z = _larger(model.drive_gain * az * az, like(ax, model.drive_floor))
+    ranges = _larger(model.range_gain * size, like(ax, model.range_floor))
+    return x, y, z, ranges, _larger(model.rate_gain * size, like(ax, model.rate_floor))
+
+
+@jit
+def drive(P, model, x, y, z):
+    """Add the noise of an interval to the covariance: driving variances x, y, z per axis, and the clock's."""
+    variance = (x, y, z)
+    blocks = (ACC, VEL, POS)
+    for i in range(3):
+        for first in range(3):
+            for second in range(3):
+                row, column = blocks[first] + i, blocks[second] + i
+                P[row, column] = P[row, column] + model.drive[first] * model.drive[second] * variance[i]
+    g0, g1 = 0.5 * model.interval * model.interval, model.interval
+    P[BIAS, BIAS] = P[BIAS, BIAS] + g0 * g0 * model.clock
+    P[BIAS, DRIFT] = P[BIAS, DRIFT] + g0 * g1 * model.clock
+    P[DRIFT, BIAS] = P[DRIFT, BIAS] + g0 * g1 * model.clock
+    P[DRIFT, DRIFT] = P[DRIFT, DRIFT] + g1 * g1 * model.clock
+
+
+@jit
+def propagate(rx, model, x, y, z):
+    """Propagate state and covariance over an interval, with driving variances x, y, z."""
+    nav = rx.nav
+    for i in range(3):
+        nav[POS + i] = nav[POS + i] + model.interval * nav[VEL + i] + model.to_position * nav[ACC + i]
+        nav[VEL + i] = nav[VEL + i] + model.to_velocity * nav[ACC + i]
+        nav[ACC + i] = model.fade * nav[ACC + i]
+    nav[BIAS] = nav[BIAS] + model.interval * nav[DRIFT]
+    predict(
+        rx.P, rx.X, model.blocks, model.rows, model.columns, model.ones, model.zeros, BIAS, model.interval
+    )  # fmt: skip
+    drive(rx.P, model, x, y, z)
+
+
+@jit
+def _update_acceleration(rx, model, fixed):
+    """Take the acceleration of the last two point solutions; the interval since the last one may be several epochs."""
+    memory = rx.memory
+    ever = memory[SINCE] >= 0.0
+    since = where(ever, memory[SINCE] + model.interval, model.interval)
+    known = fixed & ever
+    for i in range(3):
+        velocity = rx.fix[FIX_VEL + i]
+        slope = (velocity - memory[LAST_VELOCITY + i]) / since
+        memory[ACCELERATION + i] = where(known, slope, memory[ACCELERATION + i])
+        memory[LAST_VELOCITY + i] = where(fixed, velocity, memory[LAST_VELOCITY + i])
+    memory[SINCE] = where(fixed, 0.0, where(ever, since, -1.0))
+
+
+@jit
+def _take_row(rx, model, innovation, limit, variance, entries, columns):
+    """Absorb the row in h, brought to unit variance; return 1 where it was believed."""
+    scale = 1.0 / sqrt(variance)
+    for e in range(N_ENTRY):
+        rx.h[e] = rx.h[e] * scale
+    innovation = where(magnitude(innovation) <= limit, innovation * scale, np.nan)
+    _, weight = absorb(
+        rx.P, rx.x, rx.K, rx.h, entries, columns, innovation, 1.0, model.gate_squared, N_STATE, False
+    )  # fmt: skip
+    return where(weight > 0.0, 1.0, 0.0)
+
+
+@jit
+def _absorb_rows(rx, model, satellite, satellite_velocity, used, n_used, ranges, range_variance, rate_variance):
+    """Absorb what is measured of the satellites in use, all rows at one point; return how many rows there were, were
+    believed, and how many satellites have one that was.
+    """
+    nav, x = rx.nav, rx.x
+    zero = like(nav[0], 0.0)
+    for i in range(3):
+        rx.at[i], rx.at[3 + i], rx.at[6 + i], rx.at[9 + i] = nav[POS + i], nav[VEL + i], zero, zero
+    for i in range(N_STATE):
+        x[i] = zero
+    asked, believed, satellites = zero, zero, zero
+    for slot in range(n_used):
+        s = used[slot]
+        ux, uy, uz, distance = line_of_sight(satellite[s], rx.at)
+        rho = where(rx.memory[STARTED] > 0.0, ranges[slot, 0], np.nan)
+        rate = where(rx.memory[STARTED] > 0.0, ranges[slot, 1], np.nan)
+        asked = asked + where(rho == rho, 1.0, 0.0) + where(rate == rate, 1.0, 0.0)
+        innovation = rho - pseudorange.row(rx.h, rx.at, ux, uy, uz, distance, nav[BIAS])
+        one = _take_row(rx, model, innovation, model.range_limit, range_variance, RANGE_ENTRIES, RANGE_COLUMNS)
+        innovation = rate - doppler.row(rx.h, rx.at, satellite_velocity[s], ux, uy, uz, distance, nav[DRIFT])
+        two = _take_row(rx, model, innovation, model.rate_limit, rate_variance, RATE_ENTRIES, RATE_COLUMNS)
+        believed = believed + one + two
+        satellites = satellites + where(one + two > 0.0, 1.0, 0.0)
+    for i in range(N_STATE):
+        nav[i] = nav[i] + x[i]
+    return asked, believed, satellites
+
+
+@jit
+def _start(rx, model, point, begin):
+    """Start the filter from the point solution in the runs that begin."""
+    nav, P = rx.nav, rx.P
+    for i in range(N_STATE):
+        for j in range(N_STATE):
+            P[i, j] = where(begin, 0.0, P[i, j])
+    for i in range(3):
+        nav[ACC + i] = where(begin, 0.0, nav[ACC + i])
+        nav[VEL + i] = where(begin, rx.fix[FIX_VEL + i], nav[VEL + i])
+        nav[POS + i] = where(begin, rx.fix[FIX_POS + i], nav[POS + i])
+        P[ACC + i, ACC + i] = where(begin, model.start, P[ACC + i, ACC + i])
+    nav[BIAS] = where(begin, rx.fix[FIX_BIAS], nav[BIAS])
+    nav[DRIFT] = where(begin, rx.fix[FIX_DRIFT], nav[DRIFT])
+    for i in range(4):
+        for j in range(4):
+            a = POS + i if i < 3 else BIAS
+            b = POS + j if j < 3 else BIAS
+            P[a, b] = where(begin, point.range_variance * rx.inverse[i, j], P[a, b])
+            a = VEL + i if i < 3 else DRIFT
+            b = VEL + j if j < 3 else DRIFT
+            P[a, b] = where(begin, point.rate_variance * rx.inverse[i, j], P[a, b])
+
+
+@jit
+def _hand_out(rx, model, satellites):
+    """Set solution and covariance: of the filter, or not-a-number where it is off or has coasted too long."""
+    memory = rx.memory
+    valid = (memory[STARTED] > 0.0) & (memory[IDLE] <= model.coast)
+    quality = where(satellites >= 4.0, FULL, where(satellites > 0.0, PARTIAL, CARRIED))
+    rx.used[0] = where(valid, quality, NO_FIX)
+    told, zero = model.told, like(satellites, 0.0)
+    for i in range(6):
+        a = POS + i if i < 3 else VEL + i - 3
+        rx.solution[i] = where(valid, rx.nav[a], np.nan)
+        for j in range(6):
+            b = POS + j if j < 3 else VEL + j - 3
+            if told.own:
+                rx.covariance[i, j] = told.factor * rx.P[a, b] if told.correlated or i == j else zero
+            else:
+                constant = told.position_variance if i < 3 else told.velocity_variance
+                rx.covariance[i, j] = zero + (constant if i == j else 0.0)
+
+
+@jit
+def step(rx, model, point, satellite, satellite_velocity, used, n_used, ranges):
+    """Carry the filter from the epoch before to this one, take its measurements, hand out its solution.
+
+    Parameters
+    ----------
+    rx : Receiver, after `switch_on`; updated. model : FilterModel; point : PointModel, of the fix that starts it
+    satellite, satellite_velocity, used, n_used, ranges : as of `bancroft.fix`
+
+    Returns
+    -------
+    quality of the filtered solution: none, carried on without a row, fewer than four satellites, or four and more
+    """
+    quality = fix(rx, point, satellite, satellite_velocity, used, n_used, ranges)
+    fixed = quality >= point.least_quality
+    memory = rx.memory
+    _update_acceleration(rx, model, fixed)
+    x, y, z, range_variance, rate_variance = adapted(
+        memory[ACCELERATION], memory[ACCELERATION + 1], memory[ACCELERATION + 2], model
+    )
+    propagate(rx, model, x, y, z)
+    asked, believed, satellites = _absorb_rows(
+        rx, model, satellite, satellite_velocity, used, n_used, ranges, range_variance, rate_variance
+    )
+    memory[MISSES] = where(fixed & (believed < 0.5 * asked), memory[MISSES] + 1.0, 0.0)
+    begin = fixed & ((memory[STARTED] == 0.0) | (memory[MISSES] >= model.restart))
+    _start(rx, model, point, begin)
+    memory[STARTED] = where(begin, 1.0, memory[STARTED])
+    memory[MISSES] = where(begin, 0.0, memory[MISSES])
+    satellites = where(begin, rx.verdict[1], satellites)
+    memory[IDLE] = where(satellites > 0.0, 0.0, memory[IDLE] + model.interval)
+    for i in range(3):
+        rx.near[i] = where(memory[STARTED] > 0.0, rx.nav[POS + i], rx.near[i])
+    rx.used[1] = believed
+    _hand_out(rx, model, satellites)
+    return rx.used[0]
