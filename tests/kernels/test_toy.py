@@ -1,0 +1,161 @@
+"""A one-dimensional INS/GNSS toy: true covariance by source against 40 000 runs, and what a dropped mismatch costs.
+
+Boost, coast, boost over 300 s. The filter neglects the scale factor and the bias of the fixes, and believes that the
+bias of the accelerometer fades with 10 000 s where it does with 50 s.
+"""
+
+from __future__ import annotations
+
+from collections import namedtuple
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from lvnav_trade.engines.cover import _absorb_shared
+from lvnav_trade.kernels.covariance import absorb, predict
+from lvnav_trade.kernels.joint import propagate_component, update_covariance, update_vector
+from lvnav_trade.kernels.transition import POS, VEL
+
+RUNS, DT, N, BIAS = 40_000, 1.0, 12, 9
+FORCE = np.where((np.arange(300) < 100) | (np.arange(300) >= 200), 30.0, 0.0)  # m/s^2
+SIGMA_BIAS, TRUE_TIME, BELIEVED_TIME = 5e-3, 50.0, 1e4
+SCALE, WALK, FIX, FIX_BIAS, START_VEL, START_POS = 1e-3, 2e-3, 3.0, 2.0, 0.1, 5.0
+ROWS, COLUMNS = np.array([VEL, POS, POS]), np.array([BIAS, BIAS, VEL])
+BLOCKS = np.array([scale * np.eye(3).ravel() for scale in (-DT, -0.5 * DT**2, DT)])
+FADE, FADE_HAT = np.exp(-DT / TRUE_TIME), np.exp(-DT / BELIEVED_TIME)
+WANDER = SIGMA_BIAS**2 * (1.0 - FADE**2)
+ENTRIES, STATES = np.array([0]), np.array([POS])
+SOURCES = ("bias", "scale factor", "velocity random walk", "fix bias", "fix noise", "start")
+# As much of the engine's records as the shared error of a fix needs.
+Sources = namedtuple("Sources", "sources shared_cross shared_variance")
+Fixes = namedtuple("Fixes", "shared partial")
+Shares = namedtuple("Shares", "member partial")
+Truth = namedtuple("Truth", "shared_source shared_family")
+X = np.array([VEL, POS, BIAS])  # the states of the one axis that counts
+
+
+def noise_of(bias, walk):
+    """Noise of each state over a window; the filter's bias is held at its believed sigma."""
+    noise = np.zeros(N)
+    noise[VEL : VEL + 3], noise[BIAS : BIAS + 3] = walk**2 * DT, bias
+    return noise
+
+
+def start():
+    P = np.zeros((N, N))
+    for at, sigma in ((0, 1.0), (VEL, START_VEL), (POS, START_POS), (BIAS, SIGMA_BIAS)):
+        P[range(at, at + 3), range(at, at + 3)] = sigma**2
+    return P
+
+
+def gains():
+    """The filter's own pass: gains (300, N) and formal variances (300, N)."""
+    P, X_work, K, x = start(), np.zeros((N, N)), np.zeros(N), np.zeros(N)
+    decay = np.ones(N)
+    decay[BIAS:] = FADE_HAT
+    noise = noise_of(2.0 * SIGMA_BIAS**2 * np.tanh(DT / BELIEVED_TIME), WALK)
+    found, formal = [], []
+    for _ in FORCE:
+        predict(P, X_work, BLOCKS, ROWS, COLUMNS, decay, noise, -1, DT)
+        _, weight = absorb(P, x, K, np.ones(1), ENTRIES, STATES, 0.0, FIX**2, np.inf, N, False)
+        found.append(K * weight)
+        formal.append(np.diag(P).copy())
+    return np.array(found), np.array(formal)
+
+
+def linear(gain, mismatch=True):
+    """True variances by source, (300, n_source, N), through the joint recursion; without the bias' mismatch if told."""
+    P = np.zeros((len(SOURCES), N, N))
+    P[0, BIAS, BIAS] = SIGMA_BIAS**2
+    P[5, VEL, VEL], P[5, POS, POS] = START_VEL**2, START_POS**2
+    bias, scale, fixed = np.zeros(N), np.zeros(N), np.zeros((1, N))
+    bias[BIAS] = SIGMA_BIAS**2
+    variances = np.array([SIGMA_BIAS**2, SCALE**2])
+    joint = Sources(P, fixed, np.array([FIX_BIAS**2]))
+    signals = Fixes(Shares(np.zeros((1, 1), dtype=np.int64), np.ones((1, 1, 1))), np.zeros((0, 1, 1)))
+    true = Truth(np.array([3]), np.array([-1]))
+    work, X_work, decay, none = np.zeros(N), np.zeros((N, N)), np.ones(N), np.zeros(N)
+    decay[BIAS:] = FADE_HAT
+    out = []
+    for force, k in zip(FORCE, gain, strict=True):
+        for s in range(len(SOURCES)):
+            noise = np.zeros(N)
+            if SOURCES[s] == "velocity random walk":
+                noise[VEL] = WALK**2 * DT
+            predict(P[s], X_work, BLOCKS, ROWS, COLUMNS, decay, noise, -1, DT)
+        b, g = np.zeros(N), np.zeros(N)
+        b[BIAS], g[BIAS] = (FADE - FADE_HAT) * mismatch, 1.0
+        variances[0] = propagate_component(
+            P[0], bias, b, g, work, variances[0], FADE, WANDER, BLOCKS, ROWS, COLUMNS, decay, -1, DT
+        )  # fmt: skip
+        b = np.zeros(N)
+        b[VEL], b[POS] = -force * DT, -0.5 * force * DT**2
+        variances[1] = propagate_component(
+            P[1], scale, b, none, work, variances[1], 1.0, 0.0, BLOCKS, ROWS, COLUMNS, decay, -1, DT
+        )  # fmt: skip
+        propagate_component(
+            P[3], fixed[0], none, none, work, FIX_BIAS**2, 1.0, 0.0, BLOCKS, ROWS, COLUMNS, decay, -1, DT
+        )
+        for s in range(len(SOURCES)):
+            update_covariance(P[s], work, k, np.ones(1), ENTRIES, STATES, FIX**2 if SOURCES[s] == "fix noise" else 0.0)
+        for y in (bias, scale):
+            update_vector(y, k, np.ones(1), ENTRIES, STATES)
+        _absorb_shared(joint, k, np.ones(1), ENTRIES, STATES, signals, true, 0, 0)
+        out.append(np.diagonal(P, axis1=1, axis2=2).copy())
+    return np.array(out)
+
+
+def flown(gain):
+    """Errors (300, RUNS, 3) of velocity, position and bias, truth minus estimate, of runs with the same gains."""
+    rng = np.random.default_rng(20261121)
+    bias, scale, fixed = (s * rng.standard_normal(RUNS) for s in (SIGMA_BIAS, SCALE, FIX_BIAS))
+    v, p, estimate = START_VEL * rng.standard_normal(RUNS), START_POS * rng.standard_normal(RUNS), np.zeros(RUNS)
+    out = []
+    for force, k in zip(FORCE, gain, strict=True):
+        felt = bias - estimate + scale * force
+        # half of the walk before the window and half after, as the transition of a window has it
+        v = v + WALK * np.sqrt(0.5 * DT) * rng.standard_normal(RUNS)
+        p, v = p + DT * v - 0.5 * DT**2 * felt, v - DT * felt
+        v = v + WALK * np.sqrt(0.5 * DT) * rng.standard_normal(RUNS)
+        bias = FADE * bias + np.sqrt(WANDER) * rng.standard_normal(RUNS)
+        estimate = FADE_HAT * estimate
+        innovation = p + fixed + FIX * rng.standard_normal(RUNS)
+        v, p, estimate = v - k[VEL] * innovation, p - k[POS] * innovation, estimate + k[BIAS] * innovation
+        out.append(np.stack([v, p, bias - estimate], axis=1))
+    return np.array(out)
+
+
+@pytest.fixture(scope="module")
+def toy():
+    gain, formal = gains()
+    return gain, formal, linear(gain)
+
+
+def test_true_covariance_agrees_with_40000_runs_at_every_epoch(toy):
+    gain, _, by_source = toy
+    true = by_source.sum(axis=1)[20:, X]
+    ratio = np.mean(flown(gain)[20:] ** 2, axis=1) / true
+    tail = 1e-3 / 2 / ratio.size
+    low, high = chi2.ppf([tail, 1.0 - tail], RUNS) / RUNS
+    assert np.all((ratio > low) & (ratio < high)), (ratio.min(axis=0), ratio.max(axis=0))
+
+
+def test_the_filter_is_optimistic_by_a_large_factor(toy):
+    _, formal, by_source = toy
+    factor = np.sqrt(by_source[-1].sum(axis=0)[X] / formal[-1, X])
+    assert factor.min() > 2.0
+
+
+def test_every_source_has_its_share_and_none_is_negative(toy):
+    share = toy[2][-1][:, VEL] / toy[2][-1][:, VEL].sum()
+    assert share.min() >= 0.0
+    named = dict(zip(SOURCES, share, strict=True))
+    assert min(named["bias"], named["scale factor"]) > 0.01
+
+
+def test_without_the_mismatch_of_the_time_constant_the_answer_is_wrong_and_on_the_large_side(toy):
+    gain, _, by_source = toy
+    dropped = linear(gain, mismatch=False)[-1].sum(axis=0)[X]
+    ratio = np.sqrt(dropped / by_source[-1].sum(axis=0)[X])
+    assert ratio[0] > 1.03  # ten times what 40 000 runs leave open
