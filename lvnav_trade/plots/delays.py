@@ -51,7 +51,8 @@ def delays(results: Path | str | Tables, case: str) -> Figure:
                 mark_events(axes, events, names=number == 0, numbers=len(layers) > 1)
         legend_below(figure, grid[0, 0])
         if len(layers) > 1:
-            figure.supxlabel(event_key(events), fontsize=7.5, color=GREY)
+            figure.legends[0].set_title(event_key(events), {"size": 7.5})
+            figure.legends[0].get_title().set_color(GREY)
     return figure
 
 
