@@ -107,7 +107,6 @@ _EXAMPLES = {
     "1/m**2": "electron content (TECU)",
     "Pa": "pressure (Pa, hPa, mbar)",
     "rad/s**2": "angular acceleration (rad/s^2, deg/s^2)",
-    "m/s**3": "jerk (m/s^3)",
     "1/s": "gain (1/s)",
     "rad*s**2/m": "angle per specific force (rad/g, deg/g)",
     "m/s**3": "jerk (m/s^3, g/s)",
@@ -189,7 +188,6 @@ Temperature = quantity("K", minimum=0.0)
 ElectronContent = quantity("1/m**2", minimum=0.0)
 JitterPerForce = quantity("rad*s**2/m", minimum=0.0)
 AngularAccelerationSigma = quantity("rad/s**2", minimum=0.0)
-JerkSigma = quantity("m/s**3", minimum=0.0)
 GainPerSecond = quantity("1/s", minimum=0.0)
 JerkSigma = quantity("m/s**3", minimum=0.0)
 JerkGain = quantity("1/s**2", minimum=0.0)

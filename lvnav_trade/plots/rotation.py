@@ -36,7 +36,7 @@ def nozzle_movement(t: Floats, moved: Mapping[str, Floats], burns: Floats) -> Fi
             _shade(axes, burns)
             axes.set_title(_AXES[axis])
             axes.set_xlabel("time since lift-off (s)")
-            axes.set_ylim(0.0, 1.25 * axes.get_ylim()[1])
+        grid[0, 0].set_ylim(0.0, 1.2 * grid[0, 0].get_ylim()[1])  # of both; the legend has room
         grid[0, 0].set_ylabel("total nozzle movement (deg)")
         grid[0, 0].legend(loc="upper left")
     return figure
