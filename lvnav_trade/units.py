@@ -106,6 +106,8 @@ _EXAMPLES = {
     "K": "temperature (K)",
     "1/m**2": "electron content (TECU)",
     "Pa": "pressure (Pa, hPa, mbar)",
+    "rad/s**2": "angular acceleration (rad/s^2, deg/s^2)",
+    "1/s": "gain (1/s)",
     "rad*s**2/m": "angle per specific force (rad/g, deg/g)",
     "m/s**3": "jerk (m/s^3, g/s)",
     "1/s**2": "variance of jerk per squared acceleration (1/s^2)",
@@ -185,6 +187,8 @@ Decibels = quantity("dB", minimum=0.0)
 Temperature = quantity("K", minimum=0.0)
 ElectronContent = quantity("1/m**2", minimum=0.0)
 JitterPerForce = quantity("rad*s**2/m", minimum=0.0)
+AngularAccelerationSigma = quantity("rad/s**2", minimum=0.0)
+GainPerSecond = quantity("1/s", minimum=0.0)
 JerkSigma = quantity("m/s**3", minimum=0.0)
 JerkGain = quantity("1/s**2", minimum=0.0)
 RangeGain = quantity("m*s**2", minimum=0.0)

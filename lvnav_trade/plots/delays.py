@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
 
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, event_key, legend_below, look, mark_events, scale_up
 from lvnav_trade.store import Tables, load
@@ -51,7 +52,8 @@ def delays(results: Path | str | Tables, case: str) -> Figure:
                 mark_events(axes, events, names=number == 0, numbers=len(layers) > 1)
         legend_below(figure, grid[0, 0])
         if len(layers) > 1:
-            figure.supxlabel(event_key(events), fontsize=7.5, color=GREY)
+            figure.legends[0].set_title(event_key(events), FontProperties(size=7.5))
+            figure.legends[0].get_title().set_color(GREY)
     return figure
 
 

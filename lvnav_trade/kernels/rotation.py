@@ -1,0 +1,143 @@
+"""One axis of a launcher that turns: nozzle, body, gusts, shaped commands, and the filter of a rate that wanders.
+
+Angles and rates are deviations from the nominal attitude; "lateral" is the direction that a positive angle moves the
+nose to. A nozzle deflected by a positive angle pushes laterally, behind the centre of mass, and so turns the body back.
+"""
+
+from __future__ import annotations
+
+import math
+
+from lvnav_trade.kernels.jit import jit
+
+_ROOT_2, _ROOT_3 = math.sqrt(2.0), math.sqrt(3.0)
+_GUST_1, _GUST_2 = math.sqrt(1.5), 0.5 * (1.0 - _ROOT_3)
+
+
+@jit
+def nozzle_step(angle, command, time_constant, rate_limit, h):
+    """Return the nozzle's angle after h seconds of a constant command: first order, exactly, at most at rate_limit.
+
+    A command far away is approached at the limit until the lag asks for less. The way there is monotone, so the
+    movement of a step is the difference of its ends.
+    """
+    left = command - angle
+    knee = rate_limit * time_constant
+    if abs(left) > knee:
+        fast = (abs(left) - knee) / rate_limit
+        if h <= fast:
+            return angle + math.copysign(rate_limit * h, left)
+        return command - math.copysign(knee, left) * math.exp(-(h - fast) / time_constant)
+    return command - left * math.exp(-h / time_constant)
+
+
+@jit
+def command_step(value, slope, target, time_constant, h):
+    """Return a command and its slope after h seconds of a critically damped second-order lag towards a target."""
+    x = value - target
+    rise = slope + x / time_constant
+    fade = math.exp(-h / time_constant)
+    return target + (x + rise * h) * fade, (slope - rise * h / time_constant) * fade
+
+
+@jit
+def lag_step(value, drive, time_constant, h):
+    """Return the output of a first-order lag after h seconds of a constant drive."""
+    return drive + (value - drive) * math.exp(-h / time_constant)
+
+
+@jit
+def gust_step(first, second, x, n0, n1):
+    """Return the two states, of unit variance, of a Dryden gust across the path after a step.
+
+    x = h V / L is the step as a part of the time L / V in which the vehicle passes a length of scale; n0, n1 are
+    standard normals. The discretisation is exact and keeps unit variance however V / L varies from step to step. The
+    gust is `gust_of` times its sigma.
+    """
+    fade = math.exp(-x)
+    square = fade * fade
+    q11 = 1.0 - square
+    q12 = 1.0 / _ROOT_2 - square * (_ROOT_2 * x + 1.0 / _ROOT_2)
+    q22 = 1.0 - square * (1.0 + 2.0 * x + 2.0 * x * x)
+    l11 = math.sqrt(q11)
+    l21 = q12 / l11 if l11 > 0.0 else 0.0
+    l22 = math.sqrt(max(0.0, q22 - l21 * l21))
+    return fade * first + l11 * n0, fade * (second + _ROOT_2 * x * first) + l21 * n0 + l22 * n1
+
+
+@jit
+def gust_of(first, second):
+    """Return the gust, of unit variance, of the states of `gust_step`.
+
+    The forming filter is that of MIL-F-8785C across the path: (1 + sqrt(3) s L / V) / (1 + s L / V)^2.
+    """
+    return _GUST_1 * first + _GUST_2 * second
+
+
+@jit
+def body_step(angle, rate, drift, push, mid, end, coefficients, h):
+    """Return angle (rad), rate (rad/s) and lateral speed (m/s) after h seconds: one Runge-Kutta step of fourth order.
+
+    Parameters
+    ----------
+    angle, rate, drift : deviations from the nominal attitude and path at the start
+    push, mid, end : nozzle angle (rad), misalignment included, at the start, in the middle and at the end
+    coefficients : (effectiveness 1/s^2, thrust over mass m/s^2, moment and force per lateral airspeed rad/s/m and 1/s,
+        airspeed m/s, lateral wind less nominal lateral airspeed m/s, other angular acceleration rad/s^2)
+    """
+    a1, b1 = _rates(angle, drift, push, coefficients)
+    r2 = rate + 0.5 * h * a1
+    a2, b2 = _rates(angle + 0.5 * h * rate, drift + 0.5 * h * b1, mid, coefficients)
+    r3 = rate + 0.5 * h * a2
+    a3, b3 = _rates(angle + 0.5 * h * r2, drift + 0.5 * h * b2, mid, coefficients)
+    r4 = rate + h * a3
+    a4, b4 = _rates(angle + h * r3, drift + h * b3, end, coefficients)
+    return (
+        angle + h / 6.0 * (rate + 2.0 * (r2 + r3) + r4),
+        rate + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4),
+        drift + h / 6.0 * (b1 + 2.0 * (b2 + b3) + b4),
+    )
+
+
+@jit
+def _rates(angle, drift, push, c):
+    """Return angular acceleration and the derivative of the lateral speed."""
+    air = c[4] * angle - drift + c[5]
+    return c[6] - c[0] * push + c[2] * air, c[1] * (push + angle) + c[3] * air
+
+
+@jit
+def lateral_force(angle, drift, push, c):
+    """Return the lateral specific force (m/s^2) that the body feels."""
+    return c[1] * push + c[3] * (c[4] * angle - drift + c[5])
+
+
+@jit
+def filter_gain(variance, driving, noise):
+    """Return variance after a measurement and gain of the filter of a scalar random walk.
+
+    `variance` is that after the measurement before, `driving` the variance of a step of the walk, `noise` that of a
+    measurement.
+    """
+    prior = variance + driving
+    total = prior + noise
+    gain = prior / total if total > 0.0 else 1.0
+    return (1.0 - gain) * prior, gain
+
+
+@jit
+def thruster_of(state, error, dead_band, release):
+    """Return the sense (-1, 0, 1) of a thruster pair that drives `error` into its dead band.
+
+    A thruster opens outside the dead band and closes once the error is within the part `release` of it, or has changed
+    sign.
+    """
+    if error > dead_band:
+        return -1.0
+    if error < -dead_band:
+        return 1.0
+    if state < 0.0 and error > release * dead_band:
+        return -1.0
+    if state > 0.0 and error < -release * dead_band:
+        return 1.0
+    return 0.0
