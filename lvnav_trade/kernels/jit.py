@@ -45,7 +45,9 @@ def jit(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a function into its callers, for what is called in one place: a call would copy hundreds of words of
-    settings and views each time, and a function of its own is compiled a second time within its caller.
+    """Compile a step of a loop into its caller: a call would copy hundreds of words of settings and views each time.
+
+    The compiler of machine code inlines it. Inlining by numba itself (`inline="always"`) compiles 15 % sooner and flies
+    20 % slower.
     """
-    return numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=False, inline="always")(function)
+    return numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=False, forceinline=True)(function)

@@ -216,7 +216,9 @@ def lost(faults: Sequence[AnyFault], events: dict[str, float], t: Floats, elevat
 def antennas_alive(faults: Sequence[AnyFault], events: dict[str, float], t: Floats, n_antenna: int) -> Mask:
     """Return which antennas receive, (n_epoch, n_antenna) bool; InputError where a fault names one that is none."""
     alive = np.ones((t.size, n_antenna), dtype=bool)
-    for fault, within, _ in active(faults, AntennaFailure, events, t):
+    for fault, _, start in active(faults, AntennaFailure, events, t):
+        # what is said of an epoch holds since the epoch before, so the one that the failure begins with still has all
+        within = (t > start + ROUNDING) & (t <= start + fault.duration + ROUNDING)
         for antenna in fault.antennas:
             if antenna > n_antenna:
                 number = [f is fault for f in faults].index(True)

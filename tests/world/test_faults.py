@@ -101,9 +101,9 @@ def test_an_antenna_that_is_not_there_cannot_fail():
         antennas_alive([AntennaFailure(start="2 s", duration="3 s", antennas=[5])], EVENTS, T, 4)
 
 
-def test_antennas_fail_from_the_start_until_before_the_end():
+def test_antennas_fail_from_after_the_start_until_the_end():
     alive = antennas_alive([AntennaFailure(start="2 s", duration="3 s", antennas=[1, 3])], EVENTS, T, 4)
-    assert np.flatnonzero(~alive[:, 0]).tolist() == [2, 3, 4]
+    assert np.flatnonzero(~alive[:, 0]).tolist() == [3, 4, 5]
     assert np.array_equal(alive[:, 0], alive[:, 2])
     assert alive[:, 1].all()
     assert alive[:, 3].all()
