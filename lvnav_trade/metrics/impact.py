@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -141,7 +142,7 @@ def _row(state: State, law: Law, point: Impact, corridor: Corridor | None) -> di
         "longitude_deg": np.degrees(point.longitude), "heading_deg": np.degrees(point.heading) % 360.0,
         "fall_s": float(point.fall),
     }  # fmt: skip
-    slope = mission.jacobian(state, "impact_error") * 1e-3
+    slope = _slope(state.r_i.tobytes(), state.v_i.tobytes(), state.earth_angle)
     if not np.isfinite(slope).all():
         return row
     covariance, formal, bias = slope @ law.true @ slope.T, slope @ law.formal @ slope.T, slope @ law.mean
@@ -159,6 +160,17 @@ def _row(state: State, law: Law, point: Impact, corridor: Corridor | None) -> di
         chance, margin = _inside(corridor, point, covariance, bias)
         row |= {"corridor_probability": chance, "corridor_margin_sigma": margin}
     return row
+
+
+@lru_cache(maxsize=4096)
+def _slope(r_i: bytes, v_i: bytes, earth_angle: float) -> Floats:
+    """Return the derivative of the error at impact, km, by that of velocity and position: one for all cases that fly
+    alike, and for every figure that tells of it.
+    """
+    state = State("", 0.0, np.frombuffer(r_i), np.frombuffer(v_i), earth_angle, np.eye(3))
+    slope = mission.jacobian(state, "impact_error") * 1e-3
+    slope.flags.writeable = False
+    return slope
 
 
 def _inside(corridor: Corridor, point: Impact, covariance: Floats, bias: Floats) -> tuple[float, float]:
