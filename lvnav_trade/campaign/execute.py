@@ -367,15 +367,15 @@ def _each(jobs: int, function: Callable[..., Any], units: Iterable[tuple[Any, ..
     """Return a generator of function(*unit), in the order in which the workers finish; in this process for one job."""
     if _count(jobs) == 1:
         return (function(*unit) for unit in units)
-    pool = Parallel(n_jobs=_count(jobs), return_as="generator_unordered", batch_size=1, pre_dispatch="2 * n_jobs")
-    return pool(delayed(function)(*unit) for unit in units)
+    how = {"return_as": "generator_unordered", "batch_size": 1, "pre_dispatch": "2 * n_jobs"}
+    return Parallel(n_jobs=_count(jobs), initializer=work.settle, **how)(delayed(function)(*unit) for unit in units)
 
 
 def _all(jobs: int, function: Callable[..., Any], units: Sequence[tuple[Any, ...]]) -> list[Any]:
     """Return function(*unit) of all units in their order."""
     if _count(jobs) == 1:
         return [function(*unit) for unit in units]
-    return list(Parallel(n_jobs=_count(jobs))(delayed(function)(*unit) for unit in units))
+    return list(Parallel(n_jobs=_count(jobs), initializer=work.settle)(delayed(function)(*unit) for unit in units))
 
 
 def _end_workers(jobs: int) -> None:

@@ -138,7 +138,7 @@ class Done(NamedTuple):
 
 def events_of(job: Job, case: Case) -> dict[str, float] | InputError:
     """Return the event times of a case's trajectory, or why it cannot be flown."""
-    _settle()
+    settle()
     try:
         return job.engine.events(case.scenario)
     except InputError as error:
@@ -147,7 +147,7 @@ def events_of(job: Job, case: Case) -> dict[str, float] | InputError:
 
 def answer(job: Job, case: Case) -> Answer:
     """Compute a case's linear covariance and leave it on the scratch disk for the workers that need it."""
-    _settle()
+    settle()
     try:
         prepared = _prepared(job.engine, case, job.history)
         file = _scratch_file(job, case)
@@ -164,7 +164,7 @@ def answer_or_compile(job: Job, case: Case, only_compile: bool) -> Answer | None
     """
     if not only_compile:
         return answer(job, case)
-    _settle()
+    settle()
     with suppress(Exception):
         if job.engine.compile_kernels is not None:
             job.engine.compile_kernels(_prepared(job.engine, case, job.history))
@@ -173,7 +173,7 @@ def answer_or_compile(job: Job, case: Case, only_compile: bool) -> Answer | None
 
 def explain(job: Job, case: Case) -> Done:
     """Leave on the scratch disk what is behind a case's linear covariance."""
-    _settle()
+    settle()
     try:
         file = _explained_file(job, case)
         if job.engine.explain is not None and not _is_sound(file):
@@ -187,7 +187,7 @@ def explain(job: Job, case: Case) -> Done:
 
 def fly(job: Job, block: Block) -> Done:
     """Fly a block of runs and store its statistics."""
-    _settle()
+    settle()
     what = (block.case.id, block.first_run, block.n_run)
     try:
         prepared = _prepared(job.engine, block.case, job.history)
@@ -206,7 +206,7 @@ def fly(job: Job, block: Block) -> Done:
 
 def tally(job: Job, case: Case) -> list[Done]:
     """Hold the blocks that are stored of a case against the requirements, one at a time."""
-    _settle()
+    settle()
     prepared = _prepared(job.engine, case, job.history)
     covariance = _covariance(str(_scratch_file(job, case)))
     return [
@@ -222,7 +222,7 @@ def tally(job: Job, case: Case) -> list[Done]:
 
 def close(job: Job, case: Case, info: Any, runs: int) -> Done:
     """Merge the blocks of a case's first `runs` runs and write its tables."""
-    _settle()
+    settle()
     try:
         prepared = _prepared(job.engine, case, job.history)
         covariance = _covariance(str(_scratch_file(job, case)))
@@ -342,7 +342,7 @@ def _told(error: Exception) -> str:
     return f"{type(error).__name__}: {str(error).strip().splitlines()[0] if str(error).strip() else 'no message'}"
 
 
-def _settle() -> None:
+def settle() -> None:
     """Let a worker process leave Ctrl-C to its parent, which ends the work in order, and end where that was killed."""
     parent = multiprocessing.parent_process()
     if parent is not None and parent.pid is not None:

@@ -33,8 +33,10 @@ VERDICTS = [
 ]  # fmt: skip
 
 
-def impact(results: Path | str | Tables) -> pd.DataFrame:
+def impact(results: Path | str | Tables, only: str | None = None) -> pd.DataFrame:
     """Return each case's point of impact over the flight, with its error; rows only where there is one.
+
+    `only` is the digest of a case that alone is asked for.
 
     Where the vehicle would come down without thrust and air, on a rotating Earth with J2 (see `freefall`). The error
     is true point less believed one, down-range along the velocity over the ground at impact, cross-range to its right;
@@ -47,6 +49,8 @@ def impact(results: Path | str | Tables) -> pd.DataFrame:
     corridor = corridor_of(tables)
     rows = []
     for case, label in tables.labels.items():
+        if only not in (None, case):
+            continue
         states, laws = mission.states(tables, case), mission.laws(tables, case)
         points = nominal(states)
         for k in np.argsort([state.t for state in states], kind="stable"):

@@ -30,8 +30,7 @@ def impact(results: Path | str | Tables, case: str) -> Figure:
     Ellipses on the map are drawn so many times larger that one sees them; the title says how many.
     """
     tables = load(results)
-    rows = told(tables)
-    rows = rows[rows.case == tables.labels[case]]
+    rows = told(tables, case)
     if rows.empty:
         return _nothing()
     with look():

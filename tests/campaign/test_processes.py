@@ -125,12 +125,25 @@ def test_the_workers_of_a_killed_campaign_end_too(start) -> None:
     assert is_gone(process.pid)
 
 
+def test_workers_that_never_had_work_end_with_their_killed_campaign_too(start) -> None:
+    process = start(4, "slow", "idle")
+    end = time.monotonic() + 60
+    while not Path("idle/.lock").exists():  # after the only flight was checked, which one of the four did
+        assert time.monotonic() < end
+        time.sleep(0.02)
+    process.kill()
+    process.communicate(timeout=30)
+    assert is_gone(process.pid)
+
+
 def test_a_second_campaign_in_the_folder_is_refused_and_changes_nothing(start) -> None:
     assert start(2, "quick", "whole").wait(60) == 0
     first = start(2, "slow", "shared")
     wait_for_parts("shared", 1)
+    os.killpg(first.pid, signal.SIGSTOP)  # it must not come to its end before the other one asks
     second = start(1, "quick", "shared")
     _, messages = second.communicate(timeout=60)
+    os.killpg(first.pid, signal.SIGCONT)
     assert second.returncode == 1
     assert f"shared: process {first.pid} on " in messages.splitlines()[-1]
     first.communicate(timeout=60)
