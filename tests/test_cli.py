@@ -27,7 +27,7 @@ def call(*arguments: str) -> Result:
 def events(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, float]:
     """Let every trajectory have the same events, so that nothing is flown; work in an empty folder."""
     monkeypatch.chdir(tmp_path)
-    times = {"liftoff": 0.0, "stage2_ignition": 200.0, "injection": 600.0}
+    times = {"liftoff": 0.0, "stage1_cutoff": 150.0, "stage2_ignition": 200.0, "injection": 600.0}
 
     def none(*_: object) -> None:
         raise AssertionError("nothing should be computed")

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.engines.flight import sense
 from lvnav_trade.engines.prepare import _unit
+from lvnav_trade.engines.sensing import sense
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.random import seed_words
@@ -27,6 +28,7 @@ class Inside(NamedTuple):
     """The part of a run's work arrays that the unit uses."""
 
     run: np.ndarray
+    nav: np.ndarray
     true_par: np.ndarray
     true_tables: np.ndarray
     increments: np.ndarray
@@ -58,10 +60,11 @@ def simulate(gyro=None, accel=None, n_run=2000, seconds=2.0, rate=100.0, moving=
     dtheta, dvel = (np.ascontiguousarray(ideal[:, at]) for at in (GYRO, ACCEL))
     ref = Reference(t, none, none, np.zeros((n + 1, 4)), none, none, dtheta, dvel)
     blocks = tuple(error_blocks(card))
-    unit = _unit(card, ref, blocks)
+    unit = _unit(SimpleNamespace(imu=card, faults=()), ref, blocks, {})
     n_true = max(1, len(blocks))
     work = Inside(
         np.zeros(1, dtype=np.uint64),
+        np.zeros(10),
         np.zeros((n_true, 3)),
         np.zeros((2, processes.N_TABLE)),
         np.zeros((n, 6)),

@@ -251,9 +251,9 @@ def test_eighty_satellites_over_ten_minutes_are_found_in_well_under_two_seconds(
     above = satellites(CombinedConstellation(parts=parts), NOON)
     t = np.arange(-60.0, 600.0)
     here = eci_from_ecef(ecef_from_geodetic(0.09, -0.92, 100e3), earth_angle(1.0, t))
-    begin = time.perf_counter()
+    begin = time.process_time()  # not the clock on the wall, which a busy machine stretches
     sent = transmission(above, 1.0, t, here)
-    assert time.perf_counter() - begin < 1.5
+    assert time.process_time() - begin < 1.5
     distance = np.linalg.norm(sent.r_i - here[:, None], axis=-1)
     np.testing.assert_allclose(distance, SPEED_OF_LIGHT * sent.travel, rtol=0.0, atol=1e-6)
     there = ecef_from_eci(sent.r_i, earth_angle(1.0, t[:, None] - sent.travel))
