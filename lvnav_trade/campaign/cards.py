@@ -107,10 +107,11 @@ def card_text(name: str, folder: Path) -> str:
 def campaign_file(name: str) -> Path:
     """Return the campaign file that the user names: a path, else one that comes with the tool."""
     path = Path(name)
-    if path.exists():
+    if path.exists() or path.is_absolute() or not path.name:
         return path
-    for candidate in (path.name, f"{path.name}.yaml"):
-        if path.parent in (Path(), Path("campaigns")) and (shipped("campaigns") / candidate).is_file():
+    inside = Path(*path.parts[1:]) if path.parts[0] == "campaigns" and len(path.parts) > 1 else path
+    for candidate in (inside, inside.with_name(f"{inside.name}.yaml")):
+        if (shipped("campaigns") / candidate).is_file():
             return shipped("campaigns") / candidate
     return path
 

@@ -78,7 +78,7 @@ def latency(results: Path | str | Tables, case: str) -> Figure:
         axes.step(rows.t_s, age, where="post", color=PALETTE[0])
         axes.set_ylim(0.0, max(1.0, 1.15 * float(age.max())))
         axes.set_xlabel("time since lift-off (s)")
-        axes.set_ylabel("age of the measurements (ms)")
+        axes.set_ylabel("age of the\nmeasurements (ms)")
         axes.margins(x=0.01)
         mark_events(axes, tables.events[tables.events.case == case])
     return figure
