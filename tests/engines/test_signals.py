@@ -66,3 +66,17 @@ def test_latency_that_grows_with_satellites_makes_the_measurement_older():
     prepared = prepare_hop(scenario.model_copy(update={"receiver": receiver}))
     age = prepared.t_epoch - prepared.sky.t
     np.testing.assert_allclose(age, 0.02 + 0.005 * case(MATCHED).sky.tracked.sum(axis=1), atol=1e-9)
+
+
+def test_the_variances_of_rows_are_the_squares_of_the_believed_sigmas():
+    matched, own = loaded(MATCHED), loaded(MATCHED)
+    belief = {
+        "pseudorange_sigma": "3 m", "range_rate_sigma": "0.2 m/s", "position_sigma": "5 m", "velocity_sigma": "0.4 m/s",
+        "clock_h0": 2e-20, "clock_h_minus2": 3e-23,
+    }  # fmt: skip
+    own = own.model_copy(update={"filter": with_fields(own.filter, receiver=belief)})
+    told, stated = prepare_hop(matched).signals.variance, prepare_hop(own).signals.variance
+    np.testing.assert_allclose(told[:, 0::2], matched.receiver.pseudorange_sigma**2)
+    np.testing.assert_allclose(told[:, 1::2], matched.receiver.range_rate_sigma**2)
+    np.testing.assert_allclose(stated[:, 0::2], 9.0)
+    np.testing.assert_allclose(stated[:, 1::2], 0.04)

@@ -39,11 +39,11 @@ MUTATIONS = {
         "observables/position.py", "= at[6 + (axis + 2) % 3]", "= -at[6 + (axis + 2) % 3]", OBSERVABLE
     ),
     "believed variance four times too large, seen in the numbers": Mutation(
-        "filters/belief.py", "variance=np.array(deviations) ** 2", "variance=4.0 * np.array(deviations) ** 2",
-        "tests/filters/test_belief.py::test_the_variances_of_rows_are_the_squares_of_the_believed_sigmas",
+        "engines/signals.py", "return sigma**2", "return 4.0 * sigma**2",
+        "tests/engines/test_signals.py::test_the_variances_of_rows_are_the_squares_of_the_believed_sigmas",
     ),
     "believed variance four times too large, seen in the statistics": Mutation(
-        "filters/belief.py", "variance=np.array(deviations) ** 2", "variance=4.0 * np.array(deviations) ** 2",
+        "engines/signals.py", "return sigma**2", "return 4.0 * sigma**2",
         "tests/engines/test_montecarlo.py::test_a_matched_filter_is_consistent",
     ),
     "weight of a row its variance instead of the inverse": Mutation(
@@ -67,7 +67,7 @@ MUTATIONS = {
         "tests/filters/test_belief.py::test_a_gauss_markov_state_keeps_its_sigma_whatever_the_window",
     ),
     "measurement tagged half a tick early": Mutation(
-        "engines/prepare.py", "at = motion(trajectory, seen.t)", "at = motion(trajectory, seen.t - 0.0025)",
+        "engines/signals.py", "at = motion(trajectory, seen.t)", "at = motion(trajectory, seen.t - 0.0025)",
         "tests/engines/test_prepare.py::test_measurements_are_taken_on_ticks_where_the_increments_end",
     ),
     "attitude correction with the wrong sign": Mutation(
