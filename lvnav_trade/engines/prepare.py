@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from lvnav_trade.engines.atmosphere import Delays, delays
 from lvnav_trade.engines.families import ErrorFamily, shared_of
 from lvnav_trade.engines.inputs import Record, Schedule, Signals, Start, Unit
+from lvnav_trade.engines.recorded import Recorded, recorded
 from lvnav_trade.engines.signals import Line, channels_of, families, geometry_of, signals
 from lvnav_trade.filters.belief import Belief, believe, initial_covariance
 from lvnav_trade.frames import earth_angle, rotation_i_e, rotation_i_n, rotation_i_o
@@ -51,7 +52,7 @@ STEP = 1e-6
 
 class Prepared(NamedTuple):
     """A scenario and all that its runs share. sources: true error blocks of the unit; families: errors that
-    measurements share; t_hist, t_epoch: s since lift-off of history and epochs.
+    measurements share; recorded: of a receiver; t_hist, t_epoch: s since lift-off of history and epochs.
     """
 
     scenario: Scenario
@@ -72,6 +73,7 @@ class Prepared(NamedTuple):
     t_epoch: Floats
     lengths: Floats
     delays: Delays
+    recorded: Recorded
 
 
 @lru_cache(maxsize=4)
@@ -285,7 +287,8 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     geometry = geometry_of(line, seen.tracked, late_by.troposphere, late_by.ionosphere)
     believed = geometry_of(line, seen.tracked, late_by.believed_troposphere, late_by.believed_ionosphere)
     failed = failures(scenario.faults, trajectory.events, at.t_epoch, seen.names, seen.elevation, seen.tracked)
-    shared_errors = families(scenario, geometry, channels, failed)
+    tabled = recorded(scenario, trajectory.theta0, line, seen, channels, failed.frozen)
+    shared_errors = (*families(scenario, geometry, channels, failed), *tabled.families)
     shared = shared_of(shared_errors, layout, 1.0 / card.update_rate, (at.t_epoch.size, channels.n_channel))
     blocks = (*error_blocks(scenario.imu), *disturbance(scenario.gravity))
     C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], trajectory.theta0)[0].T
@@ -301,13 +304,16 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         families=shared_errors,
         schedule=at.schedule,
         unit=_unit(scenario, ref, blocks, trajectory.events),
-        signals=signals(scenario, seen, line, receiver, layout, believed, channels, shared, failed, late_by.left),
+        signals=signals(
+            scenario, seen, line, receiver, layout, believed, channels, shared, failed, late_by.left, tabled.mean
+        ),
         start=_start(scenario, ref, C_n_i, initial_covariance(layout, initial, C_n_i)),
         record=_record(scenario, trajectory, ref, at.hist_tick, at.t_hist, at.epoch_tick),
         t_hist=at.t_hist,
         t_epoch=at.t_epoch,
         lengths=at.lengths,
         delays=late_by,
+        recorded=tabled,
     )
 
 

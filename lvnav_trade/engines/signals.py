@@ -229,10 +229,12 @@ def signals(
     shared: Shared,
     failed: Failures,
     left: Floats,
+    tabled: Floats,
 ) -> Signals:
     """Return what is true of satellites and receiver at the epochs, and what the filter knows of it.
 
-    left (n_epoch, n_sat, 2): what corrections leave of delays of ranges and their rates.
+    left (n_epoch, n_sat, 2): what corrections leave of delays of ranges and their rates; tabled (n_epoch, 6): errors of
+    the solution that are the same in every run, frame i.
     """
     receiver, clock = scenario.receiver, scenario.receiver.clock
     used, n_used = _slots(seen)
@@ -241,8 +243,8 @@ def signals(
     interval = 1.0 / scenario.filter.update_rate
     off, off_rate = failed.bias + left[:, :, 0], failed.drift + left[:, :, 1]
     ranges, rates = np.asarray(line.distance + off), np.asarray(line.rate + off_rate)
-    position = line.position + _shifts(line, seen.tracked, off)
-    velocity = line.velocity + _shifts(line, seen.tracked, off_rate)
+    position = line.position + _shifts(line, seen.tracked, off) + tabled[:, :3]
+    velocity = line.velocity + _shifts(line, seen.tracked, off_rate) + tabled[:, 3:]
     _hold(failed.frozen, used, n_used, ranges, rates, position, velocity)
     names = ("receiver clock", "range noise", "solution noise", "receiver clock start")
     return Signals(
