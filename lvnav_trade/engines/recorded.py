@@ -14,7 +14,8 @@ from lvnav_trade.kernels.random import philox, seed_words, source_word
 from lvnav_trade.observables.partials import Channels
 from lvnav_trade.records import Floats, Sky
 from lvnav_trade.scenario import Scenario
-from lvnav_trade.world.error_table import in_frame_i, sampled
+from lvnav_trade.world.error_table import ErrorTable, in_frame_i, sampled
+from lvnav_trade.world.solutions import DirectSolution
 
 SOURCE = "recorded receiver error"
 _NEGLIGIBLE = 1e-12  # of the largest singular value
@@ -30,6 +31,12 @@ class Recorded(NamedTuple):
     values: Floats
 
 
+def table_of(scenario: Scenario) -> ErrorTable | None:
+    """Return the card of the recording that a scenario's receiver has, if any."""
+    solution = scenario.receiver.solution
+    return solution.error_table if isinstance(solution, DirectSolution) else None
+
+
 def recorded(
     scenario: Scenario, theta0: float, line: Line, seen: Sky, channels: Channels, frozen: NDArray[np.bool_]
 ) -> Recorded:
@@ -41,7 +48,7 @@ def recorded(
     run's recording again, to rounding, and values of unit variance without correlation are what linear covariance
     carries. So both engines have the same mean and covariance, and no source more than starts less one is needed.
     """
-    card, n_epoch = scenario.receiver.solution.error_table, seen.t.size
+    card, n_epoch = table_of(scenario), seen.t.size
     if card is None or channels.tight:
         return Recorded(np.zeros((n_epoch, 6)), (), np.zeros((0, 1)))
     errors = in_frame_i(sampled(card, seen.t), card.frame, line.position, earth_angle(theta0, seen.t))
