@@ -34,6 +34,7 @@ from lvnav_trade.world.faults import (
 )
 from lvnav_trade.world.gravity import disturbance
 from lvnav_trade.world.imu import ErrorBlock, ImuCard, error_blocks, lag
+from lvnav_trade.world.satellites import time_offsets
 from lvnav_trade.world.sky import sky
 from lvnav_trade.world.trajectory import (
     Trajectory,
@@ -297,8 +298,9 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     tabled = recorded(scenario, trajectory.theta0, line, seen, measured, failed.frozen)
     shared_errors = (*families(scenario, geometry, measured, failed), *tabled.families)
     shared = shared_of(shared_errors, layout, epoch_interval(scenario), (at.t_epoch.size, measured.n_channel))
+    left = late_by.left + time_offsets(scenario.constellation, seen.systems, trajectory.epoch, seen.t)
     truth = signals(
-        scenario, seen, line, receiver, layout, believed, channels, measured, shared, failed, late_by.left, tabled.mean
+        scenario, seen, line, receiver, layout, believed, channels, measured, shared, failed, left, tabled.mean
     )  # fmt: skip
     blocks = (*error_blocks(scenario.imu), *disturbance(scenario.gravity))
     C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], trajectory.theta0)[0].T

@@ -242,8 +242,8 @@ def signals(
     """Return what is true of satellites and receiver at the epochs, and what the filter knows of it.
 
     channels are those of the filter's rows, `measured` those of what the receiver measures, which solves perhaps; left
-    (n_epoch, n_sat, 2): what corrections leave of delays of ranges and their rates; tabled (n_epoch, 6): errors of the
-    solution that are the same in every run, frame i.
+    (n_epoch, n_sat, 2): what corrections leave of delays and of systems' times, in ranges and rates; tabled (n_epoch,
+    6): errors of the solution that are the same in every run, frame i.
     """
     receiver, clock = scenario.receiver, scenario.receiver.clock
     used, n_used = _slots(seen)
