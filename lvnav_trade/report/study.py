@@ -89,7 +89,7 @@ def _agreement(one: Answered) -> pd.DataFrame:
 def _together(answered: Sequence[Answered], frame_of: Callable[[Answered], pd.DataFrame]) -> pd.DataFrame:
     """Return the frames of all campaigns, the campaign's name before each case."""
     frames = [frame_of(one).assign(campaign=one.part.campaign) for one in answered]
-    whole = pd.concat(frames, ignore_index=True)
+    whole = pd.concat([frame for frame in frames if len(frame)] or frames[:1], ignore_index=True)
     whole["case"] = whole.campaign + ": " + whole["case"]
     return whole.drop(columns="campaign")
 
