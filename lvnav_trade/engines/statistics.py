@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.records import Floats, Output, RunBlock
+from lvnav_trade.records import NO_CHANGES, Floats, Output, RunBlock
 
 Counts = NDArray[np.int64]
 
@@ -36,7 +36,8 @@ class BlockSummary(NamedTuple):
     innovations that many epochs apart. One row per run, failed ones too: event_error, event_sigma
     (n_run, n_event, n_column) SI, event_nees (n_run, n_event). events: names in time order; t_event (n_event,) s.
     t_bound (n_interval + 1,) s: events and both ends of the history; worst (n_run, n_interval, n_column) SI: largest
-    |error| of each run at the history times from one bound to the next, both included.
+    |error| of each run at the history times from one bound to the next, both included. changes (n_change, 5) of what
+    filters with a logic do: see RunBlock.
     """
 
     runs: Counts
@@ -63,6 +64,7 @@ class BlockSummary(NamedTuple):
     event_nees: Floats
     t_bound: Floats
     worst: Floats
+    changes: Floats = NO_CHANGES
 
     @property
     def first_run(self) -> int:
@@ -88,7 +90,7 @@ _SUMMED = (
     "lag_sum",
     "lag_count",
 )
-_JOINED = ("runs", "failed", "t_failed", "event_error", "event_sigma", "event_nees", "worst")
+_JOINED = ("runs", "failed", "t_failed", "event_error", "event_sigma", "event_nees", "worst", "changes")
 _SHARED = ("t", "scale", "t_epoch", "t_event", "t_bound")
 
 
@@ -164,6 +166,7 @@ def summarise(
         event_nees=block.nees[:, at_event],
         t_bound=t_bound,
         worst=_worst(block.t, error, t_bound),
+        changes=block.changes,
     )
 
 
