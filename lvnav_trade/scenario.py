@@ -15,6 +15,7 @@ from lvnav_trade.world.faults import Fault
 from lvnav_trade.world.gravity import GravityCard
 from lvnav_trade.world.imu import ImuCard
 from lvnav_trade.world.receiver import ReceiverCard
+from lvnav_trade.world.solutions import DirectSolution
 from lvnav_trade.world.trajectory import TrajectoryCard
 
 
@@ -75,6 +76,7 @@ def _matched_receiver(scenario: Scenario) -> ReceiverBelief:
     largest of them.
     """
     receiver, air = scenario.receiver, scenario.atmosphere
+    solution = receiver.solution if isinstance(receiver.solution, DirectSolution) else None
     parts = parts_of(scenario.constellation)
     biases = [(p.range_error, p.range_error_time) for p in parts] + [(receiver.multipath, receiver.multipath_time)]
     offsets = [(p.time_offset, p.time_offset_time) for p in parts if not isinstance(p, AlmanacConstellation)]
@@ -82,8 +84,9 @@ def _matched_receiver(scenario: Scenario) -> ReceiverBelief:
     return ReceiverBelief.model_construct(
         pseudorange_sigma=receiver.pseudorange_sigma,
         range_rate_sigma=receiver.range_rate_sigma,
-        position_sigma=receiver.solution.position_sigma,
-        velocity_sigma=receiver.solution.velocity_sigma,
+        # a receiver that solves tells the covariance of each of its solutions
+        position_sigma=solution.position_sigma if solution else 0.0,
+        velocity_sigma=solution.velocity_sigma if solution else 0.0,
         clock_h0=receiver.clock.h0,
         clock_h_minus2=receiver.clock.h_minus2,
         range_bias=math.hypot(max(sigma for sigma, _ in biases[:-1]), receiver.multipath),
@@ -96,10 +99,10 @@ def _matched_receiver(scenario: Scenario) -> ReceiverBelief:
         ionosphere_scale_time=air.ionosphere_scale_time,
         timing=receiver.latency_error,
         timing_time=None,
-        position_bias=receiver.solution.position_bias,
-        position_bias_time=receiver.solution.bias_time,
-        velocity_bias=receiver.solution.velocity_bias,
-        velocity_bias_time=receiver.solution.bias_time,
+        position_bias=solution.position_bias if solution else 0.0,
+        position_bias_time=solution.bias_time if solution else None,
+        velocity_bias=solution.velocity_bias if solution else 0.0,
+        velocity_bias_time=solution.bias_time if solution else None,
     )
 
 
