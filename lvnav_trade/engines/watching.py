@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from lvnav_trade.engines.inputs import Signals
 from lvnav_trade.filters.base import FilterCard, LogicCard
 from lvnav_trade.filters.monitor import Rules
 from lvnav_trade.records import Floats
@@ -32,27 +33,28 @@ def pdop(direction: Floats, tracked: Mask) -> Floats:
     return found
 
 
-def rules_of(
-    card: FilterCard, failed: Failures, n_used: NDArray[np.int64], dilution: Floats, P: Floats
-) -> Rules | None:
-    """Return the rules of a filter card; None where it has no logic and starts as its card says.
+def watched(
+    card: FilterCard, failed: Failures, signals: Signals, dilution: Floats, P: Floats
+) -> tuple[Signals, Rules | None]:
+    """Return the rules of a filter card, None where it has no logic and starts as its card says; and the signals, with
+    no satellite where a sample fails the checks at the input: linear covariance then has no row there either.
 
     Parameters
     ----------
-    failed : what faults do to flags and freshness; n_used (n_epoch,) satellites; dilution (n_epoch,) of precision
+    failed : what faults do to flags and freshness; dilution (n_epoch,) of precision
     P : (n_state, n_state) the filter's covariance at a start
     """
     if card.logic is None and card.init == "from_card":
-        return None
+        return signals, None
     logic = card.logic or _UNGUARDED
-    good = n_used >= 4
+    good = signals.n_used >= 4
     if logic.check_flags:
         good &= ~failed.frozen & ~failed.invalid
     if logic.pdop_below is not None:
         good &= dilution < logic.pdop_below
     position, velocity = logic.wild_position or math.inf, logic.wild_velocity or math.inf
     spread = (logic.covariance_position or math.inf, logic.covariance_velocity or math.inf)
-    return Rules(
+    rules = Rules(
         interval=1.0 / card.update_rate,
         good=good,
         limits=np.repeat([position, velocity], 3),
@@ -64,3 +66,4 @@ def rules_of(
         from_gnss=card.init == "from_gnss",
         P=P,
     )
+    return signals._replace(n_used=np.where(good, signals.n_used, 0)), rules

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import like, magnitude, where
+from lvnav_trade.kernels.lanes import like, magnitude, view, where
 from lvnav_trade.kernels.transition import POS, VEL
 from lvnav_trade.records import AIDING, CONVERGING, PREDICTING, STOPPED, WAITING
 
@@ -73,13 +73,33 @@ def watch_shapes(n_epoch: int) -> dict[str, tuple[int, ...]]:
     }  # fmt: skip
 
 
+def new_watch(n_epoch: int, lanes: int = 0) -> Watch:
+    """Return the arrays of a watch: one run, or `lanes` runs on the last axis."""
+    end = (lanes,) if lanes else ()
+    return Watch(**{name: np.zeros(shape + end) for name, shape in watch_shapes(n_epoch).items()})
+
+
+@jit
+def _as_lanes(w):
+    return Watch(view(w.state), view(w.before), view(w.predicted), view(w.sample), view(w.mode), view(w.reason))
+
+
+@jit
+def lanes_of_watch(watch):
+    """Return lane views of a watch's arrays, or None where there is none."""
+    if watch is None:
+        return None
+    return _as_lanes(watch)
+
+
 @jit
 def begin_watch(watch):
-    """Let a run's filter wait for its first samples."""
-    for i in range(N_WATCH):
-        watch.state[i] = like(watch.before[0], 0.0)
-    for i in range(N_ROW):
-        watch.before[i] = like(watch.before[0], 0.0)
+    """Let a run's filter wait for its first samples, where it has a logic."""
+    if watch is not None:
+        for i in range(N_WATCH):
+            watch.state[i] = like(watch.before[0], 0.0)
+        for i in range(N_ROW):
+            watch.before[i] = like(watch.before[0], 0.0)
 
 
 @jit

@@ -25,8 +25,9 @@ def logic(results: Path | str | Tables, case: str) -> Figure:
     """Draw the part of runs in each mode over time, modes on top of each other; events as lines, faults shaded."""
     tables = load(results)
     rows = METRICS["modes"](tables)
-    rows = rows[rows.case == tables.labels[case]]
-    wide = rows.pivot(index="t_s", columns="mode", values="run_ratio").reindex(columns=list(MODES))
+    wide = rows[rows.case == tables.labels[case]].pivot(index="t_s", columns="mode", values="run_ratio")
+    wide = wide.reindex(columns=list(MODES)).astype(float)
+    history = tables.history[tables.history.case == case]
     with look():
         figure, grid = canvas(1, 1, 2.2)
         axes = grid[0, 0]
@@ -39,7 +40,9 @@ def logic(results: Path | str | Tables, case: str) -> Figure:
                     step="post", **_LOOKS[mode],
                 )  # fmt: skip
             lower = upper
-        axes.set_xlim(wide.index.min(), wide.index.max())
+        if wide.empty:
+            axes.text(0.5, 0.5, "the filter has no logic", transform=axes.transAxes, ha="center", color="0.4")
+        axes.set_xlim(history.t_s.min(), history.t_s.max())
         axes.set_ylim(0.0, 100.0)
         axes.set_xlabel("time since lift-off (s)")
         axes.set_ylabel("runs (%)")

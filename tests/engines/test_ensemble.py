@@ -35,16 +35,16 @@ def within(ratio, n_run, axes=3):
 
 
 def test_what_the_filter_models_it_does_not_miss():
-    """Biases and a tilted start: what remains is of second order, a thousandth of the first and less."""
+    """Biases and a tilted start: what remains is of second order, some thousandths of the first."""
     prepared = perturbed(
         {"bias_repeatability": "1 deg/h"}, {"bias_repeatability": "1 mg"}, tilt="1 mrad", velocity="1 m/s"
     )
     found = step_errors(prepared, 1, 8)
     first_order = np.abs(np.diff(found.error[:, VEL : VEL + 3], axis=0)).max()
     assert first_order > 5e-3  # the tilt turns 30 m/s^2 by some 1 mrad, of which a third lies across
-    assert spread(found, VEL).max() < 1e-3 * first_order
+    assert spread(found, VEL).max() < 5e-3 * first_order
     assert spread(found, ATT).max() < 1e-8
-    assert spread(found, POS).max() < 1e-3 * first_order
+    assert spread(found, POS).max() < 5e-3 * first_order
     np.testing.assert_array_equal(spread(found, 9), 0.0)
 
 
