@@ -10,6 +10,7 @@ from numba import config
 from lvnav_trade.engines.flight import fly
 from lvnav_trade.engines.inputs import Sizes, Work, work_shapes
 from lvnav_trade.engines.prepare import Prepared, prepare
+from lvnav_trade.engines.recorded import values_of
 from lvnav_trade.filters.belief import LOOSE, TIGHT
 from lvnav_trade.filters.feedforward import lanes_of_kept, new_kept
 from lvnav_trade.filters.monitor import Watch, lanes_of_watch, new_watch
@@ -86,6 +87,10 @@ def _new_work(prepared: Prepared, lanes: bool) -> Work:
 def _fly(prepared: Prepared, seed: int, runs: Floats, lanes: bool) -> Work:
     work = _new_work(prepared, lanes)
     work.run[0] = runs if lanes else runs[0]
+    chosen = np.flatnonzero(prepared.signals.shared.given)
+    if chosen.size:
+        values = values_of(prepared.recorded, seed, runs)
+        work.shared[chosen] = values if lanes else values[:, 0]
     p = prepared
     fixed = (p.schedule, p.unit, p.signals, p.start, p.record, p.belief, p.options)
     (fly_lanes if lanes else fly)(work, *fixed, *seed_words(seed))

@@ -126,8 +126,9 @@ class LogicCard(Card):
     check_flags: bool = Field(True, description="leave out what the receiver says is invalid, or put out before")
     pdop_below: float | None = Field(None, gt=0, description="leave out solutions of a greater dilution of precision")
     wild_position: Annotated[Length, Field(gt=0.0)] | None = Field(
-        None, description="leave out a sample of which an axis is further from the prediction; before a start, further "
-        "from the sample before"
+        None,
+        description="leave out a sample of which an axis is further from the prediction; before a start, further "
+        "from the sample before",
     )
     wild_velocity: Annotated[Speed, Field(gt=0.0)] | None = None
     start_after: int = Field(1, ge=1, description="good samples in a row")

@@ -33,7 +33,7 @@ def logic(results: Path | str | Tables) -> pd.DataFrame:
 
 
 def modes(results: Path | str | Tables) -> pd.DataFrame:
-    """Return the part of runs in each mode over time: case, t_s, mode, run_ratio; cases without a logic are left out."""
+    """Return the part of runs in each mode over time: case, t_s, mode, run_ratio; of cases with a logic only."""
     tables = load(results)
     found = []
     for case in tables.cases[tables.cases.logic.fillna(False).astype(bool)].case:

@@ -105,7 +105,7 @@ def test_a_run_is_the_same_alone_and_among_eight():
     assert len(one.changes) >= 2
 
 
-# ----------------------------------------------------------------------------- every rule, by a fault and by its absence
+# ---------------------------------------------------------------------------- every rule, by a fault and by its absence
 
 
 @lru_cache(maxsize=32)

@@ -21,7 +21,10 @@ def watched(tmp_path_factory):
 def test_every_kind_of_change_is_counted_with_its_reason(watched):
     found = METRICS["logic"](watched)
     mine = found[found.case == "imu=fine"].set_index(["from_mode", "to_mode", "reason"])
-    start, lost = mine.loc["waiting", "converging", "good samples in a row"], mine.loc["aiding", "predicting", "data lost"]
+    start, lost = (
+        mine.loc["waiting", "converging", "good samples in a row"],
+        mine.loc["aiding", "predicting", "data lost"],
+    )
     assert (start.change_count, start.run_count, start.run_ratio, start.first_s) == (RUNS, RUNS, 1.0, 5.0)
     assert (lost.change_count, lost.run_ratio, lost.median_s) == (RUNS // 4, 0.25, 60.0)
     assert mine.loc["predicting", "stopped", "data loss persists"].change_count == RUNS // 4
