@@ -270,6 +270,8 @@ def _times(
 def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats | None = None) -> Prepared:
     """Make a scenario ready: trajectory, increments, satellites, beliefs, and the windows of the flight.
 
+    Long because all that runs share is put together here, once, each part by a function of its own.
+
     Parameters
     ----------
     history

@@ -1,4 +1,4 @@
-"""The filter's policy: open loop, where the strapdown runs uncorrected and outputs are the sum; and whose leave it asks.
+"""The policy of a filter: an open loop, whose outputs are sums and whose strapdown is left alone; whose leave it asks.
 
 In an open loop the error state stays beside the inertial system: it is propagated with the transition of every window,
 rows are linearised at the uncorrected state, and the sum of both goes into the records and nowhere else. For small

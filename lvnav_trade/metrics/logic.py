@@ -27,8 +27,8 @@ def logic(results: Path | str | Tables) -> pd.DataFrame:
         median_s=("t_s", "median"),
         last_s=("t_s", "max"),
     ).reset_index()
-    runs = found.case.map(tables.cases.set_index("case").run_count)
-    found.insert(6, "run_ratio", found.run_count / runs)
+    runs = found.case.map(tables.cases.set_index("case").run_count).astype(float)
+    found.insert(6, "run_ratio", found.run_count.astype(float) / runs)
     return found.assign(case=found.case.map(tables.labels))
 
 
