@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Literal, Self
 
 import numpy as np
@@ -36,7 +37,7 @@ class GainSegment(Card):
     @model_validator(mode="after")
     def _rising(self) -> Self:
         times = [knot.since for knot in self.knots]
-        if any(b <= a for a, b in zip(times, times[1:], strict=False)):
+        if any(after <= before for before, after in pairwise(times)):
             raise ValueError(f"segment {self.event!r}: the times of its knots should rise")
         return self
 
