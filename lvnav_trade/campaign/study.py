@@ -25,7 +25,7 @@ class Figure(Card):
 
     plot: Literal[
         "errors", "locus", "spread", "envelope", "budget", "consistency", "autocorrelation", "trajectory", "satellites",
-        "sky", "timeline", "delays", "latency", "orbit", "impact",
+        "sky", "timeline", "delays", "latency", "orbit", "impact", "logic",
     ]  # fmt: skip
     caption: str = ""
     case: Case = Field(default_factory=dict, description="level of each axis: the one case that is drawn")

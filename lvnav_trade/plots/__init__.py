@@ -12,6 +12,7 @@ from lvnav_trade.plots.delays import delays, latency
 from lvnav_trade.plots.errors import comparison, envelope, rank
 from lvnav_trade.plots.flight import trajectory
 from lvnav_trade.plots.impact import impact
+from lvnav_trade.plots.logic import logic
 from lvnav_trade.plots.orbit import orbit
 from lvnav_trade.plots.published import locus, spread
 from lvnav_trade.plots.sky import satellites, sky
@@ -22,6 +23,7 @@ PLOTS: dict[str, Callable[..., Any]] = {
     "satellites": satellites,
     "sky": sky,
     "timeline": timeline,
+    "logic": logic,
     "delays": delays,
     "latency": latency,
     "envelope": envelope,

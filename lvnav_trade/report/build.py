@@ -34,6 +34,7 @@ SECTIONS: dict[str, tuple[str, Callable[[Tables], list[Block]]]] = {
     "agreement": ("Monte Carlo against linear covariance", _agreement),
     "satellites": ("Satellites", reception.satellites),
     "tracking": ("Tracking", reception.tracking),
+    "logic": ("The filter's logic", reception.logic),
     "delays": ("Delays and latency", reception.delays),
     "outages": ("Outages", evidence.outages),
     "references": ("Published numbers", evidence.references),
@@ -47,7 +48,7 @@ SECTIONS: dict[str, tuple[str, Callable[[Tables], list[Block]]]] = {
 """Every section by name, in the order in which they stand unless the campaign says otherwise; one that has nothing to
 show stands on the page only where it was asked for by name.
 """
-_WHERE_ANY = ("transitions",)
+_WHERE_ANY = ("transitions", "logic")
 """CSV tables that are written only where they have rows."""
 
 

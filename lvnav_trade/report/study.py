@@ -36,6 +36,7 @@ _CAPTIONS = {
     "delays": "Delays of the signals, and what corrections leave of them.",
     "latency": "Age of a measurement when the filter takes it.",
     "consistency": "Normalised errors and innovations squared against their bounds.",
+    "logic": "What the filter does over the flight, part of runs; events as lines, faults shaded.",
     "orbit": "Errors of the orbit.",
     "impact": "Points of impact.",
     "autocorrelation": "Autocorrelation of the innovations (blue: position or range, red: velocity or range rate); "
