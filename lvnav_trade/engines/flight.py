@@ -5,6 +5,7 @@ from __future__ import annotations
 from lvnav_trade.engines.sensing import begin, begin_solver, observe, sense
 from lvnav_trade.filters.belief import INERTIAL, TIGHT
 from lvnav_trade.filters.ekf import clear_epoch, correct, predict_window, rows_at, update
+from lvnav_trade.filters.late import keep
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.attitude import matrix, small_rotation
 from lvnav_trade.kernels.covariance import normalised_square
@@ -120,13 +121,14 @@ def fly(work, schedule, unit, signals, start, history, belief, options, k0, k1):
                 work.nav, work.sums, work.previous, work.increments, n_tick // belief.group, dt, belief.gravity
             )  # fmt: skip
             predict_window(work, belief, schedule.length[w])
+            keep(work.kept, work.nav, work.previous, options.late, w, dt, belief.gravity)
         epoch = schedule.epoch[w]
         if epoch >= 0:
             clear_epoch(work, epoch, size(work.innovation, 1))
         if epoch >= 0 and belief.kind != INERTIAL:
             observe(work, options.solver, signals, tight, epoch, k0, k1)
             if rows_at(belief, signals, epoch) > 0:
-                update(work, belief, signals, epoch, dt)
+                update(work, belief, signals, options.late, epoch, dt)
             correct(work, belief)
         if schedule.hist[w] >= 0:
             record(work, history, signals.shared, belief, schedule.hist[w])

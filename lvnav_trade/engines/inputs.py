@@ -143,16 +143,18 @@ class Options(NamedTuple):
 
     A part is handed on as an argument of its own: the compiler drops `if part is None` for arguments only.
 
-    solver (receivers.base.Solver): the receiver solves for position and velocity itself.
+    solver (receivers.base.Solver): the receiver solves for position and velocity itself; late (filters.late.Late): late
+    measurements are met with the state that they are of.
     """
 
     solver: Any = None
+    late: Any = None
 
 
 class Work(NamedTuple):
     """Arrays of a run (or lane views of eight): states, scratch, and what is handed out. See `work_shapes`.
 
-    rx (receivers.base.Receiver) belongs to an option and is None without it.
+    rx (receivers.base.Receiver) and kept (N_KEPT,) (filters.late) belong to options and are None without them.
     """
 
     run: NDArray[np.uint64]
@@ -191,6 +193,7 @@ class Work(NamedTuple):
     t_failed: Floats
     told: Floats
     rx: Any = None
+    kept: Any = None
 
 
 class Sizes(NamedTuple):

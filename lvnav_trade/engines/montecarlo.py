@@ -11,12 +11,21 @@ from lvnav_trade.engines.flight import fly
 from lvnav_trade.engines.inputs import Sizes, Work, work_shapes
 from lvnav_trade.engines.prepare import Prepared, prepare
 from lvnav_trade.filters.belief import LOOSE, TIGHT
+from lvnav_trade.filters.late import N_KEPT
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import view
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.kernels.vector import WIDTH
 from lvnav_trade.receivers.base import lanes_of, new_receiver
 from lvnav_trade.records import Floats, RunBlock
+
+
+@jit
+def _view_of(array: Any) -> Any:
+    """Return a lane view of an array, or None where there is none."""
+    if array is None:
+        return None
+    return view(array)
 
 
 @jit
@@ -39,7 +48,7 @@ def fly_lanes(
         view(w.true_tables), view(w.par), view(w.tables), view(w.remainder), view(w.clock), view(w.clock_hat),
         view(w.shared), view(w.extra), view(w.ranges), view(w.solution), view(w.err), view(w.sigma), view(w.nees),
         view(w.nis), view(w.n_row), view(w.n_reject), view(w.innovation), view(w.failed), view(w.t_failed),
-        view(w.told), lanes_of(w.rx),
+        view(w.told), lanes_of(w.rx), _view_of(w.kept),
     )  # fmt: skip
     fly(work, schedule, unit, signals, start, history, belief, options, k0, k1)
 
@@ -72,7 +81,8 @@ def _new_work(prepared: Prepared, lanes: bool) -> Work:
         name: np.zeros(shape + end, dtype=np.uint64 if name == "run" else np.float64) for name, shape in shapes.items()
     }
     rx = None if prepared.options.solver is None else new_receiver(WIDTH if lanes else 0)
-    return Work(**arrays, rx=rx)
+    kept = None if prepared.options.late is None else np.zeros((N_KEPT, *end))
+    return Work(**arrays, rx=rx, kept=kept)
 
 
 def _fly(prepared: Prepared, seed: int, runs: Floats, lanes: bool) -> Work:

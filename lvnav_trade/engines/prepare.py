@@ -13,7 +13,18 @@ from numpy.typing import NDArray
 from lvnav_trade.engines.atmosphere import Delays, delays
 from lvnav_trade.engines.families import ErrorFamily, shared_of
 from lvnav_trade.engines.inputs import Options, Record, Schedule, Signals, Start, Unit
-from lvnav_trade.engines.options import epoch_interval, every, refuse_contradiction, solver_of, solves
+from lvnav_trade.engines.options import (
+    Kept,
+    delay_taken,
+    epoch_interval,
+    every,
+    judged,
+    kept_at,
+    late_of,
+    refuse_contradiction,
+    solver_of,
+    solves,
+)
 from lvnav_trade.engines.signals import Line, channels_of, families, geometry_of, signals
 from lvnav_trade.filters.belief import Belief, believe, initial_covariance
 from lvnav_trade.frames import earth_angle, rotation_i_e, rotation_i_n, rotation_i_o
@@ -114,11 +125,13 @@ def _history_times(trajectory: Trajectory, start: float, end: float, every: floa
     return np.unique(np.concatenate([[start], grid, events]))
 
 
-def _schedule(n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints) -> tuple[Schedule, Ints]:
-    """Cut the flight into windows at covariance steps, epochs and history times; a second history time on the same tick
-    gets a window of no ticks. Returns the schedule and the distinct window lengths in ticks.
+def _schedule(n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints, kept: Ints) -> tuple[Schedule, Ints]:
+    """Cut the flight into windows at covariance steps, epochs, history times and ticks whose state is kept; a second
+    history time on the same tick gets a window of no ticks. Returns the schedule and the distinct window lengths in
+    ticks.
     """
-    bounds = np.unique(np.concatenate([np.arange(0, n_imu + 1, per_window), hist_tick, epoch_tick, [0, n_imu]]))
+    steps = np.arange(0, n_imu + 1, per_window)
+    bounds = np.unique(np.concatenate([steps, hist_tick, epoch_tick, kept, [0, n_imu]]))
     epoch_at = {int(tick): index for index, tick in enumerate(epoch_tick)}
     hist_at: dict[int, list[int]] = {}
     for index, tick in enumerate(hist_tick):
@@ -228,39 +241,54 @@ def _with_steps(t_hist: Floats, steps: Floats, start: float, rate: float, n_imu:
     return np.sort(np.concatenate([t_hist, steps[new]]))
 
 
-class _Times(NamedTuple):
-    """When a flight is looked at: epochs and history times (s) with their ticks, windows, their lengths (s), and the
-    ticks to a strapdown step.
-    """
+class _Epochs(NamedTuple):
+    """Epochs (s) and their ticks; ticks of the flight, and those to a strapdown step."""
 
-    t_epoch: Floats
-    epoch_tick: Ints
+    t: Floats
+    tick: Ints
+    n_imu: int
+    group: int
+
+
+class _Times(NamedTuple):
+    """When a flight is looked at: history times (s) with their ticks, windows, and their lengths (s)."""
+
     t_hist: Floats
     hist_tick: Ints
     schedule: Schedule
     lengths: Floats
-    group: int
 
 
-def _times(
-    scenario: Scenario, trajectory: Trajectory, ref: Reference, history: float, every_step_beside: Floats | None
-) -> _Times:
-    card, rate = scenario.filter, scenario.imu.rate
-    start, end = float(ref.t[0]), float(ref.t[-1])
-    group = 1 if card.strapdown_rate is None else round(rate / card.strapdown_rate)
+def _epochs(scenario: Scenario, ref: Reference) -> _Epochs:
+    rate, start, end = scenario.imu.rate, float(ref.t[0]), float(ref.t[-1])
+    group = 1 if scenario.filter.strapdown_rate is None else round(rate / scenario.filter.strapdown_rate)
     n_imu = ref.dtheta.shape[0] // group * group
     interval = epoch_interval(scenario)
     n_epoch = math.floor((end - start) / interval + 1e-9)
-    t_epoch = start + interval * np.arange(1, n_epoch + 1, dtype=np.float64)
-    epoch_tick = _ticks(t_epoch, start, rate, n_imu, group)
-    t_epoch = ref.t[epoch_tick]  # increments end at ticks: half a tick is 20 m at orbital speed
-    per_window = max(1, round(rate / card.covariance_rate))
+    tick = _ticks(start + interval * np.arange(1, n_epoch + 1, dtype=np.float64), start, rate, n_imu, group)
+    # increments end at ticks: half a tick is 20 m at orbital speed
+    return _Epochs(ref.t[tick], tick, n_imu, group)
+
+
+def _times(
+    scenario: Scenario,
+    trajectory: Trajectory,
+    ref: Reference,
+    epochs: _Epochs,
+    kept: Kept | None,
+    history: float,
+    every_step_beside: Floats | None,
+) -> _Times:
+    rate, n_imu, group = scenario.imu.rate, epochs.n_imu, epochs.group
+    start, end = float(ref.t[0]), float(ref.t[-1])
+    per_window = max(1, round(rate / scenario.filter.covariance_rate))
     t_hist = _history_times(trajectory, start, end, history)
     if every_step_beside is not None:
         t_hist = _with_steps(every_step_beside, ref.t[::per_window], start, rate, n_imu, group)
     hist_tick = _ticks(t_hist, start, rate, n_imu, group)
-    schedule, lengths = _schedule(n_imu, per_window, hist_tick, epoch_tick)
-    return _Times(t_epoch, epoch_tick, t_hist, hist_tick, schedule, lengths / rate, group)
+    looked = np.zeros(0, dtype=np.int64) if kept is None else np.concatenate([kept.valid, kept.early])
+    schedule, lengths = _schedule(n_imu, per_window, hist_tick, epochs.tick, looked)
+    return _Times(t_hist, hist_tick, schedule, lengths / rate)
 
 
 def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats | None = None) -> Prepared:
@@ -277,23 +305,28 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     kind, text = type(scenario.trajectory), _identity(scenario.trajectory)
     trajectory, card = _built(text, kind), scenario.filter
     ref = _sampled(text, kind, scenario.imu.rate)
-    at = _times(scenario, trajectory, ref, history, every_step_beside)
-    seen = _seen(scenario, trajectory, at.t_epoch, float(ref.t[0]))
-    imu, receiver, initial = beliefs(scenario)
     refuse_contradiction(scenario)
+    epochs = _epochs(scenario, ref)
+    t_epoch = epochs.t
+    seen = _seen(scenario, trajectory, t_epoch, float(ref.t[0]))
+    unstamped = delay(scenario.faults, trajectory.events, t_epoch)
+    delayed = delay_taken(scenario, t_epoch, np.minimum(t_epoch, seen.t + unstamped))
+    kept = kept_at(scenario, t_epoch, delayed, ref.t, epochs.group)
+    at = _times(scenario, trajectory, ref, epochs, kept, history, every_step_beside)
+    imu, receiver, initial = beliefs(scenario)
     channels, lever_b = channels_of(scenario, seen), np.array(scenario.receiver.lever_b)
     measured = channels._replace(tight=True) if solves(scenario) else channels
     levers = seen.levers if channels.tight else lever_b[None, :]
     layout, belief = believe(
-        card, imu, receiver, levers, at.lengths, channels, at.group, every(scenario), solves(scenario)
+        card, imu, receiver, levers, at.lengths, channels, epochs.group, every(scenario), judged(scenario)
     )  # fmt: skip
     line = Line(trajectory, lever_b, seen)
     late_by = delays(trajectory, scenario.receiver, seen, scenario.atmosphere, card.corrections)
     geometry = geometry_of(line, seen.tracked, late_by.troposphere, late_by.ionosphere)
     believed = geometry_of(line, seen.tracked, late_by.believed_troposphere, late_by.believed_ionosphere)
-    failed = failures(scenario.faults, trajectory.events, at.t_epoch, seen.names, seen.elevation, seen.tracked)
+    failed = failures(scenario.faults, trajectory.events, t_epoch, seen.names, seen.elevation, seen.tracked)
     shared_errors = families(scenario, geometry, measured, failed)
-    shared = shared_of(shared_errors, layout, epoch_interval(scenario), (at.t_epoch.size, measured.n_channel))
+    shared = shared_of(shared_errors, layout, epoch_interval(scenario), (t_epoch.size, measured.n_channel))
     truth = signals(
         scenario, seen, line, receiver, layout, believed, channels, measured, shared, failed, late_by.left
     )  # fmt: skip
@@ -313,12 +346,14 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         unit=_unit(scenario, ref, blocks, trajectory.events),
         signals=truth,
         start=_start(scenario, ref, C_n_i, initial_covariance(layout, initial, C_n_i)),
-        record=_record(scenario, trajectory, ref, at.hist_tick, at.t_hist, at.epoch_tick),
+        record=_record(scenario, trajectory, ref, at.hist_tick, at.t_hist, epochs.tick),
         t_hist=at.t_hist,
-        t_epoch=at.t_epoch,
+        t_epoch=t_epoch,
         lengths=at.lengths,
         delays=late_by,
-        options=Options(solver_of(scenario, receiver, truth.used.shape[1])),
+        options=Options(
+            solver_of(scenario, receiver, truth.used.shape[1]), late_of(scenario, delayed, kept, at.schedule)
+        ),
     )
 
 
