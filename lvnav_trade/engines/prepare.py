@@ -26,6 +26,7 @@ from lvnav_trade.engines.options import (
     solves,
 )
 from lvnav_trade.engines.signals import Line, channels_of, families, geometry_of, signals
+from lvnav_trade.engines.solution import Chain, chain_of
 from lvnav_trade.filters.belief import Belief, believe, initial_covariance
 from lvnav_trade.frames import earth_angle, rotation_i_e, rotation_i_n, rotation_i_o
 from lvnav_trade.kernels.random import source_word
@@ -85,6 +86,7 @@ class Prepared(NamedTuple):
     lengths: Floats
     delays: Delays
     options: Options
+    chain: Chain | None
 
 
 @lru_cache(maxsize=4)
@@ -332,6 +334,10 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     )  # fmt: skip
     blocks = (*error_blocks(scenario.imu), *disturbance(scenario.gravity))
     C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], trajectory.theta0)[0].T
+    solver = solver_of(scenario, receiver, truth.used.shape[1])
+    chain = chain_of(solver, judged(scenario), truth, line)
+    if chain is not None and solver is not None:
+        truth = truth._replace(variance=np.diagonal(chain.told, axis1=1, axis2=2).copy())
     return Prepared(
         scenario=scenario,
         trajectory=trajectory,
@@ -351,9 +357,8 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         t_epoch=t_epoch,
         lengths=at.lengths,
         delays=late_by,
-        options=Options(
-            solver_of(scenario, receiver, truth.used.shape[1]), late_of(scenario, delayed, kept, at.schedule)
-        ),
+        options=Options(solver, late_of(scenario, delayed, kept, at.schedule)),
+        chain=chain,
     )
 
 
