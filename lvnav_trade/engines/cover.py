@@ -215,13 +215,15 @@ def _absorb_shared(joint, gain, h, entries, columns, signals, true, judged, epoc
 
 
 @jit
-def _set_gain(gain, K, weight, n_estimated, kept):
-    """Set the gain on the joint vector: what the filter corrects, it takes off what it kept as well."""
+def _set_gain(gain, K, weight, n_estimated, corrected):
+    """Set the gain on the joint vector: the filter takes what it corrects off the kept state as well, where rows are of
+    that one.
+    """
     for i in range(gain.shape[0]):
         gain[i] = K[i] * weight if i < n_estimated else 0.0
-    if kept >= 0:
+    if corrected >= 0:
         for i in range(N_NAV):
-            gain[kept + i] = gain[i]
+            gain[corrected + i] = gain[i]
 
 
 @inlined
@@ -236,7 +238,7 @@ def _absorb_true(joint, scratch, tape, h, surprise, epoch, channel, signals, tru
         joint.formal, scratch.x, K, h, belief.entry[channel, :n], belief.column[channel, :n], 0.0, variance, np.inf,
         belief.n_estimated, belief.joseph,
     )  # fmt: skip
-    _set_gain(gain, K, weight, belief.n_estimated, true.kept)
+    _set_gain(gain, K, weight, belief.n_estimated, true.corrected)
     entries, columns = true.entry[channel, : true.n_entry[channel]], true.column[channel, : true.n_entry[channel]]
     if tape.channel.shape[0] > 0:
         _keep_row(tape, gain, h, epoch, channel)

@@ -296,6 +296,8 @@ def _times(
 def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats | None = None) -> Prepared:
     """Make a scenario ready: trajectory, increments, satellites, beliefs, and the windows of the flight.
 
+    Long because it names every part of a case once, in the order in which they follow from each other.
+
     Parameters
     ----------
     history

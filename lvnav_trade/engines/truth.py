@@ -33,7 +33,8 @@ class TrueModel(NamedTuple):
     transition of e. noise (n_source, n_length, n): white noise of each source; initial (n_source, n, n); row_source
     (4,) source of each row type; decay (n_length, n) of e as the filter believes; n_entry (n_channel,), entry, column
     of rows with respect to the n states of the joint vector: e, and where there are such the error of a solution from
-    `chain` on (-1 none) with sources chain_source (n_in,) of its white errors, and the kept error from `kept` on.
+    `chain` on (-1 none) with sources chain_source (n_in,) of its white errors, and the kept error from `kept` on;
+    corrected: the same where rows are of the kept state, so that what one row corrects is taken off the next, -1 else.
     """
 
     sensor: Ints
@@ -64,6 +65,7 @@ class TrueModel(NamedTuple):
     chain: int
     chain_source: Ints
     kept: int
+    corrected: int
 
 
 def source_names(prepared: Prepared) -> list[str]:
@@ -139,6 +141,7 @@ def _behind(prepared: Prepared, names: list[str]) -> dict[str, Any]:
         "chain": at_chain,
         "chain_source": np.array([names.index(_WHITE[kind]) for kind in kinds], dtype=np.int64),
         "kept": at_kept,
+        "corrected": at_kept if buffered else -1,
     }
 
 
