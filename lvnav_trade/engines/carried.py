@@ -29,7 +29,7 @@ class Nominal(NamedTuple):
     x: Floats
     extra: Floats
     told: Floats
-    kept: Floats
+    past: Floats
 
 
 class Joint(NamedTuple):

@@ -169,7 +169,7 @@ def judged_rows(nominal, formal, chain, late, epoch):
         for i in range(3):
             H[i, CARRIED + i] = -late.delay[epoch]
             H[3 + i, CARRIED + i], H[3 + i, CARRIED + 3 + i] = -slope, slope
-        carry_on(z, told, nominal.kept, formal, late, epoch)
+        carry_on(z, told, nominal.past, formal, late, epoch)
     whiten(told, z, H, 6, H.shape[1])
 
 

@@ -359,7 +359,7 @@ def _keep(joint, nominal, true, belief, reference, tick, dt, late, window):
     """Keep the state and its error that the next late measurement will be met with."""
     if late is not None:
         _take_nominal(nominal, reference, tick)
-        keep(nominal.kept, nominal.nav, nominal.previous, late, window, dt, belief.gravity)
+        keep(nominal.past, nominal.nav, nominal.previous, late, window, dt, belief.gravity)
         keep_error(joint, true, late, window)
 
 

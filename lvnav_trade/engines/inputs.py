@@ -62,7 +62,7 @@ class Shared(NamedTuple):
     member (n_family, n_channel) component of the family in the channel, -1 none; partial (n_family, n_epoch, n_channel)
     of the measurement with respect to it; start (n_component,) sigma, decay and walk (n_component,) over an interval of
     epochs; sources, satellites (n_component,) words; extra (n_component,) extra state of the filter that stands for the
-    same thing, -1 none.
+    same thing, -1 none; given (n_component,): set before the flight, not drawn.
     """
 
     member: Ints
@@ -73,6 +73,7 @@ class Shared(NamedTuple):
     sources: NDArray[np.uint64]
     satellites: NDArray[np.uint64]
     extra: Ints
+    given: NDArray[np.bool_]
 
 
 class Signals(NamedTuple):
@@ -143,18 +144,20 @@ class Options(NamedTuple):
 
     A part is handed on as an argument of its own: the compiler drops `if part is None` for arguments only.
 
-    solver (receivers.base.Solver): the receiver solves for position and velocity itself; late (filters.late.Late): late
-    measurements are met with the state that they are of.
+    solver (receivers.base.Solver): the receiver solves for position and velocity itself; rules (filters.monitor.Rules):
+    the filter has a logic; late (filters.late.Late): late measurements are met with the state that they are of.
     """
 
     solver: Any = None
+    rules: Any = None
     late: Any = None
 
 
 class Work(NamedTuple):
     """Arrays of a run (or lane views of eight): states, scratch, and what is handed out. See `work_shapes`.
 
-    rx (receivers.base.Receiver) and kept (N_KEPT,) (filters.late) belong to options and are None without them.
+    rx (receivers.base.Receiver), kept (filters.feedforward.Kept; an open loop's), watch (filters.monitor.Watch) and
+    past (N_PAST,) (filters.late) belong to options and are None without them.
     """
 
     run: NDArray[np.uint64]
@@ -194,6 +197,8 @@ class Work(NamedTuple):
     told: Floats
     rx: Any = None
     kept: Any = None
+    watch: Any = None
+    past: Any = None
 
 
 class Sizes(NamedTuple):

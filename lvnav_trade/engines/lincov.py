@@ -20,7 +20,7 @@ from lvnav_trade.engines.truth import (
     true_model,
 )
 from lvnav_trade.filters.belief import TIGHT
-from lvnav_trade.filters.late import N_KEPT
+from lvnav_trade.filters.late import N_PAST
 from lvnav_trade.frames import matrices
 from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.records import AdjointBudget, CovHistory, Floats
@@ -47,7 +47,7 @@ def nominal(prepared: Prepared) -> Nominal:
     shapes = (
         (10,), (21,), (6,), (int(prepared.schedule.n_tick.max()), 6), (len(belief.levers), 12), (3,),
         (n_row, _width(prepared)), (n_row,), (n_slot, 2), (6,), (2,), (belief.n_state,),
-        (max(1, belief.extra_offset.size),), (6, 6), (N_KEPT,),
+        (max(1, belief.extra_offset.size),), (6, 6), (N_PAST,),
     )  # fmt: skip
     return Nominal(*(np.zeros(shape) for shape in shapes))
 

@@ -10,14 +10,17 @@ from numba import config
 from lvnav_trade.engines.flight import fly
 from lvnav_trade.engines.inputs import Sizes, Work, work_shapes
 from lvnav_trade.engines.prepare import Prepared, prepare
+from lvnav_trade.engines.recorded import values_of
 from lvnav_trade.filters.belief import LOOSE, TIGHT
-from lvnav_trade.filters.late import N_KEPT
+from lvnav_trade.filters.feedforward import lanes_of_kept, new_kept
+from lvnav_trade.filters.late import N_PAST
+from lvnav_trade.filters.monitor import Watch, lanes_of_watch, new_watch
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import view
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.kernels.vector import WIDTH
 from lvnav_trade.receivers.base import lanes_of, new_receiver
-from lvnav_trade.records import Floats, RunBlock
+from lvnav_trade.records import NO_CHANGES, WAITING, Floats, RunBlock
 
 
 @jit
@@ -48,7 +51,7 @@ def fly_lanes(
         view(w.true_tables), view(w.par), view(w.tables), view(w.remainder), view(w.clock), view(w.clock_hat),
         view(w.shared), view(w.extra), view(w.ranges), view(w.solution), view(w.err), view(w.sigma), view(w.nees),
         view(w.nis), view(w.n_row), view(w.n_reject), view(w.innovation), view(w.failed), view(w.t_failed),
-        view(w.told), lanes_of(w.rx), _view_of(w.kept),
+        view(w.told), lanes_of(w.rx), lanes_of_kept(w.kept), lanes_of_watch(w.watch), _view_of(w.past),
     )  # fmt: skip
     fly(work, schedule, unit, signals, start, history, belief, options, k0, k1)
 
@@ -80,14 +83,24 @@ def _new_work(prepared: Prepared, lanes: bool) -> Work:
     arrays: dict[str, Any] = {
         name: np.zeros(shape + end, dtype=np.uint64 if name == "run" else np.float64) for name, shape in shapes.items()
     }
-    rx = None if prepared.options.solver is None else new_receiver(WIDTH if lanes else 0)
-    kept = None if prepared.options.late is None else np.zeros((N_KEPT, *end))
-    return Work(**arrays, rx=rx, kept=kept)
+    options, n_lane = prepared.options, WIDTH if lanes else 0
+    is_open = prepared.scenario.filter.feedback == "open"
+    return Work(
+        **arrays,
+        rx=None if options.solver is None else new_receiver(n_lane),
+        kept=new_kept(prepared.layout.n_state, n_lane) if is_open else None,
+        past=None if options.late is None else np.zeros((N_PAST, *end)),
+        watch=None if options.rules is None else new_watch(prepared.t_epoch.size, n_lane),
+    )
 
 
 def _fly(prepared: Prepared, seed: int, runs: Floats, lanes: bool) -> Work:
     work = _new_work(prepared, lanes)
     work.run[0] = runs if lanes else runs[0]
+    chosen = np.flatnonzero(prepared.signals.shared.given)
+    if chosen.size:
+        values = values_of(prepared.recorded, seed, runs)
+        work.shared[chosen] = values if lanes else values[:, 0]
     p = prepared
     fixed = (p.schedule, p.unit, p.signals, p.start, p.record, p.belief, p.options)
     (fly_lanes if lanes else fly)(work, *fixed, *seed_words(seed))
@@ -115,11 +128,14 @@ def run_block(prepared: Prepared, seed: int, first_run: int, n_run: int, lanes: 
     use_lanes = not config.DISABLE_JIT if lanes is None else lanes
     width = WIDTH if use_lanes else 1
     parts: dict[str, list[Floats]] = {name: [] for name in _HANDED_OUT}
+    changes = [NO_CHANGES]
     for first in range(first_run, first_run + n_run, width):
         work = _fly(prepared, seed, np.arange(first, first + width, dtype=np.uint64), use_lanes)
         for name in _HANDED_OUT:
             array = getattr(work, name)
             parts[name].append(np.moveaxis(array, -1, 0) if use_lanes else array[None])
+        if work.watch is not None:
+            changes.append(_changes(prepared, work.watch, first, min(width, first_run + n_run - first), use_lanes))
     joined = {name: np.ascontiguousarray(np.concatenate(arrays)[:n_run]) for name, arrays in parts.items()}
     return RunBlock(
         first_run=first_run,
@@ -134,7 +150,20 @@ def run_block(prepared: Prepared, seed: int, first_run: int, n_run: int, lanes: 
         innovation=joined["innovation"],
         failed=joined["failed"][:, 0].astype(np.int8),
         t_failed=joined["t_failed"][:, 0],
+        changes=np.concatenate(changes),
     )
+
+
+def _changes(prepared: Prepared, watch: Watch, first_run: int, n_run: int, lanes: bool) -> Floats:
+    """Return the changes (n, 5) of what the filters of some runs do: run, t, mode before, mode after, reason."""
+    found = [NO_CHANGES]
+    for k in range(n_run):
+        mode, reason = (array[:, k] if lanes else array for array in (watch.mode, watch.reason))
+        at = np.flatnonzero(reason)
+        before = np.concatenate([[WAITING], mode[:-1]])
+        run = np.full(at.size, first_run + k, dtype=float)
+        found.append(np.stack([run, prepared.t_epoch[at], before[at], mode[at], reason[at]], axis=1))
+    return np.concatenate(found)
 
 
 def replay(prepared: Prepared, seed: int, run: int) -> RunBlock:

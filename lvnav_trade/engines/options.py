@@ -61,6 +61,8 @@ def refuse_contradiction(scenario: Scenario) -> None:
     card, late = scenario.filter, scenario.filter.delay_compensation
     if late is not None and late.kind == "extrapolated" and card.kind != "loose":
         raise InputError("filter.delay_compensation.kind: only a solution can be extrapolated; a tight filter buffers")
+    if late is not None and (card.feedback == "open" or card.logic is not None or card.init != "from_card"):
+        raise InputError("filter.delay_compensation: not with feedback: open, a logic, or init: from_gnss")
     if not judged(scenario):
         return
     extra = [name for name in (*card.extra_states, *card.consider) if name not in ("gyro_bias", "accel_bias")]

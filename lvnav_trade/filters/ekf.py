@@ -58,9 +58,9 @@ def place_antenna(work, late, belief, dt):
         antenna(work.antenna[a], work.nav, work.rate, belief.levers[a])
     if late is not None and not late.extrapolated:
         for i in range(3):
-            work.rate[i] = work.kept[LAST + i] / dt
+            work.rate[i] = work.past[LAST + i] / dt
         for a in range(belief.levers.shape[0]):
-            antenna(work.antenna[a], work.kept, work.rate, belief.levers[a])
+            antenna(work.antenna[a], work.past, work.rate, belief.levers[a])
 
 
 @jit
@@ -125,17 +125,17 @@ def channel_of(belief, signals, epoch, row):
 
 
 @inlined
-def absorb_row(work, belief, row, channel, variance):
+def absorb_row(work, belief, row, channel, variance, gate_squared):
     """Absorb one filled row of a channel; return its normalised innovation and weight."""
     n = belief.n_entry[channel]
     return absorb(
         work.P, work.x, work.K, work.H[row], belief.entry[channel, :n], belief.column[channel, :n], work.z[row],
-        variance, belief.gate_squared, belief.n_estimated, belief.joseph,
+        variance, gate_squared, belief.n_estimated, belief.joseph,
     )  # fmt: skip
 
 
 @jit
-def judge(work, rx, late, belief, signals, epoch):
+def weigh(work, rx, late, belief, signals, epoch):
     """Give the rows of a solution the covariance that it comes with, where it comes with one."""
     if rx is None and late is None:
         return
@@ -161,14 +161,16 @@ def mix(work, late, epoch, n_entry):
     carried on to the present first, where it shall be.
     """
     if late is not None and late.extrapolated:
-        carry_on(work.z, work.told, work.kept, work.P, late, epoch)
+        carry_on(work.z, work.told, work.past, work.P, late, epoch)
     whiten(work.told, work.z, work.H, 6, n_entry)
 
 
 @inlined
-def _absorb_and_count(work, belief, signals, epoch, row, channel):
+def absorb_and_count(work, belief, signals, epoch, row, gate_squared):
+    """Absorb one filled row of an epoch, keep its innovation and count it: believed, or rejected by the gate."""
+    channel = channel_of(belief, signals, epoch, row)
     variance = 1.0 if belief.judged else signals.variance[epoch, channel]
-    normalised, weight = absorb_row(work, belief, row, channel, variance)
+    normalised, weight = absorb_row(work, belief, row, channel, variance, gate_squared)
     work.innovation[epoch, channel] = normalised
     believed = weight > 0.0
     rejected = (normalised == normalised) & (weight == 0.0)  # what is not a number is no row
@@ -197,10 +199,9 @@ def update(work, belief, signals, late, epoch, dt):
         fill_tight(work, belief, signals, epoch)
     else:
         fill_loose(work, belief, signals, epoch)
-        judge(work, work.rx, late, belief, signals, epoch)
+        weigh(work, work.rx, late, belief, signals, epoch)
     for row in range(rows_at(belief, signals, epoch)):
-        channel = channel_of(belief, signals, epoch, row)
-        _absorb_and_count(work, belief, signals, epoch, row, channel)
+        absorb_and_count(work, belief, signals, epoch, row, belief.gate_squared)
 
 
 @jit

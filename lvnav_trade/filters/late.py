@@ -24,7 +24,7 @@ Ints = NDArray[np.int64]
 
 # What is kept of the unit's own solution: navigation state, last increments, velocity a while before, acceleration that
 # the epoch before was carried on with, and whether there was one.
-NAV, LAST, EARLY, BEFORE, KNOWN, N_KEPT = 0, 10, 16, 19, 22, 23
+NAV, LAST, EARLY, BEFORE, KNOWN, N_PAST = 0, 10, 16, 19, 22, 23
 
 
 class Late(NamedTuple):
@@ -62,7 +62,7 @@ def _move(kept, seconds, dt, kind):
 def keep(kept, nav, previous, late, window, dt, kind):
     """Keep what the next late measurement will be met with, at the end of a window.
 
-    kept (N_KEPT,) updated; nav (10,), previous (6,) the unit's own state and last increments; late : Late, or None
+    kept (N_PAST,) updated; nav (10,), previous (6,) the unit's own state and last increments; late : Late, or None
     where nothing is compensated; dt s of a strapdown step; kind of gravity
     """
     if late is not None:

@@ -68,6 +68,7 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("failed_count", "whole", "runs that failed"),
         Column("nees_dof_count", "whole", "components in the normalised estimation error squared"),
         Column("gate_ratio", "real", "gate on normalised innovations; empty where there is none"),
+        Column("logic", "truth", "whether the filter starts, rejects and stops by a logic of its own"),
         Column("acquire_above_db_hz", "real", "C/N0 above which satellites are found; empty where none is computed"),
         Column("track_above_db_hz", "real", "C/N0 above which they are kept; loops may let go earlier"),
         Column("epoch", "text", "UTC of lift-off"),
@@ -92,8 +93,20 @@ TABLES: dict[str, tuple[Column, ...]] = {
         _CASE,
         Column("run_number", "whole", "number of the run, from 0"),
         _TIME,
-        Column("t_end_s", "real", "end of the span, from an event to the next; beside it the largest |error| within"),
+        Column(
+            "t_end_s",
+            "real",
+            "end of the span, from an event to the next; beside it the largest |error| within, its RMS",
+        ),
         Column("failure", "text", "empty, or why the run failed"),
+    ),
+    "logic": (
+        _CASE,
+        Column("run_number", "whole", "number of the run, from 0"),
+        _TIME,
+        Column("from_mode", "text", "what the filter did before: waiting, converging, aiding, predicting, stopped"),
+        Column("to_mode", "text", "what it does from then on; outputs are corrected while aiding or predicting"),
+        Column("reason", "text", "good samples in a row, converged, data lost, data again, ... persists"),
     ),
     "starts": (
         _CASE,
@@ -285,6 +298,11 @@ TABLES: dict[str, tuple[Column, ...]] = {
 def error_column(quantity: str, axis: str, unit: str) -> str:
     """Return the column of the table `runs` that holds one error, such as ``velocity_3d_error_m_per_s``."""
     return f"{quantity}_{axis}_error_{SI_SUFFIX[unit]}"
+
+
+def rms_column(quantity: str, axis: str, unit: str) -> str:
+    """Return the column of the table `worst` with one error's root mean square over a span."""
+    return f"{quantity}_{axis}_rms_{SI_SUFFIX[unit]}"
 
 
 def arrow_schema(table: str, extra: tuple[str, ...] = ()) -> pa.Schema:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.filters.late import EARLY, KNOWN, LAST, N_KEPT, NAV, Late, carry_on, keep
+from lvnav_trade.filters.late import EARLY, KNOWN, LAST, N_PAST, NAV, Late, carry_on, keep
 from lvnav_trade.kernels.earth import gravity_j4
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.strapdown import J4, Q, R, V
@@ -36,7 +36,7 @@ def state():
 
 def test_state_and_earlier_velocity_are_kept_at_their_windows_only():
     nav, previous = state()
-    kept = np.zeros(N_KEPT)
+    kept = np.zeros(N_PAST)
     kept_after(kept, nav, previous, late(), 2)
     assert not kept.any()
     kept_after(kept, nav, previous, late(), 0)
@@ -51,7 +51,7 @@ def test_state_and_earlier_velocity_are_kept_at_their_windows_only():
 
 def test_between_two_ticks_the_state_moves_with_its_own_acceleration():
     nav, previous = state()
-    kept = np.zeros(N_KEPT)
+    kept = np.zeros(N_PAST)
     kept_after(kept, nav, previous, late(offset=np.array([0.002])), 1)
     force = previous[3:] / DT + np.array(gravity_j4(*R_I))
     np.testing.assert_allclose(kept[NAV + R : NAV + R + 3], R_I + 0.002 * V_I + 0.5 * 0.002**2 * force, atol=1e-9)
@@ -64,7 +64,7 @@ def test_a_solution_carried_on_is_an_euler_step_with_the_covariance_of_equation_
     root = rng.standard_normal((9, 9))
     P, base = root @ root.T, np.diag([4.0] * 3 + [0.01] * 3)
     slope, before = np.array([30.0, -10.0, 5.0]), np.array([29.0, -10.0, 4.0])
-    kept = np.zeros(N_KEPT)
+    kept = np.zeros(N_PAST)
     kept[NAV + V : NAV + V + 3], kept[EARLY : EARLY + 3] = V_I, V_I - 0.1 * slope
     kept[EARLY + 3 : EARLY + 6], kept[KNOWN] = before, 1.0
     z, told = np.zeros(6), base.copy()
@@ -80,7 +80,7 @@ def test_a_solution_carried_on_is_an_euler_step_with_the_covariance_of_equation_
 
 
 def test_the_first_epoch_knows_no_change_of_the_acceleration():
-    kept = np.zeros(N_KEPT)
+    kept = np.zeros(N_PAST)
     kept[NAV + V : NAV + V + 3], kept[EARLY : EARLY + 3] = V_I, V_I - 3.0
     told = np.zeros((6, 6))
     carry_on(np.zeros(6), told, kept, np.zeros((9, 9)), late(), 0)
