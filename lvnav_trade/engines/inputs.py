@@ -156,7 +156,7 @@ class Options(NamedTuple):
 class Work(NamedTuple):
     """Arrays of a run (or lane views of eight): states, scratch, and what is handed out. See `work_shapes`.
 
-    rx (receivers.base.Receiver), kept (filters.feedforward.Kept; an open loop's), watch (filters.monitor.Watch) and
+    rx (receivers.base.Receiver), aside (filters.feedforward.Aside; an open loop's), watch (filters.monitor.Watch) and
     past (N_PAST,) (filters.late) belong to options and are None without them.
     """
 
@@ -196,7 +196,7 @@ class Work(NamedTuple):
     t_failed: Floats
     told: Floats
     rx: Any = None
-    kept: Any = None
+    aside: Any = None
     watch: Any = None
     past: Any = None
 

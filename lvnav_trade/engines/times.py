@@ -79,6 +79,7 @@ class Times(NamedTuple):
 
 
 def epochs_of(scenario: Scenario, ref: Reference) -> Epochs:
+    """Return the epochs of a flight, on ticks of the strapdown."""
     rate, start, end = scenario.imu.rate, float(ref.t[0]), float(ref.t[-1])
     group = 1 if scenario.filter.strapdown_rate is None else round(rate / scenario.filter.strapdown_rate)
     n_imu = ref.dtheta.shape[0] // group * group
@@ -98,6 +99,7 @@ def times_of(
     history: float,
     every_step_beside: Floats | None,
 ) -> Times:
+    """Return when a flight is looked at; history: interval (s) of the grid, every_step_beside as of `prepare`."""
     rate, n_imu, group = scenario.imu.rate, epochs.n_imu, epochs.group
     start, end = float(ref.t[0]), float(ref.t[-1])
     per_window = max(1, round(rate / scenario.filter.covariance_rate))
