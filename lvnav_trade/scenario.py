@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from lvnav_trade.delays import AtmosphereCard
-from lvnav_trade.filters.base import FilterCard, ImuBelief, InitialBelief, ReceiverBelief
+from lvnav_trade.filters.base import REFERENCED, FilterCard, ImuBelief, InitialBelief, ReceiverBelief
 from lvnav_trade.units import AngleSigma, Card, Length, LengthSigma, SpeedSigma
+from lvnav_trade.world.attitude_reference import AttitudeReferenceCard
 from lvnav_trade.world.constellation import AlmanacConstellation, Constellation, parts_of
 from lvnav_trade.world.faults import Fault
 from lvnav_trade.world.gravity import GravityCard
@@ -38,11 +39,25 @@ class Scenario(Card):
     receiver: ReceiverCard
     filter: FilterCard
     initial: InitialErrors
+    attitude_reference: AttitudeReferenceCard | None = Field(None, description="of filters that have one")
     faults: tuple[Fault, ...] = ()
     atmosphere: AtmosphereCard = Field(AtmosphereCard(), description="what is true of the signals' delays")
     gravity: GravityCard | None = Field(None, description="what true gravity has beyond the model of the truth")
     frame: Literal["ned", "ecef", "inertial", "orbital"] = "ned"
     diverged: Length = Field(100e3, gt=0.0, description="a run whose position error exceeds this counts as failed")
+
+    @model_validator(mode="after")
+    def _referred(self) -> Self:
+        kind = self.filter.kind
+        if kind not in REFERENCED:
+            return self
+        if self.attitude_reference is None:
+            raise ValueError(f"attitude_reference: a {kind} filter needs one")
+        if self.gravity is not None:
+            raise ValueError(f"gravity: its disturbance is not modelled with a {kind} filter")
+        if self.imu.gyro.quantisation > 0.0 or self.imu.accel.quantisation > 0.0:
+            raise ValueError(f"imu: quantisation is not modelled with a {kind} filter")
+        return self
 
 
 def _matched_imu(imu: ImuCard) -> ImuBelief:
@@ -120,3 +135,12 @@ def beliefs(scenario: Scenario) -> tuple[ImuBelief, ReceiverBelief, InitialBelie
     else:
         start = card.initial
     return imu, receiver, start
+
+
+def reference_belief(scenario: Scenario) -> float:
+    """Return the sigma (rad) that the filter believes of its attitude reference; it has one."""
+    card, sensor = scenario.filter, scenario.attitude_reference
+    if not isinstance(card.reference, str):
+        return float(card.reference.sigma)
+    assert sensor is not None  # the scenario is checked for it
+    return float(sensor.sigma)

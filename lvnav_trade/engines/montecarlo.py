@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numba import config
 
+from lvnav_trade.engines import vehicle, vehicle_montecarlo
 from lvnav_trade.engines.flight import fly
 from lvnav_trade.engines.inputs import Sizes, Work, work_shapes
 from lvnav_trade.engines.prepare import Prepared, prepare
@@ -34,7 +35,11 @@ def fly_lanes(
 
 
 def channels(prepared: Prepared) -> int:
-    """Return how many innovation channels a case has: two per satellite when tight, six when loose."""
+    """Return how many innovation channels a case has: two per satellite when tight, six when loose, and those of an
+    attitude reference and of the inertial unit.
+    """
+    if prepared.vehicle is not None:
+        return len(vehicle.CHANNELS)
     kind = prepared.belief.kind
     return 2 * len(prepared.sky.names) if kind == TIGHT else 6 if kind == LOOSE else 1
 
@@ -66,6 +71,8 @@ def _new_work(prepared: Prepared, lanes: bool) -> Work:
 def _fly(prepared: Prepared, seed: int, runs: Floats, lanes: bool) -> Work:
     work = _new_work(prepared, lanes)
     work.run[0] = runs if lanes else runs[0]
+    if prepared.vehicle is not None:
+        return vehicle_montecarlo.fly(prepared, work, *seed_words(seed), lanes)
     fixed = (prepared.schedule, prepared.unit, prepared.signals, prepared.start, prepared.record, prepared.belief)
     (fly_lanes if lanes else fly)(work, *fixed, *seed_words(seed))
     return work

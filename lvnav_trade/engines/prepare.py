@@ -14,7 +14,9 @@ from lvnav_trade.engines.atmosphere import Delays, delays
 from lvnav_trade.engines.families import ErrorFamily, shared_of
 from lvnav_trade.engines.inputs import Record, Schedule, Signals, Start, Unit
 from lvnav_trade.engines.signals import Line, channels_of, families, geometry_of, signals
+from lvnav_trade.engines.vehicle import Vehicle, vehicle_of
 from lvnav_trade.filters.belief import Belief, believe, initial_covariance
+from lvnav_trade.filters.envelope import EnvelopeCard
 from lvnav_trade.frames import earth_angle, rotation_i_e, rotation_i_n, rotation_i_o
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
@@ -51,7 +53,8 @@ STEP = 1e-6
 
 class Prepared(NamedTuple):
     """A scenario and all that its runs share. sources: true error blocks of the unit; families: errors that
-    measurements share; t_hist, t_epoch: s since lift-off of history and epochs.
+    measurements share; t_hist, t_epoch: s since lift-off of history and epochs; vehicle: of a filter with an attitude
+    reference.
     """
 
     scenario: Scenario
@@ -72,6 +75,7 @@ class Prepared(NamedTuple):
     t_epoch: Floats
     lengths: Floats
     delays: Delays
+    vehicle: Vehicle | None = None
 
 
 @lru_cache(maxsize=4)
@@ -302,12 +306,13 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         schedule=at.schedule,
         unit=_unit(scenario, ref, blocks, trajectory.events),
         signals=signals(scenario, seen, line, receiver, layout, believed, channels, shared, failed, late_by.left),
-        start=_start(scenario, ref, C_n_i, initial_covariance(layout, initial, C_n_i)),
+        start=_start(scenario, ref, C_n_i, initial_covariance(layout, initial, C_n_i, card.envelope or EnvelopeCard())),
         record=_record(scenario, trajectory, ref, at.hist_tick, at.t_hist, at.epoch_tick),
         t_hist=at.t_hist,
         t_epoch=at.t_epoch,
         lengths=at.lengths,
         delays=late_by,
+        vehicle=vehicle_of(scenario, trajectory, ref, layout, imu, at.epoch_tick),
     )
 
 

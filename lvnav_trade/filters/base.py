@@ -7,6 +7,7 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 
 from lvnav_trade.delays import CorrectionsCard
+from lvnav_trade.filters.envelope import EnvelopeCard
 from lvnav_trade.units import (
     AccelerationRandomWalk,
     AccelerationSigma,
@@ -26,6 +27,8 @@ from lvnav_trade.units import (
 )
 
 Matched = Literal["matched"]
+REFERENCED = ("referenced", "vehicle_model")
+"""Kinds of filter that have an attitude reference."""
 
 
 class ImuBelief(Card):
@@ -82,6 +85,12 @@ class InitialBelief(Card):
     clock_drift: SpeedSigma
 
 
+class ReferenceBelief(Card):
+    """What the filter believes of its attitude reference: white noise per axis."""
+
+    sigma: AngleSigma = Field(gt=0.0)
+
+
 ExtraState = Literal[
     "gyro_scale_factor",
     "accel_scale_factor",
@@ -116,11 +125,15 @@ ParameterState = Literal[
 
 
 class FilterCard(Card):
-    """A navigation filter: error-state, closed loop, mechanised in the inertial frame."""
+    """A navigation filter: error-state, closed loop, mechanised in the inertial frame.
+
+    `referenced` is loose with an attitude reference. `vehicle_model` is that with rate and acceleration of the vehicle as
+    states that wander within an envelope; samples of the inertial unit are its measurements, one by one.
+    """
 
     name: str
     source: str
-    kind: Literal["inertial", "loose", "tight"]
+    kind: Literal["inertial", "loose", "tight", "referenced", "vehicle_model"]
     extra_states: tuple[ExtraState, ...] = ()
     strapdown_rate: Frequency | None = Field(
         None, description="increments are added up to this rate before the strapdown; none: the unit's own rate"
@@ -136,6 +149,8 @@ class FilterCard(Card):
     imu: Matched | ImuBelief = "matched"
     receiver: Matched | ReceiverBelief = "matched"
     initial: Matched | InitialBelief = "matched"
+    reference: Matched | ReferenceBelief = Field("matched", description="of a filter with an attitude reference")
+    envelope: EnvelopeCard | None = Field(None, description="of a vehicle model; none: that of the card's defaults")
     corrections: CorrectionsCard = Field(CorrectionsCard(), description="taken off the measurements beforehand")
     attitude_noise: AngleRandomWalk = Field(0.0, description="process noise beyond the unit's own, root PSD per axis")
     velocity_noise: VelocityRandomWalk = 0.0
@@ -145,4 +160,20 @@ class FilterCard(Card):
         both = sorted(set(self.neglect) & set(self.consider))
         if both:
             raise ValueError(f"{', '.join(both)}: neglected and considered, choose one")
+        return self
+
+    @model_validator(mode="after")
+    def _modelled(self) -> Self:
+        modelled = self.kind == "vehicle_model"
+        if self.envelope is not None and not modelled:
+            raise ValueError(f"envelope: a {self.kind} filter has no model of the vehicle")
+        if self.kind not in REFERENCED:
+            return self
+        inertial = [name for name in self.extra_states if modelled and name.startswith(("gyro_", "accel_"))]
+        for name, value in (("neglect", self.neglect), ("consider", self.consider), ("extra_states", inertial)):
+            if value:
+                more = " and nothing else of it" if modelled else ""
+                raise ValueError(f"{name}: a {self.kind} filter estimates the biases of its unit{more}")
+        if self.strapdown_rate is not None and modelled:
+            raise ValueError("strapdown_rate: a vehicle_model filter takes every sample of the unit")
         return self
