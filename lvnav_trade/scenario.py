@@ -16,6 +16,7 @@ from lvnav_trade.world.faults import Fault
 from lvnav_trade.world.gravity import GravityCard
 from lvnav_trade.world.imu import ImuCard
 from lvnav_trade.world.receiver import ReceiverCard
+from lvnav_trade.world.solutions import DirectSolution
 from lvnav_trade.world.trajectory import TrajectoryCard
 
 
@@ -28,6 +29,9 @@ class InitialErrors(Card):
     heading: AngleSigma
     position: LengthSigma
     velocity: SpeedSigma
+
+
+_BEYOND_BIAS = ("misalignment", "g_sensitivity", "scale_factor", "scale_factor_drift", "nonlinearity", "quantisation")
 
 
 class Scenario(Card):
@@ -55,8 +59,14 @@ class Scenario(Card):
             raise ValueError(f"attitude_reference: a {kind} filter needs one")
         if self.gravity is not None:
             raise ValueError(f"gravity: its disturbance is not modelled with a {kind} filter")
-        if self.imu.gyro.quantisation > 0.0 or self.imu.accel.quantisation > 0.0:
-            raise ValueError(f"imu: quantisation is not modelled with a {kind} filter")
+        for sensor, card in (("gyro", self.imu.gyro), ("accel", self.imu.accel)):
+            found = [name for name in _BEYOND_BIAS if getattr(card, name, 0.0) > 0.0]
+            if found:
+                raise ValueError(f"imu.{sensor}.{found[0]}: only noise and bias are modelled with a {kind} filter")
+        if self.receiver.solution.kind != "direct":
+            raise ValueError(
+                f"receiver.solution: a {kind} filter takes a direct one, not {self.receiver.solution.kind}"
+            )
         return self
 
 
@@ -90,6 +100,7 @@ def _matched_receiver(scenario: Scenario) -> ReceiverBelief:
     largest of them.
     """
     receiver, air = scenario.receiver, scenario.atmosphere
+    solution = receiver.solution if isinstance(receiver.solution, DirectSolution) else None
     parts = parts_of(scenario.constellation)
     biases = [(p.range_error, p.range_error_time) for p in parts] + [(receiver.multipath, receiver.multipath_time)]
     offsets = [(p.time_offset, p.time_offset_time) for p in parts if not isinstance(p, AlmanacConstellation)]
@@ -97,8 +108,9 @@ def _matched_receiver(scenario: Scenario) -> ReceiverBelief:
     return ReceiverBelief.model_construct(
         pseudorange_sigma=receiver.pseudorange_sigma,
         range_rate_sigma=receiver.range_rate_sigma,
-        position_sigma=receiver.solution.position_sigma,
-        velocity_sigma=receiver.solution.velocity_sigma,
+        # a receiver that solves tells the covariance of each of its solutions
+        position_sigma=solution.position_sigma if solution else 0.0,
+        velocity_sigma=solution.velocity_sigma if solution else 0.0,
         clock_h0=receiver.clock.h0,
         clock_h_minus2=receiver.clock.h_minus2,
         range_bias=math.hypot(max(sigma for sigma, _ in biases[:-1]), receiver.multipath),
@@ -111,10 +123,10 @@ def _matched_receiver(scenario: Scenario) -> ReceiverBelief:
         ionosphere_scale_time=air.ionosphere_scale_time,
         timing=receiver.latency_error,
         timing_time=None,
-        position_bias=receiver.solution.position_bias,
-        position_bias_time=receiver.solution.bias_time,
-        velocity_bias=receiver.solution.velocity_bias,
-        velocity_bias_time=receiver.solution.bias_time,
+        position_bias=solution.position_bias if solution else 0.0,
+        position_bias_time=solution.bias_time if solution else None,
+        velocity_bias=solution.velocity_bias if solution else 0.0,
+        velocity_bias_time=solution.bias_time if solution else None,
     )
 
 

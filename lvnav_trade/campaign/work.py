@@ -56,12 +56,12 @@ class Engine(NamedTuple):
 
 def engine() -> Engine:
     """Return the real engines; imported here because compiled code takes a second to load."""
-    from lvnav_trade.engines import explain, lincov, montecarlo, starts, statistics
+    from lvnav_trade.engines import covariances, explain, montecarlo, starts, statistics
     from lvnav_trade.engines.prepare import prepare
 
     return Engine(
-        _events, prepare, montecarlo.run_block, lincov.covariance, statistics.summarise, montecarlo.compile_kernels,
-        explain.explain, starts=starts.start_draws,
+        _events, prepare, montecarlo.run_block, covariances.covariance, statistics.summarise,
+        montecarlo.compile_kernels, explain.explain, starts=starts.start_draws,
     )  # fmt: skip
 
 
@@ -111,7 +111,8 @@ def asked_of(campaign: Campaign) -> Asked:
     """Return what a campaign asks of linear covariance."""
     card = campaign.covariance
     events = tuple(dict.fromkeys(event for requirement in campaign.requirements for event in requirement.events))
-    return Asked(card.at or "", events, card.adjoint, card.sensitivity, card.observability, card.budget)
+    flags = (card.adjoint, card.sensitivity, card.observability, card.budget)
+    return Asked(card.at or "", events, *flags, card.window or 0.0)
 
 
 class Answer(NamedTuple):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lvnav_trade.engines.sensing import begin, observe, sense
+from lvnav_trade.engines.sensing import begin, begin_solver, observe, sense
 from lvnav_trade.filters.belief import INERTIAL, TIGHT
 from lvnav_trade.filters.ekf import clear_epoch, correct, predict_window, rows_at, update
 from lvnav_trade.kernels import processes
@@ -97,15 +97,17 @@ def _judge(work, history, hist):
 
 
 @inlined
-def fly(work, schedule, unit, signals, start, history, belief, k0, k1):
+def fly(work, schedule, unit, signals, start, history, belief, options, k0, k1):
     """Fly one run (float64 arrays) or eight (lane views) from start to end; `work` is filled.
 
     Parameters
     ----------
     work : Work; schedule : Schedule; unit : Unit; signals : Signals; start : Start; history : Record; belief : Belief
+    options : Options
     k0, k1 : key words of the campaign's seed
     """
     begin(work, unit, signals, start, belief, k0, k1)
+    begin_solver(work, options.solver)
     tight, dt = belief.kind == TIGHT, unit.dt * belief.group
     for w in range(schedule.n_tick.shape[0]):
         first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
@@ -122,7 +124,7 @@ def fly(work, schedule, unit, signals, start, history, belief, k0, k1):
         if epoch >= 0:
             clear_epoch(work, epoch, size(work.innovation, 1))
         if epoch >= 0 and belief.kind != INERTIAL:
-            observe(work, signals, tight, epoch, k0, k1)
+            observe(work, options.solver, signals, tight, epoch, k0, k1)
             if rows_at(belief, signals, epoch) > 0:
                 update(work, belief, signals, epoch, dt)
             correct(work, belief)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,8 +138,22 @@ class Record(NamedTuple):
     limit: float
 
 
+class Options(NamedTuple):
+    """Parts of a flight that not every case has; None where a case has not, and then nothing of them is compiled.
+
+    A part is handed on as an argument of its own: the compiler drops `if part is None` for arguments only.
+
+    solver (receivers.base.Solver): the receiver solves for position and velocity itself.
+    """
+
+    solver: Any = None
+
+
 class Work(NamedTuple):
-    """Arrays of a run (or lane views of eight): states, scratch, and what is handed out. See `work_shapes`."""
+    """Arrays of a run (or lane views of eight): states, scratch, and what is handed out. See `work_shapes`.
+
+    rx (receivers.base.Receiver) belongs to an option and is None without it.
+    """
 
     run: NDArray[np.uint64]
     nav: Floats
@@ -175,6 +189,8 @@ class Work(NamedTuple):
     innovation: Floats
     failed: Floats
     t_failed: Floats
+    told: Floats
+    rx: Any = None
 
 
 class Sizes(NamedTuple):
@@ -196,7 +212,7 @@ class Sizes(NamedTuple):
 
 
 def work_shapes(z: Sizes) -> dict[str, tuple[int, ...]]:
-    """Return the shape of every array of Work for one run."""
+    """Return the shape of every array of Work for one run, those of options apart."""
     n_row = max(6, 2 * z.n_slot)
     return {
         "run": (1,), "nav": (10,), "sums": (21,), "previous": (6,), "increments": (z.n_tick, 6),
@@ -208,5 +224,5 @@ def work_shapes(z: Sizes) -> dict[str, tuple[int, ...]]:
         "extra": (max(1, z.n_extra),), "ranges": (z.n_slot, 2), "solution": (6,),
         "err": (z.n_hist, z.n_state), "sigma": (z.n_hist, z.n_state), "nees": (z.n_hist,),
         "nis": (z.n_epoch,), "n_row": (z.n_epoch,), "n_reject": (z.n_epoch,), "innovation": (z.n_epoch, z.n_channel),
-        "failed": (1,), "t_failed": (1,),
+        "failed": (1,), "t_failed": (1,), "told": (6, 6),
     }  # fmt: skip

@@ -16,12 +16,22 @@ from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import view
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.kernels.vector import WIDTH
+from lvnav_trade.receivers.base import lanes_of, new_receiver
 from lvnav_trade.records import Floats, RunBlock
 
 
 @jit
 def fly_lanes(
-    w: Any, schedule: Any, unit: Any, signals: Any, start: Any, history: Any, belief: Any, k0: Any, k1: Any
+    w: Any,
+    schedule: Any,
+    unit: Any,
+    signals: Any,
+    start: Any,
+    history: Any,
+    belief: Any,
+    options: Any,
+    k0: Any,
+    k1: Any,
 ) -> None:
     """Fly eight runs: `fly` on lane views of arrays whose last axis is the runs."""
     work = Work(
@@ -30,8 +40,9 @@ def fly_lanes(
         view(w.true_tables), view(w.par), view(w.tables), view(w.remainder), view(w.clock), view(w.clock_hat),
         view(w.shared), view(w.extra), view(w.ranges), view(w.solution), view(w.err), view(w.sigma), view(w.nees),
         view(w.nis), view(w.n_row), view(w.n_reject), view(w.innovation), view(w.failed), view(w.t_failed),
+        view(w.told), lanes_of(w.rx),
     )  # fmt: skip
-    fly(work, schedule, unit, signals, start, history, belief, k0, k1)
+    fly(work, schedule, unit, signals, start, history, belief, options, k0, k1)
 
 
 def channels(prepared: Prepared) -> int:
@@ -65,15 +76,17 @@ def _new_work(prepared: Prepared, lanes: bool) -> Work:
     arrays: dict[str, Any] = {
         name: np.zeros(shape + end, dtype=np.uint64 if name == "run" else np.float64) for name, shape in shapes.items()
     }
-    return Work(**arrays)
+    rx = None if prepared.options.solver is None else new_receiver(WIDTH if lanes else 0)
+    return Work(**arrays, rx=rx)
 
 
 def _fly(prepared: Prepared, seed: int, runs: Floats, lanes: bool) -> Work:
     work = _new_work(prepared, lanes)
     work.run[0] = runs if lanes else runs[0]
-    if prepared.vehicle is not None:
-        return vehicle_montecarlo.fly(prepared, work, *seed_words(seed), lanes)
-    fixed = (prepared.schedule, prepared.unit, prepared.signals, prepared.start, prepared.record, prepared.belief)
+    p = prepared
+    if p.vehicle is not None:
+        return vehicle_montecarlo.fly(p, work, *seed_words(seed), lanes)
+    fixed = (p.schedule, p.unit, p.signals, p.start, p.record, p.belief, p.options)
     (fly_lanes if lanes else fly)(work, *fixed, *seed_words(seed))
     return work
 

@@ -92,15 +92,15 @@ def _stretch(prepared: Prepared, true: TrueModel, tape: Tape, start: float, end:
         triangle, phi, np.zeros((true.nav_rows.size, 9)), np.zeros(n), np.zeros(n), tape, schedule, prepared.signals,
         true, prepared.belief, first, last,
     )  # fmt: skip
-    scale, root = _initial_spread(prepared.start.P)
+    scale, root = initial_spread(prepared.start.P)
     asked = scale > 0.0  # a state of no initial sigma is known, not unobservable
     weakest = np.zeros(n)
     root = root[np.ix_(asked, asked)]
-    singular, weakest[asked] = _decompose((triangle * scale)[:, asked] @ root, root)
+    singular, weakest[asked] = decompose((triangle * scale)[:, asked] @ root, root)
     return Stretch(start, end, int(np.sum(singular > TOLERANCE)), singular, weakest, count)
 
 
-def _initial_spread(P: Floats) -> tuple[Floats, Floats]:
+def initial_spread(P: Floats) -> tuple[Floats, Floats]:
     """Return the initial sigmas (n,) and a square root (n, n) of the initial correlation: a direction y that spreads
     evenly is the error scale * (root @ y). Tilts and heading are correlated in the axes of frame i.
     """
@@ -110,7 +110,7 @@ def _initial_spread(P: Floats) -> tuple[Floats, Floats]:
     return scale, vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
 
 
-def _decompose(scaled: Floats, root: Floats) -> tuple[Floats, Floats]:
+def decompose(scaled: Floats, root: Floats) -> tuple[Floats, Floats]:
     """Return the singular values (n,), falling, and the weakest direction in sigmas of the states, at size 1."""
     _, singular, directions = np.linalg.svd(scaled)
     weakest = root @ directions[-1]

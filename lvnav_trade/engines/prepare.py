@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from lvnav_trade.engines.atmosphere import Delays, delays
 from lvnav_trade.engines.families import ErrorFamily, shared_of
-from lvnav_trade.engines.inputs import Record, Schedule, Signals, Start, Unit
+from lvnav_trade.engines.inputs import Options, Record, Schedule, Signals, Start, Unit
+from lvnav_trade.engines.options import epoch_interval, every, refuse_contradiction, solver_of, solves
 from lvnav_trade.engines.signals import Line, channels_of, families, geometry_of, signals
 from lvnav_trade.engines.vehicle import Vehicle, vehicle_of
 from lvnav_trade.filters.belief import Belief, believe, initial_covariance
@@ -41,8 +42,8 @@ from lvnav_trade.world.trajectory import (
     build,
     content,
     reference,
-    refuse_contradiction,
 )
+from lvnav_trade.world.trajectory import refuse_contradiction as trajectory_contradiction
 
 Ints = NDArray[np.int64]
 # Sensor, start and end (s) of its growth, amplitude (SI): a bias that is the same in every run.
@@ -75,6 +76,7 @@ class Prepared(NamedTuple):
     t_epoch: Floats
     lengths: Floats
     delays: Delays
+    options: Options
     vehicle: Vehicle | None = None
 
 
@@ -95,7 +97,7 @@ def trajectory_of(scenario: Scenario) -> Trajectory:
     """
     card = scenario.trajectory
     flight = _built(_identity(card), type(card))
-    refuse_contradiction(card, scenario.imu)
+    trajectory_contradiction(card, scenario.imu)
     return flight
 
 
@@ -251,8 +253,9 @@ def _times(
     start, end = float(ref.t[0]), float(ref.t[-1])
     group = 1 if card.strapdown_rate is None else round(rate / card.strapdown_rate)
     n_imu = ref.dtheta.shape[0] // group * group
-    interval = 1.0 / card.update_rate
-    t_epoch = start + interval * np.arange(1, math.floor((end - start) / interval + 1e-9) + 1)
+    interval = epoch_interval(scenario)
+    n_epoch = math.floor((end - start) / interval + 1e-9)
+    t_epoch = start + interval * np.arange(1, n_epoch + 1, dtype=np.float64)
     epoch_tick = _ticks(t_epoch, start, rate, n_imu, group)
     t_epoch = ref.t[epoch_tick]  # increments end at ticks: half a tick is 20 m at orbital speed
     per_window = max(1, round(rate / card.covariance_rate))
@@ -281,16 +284,23 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     at = _times(scenario, trajectory, ref, history, every_step_beside)
     seen = _seen(scenario, trajectory, at.t_epoch, float(ref.t[0]))
     imu, receiver, initial = beliefs(scenario)
+    refuse_contradiction(scenario)
     channels, lever_b = channels_of(scenario, seen), np.array(scenario.receiver.lever_b)
+    measured = channels._replace(tight=True) if solves(scenario) else channels
     levers = seen.levers if channels.tight else lever_b[None, :]
-    layout, belief = believe(card, imu, receiver, levers, at.lengths, channels, at.group)
+    layout, belief = believe(
+        card, imu, receiver, levers, at.lengths, channels, at.group, every(scenario), solves(scenario)
+    )  # fmt: skip
     line = Line(trajectory, lever_b, seen)
     late_by = delays(trajectory, scenario.receiver, seen, scenario.atmosphere, card.corrections)
     geometry = geometry_of(line, seen.tracked, late_by.troposphere, late_by.ionosphere)
     believed = geometry_of(line, seen.tracked, late_by.believed_troposphere, late_by.believed_ionosphere)
     failed = failures(scenario.faults, trajectory.events, at.t_epoch, seen.names, seen.elevation, seen.tracked)
-    shared_errors = families(scenario, geometry, channels, failed)
-    shared = shared_of(shared_errors, layout, 1.0 / card.update_rate, (at.t_epoch.size, channels.n_channel))
+    shared_errors = families(scenario, geometry, measured, failed)
+    shared = shared_of(shared_errors, layout, epoch_interval(scenario), (at.t_epoch.size, measured.n_channel))
+    truth = signals(
+        scenario, seen, line, receiver, layout, believed, channels, measured, shared, failed, late_by.left
+    )  # fmt: skip
     blocks = (*error_blocks(scenario.imu), *disturbance(scenario.gravity))
     C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], trajectory.theta0)[0].T
     return Prepared(
@@ -305,13 +315,14 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         families=shared_errors,
         schedule=at.schedule,
         unit=_unit(scenario, ref, blocks, trajectory.events),
-        signals=signals(scenario, seen, line, receiver, layout, believed, channels, shared, failed, late_by.left),
+        signals=truth,
         start=_start(scenario, ref, C_n_i, initial_covariance(layout, initial, C_n_i, card.envelope or EnvelopeCard())),
         record=_record(scenario, trajectory, ref, at.hist_tick, at.t_hist, at.epoch_tick),
         t_hist=at.t_hist,
         t_epoch=at.t_epoch,
         lengths=at.lengths,
         delays=late_by,
+        options=Options(solver_of(scenario, receiver, truth.used.shape[1])),
         vehicle=vehicle_of(scenario, trajectory, ref, layout, imu, at.epoch_tick),
     )
 

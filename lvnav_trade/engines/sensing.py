@@ -11,6 +11,8 @@ from lvnav_trade.kernels.lanes import like
 from lvnav_trade.kernels.random import normals
 from lvnav_trade.kernels.strapdown import Q, R, V
 from lvnav_trade.observables import doppler, position, pseudorange, velocity
+from lvnav_trade.receivers.base import switch_on
+from lvnav_trade.receivers.solve import solve
 
 _ZERO, _ONE = np.uint64(0), np.uint64(1)
 
@@ -143,29 +145,65 @@ def _shared_error(work, shared, epoch, channel):
 
 
 @jit
-def observe(work, signals, tight, epoch, k0, k1):
-    """Step the receiver to the epoch and fill the measurements that the filter uses; a frozen output stays."""
-    run, shared = work.run[0], signals.shared
+def begin_solver(work, solver):
+    """Switch the receiver on where it solves itself; it looks for its first fix where the estimate is."""
+    if solver is not None:
+        switch_on(work.rx, work.nav[R], work.nav[R + 1], work.nav[R + 2])
+
+
+@jit
+def _measure_ranges(work, signals, word, epoch, k0, k1):
+    """Fill pseudorange and range rate of every satellite in use."""
+    run, shared, sigma = work.run[0], signals.shared, signals.sigma[epoch]
+    for slot in range(signals.n_used[epoch]):
+        s = signals.used[epoch, slot]
+        at_range, at_rate = 2 * s, 2 * s + 1
+        m0, m1, _, _ = normals(k0, k1, signals.sources[1], run, word, signals.words[s])
+        true_range = signals.range[epoch, s] + _shared_error(work, shared, epoch, at_range)
+        true_rate = signals.rate[epoch, s] + _shared_error(work, shared, epoch, at_rate)
+        work.ranges[slot, 0] = pseudorange.observe(true_range, work.clock[0], sigma[at_range], m0)
+        work.ranges[slot, 1] = doppler.observe(true_rate, work.clock[1], sigma[at_rate], m1)
+
+
+@jit
+def _measure_directly(work, signals, word, epoch, k0, k1):
+    """Fill position and velocity of the receiver's simulated solution."""
+    run, shared, sigma = work.run[0], signals.shared, signals.sigma[epoch]
+    p0, p1, p2, _ = normals(k0, k1, signals.sources[2], run, word, _ZERO)
+    v0, v1, v2, _ = normals(k0, k1, signals.sources[2], run, word, _ONE)
+    p, v = (p0, p1, p2), (v0, v1, v2)
+    for axis in range(3):
+        true_position = signals.position[epoch, axis] + _shared_error(work, shared, epoch, axis)
+        true_velocity = signals.velocity[epoch, axis] + _shared_error(work, shared, epoch, 3 + axis)
+        work.solution[axis] = position.observe(true_position, sigma[axis], p[axis])
+        work.solution[3 + axis] = velocity.observe(true_velocity, sigma[3 + axis], v[axis])
+
+
+@jit
+def _solve(work, solver, signals, epoch):
+    """Let the receiver solve: its solution is the filter's measurement."""
+    solve(
+        work.rx, solver.point, solver.filter, signals.satellite[epoch], signals.satellite_velocity[epoch],
+        signals.used[epoch], signals.n_used[epoch], work.ranges,
+    )  # fmt: skip
+    for i in range(6):
+        work.solution[i] = work.rx.solution[i]
+
+
+@jit
+def observe(work, solver, signals, tight, epoch, k0, k1):
+    """Step the receiver to the epoch and fill the measurements that the filter uses; a frozen output stays.
+
+    solver : Solver, or None where the solution is simulated (loose) or there is none (tight)
+    """
     word = np.uint64(epoch + 1)
     _step_receiver(work, signals, word, epoch, k0, k1)
     if signals.frozen[epoch]:
         return
-    sigma = signals.sigma[epoch]
-    if tight:
-        for slot in range(signals.n_used[epoch]):
-            s = signals.used[epoch, slot]
-            at_range, at_rate = 2 * s, 2 * s + 1
-            m0, m1, _, _ = normals(k0, k1, signals.sources[1], run, word, signals.words[s])
-            true_range = signals.range[epoch, s] + _shared_error(work, shared, epoch, at_range)
-            true_rate = signals.rate[epoch, s] + _shared_error(work, shared, epoch, at_rate)
-            work.ranges[slot, 0] = pseudorange.observe(true_range, work.clock[0], sigma[at_range], m0)
-            work.ranges[slot, 1] = doppler.observe(true_rate, work.clock[1], sigma[at_rate], m1)
+    if solver is not None:
+        _measure_ranges(work, signals, word, epoch, k0, k1)
+        _solve(work, solver, signals, epoch)
+    elif tight:
+        _measure_ranges(work, signals, word, epoch, k0, k1)
     else:
-        p0, p1, p2, _ = normals(k0, k1, signals.sources[2], run, word, _ZERO)
-        v0, v1, v2, _ = normals(k0, k1, signals.sources[2], run, word, _ONE)
-        p, v = (p0, p1, p2), (v0, v1, v2)
-        for axis in range(3):
-            true_position = signals.position[epoch, axis] + _shared_error(work, shared, epoch, axis)
-            true_velocity = signals.velocity[epoch, axis] + _shared_error(work, shared, epoch, 3 + axis)
-            work.solution[axis] = position.observe(true_position, sigma[axis], p[axis])
-            work.solution[3 + axis] = velocity.observe(true_velocity, sigma[3 + axis], v[axis])
+        _measure_directly(work, signals, word, epoch, k0, k1)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lvnav_trade.engines.families import Cause, ErrorFamily, families_of, lever_causes
 from lvnav_trade.engines.inputs import Shared, Signals
+from lvnav_trade.engines.options import direct, epoch_interval, solves
 from lvnav_trade.filters.base import ReceiverBelief
 from lvnav_trade.frames import matrices
 from lvnav_trade.kernels.clock import clock_step
@@ -117,15 +118,17 @@ def letters(part: Part) -> tuple[str, ...]:
 
 def causes_of(scenario: Scenario) -> list[Cause]:
     """Return the causes of errors that measurements share, as the cards of the truth state them."""
-    receiver, solution = scenario.receiver, scenario.receiver.solution
+    receiver = scenario.receiver
     found = [
         Cause("multipath", "range_bias", "range_bias", receiver.multipath, receiver.multipath_time),
         Cause("latency error", "timing", "timing", receiver.latency_error),
         Cause("latency jitter", "timing", "", receiver.latency_sigma, 0.0),
         *lever_causes(receiver.lever_error),
     ]
-    position, velocity = solution.position_bias, solution.velocity_bias
-    found.append(Cause("solution position bias", "position_bias", "position_bias", position, solution.bias_time))
+    if not solves(scenario):
+        solution = direct(scenario)
+        position, fade = solution.position_bias, solution.bias_time
+        found.append(Cause("solution position bias", "position_bias", "position_bias", position, fade))
     air = scenario.atmosphere
     found += [
         _scale("troposphere", air.troposphere_scale, air.troposphere_scale_time),
@@ -138,7 +141,9 @@ def causes_of(scenario: Scenario) -> list[Cause]:
         if not isinstance(part, AlmanacConstellation):
             offset, fade = part.time_offset, part.time_offset_time or math.inf
             found.append(Cause("system time offset", "time_offset", "time_offset", offset, fade, systems))
-    found.append(Cause("solution velocity bias", "velocity_bias", "velocity_bias", velocity, solution.bias_time))
+    if not solves(scenario):
+        velocity, fade = direct(scenario).velocity_bias, direct(scenario).bias_time
+        found.append(Cause("solution velocity bias", "velocity_bias", "velocity_bias", velocity, fade))
     return found
 
 
@@ -171,11 +176,11 @@ def _slots(seen: Sky) -> tuple[np.ndarray, np.ndarray]:
 
 def _noise(scenario: Scenario, seen: Sky, channels: Channels) -> Floats:
     """Return the sigma (n_epoch, n_channel) of white noise of a receiver in which nothing has failed."""
-    solution = scenario.receiver.solution
     sigma = np.empty((seen.t.size, channels.n_channel))
     if channels.tight:
         sigma[:, 0::2], sigma[:, 1::2] = seen.range_sigma, seen.rate_sigma
     else:
+        solution = direct(scenario)
         sigma[:, :3], sigma[:, 3:] = solution.position_sigma, solution.velocity_sigma
     return sigma
 
@@ -208,6 +213,8 @@ def _believed_variance(scenario: Scenario, belief: ReceiverBelief, channels: Cha
     """Return the variance (n_epoch, n_channel) that the filter gives rows: its own numbers, or what the receiver tells
     of its noise where the card says so.
     """
+    if solves(scenario):  # the receiver tells the covariance with every solution
+        return np.ones((len(sigma), channels.n_channel))
     if isinstance(scenario.filter.receiver, str):
         return sigma**2
     variance = np.empty_like(sigma)
@@ -226,19 +233,21 @@ def signals(
     layout: StateLayout,
     geometry: Geometry,
     channels: Channels,
+    measured: Channels,
     shared: Shared,
     failed: Failures,
     left: Floats,
 ) -> Signals:
     """Return what is true of satellites and receiver at the epochs, and what the filter knows of it.
 
-    left (n_epoch, n_sat, 2): what corrections leave of delays of ranges and their rates.
+    channels are those of the filter's rows, `measured` those of what the receiver measures, which solves perhaps; left
+    (n_epoch, n_sat, 2): what corrections leave of delays of ranges and their rates.
     """
     receiver, clock = scenario.receiver, scenario.receiver.clock
     used, n_used = _slots(seen)
-    sigma = _noise(scenario, seen, channels)
+    sigma = _noise(scenario, seen, measured)
     extra = [partial(block.name, geometry, channels) for block in layout.extras]
-    interval = 1.0 / scenario.filter.update_rate
+    interval = epoch_interval(scenario)
     off, off_rate = failed.bias + left[:, :, 0], failed.drift + left[:, :, 1]
     ranges, rates = np.asarray(line.distance + off), np.asarray(line.rate + off_rate)
     position = line.position + _shifts(line, seen.tracked, off)
@@ -256,7 +265,7 @@ def signals(
         satellite=np.ascontiguousarray(seen.r_i),
         satellite_velocity=np.ascontiguousarray(seen.v_i),
         antenna=seen.antenna if channels.tight else np.zeros_like(seen.antenna),
-        sigma=_grown(sigma, channels, failed),
+        sigma=_grown(sigma, measured, failed),
         variance=_believed_variance(scenario, belief, channels, sigma),
         partial=np.array(extra).reshape(len(extra), seen.t.size, channels.n_channel),
         clock_step=np.array(clock_step(interval, receiver.clock.h0, receiver.clock.h_minus2)),

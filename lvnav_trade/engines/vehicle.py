@@ -1,4 +1,4 @@
-"""What a flight with an attitude reference takes in beside the rest: samples of the vehicle's motion, envelope, noise."""
+"""What a flight with an attitude reference takes in beside the rest: motion of the vehicle, envelope, noise."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.engines.envelopes import EnvelopeCard, envelopes
+from lvnav_trade.engines.envelopes import envelopes
 from lvnav_trade.filters.base import ImuBelief
+from lvnav_trade.filters.envelope import EnvelopeCard
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.layout import StateLayout
 from lvnav_trade.records import Floats, Reference
@@ -104,7 +105,7 @@ def burning(trajectory: Trajectory, t: Floats) -> NDArray[np.bool_]:
 
 
 def burns(trajectory: Trajectory) -> list[tuple[float, float]]:
-    """Return start and end (s) of each burn by the names of events; a burn whose cut-off has no name lasts to the end."""
+    """Return start and end (s) of each burn by the names of events; one whose cut-off has no name lasts to the end."""
     marks = sorted((t, bool(re.search("cutoff", name))) for name, t in trajectory.events.items()
                    if name == "liftoff" or re.search("ignition|cutoff", name))  # fmt: skip
     found: list[tuple[float, float]] = []

@@ -8,23 +8,27 @@ follow exactly (another time constant, or no state at all) is carried with its c
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
-from numba.extending import overload
 from numpy.typing import NDArray
 
 from lvnav_trade.engines.sensing import profile_value
+from lvnav_trade.engines.vehicle_carried import (
+    add_to,
+    entry,
+    group,
+    nominal_tick,
+    nominal_window,
+    set_noise,
+    take_nominal,
+    whole,
+)
 from lvnav_trade.filters.ekf import fill_loose, place_antenna, rows_at
 from lvnav_trade.kernels import transition
-from lvnav_trade.kernels.attitude import cross, matrix
 from lvnav_trade.kernels.covariance import absorb, predict
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.joint import apply_phi
-from lvnav_trade.kernels.lanes import view
-from lvnav_trade.kernels.strapdown import J4, Q, R, V, gravity, mechanise
+from lvnav_trade.kernels.strapdown import J4, R, gravity
 from lvnav_trade.kernels.transition import ATT, POS, VEL
-from lvnav_trade.kernels.vector import WIDTH
 from lvnav_trade.kernels.vehicle import (
     N_SAMPLE,
     absorb_samples,
@@ -35,138 +39,8 @@ from lvnav_trade.kernels.vehicle import (
     update_rows,
     update_rows_vector,
 )
-from lvnav_trade.records import Floats
 
 Ints = NDArray[np.int64]
-
-
-class Spread(NamedTuple):
-    """State of the pass, updated: formal (n, n); mean (n,); sources (n_group, n, n, 8), a source a lane (without
-    compiled code: (n_source, n, n)); y (n_part, n) and variance (n_part,) of the true parameters.
-    """
-
-    formal: Floats
-    mean: Floats
-    sources: Floats
-    y: Floats
-    variance: Floats
-
-
-class Desk(NamedTuple):
-    """Work arrays: of the filter's own covariance, of eight sources, of rows, of a window of the nominal flight."""
-
-    X: Floats
-    D: Floats
-    D_true: Floats
-    moved: Floats
-    K: Floats
-    x: Floats
-    z: Floats
-    weight: Floats
-    residual: Floats
-    gain: Floats
-    work: Floats
-    seen: Floats
-    X_source: Floats
-    moved_source: Floats
-    Y: Floats
-    S: Floats
-    sample_noise: Floats
-    row_noise: Floats
-    row_gain: Floats
-    sums: Floats
-    increments: Floats
-    still: Floats
-
-
-class Parts(NamedTuple):
-    """True parameters, a component an entry: source; matched state of the filter, -1 none; followed: c is carried with
-    its y; sample: component of the unit's samples that it adds to, -1 none; shared: component of the errors that
-    measurements share, -1 none; fade, wander (n_length, n_part); family (n_family,) of the filter's extra states that
-    stands for the same thing, -1 none. row_source (3,) of position, velocity and attitude rows; sample_rows,
-    sample_columns (6, 2) and sample_entries (6,) of the unit's rows. noise (n_length, n_source, n_state) white noise of
-    a filter without a vehicle model. nav_rows ... nav_drivers: blocks of the true transition.
-    """
-
-    source: Ints
-    matched: Ints
-    followed: NDArray[np.bool_]
-    sample: Ints
-    shared: Ints
-    fade: Floats
-    wander: Floats
-    family: Ints
-    row_source: Ints
-    sample_rows: Floats
-    sample_columns: Ints
-    sample_entries: Ints
-    noise: Floats
-    nav_rows: Ints
-    nav_columns: Ints
-    nav_kinds: Ints
-    nav_drivers: Ints
-
-
-class Covered(NamedTuple):
-    """What the pass fills: formal, true (n_hist, n, n) and mean (n_hist, n), frame i; sources (n_hist, n_source, n, n);
-    sample_spread (n_hist, n_source, 6) variance of true parameters in a sample; n_row, expected_nis, worst_ratio
-    (n_epoch,).
-    """
-
-    formal: Floats
-    true: Floats
-    mean: Floats
-    sources: Floats
-    sample_spread: Floats
-    n_row: Ints
-    expected_nis: Floats
-    worst_ratio: Floats
-
-
-def group(array, index):
-    """Return one group of sources, as eight lanes where they are lanes."""
-    return array[index]
-
-
-@overload(group)
-def _group(array, index):
-    return lambda array, index: view(array[index])
-
-
-def add_to(array, source, i, j, value):
-    """Add to an entry of one source; of two that mirror each other the upper one is meant."""
-    array[source, min(i, j), max(i, j)] += value
-
-
-@overload(add_to)
-def _add_to(array, source, i, j, value):
-    def lanes(array, source, i, j, value):
-        array[source // WIDTH, min(i, j), max(i, j), source % WIDTH] += value
-
-    return lanes
-
-
-def entry(array, source, i, j):
-    """Return an entry (i, j) of one source."""
-    return array[source, i, j]
-
-
-@overload(entry)
-def _entry(array, source, i, j):
-    return lambda array, source, i, j: array[source // WIDTH, i, j, source % WIDTH]
-
-
-def set_noise(array, source, row, value):
-    """Set the noise that one source has in a row."""
-    array[source, row] = value
-
-
-@overload(set_noise)
-def _set_noise(array, source, row, value):
-    def lanes(array, source, row, value):
-        array[source // WIDTH, row, source % WIDTH] = value
-
-    return lanes
 
 
 @jit
@@ -175,20 +49,6 @@ def _total(S, n_source, r, q):
     for s in range(n_source):
         total += entry(S, s, r, q)
     return total
-
-
-@jit
-def _nominal_tick(sums, reference, tick, dt):
-    """Set the integral of C_b_i and the velocity gained over a tick of the nominal flight."""
-    q, a, f = reference.q_b_i[tick], reference.dtheta[tick], reference.dvel[tick]
-    c = matrix(q[0], q[1], q[2], q[3])
-    rx, ry, rz = cross(a[0], a[1], a[2], f[0], f[1], f[2])
-    for i in range(3):
-        for j in range(3):
-            sums[3 * i + j] = dt * c[3 * i + j]
-        sums[9 + i] = (
-            c[3 * i] * (f[0] + 0.5 * rx) + c[3 * i + 1] * (f[1] + 0.5 * ry) + c[3 * i + 2] * (f[2] + 0.5 * rz)
-        )
 
 
 @jit
@@ -225,7 +85,7 @@ def _samples(spread, desk, unit, vehicle, parts, reference, tick, n_group):
     rows, columns, entries = parts.sample_rows, parts.sample_columns, parts.sample_entries
     for g in range(n_group):
         update_rows(
-            group(spread.sources, g), desk.Y, group(desk.S, g), desk.gain, rows, columns, entries,
+            group(spread.sources, g), whole(desk.Y), group(desk.S, g), desk.gain, rows, columns, entries,
             group(desk.sample_noise, g),
         )  # fmt: skip
     for p in range(parts.source.shape[0]):
@@ -262,34 +122,14 @@ def _modelled_window(spread, desk, unit, vehicle, parts, reference, first, n_tic
     for k in range(n_tick):
         tick = first + k
         _samples(spread, desk, unit, vehicle, parts, reference, tick, n_group)
-        _nominal_tick(desk.sums, reference, tick, unit.dt)
+        nominal_tick(desk.sums, reference, tick, unit.dt)
         advance(spread.formal, desk.moved, desk.sums, unit.dt, vehicle.motion)
         for g in range(n_group):
-            advance(group(spread.sources, g), desk.moved_source, desk.sums, unit.dt, vehicle.motion)
+            advance(group(spread.sources, g), whole(desk.moved_source), desk.sums, unit.dt, vehicle.motion)
         for p in range(parts.source.shape[0]):
             if parts.followed[p]:
                 advance_vector(spread.y[p], desk.sums, unit.dt, vehicle.motion)
         advance_vector(spread.mean, desk.sums, unit.dt, vehicle.motion)
-
-
-@inlined
-def _mechanised_window(nominal, desk, unit, reference, first, n_tick, kind):
-    """Mechanise the ideal increments of a window from the true state: the sums that the transition needs."""
-    for k in range(n_tick):
-        for axis in range(3):
-            desk.increments[k, axis] = reference.dtheta[first + k, axis]
-            desk.increments[k, 3 + axis] = reference.dvel[first + k, axis]
-    take_nominal(nominal, reference, first)
-    mechanise(nominal.nav, desk.sums, nominal.previous, desk.increments, n_tick, unit.dt, kind)
-
-
-@jit
-def take_nominal(nominal, reference, tick):
-    """Set the nominal navigation state to the true one at a tick."""
-    for i in range(4):
-        nominal.nav[Q + i] = reference.q_b_i[tick, i]
-    for i in range(3):
-        nominal.nav[V + i], nominal.nav[R + i] = reference.v_i[tick, i], reference.r_i[tick, i]
 
 
 @jit
@@ -321,7 +161,7 @@ def _slow(spread, desk, nominal, parts, belief, modelled, length, n_group, n_sou
     for g in range(n_group):
         P = group(spread.sources, g)
         mirror(P)
-        predict(P, desk.X_source, D, rows, columns, decay, desk.work, belief.clock, seconds)
+        predict(P, whole(desk.X_source), D, rows, columns, decay, desk.work, belief.clock, seconds)
     if not modelled:
         _add_noise(spread.sources, parts.noise[length], n_source)
     apply_phi(spread.mean, desk.seen_n, D, rows, columns, decay, belief.clock, seconds)
@@ -388,7 +228,7 @@ def _row(out, spread, desk, parts, signals, belief, epoch, channel, h, entries, 
     set_noise(desk.row_noise, source, 0, noise)
     for g in range(n_group):
         update_rows(
-            group(spread.sources, g), desk.Y, group(desk.S, g), desk.row_gain, sparse, at, count,
+            group(spread.sources, g), whole(desk.Y), group(desk.S, g), desk.row_gain, sparse, at, count,
             group(desk.row_noise, g),
         )  # fmt: skip
     set_noise(desk.row_noise, source, 0, 0.0)
@@ -478,7 +318,7 @@ def cover_vehicle(
                 _modelled_window(spread, desk, unit, vehicle, parts, reference, first, n_tick, n_group)
                 take_nominal(nominal, reference, first)
             else:
-                _mechanised_window(nominal, desk, unit, reference, first, n_tick, belief.gravity)
+                nominal_window(nominal, desk.sums, desk.increments, reference, first, n_tick, unit.dt, belief.gravity)
             _slow(spread, desk, nominal, parts, belief, vehicle.modelled, schedule.length[w], n_group, n_source)
             _move_mean(spread, nominal, unit, belief, vehicle, first, n_tick, reference)
         if epoch >= 0:

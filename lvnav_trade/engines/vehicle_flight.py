@@ -147,12 +147,12 @@ def _count(work, epoch, channel, normalised, weight):
 
 @inlined
 def update_epoch(work, own, signals, belief, vehicle, epoch, dt, k0, k1):
-    """Absorb what receiver and attitude reference put out at an epoch, all rows linearised at one point, and correct."""
+    """Absorb what receiver and attitude reference put out at an epoch, linearised at one point, and correct."""
     clear_epoch(work, epoch, FIRST_SAMPLE + N_SAMPLE)
     if vehicle.modelled:
         for i in range(N_SAMPLE):
             _count(work, epoch, FIRST_SAMPLE + i, own.residual[i] * sqrt(own.weight[i]), own.weight[i])
-    observe(work, signals, False, epoch, k0, k1)
+    observe(work, None, signals, False, epoch, k0, k1)
     n_row = rows_at(belief, signals, epoch)
     if n_row > 0:
         place_antenna(work, belief, dt)

@@ -127,8 +127,8 @@ ParameterState = Literal[
 class FilterCard(Card):
     """A navigation filter: error-state, closed loop, mechanised in the inertial frame.
 
-    `referenced` is loose with an attitude reference. `vehicle_model` is that with rate and acceleration of the vehicle as
-    states that wander within an envelope; samples of the inertial unit are its measurements, one by one.
+    `referenced` is loose with an attitude reference. `vehicle_model` is that with rate and acceleration of the vehicle
+    as states that wander within an envelope; samples of the inertial unit are its measurements, one by one.
     """
 
     name: str

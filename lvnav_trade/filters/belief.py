@@ -33,7 +33,8 @@ class Belief(NamedTuple):
     n_estimated, n_state; par_sensor, par_driver, par_offset (n_par,); lean (only biases are carried); fading (any
     decay); gate_squared; joseph; group (ticks to a strapdown step); row_type, n_entry (n_channel,), entry and column
     (n_channel, n) by channel; levers (n_antenna, 3) m; extra_offset (n_extra,) state of each extra one, extra_member
-    (n_extra_family, n_channel) extra state in a channel, -1 none.
+    (n_extra_family, n_channel) extra state in a channel, -1 none; every: of how many epochs the filter takes the last;
+    judged: solutions come with a covariance of their own, so rows are taken as independent mixtures of variance one.
     """
 
     kind: int
@@ -63,6 +64,8 @@ class Belief(NamedTuple):
     levers: Floats
     extra_offset: Ints
     extra_member: Ints
+    every: int
+    judged: bool
 
 
 def _parameter_numbers(imu: ImuBelief, name: str) -> tuple[float, float, float]:
@@ -190,8 +193,10 @@ def _row_types(kind: str, n_channel: int) -> Ints:
     return np.repeat(np.array([POSITION, VELOCITY], dtype=np.int64), 3)
 
 
-def _row_tables(layout: StateLayout, row_type: Ints, has_lever: bool) -> tuple[Ints, Ints, Ints]:
-    """Return per channel how many entries its rows have, which, and the states that they stand for."""
+def _row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, mixed: bool) -> tuple[Ints, Ints, Ints]:
+    """Return per channel how many entries its rows have, which, and the states that they stand for; mixed rows of a
+    solution have the entries of all of them.
+    """
     position = [(H_POS + i, POS + i) for i in range(3)]
     velocity = [(H_VEL + i, VEL + i) for i in range(3)]
     attitude = [(H_ATT + i, ATT + i) for i in range(3)] if has_lever else []
@@ -200,8 +205,8 @@ def _row_tables(layout: StateLayout, row_type: Ints, has_lever: bool) -> tuple[I
     types = {
         PSEUDORANGE: position + attitude + bias,
         RANGE_RATE: position + attitude + velocity + drift,
-        POSITION: position + attitude,
-        VELOCITY: velocity + attitude,
+        POSITION: position + attitude + (velocity if mixed else []),
+        VELOCITY: velocity + attitude + (position if mixed else []),
     }
     rows = []
     for channel, kind in enumerate(row_type.tolist()):
@@ -235,11 +240,14 @@ def believe(
     seconds: Floats,
     channels: Channels,
     group: int = 1,
+    every: int = 1,
+    judged: bool = False,
 ) -> tuple[StateLayout, Belief]:
     """Turn a filter card and its beliefs into numbers.
 
     levers (n_antenna, 3) m of the antennas; seconds (n_length,) are the window lengths that will occur; group the
-    ticks of the unit to a strapdown step.
+    ticks of the unit to a strapdown step; every: of how many epochs one is taken; judged: rows come with a covariance
+    of their own and are mixed.
     """
     layout = state_layout(card, imu, receiver, channels)
     rows, columns, kinds, drivers = transition_blocks(layout.parameters, card.transition_order)
@@ -248,7 +256,7 @@ def believe(
         rows, columns, kinds, drivers = rows[gradient], columns[gradient], kinds[gradient], drivers[gradient]
     decay, noise = window_tables(layout, _densities(card, layout, imu, receiver), seconds)
     row_type = _row_types(card.kind, channels.n_channel)
-    count, entry, column = _row_tables(layout, row_type, bool(np.any(levers)))
+    count, entry, column = _row_tables(layout, row_type, bool(np.any(levers)), judged)
     extra_offset, extra_member = _extra_tables(layout, channels.n_channel)
     belief = Belief(
         kind=KINDS[card.kind],
@@ -278,6 +286,8 @@ def believe(
         levers=np.array(levers, dtype=float),
         extra_offset=extra_offset,
         extra_member=extra_member,
+        every=every,
+        judged=judged,
     )
     return layout, belief
 

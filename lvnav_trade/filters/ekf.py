@@ -14,6 +14,7 @@ from lvnav_trade.kernels.strapdown import Q, R, V
 from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.observables import doppler, position, pseudorange, velocity
 from lvnav_trade.observables.base import N_ENTRY, antenna, line_of_sight
+from lvnav_trade.receivers.whiten import whiten
 
 
 @inlined
@@ -99,10 +100,14 @@ def fill_loose(work, belief, signals, epoch):
 
 @jit
 def rows_at(belief, signals, epoch):
-    """Return how many rows a filter has at an epoch: a solution takes four satellites."""
+    """Return how many rows a filter has at an epoch: a simulated solution takes four satellites, of a solver's own the
+    rows that are none are not-a-number.
+    """
+    if (epoch + 1) % belief.every != 0:
+        return 0
     if belief.kind == TIGHT:
         return 2 * signals.n_used[epoch]
-    return 6 if signals.n_used[epoch] >= 4 else 0
+    return 6 if belief.judged or signals.n_used[epoch] >= 4 else 0
 
 
 @jit
@@ -121,14 +126,26 @@ def absorb_row(work, belief, row, channel, variance):
     )  # fmt: skip
 
 
+@jit
+def mix(work, rx):
+    """Turn the rows of a solution with a covariance of its own into independent ones of variance one."""
+    if rx is not None:
+        for i in range(6):
+            for j in range(6):
+                work.told[i, j] = rx.covariance[i, j]
+        whiten(work.told, work.z, work.H, 6, N_ENTRY)
+
+
 @inlined
 def _absorb_and_count(work, belief, signals, epoch, row, channel):
-    normalised, weight = absorb_row(work, belief, row, channel, signals.variance[epoch, channel])
+    variance = 1.0 if belief.judged else signals.variance[epoch, channel]
+    normalised, weight = absorb_row(work, belief, row, channel, variance)
     work.innovation[epoch, channel] = normalised
     believed = weight > 0.0
+    rejected = (normalised == normalised) & (weight == 0.0)  # what is not a number is no row
     work.nis[epoch] = work.nis[epoch] + where(believed, normalised * normalised, 0.0)
     work.n_row[epoch] = work.n_row[epoch] + where(believed, 1.0, 0.0)
-    work.n_reject[epoch] = work.n_reject[epoch] + where(believed, 0.0, 1.0)
+    work.n_reject[epoch] = work.n_reject[epoch] + where(rejected, 1.0, 0.0)
 
 
 @jit
@@ -151,6 +168,7 @@ def update(work, belief, signals, epoch, dt):
         fill_tight(work, belief, signals, epoch)
     else:
         fill_loose(work, belief, signals, epoch)
+        mix(work, work.rx)
     for row in range(rows_at(belief, signals, epoch)):
         channel = channel_of(belief, signals, epoch, row)
         _absorb_and_count(work, belief, signals, epoch, row, channel)

@@ -86,8 +86,8 @@ def advance(P, moved, sums, dt, motion):
         for j in range(w, n):
             moved[i, j] = c0 * P[w, j] + c1 * P[min(w + 1, j), max(w + 1, j)] + c2 * P[min(w + 2, j), max(w + 2, j)]
             pushed = (
-                s0 * P[0, j] + s1 * P[1, j] + s2 * P[2, j]
-                + c0 * P[min(f, j), max(f, j)] + c1 * P[min(f + 1, j), max(f + 1, j)] + c2 * P[min(f + 2, j), max(f + 2, j)]
+                s0 * P[0, j] + s1 * P[1, j] + s2 * P[2, j] + c0 * P[min(f, j), max(f, j)]
+                + c1 * P[min(f + 1, j), max(f + 1, j)] + c2 * P[min(f + 2, j), max(f + 2, j)]
             )  # fmt: skip
             moved[3 + i, j] = pushed
             moved[6 + i, j] = dt * P[3 + i, j] + half * pushed

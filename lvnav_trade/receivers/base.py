@@ -94,6 +94,13 @@ class FilterModel(NamedTuple):
     told: Told
 
 
+class Solver(NamedTuple):
+    """How a receiver makes a solution of its measurements: the point solution, and the filter behind it (or None)."""
+
+    point: PointModel
+    filter: Any = None
+
+
 class Receiver(NamedTuple):
     """Arrays of a receiver in a run, or lane views of eight; see `receiver_shapes`.
 
@@ -146,6 +153,14 @@ def as_lanes(w: Any) -> Any:
         view(w.P), view(w.X), view(w.x), view(w.K), view(w.h), view(w.at), view(w.memory), view(w.used),
         view(w.solution), view(w.covariance),
     )  # fmt: skip
+
+
+@jit
+def lanes_of(rx: Any) -> Any:
+    """Return lane views of a receiver's arrays, or None where there is none."""
+    if rx is None:
+        return None
+    return as_lanes(rx)
 
 
 @jit

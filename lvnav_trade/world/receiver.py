@@ -10,7 +10,7 @@ from lvnav_trade.units import Angle, Card, Frequency, Length, LengthSigma, Pause
 from lvnav_trade.world.antenna import AntennaCard
 from lvnav_trade.world.link import LinkCard
 from lvnav_trade.world.loops import LoopsCard
-from lvnav_trade.world.solutions import DirectSolution
+from lvnav_trade.world.solutions import SolutionCard
 from lvnav_trade.world.tracking import TrackingCard
 
 
@@ -55,7 +55,7 @@ class ReceiverCard(Card):
     channels: int = Field(16, ge=1, le=64, description="satellites tracked at most; the highest are kept")
     pseudorange_sigma: LengthSigma = Field(description="with loops: what is there beside their thermal noise")
     range_rate_sigma: SpeedSigma = Field(description="with loops: what is there beside their thermal noise")
-    solution: DirectSolution
+    solution: SolutionCard
     clock: ClockCard
     antennas: tuple[AntennaCard, ...] = Field((), description="none: one at lever_b that hears all directions alike")
     link: LinkCard | None = Field(None, description="none: no C/N0")

@@ -1,0 +1,132 @@
+"""The console: the application, options that verbs share, and how every verb prints, fails and leaves."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+
+import typer
+
+if TYPE_CHECKING:
+    from lvnav_trade.errors import Mistake
+
+JSON_VERSION = 1
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    help="Which inertial unit, receiver and filter bring a launch vehicle to injection? Exit codes: 0 all requirements "
+    "met, 1 one violated, 2 bad usage or campaign file, 3 undecided, 4 some runs failed, 5 internal error, "
+    "130 interrupted (resumable).",
+)
+
+CampaignFile = Annotated[str, typer.Argument(metavar="CAMPAIGN", help="campaign file, or one that comes with the tool")]
+Sets = Annotated[list[str] | None, typer.Option("--set", metavar="PATH=VALUE", help="change one field; repeatable")]
+Json = Annotated[bool, typer.Option("--json", help="one JSON object on standard output")]
+Debug = Annotated[bool, typer.Option("--debug", help="show the traceback of an internal error")]
+Out = Annotated[Path | None, typer.Option("--out", help="folder of the results [default: results/NAME]")]
+Jobs = Annotated[int, typer.Option("--jobs", "-j", help="worker processes; -1: all cores")]
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from lvnav_trade.store.versions import tool_version
+
+        print(f"lvnav-trade {tool_version()}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="show the version")
+    ] = False,
+) -> None:
+    pass
+
+
+def check_jobs(jobs: int) -> None:
+    """Refuse a number of workers that cannot be."""
+    from lvnav_trade.errors import InputError
+
+    if jobs == 0 or jobs < -1:
+        raise InputError(f"--jobs {jobs}: give a number of worker processes, or -1 for all cores")
+
+
+@contextmanager
+def errors(as_json: bool, debug: bool) -> Iterator[None]:
+    """Turn every way to fail into one line and an exit code."""
+    from lvnav_trade.errors import InputError, is_full_disk, told_by_system
+
+    if debug:
+        os.environ["LVNAV_TRADE_DEBUG"] = "1"
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a batch system that ends the job, as Ctrl-C
+    try:
+        try:
+            yield
+        finally:
+            sys.stdout.flush()  # where nobody can write, that should show here and not when Python ends
+    except InputError as error:
+        _leave(2, as_json, str(error), error.records)
+    except KeyboardInterrupt:
+        _leave(130, as_json, "interrupted; the same command resumes")
+    except BrokenPipeError:
+        os._exit(0)  # whoever reads has seen enough
+    except (typer.Exit, typer.Abort):
+        raise
+    except Exception as error:
+        if type(error).__name__ == "Halted":
+            _leave(4, as_json, str(error))
+        if isinstance(error, OSError) and error.errno and not debug:
+            _leave(4 if is_full_disk(error) else 2, as_json, told_by_system(error))
+        if debug:
+            raise
+        text = str(error).strip().partition("\n")[0]
+        _leave(5, as_json, f"internal error: {type(error).__name__}: {text} (--debug shows where; please report it)")
+
+
+def _leave(code: int, as_json: bool, message: str, records: Sequence[Mistake] = ()) -> NoReturn:
+    """Print why and leave; as a note on the file's line too where a CI service reads those."""
+    try:
+        if as_json:
+            print_json("error", code, message=message, mistakes=[record._asdict() for record in records])
+        else:
+            print(message, file=sys.stderr)
+        sys.stdout.flush()
+    except OSError:  # of standard output itself, which is given up
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        if as_json:
+            print(message, file=sys.stderr)
+    if os.environ.get("GITHUB_ACTIONS"):
+        for record in records:
+            text = f"{record.path}: {record.message}" if record.path else record.message
+            where = f" file={record.file},line={record.line},col={record.column}" if record.line else ""
+            print(f"::error{where}::{text}", file=sys.stderr)
+    raise typer.Exit(code)
+
+
+def say(verb: str, as_json: bool, text: str, /, **content: Any) -> None:
+    """Print what a verb has to tell, which went well: the text for people, or the content for programs."""
+    if as_json:
+        print_json(verb, 0, **content)
+    else:
+        print(text)
+
+
+def print_json(verb: str, code: int, **content: Any) -> None:
+    """Print the one JSON object of a verb."""
+    print(json.dumps({"lvnav_trade_json": JSON_VERSION, "verb": verb, "exit_code": code, **content}, default=str))
+
+
+def records(frame: Any) -> list[dict[str, Any]]:
+    """Return the rows of a frame as JSON can hold them: what is not a number is null."""
+    records: list[dict[str, Any]] = json.loads(frame.to_json(orient="records"))
+    return records

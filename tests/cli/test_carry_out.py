@@ -1,0 +1,62 @@
+"""The verbs that compute: what they refuse, and what a plan shows."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.cli.calling import call
+
+SMOKE = "campaigns/smoke.yaml"
+
+
+@pytest.mark.parametrize("name", ["demo", "smoke", "falcon9_formosat5"])
+def test_a_campaign_of_the_tool_is_good_from_any_folder(events: dict[str, float], name: str) -> None:
+    result = call("check", f"campaigns/{name}.yaml")
+    assert result.output.startswith(f"campaigns/{name}.yaml: good, ")
+    assert result.exit_code == 0
+
+
+def test_a_fault_after_the_flight_is_refused(events: dict[str, float]) -> None:
+    result = call("check", SMOKE, "--set", "faults=[{start: 621 s, duration: 5 s, kind: satellite_outage}]")
+    assert result.exit_code == 2
+    assert result.stderr == "--set: base.faults.0.start: '621 s' is 621 s, at or after the end of the flight (620 s)\n"
+
+
+def test_a_requirement_at_an_unknown_event_is_refused(events: dict[str, float]) -> None:
+    result = call("check", "campaigns/demo.yaml", "--set", "requirements.0.at=injektion")
+    assert result.exit_code == 2
+    assert result.stderr == (
+        "--set: requirements.0.at: 'injektion' is not an event of the trajectory (did you mean 'injection'?)\n"
+    )
+
+
+def test_a_campaign_that_is_not_there_is_exit_code_two(events: dict[str, float]) -> None:
+    result = call("run", "nothing.yaml")
+    assert (result.exit_code, result.stderr) == (2, "nothing.yaml: no such file\n")
+
+
+def test_the_plan_shows_cases_and_what_is_done(events: dict[str, float]) -> None:
+    content = json.loads(call("plan", "campaigns/demo.yaml", "--json").stdout)
+    assert [case["label"] for case in content["cases"]][:2] == [
+        "imu=tactical_fog, filter=loose",
+        "imu=tactical_fog, filter=tight",
+    ]
+    assert content["blocks"] == 6 * 5
+    assert {case["done"] for case in content["cases"]} == {0}
+    part = Path("results/demo/parts", content["cases"][0]["id"])
+    part.mkdir(parents=True)
+    (part / "0-40.parquet").touch()
+    again = json.loads(call("plan", "campaigns/demo.yaml", "--json").stdout)
+    assert again["cases"][0]["done"] == 40
+    assert again["blocks"] == 6 * 5 - 1
+    assert 0 < again["seconds"] < content["seconds"]
+    assert "about" in call("plan", "campaigns/demo.yaml").stdout
+
+
+def test_a_replay_of_an_unknown_case_is_refused(events: dict[str, float]) -> None:
+    result = call("replay", "campaigns/demo.yaml", "imu=tactical_fog, filter=tigth", "0")
+    assert result.exit_code == 2
+    assert "(did you mean 'imu=tactical_fog, filter=tight'?)" in result.stderr

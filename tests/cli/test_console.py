@@ -1,0 +1,136 @@
+"""What every verb does alike: help, one line per mistake, exit codes, one JSON object."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from lvnav_trade import api
+from lvnav_trade.campaign import work
+from lvnav_trade.campaign.work import Engine
+from tests.cli.calling import call
+
+SMOKE = "campaigns/smoke.yaml"
+
+
+def test_help_names_every_verb_and_exit_code() -> None:
+    text = call("--help").output
+    for word in ("run", "check", "plan", "status", "schema", "cards", "report", "replay", "undecided", "130"):
+        assert word in text
+
+
+def test_help_comes_in_half_a_second() -> None:
+    def once() -> float:
+        start = time.perf_counter()
+        subprocess.run([sys.executable, "-m", "lvnav_trade", "--help"], check=True, capture_output=True)
+        return time.perf_counter() - start
+
+    assert min(once() for _ in range(3)) < 0.5
+
+
+def test_the_version_is_one_line() -> None:
+    result = call("--version")
+    assert result.exit_code == 0
+    assert result.output.startswith("lvnav-trade ")
+    assert result.output.count("\n") == 1
+
+
+def test_a_mistake_is_one_line_and_exit_code_two(events: dict[str, float]) -> None:
+    Path("bad.yaml").write_text("name: x\nsead: 1\n")
+    result = call("check", "bad.yaml")
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert "bad.yaml:2:1: sead: unknown key (did you mean 'seed'?)" in result.stderr.splitlines()
+
+
+def test_a_mistake_is_a_json_object_where_that_is_asked_for(events: dict[str, float]) -> None:
+    Path("bad.yaml").write_text("name: x\nsead: 1\n")
+    result = call("check", "bad.yaml", "--json")
+    content = json.loads(result.stdout)
+    assert result.exit_code == content["exit_code"] == 2
+    found = [mistake for mistake in content["mistakes"] if mistake["path"] == "sead"]
+    assert found == [
+        {"message": "unknown key (did you mean 'seed'?)", "path": "sead", "file": "bad.yaml", "line": 2, "column": 1}
+    ]
+
+
+def test_a_mistake_is_a_note_on_its_line_in_a_workflow(events, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    Path("bad.yaml").write_text("name: x\nsead: 1\n")
+    result = call("check", "bad.yaml")
+    assert "::error file=bad.yaml,line=2,col=1::sead: unknown key (did you mean 'seed'?)" in result.stderr.splitlines()
+
+
+@pytest.mark.parametrize("jobs", ["0", "-2"])
+def test_an_impossible_number_of_jobs_is_refused(events: dict[str, float], jobs: str) -> None:
+    result = call("run", SMOKE, f"--jobs={jobs}")
+    assert result.exit_code == 2
+    assert result.stderr == f"--jobs {jobs}: give a number of worker processes, or -1 for all cores\n"
+
+
+@pytest.mark.parametrize("arguments", [["fly"], ["run"], ["run", SMOKE, "--jobs", "two"], ["check", SMOKE, "--fast"]])
+def test_bad_usage_is_exit_code_two(arguments: list[str]) -> None:
+    assert call(*arguments).exit_code == 2
+
+
+def test_an_internal_error_is_one_line_and_exit_code_five(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+
+    def broken() -> Engine:
+        raise ZeroDivisionError("division by zero")
+
+    monkeypatch.setattr(work, "engine", broken)
+    result = call("check", SMOKE)
+    assert result.exit_code == 5
+    assert result.stderr == (
+        "internal error: ZeroDivisionError: division by zero (--debug shows where; please report it)\n"
+    )
+    assert isinstance(call("check", SMOKE, "--debug").exception, ZeroDivisionError)
+
+
+def test_a_full_disk_is_exit_code_four_wherever_it_shows(events, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(api, "build_report", full)
+    monkeypatch.setattr(api, "load", lambda folder: None)
+    result = call("report", "results/smoke")
+    assert result.exit_code == 4
+    assert result.stderr == "No space left on device; the same command resumes once there is space\n"
+
+
+def test_what_the_system_refuses_to_a_verb_is_no_internal_error(events, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise PermissionError(13, "Permission denied", "results/report.html")
+
+    monkeypatch.setattr(api, "build_report", refuse)
+    monkeypatch.setattr(api, "load", lambda folder: None)
+    result = call("report", "results/smoke")
+    assert result.exit_code == 2
+    assert result.stderr == "results/report.html: Permission denied; the same command resumes once that is mended\n"
+
+
+@pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="no device that is always full")
+@pytest.mark.parametrize("more", [(), ("--json",), ("imu/tactical_fog",)])
+def test_output_to_a_full_disk_is_one_line_and_exit_code_four(more: tuple[str, ...]) -> None:
+    with Path("/dev/full").open("w") as full:
+        command = [sys.executable, "-m", "lvnav_trade", "cards", *more]
+        found = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+    told = "No space left on device; the same command resumes once there is space\n"
+    assert (found.returncode, found.stderr) == (4, told)
+
+
+def test_ctrl_c_is_exit_code_130(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+
+    def interrupted() -> Engine:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(work, "engine", interrupted)
+    result = call("check", SMOKE)
+    assert (result.exit_code, result.stderr) == (130, "interrupted; the same command resumes\n")

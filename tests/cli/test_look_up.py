@@ -1,0 +1,35 @@
+"""The verbs that tell what there is: schema, cards, status."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from tests.cli.calling import call
+
+
+def test_the_schema_knows_cards_and_every_key() -> None:
+    schema = json.loads(call("schema").stdout)
+    assert set(schema["properties"]) >= {"name", "seed", "base", "axes", "design", "monte_carlo", "requirements"}
+    assert schema["additionalProperties"] is False
+    imu = schema["$defs"]["ImuCard"]["anyOf"]
+    assert imu[0]["type"] == "string"
+    assert "card" in imu[1]["properties"]
+
+
+def test_the_cards_are_listed_and_shown_with_their_sources(events: dict[str, float]) -> None:
+    listed = call("cards").stdout
+    assert "imu/tactical_fog" in listed
+    assert "Trigo and Theil" in listed
+    shown = call("cards", "imu/tactical_fog").stdout
+    assert 'random_walk: "0.03 deg/sqrt(h)"' in shown
+    wrong = call("cards", "imu/tactical_fogg")
+    assert (wrong.exit_code, wrong.stderr) == (2, "no card 'imu/tactical_fogg' (did you mean 'imu/tactical_fog'?)\n")
+
+
+def test_the_status_is_told_in_words_and_as_json(variants: Path) -> None:
+    result = call("status", str(variants / "base"))
+    assert (result.exit_code, result.stdout.startswith(f"{variants / 'base'}: finished: ")) == (0, True)
+    content = json.loads(call("status", str(variants / "base"), "--json").stdout)
+    assert (content["verb"], content["state"], content["damaged"]) == ("status", "finished", [])
+    assert call("status", str(variants)).exit_code == 2

@@ -1,0 +1,43 @@
+"""The verbs that look at results: report, compare, keep-base."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.cli.calling import call
+
+
+def test_a_folder_without_results_is_refused(events: dict[str, float]) -> None:
+    Path("empty").mkdir()
+    for verb in (["report", "empty"], ["replay", "empty", "0", "0"]):
+        result = call(*verb)
+        assert result.exit_code == 2
+        assert result.stderr.startswith("empty: no results here")
+
+
+@pytest.mark.parametrize(("candidate", "code"), [("same", 0), ("larger", 1), ("other", 2), ("close", 3)])
+def test_a_comparison_says_by_its_exit_code_what_came_out(variants: Path, candidate: str, code: int) -> None:
+    result = call("compare", str(variants / "base"), str(variants / candidate), "--effect", "rare=none")
+    assert result.exit_code == code
+    assert (result.stdout == "") == (code == 2)
+
+
+def test_a_comparison_as_one_json_object_and_as_files(variants: Path, tmp_path: Path) -> None:
+    junit, md = tmp_path / "junit.xml", tmp_path / "page.md"
+    sides = [str(variants / "base"), str(variants / "larger")]
+    result = call("compare", *sides, "--json", "--junit", str(junit), "--md", str(md), "--map", "fine:coarse")
+    content = json.loads(result.stdout)
+    assert (content["verb"], content["verdict"], content["exit_code"]) == ("compare", "worse", 1)
+    assert content["rows"][0]["case"] == "imu=fine → imu=coarse"
+    assert content["written"] == [str(md), str(junit)]
+    assert junit.read_text().startswith("<?xml")
+    assert "imu=fine → imu=coarse" in md.read_text()
+
+
+def test_what_a_repository_keeps_of_a_base_is_told(variants: Path, tmp_path: Path) -> None:
+    kept = tmp_path / "kept"
+    assert call("keep-base", str(variants / "base"), str(kept)).stdout == f"base: {kept}\n"
+    assert call("compare", str(kept), str(variants / "same"), "--effect", "rare=none").exit_code == 0
