@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from lvnav_trade.campaign import execute, work
 from lvnav_trade.campaign.axes import cases
@@ -197,6 +197,70 @@ def keep_report(results: Path, folder: Path) -> Path:
     from lvnav_trade.report import keep
 
     return keep(results, folder)
+
+
+class Studied(NamedTuple):
+    """What a study left: its page; how many statements are published and how many hold, by campaign and altogether;
+    failed runs as lines.
+    """
+
+    page: Path
+    campaigns: dict[str, tuple[int, int]]
+    published: int
+    in_band: int
+    failures: list[str]
+
+
+def study(
+    folder: str | Path,
+    keep: str | Path,
+    runs: int | None = None,
+    results: str | Path | None = None,
+    jobs: int = -1,
+    fresh: bool = False,
+    only_page: bool = False,
+    progress: Callable[[], Progress] | None = None,
+    on_campaign: Callable[[str, Results], None] | None = None,
+) -> Studied:
+    """Run every campaign of a folder in order and keep one page: published numbers beside ours, figures, remarks.
+
+    Parameters
+    ----------
+    folder : folder of campaigns, with a `study.yaml` that says what the page does; or the name of one of the tool's
+    keep : where report.md, figures/, references.csv and agreement.csv go
+    runs : runs per case in place of the campaigns' own
+    results : where the campaigns' results go; ``results/FOLDER`` if absent
+    fresh : begin again instead of resuming; only_page : run nothing, take the results that are there
+    progress : makes the progress of one campaign; on_campaign(name, results) is called when one is done
+
+    Raises
+    ------
+    InputError
+        A mistake in a campaign or in study.yaml: nothing has been computed.
+    """
+    from lvnav_trade.campaign.study import load_study
+    from lvnav_trade.metrics.references import references
+    from lvnav_trade.report.study import Answered, build
+
+    found, questions = load_study(folder, runs)
+    place = Path(results) if results is not None else Path("results") / (found.name or Path(folder).name)
+    answered: list[Answered] = []
+    failures: list[str] = []
+    counts: dict[str, tuple[int, int]] = {}
+    for part, campaign in questions:
+        mine = place / campaign.name
+        if not only_page:
+            run(campaign, (), mine, jobs, fresh, report=False, progress=progress() if progress else None)
+        held = load(mine)
+        failures += held.failures
+        if on_campaign is not None:
+            on_campaign(campaign.name, held)
+        answered.append(Answered(part, held.tables, campaign.model_dump(mode="json")))
+        judged = references(held.tables, answered[-1].stated)
+        counts[campaign.name] = (len(judged), int(judged.in_band.sum()))
+    page = build(found, answered, Path(keep))
+    stated, held_up = (sum(one[k] for one in counts.values()) for k in (0, 1))
+    return Studied(page, counts, stated, held_up, failures)
 
 
 def compare(

@@ -119,6 +119,12 @@ def flight(campaign: Campaign, cases: Sequence[Case], events: Mapping[str, Mappi
             for index, requirement in enumerate(campaign.requirements)
             for event in requirement.events
         ]
+        for key, statements in (("references", campaign.references), ("orderings", campaign.orderings)):
+            wanted += [
+                (f"{key}.{index}.{'during' if one.during else 'at'}", event)
+                for index, one in enumerate(statements)
+                for event in one.events
+            ]
         if campaign.covariance.at is not None:
             wanted.append(("covariance.at", campaign.covariance.at))
         for path, event in wanted:

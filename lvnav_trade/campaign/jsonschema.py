@@ -7,7 +7,7 @@ from typing import Any
 from lvnav_trade.campaign.schema import Campaign
 
 # What a campaign is made of is written out; anything else may be a card.
-_WRITTEN_OUT = ("MonteCarlo", "Axis", "Published", "Covariance", "Keep", "Report", "Compare")
+_WRITTEN_OUT = ("MonteCarlo", "Axis", "Published", "Ordering", "Innovations", "Covariance", "Keep", "Report", "Compare")
 _CARD = {"type": "string", "description": "name or path of a card, such as imu/tactical_fog"}
 
 

@@ -9,6 +9,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, field_serializer, field
 
 from lvnav_trade import units
 from lvnav_trade.campaign.corridor import Corridor
+from lvnav_trade.campaign.published import Innovations, Ordering, Published
 from lvnav_trade.campaign.tree import Written, hint
 from lvnav_trade.errors import InputError
 from lvnav_trade.layout import MISSION
@@ -181,26 +182,6 @@ class Requirement(Card):
         return f"{value!r} {metric(self.metric).unit}"
 
 
-class Published(Card):
-    """A published number that ours is held against."""
-
-    source: str
-    item: str = ""
-    case: dict[str, str] = Field(default_factory=dict, description="level of each axis, by its label")
-    metric: str
-    at: str = "injection"
-    value: float
-    unit: str
-    band: tuple[float, float] = (0.5, 2.0)
-    remark: str = ""
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Published:
-        if not 0 < self.band[0] <= self.band[1]:
-            raise ValueError("the band should be two growing ratios above zero, such as [0.5, 2]")
-        return self
-
-
 class Covariance(Card):
     """What linear covariance leaves."""
 
@@ -268,7 +249,9 @@ class Campaign(Card):
     covariance: Covariance = Covariance()
     keep: Keep = Keep()
     requirements: tuple[Requirement, ...] = ()
-    references: tuple[Published, ...] = ()
+    references: tuple[Published, ...] = Field((), description="published numbers that ours are held against")
+    orderings: tuple[Ordering, ...] = Field((), description="published orders of cases that must hold")
+    innovations: tuple[Innovations, ...] = Field((), description="published statements on the innovations")
     corridor: Corridor | None = Field(default=None, description="where the point of impact must stay")
     report: Report = Report()
     compare: Compare = Compare()

@@ -66,15 +66,21 @@ def engine() -> Engine:
 
 
 def _events(scenario: Scenario) -> dict[str, float]:
-    """Return the event times of a flight; InputError where it or the satellites cannot be."""
+    """Return the event times of a flight; InputError where it, the satellites or a recording cannot be."""
     from lvnav_trade.engines.prepare import trajectory_of
+    from lvnav_trade.engines.recorded import table_of
+    from lvnav_trade.world.error_table import refuse_short
     from lvnav_trade.world.satellites import satellites
 
     with _about("base.trajectory"):
-        events = dict(trajectory_of(scenario).events)
+        flight = trajectory_of(scenario)
     with _about("base.constellation"):
         satellites(scenario.constellation, scenario.trajectory.epoch)
-    return events
+    table = table_of(scenario)
+    if table is not None:
+        with _about("base.receiver.solution.error_table"):
+            refuse_short(table, flight.start, flight.end)
+    return dict(flight.events)
 
 
 @contextmanager

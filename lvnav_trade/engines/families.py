@@ -17,6 +17,8 @@ from lvnav_trade.records import Floats
 
 Ints = NDArray[np.int64]
 
+RECORDED = "recorded"  # kind of a family whose component is not drawn: the run's start in a recording sets it
+
 
 class ErrorFamily(NamedTuple):
     """Random errors of one cause that measurements share.
@@ -98,7 +100,7 @@ def shared_of(
     member = np.full((len(families), n_channel), -1, dtype=np.int64)
     entering = np.zeros((len(families), n_epoch, n_channel))
     start: list[float] = []
-    decay, walk, sources, satellites, extra = [], [], [], [], []
+    decay, walk, sources, satellites, extra, given = [], [], [], [], [], []
     number = _numbers(layout)
     for f, family in enumerate(families):
         member[f] = np.where(family.member >= 0, len(start) + family.member, -1)
@@ -111,6 +113,7 @@ def shared_of(
             sources.append(source_word(f"{family.source} {family.kind}"))
             satellites.append(source_word(label) if label else np.uint64(0))
             extra.append(number.get((family.state, label), -1))
+            given.append(family.kind == RECORDED)
     return Shared(
         member=member,
         partial=entering,
@@ -120,4 +123,5 @@ def shared_of(
         sources=np.array(sources, dtype=np.uint64),
         satellites=np.array(satellites, dtype=np.uint64),
         extra=np.array(extra, dtype=np.int64),
+        given=np.array(given, dtype=np.bool_),
     )

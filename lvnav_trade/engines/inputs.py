@@ -62,7 +62,7 @@ class Shared(NamedTuple):
     member (n_family, n_channel) component of the family in the channel, -1 none; partial (n_family, n_epoch, n_channel)
     of the measurement with respect to it; start (n_component,) sigma, decay and walk (n_component,) over an interval of
     epochs; sources, satellites (n_component,) words; extra (n_component,) extra state of the filter that stands for the
-    same thing, -1 none.
+    same thing, -1 none; given (n_component,): set before the flight, not drawn.
     """
 
     member: Ints
@@ -73,6 +73,7 @@ class Shared(NamedTuple):
     sources: NDArray[np.uint64]
     satellites: NDArray[np.uint64]
     extra: Ints
+    given: NDArray[np.bool_]
 
 
 class Signals(NamedTuple):

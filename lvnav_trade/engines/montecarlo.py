@@ -11,6 +11,7 @@ from lvnav_trade.engines import vehicle, vehicle_montecarlo
 from lvnav_trade.engines.flight import fly
 from lvnav_trade.engines.inputs import Sizes, Work, work_shapes
 from lvnav_trade.engines.prepare import Prepared, prepare
+from lvnav_trade.engines.recorded import values_of
 from lvnav_trade.filters.belief import LOOSE, TIGHT
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import view
@@ -83,6 +84,10 @@ def _new_work(prepared: Prepared, lanes: bool) -> Work:
 def _fly(prepared: Prepared, seed: int, runs: Floats, lanes: bool) -> Work:
     work = _new_work(prepared, lanes)
     work.run[0] = runs if lanes else runs[0]
+    chosen = np.flatnonzero(prepared.signals.shared.given)
+    if chosen.size:
+        values = values_of(prepared.recorded, seed, runs)
+        work.shared[chosen] = values if lanes else values[:, 0]
     p = prepared
     if p.vehicle is not None:
         return vehicle_montecarlo.fly(p, work, *seed_words(seed), lanes)

@@ -14,6 +14,7 @@ from lvnav_trade.engines.atmosphere import Delays, delays
 from lvnav_trade.engines.families import ErrorFamily, shared_of
 from lvnav_trade.engines.inputs import Options, Record, Schedule, Signals, Start, Unit
 from lvnav_trade.engines.options import epoch_interval, every, refuse_contradiction, solver_of, solves
+from lvnav_trade.engines.recorded import Recorded, recorded
 from lvnav_trade.engines.signals import Line, channels_of, families, geometry_of, signals
 from lvnav_trade.engines.vehicle import Vehicle, vehicle_of
 from lvnav_trade.filters.belief import Belief, believe, initial_covariance
@@ -35,6 +36,7 @@ from lvnav_trade.world.faults import (
 )
 from lvnav_trade.world.gravity import disturbance
 from lvnav_trade.world.imu import ErrorBlock, ImuCard, error_blocks, lag
+from lvnav_trade.world.satellites import time_offsets
 from lvnav_trade.world.sky import sky
 from lvnav_trade.world.trajectory import (
     Trajectory,
@@ -54,8 +56,8 @@ STEP = 1e-6
 
 class Prepared(NamedTuple):
     """A scenario and all that its runs share. sources: true error blocks of the unit; families: errors that
-    measurements share; t_hist, t_epoch: s since lift-off of history and epochs; vehicle: of a filter with an attitude
-    reference.
+    measurements share; recorded: of a receiver; t_hist, t_epoch: s since lift-off of history and epochs; vehicle: of a
+    filter with an attitude reference.
     """
 
     scenario: Scenario
@@ -76,6 +78,7 @@ class Prepared(NamedTuple):
     t_epoch: Floats
     lengths: Floats
     delays: Delays
+    recorded: Recorded
     options: Options
     vehicle: Vehicle | None = None
 
@@ -296,10 +299,12 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     geometry = geometry_of(line, seen.tracked, late_by.troposphere, late_by.ionosphere)
     believed = geometry_of(line, seen.tracked, late_by.believed_troposphere, late_by.believed_ionosphere)
     failed = failures(scenario.faults, trajectory.events, at.t_epoch, seen.names, seen.elevation, seen.tracked)
-    shared_errors = families(scenario, geometry, measured, failed)
+    tabled = recorded(scenario, trajectory.theta0, line, seen, measured, failed.frozen)
+    shared_errors = (*families(scenario, geometry, measured, failed), *tabled.families)
     shared = shared_of(shared_errors, layout, epoch_interval(scenario), (at.t_epoch.size, measured.n_channel))
+    left = late_by.left + time_offsets(scenario.constellation, seen.systems, trajectory.epoch, seen.t)
     truth = signals(
-        scenario, seen, line, receiver, layout, believed, channels, measured, shared, failed, late_by.left
+        scenario, seen, line, receiver, layout, believed, channels, measured, shared, failed, left, tabled.mean
     )  # fmt: skip
     blocks = (*error_blocks(scenario.imu), *disturbance(scenario.gravity))
     C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], trajectory.theta0)[0].T
@@ -322,6 +327,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         t_epoch=at.t_epoch,
         lengths=at.lengths,
         delays=late_by,
+        recorded=tabled,
         options=Options(solver_of(scenario, receiver, truth.used.shape[1])),
         vehicle=vehicle_of(scenario, trajectory, ref, layout, imu, at.epoch_tick),
     )

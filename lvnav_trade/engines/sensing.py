@@ -40,8 +40,9 @@ def begin(work, unit, signals, start, belief, k0, k1):
     work.clock_hat[0], work.clock_hat[1] = like(n0, 0.0), like(n0, 0.0)
     shared = signals.shared
     for m in range(shared.start.shape[0]):
-        s0, _, _, _ = normals(k0, k1, shared.sources[m], run, _ZERO, shared.satellites[m])
-        work.shared[m] = shared.start[m] * s0
+        if not shared.given[m]:
+            s0, _, _, _ = normals(k0, k1, shared.sources[m], run, _ZERO, shared.satellites[m])
+            work.shared[m] = shared.start[m] * s0
     for m in range(belief.extra_offset.shape[0]):
         work.extra[m] = like(n0, 0.0)
     work.failed[0], work.t_failed[0] = like(n0, 0.0), like(n0, np.nan)

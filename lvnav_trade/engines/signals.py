@@ -237,11 +237,13 @@ def signals(
     shared: Shared,
     failed: Failures,
     left: Floats,
+    tabled: Floats,
 ) -> Signals:
     """Return what is true of satellites and receiver at the epochs, and what the filter knows of it.
 
     channels are those of the filter's rows, `measured` those of what the receiver measures, which solves perhaps; left
-    (n_epoch, n_sat, 2): what corrections leave of delays of ranges and their rates.
+    (n_epoch, n_sat, 2): what corrections leave of delays and of systems' times, in ranges and rates; tabled (n_epoch,
+    6): errors of the solution that are the same in every run, frame i.
     """
     receiver, clock = scenario.receiver, scenario.receiver.clock
     used, n_used = _slots(seen)
@@ -250,8 +252,8 @@ def signals(
     interval = epoch_interval(scenario)
     off, off_rate = failed.bias + left[:, :, 0], failed.drift + left[:, :, 1]
     ranges, rates = np.asarray(line.distance + off), np.asarray(line.rate + off_rate)
-    position = line.position + _shifts(line, seen.tracked, off)
-    velocity = line.velocity + _shifts(line, seen.tracked, off_rate)
+    position = line.position + _shifts(line, seen.tracked, off) + tabled[:, :3]
+    velocity = line.velocity + _shifts(line, seen.tracked, off_rate) + tabled[:, 3:]
     _hold(failed.frozen, used, n_used, ranges, rates, position, velocity)
     names = ("receiver clock", "range noise", "solution noise", "receiver clock start")
     return Signals(

@@ -36,7 +36,8 @@ class BlockSummary(NamedTuple):
     innovations that many epochs apart. One row per run, failed ones too: event_error, event_sigma
     (n_run, n_event, n_column) SI, event_nees (n_run, n_event). events: names in time order; t_event (n_event,) s.
     t_bound (n_interval + 1,) s: events and both ends of the history; worst (n_run, n_interval, n_column) SI: largest
-    |error| of each run at the history times from one bound to the next, both included.
+    |error| of each run at the history times from one bound to the next, both included; mean_square, of that shape,
+    SI squared: its squared error's mean over the time between (trapezoidal rule).
     """
 
     runs: Counts
@@ -63,6 +64,7 @@ class BlockSummary(NamedTuple):
     event_nees: Floats
     t_bound: Floats
     worst: Floats
+    mean_square: Floats
 
     @property
     def first_run(self) -> int:
@@ -88,7 +90,7 @@ _SUMMED = (
     "lag_sum",
     "lag_count",
 )
-_JOINED = ("runs", "failed", "t_failed", "event_error", "event_sigma", "event_nees", "worst")
+_JOINED = ("runs", "failed", "t_failed", "event_error", "event_sigma", "event_nees", "worst", "mean_square")
 _SHARED = ("t", "scale", "t_epoch", "t_event", "t_bound")
 
 
@@ -164,6 +166,7 @@ def summarise(
         event_nees=block.nees[:, at_event],
         t_bound=t_bound,
         worst=_worst(block.t, error, t_bound),
+        mean_square=_mean_square(block.t, error, t_bound),
     )
 
 
@@ -171,6 +174,16 @@ def _worst(t: Floats, error: Floats, bounds: Floats) -> Floats:
     """Return the largest |error| from each bound to the next; error (n_run, n_hist, n_column)."""
     at = np.searchsorted(t, bounds)
     spans = [np.abs(error[:, first : last + 1]).max(axis=1) for first, last in pairwise(at)]
+    return np.stack(spans, axis=1) if spans else np.zeros((error.shape[0], 0, error.shape[2]))
+
+
+def _mean_square(t: Floats, error: Floats, bounds: Floats) -> Floats:
+    """Return the time mean of the squared error from each bound to the next; error (n_run, n_hist, n_column)."""
+    at = np.searchsorted(t, bounds)
+    spans = [
+        np.trapezoid(error[:, first : last + 1] ** 2, t[first : last + 1], axis=1) / (t[last] - t[first])
+        for first, last in pairwise(at)
+    ]
     return np.stack(spans, axis=1) if spans else np.zeros((error.shape[0], 0, error.shape[2]))
 
 

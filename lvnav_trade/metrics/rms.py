@@ -10,6 +10,7 @@ import pandas as pd
 
 from lvnav_trade.metrics.intervals import rms_interval
 from lvnav_trade.metrics.select import Phase, lincov_rms, metric_name, phases, series
+from lvnav_trade.metrics.spans import time_mean
 from lvnav_trade.store import Tables, load
 
 COLUMNS = [
@@ -53,13 +54,8 @@ def _over(history: pd.DataFrame, spans: list[Phase]) -> list[tuple[str, dict[str
         if not len(chosen):
             continue
         values: dict[str, Any] = {
-            name: float(np.sqrt(_time_mean(t[chosen], value[chosen]))) for name, value in square.items()
+            name: float(np.sqrt(time_mean(t[chosen], value[chosen]))) for name, value in square.items()
         }
         low, high = rms_interval(values["rms"], n * float(freedom[chosen].min()))
         found.append((phase.name, values | {"low": float(low), "high": float(high)}))
     return found
-
-
-def _time_mean(t: np.ndarray[Any, Any], value: np.ndarray[Any, Any]) -> float:
-    """Return the mean over time by the trapezoidal rule: event times between the grid add no weight."""
-    return float(np.trapezoid(value, t) / (t[-1] - t[0])) if t[-1] > t[0] else float(value[0])

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-
-from matplotlib.figure import Figure
+from typing import Any
 
 from lvnav_trade.plots.budget import budget, heatmap
+from lvnav_trade.plots.chosen import autocorrelations, errors
 from lvnav_trade.plots.consistency import consistency
 from lvnav_trade.plots.delays import delays, latency
 from lvnav_trade.plots.errors import comparison, envelope, rank
 from lvnav_trade.plots.flight import trajectory
 from lvnav_trade.plots.impact import impact
 from lvnav_trade.plots.orbit import orbit
+from lvnav_trade.plots.published import locus, spread
 from lvnav_trade.plots.sky import satellites, sky
 from lvnav_trade.plots.timeline import timeline
 
-PLOTS: dict[str, Callable[..., Figure]] = {
+PLOTS: dict[str, Callable[..., Any]] = {
     "trajectory": trajectory,
     "satellites": satellites,
     "sky": sky,
@@ -24,6 +25,10 @@ PLOTS: dict[str, Callable[..., Figure]] = {
     "delays": delays,
     "latency": latency,
     "envelope": envelope,
+    "errors": errors,
+    "autocorrelation": autocorrelations,
+    "locus": locus,
+    "spread": spread,
     "comparison": comparison,
     "rank": rank,
     "budget": budget,

@@ -71,8 +71,8 @@ def build(folder: Path | str, sections: Sequence[str] | None = None) -> Path:
     title = str(tables.manifest.get("campaign") or tables.campaign.get("name"))
     asked = str(tables.campaign.get("description") or "")
     page = tables.folder / "report.html"
-    page.write_text(_render("page.html.j2", title, asked, made), encoding="utf-8")
-    text = re.sub(r"\n{3,}", "\n\n", _render("page.md.j2", title, asked, made)).strip() + "\n"
+    page.write_text(render("page.html.j2", title, asked, made), encoding="utf-8")
+    text = re.sub(r"\n{3,}", "\n\n", render("page.md.j2", title, asked, made)).strip() + "\n"
     (tables.folder / "report.md").write_text(text, encoding="utf-8")
     return page
 
@@ -125,7 +125,8 @@ def _write_figures(folder: Path, sections: Sequence[Section]) -> None:
                 (folder / f"{block.name}.png").write_bytes(block.png)
 
 
-def _render(template: str, title: str, asked: str, sections: Sequence[Section]) -> str:
+def render(template: str, title: str, asked: str, sections: Sequence[Section]) -> str:
+    """Return a page: its template filled with a title, the question and the sections."""
     folder = resources.files("lvnav_trade.report") / "templates"
 
     def source(name: str) -> str:

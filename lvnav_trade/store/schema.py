@@ -92,7 +92,11 @@ TABLES: dict[str, tuple[Column, ...]] = {
         _CASE,
         Column("run_number", "whole", "number of the run, from 0"),
         _TIME,
-        Column("t_end_s", "real", "end of the span, from an event to the next; beside it the largest |error| within"),
+        Column(
+            "t_end_s",
+            "real",
+            "end of the span, from an event to the next; beside it the largest |error| within, its RMS",
+        ),
         Column("failure", "text", "empty, or why the run failed"),
     ),
     "starts": (
@@ -285,6 +289,11 @@ TABLES: dict[str, tuple[Column, ...]] = {
 def error_column(quantity: str, axis: str, unit: str) -> str:
     """Return the column of the table `runs` that holds one error, such as ``velocity_3d_error_m_per_s``."""
     return f"{quantity}_{axis}_error_{SI_SUFFIX[unit]}"
+
+
+def rms_column(quantity: str, axis: str, unit: str) -> str:
+    """Return the column of the table `worst` with one error's root mean square over a span."""
+    return f"{quantity}_{axis}_rms_{SI_SUFFIX[unit]}"
 
 
 def arrow_schema(table: str, extra: tuple[str, ...] = ()) -> pa.Schema:

@@ -15,7 +15,10 @@ import ruamel.yaml
 PACKAGE = Path(__file__).resolve().parents[1]
 _COMPUTES = ("kernels", "delays", "world", "observables", "receivers", "filters", "engines")
 _COMPUTES_TOO = ("layout.py", "frames.py", "records.py", "scenario.py", "units.py")
-_NOT_THE_RUNS = ("description", "covariance", "requirements", "references", "report", "corridor", "compare")
+_NOT_THE_RUNS = (
+    "description", "covariance", "requirements", "references", "orderings", "innovations", "report", "corridor",
+    "compare",
+)  # fmt: skip
 
 
 def tool_version() -> str:

@@ -1,4 +1,4 @@
-"""The table of each run's largest errors between the events: what a bound on a whole phase is judged on."""
+"""The table of each run's largest and root mean square errors between the events: what a whole phase is judged on."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from lvnav_trade.engines.statistics import BlockSummary, columns
 from lvnav_trade.records import Output
-from lvnav_trade.store.schema import error_column
+from lvnav_trade.store.schema import error_column, rms_column
 
 
 def worst_table(
@@ -21,8 +21,9 @@ def worst_table(
     """
     every = columns(outputs)
     names = [error_column(output.quantity, output.axis, output.unit) for output in every]
+    means = [rms_column(output.quantity, output.axis, output.unit) for output in every]
     if summary is None:
-        return {name: [] for name in ("run_number", "t_s", "t_end_s", "failure", *names)}
+        return {name: [] for name in ("run_number", "t_s", "t_end_s", "failure", *names, *means)}
     n_span = summary.worst.shape[1]
     content: dict[str, Any] = {
         "run_number": np.repeat(summary.runs, n_span),
@@ -30,4 +31,5 @@ def worst_table(
         "t_end_s": np.tile(summary.t_bound[1:], summary.n_run),
         "failure": [failures.get(int(code), f"code {code}") for code in summary.failed for _ in range(n_span)],
     }
-    return content | {name: summary.worst[:, :, k].ravel() for k, name in enumerate(names)}
+    content |= {name: summary.worst[:, :, k].ravel() for k, name in enumerate(names)}
+    return content | {name: np.sqrt(summary.mean_square[:, :, k]).ravel() for k, name in enumerate(means)}

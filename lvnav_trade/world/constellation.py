@@ -119,6 +119,11 @@ class RinexConstellation(SystemErrors):
         description="lift-off at most this far from a satellite's reference time; 2 h for GPS, 4 h for Galileo and "
         "30 min for GLONASS if absent",
     )
+    time_correction: Literal["applied", "ignored"] = Field(
+        default="applied",
+        description="what the files state of Galileo's and GLONASS's time against GPS time (TIME SYSTEM CORR), to the "
+        "receiver: applied, so that time_offset is all that is left; or ignored, so that ranges are off by it too",
+    )
 
     @field_validator("rinex", "systems")
     @classmethod

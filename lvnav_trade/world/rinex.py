@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
@@ -66,12 +67,26 @@ class StateVector(NamedTuple):
     health: float
 
 
+class TimeOffset(NamedTuple):
+    """What a system's time is ahead of GPS time, whole seconds apart: bias (s) and drift (s/s) at `time` (s of GPS
+    time); system is its letter.
+    """
+
+    system: str
+    bias: float
+    drift: float
+    time: float
+
+
 class Navigation(NamedTuple):
-    """A navigation file: its records in their order, and alpha and beta of the Klobuchar model where it states them."""
+    """A navigation file: its records in their order, alpha and beta of the Klobuchar model where it states them, and
+    the offsets of systems' times from GPS time that it states.
+    """
 
     ephemerides: tuple[Ephemeris, ...]
     states: tuple[StateVector, ...]
     klobuchar: tuple[tuple[float, ...], tuple[float, ...]] | None
+    offsets: tuple[TimeOffset, ...] = ()
 
 
 class _Field(NamedTuple):
@@ -119,6 +134,8 @@ _GLONASS = (
     *(_Field(f"a{axis}", f"{axis} acceleration", line, 2, _SMALL) for line, axis in enumerate("xyz", 1)),
     _Field("health", "health", 1, 3, _ANY),
 )
+# Differences of a system's time and GPS time in the header, and the letter of the system.
+_OFFSETS = {"GAGP": "E", "GPGA": "E", "GLGP": "R"}
 # Lines of a record, the epoch's included; later versions of the format add lines at the end.
 _LENGTH = {"G": 8, "E": 8, "R": 4}
 
@@ -170,7 +187,9 @@ def read_navigation(path: str | Path) -> Navigation:
             ephemerides.append(_ephemeris(record, form))
     if not ephemerides and not states:
         raise InputError(f"{path}: no record of GPS, Galileo or GLONASS")
-    return Navigation(tuple(ephemerides), tuple(states), _klobuchar(path, lines[:end]))
+    return Navigation(
+        tuple(ephemerides), tuple(states), _klobuchar(path, lines[:end]), tuple(_offsets(path, lines[:end]))
+    )
 
 
 def _format(path: str | Path, lines: list[str]) -> _Format:
@@ -201,6 +220,24 @@ def _klobuchar(path: str | Path, header: list[str]) -> tuple[tuple[float, ...], 
             texts = (line[start + 12 * k : start + 12 * (k + 1)] for k in range(4))
             found[key] = tuple(number(f"{path}:{at}: {label}", text, _ANY) for text in texts)
     return (found["alpha"], found["beta"]) if len(found) == 2 else None
+
+
+def _offsets(path: str | Path, header: list[str]) -> Iterator[TimeOffset]:
+    """Yield the offsets from GPS time that lines TIME SYSTEM CORR of the header state; those from UTC are passed over.
+
+    GAGP, in files before 3.04 named GPGA, is Galileo minus GPS (A0G and A1G of the Galileo OS SIS ICD, section 5.1.8);
+    GLGP is GLONASS minus GPS (minus tau_GPS of the GLONASS ICD, section 4.5), constant and without a reference time.
+    """
+    for at, line in enumerate(header, start=1):
+        if line[LABEL:].strip() != "TIME SYSTEM CORR" or line[:4] not in _OFFSETS:
+            continue
+        where = f"{path}:{at}: {line[:4]}"
+        bias, drift = (number(where, text, Bounds(-1e-3, 1e-3)) for text in (line[5:22], line[22:38]))
+        second, week = (
+            number(where, text, bounds) if text.strip() else 0.0
+            for text, bounds in ((line[38:45], Bounds(0.0, SECONDS_PER_WEEK)), (line[45:50], Bounds(0.0, 9999.0)))
+        )
+        yield TimeOffset(_OFFSETS[line[:4]], bias, drift, week * SECONDS_PER_WEEK + second)
 
 
 def _records(path: str | Path, form: _Format, lines: list[str], start: int) -> list[_Record]:

@@ -8,6 +8,7 @@ from typing import NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from lvnav_trade.errors import InputError
+from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.records import Floats
 from lvnav_trade.world.broadcast import broadcast
 from lvnav_trade.world.constellation import (
@@ -19,6 +20,7 @@ from lvnav_trade.world.constellation import (
     Part,
     RinexConstellation,
     orbits,
+    parts_of,
 )
 from lvnav_trade.world.glonass import integrated
 from lvnav_trade.world.gps_time import gps_seconds
@@ -185,6 +187,40 @@ def _too_far(age: float, epoch: str, system: str, limit: float) -> str:
     size = f"{abs(age) / 3600.0:.1f} h" if abs(age) < 48.0 * 3600.0 else f"{abs(age) / 86400.0:.1f} days"
     when = f"{size} {'after' if age > 0.0 else 'before'}"
     return f"the lift-off {epoch} is {when} the nearest ephemeris of {system}; longest_age allows {limit / 3600.0:g} h"
+
+
+def time_offsets(constellation: Constellation, systems: tuple[str, ...], epoch: str, t: Floats) -> Floats:
+    """Return what ranges and range rates (m, m/s) are off by because the receiver ignores the stated offsets of
+    systems' times from GPS time, (n_epoch, n_sat, 2), at times t (n_epoch,) s since the lift-off at `epoch`; systems
+    (n_sat,) letters of the satellites.
+
+    A satellite whose system's time is ahead marks its signals as sent later, so that they seem to have come less far.
+
+    Raises
+    ------
+    InputError
+        Where the correction for a system is to be ignored, but no file states one.
+    """
+    found = np.zeros((t.size, len(systems), 2))
+    for card in parts_of(constellation):
+        if not isinstance(card, RinexConstellation) or card.time_correction == "applied":
+            continue
+        files = (card.rinex,) if isinstance(card.rinex, str) else card.rinex
+        navigation = [read_navigation(file) for file in files]
+        held = {item.name[0] for item in _all(navigation)}
+        taken = held if card.systems is None else {LETTERS[system] for system in card.systems}
+        for letter in sorted(taken - {"G"}):
+            stated = [offset for file in navigation for offset in file.offsets if offset.system == letter]
+            if not stated:
+                raise InputError(
+                    f"{', '.join(files)}: no TIME SYSTEM CORR between {_NAMES[letter]} and GPS time to ignore"
+                )
+            offset = min(stated, key=lambda one: abs(gps_seconds(epoch) - one.time))
+            age = gps_seconds(epoch) + t - offset.time if offset.drift != 0.0 else np.zeros(t.size)
+            of_letter = np.array(systems) == letter
+            found[:, of_letter, 0] = -SPEED_OF_LIGHT * (offset.bias + offset.drift * age)[:, None]
+            found[:, of_letter, 1] = -SPEED_OF_LIGHT * offset.drift
+    return found
 
 
 class ErrorSizes(NamedTuple):

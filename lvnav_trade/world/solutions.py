@@ -20,6 +20,7 @@ from lvnav_trade.units import (
     SpeedSigma,
     TimeConstant,
 )
+from lvnav_trade.world.error_table import ErrorTable
 
 
 class OwnCovariance(Card):
@@ -50,6 +51,7 @@ class DirectSolution(Card):
     position_bias: LengthSigma = Field(0.0, description="Gauss-Markov error per axis beside the white noise")
     velocity_bias: SpeedSigma = 0.0
     bias_time: TimeConstant = Field(60.0, description="time constant of both")
+    error_table: ErrorTable | None = Field(None, description="errors of a recording, added to all of the above")
 
 
 class BancroftSolution(Card):

@@ -19,19 +19,21 @@ FEWEST = 12  # rows from which a flight can be told
 _GAP = 6.0  # times the longer of the intervals beside it: what a spline can still bridge
 
 
-def read_columns(path: str, names: list[str], delimiter: str) -> tuple[Floats, list[str]]:
+def read_columns(
+    path: str, names: list[str], delimiter: str, fewest: int = FEWEST, what: str = "a trajectory"
+) -> tuple[Floats, list[str]]:
     """Return the columns `names` of a CSV or Parquet file (n, n_name), and where each row stands, for messages.
 
     A name that ends in .parquet or .pq is Parquet; anything else is text with one line of headers, in which lines that
     begin with # are comments. InputError names file, row and fault: no such file, no such column, a field that is no
-    finite number, fewer than 12 rows.
+    finite number, fewer rows than `what` they are of needs.
     """
     if Path(path).suffix.lower() in (".parquet", ".pq"):
         table, places = _parquet(path, names)
     else:
         table, places = _text(path, names, delimiter)
-    if len(table) < FEWEST:
-        raise InputError(f"{path}: {len(table)} rows of data, a trajectory needs {FEWEST} or more")
+    if len(table) < fewest:
+        raise InputError(f"{path}: {len(table)} rows of data, {what} needs {fewest} or more")
     wrong = np.argwhere(~np.isfinite(table))
     if wrong.size:
         row, column = wrong[0]
@@ -102,12 +104,18 @@ def _number(field: str, title: str, where: str) -> float:
         raise InputError(f"{where}: {title} is {field.strip()!r}, not a number") from None
 
 
-def refuse_bad_times(t: Floats, path: str, places: list[str]) -> None:
-    """InputError where times t (n,) in s repeat, go back, or leave a gap that no spline bridges."""
+def refuse_unordered(t: Floats, path: str, places: list[str]) -> Floats:
+    """Return the intervals (n - 1,) between times t (n,) in s; InputError where they repeat or go back."""
     interval = np.diff(t)
     for k in np.flatnonzero(interval <= 0.0)[:1]:
         fault = "repeats" if interval[k] == 0.0 else "goes back from"
         raise InputError(f"{path}:{places[k + 1]}: time {t[k + 1]:.9g} s {fault} {t[k]:.9g} s of the row before")
+    return interval
+
+
+def refuse_bad_times(t: Floats, path: str, places: list[str]) -> None:
+    """InputError where times t (n,) in s repeat, go back, or leave a gap that no spline bridges."""
+    interval = refuse_unordered(t, path, places)
     beside = np.maximum(np.append(interval[1:], 0.0), np.append(0.0, interval[:-1]))
     k = int(np.argmax(interval / beside))
     if interval[k] > _GAP * beside[k]:

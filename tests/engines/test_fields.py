@@ -27,6 +27,8 @@ LABELS = {"name", "source"}
 HEARING = {"antennas", "link", "loops", "tracking"}
 # Models of delays: tests/delays walks their fields, tests/engines/test_atmosphere.py what the engines make of them.
 DELAYS = {"corrections"}
+# A recording in a file: tests/world/test_error_table.py walks its fields.
+RECORDED = {"error_table"}
 
 RAMP = {"start": "1 s", "end": "20 s", "amplitude": ["10 deg/h", "0 deg/h", "5 deg/h"]}
 ACCEL_RAMP = {"start": "1 s", "end": "20 s", "amplitude": ["1 mg", "0 mg", "2 mg"]}
@@ -126,7 +128,7 @@ def leaves(model, before=""):
     for name, field in model.model_fields.items():
         within = [a for a in (field.annotation, *get_args(field.annotation)) if isinstance(a, type)]
         inner = [a for a in within if issubclass(a, BaseModel)]
-        if name in DELAYS or (model is ReceiverCard and name in HEARING):
+        if name in DELAYS | RECORDED or (model is ReceiverCard and name in HEARING):
             continue
         if inner:
             yield from leaves(inner[0], f"{before}{name}.")

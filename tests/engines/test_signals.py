@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from lvnav_trade.engines.lincov import covariance
+from lvnav_trade.engines.montecarlo import run_block
 from lvnav_trade.engines.signals import Line, _shifts
+from lvnav_trade.world.constellation import RinexConstellation
 from lvnav_trade.world.sky import antenna_states, sky
 from tests.building import LOOSE, MATCHED, case, hop, loaded, prepare_hop, with_fields
 
@@ -80,3 +85,25 @@ def test_the_variances_of_rows_are_the_squares_of_the_believed_sigmas():
     np.testing.assert_allclose(told[:, 1::2], matched.receiver.range_rate_sigma**2)
     np.testing.assert_allclose(stated[:, 0::2], 9.0)
     np.testing.assert_allclose(stated[:, 1::2], 0.04)
+
+
+def test_an_ignored_offset_of_a_systems_time_is_in_every_range_of_it_and_in_the_mean_of_both_engines(refdata):
+    """A filter that estimates the offset finds it; linear covariance has the same mean as the runs."""
+    path = refdata / "gnss/rinex3/VILL00ESP_R_20181700000_01D_MN.rnx.gz"
+    flown = replace(hop(), epoch="2018-06-19T12:00:00Z")
+    prepared = []
+    for what in ("applied", "ignored"):
+        scenario = loaded(MATCHED)
+        card = RinexConstellation(rinex=str(path), systems=["GPS", "Galileo"], time_correction=what)
+        prepared.append(prepare_hop(scenario.model_copy(update={"constellation": card}), flown))
+    applied, ignored = (one.signals for one in prepared)
+    galileo = np.array(prepared[0].sky.systems) == "E"
+    off = ignored.range - applied.range
+    assert np.count_nonzero(prepared[1].sky.tracked[:, galileo]) > 0
+    np.testing.assert_allclose(off[:, galileo], -6.825, atol=2e-3)
+    np.testing.assert_array_equal(off[:, ~galileo], 0.0)
+    runs = [run_block(one, 7, 0, 8).err.mean(axis=0)[:, 6:9] for one in prepared]
+    means = [covariance(one).mean[:, 6:9] for one in prepared]
+    moved = np.linalg.norm(means[1][-1])
+    assert moved > 0.5
+    np.testing.assert_allclose(runs[1] - runs[0], means[1] - means[0], atol=5e-3 * moved)

@@ -163,6 +163,18 @@ def test_the_worst_of_a_span_is_that_of_the_whole_history_both_bounds_included(f
         np.testing.assert_allclose(merged.worst[:, k, 11], norm, rtol=1e-12)
 
 
+def test_the_mean_square_of_a_span_is_the_integral_over_its_time(four):
+    whole = block(COV, 0, 160)
+    merged = merge(four)
+    for k, (first, last) in enumerate(pairwise(merged.t_bound)):
+        within = np.flatnonzero((whole.t >= first) & (whole.t <= last))
+        square, t = whole.err[:, within] ** 2, whole.t[within]
+        area = (0.5 * (square[:, 1:] + square[:, :-1]) * np.diff(t)[:, None]).sum(axis=1)
+        np.testing.assert_allclose(merged.mean_square[:, k, :10], area / (last - first), rtol=1e-12)
+        norm = merged.mean_square[:, k, 3:6].sum(axis=1)
+        np.testing.assert_allclose(merged.mean_square[:, k, 11], norm, rtol=1e-12)
+
+
 def test_the_worst_of_spans_together_is_the_worst_of_the_flight(four):
     whole = np.abs(block(COV, 0, 160).err).max(axis=1)
     np.testing.assert_array_equal(merge(four).worst[:, :, :10].max(axis=1), whole)

@@ -21,6 +21,9 @@ def test_every_run_has_a_row_for_each_span_with_the_largest_error_in_it(tmp_path
     np.testing.assert_array_equal(
         worst.velocity_north_error_m_per_s[worst.t_s == 0.0], np.abs(drawn.err[:, within, 3]).max(axis=1)
     )
+    square, t = drawn.err[:, within, 3] ** 2, drawn.t[within]
+    mean = (0.5 * (square[:, 1:] + square[:, :-1]) * np.diff(t)).sum(axis=1) / 40.0
+    np.testing.assert_allclose(worst.velocity_north_rms_m_per_s[worst.t_s == 0.0], np.sqrt(mean), rtol=1e-12)
     at_injection = tables.runs[(tables.runs.case == "aaaaaaaaaaaa") & (tables.runs.event == "injection")]
     last = worst[worst.t_s == 40.0].position_3d_error_m.to_numpy()
     assert (last >= at_injection.position_3d_error_m.to_numpy()).all()

@@ -3,7 +3,7 @@ import gzip
 import pytest
 
 from lvnav_trade.errors import InputError
-from lvnav_trade.world.rinex import read_navigation
+from lvnav_trade.world.rinex import _offsets, read_navigation
 from tests.world.products import gps_time
 
 GPS_2 = """\
@@ -171,3 +171,28 @@ def test_recorded_files_are_read_whole(refdata):
     mixed = read_navigation(refdata / "gnss/rinex3/VILL00ESP_R_20181700000_01D_MN.rnx.gz")
     count = {letter: sum(item.name[0] == letter for item in mixed.ephemerides) for letter in "GE"}
     assert (count, len(mixed.states)) == ({"G": 263, "E": 961}, 476)
+
+
+def test_offsets_from_gps_time_are_read_from_the_header():
+    lines = [
+        "GPUT -9.3132257462E-10-3.552713679E-15 405504 2006          TIME SYSTEM CORR",
+        "GAUT  3.3527612686E-08-1.243449788E-14 172800 2006          TIME SYSTEM CORR",
+        "GPGA  2.2322637960E-08-1.021405183E-14 259200 2006          TIME SYSTEM CORR",
+        "GLGP -1.2000000000E-08 0.000000000E+00      0    0          TIME SYSTEM CORR",
+    ]
+    found = {offset.system: offset for offset in _offsets("a.rnx", lines)}
+    assert set(found) == {"E", "R"}
+    assert found["E"][1:] == (2.2322637960e-08, -1.021405183e-14, 2006 * 604800.0 + 259200.0)
+    assert found["R"][1:] == (-1.2e-08, 0.0, 0.0)
+    renamed = [lines[2].replace("GPGA", "GAGP")]
+    assert next(iter(_offsets("a.rnx", renamed))) == found["E"]
+
+
+def test_a_broken_offset_has_its_place():
+    with pytest.raises(InputError, match=r"a\.rnx:1: GAGP"):
+        list(_offsets("a.rnx", ["GAGP  2.23x2637960E-08-1.021405183E-14 259200 2006          TIME SYSTEM CORR"]))
+
+
+def test_the_recorded_file_states_galileos_offset(refdata):
+    (offset,) = read_navigation(refdata / "gnss/rinex3/VILL00ESP_R_20181700000_01D_MN.rnx.gz").offsets
+    assert offset == ("E", 2.2322637960e-08, -1.021405183e-14, gps_time(2018, 6, 20))

@@ -21,7 +21,7 @@ from lvnav_trade.world.constellation import (
     satellite_ecef,
 )
 from lvnav_trade.world.rinex import read_navigation
-from lvnav_trade.world.satellites import Combined, error_sizes, nearest, satellites
+from lvnav_trade.world.satellites import Combined, error_sizes, nearest, satellites, time_offsets
 from lvnav_trade.world.sky import transmission
 from tests.world.products import gps_time
 from tests.world.test_rinex import GALILEO_3, GLONASS_3, HEAD_3
@@ -29,6 +29,11 @@ from tests.world.test_rinex import GALILEO_3, GLONASS_3, HEAD_3
 EPOCH = "2026-08-01T12:00:00Z"
 MIXED = "gnss/rinex3/VILL00ESP_R_20181700000_01D_MN.rnx.gz"
 NOON = "2018-06-19T12:00:00Z"  # of the day of that file
+GLONASS_HEAD = HEAD_3.replace(
+    "                                                            END OF HEADER",
+    "GLGP -1.2000000000E-08 0.000000000E+00      0    0          TIME SYSTEM CORR\n"
+    "                                                            END OF HEADER",
+)
 
 
 @pytest.fixture(scope="module")
@@ -282,3 +287,31 @@ def test_gps_has_no_offset_from_its_own_time_and_lists_are_not_empty(card):
     for field in ({"rinex": []}, {"rinex": "a", "systems": []}):
         with pytest.raises(ValueError, match="is an empty list"):
             RinexConstellation(**field)
+
+
+def test_an_ignored_offset_of_galileos_time_shortens_its_ranges(refdata, tmp_path):
+    """2.2322637960e-08 s at 2018-06-20, falling by 1.0214e-14 s/s: 6.69 m twelve hours before."""
+    ignored = RinexConstellation(rinex=str(refdata / MIXED), systems=["GPS", "Galileo"], time_correction="ignored")
+    systems, t = satellites(ignored, NOON).systems, np.array([0.0, 600.0])
+    found = time_offsets(ignored, systems, NOON, t)
+    galileo = np.array(systems) == "E"
+    assert np.all(found[:, ~galileo] == 0.0)
+    seconds = 2.2322637960e-08 - 1.021405183e-14 * (t + 18.0 - 43200.0)  # noon of UTC is 18 s later in GPS time
+    np.testing.assert_allclose(found[:, galileo, 0], -SPEED_OF_LIGHT * seconds[:, None] * np.ones(galileo.sum()))
+    assert found[0, galileo, 0][0] == pytest.approx(-6.692 - 0.132, abs=1e-3)
+    np.testing.assert_allclose(found[:, galileo, 1], SPEED_OF_LIGHT * 1.021405183e-14)
+    applied = ignored.model_copy(update={"time_correction": "applied"})
+    assert np.all(time_offsets(applied, systems, NOON, t) == 0.0)
+    every = ignored.model_copy(update={"systems": None})
+    with pytest.raises(InputError, match="no TIME SYSTEM CORR between GLONASS and GPS time to ignore"):
+        time_offsets(every, ("G", "E", "R"), NOON, t)
+
+
+def test_offsets_go_to_the_satellites_of_their_own_part(card, tmp_path):
+    glonass = own(tmp_path, GLONASS_HEAD + GLONASS_3, time_correction="ignored")
+    whole = CombinedConstellation(parts=(card("gps_24"), card("galileo_24"), glonass))
+    epoch = "2018-06-18T18:15:00Z"
+    systems = satellites(whole, epoch).systems
+    found = time_offsets(whole, systems, epoch, np.zeros(1))[0, :, 0]
+    expected = np.where(np.array(systems) == "R", 1.2e-8 * SPEED_OF_LIGHT, 0.0)
+    np.testing.assert_allclose(found, expected)

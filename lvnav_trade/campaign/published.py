@@ -1,0 +1,158 @@
+"""What others published: numbers that ours are held against, orders of cases, statements on innovations."""
+
+from __future__ import annotations
+
+import re
+from typing import Literal, Self
+
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from lvnav_trade.campaign.tree import hint
+from lvnav_trade.layout import MISSION
+from lvnav_trade.units import Card, parse
+
+COUNTED = ("satellites_tracked", "troposphere_left", "ionosphere_left")
+"""Metrics that are no error of the navigation: read off the signals, the same in every run."""
+_ENDS = ("start", "end")
+_INSTANT = re.compile(r"\s*(?P<event>[A-Za-z_]\w*)\s*(?:[+-]\s*(?P<offset>\S.*))?$")
+
+Case = dict[str, str]
+
+
+def _metric(name: str) -> str:
+    if name in MISSION or name in COUNTED or re.fullmatch(r"[a-z][a-z_]*_error(_[a-z0-9]+)?", name):
+        return name
+    near = hint(name, (*MISSION, *COUNTED, "position_error_3d", "velocity_error_3d", "attitude_error_3d"))
+    raise ValueError(f"{name!r} is not a metric{near}")
+
+
+def _instant(text: str) -> str:
+    match = _INSTANT.match(text)
+    if match is None:
+        raise ValueError(f"{text!r} is no instant; write EVENT, or 'EVENT + 20 s'")
+    if match["offset"] is not None:
+        parse(match["offset"].strip(), "s")
+    return text
+
+
+def event_of(instant: str) -> str:
+    """Return the event that an instant such as ``stage1_cutoff + 20 s`` counts from."""
+    match = _INSTANT.match(instant)
+    return match["event"] if match is not None else instant
+
+
+class Stated(Card):
+    """What every statement has: where it is from, what it is about, and what is said of it."""
+
+    source: str
+    item: str = ""
+    remark: str = ""
+
+
+class _Measured(Stated):
+    """A statement on a metric, at an event or during a phase."""
+
+    metric: str = Field(
+        description="such as velocity_error_3d, gyro_bias_error_x, perigee_error; satellites_tracked, troposphere_left"
+    )
+    during: str | None = Field(
+        None, description="phase in place of an event: 'liftoff to injection', 'stage1_cutoff to stage1_cutoff + 30 s'"
+    )
+    at: str | None = Field(None, validate_default=True, description="event; injection if no phase is given")
+    statistic: Literal["rms", "worst", "least", "formal", "lincov"] = Field(
+        "rms",
+        description="rms over runs (and time); worst: median over runs of each run's largest during the phase; least: "
+        "the same of the smallest, of what is counted; formal: the filter's own sigma; lincov: sigma of the true error",
+    )
+
+    @field_validator("metric")
+    @classmethod
+    def _known(cls, name: str) -> str:
+        return _metric(name)
+
+    @field_validator("during")
+    @classmethod
+    def _span(cls, phase: str | None) -> str | None:
+        if phase is None or phase == "flight":
+            return phase
+        ends = phase.split(" to ")
+        if len(ends) != 2:
+            raise ValueError(f"{phase!r} is no phase; write 'EVENT to EVENT' or flight")
+        for end in ends:
+            _instant(end)
+        return phase
+
+    @field_validator("at")
+    @classmethod
+    def _one_place(cls, event: str | None, info: ValidationInfo) -> str | None:
+        if info.data.get("during") is not None:
+            if event is not None:
+                raise ValueError("a number holds at an event or during a phase, not both")
+            return None
+        return _instant(event if event is not None else "injection")
+
+    @property
+    def events(self) -> tuple[str, ...]:
+        """The events that it names."""
+        instants = [] if self.during == "flight" else (self.during or self.at or "injection").split(" to ")
+        return tuple(event for event in map(event_of, instants) if event not in _ENDS)
+
+    @model_validator(mode="after")
+    def _of_a_phase(self) -> Self:
+        if self.statistic in ("worst", "least") and self.during is None:
+            raise ValueError(f"statistic {self.statistic} is of a phase; give during in place of at")
+        if self.statistic == "least" and self.metric not in COUNTED:
+            raise ValueError(f"statistic least is of what is counted ({', '.join(COUNTED)})")
+        return self
+
+
+class Published(_Measured):
+    """A published number that ours is held against."""
+
+    case: Case = Field(default_factory=dict, description="level of each axis, by its label")
+    against: Case | None = Field(
+        None, description="the number is by how many % the metric of `case` is smaller than that of this one"
+    )
+    value: float
+    unit: str
+    band: tuple[float, float] = Field((0.5, 2.0), description="of ours / published")
+    single: bool = Field(
+        False, description="of a single run: the page shows where it lies among our runs, each by itself"
+    )
+
+    @field_validator("value")
+    @classmethod
+    def _divides(cls, value: float) -> float:
+        if value == 0.0:
+            raise ValueError("0 has no ratio; publish the bound that ours must keep, with the band [0, 1]")
+        return value
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if not 0 <= self.band[0] <= self.band[1] or self.band[1] == 0:
+            raise ValueError("the band should be two growing ratios, such as [0.5, 2]")
+        if self.against is not None and self.unit != "%":
+            raise ValueError(f"against makes the number a part of another; its unit is %, not {self.unit!r}")
+        return self
+
+
+class Ordering(_Measured):
+    """A published order of cases by a metric, the smallest first; it holds where each is below the next."""
+
+    cases: tuple[Case, ...] = Field(min_length=2, description="level of each axis, by its label; smallest first")
+    factor: float = Field(1.0, gt=0, description="largest ratio of a case to the next")
+
+
+class Innovations(Stated):
+    """A published statement on innovations: white, or correlated, as one flight can tell."""
+
+    case: Case = Field(default_factory=dict, description="level of each axis, by its label")
+    channels: str = Field("", description="words that a channel's name holds: position, velocity, range, range rate")
+    white: bool = True
+    largest: float = Field(
+        0.15,
+        gt=0,
+        lt=1,
+        description="autocorrelation at lags 1 to 10 above which a channel is called correlated; of 600 white "
+        "innovations of one flight it is below 0.12 in 97 % of flights, of 300 below 0.17",
+    )

@@ -1,0 +1,53 @@
+"""The verb that answers a whole publication: study."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from lvnav_trade.campaign.text import table
+from lvnav_trade.cli.console import Debug, Jobs, Json, app, check_jobs, errors, print_json
+
+
+@app.command()
+def study(
+    folder: Annotated[str, typer.Argument(metavar="FOLDER", help="folder of campaigns, or one of the tool's: conae")],
+    keep: Annotated[Path, typer.Option("--keep", metavar="FOLDER", help="where the study's page goes")],
+    runs: Annotated[int | None, typer.Option("--runs", help="runs per case, in place of the campaigns' own")] = None,
+    out: Annotated[Path, typer.Option("--out", help="folder of the results [default: results/FOLDER]")] = Path(),
+    fresh: Annotated[bool, typer.Option("--fresh/--resume", help="begin again, or go on with what is there")] = False,
+    only_page: Annotated[bool, typer.Option("--only-page", help="make the page of results that are there")] = False,
+    jobs: Jobs = -1,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="no progress")] = False,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Run every campaign of a folder and keep one page: published numbers beside ours.
+
+    What a campaign answers (requirements violated or undecided) is no failure here; exit code 4 where runs failed.
+    """
+    with errors(as_json, debug):
+        from lvnav_trade import api
+        from lvnav_trade.campaign.progress import choose
+
+        check_jobs(jobs)
+
+        def told(name: str, results: Any) -> None:
+            if not as_json and not quiet:
+                print(f"{name}: {len(results.tables.cases)} cases, {len(results.failures)} failed runs", flush=True)
+
+        place = out if out != Path() else None
+        found = api.study(folder, keep, runs, place, jobs, fresh, only_page, lambda: choose(quiet), told)
+        code = api.FAILED if found.failures else api.MET
+        if as_json:
+            content = {"page": str(found.page), "failures": found.failures, "campaigns": found.campaigns}
+            print_json("study", code, **content, published=found.published, in_band=found.in_band)
+        else:
+            for line in found.failures:
+                print(f"failed: {line}")
+            rows = [[name, *map(str, counts)] for name, counts in found.campaigns.items()]
+            print(table(["campaign", "stated", "as published"], rows))
+            print(f"kept: {found.page}")
+        raise typer.Exit(code)

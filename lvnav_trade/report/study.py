@@ -1,0 +1,243 @@
+"""The page of a study: what was published beside ours, campaign by campaign, with figures, remarks and assumptions."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pandas as pd
+from matplotlib.figure import Figure as Drawing
+
+from lvnav_trade.campaign.published import Case
+from lvnav_trade.campaign.study import Figure, Part, Study
+from lvnav_trade.errors import InputError
+from lvnav_trade.metrics.agreement import agreement, by_case
+from lvnav_trade.metrics.published import cases_of
+from lvnav_trade.metrics.references import references
+from lvnav_trade.plots import PLOTS
+from lvnav_trade.plots.published import ratios
+from lvnav_trade.report.blocks import Block, Code, Picture, Section, Text, number, percent, picture, table
+from lvnav_trade.report.build import render
+from lvnav_trade.store import Tables
+
+CSV = ("references", "agreement")
+_CAPTIONS = {
+    "errors": "RMS of the {quantity} error: Monte Carlo as lines, linear covariance as short dashes.",
+    "envelope": "The {quantity} error of one case, an axis below the other.",
+    "budget": "What the {quantity} error is made of.",
+    "locus": "{metric} against {axis}.",
+    "trajectory": "The flight.",
+    "satellites": "Satellites in view, tracked, and their C/N0; faults shaded.",
+    "sky": "The sky at the antenna.",
+    "timeline": "What the receiver's channels do with every satellite.",
+    "delays": "Delays of the signals, and what corrections leave of them.",
+    "latency": "Age of a measurement when the filter takes it.",
+    "consistency": "Normalised errors and innovations squared against their bounds.",
+    "orbit": "Errors of the orbit.",
+    "impact": "Points of impact.",
+    "autocorrelation": "Autocorrelation of the innovations (blue: position or range, red: velocity or range rate); "
+    "grey: 95 % of what one flight of white ones shows.",
+    "spread": "Published single flights among ours, each by itself.",
+}
+
+
+class Answered(NamedTuple):
+    """A campaign of the study with its results; stated: references, orderings, innovations as the campaign has them."""
+
+    part: Part
+    tables: Tables
+    stated: dict[str, Any]
+
+
+def build(study: Study, answered: Sequence[Answered], folder: Path | str) -> Path:
+    """Write report.md, figures/ and the two CSV tables of a study into a folder; return the page.
+
+    What an earlier page left there is replaced. InputError where the folder cannot be written.
+    """
+    target = Path(folder)
+    frames = {"references": _together(answered, _references), "agreement": _together(answered, _agreement)}
+    sections = [_answer(answered, frames["references"]), *_assumptions(study)]
+    sections += [_campaign(one) for one in answered]
+    sections += [_agreements(answered), _reproduce(study, answered)]
+    text = re.sub(r"\n{3,}", "\n\n", render("page.md.j2", study.title, study.description.strip(), sections)).strip()
+    try:
+        (target / "figures").mkdir(parents=True, exist_ok=True)
+        for old in (target / "figures").glob("*.png"):
+            old.unlink()
+        for section in sections:
+            for block in section.blocks:
+                if isinstance(block, Picture):
+                    (target / "figures" / f"{block.name}.png").write_bytes(block.png)
+        for name, frame in frames.items():
+            frame.to_csv(target / f"{name}.csv", index=False, float_format="%.6g")
+        (target / "report.md").write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{target}: the study cannot be kept there: {error.strerror or error}") from error
+    return target / "report.md"
+
+
+def _references(one: Answered) -> pd.DataFrame:
+    return references(one.tables, one.stated)
+
+
+def _agreement(one: Answered) -> pd.DataFrame:
+    return agreement(one.tables)
+
+
+def _together(answered: Sequence[Answered], frame_of: Callable[[Answered], pd.DataFrame]) -> pd.DataFrame:
+    """Return the frames of all campaigns, the campaign's name before each case."""
+    frames = [frame_of(one).assign(campaign=one.part.campaign) for one in answered]
+    whole = pd.concat(frames, ignore_index=True)
+    whole["case"] = whole.campaign + ": " + whole["case"]
+    return whole.drop(columns="campaign")
+
+
+def _answer(answered: Sequence[Answered], frame: pd.DataFrame) -> Section:
+    """Return the first section: how many numbers lie in their band, and which do not."""
+    blocks: list[Block] = []
+    numbers, orders = frame[frame.published.notna()], frame[frame.published.isna()]
+    if len(numbers):
+        inside = int(numbers.in_band.sum())
+        blocks.append(Text(f"{inside} of {len(numbers)} published numbers lie in the band that their campaign states."))
+    if len(orders):
+        held = int(orders.in_band.sum())
+        blocks.append(Text(f"{held} of {len(orders)} published orderings and statements on innovations hold."))
+    rows = [_line(one, frame) for one in answered]
+    blocks.append(table(pd.DataFrame(rows), "The campaigns of this study."))
+    if len(numbers):
+        drawn = picture("ratios", ratios(numbers), "All published numbers at once.")
+        blocks.append(drawn)
+    outside = frame[~frame.in_band]
+    if len(outside):
+        caption = "Out of band, or not as published, and why."
+        blocks.append(table(_shown(outside)[["item", "case", "metric", "published", "ours", "remark"]], caption))
+    return Section("answer", "Answer", blocks)
+
+
+def _line(one: Answered, frame: pd.DataFrame) -> dict[str, Any]:
+    mine = frame[frame["case"].str.startswith(f"{one.part.campaign}: ")]
+    judged = by_case(one.tables)
+    tested = judged[judged.verdict.isin(["agree", "disagree"])]
+    cases = one.tables.cases
+    return {
+        "campaign": one.part.campaign,
+        "cases": len(cases),
+        "runs": int(cases.run_count.sum()),
+        "failed runs": int(cases.failed_count.sum()),
+        "as published": f"{int(mine.in_band.sum())} of {len(mine)}" if len(mine) else "–",
+        "both engines agree": f"{int((tested.verdict == 'agree').sum())} of {len(tested)} cases"
+        if len(tested)
+        else "–",
+    }
+
+
+def _shown(frame: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows as they stand on the page."""
+    band = frame.band_low.map(number) + " to " + frame.band_high.map(number)
+    shown = frame.assign(metric=frame.metric.str.replace("_", " "), band=band)
+    return shown.rename(columns={"ratio": "ours / published (-)", "in_band": "in band"})
+
+
+def _assumptions(study: Study) -> list[Section]:
+    if not study.assumptions:
+        return []
+    return [
+        Section("assumptions", "Assumptions", [Text(f"{k}. {text}") for k, text in enumerate(study.assumptions, 1)])
+    ]
+
+
+def _campaign(one: Answered) -> Section:
+    """Return a campaign's section: its question, its figures, its numbers, what is said of it."""
+    part, tables = one.part, one.tables
+    question = part.question or str(one.stated.get("description") or "")
+    blocks: list[Block] = [Text(" ".join(question.split()))] if question else []
+    frame = references(tables, one.stated)
+    if len(frame):
+        wanted = [
+            "item", "case", "metric", "unit", "published", "ours", "ours / published (-)", "band", "in band", "remark",
+        ]  # fmt: skip
+        blocks.append(
+            table(_shown(frame)[wanted], f"Published beside ours ({'; '.join(dict.fromkeys(frame.source))}).")
+        )
+    for place, figure in enumerate(part.figures, 1):
+        drawn = _draw(one, figure)
+        if drawn is not None:
+            caption = figure.caption or _CAPTIONS[figure.plot].format(**figure.model_dump())
+            blocks.append(picture(f"{part.campaign}-{place}-{figure.plot}", drawn, " ".join(caption.split())))
+    if not any(figure.plot == "spread" for figure in part.figures):
+        drawn = PLOTS["spread"](tables, one.stated.get("references") or ())
+        if drawn is not None:
+            blocks.append(picture(f"{part.campaign}-spread", drawn, _CAPTIONS["spread"]))
+    blocks += [Text(" ".join(paragraph.split())) for paragraph in part.text.split("\n\n") if paragraph.strip()]
+    return Section(part.campaign, part.campaign.replace("_", " ").capitalize(), blocks)
+
+
+def _draw(one: Answered, figure: Figure) -> Drawing | None:
+    """Return a figure as study.yaml asks for it."""
+    tables, plot = one.tables, PLOTS[figure.plot]
+    for case in (figure.case, *figure.cases):
+        _one_at_least(one, case)
+    drawn: Drawing | None
+    if figure.plot == "spread":
+        drawn = plot(tables, one.stated.get("references") or ())
+    elif figure.plot == "errors":
+        drawn = plot(tables, figure.quantity, figure.cases, figure.axis, figure.during)
+    elif figure.plot == "autocorrelation":
+        drawn = plot(tables, figure.cases, figure.channels)
+    elif figure.plot == "locus":
+        stated = {"metric": figure.metric, "at": figure.at, "during": figure.during, "statistic": figure.statistic}
+        drawn = plot(tables, figure.axis, stated, figure.unit, figure.published, figure.band, figure.cases)
+    elif figure.plot in ("envelope", "budget"):
+        drawn = plot(tables, cases_of(tables, figure.case)[0], figure.quantity)
+    else:
+        drawn = plot(tables, cases_of(tables, figure.case)[0])
+    return drawn
+
+
+def _one_at_least(one: Answered, case: Case) -> None:
+    if not cases_of(one.tables, case):
+        raise InputError(
+            f"study.yaml: {one.part.campaign}: no case {case}; there are {list(one.tables.labels.values())}"
+        )
+
+
+def _agreements(answered: Sequence[Answered]) -> Section:
+    """Return the verdict on every case: do Monte Carlo and linear covariance agree."""
+    frames = [by_case(one.tables).assign(campaign=one.part.campaign) for one in answered]
+    frame = pd.concat(frames, ignore_index=True)
+    shown = pd.DataFrame({"campaign": frame.campaign, "case": frame["case"], "verdict": frame.verdict})
+    shown["rows outside"] = frame.outside_count.astype(str) + " of " + frame.tested_count.astype(str)
+    shown["furthest"] = frame.state + " at " + frame.event
+    shown["ratio (-)"], shown["bounds"] = frame.ratio, frame.low.map(number) + " to " + frame.high.map(number)
+    shown["why not applicable"] = frame.reason
+    text = (
+        "Monte-Carlo RMS over what linear covariance expects of it, for the nine navigation errors at every event; "
+        f"{percent(0.01)} family-wise level per case. All rows: agreement.csv."
+    )
+    return Section("agreement", "Monte Carlo against linear covariance", [Text(text), table(shown)])
+
+
+def _reproduce(study: Study, answered: Sequence[Answered]) -> Section:
+    """Return the command, seeds, digests."""
+    rows = []
+    for one in answered:
+        manifest = one.tables.manifest
+        runs = one.tables.campaign.get("monte_carlo") or {}
+        rows.append(
+            {
+                "campaign": one.part.campaign,
+                "seed": str(one.tables.campaign.get("seed")),
+                "runs per case": str(runs.get("runs", 0)),
+                "campaign digest": manifest.get("campaign_digest", ""),
+                "code digest": manifest.get("code_digest", ""),
+            }
+        )
+    place = study.name or "FOLDER"
+    text = (
+        f"The tables behind every figure stand in results/{place}/CAMPAIGN; lvnav-trade report makes a campaign's own "
+        "page there. The same campaigns, seeds and code give the same tables byte for byte."
+    )
+    command = f"lvnav-trade study {place} --keep reports/{place}"
+    return Section("reproduce", "How to reproduce", [Code(command), Text(text), table(pd.DataFrame(rows))])
