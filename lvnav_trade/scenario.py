@@ -12,6 +12,7 @@ from lvnav_trade.filters.base import REFERENCED, FilterCard, ImuBelief, InitialB
 from lvnav_trade.units import AngleSigma, Card, Length, LengthSigma, SpeedSigma
 from lvnav_trade.world.attitude_reference import AttitudeReferenceCard
 from lvnav_trade.world.constellation import AlmanacConstellation, Constellation, parts_of
+from lvnav_trade.world.controlled import ControlledCard
 from lvnav_trade.world.faults import Fault
 from lvnav_trade.world.gravity import GravityCard
 from lvnav_trade.world.imu import ImuCard
@@ -44,11 +45,28 @@ class Scenario(Card):
     filter: FilterCard
     initial: InitialErrors
     attitude_reference: AttitudeReferenceCard | None = Field(None, description="of filters that have one")
+    control: ControlledCard | None = Field(None, description="the ascent's vehicle steered, beside the navigation")
     faults: tuple[Fault, ...] = ()
     atmosphere: AtmosphereCard = Field(AtmosphereCard(), description="what is true of the signals' delays")
     gravity: GravityCard | None = Field(None, description="what true gravity has beyond the model of the truth")
     frame: Literal["ned", "ecef", "inertial", "orbital"] = "ned"
     diverged: Length = Field(100e3, gt=0.0, description="a run whose position error exceeds this counts as failed")
+
+    @model_validator(mode="after")
+    def _steered(self) -> Self:
+        card = self.control
+        if card is None:
+            return self
+        if self.trajectory.kind != "vehicle":
+            other = self.trajectory.kind
+            raise ValueError(f"control: the ascent of a vehicle is steered, not a trajectory of kind {other}")
+        if self.attitude_reference is None:
+            raise ValueError("control: a vehicle under control needs an attitude_reference")
+        stages = len(self.trajectory.vehicle.stages)
+        for name, held in (("rotation.stacks", card.rotation.stacks), ("controller.gains", card.controller.gains)):
+            if len(held) != stages:
+                raise ValueError(f"control.{name}: {len(held)} of them, the vehicle has {stages} stages")
+        return self
 
     @model_validator(mode="after")
     def _referred(self) -> Self:

@@ -34,7 +34,7 @@ class SourceCovariance(NamedTuple):
 
 class PhaseView(NamedTuple):
     """What the rows of a phase of flight tell: name, start, end s, rank, tolerance, singular (n_state,) values, rows,
-    and the weakest direction in words.
+    the weakest direction in words, and those of all singular values.
     """
 
     name: str
@@ -45,6 +45,7 @@ class PhaseView(NamedTuple):
     singular: Floats
     rows: int
     weakest: str
+    directions: tuple[str, ...] = ()
 
 
 class Explanation(NamedTuple):
@@ -122,10 +123,15 @@ def _phases(prepared: Prepared, events: dict[str, float], tape: Tape | None, win
     return tuple(
         PhaseView(
             f"{first} to {second}", s.start, s.end, s.rank, TOLERANCE, s.singular, s.rows,
-            in_words(_reported(prepared, s.start, s.weakest), _state_names(prepared)) if s.rows else "every direction",
+            _told(prepared, s.start, s.weakest) if s.rows else "every direction",
+            tuple(_told(prepared, s.start, one) for one in s.directions) if s.rows else (),
         )
         for ((first, _), (second, _)), s in zip(pairwise(marks), stretches, strict=True)
     )  # fmt: skip
+
+
+def _told(prepared: Prepared, start: float, direction: Floats) -> str:
+    return in_words(_reported(prepared, start, direction), _state_names(prepared))
 
 
 def _windows(prepared: Prepared, window: float) -> list[tuple[str, float]]:

@@ -291,9 +291,8 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     channels, lever_b = channels_of(scenario, seen), np.array(scenario.receiver.lever_b)
     measured = channels._replace(tight=True) if solves(scenario) else channels
     levers = seen.levers if channels.tight else lever_b[None, :]
-    layout, belief = believe(
-        card, imu, receiver, levers, at.lengths, channels, at.group, every(scenario), solves(scenario)
-    )  # fmt: skip
+    cut = (at.lengths, channels, at.group, every(scenario), solves(scenario))
+    layout, belief = believe(card, imu, receiver, levers, *cut)
     line = Line(trajectory, lever_b, seen)
     late_by = delays(trajectory, scenario.receiver, seen, scenario.atmosphere, card.corrections)
     geometry = geometry_of(line, seen.tracked, late_by.troposphere, late_by.ionosphere)

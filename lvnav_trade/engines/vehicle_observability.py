@@ -116,5 +116,5 @@ def _stretch(prepared: Prepared, vehicle: Vehicle, start: float, end: float) -> 
         nav, prepared.reference, int(inside[0]), int(inside[-1]),
     )  # fmt: skip
     scale, root = initial_spread(prepared.start.P)
-    singular, weakest = decompose(triangle * scale @ root, root)
-    return Stretch(start, end, int(np.sum(singular > TOLERANCE)), singular, weakest, count)
+    singular, directions = decompose(triangle * scale @ root, root)
+    return Stretch(start, end, int(np.sum(singular > TOLERANCE)), singular, directions[-1], count, directions)

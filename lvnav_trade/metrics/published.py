@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from lvnav_trade import units
 from lvnav_trade.layout import MISSION
+from lvnav_trade.metrics.nozzle import nozzle
 from lvnav_trade.metrics.select import errors_at, split_metric
 from lvnav_trade.metrics.spans import instant, phase, time_mean
 from lvnav_trade.store import Tables
@@ -20,6 +21,8 @@ from lvnav_trade.store.schema import error_column, rms_column
 Floats = NDArray[np.float64]
 _SAME = 1e-6
 """Seconds: one instant."""
+NUMERICAL = 1e-10
+"""Of the largest singular value: what is below is lost to rounding."""
 _SIGMAS = {"formal": ("filter_sigma_si", "lincov_formal_si"), "lincov": ("lincov_true_si", "lincov_true_si")}
 """Columns of the history behind a statistic, with runs and without."""
 
@@ -60,6 +63,10 @@ def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Our
     metric = str(stated["metric"])
     if metric in MISSION:
         return _of_mission(tables, case, stated, unit)
+    if metric.startswith("nozzle_movement_"):
+        return _of_nozzle(tables, case, metric.rpartition("_")[2])
+    if metric == "observable_states":
+        return _of_rank(tables, case)
     if metric == "satellites_tracked" or metric.endswith("_left"):
         return _of_signals(tables, case, stated, unit)
     quantity, axis = split_metric(metric)
@@ -139,6 +146,27 @@ def _per_run(tables: Tables, case: str, stated: Mapping[str, Any], column: str) 
     length = (within.t_end_s - within.t_s).to_numpy()
     total = pd.Series(size**2 * length).groupby(run).sum() / pd.Series(length).groupby(run).sum()
     return np.sort(np.sqrt(total.to_numpy()))
+
+
+def _of_nozzle(tables: Tables, case: str, axis: str) -> Ours:
+    """Return by how many percent less a nozzle moves with the filtered than with the raw rate, over the flight."""
+    rows = nozzle(tables)
+    rows = rows[(rows.case == tables.labels[case]) & (rows.axis == axis) & (rows.burn == "flight")]
+    if rows.empty:
+        return Ours(np.nan, "no vehicle under control, or fewer than two runs")
+    row = rows.iloc[0]
+    return Ours(row.less_percent, f"{row.runs} paired runs, 95 %: {row.low_percent:.1f} to {row.high_percent:.1f} %")
+
+
+def _of_rank(tables: Tables, case: str) -> Ours:
+    """Return the least number of states that any stretch observes: singular values above 1e-10 of its largest."""
+    rows = tables.observability[tables.observability.case == case]
+    if rows.empty:
+        return Ours(np.nan, "not among our results")
+    counts = [
+        int((one.singular_ratio > NUMERICAL * one.singular_ratio.max()).sum()) for _, one in rows.groupby("t_s")
+    ]
+    return Ours(float(min(counts)), f"{len(counts)} stretches, singular values above {NUMERICAL:g} of the largest")
 
 
 def _of_mission(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Ours:

@@ -47,7 +47,7 @@ SECTIONS: dict[str, tuple[str, Callable[[Tables], list[Block]]]] = {
 """Every section by name, in the order in which they stand unless the campaign says otherwise; one that has nothing to
 show stands on the page only where it was asked for by name.
 """
-_WHERE_ANY = ("transitions",)
+_WHERE_ANY = ("transitions", "motion", "nozzle", "turning")
 """CSV tables that are written only where they have rows."""
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -23,7 +24,7 @@ def named() -> Trajectory:
     """Return the short flight with the events that a burn and a coast are known by."""
     flight = hop()
     events = {"liftoff": 0.0, "stage1_cutoff": 20.0, "end": 30.0}
-    return flight._replace(events=events)
+    return replace(flight, events=events)
 
 
 @lru_cache(maxsize=16)

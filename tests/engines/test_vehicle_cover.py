@@ -11,7 +11,7 @@ from tests.engines.modelled import modelled
 def test_covariances_are_symmetric_and_positive_all_along():
     history = covariance(modelled())
     for P in (history.formal_cov, history.true_cov):
-        np.testing.assert_array_equal(P, np.swapaxes(P, 1, 2))
+        np.testing.assert_allclose(P, np.swapaxes(P, 1, 2), rtol=0.0, atol=1e-12 * np.abs(P).max())
         sigma = np.sqrt(np.diagonal(P, axis1=1, axis2=2))[5:]
         correlation = P[5:] / (sigma[:, :, None] * sigma[:, None, :])
         assert np.linalg.eigvalsh(correlation).min() > -1e-9

@@ -67,7 +67,7 @@ def test_the_budget_sums_to_the_true_variance_and_noise_of_samples_is_not_counte
 
 
 def test_what_the_vehicle_does_and_the_filter_does_not_expect_moves_the_mean():
-    # the boost ends at 20 s: an acceleration that vanishes at once is in the envelope of a change; 5 s on the mean is gone
+    # the boost ends at 20 s: that is in the envelope of a change, and some seconds on nothing is left of it
     prepared = modelled()
     history = covariance(prepared)
     x = [o.quantity for o in prepared.outputs].index("acceleration")
