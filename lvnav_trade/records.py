@@ -14,6 +14,17 @@ IDLE, SEARCH, ACQUIRE, TRACK, LOST = range(5)
 TRACKING = ("idle", "search", "acquire", "track", "lost")
 
 
+# What a filter with a logic does, and why that changes, by number and by name. While it is aiding or predicting its
+# outputs are corrected.
+WAITING, CONVERGING, AIDING, PREDICTING, STOPPED = range(5)
+MODES = ("waiting", "converging", "aiding", "predicting", "stopped")
+REASONS = (
+    "", "good samples in a row", "converged", "data lost", "data again", "data loss persists",
+    "residual error persists", "covariance error persists",
+)  # fmt: skip
+NO_CHANGES = np.zeros((0, 5))
+
+
 class Motion(NamedTuple):
     """True motion at given times; at a jump of thrust the value just after it. SI, frames i and b.
 
@@ -95,7 +106,8 @@ class RunBlock(NamedTuple):
     nees (n_run, n_hist); t_epoch (n_epoch,); nis (n_run, n_epoch) summed squares of normalised innovations of the
     accepted rows; n_row, n_reject (n_run, n_epoch) rows accepted and rejected by the gate; innovation
     (n_run, n_epoch, n_channel) normalised innovation before the gate, NaN where no row; failed (n_run,) int8, 0 good,
-    1 not finite, 2 diverged (position error over the scenario's limit); t_failed (n_run,) s or NaN.
+    1 not finite, 2 diverged (position error over the scenario's limit); t_failed (n_run,) s or NaN; changes (n_change,
+    5) of what filters with a logic do, run after run: run, t s, mode before, mode after, reason (see MODES).
     """
 
     first_run: int
@@ -110,6 +122,7 @@ class RunBlock(NamedTuple):
     innovation: Floats
     failed: NDArray[np.int8]
     t_failed: Floats
+    changes: Floats = NO_CHANGES
 
 
 class CovHistory(NamedTuple):

@@ -105,7 +105,18 @@ def block(cov: CovHistory, first: int, n_run: int, seed: int = 1, failing: tuple
     )
 
 
-def prepared() -> Any:
+def changes(first: int, n_run: int) -> np.ndarray:
+    """Return what a filter with a logic does in these runs: starts at 5 s, aids from 25 s; every fourth run loses its
+    data in the outage, stops, and starts again.
+    """
+    story = [(5.0, 0, 1, 1), (25.0, 1, 2, 2)]
+    lost = [(60.0, 2, 3, 3), (70.0, 3, 4, 5), (79.0, 4, 1, 1)]
+    return np.array(
+        [(run, *change) for run in range(first, first + n_run) for change in (*story, *(lost if run % 4 == 0 else ()))]
+    )
+
+
+def prepared(logic: bool = False) -> Any:
     """Return what the store reads of a prepared scenario: a climb due east, eight satellites, one outage."""
     t = np.arange(-5.0, 100.01, 0.1)
     height = 0.5 * 20.0 * np.maximum(t, 0.0) ** 2
@@ -158,6 +169,7 @@ def prepared() -> Any:
         delays=_delays(elevation, tracked, height[np.searchsorted(t, t_epoch)]),
         t_epoch=t_epoch + np.where(t_epoch < 50.0, 0.1, 0.3),
         outputs=OUTPUTS,
+        options=SimpleNamespace(rules=() if logic else None),
     )
 
 
@@ -238,10 +250,11 @@ def results(
     failing: tuple[int, ...] = (),
     campaign: str = CAMPAIGN,
     rejects: float = 0.0,
+    logic: bool = False,
 ) -> Path:
     """Write the results of two cases; the runs are drawn `wrong` times as large as the covariance history says.
 
-    rejects: probability that the gate rejects a good row at one epoch.
+    rejects: probability that the gate rejects a good row at one epoch; logic: the filters start and stop by one.
     """
     written = open_results(folder, "synthetic", campaign, {"seed": 7}, "resume")
     for case, factor in CASES:
@@ -252,9 +265,10 @@ def results(
             count = min(size, n_run - first)
             if (first, count) not in done:
                 runs = block(drawn, first, count, failing=failing)
+                runs = runs._replace(changes=changes(first, count)) if logic else runs
                 written.write_part(case.id, summarise(runs, EVENTS, told.true_sigma, OUTPUTS))
         summary = written.summary(case.id) if n_run else None
         drawn = starts(n_run) if n_run else None
-        written.write_case(case, prepared(), told, summary, explanation(told), drawn)
+        written.write_case(case, prepared(logic), told, summary, explanation(told), drawn)
     written.finish({"timings_s": {}})
     return folder

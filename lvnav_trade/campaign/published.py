@@ -24,9 +24,17 @@ Case = dict[str, str]
 
 
 def _metric(name: str) -> str:
-    if name in MISSION or name in COUNTED or name in STEERED or name == RANK or re.fullmatch(r"[a-z][a-z_]*_error(_[a-z0-9]+)?", name):
+    if (
+        name in MISSION
+        or name in COUNTED
+        or name in STEERED
+        or name == RANK
+        or re.fullmatch(r"[a-z][a-z_]*_error(_[a-z0-9]+)?", name)
+    ):
         return name
-    near = hint(name, (*MISSION, *COUNTED, *STEERED, RANK, "position_error_3d", "velocity_error_3d", "attitude_error_3d"))
+    near = hint(
+        name, (*MISSION, *COUNTED, *STEERED, RANK, "position_error_3d", "velocity_error_3d", "attitude_error_3d")
+    )
     raise ValueError(f"{name!r} is not a metric{near}")
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from lvnav_trade.engines.sensing import begin, begin_solver, observe, sense
 from lvnav_trade.filters.belief import INERTIAL, TIGHT
-from lvnav_trade.filters.ekf import clear_epoch, correct, predict_window, rows_at, update
+from lvnav_trade.filters.ekf import clear_epoch, predict_window
+from lvnav_trade.filters.feedforward import add_up, carry, feed_back, take, take_apart
+from lvnav_trade.filters.monitor import begin_watch
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.attitude import matrix, small_rotation
 from lvnav_trade.kernels.covariance import normalised_square
@@ -96,6 +98,17 @@ def _judge(work, history, hist):
     work.failed[0] = now
 
 
+@jit
+def _hand_out(work, kept, history, shared, belief, hist):
+    """Record at a history time: of an open loop the sum of inertial system and error state, which goes nowhere else."""
+    if kept is None:
+        record(work, history, shared, belief, hist)
+    else:
+        add_up(work, kept, work.watch, belief)
+        record(work, history, shared, belief, hist)
+        take_apart(work, kept, belief)
+
+
 @inlined
 def fly(work, schedule, unit, signals, start, history, belief, options, k0, k1):
     """Fly one run (float64 arrays) or eight (lane views) from start to end; `work` is filled.
@@ -108,6 +121,7 @@ def fly(work, schedule, unit, signals, start, history, belief, options, k0, k1):
     """
     begin(work, unit, signals, start, belief, k0, k1)
     begin_solver(work, options.solver)
+    begin_watch(work.watch)
     tight, dt = belief.kind == TIGHT, unit.dt * belief.group
     for w in range(schedule.n_tick.shape[0]):
         first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
@@ -120,13 +134,13 @@ def fly(work, schedule, unit, signals, start, history, belief, options, k0, k1):
                 work.nav, work.sums, work.previous, work.increments, n_tick // belief.group, dt, belief.gravity
             )  # fmt: skip
             predict_window(work, belief, schedule.length[w])
+            carry(work, work.kept, belief, schedule.length[w])
         epoch = schedule.epoch[w]
         if epoch >= 0:
             clear_epoch(work, epoch, size(work.innovation, 1))
         if epoch >= 0 and belief.kind != INERTIAL:
             observe(work, options.solver, signals, tight, epoch, k0, k1)
-            if rows_at(belief, signals, epoch) > 0:
-                update(work, belief, signals, epoch, dt)
-            correct(work, belief)
+            take(work, options.rules, belief, signals, epoch, dt)
+            feed_back(work, work.kept, belief)
         if schedule.hist[w] >= 0:
-            record(work, history, signals.shared, belief, schedule.hist[w])
+            _hand_out(work, work.kept, history, signals.shared, belief, schedule.hist[w])

@@ -144,16 +144,19 @@ class Options(NamedTuple):
 
     A part is handed on as an argument of its own: the compiler drops `if part is None` for arguments only.
 
-    solver (receivers.base.Solver): the receiver solves for position and velocity itself.
+    solver (receivers.base.Solver): the receiver solves for position and velocity itself; rules (filters.monitor.Rules):
+    the filter has a logic.
     """
 
     solver: Any = None
+    rules: Any = None
 
 
 class Work(NamedTuple):
     """Arrays of a run (or lane views of eight): states, scratch, and what is handed out. See `work_shapes`.
 
-    rx (receivers.base.Receiver) belongs to an option and is None without it.
+    rx (receivers.base.Receiver), kept (filters.feedforward.Kept; an open loop's) and watch (filters.monitor.Watch)
+    belong to options and are None without them.
     """
 
     run: NDArray[np.uint64]
@@ -192,6 +195,8 @@ class Work(NamedTuple):
     t_failed: Floats
     told: Floats
     rx: Any = None
+    kept: Any = None
+    watch: Any = None
 
 
 class Sizes(NamedTuple):

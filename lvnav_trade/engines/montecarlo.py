@@ -13,12 +13,14 @@ from lvnav_trade.engines.inputs import Sizes, Work, work_shapes
 from lvnav_trade.engines.prepare import Prepared, prepare
 from lvnav_trade.engines.recorded import values_of
 from lvnav_trade.filters.belief import LOOSE, TIGHT
+from lvnav_trade.filters.feedforward import lanes_of_kept, new_kept
+from lvnav_trade.filters.monitor import Watch, lanes_of_watch, new_watch
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import view
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.kernels.vector import WIDTH
 from lvnav_trade.receivers.base import lanes_of, new_receiver
-from lvnav_trade.records import Floats, RunBlock
+from lvnav_trade.records import NO_CHANGES, WAITING, Floats, RunBlock
 
 
 @jit
@@ -41,7 +43,7 @@ def fly_lanes(
         view(w.true_tables), view(w.par), view(w.tables), view(w.remainder), view(w.clock), view(w.clock_hat),
         view(w.shared), view(w.extra), view(w.ranges), view(w.solution), view(w.err), view(w.sigma), view(w.nees),
         view(w.nis), view(w.n_row), view(w.n_reject), view(w.innovation), view(w.failed), view(w.t_failed),
-        view(w.told), lanes_of(w.rx),
+        view(w.told), lanes_of(w.rx), lanes_of_kept(w.kept), lanes_of_watch(w.watch),
     )  # fmt: skip
     fly(work, schedule, unit, signals, start, history, belief, options, k0, k1)
 
@@ -77,8 +79,14 @@ def _new_work(prepared: Prepared, lanes: bool) -> Work:
     arrays: dict[str, Any] = {
         name: np.zeros(shape + end, dtype=np.uint64 if name == "run" else np.float64) for name, shape in shapes.items()
     }
-    rx = None if prepared.options.solver is None else new_receiver(WIDTH if lanes else 0)
-    return Work(**arrays, rx=rx)
+    options, n_lane = prepared.options, WIDTH if lanes else 0
+    is_open = prepared.scenario.filter.feedback == "open"
+    return Work(
+        **arrays,
+        rx=None if options.solver is None else new_receiver(n_lane),
+        kept=new_kept(prepared.layout.n_state, n_lane) if is_open else None,
+        watch=None if options.rules is None else new_watch(prepared.t_epoch.size, n_lane),
+    )
 
 
 def _fly(prepared: Prepared, seed: int, runs: Floats, lanes: bool) -> Work:
@@ -117,11 +125,14 @@ def run_block(prepared: Prepared, seed: int, first_run: int, n_run: int, lanes: 
     use_lanes = not config.DISABLE_JIT if lanes is None else lanes
     width = WIDTH if use_lanes else 1
     parts: dict[str, list[Floats]] = {name: [] for name in _HANDED_OUT}
+    changes = [NO_CHANGES]
     for first in range(first_run, first_run + n_run, width):
         work = _fly(prepared, seed, np.arange(first, first + width, dtype=np.uint64), use_lanes)
         for name in _HANDED_OUT:
             array = getattr(work, name)
             parts[name].append(np.moveaxis(array, -1, 0) if use_lanes else array[None])
+        if work.watch is not None:
+            changes.append(_changes(prepared, work.watch, first, min(width, first_run + n_run - first), use_lanes))
     joined = {name: np.ascontiguousarray(np.concatenate(arrays)[:n_run]) for name, arrays in parts.items()}
     return RunBlock(
         first_run=first_run,
@@ -136,7 +147,20 @@ def run_block(prepared: Prepared, seed: int, first_run: int, n_run: int, lanes: 
         innovation=joined["innovation"],
         failed=joined["failed"][:, 0].astype(np.int8),
         t_failed=joined["t_failed"][:, 0],
+        changes=np.concatenate(changes),
     )
+
+
+def _changes(prepared: Prepared, watch: Watch, first_run: int, n_run: int, lanes: bool) -> Floats:
+    """Return the changes (n, 5) of what the filters of some runs do: run, t, mode before, mode after, reason."""
+    found = [NO_CHANGES]
+    for k in range(n_run):
+        mode, reason = (array[:, k] if lanes else array for array in (watch.mode, watch.reason))
+        at = np.flatnonzero(reason)
+        before = np.concatenate([[WAITING], mode[:-1]])
+        run = np.full(at.size, first_run + k, dtype=float)
+        found.append(np.stack([run, prepared.t_epoch[at], before[at], mode[at], reason[at]], axis=1))
+    return np.concatenate(found)
 
 
 def replay(prepared: Prepared, seed: int, run: int) -> RunBlock:

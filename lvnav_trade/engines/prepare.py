@@ -17,6 +17,7 @@ from lvnav_trade.engines.options import epoch_interval, every, refuse_contradict
 from lvnav_trade.engines.recorded import Recorded, recorded
 from lvnav_trade.engines.signals import Line, channels_of, families, geometry_of, signals
 from lvnav_trade.engines.vehicle import Vehicle, vehicle_of
+from lvnav_trade.engines.watching import pdop, watched
 from lvnav_trade.filters.belief import Belief, believe, initial_covariance
 from lvnav_trade.filters.envelope import EnvelopeCard
 from lvnav_trade.frames import earth_angle, rotation_i_e, rotation_i_n, rotation_i_o
@@ -273,6 +274,8 @@ def _times(
 def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats | None = None) -> Prepared:
     """Make a scenario ready: trajectory, increments, satellites, beliefs, and the windows of the flight.
 
+    Long because all that runs share is put together here, once, each part by a function of its own.
+
     Parameters
     ----------
     history
@@ -307,6 +310,8 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     )  # fmt: skip
     blocks = (*error_blocks(scenario.imu), *disturbance(scenario.gravity))
     C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], trajectory.theta0)[0].T
+    P = initial_covariance(layout, initial, C_n_i, card.envelope or EnvelopeCard())
+    truth, rules = watched(card, failed, truth, pdop(line.direction, seen.tracked), P)
     return Prepared(
         scenario=scenario,
         trajectory=trajectory,
@@ -320,14 +325,14 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         schedule=at.schedule,
         unit=_unit(scenario, ref, blocks, trajectory.events),
         signals=truth,
-        start=_start(scenario, ref, C_n_i, initial_covariance(layout, initial, C_n_i, card.envelope or EnvelopeCard())),
+        start=_start(scenario, ref, C_n_i, P),
         record=_record(scenario, trajectory, ref, at.hist_tick, at.t_hist, at.epoch_tick),
         t_hist=at.t_hist,
         t_epoch=at.t_epoch,
         lengths=at.lengths,
         delays=late_by,
         recorded=tabled,
-        options=Options(solver_of(scenario, receiver, truth.used.shape[1])),
+        options=Options(solver_of(scenario, receiver, truth.used.shape[1]), rules),
         vehicle=vehicle_of(scenario, trajectory, ref, layout, imu, at.epoch_tick),
     )
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.records import Floats, Output, RunBlock
+from lvnav_trade.records import NO_CHANGES, Floats, Output, RunBlock
 
 Counts = NDArray[np.int64]
 
@@ -37,7 +37,8 @@ class BlockSummary(NamedTuple):
     (n_run, n_event, n_column) SI, event_nees (n_run, n_event). events: names in time order; t_event (n_event,) s.
     t_bound (n_interval + 1,) s: events and both ends of the history; worst (n_run, n_interval, n_column) SI: largest
     |error| of each run at the history times from one bound to the next, both included; mean_square, of that shape,
-    SI squared: its squared error's mean over the time between (trapezoidal rule).
+    SI squared: its squared error's mean over the time between (trapezoidal rule). changes (n_change, 5) of what filters
+    with a logic do: see RunBlock.
     """
 
     runs: Counts
@@ -65,6 +66,7 @@ class BlockSummary(NamedTuple):
     t_bound: Floats
     worst: Floats
     mean_square: Floats
+    changes: Floats = NO_CHANGES
 
     @property
     def first_run(self) -> int:
@@ -90,7 +92,9 @@ _SUMMED = (
     "lag_sum",
     "lag_count",
 )
-_JOINED = ("runs", "failed", "t_failed", "event_error", "event_sigma", "event_nees", "worst", "mean_square")
+_JOINED = (
+    "runs", "failed", "t_failed", "event_error", "event_sigma", "event_nees", "worst", "mean_square", "changes",
+)  # fmt: skip
 _SHARED = ("t", "scale", "t_epoch", "t_event", "t_bound")
 
 
@@ -167,6 +171,7 @@ def summarise(
         t_bound=t_bound,
         worst=_worst(block.t, error, t_bound),
         mean_square=_mean_square(block.t, error, t_bound),
+        changes=block.changes,
     )
 
 

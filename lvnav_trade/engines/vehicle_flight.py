@@ -10,8 +10,7 @@ from lvnav_trade.engines.flight import record
 from lvnav_trade.engines.inputs import Floats
 from lvnav_trade.engines.sensing import begin, observe, sense
 from lvnav_trade.filters.ekf import (
-    absorb_row,
-    channel_of,
+    absorb_and_count,
     clear_epoch,
     correct,
     fill_loose,
@@ -158,9 +157,7 @@ def update_epoch(work, own, signals, belief, vehicle, epoch, dt, k0, k1):
         place_antenna(work, belief, dt)
         fill_loose(work, belief, signals, epoch)
         for row in range(n_row):
-            channel = channel_of(belief, signals, epoch, row)
-            normalised, weight = absorb_row(work, belief, row, channel, signals.variance[epoch, channel])
-            _count(work, epoch, channel, normalised, weight)
+            absorb_and_count(work, belief, signals, epoch, row, belief.gate_squared)
     refer(work, own, belief, vehicle, epoch, k0, k1)
     if vehicle.modelled:
         feed_back(work, own, vehicle)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -18,9 +18,11 @@ from lvnav_trade.units import (
     Fraction,
     Frequency,
     GSensitivity,
+    Length,
     LengthSigma,
     Pause,
     RateRandomWalk,
+    Speed,
     SpeedSigma,
     TimeConstant,
     VelocityRandomWalk,
@@ -124,11 +126,39 @@ ParameterState = Literal[
 ]
 
 
-class FilterCard(Card):
-    """A navigation filter: error-state, closed loop, mechanised in the inertial frame.
+Persisting = Literal["data_loss", "residual", "covariance"]
 
-    `referenced` is loose with an attitude reference. `vehicle_model` is that with rate and acceleration of the vehicle
-    as states that wander within an envelope; samples of the inertial unit are its measurements, one by one.
+
+class LogicCard(Card):
+    """When a filter starts, what it believes, when it gives up and starts again; a rule that is left out is off."""
+
+    check_flags: bool = Field(True, description="leave out what the receiver says is invalid, or put out before")
+    pdop_below: float | None = Field(None, gt=0, description="leave out solutions of a greater dilution of precision")
+    wild_position: Annotated[Length, Field(gt=0.0)] | None = Field(
+        None,
+        description="leave out a sample of which an axis is further from the prediction; before a start, further "
+        "from the sample before",
+    )
+    wild_velocity: Annotated[Speed, Field(gt=0.0)] | None = None
+    start_after: int = Field(1, ge=1, description="good samples in a row")
+    correct_after: Pause = Field(0.0, description="since its start the outputs are the inertial system's own")
+    stop_after: TimeConstant | None = Field(None, description="of any error: data loss, residual, covariance")
+    covariance_position: Annotated[Length, Field(gt=0.0)] | None = Field(
+        None, description="a one-sigma beyond is an error of the covariance; so is one that is no number"
+    )
+    covariance_velocity: Annotated[Speed, Field(gt=0.0)] | None = None
+    restart_after: tuple[Persisting, ...] = Field(
+        ("data_loss", "residual", "covariance"), description="errors after which it starts again with good samples"
+    )
+
+
+class FilterCard(Card):
+    """A navigation filter: error-state, mechanised in the inertial frame.
+
+    Closed loop: what it estimates is fed back to the strapdown at every epoch. Open loop: the strapdown is left alone,
+    the estimate is added to its output. `referenced` is loose with an attitude reference; `vehicle_model` is that with
+    rate and acceleration of the vehicle as states that wander within an envelope: samples of the inertial unit are its
+    measurements, one by one.
     """
 
     name: str
@@ -146,6 +176,11 @@ class FilterCard(Card):
     transition_order: Literal[1, 2] = 2
     gate: float | None = Field(None, gt=0, description="innovation gate in sigma per row; none: no gate")
     gravity: Literal["point", "j2", "j4"] = "j4"
+    feedback: Literal["closed", "open"] = "closed"
+    init: Literal["from_card", "from_gnss"] = Field(
+        "from_card", description="position and velocity, and their covariance, when the filter starts"
+    )
+    logic: LogicCard | None = Field(None, description="none: it starts at once and believes what the gate passes")
     imu: Matched | ImuBelief = "matched"
     receiver: Matched | ReceiverBelief = "matched"
     initial: Matched | InitialBelief = "matched"
@@ -160,6 +195,11 @@ class FilterCard(Card):
         both = sorted(set(self.neglect) & set(self.consider))
         if both:
             raise ValueError(f"{', '.join(both)}: neglected and considered, choose one")
+        watched = "logic" if self.logic is not None else "init: from_gnss" if self.init == "from_gnss" else ""
+        if watched and self.kind != "loose":
+            raise ValueError(f"{watched} judges the receiver's solution: it needs kind: loose, not {self.kind}")
+        if self.logic is not None and self.logic.correct_after > 0.0 and self.feedback == "closed":
+            raise ValueError("logic.correct_after delays the outputs of an open loop: it needs feedback: open")
         return self
 
     @model_validator(mode="after")
@@ -174,6 +214,8 @@ class FilterCard(Card):
             if value:
                 more = " and nothing else of it" if modelled else ""
                 raise ValueError(f"{name}: a {self.kind} filter estimates the biases of its unit{more}")
+        if self.feedback == "open":
+            raise ValueError(f"feedback: a {self.kind} filter is closed-loop")
         if self.strapdown_rate is not None and modelled:
             raise ValueError("strapdown_rate: a vehicle_model filter takes every sample of the unit")
         return self

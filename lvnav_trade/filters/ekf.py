@@ -117,12 +117,12 @@ def channel_of(belief, signals, epoch, row):
 
 
 @inlined
-def absorb_row(work, belief, row, channel, variance):
+def absorb_row(work, belief, row, channel, variance, gate_squared):
     """Absorb one filled row of a channel; return its normalised innovation and weight."""
     n = belief.n_entry[channel]
     return absorb(
         work.P, work.x, work.K, work.H[row], belief.entry[channel, :n], belief.column[channel, :n], work.z[row],
-        variance, belief.gate_squared, belief.n_estimated, belief.joseph,
+        variance, gate_squared, belief.n_estimated, belief.joseph,
     )  # fmt: skip
 
 
@@ -137,9 +137,11 @@ def mix(work, rx):
 
 
 @inlined
-def _absorb_and_count(work, belief, signals, epoch, row, channel):
+def absorb_and_count(work, belief, signals, epoch, row, gate_squared):
+    """Absorb one filled row of an epoch, keep its innovation and count it: believed, or rejected by the gate."""
+    channel = channel_of(belief, signals, epoch, row)
     variance = 1.0 if belief.judged else signals.variance[epoch, channel]
-    normalised, weight = absorb_row(work, belief, row, channel, variance)
+    normalised, weight = absorb_row(work, belief, row, channel, variance, gate_squared)
     work.innovation[epoch, channel] = normalised
     believed = weight > 0.0
     rejected = (normalised == normalised) & (weight == 0.0)  # what is not a number is no row
@@ -170,8 +172,7 @@ def update(work, belief, signals, epoch, dt):
         fill_loose(work, belief, signals, epoch)
         mix(work, work.rx)
     for row in range(rows_at(belief, signals, epoch)):
-        channel = channel_of(belief, signals, epoch, row)
-        _absorb_and_count(work, belief, signals, epoch, row, channel)
+        absorb_and_count(work, belief, signals, epoch, row, belief.gate_squared)
 
 
 @jit

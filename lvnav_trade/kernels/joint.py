@@ -12,24 +12,25 @@ from __future__ import annotations
 
 from lvnav_trade.kernels.covariance import N_NAV_ERROR
 from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import like, size
 
 
 @jit
 def apply_phi(y, work, blocks, rows, columns, decay, clock, seconds):
-    """Replace the vector y (n,) by Phi y; work (n,)."""
-    n = y.shape[0]
+    """Replace the vector y (n,) by Phi y; work (n,). Of one run, or lane views of eight."""
+    n = size(y, 0)
     for i in range(n):
         work[i] = y[i]
     for b in range(rows.shape[0]):
-        r, c = rows[b], columns[b]
+        r, c, block = rows[b], columns[b], blocks[b]
         for i in range(3):
-            y[r + i] += (
-                blocks[b, 3 * i] * work[c] + blocks[b, 3 * i + 1] * work[c + 1] + blocks[b, 3 * i + 2] * work[c + 2]
+            y[r + i] = y[r + i] + (
+                block[3 * i] * work[c] + block[3 * i + 1] * work[c + 1] + block[3 * i + 2] * work[c + 2]
             )
     for i in range(N_NAV_ERROR, n):
         y[i] = y[i] * decay[i]
     if clock >= 0:
-        y[clock] += seconds * y[clock + 1]
+        y[clock] = y[clock] + seconds * y[clock + 1]
 
 
 @jit
@@ -92,11 +93,14 @@ def update_vector(y, gain, h, entries, columns):
 
 @jit
 def update_covariance(P, work, gain, h, entries, columns, variance):
-    """P <- (I - k h) P (I - k h)' + k variance k', Joseph's form for any gain; return h P h' before the update."""
-    n = P.shape[0]
-    spread = 0.0
+    """P <- (I - k h) P (I - k h)' + k variance k', Joseph's form for any gain; return h P h' before the update.
+
+    Of one run, or lane views of eight.
+    """
+    n = size(P, 0)
+    spread = like(P[0, 0], 0.0)
     for i in range(n):
-        value = 0.0
+        value = like(P[0, 0], 0.0)
         for c in range(columns.shape[0]):
             value += P[i, columns[c]] * h[entries[c]]
         work[i] = value

@@ -15,6 +15,7 @@ from lvnav_trade.metrics.correction import correction
 from lvnav_trade.metrics.explained import contributions, nonlinearity, observability, sensitivity
 from lvnav_trade.metrics.impact import corridor_verdicts, impact
 from lvnav_trade.metrics.levers import expected, levers
+from lvnav_trade.metrics.logic import logic, modes, stops
 from lvnav_trade.metrics.motion import motion
 from lvnav_trade.metrics.nozzle import nozzle, turning
 from lvnav_trade.metrics.orbit import orbit
@@ -45,6 +46,9 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
     "losses": losses,
     "recovery": recovery,
     "transitions": transitions,
+    "logic": logic,
+    "modes": modes,
+    "stops": stops,
     "budget": budget,
     "expected": expected,
     "levers": levers,
@@ -64,7 +68,7 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
 
 CSV = (
     "rms", "agreement", "controlled", "references", "requirements", "budget", "expected", "sensitivity", "orbit",
-    "correction", "impact", "corridor", "transitions", "motion", "nozzle", "turning",
+    "correction", "impact", "corridor", "transitions", "logic", "motion", "nozzle", "turning",
 )  # fmt: skip
 """The metrics that stand beside a report as CSV, with the columns that users and their CI rely on."""
 

@@ -26,17 +26,22 @@ class Gaussian(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """Whether linear covariance describes a case: the largest probability that a gate rejects a good row, and when."""
+    """Whether linear covariance describes a case: the largest probability that a gate rejects a good row, and when; a
+    logic that starts, rejects and stops by the run it does not describe.
+    """
 
     applies: bool
     rejected: float
     time: float
+    logic: bool = False
 
     @property
     def reason(self) -> str:
         """Say in words why not; empty where it applies."""
         if self.applies:
             return ""
+        if self.logic:
+            return "the filter starts, leaves out and stops by a logic of its own, run by run"
         return f"the gate rejects {100 * self.rejected:.2g} % of good rows at {self.time:.0f} s"
 
 
@@ -67,6 +72,8 @@ def _matrix(rows: pd.DataFrame, axes: list[str], wanted: list[str]) -> Floats:
 
 def reach(tables: Tables, case: str) -> Reach:
     """Return whether linear covariance describes a case at every epoch."""
+    if bool(tables.cases.set_index("case").logic.get(case)):
+        return Reach(False, 0.0, float("nan"), logic=True)
     rows = tables.innovations
     rows = rows[rows.case == case]
     if rows.empty or not (rows.false_rejection_ratio > 0).any():

@@ -59,8 +59,12 @@ def _rows(tables: Tables, inside: pd.DataFrame, label: str, phase: str, quantity
         runs = int(estimate.run_count.iloc[0])
         low, high = (float(x) for x in rms_interval(np.array([1.0]), np.array([max(1, runs)])))
         ratio = sizes[1] / sizes[2]
-        verdict = "no runs" if not runs else "as believed" if ratio * low <= 1.0 <= ratio * high else (
-            "smaller" if ratio < 1.0 else "larger"
+        verdict = (
+            "no runs"
+            if not runs
+            else "as believed"
+            if ratio * low <= 1.0 <= ratio * high
+            else ("smaller" if ratio < 1.0 else "larger")
         )
         found.append(dict(zip(COLUMNS, (
             label, phase, f"{quantity}_error", axis, unit, *(factor * size for size in sizes),

@@ -47,15 +47,15 @@ COLUMNS = [
 
 
 def nozzle(results: Path | str | Tables, alpha: float = 0.05) -> pd.DataFrame:
-    """Return mean movements of the nozzle (deg) by what feeds the controller, and by how much less (%) it moves with the
-    filtered than with the raw rate, with the interval of paired runs; per burn, and over the flight.
+    """Return mean movements of the nozzle (deg) by what feeds the controller, and by how much less (%) it moves with
+    the filtered than with the raw rate, with the interval of paired runs; per burn, and over the flight.
 
     A burn in which every run's nozzle is at rest, and a single run, have no reduction.
     """
     tables, rows = load(results), []
     for (case, burn, axis), one in tables.nozzle.groupby(["case", "burn", "axis"], sort=False):
         moved = one.pivot(index="run_number", columns="feed", values="moved_rad")
-        less = (np.nan, np.nan, np.nan)
+        less: tuple[float, ...] = (np.nan, np.nan, np.nan)
         if len(moved) > 1 and bool((moved > 0.0).all(axis=None)):
             found = reduction(moved[["raw"]].to_numpy(), moved[["filtered"]].to_numpy(), alpha)
             less = tuple(100.0 * float(part[0]) for part in found)

@@ -163,9 +163,7 @@ def _of_rank(tables: Tables, case: str) -> Ours:
     rows = tables.observability[tables.observability.case == case]
     if rows.empty:
         return Ours(np.nan, "not among our results")
-    counts = [
-        int((one.singular_ratio > NUMERICAL * one.singular_ratio.max()).sum()) for _, one in rows.groupby("t_s")
-    ]
+    counts = [int((one.singular_ratio > NUMERICAL * one.singular_ratio.max()).sum()) for _, one in rows.groupby("t_s")]
     return Ours(float(min(counts)), f"{len(counts)} stretches, singular values above {NUMERICAL:g} of the largest")
 
 

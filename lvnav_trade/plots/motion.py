@@ -73,7 +73,9 @@ def singular(results: Path | str | Tables, case: str) -> Figure:
                                       (apart, PALETTE[1], "position against its bias")):  # fmt: skip
             ax.hlines(rows.singular_ratio[chosen], (middle - reach)[chosen], (middle + reach)[chosen], color=colour,
                       lw=1.6, label=label)  # fmt: skip
-        ax.axhline(float(rows.tolerance_ratio.iloc[0]), color=GREY, ls=":", label="tolerance of the rank with information")
+        ax.axhline(
+            float(rows.tolerance_ratio.iloc[0]), color=GREY, ls=":", label="tolerance of the rank with information"
+        )
         ax.set_yscale("log")
         ax.set_xlabel("time since lift-off (s)")
         ax.set_ylabel("singular value (-)")
@@ -84,4 +86,6 @@ def singular(results: Path | str | Tables, case: str) -> Figure:
 def is_position_bias(direction: str) -> bool:
     """Say whether a direction in words is one in which a position trades with its bias."""
     names = [part.split(" ", 1)[1] for part in direction.split(", ") if " " in part]
-    return any(name.startswith("position bias") for name in names) and all(name.startswith("position") for name in names)
+    return any(name.startswith("position bias") for name in names) and all(
+        name.startswith("position") for name in names
+    )

@@ -146,9 +146,9 @@ def envelopes(results: Path | str | Tables, case: str) -> Figure:
     """Draw angular acceleration and lateral jerk of one run, pitch, in their envelopes over the first seconds."""
     tables = load(results)
     rows = tables.motion[(tables.motion.case == case) & (tables.motion.axis == "pitch")]
-    columns = (rows[f"{name}"].to_numpy() for name in (
-        "turning_rad_per_s2", "turning_bound_rad_per_s2", "jerk_m_per_s3", "jerk_bound_m_per_s3"))  # fmt: skip
-    return inside_envelope(rows.t_s.to_numpy(), *columns, np.empty((0, 2)))
+    turning, jerk = rows.turning_rad_per_s2.to_numpy(), rows.jerk_m_per_s3.to_numpy()
+    bounds = rows.turning_bound_rad_per_s2.to_numpy(), rows.jerk_bound_m_per_s3.to_numpy()
+    return inside_envelope(rows.t_s.to_numpy(), turning, bounds[0], jerk, bounds[1], np.empty((0, 2)))
 
 
 def _shade(axes: Any, burns: Floats) -> None:

@@ -202,3 +202,59 @@ def _delay_table(tables: Tables) -> Block:
         "is common to all satellites goes into the clock."
     )
     return table(pd.DataFrame(rows, columns=head), caption)
+
+
+def logic(tables: Tables) -> list[Block]:
+    """Return what filters with a logic did: starts, stops and restarts, every kind of change, and modes over time."""
+    stops, changes = METRICS["stops"](tables), METRICS["logic"](tables)
+    if stops.empty:
+        return []
+    shown = pd.DataFrame(
+        {
+            "case": stops.case,
+            "runs": stops.run_count,
+            "started (%)": (100.0 * stops.started_ratio).map(lambda part: f"{part:.4g}"),
+            "corrected (%)": (100.0 * stops.corrected_ratio).map(lambda part: f"{part:.4g}"),
+            "stops": stops.stop_count,
+            "restarts": stops.restart_count,
+            "corrected at the end (%)": (100.0 * stops.ended_ratio).map(lambda part: f"{part:.4g}"),
+        }
+    )
+    caption = (
+        "The filter waits for good samples, converges while the outputs are the inertial system's own, then aids; it "
+        "predicts through a loss of data, stops where an error persists, and starts again. Linear covariance knows no "
+        "such logic: it is told where samples pass the checks at the input, and nothing else."
+    )
+    blocks: list[Block] = [table(shown, caption)]
+    if len(changes):
+        kinds = pd.DataFrame(
+            {
+                "case": changes.case,
+                "from": changes.from_mode,
+                "to": changes.to_mode,
+                "reason": changes.reason,
+                "times": changes.change_count,
+                "runs (%)": (100.0 * changes.run_ratio).map(lambda part: f"{part:.4g}"),
+                "first (s)": changes.first_s.map(lambda t: f"{t:.0f}"),
+                "median (s)": changes.median_s.map(lambda t: f"{t:.0f}"),
+                "last (s)": changes.last_s.map(lambda t: f"{t:.0f}"),
+            }
+        )
+        blocks.append(table(kinds, "Every kind of change: logic.csv; every single one: the table logic."))
+    watched = tables.cases[tables.cases.logic.fillna(False).astype(bool)].case
+    group, more = _different(tables, list(watched))
+    for number_, case in enumerate(group, start=1):
+        note = named_if_several(tables, case, group)
+        blocks.append(picture(f"logic-{number_}", PLOTS["logic"](tables, case), f"What the filter does.{note}"))
+    return blocks + more
+
+
+def _different(tables: Tables, cases: list[str]) -> tuple[list[str], list[Block]]:
+    """Return one case of each group whose runs change alike, no more than are drawn, and what to say then."""
+    seen: dict[int, str] = {}
+    for case in cases:
+        rows = tables.logic[tables.logic.case == case].drop(columns="case")
+        seen.setdefault(int(pd.util.hash_pandas_object(rows, index=False).sum()), case)
+    more = len(seen) - MOST_CASES
+    said: list[Block] = [Text(f"{more} more cases that differ here are in the tables.")] if more > 0 else []
+    return list(seen.values())[:MOST_CASES], said

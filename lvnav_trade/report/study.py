@@ -20,6 +20,7 @@ from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.published import ratios
 from lvnav_trade.report.blocks import Block, Code, Picture, Section, Text, number, percent, picture, table
 from lvnav_trade.report.build import render
+from lvnav_trade.report.steered import control_tables, motion_table
 from lvnav_trade.store import Tables
 
 CSV = ("references", "agreement")
@@ -35,8 +36,15 @@ _CAPTIONS = {
     "delays": "Delays of the signals, and what corrections leave of them.",
     "latency": "Age of a measurement when the filter takes it.",
     "consistency": "Normalised errors and innovations squared against their bounds.",
+    "logic": "What the filter does over the flight, part of runs; events as lines, faults shaded.",
     "orbit": "Errors of the orbit.",
     "impact": "Points of impact.",
+    "motion": "Errors of the {quantity}: raw sample and estimate.",
+    "ignition": "Filtered over raw sample around lift-off.",
+    "singular": "Singular values of what each stretch of flight tells.",
+    "movement": "Movement of the nozzle by what feeds the controller; the band holds all runs.",
+    "sweep": "How much less the nozzle moves with the filtered rate, over the rate gain.",
+    "turning": "True angular acceleration in pitch and jerk along z of one run, and what the filter expects.",
     "autocorrelation": "Autocorrelation of the innovations (blue: position or range, red: velocity or range rate); "
     "grey: 95 % of what one flight of white ones shows.",
     "spread": "Published single flights among ours, each by itself.",
@@ -161,6 +169,7 @@ def _campaign(one: Answered) -> Section:
         blocks.append(
             table(_shown(frame)[wanted], f"Published beside ours ({'; '.join(dict.fromkeys(frame.source))}).")
         )
+    blocks += [*motion_table(tables), *control_tables(tables)]
     for place, figure in enumerate(part.figures, 1):
         drawn = _draw(one, figure)
         if drawn is not None:
@@ -189,7 +198,9 @@ def _draw(one: Answered, figure: Figure) -> Drawing | None:
     elif figure.plot == "locus":
         stated = {"metric": figure.metric, "at": figure.at, "during": figure.during, "statistic": figure.statistic}
         drawn = plot(tables, figure.axis, stated, figure.unit, figure.published, figure.band, figure.cases)
-    elif figure.plot in ("envelope", "budget"):
+    elif figure.plot == "sweep":
+        drawn = plot(tables)
+    elif figure.plot in ("envelope", "budget", "motion"):
         drawn = plot(tables, cases_of(tables, figure.case)[0], figure.quantity)
     else:
         drawn = plot(tables, cases_of(tables, figure.case)[0])

@@ -70,6 +70,7 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("failed_count", "whole", "runs that failed"),
         Column("nees_dof_count", "whole", "components in the normalised estimation error squared"),
         Column("gate_ratio", "real", "gate on normalised innovations; empty where there is none"),
+        Column("logic", "truth", "whether the filter starts, rejects and stops by a logic of its own"),
         Column("acquire_above_db_hz", "real", "C/N0 above which satellites are found; empty where none is computed"),
         Column("track_above_db_hz", "real", "C/N0 above which they are kept; loops may let go earlier"),
         Column("epoch", "text", "UTC of lift-off"),
@@ -100,6 +101,14 @@ TABLES: dict[str, tuple[Column, ...]] = {
             "end of the span, from an event to the next; beside it the largest |error| within, its RMS",
         ),
         Column("failure", "text", "empty, or why the run failed"),
+    ),
+    "logic": (
+        _CASE,
+        Column("run_number", "whole", "number of the run, from 0"),
+        _TIME,
+        Column("from_mode", "text", "what the filter did before: waiting, converging, aiding, predicting, stopped"),
+        Column("to_mode", "text", "what it does from then on; outputs are corrected while aiding or predicting"),
+        Column("reason", "text", "good samples in a row, converged, data lost, data again, ... persists"),
     ),
     "starts": (
         _CASE,

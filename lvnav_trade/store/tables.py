@@ -10,7 +10,7 @@ import pyarrow as pa
 
 from lvnav_trade import frames
 from lvnav_trade.engines.statistics import NORM, BlockSummary, add_norms, columns, norm_groups, quantiles
-from lvnav_trade.records import CovHistory, Floats, Output
+from lvnav_trade.records import MODES, NO_CHANGES, REASONS, CovHistory, Floats, Output
 from lvnav_trade.store.controlled import controlled_tables
 from lvnav_trade.store.explained import explained_tables
 from lvnav_trade.store.schema import arrow_schema, error_column
@@ -58,6 +58,7 @@ def case_tables(
         "outputs": _outputs(prepared.outputs),
         "runs": _runs(prepared.outputs, summary),
         "worst": worst_table(prepared.outputs, summary, FAILURES),
+        "logic": _logic(summary),
         "starts": _starts(starts),
         "history": _history(prepared.outputs, cov, lincov, summary),
         "consistency": _consistency(prepared, cov, summary),
@@ -146,6 +147,11 @@ def _gate(prepared: Prepared) -> float:
     return float(np.sqrt(squared)) if np.isfinite(squared) else float("nan")
 
 
+def _has_logic(prepared: Prepared) -> bool:
+    """Whether the filter starts, rejects and stops by rules of its own."""
+    return getattr(getattr(prepared, "options", None), "rules", None) is not None
+
+
 # --- one function per table -------------------------------------------------------------------------------------------
 
 
@@ -157,6 +163,7 @@ def _cases(case: CaseInfo, prepared: Prepared, summary: BlockSummary | None) -> 
         "failed_count": [int((summary.failed != 0).sum()) if summary else 0],
         "nees_dof_count": [nees_dof(prepared)],
         "gate_ratio": [_gate(prepared)],
+        "logic": [_has_logic(prepared)],
         **thresholds(prepared.scenario),
         "epoch": [prepared.trajectory.epoch],
         "facts": [json.dumps(prepared.trajectory.facts, sort_keys=True, default=float)],
@@ -188,6 +195,19 @@ def _runs(outputs: tuple[Output, ...], summary: BlockSummary | None) -> dict[str
         "nees_ratio": summary.event_nees.ravel(),
     }
     return content | {name: summary.event_error[:, :, k].ravel() for k, name in enumerate(names)}
+
+
+def _logic(summary: BlockSummary | None) -> dict[str, Any]:
+    """List every change of what the filter does, run after run."""
+    changes = summary.changes if summary is not None else NO_CHANGES
+    run, t, before, after, why = changes.T
+    return {
+        "run_number": run.astype(np.int64),
+        "t_s": t,
+        "from_mode": [MODES[int(mode)] for mode in before],
+        "to_mode": [MODES[int(mode)] for mode in after],
+        "reason": [REASONS[int(reason)] for reason in why],
+    }
 
 
 def _starts(starts: StartDraws | None) -> dict[str, Any]:

@@ -84,6 +84,14 @@ class FrozenOutput(Timed):
     kind: Literal["frozen_output"] = "frozen_output"
 
 
+class InvalidOutput(Timed):
+    """The receiver's own checks (checksum, hardware, time synchronisation) mark its output as invalid; a filter whose
+    logic does not ask for them uses it all the same.
+    """
+
+    kind: Literal["invalid_output"] = "invalid_output"
+
+
 class LatencyChange(Timed):
     """Measurements arrive later than the filter is told."""
 
@@ -120,6 +128,7 @@ Fault = Annotated[
     | ClockJump
     | WildSamples
     | FrozenOutput
+    | InvalidOutput
     | LatencyChange
     | GyroBiasStep
     | AccelBiasStep
@@ -134,6 +143,7 @@ AnyFault = (
     | ClockJump
     | WildSamples
     | FrozenOutput
+    | InvalidOutput
     | LatencyChange
     | GyroBiasStep
     | AccelBiasStep
@@ -144,7 +154,7 @@ AnyFault = (
 class Failures(NamedTuple):
     """What faults do at the epochs. noise (n_epoch, n_sat) factor on white noise, solution_noise (n_epoch,); bias and
     drift (n_epoch, n_sat) m and m/s in range and its rate; jump (n_epoch,) m of the clock at this epoch; wild (n_epoch,
-    n_sat) and solution_wild (n_epoch,) sigma (m); frozen (n_epoch,).
+    n_sat) and solution_wild (n_epoch,) sigma (m); frozen, invalid (n_epoch,).
     """
 
     noise: Floats
@@ -155,6 +165,7 @@ class Failures(NamedTuple):
     wild: Floats
     solution_wild: Floats
     frozen: Mask
+    invalid: Mask
 
 
 def span(number: int, fault: AnyFault, events: dict[str, float]) -> tuple[float, float]:
@@ -260,7 +271,7 @@ def failures(
     shape = (t.size, len(names))
     out = Failures(
         np.ones(shape), np.ones(t.size), np.zeros(shape), np.zeros(shape), np.zeros(t.size), np.zeros(shape),
-        np.zeros(t.size), np.zeros(t.size, dtype=bool),
+        np.zeros(t.size), np.zeros(t.size, dtype=bool), np.zeros(t.size, dtype=bool),
     )  # fmt: skip
     place = {id(fault): number for number, fault in enumerate(faults)}
     for fault, within, _ in active(faults, DegradedNoise, events, t):
@@ -283,6 +294,8 @@ def failures(
         out.frozen[within] = True
         if out.frozen.size:
             out.frozen[0] = False  # there is nothing yet to be held
+    for _, within, _ in active(faults, InvalidOutput, events, t):
+        out.invalid[within] = True
     return out
 
 

@@ -62,7 +62,10 @@ def test_a_scenario_without_a_vehicle_under_control_has_none(scenario):
     [
         ("base.trajectory=trajectories/falcon9_formosat5", "is steered, not a trajectory of kind"),
         ("base.control.rate_gain=-1", "rate_gain"),
-        ("base.control.rotation.stacks=[{length: 5 m}]", "control.rotation.stacks: 1 of them, the vehicle has 3 stages"),
+        (
+            "base.control.rotation.stacks=[{length: 5 m}]",
+            "control.rotation.stacks: 1 of them, the vehicle has 3 stages",
+        ),
     ],
 )
 def test_what_cannot_be_steered_is_refused(setting, told):

@@ -15,6 +15,7 @@ ARGUMENTS = {
     "satellites": (CASE,),
     "sky": (CASE,),
     "timeline": (CASE,),
+    "logic": (CASE,),
     "delays": (CASE,),
     "latency": (CASE,),
     "envelope": (CASE, "velocity"),

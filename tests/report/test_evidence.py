@@ -13,7 +13,16 @@ from tests import synthetic
 
 def test_every_section_stands_on_the_page(text):
     for name in SECTIONS:
-        assert f'<section id="{name}">' in text
+        assert (f'<section id="{name}">' in text) == (name != "logic")  # these filters have none
+
+
+def test_a_logic_has_its_section_and_linear_covariance_is_not_held_against_it(tmp_path):
+    folder = synthetic.results(tmp_path, n_run=8, size=8, logic=True)
+    text = build(folder).read_text(encoding="utf-8")
+    assert '<section id="logic">' in text
+    assert "data loss persists" in text
+    assert "logic of its own" in text
+    assert (folder / "logic.csv").read_text(encoding="utf-8").count("imu=fine") == 5
 
 
 def test_linear_covariance_alone_makes_a_report(tmp_path):

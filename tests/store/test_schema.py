@@ -6,6 +6,7 @@ import pyarrow.parquet as pq
 
 from lvnav_trade.store import TABLES, load
 from lvnav_trade.store.schema import arrow_schema, error_column, unit_of
+from tests import synthetic
 
 
 def test_every_column_of_numbers_names_its_unit(written):
@@ -15,8 +16,8 @@ def test_every_column_of_numbers_names_its_unit(written):
                 assert unit_of(field.name), f"{name}.{field.name}"
 
 
-def test_every_row_carries_the_digest_of_its_case(written):
-    tables = load(written)
+def test_every_row_carries_the_digest_of_its_case(tmp_path):
+    tables = load(synthetic.results(tmp_path / "watched", n_run=8, size=8, logic=True))
     for name in TABLES:
         assert set(getattr(tables, name).case) == {"aaaaaaaaaaaa", "bbbbbbbbbbbb"}, name
 

@@ -1,0 +1,217 @@
+"""The filter's watch over its measurements: when it starts, what it believes, when it gives up and starts again.
+
+The logic of an open-loop filter (Thomas et al., section 5) as a small state machine, one step an epoch, of one run or
+of eight at once. What the receiver tells of a sample (flags, freshness, dilution of precision) is the same in every
+run and comes in as `Rules.good`; what the filter finds of it (a wild sample, a covariance out of bounds) is each
+run's own.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.lanes import like, magnitude, view, where
+from lvnav_trade.kernels.transition import POS, VEL
+from lvnav_trade.records import AIDING, CONVERGING, PREDICTING, STOPPED, WAITING
+
+Floats = NDArray[np.float64]
+
+(NONE, GOOD_SAMPLES, CONVERGED, DATA_LOST, DATA_AGAIN, LOSS_PERSISTS, RESIDUAL_PERSISTS, COVARIANCE_PERSISTS) = range(8)
+"""Why what it does changes, by number; in words: records.REASONS."""
+
+MODE, COUNT, SINCE, ERROR, WHY = range(5)
+"""Where a run's state stands: mode, good samples in a row, seconds since the filter started, seconds since the last
+epoch without an error, reason of the last stop.
+"""
+N_WATCH = 5
+N_ROW = 6
+
+
+class Rules(NamedTuple):
+    """The rules in numbers. interval s between epochs; good (n_epoch,) whether the receiver's sample passes all checks
+    at the input; limits (6,) largest residual of the position and velocity rows (inf: none), frame i; spread (6,)
+    largest variance of position and velocity error (inf: none); start_after samples; correct_after, stop_after s (inf:
+    never); restarts (3,) whether it starts again after a persistent loss, residual error, covariance error; from_gnss:
+    position and velocity start from the sample; P (n, n) the filter's covariance at a start.
+    """
+
+    interval: float
+    good: NDArray[np.bool_]
+    limits: Floats
+    spread: Floats
+    start_after: float
+    correct_after: float
+    stop_after: float
+    restarts: Floats
+    from_gnss: bool
+    P: Floats
+
+
+class Watch(NamedTuple):
+    """A run's watch, updated: state (N_WATCH,); before (6,) the sample before, less the inertial prediction; predicted
+    (6,) of that by the error state; sample (2,) whether this epoch's is used, and whether the filter starts with it;
+    mode, reason (n_epoch,) the log: what the filter does after each epoch, and why that changed there (0: it did not).
+    """
+
+    state: Floats
+    before: Floats
+    predicted: Floats
+    sample: Floats
+    mode: Floats
+    reason: Floats
+
+
+def watch_shapes(n_epoch: int) -> dict[str, tuple[int, ...]]:
+    """Return the shape of every array of a Watch for one run."""
+    return {
+        "state": (N_WATCH,), "before": (N_ROW,), "predicted": (N_ROW,), "sample": (2,), "mode": (n_epoch,),
+        "reason": (n_epoch,),
+    }  # fmt: skip
+
+
+def new_watch(n_epoch: int, lanes: int = 0) -> Watch:
+    """Return the arrays of a watch: one run, or `lanes` runs on the last axis."""
+    end = (lanes,) if lanes else ()
+    return Watch(**{name: np.zeros(shape + end) for name, shape in watch_shapes(n_epoch).items()})
+
+
+@jit
+def _as_lanes(w):
+    return Watch(view(w.state), view(w.before), view(w.predicted), view(w.sample), view(w.mode), view(w.reason))
+
+
+@jit
+def lanes_of_watch(watch):
+    """Return lane views of a watch's arrays, or None where there is none."""
+    if watch is None:
+        return None
+    return _as_lanes(watch)
+
+
+@jit
+def begin_watch(watch):
+    """Let a run's filter wait for its first samples, where it has a logic."""
+    if watch is not None:
+        for i in range(N_WATCH):
+            watch.state[i] = like(watch.before[0], 0.0)
+        for i in range(N_ROW):
+            watch.before[i] = like(watch.before[0], 0.0)
+
+
+@jit
+def is_running(mode):
+    """Return 1 where the filter runs, 0 where it waits or has stopped."""
+    return where((mode == CONVERGING) | (mode == AIDING) | (mode == PREDICTING), 1.0, 0.0)
+
+
+@jit
+def is_correcting(mode):
+    """Return 1 where the outputs are corrected, 0 where they are the inertial system's own."""
+    return where((mode == AIDING) | (mode == PREDICTING), 1.0, 0.0)
+
+
+@jit
+def judge(watch, rules, epoch, z, predicted):
+    """Judge an epoch's sample: set `watch.sample`, count good samples in a row.
+
+    Parameters
+    ----------
+    watch : Watch; rules : Rules
+    z : (6,) rows' measured minus predicted by the inertial system alone; predicted : (6,) what the error state predicts
+        of that. Neither is read where the sample fails the checks at the input.
+    """
+    state = watch.state
+    zero = like(state[MODE], 0.0)
+    if not rules.good[epoch]:
+        state[COUNT], watch.sample[0], watch.sample[1] = zero, zero, zero
+        return
+    wild, apart = zero, zero
+    for row in range(N_ROW):
+        wild = where(magnitude(z[row] - predicted[row]) <= rules.limits[row], wild, 1.0)
+        # before the start there is no prediction but the sample before: the inertial error changes little in between
+        apart = where(magnitude(z[row] - watch.before[row]) <= rules.limits[row], apart, 1.0)
+        watch.before[row] = z[row]
+    apart = where(state[COUNT] > 0.0, apart, 0.0)
+    state[COUNT] = where(apart > 0.0, 1.0, state[COUNT] + 1.0)
+    running, why = is_running(state[MODE]), state[WHY]
+    may = where(state[MODE] == STOPPED, 0.0, 1.0)
+    for error in range(3):
+        may = where(why == LOSS_PERSISTS + error, rules.restarts[error], may)
+    ready = where(state[COUNT] >= rules.start_after, 1.0, 0.0)
+    watch.sample[0] = running * (1.0 - wild)
+    watch.sample[1] = (1.0 - running) * ready * may
+
+
+@jit
+def start_filter(P, x, watch, rules, z, variance):
+    """Set error state and covariance where the filter starts; with `from_gnss` the sample is taken for position and
+    velocity as it is, else it is used as any other. variance (6,) of the sample's rows.
+    """
+    starts = watch.sample[1] > 0.0
+    n = rules.P.shape[0]
+    for i in range(n):
+        x[i] = where(starts, 0.0, x[i])
+        for j in range(n):
+            P[i, j] = where(starts, rules.P[i, j], P[i, j])
+    if not rules.from_gnss:
+        watch.sample[0] = where(starts, 1.0, watch.sample[0])
+        return
+    for row in range(N_ROW):
+        at = POS + row if row < 3 else VEL + row - 3
+        x[at] = where(starts, z[row], x[at])
+        for j in range(n):
+            P[at, j] = where(starts, 0.0, P[at, j])
+            P[j, at] = where(starts, 0.0, P[j, at])
+        P[at, at] = where(starts, variance[row], P[at, at])
+
+
+@jit
+def _covariance_error(P, rules):
+    """Return 1 where a variance of position or velocity is out of bounds, or no number."""
+    error = like(P[0, 0], 0.0)
+    for row in range(N_ROW):
+        at = POS + row if row < 3 else VEL + row - 3
+        error = where((P[at, at] > 0.0) & (P[at, at] <= rules.spread[row]), error, 1.0)
+    return error
+
+
+@jit
+def settle(watch, rules, epoch, P):
+    """Decide, after the sample was absorbed or not, what the filter does from this epoch on; log it."""
+    state, used, starts = watch.state, watch.sample[0], watch.sample[1]
+    before, good = state[MODE], rules.good[epoch]
+    broken = _covariance_error(P, rules)
+    running = where(starts > 0.0, 1.0, is_running(before))
+    mode = where(starts > 0.0, CONVERGING, before)
+    state[SINCE] = where(starts > 0.0, 0.0, state[SINCE] + rules.interval)
+    clean = where(broken > 0.0, 0.0, where(starts > 0.0, 1.0, used))
+    state[ERROR] = where(running * (1.0 - clean) > 0.0, state[ERROR] + rules.interval, 0.0)
+    if good:
+        due = (state[SINCE] >= rules.correct_after) & (used > 0.0) & (before == CONVERGING)
+        mode = where(due, AIDING, mode)
+        mode = where((before == PREDICTING) & (used > 0.0), AIDING, mode)
+    else:
+        mode = where(before == CONVERGING, WAITING, mode)
+        mode = where(before == AIDING, PREDICTING, mode)
+    persists = (state[ERROR] >= rules.stop_after) & (is_running(mode) > 0.0)
+    mode = where(persists, STOPPED, mode)
+    error = where(broken > 0.0, COVARIANCE_PERSISTS, RESIDUAL_PERSISTS if good else LOSS_PERSISTS)
+    state[WHY] = where(persists, error, where(starts > 0.0, 0.0, state[WHY]))
+    reason = where(mode == CONVERGING, GOOD_SAMPLES, DATA_LOST)
+    reason = where(mode == AIDING, where(before == CONVERGING, CONVERGED, DATA_AGAIN), reason)
+    reason = where(mode == STOPPED, error, reason)
+    state[MODE] = mode
+    watch.mode[epoch] = mode
+    watch.reason[epoch] = where(mode == before, 0.0, reason)
+
+
+@inlined
+def gate_of(watch, gate_squared):
+    """Return the gate on the rows of this epoch's sample: the filter's own where it is used, else one that nothing
+    passes.
+    """
+    return where(watch.sample[0] > 0.0, gate_squared, -1.0)

@@ -1,0 +1,170 @@
+"""Gains from a card in place of a covariance: stored for one flight, scheduled by its events or by time."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from lvnav_trade.units import Card
+
+Floats = NDArray[np.float64]
+ROWS = ("position x", "position y", "position z", "velocity x", "velocity y", "velocity z")
+"""The rows that gains are for, in the order in which they are absorbed, frame i."""
+
+Column = tuple[float, ...]
+
+
+class GainKnot(Card):
+    """Gains at one time: `since` s after the segment's event; for each row the gain of every state, SI."""
+
+    since: float
+    gain: tuple[Column, Column, Column, Column, Column, Column]
+
+
+class GainSegment(Card):
+    """Gains from an event on (by time: from lift-off on), linear between knots and held beyond them."""
+
+    event: str
+    knots: tuple[GainKnot, ...] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _rising(self) -> Self:
+        times = [knot.since for knot in self.knots]
+        if any(after <= before for before, after in pairwise(times)):
+            raise ValueError(f"segment {self.event!r}: the times of its knots should rise")
+        return self
+
+
+class GainSchedule(Card):
+    """Gains of a filter's states for position and velocity rows, computed once on the flight that `source` names."""
+
+    name: str
+    source: str
+    by: Literal["event", "time"] = Field("event", description="what a segment's times count from")
+    states: tuple[str, ...] = Field(description="states in the order of the gains, such as 'velocity x'")
+    segments: tuple[GainSegment, ...] = Field(min_length=1)
+    digest: str = Field(description="of states and segments: numbers that were changed by hand are refused")
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        found = digest_of(self.states, self.segments)
+        if found != self.digest:
+            raise ValueError(f"its numbers have digest {found}, not {self.digest}: compute the schedule again")
+        n = len(self.states)
+        if any(len(column) != n for s in self.segments for knot in s.knots for column in knot.gain):
+            raise ValueError(f"every row of a gain should have {n} numbers, one a state")
+        return self
+
+
+def digest_of(states: Sequence[str], segments: Sequence[GainSegment]) -> str:
+    """Return the digest of a schedule's content, 16 hexadecimal digits."""
+    numbers = [[s.event, [[k.since, k.gain] for k in s.knots]] for s in segments]
+    return hashlib.sha256(json.dumps([list(states), numbers]).encode()).hexdigest()[:16]
+
+
+def gains_at(schedule: GainSchedule, t: Floats, events: Mapping[str, float]) -> Floats:
+    """Return the gains at times t (n,) s of a flight with these events (s), (n, 6, n_state).
+
+    By event: those of the last event of the schedule that is past, at as many seconds after it; before the first one,
+    that segment's first gains. ValueError names an event of the schedule that the flight does not have.
+    """
+    starts = np.zeros(len(schedule.segments))
+    if schedule.by == "event":
+        missing = [s.event for s in schedule.segments if s.event not in events]
+        if missing:
+            raise ValueError(f"the gain schedule {schedule.name!r} needs the event {missing[0]!r}")
+        starts = np.array([events[s.event] for s in schedule.segments])
+    order = np.argsort(starts, kind="stable")
+    at = np.clip(np.searchsorted(starts[order], t + 1e-6, side="right") - 1, 0, None)
+    found = np.empty((len(t), len(ROWS), len(schedule.states)))
+    for place, k in enumerate(order):
+        chosen = at == place
+        found[chosen] = _between(schedule.segments[k], t[chosen] - starts[k])
+    return found
+
+
+def _between(segment: GainSegment, since: Floats) -> Floats:
+    """Return the gains (n, 6, n_state) at seconds after a segment's event, linear between its knots."""
+    times = np.array([knot.since for knot in segment.knots])
+    gains = np.array([knot.gain for knot in segment.knots])
+    after = np.clip(np.searchsorted(times, since, side="right"), 1, max(1, len(times) - 1))
+    before = np.minimum(after, len(times) - 1) if len(times) == 1 else after
+    before = np.maximum(before - 1, 0)
+    after = np.minimum(after, len(times) - 1)
+    span = np.where(after > before, times[after] - times[before], 1.0)
+    share = np.clip((since - times[before]) / span, 0.0, 1.0)[:, None, None]
+    return np.asarray(gains[before] + share * (gains[after] - gains[before]))
+
+
+def thin(t: Floats, gains: Floats, tolerance: float) -> list[int]:
+    """Return the indices of knots between which gains (n, ...) at times t (n,) are linear to a tolerance.
+
+    The tolerance is a share of each element's largest size. The point that lies furthest off is made a knot, again and
+    again (Douglas and Peucker).
+    """
+    flat = gains.reshape(len(t), -1)
+    scale = np.maximum(np.abs(flat).max(axis=0), 1e-300)
+    flat = flat / scale
+    kept, open_spans = {0, len(t) - 1}, [(0, len(t) - 1)]
+    while open_spans:
+        first, last = open_spans.pop()
+        if last - first < 2:
+            continue
+        inner = np.arange(first + 1, last)
+        share = ((t[inner] - t[first]) / (t[last] - t[first]))[:, None]
+        off = np.abs(flat[inner] - (flat[first] + share * (flat[last] - flat[first]))).max(axis=1)
+        if off.max() > tolerance:
+            middle = int(inner[np.argmax(off)])
+            kept.add(middle)
+            open_spans += [(first, middle), (middle, last)]
+    return sorted(kept)
+
+
+def schedule_of(
+    name: str,
+    source: str,
+    by: Literal["event", "time"],
+    states: Sequence[str],
+    t: Floats,
+    gains: Floats,
+    events: Mapping[str, float],
+    tolerance: float = 0.02,
+    digits: int = 4,
+) -> GainSchedule:
+    """Return the schedule of gains (n, 6, n_state) that a filter had at times t (n,) s of a flight with these events.
+
+    Between knots the gains are linear to `tolerance` of their largest size in the segment; they are rounded to so many
+    digits.
+    """
+    marks = [("liftoff", 0.0)] if by == "time" else sorted(events.items(), key=lambda item: (item[1], item[0]))
+    if by == "event":
+        marks = [mark for mark, after in zip(marks, [*marks[1:], ("", np.inf)], strict=True)
+                 if np.any((t >= mark[1] - 1e-6) & (t < after[1] - 1e-6)) or mark is marks[0]]  # fmt: skip
+    segments = []
+    for k, (event, start) in enumerate(marks):
+        end = marks[k + 1][1] if k + 1 < len(marks) else np.inf
+        chosen = np.flatnonzero((t >= (start if k else -np.inf) - 1e-6) & (t < end - 1e-6))
+        if not chosen.size:
+            continue
+        since = t[chosen] - (0.0 if by == "time" else start)
+        knots = [
+            GainKnot(since=round(float(since[i]), 6), gain=_rounded(gains[chosen[i]], digits))
+            for i in thin(since, gains[chosen], tolerance)
+        ]
+        segments.append(GainSegment(event=event, knots=tuple(knots)))
+    digest = digest_of(tuple(states), segments)
+    return GainSchedule(
+        name=name, source=source, by=by, states=tuple(states), segments=tuple(segments), digest=digest
+    )  # fmt: skip
+
+
+def _rounded(gain: Floats, digits: int) -> tuple[Column, Column, Column, Column, Column, Column]:
+    rows = [tuple(float(f"{value:.{digits - 1}e}") for value in row) for row in gain]
+    return rows[0], rows[1], rows[2], rows[3], rows[4], rows[5]

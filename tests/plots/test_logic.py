@@ -1,0 +1,25 @@
+"""The figure of a logic: every mode that occurs, none that does not."""
+
+from __future__ import annotations
+
+import pytest
+
+from lvnav_trade.plots import PLOTS
+from lvnav_trade.store import load
+from tests import synthetic
+
+
+@pytest.fixture(scope="module")
+def watched(tmp_path_factory):
+    return load(synthetic.results(tmp_path_factory.mktemp("watched"), n_run=8, size=8, logic=True))
+
+
+def test_the_legend_names_the_modes_that_occur(watched):
+    figure = PLOTS["logic"](watched, watched.cases.case[0])
+    named = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert {"waiting", "converging", "aiding", "predicting", "stopped"} <= named
+
+
+def test_without_a_logic_it_says_so(good):
+    figure = PLOTS["logic"](good, good.cases.case[0])
+    assert "no logic" in figure.axes[0].texts[0].get_text()
