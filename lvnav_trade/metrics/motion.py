@@ -57,7 +57,7 @@ def _rows(tables: Tables, inside: pd.DataFrame, label: str, phase: str, quantity
         sizes = [_rms(raw, "rms"), _rms(estimate, "rms"), _rms(estimate, "sigma"), _rms(estimate, "true")]
         believed = 1.0 - sizes[2] / _rms(raw, "sigma")
         runs = int(estimate.run_count.iloc[0])
-        low, high = (float(x) for x in rms_interval(np.array([1.0]), np.array([max(1, runs)])))
+        low, high = (float(x) for x in rms_interval(1.0, max(1, runs)))
         ratio = sizes[1] / sizes[2]
         verdict = (
             "no runs"

@@ -89,7 +89,7 @@ def control(tables: Tables) -> list[Block]:
     blocks = control_tables(tables)
     if not blocks:
         return []
-    if tables.cases.axes.str.contains("control.rate_gain").any():
+    if tables.cases["axes"].str.contains("control.rate_gain", regex=False).any():
         caption = "How much less the nozzle moves with the filtered rate, over the rate gain; 50 to 85 % shaded."
         blocks.append(picture("nozzle-sweep", PLOTS["sweep"](tables), caption))
     for case in list(tables.labels)[:4]:
