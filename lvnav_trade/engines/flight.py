@@ -99,14 +99,14 @@ def _judge(work, history, hist):
 
 
 @jit
-def _hand_out(work, kept, history, shared, belief, hist):
+def _hand_out(work, aside, history, shared, belief, hist):
     """Record at a history time: of an open loop the sum of inertial system and error state, which goes nowhere else."""
-    if kept is None:
+    if aside is None:
         record(work, history, shared, belief, hist)
     else:
-        add_up(work, kept, work.watch, belief)
+        add_up(work, aside, work.watch, belief)
         record(work, history, shared, belief, hist)
-        take_apart(work, kept, belief)
+        take_apart(work, aside, belief)
 
 
 @inlined
@@ -134,13 +134,13 @@ def fly(work, schedule, unit, signals, start, history, belief, options, k0, k1):
                 work.nav, work.sums, work.previous, work.increments, n_tick // belief.group, dt, belief.gravity
             )  # fmt: skip
             predict_window(work, belief, schedule.length[w])
-            carry(work, work.kept, belief, schedule.length[w])
+            carry(work, work.aside, belief, schedule.length[w])
         epoch = schedule.epoch[w]
         if epoch >= 0:
             clear_epoch(work, epoch, size(work.innovation, 1))
         if epoch >= 0 and belief.kind != INERTIAL:
             observe(work, options.solver, signals, tight, epoch, k0, k1)
             take(work, options.rules, belief, signals, epoch, dt)
-            feed_back(work, work.kept, belief)
+            feed_back(work, work.aside, belief)
         if schedule.hist[w] >= 0:
-            _hand_out(work, work.kept, history, signals.shared, belief, schedule.hist[w])
+            _hand_out(work, work.aside, history, signals.shared, belief, schedule.hist[w])

@@ -155,7 +155,7 @@ class Options(NamedTuple):
 class Work(NamedTuple):
     """Arrays of a run (or lane views of eight): states, scratch, and what is handed out. See `work_shapes`.
 
-    rx (receivers.base.Receiver), kept (filters.feedforward.Kept; an open loop's) and watch (filters.monitor.Watch)
+    rx (receivers.base.Receiver), aside (filters.feedforward.Aside; an open loop's) and watch (filters.monitor.Watch)
     belong to options and are None without them.
     """
 
@@ -195,7 +195,7 @@ class Work(NamedTuple):
     t_failed: Floats
     told: Floats
     rx: Any = None
-    kept: Any = None
+    aside: Any = None
     watch: Any = None
 
 

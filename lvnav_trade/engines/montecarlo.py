@@ -13,7 +13,7 @@ from lvnav_trade.engines.inputs import Sizes, Work, work_shapes
 from lvnav_trade.engines.prepare import Prepared, prepare
 from lvnav_trade.engines.recorded import values_of
 from lvnav_trade.filters.belief import LOOSE, TIGHT
-from lvnav_trade.filters.feedforward import lanes_of_kept, new_kept
+from lvnav_trade.filters.feedforward import lanes_of_aside, new_aside
 from lvnav_trade.filters.monitor import Watch, lanes_of_watch, new_watch
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import view
@@ -43,7 +43,7 @@ def fly_lanes(
         view(w.true_tables), view(w.par), view(w.tables), view(w.remainder), view(w.clock), view(w.clock_hat),
         view(w.shared), view(w.extra), view(w.ranges), view(w.solution), view(w.err), view(w.sigma), view(w.nees),
         view(w.nis), view(w.n_row), view(w.n_reject), view(w.innovation), view(w.failed), view(w.t_failed),
-        view(w.told), lanes_of(w.rx), lanes_of_kept(w.kept), lanes_of_watch(w.watch),
+        view(w.told), lanes_of(w.rx), lanes_of_aside(w.aside), lanes_of_watch(w.watch),
     )  # fmt: skip
     fly(work, schedule, unit, signals, start, history, belief, options, k0, k1)
 
@@ -84,7 +84,7 @@ def _new_work(prepared: Prepared, lanes: bool) -> Work:
     return Work(
         **arrays,
         rx=None if options.solver is None else new_receiver(n_lane),
-        kept=new_kept(prepared.layout.n_state, n_lane) if is_open else None,
+        aside=new_aside(prepared.layout.n_state, n_lane) if is_open else None,
         watch=None if options.rules is None else new_watch(prepared.t_epoch.size, n_lane),
     )
 

@@ -23,36 +23,36 @@ from lvnav_trade.kernels.lanes import like, size, view, where
 Floats = NDArray[np.float64]
 
 
-class Kept(NamedTuple):
+class Aside(NamedTuple):
     """What an open loop keeps while its sum is recorded: x (n_state,) error state, nav (10,) inertial system."""
 
     x: Floats
     nav: Floats
 
 
-def new_kept(n_state: int, lanes: int = 0) -> Kept:
+def new_aside(n_state: int, lanes: int = 0) -> Aside:
     """Return the arrays of an open loop: one run, or `lanes` runs on the last axis."""
     end = (lanes,) if lanes else ()
-    return Kept(np.zeros((n_state, *end)), np.zeros((10, *end)))
+    return Aside(np.zeros((n_state, *end)), np.zeros((10, *end)))
 
 
 @jit
 def _as_lanes(w):
-    return Kept(view(w.x), view(w.nav))
+    return Aside(view(w.x), view(w.nav))
 
 
 @jit
-def lanes_of_kept(kept):
+def lanes_of_aside(aside):
     """Return lane views of an open loop's arrays, or None where the loop is closed."""
-    if kept is None:
+    if aside is None:
         return None
-    return _as_lanes(kept)
+    return _as_lanes(aside)
 
 
 @jit
-def carry(work, kept, belief, length):
+def carry(work, aside, belief, length):
     """Propagate the error state of an open loop over a window, with the blocks that `predict_window` has filled."""
-    if kept is not None:
+    if aside is not None:
         apply_phi(
             work.x, work.K, work.D, belief.block_rows, belief.block_columns, belief.decay[length], belief.clock,
             belief.seconds[length],
@@ -60,9 +60,9 @@ def carry(work, kept, belief, length):
 
 
 @jit
-def feed_back(work, kept, belief):
+def feed_back(work, aside, belief):
     """Feed the error state back where the loop is closed."""
-    if kept is None:
+    if aside is None:
         correct(work, belief)
 
 
@@ -75,24 +75,24 @@ def _share(work, watch):
 
 
 @jit
-def add_up(work, kept, watch, belief):
-    """Set the navigation state to the sum of inertial system and error state; both are kept aside."""
+def add_up(work, aside, watch, belief):
+    """Set the navigation state to the sum of inertial system and error state; both are aside aside."""
     share = _share(work, watch)
     for i in range(size(work.x, 0)):
-        kept.x[i] = work.x[i]
+        aside.x[i] = work.x[i]
         work.x[i] = where(share > 0.0, work.x[i], 0.0)
     for i in range(size(work.nav, 0)):
-        kept.nav[i] = work.nav[i]
+        aside.nav[i] = work.nav[i]
     correct(work, belief)
 
 
 @jit
-def take_apart(work, kept, belief):
+def take_apart(work, aside, belief):
     """Undo `add_up`: nothing that is estimated reaches the strapdown."""
     for i in range(size(work.x, 0)):
-        work.x[i] = kept.x[i]
+        work.x[i] = aside.x[i]
     for i in range(size(work.nav, 0)):
-        work.nav[i] = kept.nav[i]
+        work.nav[i] = aside.nav[i]
     processes.zero_all(work.par)
     processes.zero_all(work.tables)
     for i in range(2):
