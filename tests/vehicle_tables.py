@@ -70,7 +70,8 @@ def _movement(case: str) -> list[dict[str, Any]]:
 def _turning(case: str) -> list[dict[str, Any]]:
     return [{"case": case, "feed": feed, "axis": axis, "phase": "burn", "tick_count": 1000,
              "inside_turning_ratio": 0.99, "inside_jerk_ratio": 1.0, "furthest_turning_ratio": 2.0,
-             "furthest_jerk_ratio": 0.5, "attitude_error_rad": 1e-3, "rate_error_rad_per_s": 1e-4, "rate_sigma_rad_per_s": 1.2e-4}
+             "furthest_jerk_ratio": 0.5, "attitude_error_rad": 1e-3, "rate_error_rad_per_s": 1e-4,
+             "rate_sigma_rad_per_s": 1.2e-4}
             for feed in ("raw", "filtered") for axis in ("pitch", "yaw")]  # fmt: skip
 
 
