@@ -144,7 +144,9 @@ class Published(_Measured):
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
-        if not 0 <= self.band[0] <= self.band[1] or self.band[1] == 0:
+        # a difference in percent may lie on the other side of zero
+        least = -abs(self.band[1]) if self.against is not None or self.than is not None else 0.0
+        if not least <= self.band[0] <= self.band[1] or self.band[1] == 0:
             raise ValueError("the band should be two growing ratios, such as [0.5, 2]")
         for name in ("against", "than"):
             if getattr(self, name) is not None and self.unit != "%":

@@ -16,7 +16,8 @@ from lvnav_trade.store import Tables, load
 def motion(results: Path | str | Tables, case: str, quantity: str) -> Figure:
     """Draw the errors of the raw sample and of the estimate, rate or acceleration, an axis below the other, 1 sigma."""
     tables = load(results)
-    axes_names = list(dict.fromkeys(tables.outputs[tables.outputs.quantity == quantity].axis))
+    named = dict.fromkeys(tables.outputs[tables.outputs.quantity == quantity].axis)
+    axes_names = [axis for axis in named if axis != "3d"]
     unit, factor = tables.people[quantity, axes_names[0]]
     with look():
         figure, grid = canvas(len(axes_names), 1, 1.95, sharex=True)

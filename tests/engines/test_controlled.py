@@ -46,7 +46,9 @@ def test_missions_are_those_of_the_loop_on_the_campaigns_draws(scenario, found):
 def test_the_filtered_rate_errs_as_little_as_its_filter_believes_and_moves_the_nozzle_less(found):
     missions, _ = found
     raw, filtered = (missions.turning[FEEDS.index(feed), :, 0] for feed in ("raw", "filtered"))
-    assert raw[:, 6] == pytest.approx(raw[:, 7], rel=0.03)  # the error of the raw rate is the noise of a sample
+    # the error of the raw rate is the noise of a sample, and what the vehicle turns in the half tick that it is late
+    assert (raw[:, 6] > raw[:, 7]).all()
+    assert (raw[:, 6] < 1.06 * raw[:, 7]).all()
     assert (filtered[:, 6] < 1.2 * filtered[:, 7]).all()
     assert (missions.total[1, :, 0] < missions.total[0, :, 0]).all()
     inside = missions.shown[..., 0] / missions.shown[..., 1]
