@@ -12,8 +12,8 @@ from lvnav_trade.store.read import Tables
 from lvnav_trade.store.schema import arrow_schema
 
 CASES = {
-    "aaaaaaaaaaaa": {"imu": "noisy", "control.rate_gain": "1"},
-    "bbbbbbbbbbbb": {"imu": "noisy", "control.rate_gain": "2"},
+    "aaaaaaaaaaaa": {"imu": "noisy", "rate_gain": "1"},
+    "bbbbbbbbbbbb": {"imu": "noisy", "rate_gain": "2"},
 }
 T = np.arange(0.0, 101.0)
 RAW, FILTERED, SIGMA = 7e-4, 6e-5, 8e-5

@@ -50,6 +50,9 @@ class Part(Card):
     question: str = Field("", description="what it asks; the campaign's own description if absent")
     figures: tuple[Figure, ...] = ()
     text: str = Field("", description="what should be said of what came out")
+    kml: Case | None = Field(
+        None, description="level of each axis: the case whose flight is kept as KML, with its 3-sigma position errors"
+    )
 
 
 class Study(Card):

@@ -18,6 +18,7 @@ from lvnav_trade.metrics.levers import expected, levers
 from lvnav_trade.metrics.logic import logic, modes, stops
 from lvnav_trade.metrics.motion import motion
 from lvnav_trade.metrics.nozzle import nozzle, turning
+from lvnav_trade.metrics.observed import observed
 from lvnav_trade.metrics.orbit import orbit
 from lvnav_trade.metrics.ranking import ranking
 from lvnav_trade.metrics.references import references
@@ -62,6 +63,7 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
     "corridor": corridor_verdicts,
     "motion": motion,
     "nozzle": nozzle,
+    "observed": observed,
     "turning": turning,
 }
 """Every metric by name; each takes a results folder, or its tables, and returns a tidy frame."""

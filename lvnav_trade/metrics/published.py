@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from lvnav_trade import units
 from lvnav_trade.layout import MISSION
 from lvnav_trade.metrics.nozzle import nozzle
+from lvnav_trade.metrics.observed import NUMERICAL, observed
 from lvnav_trade.metrics.select import errors_at, split_metric
 from lvnav_trade.metrics.spans import instant, phase, time_mean
 from lvnav_trade.store import Tables
@@ -21,8 +22,6 @@ from lvnav_trade.store.schema import error_column, rms_column
 Floats = NDArray[np.float64]
 _SAME = 1e-6
 """Seconds: one instant."""
-NUMERICAL = 1e-10
-"""Of the largest singular value: what is below is lost to rounding."""
 _SIGMAS = {"formal": ("filter_sigma_si", "lincov_formal_si"), "lincov": ("lincov_true_si", "lincov_true_si")}
 """Columns of the history behind a statistic, with runs and without."""
 
@@ -159,12 +158,13 @@ def _of_nozzle(tables: Tables, case: str, axis: str) -> Ours:
 
 
 def _of_rank(tables: Tables, case: str) -> Ours:
-    """Return the least number of states that any stretch observes: singular values above 1e-10 of its largest."""
-    rows = tables.observability[tables.observability.case == case]
+    """Return the least number of states that any stretch observes."""
+    rows = observed(tables)
+    rows = rows[rows.case == tables.labels[case]]
     if rows.empty:
         return Ours(np.nan, "not among our results")
-    counts = [int((one.singular_ratio > NUMERICAL * one.singular_ratio.max()).sum()) for _, one in rows.groupby("t_s")]
-    return Ours(float(min(counts)), f"{len(counts)} stretches, singular values above {NUMERICAL:g} of the largest")
+    row = rows.iloc[0]
+    return Ours(float(row.least_rank), f"{row.stretches} stretches, singular values above {NUMERICAL:g} of the largest")
 
 
 def _of_mission(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Ours:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from lvnav_trade.metrics.observed import is_position_bias
 from lvnav_trade.metrics.select import lincov_rms
 from lvnav_trade.plots.errors import rows_of
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, legend_below, look, mark_events
@@ -69,7 +70,7 @@ def singular(results: Path | str | Tables, case: str) -> Figure:
         figure, grid = canvas(1, 1, 3.2)
         ax = grid[0, 0]
         middle, reach = 0.5 * (rows.t_s + rows.t_end_s), 0.45 * (rows.t_end_s - rows.t_s)
-        apart = np.array([is_position_bias(text) for text in rows.direction])
+        apart = np.array([is_position_bias(text) for text in rows.direction], dtype=bool)
         for chosen, colour, label in ((~apart, PALETTE[0], "all other directions"),
                                       (apart, PALETTE[1], "position against its bias")):  # fmt: skip
             ax.hlines(rows.singular_ratio[chosen], (middle - reach)[chosen], (middle + reach)[chosen], color=colour,
@@ -82,11 +83,3 @@ def singular(results: Path | str | Tables, case: str) -> Figure:
         ax.set_ylabel("singular value (-)")
         legend_below(figure, ax, columns=3)
     return figure
-
-
-def is_position_bias(direction: str) -> bool:
-    """Say whether a direction in words is one in which a position trades with its bias."""
-    names = [part.split(" ", 1)[1] for part in direction.split(", ") if " " in part]
-    return any(name.startswith("position bias") for name in names) and all(
-        name.startswith("position") for name in names
-    )

@@ -121,7 +121,7 @@ def sweep(results: Path | str | Tables) -> Figure:
     lines: dict[str, list[tuple[float, str]]] = {}
     for case in tables.cases.itertuples():
         levels = json.loads(case.axes)
-        factor = float(levels.pop("control.rate_gain", 1.0))
+        factor = float(levels.pop("rate_gain", 1.0))
         lines.setdefault(", ".join(levels.values()) or "all", []).append((factor, tables.labels[case.case]))
     with look():
         figure, grid = canvas(1, 2, 2.9, sharey=True)

@@ -39,6 +39,25 @@ def motion_table(tables: Tables) -> list[Block]:
     return [Text(note), table(shown, "Rate and acceleration, 1 sigma. All of it: motion.csv.")]
 
 
+def observed_table(tables: Tables) -> list[Block]:
+    """Return the ranks of a campaign that asked for windows of flight, case by case."""
+    if not (tables.campaign.get("covariance") or {}).get("window"):
+        return []
+    frame = METRICS["observed"](tables)
+    frame.columns = [
+        "case", "stretches", "states", "least rank", "least rank with information", "smallest singular value (-)",
+        "position against its bias (-)",
+    ]  # fmt: skip
+    tolerance = float(tables.observability.tolerance_ratio.iloc[0])
+    note = (
+        "Singular values of the rows of a stretch, each in sigmas of its noise, states in initial sigmas; rate and "
+        "acceleration taken for constant over it. Rank: values above 1e-10 of the largest. With information: above "
+        f"{tolerance:g}; 1 halves a direction's variance. Last column: the smallest value of a direction in which "
+        "a position trades with its bias."
+    )
+    return [Text(note), table(frame, "Least of all stretches.")]
+
+
 def motion(tables: Tables) -> list[Block]:
     """Return rate and acceleration of every case that estimates them."""
     blocks = motion_table(tables)
@@ -89,7 +108,7 @@ def control(tables: Tables) -> list[Block]:
     blocks = control_tables(tables)
     if not blocks:
         return []
-    if tables.cases["axes"].str.contains("control.rate_gain", regex=False).any():
+    if tables.cases["axes"].str.contains("rate_gain", regex=False).any():
         caption = "How much less the nozzle moves with the filtered rate, over the rate gain; 50 to 85 % shaded."
         blocks.append(picture("nozzle-sweep", PLOTS["sweep"](tables), caption))
     for case in list(tables.labels)[:4]:

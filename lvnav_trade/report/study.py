@@ -20,7 +20,8 @@ from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.published import ratios
 from lvnav_trade.report.blocks import Block, Code, Picture, Section, Text, number, percent, picture, table
 from lvnav_trade.report.build import render
-from lvnav_trade.report.steered import control_tables, motion_table
+from lvnav_trade.report.kml import flights, write_kml
+from lvnav_trade.report.steered import control_tables, motion_table, observed_table
 from lvnav_trade.store import Tables
 
 CSV = ("references", "agreement")
@@ -81,9 +82,23 @@ def build(study: Study, answered: Sequence[Answered], folder: Path | str) -> Pat
         for name, frame in frames.items():
             frame.to_csv(target / f"{name}.csv", index=False, float_format="%.6g")
         (target / "report.md").write_text(text + "\n", encoding="utf-8")
+        for old in target.glob("*.kml"):
+            old.unlink()
+        for one in answered:
+            _keep_flight(one, target)
     except OSError as error:
         raise InputError(f"{target}: the study cannot be kept there: {error.strerror or error}") from error
     return target / "report.md"
+
+
+def _keep_flight(one: Answered, target: Path) -> None:
+    """Write the flight of the case that is asked for, with ellipses of its position error every minute."""
+    if one.part.kml is None:
+        return
+    _one_at_least(one, one.part.kml)
+    label = one.tables.labels[cases_of(one.tables, one.part.kml)[0]]
+    drawn = [flight for flight in flights(one.tables, True, 60.0) if flight.name == label]
+    write_kml(target / f"{one.part.campaign}.kml", f"{one.part.campaign}: {label}", drawn)
 
 
 def _references(one: Answered) -> pd.DataFrame:
@@ -97,7 +112,7 @@ def _agreement(one: Answered) -> pd.DataFrame:
 def _together(answered: Sequence[Answered], frame_of: Callable[[Answered], pd.DataFrame]) -> pd.DataFrame:
     """Return the frames of all campaigns, the campaign's name before each case."""
     frames = [frame_of(one).assign(campaign=one.part.campaign) for one in answered]
-    whole = pd.concat(frames, ignore_index=True)
+    whole = pd.concat([frame for frame in frames if len(frame)] or frames[:1], ignore_index=True)
     whole["case"] = whole.campaign + ": " + whole["case"]
     return whole.drop(columns="campaign")
 
@@ -169,7 +184,7 @@ def _campaign(one: Answered) -> Section:
         blocks.append(
             table(_shown(frame)[wanted], f"Published beside ours ({'; '.join(dict.fromkeys(frame.source))}).")
         )
-    blocks += [*motion_table(tables), *control_tables(tables)]
+    blocks += [*motion_table(tables), *control_tables(tables), *observed_table(tables)]
     for place, figure in enumerate(part.figures, 1):
         drawn = _draw(one, figure)
         if drawn is not None:
@@ -179,6 +194,10 @@ def _campaign(one: Answered) -> Section:
         drawn = PLOTS["spread"](tables, one.stated.get("references") or ())
         if drawn is not None:
             blocks.append(picture(f"{part.campaign}-spread", drawn, _CAPTIONS["spread"]))
+    if part.kml is not None:
+        blocks.append(
+            Text(f"The flight with its 3-sigma position errors, for viewers of the Earth: {part.campaign}.kml.")
+        )
     blocks += [Text(" ".join(paragraph.split())) for paragraph in part.text.split("\n\n") if paragraph.strip()]
     return Section(part.campaign, part.campaign.replace("_", " ").capitalize(), blocks)
 

@@ -104,5 +104,6 @@ def directions(t: Floats, y: Floats, s: Steering) -> Floats:
     """Return `direction` (n, 3) at times t (n,) and states y (n, 6 or more) of position and velocity."""
     out = np.empty((t.size, 3))
     for k in range(t.size):
-        out[k] = direction(t[k], (y[k, 0], y[k, 1], y[k, 2]), (y[k, 3], y[k, 4], y[k, 5]), s)
+        u = direction(t[k], (y[k, 0], y[k, 1], y[k, 2]), (y[k, 3], y[k, 4], y[k, 5]), s)
+        out[k, 0], out[k, 1], out[k, 2] = u
     return out

@@ -98,6 +98,14 @@ def test_a_step_that_is_compiled_into_its_caller_computes_the_same() -> None:
     assert four_times(1.5) == 6.0
 
 
+def test_a_kernel_that_only_kernels_call_gets_no_entry_for_python_until_python_calls_it() -> None:
+    four_times(2.5)
+    assert _twice.inner.signatures
+    assert not _twice.signatures
+    assert _twice(2.5) == 5.0
+    assert len(_twice.signatures) == 1
+
+
 def test_without_compilation_a_kernel_is_the_python_function() -> None:
     code = (
         "from lvnav_trade.kernels.earth import gravity_j4\n"

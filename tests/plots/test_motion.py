@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.plots import PLOTS
-from lvnav_trade.plots.motion import is_position_bias, motion, singular
+from lvnav_trade.plots.motion import motion, singular
 from lvnav_trade.plots.rotation import sweep
 from lvnav_trade.plots.style import look
 from tests.vehicle_tables import FILTERED, LESS, RAW, tables
@@ -48,8 +48,5 @@ def test_the_sweep_shows_reductions_by_their_gain():
     np.testing.assert_allclose(np.asarray(line.get_ydata(), dtype=float), 100.0 * LESS)
 
 
-def test_directions_in_which_a_position_trades_with_its_bias_are_known_by_their_words():
-    assert is_position_bias("+1.00 position bias x, -0.80 position north")
-    assert not is_position_bias("+1.00 position north")
-    assert not is_position_bias("+1.00 position bias x, +0.60 gyro bias x")
+def test_positions_against_their_biases_stand_out():
     assert len(singular(tables(), CASE).axes[0].collections) == 2

@@ -25,6 +25,7 @@ STUDY = Study.model_validate(
             {
                 "campaign": "synthetic",
                 "question": "Which grade?",
+                "kml": {"imu": "fine"},
                 "text": "It holds.\n\nSo does this.",
                 "figures": [
                     {"plot": "errors", "quantity": "velocity", "caption": "Both grades."},
@@ -87,6 +88,14 @@ def test_every_picture_of_the_page_is_kept_and_no_other(page):
     shown = set(re.findall(r"\(figures/([^)]+)\)", page.read_text()))
     assert shown == {path.name for path in (page.parent / "figures").glob("*.png")}
     assert {"ratios.png", "synthetic-1-errors.png", "synthetic-2-locus.png", "synthetic-spread.png"} <= shown
+
+
+def test_the_flight_of_the_case_asked_for_is_kept_with_its_errors(page):
+    text = (page.parent / "synthetic.kml").read_text()
+    assert "<name>synthetic: imu=fine</name>" in text
+    assert "3 sigma of position" in text
+    assert "imu=coarse" not in text
+    assert "synthetic.kml" in page.read_text()
 
 
 def test_the_same_study_gives_the_same_bytes(page, answered, tmp_path):
