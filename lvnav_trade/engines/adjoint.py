@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from lvnav_trade.engines.chained import go_back as go_back_chain
+from lvnav_trade.engines.chained import unkeep
 from lvnav_trade.engines.cover import fill_inputs, shared_partial
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.jit import jit
@@ -49,17 +51,20 @@ def _dot(a, b):
 @jit
 def _back_row(back, gain, h, epoch, channel, time_bin, signals, true, belief):
     """Go back through one row: what its noise put in, and the multipliers before it."""
-    n, source = belief.n_entry[channel], true.row_source[belief.row_type[channel]]
-    variance, shared = signals.sigma[epoch, channel] ** 2, signals.shared.member
+    n, source = true.n_entry[channel], true.row_source[belief.row_type[channel]]
+    # what is in a judged solution went in with the solution's own error
+    variance = 0.0 if belief.judged else signals.sigma[epoch, channel] ** 2
+    shared = signals.shared.member
+    n_family = 0 if belief.judged else shared.shape[0]
     for m in range(back.e.shape[0]):
         through = _dot(back.e[m], gain)
         back.contribution[m, source, time_bin] += through * through * variance
-        for family in range(shared.shape[0]):
+        for family in range(n_family):
             component = shared[family, channel]
             if component >= 0:
                 back.shared[m, component] -= through * shared_partial(signals, true, family, epoch, channel)
         for k in range(n):
-            back.e[m, belief.column[channel, k]] -= through * h[belief.entry[channel, k]]
+            back.e[m, true.column[channel, k]] -= through * h[true.entry[channel, k]]
 
 
 @jit
@@ -90,7 +95,7 @@ def _back_noise(back, noise, time_bin):
 @jit
 def _back_parameters(back, scratch, sums, true, belief, length, time_bin):
     """Go back through a window for every true parameter: its driving noise's share, and its multiplier before."""
-    seconds, decay = belief.seconds[length], belief.decay[length]
+    seconds, decay = belief.seconds[length], true.decay[length]
     for j in range(true.sensor.shape[0]):
         if true.profile[j] >= 0:
             continue
@@ -128,14 +133,15 @@ def _back_start(back, true):
 
 
 @jit
-def go_back(back, scratch, tape, last_window, time_bins, schedule, signals, true, belief):
+def go_back(back, scratch, tape, last_window, time_bins, schedule, signals, true, belief, chain, late):
     """Carry the multipliers from the end of a window back to the start of the flight; `back` is filled.
 
     Parameters
     ----------
     back : Backward, with e set to the metrics' rows; scratch : BackScratch; tape : Tape of the forward pass
     last_window : the metric stands at its end; time_bins (n_window,) bin of each window
-    schedule : Schedule; signals : Signals; true : TrueModel; belief : Belief
+    schedule : Schedule; signals : Signals; true : TrueModel; belief : Belief; chain : Chain, or None; late : Late, or
+        None
     """
     n_metric = back.e.shape[0]
     for w in range(last_window, -1, -1):
@@ -143,8 +149,11 @@ def go_back(back, scratch, tape, last_window, time_bins, schedule, signals, true
         for row in range(tape.first_row[w + 1] - 1, tape.first_row[w] - 1, -1):
             epoch, channel = tape.epoch[row], tape.channel[row]
             _back_row(back, tape.gain[row], tape.h[row], epoch, channel, time_bin, signals, true, belief)
+        if chain is not None and schedule.epoch[w] >= 0:
+            go_back_chain(back, scratch.y, chain, true, schedule.epoch[w], time_bin)
         if schedule.n_tick[w] == 0:
             continue
+        unkeep(back, true, late, w)
         length, sums, at = schedule.length[w], tape.sums[w], tape.position[w]
         seconds = belief.seconds[length]
         noise = true.noise[:, length]
@@ -159,7 +168,7 @@ def go_back(back, scratch, tape, last_window, time_bins, schedule, signals, true
                 scratch.D,
                 true.nav_rows,
                 true.nav_columns,
-                belief.decay[length],
+                true.decay[length],
                 belief.clock,
                 seconds,
             )

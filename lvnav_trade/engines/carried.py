@@ -28,13 +28,15 @@ class Nominal(NamedTuple):
     clock_hat: Floats
     x: Floats
     extra: Floats
+    told: Floats
+    past: Floats
 
 
 class Joint(NamedTuple):
-    """The state of the pass, updated: formal (n, n) the filter's covariance; sources (n_source, n, n) the true
-    error's by source; cross (n_block, 3, n) Cov(e, c); variance (n_block, 3) of c; shared_cross (n_component, n) and
-    shared_variance (n_component,) the same of errors that measurements share; mean (n,) of e; profile (n_profile, 3)
-    present value.
+    """The state of the pass, updated: formal (n_state, n_state) the filter's covariance; sources (n_source, n, n) the
+    true error's by source, of the n states of the joint vector (see `chained`); cross (n_block, 3, n) Cov(e, c);
+    variance (n_block, 3) of c; shared_cross (n_component, n) and shared_variance (n_component,) the same of errors that
+    measurements share; mean (n,); profile (n_profile, 3) present value.
     """
 
     formal: Floats
@@ -48,8 +50,8 @@ class Joint(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Work arrays: X (n, n); D, D_true (n_block, 9); y (n,); b, g (3, n); block (9,); K, x, gain (n,); deviation
-    (9,).
+    """Work arrays: X (n, n); D, D_true (n_block, 9); y (n,); b, g (3, n); block (9,); K, x (n_state,); gain (n,);
+    deviation (9,).
     """
 
     X: Floats

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from lvnav_trade.engines.chained import N_NAV, advance, judged_rows, keep_error
 from lvnav_trade.engines.sensing import profile_value
 from lvnav_trade.engines.truth import REMAINDER
 from lvnav_trade.filters.belief import INERTIAL, TIGHT
 from lvnav_trade.filters.ekf import channel_of, fill_loose, fill_tight, place_antenna, rows_at
+from lvnav_trade.filters.late import keep
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import absorb, predict
 from lvnav_trade.kernels.jit import inlined, jit
@@ -75,7 +77,7 @@ def _advance_mean(mean, deviation, sums, seconds):
 @jit
 def _propagate_parameters(joint, scratch, sums, true, unit, belief, length, middle):
     """Let every true parameter act over a window, in its source's covariance or, for a profile, in the mean."""
-    seconds, decay = belief.seconds[length], belief.decay[length]
+    seconds, decay = belief.seconds[length], true.decay[length]
     for j in range(true.sensor.shape[0]):
         fade = true.fade[length, j]
         fill_inputs(scratch.b, scratch.g, scratch.block, j, true, sums, seconds, decay, fade)
@@ -103,7 +105,7 @@ def _propagate_shared(joint, scratch, true, belief, length):
     """Let the errors that measurements share fade and wander over a window; in e they act where a state stands for
     them.
     """
-    seconds, decay, n = belief.seconds[length], belief.decay[length], joint.mean.shape[0]
+    seconds, decay, n = belief.seconds[length], true.decay[length], joint.mean.shape[0]
     b, g = scratch.b[0], scratch.g[0]
     for i in range(n):
         b[i], g[i] = 0.0, 0.0
@@ -123,12 +125,12 @@ def _propagate_shared(joint, scratch, true, belief, length):
 @inlined
 def _propagate(joint, scratch, nominal, true, unit, belief, length, first, n_tick, reference):
     """Propagate everything over one window: the filter's own covariance by its model, each source's by the truth's."""
-    seconds, decay, sums, nav = belief.seconds[length], belief.decay[length], nominal.sums, nominal.nav
+    seconds, decay, sums, nav = belief.seconds[length], true.decay[length], nominal.sums, nominal.nav
     x, y, z = nav[R], nav[R + 1], nav[R + 2]
     transition.fill(scratch.D, belief.block_kinds, belief.block_drivers, sums, x, y, z, seconds)
     predict(
-        joint.formal, scratch.X, scratch.D, belief.block_rows, belief.block_columns, decay, belief.noise[length],
-        belief.clock, seconds,
+        joint.formal, scratch.X, scratch.D, belief.block_rows, belief.block_columns, belief.decay[length],
+        belief.noise[length], belief.clock, seconds,
     )  # fmt: skip
     transition.fill(scratch.D_true, true.nav_kinds, true.nav_drivers, sums, x, y, z, seconds)
     rows, columns = true.nav_rows, true.nav_columns
@@ -188,16 +190,17 @@ def shared_partial(signals, true, family, epoch, channel):
 
 
 @jit
-def _absorb_shared(joint, gain, h, entries, columns, signals, true, epoch, channel):
+def _absorb_shared(joint, gain, h, entries, columns, signals, true, judged, epoch, channel):
     """Take the errors that measurements share through a row, after the sources' own update; return what they add to
     the innovation's variance.
     """
     spread, n = 0.0, gain.shape[0]
     member = signals.shared.member
+    n_family = 0 if judged else member.shape[0]
     for m in range(true.shared_source.shape[0]):
         y = joint.shared_cross[m]
         projected = update_vector(y, gain, h, entries, columns)
-        for family in range(member.shape[0]):
+        for family in range(n_family):
             if member[family, channel] != m:
                 continue
             a, P = shared_partial(signals, true, family, epoch, channel), joint.sources[true.shared_source[m]]
@@ -211,24 +214,36 @@ def _absorb_shared(joint, gain, h, entries, columns, signals, true, epoch, chann
     return spread
 
 
+@jit
+def _set_gain(gain, K, weight, n_estimated, corrected):
+    """Set the gain on the joint vector: the filter takes what it corrects off the kept state as well, where rows are of
+    that one.
+    """
+    for i in range(gain.shape[0]):
+        gain[i] = K[i] * weight if i < n_estimated else 0.0
+    if corrected >= 0:
+        for i in range(N_NAV):
+            gain[corrected + i] = gain[i]
+
+
 @inlined
 def _absorb_true(joint, scratch, tape, h, surprise, epoch, channel, signals, true, belief):
     """Absorb one row in the filter's covariance, and with that gain in every source and in the mean; return the
     expected square of its normalised innovation. `surprise` is the innovation on the nominal flight: what the truth's
     measurement holds, in every run, that the filter's model of it does not (an uncompensated latency).
     """
-    n, row_type = belief.n_entry[channel], belief.row_type[channel]
-    entries, columns = belief.entry[channel, :n], belief.column[channel, :n]
-    K, gain = scratch.K, scratch.gain
+    n, row_type, K, gain = belief.n_entry[channel], belief.row_type[channel], scratch.K, scratch.gain
+    variance = 1.0 if belief.judged else signals.variance[epoch, channel]
     _, weight = absorb(
-        joint.formal, scratch.x, K, h, entries, columns, 0.0, signals.variance[epoch, channel], np.inf,
+        joint.formal, scratch.x, K, h, belief.entry[channel, :n], belief.column[channel, :n], 0.0, variance, np.inf,
         belief.n_estimated, belief.joseph,
     )  # fmt: skip
-    for i in range(gain.shape[0]):
-        gain[i] = K[i] * weight if i < belief.n_estimated else 0.0
+    _set_gain(gain, K, weight, belief.n_estimated, true.corrected)
+    entries, columns = true.entry[channel, : true.n_entry[channel]], true.column[channel, : true.n_entry[channel]]
     if tape.channel.shape[0] > 0:
         _keep_row(tape, gain, h, epoch, channel)
-    noise = signals.sigma[epoch, channel] ** 2
+    # what is white in a judged solution is in the solution's own error already
+    noise = 0.0 if belief.judged else signals.sigma[epoch, channel] ** 2
     spread = noise
     for i in range(joint.sources.shape[0]):
         own = noise if true.row_source[row_type] == i else 0.0
@@ -236,7 +251,7 @@ def _absorb_true(joint, scratch, tape, h, surprise, epoch, channel, signals, tru
     for j in range(joint.cross.shape[0]):
         for axis in range(3):
             update_vector(joint.cross[j, axis], gain, h, entries, columns)
-    spread += _absorb_shared(joint, gain, h, entries, columns, signals, true, epoch, channel)
+    spread += _absorb_shared(joint, gain, h, entries, columns, signals, true, belief.judged, epoch, channel)
     offset = update_vector(joint.mean, gain, h, entries, columns) + surprise
     for i in range(gain.shape[0]):
         joint.mean[i] -= gain[i] * surprise
@@ -251,7 +266,7 @@ def _turned(P, at, c0, c1, c2):
 
 @jit
 def _write(out, hist, joint, axes_att, axes):
-    sources, n = joint.sources, joint.mean.shape[0]
+    sources, n = joint.sources, joint.formal.shape[0]
     for i in range(n):
         out.mean[hist, i] = joint.mean[i]
         for j in range(n):
@@ -289,14 +304,9 @@ def _fly_window(nominal, reference, first, n_tick, dt, kind):
     mechanise(nominal.nav, nominal.sums, nominal.previous, nominal.increments, n_tick, dt, kind)
 
 
-@inlined
-def _update(out, joint, scratch, tape, nominal, signals, true, belief, epoch):
-    """Absorb the rows that the filter would absorb at an epoch."""
-    if belief.clock >= 0:
-        joint.mean[belief.clock] += signals.clock_jump[epoch]
-    n_row = rows_at(belief, signals, epoch)
-    if n_row == 0:
-        return
+@jit
+def _fill(nominal, signals, belief, epoch):
+    """Fill the rows of an epoch on the nominal flight."""
     if belief.kind == TIGHT:
         for slot in range(signals.n_used[epoch]):
             s = signals.used[epoch, slot]
@@ -307,6 +317,34 @@ def _update(out, joint, scratch, tape, nominal, signals, true, belief, epoch):
             nominal.solution[axis] = signals.position[epoch, axis]
             nominal.solution[3 + axis] = signals.velocity[epoch, axis]
         fill_loose(nominal, belief, signals, epoch)
+
+
+@jit
+def _fill_judged(nominal, formal, signals, belief, chain, late, epoch):
+    """Fill the rows of a solution with a covariance of its own."""
+    for i in range(6):
+        nominal.solution[i] = chain.point[epoch, i]
+    fill_loose(nominal, belief, signals, epoch)
+    judged_rows(nominal, formal, chain, late, epoch)
+
+
+@inlined
+def _update(out, joint, scratch, tape, nominal, signals, true, belief, dt, chain, late, epoch):
+    """Absorb the rows that the filter would absorb at an epoch."""
+    if belief.clock >= 0:
+        joint.mean[belief.clock] += signals.clock_jump[epoch]
+    if chain is not None:
+        advance(joint, scratch.y, chain, true, epoch)
+    n_row = rows_at(belief, signals, epoch)
+    if chain is not None and not chain.solved[epoch]:
+        n_row = 0
+    if n_row == 0:
+        return
+    place_antenna(nominal, late, belief, dt)
+    if chain is not None:
+        _fill_judged(nominal, joint.formal, signals, belief, chain, late, epoch)
+    else:
+        _fill(nominal, signals, belief, epoch)
     for row in range(n_row):
         channel = channel_of(belief, signals, epoch, row)
         h, surprise = nominal.H[row], nominal.z[row]
@@ -316,8 +354,19 @@ def _update(out, joint, scratch, tape, nominal, signals, true, belief, epoch):
     out.n_row[epoch] = n_row
 
 
+@inlined
+def _keep(joint, nominal, true, belief, reference, tick, dt, late, window):
+    """Keep the state and its error that the next late measurement will be met with."""
+    if late is not None:
+        _take_nominal(nominal, reference, tick)
+        keep(nominal.past, nominal.nav, nominal.previous, late, window, dt, belief.gravity)
+        keep_error(joint, true, late, window)
+
+
 @jit
-def cover(out, joint, scratch, tape, nominal, schedule, unit, signals, record, axes_att, belief, true, reference):
+def cover(
+    out, joint, scratch, tape, nominal, schedule, unit, signals, record, axes_att, belief, true, reference, chain, late
+):
     """Carry the filter's covariance and the true one, source by source, over the nominal flight; `out` is filled.
 
     Parameters
@@ -325,7 +374,7 @@ def cover(out, joint, scratch, tape, nominal, schedule, unit, signals, record, a
     out : Cover, joint : Joint at the start, scratch : Scratch, tape : Tape, nominal : Nominal; all updated
     schedule : Schedule, unit : Unit, signals : Signals, record : Record, belief : Belief, true : TrueModel
     axes_att : (n_hist, 3, 3) from frame i to body axes at the history times
-    reference : Reference, the true motion
+    reference : Reference, the true motion; chain : Chain, or None; late : Late, or None
     """
     for w in range(schedule.n_tick.shape[0]):
         first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
@@ -334,11 +383,11 @@ def cover(out, joint, scratch, tape, nominal, schedule, unit, signals, record, a
             _propagate(joint, scratch, nominal, true, unit, belief, schedule.length[w], first, n_tick, reference)
             if tape.channel.shape[0] > 0:
                 _keep_window(tape, w, nominal)
+            _keep(joint, nominal, true, belief, reference, first + n_tick, unit.dt, late, w)
         epoch, hist = schedule.epoch[w], schedule.hist[w]
         if epoch >= 0 and belief.kind != INERTIAL:
             _take_nominal(nominal, reference, first + n_tick)
-            place_antenna(nominal, belief, unit.dt)
-            _update(out, joint, scratch, tape, nominal, signals, true, belief, epoch)
+            _update(out, joint, scratch, tape, nominal, signals, true, belief, unit.dt, chain, late, epoch)
         if tape.channel.shape[0] > 0:
             tape.first_row[w + 1] = tape.used[0]
         if hist >= 0:

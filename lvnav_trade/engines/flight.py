@@ -6,6 +6,7 @@ from lvnav_trade.engines.sensing import begin, begin_solver, observe, sense
 from lvnav_trade.filters.belief import INERTIAL, TIGHT
 from lvnav_trade.filters.ekf import clear_epoch, predict_window
 from lvnav_trade.filters.feedforward import add_up, carry, feed_back, take, take_apart
+from lvnav_trade.filters.late import keep
 from lvnav_trade.filters.monitor import begin_watch
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.attitude import matrix, small_rotation
@@ -134,13 +135,14 @@ def fly(work, schedule, unit, signals, start, history, belief, options, k0, k1):
                 work.nav, work.sums, work.previous, work.increments, n_tick // belief.group, dt, belief.gravity
             )  # fmt: skip
             predict_window(work, belief, schedule.length[w])
+            keep(work.past, work.nav, work.previous, options.late, w, dt, belief.gravity)
             carry(work, work.aside, belief, schedule.length[w])
         epoch = schedule.epoch[w]
         if epoch >= 0:
             clear_epoch(work, epoch, size(work.innovation, 1))
         if epoch >= 0 and belief.kind != INERTIAL:
             observe(work, options.solver, signals, tight, epoch, k0, k1)
-            take(work, options.rules, belief, signals, epoch, dt)
+            take(work, options.rules, options.late, belief, signals, epoch, dt)
             feed_back(work, work.aside, belief)
         if schedule.hist[w] >= 0:
             _hand_out(work, work.aside, history, signals.shared, belief, schedule.hist[w])

@@ -145,18 +145,19 @@ class Options(NamedTuple):
     A part is handed on as an argument of its own: the compiler drops `if part is None` for arguments only.
 
     solver (receivers.base.Solver): the receiver solves for position and velocity itself; rules (filters.monitor.Rules):
-    the filter has a logic.
+    the filter has a logic; late (filters.late.Late): late measurements are met with the state that they are of.
     """
 
     solver: Any = None
     rules: Any = None
+    late: Any = None
 
 
 class Work(NamedTuple):
     """Arrays of a run (or lane views of eight): states, scratch, and what is handed out. See `work_shapes`.
 
-    rx (receivers.base.Receiver), aside (filters.feedforward.Aside; an open loop's) and watch (filters.monitor.Watch)
-    belong to options and are None without them.
+    rx (receivers.base.Receiver), aside (filters.feedforward.Aside; an open loop's), watch (filters.monitor.Watch) and
+    past (N_PAST,) (filters.late) belong to options and are None without them.
     """
 
     run: NDArray[np.uint64]
@@ -197,6 +198,7 @@ class Work(NamedTuple):
     rx: Any = None
     aside: Any = None
     watch: Any = None
+    past: Any = None
 
 
 class Sizes(NamedTuple):

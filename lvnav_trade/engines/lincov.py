@@ -7,10 +7,20 @@ from scipy.stats import chi2
 
 from lvnav_trade.engines.adjoint import BackScratch, Backward, go_back
 from lvnav_trade.engines.carried import Cover, Joint, Nominal, Scratch, Tape, new_tape
+from lvnav_trade.engines.chained import N_JUDGED
 from lvnav_trade.engines.cover import cover
 from lvnav_trade.engines.prepare import Prepared
-from lvnav_trade.engines.truth import TrueModel, initial_cross, initial_shared, source_names, start_sources, true_model
+from lvnav_trade.engines.truth import (
+    TrueModel,
+    initial_cross,
+    initial_shared,
+    n_joint,
+    source_names,
+    start_sources,
+    true_model,
+)
 from lvnav_trade.filters.belief import TIGHT
+from lvnav_trade.filters.late import N_PAST
 from lvnav_trade.frames import matrices
 from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.records import AdjointBudget, CovHistory, Floats
@@ -18,11 +28,16 @@ from lvnav_trade.records import AdjointBudget, CovHistory, Floats
 
 def _joint(prepared: Prepared, true: TrueModel) -> Joint:
     cross, variance = initial_cross(prepared, true)
-    n, n_profile = prepared.layout.n_state, prepared.unit.profile_sensor.size
+    n, n_profile = n_joint(prepared), prepared.unit.profile_sensor.size
     return Joint(
         prepared.start.P.copy(), start_sources(true, cross), cross, variance, initial_shared(prepared, true),
         true.shared_start.copy(), np.zeros(n), np.zeros((n_profile, 3)),
     )  # fmt: skip
+
+
+def _width(prepared: Prepared) -> int:
+    """Return how many entries a row has."""
+    return N_JUDGED if prepared.chain is not None else prepared.belief.entry.shape[1]
 
 
 def nominal(prepared: Prepared) -> Nominal:
@@ -31,14 +46,14 @@ def nominal(prepared: Prepared) -> Nominal:
     n_row = max(6, 2 * n_slot)
     shapes = (
         (10,), (21,), (6,), (int(prepared.schedule.n_tick.max()), 6), (len(belief.levers), 12), (3,),
-        (n_row, belief.entry.shape[1]), (n_row,), (n_slot, 2), (6,), (2,), (belief.n_state,),
-        (max(1, belief.extra_offset.size),),
+        (n_row, _width(prepared)), (n_row,), (n_slot, 2), (6,), (2,), (belief.n_state,),
+        (max(1, belief.extra_offset.size),), (6, 6), (N_PAST,),
     )  # fmt: skip
     return Nominal(*(np.zeros(shape) for shape in shapes))
 
 
 def _scratch(prepared: Prepared, true: TrueModel) -> Scratch:
-    n = prepared.layout.n_state
+    n, n_state = n_joint(prepared), prepared.layout.n_state
     shapes = (
         (n, n),
         (prepared.belief.block_rows.size, 9),
@@ -47,8 +62,8 @@ def _scratch(prepared: Prepared, true: TrueModel) -> Scratch:
         (3, n),
         (3, n),
         (9,),
-        (n,),
-        (n,),
+        (n_state,),
+        (n_state,),
         (n,),
         (9,),
     )
@@ -76,6 +91,7 @@ def _cover(prepared: Prepared, names: list[str], true: TrueModel, tape: Tape) ->
     cover(
         out, _joint(prepared, true), _scratch(prepared, true), tape, nominal(prepared), prepared.schedule,
         prepared.unit, prepared.signals, prepared.record, axes_att, prepared.belief, true, prepared.reference,
+        prepared.chain, prepared.options.late,
     )  # fmt: skip
     return out
 
@@ -83,7 +99,7 @@ def _cover(prepared: Prepared, names: list[str], true: TrueModel, tape: Tape) ->
 def covariance(prepared: Prepared) -> CovHistory:
     """Return the filter's own and the true covariance of a case over its nominal flight, the true one by source."""
     names = source_names(prepared)
-    tape = new_tape(0, 0, prepared.layout.n_state, prepared.belief.entry.shape[1])
+    tape = new_tape(0, 0, n_joint(prepared), _width(prepared))
     return _history(prepared, names, _cover(prepared, names, true_model(prepared, names), tape))
 
 
@@ -92,8 +108,7 @@ def forward_tape(prepared: Prepared, true: TrueModel) -> Tape:
     names = source_names(prepared)
     per_satellite = 2 if prepared.belief.kind == TIGHT else 0
     n_row = int(np.sum(np.maximum(6, per_satellite * prepared.signals.n_used))) + 1
-    n_entry = prepared.belief.entry.shape[1]
-    tape = new_tape(prepared.schedule.n_tick.size, n_row, prepared.layout.n_state, n_entry)
+    tape = new_tape(prepared.schedule.n_tick.size, n_row, n_joint(prepared), _width(prepared))
     _cover(prepared, names, true, tape)
     return tape
 
@@ -140,21 +155,24 @@ def _go_back(
     """Return the edges of the bins and the variance (n_row, n_source, n_bin) that sources put into rows' e."""
     names = source_names(prepared)
     true, schedule = true_model(prepared, names), prepared.schedule
-    n = prepared.layout.n_state
+    n = n_joint(prepared)
     tape = tape or forward_tape(prepared, true)
     last = int(np.flatnonzero(schedule.hist == hist)[0])
     ends = prepared.reference.t[schedule.first_tick + schedule.n_tick]
     edges = np.arange(prepared.t_hist[0], ends[last] + bin_seconds, bin_seconds)
     bins = np.clip(np.searchsorted(edges, ends - 1e-9, side="right") - 1, 0, edges.size - 2)
     back = Backward(
-        np.array(rows, order="C"),
+        np.pad(np.array(rows, dtype=np.float64), ((0, 0), (0, n - rows.shape[1]))),
         np.zeros((len(rows), true.sensor.size, 3)),
         np.zeros((len(rows), true.shared_source.size)),
         np.zeros((len(rows), len(names), edges.size - 1)),
     )
     shapes = ((true.nav_rows.size, 9), (n,), (3, n), (3, n), (9,))
     scratch = BackScratch(*map(np.zeros, shapes))
-    go_back(back, scratch, tape, last, bins, schedule, prepared.signals, true, prepared.belief)
+    go_back(
+        back, scratch, tape, last, bins, schedule, prepared.signals, true, prepared.belief, prepared.chain,
+        prepared.options.late,
+    )  # fmt: skip
     return edges, back.contribution
 
 

@@ -14,6 +14,7 @@ from lvnav_trade.engines.prepare import Prepared, prepare
 from lvnav_trade.engines.recorded import values_of
 from lvnav_trade.filters.belief import LOOSE, TIGHT
 from lvnav_trade.filters.feedforward import lanes_of_aside, new_aside
+from lvnav_trade.filters.late import N_PAST
 from lvnav_trade.filters.monitor import Watch, lanes_of_watch, new_watch
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import view
@@ -21,6 +22,14 @@ from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.kernels.vector import WIDTH
 from lvnav_trade.receivers.base import lanes_of, new_receiver
 from lvnav_trade.records import NO_CHANGES, WAITING, Floats, RunBlock
+
+
+@jit
+def _view_of(array: Any) -> Any:
+    """Return a lane view of an array, or None where there is none."""
+    if array is None:
+        return None
+    return view(array)
 
 
 @jit
@@ -43,7 +52,7 @@ def fly_lanes(
         view(w.true_tables), view(w.par), view(w.tables), view(w.remainder), view(w.clock), view(w.clock_hat),
         view(w.shared), view(w.extra), view(w.ranges), view(w.solution), view(w.err), view(w.sigma), view(w.nees),
         view(w.nis), view(w.n_row), view(w.n_reject), view(w.innovation), view(w.failed), view(w.t_failed),
-        view(w.told), lanes_of(w.rx), lanes_of_aside(w.aside), lanes_of_watch(w.watch),
+        view(w.told), lanes_of(w.rx), lanes_of_aside(w.aside), lanes_of_watch(w.watch), _view_of(w.past),
     )  # fmt: skip
     fly(work, schedule, unit, signals, start, history, belief, options, k0, k1)
 
@@ -85,6 +94,7 @@ def _new_work(prepared: Prepared, lanes: bool) -> Work:
         **arrays,
         rx=None if options.solver is None else new_receiver(n_lane),
         aside=new_aside(prepared.layout.n_state, n_lane) if is_open else None,
+        past=None if options.late is None else np.zeros((N_PAST, *end)),
         watch=None if options.rules is None else new_watch(prepared.t_epoch.size, n_lane),
     )
 

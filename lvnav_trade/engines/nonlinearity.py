@@ -181,7 +181,7 @@ def _predicted(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Floa
     work.clock_hat[:] = -d[belief.clock : belief.clock + 2] if belief.clock >= 0 else 0.0
     for extra, offset in enumerate(belief.extra_offset):
         work.extra[extra] = -d[offset]
-    place_antenna(work, belief, prepared.unit.dt)
+    place_antenna(work, None, belief, prepared.unit.dt)
     if belief.kind == TIGHT:
         fill_tight(work, belief, prepared.signals, epoch)
         return work.z[: 2 * prepared.signals.n_used[epoch]].copy()

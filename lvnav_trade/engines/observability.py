@@ -72,7 +72,8 @@ def _gather(triangle, phi, D, y, row_of, tape, schedule, signals, true, belief, 
                 apply_phi(phi[j], y, D, true.nav_rows, true.nav_columns, decay, belief.clock, seconds)
         for row in range(tape.first_row[w], tape.first_row[w + 1]):
             channel = tape.channel[row]
-            weight = 1.0 / np.sqrt(signals.variance[tape.epoch[row], channel])
+            variance = 1.0 if belief.judged else signals.variance[tape.epoch[row], channel]
+            weight = 1.0 / np.sqrt(variance)
             for j in range(n):
                 total = 0.0
                 for k in range(belief.n_entry[channel]):

@@ -1,9 +1,16 @@
-"""Parts of a flight that not every case has, from the cards: a receiver that solves for position and velocity."""
+"""Parts of a flight that not every case has, from the cards: a receiver that solves itself, late measurements."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.engines.inputs import Schedule
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.base import ReceiverBelief
+from lvnav_trade.filters.late import Late
 from lvnav_trade.receivers.base import (
     Solver,
     Told,
@@ -12,13 +19,23 @@ from lvnav_trade.receivers.base import (
     own_covariance,
     point_model,
 )
+from lvnav_trade.records import Floats
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.solutions import BancroftSolution, DirectSolution, FilteredSolution, OwnCovariance
+
+Ints = NDArray[np.int64]
 
 
 def solves(scenario: Scenario) -> bool:
     """Return whether a loose filter takes the solution of a receiver that solves for it itself."""
     return scenario.filter.kind == "loose" and not isinstance(scenario.receiver.solution, DirectSolution)
+
+
+def judged(scenario: Scenario) -> bool:
+    """Return whether every solution comes with a covariance of its own, so that its rows are taken together."""
+    late = scenario.filter.delay_compensation
+    extrapolated = late is not None and late.kind == "extrapolated" and scenario.filter.kind == "loose"
+    return solves(scenario) or extrapolated
 
 
 def direct(scenario: Scenario) -> DirectSolution:
@@ -40,18 +57,23 @@ def every(scenario: Scenario) -> int:
 
 
 def refuse_contradiction(scenario: Scenario) -> None:
-    """InputError where a filter behind a solving receiver is asked for what it cannot have."""
-    if not solves(scenario):
+    """InputError where a filter is asked for what it cannot have together."""
+    card, late = scenario.filter, scenario.filter.delay_compensation
+    if late is not None and late.kind == "extrapolated" and card.kind != "loose":
+        raise InputError("filter.delay_compensation.kind: only a solution can be extrapolated; a tight filter buffers")
+    if late is not None and (card.feedback == "open" or card.logic is not None or card.init != "from_card"):
+        raise InputError("filter.delay_compensation: not with feedback: open, a logic, or init: from_gnss")
+    if not judged(scenario):
         return
-    card = scenario.filter
     extra = [name for name in (*card.extra_states, *card.consider) if name not in ("gyro_bias", "accel_bias")]
     shared = [name for name in extra if not name.startswith(("gyro_", "accel_"))]
     if shared:
         raise InputError(
-            f"filter.extra_states: {', '.join(shared)}: a filter behind a solving receiver "
-            f"(receiver.solution.kind: {scenario.receiver.solution.kind}) has no such state"
+            f"filter.extra_states: {', '.join(shared)}: a filter that takes solutions with a covariance of their own "
+            "(receiver.solution.kind bancroft or filtered, filter.delay_compensation.kind extrapolated) has no such "
+            "state"
         )
-    if any(fault.kind == "frozen_output" for fault in scenario.faults):
+    if solves(scenario) and any(fault.kind == "frozen_output" for fault in scenario.faults):
         raise InputError("faults: frozen_output needs receiver.solution.kind: direct, or a tight filter")
 
 
@@ -75,3 +97,77 @@ def solver_of(scenario: Scenario, belief: ReceiverBelief, most: int) -> Solver |
         return Solver(point_model(told, **card.numbers(), most=most))
     point = point_model(told, **card.fix.numbers(), most=most)
     return Solver(point, filter_model(told, epoch_interval(scenario), **card.numbers()))
+
+
+def delay_taken(scenario: Scenario, t_epoch: Floats, t_valid: Floats) -> Floats | None:
+    """Return the delay (n_epoch,) that the filter compensates; None where it does not.
+
+    t_valid (n_epoch,): when the measurements of the epochs are of, as the receiver stamps them. InputError where the
+    state of that time would lack the corrections of the epoch before.
+    """
+    card = scenario.filter.delay_compensation
+    if card is None or scenario.filter.kind == "inertial":
+        return None
+    delay = t_epoch - t_valid if isinstance(card.delay, str) else np.full(t_epoch.size, card.delay)
+    before = card.base if card.kind == "extrapolated" else 0.0
+    worst = int(np.argmax(delay)) if delay.size else 0
+    if delay.size and delay[worst] + before >= epoch_interval(scenario):
+        raise InputError(
+            f"filter.delay_compensation: a delay of {delay[worst] * 1e3:.0f} ms at {t_epoch[worst]:.0f} s"
+            f"{f' and a base of {before * 1e3:.0f} ms' if before else ''}, not less than the "
+            f"{epoch_interval(scenario) * 1e3:.0f} ms between epochs"
+        )
+    return delay
+
+
+def late_of(scenario: Scenario, delay: Floats | None, at: Kept | None, schedule: Schedule) -> Late | None:
+    """Return how late measurements are met; None where they are not compensated."""
+    card = scenario.filter.delay_compensation
+    if card is None or delay is None or at is None:
+        return None
+    ends = np.where(schedule.n_tick > 0, schedule.first_tick + schedule.n_tick, -1)
+    return Late(
+        extrapolated=card.kind == "extrapolated",
+        valid=_epoch_at(ends, at.valid),
+        early=_epoch_at(ends, at.early),
+        delay=delay,
+        offset=at.offset,
+        base=at.base,
+        interval=epoch_interval(scenario),
+        jitter=card.delay_sigma**2,
+        acceleration=card.acceleration_sigma**2,
+    )
+
+
+def _epoch_at(ends: Ints, ticks: Ints) -> Ints:
+    """Return the epoch (n_window,) whose tick a window ends at, -1 none."""
+    found = np.full(ends.size, -1, dtype=np.int64)
+    number = {int(tick): epoch for epoch, tick in enumerate(ticks)}
+    for window, end in enumerate(ends.tolist()):
+        found[window] = number.get(end, -1)
+    return found
+
+
+class Kept(NamedTuple):
+    """Ticks at whose end the state of an epoch's measurement is kept, and its velocity before; offset (n_epoch,) s from
+    the tick to the time of validity, base (n_epoch,) s from the earlier tick to it.
+    """
+
+    valid: Ints
+    early: Ints
+    offset: Floats
+    base: Floats
+
+
+def kept_at(scenario: Scenario, t_epoch: Floats, delay: Floats | None, t: Floats, group: int) -> Kept | None:
+    """Return when states are kept; t (n_tick + 1,) s of the ticks, a step of the strapdown is `group` of them."""
+    card = scenario.filter.delay_compensation
+    if card is None or delay is None:
+        return None
+    dt, wanted = float(t[1] - t[0]), t_epoch - delay
+    valid = np.maximum(group, np.rint((wanted - t[0]) / (dt * group)).astype(np.int64) * group)
+    early = np.maximum(0, valid - max(1, round(card.base / (dt * group))) * group)
+    offset = wanted - t[valid]
+    # what is left of rounding is not worth a step
+    offset = np.where(np.abs(offset) < 1e-6 * dt, 0.0, offset)
+    return Kept(valid, early, offset, wanted - t[early])

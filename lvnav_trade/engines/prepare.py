@@ -13,9 +13,21 @@ from numpy.typing import NDArray
 from lvnav_trade.engines.atmosphere import Delays, delays
 from lvnav_trade.engines.families import ErrorFamily, shared_of
 from lvnav_trade.engines.inputs import Options, Record, Schedule, Signals, Start, Unit
-from lvnav_trade.engines.options import epoch_interval, every, refuse_contradiction, solver_of, solves
+from lvnav_trade.engines.options import (
+    delay_taken,
+    epoch_interval,
+    every,
+    judged,
+    kept_at,
+    late_of,
+    refuse_contradiction,
+    solver_of,
+    solves,
+)
 from lvnav_trade.engines.recorded import Recorded, recorded
 from lvnav_trade.engines.signals import Line, channels_of, families, geometry_of, signals
+from lvnav_trade.engines.solution import Chain, chain_of
+from lvnav_trade.engines.times import epochs_of, times_of
 from lvnav_trade.engines.vehicle import Vehicle, vehicle_of
 from lvnav_trade.engines.watching import pdop, watched
 from lvnav_trade.filters.belief import Belief, believe, initial_covariance
@@ -81,6 +93,7 @@ class Prepared(NamedTuple):
     delays: Delays
     recorded: Recorded
     options: Options
+    chain: Chain | None
     vehicle: Vehicle | None = None
 
 
@@ -108,40 +121,6 @@ def trajectory_of(scenario: Scenario) -> Trajectory:
 @lru_cache(maxsize=4)
 def _sampled(identity: str, kind: type[TrajectoryCard], rate: float) -> Reference:
     return reference(_built(identity, kind), rate)
-
-
-def _ticks(times: Floats, start: float, rate: float, n_imu: int, group: int = 1) -> Ints:
-    """Return the tick nearest to each time, on a step of the strapdown (`group` ticks)."""
-    return np.clip(np.rint((times - start) * rate / group).astype(np.int64) * group, 0, n_imu)
-
-
-def _history_times(trajectory: Trajectory, start: float, end: float, every: float) -> Floats:
-    """Return the grid and every event time, sorted; a time that is on the grid stands once."""
-    grid = np.arange(math.ceil(start / every), math.floor(end / every) + 1) * every
-    events = np.array([t for t in trajectory.events.values() if start <= t <= end])
-    return np.unique(np.concatenate([[start], grid, events]))
-
-
-def _schedule(n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints) -> tuple[Schedule, Ints]:
-    """Cut the flight into windows at covariance steps, epochs and history times; a second history time on the same tick
-    gets a window of no ticks. Returns the schedule and the distinct window lengths in ticks.
-    """
-    bounds = np.unique(np.concatenate([np.arange(0, n_imu + 1, per_window), hist_tick, epoch_tick, [0, n_imu]]))
-    epoch_at = {int(tick): index for index, tick in enumerate(epoch_tick)}
-    hist_at: dict[int, list[int]] = {}
-    for index, tick in enumerate(hist_tick):
-        hist_at.setdefault(int(tick), []).append(index)
-    rows: list[tuple[int, int, int, int]] = []
-    last = 0
-    for tick in bounds.tolist():
-        here = hist_at.get(tick, [])
-        if tick > 0 or here:
-            rows.append((last, tick - last, epoch_at.get(tick, -1), here[0] if here else -1))
-        rows += [(tick, 0, -1, index) for index in here[1:]]
-        last = tick
-    first, counts, epoch, hist = (np.array(column, dtype=np.int64) for column in zip(*rows, strict=True))
-    lengths, which = np.unique(counts, return_inverse=True)
-    return Schedule(first, counts, which.astype(np.int64), epoch, hist), lengths
 
 
 def _profiles(card: ImuCard, faults: Sequence[AnyFault], events: dict[str, float]) -> list[Profile]:
@@ -229,48 +208,6 @@ def reporting_axes(frame: str, t: Floats, r_i: Floats, v_i: Floats, theta0: floa
     return rotation_i_e(theta) if frame == "ecef" else rotation_i_n(r_i, theta)
 
 
-def _with_steps(t_hist: Floats, steps: Floats, start: float, rate: float, n_imu: int, group: int) -> Floats:
-    """Return history times and covariance steps (s), sorted; a step on the tick of a history time stands once."""
-    grid = (start, rate, n_imu, group)
-    new = ~np.isin(_ticks(steps, *grid), _ticks(t_hist, *grid))
-    return np.sort(np.concatenate([t_hist, steps[new]]))
-
-
-class _Times(NamedTuple):
-    """When a flight is looked at: epochs and history times (s) with their ticks, windows, their lengths (s), and the
-    ticks to a strapdown step.
-    """
-
-    t_epoch: Floats
-    epoch_tick: Ints
-    t_hist: Floats
-    hist_tick: Ints
-    schedule: Schedule
-    lengths: Floats
-    group: int
-
-
-def _times(
-    scenario: Scenario, trajectory: Trajectory, ref: Reference, history: float, every_step_beside: Floats | None
-) -> _Times:
-    card, rate = scenario.filter, scenario.imu.rate
-    start, end = float(ref.t[0]), float(ref.t[-1])
-    group = 1 if card.strapdown_rate is None else round(rate / card.strapdown_rate)
-    n_imu = ref.dtheta.shape[0] // group * group
-    interval = epoch_interval(scenario)
-    n_epoch = math.floor((end - start) / interval + 1e-9)
-    t_epoch = start + interval * np.arange(1, n_epoch + 1, dtype=np.float64)
-    epoch_tick = _ticks(t_epoch, start, rate, n_imu, group)
-    t_epoch = ref.t[epoch_tick]  # increments end at ticks: half a tick is 20 m at orbital speed
-    per_window = max(1, round(rate / card.covariance_rate))
-    t_hist = _history_times(trajectory, start, end, history)
-    if every_step_beside is not None:
-        t_hist = _with_steps(every_step_beside, ref.t[::per_window], start, rate, n_imu, group)
-    hist_tick = _ticks(t_hist, start, rate, n_imu, group)
-    schedule, lengths = _schedule(n_imu, per_window, hist_tick, epoch_tick)
-    return _Times(t_epoch, epoch_tick, t_hist, hist_tick, schedule, lengths / rate, group)
-
-
 def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats | None = None) -> Prepared:
     """Make a scenario ready: trajectory, increments, satellites, beliefs, and the windows of the flight.
 
@@ -287,23 +224,29 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     kind, text = type(scenario.trajectory), _identity(scenario.trajectory)
     trajectory, card = _built(text, kind), scenario.filter
     ref = _sampled(text, kind, scenario.imu.rate)
-    at = _times(scenario, trajectory, ref, history, every_step_beside)
-    seen = _seen(scenario, trajectory, at.t_epoch, float(ref.t[0]))
-    imu, receiver, initial = beliefs(scenario)
     refuse_contradiction(scenario)
+    epochs = epochs_of(scenario, ref)
+    t_epoch = epochs.t
+    seen = _seen(scenario, trajectory, t_epoch, float(ref.t[0]))
+    unstamped = delay(scenario.faults, trajectory.events, t_epoch)
+    delayed = delay_taken(scenario, t_epoch, np.minimum(t_epoch, seen.t + unstamped))
+    kept = kept_at(scenario, t_epoch, delayed, ref.t, epochs.group)
+    at = times_of(scenario, trajectory, ref, epochs, kept, history, every_step_beside)
+    imu, receiver, initial = beliefs(scenario)
     channels, lever_b = channels_of(scenario, seen), np.array(scenario.receiver.lever_b)
     measured = channels._replace(tight=True) if solves(scenario) else channels
     levers = seen.levers if channels.tight else lever_b[None, :]
-    cut = (at.lengths, channels, at.group, every(scenario), solves(scenario))
-    layout, belief = believe(card, imu, receiver, levers, *cut)
+    layout, belief = believe(
+        card, imu, receiver, levers, at.lengths, channels, epochs.group, every(scenario), judged(scenario)
+    )  # fmt: skip
     line = Line(trajectory, lever_b, seen)
     late_by = delays(trajectory, scenario.receiver, seen, scenario.atmosphere, card.corrections)
     geometry = geometry_of(line, seen.tracked, late_by.troposphere, late_by.ionosphere)
     believed = geometry_of(line, seen.tracked, late_by.believed_troposphere, late_by.believed_ionosphere)
-    failed = failures(scenario.faults, trajectory.events, at.t_epoch, seen.names, seen.elevation, seen.tracked)
+    failed = failures(scenario.faults, trajectory.events, t_epoch, seen.names, seen.elevation, seen.tracked)
     tabled = recorded(scenario, trajectory.theta0, line, seen, measured, failed.frozen)
     shared_errors = (*families(scenario, geometry, measured, failed), *tabled.families)
-    shared = shared_of(shared_errors, layout, epoch_interval(scenario), (at.t_epoch.size, measured.n_channel))
+    shared = shared_of(shared_errors, layout, epoch_interval(scenario), (t_epoch.size, measured.n_channel))
     left = late_by.left + time_offsets(scenario.constellation, seen.systems, trajectory.epoch, seen.t)
     truth = signals(
         scenario, seen, line, receiver, layout, believed, channels, measured, shared, failed, left, tabled.mean
@@ -312,6 +255,10 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], trajectory.theta0)[0].T
     P = initial_covariance(layout, initial, C_n_i, card.envelope or EnvelopeCard())
     truth, rules = watched(card, failed, truth, pdop(line.direction, seen.tracked), P)
+    solver = solver_of(scenario, receiver, truth.used.shape[1])
+    chain = chain_of(solver, judged(scenario), truth, line)
+    if chain is not None and solver is not None:
+        truth = truth._replace(variance=np.diagonal(chain.told, axis1=1, axis2=2).copy())
     return Prepared(
         scenario=scenario,
         trajectory=trajectory,
@@ -326,14 +273,15 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         unit=_unit(scenario, ref, blocks, trajectory.events),
         signals=truth,
         start=_start(scenario, ref, C_n_i, P),
-        record=_record(scenario, trajectory, ref, at.hist_tick, at.t_hist, at.epoch_tick),
+        record=_record(scenario, trajectory, ref, at.hist_tick, at.t_hist, epochs.tick),
         t_hist=at.t_hist,
-        t_epoch=at.t_epoch,
+        t_epoch=t_epoch,
         lengths=at.lengths,
         delays=late_by,
         recorded=tabled,
-        options=Options(solver_of(scenario, receiver, truth.used.shape[1]), rules),
-        vehicle=vehicle_of(scenario, trajectory, ref, layout, imu, at.epoch_tick),
+        options=Options(solver, rules, late_of(scenario, delayed, kept, at.schedule)),
+        chain=chain,
+        vehicle=vehicle_of(scenario, trajectory, ref, layout, imu, epochs.tick),
     )
 
 

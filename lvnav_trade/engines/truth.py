@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lvnav_trade.engines.chained import CARRIED, CHAINED, N_KEPT_STATE, N_NAV, kept_column
 from lvnav_trade.engines.prepare import Prepared
 from lvnav_trade.engines.vehicle import ATTITUDE_NOISE
 from lvnav_trade.filters.belief import INERTIAL, TIGHT, transition_blocks
@@ -30,8 +31,11 @@ class TrueModel(NamedTuple):
     variance. Errors that measurements share, by component: shared_source, shared_matched (n_component,), shared_fade,
     shared_wander (n_length, n_component), shared_start (n_component,) as above; shared_family (n_family,) family of the
     filter's extra states that stands for the same thing, -1 none. nav_rows ... nav_drivers: blocks of the true
-    transition of e. noise (n_source, n_length, n_state): white noise of each source; initial (n_source, n_state,
-    n_state); row_source (4,) source of each row type.
+    transition of e. noise (n_source, n_length, n): white noise of each source; initial (n_source, n, n); row_source
+    (4,) source of each row type; decay (n_length, n) of e as the filter believes; n_entry (n_channel,), entry, column
+    of rows with respect to the n states of the joint vector: e, and where there are such the error of a solution from
+    `chain` on (-1 none) with sources chain_source (n_in,) of its white errors, and the kept error from `kept` on;
+    corrected: the same where rows are of the kept state, so that what one row corrects is taken off the next, -1 else.
     """
 
     sensor: Ints
@@ -55,6 +59,14 @@ class TrueModel(NamedTuple):
     noise: Floats
     initial: Floats
     row_source: Ints
+    decay: Floats
+    n_entry: Ints
+    entry: Ints
+    column: Ints
+    chain: int
+    chain_source: Ints
+    kept: int
+    corrected: int
 
 
 def source_names(prepared: Prepared) -> list[str]:
@@ -76,11 +88,64 @@ def source_names(prepared: Prepared) -> list[str]:
         names += list(dict.fromkeys(family.source for family in prepared.families))
     if tight:
         names += ["receiver clock start", "receiver clock", "pseudorange noise", "range-rate noise"]
+    elif prepared.options.solver is not None:
+        names += ["receiver clock", "pseudorange noise", "range-rate noise"]
     elif prepared.belief.kind != INERTIAL:
         names += ["position solution noise", "velocity solution noise"]
     if prepared.vehicle is not None:
         names.append(ATTITUDE_NOISE)
     return names
+
+
+def n_joint(prepared: Prepared) -> int:
+    """Return how many states the joint vector has: the filter's, those of a solution's error, and what is kept."""
+    chain = 0 if prepared.chain is None else prepared.chain.move.shape[1]
+    return prepared.layout.n_state + chain + (0 if prepared.options.late is None else N_KEPT_STATE)
+
+
+# By the codes of `solution`.
+_WHITE = (
+    "pseudorange noise",
+    "range-rate noise",
+    "receiver clock",
+    "position solution noise",
+    "velocity solution noise",
+)
+
+
+def _behind(prepared: Prepared, names: list[str]) -> dict[str, Any]:
+    """Return where the states behind e stand, and the rows with respect to the whole joint vector; see TrueModel."""
+    belief, chain, late, n = prepared.belief, prepared.chain, prepared.options.late, prepared.layout.n_state
+    at_chain = -1 if chain is None else n
+    at_kept = -1 if late is None else n + (0 if chain is None else chain.move.shape[1])
+    buffered = late is not None and not late.extrapolated
+    rows = []
+    for channel, count in enumerate(belief.n_entry.tolist()):
+        pairs = [
+            (int(e), kept_column(int(c), at_kept, buffered))
+            for e, c in zip(belief.entry[channel, :count], belief.column[channel, :count], strict=True)
+        ]
+        if chain is not None:
+            pairs += [(CHAINED + i, at_chain + int(chain.pick[i])) for i in range(6)]
+            if late is not None and not buffered:
+                pairs += [(CARRIED + i, at_kept + VEL + i) for i in range(3)]
+                pairs += [(CARRIED + 3 + i, at_kept + N_NAV + i) for i in range(3)]
+        rows.append(pairs)
+    width = max((len(pairs) for pairs in rows), default=0)
+    entry, column = np.zeros((len(rows), width), dtype=np.int64), np.zeros((len(rows), width), dtype=np.int64)
+    for channel, pairs in enumerate(rows):
+        for i, (e, c) in enumerate(pairs):
+            entry[channel, i], column[channel, i] = e, c
+    kinds = np.zeros(0, dtype=np.int64) if chain is None else chain.kind
+    return {
+        "n_entry": np.array([len(pairs) for pairs in rows], dtype=np.int64),
+        "entry": entry,
+        "column": column,
+        "chain": at_chain,
+        "chain_source": np.array([names.index(_WHITE[kind]) for kind in kinds], dtype=np.int64),
+        "kept": at_kept,
+        "corrected": at_kept if buffered else -1,
+    }
 
 
 def _block_table(prepared: Prepared, names: list[str]) -> list[tuple[int, int, int, int, float, float, float, int]]:
@@ -140,7 +205,7 @@ def _fade_and_wander(table: list[Any], seconds: Floats) -> tuple[Floats, Floats]
 
 def _white_noise(prepared: Prepared, names: list[str]) -> Floats:
     imu, receiver, layout = prepared.scenario.imu, prepared.scenario.receiver, prepared.layout
-    noise = np.zeros((len(names), prepared.lengths.size, layout.n_state))
+    noise = np.zeros((len(names), prepared.lengths.size, n_joint(prepared)))
     seconds = prepared.lengths[:, None]
     noise[names.index("gyro random walk"), :, ATT : ATT + 3] = imu.gyro.random_walk**2 * seconds
     noise[names.index("accelerometer random walk"), :, VEL : VEL + 3] = imu.accel.random_walk**2 * seconds
@@ -151,7 +216,7 @@ def _white_noise(prepared: Prepared, names: list[str]) -> Floats:
 
 
 def _initial(prepared: Prepared, names: list[str]) -> Floats:
-    n, layout, clock = prepared.layout.n_state, prepared.layout, prepared.scenario.receiver.clock
+    n, layout, clock = n_joint(prepared), prepared.layout, prepared.scenario.receiver.clock
     initial = np.zeros((len(names), n, n))
     for index, at in enumerate((ATT, VEL, POS)):
         root = prepared.start.roots[index]
@@ -186,6 +251,10 @@ def true_model(prepared: Prepared, names: list[str]) -> TrueModel:
         noise=_white_noise(prepared, names),
         initial=_initial(prepared, names),
         row_source=np.array([names.index(name) if name in names else -1 for name in row_names], dtype=np.int64),
+        decay=np.pad(
+            prepared.belief.decay, ((0, 0), (0, n_joint(prepared) - prepared.layout.n_state)), constant_values=1.0
+        ),
+        **_behind(prepared, names),
         **_shared(prepared, names),  # type: ignore[arg-type]  # every entry goes to the field of its name
     )
 
@@ -195,7 +264,7 @@ def initial_cross(prepared: Prepared, true: TrueModel) -> tuple[Floats, Floats]:
     error in a parameter is the true parameter itself, and Cov = +Var.
     """
     n_block = true.sensor.size
-    cross = np.zeros((n_block, 3, prepared.layout.n_state))
+    cross = np.zeros((n_block, 3, n_joint(prepared)))
     variance = np.repeat(true.start[:, None], 3, axis=1) if n_block else np.zeros((0, 3))
     for j in range(n_block):
         if true.matched[j] >= 0:
@@ -223,7 +292,7 @@ def start_sources(true: TrueModel, cross: Floats) -> Floats:
 
 def initial_shared(prepared: Prepared, true: TrueModel) -> Floats:
     """Return Cov(e, c) (n_component, n) at the start of the errors that measurements share; see `initial_cross`."""
-    cross = np.zeros((true.shared_source.size, prepared.layout.n_state))
+    cross = np.zeros((true.shared_source.size, n_joint(prepared)))
     for m in range(true.shared_source.size):
         if true.shared_matched[m] >= 0:
             cross[m, true.shared_matched[m]] = true.shared_start[m]

@@ -126,6 +126,23 @@ ParameterState = Literal[
 ]
 
 
+class DelayCompensation(Card):
+    """How a filter meets measurements that are late: at the state that its unit had then, or carried on to the present.
+
+    The delay must end after the epoch before, whose corrections the kept state would lack.
+    """
+
+    kind: Literal["buffered", "extrapolated"] = Field(
+        description="buffered: innovation at the state of the time of validity; extrapolated: Euler step of a solution"
+    )
+    delay: Matched | Pause = Field("matched", description="as the filter takes it; matched: as the receiver stamps it")
+    delay_sigma: Pause = Field(0.0, description="extrapolated: one-sigma that the filter believes of its error")
+    acceleration_sigma: AccelerationSigma = Field(
+        0.0, description="extrapolated: one-sigma that it believes of its own acceleration"
+    )
+    base: Pause = Field(0.1, gt=0.0, description="extrapolated: time over which the acceleration is taken")
+
+
 Persisting = Literal["data_loss", "residual", "covariance"]
 
 
@@ -187,6 +204,9 @@ class FilterCard(Card):
     reference: Matched | ReferenceBelief = Field("matched", description="of a filter with an attitude reference")
     envelope: EnvelopeCard | None = Field(None, description="of a vehicle model; none: that of the card's defaults")
     corrections: CorrectionsCard = Field(CorrectionsCard(), description="taken off the measurements beforehand")
+    delay_compensation: DelayCompensation | None = Field(
+        None, description="none: a late measurement is taken as present"
+    )
     attitude_noise: AngleRandomWalk = Field(0.0, description="process noise beyond the unit's own, root PSD per axis")
     velocity_noise: VelocityRandomWalk = 0.0
 

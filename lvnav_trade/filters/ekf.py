@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lvnav_trade.filters.belief import TIGHT
+from lvnav_trade.filters.late import LAST, carry_on
 from lvnav_trade.kernels import processes, transition
 from lvnav_trade.kernels.attitude import from_rotation, multiply, normalise
 from lvnav_trade.kernels.covariance import absorb, predict
@@ -47,12 +48,19 @@ def predict_window(work, belief, length):
 
 
 @jit
-def place_antenna(work, belief, dt):
-    """Set the estimated state of every antenna from the navigation state and the last tick's rate."""
+def place_antenna(work, late, belief, dt):
+    """Set the estimated state of every antenna from the navigation state and the last tick's rate; a buffered late
+    measurement (Late, or None) is met where they were when it was valid.
+    """
     for i in range(3):
         work.rate[i] = work.previous[i] / dt
     for a in range(belief.levers.shape[0]):
         antenna(work.antenna[a], work.nav, work.rate, belief.levers[a])
+    if late is not None and not late.extrapolated:
+        for i in range(3):
+            work.rate[i] = work.past[LAST + i] / dt
+        for a in range(belief.levers.shape[0]):
+            antenna(work.antenna[a], work.past, work.rate, belief.levers[a])
 
 
 @jit
@@ -127,13 +135,34 @@ def absorb_row(work, belief, row, channel, variance, gate_squared):
 
 
 @jit
-def mix(work, rx):
-    """Turn the rows of a solution with a covariance of its own into independent ones of variance one."""
-    if rx is not None:
-        for i in range(6):
-            for j in range(6):
+def weigh(work, rx, late, belief, signals, epoch):
+    """Give the rows of a solution the covariance that it comes with, where it comes with one."""
+    if rx is None and late is None:
+        return
+    if belief.judged:
+        tell(work, rx, signals, epoch)
+        mix(work, late, epoch, N_ENTRY)
+
+
+@jit
+def tell(work, rx, signals, epoch):
+    """Set the covariance that comes with a solution: its solver's, or the variances of a simulated one."""
+    for i in range(6):
+        for j in range(6):
+            if rx is not None:
                 work.told[i, j] = rx.covariance[i, j]
-        whiten(work.told, work.z, work.H, 6, N_ENTRY)
+            else:
+                work.told[i, j] = like(work.x[0], signals.variance[epoch, i] if i == j else 0.0)
+
+
+@jit
+def mix(work, late, epoch, n_entry):
+    """Turn the rows of a solution, whose covariance is in `told`, into independent ones of variance one; a late one is
+    carried on to the present first, where it shall be.
+    """
+    if late is not None and late.extrapolated:
+        carry_on(work.z, work.told, work.past, work.P, late, epoch)
+    whiten(work.told, work.z, work.H, 6, n_entry)
 
 
 @inlined
@@ -160,17 +189,17 @@ def clear_epoch(work, epoch, n_channel):
 
 
 @inlined
-def update(work, belief, signals, epoch, dt):
+def update(work, belief, signals, late, epoch, dt):
     """Absorb what the receiver put out at an epoch, all rows linearised at one point: pseudorange and range rate of
     every satellite in use, or position and velocity of a solution axis by axis.
     """
-    place_antenna(work, belief, dt)
+    place_antenna(work, late, belief, dt)
     tight = belief.kind == TIGHT
     if tight:
         fill_tight(work, belief, signals, epoch)
     else:
         fill_loose(work, belief, signals, epoch)
-        mix(work, work.rx)
+        weigh(work, work.rx, late, belief, signals, epoch)
     for row in range(rows_at(belief, signals, epoch)):
         absorb_and_count(work, belief, signals, epoch, row, belief.gate_squared)
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.filters.ekf import absorb_and_count, correct, fill_loose, mix, place_antenna, rows_at, update
+from lvnav_trade.filters.ekf import absorb_and_count, correct, fill_loose, place_antenna, rows_at, update, weigh
 from lvnav_trade.filters.monitor import N_ROW, gate_of, is_correcting, judge, settle, start_filter
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.jit import inlined, jit
@@ -126,14 +126,14 @@ def _update_watched(work, rules, belief, signals, epoch, dt):
     """Absorb the receiver's solution at an epoch where the filter's watch lets it, and let the watch go on."""
     watch = work.watch
     if rules.good[epoch]:
-        place_antenna(work, belief, dt)
+        place_antenna(work, None, belief, dt)
         fill_loose(work, belief, signals, epoch)
         _predict_rows(work, belief)
     judge(watch, rules, epoch, work.z, watch.predicted)
     if rules.good[epoch]:
         _sample_variance(watch.predicted, work.rx, signals.variance[epoch])
         start_filter(work.P, work.x, watch, rules, work.z, watch.predicted)
-        mix(work, work.rx)
+        weigh(work, work.rx, None, belief, signals, epoch)
         gate, used = gate_of(watch, belief.gate_squared), watch.sample[0] > 0.0
         for row in range(N_ROW):
             absorb_and_count(work, belief, signals, epoch, row, gate)
@@ -142,10 +142,10 @@ def _update_watched(work, rules, belief, signals, epoch, dt):
 
 
 @inlined
-def take(work, rules, belief, signals, epoch, dt):
+def take(work, rules, late, belief, signals, epoch, dt):
     """Take what the receiver puts out at an epoch, where the filter has a logic by its leave."""
     if rules is None:
         if rows_at(belief, signals, epoch) > 0:
-            update(work, belief, signals, epoch, dt)
+            update(work, belief, signals, late, epoch, dt)
     elif (epoch + 1) % belief.every == 0:
         _update_watched(work, rules, belief, signals, epoch, dt)

@@ -5,7 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.options import direct, epoch_interval, every, refuse_contradiction, solver_of, solves
+from lvnav_trade.engines.inputs import Schedule
+from lvnav_trade.engines.options import (
+    delay_taken,
+    direct,
+    epoch_interval,
+    every,
+    judged,
+    kept_at,
+    late_of,
+    refuse_contradiction,
+    solver_of,
+    solves,
+)
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.base import ReceiverBelief
 from lvnav_trade.scenario import beliefs
@@ -73,7 +85,58 @@ def test_what_a_filter_behind_a_solving_receiver_cannot_have_is_refused():
     refuse_contradiction(scenario)
     refuse_contradiction(loaded())
     with_state = scenario.model_copy(update={"filter": with_fields(scenario.filter, extra_states=["position_bias"])})
-    with pytest.raises(InputError, match="position_bias: a filter behind a solving receiver"):
+    with pytest.raises(InputError, match="position_bias: a filter that takes solutions"):
         refuse_contradiction(with_state)
     unit_states = with_fields(scenario.filter, extra_states=["accel_scale_factor"])
     refuse_contradiction(scenario.model_copy(update={"filter": unit_states}))
+
+
+def compensating(kind="buffered", coupling="tight", **fields):
+    scenario = loaded(f"base.filter=filters/{coupling}")
+    card = with_fields(scenario.filter, delay_compensation={"kind": kind, **fields})
+    return scenario.model_copy(update={"filter": card})
+
+
+def test_a_delay_is_the_stamped_one_or_the_filters_own_number():
+    t = np.array([1.0, 2.0])
+    assert delay_taken(loaded(), t, t - 0.3) is None
+    np.testing.assert_allclose(delay_taken(compensating(), t, t - [0.3, 0.4]), [0.3, 0.4])
+    np.testing.assert_array_equal(delay_taken(compensating(delay="250 ms"), t, t - 0.3), [0.25, 0.25])
+
+
+def test_a_delay_that_reaches_back_behind_the_epoch_before_is_refused_with_its_place():
+    t = np.array([1.0, 2.0])
+    with pytest.raises(InputError, match="1100 ms at 2 s, not less than the 1000 ms between epochs"):
+        delay_taken(compensating(), t, t - [0.3, 1.1])
+    with pytest.raises(InputError, match="950 ms at 1 s and a base of 100 ms"):
+        delay_taken(compensating("extrapolated", "loose"), t, t - 0.95)
+    with pytest.raises(InputError, match="only a solution can be extrapolated"):
+        refuse_contradiction(compensating("extrapolated", "tight"))
+    with_state = compensating("extrapolated", "loose")
+    card = with_fields(with_state.filter, extra_states=["timing"])
+    with pytest.raises(InputError, match="timing: a filter that takes solutions"):
+        refuse_contradiction(with_state.model_copy(update={"filter": card}))
+
+
+def test_states_are_kept_at_the_nearest_step_and_the_rest_is_an_offset():
+    t = np.arange(0.0, 10.001, 0.01)
+    kept = kept_at(compensating("extrapolated", "loose"), np.array([5.0]), np.array([0.3]), t, 1)
+    assert (kept.valid.tolist(), kept.early.tolist()) == ([470], [460])
+    assert (kept.offset[0], kept.base[0]) == (0.0, pytest.approx(0.1))
+    grouped = kept_at(compensating(), np.array([5.0]), np.array([0.317]), t, 4)
+    assert grouped.valid.tolist() == [468]
+    assert grouped.offset[0] == pytest.approx(0.003)
+    assert kept_at(loaded(), np.array([5.0]), None, t, 1) is None
+
+
+def test_windows_know_which_epochs_state_is_kept_at_their_end():
+    scenario = compensating()
+    nothing = np.full(3, -1)
+    schedule = Schedule(np.array([0, 70, 70]), np.array([70, 0, 30]), np.zeros(3), nothing, nothing)
+    kept = kept_at(scenario, np.array([1.0]), np.array([0.3]), np.arange(0.0, 2.001, 0.01), 1)
+    late = late_of(scenario, np.array([0.3]), kept, schedule)
+    assert late.valid.tolist() == [0, -1, -1]  # a window of no ticks keeps nothing a second time
+    assert not late.extrapolated
+    assert late_of(loaded(), None, None, schedule) is None
+    assert judged(compensating("extrapolated", "loose"))
+    assert not judged(scenario)

@@ -43,7 +43,7 @@ def test_the_antenna_swings_with_the_rate_of_the_last_tick():
     prepared = prepare_hop(scenario.model_copy(update={"receiver": receiver}))
     work = work_of(prepared)
     work.previous[:3] = 0.005 * np.array([0.1, -0.2, 0.3])
-    place_antenna(work, prepared.belief, 0.005)
+    place_antenna(work, None, prepared.belief, 0.005)
     C = np.reshape(np.array(matrix(*work.nav[Q : Q + 4])), (3, 3))
     lever = np.array([1.0, 2.0, -1.0])
     np.testing.assert_allclose(work.antenna[0, :3], work.nav[R : R + 3] + C @ lever, rtol=1e-14)

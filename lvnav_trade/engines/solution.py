@@ -1,0 +1,227 @@
+"""A receiver's solution on the nominal flight: how its error, truth minus estimate, goes from one epoch to the next.
+
+Over an epoch the error s of what the receiver has estimated follows s+ = A s + W w + B c + d: A what is left of the one
+before, w white errors of ranges, rates and clock, c errors that measurements share, d what is the same in every run. A
+simulated solution is the case without memory: s+ = -w - c. See `receivers.cascade` for the receiver's own filter.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.engines.inputs import Signals
+from lvnav_trade.engines.signals import Line
+from lvnav_trade.receivers.base import BIAS, DRIFT, N_STATE, POS, VEL, FilterModel, PointModel, Solver, Told
+from lvnav_trade.receivers.cascade import (
+    FIX_STATES,
+    SOLUTION,
+    Gains,
+    design,
+    filtered,
+    mismatch,
+    nominal_acceleration,
+    point_gain,
+    started,
+)
+from lvnav_trade.records import Floats
+
+Ints = NDArray[np.int64]
+
+# Where a white error comes from.
+RANGE, RATE, CLOCK, PLACE, SPEED = 0, 1, 2, 3, 4
+
+
+class Chain(NamedTuple):
+    """The error of a receiver's solution by epochs; m states, of which `pick` (6,) are position and velocity.
+
+    move (n_epoch, m, m) A; white (n_epoch, m, n_in) W, variance (n_epoch, n_in) of w and kind (n_in,) of its source;
+    shared (n_epoch, m, n_component) B; push (n_epoch, m) d; told (n_epoch, 6, 6) covariance that comes with the
+    solution; solved (n_epoch,) whether there is one; point (n_epoch, 6) the solution of an error of zero, frame i.
+    """
+
+    move: Floats
+    white: Floats
+    variance: Floats
+    kind: Ints
+    shared: Floats
+    push: Floats
+    pick: Ints
+    told: Floats
+    solved: NDArray[np.bool_]
+    point: Floats
+
+
+def _shared(signals: Signals, epoch: int, channels: Ints) -> Floats:
+    """Return the partials (n_channel, n_component) of channels at an epoch with respect to what measurements share."""
+    shared = signals.shared
+    found = np.zeros((channels.size, shared.start.size))
+    for family in range(len(shared.member)):
+        member = shared.member[family, channels]
+        rows = np.flatnonzero(member >= 0)
+        found[rows, member[rows]] += shared.partial[family, epoch, channels[rows]]
+    return found
+
+
+def simulated(signals: Signals) -> Chain:
+    """Return the chain of a simulated solution: white noise and what its axes share, new at every epoch."""
+    n_epoch, axes = len(signals.n_used), np.arange(6)
+    return Chain(
+        move=np.zeros((n_epoch, 6, 6)),
+        white=np.tile(-np.eye(6), (n_epoch, 1, 1)),
+        variance=signals.sigma**2,
+        kind=np.repeat(np.array([PLACE, SPEED]), 3),
+        shared=-np.array([_shared(signals, k, axes) for k in range(n_epoch)]).reshape(n_epoch, 6, -1),
+        push=np.zeros((n_epoch, 6)),
+        pick=axes,
+        told=np.einsum("ki,ij->kij", signals.variance, np.eye(6)),
+        solved=signals.n_used >= 4,
+        point=np.hstack([signals.position, signals.velocity]),
+    )
+
+
+class _Nominal(NamedTuple):
+    """What a solving receiver sees on the nominal flight: gains, surprise and channels by epoch."""
+
+    gains: list[Gains]
+    surprise: list[Floats]
+    channels: list[Ints]
+    solved: NDArray[np.bool_]
+
+
+def _epoch(point: Floats, signals: Signals, epoch: int) -> tuple[Floats, Floats, Ints]:
+    """Return rows (n_row, 11) at the true point, what is measured beyond them (n_row,), and channels (n_row,)."""
+    use = signals.used[epoch, : signals.n_used[epoch]]
+    r_i, v_i = point[epoch, :3], point[epoch, 3:]
+    rows = design(r_i, v_i, signals.satellite[epoch, use], signals.satellite_velocity[epoch, use])
+    line = signals.satellite[epoch, use] - r_i
+    distance = np.linalg.norm(line, axis=1)
+    rate = np.sum(line * (signals.satellite_velocity[epoch, use] - v_i), axis=1) / distance
+    surprise, channels = np.empty(2 * use.size), np.empty(2 * use.size, dtype=np.int64)
+    surprise[0::2], surprise[1::2] = signals.range[epoch, use] - distance, signals.rate[epoch, use] - rate
+    channels[0::2], channels[1::2] = 2 * use, 2 * use + 1
+    return rows, surprise, channels
+
+
+_NOTHING = Gains(
+    np.zeros((N_STATE, N_STATE)), np.zeros((N_STATE, N_STATE)), np.zeros((N_STATE, 0)), np.zeros((N_STATE, N_STATE))
+)
+
+
+def _fixed(model: PointModel, rows: Floats) -> Gains:
+    """Return an epoch of the point solution, which keeps nothing of the one before."""
+    gain = np.zeros((N_STATE, len(rows)))
+    gain[FIX_STATES] = point_gain(rows)
+    P = np.zeros((N_STATE, N_STATE))
+    for at, variance, part in (
+        ([*range(POS, POS + 3), BIAS], model.range_variance, rows[0::2]),
+        ([*range(VEL, VEL + 3), DRIFT], model.rate_variance, rows[1::2]),
+    ):
+        P[np.ix_(at, at)] = variance * np.linalg.inv(part[:, at].T @ part[:, at])
+    return _NOTHING._replace(gain=gain, P=P)
+
+
+def _coasts(model: FilterModel, n_used: Ints, begun: int) -> NDArray[np.bool_]:
+    """Return whether the receiver's filter hands out a solution at each epoch: begun, not coasted too long."""
+    found, idle = np.zeros(n_used.size, dtype=bool), 0.0
+    for k in range(begun, n_used.size):
+        idle = 0.0 if n_used[k] > 0 else idle + model.interval
+        found[k] = idle <= model.coast
+    return found
+
+
+def _run(solver: Solver, point: Floats, signals: Signals) -> _Nominal:
+    """Return gains and surprises of every epoch on the nominal flight, with noise adapted to the nominal motion."""
+    fixed = signals.n_used >= 4
+    model: FilterModel | None = solver.filter
+    begun = int(np.argmax(fixed)) if fixed.any() else fixed.size
+    gains: list[Gains] = []
+    surprises, channels = [], []
+    slope = nominal_acceleration(point[:, 3:], fixed, signals.interval)
+    for k in range(fixed.size):
+        rows, surprise, which = _epoch(point, signals, k)
+        if model is None:
+            found = _fixed(solver.point, rows) if fixed[k] else _NOTHING
+        elif k > begun:
+            found = filtered(gains[-1].P, model, rows, slope[k])
+        else:
+            found = started(model, solver.point, rows) if k == begun else _NOTHING
+        if not found.gain.shape[1]:
+            surprise, which = surprise[:0], which[:0]
+        gains.append(found)
+        surprises.append(surprise)
+        channels.append(which)
+    solved = fixed if model is None else _coasts(model, signals.n_used, begun)
+    return _Nominal(gains, surprises, channels, solved)
+
+
+def _told(told: Told, P: Floats) -> Floats:
+    """Return the covariance (6, 6) that goes out."""
+    if not told.own:
+        return np.diag([told.position_variance] * 3 + [told.velocity_variance] * 3)
+    R: Floats = told.factor * P[np.ix_(SOLUTION, SOLUTION)]
+    return R if told.correlated else np.diag(np.diag(R))
+
+
+def _pushes(solver: Solver, seen: _Nominal, point: Floats, acceleration: Floats, signals: Signals) -> Floats:
+    """Return d (n_epoch, m): what true motion, clock jumps and surprises of the ranges do in every run."""
+    model: FilterModel | None = solver.filter
+    pushes = np.zeros((len(point), N_STATE))
+    if model is not None:
+        known = acceleration if len(model.rows) > 1 else np.zeros_like(acceleration)
+        moved = mismatch(model, known, point[:, 3:], point[:, :3])
+        moved[:, BIAS] += signals.clock_jump
+        begun = int(np.argmax(signals.n_used >= 4))
+        # before it starts the filter knows nothing, so all of the acceleration is its error then
+        moved[begun, :3] = known[begun]
+        pushes = np.einsum("kij,kj->ki", np.array([g.keep for g in seen.gains]), moved)
+    for k, gains in enumerate(seen.gains):
+        pushes[k] -= gains.gain @ seen.surprise[k]
+    return pushes
+
+
+def chain_of(solver: Solver | None, judged: bool, truth: Signals, line: Line) -> Chain | None:
+    """Return how a solution's error goes on, where solutions come with a covariance of their own."""
+    if solver is not None:
+        return solved(solver, truth, np.hstack([line.position, line.velocity]), line.push)
+    return simulated(truth) if judged else None
+
+
+def solved(solver: Solver, signals: Signals, point: Floats, acceleration: Floats) -> Chain:
+    """Return the chain of a receiver that solves for position and velocity itself.
+
+    Parameters
+    ----------
+    point : (n_epoch, 6) position and velocity of the point that is solved for, frame i, at the times of validity
+    acceleration : (n_epoch, 3) of it (m/s^2)
+    """
+    seen = _run(solver, point, signals)
+    n_epoch, n_in = len(point), 2 * signals.used.shape[1] + 2
+    move, white = np.zeros((n_epoch, N_STATE, N_STATE)), np.zeros((n_epoch, N_STATE, n_in))
+    variance, shared = np.zeros((n_epoch, n_in)), np.zeros((n_epoch, N_STATE, signals.shared.start.size))
+    told = np.tile(np.eye(6), (n_epoch, 1, 1))
+    model: FilterModel | None = solver.filter
+    step = signals.clock_step
+    clock = np.array([[step[0], 0.0], [step[1], step[2]]])
+    out = solver.point.told if model is None else model.told
+    for k, gains in enumerate(seen.gains):
+        n_row = seen.channels[k].size
+        move[k] = gains.keep @ gains.phi
+        white[k, :, :n_row], variance[k, :n_row] = -gains.gain, signals.sigma[k, seen.channels[k]] ** 2
+        white[k, :, -2:], variance[k, -2:] = gains.keep[:, [BIAS, DRIFT]] @ clock, 1.0
+        shared[k] = -gains.gain @ _shared(signals, k, seen.channels[k])
+        told[k] = _told(out, gains.P) if seen.solved[k] else told[k]
+    return Chain(
+        move=move,
+        white=white,
+        variance=variance,
+        kind=np.array([*np.tile([RANGE, RATE], signals.used.shape[1]), CLOCK, CLOCK], dtype=np.int64),
+        shared=shared,
+        push=_pushes(solver, seen, point, acceleration, signals),
+        pick=SOLUTION.astype(np.int64),
+        told=told,
+        solved=seen.solved,
+        point=point,
+    )
