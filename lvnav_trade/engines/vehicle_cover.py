@@ -325,7 +325,7 @@ def cover_vehicle(
             take_nominal(nominal, reference, first + n_tick)
             for i in range(3):
                 nominal.previous[i] = reference.dtheta[max(0, first + n_tick - 1), i]
-            place_antenna(nominal, belief, unit.dt)
+            place_antenna(nominal, None, belief, unit.dt)
             _epoch(out, spread, desk, nominal, signals, belief, vehicle, parts, epoch, n_group, n_source)
         if schedule.hist[w] >= 0:
             _write(out, schedule.hist[w], spread, parts, n_source)

@@ -154,7 +154,7 @@ def update_epoch(work, own, signals, belief, vehicle, epoch, dt, k0, k1):
     observe(work, None, signals, False, epoch, k0, k1)
     n_row = rows_at(belief, signals, epoch)
     if n_row > 0:
-        place_antenna(work, belief, dt)
+        place_antenna(work, None, belief, dt)
         fill_loose(work, belief, signals, epoch)
         for row in range(n_row):
             absorb_and_count(work, belief, signals, epoch, row, belief.gate_squared)

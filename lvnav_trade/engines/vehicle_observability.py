@@ -82,7 +82,7 @@ def _gather(triangle, phi, D, y, row_of, sums, increments, nominal, schedule, un
                 apply_phi(phi[j], y, D, rows, columns, belief.decay[length], belief.clock, belief.seconds[length])
         if epoch >= 0:
             take_nominal(nominal, reference, first + n_tick)
-            place_antenna(nominal, belief, unit.dt)
+            place_antenna(nominal, None, belief, unit.dt)
             count += _fold_epoch(triangle, phi, row_of, nominal, signals, belief, vehicle, epoch)
     return count
 
