@@ -79,9 +79,10 @@ class ExtraBlock(NamedTuple):
 
 class StateLayout(NamedTuple):
     """Attitude, velocity, position (0, 3, 6), parameter blocks, clock (bias, drift; -1 for none), extra blocks, in
-    storage order.
+    storage order; last the motion of the vehicle (rate, acceleration; -1 for none).
 
-    States from n_estimated on are considered, not estimated.
+    States from n_estimated on are considered, not estimated. samples: the samples of the inertial unit are reported
+    beside the states.
     """
 
     parameters: tuple[ParameterBlock, ...]
@@ -89,6 +90,17 @@ class StateLayout(NamedTuple):
     n_estimated: int
     n_state: int
     extras: tuple[ExtraBlock, ...] = ()
+    motion: int = -1
+    samples: bool = False
+
+
+MOTION = (("rate", "rad/s", "deg/h", _DEG_H), ("acceleration", "m/s^2", "mg", _MG))
+"""Rate and acceleration of the vehicle: SI unit, unit and factor for people."""
+SAMPLES = ("raw", "corrected")
+"""What is reported of rate and acceleration beside a filter's states: the sample of the unit as it is, and less the
+estimated bias.
+"""
+_BODY = {"rate": ("roll", "pitch", "yaw"), "acceleration": ("x", "y", "z")}
 
 
 AXES = {
@@ -121,7 +133,18 @@ def outputs(layout: StateLayout, frame: str) -> tuple[Output, ...]:
     for extra in layout.extras:
         for i, label in enumerate(extra.labels):
             table[extra.offset + i] = Output(extra.name, label or "all", *EXTRAS[extra.name])
-    return tuple(table[i] for i in range(layout.n_state))
+    if layout.motion >= 0:
+        table.update(enumerate(_of_motion(""), start=layout.motion))
+    beside = [output for kind in SAMPLES for output in _of_motion(f"{kind}_")] if layout.samples else []
+    return (*(table[i] for i in range(layout.n_state)), *beside)
+
+
+def _of_motion(prefix: str) -> list[Output]:
+    return [
+        Output(prefix + name, axis, unit, label_unit, factor)
+        for name, unit, label_unit, factor in MOTION
+        for axis in _BODY[name]
+    ]
 
 
 MISSION = {

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from lvnav_trade.delays import AtmosphereCard
-from lvnav_trade.filters.base import FilterCard, ImuBelief, InitialBelief, ReceiverBelief
+from lvnav_trade.filters.base import REFERENCED, FilterCard, ImuBelief, InitialBelief, ReceiverBelief
 from lvnav_trade.units import AngleSigma, Card, Length, LengthSigma, SpeedSigma
+from lvnav_trade.world.attitude_reference import AttitudeReferenceCard
 from lvnav_trade.world.constellation import AlmanacConstellation, Constellation, parts_of
+from lvnav_trade.world.controlled import ControlledCard
 from lvnav_trade.world.faults import Fault
 from lvnav_trade.world.gravity import GravityCard
 from lvnav_trade.world.imu import ImuCard
@@ -30,6 +32,9 @@ class InitialErrors(Card):
     velocity: SpeedSigma
 
 
+_BEYOND_BIAS = ("misalignment", "g_sensitivity", "scale_factor", "scale_factor_drift", "nonlinearity", "quantisation")
+
+
 class Scenario(Card):
     """Everything that one case needs; cards are already resolved into it."""
 
@@ -39,11 +44,48 @@ class Scenario(Card):
     receiver: ReceiverCard
     filter: FilterCard
     initial: InitialErrors
+    attitude_reference: AttitudeReferenceCard | None = Field(None, description="of filters that have one")
+    control: ControlledCard | None = Field(None, description="the ascent's vehicle steered, beside the navigation")
     faults: tuple[Fault, ...] = ()
     atmosphere: AtmosphereCard = Field(AtmosphereCard(), description="what is true of the signals' delays")
     gravity: GravityCard | None = Field(None, description="what true gravity has beyond the model of the truth")
     frame: Literal["ned", "ecef", "inertial", "orbital"] = "ned"
     diverged: Length = Field(100e3, gt=0.0, description="a run whose position error exceeds this counts as failed")
+
+    @model_validator(mode="after")
+    def _steered(self) -> Self:
+        card = self.control
+        if card is None:
+            return self
+        if self.trajectory.kind != "vehicle":
+            other = self.trajectory.kind
+            raise ValueError(f"control: the ascent of a vehicle is steered, not a trajectory of kind {other}")
+        if self.attitude_reference is None:
+            raise ValueError("control: a vehicle under control needs an attitude_reference")
+        stages = len(self.trajectory.vehicle.stages)
+        for name, held in (("rotation.stacks", card.rotation.stacks), ("controller.gains", card.controller.gains)):
+            if len(held) != stages:
+                raise ValueError(f"control.{name}: {len(held)} of them, the vehicle has {stages} stages")
+        return self
+
+    @model_validator(mode="after")
+    def _referred(self) -> Self:
+        kind = self.filter.kind
+        if kind not in REFERENCED:
+            return self
+        if self.attitude_reference is None:
+            raise ValueError(f"attitude_reference: a {kind} filter needs one")
+        if self.gravity is not None:
+            raise ValueError(f"gravity: its disturbance is not modelled with a {kind} filter")
+        for sensor, card in (("gyro", self.imu.gyro), ("accel", self.imu.accel)):
+            found = [name for name in _BEYOND_BIAS if getattr(card, name, 0.0) > 0.0]
+            if found:
+                raise ValueError(f"imu.{sensor}.{found[0]}: only noise and bias are modelled with a {kind} filter")
+        if self.receiver.solution.kind != "direct":
+            raise ValueError(
+                f"receiver.solution: a {kind} filter takes a direct one, not {self.receiver.solution.kind}"
+            )
+        return self
 
 
 def _matched_imu(imu: ImuCard) -> ImuBelief:
@@ -123,3 +165,12 @@ def beliefs(scenario: Scenario) -> tuple[ImuBelief, ReceiverBelief, InitialBelie
     else:
         start = card.initial
     return imu, receiver, start
+
+
+def reference_belief(scenario: Scenario) -> float:
+    """Return the sigma (rad) that the filter believes of its attitude reference; it has one."""
+    card, sensor = scenario.filter, scenario.attitude_reference
+    if not isinstance(card.reference, str):
+        return float(card.reference.sigma)
+    assert sensor is not None  # the scenario is checked for it
+    return float(sensor.sigma)

@@ -59,6 +59,8 @@ def rates(scenario: Scenario, node: Node) -> list[Mistake]:
 _ROWS = {
     "inertial": (),
     "loose": ("position_sigma", "velocity_sigma"),
+    "referenced": ("position_sigma", "velocity_sigma"),
+    "vehicle_model": ("position_sigma", "velocity_sigma"),
     "tight": ("pseudorange_sigma", "range_rate_sigma"),
 }
 
@@ -73,7 +75,7 @@ def measurements(scenario: Scenario, node: Node) -> list[Mistake]:
     for name in _ROWS[card.kind]:
         if getattr(receiver, name) > 0.0:
             continue
-        truth = f"receiver.solution.{name}" if card.kind == "loose" else f"receiver.{name}"
+        truth = f"receiver.solution.{name}" if card.kind != "tight" else f"receiver.{name}"
         path = truth if isinstance(card.receiver, str) else f"filter.receiver.{name}"
         message = f"a {card.kind} filter cannot believe a measurement perfect; should be greater than 0"
         found.append(mistake(tree.nearest(node, path.split(".")), f"base.{path}", message))

@@ -84,9 +84,9 @@ def stored(folder: Path, case: str) -> list[tuple[int, int]]:
 
 
 def _states(case: Case) -> int:
-    return {"inertial": 15, "loose": 15, "tight": 17}[case.scenario.filter.kind] + 3 * len(
-        case.scenario.filter.extra_states
-    )
+    card = case.scenario.filter
+    of_kind = {"inertial": 15, "loose": 15, "tight": 17, "referenced": 15, "vehicle_model": 21}[card.kind]
+    return of_kind + 3 * len(card.extra_states)
 
 
 def _run_seconds(case: Case, duration: float) -> float:

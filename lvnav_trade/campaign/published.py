@@ -11,6 +11,10 @@ from lvnav_trade.campaign.tree import hint
 from lvnav_trade.layout import MISSION
 from lvnav_trade.units import Card, parse
 
+STEERED = tuple(f"nozzle_movement_{axis}" for axis in ("pitch", "yaw"))
+"""Metrics of a vehicle under control: by how many percent less its nozzle moves with the filtered than the raw rate."""
+RANK = "observable_states"
+"""Metric: the least number of observable states of any stretch."""
 COUNTED = ("satellites_tracked", "troposphere_left", "ionosphere_left")
 """Metrics that are no error of the navigation: read off the signals, the same in every run."""
 _ENDS = ("start", "end")
@@ -20,9 +24,17 @@ Case = dict[str, str]
 
 
 def _metric(name: str) -> str:
-    if name in MISSION or name in COUNTED or re.fullmatch(r"[a-z][a-z_]*_error(_[a-z0-9]+)?", name):
+    if (
+        name in MISSION
+        or name in COUNTED
+        or name in STEERED
+        or name == RANK
+        or re.fullmatch(r"[a-z][a-z_]*_error(_[a-z0-9]+)?", name)
+    ):
         return name
-    near = hint(name, (*MISSION, *COUNTED, "position_error_3d", "velocity_error_3d", "attitude_error_3d"))
+    near = hint(
+        name, (*MISSION, *COUNTED, *STEERED, RANK, "position_error_3d", "velocity_error_3d", "attitude_error_3d")
+    )
     raise ValueError(f"{name!r} is not a metric{near}")
 
 
@@ -113,6 +125,9 @@ class Published(_Measured):
     against: Case | None = Field(
         None, description="the number is by how many % the metric of `case` is smaller than that of this one"
     )
+    than: str | None = Field(
+        None, description="the number is by how many % the metric is smaller than this one, of the same case"
+    )
     value: float
     unit: str
     band: tuple[float, float] = Field((0.5, 2.0), description="of ours / published")
@@ -129,11 +144,21 @@ class Published(_Measured):
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
-        if not 0 <= self.band[0] <= self.band[1] or self.band[1] == 0:
+        # a difference in percent may lie on the other side of zero
+        least = -abs(self.band[1]) if self.against is not None or self.than is not None else 0.0
+        if not least <= self.band[0] <= self.band[1] or self.band[1] == 0:
             raise ValueError("the band should be two growing ratios, such as [0.5, 2]")
-        if self.against is not None and self.unit != "%":
-            raise ValueError(f"against makes the number a part of another; its unit is %, not {self.unit!r}")
+        for name in ("against", "than"):
+            if getattr(self, name) is not None and self.unit != "%":
+                raise ValueError(f"{name} makes the number a part of another; its unit is %, not {self.unit!r}")
+        if self.than is not None and self.against is not None:
+            raise ValueError("than is of the same case, against of another; choose one")
         return self
+
+    @field_validator("than")
+    @classmethod
+    def _known_too(cls, name: str | None) -> str | None:
+        return name if name is None else _metric(name)
 
 
 class Ordering(_Measured):

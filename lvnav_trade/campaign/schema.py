@@ -196,6 +196,9 @@ class Covariance(Card):
         "further linear covariances per source that matters",
     )
     observability: bool = Field(default=True, description="what the measurements tell in each phase of flight")
+    window: Duration | None = Field(
+        default=None, gt=0, description="or in each window of this length, in place of phases"
+    )
 
 
 class Keep(Card):

@@ -40,7 +40,8 @@ class Engine(NamedTuple):
     covariance(prepared); summarise(block, events, scale, outputs); compile_kernels(prepared) where there is anything to
     compile before a block is flown; explain(scenario, prepared, covariance, asked) what is behind the covariance;
     beyond(requirements, case, prepared, covariance, summary) how many runs of a block do not keep each requirement;
-    starts(prepared, seed, n) what the first n runs draw once.
+    starts(prepared, seed, n) what the first n runs draw once; control(scenario, seed, n) the missions of n runs of a
+    vehicle under control, None without one.
     """
 
     events: Callable[[Scenario], dict[str, float]]
@@ -52,16 +53,17 @@ class Engine(NamedTuple):
     explain: Callable[..., Any] | None = None
     beyond: Callable[..., stopping.Counts] = stopping.beyond
     starts: Callable[[Any, int, int], Any] | None = None
+    control: Callable[[Scenario, int, int], Any] | None = None
 
 
 def engine() -> Engine:
     """Return the real engines; imported here because compiled code takes a second to load."""
-    from lvnav_trade.engines import explain, lincov, montecarlo, starts, statistics
+    from lvnav_trade.engines import controlled, covariances, explain, montecarlo, starts, statistics
     from lvnav_trade.engines.prepare import prepare
 
     return Engine(
-        _events, prepare, montecarlo.run_block, lincov.covariance, statistics.summarise, montecarlo.compile_kernels,
-        explain.explain, starts=starts.start_draws,
+        _events, prepare, montecarlo.run_block, covariances.covariance, statistics.summarise,
+        montecarlo.compile_kernels, explain.explain, starts=starts.start_draws, control=controlled.controlled,
     )  # fmt: skip
 
 
@@ -117,7 +119,8 @@ def asked_of(campaign: Campaign) -> Asked:
     """Return what a campaign asks of linear covariance."""
     card = campaign.covariance
     events = tuple(dict.fromkeys(event for requirement in campaign.requirements for event in requirement.events))
-    return Asked(card.at or "", events, card.adjoint, card.sensitivity, card.observability, card.budget)
+    flags = (card.adjoint, card.sensitivity, card.observability, card.budget)
+    return Asked(card.at or "", events, *flags, card.window or 0.0)
 
 
 class Answer(NamedTuple):
@@ -238,6 +241,8 @@ def close(job: Job, case: Case, info: Any, runs: int) -> Done:
         file = _explained_file(job, case)
         explained = _read(file) if file.exists() else None
         drawn = {"starts": job.engine.starts(prepared, job.seed, runs)} if runs and job.engine.starts else {}
+        if case.scenario.control is not None and runs and job.engine.control:
+            drawn["control"] = job.engine.control(case.scenario, job.seed, runs)
         job.results.write_case(info, prepared, covariance, summary, explained, **drawn)
         return Done(case.id, 0, runs)
     except Exception as error:

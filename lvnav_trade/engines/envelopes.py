@@ -7,43 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 from scipy.signal import lfilter
 
-from lvnav_trade.units import (
-    AccelerationSigma,
-    AngularAccelerationSigma,
-    Card,
-    JerkSigma,
-    Pause,
-    TimeConstant,
-)
+from lvnav_trade.filters.envelope import EnvelopeCard
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-
-
-class EnvelopeCard(Card):
-    """Standard deviations of the steps of a rate and of an acceleration that wander, by phase and by what is commanded.
-
-    Pitch and yaw: |gain / (time s + 1) commanded angular acceleration| + what is unknown in burns or coasts; lateral
-    jerk: |gain / (time s + 1) rate of the commanded nozzle angle| + what is unknown. The numbers are those of Beaudoin,
-    Desbiens, Gagnon and Landry, section 2.3 (equations 7 to 10).
-    """
-
-    roll: AngularAccelerationSigma = 0.002
-    burn: AngularAccelerationSigma = 0.02
-    coast: AngularAccelerationSigma = 0.002
-    turn_gain: float = Field(5.0, ge=0.0)
-    turn_time: TimeConstant = 2.0
-    axial_burn: JerkSigma = 15.0
-    axial_coast: JerkSigma = 10.0
-    axial_change: JerkSigma = 15000.0
-    before_change: Pause = 1.0
-    after_change: Pause = 2.0
-    lateral: JerkSigma = 10.0
-    nozzle_gain: AccelerationSigma = 30.0
-    nozzle_time: TimeConstant = 0.035
 
 
 class Envelopes(NamedTuple):

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lvnav_trade.engines import vehicle_observability
 from lvnav_trade.engines.carried import Tape
 from lvnav_trade.engines.lincov import adjoint, forward_tape, source_covariances, turns
 from lvnav_trade.engines.nonlinearity import Nonlinearity, nonlinearity
@@ -33,7 +34,7 @@ class SourceCovariance(NamedTuple):
 
 class PhaseView(NamedTuple):
     """What the rows of a phase of flight tell: name, start, end s, rank, tolerance, singular (n_state,) values, rows,
-    and the weakest direction in words.
+    the weakest direction in words, and those of all singular values.
     """
 
     name: str
@@ -44,6 +45,7 @@ class PhaseView(NamedTuple):
     singular: Floats
     rows: int
     weakest: str
+    directions: tuple[str, ...] = ()
 
 
 class Explanation(NamedTuple):
@@ -61,6 +63,8 @@ def explain(scenario: Scenario, prepared: Prepared, history: CovHistory, asked: 
     """Return what was asked of a case; one forward pass serves all of it."""
     events = flown_events(prepared)
     at = _event(events, asked.at)
+    if prepared.vehicle is not None:  # no way back there: which source did what when is not asked
+        return Explanation(at, phases=_phases(prepared, events, None, asked.window) if asked.observability else ())
     tape = None
     if events and (asked.adjoint or asked.observability):
         tape = forward_tape(prepared, true_model(prepared, source_names(prepared)))
@@ -69,7 +73,7 @@ def explain(scenario: Scenario, prepared: Prepared, history: CovHistory, asked: 
         adjoint(prepared, events[at], tape=tape) if at and asked.adjoint else None,
         _by_source(prepared, events, (at, *asked.events), tape) if at and asked.adjoint else (),
         _sensitivities(scenario, prepared, history, events[at]) if at and asked.sensitivity else (),
-        _phases(prepared, events, tape) if asked.observability else (),
+        _phases(prepared, events, tape, asked.window) if asked.observability else (),
         tuple((name, nonlinearity(prepared, history, t)) for name, t in events.items()),
     )
 
@@ -108,17 +112,33 @@ def _sensitivities(scenario: Scenario, prepared: Prepared, history: CovHistory, 
     )
 
 
-def _phases(prepared: Prepared, events: dict[str, float], tape: Tape | None) -> tuple[PhaseView, ...]:
-    """Return the observability of the stretches between events."""
-    marks = _marks(prepared, events)
-    stretches = observability(prepared, np.array([t for _, t in marks]), tape)
+def _phases(prepared: Prepared, events: dict[str, float], tape: Tape | None, window: float) -> tuple[PhaseView, ...]:
+    """Return the observability of the stretches between events, or of windows of that many seconds (0: none)."""
+    marks = _windows(prepared, window) if window > 0.0 else _marks(prepared, events)
+    edges = np.array([t for _, t in marks])
+    if prepared.vehicle is not None:
+        stretches = vehicle_observability.observability(prepared, edges)
+    else:
+        stretches = observability(prepared, edges, tape)
     return tuple(
         PhaseView(
             f"{first} to {second}", s.start, s.end, s.rank, TOLERANCE, s.singular, s.rows,
-            in_words(_reported(prepared, s.start, s.weakest), _state_names(prepared)) if s.rows else "every direction",
+            _told(prepared, s.start, s.weakest) if s.rows else "every direction",
+            tuple(_told(prepared, s.start, one) for one in s.directions) if s.rows else (),
         )
         for ((first, _), (second, _)), s in zip(pairwise(marks), stretches, strict=True)
     )  # fmt: skip
+
+
+def _told(prepared: Prepared, start: float, direction: Floats) -> str:
+    return in_words(_reported(prepared, start, direction), _state_names(prepared))
+
+
+def _windows(prepared: Prepared, window: float) -> list[tuple[str, float]]:
+    """Return the edges of whole windows from the start on; what is left at the end belongs to the last one."""
+    t = prepared.reference.t
+    edges = t[0] + window * np.arange(int((t[-1] - t[0]) / window + 1e-9))
+    return [(f"{edge:g} s", float(edge)) for edge in (*edges, t[-1])]
 
 
 def _marks(prepared: Prepared, events: dict[str, float]) -> list[tuple[str, float]]:

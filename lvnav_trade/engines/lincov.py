@@ -176,7 +176,7 @@ def _go_back(
     return edges, back.contribution
 
 
-def _expected_nees(formal: Floats, total: Floats) -> Floats:
+def expected_nees(formal: Floats, total: Floats) -> Floats:
     """Return tr(formal^-1 total) of each history time (n_hist,); NaN where the filter is certain of a state.
 
     Both (n_hist, m, m) are brought to the filter's sigmas first: states differ by ten orders of magnitude.
@@ -206,13 +206,13 @@ def _history(prepared: Prepared, names: list[str], out: Cover) -> CovHistory:
         true_cov=true,
         t_epoch=prepared.t_epoch,
         n_row=out.n_row.astype(np.int32),
-        expected_nees=_expected_nees(out.formal[:, :m, :m], total[:, :m, :m]),
+        expected_nees=expected_nees(out.formal[:, :m, :m], total[:, :m, :m]),
         expected_nis=out.expected_nis,
-        false_rejection=_false_rejection(prepared.belief.gate_squared, out.worst_ratio),
+        false_rejection=false_rejection(prepared.belief.gate_squared, out.worst_ratio),
     )
 
 
-def _false_rejection(gate_squared: float, ratio: Floats) -> Floats:
+def false_rejection(gate_squared: float, ratio: Floats) -> Floats:
     """Return the probability (n_epoch,) that the gate rejects a good measurement, of the epoch's most endangered row.
 
     A row's normalised innovation is normal with the expected square `ratio`; a matched filter has 1.

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numba import config
 
+from lvnav_trade.engines import vehicle, vehicle_montecarlo
 from lvnav_trade.engines.flight import fly
 from lvnav_trade.engines.inputs import Sizes, Work, work_shapes
 from lvnav_trade.engines.prepare import Prepared, prepare
@@ -57,7 +58,11 @@ def fly_lanes(
 
 
 def channels(prepared: Prepared) -> int:
-    """Return how many innovation channels a case has: two per satellite when tight, six when loose."""
+    """Return how many innovation channels a case has: two per satellite when tight, six when loose, and those of an
+    attitude reference and of the inertial unit.
+    """
+    if prepared.vehicle is not None:
+        return len(vehicle.CHANNELS)
     kind = prepared.belief.kind
     return 2 * len(prepared.sky.names) if kind == TIGHT else 6 if kind == LOOSE else 1
 
@@ -102,6 +107,8 @@ def _fly(prepared: Prepared, seed: int, runs: Floats, lanes: bool) -> Work:
         values = values_of(prepared.recorded, seed, runs)
         work.shared[chosen] = values if lanes else values[:, 0]
     p = prepared
+    if p.vehicle is not None:
+        return vehicle_montecarlo.fly(p, work, *seed_words(seed), lanes)
     fixed = (p.schedule, p.unit, p.signals, p.start, p.record, p.belief, p.options)
     (fly_lanes if lanes else fly)(work, *fixed, *seed_words(seed))
     return work

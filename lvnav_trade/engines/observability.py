@@ -22,7 +22,7 @@ TOLERANCE = 1e-2
 class Stretch(NamedTuple):
     """Observability over one stretch: start, end s since lift-off; rank; singular (n_asked,) values, falling, of the
     states that have an initial sigma; weakest (n,) direction, entries in initial sigmas, largest of size 1; rows that
-    were used.
+    were used; directions (n_asked, n) of all singular values, as the weakest.
 
     The singular values are those of the stacked rows H Phi, each row in sigmas of its noise and each direction in its
     initial sigma: a value of 1 means that the stretch alone halves the variance of that direction. The rank counts
@@ -35,6 +35,7 @@ class Stretch(NamedTuple):
     singular: Floats
     weakest: Floats
     rows: int
+    directions: Floats
 
 
 @jit
@@ -93,15 +94,16 @@ def _stretch(prepared: Prepared, true: TrueModel, tape: Tape, start: float, end:
         triangle, phi, np.zeros((true.nav_rows.size, 9)), np.zeros(n), np.zeros(n), tape, schedule, prepared.signals,
         true, prepared.belief, first, last,
     )  # fmt: skip
-    scale, root = _initial_spread(prepared.start.P)
+    scale, root = initial_spread(prepared.start.P)
     asked = scale > 0.0  # a state of no initial sigma is known, not unobservable
-    weakest = np.zeros(n)
     root = root[np.ix_(asked, asked)]
-    singular, weakest[asked] = _decompose((triangle * scale)[:, asked] @ root, root)
-    return Stretch(start, end, int(np.sum(singular > TOLERANCE)), singular, weakest, count)
+    singular, found = decompose((triangle * scale)[:, asked] @ root, root)
+    directions = np.zeros((singular.size, n))
+    directions[:, asked] = found
+    return Stretch(start, end, int(np.sum(singular > TOLERANCE)), singular, directions[-1], count, directions)
 
 
-def _initial_spread(P: Floats) -> tuple[Floats, Floats]:
+def initial_spread(P: Floats) -> tuple[Floats, Floats]:
     """Return the initial sigmas (n,) and a square root (n, n) of the initial correlation: a direction y that spreads
     evenly is the error scale * (root @ y). Tilts and heading are correlated in the axes of frame i.
     """
@@ -111,11 +113,11 @@ def _initial_spread(P: Floats) -> tuple[Floats, Floats]:
     return scale, vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
 
 
-def _decompose(scaled: Floats, root: Floats) -> tuple[Floats, Floats]:
-    """Return the singular values (n,), falling, and the weakest direction in sigmas of the states, at size 1."""
-    _, singular, directions = np.linalg.svd(scaled)
-    weakest = root @ directions[-1]
-    return singular, weakest / weakest[np.argmax(np.abs(weakest))]
+def decompose(scaled: Floats, root: Floats) -> tuple[Floats, Floats]:
+    """Return the singular values (n,), falling, and their directions (n, n) in sigmas of the states, each at size 1."""
+    _, singular, turned = np.linalg.svd(scaled)
+    directions = turned @ root.T
+    return singular, directions / np.take_along_axis(directions, np.argmax(np.abs(directions), axis=1)[:, None], 1)
 
 
 def observability(prepared: Prepared, edges: Floats, tape: Tape | None = None) -> list[Stretch]:

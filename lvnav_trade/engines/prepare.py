@@ -28,8 +28,10 @@ from lvnav_trade.engines.recorded import Recorded, recorded
 from lvnav_trade.engines.signals import Line, channels_of, families, geometry_of, signals
 from lvnav_trade.engines.solution import Chain, chain_of
 from lvnav_trade.engines.times import epochs_of, times_of
+from lvnav_trade.engines.vehicle import Vehicle, vehicle_of
 from lvnav_trade.engines.watching import pdop, watched
 from lvnav_trade.filters.belief import Belief, believe, initial_covariance
+from lvnav_trade.filters.envelope import EnvelopeCard
 from lvnav_trade.frames import earth_angle, rotation_i_e, rotation_i_n, rotation_i_o
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
@@ -67,7 +69,8 @@ STEP = 1e-6
 
 class Prepared(NamedTuple):
     """A scenario and all that its runs share. sources: true error blocks of the unit; families: errors that
-    measurements share; recorded: of a receiver; t_hist, t_epoch: s since lift-off of history and epochs.
+    measurements share; recorded: of a receiver; t_hist, t_epoch: s since lift-off of history and epochs; vehicle: of a
+    filter with an attitude reference.
     """
 
     scenario: Scenario
@@ -91,6 +94,7 @@ class Prepared(NamedTuple):
     recorded: Recorded
     options: Options
     chain: Chain | None
+    vehicle: Vehicle | None = None
 
 
 @lru_cache(maxsize=4)
@@ -249,7 +253,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     )  # fmt: skip
     blocks = (*error_blocks(scenario.imu), *disturbance(scenario.gravity))
     C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], trajectory.theta0)[0].T
-    P = initial_covariance(layout, initial, C_n_i)
+    P = initial_covariance(layout, initial, C_n_i, card.envelope or EnvelopeCard())
     truth, rules = watched(card, failed, truth, pdop(line.direction, seen.tracked), P)
     solver = solver_of(scenario, receiver, truth.used.shape[1])
     chain = chain_of(solver, judged(scenario), truth, line)
@@ -277,6 +281,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         recorded=tabled,
         options=Options(solver, rules, late_of(scenario, delayed, kept, at.schedule)),
         chain=chain,
+        vehicle=vehicle_of(scenario, trajectory, ref, layout, imu, epochs.tick),
     )
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.engines.envelopes import EnvelopeCard, changing, steady_ratio
+from lvnav_trade.engines.envelopes import changing, steady_ratio
 from lvnav_trade.engines.rotation_loop import (
     BURN,
     CHANGE,
@@ -25,6 +25,7 @@ from lvnav_trade.engines.rotation_loop import (
     Plant,
     fly_run,
 )
+from lvnav_trade.filters.envelope import EnvelopeCard
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.world.control import ControllerCard, FeedbackCard, rate_noise
 from lvnav_trade.world.imu import ImuCard

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lvnav_trade.engines.chained import CARRIED, CHAINED, N_KEPT_STATE, N_NAV, kept_column
 from lvnav_trade.engines.prepare import Prepared
+from lvnav_trade.engines.vehicle import ATTITUDE_NOISE
 from lvnav_trade.filters.belief import INERTIAL, TIGHT, transition_blocks
 from lvnav_trade.kernels.clock import spectral_densities
 from lvnav_trade.kernels.transition import ACCEL, ATT, CONSTANT, GYRO, POS, VEL
@@ -91,6 +92,8 @@ def source_names(prepared: Prepared) -> list[str]:
         names += ["receiver clock", "pseudorange noise", "range-rate noise"]
     elif prepared.belief.kind != INERTIAL:
         names += ["position solution noise", "velocity solution noise"]
+    if prepared.vehicle is not None:
+        names.append(ATTITUDE_NOISE)
     return names
 
 

@@ -7,6 +7,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from lvnav_trade.delays import CorrectionsCard
+from lvnav_trade.filters.envelope import EnvelopeCard
 from lvnav_trade.units import (
     AccelerationRandomWalk,
     AccelerationSigma,
@@ -28,6 +29,8 @@ from lvnav_trade.units import (
 )
 
 Matched = Literal["matched"]
+REFERENCED = ("referenced", "vehicle_model")
+"""Kinds of filter that have an attitude reference."""
 
 
 class ImuBelief(Card):
@@ -82,6 +85,12 @@ class InitialBelief(Card):
     velocity: SpeedSigma
     clock_bias: LengthSigma
     clock_drift: SpeedSigma
+
+
+class ReferenceBelief(Card):
+    """What the filter believes of its attitude reference: white noise per axis."""
+
+    sigma: AngleSigma = Field(gt=0.0)
 
 
 ExtraState = Literal[
@@ -164,12 +173,14 @@ class FilterCard(Card):
     """A navigation filter: error-state, mechanised in the inertial frame.
 
     Closed loop: what it estimates is fed back to the strapdown at every epoch. Open loop: the strapdown is left alone,
-    the estimate is added to its output.
+    the estimate is added to its output. `referenced` is loose with an attitude reference; `vehicle_model` is that with
+    rate and acceleration of the vehicle as states that wander within an envelope: samples of the inertial unit are its
+    measurements, one by one.
     """
 
     name: str
     source: str
-    kind: Literal["inertial", "loose", "tight"]
+    kind: Literal["inertial", "loose", "tight", "referenced", "vehicle_model"]
     extra_states: tuple[ExtraState, ...] = ()
     strapdown_rate: Frequency | None = Field(
         None, description="increments are added up to this rate before the strapdown; none: the unit's own rate"
@@ -190,6 +201,8 @@ class FilterCard(Card):
     imu: Matched | ImuBelief = "matched"
     receiver: Matched | ReceiverBelief = "matched"
     initial: Matched | InitialBelief = "matched"
+    reference: Matched | ReferenceBelief = Field("matched", description="of a filter with an attitude reference")
+    envelope: EnvelopeCard | None = Field(None, description="of a vehicle model; none: that of the card's defaults")
     corrections: CorrectionsCard = Field(CorrectionsCard(), description="taken off the measurements beforehand")
     delay_compensation: DelayCompensation | None = Field(
         None, description="none: a late measurement is taken as present"
@@ -207,4 +220,22 @@ class FilterCard(Card):
             raise ValueError(f"{watched} judges the receiver's solution: it needs kind: loose, not {self.kind}")
         if self.logic is not None and self.logic.correct_after > 0.0 and self.feedback == "closed":
             raise ValueError("logic.correct_after delays the outputs of an open loop: it needs feedback: open")
+        return self
+
+    @model_validator(mode="after")
+    def _modelled(self) -> Self:
+        modelled = self.kind == "vehicle_model"
+        if self.envelope is not None and not modelled:
+            raise ValueError(f"envelope: a {self.kind} filter has no model of the vehicle")
+        if self.kind not in REFERENCED:
+            return self
+        inertial = [name for name in self.extra_states if modelled and name.startswith(("gyro_", "accel_"))]
+        for name, value in (("neglect", self.neglect), ("consider", self.consider), ("extra_states", inertial)):
+            if value:
+                more = " and nothing else of it" if modelled else ""
+                raise ValueError(f"{name}: a {self.kind} filter estimates the biases of its unit{more}")
+        if self.feedback == "open":
+            raise ValueError(f"feedback: a {self.kind} filter is closed-loop")
+        if self.strapdown_rate is not None and modelled:
+            raise ValueError("strapdown_rate: a vehicle_model filter takes every sample of the unit")
         return self

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.filters.base import FilterCard, ImuBelief, InitialBelief, ReceiverBelief
+from lvnav_trade.filters.envelope import EnvelopeCard
 from lvnav_trade.kernels import strapdown, transition
 from lvnav_trade.kernels.clock import spectral_densities
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL
@@ -20,7 +21,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 INERTIAL, LOOSE, TIGHT = 0, 1, 2
-KINDS = {"inertial": INERTIAL, "loose": LOOSE, "tight": TIGHT}
+KINDS = {"inertial": INERTIAL, "loose": LOOSE, "tight": TIGHT, "referenced": LOOSE, "vehicle_model": LOOSE}
 PSEUDORANGE, RANGE_RATE, POSITION, VELOCITY = 0, 1, 2, 3
 
 
@@ -118,7 +119,11 @@ def state_layout(card: FilterCard, imu: ImuBelief, receiver: ReceiverBelief, cha
         parameters, extras = parameters + blocks, extras + shared
         if not considered:
             n_estimated = offset
-    return StateLayout(tuple(parameters), clock, n_estimated, offset, tuple(extras))
+    if card.kind == "vehicle_model":
+        n_estimated = offset + 6
+        return StateLayout(tuple(parameters), clock, n_estimated, n_estimated, tuple(extras), offset, samples=True)
+    samples = card.kind == "referenced"
+    return StateLayout(tuple(parameters), clock, n_estimated, offset, tuple(extras), samples=samples)
 
 
 def transition_blocks(parameters: tuple[ParameterBlock, ...], order: int) -> tuple[Ints, Ints, Ints, Ints]:
@@ -170,8 +175,10 @@ def window_tables(layout: StateLayout, densities: Floats, seconds: Floats) -> tu
 
 def _densities(card: FilterCard, layout: StateLayout, imu: ImuBelief, receiver: ReceiverBelief) -> Floats:
     found = np.zeros(layout.n_state)
-    found[ATT : ATT + 3] = imu.gyro_random_walk**2 + card.attitude_noise**2
-    found[VEL : VEL + 3] = imu.accel_random_walk**2 + card.velocity_noise**2
+    # with a model of the vehicle the noise of samples enters by their rows, and nowhere else
+    by_window = card.kind != "vehicle_model"
+    found[ATT : ATT + 3] = by_window * imu.gyro_random_walk**2 + card.attitude_noise**2
+    found[VEL : VEL + 3] = by_window * imu.accel_random_walk**2 + card.velocity_noise**2
     for block in layout.parameters:
         found[block.offset : block.offset + 3] = block.walk**2
     if layout.clock >= 0:
@@ -244,6 +251,9 @@ def believe(
     """
     layout = state_layout(card, imu, receiver, channels)
     rows, columns, kinds, drivers = transition_blocks(layout.parameters, card.transition_order)
+    if card.kind == "vehicle_model":  # all but the gradient of gravity is propagated sample by sample
+        gradient = kinds == transition.VEL_POS
+        rows, columns, kinds, drivers = rows[gradient], columns[gradient], kinds[gradient], drivers[gradient]
     decay, noise = window_tables(layout, _densities(card, layout, imu, receiver), seconds)
     row_type = _row_types(card.kind, channels.n_channel)
     count, entry, column = _row_tables(layout, row_type, bool(np.any(levers)), judged)
@@ -282,8 +292,12 @@ def believe(
     return layout, belief
 
 
-def initial_covariance(layout: StateLayout, initial: InitialBelief, C_n_i: Floats) -> Floats:
-    """Return the filter's covariance (n_state, n_state) at the start; C_n_i (3, 3) of the starting point."""
+def initial_covariance(
+    layout: StateLayout, initial: InitialBelief, C_n_i: Floats, envelope: EnvelopeCard | None = None
+) -> Floats:
+    """Return the filter's covariance (n_state, n_state) at the start; C_n_i (3, 3) of the starting point; envelope of a
+    filter that models the vehicle.
+    """
     P = np.zeros((layout.n_state, layout.n_state))
     tilt = np.diag([initial.tilt**2, initial.tilt**2, initial.heading**2])
     P[ATT : ATT + 3, ATT : ATT + 3] = C_n_i @ tilt @ C_n_i.T
@@ -298,4 +312,8 @@ def initial_covariance(layout: StateLayout, initial: InitialBelief, C_n_i: Float
     if layout.clock >= 0:
         P[layout.clock, layout.clock] = initial.clock_bias**2
         P[layout.clock + 1, layout.clock + 1] = initial.clock_drift**2
+    if layout.motion >= 0 and envelope is not None:
+        for i in range(3):
+            P[layout.motion + i, layout.motion + i] = envelope.start_rate**2
+            P[layout.motion + 3 + i, layout.motion + 3 + i] = envelope.start_acceleration**2
     return P

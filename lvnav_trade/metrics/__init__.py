@@ -16,6 +16,9 @@ from lvnav_trade.metrics.explained import contributions, nonlinearity, observabi
 from lvnav_trade.metrics.impact import corridor_verdicts, impact
 from lvnav_trade.metrics.levers import expected, levers
 from lvnav_trade.metrics.logic import logic, modes, stops
+from lvnav_trade.metrics.motion import motion
+from lvnav_trade.metrics.nozzle import nozzle, turning
+from lvnav_trade.metrics.observed import observed
 from lvnav_trade.metrics.orbit import orbit
 from lvnav_trade.metrics.ranking import ranking
 from lvnav_trade.metrics.references import references
@@ -58,12 +61,16 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
     "correction": correction,
     "impact": impact,
     "corridor": corridor_verdicts,
+    "motion": motion,
+    "nozzle": nozzle,
+    "observed": observed,
+    "turning": turning,
 }
 """Every metric by name; each takes a results folder, or its tables, and returns a tidy frame."""
 
 CSV = (
     "rms", "agreement", "controlled", "references", "requirements", "budget", "expected", "sensitivity", "orbit",
-    "correction", "impact", "corridor", "transitions", "logic",
+    "correction", "impact", "corridor", "transitions", "logic", "motion", "nozzle", "turning",
 )  # fmt: skip
 """The metrics that stand beside a report as CSV, with the columns that users and their CI rely on."""
 

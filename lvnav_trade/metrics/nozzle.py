@@ -1,14 +1,21 @@
-"""How much less a nozzle moves: reductions of totals over paired runs, with their intervals."""
+"""How much less a nozzle moves: reductions of totals over paired runs, with their intervals; motion in envelopes."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 from scipy import stats
 
+from lvnav_trade.store import Tables, load
+
 Floats = NDArray[np.float64]
+
+
+_DEG_H = 206264.80624709636
 
 
 class Reduction(NamedTuple):
@@ -31,3 +38,50 @@ def reduction(base: Floats, lower: Floats, alpha: float = 0.05) -> Reduction:
     mean, n = ratio.mean(axis=0), len(ratio)
     reach = float(stats.t.isf(alpha / 2.0, n - 1)) * ratio.std(axis=0, ddof=1) / np.sqrt(n)
     return Reduction(1.0 - np.exp(mean), 1.0 - np.exp(mean + reach), 1.0 - np.exp(mean - reach))
+
+
+COLUMNS = [
+    "case", "burn", "axis", "runs", "raw_deg", "filtered_deg", "true_deg", "less_percent", "low_percent",
+    "high_percent",
+]  # fmt: skip
+
+
+def nozzle(results: Path | str | Tables, alpha: float = 0.05) -> pd.DataFrame:
+    """Return mean movements of the nozzle (deg) by what feeds the controller, and by how much less (%) it moves with
+    the filtered than with the raw rate, with the interval of paired runs; per burn, and over the flight.
+
+    A burn in which every run's nozzle is at rest, and a single run, have no reduction.
+    """
+    tables, rows = load(results), []
+    for (case, burn, axis), one in tables.nozzle.groupby(["case", "burn", "axis"], sort=False):
+        moved = one.pivot(index="run_number", columns="feed", values="moved_rad")
+        less: tuple[float, ...] = (np.nan, np.nan, np.nan)
+        if len(moved) > 1 and bool((moved > 0.0).all(axis=None)):
+            found = reduction(moved[["raw"]].to_numpy(), moved[["filtered"]].to_numpy(), alpha)
+            less = tuple(100.0 * float(part[0]) for part in found)
+        means = [float(np.degrees(moved[feed].mean())) for feed in ("raw", "filtered", "true")]
+        rows.append((tables.labels[str(case)], burn, axis, len(moved), *means, *less))
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def turning(results: Path | str | Tables) -> pd.DataFrame:
+    """Return how often and how far true angular acceleration and jerk leave their envelopes (% of ticks, times), and
+    attitude and rate errors, by what feeds the controller, axis and phase.
+    """
+    tables = load(results)
+    rows = tables.turning
+    return pd.DataFrame(
+        {
+            "case": rows.case.map(tables.labels),
+            "feed": rows.feed,
+            "axis": rows.axis,
+            "phase": rows.phase,
+            "turning_inside_percent": 100.0 * rows.inside_turning_ratio,
+            "turning_furthest_times": rows.furthest_turning_ratio,
+            "jerk_inside_percent": 100.0 * rows.inside_jerk_ratio,
+            "jerk_furthest_times": rows.furthest_jerk_ratio,
+            "attitude_error_mrad": 1e3 * rows.attitude_error_rad,
+            "rate_error_deg_per_h": _DEG_H * rows.rate_error_rad_per_s,
+            "rate_sigma_deg_per_h": _DEG_H * rows.rate_sigma_rad_per_s,
+        }
+    )

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from lvnav_trade import units
 from lvnav_trade.layout import MISSION
+from lvnav_trade.metrics.nozzle import nozzle
+from lvnav_trade.metrics.observed import NUMERICAL, observed
 from lvnav_trade.metrics.select import errors_at, split_metric
 from lvnav_trade.metrics.spans import instant, phase, time_mean
 from lvnav_trade.store import Tables
@@ -60,6 +62,10 @@ def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Our
     metric = str(stated["metric"])
     if metric in MISSION:
         return _of_mission(tables, case, stated, unit)
+    if metric.startswith("nozzle_movement_"):
+        return _of_nozzle(tables, case, metric.rpartition("_")[2])
+    if metric == "observable_states":
+        return _of_rank(tables, case)
     if metric == "satellites_tracked" or metric.endswith("_left"):
         return _of_signals(tables, case, stated, unit)
     quantity, axis = split_metric(metric)
@@ -139,6 +145,26 @@ def _per_run(tables: Tables, case: str, stated: Mapping[str, Any], column: str) 
     length = (within.t_end_s - within.t_s).to_numpy()
     total = pd.Series(size**2 * length).groupby(run).sum() / pd.Series(length).groupby(run).sum()
     return np.sort(np.sqrt(total.to_numpy()))
+
+
+def _of_nozzle(tables: Tables, case: str, axis: str) -> Ours:
+    """Return by how many percent less a nozzle moves with the filtered than with the raw rate, over the flight."""
+    rows = nozzle(tables)
+    rows = rows[(rows.case == tables.labels[case]) & (rows.axis == axis) & (rows.burn == "flight")]
+    if rows.empty:
+        return Ours(np.nan, "no vehicle under control, or fewer than two runs")
+    row = rows.iloc[0]
+    return Ours(row.less_percent, f"{row.runs} paired runs, 95 %: {row.low_percent:.1f} to {row.high_percent:.1f} %")
+
+
+def _of_rank(tables: Tables, case: str) -> Ours:
+    """Return the least number of states that any stretch observes."""
+    rows = observed(tables)
+    rows = rows[rows.case == tables.labels[case]]
+    if rows.empty:
+        return Ours(np.nan, "not among our results")
+    row = rows.iloc[0]
+    return Ours(float(row.least_rank), f"{row.stretches} stretches, singular values above {NUMERICAL:g} of the largest")
 
 
 def _of_mission(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Ours:

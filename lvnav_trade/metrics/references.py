@@ -19,6 +19,8 @@ COLUMNS = [
     "remark",
 ]  # fmt: skip
 _SMALLER = " < "
+_BY_AXIS = ("position", "velocity", "attitude", "gyro", "accelerometer")
+"""Innovation channels whose name ends with an axis, not with what of a satellite."""
 
 
 def references(results: Path | str | Tables, stated: Mapping[str, Any] | None = None) -> pd.DataFrame:
@@ -57,15 +59,18 @@ def _row(stated: Mapping[str, Any], remarks: Sequence[str], **cells: Any) -> dic
 def _number(tables: Tables, case: str | None, published: Mapping[str, Any]) -> dict[str, Any]:
     low, high = published.get("band", (0.5, 2.0))
     value, unit, against = float(published["value"]), str(published["unit"]), published.get("against")
-    found = Ours(np.nan, "no such case")
-    if case is not None:
+    than, found = published.get("than"), Ours(np.nan, "no such case")
+    if case is not None and than is not None:
+        found = _part(_in_si(tables, case, published), _in_si(tables, case, {**published, "metric": than}))
+    elif case is not None:
         found = ours(tables, case, published, unit) if against is None else _smaller(tables, case, published, against)
+    words = ", how much smaller" if against is not None else f", how much below {than}" if than is not None else ""
     ratio = found.value / value
     return _row(
         published,
         (_single(published, found), found.remark),
         case=tables.labels[case] if case is not None else "",
-        metric=name_of(published) + (", how much smaller" if against is not None else ""),
+        metric=name_of(published) + words,
         unit=unit,
         published=value,
         ours=found.value,
@@ -81,8 +86,12 @@ def _smaller(tables: Tables, case: str, published: Mapping[str, Any], against: M
     others = cases_of(tables, against)
     if len(others) != 1:
         return Ours(np.nan, f"{len(others)} cases to hold it against")
-    sizes = [_in_si(tables, one, published) for one in (case, others[0])]
-    return Ours(100.0 * (1.0 - sizes[0].value / sizes[1].value), sizes[0].remark or sizes[1].remark)
+    return _part(*(_in_si(tables, one, published) for one in (case, others[0])))
+
+
+def _part(smaller: Ours, larger: Ours) -> Ours:
+    """Return by how many percent a number is smaller than another of its unit."""
+    return Ours(100.0 * (1.0 - smaller.value / larger.value), smaller.remark or larger.remark)
 
 
 def _in_si(tables: Tables, case: str, stated: Mapping[str, Any]) -> Ours:
@@ -153,5 +162,5 @@ def _innovations(tables: Tables, case: str | None, stated: Mapping[str, Any]) ->
 def _named(channel: str, words: str) -> bool:
     """Whether a channel such as ``G05 range rate`` or ``position x`` is meant: its words without satellite and axis."""
     parts = channel.split(" ")
-    kind = parts[0] if parts[0] in ("position", "velocity") else " ".join(parts[1:])
+    kind = parts[0] if parts[0] in _BY_AXIS else " ".join(parts[1:])
     return not words or kind == words

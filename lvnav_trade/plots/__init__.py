@@ -13,8 +13,10 @@ from lvnav_trade.plots.errors import comparison, envelope, rank
 from lvnav_trade.plots.flight import trajectory
 from lvnav_trade.plots.impact import impact
 from lvnav_trade.plots.logic import logic
+from lvnav_trade.plots.motion import ignition, motion, singular
 from lvnav_trade.plots.orbit import orbit
 from lvnav_trade.plots.published import locus, spread
+from lvnav_trade.plots.rotation import envelopes, movement, sweep
 from lvnav_trade.plots.sky import satellites, sky
 from lvnav_trade.plots.timeline import timeline
 
@@ -36,6 +38,12 @@ PLOTS: dict[str, Callable[..., Any]] = {
     "budget": budget,
     "heatmap": heatmap,
     "consistency": consistency,
+    "motion": motion,
+    "ignition": ignition,
+    "singular": singular,
+    "movement": movement,
+    "sweep": sweep,
+    "turning": envelopes,
     "orbit": orbit,
     "impact": impact,
 }

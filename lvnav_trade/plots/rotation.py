@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from lvnav_trade.plots.style import GREY, PALETTE, canvas, line_of, look
+from lvnav_trade.metrics.nozzle import nozzle
+from lvnav_trade.plots.style import GREY, PALETTE, canvas, legend_below, line_of, look, mark_events
+from lvnav_trade.store import Tables, load
 
 Floats = NDArray[np.float64]
 
@@ -60,7 +64,7 @@ def inside_envelope(
             axes.margins(x=0.0)
             _shade(axes, burns)
         grid[0, 0].legend(loc="upper right")
-        grid[1, 0].set_xlabel("time since lift-off (s), burns shaded")
+        grid[1, 0].set_xlabel("time since lift-off (s)" + (", burns shaded" if len(burns) else ""))
     return figure
 
 
@@ -83,6 +87,68 @@ def gain_sweep(factors: Floats, moved: Mapping[str, Floats], reductions: Mapping
             axes.set_ylim(0.0)
             axes.legend(loc="best")
     return figure
+
+
+def movement(results: Path | str | Tables, case: str) -> Figure:
+    """Draw the nozzle's movement so far by what feeds the controller: mean of the runs, and all of them as a band."""
+    tables = load(results)
+    rows = tables.movement[tables.movement.case == case]
+    with look():
+        figure, grid = canvas(1, 2, 2.9, sharey=True)
+        for axes, axis in zip(grid.ravel(), _AXES, strict=True):
+            for number, feed in enumerate(dict.fromkeys(rows.feed)):
+                one, style = rows[(rows.feed == feed) & (rows.axis == axis)], line_of(number)
+                low, high = np.degrees(one.low_rad), np.degrees(one.high_rad)
+                axes.fill_between(one.t_s, low, high, color=style["color"], alpha=0.25, linewidth=0)
+                axes.plot(one.t_s, np.degrees(one.mean_rad), lw=1.4, label=f"{feed} rate", **style)
+            axes.set_title(axis)
+            axes.set_xlabel("time since lift-off (s)")
+            axes.margins(x=0.01)
+            mark_events(axes, tables.events[tables.events.case == case], names=False)
+        grid[0, 0].set_ylim(0.0)
+        grid[0, 0].set_ylabel("total nozzle movement (deg)")
+        legend_below(figure, grid[0, 0])
+    return figure
+
+
+def sweep(results: Path | str | Tables) -> Figure:
+    """Draw by how much less the nozzle moves with the filtered rate over the rate gain, with intervals of paired runs,
+    for every other setting of the cases; the band of what is published shaded.
+    """
+    tables = load(results)
+    found = nozzle(tables)
+    found = found[(found.burn == "flight") & found.less_percent.notna()]
+    lines: dict[str, list[tuple[float, str]]] = {}
+    for case in tables.cases.itertuples():
+        levels = json.loads(case.axes)
+        factor = float(levels.pop("rate_gain", 1.0))
+        lines.setdefault(", ".join(levels.values()) or "all", []).append((factor, tables.labels[case.case]))
+    with look():
+        figure, grid = canvas(1, 2, 2.9, sharey=True)
+        for axes, axis in zip(grid.ravel(), _AXES, strict=True):
+            for number, (name, points) in enumerate(lines.items()):
+                rows = [(factor, row) for factor, label in sorted(points)
+                        for row in found[(found.case == label) & (found.axis == axis)].itertuples()]  # fmt: skip
+                values = np.array([row.less_percent for _, row in rows])
+                reach = np.array([[row.less_percent - row.low_percent, row.high_percent - row.less_percent]
+                                  for _, row in rows]).T  # fmt: skip
+                style = {**line_of(number), "label": name, "ls": ("-", "-", ":", "--")[number % 4]}
+                axes.errorbar([factor for factor, _ in rows], values, yerr=reach, marker="o", ms=3, **style)
+            axes.axhspan(50.0, 85.0, color=GREY, alpha=0.15, lw=0)
+            axes.set_title(axis)
+            axes.set_xlabel("rate gain over that of the card (-)")
+        grid[0, 0].set_ylabel("less nozzle movement\nwith the filtered rate (%, 95 %)")
+        legend_below(figure, grid[0, 0], columns=2)
+    return figure
+
+
+def envelopes(results: Path | str | Tables, case: str) -> Figure:
+    """Draw angular acceleration and lateral jerk of one run, pitch, in their envelopes over the first seconds."""
+    tables = load(results)
+    rows = tables.motion[(tables.motion.case == case) & (tables.motion.axis == "pitch")]
+    turning, jerk = rows.turning_rad_per_s2.to_numpy(), rows.jerk_m_per_s3.to_numpy()
+    bounds = rows.turning_bound_rad_per_s2.to_numpy(), rows.jerk_bound_m_per_s3.to_numpy()
+    return inside_envelope(rows.t_s.to_numpy(), turning, bounds[0], jerk, bounds[1], np.empty((0, 2)))
 
 
 def _shade(axes: Any, burns: Floats) -> None:

@@ -15,7 +15,7 @@ import jinja2
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.metrics import CSV, METRICS
-from lvnav_trade.report import evidence, explained, mission, reception
+from lvnav_trade.report import evidence, explained, mission, reception, steered
 from lvnav_trade.report.blocks import Block, Picture, Section, Text
 from lvnav_trade.report.summary import summary
 from lvnav_trade.store import Tables, load
@@ -42,13 +42,15 @@ SECTIONS: dict[str, tuple[str, Callable[[Tables], list[Block]]]] = {
     "impact": ("Point of impact", mission.impact),
     "budget": ("Error budget", explained.budget),
     "grades": ("What a better sensor is worth", explained.grades),
+    "motion": ("Rate and acceleration", steered.motion),
+    "control": ("The vehicle under control", steered.control),
     "observability": ("Observability", explained.observability),
     "reproduce": ("How to reproduce", evidence.reproduce),
 }
 """Every section by name, in the order in which they stand unless the campaign says otherwise; one that has nothing to
 show stands on the page only where it was asked for by name.
 """
-_WHERE_ANY = ("transitions", "logic")
+_WHERE_ANY = ("transitions", "logic", "motion", "nozzle", "turning")
 """CSV tables that are written only where they have rows."""
 
 

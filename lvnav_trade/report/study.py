@@ -21,6 +21,7 @@ from lvnav_trade.plots.published import ratios
 from lvnav_trade.report.blocks import Block, Code, Picture, Section, Text, number, percent, picture, table
 from lvnav_trade.report.build import render
 from lvnav_trade.report.kml import flights, write_kml
+from lvnav_trade.report.steered import control_tables, motion_table, observed_table
 from lvnav_trade.store import Tables
 
 CSV = ("references", "agreement")
@@ -39,6 +40,12 @@ _CAPTIONS = {
     "logic": "What the filter does over the flight, part of runs; events as lines, faults shaded.",
     "orbit": "Errors of the orbit.",
     "impact": "Points of impact.",
+    "motion": "Errors of the {quantity}: raw sample and estimate.",
+    "ignition": "Filtered over raw sample around lift-off.",
+    "singular": "Singular values of what each stretch of flight tells.",
+    "movement": "Movement of the nozzle by what feeds the controller; the band holds all runs.",
+    "sweep": "How much less the nozzle moves with the filtered rate, over the rate gain.",
+    "turning": "True angular acceleration in pitch and jerk along z of one run, and what the filter expects.",
     "autocorrelation": "Autocorrelation of the innovations (blue: position or range, red: velocity or range rate); "
     "grey: 95 % of what one flight of white ones shows.",
     "spread": "Published single flights among ours, each by itself.",
@@ -177,6 +184,7 @@ def _campaign(one: Answered) -> Section:
         blocks.append(
             table(_shown(frame)[wanted], f"Published beside ours ({'; '.join(dict.fromkeys(frame.source))}).")
         )
+    blocks += [*motion_table(tables), *control_tables(tables), *observed_table(tables)]
     for place, figure in enumerate(part.figures, 1):
         drawn = _draw(one, figure)
         if drawn is not None:
@@ -209,7 +217,9 @@ def _draw(one: Answered, figure: Figure) -> Drawing | None:
     elif figure.plot == "locus":
         stated = {"metric": figure.metric, "at": figure.at, "during": figure.during, "statistic": figure.statistic}
         drawn = plot(tables, figure.axis, stated, figure.unit, figure.published, figure.band, figure.cases)
-    elif figure.plot in ("envelope", "budget"):
+    elif figure.plot == "sweep":
+        drawn = plot(tables)
+    elif figure.plot in ("envelope", "budget", "motion"):
         drawn = plot(tables, cases_of(tables, figure.case)[0], figure.quantity)
     else:
         drawn = plot(tables, cases_of(tables, figure.case)[0])

@@ -135,6 +135,7 @@ def _observability(found: Explanation) -> list[dict[str, Any]]:
             "singular_number": k + 1,
             "singular_ratio": float(value),
             "weakest": phase.weakest,
+            "direction": phase.directions[k] if phase.directions else phase.weakest,
         }
         for phase in found.phases
         for k, value in enumerate(phase.singular)

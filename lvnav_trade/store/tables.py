@@ -11,6 +11,7 @@ import pyarrow as pa
 from lvnav_trade import frames
 from lvnav_trade.engines.statistics import NORM, BlockSummary, add_norms, columns, norm_groups, quantiles
 from lvnav_trade.records import MODES, NO_CHANGES, REASONS, CovHistory, Floats, Output
+from lvnav_trade.store.controlled import controlled_tables
 from lvnav_trade.store.explained import explained_tables
 from lvnav_trade.store.schema import arrow_schema, error_column
 from lvnav_trade.store.sky import sky_tables, thresholds
@@ -19,6 +20,7 @@ from lvnav_trade.store.worst import worst_table
 from lvnav_trade.world.events import resolve
 
 if TYPE_CHECKING:
+    from lvnav_trade.engines.controlled import Controlled
     from lvnav_trade.engines.explain import Explanation
     from lvnav_trade.engines.prepare import Prepared
     from lvnav_trade.engines.starts import StartDraws
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
 FAILURES = {0: "", 1: "not finite", 2: "diverged"}
 _DRAWN = ("attitude", "velocity", "position")
 """Quantities of which the budget is kept over the whole flight."""
+_REFERENCED = ("position", "velocity", "attitude", "gyro", "accelerometer")
+"""Innovation channels of a filter with an attitude reference."""
 _NORM_LIKE_CONSTANT = 1e9
 """Degrees of freedom of a mean square that does not vary from run to run."""
 
@@ -45,6 +49,7 @@ def case_tables(
     summary: BlockSummary | None,
     explained: Explanation | None = None,
     starts: StartDraws | None = None,
+    control: Controlled | None = None,
 ) -> dict[str, pa.Table]:
     """Return every table of `schema.TABLES` for one case; without Monte Carlo its columns are NaN and counts 0."""
     lincov = _LinCov(cov, prepared.outputs)
@@ -65,6 +70,7 @@ def case_tables(
         **sky_tables(prepared),
         **state_tables(prepared, cov),
         **explained_tables(prepared, cov, explained),
+        **controlled_tables(control),
     }
     return {name: _arrow(name, case.id, content) for name, content in contents.items()}
 
@@ -84,7 +90,7 @@ def judged_tables(case_id: str, prepared: Prepared, cov: CovHistory, summary: Bl
 def _arrow(name: str, case_id: str, content: dict[str, Any]) -> pa.Table:
     length = max((len(value) for value in content.values() if not isinstance(value, str)), default=0)
     schema = arrow_schema(name)
-    full = {"case": [case_id] * length, **content}
+    full = {"case": [case_id] * length, **(content or {name: [] for name in schema.names if name != "case"})}
     schema = arrow_schema(name, tuple(column for column in full if column not in schema.names))
     return pa.table({field.name: pa.array(full[field.name], type=field.type) for field in schema}, schema=schema)
 
@@ -283,10 +289,13 @@ def _whiteness(prepared: Prepared, summary: BlockSummary | None) -> dict[str, An
 
 
 def _channel_names(prepared: Prepared, n_channel: int) -> list[str]:
-    """Name innovation channels: range and range rate of each satellite, or the receiver's position and velocity."""
+    """Name innovation channels: range and range rate of each satellite, or the receiver's position and velocity,
+    and what there is beside them.
+    """
     satellites = [f"{name} {what}" for what in ("range", "range rate") for name in prepared.sky.names]
     solution = [f"{what} {axis}" for what in ("position", "velocity") for axis in "xyz"]
-    for names in (satellites, solution):
+    referenced = [f"{what} {axis}" for what in _REFERENCED for axis in "xyz"]
+    for names in (satellites, solution, referenced):
         if len(names) == n_channel:
             return names
     return [f"channel {number}" for number in range(1, n_channel + 1)]

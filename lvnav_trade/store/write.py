@@ -22,6 +22,7 @@ from lvnav_trade.store.tables import CaseInfo, case_tables
 from lvnav_trade.store.versions import campaign_digest, environment
 
 if TYPE_CHECKING:
+    from lvnav_trade.engines.controlled import Controlled
     from lvnav_trade.engines.explain import Explanation
     from lvnav_trade.engines.prepare import Prepared
     from lvnav_trade.engines.starts import StartDraws
@@ -90,11 +91,12 @@ class Results:
         summary: BlockSummary | None,
         explained: Explanation | None = None,
         starts: StartDraws | None = None,
+        control: Controlled | None = None,
     ) -> None:
         """Write the tables of one case; `finish` puts the cases together in the order in which they were written."""
         folder = self.case_folder(case.id) / "tables"
         folder.mkdir(parents=True, exist_ok=True)
-        for name, table in case_tables(case, prepared, cov, summary, explained, starts).items():
+        for name, table in case_tables(case, prepared, cov, summary, explained, starts, control).items():
             part_files.replace_table(table, folder / f"{name}.parquet")
         self._order = [known for known in self._order if known != case.id] + [case.id]
 

@@ -94,7 +94,7 @@ BAD: dict[str, tuple[str, str, str, str]] = {
         "configs/filters/near.yaml",
         "kind: tight",
         "kind: tigth",
-        "configs/filters/near.yaml:3:7: base.filter.kind: 'tigth' is not one of inertial, loose, tight (did you mean 'tight'?)",
+        "configs/filters/near.yaml:3:7: base.filter.kind: 'tigth' is not one of inertial, loose, tight, referenced, vehicle_model (did you mean 'tight'?)",
     ),
     "a_bare_word_where_matched_is_meant_is_refused": (
         "configs/filters/near.yaml",

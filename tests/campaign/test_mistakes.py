@@ -40,7 +40,8 @@ def test_several_mistakes_are_told_together_each_in_its_line(study) -> None:
     assert str(caught.value).splitlines() == [
         "campaign.yaml:2:7: seed: should be a valid integer, not 'seven'",
         "campaign.yaml:5:8: base.imu: no card 'imu/goood' (did you mean 'imu/good'?)",
-        "configs/filters/near.yaml:3:7: base.filter.kind: 'tigth' is not one of inertial, loose, tight"
+        "configs/filters/near.yaml:3:7: base.filter.kind: 'tigth' is not one of inertial, loose, tight, "
+        "referenced, vehicle_model"
         " (did you mean 'tight'?)",
     ]
 

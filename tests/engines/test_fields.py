@@ -29,7 +29,7 @@ HEARING = {"antennas", "link", "loops", "tracking"}
 DELAYS = {"corrections"}
 # A recording in a file: tests/world/test_error_table.py walks its fields.
 RECORDED = {"error_table"}
-# Policies of a filter: tests/filters/test_{late,feedforward,monitor}.py and tests/engines/test_{options,watching}.py do.
+# Policies of a filter: walked in tests/filters/test_{late,feedforward,monitor}.py and beside.
 POLICIES = {"delay_compensation", "feedback", "logic", "init"}
 
 RAMP = {"start": "1 s", "end": "20 s", "amplitude": ["10 deg/h", "0 deg/h", "5 deg/h"]}

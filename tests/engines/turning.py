@@ -8,9 +8,9 @@ import numpy as np
 from ruamel.yaml import YAML
 
 from lvnav_trade.campaign.cards import shipped
-from lvnav_trade.engines.envelopes import EnvelopeCard
 from lvnav_trade.engines.rotation import Launch
 from lvnav_trade.engines.rotation_loop import BURN, COAST
+from lvnav_trade.filters.envelope import EnvelopeCard
 from lvnav_trade.world.control import ControllerCard
 from lvnav_trade.world.imu import ImuCard
 from lvnav_trade.world.rotation import RotationCard

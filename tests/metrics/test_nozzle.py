@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.metrics.nozzle import reduction
+from lvnav_trade.metrics.nozzle import nozzle, reduction, turning
+from tests.vehicle_tables import LESS, RUNS, tables
 
 
 def test_what_differs_from_run_to_run_alike_cancels():
@@ -31,3 +32,19 @@ def test_one_run_or_runs_without_a_partner_are_refused():
     for base, lower in ((1, 1), (3, 2)):
         with pytest.raises(ValueError, match="two or more of each"):
             reduction(np.ones((base, 2)), np.ones((lower, 2)))
+
+
+def test_movement_of_all_runs_is_reduced_burn_by_burn():
+    found = nozzle(tables())
+    pitch = found[(found.axis == "pitch") & (found.burn == "flight")].iloc[0]
+    assert pitch.runs == RUNS
+    assert pitch.less_percent == pytest.approx(100.0 * LESS)
+    assert (pitch.low_percent, pitch.high_percent) == pytest.approx((100.0 * LESS, 100.0 * LESS))  # every run alike
+    assert pitch.raw_deg == pytest.approx(np.degrees(1.95))
+    assert set(found.burn) == {"flight", "burn 1"}
+
+
+def test_the_motion_in_envelopes_is_in_percent_and_units_for_people():
+    row = turning(tables()).iloc[0]
+    assert row.turning_inside_percent == pytest.approx(99.0)
+    assert row.rate_error_deg_per_h == pytest.approx(20.6264806)

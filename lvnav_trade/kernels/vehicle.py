@@ -1,0 +1,232 @@
+"""Ticks of a filter that carries rate and acceleration as states: inertial samples as rows, its covariance in between.
+
+Error is truth minus estimate. With C = C_b_i, the error of the tick's mean rate x_w and of its mean specific force x_f
+move attitude, velocity and position over a tick of dt seconds as
+
+    att+ = att + C dt x_w,   vel+ = vel - [C f dt x] att + C dt x_f,   pos+ = pos + dt (vel + vel+) / 2,
+
+and the gyro's and the accelerometer's samples are rows: sample - estimate = x_w + x_bg + noise, x_f + x_ba + noise. The
+noise of a sample is nowhere else. Only the upper triangle of a covariance is read and written here; `mirror` restores
+the lower one. A state's blocks stand as: attitude 0, velocity 3, position 6, biases of gyro and accelerometer at `bias`
+and `bias` + 3, rate at `motion` and acceleration at `motion` + 3, these two last.
+"""
+
+from __future__ import annotations
+
+from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.lanes import like, size
+
+N_SAMPLE = 6
+"""Rows of a tick: three of the gyro, three of the accelerometer."""
+N_NAV = 9
+
+
+@jit
+def absorb_samples(P, x, K, weight, residual, z, variance, bias, motion):
+    """Absorb the six rows of a tick, each a motion state plus its sensor's bias plus noise.
+
+    The gains are found row by row, as if one were absorbed after the other; the covariance is passed over once.
+
+    Parameters
+    ----------
+    P : (n, n) upper triangle, x : (n,) error state; both updated
+    K : (6, n) set to P h of each row after those before it; weight, residual : (6,) set to 1 / innovation variance and
+        to the innovation after the rows before
+    z : (6,) sample minus predicted sample; variance : (6,) of the samples' noise
+    """
+    n = size(P, 0)
+    for r in range(6):
+        a, b = motion + r, bias + r
+        for i in range(n):
+            K[r, i] = P[min(i, a), max(i, a)] + P[min(i, b), max(i, b)]
+        for q in range(r):
+            factor = (K[q, a] + K[q, b]) * weight[q]
+            for i in range(n):
+                K[r, i] = K[r, i] - factor * K[q, i]
+        weight[r] = 1.0 / (K[r, a] + K[r, b] + variance[r])
+        residual[r] = z[r] - x[a] - x[b]
+        step = residual[r] * weight[r]
+        for i in range(n):
+            x[i] = x[i] + K[r, i] * step
+    for i in range(n):
+        g0, g1, g2 = K[0, i] * weight[0], K[1, i] * weight[1], K[2, i] * weight[2]
+        g3, g4, g5 = K[3, i] * weight[3], K[4, i] * weight[4], K[5, i] * weight[5]
+        for j in range(i, n):
+            P[i, j] = P[i, j] - (
+                g0 * K[0, j] + g1 * K[1, j] + g2 * K[2, j] + g3 * K[3, j] + g4 * K[4, j] + g5 * K[5, j]
+            )
+
+
+@jit
+def advance(P, moved, sums, dt, motion):
+    """Propagate the covariance over a tick.
+
+    Parameters
+    ----------
+    P : (n, n) upper triangle; updated. moved : (9, n) work
+    sums : (21,) of the strapdown over the tick: the integral of C_b_i (9) and the velocity gained (3)
+    """
+    n = size(P, 0)
+    w, f, half = motion, motion + 3, 0.5 * dt
+    vx, vy, vz = sums[9], sums[10], sums[11]
+    for i in range(3):
+        c0, c1, c2 = sums[3 * i], sums[3 * i + 1], sums[3 * i + 2]
+        # - [v x] by rows
+        s0, s1, s2 = like(vx, 0.0), vz, -vy
+        if i == 1:
+            s0, s1, s2 = -vz, like(vx, 0.0), vx
+        if i == 2:
+            s0, s1, s2 = vy, -vx, like(vx, 0.0)
+        for j in range(w):
+            moved[i, j] = c0 * P[j, w] + c1 * P[j, w + 1] + c2 * P[j, w + 2]
+            tilted = s0 * P[0, j] + s1 * P[min(1, j), max(1, j)] + s2 * P[min(2, j), max(2, j)]
+            pushed = tilted + c0 * P[j, f] + c1 * P[j, f + 1] + c2 * P[j, f + 2]
+            moved[3 + i, j] = pushed
+            moved[6 + i, j] = dt * P[min(3 + i, j), max(3 + i, j)] + half * pushed
+        for j in range(w, n):
+            moved[i, j] = c0 * P[w, j] + c1 * P[min(w + 1, j), max(w + 1, j)] + c2 * P[min(w + 2, j), max(w + 2, j)]
+            pushed = (
+                s0 * P[0, j] + s1 * P[1, j] + s2 * P[2, j] + c0 * P[min(f, j), max(f, j)]
+                + c1 * P[min(f + 1, j), max(f + 1, j)] + c2 * P[min(f + 2, j), max(f + 2, j)]
+            )  # fmt: skip
+            moved[3 + i, j] = pushed
+            moved[6 + i, j] = dt * P[3 + i, j] + half * pushed
+    _add_moved(P, moved, sums, dt, motion, n)
+
+
+@inlined
+def _add_moved(P, moved, sums, dt, motion, n):
+    """P <- P + M + M' + M (Phi - I)' with M = (Phi - I) P, whose first nine rows are given."""
+    half = 0.5 * dt
+    vx, vy, vz = sums[9], sums[10], sums[11]
+    for i in range(N_NAV):
+        for j in range(9, n):
+            P[i, j] = P[i, j] + moved[i, j]
+        for j in range(i, N_NAV):
+            P[i, j] = P[i, j] + moved[i, j] + moved[j, i]
+        a0, a1, a2 = moved[i, 0], moved[i, 1], moved[i, 2]
+        w0, w1, w2 = moved[i, motion], moved[i, motion + 1], moved[i, motion + 2]
+        f0, f1, f2 = moved[i, motion + 3], moved[i, motion + 4], moved[i, motion + 5]
+        for k in range(3):
+            c0, c1, c2 = sums[3 * k], sums[3 * k + 1], sums[3 * k + 2]
+            tilted = vz * a1 - vy * a2
+            if k == 1:
+                tilted = vx * a2 - vz * a0
+            if k == 2:
+                tilted = vy * a0 - vx * a1
+            pushed = tilted + c0 * f0 + c1 * f1 + c2 * f2
+            if i <= k:
+                P[i, k] = P[i, k] + c0 * w0 + c1 * w1 + c2 * w2
+            if i <= 3 + k:
+                P[i, 3 + k] = P[i, 3 + k] + pushed
+            if i <= 6 + k:
+                P[i, 6 + k] = P[i, 6 + k] + dt * moved[i, 3 + k] + half * pushed
+
+
+@jit
+def advance_vector(y, sums, dt, motion):
+    """Propagate a vector of the error state (n,) over a tick: y updated; see `advance`."""
+    w, f, half = motion, motion + 3, 0.5 * dt
+    vx, vy, vz = sums[9], sums[10], sums[11]
+    a0, a1, a2 = y[0], y[1], y[2]
+    p0, p1, p2 = vz * a1 - vy * a2, vx * a2 - vz * a0, vy * a0 - vx * a1
+    for i in range(3):
+        c0, c1, c2 = sums[3 * i], sums[3 * i + 1], sums[3 * i + 2]
+        tilted = p0 if i == 0 else p1 if i == 1 else p2
+        pushed = tilted + c0 * y[f] + c1 * y[f + 1] + c2 * y[f + 2]
+        y[i] = y[i] + c0 * y[w] + c1 * y[w + 1] + c2 * y[w + 2]
+        y[6 + i] = y[6 + i] + dt * y[3 + i] + half * pushed
+        y[3 + i] = y[3 + i] + pushed
+
+
+@jit
+def mirror(P):
+    """Copy the upper triangle of P (n, n) into the lower one; P updated."""
+    n = size(P, 0)
+    for i in range(n):
+        for j in range(i + 1, n):
+            P[j, i] = P[i, j]
+
+
+@jit
+def joint_gain(G, K, weight, bias, motion):
+    """Set G (6, n) to the gain of the six rows of a tick together, from what `absorb_samples` leaves."""
+    n = G.shape[1]
+    for r in range(N_SAMPLE):
+        a, b = motion + r, bias + r
+        for i in range(n):
+            G[r, i] = K[r, i] * weight[r]
+        for q in range(r):
+            seen = G[q, a] + G[q, b]
+            for i in range(n):
+                G[q, i] -= G[r, i] * seen
+
+
+@jit
+def update_rows(P, Y, S, gain, h, columns, n_column, noise):
+    """P <- (I - G H) P (I - G H)' + G R G' for any gain, of some rows together.
+
+    Parameters
+    ----------
+    P : (n, n) upper triangle; updated
+    Y : (n_row, n) and S : (n_row, n_row) work; S is set to H P H' + R before the update
+    gain : (n_row, n) columns of G; h, columns : (n_row, n_entry) the rows, their states; n_column : (n_row,) entries
+    noise : (n_row,) diagonal of R
+    """
+    n, n_row = size(P, 0), gain.shape[0]
+    for r in range(n_row):
+        for i in range(n):
+            c = columns[r, 0]
+            value = h[r, 0] * P[min(i, c), max(i, c)]
+            for k in range(1, n_column[r]):
+                c = columns[r, k]
+                value = value + h[r, k] * P[min(i, c), max(i, c)]
+            Y[r, i] = value
+    for r in range(n_row):
+        for q in range(n_row):
+            value = h[r, 0] * Y[q, columns[r, 0]]
+            for k in range(1, n_column[r]):
+                value = value + h[r, k] * Y[q, columns[r, k]]
+            S[r, q] = value
+        S[r, r] = S[r, r] + noise[r]
+    for r in range(n_row):
+        for i in range(n):
+            value = Y[r, i]
+            for q in range(n_row):
+                value = value - 0.5 * gain[q, i] * S[q, r]
+            Y[r, i] = value
+    if n_row == N_SAMPLE:
+        _subtract_six(P, Y, gain, n)
+    else:
+        for r in range(n_row):
+            for i in range(n):
+                g, y = gain[r, i], Y[r, i]
+                for j in range(i, n):
+                    P[i, j] = P[i, j] - g * Y[r, j] - y * gain[r, j]
+
+
+@inlined
+def _subtract_six(P, Y, G, n):
+    """P <- P - sum of (g y' + y g') over six rows, in one pass."""
+    for i in range(n):
+        g0, g1, g2, g3, g4, g5 = G[0, i], G[1, i], G[2, i], G[3, i], G[4, i], G[5, i]
+        y0, y1, y2, y3, y4, y5 = Y[0, i], Y[1, i], Y[2, i], Y[3, i], Y[4, i], Y[5, i]
+        for j in range(i, n):
+            P[i, j] = P[i, j] - (
+                g0 * Y[0, j] + g1 * Y[1, j] + g2 * Y[2, j] + g3 * Y[3, j] + g4 * Y[4, j] + g5 * Y[5, j]
+                + y0 * G[0, j] + y1 * G[1, j] + y2 * G[2, j] + y3 * G[3, j] + y4 * G[4, j] + y5 * G[5, j]
+            )  # fmt: skip
+
+
+@jit
+def update_rows_vector(y, seen, gain, h, columns, n_column):
+    """Y <- (I - G H) y; seen (n_row,) is set to H y before the update."""
+    n_row = gain.shape[0]
+    for r in range(n_row):
+        value = 0.0
+        for k in range(n_column[r]):
+            value += h[r, k] * y[columns[r, k]]
+        seen[r] = value
+    for r in range(n_row):
+        for i in range(y.shape[0]):
+            y[i] -= gain[r, i] * seen[r]

@@ -1,0 +1,85 @@
+"""Rate and acceleration of the vehicle: raw and filtered over the flight; what stretches tell of the states."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from lvnav_trade.metrics.observed import is_position_bias
+from lvnav_trade.metrics.select import lincov_rms
+from lvnav_trade.plots.errors import rows_of
+from lvnav_trade.plots.style import GREY, PALETTE, canvas, legend_below, look, mark_events
+from lvnav_trade.store import Tables, load
+
+
+def motion(results: Path | str | Tables, case: str, quantity: str) -> Figure:
+    """Draw the errors of the raw sample and of the estimate, rate or acceleration, an axis below the other, 1 sigma."""
+    tables = load(results)
+    named = dict.fromkeys(tables.outputs[tables.outputs.quantity == quantity].axis)
+    axes_names = [axis for axis in named if axis != "3d"]
+    unit, factor = tables.people[quantity, axes_names[0]]
+    with look():
+        figure, grid = canvas(len(axes_names), 1, 1.95, sharex=True)
+        for number, (ax, axis) in enumerate(zip(grid[:, 0], axes_names, strict=True)):
+            raw, estimate = (rows_of(tables, case, name, axis) for name in (f"raw_{quantity}", quantity))
+            runs = int(estimate.run_count.iloc[0])
+            if runs:
+                told = f"RMS of {runs} runs"
+                ax.plot(raw.t_s, raw.rms_si * factor, color=PALETTE[1], lw=0.7, alpha=0.7, label=f"raw, {told}")
+                ax.plot(estimate.t_s, estimate.rms_si * factor, color=PALETTE[0], lw=0.7, alpha=0.7,
+                        label=f"filtered, {told}")  # fmt: skip
+            ax.plot(raw.t_s, raw.lincov_formal_si * factor, color=PALETTE[1], label="raw, as believed")
+            ax.plot(estimate.t_s, estimate.lincov_formal_si * factor, color="black", label="filtered, as believed")
+            true = lincov_rms(estimate) * factor
+            ax.plot(estimate.t_s, true, color=PALETTE[2], ls="--", label="filtered, LinCov true")
+            ax.set_ylabel(f"{axis}\n({unit}, 1 sigma)")
+            ax.set_ylim(0.0, 1.6 * float(raw.lincov_formal_si.max()) * factor)
+            ax.margins(x=0.01)
+            mark_events(ax, tables.events[tables.events.case == case], names=number == 0)
+        grid[-1, 0].set_xlabel("time since lift-off (s)")
+        legend_below(figure, grid[0, 0], columns=3)
+    return figure
+
+
+def ignition(results: Path | str | Tables, case: str) -> Figure:
+    """Draw the believed sigma of filtered over raw, roll rate and acceleration along x, around lift-off."""
+    tables = load(results)
+    with look():
+        figure, grid = canvas(1, 1, 2.6)
+        ax = grid[0, 0]
+        for number, (quantity, axis) in enumerate((("acceleration", "x"), ("acceleration", "z"), ("rate", "pitch"))):
+            filtered, raw = (rows_of(tables, case, name, axis) for name in (quantity, f"corrected_{quantity}"))
+            near = ((filtered.t_s >= -5.0) & (filtered.t_s <= 15.0)).to_numpy()
+            ratio = filtered.lincov_formal_si.to_numpy() / raw.lincov_formal_si.to_numpy()
+            ax.plot(filtered.t_s[near], ratio[near], "o-", ms=3, color=PALETTE[number], label=f"{quantity} {axis}")
+        ax.axhline(1.0, color=GREY, lw=0.8)
+        ax.set_ylim(0.0, 1.1)
+        ax.set_xlabel("time since lift-off (s)")
+        ax.set_ylabel("sigma, filtered over raw\n(bias estimated on both sides)")
+        ax.legend(loc="lower right")
+    return figure
+
+
+def singular(results: Path | str | Tables, case: str) -> Figure:
+    """Draw the singular values of what each stretch tells; those of a position against its bias stand out."""
+    tables = load(results)
+    rows = tables.observability[tables.observability.case == case]
+    with look():
+        figure, grid = canvas(1, 1, 3.2)
+        ax = grid[0, 0]
+        middle, reach = 0.5 * (rows.t_s + rows.t_end_s), 0.45 * (rows.t_end_s - rows.t_s)
+        apart = np.array([is_position_bias(text) for text in rows.direction], dtype=bool)
+        for chosen, colour, label in ((~apart, PALETTE[0], "all other directions"),
+                                      (apart, PALETTE[1], "position against its bias")):  # fmt: skip
+            ax.hlines(rows.singular_ratio[chosen], (middle - reach)[chosen], (middle + reach)[chosen], color=colour,
+                      lw=1.6, label=label)  # fmt: skip
+        ax.axhline(
+            float(rows.tolerance_ratio.iloc[0]), color=GREY, ls=":", label="tolerance of the rank with information"
+        )
+        ax.set_yscale("log")
+        ax.set_xlabel("time since lift-off (s)")
+        ax.set_ylabel("singular value (-)")
+        legend_below(figure, ax, columns=3)
+    return figure

@@ -1,0 +1,119 @@
+"""The sections on the vehicle itself: rate and acceleration beside samples of the unit, nozzle movement."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from lvnav_trade.metrics import METRICS
+from lvnav_trade.plots import PLOTS
+from lvnav_trade.report.blocks import Block, Text, number, picture, table
+from lvnav_trade.store import Tables
+
+
+def motion_table(tables: Tables) -> list[Block]:
+    """Return how much better than the raw sample rate and acceleration are, and whether as the filter believes."""
+    frame = METRICS["motion"](tables)
+    if frame.empty:
+        return []
+    shown = pd.DataFrame(
+        {
+            "case": frame.case,
+            "phase": frame.phase.str.replace("_", " "),
+            "error": frame.metric.str.replace("_error", "") + " " + frame.axis,
+            "unit": frame.unit,
+            "raw": frame.raw,
+            "filtered": frame.filtered,
+            "better (%)": frame.better_percent,
+            "as believed (%)": frame.believed_better_percent,
+            "RMS over filter's sigma (-)": frame.over_sigma_ratio,
+            "95 %": frame.low.map(number) + " to " + frame.high.map(number),
+            "verdict": frame.as_believed,
+        }
+    )
+    note = (
+        "Raw: the unit's sample as it is, bias and all; filtered: the estimate (without a vehicle model, the sample "
+        "less its estimated bias). RMS of the runs over each phase, from two seconds after its start to one before its "
+        "end. The interval is what so many runs at one time allow; 'smaller' says that the truth wanders less than the "
+        "envelope that the filter believes."
+    )
+    return [Text(note), table(shown, "Rate and acceleration, 1 sigma. All of it: motion.csv.")]
+
+
+def observed_table(tables: Tables) -> list[Block]:
+    """Return the ranks of a campaign that asked for windows of flight, case by case."""
+    if not (tables.campaign.get("covariance") or {}).get("window"):
+        return []
+    frame = METRICS["observed"](tables)
+    frame.columns = [
+        "case", "stretches", "states", "least rank", "least rank with information", "smallest singular value (-)",
+        "position against its bias (-)",
+    ]  # fmt: skip
+    tolerance = float(tables.observability.tolerance_ratio.iloc[0])
+    note = (
+        "Singular values of the rows of a stretch, each in sigmas of its noise, states in initial sigmas; rate and "
+        "acceleration taken for constant over it. Rank: values above 1e-10 of the largest. With information: above "
+        f"{tolerance:g}; 1 halves a direction's variance. Last column: the smallest value of a direction in which "
+        "a position trades with its bias."
+    )
+    return [Text(note), table(frame, "Least of all stretches.")]
+
+
+def motion(tables: Tables) -> list[Block]:
+    """Return rate and acceleration of every case that estimates them."""
+    blocks = motion_table(tables)
+    outputs = tables.outputs
+    for case in tables.labels:
+        for quantity in ("rate", "acceleration"):
+            if ((outputs.case == case) & (outputs.quantity == quantity)).any():
+                caption = f"{tables.labels[case]}: {quantity}, raw and filtered."
+                blocks.append(picture(f"motion-{case}-{quantity}", PLOTS["motion"](tables, case, quantity), caption))
+    return blocks
+
+
+def control_tables(tables: Tables) -> list[Block]:
+    """Return nozzle movement by burn with paired reductions, and how the motion lies in its envelopes."""
+    moved, turned = METRICS["nozzle"](tables), METRICS["turning"](tables)
+    if moved.empty:
+        return []
+    shown = pd.DataFrame(
+        {
+            "case": moved.case,
+            "burn": moved.burn,
+            "axis": moved.axis,
+            "runs": moved.runs,
+            "raw (deg)": moved.raw_deg,
+            "filtered (deg)": moved.filtered_deg,
+            "true (deg)": moved.true_deg,
+            "less with filtered (%)": moved.less_percent,
+            "95 %": moved.low_percent.map(number) + " to " + moved.high_percent.map(number),
+        }
+    )
+    note = (
+        "Mean over runs of the total movement of the nozzle, with the raw, the filtered and the true rate fed to the "
+        "controller on the same draws of wind, gusts and noise. Reduction: one minus the geometric mean of the runs' "
+        "ratios, Student's t on their logarithms; it spans draws, not what is assumed of vehicle, gains and wind."
+    )
+    blocks: list[Block] = [Text(note), table(shown, "Nozzle movement; flight: all burns together.")]
+    kept = turned[turned.feed == "filtered"].drop(columns="feed")
+    kept.columns = [
+        "case", "axis", "phase", "acceleration inside (% of ticks)", "furthest (times)", "jerk inside (% of ticks)",
+        "furthest jerk (times)", "attitude error (mrad)", "rate error (deg/h)", "filter's sigma (deg/h)",
+    ]  # fmt: skip
+    blocks.append(table(kept, "True motion against its envelopes and errors in the loop, filtered rate fed."))
+    return blocks
+
+
+def control(tables: Tables) -> list[Block]:
+    """Return the vehicle under control: tables, and figures of every case."""
+    blocks = control_tables(tables)
+    if not blocks:
+        return []
+    if tables.cases["axes"].str.contains("rate_gain", regex=False).any():
+        caption = "How much less the nozzle moves with the filtered rate, over the rate gain; 50 to 85 % shaded."
+        blocks.append(picture("nozzle-sweep", PLOTS["sweep"](tables), caption))
+    for case in list(tables.labels)[:4]:
+        label = tables.labels[case]
+        blocks.append(picture(f"nozzle-{case}", PLOTS["movement"](tables, case), f"{label}: movement of the nozzle."))
+        drawn = PLOTS["turning"](tables, case)
+        blocks.append(picture(f"turning-{case}", drawn, f"{label}: motion in its envelopes, one run, pitch."))
+    return blocks

@@ -1,0 +1,52 @@
+"""Figures of the vehicle itself: axes are labelled, figures can be saved, and they show what they are given."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lvnav_trade.plots import PLOTS
+from lvnav_trade.plots.motion import motion, singular
+from lvnav_trade.plots.rotation import sweep
+from lvnav_trade.plots.style import look
+from tests.vehicle_tables import FILTERED, LESS, RAW, tables
+
+CASE = "aaaaaaaaaaaa"
+ARGUMENTS = {
+    "motion": (CASE, "acceleration"),
+    "ignition": (CASE,),
+    "singular": (CASE,),
+    "movement": (CASE,),
+    "sweep": (),
+    "turning": (CASE,),
+}
+
+
+@pytest.mark.parametrize("name", ARGUMENTS)
+def test_axes_are_labelled_and_the_figure_can_be_saved(name, tmp_path):
+    figure = PLOTS[name](tables(), *ARGUMENTS[name])
+    grid = figure.axes[0].get_subplotspec().get_gridspec()
+    for axes in figure.axes:
+        assert axes.get_xlabel() or not axes.get_subplotspec().is_last_row()
+        assert axes.get_ylabel() or (grid.ncols > 1 and not axes.get_subplotspec().is_first_col())
+    with look():
+        figure.savefig(tmp_path / "figure.png")
+
+
+def test_raw_and_filtered_stand_in_one_panel_an_axis():
+    figure = motion(tables(), CASE, "rate")
+    assert len(figure.axes) == 3
+    shown = {line.get_label(): line.get_ydata() for line in figure.axes[0].get_lines()}
+    np.testing.assert_allclose(shown["raw, RMS of 20 runs"], RAW * 206264.8)
+    np.testing.assert_allclose(shown["filtered, LinCov true"], FILTERED * 206264.8)
+
+
+def test_the_sweep_shows_reductions_by_their_gain():
+    figure = sweep(tables())
+    line = figure.axes[0].containers[0].lines[0]
+    np.testing.assert_allclose(np.asarray(line.get_xdata(), dtype=float), [1.0, 2.0])
+    np.testing.assert_allclose(np.asarray(line.get_ydata(), dtype=float), 100.0 * LESS)
+
+
+def test_positions_against_their_biases_stand_out():
+    assert len(singular(tables(), CASE).axes[0].collections) == 2

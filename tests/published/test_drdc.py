@@ -1,0 +1,97 @@
+"""The campaigns of the DRDC study on a short flight: they run from file to verdict, and say what theirs say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+from unittest.mock import patch
+
+import pytest
+
+from lvnav_trade.campaign.cards import campaign_file
+from lvnav_trade.campaign.execute import run
+from lvnav_trade.campaign.load import load
+from lvnav_trade.campaign.study import load_study
+from lvnav_trade.engines import controlled
+from lvnav_trade.metrics import METRICS
+from lvnav_trade.report import build
+from lvnav_trade.store import load as results_of
+from tests.building import flying, hop
+from tests.engines.turning import steady_launch
+
+EVENTS = {
+    "liftoff": 0.0, "kick": 1.0, "stage1_cutoff": 13.0, "stage1_separation": 13.5, "stage2_ignition": 14.0,
+    "stage2_cutoff": 20.0, "stage2_separation": 20.5, "stage3_ignition": 27.0, "stage3_cutoff": 28.0, "injection": 29.0,
+}  # fmt: skip
+
+
+@lru_cache(maxsize=1)
+def flight():
+    return replace(hop(), events=EVENTS)
+
+
+def flown(name, tmp_path, *settings):
+    """Results of a campaign of the study on the short flight, in this process."""
+    campaign = load(campaign_file(f"campaigns/drdc/{name}.yaml"), settings)
+    with flying(flight()):
+        outcome = run(campaign, tmp_path / name, jobs=1)
+    assert outcome.failures == ()
+    return results_of(tmp_path / name)
+
+
+def test_every_campaign_of_the_study_is_good_and_its_page_is_written():
+    study, parts = load_study(campaign_file("campaigns/drdc/study.yaml").parent)
+    assert len(parts) == len(study.campaigns) == 4
+    assert len(study.assumptions) > 5
+    assert all(part.campaign.references for part in parts if part.part.campaign != "twenty_launches")
+
+
+def test_rates_and_accelerations_are_better_than_the_samples_and_the_navigation_hardly(tmp_path):
+    tables = flown("rates_and_accelerations", tmp_path, "monte_carlo.runs=16")
+    found = METRICS["motion"](tables)
+    roll = found[
+        found.case.str.contains("as published") & found.case.str.contains("vehicle model") & (found.axis == "roll")
+    ]
+    assert (roll.believed_better_percent - 88.1).abs().max() < 1.0  # table 2
+    assert roll.better_percent.min() > 85.0
+    frame = METRICS["references"](tables)
+    unknown = frame[frame["item"].str.startswith("unknown dynamics")]
+    assert len(unknown) > 10
+    assert unknown.in_band.all()
+    worse = frame[frame["item"].str.startswith("never worse")]
+    assert worse.in_band.all()
+    assert "Rate and acceleration" in build(tables.folder).read_text(encoding="utf-8")
+
+
+def test_twenty_launches_say_whether_errors_are_as_the_filter_believes(tmp_path):
+    found = METRICS["motion"](flown("twenty_launches", tmp_path))
+    assert set(found.as_believed) <= {"as believed", "smaller"}
+
+
+def test_all_states_are_observable_only_with_a_time_constant_of_the_position_bias(tmp_path):
+    tables = flown("observability", tmp_path, "covariance.window=10 s")
+    frame = METRICS["references"](tables)
+    assert frame.in_band.all()
+    assert set(frame.ours) == {24.0, 18.0}
+
+
+def test_the_nozzle_moves_less_with_the_filtered_rate(tmp_path):
+    launch = steady_launch(20.0, gust=3.0, moment=0.003, force=0.03)
+    with (
+        patch.object(controlled, "launch_of", lambda _: launch),
+        patch.object(controlled, "_burns_of", lambda _: [(0.0, 13.0)]),
+    ):
+        tables = flown("nozzle", tmp_path, "monte_carlo.runs=8", "axes.1.values=[1]", 'axes.1.labels=["1"]')
+    found = METRICS["nozzle"](tables)
+    whole = found[(found.burn == "flight")].set_index(["case", "axis"]).less_percent
+    assert len(whole) == 6
+    assert whole.min() > 0.0
+    assert "The vehicle under control" in build(tables.folder).read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_the_page_of_the_study_states_table_2_within_three_points(tmp_path):
+    campaign = load(campaign_file("campaigns/drdc/rates_and_accelerations.yaml"), ["monte_carlo.runs=8"])
+    run(campaign, tmp_path / "r", jobs=1)
+    frame = METRICS["references"](results_of(tmp_path / "r"))
+    assert frame[frame["item"].str.startswith("table 2")].in_band.all()

@@ -1,0 +1,27 @@
+"""The sections on the vehicle itself: tables where there are any, nothing where there are none."""
+
+from __future__ import annotations
+
+from lvnav_trade.report.blocks import Picture, Table
+from lvnav_trade.report.steered import control, control_tables, motion, motion_table
+from lvnav_trade.store import load
+from tests import synthetic
+from tests.vehicle_tables import tables
+
+
+def test_both_sections_have_tables_and_figures():
+    for blocks, n_picture in ((motion(tables()), 4), (control(tables()), 5)):
+        assert sum(isinstance(block, Picture) for block in blocks) == n_picture
+        assert any(isinstance(block, Table) for block in blocks)
+
+
+def test_reductions_stand_with_their_intervals():
+    shown = next(block for block in control_tables(tables()) if isinstance(block, Table))
+    row = next(r for r in shown.rows if r[1] == "flight" and r[2] == "pitch")
+    assert row[7] == "70.0"
+    assert len(motion_table(tables())[1].rows) == 24
+
+
+def test_results_without_a_vehicle_show_nothing(tmp_path):
+    plain = load(synthetic.results(tmp_path, n_run=0))
+    assert motion_table(plain) == control_tables(plain) == motion(plain) == control(plain) == []
