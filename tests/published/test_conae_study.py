@@ -1,0 +1,74 @@
+"""A small version of every campaign of the CONAE study: eight runs of the cases that its statements rest on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from lvnav_trade import api
+from lvnav_trade.campaign.load import load
+from lvnav_trade.campaign.study import load_study
+from lvnav_trade.metrics.references import references
+
+FOLDER = Path(__file__).resolve().parents[2] / "campaigns" / "conae"
+SMALL = (
+    "monte_carlo={runs: 8, block: 8}",
+    "covariance={budget: false, adjoint: false, observability: false}",
+    "keep.history=2 s",
+)
+LITERAL = ("axes.1.cards=[filters/loose_conae_000]", "axes.1.labels=[walk per root second]")
+RUNS = {
+    "antenna_failure": (
+        "axes.2.values=[[{kind: antenna_failure, antennas: [1, 3, 4], start: stage2_ignition + 60 s, duration: 30 s}]]",
+        "axes.2.labels=[in the second burn]",
+    ),
+    "delay": (),
+    "hil_like": (),
+    "imu_temperature": (),
+    "pvt_satellites": ("axes.1.values=[6]",),
+    "pvt_sources": LITERAL,
+    "troposphere": (),
+}
+"""What each small version leaves out."""
+LOCI = {
+    "settings": "axes=[{path: filter.imu.gyro_bias_walk, values: [0.0001 deg/s/sqrt(s), 0.0292 deg/s/sqrt(s)]}]",
+    "imu_noise": "axes=[{path: filter.neglect, values: [[], [gyro_bias, accel_bias]]}]",
+}
+HOLD = {
+    "antenna_failure": ("failure in the second burn: tight, filtered, point", "recovery in the second burn"),
+    "delay": ("SIL uncompensated", "in time, compensated", "loose: compensated"),
+    "hil_like": ("HIL, position that stays", "HIL, least satellites"),
+    "imu_temperature": ("pitch", "angular velocity"),
+    "pvt_satellites": ("Bancroft",),
+    "pvt_sources": ("PV simulation and noise, position", "EKF-GNSS #1", "EKF-GNSS #3"),
+    "troposphere": ("what the correction leaves", "the gain law is better", "the mask is needed"),
+}
+"""Beginnings of the items that hold with eight runs too."""
+
+
+def test_every_campaign_of_the_folder_is_in_the_study_and_has_a_small_version() -> None:
+    study, questions = load_study(FOLDER)
+    files = {path.stem for path in FOLDER.glob("*.yaml")} - {"study"}
+    assert files == {one.campaign.name for one in questions} == set(RUNS) | set(LOCI)
+    assert study.assumptions
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_what_is_published_holds_with_a_few_runs(name: str, tmp_path: Path) -> None:
+    results = api.run(FOLDER / f"{name}.yaml", (*SMALL, *RUNS[name]), tmp_path, jobs=1, report=False)
+    assert results.failures == []
+    frame = references(results.tables)
+    asked = frame[frame.item.str.startswith(HOLD[name])]
+    asked = asked[asked.ours.notna()]  # cases that the small version leaves out
+    assert set(HOLD[name]) == {start for start in HOLD[name] if asked.item.str.startswith(start).any()}
+    out = asked[~asked.in_band]
+    assert out.empty, out.to_string()
+
+
+@pytest.mark.parametrize("name", LOCI)
+def test_loci_are_of_linear_covariance_alone(name: str, tmp_path: Path) -> None:
+    assert load(FOLDER / f"{name}.yaml").monte_carlo is None
+    results = api.run(FOLDER / f"{name}.yaml", (*SMALL[1:], LOCI[name]), tmp_path, jobs=1, report=False)
+    assert len(results.tables.cases) == 2
+    assert (results.rms.lincov_true_sigma > 0).any()
