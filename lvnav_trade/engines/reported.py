@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from lvnav_trade.engines.inputs import Work
 from lvnav_trade.engines.montecarlo import _new_work
-from lvnav_trade.engines.options import reported
 from lvnav_trade.engines.prepare import Prepared
 from lvnav_trade.engines.recorded import values_of
 from lvnav_trade.engines.sensing import begin, begin_solver, observe
@@ -38,6 +37,7 @@ from lvnav_trade.receivers.base import (
 )
 from lvnav_trade.receivers.cascade import FIX_STATES, design, noises
 from lvnav_trade.records import CovHistory, Floats, RunBlock
+from lvnav_trade.scenario import reported
 
 Ints = NDArray[np.int64]
 

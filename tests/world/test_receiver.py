@@ -10,7 +10,8 @@ from lvnav_trade.world.receiver import ReceiverCard
 NAMES = sorted(file.stem for file in (shipped("configs") / "receivers").glob("*.yaml"))
 BARE = {
     "name": "test", "source": "none", "pseudorange_sigma": "2 m", "range_rate_sigma": "0.1 m/s",
-    "solution": {"position_sigma": "2 m", "velocity_sigma": "0.1 m/s"}, "clock": {"h0": 0.0, "h_minus2": 0.0},
+    "solution": {"kind": "direct", "position_sigma": "2 m", "velocity_sigma": "0.1 m/s"},
+    "clock": {"h0": 0.0, "h_minus2": 0.0},
 }  # fmt: skip
 
 

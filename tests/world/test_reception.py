@@ -36,7 +36,8 @@ def gps():
 def receiver(**changes):
     numbers = {
         "name": "test", "source": "none", "pseudorange_sigma": "2 m", "range_rate_sigma": "0.1 m/s", "mask": "5 deg",
-        "solution": {"position_sigma": "2 m", "velocity_sigma": "0.1 m/s"}, "clock": {"h0": 0.0, "h_minus2": 0.0},
+        "solution": {"kind": "direct", "position_sigma": "2 m", "velocity_sigma": "0.1 m/s"},
+        "clock": {"h0": 0.0, "h_minus2": 0.0},
     }  # fmt: skip
     return ReceiverCard(**(numbers | changes))
 
