@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -9,8 +10,10 @@ from numpy.typing import NDArray
 
 from lvnav_trade.engines.inputs import Schedule
 from lvnav_trade.errors import InputError
-from lvnav_trade.filters.base import ReceiverBelief
+from lvnav_trade.filters.base import REFERENCED, ReceiverBelief
 from lvnav_trade.filters.late import Late
+from lvnav_trade.filters.scheduled import Gains, gains_at
+from lvnav_trade.layout import StateLayout, state_names
 from lvnav_trade.receivers.base import (
     Solver,
     Told,
@@ -63,6 +66,14 @@ def refuse_contradiction(scenario: Scenario) -> None:
         raise InputError("filter.delay_compensation.kind: only a solution can be extrapolated; a tight filter buffers")
     if late is not None and (card.feedback == "open" or card.logic is not None or card.init != "from_card"):
         raise InputError("filter.delay_compensation: not with feedback: open, a logic, or init: from_gnss")
+    if scenario.altimeter is not None and (judged(scenario) or late is not None or card.kind in REFERENCED):
+        raise InputError(
+            "altimeter: not with filter.delay_compensation, a receiver that solves itself, or an attitude reference"
+        )
+    if card.gains is not None and (judged(scenario) or late is not None or scenario.altimeter is not None):
+        raise InputError(
+            "filter.gains: not with filter.delay_compensation, a receiver that solves itself, or an altimeter"
+        )
     if not judged(scenario):
         return
     extra = [name for name in (*card.extra_states, *card.consider) if name not in ("gyro_bias", "accel_bias")]
@@ -75,6 +86,26 @@ def refuse_contradiction(scenario: Scenario) -> None:
         )
     if solves(scenario) and any(fault.kind == "frozen_output" for fault in scenario.faults):
         raise InputError("faults: frozen_output needs receiver.solution.kind: direct, or a tight filter")
+
+
+def gains_of(scenario: Scenario, layout: StateLayout, t_epoch: Floats, events: Mapping[str, float]) -> Gains | None:
+    """Return the gains of a filter with a schedule at the epochs (s), None without.
+
+    InputError where the schedule is of other states than the filter's, or of an event that the flight lacks.
+    """
+    schedule = scenario.filter.gains
+    if schedule is None:
+        return None
+    names = state_names(layout)
+    if tuple(schedule.states) != names:
+        raise InputError(
+            f"filter.gains: the schedule {schedule.name!r} is of the states {', '.join(schedule.states)}; the filter "
+            f"has {', '.join(names)}"
+        )
+    try:
+        return Gains(np.ascontiguousarray(gains_at(schedule, t_epoch, events)))
+    except ValueError as error:
+        raise InputError(f"filter.gains: {error}") from None
 
 
 def _told(card: BancroftSolution | FilteredSolution, scenario: Scenario, belief: ReceiverBelief) -> Told:

@@ -13,6 +13,7 @@ from lvnav_trade.plots.errors import comparison, envelope, rank
 from lvnav_trade.plots.flight import trajectory
 from lvnav_trade.plots.impact import impact
 from lvnav_trade.plots.logic import logic
+from lvnav_trade.plots.missions import missions
 from lvnav_trade.plots.motion import ignition, motion, singular
 from lvnav_trade.plots.orbit import orbit
 from lvnav_trade.plots.published import locus, spread
@@ -45,6 +46,7 @@ PLOTS: dict[str, Callable[..., Any]] = {
     "sweep": sweep,
     "turning": envelopes,
     "orbit": orbit,
+    "missions": missions,
     "impact": impact,
 }
 """Every figure by name."""
