@@ -10,12 +10,12 @@ from lvnav_trade.campaign.axes import Case
 from lvnav_trade.campaign.schema import Campaign
 from lvnav_trade.engines.explain import flown_events
 from lvnav_trade.engines.lincov import forward_tape
-from lvnav_trade.engines.options import judged
 from lvnav_trade.engines.prepare import prepare
 from lvnav_trade.engines.truth import source_names, true_model
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.scheduled import ROWS, GainSchedule, schedule_of
 from lvnav_trade.layout import state_names
+from lvnav_trade.scenario import judged
 
 
 def gain_schedule(

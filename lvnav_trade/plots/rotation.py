@@ -132,7 +132,7 @@ def sweep(results: Path | str | Tables) -> Figure:
                 values = np.array([row.less_percent for _, row in rows])
                 reach = np.array([[row.less_percent - row.low_percent, row.high_percent - row.less_percent]
                                   for _, row in rows]).T  # fmt: skip
-                style = {**line_of(number), "label": name, "ls": ("-", "-", ":", "--")[number % 4]}
+                style = {**line_of(number), "label": name, "linestyle": ("-", "-", ":", "--")[number % 4]}
                 axes.errorbar([factor for factor, _ in rows], values, yerr=reach, marker="o", ms=3, **style)
             axes.axhspan(50.0, 85.0, color=GREY, alpha=0.15, lw=0)
             axes.set_title(axis)

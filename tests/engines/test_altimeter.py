@@ -13,7 +13,7 @@ from lvnav_trade.engines.altimeter import NOISE, altimeter_of, height_of
 from lvnav_trade.engines.lincov import adjoint, covariance
 from lvnav_trade.engines.montecarlo import run_block
 from lvnav_trade.engines.observability import observability
-from lvnav_trade.errors import InputError
+from lvnav_trade.scenario import Scenario
 from lvnav_trade.store.tables import _channel_names
 from lvnav_trade.world.altimeter import AltimeterCard
 from tests.building import INERTIAL, LOOSE, MATCHED, hop, loaded, prepare_hop, with_fields
@@ -104,13 +104,13 @@ def test_an_open_loop_takes_it_too():
 
 
 @pytest.mark.parametrize(
-    "kind",
+    "setting",
     [
         "receiver.solution={kind: bancroft, range_sigma: 2 m, rate_sigma: 0.1 m/s}",
         "filter.delay_compensation={kind: extrapolated}",
     ],
 )
-def test_where_it_is_not_modelled_is_told_in_one_line(kind):
-    case = load("campaigns/smoke.yaml", [LOOSE, f"base.{kind}"]).base
-    with pytest.raises(InputError, match="altimeter: not with"):
-        prepare_hop(case.model_copy(update={"altimeter": AltimeterCard.model_validate(RADAR)}))
+def test_where_it_is_not_modelled_is_told_in_one_line(setting):
+    case = load("campaigns/smoke.yaml", [LOOSE, f"base.{setting}"]).base
+    with pytest.raises(ValueError, match="altimeter: not with"):
+        Scenario.model_validate({**case.model_dump(mode="json"), "altimeter": RADAR})
