@@ -295,9 +295,8 @@ def _channel_names(prepared: Prepared, n_channel: int) -> list[str]:
     satellites = [f"{name} {what}" for what in ("range", "range rate") for name in prepared.sky.names]
     solution = [f"{what} {axis}" for what in ("position", "velocity") for axis in "xyz"]
     referenced = [f"{what} {axis}" for what in _REFERENCED for axis in "xyz"]
-    if prepared.options.altimeter is not None:
-        satellites, solution = [*satellites, "height"], [*solution, "height"]
-    for names in (satellites, solution, referenced):
+    aided = ([*satellites, "height"], [*solution, "height"])
+    for names in (satellites, solution, referenced, *aided):
         if len(names) == n_channel:
             return names
     return [f"channel {number}" for number in range(1, n_channel + 1)]
