@@ -19,6 +19,7 @@ from lvnav_trade.errors import InputError
 if TYPE_CHECKING:
     import pandas as pd
 
+    from lvnav_trade.campaign.estimate import Estimate as Noise
     from lvnav_trade.metrics.comparison import Comparison
     from lvnav_trade.store.read import Tables
 
@@ -304,6 +305,38 @@ def keep_base(results: Path, folder: Path) -> Path:
     from lvnav_trade.report.compare import keep_base as keep
 
     return keep(results, folder)
+
+
+def estimate_q(
+    campaign: str | Path | Campaign,
+    file: str | Path,
+    sets: Sequence[str] = (),
+    case: str | None = None,
+    runs: int = 100,
+    step: float | None = None,
+) -> tuple[Noise, tuple[Path, Path, Path]]:
+    """Estimate process noise from perturbed runs of a case (the first if none is named), and write the filter's card
+    with it, beside it the error per step as CSV and PNG. Return the estimate and the files.
+    """
+    from lvnav_trade.campaign.estimate import estimate as found_by
+    from lvnav_trade.campaign.replay import find
+    from lvnav_trade.campaign.tree import dump
+    from lvnav_trade.plots.steps import steps
+    from lvnav_trade.plots.style import look
+
+    loaded = campaign if isinstance(campaign, Campaign) else load_campaign(campaign, sets)
+    every = cases(loaded)
+    found = found_by(loaded, find(every, case) if case else every[0], runs, step)
+    card = Path(file)
+    files = (card, card.with_suffix(".csv"), card.with_suffix(".png"))
+    try:
+        card.write_text(dump(found.card.model_dump(mode="json", exclude_defaults=True)), encoding="utf-8")
+        found.steps.to_csv(files[1], index=False, float_format="%.6g")
+        with look():
+            steps(found.steps, [phase[:3] for phase in found.phases]).savefig(files[2])
+    except OSError as error:
+        raise InputError(f"{card}: the card cannot be written there: {error.strerror or error}") from error
+    return found, files
 
 
 def write_kml(

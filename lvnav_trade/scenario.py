@@ -87,6 +87,59 @@ class Scenario(Card):
             )
         return self
 
+    @model_validator(mode="after")
+    def _late(self) -> Self:
+        card, late = self.filter, self.filter.delay_compensation
+        if late is None:
+            return self
+        if late.kind == "extrapolated" and card.kind != "loose":
+            raise ValueError(
+                "filter.delay_compensation.kind: only a solution can be extrapolated; a tight filter buffers"
+            )
+        if card.feedback == "open" or card.logic is not None or card.init != "from_card":
+            raise ValueError("filter.delay_compensation: not with feedback: open, a logic, or init: from_gnss")
+        before = late.base if late.kind == "extrapolated" else 0.0
+        stated = before if isinstance(late.delay, str) else before + late.delay
+        if stated >= epoch_interval(self):
+            raise ValueError(
+                f"filter.delay_compensation: delay{' and base' if before else ''} of {stated * 1e3:.0f} ms, not less "
+                f"than the {epoch_interval(self) * 1e3:.0f} ms between epochs"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _judged(self) -> Self:
+        if not judged(self):
+            return self
+        shared = [name for name in (*self.filter.extra_states, *self.filter.consider)
+                  if not name.startswith(("gyro_", "accel_"))]  # fmt: skip
+        if shared:
+            raise ValueError(
+                f"filter.extra_states: {', '.join(shared)}: a filter that takes solutions with a covariance of their "
+                "own (receiver.solution.kind bancroft or filtered, filter.delay_compensation.kind extrapolated) has no "
+                "such state"
+            )
+        if solves(self) and any(fault.kind == "frozen_output" for fault in self.faults):
+            raise ValueError("faults: frozen_output needs receiver.solution.kind: direct, or a tight filter")
+        return self
+
+
+def solves(scenario: Scenario) -> bool:
+    """Return whether a loose filter takes the solution of a receiver that solves for it itself."""
+    return scenario.filter.kind == "loose" and not isinstance(scenario.receiver.solution, DirectSolution)
+
+
+def judged(scenario: Scenario) -> bool:
+    """Return whether every solution comes with a covariance of its own, so that its rows are taken together."""
+    late = scenario.filter.delay_compensation
+    extrapolated = late is not None and late.kind == "extrapolated" and scenario.filter.kind == "loose"
+    return solves(scenario) or extrapolated
+
+
+def epoch_interval(scenario: Scenario) -> float:
+    """Return the time (s) between two epochs: a solving receiver works at its own rate, whatever the filter takes."""
+    return 1.0 / (scenario.receiver.rate if solves(scenario) else scenario.filter.update_rate)
+
 
 def _matched_imu(imu: ImuCard) -> ImuBelief:
     """Take every number from the truth; wandering that the bias states do not model apart is added to their walk."""

@@ -71,3 +71,36 @@ def test_what_a_scenario_does_not_know_is_refused(wrong):
 def test_a_scenario_cannot_be_changed():
     with pytest.raises(ValidationError):
         loaded().frame = "ecef"
+
+
+POINT = {"kind": "bancroft", "range_sigma": "2 m", "rate_sigma": "0.1 m/s"}
+SOLVING = {"filter.kind": "loose", "receiver.solution": POINT}
+LATE = "filter.delay_compensation"
+FROZEN = [{"kind": "frozen_output", "start": "2 s", "duration": "3 s"}]
+FAIRLY = {"kind": "extrapolated", "delay": "300 ms"}
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [SOLVING, {**SOLVING, "filter.extra_states": ["accel_scale_factor"]}, {"filter.kind": "loose", LATE: FAIRLY},
+     {LATE: {"kind": "buffered", "delay": "999 ms"}}, {"faults": FROZEN}],
+)  # fmt: skip
+def test_what_goes_together_is_accepted(fields):
+    with_fields(loaded(), **fields)
+
+
+@pytest.mark.parametrize(
+    ("fields", "told"),
+    [
+        ({**SOLVING, "filter.extra_states": ["position_bias"]}, "position_bias: a filter that takes solutions"),
+        ({"filter.kind": "loose", LATE: FAIRLY, "filter.extra_states": ["timing"]}, "timing: a filter that takes"),
+        ({**SOLVING, "faults": FROZEN}, "frozen_output needs receiver.solution.kind: direct"),
+        ({LATE: {"kind": "extrapolated"}}, "only a solution can be extrapolated"),
+        ({LATE: {"kind": "buffered", "delay": "1 s"}}, "delay of 1000 ms, not less than the 1000 ms between epochs"),
+        ({"filter.kind": "loose", LATE: {**FAIRLY, "delay": "950 ms"}}, "delay and base of 1050 ms"),
+        ({"filter.kind": "loose", "filter.init": "from_gnss", LATE: FAIRLY}, "delay_compensation: not with feedback"),
+    ],
+)
+def test_what_cannot_be_had_together_is_refused_before_anything_runs(fields, told):
+    with pytest.raises(ValueError, match=told):
+        with_fields(loaded(), **fields)

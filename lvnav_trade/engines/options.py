@@ -20,22 +20,10 @@ from lvnav_trade.receivers.base import (
     point_model,
 )
 from lvnav_trade.records import Floats
-from lvnav_trade.scenario import Scenario
+from lvnav_trade.scenario import Scenario, epoch_interval, solves
 from lvnav_trade.world.solutions import BancroftSolution, DirectSolution, FilteredSolution, OwnCovariance
 
 Ints = NDArray[np.int64]
-
-
-def solves(scenario: Scenario) -> bool:
-    """Return whether a loose filter takes the solution of a receiver that solves for it itself."""
-    return scenario.filter.kind == "loose" and not isinstance(scenario.receiver.solution, DirectSolution)
-
-
-def judged(scenario: Scenario) -> bool:
-    """Return whether every solution comes with a covariance of its own, so that its rows are taken together."""
-    late = scenario.filter.delay_compensation
-    extrapolated = late is not None and late.kind == "extrapolated" and scenario.filter.kind == "loose"
-    return solves(scenario) or extrapolated
 
 
 def direct(scenario: Scenario) -> DirectSolution:
@@ -46,35 +34,9 @@ def direct(scenario: Scenario) -> DirectSolution:
     return DirectSolution.model_construct(position_sigma=0.0, velocity_sigma=0.0)
 
 
-def epoch_interval(scenario: Scenario) -> float:
-    """Return the time (s) between two epochs: a solving receiver works at its own rate, whatever the filter takes."""
-    return 1.0 / (scenario.receiver.rate if solves(scenario) else scenario.filter.update_rate)
-
-
 def every(scenario: Scenario) -> int:
     """Return of how many epochs the filter takes the last."""
     return round(scenario.receiver.rate / scenario.filter.update_rate) if solves(scenario) else 1
-
-
-def refuse_contradiction(scenario: Scenario) -> None:
-    """InputError where a filter is asked for what it cannot have together."""
-    card, late = scenario.filter, scenario.filter.delay_compensation
-    if late is not None and late.kind == "extrapolated" and card.kind != "loose":
-        raise InputError("filter.delay_compensation.kind: only a solution can be extrapolated; a tight filter buffers")
-    if late is not None and (card.feedback == "open" or card.logic is not None or card.init != "from_card"):
-        raise InputError("filter.delay_compensation: not with feedback: open, a logic, or init: from_gnss")
-    if not judged(scenario):
-        return
-    extra = [name for name in (*card.extra_states, *card.consider) if name not in ("gyro_bias", "accel_bias")]
-    shared = [name for name in extra if not name.startswith(("gyro_", "accel_"))]
-    if shared:
-        raise InputError(
-            f"filter.extra_states: {', '.join(shared)}: a filter that takes solutions with a covariance of their own "
-            "(receiver.solution.kind bancroft or filtered, filter.delay_compensation.kind extrapolated) has no such "
-            "state"
-        )
-    if solves(scenario) and any(fault.kind == "frozen_output" for fault in scenario.faults):
-        raise InputError("faults: frozen_output needs receiver.solution.kind: direct, or a tight filter")
 
 
 def _told(card: BancroftSolution | FilteredSolution, scenario: Scenario, belief: ReceiverBelief) -> Told:

@@ -15,21 +15,17 @@ from lvnav_trade.engines.families import ErrorFamily, shared_of
 from lvnav_trade.engines.inputs import Options, Record, Schedule, Signals, Start, Unit
 from lvnav_trade.engines.options import (
     delay_taken,
-    epoch_interval,
     every,
-    judged,
     kept_at,
     late_of,
-    refuse_contradiction,
     solver_of,
-    solves,
 )
 from lvnav_trade.engines.recorded import Recorded, recorded
 from lvnav_trade.engines.signals import Line, channels_of, families, geometry_of, signals
 from lvnav_trade.engines.solution import Chain, chain_of
 from lvnav_trade.engines.times import epochs_of, times_of
 from lvnav_trade.engines.vehicle import Vehicle, vehicle_of
-from lvnav_trade.engines.watching import pdop, watched
+from lvnav_trade.engines.watching import left_out, pdop, watched
 from lvnav_trade.filters.belief import Belief, believe, initial_covariance
 from lvnav_trade.filters.envelope import EnvelopeCard
 from lvnav_trade.frames import earth_angle, rotation_i_e, rotation_i_n, rotation_i_o
@@ -37,7 +33,7 @@ from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
 from lvnav_trade.layout import StateLayout, outputs
 from lvnav_trade.records import Floats, Output, Reference, Sky
-from lvnav_trade.scenario import Scenario, beliefs
+from lvnav_trade.scenario import Scenario, beliefs, epoch_interval, judged, solves
 from lvnav_trade.world.faults import (
     AccelBiasStep,
     AnyFault,
@@ -224,7 +220,6 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     kind, text = type(scenario.trajectory), _identity(scenario.trajectory)
     trajectory, card = _built(text, kind), scenario.filter
     ref = _sampled(text, kind, scenario.imu.rate)
-    refuse_contradiction(scenario)
     epochs = epochs_of(scenario, ref)
     t_epoch = epochs.t
     seen = _seen(scenario, trajectory, t_epoch, float(ref.t[0]))
@@ -254,9 +249,10 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     blocks = (*error_blocks(scenario.imu), *disturbance(scenario.gravity))
     C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], trajectory.theta0)[0].T
     P = initial_covariance(layout, initial, C_n_i, card.envelope or EnvelopeCard())
-    truth, rules = watched(card, failed, truth, pdop(line.direction, seen.tracked), P)
+    rules = watched(card, failed, truth, pdop(line.direction, seen.tracked), P)
     solver = solver_of(scenario, receiver, truth.used.shape[1])
     chain = chain_of(solver, judged(scenario), truth, line)
+    truth, chain = left_out(rules, truth, chain)
     if chain is not None and solver is not None:
         truth = truth._replace(variance=np.diagonal(chain.told, axis1=1, axis2=2).copy())
     return Prepared(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lvnav_trade.engines.families import Cause, ErrorFamily, families_of, lever_causes
 from lvnav_trade.engines.inputs import Shared, Signals
-from lvnav_trade.engines.options import direct, epoch_interval, solves
+from lvnav_trade.engines.options import direct
 from lvnav_trade.filters.base import ReceiverBelief
 from lvnav_trade.frames import matrices
 from lvnav_trade.kernels.clock import clock_step
@@ -19,7 +19,7 @@ from lvnav_trade.kernels.random import source_word
 from lvnav_trade.layout import StateLayout
 from lvnav_trade.observables.partials import Channels, Geometry, partial
 from lvnav_trade.records import Floats, Sky
-from lvnav_trade.scenario import Scenario
+from lvnav_trade.scenario import Scenario, epoch_interval, solves
 from lvnav_trade.world.constellation import (
     LETTERS,
     AlmanacConstellation,

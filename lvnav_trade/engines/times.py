@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.engines.inputs import Schedule
-from lvnav_trade.engines.options import Kept, epoch_interval
+from lvnav_trade.engines.options import Kept
 from lvnav_trade.records import Floats, Reference
-from lvnav_trade.scenario import Scenario
+from lvnav_trade.scenario import Scenario, epoch_interval
 from lvnav_trade.world.trajectory import Trajectory
 
 Ints = NDArray[np.int64]

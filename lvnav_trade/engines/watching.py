@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.engines.inputs import Signals
+from lvnav_trade.engines.solution import Chain
 from lvnav_trade.filters.base import FilterCard, LogicCard
 from lvnav_trade.filters.monitor import Rules
 from lvnav_trade.records import Floats
@@ -33,11 +34,8 @@ def pdop(direction: Floats, tracked: Mask) -> Floats:
     return found
 
 
-def watched(
-    card: FilterCard, failed: Failures, signals: Signals, dilution: Floats, P: Floats
-) -> tuple[Signals, Rules | None]:
-    """Return the rules of a filter card, None where it has no logic and starts as its card says; and the signals, with
-    no satellite where a sample fails the checks at the input: linear covariance then has no row there either.
+def watched(card: FilterCard, failed: Failures, signals: Signals, dilution: Floats, P: Floats) -> Rules | None:
+    """Return the rules of a filter card, None where it has no logic and starts as its card says.
 
     Parameters
     ----------
@@ -45,7 +43,7 @@ def watched(
     P : (n_state, n_state) the filter's covariance at a start
     """
     if card.logic is None and card.init == "from_card":
-        return signals, None
+        return None
     logic = card.logic or _UNGUARDED
     good = signals.n_used >= 4
     if logic.check_flags:
@@ -54,7 +52,7 @@ def watched(
         good &= dilution < logic.pdop_below
     position, velocity = logic.wild_position or math.inf, logic.wild_velocity or math.inf
     spread = (logic.covariance_position or math.inf, logic.covariance_velocity or math.inf)
-    rules = Rules(
+    return Rules(
         interval=1.0 / card.update_rate,
         good=good,
         limits=np.repeat([position, velocity], 3),
@@ -66,4 +64,16 @@ def watched(
         from_gnss=card.init == "from_gnss",
         P=P,
     )
-    return signals._replace(n_used=np.where(good, signals.n_used, 0)), rules
+
+
+def left_out(rules: Rules | None, signals: Signals, chain: Chain | None) -> tuple[Signals, Chain | None]:
+    """Return signals and chain with no solution where a sample fails the checks at the input.
+
+    Linear covariance then has no row there either. A receiver that solves itself keeps its satellites: it goes on,
+    whatever the filter leaves out.
+    """
+    if rules is None:
+        return signals, chain
+    if chain is not None:
+        return signals, chain._replace(solved=chain.solved & rules.good)
+    return signals._replace(n_used=np.where(rules.good, signals.n_used, 0)), None

@@ -76,7 +76,7 @@ def _share(work, watch):
 
 @jit
 def add_up(work, aside, watch, belief):
-    """Set the navigation state to the sum of inertial system and error state; both are aside aside."""
+    """Set the navigation state to the sum of inertial system and error state; both are kept aside."""
     share = _share(work, watch)
     for i in range(size(work.x, 0)):
         aside.x[i] = work.x[i]

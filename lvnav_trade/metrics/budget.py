@@ -9,6 +9,8 @@ import pandas as pd
 from lvnav_trade.metrics.select import NAVIGATION
 from lvnav_trade.store import Tables, load
 
+COLUMNS = ["case", "event", "source", "metric", "unit", "sigma", "share_ratio"]
+
 
 def budget(results: Path | str | Tables) -> pd.DataFrame:
     """Return LinCov's 3-D navigation errors by source at every event, in the units of people.
@@ -19,6 +21,8 @@ def budget(results: Path | str | Tables) -> pd.DataFrame:
     tables = load(results)
     rows = tables.budget
     rows = rows[(rows.event != "") & (rows.axis == "3d") & rows.quantity.isin(NAVIGATION)]
+    if rows.empty:
+        return pd.DataFrame(columns=COLUMNS)
     people = {quantity: tables.people[quantity, "3d"] for quantity in NAVIGATION if (quantity, "3d") in tables.people}
     found = pd.DataFrame(
         {

@@ -29,6 +29,8 @@ HEARING = {"antennas", "link", "loops", "tracking"}
 DELAYS = {"corrections"}
 # A recording in a file: tests/world/test_error_table.py walks its fields.
 RECORDED = {"error_table"}
+# A model of the vehicle and its attitude reference: tests/engines/test_vehicle.py walks them on such a filter.
+MODELLED = {"envelope", "reference"}
 # Policies of a filter: walked in tests/filters/test_{late,feedforward,monitor}.py and beside.
 POLICIES = {"delay_compensation", "feedback", "logic", "init"}
 
@@ -130,7 +132,7 @@ def leaves(model, before=""):
     for name, field in model.model_fields.items():
         within = [a for a in (field.annotation, *get_args(field.annotation)) if isinstance(a, type)]
         inner = [a for a in within if issubclass(a, BaseModel)]
-        if name in DELAYS | RECORDED | POLICIES or (model is ReceiverCard and name in HEARING):
+        if name in DELAYS | RECORDED | POLICIES | MODELLED or (model is ReceiverCard and name in HEARING):
             continue
         if inner:
             yield from leaves(inner[0], f"{before}{name}.")

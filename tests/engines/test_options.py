@@ -1,4 +1,4 @@
-"""Parts of a flight that not every case has: what the cards make of them, and what cannot be had together."""
+"""Parts of a flight that not every case has: what the cards make of them."""
 
 from __future__ import annotations
 
@@ -9,18 +9,14 @@ from lvnav_trade.engines.inputs import Schedule
 from lvnav_trade.engines.options import (
     delay_taken,
     direct,
-    epoch_interval,
     every,
-    judged,
     kept_at,
     late_of,
-    refuse_contradiction,
     solver_of,
-    solves,
 )
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.base import ReceiverBelief
-from lvnav_trade.scenario import beliefs
+from lvnav_trade.scenario import beliefs, epoch_interval, judged, solves
 from lvnav_trade.world.solutions import BancroftSolution, DirectSolution, FilteredSolution
 from tests.building import loaded, with_fields
 
@@ -80,17 +76,6 @@ def test_the_filter_of_the_receiver_steps_by_the_interval_of_its_epochs():
     assert solver_of(solving(POINT), beliefs(scenario)[1], 12).filter is None
 
 
-def test_what_a_filter_behind_a_solving_receiver_cannot_have_is_refused():
-    scenario = solving(POINT)
-    refuse_contradiction(scenario)
-    refuse_contradiction(loaded())
-    with_state = scenario.model_copy(update={"filter": with_fields(scenario.filter, extra_states=["position_bias"])})
-    with pytest.raises(InputError, match="position_bias: a filter that takes solutions"):
-        refuse_contradiction(with_state)
-    unit_states = with_fields(scenario.filter, extra_states=["accel_scale_factor"])
-    refuse_contradiction(scenario.model_copy(update={"filter": unit_states}))
-
-
 def compensating(kind="buffered", coupling="tight", **fields):
     scenario = loaded(f"base.filter=filters/{coupling}")
     card = with_fields(scenario.filter, delay_compensation={"kind": kind, **fields})
@@ -110,12 +95,6 @@ def test_a_delay_that_reaches_back_behind_the_epoch_before_is_refused_with_its_p
         delay_taken(compensating(), t, t - [0.3, 1.1])
     with pytest.raises(InputError, match="950 ms at 1 s and a base of 100 ms"):
         delay_taken(compensating("extrapolated", "loose"), t, t - 0.95)
-    with pytest.raises(InputError, match="only a solution can be extrapolated"):
-        refuse_contradiction(compensating("extrapolated", "tight"))
-    with_state = compensating("extrapolated", "loose")
-    card = with_fields(with_state.filter, extra_states=["timing"])
-    with pytest.raises(InputError, match="timing: a filter that takes solutions"):
-        refuse_contradiction(with_state.model_copy(update={"filter": card}))
 
 
 def test_states_are_kept_at_the_nearest_step_and_the_rest_is_an_offset():

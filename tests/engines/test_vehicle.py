@@ -8,8 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lvnav_trade.engines.envelopes import envelopes
+from lvnav_trade.engines.montecarlo import run_block
 from lvnav_trade.engines.vehicle import burning, burns
-from tests.building import case, loaded, with_fields
+from lvnav_trade.filters.envelope import EnvelopeCard
+from tests.building import case, loaded, prepare_hop, with_fields
 from tests.engines.modelled import BASELINE, SETTINGS, modelled, named
 
 
@@ -73,3 +76,41 @@ def test_a_scenario_that_the_filter_does_not_know_is_refused(fields, told):
     scenario = loaded(*SETTINGS, "base.imu=imu/kvh1750_003", "base.filter=filters/vehicle_model_003")
     with pytest.raises(ValueError, match=told):
         with_fields(scenario, **fields)
+
+
+OTHER = {
+    "roll": 0.004, "burn": 0.01, "coast": 0.003, "turn_gain": 2.0, "turn_time": 1.0, "axial_burn": 10.0,
+    "axial_coast": 5.0, "axial_change": 1000.0, "before_change": 0.5, "after_change": 3.0, "lateral": 5.0,
+    "nozzle_gain": 10.0, "nozzle_time": 0.1, "start_rate": 0.1, "start_acceleration": 5.0,
+}  # fmt: skip
+START = {"start_rate", "start_acceleration"}
+
+
+def steps(card):
+    """Return what a filter with this envelope believes around a cut-off while it turns and moves its nozzle."""
+    t = np.arange(0.0, 20.0, 0.005)
+    turn, nozzle = (np.column_stack([scale * np.sin(t), scale * np.cos(t)]) for scale in (0.1, 0.02))
+    return np.hstack(envelopes(card, t, t < 10.0, np.array([10.0]), turn, nozzle))
+
+
+def test_another_value_is_known_for_every_field():
+    assert set(OTHER) == set(EnvelopeCard.model_fields)
+
+
+@pytest.mark.parametrize("name", sorted(set(OTHER) - START))
+def test_a_field_of_the_envelope_changes_what_the_filter_believes(name):
+    assert not np.array_equal(steps(EnvelopeCard()), steps(EnvelopeCard().model_copy(update={name: OTHER[name]})))
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [{"filter__envelope": {"start_rate": "0.1 rad/s"}}, {"filter__envelope": {"start_acceleration": "5 m/s^2"}},
+     {"filter__reference": {"sigma": "3 deg"}}],
+    ids=["start_rate", "start_acceleration", "reference"],
+)  # fmt: skip
+def test_the_start_and_the_attitude_reference_that_are_believed_change_a_run(fields):
+    scenario = loaded(*SETTINGS, "base.imu=imu/kvh1750_003_published", "base.filter=filters/vehicle_model_003")
+    changed = with_fields(scenario, **{name.replace("__", "."): value for name, value in fields.items()})
+    one, two = (run_block(prepare_hop(s, named()), 1, 0, 8).sigma for s in (scenario, changed))
+    differ = not np.array_equal(one, two)
+    assert differ

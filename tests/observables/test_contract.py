@@ -12,7 +12,7 @@ import lvnav_trade.observables as family
 from lvnav_trade.kernels.attitude import from_rotation, matrix, multiply
 from lvnav_trade.kernels.random import normals, seed_words, source_word
 from lvnav_trade.kernels.strapdown import Q, R, V
-from lvnav_trade.observables import doppler, position, pseudorange, velocity
+from lvnav_trade.observables import attitude, doppler, position, pseudorange, velocity
 from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_VEL, N_ENTRY, antenna, line_of_sight
 
 # The satellite is near, so that rounding of the range does not hide the seventh digit of a derivative.
@@ -56,13 +56,28 @@ def predict_velocity(h, nav, clock, axis):
     return velocity.row(h, antenna_at(nav), axis)
 
 
+def predict_attitude(h, nav, clock, axis):
+    """The rotation from NAV's attitude, at which the row is a one in its axis' column, to the estimated one."""
+    h[:] = 0.0
+    h[H_ATT + axis] = 1.0
+    return attitude.innovation(*nav[Q : Q + 4], *NAV[Q : Q + 4])[axis]
+
+
+def observe_attitude(true, sigma, noise):
+    """One axis of what the reference measures of NAV's attitude, as a rotation from it; `true` is that of the truth."""
+    measured = attitude.observe(*NAV[Q : Q + 4], sigma, noise, 0.0, 0.0)
+    return true + attitude.innovation(*measured, *NAV[Q : Q + 4])[0]
+
+
 FAMILY = {
     "pseudorange": (predict_pseudorange, pseudorange.observe, True),
     "doppler": (predict_doppler, doppler.observe, True),
     "position": (predict_position, position.observe, False),
     "velocity": (predict_velocity, velocity.observe, False),
+    "attitude": (predict_attitude, observe_attitude, False),
 }
-ROWS = [(name, axis) for name in FAMILY for axis in (range(3) if name in ("position", "velocity") else [0])]
+BY_AXIS = ("position", "velocity", "attitude")
+ROWS = [(name, axis) for name in FAMILY for axis in (range(3) if name in BY_AXIS else [0])]
 ENTRIES = {"attitude": (H_ATT, 0, 1e-2), "velocity": (H_VEL, 3, 10.0), "position": (H_POS, 6, 100.0)}
 
 
@@ -120,7 +135,8 @@ def true_measurement(name, axis):
     line = SATELLITE - r
     distance = np.linalg.norm(line)
     rate = line @ (SATELLITE_VELOCITY - v) / distance
-    return {"pseudorange": distance, "doppler": rate, "position": r[axis], "velocity": v[axis]}[name]
+    by_axis = {"position": r, "velocity": v, "attitude": np.zeros(3)}
+    return {"pseudorange": distance, "doppler": rate}[name] if name not in by_axis else by_axis[name][axis]
 
 
 @pytest.mark.parametrize(("name", "axis"), ROWS)

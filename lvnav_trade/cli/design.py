@@ -1,0 +1,47 @@
+"""Verbs that compute a filter's card: estimate-q."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lvnav_trade.campaign.text import table
+from lvnav_trade.cli.console import CampaignFile, Debug, Json, Sets, app, errors, say
+
+CaseOf = Annotated[
+    str | None, typer.Option("--case", metavar="CASE", help="digest of a case, its beginning, or its label [the first]")
+]
+Card = Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="card to write")]
+
+
+@app.command("estimate-q")
+def estimate_q(
+    campaign: CampaignFile,
+    out: Card,
+    sets: Sets = None,
+    case: CaseOf = None,
+    runs: Annotated[int, typer.Option("--runs", help="perturbed runs of the ensemble")] = 100,
+    step: Annotated[
+        float | None, typer.Option("--step", metavar="SECONDS", help="length of a step [time between updates]")
+    ] = None,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Estimate process noise from perturbed runs; write it as a filter card, with the error per step as CSV and PNG."""
+    with errors(as_json, debug):
+        from lvnav_trade import api
+
+        found, written = api.estimate_q(campaign, out, sets or (), case, runs, step)
+        rows = [_row("whole flight", found.whole), *(_row(name, noise) for name, _, _, noise in found.phases)]
+        head = ["phase", "attitude (deg/sqrt(h))", "velocity (m/s/sqrt(s))", "position (m/sqrt(s))"]
+        told = f"{table(head, rows)}\ncard: {written[0]}\nerror per step: {written[1]}, {written[2]}"
+        densities = {"whole flight": found.whole._asdict(), **{name: q._asdict() for name, _, _, q in found.phases}}
+        say("estimate-q", as_json, told, card=str(written[0]), files=[*map(str, written[1:])], densities_si=densities)
+
+
+def _row(name: str, noise: object) -> list[str]:
+    attitude, velocity, position = (getattr(noise, part) for part in ("attitude", "velocity", "position"))
+    return [name, f"{math.degrees(attitude) * 60.0:.3g}", f"{velocity:.3g}", f"{position:.3g}"]

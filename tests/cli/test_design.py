@@ -1,0 +1,24 @@
+"""estimate-q on the command line: a card that a campaign can name, tables beside it, mistakes in one line."""
+
+from __future__ import annotations
+
+from lvnav_trade.campaign.load import load
+from tests.building import LOOSE, flying, hop
+from tests.cli.calling import call
+
+
+def test_the_card_is_written_and_read_again_as_a_filter(tmp_path):
+    card = tmp_path / "noise.yaml"
+    with flying(hop()):
+        done = call("estimate-q", "campaigns/smoke.yaml", "--set", LOOSE, "--runs", "10", "--out", str(card))
+    assert done.exit_code == 0, done.output
+    assert "whole flight" in done.output
+    assert load("campaigns/smoke.yaml", [f"base.filter={card}"]).base.filter.velocity_noise > 0.0
+    assert card.with_suffix(".csv").is_file()
+    assert card.with_suffix(".png").stat().st_size > 5000
+
+
+def test_too_few_runs_and_an_unknown_case_are_told_in_one_line(tmp_path):
+    for more in (("--runs", "3"), ("--case", "nowhere")):
+        done = call("estimate-q", "campaigns/smoke.yaml", "--set", LOOSE, "--out", str(tmp_path / "q.yaml"), *more)
+        assert done.exit_code == 2
