@@ -48,6 +48,8 @@ _CAPTIONS = {
     "movement": "Movement of the nozzle by what feeds the controller; the band holds all runs.",
     "sweep": "How much less the nozzle moves with the filtered rate, over the rate gain.",
     "turning": "True angular acceleration in pitch and jerk along z of one run, and what the filter expects.",
+    "worth": "What feeds the controller is worth: movement of the nozzle, and how well the attitude is held.",
+    "readings": "By how much the estimate's sigma lies below the sample's; marks: what is stated.",
     "autocorrelation": "Autocorrelation of the innovations (blue: position or range, red: velocity or range rate); "
     "grey: 95 % of what one flight of white ones shows.",
     "missions": "Flown missions among our flights.",
@@ -244,8 +246,10 @@ def _draw(one: Answered, figure: Figure) -> Drawing | None:
         drawn = plot(tables, figure.axis, stated, figure.unit, figure.published, figure.band, figure.cases)
     elif figure.plot == "missions":
         drawn = plot(tables, one.flown)
-    elif figure.plot == "sweep":
+    elif figure.plot in ("sweep", "readings"):
         drawn = plot(tables)
+    elif figure.plot == "worth":
+        drawn = plot(tables, figure.cases)
     elif figure.plot in ("envelope", "budget", "motion"):
         drawn = plot(tables, cases_of(tables, figure.case)[0], figure.quantity)
     else:

@@ -8,7 +8,16 @@ from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.style import look
 
 CASE = "aaaaaaaaaaaa"
-OF_A_VEHICLE = ("motion", "ignition", "singular", "movement", "sweep", "turning")  # see test_motion
+OF_A_VEHICLE = (
+    "motion",
+    "ignition",
+    "singular",
+    "movement",
+    "sweep",
+    "turning",
+    "worth",
+    "readings",
+)  # see test_motion
 
 
 ARGUMENTS = {
