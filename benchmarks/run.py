@@ -21,6 +21,7 @@ PARTS = (
     "time_flight",
     "time_kernels",
     "time_lincov",
+    "time_vehicle",
     "scaling",
     "memory",
     "peer_python_ins",

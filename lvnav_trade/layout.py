@@ -103,6 +103,14 @@ estimated bias.
 _BODY = {"rate": ("roll", "pitch", "yaw"), "acceleration": ("x", "y", "z")}
 
 
+def state_names(layout: StateLayout) -> tuple[str, ...]:
+    """Return the names of the states in storage order, such as 'velocity x': navigation in frame i, parameters in body
+    axes.
+    """
+    axes = [f"{name} {axis}" for name in ("attitude", "velocity", "position") for axis in "xyz"]
+    return (*axes, *(f"{output.quantity} {output.axis}" for output in outputs(layout, "inertial")[9 : layout.n_state]))
+
+
 AXES = {
     "ned": ("north", "east", "down"),
     "ecef": ("x", "y", "z"),

@@ -17,10 +17,11 @@ from lvnav_trade.metrics.impact import corridor_verdicts, impact
 from lvnav_trade.metrics.levers import expected, levers
 from lvnav_trade.metrics.logic import logic, modes, stops
 from lvnav_trade.metrics.motion import motion
-from lvnav_trade.metrics.nozzle import nozzle, turning
+from lvnav_trade.metrics.nozzle import nozzle, turning, worth
 from lvnav_trade.metrics.observed import observed
 from lvnav_trade.metrics.orbit import orbit
 from lvnav_trade.metrics.ranking import ranking
+from lvnav_trade.metrics.readings import readings
 from lvnav_trade.metrics.references import references
 from lvnav_trade.metrics.requirements import verdicts
 from lvnav_trade.metrics.rms import rms
@@ -65,6 +66,8 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
     "nozzle": nozzle,
     "observed": observed,
     "turning": turning,
+    "worth": worth,
+    "readings": readings,
 }
 """Every metric by name; each takes a results folder, or its tables, and returns a tidy frame."""
 

@@ -64,6 +64,34 @@ def nozzle(results: Path | str | Tables, alpha: float = 0.05) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
+WORTH = [
+    "case", "axis", "raw_deg", "filtered_deg", "true_deg", "less_percent", "low_percent", "high_percent",
+    "possible_percent", "raw_error_mrad", "filtered_error_mrad", "true_error_mrad",
+]  # fmt: skip
+
+
+def worth(results: Path | str | Tables) -> pd.DataFrame:
+    """Return what the filtered rate gains a controller over the flight, case by case and axis by axis.
+
+    Movement of the nozzle and less_percent as in `nozzle`; possible_percent: how much less the nozzle moves with the
+    true rate, the most that any filter can gain; *_error_mrad: root mean square of the attitude's error in burns.
+    """
+    tables = load(results)
+    moved = nozzle(tables)
+    moved = moved[moved.burn == "flight"]
+    kept = turning(tables)
+    error = kept[kept.phase == "burn"].pivot_table(index=["case", "axis"], columns="feed", values="attitude_error_mrad")
+    rows = [
+        (
+            row.case, row.axis, row.raw_deg, row.filtered_deg, row.true_deg, row.less_percent, row.low_percent,
+            row.high_percent, 100.0 * (1.0 - row.true_deg / row.raw_deg) if row.raw_deg > 0.0 else np.nan,
+            *(float(error.loc[(row.case, row.axis), feed]) for feed in ("raw", "filtered", "true")),
+        )
+        for row in moved.itertuples()
+    ]  # fmt: skip
+    return pd.DataFrame(rows, columns=WORTH)
+
+
 def turning(results: Path | str | Tables) -> pd.DataFrame:
     """Return how often and how far true angular acceleration and jerk leave their envelopes (% of ticks, times), and
     attitude and rate errors, by what feeds the controller, axis and phase.

@@ -13,10 +13,11 @@ from lvnav_trade.plots.errors import comparison, envelope, rank
 from lvnav_trade.plots.flight import trajectory
 from lvnav_trade.plots.impact import impact
 from lvnav_trade.plots.logic import logic
-from lvnav_trade.plots.motion import ignition, motion, singular
+from lvnav_trade.plots.missions import missions
+from lvnav_trade.plots.motion import ignition, motion, readings, singular
 from lvnav_trade.plots.orbit import orbit
 from lvnav_trade.plots.published import locus, spread
-from lvnav_trade.plots.rotation import envelopes, movement, sweep
+from lvnav_trade.plots.rotation import envelopes, movement, sweep, worth
 from lvnav_trade.plots.sky import satellites, sky
 from lvnav_trade.plots.timeline import timeline
 
@@ -45,7 +46,10 @@ PLOTS: dict[str, Callable[..., Any]] = {
     "movement": movement,
     "sweep": sweep,
     "turning": envelopes,
+    "worth": worth,
+    "readings": readings,
     "orbit": orbit,
+    "missions": missions,
     "impact": impact,
 }
 """Every figure by name."""

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from lvnav_trade.metrics.observed import is_position_bias
+from lvnav_trade.metrics.readings import readings as readings_of
 from lvnav_trade.metrics.select import lincov_rms
 from lvnav_trade.plots.errors import rows_of
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, legend_below, look, mark_events
@@ -59,6 +60,36 @@ def ignition(results: Path | str | Tables, case: str) -> Figure:
         ax.set_xlabel("time since lift-off (s)")
         ax.set_ylabel("sigma, filtered over raw\n(bias estimated on both sides)")
         ax.legend(loc="lower right")
+    return figure
+
+
+def readings(results: Path | str | Tables) -> Figure:
+    """Draw by how much the estimates lie below the raw samples in every case that references hold so, phase by phase:
+    against the sample as it is, and without bias on either side; what is stated as marks.
+    """
+    frame = readings_of(results)
+    phases, errors, cases = (list(dict.fromkeys(frame[name])) for name in ("during", "error", "case"))
+    bars = [(case, column) for column in ("raw_percent", "unbiased_percent") for case in cases]
+    width, place = 0.8 / len(bars), np.arange(len(errors))
+    with look():
+        figure, grid = canvas(len(phases), 1, 2.3, sharex=True)
+        for ax, phase in zip(grid[:, 0], phases, strict=True):
+            for number, (case, column) in enumerate(bars):
+                rows = frame[(frame.during == phase) & (frame.case == case)].set_index("error").loc[errors]
+                x = place + (number - 0.5 * (len(bars) - 1)) * width
+                told = case if column == "raw_percent" else f"{case}, both sides without bias"
+                shade = 0.95 if column == "raw_percent" else 0.45
+                ax.bar(x, rows[column], 0.92 * width, color=PALETTE[number % len(cases)], alpha=shade, label=told)
+                if column == "raw_percent":
+                    ax.plot(x, rows.stated_percent, "_", color="black", ms=11, mew=1.6,
+                            label="stated" if number == 0 else None)  # fmt: skip
+            ax.set_title(phase.replace("_", " "), loc="left")
+            ax.set_ylabel("sigma below\nthe sample's (%)")
+            ax.set_ylim(0.0, 100.0)
+            ax.grid(axis="x", visible=False)
+        grid[-1, 0].set_xticks(place, errors)
+        grid[-1, 0].set_xlabel("error")
+        legend_below(figure, grid[0, 0], columns=2)
     return figure
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import textwrap
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from lvnav_trade.metrics.nozzle import nozzle
+from lvnav_trade.metrics.nozzle import worth as worth_of
+from lvnav_trade.metrics.published import cases_of
+from lvnav_trade.metrics.readings import short_names
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, legend_below, line_of, look, mark_events
 from lvnav_trade.store import Tables, load
 
@@ -139,6 +143,38 @@ def sweep(results: Path | str | Tables) -> Figure:
             axes.set_xlabel("rate gain over that of the card (-)")
         grid[0, 0].set_ylabel("less nozzle movement\nwith the filtered rate (%, 95 %)")
         legend_below(figure, grid[0, 0], columns=2)
+    return figure
+
+
+def worth(results: Path | str | Tables, cases: Sequence[Mapping[str, str]] = ()) -> Figure:
+    """Draw what feeds the controller is worth, all cases or those asked for: movement of the nozzle with the raw, the
+    filtered and the true rate, by how much the filtered one is less, and the attitude's error in burns.
+    """
+    tables = load(results)
+    frame = worth_of(tables)
+    wanted = [case for asked in cases for case in cases_of(tables, asked)] or list(tables.labels)
+    names = {tables.labels[case]: name for case, name in short_names(tables, wanted).items()}
+    place = np.arange(len(names))
+    with look():
+        figure, grid = canvas(2, 2, 2.3, sharex=True, sharey="row")
+        for column, axis in enumerate(_AXES):
+            rows = frame[frame.axis == axis].set_index("case").loc[list(names)]
+            for number, feed in enumerate(("raw", "filtered", "true")):
+                x = place + 0.27 * (number - 1)
+                colour = line_of(number)["color"]
+                grid[0, column].bar(x, rows[f"{feed}_deg"], 0.25, color=colour, label=f"{feed} rate")
+                grid[1, column].bar(x, rows[f"{feed}_error_mrad"], 0.25, color=colour)
+            for at_case, row in zip(place, rows.itertuples(), strict=True):
+                told, at = f"{row.less_percent:.1f} % less", (at_case, row.filtered_deg)
+                grid[0, column].annotate(told, at, (0, 3), textcoords="offset points", ha="center", fontsize=7)
+            grid[0, column].set_title(axis)
+            grid[1, column].set_xticks(place, [textwrap.fill(name, 18) for name in names.values()])
+            grid[1, column].set_xlabel("case")
+            for axes in grid[:, column]:
+                axes.grid(axis="x", visible=False)
+        grid[0, 0].set_ylabel("total nozzle movement (deg)")
+        grid[1, 0].set_ylabel("attitude error in burns\n(mrad, RMS)")
+        legend_below(figure, grid[0, 0])
     return figure
 
 

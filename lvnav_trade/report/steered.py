@@ -36,7 +36,30 @@ def motion_table(tables: Tables) -> list[Block]:
         "end. The interval is what so many runs at one time allow; 'smaller' says that the truth wanders less than the "
         "envelope that the filter believes."
     )
-    return [Text(note), table(shown, "Rate and acceleration, 1 sigma. All of it: motion.csv.")]
+    return [*readings_table(tables), Text(note), table(shown, "Rate and acceleration, 1 sigma. All of it: motion.csv.")]
+
+
+def readings_table(tables: Tables) -> list[Block]:
+    """Return improvements of all cases that references hold against raw samples, side by side; nothing without any."""
+    frame = METRICS["readings"](tables)
+    if frame.empty:
+        return []
+    keys = ["error", "during"]
+    shown = frame[keys].drop_duplicates().reset_index(drop=True)
+    cases = list(dict.fromkeys(frame.case))
+    for column, told in (("stated_percent", "stated"), ("raw_percent", "ours")):
+        for case in cases:
+            mine = frame[frame.case == case].set_index(keys)[column]
+            shown[f"{case}: {told} (%)"] = mine.reindex(pd.MultiIndex.from_frame(shown[keys])).to_numpy()
+    for case in cases:
+        mine = frame[frame.case == case].set_index(keys).unbiased_percent
+        shown[f"both sides without bias, {case} (%)"] = mine.reindex(pd.MultiIndex.from_frame(shown[keys])).to_numpy()
+    shown["during"] = shown.during.str.replace("_", " ")
+    note = (
+        "By how much the filter's own sigma lies below the sample's, in every reading of its noise. The sample is "
+        "charged with its bias, as in the publication; without bias it is the sample less its estimated bias."
+    )
+    return [Text(note), table(shown, "Readings of one datasheet side by side.")]
 
 
 def observed_table(tables: Tables) -> list[Block]:
@@ -94,6 +117,13 @@ def control_tables(tables: Tables) -> list[Block]:
         "ratios, Student's t on their logarithms; it spans draws, not what is assumed of vehicle, gains and wind."
     )
     blocks: list[Block] = [Text(note), table(shown, "Nozzle movement; flight: all burns together.")]
+    gain = METRICS["worth"](tables)
+    gain.columns = [
+        "case", "axis", "raw (deg)", "filtered (deg)", "true (deg)", "less with filtered (%)", "low (%)", "high (%)",
+        "less with the true rate (%)", "attitude error, raw (mrad)", "filtered (mrad)", "true (mrad)",
+    ]  # fmt: skip
+    told = "What the filtered rate is worth over the flight, beside the true rate: the most that there is to gain."
+    blocks.append(table(gain, f"{told} Attitude: in burns, RMS."))
     kept = turned[turned.feed == "filtered"].drop(columns="feed")
     kept.columns = [
         "case", "axis", "phase", "acceleration inside (% of ticks)", "furthest (times)", "jerk inside (% of ticks)",

@@ -296,7 +296,8 @@ def _channel_names(prepared: Prepared, n_channel: int) -> list[str]:
     solution = [f"{what} {axis}" for what in ("position", "velocity") for axis in "xyz"]
     referenced = [f"{what} {axis}" for what in _REFERENCED for axis in "xyz"]
     solved = [*solution, *(f"receiver {name}" for name in satellites)]
-    for names in (satellites, solution, referenced, solved):
+    aided = ([*satellites, "height"], [*solution, "height"])
+    for names in (satellites, solution, referenced, solved, *aided):
         if len(names) == n_channel:
             return names
     return [f"channel {number}" for number in range(1, n_channel + 1)]

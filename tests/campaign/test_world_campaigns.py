@@ -15,7 +15,7 @@ from lvnav_trade.metrics.agreement import agreement
 from lvnav_trade.report.build import SECTIONS
 
 FOLDER = Path(__file__).resolve().parents[2] / "campaigns"
-FILES = sorted(path for path in FOLDER.rglob("*.yaml") if path.name != "study.yaml")
+FILES = sorted(path for path in FOLDER.rglob("*.yaml") if path.name != "study.yaml" and "configs" not in path.parts)
 WORLD = sorted((FOLDER / "world").glob("*.yaml"))
 
 # Where linear covariance does not describe the case, as its campaign says: words of the label, and why.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.metrics.nozzle import nozzle, reduction, turning
+from lvnav_trade.metrics.nozzle import nozzle, reduction, turning, worth
 from tests.vehicle_tables import LESS, RUNS, tables
 
 
@@ -48,3 +48,10 @@ def test_the_motion_in_envelopes_is_in_percent_and_units_for_people():
     row = turning(tables()).iloc[0]
     assert row.turning_inside_percent == pytest.approx(99.0)
     assert row.rate_error_deg_per_h == pytest.approx(20.6264806)
+
+
+def test_what_the_filtered_rate_is_worth_stands_beside_the_most_there_is_to_gain():
+    row = worth(tables()).set_index("axis").loc["yaw"].iloc[0]
+    assert row.less_percent == pytest.approx(50.0 * LESS)
+    assert row.possible_percent == pytest.approx(90.0)  # the true rate moves the nozzle by a tenth
+    assert row.true_error_mrad == pytest.approx(1.0)

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from lvnav_trade.plots import PLOTS
-from lvnav_trade.plots.motion import motion, singular
-from lvnav_trade.plots.rotation import sweep
+from lvnav_trade.plots.motion import motion, readings, singular
+from lvnav_trade.plots.rotation import sweep, worth
 from lvnav_trade.plots.style import look
-from tests.vehicle_tables import FILTERED, LESS, RAW, tables
+from tests.vehicle_tables import FILTERED, LESS, RAW, SIGMA, tables
 
 CASE = "aaaaaaaaaaaa"
 ARGUMENTS = {
@@ -19,6 +19,8 @@ ARGUMENTS = {
     "movement": (CASE,),
     "sweep": (),
     "turning": (CASE,),
+    "worth": (),
+    "readings": (),
 }
 
 
@@ -46,6 +48,19 @@ def test_the_sweep_shows_reductions_by_their_gain():
     line = figure.axes[0].containers[0].lines[0]
     np.testing.assert_allclose(np.asarray(line.get_xdata(), dtype=float), [1.0, 2.0])
     np.testing.assert_allclose(np.asarray(line.get_ydata(), dtype=float), 100.0 * LESS)
+
+
+def test_readings_stand_beside_what_is_stated():
+    axes = readings(tables()).axes[0]
+    assert [line.get_ydata()[0] for line in axes.get_lines()] == [88.0, 57.0]
+    assert axes.containers[0][0].get_height() == pytest.approx(100.0 * (1.0 - SIGMA / RAW))
+
+
+def test_what_feeds_the_controller_is_drawn_case_by_case():
+    axes = worth(tables(), [{"rate_gain": "2"}]).axes[0]
+    raw, filtered, true = (bars[0].get_height() for bars in axes.containers)
+    assert filtered == pytest.approx((1.0 - LESS) * raw)
+    assert true == pytest.approx(0.1 * raw)
 
 
 def test_positions_against_their_biases_stand_out():

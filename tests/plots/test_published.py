@@ -31,6 +31,16 @@ def test_every_ratio_is_a_mark_and_those_out_of_band_are_told_apart(tables):
     assert ax.get_xlabel() == "ours / published (-)"
 
 
+def test_a_ratio_far_beyond_is_an_arrow_at_the_end_of_the_axis(tables):
+    frame = references(tables)
+    frame.loc[0, ["ratio", "band_low", "band_high"]] = [1e-5, 0.0, 900.0]
+    ax = ratios(frame).axes[0]
+    arrows = {line.get_marker(): list(line.get_xdata()) for line in ax.get_lines() if len(line.get_xdata())}
+    assert arrows["<"] == [0.02]
+    assert ">" not in arrows
+    assert next(tuple(piece[:, 0]) for piece in ax.collections[0].get_segments()) == (0.02, 50.0)
+
+
 def test_a_single_flight_stands_among_ours_each_over_the_published_number(tables):
     published = STATED | {"value": 0.5, "unit": "m/s", "single": True, "case": {"imu": "fine"}}
     ax = spread(tables, [published, published | {"single": False}]).axes[0]

@@ -19,7 +19,17 @@ def test_reductions_stand_with_their_intervals():
     shown = next(block for block in control_tables(tables()) if isinstance(block, Table))
     row = next(r for r in shown.rows if r[1] == "flight" and r[2] == "pitch")
     assert row[7] == "70.0"
-    assert len(motion_table(tables())[1].rows) == 24
+
+
+def test_readings_stand_side_by_side_before_every_phase_of_the_flight():
+    side_by_side, by_phase = (block for block in motion_table(tables()) if isinstance(block, Table))
+    assert side_by_side.rows[0][2:6] == ("88.0", "57.0", "88.6", "88.6")
+    assert len(by_phase.rows) == 24
+
+
+def test_what_the_filtered_rate_is_worth_stands_beside_the_true_rate():
+    worth = [block for block in control_tables(tables()) if isinstance(block, Table)][1]
+    assert worth.rows[0][8] == "90.0"
 
 
 def test_results_without_a_vehicle_show_nothing(tmp_path):
