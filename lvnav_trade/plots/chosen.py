@@ -21,6 +21,7 @@ _LEAST = 0.2
 """Autocorrelation that is always within the panels: chance is not blown up."""
 _ONE_FLIGHT = 600
 """Innovations of a channel in one flight, one a second."""
+_OWN = "dots: filter's own sigma over its true error"
 
 
 def errors(
@@ -92,17 +93,17 @@ def relative(
                 expected = _over(rows, "expected_si", base)
                 runs = len(rows) and rows.run_count.iloc[0] and base.run_count.iloc[0]
                 shown = _over(rows, "rms_si", base) if runs else expected
-                ax.plot(rows.t_s, shown, label=f"{label}, over {tables.labels[chosen[0]]}", **style)
+                ax.plot(rows.t_s, shown, label=label, **style)
                 ax.plot(rows.t_s, expected, color=style["color"], ls=(0, (2, 2)), lw=0.7)
                 every += [*shown, *expected]
             own = rows.lincov_formal_si / rows.expected_si
-            ax.plot(rows.t_s, own, color=style["color"], ls=":", lw=1.0, label=f"{label}: filter's own over true")
+            ax.plot(rows.t_s, own, color=style["color"], ls=":", lw=1.2, label=None if number else _OWN)
             every += [*own]
-        ax.axhline(1.0, color="black", lw=0.8)
+        ax.axhline(1.0, color=line_of(0)["color"], lw=1.2, label=f"{tables.labels[chosen[0]]} (the base)")
         scale_up(ax.yaxis, every)
         ax.set_xlabel("time since lift-off (s)")
         what = f"{quantity.replace('_', ' ')} error, {'3D' if axis == '3d' else axis} RMS"
-        ax.set_ylabel(f"ratio of {what}\n(-, of 1 sigma; short dashes: LinCov)")
+        ax.set_ylabel(f"{what},\nover the base (-; short dashes: LinCov)")
         ax.margins(x=0.01)
         mark_events(ax, tables.events[tables.events.case == chosen[0]])
         legend_below(figure, ax, columns=2)
