@@ -140,7 +140,7 @@ def autocorrelations(
                     PALETTE[1] if "rate" in str(rows.channel.iloc[0]) or "vel" in rows.channel.iloc[0] else PALETTE[0]
                 )
                 ax.plot(lags.lag_number, lags.autocorrelation_ratio, color=colour, lw=0.8, marker=".", ms=3)
-            ax.set_title(label, fontsize=7)
+            ax.set_title(label.replace(", ", "\n"), fontsize=7)
         for ax in grid.ravel():
             ax.set_ylabel("autocorrelation (-)")
             ax.set_xlabel("lag (epochs)")
