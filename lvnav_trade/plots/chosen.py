@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lvnav_trade.metrics.published import cases_of
@@ -21,6 +22,8 @@ _LEAST = 0.2
 """Autocorrelation that is always within the panels: chance is not blown up."""
 _ONE_FLIGHT = 600
 """Innovations of a channel in one flight, one a second."""
+_LONG = 45
+"""Letters of a label that leave no room for another beside it."""
 _OWN = "dots: filter's own sigma over its true error"
 
 
@@ -59,7 +62,7 @@ def errors(
         ax.set_ylabel(f"{what}\n({unit}, 1 sigma; short dashes: LinCov)")
         ax.margins(x=0.01)
         mark_events(ax, tables.events[tables.events.case == chosen[0]])
-        legend_below(figure, ax, columns=2)
+        legend_below(figure, ax, columns=_columns(ax))
     return figure
 
 
@@ -106,8 +109,13 @@ def relative(
         ax.set_ylabel(f"{what},\nover the base (-; short dashes: LinCov)")
         ax.margins(x=0.01)
         mark_events(ax, tables.events[tables.events.case == chosen[0]])
-        legend_below(figure, ax, columns=2)
+        legend_below(figure, ax, columns=_columns(ax))
     return figure
+
+
+def _columns(ax: Axes) -> int:
+    """Return how many columns a legend may have beside each other in the width of the page."""
+    return 1 if any(len(label) > _LONG for label in ax.get_legend_handles_labels()[1]) else 2
 
 
 def _over(rows: pd.DataFrame, column: str, base: pd.DataFrame) -> pd.Series[float]:
