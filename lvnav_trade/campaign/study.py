@@ -26,11 +26,13 @@ class Figure(Card):
     plot: Literal[
         "errors", "locus", "spread", "envelope", "budget", "consistency", "autocorrelation", "trajectory", "satellites",
         "sky", "timeline", "delays", "latency", "orbit", "impact", "logic",
-        "motion", "ignition", "singular", "movement", "sweep", "turning", "worth", "readings",
+        "motion", "ignition", "singular", "movement", "sweep", "turning", "worth", "readings", "apart",
     ]  # fmt: skip
     caption: str = ""
     case: Case = Field(default_factory=dict, description="level of each axis: the one case that is drawn")
-    cases: tuple[Case, ...] = Field((), description="of errors and worth: the cases; all if absent")
+    cases: tuple[Case, ...] = Field(
+        (), description="of errors, worth: the cases, all if absent; of apart: pairs of cases"
+    )
     quantity: str = Field("position", description="of errors, envelope, budget and motion")
     axis: str = Field("3d", description="of errors: the axis of the error; of locus: the axis that is varied")
     during: str | None = Field(None, description="of errors, locus: the phase that is shown")

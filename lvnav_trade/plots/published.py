@@ -17,13 +17,18 @@ from lvnav_trade.plots.style import GREY, PALETTE, canvas, legend_below, line_of
 from lvnav_trade.store import Tables, load
 from lvnav_trade.units import parse
 
+_LEAST = 0.02
+"""Ratios below it are drawn at it: they would take the room of all others."""
+
 
 def ratios(references: pd.DataFrame) -> Figure:
     """Draw ours over published of every number, with its band; those outside stand out."""
     frame = references[references.ratio.notna() & (references.ratio > 0)].reset_index(drop=True)
-    names = [f"{row.item}: {row.case}" if row.item else f"{row.metric}: {row.case}" for row in frame.itertuples()]
+    ratio, tiny = frame.ratio.clip(lower=_LEAST), frame.ratio < _LEAST
+    alone = (frame["item"] != "") & ~frame["item"].duplicated(keep=False)
+    names = [row.item if alone[row.Index] else f"{row.item or row.metric}: {row.case}" for row in frame.itertuples()]
     place = np.arange(len(frame))
-    low = np.maximum(frame.band_low, 0.02)
+    low = np.maximum(frame.band_low, _LEAST)
     with look():
         figure, grid = canvas(1, 1, 1.1 + 0.17 * len(frame))
         ax = grid[0, 0]
@@ -31,7 +36,9 @@ def ratios(references: pd.DataFrame) -> Figure:
         for inside, colour, marker in ((True, PALETTE[0], "o"), (False, PALETTE[1], "D")):
             chosen = (frame.in_band == inside).to_numpy()
             label = "in band" if inside else "out of band"
-            ax.plot(frame.ratio[chosen], place[chosen], marker, color=colour, ms=4.5, label=label)
+            ax.plot(ratio[chosen], place[chosen], marker, color=colour, ms=4.5, label=label)
+        if tiny.any():
+            ax.plot(ratio[tiny], place[tiny], "<", color="black", ms=5.5, label=f"smaller than {_LEAST:g}")
         ax.axvline(1.0, color=GREY, lw=0.8)
         _ratio_axis(ax)
         ax.set_yticks(place, [_short(name) for name in names], fontsize=6.5)

@@ -29,6 +29,15 @@ def test_every_ratio_is_a_mark_and_those_out_of_band_are_told_apart(tables):
     assert ax.get_xlabel() == "ours / published (-)"
 
 
+def test_a_ratio_next_to_nothing_stands_at_the_edge_and_items_that_stand_alone_need_no_case(tables):
+    frame = references(tables).assign(ratio=1e-5, item="")
+    frame.loc[0, "item"] = "alone"
+    ax = ratios(frame).axes[0]
+    drawn = {line.get_label(): line.get_xdata() for line in ax.get_lines()}
+    np.testing.assert_allclose(drawn["smaller than 0.02"], 0.02)
+    assert ax.get_yticklabels()[0].get_text() == "alone"
+
+
 def test_a_single_flight_stands_among_ours_each_over_the_published_number(tables):
     published = STATED | {"value": 0.5, "unit": "m/s", "single": True, "case": {"imu": "fine"}}
     ax = spread(tables, [published, published | {"single": False}]).axes[0]
