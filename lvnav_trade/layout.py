@@ -172,3 +172,14 @@ MISSION = {
     )
 }
 """Metrics of a mission that a requirement may name: functions of the errors of velocity and position together."""
+
+
+def solution_outputs(frame: str) -> tuple[Output, ...]:
+    """Return what is reported of a receiver's own solution, after the states of the filter that takes it."""
+    found = [Output("solution_velocity", axis, "m/s", "m/s", 1.0) for axis in AXES[frame]]
+    found += [Output("solution_position", axis, "m", "m", 1.0) for axis in AXES[frame]]
+    return (
+        *found,
+        Output("receiver_clock_bias", "time", "m", "m", 1.0),
+        Output("receiver_clock_drift", "rate", "m/s", "m/s", 1.0),
+    )

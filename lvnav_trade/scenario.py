@@ -144,6 +144,12 @@ def solves(scenario: Scenario) -> bool:
     return scenario.filter.kind == "loose" and not isinstance(scenario.receiver.solution, DirectSolution)
 
 
+def reported(scenario: Scenario) -> bool:
+    """Return whether errors of the receiver's own solution are reported beside those of the filter that takes it."""
+    card = scenario.receiver.solution
+    return solves(scenario) and not isinstance(card, DirectSolution) and card.reported
+
+
 def judged(scenario: Scenario) -> bool:
     """Return whether every solution comes with a covariance of its own, so that its rows are taken together."""
     late = scenario.filter.delay_compensation

@@ -24,16 +24,16 @@ class Figure(Card):
     """A figure of a campaign that the study shows."""
 
     plot: Literal[
-        "errors", "locus", "spread", "envelope", "budget", "consistency", "autocorrelation", "trajectory", "satellites",
-        "sky", "timeline", "delays", "latency", "orbit", "impact", "logic",
+        "errors", "relative", "locus", "spread", "envelope", "budget", "consistency", "autocorrelation", "trajectory",
+        "satellites", "sky", "timeline", "delays", "latency", "orbit", "impact", "logic",
         "missions", "motion", "ignition", "singular", "movement", "sweep", "turning", "worth", "readings",
     ]  # fmt: skip
     caption: str = ""
     case: Case = Field(default_factory=dict, description="level of each axis: the one case that is drawn")
-    cases: tuple[Case, ...] = Field((), description="of errors and worth: the cases; all if absent")
+    cases: tuple[Case, ...] = Field((), description="of errors, relative and worth: the cases; all if absent")
     quantity: str = Field("position", description="of errors, envelope, budget and motion")
-    axis: str = Field("3d", description="of errors: the axis of the error; of locus: the axis that is varied")
-    during: str | None = Field(None, description="of errors, locus: the phase that is shown")
+    axis: str = Field("3d", description="of errors, relative: the axis; of locus: the axis that is varied")
+    during: str | None = Field(None, description="of errors, relative, locus: the phase")
     metric: str = Field("position_error_3d", description="of locus")
     at: str | None = Field(None, description="of locus: event; injection if no phase is given")
     statistic: str = Field("rms", description="of locus, as in references")

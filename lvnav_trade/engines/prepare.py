@@ -33,9 +33,9 @@ from lvnav_trade.filters.envelope import EnvelopeCard
 from lvnav_trade.frames import earth_angle, rotation_i_e, rotation_i_n, rotation_i_o
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
-from lvnav_trade.layout import StateLayout, outputs
+from lvnav_trade.layout import StateLayout, outputs, solution_outputs
 from lvnav_trade.records import Floats, Output, Reference, Sky
-from lvnav_trade.scenario import Scenario, beliefs, epoch_interval, judged, solves
+from lvnav_trade.scenario import Scenario, beliefs, epoch_interval, judged, reported, solves
 from lvnav_trade.world.faults import (
     AccelBiasStep,
     AnyFault,
@@ -263,7 +263,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         trajectory=trajectory,
         reference=ref,
         sky=seen,
-        outputs=outputs(layout, scenario.frame),
+        outputs=(*outputs(layout, scenario.frame), *(solution_outputs(scenario.frame) if reported(scenario) else ())),
         layout=layout,
         belief=belief,
         sources=blocks,

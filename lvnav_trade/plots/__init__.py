@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from lvnav_trade.plots.budget import budget, heatmap
-from lvnav_trade.plots.chosen import autocorrelations, errors
+from lvnav_trade.plots.chosen import autocorrelations, errors, relative
 from lvnav_trade.plots.consistency import consistency
 from lvnav_trade.plots.delays import delays, latency
 from lvnav_trade.plots.errors import comparison, envelope, rank
@@ -31,6 +31,7 @@ PLOTS: dict[str, Callable[..., Any]] = {
     "latency": latency,
     "envelope": envelope,
     "errors": errors,
+    "relative": relative,
     "autocorrelation": autocorrelations,
     "locus": locus,
     "spread": spread,

@@ -123,6 +123,8 @@ def locus(
         if axis in levels:
             others = ", ".join(f"{name}={level}" for name, level in levels.items() if name != axis and level != "base")
             rows.append((levels[axis], others, ours(tables, row.case, stated, unit).value))
+    if {level for level, _, _ in rows} > {"base"}:  # one at a time: of the base only a word is known, not its place
+        rows = [row for row in rows if row[0] != "base"]
     frame = pd.DataFrame(rows, columns=["level", "others", "value"])
     names = list(dict.fromkeys(frame.level))
     sizes, kind = _sizes(names)

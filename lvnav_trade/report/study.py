@@ -29,6 +29,7 @@ from lvnav_trade.store import Tables
 CSV = ("references", "agreement")
 _CAPTIONS = {
     "errors": "RMS of the {quantity} error: Monte Carlo as lines, linear covariance as short dashes.",
+    "relative": "RMS of the {quantity} error over that of the first case; dots: the filter's own sigma over the true.",
     "envelope": "The {quantity} error of one case, an axis below the other.",
     "budget": "What the {quantity} error is made of.",
     "locus": "{metric} against {axis}.",
@@ -237,7 +238,7 @@ def _draw(one: Answered, figure: Figure) -> Drawing | None:
     drawn: Drawing | None
     if figure.plot == "spread":
         drawn = plot(tables, one.stated.get("references") or ())
-    elif figure.plot == "errors":
+    elif figure.plot in ("errors", "relative"):
         drawn = plot(tables, figure.quantity, figure.cases, figure.axis, figure.during)
     elif figure.plot == "autocorrelation":
         drawn = plot(tables, figure.cases, figure.channels)

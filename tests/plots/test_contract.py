@@ -30,6 +30,7 @@ ARGUMENTS = {
     "latency": (CASE,),
     "envelope": (CASE, "velocity"),
     "errors": ("position",),
+    "relative": ("position",),
     "autocorrelation": (),
     "locus": ("imu", {"metric": "velocity_error_3d"}, "m/s"),
     "spread": ([{"metric": "velocity_error_3d", "value": 0.5, "unit": "m/s", "single": True}],),
