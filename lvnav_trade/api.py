@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from lvnav_trade.campaign import execute, work
 from lvnav_trade.campaign.axes import cases
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from lvnav_trade.campaign.estimate import Estimate as Noise
+    from lvnav_trade.filters.scheduled import GainSchedule
     from lvnav_trade.metrics.comparison import Comparison
     from lvnav_trade.store.read import Tables
 
@@ -239,6 +240,7 @@ def study(
     InputError
         A mistake in a campaign or in study.yaml: nothing has been computed.
     """
+    from lvnav_trade.campaign.estimate import ensembles
     from lvnav_trade.campaign.study import load_study
     from lvnav_trade.metrics.references import references
     from lvnav_trade.report.study import Answered, build
@@ -256,7 +258,8 @@ def study(
         failures += held.failures
         if on_campaign is not None:
             on_campaign(campaign.name, held)
-        answered.append(Answered(part, held.tables, campaign.model_dump(mode="json")))
+        found_noise = ensembles(part.noise, campaign)
+        answered.append(Answered(part, held.tables, campaign.model_dump(mode="json"), found_noise))
         judged = references(held.tables, answered[-1].stated)
         counts[campaign.name] = (len(judged), int(judged.in_band.sum()))
     page = build(found, answered, Path(keep))
@@ -318,9 +321,9 @@ def estimate_q(
     """Estimate process noise from perturbed runs of a case (the first if none is named), and write the filter's card
     with it, beside it the error per step as CSV and PNG. Return the estimate and the files.
     """
+    from lvnav_trade.campaign.cards import write_card
     from lvnav_trade.campaign.estimate import estimate as found_by
     from lvnav_trade.campaign.replay import find
-    from lvnav_trade.campaign.tree import dump
     from lvnav_trade.plots.steps import steps
     from lvnav_trade.plots.style import look
 
@@ -329,14 +332,36 @@ def estimate_q(
     found = found_by(loaded, find(every, case) if case else every[0], runs, step)
     card = Path(file)
     files = (card, card.with_suffix(".csv"), card.with_suffix(".png"))
+    write_card(card, found.card)
     try:
-        card.write_text(dump(found.card.model_dump(mode="json", exclude_defaults=True)), encoding="utf-8")
         found.steps.to_csv(files[1], index=False, float_format="%.6g")
         with look():
             steps(found.steps, [phase[:3] for phase in found.phases]).savefig(files[2])
     except OSError as error:
-        raise InputError(f"{card}: the card cannot be written there: {error.strerror or error}") from error
+        raise InputError(f"{card}: its tables cannot be written there: {error.strerror or error}") from error
     return found, files
+
+
+def schedule_gains(
+    campaign: str | Path | Campaign,
+    file: str | Path,
+    sets: Sequence[str] = (),
+    case: str | None = None,
+    by: Literal["event", "time"] = "event",
+    tolerance: float = 0.02,
+) -> GainSchedule:
+    """Write the gains that the filter of a case (the first if none is named) has on its nominal flight as a card for
+    `filter.gains`, and return it.
+    """
+    from lvnav_trade.campaign.cards import write_card
+    from lvnav_trade.campaign.gains import gain_schedule
+    from lvnav_trade.campaign.replay import find
+
+    loaded = campaign if isinstance(campaign, Campaign) else load_campaign(campaign, sets)
+    every = cases(loaded)
+    found = gain_schedule(loaded, find(every, case) if case else every[0], by, tolerance)
+    write_card(Path(file), found)
+    return found
 
 
 def write_kml(

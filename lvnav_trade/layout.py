@@ -103,6 +103,14 @@ estimated bias.
 _BODY = {"rate": ("roll", "pitch", "yaw"), "acceleration": ("x", "y", "z")}
 
 
+def state_names(layout: StateLayout) -> tuple[str, ...]:
+    """Return the names of the states in storage order, such as 'velocity x': navigation in frame i, parameters in body
+    axes.
+    """
+    axes = [f"{name} {axis}" for name in ("attitude", "velocity", "position") for axis in "xyz"]
+    return (*axes, *(f"{output.quantity} {output.axis}" for output in outputs(layout, "inertial")[9 : layout.n_state]))
+
+
 AXES = {
     "ned": ("north", "east", "down"),
     "ecef": ("x", "y", "z"),
@@ -164,3 +172,14 @@ MISSION = {
     )
 }
 """Metrics of a mission that a requirement may name: functions of the errors of velocity and position together."""
+
+
+def solution_outputs(frame: str) -> tuple[Output, ...]:
+    """Return what is reported of a receiver's own solution, after the states of the filter that takes it."""
+    found = [Output("solution_velocity", axis, "m/s", "m/s", 1.0) for axis in AXES[frame]]
+    found += [Output("solution_position", axis, "m", "m", 1.0) for axis in AXES[frame]]
+    return (
+        *found,
+        Output("receiver_clock_bias", "time", "m", "m", 1.0),
+        Output("receiver_clock_drift", "rate", "m/s", "m/s", 1.0),
+    )

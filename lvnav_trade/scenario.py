@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from lvnav_trade.delays import AtmosphereCard
 from lvnav_trade.filters.base import REFERENCED, FilterCard, ImuBelief, InitialBelief, ReceiverBelief
 from lvnav_trade.units import AngleSigma, Card, Length, LengthSigma, SpeedSigma
+from lvnav_trade.world.altimeter import AltimeterCard
 from lvnav_trade.world.attitude_reference import AttitudeReferenceCard
 from lvnav_trade.world.constellation import AlmanacConstellation, Constellation, parts_of
 from lvnav_trade.world.controlled import ControlledCard
@@ -45,6 +46,7 @@ class Scenario(Card):
     filter: FilterCard
     initial: InitialErrors
     attitude_reference: AttitudeReferenceCard | None = Field(None, description="of filters that have one")
+    altimeter: AltimeterCard | None = Field(None, description="measures height near the ground, for any aided filter")
     control: ControlledCard | None = Field(None, description="the ascent's vehicle steered, beside the navigation")
     faults: tuple[Fault, ...] = ()
     atmosphere: AtmosphereCard = Field(AtmosphereCard(), description="what is true of the signals' delays")
@@ -108,6 +110,19 @@ class Scenario(Card):
         return self
 
     @model_validator(mode="after")
+    def _alone(self) -> Self:
+        apart = judged(self) or self.filter.delay_compensation is not None
+        if self.altimeter is not None and (apart or self.filter.kind in REFERENCED):
+            raise ValueError(
+                "altimeter: not with filter.delay_compensation, a receiver that solves itself, or an attitude reference"
+            )
+        if self.filter.gains is not None and (apart or self.altimeter is not None):
+            raise ValueError(
+                "filter.gains: not with filter.delay_compensation, a receiver that solves itself, or an altimeter"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _judged(self) -> Self:
         if not judged(self):
             return self
@@ -127,6 +142,12 @@ class Scenario(Card):
 def solves(scenario: Scenario) -> bool:
     """Return whether a loose filter takes the solution of a receiver that solves for it itself."""
     return scenario.filter.kind == "loose" and not isinstance(scenario.receiver.solution, DirectSolution)
+
+
+def reported(scenario: Scenario) -> bool:
+    """Return whether errors of the receiver's own solution are reported beside those of the filter that takes it."""
+    card = scenario.receiver.solution
+    return solves(scenario) and not isinstance(card, DirectSolution) and card.reported
 
 
 def judged(scenario: Scenario) -> bool:
@@ -218,6 +239,15 @@ def beliefs(scenario: Scenario) -> tuple[ImuBelief, ReceiverBelief, InitialBelie
     else:
         start = card.initial
     return imu, receiver, start
+
+
+def altimeter_belief(scenario: Scenario) -> tuple[float, float]:
+    """Return sigma (m) and share that the filter believes of its altimeter; there is one."""
+    card, sensor = scenario.filter, scenario.altimeter
+    if not isinstance(card.altimeter, str):
+        return card.altimeter.sigma, card.altimeter.share
+    assert sensor is not None  # only asked where there is one
+    return sensor.sigma, sensor.share
 
 
 def reference_belief(scenario: Scenario) -> float:

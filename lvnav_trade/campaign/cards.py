@@ -6,6 +6,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from pydantic import BaseModel
+
 from lvnav_trade.campaign import tree
 from lvnav_trade.campaign.tree import Node, Place, hint, refuse
 from lvnav_trade.errors import InputError
@@ -102,6 +104,14 @@ def card_text(name: str, folder: Path) -> str:
         raise InputError(f"no card {name!r}{hint(name, shelf.known())}")
     tree.read_mapping(file)
     return file.read_text(encoding="utf-8-sig")
+
+
+def write_card(file: Path, card: BaseModel) -> None:
+    """Write a card that was computed, without what is at its default; InputError where that cannot be."""
+    try:
+        file.write_text(tree.dump(card.model_dump(mode="json", exclude_defaults=True)), encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{file}: the card cannot be written there: {error.strerror or error}") from error
 
 
 def campaign_file(name: str) -> Path:

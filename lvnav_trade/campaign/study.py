@@ -11,11 +11,11 @@ from lvnav_trade.campaign import tree
 from lvnav_trade.campaign.cards import campaign_file
 from lvnav_trade.campaign.explain import explain
 from lvnav_trade.campaign.load import load
-from lvnav_trade.campaign.published import Case
+from lvnav_trade.campaign.published import Case, Published
 from lvnav_trade.campaign.schema import Campaign, MonteCarlo
 from lvnav_trade.campaign.tree import hint
 from lvnav_trade.errors import InputError
-from lvnav_trade.units import Card
+from lvnav_trade.units import Card, Duration
 
 FILE = "study.yaml"
 
@@ -24,18 +24,18 @@ class Figure(Card):
     """A figure of a campaign that the study shows."""
 
     plot: Literal[
-        "errors", "locus", "spread", "envelope", "budget", "consistency", "autocorrelation", "trajectory", "satellites",
-        "sky", "timeline", "delays", "latency", "orbit", "impact", "logic",
-        "motion", "ignition", "singular", "movement", "sweep", "turning", "worth", "readings", "apart",
+        "errors", "relative", "locus", "spread", "envelope", "budget", "consistency", "autocorrelation", "trajectory",
+        "satellites", "sky", "timeline", "delays", "latency", "orbit", "impact", "logic",
+        "missions", "motion", "ignition", "singular", "movement", "sweep", "turning", "worth", "readings", "apart",
     ]  # fmt: skip
     caption: str = ""
     case: Case = Field(default_factory=dict, description="level of each axis: the one case that is drawn")
     cases: tuple[Case, ...] = Field(
-        (), description="of errors, worth: the cases, all if absent; of apart: pairs of cases"
+        (), description="of errors, relative, worth: the cases, all if absent; of apart: pairs of cases"
     )
     quantity: str = Field("position", description="of errors, envelope, budget and motion")
-    axis: str = Field("3d", description="of errors: the axis of the error; of locus: the axis that is varied")
-    during: str | None = Field(None, description="of errors, locus: the phase that is shown")
+    axis: str = Field("3d", description="of errors, relative: the axis; of locus: the axis that is varied")
+    during: str | None = Field(None, description="of errors, relative, locus: the phase")
     metric: str = Field("position_error_3d", description="of locus")
     at: str | None = Field(None, description="of locus: event; injection if no phase is given")
     statistic: str = Field("rms", description="of locus, as in references")
@@ -45,6 +45,13 @@ class Figure(Card):
     channels: str = Field("", description="of autocorrelation: words that a channel's name holds")
 
 
+class Ensemble(Card):
+    """Process noise that the study estimates anew."""
+
+    runs: int = Field(100, ge=10)
+    steps: tuple[Duration, ...] = Field(description="lengths of a step")
+
+
 class Part(Card):
     """A campaign of the study."""
 
@@ -52,6 +59,14 @@ class Part(Card):
     question: str = Field("", description="what it asks; the campaign's own description if absent")
     figures: tuple[Figure, ...] = ()
     text: str = Field("", description="what should be said of what came out")
+    tables: tuple[Literal["requirements", "logic", "coverage", "parted"], ...] = Field(
+        (), description="tables of it that the study shows"
+    )
+    parted: str = Field("", description="axis of which two levels on the same draws are held against each other")
+    flown: tuple[Published, ...] = Field(
+        (), description="published numbers of single flights, shown among ours; items are 'MISSION, WHAT'"
+    )
+    noise: Ensemble | None = Field(None, description="process noise of an ensemble of the first case, as estimate-q")
     kml: Case | None = Field(
         None, description="level of each axis: the case whose flight is kept as KML, with its 3-sigma position errors"
     )

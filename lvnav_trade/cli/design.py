@@ -1,10 +1,10 @@
-"""Verbs that compute a filter's card: estimate-q."""
+"""Verbs that compute what a filter's card names: estimate-q, schedule-gains."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -45,3 +45,29 @@ def estimate_q(
 def _row(name: str, noise: object) -> list[str]:
     attitude, velocity, position = (getattr(noise, part) for part in ("attitude", "velocity", "position"))
     return [name, f"{math.degrees(attitude) * 60.0:.3g}", f"{velocity:.3g}", f"{position:.3g}"]
+
+
+@app.command("schedule-gains")
+def schedule_gains(
+    campaign: CampaignFile,
+    out: Card,
+    sets: Sets = None,
+    case: CaseOf = None,
+    by: Annotated[
+        Literal["event", "time"], typer.Option("--by", help="what the gains are counted from in flight")
+    ] = "event",
+    tolerance: Annotated[
+        float, typer.Option("--tolerance", help="between knots, as a share of each gain's largest size")
+    ] = 0.02,
+    as_json: Json = False,
+    debug: Debug = False,
+) -> None:
+    """Compute a filter's gains on the nominal flight; write them as a card that another filter replays."""
+    with errors(as_json, debug):
+        from lvnav_trade import api
+
+        found = api.schedule_gains(campaign, out, sets or (), case, by, tolerance)
+        rows = [[segment.event, str(len(segment.knots))] for segment in found.segments]
+        told = f"{table(['from', 'knots'], rows)}\nstates: {', '.join(found.states)}\ncard: {out}"
+        knots = {segment.event: len(segment.knots) for segment in found.segments}
+        say("schedule-gains", as_json, told, card=str(out), states=list(found.states), knots=knots)

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from lvnav_trade.engines.absorbed import shared_partial
 from lvnav_trade.engines.chained import go_back as go_back_chain
 from lvnav_trade.engines.chained import unkeep
-from lvnav_trade.engines.cover import fill_inputs, shared_partial
+from lvnav_trade.engines.cover import fill_inputs
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.joint import apply_phi_transposed

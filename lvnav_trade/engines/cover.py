@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from lvnav_trade.engines.chained import N_NAV, advance, judged_rows, keep_error
+from lvnav_trade.engines.absorbed import absorb_true
+from lvnav_trade.engines.chained import advance, judged_rows, keep_error
 from lvnav_trade.engines.sensing import profile_value
 from lvnav_trade.engines.truth import REMAINDER
 from lvnav_trade.filters.belief import INERTIAL, TIGHT
 from lvnav_trade.filters.ekf import channel_of, fill_loose, fill_tight, place_antenna, rows_at
 from lvnav_trade.filters.late import keep
 from lvnav_trade.kernels import transition
-from lvnav_trade.kernels.covariance import absorb, predict
+from lvnav_trade.kernels.covariance import predict
 from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.joint import apply_phi, propagate_component, update_covariance, update_vector
+from lvnav_trade.kernels.joint import apply_phi, propagate_component
 from lvnav_trade.kernels.strapdown import J4, Q, R, V, gravity, mechanise
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL, parameter_block
+from lvnav_trade.observables import altitude
 from lvnav_trade.world.gravity import GRAVITY
 
 
@@ -162,100 +162,12 @@ def _set_deviation(deviation, unit, nav, belief, first, n_tick, reference):
 
 
 @jit
-def _keep_row(tape, gain, h, epoch, channel):
-    at = tape.used[0]
-    for i in range(gain.shape[0]):
-        tape.gain[at, i] = gain[i]
-    for i in range(h.shape[0]):
-        tape.h[at, i] = h[i]
-    tape.epoch[at], tape.channel[at] = epoch, channel
-    tape.used[0] = at + 1
-
-
-@jit
 def _keep_window(tape, w, nominal):
     """Keep the sums of a window and the position that its blocks were filled at."""
     for i in range(nominal.sums.shape[0]):
         tape.sums[w, i] = nominal.sums[i]
     for i in range(3):
         tape.position[w, i] = nominal.nav[R + i]
-
-
-@jit
-def shared_partial(signals, true, family, epoch, channel):
-    """Return what of a shared error is in the innovation beyond what the filter's own state of it (in e) takes off."""
-    own = true.shared_family[family]
-    known = signals.partial[own, epoch, channel] if own >= 0 else 0.0
-    return signals.shared.partial[family, epoch, channel] - known
-
-
-@jit
-def _absorb_shared(joint, gain, h, entries, columns, signals, true, judged, epoch, channel):
-    """Take the errors that measurements share through a row, after the sources' own update; return what they add to
-    the innovation's variance.
-    """
-    spread, n = 0.0, gain.shape[0]
-    member = signals.shared.member
-    n_family = 0 if judged else member.shape[0]
-    for m in range(true.shared_source.shape[0]):
-        y = joint.shared_cross[m]
-        projected = update_vector(y, gain, h, entries, columns)
-        for family in range(n_family):
-            if member[family, channel] != m:
-                continue
-            a, P = shared_partial(signals, true, family, epoch, channel), joint.sources[true.shared_source[m]]
-            variance = joint.shared_variance[m]
-            spread += 2.0 * a * projected + a * a * variance
-            for i in range(n):
-                for j in range(n):
-                    P[i, j] += a * a * variance * gain[i] * gain[j] - a * (y[i] * gain[j] + gain[i] * y[j])
-            for i in range(n):
-                y[i] -= gain[i] * a * variance
-    return spread
-
-
-@jit
-def _set_gain(gain, K, weight, n_estimated, corrected):
-    """Set the gain on the joint vector: the filter takes what it corrects off the kept state as well, where rows are of
-    that one.
-    """
-    for i in range(gain.shape[0]):
-        gain[i] = K[i] * weight if i < n_estimated else 0.0
-    if corrected >= 0:
-        for i in range(N_NAV):
-            gain[corrected + i] = gain[i]
-
-
-@inlined
-def _absorb_true(joint, scratch, tape, h, surprise, epoch, channel, signals, true, belief):
-    """Absorb one row in the filter's covariance, and with that gain in every source and in the mean; return the
-    expected square of its normalised innovation. `surprise` is the innovation on the nominal flight: what the truth's
-    measurement holds, in every run, that the filter's model of it does not (an uncompensated latency).
-    """
-    n, row_type, K, gain = belief.n_entry[channel], belief.row_type[channel], scratch.K, scratch.gain
-    variance = 1.0 if belief.judged else signals.variance[epoch, channel]
-    _, weight = absorb(
-        joint.formal, scratch.x, K, h, belief.entry[channel, :n], belief.column[channel, :n], 0.0, variance, np.inf,
-        belief.n_estimated, belief.joseph,
-    )  # fmt: skip
-    _set_gain(gain, K, weight, belief.n_estimated, true.corrected)
-    entries, columns = true.entry[channel, : true.n_entry[channel]], true.column[channel, : true.n_entry[channel]]
-    if tape.channel.shape[0] > 0:
-        _keep_row(tape, gain, h, epoch, channel)
-    # what is white in a judged solution is in the solution's own error already
-    noise = 0.0 if belief.judged else signals.sigma[epoch, channel] ** 2
-    spread = noise
-    for i in range(joint.sources.shape[0]):
-        own = noise if true.row_source[row_type] == i else 0.0
-        spread += update_covariance(joint.sources[i], scratch.y, gain, h, entries, columns, own)
-    for j in range(joint.cross.shape[0]):
-        for axis in range(3):
-            update_vector(joint.cross[j, axis], gain, h, entries, columns)
-    spread += _absorb_shared(joint, gain, h, entries, columns, signals, true, belief.judged, epoch, channel)
-    offset = update_vector(joint.mean, gain, h, entries, columns) + surprise
-    for i in range(gain.shape[0]):
-        joint.mean[i] -= gain[i] * surprise
-    return (spread + offset * offset) * weight
 
 
 @jit
@@ -329,7 +241,7 @@ def _fill_judged(nominal, formal, signals, belief, chain, late, epoch):
 
 
 @inlined
-def _update(out, joint, scratch, tape, nominal, signals, true, belief, dt, chain, late, epoch):
+def _update(out, joint, scratch, tape, nominal, signals, true, belief, dt, chain, late, gains, epoch):
     """Absorb the rows that the filter would absorb at an epoch."""
     if belief.clock >= 0:
         joint.mean[belief.clock] += signals.clock_jump[epoch]
@@ -348,10 +260,22 @@ def _update(out, joint, scratch, tape, nominal, signals, true, belief, dt, chain
     for row in range(n_row):
         channel = channel_of(belief, signals, epoch, row)
         h, surprise = nominal.H[row], nominal.z[row]
-        square = _absorb_true(joint, scratch, tape, h, surprise, epoch, channel, signals, true, belief)
+        square = absorb_true(joint, scratch, tape, gains, h, surprise, epoch, channel, signals, true, belief)
         out.expected_nis[epoch] += square
         out.worst_ratio[epoch] = max(out.worst_ratio[epoch], square)
     out.n_row[epoch] = n_row
+
+
+@inlined
+def _update_height(out, joint, scratch, tape, altimeter, nominal, signals, true, belief, epoch):
+    """Absorb what an altimeter (Altimeter, or None) measures at an epoch."""
+    if altimeter is not None and altimeter.on[epoch]:
+        h, channel = nominal.H[nominal.H.shape[0] - 1], belief.n_entry.shape[0] - 1
+        surprise = altimeter.height[epoch] - altitude.row(h, nominal.nav)
+        square = absorb_true(joint, scratch, tape, None, h, surprise, epoch, channel, signals, true, belief)
+        out.expected_nis[epoch] += square
+        out.worst_ratio[epoch] = max(out.worst_ratio[epoch], square)
+        out.n_row[epoch] += 1
 
 
 @inlined
@@ -365,8 +289,9 @@ def _keep(joint, nominal, true, belief, reference, tick, dt, late, window):
 
 @jit
 def cover(
-    out, joint, scratch, tape, nominal, schedule, unit, signals, record, axes_att, belief, true, reference, chain, late
-):
+    out, joint, scratch, tape, nominal, schedule, unit, signals, record, axes_att, belief, true, reference, chain, late,
+    gains, altimeter,
+):  # fmt: skip
     """Carry the filter's covariance and the true one, source by source, over the nominal flight; `out` is filled.
 
     Parameters
@@ -374,7 +299,8 @@ def cover(
     out : Cover, joint : Joint at the start, scratch : Scratch, tape : Tape, nominal : Nominal; all updated
     schedule : Schedule, unit : Unit, signals : Signals, record : Record, belief : Belief, true : TrueModel
     axes_att : (n_hist, 3, 3) from frame i to body axes at the history times
-    reference : Reference, the true motion; chain : Chain, or None; late : Late, or None
+    reference : Reference, the true motion; chain : Chain, or None; late : Late, or None; gains : Gains, or None;
+        altimeter : Altimeter, or None
     """
     for w in range(schedule.n_tick.shape[0]):
         first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
@@ -387,7 +313,8 @@ def cover(
         epoch, hist = schedule.epoch[w], schedule.hist[w]
         if epoch >= 0 and belief.kind != INERTIAL:
             _take_nominal(nominal, reference, first + n_tick)
-            _update(out, joint, scratch, tape, nominal, signals, true, belief, unit.dt, chain, late, epoch)
+            _update(out, joint, scratch, tape, nominal, signals, true, belief, unit.dt, chain, late, gains, epoch)
+            _update_height(out, joint, scratch, tape, altimeter, nominal, signals, true, belief, epoch)
         if tape.channel.shape[0] > 0:
             tape.first_row[w + 1] = tape.used[0]
         if hist >= 0:

@@ -54,6 +54,7 @@ def family_of(cause: Cause, geometry: Geometry, channels: Channels) -> ErrorFami
     labels, member = members(cause.kind, channels)
     if cause.systems and channels.tight:
         of_channel = np.repeat([system in cause.systems for system in channels.systems], 2)
+        of_channel = np.pad(of_channel, (0, channels.n_channel - of_channel.size))
         member = np.where(of_channel, member, -1)
         kept = sorted(set(member[member >= 0].tolist()))
         labels = tuple(labels[k] for k in kept)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lvnav_trade.engines.sensing import begin, begin_solver, observe, sense
+from lvnav_trade.engines.sensing import begin, begin_solver, measure_height, observe, sense
 from lvnav_trade.filters.belief import INERTIAL, TIGHT
 from lvnav_trade.filters.ekf import clear_epoch, predict_window
 from lvnav_trade.filters.feedforward import add_up, carry, feed_back, take, take_apart
@@ -142,7 +142,8 @@ def fly(work, schedule, unit, signals, start, history, belief, options, k0, k1):
             clear_epoch(work, epoch, size(work.innovation, 1))
         if epoch >= 0 and belief.kind != INERTIAL:
             observe(work, options.solver, signals, tight, epoch, k0, k1)
-            take(work, options.rules, options.late, belief, signals, epoch, dt)
+            measure_height(work, options.altimeter, signals, epoch, k0, k1)
+            take(work, options.rules, options.late, options.gains, options.altimeter, belief, signals, epoch, dt)
             feed_back(work, work.aside, belief)
         if schedule.hist[w] >= 0:
             _hand_out(work, work.aside, history, signals.shared, belief, schedule.hist[w])

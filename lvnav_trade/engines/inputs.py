@@ -139,18 +139,31 @@ class Record(NamedTuple):
     limit: float
 
 
+class Altimeter(NamedTuple):
+    """An altimeter at the epochs: on (n_epoch,) whether it measures; height (n_epoch,) true, m; source word. Its noise
+    and what the filter believes of it stand in the last channel of Signals.
+    """
+
+    on: NDArray[np.bool_]
+    height: Floats
+    source: np.uint64
+
+
 class Options(NamedTuple):
     """Parts of a flight that not every case has; None where a case has not, and then nothing of them is compiled.
 
     A part is handed on as an argument of its own: the compiler drops `if part is None` for arguments only.
 
     solver (receivers.base.Solver): the receiver solves for position and velocity itself; rules (filters.monitor.Rules):
-    the filter has a logic; late (filters.late.Late): late measurements are met with the state that they are of.
+    the filter has a logic; late (filters.late.Late): late measurements are met with the state that they are of; gains
+    (filters.scheduled.Gains): taken in place of the covariance's own; altimeter (Altimeter): height is measured too.
     """
 
     solver: Any = None
     rules: Any = None
     late: Any = None
+    gains: Any = None
+    altimeter: Any = None
 
 
 class Work(NamedTuple):
@@ -195,6 +208,7 @@ class Work(NamedTuple):
     failed: Floats
     t_failed: Floats
     told: Floats
+    ground: Floats
     rx: Any = None
     aside: Any = None
     watch: Any = None
@@ -221,7 +235,7 @@ class Sizes(NamedTuple):
 
 def work_shapes(z: Sizes) -> dict[str, tuple[int, ...]]:
     """Return the shape of every array of Work for one run, those of options apart."""
-    n_row = max(6, 2 * z.n_slot)
+    n_row = max(6, 2 * z.n_slot) + 1  # the last one is an altimeter's
     return {
         "run": (1,), "nav": (10,), "sums": (21,), "previous": (6,), "increments": (z.n_tick, 6),
         "P": (z.n_state, z.n_state), "X": (z.n_state, z.n_state), "D": (z.n_block, 9), "x": (z.n_state,),
@@ -232,5 +246,5 @@ def work_shapes(z: Sizes) -> dict[str, tuple[int, ...]]:
         "extra": (max(1, z.n_extra),), "ranges": (z.n_slot, 2), "solution": (6,),
         "err": (z.n_hist, z.n_state), "sigma": (z.n_hist, z.n_state), "nees": (z.n_hist,),
         "nis": (z.n_epoch,), "n_row": (z.n_epoch,), "n_reject": (z.n_epoch,), "innovation": (z.n_epoch, z.n_channel),
-        "failed": (1,), "t_failed": (1,), "told": (6, 6),
+        "failed": (1,), "t_failed": (1,), "told": (6, 6), "ground": (1,),
     }  # fmt: skip

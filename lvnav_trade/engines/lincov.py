@@ -43,7 +43,7 @@ def _width(prepared: Prepared) -> int:
 def nominal(prepared: Prepared) -> Nominal:
     """Return the work arrays of the nominal run, empty."""
     n_slot, belief = prepared.signals.used.shape[1], prepared.belief
-    n_row = max(6, 2 * n_slot)
+    n_row = max(6, 2 * n_slot) + 1
     shapes = (
         (10,), (21,), (6,), (int(prepared.schedule.n_tick.max()), 6), (len(belief.levers), 12), (3,),
         (n_row, _width(prepared)), (n_row,), (n_slot, 2), (6,), (2,), (belief.n_state,),
@@ -91,7 +91,7 @@ def _cover(prepared: Prepared, names: list[str], true: TrueModel, tape: Tape) ->
     cover(
         out, _joint(prepared, true), _scratch(prepared, true), tape, nominal(prepared), prepared.schedule,
         prepared.unit, prepared.signals, prepared.record, axes_att, prepared.belief, true, prepared.reference,
-        prepared.chain, prepared.options.late,
+        prepared.chain, prepared.options.late, prepared.options.gains, prepared.options.altimeter,
     )  # fmt: skip
     return out
 
@@ -107,7 +107,7 @@ def forward_tape(prepared: Prepared, true: TrueModel) -> Tape:
     """Return what a backward pass, or an observability analysis, needs of a forward one."""
     names = source_names(prepared)
     per_satellite = 2 if prepared.belief.kind == TIGHT else 0
-    n_row = int(np.sum(np.maximum(6, per_satellite * prepared.signals.n_used))) + 1
+    n_row = int(np.sum(np.maximum(6, per_satellite * prepared.signals.n_used) + 1)) + 1
     tape = new_tape(prepared.schedule.n_tick.size, n_row, n_joint(prepared), _width(prepared))
     _cover(prepared, names, true, tape)
     return tape

@@ -52,7 +52,8 @@ def fly_lanes(
         view(w.true_tables), view(w.par), view(w.tables), view(w.remainder), view(w.clock), view(w.clock_hat),
         view(w.shared), view(w.extra), view(w.ranges), view(w.solution), view(w.err), view(w.sigma), view(w.nees),
         view(w.nis), view(w.n_row), view(w.n_reject), view(w.innovation), view(w.failed), view(w.t_failed),
-        view(w.told), lanes_of(w.rx), lanes_of_aside(w.aside), lanes_of_watch(w.watch), _view_of(w.past),
+        view(w.told), view(w.ground), lanes_of(w.rx), lanes_of_aside(w.aside), lanes_of_watch(w.watch),
+        _view_of(w.past),
     )  # fmt: skip
     fly(work, schedule, unit, signals, start, history, belief, options, k0, k1)
 
@@ -64,7 +65,8 @@ def channels(prepared: Prepared) -> int:
     if prepared.vehicle is not None:
         return len(vehicle.CHANNELS)
     kind = prepared.belief.kind
-    return 2 * len(prepared.sky.names) if kind == TIGHT else 6 if kind == LOOSE else 1
+    height = int(prepared.options.altimeter is not None)
+    return height + 2 * len(prepared.sky.names) if kind == TIGHT else height + 6 if kind == LOOSE else 1
 
 
 def _new_work(prepared: Prepared, lanes: bool) -> Work:

@@ -51,7 +51,8 @@ def nonlinearity(prepared: Prepared, history: CovHistory, time: float, scale: fl
     """
     hist = int(np.argmin(np.abs(prepared.t_hist - time)))
     turn = turns(prepared)[hist]
-    formal, true = (turn.T @ cov[hist] @ turn for cov in (history.formal_cov, history.true_cov))
+    states = slice(0, len(turn))  # what is reported beside them is no state
+    formal, true = (turn.T @ cov[hist, states, states] @ turn for cov in (history.formal_cov, history.true_cov))
     directions = scale * _factor(true)
     start = _start_tick(prepared, float(prepared.t_hist[hist]))
     linear = np.array([_linear(prepared, start, d) for d in directions])

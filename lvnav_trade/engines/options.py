@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,8 @@ from lvnav_trade.engines.inputs import Schedule
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.base import ReceiverBelief
 from lvnav_trade.filters.late import Late
+from lvnav_trade.filters.scheduled import Gains, gains_at
+from lvnav_trade.layout import StateLayout, state_names
 from lvnav_trade.receivers.base import (
     Solver,
     Told,
@@ -37,6 +40,26 @@ def direct(scenario: Scenario) -> DirectSolution:
 def every(scenario: Scenario) -> int:
     """Return of how many epochs the filter takes the last."""
     return round(scenario.receiver.rate / scenario.filter.update_rate) if solves(scenario) else 1
+
+
+def gains_of(scenario: Scenario, layout: StateLayout, t_epoch: Floats, events: Mapping[str, float]) -> Gains | None:
+    """Return the gains of a filter with a schedule at the epochs (s), None without.
+
+    InputError where the schedule is of other states than the filter's, or of an event that the flight lacks.
+    """
+    schedule = scenario.filter.gains
+    if schedule is None:
+        return None
+    names = state_names(layout)
+    if tuple(schedule.states) != names:
+        raise InputError(
+            f"filter.gains: the schedule {schedule.name!r} is of the states {', '.join(schedule.states)}; the filter "
+            f"has {', '.join(names)}"
+        )
+    try:
+        return Gains(np.ascontiguousarray(gains_at(schedule, t_epoch, events)))
+    except ValueError as error:
+        raise InputError(f"filter.gains: {error}") from None
 
 
 def _told(card: BancroftSolution | FilteredSolution, scenario: Scenario, belief: ReceiverBelief) -> Told:

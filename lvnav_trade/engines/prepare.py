@@ -10,12 +10,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lvnav_trade.engines.altimeter import altimeter_of, height_of
 from lvnav_trade.engines.atmosphere import Delays, delays
 from lvnav_trade.engines.families import ErrorFamily, shared_of
 from lvnav_trade.engines.inputs import Options, Record, Schedule, Signals, Start, Unit
 from lvnav_trade.engines.options import (
     delay_taken,
     every,
+    gains_of,
     kept_at,
     late_of,
     solver_of,
@@ -31,9 +33,9 @@ from lvnav_trade.filters.envelope import EnvelopeCard
 from lvnav_trade.frames import earth_angle, rotation_i_e, rotation_i_n, rotation_i_o
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
-from lvnav_trade.layout import StateLayout, outputs
+from lvnav_trade.layout import StateLayout, outputs, solution_outputs
 from lvnav_trade.records import Floats, Output, Reference, Sky
-from lvnav_trade.scenario import Scenario, beliefs, epoch_interval, judged, solves
+from lvnav_trade.scenario import Scenario, beliefs, epoch_interval, judged, reported, solves
 from lvnav_trade.world.faults import (
     AccelBiasStep,
     AnyFault,
@@ -229,6 +231,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     at = times_of(scenario, trajectory, ref, epochs, kept, history, every_step_beside)
     imu, receiver, initial = beliefs(scenario)
     channels, lever_b = channels_of(scenario, seen), np.array(scenario.receiver.lever_b)
+    height = height_of(scenario, trajectory, t_epoch)
     measured = channels._replace(tight=True) if solves(scenario) else channels
     levers = seen.levers if channels.tight else lever_b[None, :]
     layout, belief = believe(
@@ -244,7 +247,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     shared = shared_of(shared_errors, layout, epoch_interval(scenario), (t_epoch.size, measured.n_channel))
     left = late_by.left + time_offsets(scenario.constellation, seen.systems, trajectory.epoch, seen.t)
     truth = signals(
-        scenario, seen, line, receiver, layout, believed, channels, measured, shared, failed, left, tabled.mean
+        scenario, seen, line, receiver, layout, believed, channels, measured, shared, failed, left, tabled.mean, height
     )  # fmt: skip
     blocks = (*error_blocks(scenario.imu), *disturbance(scenario.gravity))
     C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], trajectory.theta0)[0].T
@@ -260,7 +263,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         trajectory=trajectory,
         reference=ref,
         sky=seen,
-        outputs=outputs(layout, scenario.frame),
+        outputs=(*outputs(layout, scenario.frame), *(solution_outputs(scenario.frame) if reported(scenario) else ())),
         layout=layout,
         belief=belief,
         sources=blocks,
@@ -275,7 +278,13 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         lengths=at.lengths,
         delays=late_by,
         recorded=tabled,
-        options=Options(solver, rules, late_of(scenario, delayed, kept, at.schedule)),
+        options=Options(
+            solver,
+            rules,
+            late_of(scenario, delayed, kept, at.schedule),
+            gains_of(scenario, layout, t_epoch, trajectory.events),
+            altimeter_of(height),
+        ),
         chain=chain,
         vehicle=vehicle_of(scenario, trajectory, ref, layout, imu, epochs.tick),
     )

@@ -60,7 +60,8 @@ def recorded(
     count = int(np.count_nonzero(size > _NEGLIGIBLE * max(float(size[0]), float(np.max(np.abs(errors))))))
     values = left[:, :count].T * np.sqrt(card.starts)
     entering = (size[:count, None] * shapes[:count] / np.sqrt(card.starts)).reshape(count, n_epoch, 6)
-    everywhere = np.zeros(6, dtype=np.int64)
+    everywhere = np.where(np.arange(channels.n_channel) < 6, 0, -1)
+    entering = np.pad(entering, ((0, 0), (0, 0), (0, channels.n_channel - 6)))
     families = tuple(
         ErrorFamily(SOURCE, RECORDED, "", (str(number),), everywhere, shape, 1.0, float("inf"))
         for number, shape in enumerate(entering)

@@ -7,10 +7,10 @@ import numpy as np
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.attitude import from_rotation, multiply, normalise
 from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import like
+from lvnav_trade.kernels.lanes import like, size
 from lvnav_trade.kernels.random import normals
 from lvnav_trade.kernels.strapdown import Q, R, V
-from lvnav_trade.observables import doppler, position, pseudorange, velocity
+from lvnav_trade.observables import altitude, doppler, position, pseudorange, velocity
 from lvnav_trade.receivers.base import switch_on
 from lvnav_trade.receivers.solve import solve
 
@@ -189,6 +189,16 @@ def _solve(work, solver, signals, epoch):
     )  # fmt: skip
     for i in range(6):
         work.solution[i] = work.rx.solution[i]
+
+
+@jit
+def measure_height(work, altimeter, signals, epoch, k0, k1):
+    """Fill the height that an altimeter (Altimeter, or None) measures."""
+    if altimeter is not None:
+        channel = size(work.innovation, 1) - 1
+        n0, _, _, _ = normals(k0, k1, altimeter.source, work.run[0], np.uint64(epoch + 1), _ZERO)
+        true_height = altimeter.height[epoch] + _shared_error(work, signals.shared, epoch, channel)
+        work.ground[0] = altitude.observe(true_height, signals.sigma[epoch, channel], n0)
 
 
 @jit

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lvnav_trade.engines.altimeter import Height
 from lvnav_trade.engines.families import Cause, ErrorFamily, families_of, lever_causes
 from lvnav_trade.engines.inputs import Shared, Signals
 from lvnav_trade.engines.options import direct
@@ -17,7 +18,7 @@ from lvnav_trade.kernels.clock import clock_step
 from lvnav_trade.kernels.earth import GM
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.layout import StateLayout
-from lvnav_trade.observables.partials import Channels, Geometry, partial
+from lvnav_trade.observables.partials import HEIGHT, Channels, Geometry, partial
 from lvnav_trade.records import Floats, Sky
 from lvnav_trade.scenario import Scenario, epoch_interval, solves
 from lvnav_trade.world.constellation import (
@@ -34,7 +35,10 @@ from lvnav_trade.world.trajectory import Trajectory, motion
 def channels_of(scenario: Scenario, seen: Sky) -> Channels:
     """Return the channels of a case."""
     ever = tuple(bool(np.any(seen.tracked[:, s])) for s in range(len(seen.names)))
-    return Channels(scenario.filter.kind == "tight", seen.names, seen.systems, ever)
+    aided = scenario.filter.kind != "inertial"
+    return Channels(
+        scenario.filter.kind == "tight", seen.names, seen.systems, ever, aided and scenario.altimeter is not None
+    )
 
 
 class Line:
@@ -144,6 +148,9 @@ def causes_of(scenario: Scenario) -> list[Cause]:
     if not solves(scenario):
         velocity, fade = direct(scenario).velocity_bias, direct(scenario).bias_time
         found.append(Cause("solution velocity bias", "velocity_bias", "velocity_bias", velocity, fade))
+    if scenario.altimeter is not None:
+        fade = scenario.altimeter.bias_time or math.inf
+        found.append(Cause("altimeter bias", HEIGHT, "", scenario.altimeter.bias, fade))
     return found
 
 
@@ -152,7 +159,7 @@ def families(scenario: Scenario, geometry: Geometry, channels: Channels, failed:
     found = families_of(causes_of(scenario), geometry, channels)
     partial_of_wild = np.zeros((len(failed.jump), channels.n_channel))
     if channels.tight:
-        partial_of_wild[:, 0::2] = failed.wild
+        partial_of_wild[:, 0 : channels.n_receiver : 2] = failed.wild
     else:
         partial_of_wild[:, :3] = failed.solution_wild[:, None]
     hit = np.flatnonzero(np.any(partial_of_wild > 0.0, axis=0))
@@ -174,21 +181,25 @@ def _slots(seen: Sky) -> tuple[np.ndarray, np.ndarray]:
     return used, n_used
 
 
-def _noise(scenario: Scenario, seen: Sky, channels: Channels) -> Floats:
-    """Return the sigma (n_epoch, n_channel) of white noise of a receiver in which nothing has failed."""
-    sigma = np.empty((seen.t.size, channels.n_channel))
+def _noise(scenario: Scenario, seen: Sky, channels: Channels, height: Height | None) -> Floats:
+    """Return the sigma (n_epoch, n_channel) of white noise of sensors in which nothing has failed."""
+    sigma, n = np.empty((seen.t.size, channels.n_channel)), channels.n_receiver
     if channels.tight:
-        sigma[:, 0::2], sigma[:, 1::2] = seen.range_sigma, seen.rate_sigma
+        sigma[:, 0:n:2], sigma[:, 1:n:2] = seen.range_sigma, seen.rate_sigma
     else:
         solution = direct(scenario)
-        sigma[:, :3], sigma[:, 3:] = solution.position_sigma, solution.velocity_sigma
+        sigma[:, :3], sigma[:, 3:n] = solution.position_sigma, solution.velocity_sigma
+    if height is not None:
+        sigma[:, n] = height.sigma
     return sigma
 
 
 def _grown(sigma: Floats, channels: Channels, failed: Failures) -> Floats:
     """Return the true sigma, grown by what has failed."""
+    n, grown = channels.n_receiver, np.ascontiguousarray(sigma)
     factor = np.repeat(failed.noise, 2, axis=1) if channels.tight else failed.solution_noise[:, None]
-    return np.ascontiguousarray(sigma * factor)
+    grown[:, :n] = sigma[:, :n] * factor
+    return grown
 
 
 def _shifts(line: Line, tracked: NDArray[np.bool_], errors: Floats) -> Floats:
@@ -209,19 +220,23 @@ def _hold(frozen: NDArray[np.bool_], *tables: NDArray[Any]) -> None:
             table[epoch] = table[epoch - 1]
 
 
-def _believed_variance(scenario: Scenario, belief: ReceiverBelief, channels: Channels, sigma: Floats) -> Floats:
+def _believed_variance(
+    scenario: Scenario, belief: ReceiverBelief, channels: Channels, sigma: Floats, height: Height | None
+) -> Floats:
     """Return the variance (n_epoch, n_channel) that the filter gives rows: its own numbers, or what the receiver tells
     of its noise where the card says so.
     """
     if solves(scenario):  # the receiver tells the covariance with every solution
         return np.ones((len(sigma), channels.n_channel))
+    variance, n = sigma**2, channels.n_receiver
+    if height is not None:
+        variance[:, n] = height.variance
     if isinstance(scenario.filter.receiver, str):
-        return sigma**2
-    variance = np.empty_like(sigma)
+        return variance
     if channels.tight:
-        variance[:, 0::2], variance[:, 1::2] = belief.pseudorange_sigma**2, belief.range_rate_sigma**2
+        variance[:, 0:n:2], variance[:, 1:n:2] = belief.pseudorange_sigma**2, belief.range_rate_sigma**2
     else:
-        variance[:, :3], variance[:, 3:] = belief.position_sigma**2, belief.velocity_sigma**2
+        variance[:, :3], variance[:, 3:n] = belief.position_sigma**2, belief.velocity_sigma**2
     return variance
 
 
@@ -238,16 +253,17 @@ def signals(
     failed: Failures,
     left: Floats,
     tabled: Floats,
+    height: Height | None = None,
 ) -> Signals:
     """Return what is true of satellites and receiver at the epochs, and what the filter knows of it.
 
     channels are those of the filter's rows, `measured` those of what the receiver measures, which solves perhaps; left
     (n_epoch, n_sat, 2): what corrections leave of delays and of systems' times, in ranges and rates; tabled (n_epoch,
-    6): errors of the solution that are the same in every run, frame i.
+    6): errors of the solution that are the same in every run, frame i; height: of an altimeter.
     """
     receiver, clock = scenario.receiver, scenario.receiver.clock
     used, n_used = _slots(seen)
-    sigma = _noise(scenario, seen, measured)
+    sigma = _noise(scenario, seen, measured, height)
     extra = [partial(block.name, geometry, channels) for block in layout.extras]
     interval = epoch_interval(scenario)
     off, off_rate = failed.bias + left[:, :, 0], failed.drift + left[:, :, 1]
@@ -268,7 +284,7 @@ def signals(
         satellite_velocity=np.ascontiguousarray(seen.v_i),
         antenna=seen.antenna if channels.tight else np.zeros_like(seen.antenna),
         sigma=_grown(sigma, measured, failed),
-        variance=_believed_variance(scenario, belief, channels, sigma),
+        variance=_believed_variance(scenario, belief, channels, sigma, height),
         partial=np.array(extra).reshape(len(extra), seen.t.size, channels.n_channel),
         clock_step=np.array(clock_step(interval, receiver.clock.h0, receiver.clock.h_minus2)),
         clock_start=np.array([clock.initial_bias, clock.initial_drift]),

@@ -182,6 +182,11 @@ def _pushes(solver: Solver, seen: _Nominal, point: Floats, acceleration: Floats,
     return pushes
 
 
+def own_covariance(solver: Solver, signals: Signals, point: Floats) -> Floats:
+    """Return what a solver believes of its own error on the nominal flight, (n_epoch, 11, 11); see `solved`."""
+    return np.array([gains.P for gains in _run(solver, point, signals).gains])
+
+
 def chain_of(solver: Solver | None, judged: bool, truth: Signals, line: Line) -> Chain | None:
     """Return how a solution's error goes on, where solutions come with a covariance of their own."""
     if solver is not None:

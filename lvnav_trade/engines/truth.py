@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lvnav_trade.engines.altimeter import NOISE
 from lvnav_trade.engines.chained import CARRIED, CHAINED, N_KEPT_STATE, N_NAV, kept_column
 from lvnav_trade.engines.prepare import Prepared
 from lvnav_trade.engines.vehicle import ATTITUDE_NOISE
@@ -32,7 +33,7 @@ class TrueModel(NamedTuple):
     shared_wander (n_length, n_component), shared_start (n_component,) as above; shared_family (n_family,) family of the
     filter's extra states that stands for the same thing, -1 none. nav_rows ... nav_drivers: blocks of the true
     transition of e. noise (n_source, n_length, n): white noise of each source; initial (n_source, n, n); row_source
-    (4,) source of each row type; decay (n_length, n) of e as the filter believes; n_entry (n_channel,), entry, column
+    (5,) source of each row type; decay (n_length, n) of e as the filter believes; n_entry (n_channel,), entry, column
     of rows with respect to the n states of the joint vector: e, and where there are such the error of a solution from
     `chain` on (-1 none) with sources chain_source (n_in,) of its white errors, and the kept error from `kept` on;
     corrected: the same where rows are of the kept state, so that what one row corrects is taken off the next, -1 else.
@@ -92,6 +93,8 @@ def source_names(prepared: Prepared) -> list[str]:
         names += ["receiver clock", "pseudorange noise", "range-rate noise"]
     elif prepared.belief.kind != INERTIAL:
         names += ["position solution noise", "velocity solution noise"]
+    if prepared.options.altimeter is not None:
+        names.append(NOISE)
     if prepared.vehicle is not None:
         names.append(ATTITUDE_NOISE)
     return names
@@ -234,7 +237,7 @@ def true_model(prepared: Prepared, names: list[str]) -> TrueModel:
     columns = list(zip(*table, strict=True)) if table else [()] * 8
     fade, wander = _fade_and_wander(table, prepared.lengths)
     rows, cols, kinds, drivers = transition_blocks(prepared.layout.parameters, 2)
-    row_names = ("pseudorange noise", "range-rate noise", "position solution noise", "velocity solution noise")
+    row_names = ("pseudorange noise", "range-rate noise", "position solution noise", "velocity solution noise", NOISE)
     return TrueModel(
         sensor=np.array(columns[0], dtype=np.int64),
         driver=np.array(columns[1], dtype=np.int64),

@@ -157,7 +157,7 @@ def update_epoch(work, own, signals, belief, vehicle, epoch, dt, k0, k1):
         place_antenna(work, None, belief, dt)
         fill_loose(work, belief, signals, epoch)
         for row in range(n_row):
-            absorb_and_count(work, belief, signals, epoch, row, belief.gate_squared)
+            absorb_and_count(work, None, belief, signals, epoch, row, row, belief.gate_squared)
     refer(work, own, belief, vehicle, epoch, k0, k1)
     if vehicle.modelled:
         feed_back(work, own, vehicle)

@@ -26,7 +26,7 @@ def fly_vehicle_lanes(
         view(w.true_tables), view(w.par), view(w.tables), view(w.remainder), view(w.clock), view(w.clock_hat),
         view(w.shared), view(w.extra), view(w.ranges), view(w.solution), view(w.err), view(w.sigma), view(w.nees),
         view(w.nis), view(w.n_row), view(w.n_reject), view(w.innovation), view(w.failed), view(w.t_failed),
-        view(w.told), None, None, None, None,
+        view(w.told), view(w.ground), None, None, None, None,
     )  # fmt: skip
     own = Own(
         view(o.motion), view(o.sample), view(o.z), view(o.weight), view(o.residual), view(o.gain), view(o.moved),

@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from lvnav_trade.delays import CorrectionsCard
 from lvnav_trade.filters.envelope import EnvelopeCard
+from lvnav_trade.filters.scheduled import GainSchedule
 from lvnav_trade.units import (
     AccelerationRandomWalk,
     AccelerationSigma,
@@ -74,6 +75,13 @@ class ReceiverBelief(Card):
     position_bias_time: TimeConstant | None = None
     velocity_bias: SpeedSigma = 0.0
     velocity_bias_time: TimeConstant | None = None
+
+
+class AltimeterBelief(Card):
+    """What the filter believes of its radar altimeter: white noise, and a part in proportion to the height."""
+
+    sigma: LengthSigma = Field(gt=0.0)
+    share: Fraction = 0.0
 
 
 class InitialBelief(Card):
@@ -202,6 +210,10 @@ class FilterCard(Card):
     receiver: Matched | ReceiverBelief = "matched"
     initial: Matched | InitialBelief = "matched"
     reference: Matched | ReferenceBelief = Field("matched", description="of a filter with an attitude reference")
+    altimeter: Matched | AltimeterBelief = Field("matched", description="of a scenario with an altimeter")
+    gains: GainSchedule | None = Field(
+        None, description="gains of a loose filter in place of those of its covariance; none: its own, epoch by epoch"
+    )
     envelope: EnvelopeCard | None = Field(None, description="of a vehicle model; none: that of the card's defaults")
     corrections: CorrectionsCard = Field(CorrectionsCard(), description="taken off the measurements beforehand")
     delay_compensation: DelayCompensation | None = Field(
@@ -218,6 +230,8 @@ class FilterCard(Card):
         watched = "logic" if self.logic is not None else "init: from_gnss" if self.init == "from_gnss" else ""
         if watched and self.kind != "loose":
             raise ValueError(f"{watched} judges the receiver's solution: it needs kind: loose, not {self.kind}")
+        if self.gains is not None and self.kind != "loose":
+            raise ValueError(f"gains are those of position and velocity rows: they need kind: loose, not {self.kind}")
         if self.logic is not None and self.logic.correct_after > 0.0 and self.feedback == "closed":
             raise ValueError("logic.correct_after delays the outputs of an open loop: it needs feedback: open")
         return self

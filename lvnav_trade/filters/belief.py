@@ -22,7 +22,7 @@ Ints = NDArray[np.int64]
 
 INERTIAL, LOOSE, TIGHT = 0, 1, 2
 KINDS = {"inertial": INERTIAL, "loose": LOOSE, "tight": TIGHT, "referenced": LOOSE, "vehicle_model": LOOSE}
-PSEUDORANGE, RANGE_RATE, POSITION, VELOCITY = 0, 1, 2, 3
+PSEUDORANGE, RANGE_RATE, POSITION, VELOCITY, HEIGHT = 0, 1, 2, 3, 4
 
 
 class Belief(NamedTuple):
@@ -186,11 +186,13 @@ def _densities(card: FilterCard, layout: StateLayout, imu: ImuBelief, receiver: 
     return found
 
 
-def _row_types(kind: str, n_channel: int) -> Ints:
+def _row_types(kind: str, channels: Channels) -> Ints:
     """Return the row type of each channel."""
     if kind == "tight":
-        return np.tile(np.array([PSEUDORANGE, RANGE_RATE], dtype=np.int64), n_channel // 2)
-    return np.repeat(np.array([POSITION, VELOCITY], dtype=np.int64), 3)
+        types = np.tile(np.array([PSEUDORANGE, RANGE_RATE], dtype=np.int64), len(channels.satellites))
+    else:
+        types = np.repeat(np.array([POSITION, VELOCITY], dtype=np.int64), 3)
+    return np.append(types, np.full(int(channels.altimeter), HEIGHT, dtype=np.int64))
 
 
 def _row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, mixed: bool) -> tuple[Ints, Ints, Ints]:
@@ -207,6 +209,7 @@ def _row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, mixed: boo
         RANGE_RATE: position + attitude + velocity + drift,
         POSITION: position + attitude + (velocity if mixed else []),
         VELOCITY: velocity + attitude + (position if mixed else []),
+        HEIGHT: position,
     }
     rows = []
     for channel, kind in enumerate(row_type.tolist()):
@@ -255,7 +258,7 @@ def believe(
         gradient = kinds == transition.VEL_POS
         rows, columns, kinds, drivers = rows[gradient], columns[gradient], kinds[gradient], drivers[gradient]
     decay, noise = window_tables(layout, _densities(card, layout, imu, receiver), seconds)
-    row_type = _row_types(card.kind, channels.n_channel)
+    row_type = _row_types(card.kind, channels)
     count, entry, column = _row_tables(layout, row_type, bool(np.any(levers)), judged)
     extra_offset, extra_member = _extra_tables(layout, channels.n_channel)
     belief = Belief(

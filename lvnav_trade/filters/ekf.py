@@ -8,12 +8,12 @@ from lvnav_trade.filters.belief import TIGHT
 from lvnav_trade.filters.late import LAST, carry_on
 from lvnav_trade.kernels import processes, transition
 from lvnav_trade.kernels.attitude import from_rotation, multiply, normalise
-from lvnav_trade.kernels.covariance import absorb, predict
+from lvnav_trade.kernels.covariance import absorb, absorb_with, predict
 from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import like, where
+from lvnav_trade.kernels.lanes import like, size, where
 from lvnav_trade.kernels.strapdown import Q, R, V
 from lvnav_trade.kernels.transition import ATT, POS, VEL
-from lvnav_trade.observables import doppler, position, pseudorange, velocity
+from lvnav_trade.observables import altitude, doppler, position, pseudorange, velocity
 from lvnav_trade.observables.base import N_ENTRY, antenna, line_of_sight
 from lvnav_trade.receivers.whiten import whiten
 
@@ -125,12 +125,20 @@ def channel_of(belief, signals, epoch, row):
 
 
 @inlined
-def absorb_row(work, belief, row, channel, variance, gate_squared):
-    """Absorb one filled row of a channel; return its normalised innovation and weight."""
+def absorb_row(work, gains, belief, epoch, row, channel, variance, gate_squared):
+    """Absorb one filled row of a channel, with the gain of a schedule (Gains) or, without one (None), that of the
+    covariance; return its normalised innovation and weight.
+    """
     n = belief.n_entry[channel]
-    return absorb(
-        work.P, work.x, work.K, work.H[row], belief.entry[channel, :n], belief.column[channel, :n], work.z[row],
-        variance, gate_squared, belief.n_estimated, belief.joseph,
+    entries, columns = belief.entry[channel, :n], belief.column[channel, :n]
+    if gains is None:
+        return absorb(
+            work.P, work.x, work.K, work.H[row], entries, columns, work.z[row], variance, gate_squared,
+            belief.n_estimated, belief.joseph,
+        )  # fmt: skip
+    return absorb_with(
+        work.P, work.x, work.K, work.H[row], entries, columns, gains.gain[epoch, row], work.z[row], variance,
+        gate_squared, belief.n_estimated,
     )  # fmt: skip
 
 
@@ -166,11 +174,10 @@ def mix(work, late, epoch, n_entry):
 
 
 @inlined
-def absorb_and_count(work, belief, signals, epoch, row, gate_squared):
+def absorb_and_count(work, gains, belief, signals, epoch, row, channel, gate_squared):
     """Absorb one filled row of an epoch, keep its innovation and count it: believed, or rejected by the gate."""
-    channel = channel_of(belief, signals, epoch, row)
     variance = 1.0 if belief.judged else signals.variance[epoch, channel]
-    normalised, weight = absorb_row(work, belief, row, channel, variance, gate_squared)
+    normalised, weight = absorb_row(work, gains, belief, epoch, row, channel, variance, gate_squared)
     work.innovation[epoch, channel] = normalised
     believed = weight > 0.0
     rejected = (normalised == normalised) & (weight == 0.0)  # what is not a number is no row
@@ -189,7 +196,16 @@ def clear_epoch(work, epoch, n_channel):
 
 
 @inlined
-def update(work, belief, signals, late, epoch, dt):
+def absorb_height(work, altimeter, belief, signals, epoch, gate_squared):
+    """Absorb what an altimeter (Altimeter, or None) measures at an epoch, as the last row and channel."""
+    if altimeter is not None and altimeter.on[epoch]:
+        row, channel = size(work.z, 0) - 1, size(work.innovation, 1) - 1
+        work.z[row] = work.ground[0] - altitude.row(work.H[row], work.nav)
+        absorb_and_count(work, None, belief, signals, epoch, row, channel, gate_squared)
+
+
+@inlined
+def update(work, belief, signals, late, gains, epoch, dt):
     """Absorb what the receiver put out at an epoch, all rows linearised at one point: pseudorange and range rate of
     every satellite in use, or position and velocity of a solution axis by axis.
     """
@@ -201,7 +217,8 @@ def update(work, belief, signals, late, epoch, dt):
         fill_loose(work, belief, signals, epoch)
         weigh(work, work.rx, late, belief, signals, epoch)
     for row in range(rows_at(belief, signals, epoch)):
-        absorb_and_count(work, belief, signals, epoch, row, belief.gate_squared)
+        channel = channel_of(belief, signals, epoch, row)
+        absorb_and_count(work, gains, belief, signals, epoch, row, channel, belief.gate_squared)
 
 
 @jit

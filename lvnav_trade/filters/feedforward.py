@@ -13,8 +13,26 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.filters.ekf import absorb_and_count, correct, fill_loose, place_antenna, rows_at, update, weigh
-from lvnav_trade.filters.monitor import N_ROW, gate_of, is_correcting, judge, settle, start_filter
+from lvnav_trade.filters.ekf import (
+    absorb_and_count,
+    absorb_height,
+    correct,
+    fill_loose,
+    place_antenna,
+    rows_at,
+    update,
+    weigh,
+)
+from lvnav_trade.filters.monitor import (
+    MODE,
+    N_ROW,
+    gate_of,
+    is_correcting,
+    is_running,
+    judge,
+    settle,
+    start_filter,
+)
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.joint import apply_phi
@@ -122,7 +140,7 @@ def _sample_variance(out, rx, variance):
 
 
 @inlined
-def _update_watched(work, rules, belief, signals, epoch, dt):
+def _update_watched(work, rules, gains, belief, signals, epoch, dt):
     """Absorb the receiver's solution at an epoch where the filter's watch lets it, and let the watch go on."""
     watch = work.watch
     if rules.good[epoch]:
@@ -136,16 +154,21 @@ def _update_watched(work, rules, belief, signals, epoch, dt):
         weigh(work, work.rx, None, belief, signals, epoch)
         gate, used = gate_of(watch, belief.gate_squared), watch.sample[0] > 0.0
         for row in range(N_ROW):
-            absorb_and_count(work, belief, signals, epoch, row, gate)
+            absorb_and_count(work, gains, belief, signals, epoch, row, row, gate)
             work.innovation[epoch, row] = where(used, work.innovation[epoch, row], np.nan)
     settle(watch, rules, epoch, work.P)
 
 
 @inlined
-def take(work, rules, late, belief, signals, epoch, dt):
-    """Take what the receiver puts out at an epoch, where the filter has a logic by its leave."""
+def take(work, rules, late, gains, altimeter, belief, signals, epoch, dt):
+    """Take what the receiver puts out at an epoch, where the filter has a logic by its leave, and what an altimeter
+    does, once the filter runs.
+    """
     if rules is None:
         if rows_at(belief, signals, epoch) > 0:
-            update(work, belief, signals, late, epoch, dt)
+            update(work, belief, signals, late, gains, epoch, dt)
+        absorb_height(work, altimeter, belief, signals, epoch, belief.gate_squared)
     elif (epoch + 1) % belief.every == 0:
-        _update_watched(work, rules, belief, signals, epoch, dt)
+        _update_watched(work, rules, gains, belief, signals, epoch, dt)
+        gate = where(is_running(work.watch.state[MODE]) > 0.0, belief.gate_squared, -1.0)
+        absorb_height(work, altimeter, belief, signals, epoch, gate)

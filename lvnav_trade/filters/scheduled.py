@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Literal, Self
+from typing import Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +61,12 @@ class GainSchedule(Card):
         if any(len(column) != n for s in self.segments for knot in s.knots for column in knot.gain):
             raise ValueError(f"every row of a gain should have {n} numbers, one a state")
         return self
+
+
+class Gains(NamedTuple):
+    """A schedule on a flight, for the kernels: gain (n_epoch, 6, n_state) of every row and state, SI."""
+
+    gain: Floats
 
 
 def digest_of(states: Sequence[str], segments: Sequence[GainSegment]) -> str:

@@ -148,6 +148,41 @@ def absorb(P, x, K, h, entries, columns, innovation, variance, gate_squared, n_e
 
 
 @jit
+def absorb_with(P, x, K, h, entries, columns, gain, innovation, variance, gate_squared, n_estimated):
+    """Absorb one scalar row as `absorb` does, but with a gain (n,) that is given: floats, the same in every run.
+
+    The covariance is carried along in Joseph's form: it is what the filter's model says of that gain, and decides
+    nothing but the gate.
+    """
+    n = size(P, 0)
+    for i in range(n):
+        k = P[i, columns[0]] * h[entries[0]]
+        for c in range(1, columns.shape[0]):
+            k = k + P[i, columns[c]] * h[entries[c]]
+        K[i] = k
+    s = like(x[0], variance)
+    residual = innovation
+    for c in range(columns.shape[0]):
+        s = s + h[entries[c]] * K[columns[c]]
+        residual = residual - h[entries[c]] * x[columns[c]]
+    believed = residual * residual <= gate_squared * s
+    taken = where(believed, 1.0, 0.0)
+    step = where(believed, residual, 0.0)
+    for i in range(n_estimated):
+        x[i] = x[i] + gain[i] * step
+    for i in range(n_estimated):
+        g = gain[i] * taken
+        for j in range(i, n):
+            value = P[i, j] - g * K[j]
+            if j < n_estimated:
+                value = value - K[i] * (gain[j] * taken) + g * s * gain[j]
+            P[i, j] = value
+            P[j, i] = value
+    inverse = 1.0 / s
+    return residual * sqrt(inverse), where(believed, inverse, 0.0)
+
+
+@jit
 def _joseph(P, K, s, weight, n_estimated, n):
     """P <- (I - g h) P (I - g h)' + g R g' with gain g = K weight on the estimated states, by elements."""
     for i in range(n_estimated):

@@ -93,6 +93,25 @@ def gravity_gradient(x: Any, y: Any, z: Any) -> Any:
 
 
 @jit
+def height_and_up(x: Any, y: Any, z: Any) -> Any:
+    """Return (height m, up x, y, z) over the ellipsoid at position x, y, z in m; up is the ellipsoid's normal.
+
+    One step of Bowring's latitude (Survey Review 23, 1976) without a division by the distance from the polar axis; the
+    height does not depend on the latitude's error to first order, and is good to 1e-6 m up to 100 km.
+    """
+    p2 = x * x + y * y
+    s = z * (SEMI_MAJOR / SEMI_MINOR)
+    n2 = p2 + s * s
+    n3 = n2 * sqrt(n2)
+    k = 1.0 - ECCENTRICITY_2 * SEMI_MAJOR * p2 / n3
+    polar = z + SECOND_ECCENTRICITY_2 * SEMI_MINOR * (s * s * s) / n3
+    scale = 1.0 / sqrt(p2 * (k * k) + polar * polar)
+    level, sine = k * scale, polar * scale
+    height = p2 * level + z * sine - SEMI_MAJOR * sqrt(1.0 - ECCENTRICITY_2 * (sine * sine))
+    return height, x * level, y * level, sine
+
+
+@jit
 def gravity_along(r: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return `gravity_j4` at positions r (n, 3) in m, frame i or e, as (n, 3) in m/s^2, the same frame."""
     g = np.empty_like(r)

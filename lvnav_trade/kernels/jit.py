@@ -36,9 +36,57 @@ def _set_cache_folder() -> None:
 _set_cache_folder()
 
 import numba  # noqa: E402  (the cache folder must be known first)
-from numba.core.registry import CPUDispatcher  # noqa: E402
+from numba.core.codegen import JITCodeLibrary, JITCPUCodegen  # noqa: E402
+from numba.core.registry import CPUDispatcher, cpu_target  # noqa: E402
 
 numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
+_PART = "_part_of_lvnav_trade"
+
+
+class Library(JITCodeLibrary):  # type: ignore[misc]  # numba tells no types
+    """What numba makes of a function; of a kernel that only kernels call, no more than its callers need.
+
+    Every caller optimises all that it calls once more, down to the bottom. So a part is tidied up and handed on: it is
+    not optimised to the end by itself, and has no machine code of its own.
+    """
+
+    @property
+    def _is_part(self) -> bool:
+        return _PART in self.name
+
+    def _optimize_final_module(self) -> None:
+        if not self._is_part:
+            super()._optimize_final_module()
+            return
+        light = {"loop_vectorize": False, "slp_vectorize": False, "opt": 0, "cost": "cheap"}  # numba's own first step
+        found = self._codegen._module_pass_manager(**light)
+        passes, *builder = found if isinstance(found, tuple) else (found,)  # alone up to numba 0.61
+        passes.run(self._final_module, *builder)
+
+    def _finalize_final_module(self) -> None:
+        if self._is_part:
+            self._finalize_dynamic_globals()
+            self._finalized = True
+        else:
+            super()._finalize_final_module()
+
+    def _get_compiled_object(self) -> Any:
+        return b"" if self._is_part else super()._get_compiled_object()
+
+
+class Codegen(JITCPUCodegen):  # type: ignore[misc]
+    """Numba's compiler, with libraries as above."""
+
+    _library_class = Library
+
+    def set_env(self, env_name: str, env: Any) -> None:
+        """Tell the machine code of a function its environment; a part has none."""
+        if self._engine.get_global_value_address(env_name):
+            super().set_env(env_name, env)
+
+
+if not numba.config.DISABLE_JIT:
+    cpu_target.target_context.codegen().__class__ = Codegen
 
 
 class Kernel(CPUDispatcher):  # type: ignore[misc]  # numba tells no types
@@ -63,7 +111,7 @@ def _compiled(function: Callable[..., Any], **how: Any) -> Callable[..., Any]:
     twin = FunctionType(
         function.__code__, function.__globals__, function.__name__, function.__defaults__, function.__closure__
     )
-    twin.__module__, twin.__qualname__ = function.__module__, f"{function.__qualname__}_inner"  # another cache file
+    twin.__module__, twin.__qualname__ = function.__module__, f"{function.__qualname__}{_PART}"  # another cache file
     kernel = numba.njit(**how)(function)
     kernel.__class__ = Kernel
     kernel.inner = numba.njit(**how, no_cpython_wrapper=True, no_cfunc_wrapper=True)(twin)

@@ -162,5 +162,8 @@ def _innovations(tables: Tables, case: str | None, stated: Mapping[str, Any]) ->
 def _named(channel: str, words: str) -> bool:
     """Whether a channel such as ``G05 range rate`` or ``position x`` is meant: its words without satellite and axis."""
     parts = channel.split(" ")
-    kind = parts[0] if parts[0] in _BY_AXIS else " ".join(parts[1:])
+    if parts[0] == "receiver":
+        kind = " ".join(["receiver", *parts[2:]])
+    else:
+        kind = parts[0] if parts[0] in _BY_AXIS else " ".join(parts[1:])
     return not words or kind == words

@@ -21,17 +21,29 @@ SATELLITE_KINDS = ("range_bias", "time_offset", "timing", "troposphere_scale", "
 SOLUTION_KINDS = ("position_bias", "velocity_bias", "timing", "troposphere_scale", "ionosphere_scale")
 
 
+HEIGHT = "height_bias"
+"""Kind of the altimeter's own lasting error."""
+
+
 class Channels(NamedTuple):
-    """The channels of a case: tight; satellites (n_sat,) names, systems letters, seen whether ever tracked."""
+    """The channels of a case: tight; satellites (n_sat,) names, systems letters, seen whether ever tracked; altimeter:
+    its height is the last channel.
+    """
 
     tight: bool
     satellites: tuple[str, ...]
     systems: tuple[str, ...]
     seen: tuple[bool, ...]
+    altimeter: bool = False
 
     @property
     def n_channel(self) -> int:
         """How many channels there are."""
+        return self.n_receiver + self.altimeter
+
+    @property
+    def n_receiver(self) -> int:
+        """How many of them are the receiver's: they come first."""
         return 2 * len(self.satellites) if self.tight else 6
 
 
@@ -61,12 +73,15 @@ def members(kind: str, channels: Channels) -> tuple[tuple[str, ...], Ints]:
     A range bias has a component for each satellite that is ever tracked, a time offset one for each system but GPS (or
     the first), a solution's bias one for each axis of frame i, everything else one for all channels.
     """
-    member = np.full(channels.n_channel, -1, dtype=np.int64)
+    member, n = np.full(channels.n_channel, -1, dtype=np.int64), channels.n_receiver
+    if kind == HEIGHT:
+        member[n:] = 0
+        return ("",) if channels.altimeter else (), member
     if not channels.tight:
         if kind not in SOLUTION_KINDS:
             return (), member
         if kind not in ("position_bias", "velocity_bias"):
-            member[:] = 0
+            member[:n] = 0
             return ("",), member
         first = 0 if kind == "position_bias" else 3
         member[first : first + 3] = range(3)
@@ -82,9 +97,9 @@ def members(kind: str, channels: Channels) -> tuple[tuple[str, ...], Ints]:
         owner = [labels.index(s) if s in labels else -1 for s in channels.systems]
     else:
         labels, owner = ("",), [0] * len(channels.satellites)
-    member[0::2] = owner
+    member[0:n:2] = owner
     if kind not in RANGE_ONLY:
-        member[1::2] = owner
+        member[1:n:2] = owner
     return labels, member
 
 
@@ -94,16 +109,20 @@ def partial(kind: str, geometry: Geometry, channels: Channels) -> Floats:
     Units: m/m and (m/s)/m of biases and lever arms, m/1 and (m/s)/1 of scale factors of delays, m/s and m/s^2 of a
     timing error. A measurement that is late by s seconds is that of s seconds before.
     """
-    n_epoch, found = len(geometry.rate), np.zeros((len(geometry.rate), channels.n_channel))
+    n_epoch, n = len(geometry.rate), channels.n_receiver
+    found = np.zeros((n_epoch, channels.n_channel))
+    if kind == HEIGHT:
+        found[:, n:] = 1.0
+        return found
     if not channels.tight:
         if kind == "timing":
-            found[:, :3], found[:, 3:] = -geometry.velocity, -geometry.push
+            found[:, :3], found[:, 3:n] = -geometry.velocity, -geometry.push
         elif kind == "troposphere_scale":
-            found[:] = geometry.solution_troposphere
+            found[:, :n] = geometry.solution_troposphere
         elif kind == "ionosphere_scale":
-            found[:] = geometry.solution_ionosphere
+            found[:, :n] = geometry.solution_ionosphere
         elif kind in SOLUTION_KINDS:
-            found[:] = 1.0
+            found[:, :n] = 1.0
         return found
     pair = {
         "timing": (-geometry.rate, -geometry.acceleration),
@@ -115,5 +134,5 @@ def partial(kind: str, geometry: Geometry, channels: Channels) -> Floats:
     elif kind in RANGE_ONLY:
         pair = (np.ones((n_epoch, len(channels.satellites))), np.zeros((n_epoch, len(channels.satellites))))
     if pair is not None:
-        found[:, 0::2], found[:, 1::2] = pair
+        found[:, 0:n:2], found[:, 1:n:2] = pair
     return found

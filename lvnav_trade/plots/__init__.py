@@ -6,13 +6,14 @@ from collections.abc import Callable
 from typing import Any
 
 from lvnav_trade.plots.budget import budget, heatmap
-from lvnav_trade.plots.chosen import autocorrelations, errors
+from lvnav_trade.plots.chosen import autocorrelations, errors, relative
 from lvnav_trade.plots.consistency import consistency
 from lvnav_trade.plots.delays import delays, latency
 from lvnav_trade.plots.errors import comparison, envelope, rank
 from lvnav_trade.plots.flight import trajectory
 from lvnav_trade.plots.impact import impact
 from lvnav_trade.plots.logic import logic
+from lvnav_trade.plots.missions import missions
 from lvnav_trade.plots.motion import apart, ignition, motion, readings, singular
 from lvnav_trade.plots.orbit import orbit
 from lvnav_trade.plots.published import locus, spread
@@ -30,6 +31,7 @@ PLOTS: dict[str, Callable[..., Any]] = {
     "latency": latency,
     "envelope": envelope,
     "errors": errors,
+    "relative": relative,
     "autocorrelation": autocorrelations,
     "locus": locus,
     "spread": spread,
@@ -48,6 +50,7 @@ PLOTS: dict[str, Callable[..., Any]] = {
     "readings": readings,
     "apart": apart,
     "orbit": orbit,
+    "missions": missions,
     "impact": impact,
 }
 """Every figure by name."""

@@ -62,6 +62,59 @@ def errors(
     return figure
 
 
+def relative(
+    results: Path | str | Tables,
+    quantity: str,
+    cases: Sequence[Mapping[str, str]] = (),
+    axis: str = "3d",
+    during: str | None = None,
+) -> Figure:
+    """Draw one error of chosen cases over that of the first one: Monte-Carlo RMS as lines, LinCov's as thin dashes.
+
+    Short dots: the filter's own sigma over its true error, which a filter that knows its errors keeps at one.
+    """
+    tables = load(results)
+    chosen = list(dict.fromkeys(case for wanted in cases for case in cases_of(tables, wanted))) or list(tables.labels)
+    frames = []
+    for case in chosen:
+        rows = rows_of(tables, case, quantity, axis)
+        first, last = phase(tables, case, during or "flight")
+        frames.append(rows[rows.t_s.between(first, last)].assign(expected_si=lincov_rms))
+    base = frames[0]
+    with look():
+        figure, grid = canvas(1, 1, 3.2 + 0.09 * len(chosen))
+        ax = grid[0, 0]
+        every = []
+        for number, (case, rows) in enumerate(zip(chosen, frames, strict=True)):
+            style = line_of(number)
+            label = tables.labels[case]
+            if number:
+                expected = _over(rows, "expected_si", base)
+                runs = len(rows) and rows.run_count.iloc[0] and base.run_count.iloc[0]
+                shown = _over(rows, "rms_si", base) if runs else expected
+                ax.plot(rows.t_s, shown, label=f"{label}, over {tables.labels[chosen[0]]}", **style)
+                ax.plot(rows.t_s, expected, color=style["color"], ls=(0, (2, 2)), lw=0.7)
+                every += [*shown, *expected]
+            own = rows.lincov_formal_si / rows.expected_si
+            ax.plot(rows.t_s, own, color=style["color"], ls=":", lw=1.0, label=f"{label}: filter's own over true")
+            every += [*own]
+        ax.axhline(1.0, color="black", lw=0.8)
+        scale_up(ax.yaxis, every)
+        ax.set_xlabel("time since lift-off (s)")
+        what = f"{quantity.replace('_', ' ')} error, {'3D' if axis == '3d' else axis} RMS"
+        ax.set_ylabel(f"ratio of {what}\n(-, of 1 sigma; short dashes: LinCov)")
+        ax.margins(x=0.01)
+        mark_events(ax, tables.events[tables.events.case == chosen[0]])
+        legend_below(figure, ax, columns=2)
+    return figure
+
+
+def _over(rows: pd.DataFrame, column: str, base: pd.DataFrame) -> pd.Series[float]:
+    """Return a column over that of other rows at the same times."""
+    below = base.set_index("t_s")[column].reindex(rows.t_s).to_numpy()
+    return rows[column] / below
+
+
 def autocorrelations(
     results: Path | str | Tables, cases: Sequence[Mapping[str, str]] = (), channels: str = ""
 ) -> Figure:

@@ -17,28 +17,30 @@ from lvnav_trade.plots.style import GREY, PALETTE, canvas, legend_below, line_of
 from lvnav_trade.store import Tables, load
 from lvnav_trade.units import parse
 
-_LEAST = 0.02
-"""Ratios below it are drawn at it: they would take the room of all others."""
+_DRAWN = 0.02, 50.0
+"""Ratios that are drawn where they are; one beyond is an arrow at the end of the axis."""
 
 
 def ratios(references: pd.DataFrame) -> Figure:
-    """Draw ours over published of every number, with its band; those outside stand out."""
+    """Draw ours over published of every number, with its band; those outside stand out.
+
+    A ratio below 0.02 or above 50 is an arrow at that end.
+    """
     frame = references[references.ratio.notna() & (references.ratio > 0)].reset_index(drop=True)
-    ratio, tiny = frame.ratio.clip(lower=_LEAST), frame.ratio < _LEAST
     alone = (frame["item"] != "") & ~frame["item"].duplicated(keep=False)
     names = [row.item if alone[row.Index] else f"{row.item or row.metric}: {row.case}" for row in frame.itertuples()]
     place = np.arange(len(frame))
-    low = np.maximum(frame.band_low, _LEAST)
+    low, high, ratio = (column.clip(*_DRAWN) for column in (frame.band_low, frame.band_high, frame.ratio))
     with look():
         figure, grid = canvas(1, 1, 1.1 + 0.17 * len(frame))
         ax = grid[0, 0]
-        ax.hlines(place, low, frame.band_high, color="#9ca3af", lw=5, alpha=0.6, label="band")
+        ax.hlines(place, low, high, color="#9ca3af", lw=5, alpha=0.6, label="band")
         for inside, colour, marker in ((True, PALETTE[0], "o"), (False, PALETTE[1], "D")):
             chosen = (frame.in_band == inside).to_numpy()
             label = "in band" if inside else "out of band"
-            ax.plot(ratio[chosen], place[chosen], marker, color=colour, ms=4.5, label=label)
-        if tiny.any():
-            ax.plot(ratio[tiny], place[tiny], "<", color="black", ms=5.5, label=f"smaller than {_LEAST:g}")
+            for end, sign in ((0.0, marker), (-1.0, "<"), (1.0, ">")):
+                here = chosen & (np.sign(frame.ratio - ratio) == end).to_numpy()
+                ax.plot(ratio[here], place[here], sign, color=colour, ms=4.5, label="" if end else label)
         ax.axvline(1.0, color=GREY, lw=0.8)
         _ratio_axis(ax)
         ax.set_yticks(place, [_short(name) for name in names], fontsize=6.5)
@@ -122,6 +124,8 @@ def locus(
         if axis in levels:
             others = ", ".join(f"{name}={level}" for name, level in levels.items() if name != axis and level != "base")
             rows.append((levels[axis], others, ours(tables, row.case, stated, unit).value))
+    if {level for level, _, _ in rows} > {"base"}:  # one at a time: of the base only a word is known, not its place
+        rows = [row for row in rows if row[0] != "base"]
     frame = pd.DataFrame(rows, columns=["level", "others", "value"])
     names = list(dict.fromkeys(frame.level))
     sizes, kind = _sizes(names)

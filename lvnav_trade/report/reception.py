@@ -204,8 +204,8 @@ def _delay_table(tables: Tables) -> Block:
     return table(pd.DataFrame(rows, columns=head), caption)
 
 
-def logic(tables: Tables) -> list[Block]:
-    """Return what filters with a logic did: starts, stops and restarts, every kind of change, and modes over time."""
+def logic_tables(tables: Tables) -> list[Block]:
+    """Return what filters with a logic did: starts, stops and restarts, and every kind of change."""
     stops, changes = METRICS["stops"](tables), METRICS["logic"](tables)
     if stops.empty:
         return []
@@ -241,6 +241,12 @@ def logic(tables: Tables) -> list[Block]:
             }
         )
         blocks.append(table(kinds, "Every kind of change: logic.csv; every single one: the table logic."))
+    return blocks
+
+
+def logic(tables: Tables) -> list[Block]:
+    """Return what filters with a logic did, in tables, and their modes over time."""
+    blocks = logic_tables(tables)
     watched = tables.cases[tables.cases.logic.fillna(False).astype(bool)].case
     group, more = _different(tables, list(watched))
     for number_, case in enumerate(group, start=1):

@@ -18,8 +18,10 @@ from lvnav_trade.metrics.published import cases_of
 from lvnav_trade.metrics.references import references
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.published import ratios
+from lvnav_trade.plots.steps import steps
 from lvnav_trade.report.blocks import Block, Code, Picture, Section, Text, number, percent, picture, table
 from lvnav_trade.report.build import render
+from lvnav_trade.report.held import held, missions_table, noise_table
 from lvnav_trade.report.kml import flights, write_kml
 from lvnav_trade.report.steered import control_tables, motion_summary, observed_table
 from lvnav_trade.store import Tables
@@ -27,6 +29,7 @@ from lvnav_trade.store import Tables
 CSV = ("references", "agreement")
 _CAPTIONS = {
     "errors": "RMS of the {quantity} error: Monte Carlo as lines, linear covariance as short dashes.",
+    "relative": "RMS of the {quantity} error over that of the first case; dots: the filter's own sigma over the true.",
     "envelope": "The {quantity} error of one case, an axis below the other.",
     "budget": "What the {quantity} error is made of.",
     "locus": "{metric} against {axis}.",
@@ -51,16 +54,25 @@ _CAPTIONS = {
     "readings": "By how much the estimate's sigma lies below the sample's; marks: what is stated.",
     "autocorrelation": "Autocorrelation of the innovations (blue: position or range, red: velocity or range rate); "
     "grey: 95 % of what one flight of white ones shows.",
+    "missions": "Flown missions among our flights.",
     "spread": "Published single flights among ours, each by itself.",
 }
 
 
 class Answered(NamedTuple):
-    """A campaign of the study with its results; stated: references, orderings, innovations as the campaign has them."""
+    """A campaign of the study with its results; stated: references, orderings, innovations as the campaign has them;
+    noise: estimates of process noise (campaign.estimate.Estimate) by the length of a step (s).
+    """
 
     part: Part
     tables: Tables
     stated: dict[str, Any]
+    noise: Sequence[tuple[float, Any]] = ()
+
+    @property
+    def flown(self) -> list[dict[str, Any]]:
+        """The published single flights that are shown among ours."""
+        return [one.model_dump(mode="json") for one in self.part.flown]
 
 
 def build(study: Study, answered: Sequence[Answered], folder: Path | str) -> Path:
@@ -187,7 +199,10 @@ def _campaign(one: Answered) -> Section:
         blocks.append(
             table(_shown(frame)[wanted], f"Published beside ours ({'; '.join(dict.fromkeys(frame.source))}).")
         )
+    blocks += missions_table(tables, one.flown)
     blocks += [*motion_summary(tables), *control_tables(tables, brief=True), *observed_table(tables)]
+    blocks += held(tables, part.tables, part.parted)
+    blocks += _noise(one)
     for place, figure in enumerate(part.figures, 1):
         drawn = _draw(one, figure)
         if drawn is not None:
@@ -205,6 +220,17 @@ def _campaign(one: Answered) -> Section:
     return Section(part.campaign, part.campaign.replace("_", " ").capitalize(), blocks)
 
 
+def _noise(one: Answered) -> list[Block]:
+    """Return process noise by phase and the error per step, of every length of a step."""
+    blocks: list[Block] = []
+    for step, found in one.noise:
+        blocks.append(noise_table(found, step))
+        drawn = steps(found.steps, [phase[:3] for phase in found.phases])
+        caption = f"Error of the unaided system, and what the transition misses of it in steps of {step:g} s."
+        blocks.append(picture(f"{one.part.campaign}-steps-{step:g}", drawn, caption))
+    return blocks
+
+
 def _draw(one: Answered, figure: Figure) -> Drawing | None:
     """Return a figure as study.yaml asks for it."""
     tables, plot = one.tables, PLOTS[figure.plot]
@@ -213,13 +239,15 @@ def _draw(one: Answered, figure: Figure) -> Drawing | None:
     drawn: Drawing | None
     if figure.plot == "spread":
         drawn = plot(tables, one.stated.get("references") or ())
-    elif figure.plot == "errors":
+    elif figure.plot in ("errors", "relative"):
         drawn = plot(tables, figure.quantity, figure.cases, figure.axis, figure.during)
     elif figure.plot == "autocorrelation":
         drawn = plot(tables, figure.cases, figure.channels)
     elif figure.plot == "locus":
         stated = {"metric": figure.metric, "at": figure.at, "during": figure.during, "statistic": figure.statistic}
         drawn = plot(tables, figure.axis, stated, figure.unit, figure.published, figure.band, figure.cases)
+    elif figure.plot == "missions":
+        drawn = plot(tables, one.flown)
     elif figure.plot in ("sweep", "readings"):
         drawn = plot(tables)
     elif figure.plot in ("worth", "apart"):

@@ -289,13 +289,15 @@ def _whiteness(prepared: Prepared, summary: BlockSummary | None) -> dict[str, An
 
 
 def _channel_names(prepared: Prepared, n_channel: int) -> list[str]:
-    """Name innovation channels: range and range rate of each satellite, or the receiver's position and velocity,
-    and what there is beside them.
+    """Name innovation channels: range and range rate of each satellite in turn, or the receiver's position and
+    velocity, and what there is beside them.
     """
-    satellites = [f"{name} {what}" for what in ("range", "range rate") for name in prepared.sky.names]
+    satellites = [f"{name} {what}" for name in prepared.sky.names for what in ("range", "range rate")]
     solution = [f"{what} {axis}" for what in ("position", "velocity") for axis in "xyz"]
     referenced = [f"{what} {axis}" for what in _REFERENCED for axis in "xyz"]
-    for names in (satellites, solution, referenced):
+    solved = [*solution, *(f"receiver {name}" for name in satellites)]
+    aided = ([*satellites, "height"], [*solution, "height"])
+    for names in (satellites, solution, referenced, solved, *aided):
         if len(names) == n_channel:
             return names
     return [f"channel {number}" for number in range(1, n_channel + 1)]

@@ -70,10 +70,13 @@ class BancroftSolution(Card):
         1, description="handed out from: 1 inconsistent residuals, 2 four satellites (no test), 3 consistent residuals"
     )
     told: ToldCard = Field(OwnCovariance(), description="covariance that goes out with a solution")
+    reported: bool = Field(
+        False, description="errors of the solution and of the clock are told beside those of the filter that takes it"
+    )
 
     def numbers(self) -> dict[str, Any]:
         """Return the settings of the point solver, SI, by the names of its arguments."""
-        return self.model_dump(exclude={"kind", "told"})
+        return self.model_dump(exclude={"kind", "told", "reported"})
 
 
 class FilteredSolution(Card):
@@ -109,6 +112,9 @@ class FilteredSolution(Card):
     )
     point: BancroftSolution | None = Field(None, description="that starts it; none: the default with its sigmas")
     told: ToldCard = Field(OwnCovariance(), description="covariance that goes out with a solution")
+    reported: bool = Field(
+        False, description="errors of the solution and of the clock are told beside those of the filter that takes it"
+    )
 
     @model_validator(mode="after")
     def _driven(self) -> Self:
@@ -124,7 +130,7 @@ class FilteredSolution(Card):
     def numbers(self) -> dict[str, Any]:
         """Return the settings of the filter, SI, by the names of its arguments."""
         driven = {"jerk", "jerk_gain", "acceleration_noise", "acceleration_gain"}
-        found = self.model_dump(exclude={"kind", "told", "point", *driven})
+        found = self.model_dump(exclude={"kind", "told", "point", "reported", *driven})
         with_acceleration = self.jerk is not None
         found["acceleration"] = with_acceleration
         found["drive_sigma"] = self.jerk if with_acceleration else self.acceleration_noise

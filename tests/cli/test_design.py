@@ -22,3 +22,19 @@ def test_too_few_runs_and_an_unknown_case_are_told_in_one_line(tmp_path):
     for more in (("--runs", "3"), ("--case", "nowhere")):
         done = call("estimate-q", "campaigns/smoke.yaml", "--set", LOOSE, "--out", str(tmp_path / "q.yaml"), *more)
         assert done.exit_code == 2
+
+
+def test_gains_are_written_as_a_card_that_a_filter_names(tmp_path):
+    card = tmp_path / "gains.yaml"
+    with flying(hop()):
+        done = call("schedule-gains", "campaigns/smoke.yaml", "--set", LOOSE, "--by", "time", "--out", str(card))
+    assert done.exit_code == 0, done.output
+    assert "position x" in done.output
+    loaded = load("campaigns/smoke.yaml", [LOOSE, f"base.filter.gains={card}"])
+    assert loaded.base.filter.gains.by == "time"
+
+
+def test_a_filter_without_such_gains_is_told_in_one_line(tmp_path):
+    with flying(hop()):
+        done = call("schedule-gains", "campaigns/smoke.yaml", "--out", str(tmp_path / "gains.yaml"))
+    assert done.exit_code == 2

@@ -31,8 +31,10 @@ DELAYS = {"corrections"}
 RECORDED = {"error_table"}
 # A model of the vehicle and its attitude reference: tests/engines/test_vehicle.py walks them on such a filter.
 MODELLED = {"envelope", "reference"}
-# Policies of a filter: walked in tests/filters/test_{late,feedforward,monitor}.py and beside.
-POLICIES = {"delay_compensation", "feedback", "logic", "init"}
+# What a radar altimeter is believed to be: tests/engines/test_altimeter.py.
+HEIGHT = {"altimeter"}
+# Policies of a filter: walked in tests/filters/test_{late,feedforward,monitor}.py, tests/campaign/test_gains.py.
+POLICIES = {"delay_compensation", "feedback", "logic", "init", "gains"}
 
 RAMP = {"start": "1 s", "end": "20 s", "amplitude": ["10 deg/h", "0 deg/h", "5 deg/h"]}
 ACCEL_RAMP = {"start": "1 s", "end": "20 s", "amplitude": ["1 mg", "0 mg", "2 mg"]}
@@ -132,7 +134,7 @@ def leaves(model, before=""):
     for name, field in model.model_fields.items():
         within = [a for a in (field.annotation, *get_args(field.annotation)) if isinstance(a, type)]
         inner = [a for a in within if issubclass(a, BaseModel)]
-        if name in DELAYS | RECORDED | POLICIES | MODELLED or (model is ReceiverCard and name in HEARING):
+        if name in DELAYS | RECORDED | POLICIES | MODELLED | HEIGHT or (model is ReceiverCard and name in HEARING):
             continue
         if inner:
             yield from leaves(inner[0], f"{before}{name}.")

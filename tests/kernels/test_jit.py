@@ -5,10 +5,13 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
+from numba.core.registry import CPUDispatcher
 
 from lvnav_trade.kernels import jit as room
 from lvnav_trade.kernels.jit import inlined, jit
@@ -98,12 +101,69 @@ def test_a_step_that_is_compiled_into_its_caller_computes_the_same() -> None:
     assert four_times(1.5) == 6.0
 
 
-def test_a_kernel_that_only_kernels_call_gets_no_entry_for_python_until_python_calls_it() -> None:
-    four_times(2.5)
-    assert _twice.inner.signatures
-    assert not _twice.signatures
-    assert _twice(2.5) == 5.0
-    assert len(_twice.signatures) == 1
+CALLERS = """
+import numpy as np
+from lvnav_trade.kernels.jit import jit
+
+@jit
+def plus_one(a):
+    return a + np.exp(0.0 * a)
+
+@jit
+def plus_two(a):
+    return plus_one(plus_one(a))
+
+@jit
+def plus_three(a):
+    return plus_two(plus_one(a))
+"""
+
+
+@pytest.fixture
+def say(tmp_path: Path) -> Callable[[str], str]:
+    """Return a function that runs a line beside the kernels above in a process of its own, and returns what it prints.
+
+    All processes of a test share a cache that is empty at first.
+    """
+    (tmp_path / "callers.py").write_text(CALLERS)
+    environment = {
+        **os.environ,
+        "NUMBA_CACHE_DIR": str(tmp_path / "kernels-here"),
+        "PYTHONPATH": os.pathsep.join([str(Path(__file__).resolve().parents[2]), str(tmp_path)]),
+    }
+
+    def run(line: str) -> str:
+        command = [sys.executable, "-c", f"from callers import *\n{line}"]
+        return subprocess.run(command, capture_output=True, text=True, env=environment, check=True).stdout.strip()
+
+    return run
+
+
+def test_a_kernel_that_only_kernels_call_gets_no_entry_for_python_until_python_calls_it(say) -> None:
+    entries = "len(plus_one.inner.signatures), len(plus_one.signatures)"
+    assert say(f"plus_two(1.0); print({entries}); print(plus_one(2.0), {entries})") == "1 0\n3.0 1 1"
+
+
+def test_a_kernel_that_only_kernels_call_has_no_machine_code_of_its_own(say) -> None:
+    size = "len(next(iter({}.overloads.values())).library._get_compiled_object())"
+    part, whole = say(f"plus_two(1.0); print({size.format('plus_one.inner')}, {size.format('plus_two')})").split()
+    assert int(part) == 0
+    assert int(whole) > 500
+
+
+def test_code_of_others_is_compiled_as_ever() -> None:
+    @numba.njit
+    def halve(a):
+        return 0.5 * a
+
+    assert halve(3.0) == 1.5
+    assert type(halve) is CPUDispatcher
+
+
+def test_what_one_process_has_kept_of_a_kernel_another_one_builds_a_new_caller_with(say) -> None:
+    assert say("print(plus_two(1.0))") == "3.0"
+    assert say("print(plus_three(1.0), sum(plus_one.inner.stats.cache_hits.values()))") == "4.0 1"
+    assert say("print(plus_one(1.0), plus_three(2.0))") == "2.0 5.0"
 
 
 def test_without_compilation_a_kernel_is_the_python_function() -> None:

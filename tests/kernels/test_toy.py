@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from lvnav_trade.engines.cover import _absorb_shared
+from lvnav_trade.engines.absorbed import _absorb_shared
 from lvnav_trade.kernels.covariance import absorb, predict
 from lvnav_trade.kernels.joint import propagate_component, update_covariance, update_vector
 from lvnav_trade.kernels.transition import POS, VEL

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.references import references
+from lvnav_trade.metrics.references import _named, references
 
 
 def test_references_are_held_against_their_band_in_their_own_unit(good):
@@ -76,3 +76,11 @@ def test_innovations_drawn_white_are_called_white(good, white):
     assert found.in_band == white
     assert 0.0 < found.ours < 0.03  # eight channels, ten lags, 199 runs of 99 epochs: a sigma of 0.007
     assert "of 8 channels" in found.remark
+
+
+def test_the_channels_of_the_receivers_own_filter_are_meant_by_its_name():
+    assert _named("receiver G05 range rate", "receiver range rate")
+    assert not _named("receiver G05 range rate", "range rate")
+    assert _named("G05 range rate", "range rate")
+    assert _named("position x", "position")
+    assert not _named("receiver G05 range", "position")

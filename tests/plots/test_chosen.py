@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.plots.chosen import autocorrelations, errors
+from lvnav_trade.plots.chosen import autocorrelations, errors, relative
 from tests import synthetic
 
 
@@ -38,3 +38,15 @@ def test_every_case_has_a_panel_with_a_line_per_channel(tables):
     panel = next(ax for ax in figure.axes if ax.get_title() == "imu=fine")
     assert len(panel.get_lines()) == synthetic.N_SAT
     assert list(panel.get_lines()[0].get_xdata()) == list(range(1, 11))
+
+
+def test_relative_errors_are_over_those_of_the_first_case(tables):
+    ax = relative(tables, "velocity", [{"imu": "fine"}, {"imu": "coarse"}], "north", "liftoff to stage1_cutoff").axes[0]
+    lines = {line.get_label(): line for line in ax.get_lines()}
+    history = tables.history
+    rows = history[(history.quantity == "velocity") & (history.axis == "north") & history.t_s.between(0.0, 40.0)]
+    fine, coarse = (rows[rows.case == case] for case in ("aaaaaaaaaaaa", "bbbbbbbbbbbb"))
+    over = lines["imu=coarse, over imu=fine"].get_ydata()
+    np.testing.assert_allclose(over, coarse.rms_si.to_numpy() / fine.rms_si.to_numpy())
+    own = lines["imu=fine: filter's own over true"].get_ydata()
+    np.testing.assert_allclose(own, fine.lincov_formal_si / np.hypot(fine.lincov_true_si, fine.lincov_mean_si))

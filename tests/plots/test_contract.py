@@ -30,6 +30,7 @@ ARGUMENTS = {
     "latency": (CASE,),
     "envelope": (CASE, "velocity"),
     "errors": ("position",),
+    "relative": ("position",),
     "autocorrelation": (),
     "locus": ("imu", {"metric": "velocity_error_3d"}, "m/s"),
     "spread": ([{"metric": "velocity_error_3d", "value": 0.5, "unit": "m/s", "single": True}],),
@@ -39,6 +40,7 @@ ARGUMENTS = {
     "heatmap": (CASE, "velocity"),
     "consistency": (CASE,),
     "orbit": (CASE,),
+    "missions": ([{"item": "M, x", "metric": "velocity_error_3d", "value": 0.5, "unit": "m/s"}],),
     "impact": (CASE,),
 }
 
@@ -55,7 +57,9 @@ def test_every_axis_is_labelled(name, good):
         assert (
             axes.get_ylabel()
             or name == "sky"
-            or (name in ("rank", "heatmap", "autocorrelation") and not axes.get_subplotspec().is_first_col())
+            or (
+                name in ("rank", "heatmap", "autocorrelation", "missions") and not axes.get_subplotspec().is_first_col()
+            )
         )
 
 
@@ -63,7 +67,7 @@ def test_every_axis_is_labelled(name, good):
 @pytest.mark.parametrize("which", ["good", "alone"])
 def test_every_figure_can_be_saved(name, which, request, tmp_path):
     figure = PLOTS[name](request.getfixturevalue(which), *ARGUMENTS[name])
-    if (name, which) == ("spread", "alone"):
+    if (name, which) in (("spread", "alone"), ("missions", "alone")):
         assert figure is None  # there are no flights to stand by themselves
         return
     with look():

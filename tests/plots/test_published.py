@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 import pytest
 
@@ -29,13 +31,20 @@ def test_every_ratio_is_a_mark_and_those_out_of_band_are_told_apart(tables):
     assert ax.get_xlabel() == "ours / published (-)"
 
 
-def test_a_ratio_next_to_nothing_stands_at_the_edge_and_items_that_stand_alone_need_no_case(tables):
-    frame = references(tables).assign(ratio=1e-5, item="")
-    frame.loc[0, "item"] = "alone"
+def test_a_ratio_far_beyond_is_an_arrow_at_the_end_of_the_axis(tables):
+    frame = references(tables)
+    frame.loc[0, ["ratio", "band_low", "band_high"]] = [1e-5, 0.0, 900.0]
     ax = ratios(frame).axes[0]
-    drawn = {line.get_label(): line.get_xdata() for line in ax.get_lines()}
-    np.testing.assert_allclose(drawn["smaller than 0.02"], 0.02)
-    assert ax.get_yticklabels()[0].get_text() == "alone"
+    arrows = {line.get_marker(): list(line.get_xdata()) for line in ax.get_lines() if len(line.get_xdata())}
+    assert arrows["<"] == [0.02]
+    assert ">" not in arrows
+    assert next(tuple(piece[:, 0]) for piece in ax.collections[0].get_segments()) == (0.02, 50.0)
+
+
+def test_items_that_stand_alone_need_no_case(tables):
+    frame = references(tables).assign(item="")
+    frame.loc[0, "item"] = "alone"
+    assert ratios(frame).axes[0].get_yticklabels()[0].get_text() == "alone"
 
 
 def test_a_single_flight_stands_among_ours_each_over_the_published_number(tables):
@@ -58,3 +67,12 @@ def test_a_locus_has_the_published_value_as_a_line_and_levels_by_name(tables):
     assert set(published) == {30.0}
     assert [label.get_text() for label in ax.get_xticklabels()] == ["fine", "coarse"]
     assert ax.get_ylabel() == "velocity error 3d at injection\n(cm/s)"
+
+
+def test_the_base_of_one_at_a_time_has_no_place_among_the_levels(tables):
+    cases = tables.cases.assign(axes=['{"imu": "base"}', '{"imu": "2 deg/h"}'])
+    other = copy.copy(tables)
+    other._read = {**tables._read, "cases": cases}
+    ax = locus(other, "imu", STATED, "cm/s").axes[0]
+    assert list(ax.get_lines()[0].get_xdata()) == [2.0]
+    assert ax.get_xlabel() == "imu (deg/h)"

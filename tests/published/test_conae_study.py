@@ -25,23 +25,35 @@ RUNS = {
     ),
     "delay": (),
     "hil_like": (),
+    "hil_sizes": ("axes=[{path: constellation.range_error, values: [0 m, 8 m]}]",),
     "imu_temperature": (),
     "pvt_satellites": ("axes.1.values=[6]",),
     "pvt_sources": LITERAL,
+    "receiver": (
+        "axes.0.values=[{kind: bancroft, range_sigma: 2 m, rate_sigma: 0.1 m/s, refinements: 0, reported: true}, "
+        "{kind: filtered, range_sigma: 2 m, rate_sigma: 0.1 m/s, jerk: 0.5 m/s^3, jerk_gain: 0.01 1/s^2, "
+        "clock_noise: 0.005 m/s^2, range_gain: 1 m*s^2, rate_gain: 0.01 m, reported: true}]",
+        "axes.0.labels=[Bancroft, 'EKF-GNSS #1']",
+        "axes.1.values=[[]]",
+        "axes.1.labels=[none]",
+    ),
     "troposphere": (),
 }
 """What each small version leaves out."""
 LOCI = {
+    "delay_cost": "axes=[{path: receiver.latency, values: [0 ms, 300 ms]}]",
     "settings": "axes=[{path: filter.imu.gyro_bias_walk, values: [0.0001 deg/s/sqrt(s), 0.0292 deg/s/sqrt(s)]}]",
     "imu_noise": "axes=[{path: filter.neglect, values: [[], [gyro_bias, accel_bias]]}]",
 }
 HOLD = {
     "antenna_failure": ("failure in the second burn: tight, filtered, point", "recovery in the second burn"),
     "delay": ("SIL uncompensated", "in time, compensated", "loose: compensated"),
+    "hil_sizes": (),
     "hil_like": ("HIL, position that stays", "HIL, least satellites"),
     "imu_temperature": ("pitch", "angular velocity"),
     "pvt_satellites": ("Bancroft",),
     "pvt_sources": ("PV simulation and noise, position", "EKF-GNSS #1", "EKF-GNSS #3"),
+    "receiver": ("clock bias", "clock drift", "position", "velocity"),
     "troposphere": ("what the correction leaves", "the gain law is better", "the mask is needed"),
 }
 """Beginnings of the items that hold with eight runs too."""

@@ -1,0 +1,42 @@
+"""The height that a radar altimeter measures: against geodetic coordinates, and its row against differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lvnav_trade.frames import ecef_from_geodetic
+from lvnav_trade.kernels.strapdown import N_NAV, Q, R
+from lvnav_trade.observables.altitude import observe, row
+from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_VEL, N_ENTRY
+
+PLACES = [(lat, lon, h) for lat in (-90.0, -38.6, 0.0, 13.73, 45.0, 89.99) for lon, h in ((0.0, 10.0), (80.23, 5e3))]
+
+
+def predicted(position, h=None):
+    nav = np.zeros(N_NAV)
+    nav[Q], nav[R : R + 3] = 1.0, position
+    return row(np.zeros(N_ENTRY) if h is None else h, nav)
+
+
+@pytest.mark.parametrize(("latitude", "longitude", "height"), PLACES)
+def test_the_prediction_is_the_ellipsoidal_height(latitude, longitude, height):
+    place = ecef_from_geodetic(np.radians(latitude), np.radians(longitude), height)
+    assert predicted(place) == pytest.approx(height, abs=1e-6)  # m
+
+
+@pytest.mark.parametrize(("latitude", "longitude", "height"), PLACES)
+def test_the_row_is_the_derivative_with_respect_to_position_and_nothing_else(latitude, longitude, height):
+    place = ecef_from_geodetic(np.radians(latitude), np.radians(longitude), height)
+    h = np.full(N_ENTRY, np.nan)
+    predicted(place, h)
+    for axis in range(3):
+        step = 100.0 * np.eye(3)[axis]
+        slope = (predicted(place + step) - predicted(place - step)) / 200.0
+        assert h[H_POS + axis] == pytest.approx(slope, abs=1e-7)
+    assert np.linalg.norm(h[H_POS : H_POS + 3]) == pytest.approx(1.0, abs=1e-12)
+    assert not np.any(h[[*range(H_ATT, H_ATT + 3), *range(H_VEL, H_VEL + 3), H_CLOCK]])
+
+
+def test_a_measurement_is_the_true_height_with_noise():
+    assert observe(1200.0, 2.0, -1.5) == 1197.0
