@@ -1,0 +1,117 @@
+"""A small version of every campaign of the GAINS study: eight runs of the cases that its statements rest on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from lvnav_trade import api
+from lvnav_trade.campaign.load import load
+from lvnav_trade.campaign.study import load_study
+from lvnav_trade.metrics import METRICS
+from lvnav_trade.metrics.coverage import coverage
+from lvnav_trade.metrics.parted import parted
+from lvnav_trade.metrics.references import references
+
+FOLDER = Path(__file__).resolve().parents[2] / "campaigns" / "gains"
+SMALL = (
+    "monte_carlo={runs: 8, block: 8}",
+    "covariance={budget: false, adjoint: false, observability: false}",
+    "keep.history=5 s",
+)
+ORBITS = (
+    "axes=[{path: receiver.solution.velocity_bias, values: [0.3 m/s]}, "
+    "{path: filter, cards: [filters/loose_gains_004]}]"
+)
+FEW = {
+    "polar": (ORBITS,),
+    "transfer_orbit": ("axes.0.values=[0.3 m/s]", "axes.1.cards=[filters/loose_gains_004]", "axes.2.labels=[base]",
+                       "axes.2.values=[trajectories/pslv_sub_gto]"),
+    "process_noise": ("axes.1.cards=[imu/navigation]", "axes.1.labels=[nominal]"),
+    "design_validation": ("axes=[{path: faults, labels: [loss of 40 s, wild samples of 80 s], values: ["
+                          "[{kind: satellite_outage, start: stage4_ignition, duration: 40 s}], "
+                          "[{kind: wild_samples, start: 600 s, duration: 80 s, sigma: 5 km}]]}]",),
+    "robustness": (),
+    "open_closed": ("axes.0.cards=[imu/navigation_matched, imu/tactical_mems_matched]",),
+    "scheduled_gain": ("axes.1.values=[trajectories/recovery_polar]", "axes.1.labels=[nominal]"),
+    "deboost": ("axes.1.values=[[{kind: satellite_outage, start: entry, duration: 600 s}]]",
+                "axes.1.labels=[lost from the entry on]"),
+}  # fmt: skip
+"""What each small version leaves out."""
+HOLD = {
+    "polar": ("apogee", "perigee", "inclination", "velocity over all"),
+    "transfer_orbit": ("apogee", "inclination", "velocity over all"),
+    "robustness": ("invalid output", "frozen output", "bursts of wild samples", "wild samples of 80 s"),
+    "open_closed": ("small errors", "large errors"),
+    "scheduled_gain": ("nominal: within 20 %",),
+    "deboost": ("lost from the entry on",),
+}
+"""Beginnings of the items that hold with eight runs too."""
+CONDITIONS = (
+    "low noise", "high noise", "intermittent loss", "bursts of wild samples", "latency", "recorded errors", "3-sigma",
+    "process noise", "loss of 300 s before injection",
+)  # fmt: skip
+"""What section 6 asks for."""
+DONE = {
+    ("none", "waiting", "converging", "good samples in a row"),
+    ("none", "converging", "aiding", "converged"),
+    ("invalid output", "aiding", "predicting", "data lost"),
+    ("frozen output", "aiding", "predicting", "data lost"),
+    ("bad geometry", "predicting", "aiding", "data again"),
+    ("loss of 40 s", "predicting", "aiding", "data again"),
+    ("loss before convergence", "converging", "waiting", "data lost"),
+}
+"""Changes that a fault must bring about with all rules: fault, from, to, reason."""
+
+
+def flown(name: str, tmp_path: Path) -> api.Results:
+    return api.run(FOLDER / f"{name}.yaml", (*SMALL, *FEW[name]), tmp_path, jobs=1, report=False)
+
+
+def test_every_campaign_of_the_folder_is_in_the_study_and_has_a_small_version() -> None:
+    study, questions = load_study(FOLDER)
+    files = {path.stem for path in FOLDER.glob("*.yaml")} - {"study"}
+    assert files == {one.campaign.name for one in questions} == set(FEW)
+    assert study.assumptions
+
+
+@pytest.mark.parametrize("name", HOLD)
+def test_what_is_stated_holds_with_a_few_runs(name: str, tmp_path: Path) -> None:
+    results = flown(name, tmp_path)
+    assert results.failures == []
+    frame = references(results.tables)
+    asked = frame[frame.item.str.startswith(HOLD[name]) & frame.ours.notna()]
+    assert set(HOLD[name]) == {start for start in HOLD[name] if asked.item.str.startswith(start).any()}
+    out = asked[~asked.in_band]
+    assert out.empty, out.to_string()
+    if name == "robustness":
+        rows = METRICS["logic"](results.tables)
+        rows = rows[rows.case.str.contains("all rules")]
+        fault = rows.case.str.extract("faults=(.*)$")[0]
+        found = set(zip(fault, rows.from_mode, rows.to_mode, rows.reason, strict=True))
+        assert found >= DONE
+        quiet = {row for row in found if row[0] == "none"}
+        assert len(quiet) == 2  # without a fault it starts, converges, and nothing else
+    if name == "open_closed":
+        apart = parted(results.tables, "feedback")
+        last = apart[(apart.event == "injection") & (apart.quantity == "velocity")].set_index("case").parted_ratio
+        assert last["imu=navigation_matched"] < 0.01 < last["imu=tactical_mems_matched"]
+
+
+def test_process_noise_of_the_ensemble_makes_the_filter_honest(tmp_path: Path) -> None:
+    frame = coverage(flown("process_noise", tmp_path).tables)
+    at = frame[(frame.event == "injection") & (frame.quantity == "velocity")].set_index("case").inside_ratio
+    none, slow = (at[next(case for case in at.index if word in case)] for word in ("no process noise", "100 s"))
+    assert none <= slow
+    assert slow == 1.0  # of 24 axes; one in 400 is beyond
+
+
+def test_every_cell_of_the_design_validation_has_a_verdict(tmp_path: Path) -> None:
+    verdicts = METRICS["requirements"](flown("design_validation", tmp_path).tables)
+    assert len(verdicts) == 3
+    assert set(verdicts.verdict) <= {"met", "violated", "undecided"}
+    matrix = load(FOLDER / "design_validation.yaml")
+    told = " ".join(label for axis in matrix.axes for label in axis.labels or axis.cards or ())
+    for condition in CONDITIONS:
+        assert condition in told
