@@ -25,7 +25,7 @@ def imu(name: str) -> ImuCard:
     return ImuCard.model_validate(tree.plain(tree.read(shipped("configs") / "imu" / f"{name}.yaml")))
 
 
-READINGS = ("_published", "_unbiased")
+READINGS = ("_published", "_unbiased", "_3sigma")
 """Endings of cards that are another reading of a unit whose twin there is."""
 
 
