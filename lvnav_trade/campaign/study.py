@@ -26,11 +26,13 @@ class Figure(Card):
     plot: Literal[
         "errors", "relative", "locus", "spread", "envelope", "budget", "consistency", "autocorrelation", "trajectory",
         "satellites", "sky", "timeline", "delays", "latency", "orbit", "impact", "logic",
-        "missions", "motion", "ignition", "singular", "movement", "sweep", "turning", "worth", "readings",
+        "missions", "motion", "ignition", "singular", "movement", "sweep", "turning", "worth", "readings", "apart",
     ]  # fmt: skip
     caption: str = ""
     case: Case = Field(default_factory=dict, description="level of each axis: the one case that is drawn")
-    cases: tuple[Case, ...] = Field((), description="of errors, relative and worth: the cases; all if absent")
+    cases: tuple[Case, ...] = Field(
+        (), description="of errors, relative, worth: the cases, all if absent; of apart: pairs of cases"
+    )
     quantity: str = Field("position", description="of errors, envelope, budget and motion")
     axis: str = Field("3d", description="of errors, relative: the axis; of locus: the axis that is varied")
     during: str | None = Field(None, description="of errors, relative, locus: the phase")

@@ -24,7 +24,7 @@ from lvnav_trade.report.blocks import Block, Code, Picture, Section, Text, numbe
 from lvnav_trade.report.build import render
 from lvnav_trade.report.held import held, missions_table, noise_table
 from lvnav_trade.report.kml import flights, write_kml
-from lvnav_trade.report.steered import control_tables, motion_table, observed_table
+from lvnav_trade.report.steered import control_tables, motion_summary, observed_table
 from lvnav_trade.store import Tables
 
 CSV = ("references", "agreement")
@@ -51,6 +51,7 @@ _CAPTIONS = {
     "sweep": "How much less the nozzle moves with the filtered rate, over the rate gain.",
     "turning": "True angular acceleration in pitch and jerk along z of one run, and what the filter expects.",
     "worth": "What feeds the controller is worth: movement of the nozzle, and how well the attitude is held.",
+    "apart": "By how many percent the true sigma of one case is smaller than that of another, linear covariance.",
     "readings": "By how much the estimate's sigma lies below the sample's; marks: what is stated.",
     "autocorrelation": "Autocorrelation of the innovations (blue: position or range, red: velocity or range rate); "
     "grey: 95 % of what one flight of white ones shows.",
@@ -200,7 +201,7 @@ def _campaign(one: Answered) -> Section:
             table(_shown(frame)[wanted], f"Published beside ours ({'; '.join(dict.fromkeys(frame.source))}).")
         )
     blocks += missions_table(tables, one.flown)
-    blocks += [*motion_table(tables), *control_tables(tables), *observed_table(tables)]
+    blocks += [*motion_summary(tables), *control_tables(tables, brief=True), *observed_table(tables)]
     blocks += held(tables, part.tables, part.parted)
     blocks += _behind(one)
     for place, figure in enumerate(part.figures, 1):
@@ -255,7 +256,7 @@ def _draw(one: Answered, figure: Figure) -> Drawing | None:
         drawn = plot(tables, one.flown)
     elif figure.plot in ("sweep", "readings"):
         drawn = plot(tables)
-    elif figure.plot == "worth":
+    elif figure.plot in ("worth", "apart"):
         drawn = plot(tables, figure.cases)
     elif figure.plot in ("envelope", "budget", "motion"):
         drawn = plot(tables, cases_of(tables, figure.case)[0], figure.quantity)
