@@ -82,15 +82,11 @@ def mark_events(axes: Axes, events: pd.DataFrame, names: bool = True, numbers: b
     for t in flown.t_s.unique():
         axes.axvline(t, color=GREY, linewidth=0.7, zorder=1.5)
     if names:
-        for first, last in _groups(flown.t_s.to_numpy(), room):
+        groups = _groups(flown.t_s.to_numpy(), room)
+        starts = [(float(flown.t_s.iloc[first]) - low) / (high - low) for first, _ in groups]
+        for (first, last), leftward in zip(groups, _leftward(starts), strict=True):
             text = _span(first, last) if numbers else _joined(list(flown.event.iloc[first : last + 1]))
-            _name(
-                axes,
-                float(flown.t_s.iloc[first]),
-                text,
-                numbers,
-                float(flown.t_s.iloc[first]) > low + 0.85 * (high - low),
-            )
+            _name(axes, float(flown.t_s.iloc[first]), text, numbers, leftward)
 
 
 def event_key(events: pd.DataFrame) -> str:
@@ -115,6 +111,17 @@ def _groups(t: NDArray[np.float64], room: float) -> list[tuple[int, int]]:
         else:
             found.append((index, index))
     return found
+
+
+def _leftward(starts: list[float]) -> list[bool]:
+    """Return which names lean to the left: where the last stands near the right edge, all after the widest gap of the
+    right half, so that no two lean towards each other where they are close. starts: parts of the axis.
+    """
+    if not starts or starts[-1] <= 0.85:
+        return [False] * len(starts)
+    gaps = [(start - before, start) for before, start in zip([0.5, *starts], starts, strict=False) if start > 0.5]
+    turn = max(gaps)[1]
+    return [start >= turn for start in starts]
 
 
 def _span(first: int, last: int) -> str:

@@ -24,6 +24,14 @@ def test_close_events_share_one_name_and_none_is_lost():
     )
 
 
+def test_names_near_the_right_edge_lean_left_from_the_widest_gap_on():
+    assert style._leftward([0.1, 0.3, 0.8, 0.95]) == [False, False, True, True]
+    assert style._leftward([0.1, 0.5, 0.6, 0.95]) == [False, False, False, True]
+    assert style._leftward([0.1, 0.3, 0.8]) == [False, False, False]
+    assert style._leftward([0.9]) == [True]
+    assert style._leftward([]) == []
+
+
 def test_numbers_of_events_have_a_key(good):
     events = good.events[good.events.case == CASE]
     assert style.event_key(events) == "1 liftoff   2 stage1 cutoff   3 injection"

@@ -41,9 +41,9 @@ def flown(name, tmp_path, *settings):
 
 def test_every_campaign_of_the_study_is_good_and_its_page_is_written():
     study, parts = load_study(campaign_file("campaigns/drdc/study.yaml").parent)
-    assert len(parts) == len(study.campaigns) == 4
+    assert len(parts) == len(study.campaigns) == 5
     assert len(study.assumptions) > 5
-    assert all(part.campaign.references for part in parts if part.part.campaign != "twenty_launches")
+    assert {part.part.campaign for part in parts if not part.campaign.references} == {"twenty_launches", "envelope"}
 
 
 def test_rates_and_accelerations_are_better_than_the_samples_and_the_navigation_hardly(tmp_path):
@@ -87,6 +87,26 @@ def test_the_nozzle_moves_less_with_the_filtered_rate(tmp_path):
     assert len(whole) == 6
     assert whole.min() > 0.0
     assert "The vehicle under control" in build(tables.folder).read_text(encoding="utf-8")
+
+
+def test_a_narrower_envelope_moves_the_nozzle_less(tmp_path):
+    launch = steady_launch(20.0, gust=3.0, moment=0.003, force=0.03)
+
+    def believing(scenario):
+        burn = scenario.filter.envelope.burn
+        return launch._replace(envelope=launch.envelope.model_copy(update={"burn": burn}))
+
+    with (
+        patch.object(controlled, "launch_of", believing),
+        patch.object(controlled, "_burns_of", lambda _: [(0.0, 13.0)]),
+    ):
+        found = METRICS["worth"](
+            flown("envelope", tmp_path, "monte_carlo.runs=8", "axes.0.labels=[published, datasheet]")
+        )
+    pitch = found[found.case.str.contains("datasheet") & (found.axis == "pitch")]
+    assert len(pitch) == 4
+    assert pitch.less_percent.is_monotonic_increasing
+    assert (pitch.less_percent < pitch.possible_percent).all()
 
 
 @pytest.mark.slow
