@@ -52,6 +52,14 @@ class Ensemble(Card):
     steps: tuple[Duration, ...] = Field(description="lengths of a step")
 
 
+class Single(Card):
+    """One flight of two cases on the same draws."""
+
+    aided: Case
+    unaided: Case
+    run: int = Field(0, ge=0)
+
+
 class Part(Card):
     """A campaign of the study."""
 
@@ -67,6 +75,9 @@ class Part(Card):
         (), description="published numbers of single flights, shown among ours; items are 'MISSION, WHAT'"
     )
     noise: Ensemble | None = Field(None, description="process noise of an ensemble of the first case, as estimate-q")
+    single: Single | None = Field(
+        None, description="one flight: the unaided error, what is estimated of it, what is left"
+    )
     kml: Case | None = Field(
         None, description="level of each axis: the case whose flight is kept as KML, with its 3-sigma position errors"
     )

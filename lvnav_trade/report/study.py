@@ -18,6 +18,7 @@ from lvnav_trade.metrics.published import cases_of
 from lvnav_trade.metrics.references import references
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.published import ratios
+from lvnav_trade.plots.single import single
 from lvnav_trade.plots.steps import steps
 from lvnav_trade.report.blocks import Block, Code, Picture, Section, Text, number, percent, picture, table
 from lvnav_trade.report.build import render
@@ -61,13 +62,13 @@ _CAPTIONS = {
 
 class Answered(NamedTuple):
     """A campaign of the study with its results; stated: references, orderings, innovations as the campaign has them;
-    noise: estimates of process noise (campaign.estimate.Estimate) by the length of a step (s).
+    behind: what the study computes beside them (campaign.behind.Behind), or None.
     """
 
     part: Part
     tables: Tables
     stated: dict[str, Any]
-    noise: Sequence[tuple[float, Any]] = ()
+    behind: Any = None
 
     @property
     def flown(self) -> list[dict[str, Any]]:
@@ -202,7 +203,7 @@ def _campaign(one: Answered) -> Section:
     blocks += missions_table(tables, one.flown)
     blocks += [*motion_summary(tables), *control_tables(tables, brief=True), *observed_table(tables)]
     blocks += held(tables, part.tables, part.parted)
-    blocks += _noise(one)
+    blocks += _behind(one)
     for place, figure in enumerate(part.figures, 1):
         drawn = _draw(one, figure)
         if drawn is not None:
@@ -220,10 +221,15 @@ def _campaign(one: Answered) -> Section:
     return Section(part.campaign, part.campaign.replace("_", " ").capitalize(), blocks)
 
 
-def _noise(one: Answered) -> list[Block]:
-    """Return process noise by phase and the error per step, of every length of a step."""
+def _behind(one: Answered) -> list[Block]:
+    """Return process noise by phase and the error per step, of every length of a step; a single flight."""
     blocks: list[Block] = []
-    for step, found in one.noise:
+    if one.behind is None:
+        return blocks
+    if one.behind.single is not None:
+        caption = f"One flight (run {one.part.single.run if one.part.single else 0}): what the filter estimates."
+        blocks.append(picture(f"{one.part.campaign}-single", single(one.behind.single), caption))
+    for step, found in one.behind.noise:
         blocks.append(noise_table(found, step))
         drawn = steps(found.steps, [phase[:3] for phase in found.phases])
         caption = f"Error of the unaided system, and what the transition misses of it in steps of {step:g} s."

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from lvnav_trade import api
@@ -115,3 +116,26 @@ def test_every_cell_of_the_design_validation_has_a_verdict(tmp_path: Path) -> No
     told = " ".join(label for axis in matrix.axes for label in axis.labels or axis.cards or ())
     for condition in CONDITIONS:
         assert condition in told
+
+
+def test_the_stored_gains_are_those_that_are_computed_again(tmp_path: Path) -> None:
+    own = ("axes.0.cards=[filters/loose_gains_004_12]", "axes.0.labels=[own gains]", *FEW["scheduled_gain"])
+    again = api.schedule_gains(FOLDER / "scheduled_gain.yaml", tmp_path / "gains.yaml", own, tolerance=0.05)
+    kept = load(FOLDER / "scheduled_gain.yaml").axes[0].values[1]["gains"]  # type: ignore[index]
+    assert [segment["event"] for segment in kept["segments"]] == [segment.event for segment in again.segments]
+    for old, new in zip(kept["segments"], again.segments, strict=True):
+        assert [knot["since"] for knot in old["knots"]] == [knot.since for knot in new.knots]
+        theirs = np.array([knot["gain"] for knot in old["knots"]])
+        ours = np.array([knot.gain for knot in new.knots])
+        np.testing.assert_allclose(ours, theirs, rtol=2e-3, atol=1e-3 * np.abs(theirs).max(axis=(0, 1)))
+
+
+def test_the_stored_process_noise_is_what_an_ensemble_asks_for(tmp_path: Path) -> None:
+    few = ("axes.0.cards=[filters/loose]", "axes.0.labels=[none]", *FEW["process_noise"])
+    campaign = FOLDER / "process_noise.yaml"
+    for step in (1, 100):
+        found, _ = api.estimate_q(campaign, tmp_path / "q.yaml", few, runs=16, step=float(step))
+        kept = load(campaign, [f"base.filter=filters/loose_gains_004_q_{step}s"]).base.filter
+        # a variance of 16 runs, three axes: within 1.5 as a sigma
+        assert found.card.velocity_noise == pytest.approx(kept.velocity_noise, rel=0.5)
+        assert found.card.attitude_noise == pytest.approx(kept.attitude_noise, rel=0.5)
