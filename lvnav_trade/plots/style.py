@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import Any
 
@@ -19,6 +20,7 @@ PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 """Okabe and Ito's colours, darkest contrasts first; further cases repeat them with other dashes."""
 DASHES = ("-", "--", "-.", ":")
 GREY = "#6b7280"
+_APART, _KEY_LENGTH = "   ", 105  # between events of a key; letters of 7.5 points that the page's width has room for
 
 _LOOK: Any = {
     "font.family": "DejaVu Sans",
@@ -88,10 +90,12 @@ def mark_events(axes: Axes, events: pd.DataFrame, names: bool = True, numbers: b
 
 
 def event_key(events: pd.DataFrame) -> str:
-    """Return what the numbers of `mark_events` stand for, in two lines at most."""
+    """Return what the numbers of `mark_events` stand for, in lines of similar length that a figure has room for."""
     told = [f"{number} {name.replace('_', ' ')}" for number, name in enumerate(_flown(events).event, start=1)]
-    half = (len(told) + 1) // 2 if len(told) > 6 else len(told)
-    return "\n".join("   ".join(part) for part in (told[:half], told[half:]) if part)
+    ends = np.cumsum([len(name) + len(_APART) for name in told])
+    count = max(1 + (len(told) > 6), math.ceil(ends[-1] / _KEY_LENGTH)) if told else 0
+    line = np.minimum((ends - 1) * count // ends[-1], count - 1) if told else ends
+    return "\n".join(_APART.join(np.array(told)[line == number]) for number in range(count))
 
 
 def _flown(events: pd.DataFrame) -> pd.DataFrame:
