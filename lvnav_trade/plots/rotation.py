@@ -169,15 +169,16 @@ def worth(results: Path | str | Tables, cases: Sequence[Mapping[str, str]] = ())
                 grid[0, column].bar(x, rows[f"{feed}_deg"], 0.25, color=colour, label=f"{feed} rate")
                 grid[1, column].bar(x, rows[f"{feed}_error_mrad"], 0.25, color=colour)
             for at_case, row in zip(place, rows.itertuples(), strict=True):
-                told, at = f"filtered: {row.less_percent:.1f} % less", (at_case, row.raw_deg)
+                told, at = f"{row.less_percent:.1f} % less", (at_case, row.raw_deg)
                 grid[0, column].annotate(told, at, (0, 3), textcoords="offset points", ha="center", fontsize=7)
             grid[0, column].margins(y=0.12)
             grid[0, column].set_title(axis)
-            grid[1, column].set_xticks(place, [textwrap.fill(name, 18) for name in names.values()])
+            labels = [textwrap.fill(name.replace("^2", "²"), 18) for name in names.values()]
+            grid[1, column].set_xticks(place, labels, fontsize=8.5 if len(names) < 4 else 7.0)
             grid[1, column].set_xlabel("case")
             for axes in grid[:, column]:
                 axes.grid(axis="x", visible=False)
-        grid[0, 0].set_ylabel("total nozzle movement (deg)")
+        grid[0, 0].set_ylabel("total nozzle movement (deg)\nin %: less with the filtered rate")
         grid[1, 0].set_ylabel("attitude error in burns\n(mrad, RMS)")
         legend_below(figure, grid[0, 0])
     return figure

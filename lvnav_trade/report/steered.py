@@ -42,8 +42,13 @@ def motion_table(tables: Tables) -> list[Block]:
 
 
 def motion_summary(tables: Tables) -> list[Block]:
-    """Return in short, for cases that estimate rate and acceleration: the range over phases, and how many verdicts."""
+    """Return in short, for cases that estimate rate and acceleration: the range over phases, and how many verdicts.
+
+    Nothing without runs, or where the vehicle is under control: there the nozzle is asked for.
+    """
     frame = METRICS["motion"](tables)
+    if len(tables.nozzle) or not tables.cases.run_count.any():
+        return []
     outputs = tables.outputs
     estimated = set(outputs.case[outputs.quantity == "rate"].map(tables.labels))
     frame = frame[frame.case.isin(estimated)]
