@@ -89,8 +89,8 @@ def test_the_nozzle_moves_less_with_the_filtered_rate(tmp_path):
     assert "The vehicle under control" in build(tables.folder).read_text(encoding="utf-8")
 
 
-def test_a_narrower_envelope_moves_the_nozzle_less(tmp_path):
-    launch = steady_launch(20.0, gust=3.0, moment=0.003, force=0.03)
+def test_a_narrower_envelope_moves_the_nozzle_less_where_the_air_is_thin(tmp_path):
+    launch = steady_launch(20.0, gust=0.2, moment=0.003, force=0.03)  # thin air: wind hardly turns it
 
     def believing(scenario):
         burn = scenario.filter.envelope.burn
