@@ -240,7 +240,7 @@ def study(
     InputError
         A mistake in a campaign or in study.yaml: nothing has been computed.
     """
-    from lvnav_trade.campaign.estimate import ensembles
+    from lvnav_trade.campaign.behind import behind
     from lvnav_trade.campaign.study import load_study
     from lvnav_trade.metrics.references import references
     from lvnav_trade.report.study import Answered, build
@@ -258,8 +258,7 @@ def study(
         failures += held.failures
         if on_campaign is not None:
             on_campaign(campaign.name, held)
-        found_noise = ensembles(part.noise, campaign)
-        answered.append(Answered(part, held.tables, campaign.model_dump(mode="json"), found_noise))
+        answered.append(Answered(part, held.tables, campaign.model_dump(mode="json"), behind(part, campaign)))
         judged = references(held.tables, answered[-1].stated)
         counts[campaign.name] = (len(judged), int(judged.in_band.sum()))
     page = build(found, answered, Path(keep))

@@ -43,6 +43,13 @@ def _history(case: str) -> list[dict[str, Any]]:
             rows += [{"case": case, "t_s": t, "quantity": quantity, "axis": axis, "unit": "rad/s", "run_count": RUNS,
                       "mean_si": 0.0, "rms_si": size, "filter_sigma_si": believed, "lincov_formal_si": believed,
                       "lincov_true_si": size, "lincov_mean_si": 0.0, "dof_ratio": 1.0} for t in T]  # fmt: skip
+    for quantity, size in (
+        ("attitude", 1e-3),
+        ("velocity", 0.1),
+        ("position", 5.0 if case == "aaaaaaaaaaaa" else 10.0),
+    ):
+        rows += [{"case": case, "t_s": t, "quantity": quantity, "axis": "3d", "unit": "SI", "run_count": RUNS,
+                  "lincov_true_si": size} for t in T]  # fmt: skip
     return rows
 
 

@@ -105,6 +105,7 @@ def put(data: Any, path: Sequence[str], value: Any) -> Any:
         copy = list(data)
         copy[int(path[0])] = put(copy[int(path[0])], path[1:], value)
         return copy
+    data = data or {}  # a section that was left out
     return {**data, path[0]: put(data.get(path[0]), path[1:], value)}
 
 

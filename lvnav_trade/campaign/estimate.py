@@ -9,9 +9,8 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.campaign.axes import Case, cases
+from lvnav_trade.campaign.axes import Case
 from lvnav_trade.campaign.schema import Campaign
-from lvnav_trade.campaign.study import Ensemble
 from lvnav_trade.engines.ensemble import Densities, StepErrors, densities, step_errors
 from lvnav_trade.engines.explain import flown_events
 from lvnav_trade.engines.prepare import Prepared, prepare
@@ -67,14 +66,6 @@ def estimate(campaign: Campaign, case: Case, runs: int, step: float | None = Non
     whole = densities(found, prepared)
     told = f"estimate-q of {campaign.name}{f', {case.label}' if case.axes else ''}: {runs} runs, steps of {length:g} s"
     return Estimate(whole, phases, steps_table(found), _card(case, whole, told))
-
-
-def ensembles(asked: Ensemble | None, campaign: Campaign) -> list[tuple[float, Estimate]]:
-    """Return the estimates that a study asks for of a campaign's first case, by the length of a step (s)."""
-    if asked is None:
-        return []
-    first = cases(campaign)[0]
-    return [(step, estimate(campaign, first, asked.runs, step)) for step in asked.steps]
 
 
 def _marks(prepared: Prepared) -> list[tuple[str, float]]:

@@ -178,9 +178,7 @@ class _Run:
     def all(self, on_answers: Callable[[Sequence[Answer], Sequence[Case]], None] | None) -> Outcome:
         """Go through the stages."""
         start = time.monotonic()
-        answers = self._answers()
-        if on_answers is not None:
-            on_answers(answers, self.cases)
+        answers = self._answers(on_answers)
         able = [case for case, found in zip(self.cases, answers, strict=True) if not found.error]
         self._explain(able)
         lost = self._fly(able)
@@ -216,19 +214,25 @@ class _Run:
         self.jobs = max(2, _count(self.jobs) // 2)
         self.watch.note(f"a worker process died (out of memory?); its work is done again by {self.jobs} workers")
 
-    def _answers(self) -> list[Answer]:
+    def _answers(self, on_answers: Callable[[Sequence[Answer], Sequence[Case]], None] | None) -> list[Answer]:
+        """Find every case's linear covariance; with several workers the flight is compiled beside it, and what explains
+        the first case after it, so that a fresh machine compiles on all of them.
+        """
         self.watch.stage("linear covariance", len(self.cases))
         found: dict[str, Answer] = {}
-        units = [(self.job, case, False) for case in self.cases]
+        units: list[tuple[Any, ...]] = [(self.job, case, None) for case in self.cases]
         if _count(self.jobs) > 1 and self.campaign.monte_carlo:
-            units.insert(0, (self.job, self.cases[0], True))
-        for one in self._stage("covariance", work.answer_or_compile, units):
+            units.insert(0, (self.job, self.cases[0], work.compile_flight))
+            units.append((self.job, self.cases[0], work.explain))
+        for one in self._stage("covariance", work.answer_or_ahead, units):
             if one is None:
                 continue
             found[one.case] = one
             self.watch.advance(1)
             if one.error:
                 self._lose(f"{self.labels[one.case]}: linear covariance: {one.error}")
+            if len(found) == len(self.cases) and on_answers is not None:
+                on_answers([found[case.id] for case in self.cases], self.cases)
         return [found[case.id] for case in self.cases]
 
     def _explain(self, able: Sequence[Case]) -> None:

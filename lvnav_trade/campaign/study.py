@@ -26,11 +26,13 @@ class Figure(Card):
     plot: Literal[
         "errors", "relative", "locus", "spread", "envelope", "budget", "consistency", "autocorrelation", "trajectory",
         "satellites", "sky", "timeline", "delays", "latency", "orbit", "impact", "logic",
-        "missions", "motion", "ignition", "singular", "movement", "sweep", "turning", "worth", "readings",
+        "missions", "motion", "ignition", "singular", "movement", "sweep", "turning", "worth", "readings", "apart",
     ]  # fmt: skip
     caption: str = ""
     case: Case = Field(default_factory=dict, description="level of each axis: the one case that is drawn")
-    cases: tuple[Case, ...] = Field((), description="of errors, relative and worth: the cases; all if absent")
+    cases: tuple[Case, ...] = Field(
+        (), description="of errors, relative, worth: the cases, all if absent; of apart: pairs of cases"
+    )
     quantity: str = Field("position", description="of errors, envelope, budget and motion")
     axis: str = Field("3d", description="of errors, relative: the axis; of locus: the axis that is varied")
     during: str | None = Field(None, description="of errors, relative, locus: the phase")
@@ -50,6 +52,14 @@ class Ensemble(Card):
     steps: tuple[Duration, ...] = Field(description="lengths of a step")
 
 
+class Single(Card):
+    """One flight of two cases on the same draws."""
+
+    aided: Case
+    unaided: Case
+    run: int = Field(0, ge=0)
+
+
 class Part(Card):
     """A campaign of the study."""
 
@@ -65,6 +75,9 @@ class Part(Card):
         (), description="published numbers of single flights, shown among ours; items are 'MISSION, WHAT'"
     )
     noise: Ensemble | None = Field(None, description="process noise of an ensemble of the first case, as estimate-q")
+    single: Single | None = Field(
+        None, description="one flight: the unaided error, what is estimated of it, what is left"
+    )
     kml: Case | None = Field(
         None, description="level of each axis: the case whose flight is kept as KML, with its 3-sigma position errors"
     )

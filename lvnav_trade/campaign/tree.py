@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedSeq
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
 
@@ -292,10 +293,24 @@ def find(node: Node, path: Iterable[str | int]) -> Node | None:
 
 
 def dump(data: Any) -> str:
-    """Return `data` (dictionaries, lists, scalars) as YAML that `parse` reads back to the same."""
+    """Return `data` (dictionaries, lists, scalars) as YAML that `parse` reads back to the same, a list of scalars in a
+    line.
+    """
     writer = YAML(typ="rt", pure=True)
     writer.default_flow_style = False
     writer.width = 4096
     out = io.StringIO()
-    writer.dump(data, out)
+    writer.dump(_lines(data), out)
     return out.getvalue()
+
+
+def _lines(data: Any) -> Any:
+    """Return the same, lists of nothing but scalars marked to be written in one line."""
+    if isinstance(data, dict):
+        return {key: _lines(value) for key, value in data.items()}
+    if not isinstance(data, list | tuple):
+        return data
+    found = CommentedSeq(_lines(value) for value in data)
+    if not any(isinstance(value, dict | list | tuple) for value in data):
+        found.fa.set_flow_style()
+    return found

@@ -167,17 +167,22 @@ def answer(job: Job, case: Case) -> Answer:
         return Answer(case.id, "", error=_told(error))
 
 
-def answer_or_compile(job: Job, case: Case, only_compile: bool) -> Answer | None:
-    """Answer a case, or compile what will fly it: on a fresh machine one worker does this while another compiles the
-    linear covariance. A failure to prepare is reported by the case's own answer.
+def answer_or_ahead(job: Job, case: Case, ahead: Callable[[Job, Case], Any] | None) -> Answer | None:
+    """Answer a case, or do ahead of its stage what `ahead` does and return None: on a fresh machine workers compile
+    side by side. A failure ahead is reported when its stage comes.
     """
-    if not only_compile:
+    if ahead is None:
         return answer(job, case)
-    settle()
     with suppress(Exception):
-        if job.engine.compile_kernels is not None:
-            job.engine.compile_kernels(_prepared(job.engine, case, job.history))
+        ahead(job, case)
     return None
+
+
+def compile_flight(job: Job, case: Case) -> None:
+    """Compile what will fly a case."""
+    settle()
+    if job.engine.compile_kernels is not None:
+        job.engine.compile_kernels(_prepared(job.engine, case, job.history))
 
 
 def explain(job: Job, case: Case) -> Done:

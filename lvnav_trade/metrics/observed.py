@@ -13,14 +13,14 @@ NUMERICAL = 1e-10
 """Of the largest singular value: what is below is lost to rounding."""
 COLUMNS = [
     "case", "stretches", "states", "least_rank", "least_rank_with_information", "smallest_ratio",
-    "position_against_bias_ratio",
+    "position_against_bias_ratio", "weakest",
 ]  # fmt: skip
 
 
 def observed(results: Path | str | Tables) -> pd.DataFrame:
     """Return the least rank of any stretch (singular values above 1e-10 of the largest), the least rank with
-    information (above the tolerance of the results), the smallest singular value, and the smallest of a direction in
-    which a position trades with its bias (NaN where there is none).
+    information (above the tolerance of the results), the smallest singular value, the smallest of a direction in
+    which a position trades with its bias (NaN where there is none), and the direction of the smallest of all, in words.
     """
     tables, rows = load(results), []
     for case, one in tables.observability.groupby("case", sort=False):
@@ -30,6 +30,7 @@ def observed(results: Path | str | Tables) -> pd.DataFrame:
         rows.append((
             tables.labels[str(case)], len(stretches), int(one.state_count.iloc[0]), min(ranks),
             int(one.rank_count.min()), float(one.singular_ratio.min()), float(apart.min()) if len(apart) else np.nan,
+            str(one.direction[one.singular_ratio.idxmin()]),
         ))  # fmt: skip
     return pd.DataFrame(rows, columns=COLUMNS)
 

@@ -14,7 +14,7 @@ from lvnav_trade.plots.flight import trajectory
 from lvnav_trade.plots.impact import impact
 from lvnav_trade.plots.logic import logic
 from lvnav_trade.plots.missions import missions
-from lvnav_trade.plots.motion import ignition, motion, readings, singular
+from lvnav_trade.plots.motion import apart, ignition, motion, readings, singular
 from lvnav_trade.plots.orbit import orbit
 from lvnav_trade.plots.published import locus, spread
 from lvnav_trade.plots.rotation import envelopes, movement, sweep, worth
@@ -48,6 +48,7 @@ PLOTS: dict[str, Callable[..., Any]] = {
     "turning": envelopes,
     "worth": worth,
     "readings": readings,
+    "apart": apart,
     "orbit": orbit,
     "missions": missions,
     "impact": impact,

@@ -84,14 +84,14 @@ def rank(results: Path | str | Tables) -> Figure:
     frame = ranking(tables)
     quantities = [name for name in ("velocity", "position") if name in frame]
     with look():
-        figure, grid = canvas(1, max(1, len(quantities)), 0.9 + 0.26 * len(frame), sharey=True)
+        figure, grid = canvas(1, max(1, len(quantities)), 1.05 + 0.26 * len(frame), sharey=True)
         place = np.arange(len(frame))
         for ax, quantity in zip(grid[0], quantities, strict=False):
             value = frame[quantity].to_numpy(dtype=float)
             spread = np.array([value - frame[f"{quantity}_low"], frame[f"{quantity}_high"] - value], dtype=float)
             ax.barh(place, value, color=PALETTE[0], height=0.6)
             ax.errorbar(value, place, xerr=np.nan_to_num(spread), fmt="none", ecolor="black", capsize=2, lw=0.9)
-            ax.set_xlabel(f"{quantity} error at {frame.event.iloc[0]}, 3D RMS ({frame[f'{quantity}_unit'].iloc[0]})")
+            ax.set_xlabel(f"{quantity} error at {frame.event.iloc[0]}\n3D RMS ({frame[f'{quantity}_unit'].iloc[0]})")
             scale_up(ax.xaxis, value)
             ax.grid(axis="y", visible=False)
         grid[0, 0].set_yticks(place, frame.case)

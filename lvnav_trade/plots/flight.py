@@ -29,7 +29,7 @@ def trajectory(results: Path | str | Tables, case: str) -> Figure:
         speed.plot(rows.t_s, rows.ground_speed_m_per_s / 1e3, color=PALETTE[0], label="relative to the ground")
         speed.plot(rows.t_s, rows.inertial_speed_m_per_s / 1e3, color=PALETTE[1], ls="--", label="inertial")
         speed.set_ylabel("speed (km/s)")
-        speed.legend(loc="upper left")
+        speed.legend(loc="best")
         force.plot(rows.t_s, rows.specific_force_m_per_s2 / G, color=PALETTE[0])
         force.set_ylabel("specific force (g)")
         for number, axes in enumerate((altitude, speed, force)):

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from lvnav_trade.metrics.observed import is_position_bias
+from lvnav_trade.metrics.published import cases_of
 from lvnav_trade.metrics.readings import readings as readings_of
-from lvnav_trade.metrics.select import lincov_rms
+from lvnav_trade.metrics.select import NAVIGATION, lincov_rms
 from lvnav_trade.plots.errors import rows_of
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, legend_below, look, mark_events
 from lvnav_trade.store import Tables, load
@@ -24,7 +26,8 @@ def motion(results: Path | str | Tables, case: str, quantity: str) -> Figure:
     with look():
         figure, grid = canvas(len(axes_names), 1, 1.95, sharex=True)
         for number, (ax, axis) in enumerate(zip(grid[:, 0], axes_names, strict=True)):
-            raw, estimate = (rows_of(tables, case, name, axis) for name in (f"raw_{quantity}", quantity))
+            both = (rows_of(tables, case, name, axis) for name in (f"raw_{quantity}", quantity))
+            raw, estimate = (rows[rows.t_s > rows.t_s.min()] for rows in both)  # before the first there is no sample
             runs = int(estimate.run_count.iloc[0])
             if runs:
                 told = f"RMS of {runs} runs"
@@ -60,6 +63,31 @@ def ignition(results: Path | str | Tables, case: str) -> Figure:
         ax.set_xlabel("time since lift-off (s)")
         ax.set_ylabel("sigma, filtered over raw\n(bias estimated on both sides)")
         ax.legend(loc="lower right")
+    return figure
+
+
+def apart(results: Path | str | Tables, cases: Sequence[Mapping[str, str]]) -> Figure:
+    """Draw by how many percent the true sigma of navigation errors is smaller in each case than in the one named after
+    it: cases stand in pairs, a panel each; linear covariance, from lift-off on.
+    """
+    tables = load(results)
+    named = [cases_of(tables, asked)[0] for asked in cases]
+    pairs = list(zip(named[::2], named[1::2], strict=True))
+    with look():
+        figure, grid = canvas(len(pairs), 1, 2.0, sharex=True, sharey=True)
+        for ax, (first, second) in zip(grid[:, 0], pairs, strict=True):
+            for k, quantity in enumerate(NAVIGATION):
+                one, other = (rows_of(tables, case, quantity, "3d") for case in (first, second))
+                sigma = one.lincov_true_si.to_numpy() / other.lincov_true_si.to_numpy()
+                flown = (one.t_s >= 0.0).to_numpy()
+                ax.plot(one.t_s[flown], 100.0 * (1.0 - sigma[flown]), color=PALETTE[k], label=quantity)
+            ax.axhline(0.0, color=GREY, lw=0.8)
+            ax.set_title(f"{tables.labels[first]}, against {tables.labels[second]}", loc="left", fontsize=7.5)
+            ax.set_ylabel("3D sigma smaller\nby (%)")
+            ax.margins(x=0.01)
+            mark_events(ax, tables.events[tables.events.case == first], names=False)
+        grid[-1, 0].set_xlabel("time since lift-off (s); lines: events")
+        legend_below(figure, grid[0, 0])
     return figure
 
 

@@ -27,7 +27,8 @@ def ratios(references: pd.DataFrame) -> Figure:
     A ratio below 0.02 or above 50 is an arrow at that end.
     """
     frame = references[references.ratio.notna() & (references.ratio > 0)].reset_index(drop=True)
-    names = [f"{row.item}: {row.case}" if row.item else f"{row.metric}: {row.case}" for row in frame.itertuples()]
+    alone = (frame["item"] != "") & ~frame["item"].duplicated(keep=False)
+    names = [row.item if alone[row.Index] else f"{row.item or row.metric}: {row.case}" for row in frame.itertuples()]
     place = np.arange(len(frame))
     low, high, ratio = (column.clip(*_DRAWN) for column in (frame.band_low, frame.band_high, frame.ratio))
     with look():

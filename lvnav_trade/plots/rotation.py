@@ -62,7 +62,7 @@ def inside_envelope(
         )
         for axes, value, bound, label in named:
             axes.plot(t, value, lw=0.5, color=PALETTE[0], label="true")
-            axes.plot(t, bound, lw=1.2, color=PALETTE[1], label="envelope")
+            axes.plot(t, bound, lw=1.2, color=PALETTE[1], label="envelope, 1 sigma of what the filter expects")
             axes.plot(t, -bound, lw=1.2, color=PALETTE[1])
             axes.set_ylabel(label)
             axes.margins(x=0.0)
@@ -106,7 +106,7 @@ def movement(results: Path | str | Tables, case: str) -> Figure:
                 axes.fill_between(one.t_s, low, high, color=style["color"], alpha=0.25, linewidth=0)
                 axes.plot(one.t_s, np.degrees(one.mean_rad), lw=1.4, label=f"{feed} rate", **style)
             axes.set_title(axis)
-            axes.set_xlabel("time since lift-off (s)")
+            axes.set_xlabel("time since lift-off (s); lines: events")
             axes.margins(x=0.01)
             mark_events(axes, tables.events[tables.events.case == case], names=False)
         grid[0, 0].set_ylim(0.0)
@@ -137,7 +137,11 @@ def sweep(results: Path | str | Tables) -> Figure:
                 reach = np.array([[row.less_percent - row.low_percent, row.high_percent - row.less_percent]
                                   for _, row in rows]).T  # fmt: skip
                 style = {**line_of(number), "label": name, "linestyle": ("-", "-", ":", "--")[number % 4]}
-                axes.errorbar([factor for factor, _ in rows], values, yerr=reach, marker="o", ms=3, **style)
+                mark = ("o", "s", "^", "D")[number % 4]
+                size, face = (7.0, "none") if number % 2 == 0 else (3.5, style["color"])  # equal ones stay apart
+                axes.errorbar(
+                    [factor for factor, _ in rows], values, yerr=reach, marker=mark, ms=size, mfc=face, **style
+                )
             axes.axhspan(50.0, 85.0, color=GREY, alpha=0.15, lw=0)
             axes.set_title(axis)
             axes.set_xlabel("rate gain over that of the card (-)")
@@ -165,14 +169,16 @@ def worth(results: Path | str | Tables, cases: Sequence[Mapping[str, str]] = ())
                 grid[0, column].bar(x, rows[f"{feed}_deg"], 0.25, color=colour, label=f"{feed} rate")
                 grid[1, column].bar(x, rows[f"{feed}_error_mrad"], 0.25, color=colour)
             for at_case, row in zip(place, rows.itertuples(), strict=True):
-                told, at = f"{row.less_percent:.1f} % less", (at_case, row.filtered_deg)
+                told, at = f"{row.less_percent:.1f} % less", (at_case, row.raw_deg)
                 grid[0, column].annotate(told, at, (0, 3), textcoords="offset points", ha="center", fontsize=7)
+            grid[0, column].margins(y=0.12)
             grid[0, column].set_title(axis)
-            grid[1, column].set_xticks(place, [textwrap.fill(name, 18) for name in names.values()])
+            labels = [textwrap.fill(name.replace("^2", "²"), 18) for name in names.values()]
+            grid[1, column].set_xticks(place, labels, fontsize=8.5 if len(names) < 4 else 7.0)
             grid[1, column].set_xlabel("case")
             for axes in grid[:, column]:
                 axes.grid(axis="x", visible=False)
-        grid[0, 0].set_ylabel("total nozzle movement (deg)")
+        grid[0, 0].set_ylabel("total nozzle movement (deg)\nin %: less with the filtered rate")
         grid[1, 0].set_ylabel("attitude error in burns\n(mrad, RMS)")
         legend_below(figure, grid[0, 0])
     return figure

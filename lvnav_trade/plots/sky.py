@@ -78,7 +78,7 @@ def _carrier(axes: Any, rows: pd.DataFrame, case: pd.Series) -> None:
 
 
 def sky(results: Path | str | Tables, case: str) -> Figure:
-    """Draw azimuth and elevation of the satellites at lift-off, in faults that take satellites, and at injection.
+    """Draw azimuth and elevation of the satellites at lift-off, in faults that take satellites, and at the end.
 
     Where no fault takes satellites half way stands in their place. The marker tells the antenna that hears a satellite
     best, the colour what its channel does; the thick circle is the local horizontal, below which a vehicle high up
@@ -107,13 +107,14 @@ def sky(results: Path | str | Tables, case: str) -> Figure:
 def _moments(tables: Tables, case: str, rows: pd.DataFrame) -> list[tuple[str, float]]:
     """Return (name, time) of three skies: a fault is shown a second before its end, two faults at most."""
     events = flight_events(tables, case).set_index("event").t_s
-    end = float(events.get(final_event(tables, case), rows.t_s.max()))
+    last = final_event(tables, case)
+    end = float(events.get(last, rows.t_s.max()))
     frame = recovery(tables)
     harmful = frame[(frame.case == tables.labels[case]) & (frame.lost_count > 0)]
     within = [
         (fault.fault.replace("_", " "), max(fault.t_start_s, fault.t_end_s - 1.0)) for fault in harmful.itertuples()
     ]
-    return [("lift-off", 0.0), *(within[:2] or [("half way", end / 2)]), ("injection", end)]
+    return [("lift-off", 0.0), *(within[:2] or [("half way", end / 2)]), (last.replace("_", " ") or "end", end)]
 
 
 def _one_sky(axes: Any, rows: pd.DataFrame, antennas: list[int], edge: float) -> None:

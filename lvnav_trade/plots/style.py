@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import Any
 
@@ -19,6 +20,7 @@ PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 """Okabe and Ito's colours, darkest contrasts first; further cases repeat them with other dashes."""
 DASHES = ("-", "--", "-.", ":")
 GREY = "#6b7280"
+_APART, _KEY_LENGTH = "   ", 105  # between events of a key; letters of 7.5 points that the page's width has room for
 
 _LOOK: Any = {
     "font.family": "DejaVu Sans",
@@ -80,22 +82,20 @@ def mark_events(axes: Axes, events: pd.DataFrame, names: bool = True, numbers: b
     for t in flown.t_s.unique():
         axes.axvline(t, color=GREY, linewidth=0.7, zorder=1.5)
     if names:
-        for first, last in _groups(flown.t_s.to_numpy(), room):
+        groups = _groups(flown.t_s.to_numpy(), room)
+        starts = [(float(flown.t_s.iloc[first]) - low) / (high - low) for first, _ in groups]
+        for (first, last), leftward in zip(groups, _leftward(starts), strict=True):
             text = _span(first, last) if numbers else _joined(list(flown.event.iloc[first : last + 1]))
-            _name(
-                axes,
-                float(flown.t_s.iloc[first]),
-                text,
-                numbers,
-                float(flown.t_s.iloc[first]) > low + 0.85 * (high - low),
-            )
+            _name(axes, float(flown.t_s.iloc[first]), text, numbers, leftward)
 
 
 def event_key(events: pd.DataFrame) -> str:
-    """Return what the numbers of `mark_events` stand for, in two lines at most."""
+    """Return what the numbers of `mark_events` stand for, in lines of similar length that a figure has room for."""
     told = [f"{number} {name.replace('_', ' ')}" for number, name in enumerate(_flown(events).event, start=1)]
-    half = (len(told) + 1) // 2 if len(told) > 6 else len(told)
-    return "\n".join("   ".join(part) for part in (told[:half], told[half:]) if part)
+    ends = np.cumsum([len(name) + len(_APART) for name in told])
+    count = max(1 + (len(told) > 6), math.ceil(ends[-1] / _KEY_LENGTH)) if told else 0
+    line = np.minimum((ends - 1) * count // ends[-1], count - 1) if told else ends
+    return "\n".join(_APART.join(np.array(told)[line == number]) for number in range(count))
 
 
 def _flown(events: pd.DataFrame) -> pd.DataFrame:
@@ -111,6 +111,17 @@ def _groups(t: NDArray[np.float64], room: float) -> list[tuple[int, int]]:
         else:
             found.append((index, index))
     return found
+
+
+def _leftward(starts: list[float]) -> list[bool]:
+    """Return which names lean to the left: where the last stands near the right edge, all after the widest gap of the
+    right half, so that no two lean towards each other where they are close. starts: parts of the axis.
+    """
+    if not starts or starts[-1] <= 0.85:
+        return [False] * len(starts)
+    gaps = [(start - before, start) for before, start in zip([0.5, *starts], starts, strict=False) if start > 0.5]
+    turn = max(gaps)[1]
+    return [start >= turn for start in starts]
 
 
 def _span(first: int, last: int) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pandas as pd
 
 from lvnav_trade.metrics import METRICS
@@ -39,6 +41,42 @@ def motion_table(tables: Tables) -> list[Block]:
     return [*readings_table(tables), Text(note), table(shown, "Rate and acceleration, 1 sigma. All of it: motion.csv.")]
 
 
+def motion_summary(tables: Tables) -> list[Block]:
+    """Return in short, for cases that estimate rate and acceleration: the range over phases, and how many verdicts.
+
+    Nothing without runs, or where the vehicle is under control: there the nozzle is asked for.
+    """
+    frame = METRICS["motion"](tables)
+    if len(tables.nozzle) or not tables.cases.run_count.any():
+        return []
+    outputs = tables.outputs
+    estimated = set(outputs.case[outputs.quantity == "rate"].map(tables.labels))
+    frame = frame[frame.case.isin(estimated)]
+    if frame.empty:
+        return readings_table(tables)
+    rows = []
+    for (case, metric, axis), one in frame.groupby(["case", "metric", "axis"], sort=False):
+        verdicts = one.as_believed.value_counts()
+        rows.append({
+            "case": case, "error": f"{str(metric).replace('_error', '')} {axis}",
+            "better (%)": _range(one.better_percent), "as believed (%)": _range(one.believed_better_percent),
+            "RMS over filter's sigma (-)": _range(one.over_sigma_ratio),
+            "95 % of so many runs": f"times {number(float((one.low / one.over_sigma_ratio).min()))} to "
+            f"{number(float((one.high / one.over_sigma_ratio).max()))}",
+            "verdicts": ", ".join(f"{name} in {count} of {len(one)}" for name, count in verdicts.items()),
+        })  # fmt: skip
+    note = (
+        "Estimate against the raw sample, bias and all, from the least to the largest of the flight's phases (longer "
+        "than 5 s). Verdict: does the interval that so many runs allow at one time hold the filter's own sigma; "
+        "'smaller' says that the truth wanders less than the filter believes. By phase: the campaign's own report."
+    )
+    return [*readings_table(tables), Text(note), table(pd.DataFrame(rows), "Rate and acceleration over the phases.")]
+
+
+def _range(values: pd.Series) -> str:
+    return f"{number(float(values.min()))} to {number(float(values.max()))}"
+
+
 def readings_table(tables: Tables) -> list[Block]:
     """Return improvements of all cases that references hold against raw samples, side by side; nothing without any."""
     frame = METRICS["readings"](tables)
@@ -70,6 +108,7 @@ def observed_table(tables: Tables) -> list[Block]:
     frame.columns = [
         "case", "stretches", "states", "least rank", "least rank with information", "smallest singular value (-)",
         "position against its bias (-)",
+        "weakest direction",
     ]  # fmt: skip
     tolerance = float(tables.observability.tolerance_ratio.iloc[0])
     note = (
@@ -93,11 +132,17 @@ def motion(tables: Tables) -> list[Block]:
     return blocks
 
 
-def control_tables(tables: Tables) -> list[Block]:
-    """Return nozzle movement by burn with paired reductions, and how the motion lies in its envelopes."""
+def control_tables(tables: Tables, brief: bool = False) -> list[Block]:
+    """Return nozzle movement by burn with paired reductions, what it is worth, and the motion in its envelopes.
+
+    In brief: burns and envelopes only of cases that have the card's rate gain.
+    """
     moved, turned = METRICS["nozzle"](tables), METRICS["turning"](tables)
     if moved.empty:
         return []
+    if brief:
+        scaled = [label for case, label in tables.labels.items() if _rate_gain(tables, case) != 1.0]
+        moved, turned = moved[~moved.case.isin(scaled)], turned[~turned.case.isin(scaled)]
     shown = pd.DataFrame(
         {
             "case": moved.case,
@@ -131,6 +176,12 @@ def control_tables(tables: Tables) -> list[Block]:
     ]  # fmt: skip
     blocks.append(table(kept, "True motion against its envelopes and errors in the loop, filtered rate fed."))
     return blocks
+
+
+def _rate_gain(tables: Tables, case: str) -> float:
+    """Return the rate gain of a case over that of its card."""
+    levels = json.loads(str(tables.cases.set_index("case")["axes"][case]))
+    return float(levels.get("rate_gain", 1.0))
 
 
 def control(tables: Tables) -> list[Block]:

@@ -18,12 +18,13 @@ from lvnav_trade.metrics.published import cases_of
 from lvnav_trade.metrics.references import references
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.published import ratios
+from lvnav_trade.plots.single import single
 from lvnav_trade.plots.steps import steps
 from lvnav_trade.report.blocks import Block, Code, Picture, Section, Text, number, percent, picture, table
 from lvnav_trade.report.build import render
 from lvnav_trade.report.held import held, missions_table, noise_table
 from lvnav_trade.report.kml import flights, write_kml
-from lvnav_trade.report.steered import control_tables, motion_table, observed_table
+from lvnav_trade.report.steered import control_tables, motion_summary, observed_table
 from lvnav_trade.store import Tables
 
 CSV = ("references", "agreement")
@@ -50,6 +51,7 @@ _CAPTIONS = {
     "sweep": "How much less the nozzle moves with the filtered rate, over the rate gain.",
     "turning": "True angular acceleration in pitch and jerk along z of one run, and what the filter expects.",
     "worth": "What feeds the controller is worth: movement of the nozzle, and how well the attitude is held.",
+    "apart": "By how many percent the true sigma of one case is smaller than that of another, linear covariance.",
     "readings": "By how much the estimate's sigma lies below the sample's; marks: what is stated.",
     "autocorrelation": "Autocorrelation of the innovations (blue: position or range, red: velocity or range rate); "
     "grey: 95 % of what one flight of white ones shows.",
@@ -60,13 +62,13 @@ _CAPTIONS = {
 
 class Answered(NamedTuple):
     """A campaign of the study with its results; stated: references, orderings, innovations as the campaign has them;
-    noise: estimates of process noise (campaign.estimate.Estimate) by the length of a step (s).
+    behind: what the study computes beside them (campaign.behind.Behind), or None.
     """
 
     part: Part
     tables: Tables
     stated: dict[str, Any]
-    noise: Sequence[tuple[float, Any]] = ()
+    behind: Any = None
 
     @property
     def flown(self) -> list[dict[str, Any]]:
@@ -199,9 +201,9 @@ def _campaign(one: Answered) -> Section:
             table(_shown(frame)[wanted], f"Published beside ours ({'; '.join(dict.fromkeys(frame.source))}).")
         )
     blocks += missions_table(tables, one.flown)
-    blocks += [*motion_table(tables), *control_tables(tables), *observed_table(tables)]
+    blocks += [*motion_summary(tables), *control_tables(tables, brief=True), *observed_table(tables)]
     blocks += held(tables, part.tables, part.parted)
-    blocks += _noise(one)
+    blocks += _behind(one)
     for place, figure in enumerate(part.figures, 1):
         drawn = _draw(one, figure)
         if drawn is not None:
@@ -219,10 +221,15 @@ def _campaign(one: Answered) -> Section:
     return Section(part.campaign, part.campaign.replace("_", " ").capitalize(), blocks)
 
 
-def _noise(one: Answered) -> list[Block]:
-    """Return process noise by phase and the error per step, of every length of a step."""
+def _behind(one: Answered) -> list[Block]:
+    """Return process noise by phase and the error per step, of every length of a step; a single flight."""
     blocks: list[Block] = []
-    for step, found in one.noise:
+    if one.behind is None:
+        return blocks
+    if one.behind.single is not None:
+        caption = f"One flight (run {one.part.single.run if one.part.single else 0}): what the filter estimates."
+        blocks.append(picture(f"{one.part.campaign}-single", single(one.behind.single), caption))
+    for step, found in one.behind.noise:
         blocks.append(noise_table(found, step))
         drawn = steps(found.steps, [phase[:3] for phase in found.phases])
         caption = f"Error of the unaided system, and what the transition misses of it in steps of {step:g} s."
@@ -249,7 +256,7 @@ def _draw(one: Answered, figure: Figure) -> Drawing | None:
         drawn = plot(tables, one.flown)
     elif figure.plot in ("sweep", "readings"):
         drawn = plot(tables)
-    elif figure.plot == "worth":
+    elif figure.plot in ("worth", "apart"):
         drawn = plot(tables, figure.cases)
     elif figure.plot in ("envelope", "budget", "motion"):
         drawn = plot(tables, cases_of(tables, figure.case)[0], figure.quantity)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from lvnav_trade.campaign.axes import cases, levels
+from lvnav_trade.campaign.axes import cases, levels, put
 from lvnav_trade.campaign.load import load
 from lvnav_trade.errors import InputError
 
@@ -22,6 +22,12 @@ def test_no_axis_is_one_case(study) -> None:
 
 def test_a_grid_crosses_all_levels_with_the_last_axis_fastest(study) -> None:
     assert labels(study, "grid") == ["imu=good, gate=4", "imu=good, gate=5", "imu=poor, gate=4", "imu=poor, gate=5"]
+
+
+def test_an_axis_may_reach_into_a_section_that_the_base_leaves_out() -> None:
+    assert put({"filter": {"envelope": None}}, ["filter", "envelope", "burn"], 1) == {
+        "filter": {"envelope": {"burn": 1}}
+    }
 
 
 def test_a_zip_pairs_levels(study) -> None:

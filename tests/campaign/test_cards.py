@@ -25,7 +25,7 @@ def imu(name: str) -> ImuCard:
     return ImuCard.model_validate(tree.plain(tree.read(shipped("configs") / "imu" / f"{name}.yaml")))
 
 
-READINGS = ("_published", "_unbiased")
+READINGS = ("_published", "_unbiased", "_3sigma")
 """Endings of cards that are another reading of a unit whose twin there is."""
 
 
@@ -36,7 +36,10 @@ def test_an_inertial_unit_states_its_source(name: str) -> None:
 
 @pytest.mark.parametrize("name", FILTERS)
 def test_a_filter_card_reads(name: str) -> None:
-    card = FilterCard.model_validate(tree.plain(tree.read(shipped("configs") / "filters" / f"{name}.yaml")))
+    data = tree.plain(tree.read(shipped("configs") / "filters" / f"{name}.yaml"))
+    if "gains" in data:
+        data["gains"] = tree.plain(tree.read(shipped("configs") / f"{data['gains']}.yaml"))
+    card = FilterCard.model_validate(data)
     named = {"gains_004": "loose", "baseline_003": "referenced", "vehicle_unknown_003": "vehicle_model"}
     assert card.kind == named.get(name, card.kind if name.startswith(card.kind) else name)
 
@@ -65,13 +68,25 @@ def test_a_matched_twin_holds_only_what_the_standard_filter_models(name: str) ->
 
 def test_the_readings_of_a_unit_differ_from_it_as_they_say() -> None:
     # sigma of a sample as density x rate in place of density x sqrt(rate); biases a thousandth
-    unit, published, unbiased = (imu(f"kvh1750_003{ending}") for ending in ("", *READINGS))
+    unit, published, unbiased = (imu(f"kvh1750_003{ending}") for ending in ("", *READINGS[:2]))
     for triad in ("gyro", "accel"):
         plain, noisy, free = (getattr(card, triad) for card in (unit, published, unbiased))
         assert noisy.random_walk == pytest.approx(plain.random_walk * math.sqrt(200.0), rel=1e-6)
         assert noisy.bias_repeatability == plain.bias_repeatability
         assert free.random_walk == noisy.random_walk
         assert free.bias_repeatability == pytest.approx(1e-3 * plain.bias_repeatability)
+
+
+def test_a_unit_at_its_three_sigma_bound_has_three_times_every_error() -> None:
+    unit, bound = imu("navigation"), imu("navigation_3sigma")
+    settings = {"bandwidth", "instability_time", "full_scale", "quantisation"}
+    for triad in ("gyro", "accel"):
+        one, three = getattr(unit, triad), getattr(bound, triad)
+        for field in type(one).model_fields:
+            value = getattr(one, field)
+            if isinstance(value, float):
+                factor = 1.0 if field in settings else 3.0
+                assert getattr(three, field) == pytest.approx(factor * value, rel=1e-9), field
 
 
 def test_the_catalogue_lists_the_users_cards_beside_the_tools(study) -> None:

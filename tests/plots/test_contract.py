@@ -10,6 +10,7 @@ from lvnav_trade.plots.style import look
 CASE = "aaaaaaaaaaaa"
 OF_A_VEHICLE = (
     "motion",
+    "apart",
     "ignition",
     "singular",
     "movement",

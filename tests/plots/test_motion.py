@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from lvnav_trade.plots import PLOTS
-from lvnav_trade.plots.motion import motion, readings, singular
+from lvnav_trade.plots.motion import apart, motion, readings, singular
 from lvnav_trade.plots.rotation import sweep, worth
 from lvnav_trade.plots.style import look
 from tests.vehicle_tables import FILTERED, LESS, RAW, SIGMA, tables
 
 CASE = "aaaaaaaaaaaa"
+PAIR = [{"rate_gain": "1"}, {"rate_gain": "2"}]
 ARGUMENTS = {
     "motion": (CASE, "acceleration"),
     "ignition": (CASE,),
@@ -21,6 +22,7 @@ ARGUMENTS = {
     "turning": (CASE,),
     "worth": (),
     "readings": (),
+    "apart": (PAIR,),
 }
 
 
@@ -54,6 +56,12 @@ def test_readings_stand_beside_what_is_stated():
     axes = readings(tables()).axes[0]
     assert [line.get_ydata()[0] for line in axes.get_lines()] == [88.0, 57.0]
     assert axes.containers[0][0].get_height() == pytest.approx(100.0 * (1.0 - SIGMA / RAW))
+
+
+def test_cases_apart_are_drawn_in_percent_of_the_second():
+    lines = {line.get_label(): line.get_ydata() for line in apart(tables(), PAIR).axes[0].get_lines()}
+    np.testing.assert_allclose(lines["position"], 50.0)  # half of the other case's
+    np.testing.assert_allclose(lines["attitude"], 0.0)
 
 
 def test_what_feeds_the_controller_is_drawn_case_by_case():

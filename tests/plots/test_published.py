@@ -41,6 +41,12 @@ def test_a_ratio_far_beyond_is_an_arrow_at_the_end_of_the_axis(tables):
     assert next(tuple(piece[:, 0]) for piece in ax.collections[0].get_segments()) == (0.02, 50.0)
 
 
+def test_items_that_stand_alone_need_no_case(tables):
+    frame = references(tables).assign(item="")
+    frame.loc[0, "item"] = "alone"
+    assert ratios(frame).axes[0].get_yticklabels()[0].get_text() == "alone"
+
+
 def test_a_single_flight_stands_among_ours_each_over_the_published_number(tables):
     published = STATED | {"value": 0.5, "unit": "m/s", "single": True, "case": {"imu": "fine"}}
     ax = spread(tables, [published, published | {"single": False}]).axes[0]

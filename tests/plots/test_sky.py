@@ -56,3 +56,9 @@ def test_satellites_below_the_local_horizontal_are_shown_where_they_are_tracked(
     axes = PLOTS["sky"](low, CASE).axes[0]
     assert axes.get_ylim()[1] == 105.0
     assert len(axes.texts) == 8
+
+
+def test_a_flight_without_an_injection_ends_with_its_last_event(good):
+    rocket = type(good)(good.folder)
+    rocket._read["events"] = good.events[good.events.event != "injection"]
+    assert PLOTS["sky"](rocket, CASE).axes[-1].get_title() == "stage1 cutoff\n40 s"

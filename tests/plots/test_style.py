@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 
 from lvnav_trade.plots import PLOTS, style
 
@@ -23,11 +24,29 @@ def test_close_events_share_one_name_and_none_is_lost():
     )
 
 
+def test_names_near_the_right_edge_lean_left_from_the_widest_gap_on():
+    assert style._leftward([0.1, 0.3, 0.8, 0.95]) == [False, False, True, True]
+    assert style._leftward([0.1, 0.5, 0.6, 0.95]) == [False, False, False, True]
+    assert style._leftward([0.1, 0.3, 0.8]) == [False, False, False]
+    assert style._leftward([0.9]) == [True]
+    assert style._leftward([]) == []
+
+
 def test_numbers_of_events_have_a_key(good):
     events = good.events[good.events.case == CASE]
     assert style.event_key(events) == "1 liftoff   2 stage1 cutoff   3 injection"
     names = {text.get_text() for text in PLOTS["trajectory"](good, CASE).axes[0].texts}
     assert names == {"1", "2", "3"}
+
+
+def test_a_key_of_many_events_has_lines_that_fit_the_page_and_loses_none():
+    names = [f"stage{number}_separation" for number in range(20)]
+    events = pd.DataFrame({"event": names, "kind": "event", "t_s": np.arange(20.0)})
+    lines = style.event_key(events).split("\n")
+    assert len(lines) == 5
+    assert max(len(line) for line in lines) <= 105
+    assert [word for word in " ".join(lines).split() if "stage" in word] == [f"stage{number}" for number in range(20)]
+    assert style.event_key(events.head(0)) == ""
 
 
 def test_a_fault_of_a_moment_is_a_line(good):

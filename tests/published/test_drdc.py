@@ -41,13 +41,13 @@ def flown(name, tmp_path, *settings):
 
 def test_every_campaign_of_the_study_is_good_and_its_page_is_written():
     study, parts = load_study(campaign_file("campaigns/drdc/study.yaml").parent)
-    assert len(parts) == len(study.campaigns) == 4
+    assert len(parts) == len(study.campaigns) == 5
     assert len(study.assumptions) > 5
-    assert all(part.campaign.references for part in parts if part.part.campaign != "twenty_launches")
+    assert {part.part.campaign for part in parts if not part.campaign.references} == {"twenty_launches", "envelope"}
 
 
 def test_rates_and_accelerations_are_better_than_the_samples_and_the_navigation_hardly(tmp_path):
-    tables = flown("rates_and_accelerations", tmp_path, "monte_carlo.runs=16")
+    tables = flown("rates_and_accelerations", tmp_path, "monte_carlo.runs=16", "report.sections=[motion]")
     found = METRICS["motion"](tables)
     roll = found[
         found.case.str.contains("as published") & found.case.str.contains("vehicle model") & (found.axis == "roll")
@@ -81,12 +81,33 @@ def test_the_nozzle_moves_less_with_the_filtered_rate(tmp_path):
         patch.object(controlled, "launch_of", lambda _: launch),
         patch.object(controlled, "_burns_of", lambda _: [(0.0, 13.0)]),
     ):
-        tables = flown("nozzle", tmp_path, "monte_carlo.runs=8", "axes.1.values=[1]", 'axes.1.labels=["1"]')
+        only_one = ("axes.1.values=[1]", 'axes.1.labels=["1"]', "report.sections=[control]")
+        tables = flown("nozzle", tmp_path, "monte_carlo.runs=8", *only_one)
     found = METRICS["nozzle"](tables)
     whole = found[(found.burn == "flight")].set_index(["case", "axis"]).less_percent
     assert len(whole) == 6
     assert whole.min() > 0.0
     assert "The vehicle under control" in build(tables.folder).read_text(encoding="utf-8")
+
+
+def test_a_narrower_envelope_moves_the_nozzle_less_where_the_air_is_thin(tmp_path):
+    launch = steady_launch(20.0, gust=0.2, moment=0.003, force=0.03)  # thin air: wind hardly turns it
+
+    def believing(scenario):
+        burn = scenario.filter.envelope.burn
+        return launch._replace(envelope=launch.envelope.model_copy(update={"burn": burn}))
+
+    with (
+        patch.object(controlled, "launch_of", believing),
+        patch.object(controlled, "_burns_of", lambda _: [(0.0, 13.0)]),
+    ):
+        found = METRICS["worth"](
+            flown("envelope", tmp_path, "monte_carlo.runs=8", "axes.0.labels=[published, datasheet]")
+        )
+    pitch = found[found.case.str.contains("datasheet") & (found.axis == "pitch")]
+    assert len(pitch) == 4
+    assert pitch.less_percent.is_monotonic_increasing
+    assert (pitch.less_percent < pitch.possible_percent).all()
 
 
 @pytest.mark.slow
