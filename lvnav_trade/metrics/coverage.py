@@ -23,7 +23,7 @@ _TAIL = 0.025
 def coverage(results: Path | str | Tables, during: tuple[str, str] | None = None) -> pd.DataFrame:
     """Return the part of runs within three sigmas, axis by axis, of attitude, velocity and position at the events.
 
-    Columns: case, event, quantity, run_count, inside_ratio (of runs and axes), all_inside_ratio (runs with all axes
+    Columns: case, event, t_s, quantity, run_count, inside_ratio (of runs, axes), all_inside_ratio (runs with all axes
     within), low_ratio, high_ratio (its 95 % interval, Clopper and Pearson), honest (whether the interval reaches what
     three independent Gaussian axes have, 0.9919). during: first and last event. Sigma is the filter's own, root mean
     square over the runs.
@@ -58,6 +58,7 @@ def _row(tables: Tables, case: str, event: str, quantity: str, label: str) -> di
     return {
         "case": label,
         "event": event,
+        "t_s": float(chosen.t_s.iloc[0]),
         "quantity": quantity,
         "run_count": n,
         "inside_ratio": float(within.mean()),

@@ -25,6 +25,13 @@ _SAME = 1e-6
 _SIGMAS = {"formal": ("filter_sigma_si", "lincov_formal_si"), "lincov": ("lincov_true_si", "lincov_true_si")}
 """Columns of the history behind a statistic, with runs and without."""
 
+_WHOLE = {
+    "observable_states": "least of all stretches",
+    "nozzle_movement_pitch": "less with the filtered rate, flight",
+    "nozzle_movement_yaw": "less with the filtered rate, flight",
+}
+"""Metrics of a whole flight, and what they are."""
+
 
 class Ours(NamedTuple):
     """Our number in a unit; what should be said of it; the same of each run by itself, sorted, where that is known."""
@@ -51,6 +58,8 @@ def place_of(stated: Mapping[str, Any]) -> str:
 
 def name_of(stated: Mapping[str, Any]) -> str:
     """Return the metric, the statistic where it is not the root mean square, and where it holds."""
+    if str(stated["metric"]) in _WHOLE:
+        return f"{stated['metric']}, {_WHOLE[str(stated['metric'])]}"
     statistic = stated.get("statistic", "rms")
     words = {"rms": "", "worst": "worst ", "least": "least ", "formal": "filter's own sigma of "}
     first = words.get(statistic, "linear covariance of ")

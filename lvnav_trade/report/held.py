@@ -60,6 +60,7 @@ def _coverage(tables: Tables) -> list[Block]:
     frame = coverage(tables)
     if frame.empty:
         return []
+    frame = frame[frame.event.isin(_spaced(frame))]
     shown = pd.DataFrame(
         {
             "case": frame.case,
@@ -79,6 +80,17 @@ def _coverage(tables: Tables) -> list[Block]:
         "99.19 % of runs within. Honest: the interval of the latter reaches that."
     )
     return [Text(note), table(shown, "Coverage of three sigmas.")]
+
+
+def _spaced(frame: pd.DataFrame) -> list[str]:
+    """Return events that are an eighth of the flight apart from each other, the last one among them."""
+    times = frame.drop_duplicates("event").set_index("event").t_s.sort_values(ascending=False, kind="stable")
+    last = str(times.index[0]) if "injection" not in times.index else "injection"
+    kept, room = [last], (times.max() - times.min()) / 8.0
+    for name, t in times.items():
+        if all(abs(t - times[other]) >= room for other in kept):
+            kept.append(str(name))
+    return kept
 
 
 def _parted(tables: Tables, axis: str) -> list[Block]:

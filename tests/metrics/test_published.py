@@ -89,6 +89,7 @@ def test_cases_are_found_by_the_levels_of_their_axes(good):
 
 
 def test_a_statement_is_named_by_statistic_metric_and_place():
+    assert name_of({"metric": "observable_states"}) == "observable_states, least of all stretches"
     assert name_of({"metric": "velocity_error_3d"}) == "velocity_error_3d at injection"
     assert (
         name_of({"metric": "position_error_x", "during": DURING, "statistic": "worst"})
