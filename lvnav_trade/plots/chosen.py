@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lvnav_trade.metrics.published import cases_of
@@ -21,6 +22,9 @@ _LEAST = 0.2
 """Autocorrelation that is always within the panels: chance is not blown up."""
 _ONE_FLIGHT = 600
 """Innovations of a channel in one flight, one a second."""
+_LONG = 45
+"""Letters of a label that leave no room for another beside it."""
+_OWN = "dots: filter's own sigma over its true error"
 
 
 def errors(
@@ -58,7 +62,7 @@ def errors(
         ax.set_ylabel(f"{what}\n({unit}, 1 sigma; short dashes: LinCov)")
         ax.margins(x=0.01)
         mark_events(ax, tables.events[tables.events.case == chosen[0]])
-        legend_below(figure, ax, columns=2)
+        legend_below(figure, ax, columns=_columns(ax))
     return figure
 
 
@@ -92,21 +96,26 @@ def relative(
                 expected = _over(rows, "expected_si", base)
                 runs = len(rows) and rows.run_count.iloc[0] and base.run_count.iloc[0]
                 shown = _over(rows, "rms_si", base) if runs else expected
-                ax.plot(rows.t_s, shown, label=f"{label}, over {tables.labels[chosen[0]]}", **style)
+                ax.plot(rows.t_s, shown, label=label, **style)
                 ax.plot(rows.t_s, expected, color=style["color"], ls=(0, (2, 2)), lw=0.7)
                 every += [*shown, *expected]
             own = rows.lincov_formal_si / rows.expected_si
-            ax.plot(rows.t_s, own, color=style["color"], ls=":", lw=1.0, label=f"{label}: filter's own over true")
+            ax.plot(rows.t_s, own, color=style["color"], ls=":", lw=1.2, label=None if number else _OWN)
             every += [*own]
-        ax.axhline(1.0, color="black", lw=0.8)
+        ax.axhline(1.0, color=line_of(0)["color"], lw=1.2, label=f"{tables.labels[chosen[0]]} (the base)")
         scale_up(ax.yaxis, every)
         ax.set_xlabel("time since lift-off (s)")
         what = f"{quantity.replace('_', ' ')} error, {'3D' if axis == '3d' else axis} RMS"
-        ax.set_ylabel(f"ratio of {what}\n(-, of 1 sigma; short dashes: LinCov)")
+        ax.set_ylabel(f"{what},\nover the base (-; short dashes: LinCov)")
         ax.margins(x=0.01)
         mark_events(ax, tables.events[tables.events.case == chosen[0]])
-        legend_below(figure, ax, columns=2)
+        legend_below(figure, ax, columns=_columns(ax))
     return figure
+
+
+def _columns(ax: Axes) -> int:
+    """Return how many columns a legend may have beside each other in the width of the page."""
+    return 1 if any(len(label) > _LONG for label in ax.get_legend_handles_labels()[1]) else 2
 
 
 def _over(rows: pd.DataFrame, column: str, base: pd.DataFrame) -> pd.Series[float]:
@@ -139,7 +148,7 @@ def autocorrelations(
                     PALETTE[1] if "rate" in str(rows.channel.iloc[0]) or "vel" in rows.channel.iloc[0] else PALETTE[0]
                 )
                 ax.plot(lags.lag_number, lags.autocorrelation_ratio, color=colour, lw=0.8, marker=".", ms=3)
-            ax.set_title(label, fontsize=7)
+            ax.set_title(label.replace(", ", "\n"), fontsize=7)
         for ax in grid.ravel():
             ax.set_ylabel("autocorrelation (-)")
             ax.set_xlabel("lag (epochs)")

@@ -122,7 +122,9 @@ def _references(one: Answered) -> pd.DataFrame:
 
 
 def _agreement(one: Answered) -> pd.DataFrame:
-    return agreement(one.tables)
+    """Return the rows of a campaign with runs; without any there is nothing to hold against each other."""
+    frame = agreement(one.tables)
+    return frame[frame.monte_carlo.notna()]
 
 
 def _together(answered: Sequence[Answered], frame_of: Callable[[Answered], pd.DataFrame]) -> pd.DataFrame:
@@ -276,6 +278,7 @@ def _agreements(answered: Sequence[Answered]) -> Section:
     """Return the verdict on every case: do Monte Carlo and linear covariance agree."""
     frames = [by_case(one.tables).assign(campaign=one.part.campaign) for one in answered]
     frame = pd.concat(frames, ignore_index=True)
+    frame = frame[frame.verdict != "no runs"]
     shown = pd.DataFrame({"campaign": frame.campaign, "case": frame["case"], "verdict": frame.verdict})
     shown["rows outside"] = frame.outside_count.astype(str) + " of " + frame.tested_count.astype(str)
     shown["furthest"] = frame.state + " at " + frame.event

@@ -46,7 +46,7 @@ def test_relative_errors_are_over_those_of_the_first_case(tables):
     history = tables.history
     rows = history[(history.quantity == "velocity") & (history.axis == "north") & history.t_s.between(0.0, 40.0)]
     fine, coarse = (rows[rows.case == case] for case in ("aaaaaaaaaaaa", "bbbbbbbbbbbb"))
-    over = lines["imu=coarse, over imu=fine"].get_ydata()
+    over = lines["imu=coarse"].get_ydata()
     np.testing.assert_allclose(over, coarse.rms_si.to_numpy() / fine.rms_si.to_numpy())
-    own = lines["imu=fine: filter's own over true"].get_ydata()
+    own = lines["dots: filter's own sigma over its true error"].get_ydata()
     np.testing.assert_allclose(own, fine.lincov_formal_si / np.hypot(fine.lincov_true_si, fine.lincov_mean_si))

@@ -70,6 +70,9 @@ def test_every_campaign_of_the_folder_is_in_the_study_and_has_a_small_version() 
 def test_what_is_published_holds_with_a_few_runs(name: str, tmp_path: Path) -> None:
     results = api.run(FOLDER / f"{name}.yaml", (*SMALL, *RUNS[name]), tmp_path, jobs=1, report=False)
     assert results.failures == []
+    if not HOLD[name]:
+        assert (results.tables.cases.run_count == 8).all()
+        return
     frame = references(results.tables)
     asked = frame[frame.item.str.startswith(HOLD[name])]
     asked = asked[asked.ours.notna()]  # cases that the small version leaves out
@@ -82,5 +85,5 @@ def test_what_is_published_holds_with_a_few_runs(name: str, tmp_path: Path) -> N
 def test_loci_are_of_linear_covariance_alone(name: str, tmp_path: Path) -> None:
     assert load(FOLDER / f"{name}.yaml").monte_carlo is None
     results = api.run(FOLDER / f"{name}.yaml", (*SMALL[1:], LOCI[name]), tmp_path, jobs=1, report=False)
-    assert len(results.tables.cases) == 2
+    assert len(results.tables.cases) >= 2
     assert (results.rms.lincov_true_sigma > 0).any()
