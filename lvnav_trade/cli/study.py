@@ -13,10 +13,12 @@ from lvnav_trade.cli.console import Debug, Jobs, Json, app, check_jobs, errors, 
 
 @app.command()
 def study(
-    folder: Annotated[str, typer.Argument(metavar="FOLDER", help="folder of campaigns, or one of the tool's: conae")],
+    folder: Annotated[
+        str, typer.Argument(metavar="FOLDER", help="folder of campaigns, or one of the tool's: conae, drdc, gains")
+    ],
     keep: Annotated[Path, typer.Option("--keep", metavar="FOLDER", help="where the study's page goes")],
     runs: Annotated[int | None, typer.Option("--runs", help="runs per case, in place of the campaigns' own")] = None,
-    out: Annotated[Path, typer.Option("--out", help="folder of the results [default: results/FOLDER]")] = Path(),
+    out: Annotated[Path, typer.Option("--out", help="folder of the results", show_default="results/FOLDER")] = Path(),
     fresh: Annotated[bool, typer.Option("--fresh/--resume", help="begin again, or go on with what is there")] = False,
     only_page: Annotated[bool, typer.Option("--only-page", help="make the page of results that are there")] = False,
     jobs: Jobs = -1,
