@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade import api
+from lvnav_trade.campaign.axes import cases
 from lvnav_trade.campaign.load import load
 from lvnav_trade.campaign.study import load_study
 from lvnav_trade.metrics import METRICS
@@ -35,7 +36,10 @@ FEW = {
                           "[{kind: wild_samples, start: 600 s, duration: 80 s, sigma: 5 km}]]}]",),
     "robustness": (),
     "open_closed": ("axes.0.cards=[imu/navigation_matched, imu/tactical_mems_matched]",),
-    "scheduled_gain": ("axes.1.values=[trajectories/recovery_polar]", "axes.1.labels=[nominal]"),
+    "scheduled_gain": (
+        "axes.0.cards=[filters/loose_gains_004_12, filters/loose_gains_004_12_by_event]",
+        "axes.0.labels=[own gains, by event]", "axes.1.values=[trajectories/recovery_polar]", "axes.1.labels=[nominal]",
+    ),
     "deboost": ("axes.1.values=[[{kind: satellite_outage, start: entry, duration: 600 s}]]",
                 "axes.1.labels=[lost from the entry on]"),
 }  # fmt: skip
@@ -144,7 +148,7 @@ def test_every_cell_of_the_design_validation_has_a_verdict(tmp_path: Path) -> No
 
 
 def test_the_stored_gains_are_those_that_are_computed_again(tmp_path: Path) -> None:
-    own = ("axes.0.cards=[filters/loose_gains_004_12]", "axes.0.labels=[own gains]", *FEW["scheduled_gain"])
+    own = FEW["scheduled_gain"]  # the first case
     again = api.schedule_gains(FOLDER / "scheduled_gain.yaml", tmp_path / "gains.yaml", own, tolerance=0.05)
     kept = load(FOLDER / "scheduled_gain.yaml").axes[0].values[1]["gains"]  # type: ignore[index]
     assert [segment["event"] for segment in kept["segments"]] == [segment.event for segment in again.segments]
@@ -159,9 +163,10 @@ def test_the_stored_gains_are_those_that_are_computed_again(tmp_path: Path) -> N
 def test_the_stored_process_noise_is_what_an_ensemble_asks_for(tmp_path: Path) -> None:
     few = ("axes.0.cards=[filters/loose]", "axes.0.labels=[none]", *FEW["process_noise"])
     campaign = FOLDER / "process_noise.yaml"
+    stored = {case.axes["filter"]: case.scenario.filter for case in cases(load(campaign))}
     for step in (1, 100):
         found, _ = api.estimate_q(campaign, tmp_path / "q.yaml", few, runs=16, step=float(step))
-        kept = load(campaign, [f"base.filter=filters/loose_gains_004_q_{step}s"]).base.filter
+        kept = stored[f"ensemble with steps of {step} s"]
         # a variance of 16 runs, three axes: within 1.5 as a sigma
         assert found.card.velocity_noise == pytest.approx(kept.velocity_noise, rel=0.5)
         assert found.card.attitude_noise == pytest.approx(kept.attitude_noise, rel=0.5)
