@@ -50,9 +50,14 @@ HOLD = {
     "delay": ("SIL uncompensated", "in time, compensated", "loose: compensated"),
     "hil_sizes": (),
     "hil_like": ("HIL, position that stays", "HIL, least satellites"),
-    "imu_temperature": ("pitch", "angular velocity"),
+    "imu_temperature": ("pitch",),
     "pvt_satellites": ("Bancroft",),
-    "pvt_sources": ("PV simulation and noise, position", "EKF-GNSS #1", "EKF-GNSS #3"),
+    "pvt_sources": (
+        "PV simulation and noise, position",
+        "EKF-GNSS #1, position",
+        "EKF-GNSS #1, velocity",
+        "EKF-GNSS #3, decorrelated",
+    ),
     "receiver": ("clock bias", "clock drift", "position", "velocity"),
     "troposphere": ("what the correction leaves", "the gain law is better", "the mask is needed"),
 }
