@@ -103,7 +103,7 @@ def relative(
             ax.plot(rows.t_s, own, color=style["color"], ls=":", lw=1.2, label=None if number else _OWN)
             every += [*own]
         ax.axhline(1.0, color=line_of(0)["color"], lw=1.2, label=f"{tables.labels[chosen[0]]} (the base)")
-        scale_up(ax.yaxis, every)
+        scale_up(ax.yaxis, every, from_zero=max(every, default=0.0) > 1.5)  # a few percent should be seen
         ax.set_xlabel("time since lift-off (s)")
         what = f"{quantity.replace('_', ' ')} error, {'3D' if axis == '3d' else axis} RMS"
         ax.set_ylabel(f"{what},\nover the base (-; short dashes: LinCov)")

@@ -144,7 +144,7 @@ def locus(
             scale_up(ax.xaxis, sizes, from_zero=False)
         scale_up(ax.yaxis, [*frame.value, *([published] if published else [])])
         ax.set_xlabel(axis.replace("_", " ") + (f" ({kind})" if kind else ""))
-        ax.set_ylabel(f"{name_of(stated).replace('_', ' ')}\n({unit})")
+        ax.set_ylabel(f"{name_of(stated).replace('_', ' ')}\n({unit})".replace(", ", ",\n"))
         legend_below(figure, ax, columns=2)
     return figure
 
