@@ -20,3 +20,24 @@ def test_numbers_have_three_significant_digits(value, told):
 
 def test_percent_does_not_round_a_requirement_away():
     assert percent(0.9973) == "99.73 %"
+
+
+def test_a_colour_that_shows_in_the_legend_alone_is_kept():
+    import io
+
+    import numpy as np
+    from PIL import Image
+
+    from lvnav_trade.plots.style import PALETTE, canvas, legend_below, look
+    from lvnav_trade.report.blocks import picture
+
+    with look():
+        figure, grid = canvas(1, 1, 3.0)
+        for number, colour in enumerate(PALETTE[:6]):  # each line hides those before it
+            grid[0, 0].plot(np.sin(np.linspace(0.0, 9.0, 500)), color=colour, label=str(number))
+        legend_below(figure, grid[0, 0])
+    with Image.open(io.BytesIO(picture("test", figure, "").png)) as image:
+        found = np.array(image.convert("RGB")).reshape(-1, 3).astype(int)
+    for colour in PALETTE[:6]:
+        wanted = [int(colour[k : k + 2], 16) for k in (1, 3, 5)]
+        assert np.abs(found - wanted).max(axis=1).min() <= 24, colour
