@@ -163,7 +163,7 @@ class Output(NamedTuple):
 class Asked(NamedTuple):
     """What linear covariance leaves of a case: budget by source over the flight; and of the event `at` (empty:
     injection, or else the last one) when each source acted, what a better one is worth, by source the covariance at
-    `events` too; observability by phase, or by windows of that many seconds.
+    `events` too; observability by phase, or by windows of that many seconds; bounds of the noise that is believed.
     """
 
     at: str = ""
@@ -173,6 +173,7 @@ class Asked(NamedTuple):
     observability: bool = True
     budget: bool = True
     window: float = 0.0
+    error_bound: bool = False
 
 
 class AdjointBudget(NamedTuple):

@@ -199,6 +199,10 @@ class Covariance(Card):
     window: Duration | None = Field(
         default=None, gt=0, description="or in each window of this length, in place of phases"
     )
+    error_bound: bool = Field(
+        default=False,
+        description="whether the noise that the filter believes keeps its error bounded (q I <= Q, r I <= R)",
+    )
 
 
 class Keep(Card):

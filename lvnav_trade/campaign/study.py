@@ -67,7 +67,7 @@ class Part(Card):
     question: str = Field("", description="what it asks; the campaign's own description if absent")
     figures: tuple[Figure, ...] = ()
     text: str = Field("", description="what should be said of what came out")
-    tables: tuple[Literal["requirements", "logic", "coverage", "parted"], ...] = Field(
+    tables: tuple[Literal["requirements", "logic", "coverage", "parted", "error_bound"], ...] = Field(
         (), description="tables of it that the study shows"
     )
     parted: str = Field("", description="axis of which two levels on the same draws are held against each other")

@@ -120,7 +120,7 @@ def asked_of(campaign: Campaign) -> Asked:
     card = campaign.covariance
     events = tuple(dict.fromkeys(event for requirement in campaign.requirements for event in requirement.events))
     flags = (card.adjoint, card.sensitivity, card.observability, card.budget)
-    return Asked(card.at or "", events, *flags, card.window or 0.0)
+    return Asked(card.at or "", events, *flags, card.window or 0.0, card.error_bound)
 
 
 class Answer(NamedTuple):

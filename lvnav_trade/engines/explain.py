@@ -9,6 +9,7 @@ import numpy as np
 
 from lvnav_trade.engines import vehicle_observability
 from lvnav_trade.engines.carried import Tape
+from lvnav_trade.engines.error_bound import ErrorBound, error_bound
 from lvnav_trade.engines.lincov import adjoint, forward_tape, source_covariances, turns
 from lvnav_trade.engines.nonlinearity import Nonlinearity, nonlinearity
 from lvnav_trade.engines.observability import TOLERANCE, in_words, observability
@@ -49,7 +50,9 @@ class PhaseView(NamedTuple):
 
 
 class Explanation(NamedTuple):
-    """All that was asked of a case; empty where not asked. nonlinear: event name and nonlinearity at every event."""
+    """All that was asked of a case; empty where not asked. nonlinear: event name and nonlinearity at every event; bound
+    of the noise that is believed, and unbounded, its weakest direction in words.
+    """
 
     event: str = ""
     adjoint: AdjointBudget | None = None
@@ -57,6 +60,8 @@ class Explanation(NamedTuple):
     sensitivity: tuple[Sensitivity, ...] = ()
     phases: tuple[PhaseView, ...] = ()
     nonlinear: tuple[tuple[str, Nonlinearity], ...] = ()
+    bound: ErrorBound | None = None
+    unbounded: str = ""
 
 
 def explain(scenario: Scenario, prepared: Prepared, history: CovHistory, asked: Asked) -> Explanation:
@@ -66,8 +71,9 @@ def explain(scenario: Scenario, prepared: Prepared, history: CovHistory, asked: 
     if prepared.vehicle is not None:  # no way back there: which source did what when is not asked
         return Explanation(at, phases=_phases(prepared, events, None, asked.window) if asked.observability else ())
     tape = None
-    if events and (asked.adjoint or asked.observability):
+    if (events and (asked.adjoint or asked.observability)) or asked.error_bound:
         tape = forward_tape(prepared, true_model(prepared, source_names(prepared)))
+    bound = error_bound(prepared, tape) if asked.error_bound and tape is not None else None
     return Explanation(
         at,
         adjoint(prepared, events[at], tape=tape) if at and asked.adjoint else None,
@@ -75,6 +81,8 @@ def explain(scenario: Scenario, prepared: Prepared, history: CovHistory, asked: 
         _sensitivities(scenario, prepared, history, events[at]) if at and asked.sensitivity else (),
         _phases(prepared, events, tape, asked.window) if asked.observability else (),
         tuple((name, nonlinearity(prepared, history, t)) for name, t in events.items()),
+        bound,
+        _told(prepared, float(prepared.reference.t[0]), bound.weakest) if bound is not None else "",
     )
 
 

@@ -193,7 +193,39 @@ def observability(tables: Tables) -> list[Block]:
             }
         )
         blocks.append(table(shown, f"{label}: observability by phase of flight."))
-    return blocks
+    return [*blocks, *error_bound(tables)]
+
+
+def error_bound(tables: Tables) -> list[Block]:
+    """Return whether the noise that each filter believes keeps its error bounded, where a campaign asked."""
+    frame = tables.error_bound
+    if frame.empty:
+        return []
+    rows = []
+    for case, group in frame.groupby("case", sort=False):
+        one, noise = group.iloc[0], group[group.matrix == "R"]
+        holds = one.rank_count == one.state_count and (noise.low_si > 0.0).all()
+        rows.append(
+            (tables.labels[case], f"{one.rank_count} / {one.state_count}", one.low_si, one.high_si, one.weakest,
+             "; ".join(f"{number(r.low_si)} to {number(r.high_si)} {r.unit}" for r in noise.itertuples()),
+             "yes" if holds else "no")
+        )  # fmt: skip
+    head = [
+        "case",
+        "rank of Q / states",
+        "lowest of Q (-)",
+        "highest (-)",
+        "weakest direction",
+        "noise of rows",
+        "holds",
+    ]
+    note = (
+        "Error bound: the error of such a filter stays bounded in mean square if, among other conditions, the noise "
+        "that it believes does: q I <= Q <= q' I of what enters between two updates, r I <= R <= r' I of the rows "
+        "(Canepa and Servidia, eq. 7.17, 7.18). Q is held against the squares of the initial sigmas."
+    )
+    caption = "Bounds of the noise that the filter believes, over the nominal flight."
+    return [Text(note), table(pd.DataFrame(rows, columns=head), caption)]
 
 
 def nonlinearity(tables: Tables) -> list[Block]:

@@ -14,12 +14,13 @@ from lvnav_trade.metrics.coverage import coverage
 from lvnav_trade.metrics.parted import parted
 from lvnav_trade.metrics.published import cases_of, ours
 from lvnav_trade.report.blocks import Block, Text, number, table
+from lvnav_trade.report.explained import error_bound
 from lvnav_trade.report.reception import logic_tables
 from lvnav_trade.store import Tables
 
 
 def held(tables: Tables, wanted: Sequence[str], axis: str) -> list[Block]:
-    """Return the tables wanted: requirements, logic, coverage, parted (of the levels of `axis`)."""
+    """Return the tables wanted: requirements, logic, coverage, parted (of the levels of `axis`), error_bound."""
     blocks: list[Block] = []
     if "requirements" in wanted:
         blocks += _requirements(tables)
@@ -29,6 +30,8 @@ def held(tables: Tables, wanted: Sequence[str], axis: str) -> list[Block]:
         blocks += _coverage(tables)
     if "parted" in wanted:
         blocks += _parted(tables, axis)
+    if "error_bound" in wanted:
+        blocks += error_bound(tables)
     return blocks
 
 

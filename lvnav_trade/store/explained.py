@@ -27,7 +27,8 @@ def explained_tables(prepared: Prepared, cov: CovHistory, found: Explanation | N
         rows["sensitivity"] = _sensitivity(prepared, found)
         rows["observability"] = _observability(found)
         rows["nonlinearity"] = _nonlinearity(prepared, found)
-    names = ("covariances", "adjoint", "sensitivity", "observability", "nonlinearity")
+        rows["error_bound"] = _error_bound(found)
+    names = ("covariances", "adjoint", "sensitivity", "observability", "nonlinearity", "error_bound")
     return {name: _columns(name, rows.get(name, [])) for name in names}
 
 
@@ -156,4 +157,23 @@ def _nonlinearity(prepared: Prepared, found: Explanation) -> list[dict[str, Any]
             "row_ratio": part.rows,
         }
         for event, part in found.nonlinear
+    ]
+
+
+def _error_bound(found: Explanation) -> list[dict[str, Any]]:
+    bound = found.bound
+    if bound is None:
+        return []
+    matrices = [("Q", "initial sigma^2", bound.low, bound.high), *(("R", *row) for row in bound.rows)]
+    return [
+        {
+            "matrix": matrix,
+            "unit": unit,
+            "low_si": low,
+            "high_si": high,
+            "rank_count": bound.rank,
+            "state_count": bound.states,
+            "weakest": found.unbounded,
+        }
+        for matrix, unit, low, high in matrices
     ]

@@ -234,6 +234,16 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("weakest", "text", "direction of the smallest in words, in initial sigmas of the states"),
         Column("direction", "text", "direction of this one"),
     ),
+    "error_bound": (
+        _CASE,
+        Column("matrix", "text", "Q: the noise between two updates; R: that of the rows"),
+        Column("unit", "text", "of the bounds: states in initial sigmas; one-sigma of rows"),
+        Column("low_si", "real", "the lowest eigenvalue over the nominal flight"),
+        Column("high_si", "real", "the highest"),
+        Column("rank_count", "whole", "of Q, the smallest of all intervals"),
+        Column("state_count", "whole", "states of the filter"),
+        Column("weakest", "text", "direction of the lowest of Q in words, in initial sigmas of the states"),
+    ),
     "nonlinearity": (
         _CASE,
         _EVENT,

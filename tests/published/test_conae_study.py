@@ -43,6 +43,7 @@ RUNS = {
 LOCI = {
     "delay_cost": "axes=[{path: receiver.latency, values: [0 ms, 300 ms]}]",
     "settings": "axes=[{path: filter.imu.gyro_bias_walk, values: [0.0001 deg/s/sqrt(s), 0.0292 deg/s/sqrt(s)]}]",
+    "error_bound": "axes=[{path: filter, cards: [filters/tight_conae_000, filters/tight]}]",
     "imu_noise": "axes=[{path: filter.neglect, values: [[], [gyro_bias, accel_bias]]}]",
 }
 HOLD = {
@@ -92,3 +93,13 @@ def test_loci_are_of_linear_covariance_alone(name: str, tmp_path: Path) -> None:
     results = api.run(FOLDER / f"{name}.yaml", (*SMALL[1:], LOCI[name]), tmp_path, jobs=1, report=False)
     assert len(results.tables.cases) >= 2
     assert (results.rms.lincov_true_sigma > 0).any()
+
+
+def test_the_filter_whose_biases_walk_meets_the_condition_of_a_bounded_error(tmp_path: Path) -> None:
+    asked = ("covariance.error_bound=true", LOCI["error_bound"])
+    tables = api.run(FOLDER / "error_bound.yaml", (*SMALL[2:], *asked), tmp_path, jobs=1, report=False).tables
+    noise = tables.error_bound[tables.error_bound.matrix == "Q"].set_index("case")
+    by_label = {label: noise.loc[case] for case, label in tables.labels.items()}
+    walks, constant = (by_label[f"filter={name}"] for name in ("tight_conae_000", "tight"))
+    assert walks.rank_count == walks.state_count == 17
+    assert constant.rank_count < 17

@@ -36,6 +36,28 @@ def test_requirements_are_a_cell_each_that_passes_or_fails(tables):
     assert len(cells(blocks, "case")) == len(tables.campaign["requirements"]) * len(tables.labels)
 
 
+def test_a_bounded_noise_is_told_by_case_with_its_weakest_direction():
+    row = {
+        "case": "a",
+        "rank_count": 15,
+        "state_count": 15,
+        "low_si": 1e-9,
+        "high_si": 3.0,
+        "weakest": "+1.00 gyro bias x",
+    }
+    rows = [{**row, "matrix": "Q", "unit": "initial sigma^2"}, {**row, "matrix": "R", "unit": "m", "low_si": 2.0}]
+    short = [{**one, "case": "b", "rank_count": 12} for one in rows]
+    silent = [rows[0] | {"case": "c"}, {**rows[1], "case": "c", "low_si": 0.0}]
+    shown = SimpleNamespace(
+        error_bound=pd.DataFrame(rows + short + silent), labels={"a": "one", "b": "two", "c": "three"}
+    )
+    blocks = held(shown, ("error_bound",), "")
+    assert cells(blocks, "holds") == ["yes", "no", "no"]
+    assert cells(blocks, "rank of Q / states") == ["15 / 15", "12 / 15", "15 / 15"]
+    assert cells(blocks, "noise of rows")[0] == "2.00 to 3.00 m"
+    assert held(SimpleNamespace(error_bound=shown.error_bound[:0]), ("error_bound",), "") == []
+
+
 def test_coverage_and_parting_have_their_columns(tables):
     assert set(cells(held(tables, ("coverage",), ""), "honest")) <= {"yes", "no"}
     assert set(cells(held(tables, ("parted",), "imu"), "levels")) == {"fine and coarse"}
