@@ -14,9 +14,9 @@ def test_shapes_stand_in_the_order_of_the_record():
     assert list(work_shapes(SIZES)) == [f for f in Work._fields if f not in Work._field_defaults]
 
 
-def test_rows_have_room_for_every_slot_and_for_a_solution():
-    assert work_shapes(SIZES)["H"] == (16, 12)
-    assert work_shapes(SIZES._replace(n_slot=1))["H"] == (6, 12)
+def test_rows_have_room_for_every_slot_or_a_solution_and_an_altimeter():
+    assert work_shapes(SIZES)["H"] == (17, 12)
+    assert work_shapes(SIZES._replace(n_slot=1))["H"] == (7, 12)
 
 
 def test_an_array_that_a_case_does_not_need_is_never_empty():

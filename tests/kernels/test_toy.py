@@ -101,7 +101,7 @@ def linear(gain, mismatch=True):
             update_covariance(P[s], work, k, np.ones(1), ENTRIES, STATES, FIX**2 if SOURCES[s] == "fix noise" else 0.0)
         for y in (bias, scale):
             update_vector(y, k, np.ones(1), ENTRIES, STATES)
-        _absorb_shared(joint, k, np.ones(1), ENTRIES, STATES, signals, true, 0, 0)
+        _absorb_shared(joint, k, np.ones(1), ENTRIES, STATES, signals, true, False, 0, 0)
         out.append(np.diagonal(P, axis1=1, axis2=2).copy())
     return np.array(out)
 
