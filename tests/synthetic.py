@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from lvnav_trade.engines.atmosphere import Delays
+from lvnav_trade.engines.error_bound import ErrorBound
 from lvnav_trade.engines.explain import Explanation, PhaseView, SourceCovariance
 from lvnav_trade.engines.nonlinearity import Nonlinearity
 from lvnav_trade.engines.retune import FACTORS, Sensitivity
@@ -216,6 +217,8 @@ def explanation(cov: CovHistory) -> Explanation:
         tuple(_sensitivity(quantity, np.trace(end[:, q], axis1=1, axis2=2)) for q, quantity in enumerate(QUANTITIES)),
         (PhaseView("liftoff to injection", 0.0, 99.5, 4, 1e-2, singular, 900, "+1.00 attitude roll"),),
         tuple((event, Nonlinearity(t, 1e-3, 4, 2e-5, 1e-6)) for event, t in EVENTS.items()),
+        ErrorBound(15, 15, 2e-9, 3.0, np.eye(15)[0], (("m", 2.0, 2.5), ("m/s", 0.1, 0.1))),
+        "+1.00 attitude roll",
     )
 
 
