@@ -9,6 +9,7 @@ from lvnav_trade.campaign.axes import Case, axis_names
 from lvnav_trade.campaign.schema import FRAME_AXES, Campaign, metric
 from lvnav_trade.campaign.tree import Node, mistake
 from lvnav_trade.errors import InputError, Mistake
+from lvnav_trade.filters.base import REFERENCED
 from lvnav_trade.scenario import Scenario, beliefs
 from lvnav_trade.world.events import resolve
 from lvnav_trade.world.faults import AnyFault
@@ -106,6 +107,9 @@ def requirements(campaign: Campaign, root: Node) -> list[Mistake]:
     return found
 
 
+_UNBOUNDED = {"inertial": "takes no measurement"} | dict.fromkeys(REFERENCED, "takes every sample as a measurement")
+
+
 def flight(campaign: Campaign, cases: Sequence[Case], events: Mapping[str, Mapping[str, float]]) -> list[Mistake]:
     """Return the faults and requirements that name no event of a case's trajectory, or lie outside its flight.
 
@@ -136,6 +140,10 @@ def flight(campaign: Campaign, cases: Sequence[Case], events: Mapping[str, Mappi
             message = _backwards(requirement.events, times) if requirement.during else ""
             if message:
                 found.setdefault(campaign.written.mistake(f"requirements.{index}.during", message))
+        kind = case.scenario.filter.kind
+        if campaign.covariance.error_bound and kind in _UNBOUNDED:
+            message = f"filter kind {kind} {_UNBOUNDED[kind]}; ask it of loose and tight ones"
+            found.setdefault(campaign.written.mistake("covariance.error_bound", message))
         for index, fault in enumerate(case.scenario.faults):
             message = _fault(fault, times, *span(case.scenario, times))
             if message:

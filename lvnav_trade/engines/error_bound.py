@@ -10,6 +10,7 @@ from lvnav_trade.engines.carried import Tape
 from lvnav_trade.engines.observability import initial_spread
 from lvnav_trade.engines.prepare import Prepared
 from lvnav_trade.engines.truth import source_names, true_model
+from lvnav_trade.errors import InputError
 from lvnav_trade.filters.belief import HEIGHT, POSITION, PSEUDORANGE
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import predict
@@ -74,9 +75,12 @@ def error_bound(prepared: Prepared, tape: Tape) -> ErrorBound:
 
     Sufficient conditions of an error that stays bounded in mean square (Reif, Guenther, Yaz and Unbehauen, IEEE Trans.
     Automatic Control 44(4), 1999), as Canepa and Servidia state them, eq. 7.17 and 7.18. `tape`: the forward pass.
+    InputError for a flight without a measurement.
     """
     true, belief, n = true_model(prepared, source_names(prepared)), prepared.belief, prepared.layout.n_state
     updates = int(np.count_nonzero(np.diff(tape.first_row) > 0))
+    if not updates:
+        raise InputError("covariance.error_bound: the filter takes no measurement on this flight")
     noise = np.zeros((updates, n, n))
     _gather(
         noise, np.zeros((n, n)), np.zeros((n, n)), np.zeros((true.nav_rows.size, 9)), tape, prepared.schedule, true,

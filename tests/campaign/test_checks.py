@@ -170,3 +170,11 @@ def test_a_measurement_that_the_filter_would_believe_perfect_is_refused(study, k
 
 def test_a_measurement_that_is_not_used_may_be_perfect(study) -> None:
     load("campaign.yaml", ["filter.kind=loose", "receiver.pseudorange_sigma=0 m"])
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"), [("inertial", "filter kind inertial takes no measurement"), ("tight", "")]
+)
+def test_a_filter_that_has_no_bound_to_tell_is_told_where_it_was_asked(study, kind: str, message: str) -> None:
+    found = told(study, ("covariance.error_bound=true", f"base.filter.kind={kind}"))
+    assert [message in line and "covariance.error_bound" in line for line in found] == [True] * bool(message)

@@ -8,6 +8,7 @@ import pytest
 from lvnav_trade.engines.error_bound import error_bound
 from lvnav_trade.engines.lincov import forward_tape
 from lvnav_trade.engines.truth import source_names, true_model
+from lvnav_trade.errors import InputError
 from lvnav_trade.scenario import beliefs
 from tests.building import LOOSE, case, loaded, prepare_hop, with_fields
 
@@ -59,3 +60,9 @@ def test_rows_have_the_noise_of_the_receiver():
     assert first[1:] == pytest.approx((solution.position_sigma, solution.position_sigma))
     assert second[0] == "m/s"
     assert second[1:] == pytest.approx((solution.velocity_sigma, solution.velocity_sigma))
+
+
+def test_without_a_measurement_there_is_nothing_to_tell():
+    faults = [{"kind": "satellite_outage", "start": "-1 s", "duration": "100 s"}]
+    with pytest.raises(InputError, match="takes no measurement on this flight"):
+        bound(prepare_hop(with_fields(loaded(LOOSE), faults=faults)))
