@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import os
+import secrets
 from collections.abc import Callable
 from pathlib import Path
 from types import FunctionType
@@ -36,6 +38,7 @@ def _set_cache_folder() -> None:
 _set_cache_folder()
 
 import numba  # noqa: E402  (the cache folder must be known first)
+from numba.core.bytecode import FunctionIdentity  # noqa: E402
 from numba.core.caching import CompileResultCacheImpl, FunctionCache  # noqa: E402
 from numba.core.codegen import JITCodeLibrary, JITCPUCodegen  # noqa: E402
 from numba.core.registry import CPUDispatcher, cpu_target  # noqa: E402
@@ -43,6 +46,21 @@ from numba.core.registry import CPUDispatcher, cpu_target  # noqa: E402
 numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
 _PART = "_part_of_lvnav_trade"
 _ENTRY = "entry"  # numba's own kinds are "object" and "bitcode"
+
+
+def _number_functions() -> None:
+    """Let this process number the functions that it compiles from a start of its own.
+
+    Numba tells functions of one name and signature apart (the + and the x of a lane are such) by a number that every
+    process counts from one. But parts that different processes have compiled meet in the cache, and the linker takes
+    two functions of one full name for one: it would add where it should multiply.
+    """
+    FunctionIdentity._unique_ids = itertools.count(secrets.randbits(64))
+
+
+_number_functions()
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_number_functions)
 
 
 class Library(JITCodeLibrary):  # type: ignore[misc]  # numba tells no types

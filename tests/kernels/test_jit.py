@@ -119,13 +119,39 @@ def plus_three(a):
 """
 
 
+LANES = """
+from lvnav_trade.kernels.lanes import view
+
+@jit
+def doubled(x):
+    x[0] = x[0] * 2.0
+
+@jit
+def lifted(x):
+    x[0] = x[0] + 2.0
+
+@jit
+def double(x):
+    doubled(view(x))
+
+@jit
+def lift(x):
+    lifted(view(x))
+
+@jit
+def both(x):
+    doubled(view(x))
+    lifted(view(x))
+"""
+
+
 @pytest.fixture
 def say(tmp_path: Path) -> Callable[[str], str]:
     """Return a function that runs a line beside the kernels above in a process of its own, and returns what it prints.
 
     All processes of a test share a cache that is empty at first.
     """
-    (tmp_path / "callers.py").write_text(CALLERS)
+    (tmp_path / "callers.py").write_text(CALLERS + LANES)
     environment = {
         **os.environ,
         "NUMBA_CACHE_DIR": str(tmp_path / "kernels-here"),
@@ -191,3 +217,21 @@ def test_without_compilation_a_kernel_is_the_python_function() -> None:
 
     interpreted = [float(word.strip("()np.float64 \n")) for word in found.stdout.split(",")]
     np.testing.assert_allclose(interpreted, gravity_j4(4.0e6, 3.0e6, 4.1e6), rtol=1e-15)
+
+
+def test_parts_that_different_processes_compiled_fit_together(say) -> None:
+    """Both parts hold a function of one name and signature, which works out an operator: one multiplies, one adds."""
+    say("double(np.ones((1, 8)))")
+    say("lift(np.ones((1, 8)))")
+    hits = ", ".join(f"sum({part}.inner.stats.cache_hits.values())" for part in ("doubled", "lifted"))
+    assert say(f"x = np.full((1, 8), 3.0); both(x); print(x[0, 0], {hits})") == "8.0 1 1"
+
+
+def test_a_forked_process_counts_its_functions_apart(say) -> None:
+    line = (
+        "import os; from numba.core.bytecode import FunctionIdentity as F\n"
+        "r, w = os.pipe()\n"
+        "if os.fork() == 0: os.write(w, str(next(F._unique_ids)).encode()); os._exit(0)\n"
+        "print(next(F._unique_ids) - int(os.read(r, 99)) != 0)"
+    )
+    assert say(line) == "True"
