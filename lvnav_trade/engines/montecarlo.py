@@ -137,16 +137,18 @@ def run_block(prepared: Prepared, seed: int, first_run: int, n_run: int, lanes: 
     """
     use_lanes = not config.DISABLE_JIT if lanes is None else lanes
     width = WIDTH if use_lanes else 1
-    parts: dict[str, list[Floats]] = {name: [] for name in _HANDED_OUT}
+    joined: dict[str, Floats] = {}
     changes = [NO_CHANGES]
-    for first in range(first_run, first_run + n_run, width):
+    for done in range(0, n_run, width):
+        first, new = first_run + done, min(width, n_run - done)
         work = _fly(prepared, seed, np.arange(first, first + width, dtype=np.uint64), use_lanes)
         for name in _HANDED_OUT:
             array = getattr(work, name)
-            parts[name].append(np.moveaxis(array, -1, 0) if use_lanes else array[None])
+            runs = np.moveaxis(array, -1, 0) if use_lanes else array[None]
+            whole = joined.setdefault(name, np.empty((n_run, *runs.shape[1:])))
+            whole[done : done + new] = runs[:new]
         if work.watch is not None:
-            changes.append(_changes(prepared, work.watch, first, min(width, first_run + n_run - first), use_lanes))
-    joined = {name: np.ascontiguousarray(np.concatenate(arrays)[:n_run]) for name, arrays in parts.items()}
+            changes.append(_changes(prepared, work.watch, first, new, use_lanes))
     return RunBlock(
         first_run=first_run,
         t=prepared.t_hist,
