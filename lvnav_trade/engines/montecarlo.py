@@ -69,7 +69,8 @@ def channels(prepared: Prepared) -> int:
     return height + 2 * len(prepared.sky.names) if kind == TIGHT else height + 6 if kind == LOOSE else 1
 
 
-def _new_work(prepared: Prepared, lanes: bool) -> Work:
+def new_work(prepared: Prepared, lanes: bool) -> Work:
+    """Return the arrays of one run, or of eight in lanes, zero."""
     belief, signals = prepared.belief, prepared.signals
     shapes = work_shapes(Sizes(
         n_state=prepared.layout.n_state,
@@ -102,7 +103,7 @@ def _new_work(prepared: Prepared, lanes: bool) -> Work:
 
 
 def _fly(prepared: Prepared, seed: int, runs: Floats, lanes: bool) -> Work:
-    work = _new_work(prepared, lanes)
+    work = new_work(prepared, lanes)
     work.run[0] = runs if lanes else runs[0]
     chosen = np.flatnonzero(prepared.signals.shared.given)
     if chosen.size:
