@@ -152,7 +152,7 @@ def _slow(spread, desk, nominal, parts, belief, modelled, length, n_group, n_sou
         desk.D, belief.block_kinds, belief.block_drivers, desk.sums, nav[R], nav[R + 1], nav[R + 2], seconds
     )
     mirror(spread.formal)
-    predict(spread.formal, desk.X, desk.D, rows, columns, decay, belief.noise[length], belief.clock, seconds)
+    predict(spread.formal, desk.D, rows, columns, decay, belief.noise[length], belief.clock, seconds)
     D = desk.D
     if not modelled:
         rows, columns, D = parts.nav_rows, parts.nav_columns, desk.D_true
@@ -161,13 +161,13 @@ def _slow(spread, desk, nominal, parts, belief, modelled, length, n_group, n_sou
     for g in range(n_group):
         P = group(spread.sources, g)
         mirror(P)
-        predict(P, whole(desk.X_source), D, rows, columns, decay, desk.work, belief.clock, seconds)
+        predict(P, D, rows, columns, decay, desk.work, belief.clock, seconds)
     if not modelled:
         _add_noise(spread.sources, parts.noise[length], n_source)
-    apply_phi(spread.mean, desk.seen_n, D, rows, columns, decay, belief.clock, seconds)
+    apply_phi(spread.mean, D, rows, columns, decay, belief.clock, seconds)
     for p in range(parts.source.shape[0]):
         if parts.followed[p]:
-            apply_phi(spread.y[p], desk.seen_n, D, rows, columns, decay, belief.clock, seconds)
+            apply_phi(spread.y[p], D, rows, columns, decay, belief.clock, seconds)
         _step_part(spread, parts, p, length, decay)
 
 
