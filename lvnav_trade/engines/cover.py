@@ -14,7 +14,7 @@ from lvnav_trade.kernels.covariance import predict
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.joint import apply_phi, propagate_component
 from lvnav_trade.kernels.strapdown import J4, Q, R, V, gravity, mechanise
-from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL, parameter_block
+from lvnav_trade.kernels.transition import ATT, ATT_GYRO, GYRO, POS, VEL, VEL_ACCEL, VEL_GYRO, parameter_block
 from lvnav_trade.observables import altitude
 from lvnav_trade.world.gravity import GRAVITY
 
@@ -48,15 +48,16 @@ def fill_inputs(b, g, block, j, true, sums, seconds, decay, fade):
         return
     if seconds == 0.0:
         return
-    first, last = (
-        (transition.ATT_GYRO, transition.POS_GYRO) if sensor == GYRO else (transition.VEL_ACCEL, transition.POS_ACCEL)
-    )
+    first, last = (ATT_GYRO, VEL_GYRO) if sensor == GYRO else (VEL_ACCEL, VEL_ACCEL)
     for kind in range(first, last + 1):
         parameter_block(block, kind, driven_by, sums, seconds)
         for i in range(3):
             for axis in range(3):
                 b[axis, at + i] = block[3 * i + axis]
-        at = VEL if at == ATT else POS
+        at = VEL
+    for axis in range(3):
+        for i in range(3):
+            b[axis, POS + i] = 0.5 * seconds * b[axis, VEL + i]
 
 
 @jit

@@ -53,6 +53,12 @@ class Desk(NamedTuple):
     sums: Floats
     increments: Floats
     still: Floats
+    expected: Floats
+    turned: Floats
+    sparse: Floats
+    at: Ints
+    count: Ints
+    one: Floats
 
 
 class Parts(NamedTuple):

@@ -127,9 +127,8 @@ def refer(work, own, belief, vehicle, epoch, k0, k1):
     z = attitude.innovation(m0, m1, m2, m3, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
     own.row[0] = like(n0, 1.0)
     for axis in range(3):
-        column = np.full(1, ATT + axis)
         normalised, weight = absorb(
-            work.P, work.x, work.K, own.row, np.zeros(1, np.int64), column, z[axis], vehicle.believed,
+            work.P, work.x, work.K, own.row, vehicle.entries, vehicle.columns[axis], z[axis], vehicle.believed,
             belief.gate_squared, belief.n_estimated, belief.joseph,
         )  # fmt: skip
         _count(work, epoch, 6 + axis, normalised, weight)

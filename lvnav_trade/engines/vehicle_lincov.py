@@ -129,9 +129,12 @@ def _desk(prepared: Prepared, names: list[str], n_true: int, lanes: bool) -> Des
         "gain": (N_SAMPLE, n), "work": (n,), "seen": (N_SAMPLE,),
         "moved_source": (9, n, *end), "Y": (N_SAMPLE, n, *end), "row_gain": (1, n), "sums": (N_SUM,),
         "increments": (int(prepared.schedule.n_tick.max()), 6), "still": (N_SAMPLE,),
+        "expected": (N_SAMPLE, N_SAMPLE), "turned": (N_SAMPLE, N_SAMPLE), "sparse": (1, n), "one": (1,),
     }  # fmt: skip
     arrays: dict[str, Any] = {name: aligned_zeros(shape) for name, shape in shapes.items()}
     n_source = len(names)
+    arrays["one"][0] = 1.0
+    arrays["at"], arrays["count"] = np.zeros((1, n), dtype=np.int64), np.zeros(1, dtype=np.int64)
     arrays["S"] = _grouped(np.zeros((n_source, N_SAMPLE, N_SAMPLE)), lanes)
     arrays["sample_noise"] = _grouped(_sample_noise(prepared, names), lanes)
     arrays["row_noise"] = _grouped(np.zeros((n_source, 1)), lanes)

@@ -23,7 +23,7 @@ from lvnav_trade.kernels.strapdown import SUM_C, SUM_F, SUM_TH, SUM_V
 ATT, VEL, POS = 0, 3, 6
 
 # What a block is.
-(POS_VEL, POS_VEL_HALF, VEL_VEL, VEL_ATT, VEL_POS, ATT_GYRO, VEL_GYRO, POS_GYRO, VEL_ACCEL, POS_ACCEL) = range(10)
+(POS_VEL, POS_VEL_HALF, VEL_VEL, VEL_ATT, VEL_POS, ATT_GYRO, VEL_GYRO, VEL_ACCEL) = range(8)
 
 GYRO, ACCEL = 0, 1
 
@@ -97,20 +97,18 @@ def _turned_column(block, factor, sums, ux, uy, uz):
 
 @inlined
 def parameter_block(block, kind, driven_by, sums, seconds):
-    """Set a block of an inertial-unit parameter, kinds ATT_GYRO to POS_ACCEL: how far it is off over a window, those of
-    position (no part of the product, which moves position by velocity) to third order where a gyro reaches it.
-    """
+    """Set a block of an inertial-unit parameter: kinds ATT_GYRO to VEL_ACCEL."""
     th = (sums[SUM_TH] / seconds, sums[SUM_TH + 1] / seconds, sums[SUM_TH + 2] / seconds)
     f = (sums[SUM_F] / seconds, sums[SUM_F + 1] / seconds, sums[SUM_F + 2] / seconds)
-    if kind in (VEL_ACCEL, POS_ACCEL):
+    if kind == VEL_ACCEL:
         ux, uy, uz = driver(driven_by, f[0], f[1], f[2], th[0], th[1], th[2])
-        _column(block, -1.0 if kind == VEL_ACCEL else -0.5 * seconds, sums, ux, uy, uz)
+        _column(block, -1.0, sums, ux, uy, uz)
     else:
         ux, uy, uz = driver(driven_by, th[0], th[1], th[2], f[0], f[1], f[2])
         if kind == ATT_GYRO:
             _column(block, -1.0, sums, ux, uy, uz)
         else:
-            _turned_column(block, 0.5 if kind == VEL_GYRO else seconds / 6.0, sums, ux, uy, uz)
+            _turned_column(block, 0.5, sums, ux, uy, uz)
 
 
 @inlined

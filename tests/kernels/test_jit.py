@@ -14,7 +14,7 @@ import pytest
 from numba.core.registry import CPUDispatcher
 
 from lvnav_trade.kernels import jit as room
-from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.jit import inlined, jit, making_arrays
 
 
 @pytest.fixture
@@ -99,6 +99,41 @@ def test_a_division_by_zero_is_infinite_or_no_number_and_no_error() -> None:
 
 def test_a_step_that_is_compiled_into_its_caller_computes_the_same() -> None:
     assert four_times(1.5) == 6.0
+
+
+@making_arrays
+def copied(a):
+    b = np.empty(a.size)
+    b[:] = a
+    return b
+
+
+@jit
+def summed(a):
+    b = np.empty(a.size)
+    b[:] = a
+    return b[0] + b[1]
+
+
+def test_only_a_kernel_that_says_so_makes_arrays_and_counts_references() -> None:
+    given = np.arange(3.0)
+    np.testing.assert_array_equal(copied(given), given)
+    with pytest.raises(numba.TypingError, match="empty"):
+        summed(given)
+
+
+@jit
+def longest(rows, n):
+    best = 0.0
+    for i in range(n):
+        row = rows[i]
+        best = max(best, row[0] + row[1])
+    return best
+
+
+def test_a_kernel_on_what_it_is_given_counts_no_references() -> None:
+    assert longest(np.array([[1.0, 2.0], [3.0, 4.0]]), 2) == 7.0
+    assert "NRT_incref" not in next(iter(longest.inspect_llvm().values()))
 
 
 CALLERS = """

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.kernels.covariance import absorb, predict
-from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.jit import making_arrays
 from lvnav_trade.kernels.joint import (
     apply_phi,
     apply_phi_transposed,
@@ -86,7 +86,7 @@ def test_the_true_update_is_josephs_form_for_any_gain():
 # ---------------------------------------------------------------------------------- the three stored baselines of ODTBX
 
 
-@jit
+@making_arrays
 def take_rows(formal, sources, h, entries, columns, variance, true_variance, noise_source, n_estimated):
     """Absorb rows in the formal covariance, and with their gains in every source; `sources` (n_source, n, n)."""
     n = formal.shape[0]
@@ -100,7 +100,7 @@ def take_rows(formal, sources, h, entries, columns, variance, true_variance, noi
             update_covariance(sources[s], work, gain, h[row], entries, columns[row], noise)
 
 
-@jit
+@making_arrays
 def advance(P, blocks, rows, columns, noise, clock, seconds, n_step):
     """Propagate in many short steps: noise enters a step half before and half after, exact as the steps shrink."""
     n = P.shape[0]
