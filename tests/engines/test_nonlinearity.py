@@ -36,8 +36,9 @@ def test_the_curvature_of_a_range_is_half_the_square_over_the_distance():
 
 
 def test_the_first_order_part_is_the_filters_transition():
-    """Order 2 in steps of 0.1 s over a second of thrust at 30 m/s^2: to 2e-3 of what the error does; a gyro's bias reaches
-    position in third order, of which a product of n windows misses 1 / 2n^2.
+    """Order 2 in steps of 0.1 s over a second of thrust at 30 m/s^2: to 2e-3 of what the error does.
+
+    A gyro's bias reaches position in third order, of which a product of n windows misses 1 / 2n^2.
     """
     prepared = case()
     start = _start_tick(prepared, 10.0)

@@ -122,20 +122,6 @@ def test_only_a_kernel_that_says_so_makes_arrays_and_counts_references() -> None
         summed(given)
 
 
-@jit
-def longest(rows, n):
-    best = 0.0
-    for i in range(n):
-        row = rows[i]
-        best = max(best, row[0] + row[1])
-    return best
-
-
-def test_a_kernel_on_what_it_is_given_counts_no_references() -> None:
-    assert longest(np.array([[1.0, 2.0], [3.0, 4.0]]), 2) == 7.0
-    assert "NRT_incref" not in next(iter(longest.inspect_llvm().values()))
-
-
 CALLERS = """
 import numpy as np
 from lvnav_trade.kernels.jit import jit
@@ -154,6 +140,19 @@ def plus_three(a):
 """
 
 
+ROWS = "from lvnav_trade.kernels.jit import making_arrays\n" + "".join(
+    f"""
+@{decorator}
+def {name}(rows):
+    best = rows[0]
+    for i in range(rows.shape[0]):
+        row = rows[i]
+        if row[0] + row[1] > best[0] + best[1]:
+            best = row
+    return best[0] + best[1]
+"""
+    for name, decorator in (("largest", "jit"), ("largest_counted", "making_arrays"))
+)
 LANES = """
 from lvnav_trade.kernels.lanes import view
 
@@ -186,7 +185,7 @@ def say(tmp_path: Path) -> Callable[[str], str]:
 
     All processes of a test share a cache that is empty at first.
     """
-    (tmp_path / "callers.py").write_text(CALLERS + LANES)
+    (tmp_path / "callers.py").write_text(CALLERS + ROWS + LANES)
     environment = {
         **os.environ,
         "NUMBA_CACHE_DIR": str(tmp_path / "kernels-here"),
@@ -240,6 +239,12 @@ def test_without_compilation_a_kernel_is_the_python_function() -> None:
 
     interpreted = [float(word.strip("()np.float64 \n")) for word in found.stdout.split(",")]
     np.testing.assert_allclose(interpreted, gravity_j4(4.0e6, 3.0e6, 4.1e6), rtol=1e-15)
+
+
+def test_a_kernel_on_what_it_is_given_counts_no_references(say) -> None:
+    code = "next(iter({}.inspect_llvm().values()))"
+    counts = ", ".join(f"'@NRT_incref(' in {code.format(name)}" for name in ("largest", "largest_counted"))
+    assert say(f"x = np.eye(2); print(largest(x), largest_counted(x), {counts})") == "1.0 1.0 False True"
 
 
 def test_parts_that_different_processes_compiled_fit_together(say) -> None:
