@@ -101,7 +101,7 @@ class Scenario(Card):
         if card.feedback == "open" or card.logic is not None or card.init != "from_card":
             raise ValueError("filter.delay_compensation: not with feedback: open, a logic, or init: from_gnss")
         before = late.base if late.kind == "extrapolated" else 0.0
-        stated = before if isinstance(late.delay, str) else before + late.delay
+        stated = before + (self.receiver.latency if isinstance(late.delay, str) else late.delay)
         if stated >= epoch_interval(self):
             raise ValueError(
                 f"filter.delay_compensation: delay{' and base' if before else ''} of {stated * 1e3:.0f} ms, not less "

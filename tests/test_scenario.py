@@ -97,6 +97,7 @@ def test_what_goes_together_is_accepted(fields):
         ({**SOLVING, "faults": FROZEN}, "frozen_output needs receiver.solution.kind: direct"),
         ({LATE: {"kind": "extrapolated"}}, "only a solution can be extrapolated"),
         ({LATE: {"kind": "buffered", "delay": "1 s"}}, "delay of 1000 ms, not less than the 1000 ms between epochs"),
+        ({LATE: {"kind": "buffered"}, "receiver.latency": "1.2 s"}, "delay of 1200 ms, not less than the 1000 ms"),
         ({"filter.kind": "loose", LATE: {**FAIRLY, "delay": "950 ms"}}, "delay and base of 1050 ms"),
         ({"filter.kind": "loose", "filter.init": "from_gnss", LATE: FAIRLY}, "delay_compensation: not with feedback"),
     ],

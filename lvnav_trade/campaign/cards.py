@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -19,6 +19,9 @@ def shipped(folder: str) -> Path:
     """Return the folder (`configs` or `campaigns`) that comes with the tool: in the wheel, else in the checkout."""
     inside = _PACKAGE / "_data" / folder
     return inside if inside.is_dir() else _PACKAGE.parent / folder
+
+
+_MANY = 12
 
 
 class Shelf(NamedTuple):
@@ -52,8 +55,20 @@ class Shelf(NamedTuple):
         file = self.find(name, node.place.folder) if name.strip() else None
         if file is None:
             candidates = [*self.known(), *_beside(name, node.place.folder), *map(str, words)]
-            raise refuse(node.place, path, f"no card {name!r}{hint(name, candidates)}")
+            raise refuse(node.place, path, f"no card {name!r}{_near(name, candidates)}")
         return tree.read_mapping(file)
+
+
+def _near(name: str, known: Sequence[str]) -> str:
+    """Return the card that is probably meant; where none is near, those of the folder that is named."""
+    folder, _, last = name.rpartition("/")
+    shelf = [card for card in known if card.rpartition("/")[0] == folder]
+    if not folder or not shelf:
+        return hint(name, known)
+    names = [card.rpartition("/")[2] for card in shelf]
+    if hint(last, names):
+        return hint(name, shelf)
+    return f" ({folder}/ has {', '.join(names[:_MANY])}{', ...' if len(names) > _MANY else ''})"
 
 
 def _beside(name: str, folder: Path) -> list[str]:
@@ -101,7 +116,7 @@ def card_text(name: str, folder: Path) -> str:
     shelf = Shelf.of(folder)
     file = shelf.find(name, folder)
     if file is None:
-        raise InputError(f"no card {name!r}{hint(name, shelf.known())}")
+        raise InputError(f"no card {name!r}{_near(name, shelf.known())}")
     tree.read_mapping(file)
     return file.read_text(encoding="utf-8-sig")
 

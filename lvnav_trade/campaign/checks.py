@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from lvnav_trade.campaign import tree
 from lvnav_trade.campaign.axes import Case, axis_names
@@ -12,7 +12,8 @@ from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.filters.base import REFERENCED
 from lvnav_trade.scenario import Scenario, beliefs
 from lvnav_trade.world.events import resolve
-from lvnav_trade.world.faults import AnyFault
+from lvnav_trade.world.faults import AnyFault, missing_antenna, missing_satellite
+from lvnav_trade.world.satellites import satellites
 
 _FIELDS = {
     "imu.rate": "IMU rate",
@@ -148,7 +149,23 @@ def flight(campaign: Campaign, cases: Sequence[Case], events: Mapping[str, Mappi
             message = _fault(fault, times, *span(case.scenario, times))
             if message:
                 found.setdefault(written(campaign, case, f"base.faults.{index}.start", message))
+            for field, message in _missing(fault, case.scenario):
+                found.setdefault(written(campaign, case, f"base.faults.{index}.{field}", message))
     return list(found)
+
+
+def _missing(fault: AnyFault, scenario: Scenario) -> Iterator[tuple[str, str]]:
+    """Yield field and message for antennas and satellites that a fault names and the case does not have."""
+    n_antenna = len(scenario.receiver.antennas)
+    for antenna in getattr(fault, "antennas", ()):
+        if antenna > n_antenna:
+            yield "antennas", missing_antenna(antenna, n_antenna)
+    wanted = getattr(fault, "satellites", ())
+    if wanted:
+        names = satellites(scenario.constellation, scenario.trajectory.epoch).names
+        for name in wanted:
+            if name not in names:
+                yield "satellites", missing_satellite(name, names)
 
 
 def _backwards(ends: Sequence[str], times: Mapping[str, float]) -> str:
@@ -177,6 +194,18 @@ def written(campaign: Campaign, case: Case, path: str, message: str) -> Mistake:
             steps = ["axes", str(index), key, at, *steps[len(varied) :]]
             break
     return campaign.written.mistake(path, message, steps)
+
+
+def located(campaign: Campaign, case: Case, mistakes: Sequence[Mistake]) -> list[Mistake]:
+    """Return the mistakes that showed when a case was put together where they were written, as far as a field is
+    named (with ``base.`` or without); those of a file of data know their line.
+    """
+    return [
+        one
+        if one.line or not one.path
+        else written(campaign, case, f"base.{one.path.removeprefix('base.')}", one.message)
+        for one in mistakes
+    ]
 
 
 def _fault(fault: AnyFault, events: Mapping[str, float], first: float, last: float) -> str:

@@ -19,7 +19,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from lvnav_trade.campaign import work
 from lvnav_trade.campaign.axes import Case, cases
-from lvnav_trade.campaign.checks import flight, written
+from lvnav_trade.campaign.checks import flight, located
 from lvnav_trade.campaign.load import resolved
 from lvnav_trade.campaign.lock import locked
 from lvnav_trade.campaign.plan import Block, blocks
@@ -72,10 +72,10 @@ def check_flight(campaign: Campaign, found: Sequence[Case], job: Job, jobs: int)
     units = [(job, case) for case in distinct.values()]
     events = dict(zip(distinct, _all(jobs, work.events_of, units), strict=True))
     grounded = [
-        written(campaign, case, record.path, record.message) if not record.line else record
+        record
         for key, case in distinct.items()
         if isinstance(events[key], InputError)
-        for record in events[key].records
+        for record in located(campaign, case, events[key].records)
     ]
     times = {case.id: events[_flight_of(case)] for case in found}
     mistakes = grounded or flight(campaign, found, times)
@@ -227,6 +227,9 @@ class _Run:
         for one in self._stage("covariance", work.answer_or_ahead, units):
             if one is None:
                 continue
+            if one.mistakes:
+                (case,) = (case for case in self.cases if case.id == one.case)
+                raise InputError(records=located(self.campaign, case, one.mistakes))
             found[one.case] = one
             self.watch.advance(1)
             if one.error:

@@ -49,6 +49,9 @@ class Expander:
         try:
             if not isinstance(reference.value, str):
                 raise tree.refuse(reference.place, path, "a card is named by a word such as imu/tactical_fog")
+            name, folder = reference.value, reference.place.folder
+            if name in fields.tags(kind) and self.shelf.find(name, folder) is None:
+                raise tree.refuse(reference.place, path, f"no card {name!r} (did you mean {{kind: {name}}}?)")
             card = self.shelf.read(reference, path, fields.literals(kind))
         except InputError as error:
             self.mistakes.extend(error.records)

@@ -20,6 +20,7 @@ _UNITS = (
     *("deg/sqrt(h)", "deg/h/sqrt(Hz)", "m/s/sqrt(h)", "ug/sqrt(Hz)", "mg/sqrt(Hz)", "deg/h/sqrt(h)", "mg/sqrt(h)"),
     *("deg/h/g", "ppm/sqrt(year)", "dB-Hz", "m^2", "dimensionless"),
 )
+_INSIDE = re.compile(r"([a-z][a-z_0-9.]*): (.*)")
 _SPELLED = re.compile(r"has no unit that is known \('(.*?)'\)")
 
 
@@ -63,11 +64,15 @@ def _explain_one(item: Any, root: Node, model: type[BaseModel], path: str) -> Mi
         kind, node, last = fields.child(kind, str(step), node), below, str(step)
         path = join(path, step)
     message = _message(item, node, kind, last)
+    inside = _INSIDE.fullmatch(message) if item["type"] == "value_error" and node.is_map else None
+    if inside and inside[1].partition(".")[0] in fields.names(kind, node):  # a rule names the field to mend
+        return tree.mistake(tree.nearest(node, inside[1].split(".")), join(path, inside[1]), inside[2])
     if missing:
         return tree.mistake(node.place, join(path, item["loc"][-1]), message)
     place: Place = key_place if item["type"] == "extra_forbidden" else node.place
     if item["type"] == "extra_forbidden":
-        message += hint(last, _known_keys(item, root, model))
+        known = _known_keys(item, root, model)
+        message += hint(last, known) or (f" (known: {', '.join(known)})" if known else "")
     return tree.mistake(place, path, message)
 
 

@@ -60,6 +60,7 @@ class _Loader:
         axes = self._axes()
         self.root, in_sets = splice(self.root, self.shelf)
         self.mistakes.extend(in_sets)
+        self._refuse_unused(axes)
         root = self._with_base_from(axes)
         expander = Expander(self.shelf)
         root = expander.expand(root, Campaign, "")
@@ -109,6 +110,21 @@ class _Loader:
                 message = f"{axis.path!r} is not a field of the base{tree.hint(axis.path, Scenario.model_fields)}"
                 self.mistakes.append(mistake(where, f"axes.{index}.path", message))
         return found
+
+    def _refuse_unused(self, axes: list[tuple[Axis, Node]]) -> None:
+        """Note the fields of a card that the base changes and no case has: an axis puts another card in its place."""
+        kept = tree.find(self.root, ["design"])
+        if kept is not None and kept.value == "one_at_a_time":
+            return  # its first case is the base
+        for axis, _ in axes:
+            path = ["base", *axis.path.removeprefix("base.").split(".")]
+            node = tree.find(self.root, path)
+            if node is None or not node.is_map or "card" not in node.value:
+                continue
+            for key, where in node.keys.items():
+                if key != "card":
+                    message = f"no case has it: the axis {axis.path!r} replaces it; write it in the axis's values"
+                    self.mistakes.append(mistake(where, ".".join((*path, key)), message))
 
     def _with_base_from(self, axes: list[tuple[Axis, Node]]) -> Node:
         """Return the tree in which the first level of an axis stands in for a field that the base leaves out."""

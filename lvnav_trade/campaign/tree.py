@@ -97,6 +97,8 @@ def hint(word: str, known: Iterable[str]) -> str:
     """Return `` (did you mean 'this'?)``, or nothing where no known word is near."""
     spelled = {str(name).lower(): str(name) for name in known}
     near = difflib.get_close_matches(word.lower(), list(spelled), n=1, cutoff=0.6)
+    longer = [name for name in spelled if len(word) > 2 and name.startswith(f"{word.lower()}_")]
+    near = near or longer[:1]
     return f" (did you mean {spelled[near[0]]!r}?)" if near else ""
 
 

@@ -25,7 +25,7 @@ from lvnav_trade.campaign import stopping
 from lvnav_trade.campaign.axes import Case
 from lvnav_trade.campaign.plan import Block
 from lvnav_trade.campaign.schema import Campaign
-from lvnav_trade.errors import InputError
+from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.records import Asked, CovHistory
 from lvnav_trade.scenario import Scenario
 
@@ -124,12 +124,15 @@ def asked_of(campaign: Campaign) -> Asked:
 
 
 class Answer(NamedTuple):
-    """Linear covariance's answer for a case: one-sigma true and formal norms at an event; or why there is none."""
+    """Linear covariance's answer for a case at an event: norms of the true error (root mean square, so with its mean)
+    and of what the filter believes (one sigma); or why there is none.
+    """
 
     case: str
     event: str
     rows: tuple[tuple[str, float, float, str], ...] = ()  # quantity, true, formal, unit
     error: str = ""
+    mistakes: tuple[Mistake, ...] = ()  # of the user's, that show only when the case is put together
 
 
 class Done(NamedTuple):
@@ -163,6 +166,8 @@ def answer(job: Job, case: Case) -> Answer:
         if not _is_sound(file):
             _write(file, job.engine.covariance(prepared))
         return _answer(case, prepared, _covariance(str(file)))
+    except InputError as error:
+        return Answer(case.id, "", mistakes=error.records)
     except Exception as error:
         return Answer(case.id, "", error=_told(error))
 
@@ -333,10 +338,8 @@ def _answer(case: Case, prepared: Any, covariance: CovHistory) -> Answer:
         if not index:
             continue
         label = prepared.outputs[index[0]]
-        sizes = (
-            math.hypot(*sigma[at, index]) * label.label_factor for sigma in (covariance.true_sigma, covariance.formal)
-        )
-        true, formal = sizes
+        true = math.hypot(*covariance.true_sigma[at, index], *covariance.mean[at, index]) * label.label_factor
+        formal = math.hypot(*covariance.formal[at, index]) * label.label_factor
         rows.append((quantity, true, formal, label.label_unit))
     return Answer(case.id, event, tuple(rows))
 

@@ -86,7 +86,7 @@ def _print_answers(answers: Sequence[Any], cases: Sequence[Any]) -> None:
     for answer, case in zip(answers, cases, strict=True):
         cells = [f"{true:.3g} ({formal:.3g}) {unit}" for _, true, formal, unit in answer.rows]
         rows.append([case.label, answer.event, *(cells or [answer.error])])
-    print("Linear covariance, one sigma of the true error (in brackets what the filter believes), 3D:")
+    print("Linear covariance, RMS of the true error (in brackets one sigma that the filter believes), 3D:")
     print(table(["case", "at", "position", "velocity", "attitude"], rows))
     sys.stdout.flush()
 

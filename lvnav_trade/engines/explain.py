@@ -162,11 +162,13 @@ def _marks(prepared: Prepared, events: dict[str, float]) -> list[tuple[str, floa
 
 
 def _reported(prepared: Prepared, start: float, direction: Floats) -> Floats:
-    """Return a direction in initial sigmas of the states as one in initial sigmas of the reporting axes."""
+    """Return a direction in initial sigmas of the states as one in initial sigmas of the reporting axes; of a state
+    that has none, in its unit.
+    """
     turn = turns(prepared)[int(np.argmin(np.abs(prepared.t_hist - start)))]
     P = prepared.start.P
-    sigma = np.sqrt(np.diag(turn @ P @ turn.T))
-    found = turn @ (np.sqrt(np.diag(P)) * direction) / np.where(sigma > 0.0, sigma, 1.0)
+    spread, sigma = np.sqrt(np.diag(P)), np.sqrt(np.diag(turn @ P @ turn.T))
+    found = turn @ (np.where(spread > 0.0, spread, 1.0) * direction) / np.where(sigma > 0.0, sigma, 1.0)
     return found / found[np.argmax(np.abs(found))]
 
 

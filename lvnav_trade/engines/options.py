@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.engines.inputs import Schedule
-from lvnav_trade.errors import InputError
+from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.filters.base import ReceiverBelief
 from lvnav_trade.filters.late import Late
 from lvnav_trade.filters.scheduled import Gains, gains_at
@@ -52,14 +52,20 @@ def gains_of(scenario: Scenario, layout: StateLayout, t_epoch: Floats, events: M
         return None
     names = state_names(layout)
     if tuple(schedule.states) != names:
-        raise InputError(
-            f"filter.gains: the schedule {schedule.name!r} is of the states {', '.join(schedule.states)}; the filter "
-            f"has {', '.join(names)}"
+        raise _about(
+            "filter.gains",
+            f"the schedule {schedule.name!r} is of the states {', '.join(schedule.states)}; the filter has "
+            f"{', '.join(names)}",
         )
     try:
         return Gains(np.ascontiguousarray(gains_at(schedule, t_epoch, events)))
     except ValueError as error:
-        raise InputError(f"filter.gains: {error}") from None
+        raise _about("filter.gains", str(error)) from None
+
+
+def _about(path: str, message: str) -> InputError:
+    """Return the mistake in a field of the scenario."""
+    return InputError(records=[Mistake(message, path)])
 
 
 def _told(card: BancroftSolution | FilteredSolution, scenario: Scenario, belief: ReceiverBelief) -> Told:
@@ -97,10 +103,11 @@ def delay_taken(scenario: Scenario, t_epoch: Floats, t_valid: Floats) -> Floats 
     before = card.base if card.kind == "extrapolated" else 0.0
     worst = int(np.argmax(delay)) if delay.size else 0
     if delay.size and delay[worst] + before >= epoch_interval(scenario):
-        raise InputError(
-            f"filter.delay_compensation: a delay of {delay[worst] * 1e3:.0f} ms at {t_epoch[worst]:.0f} s"
+        raise _about(
+            "filter.delay_compensation",
+            f"a delay of {delay[worst] * 1e3:.0f} ms at {t_epoch[worst]:.0f} s"
             f"{f' and a base of {before * 1e3:.0f} ms' if before else ''}, not less than the "
-            f"{epoch_interval(scenario) * 1e3:.0f} ms between epochs"
+            f"{epoch_interval(scenario) * 1e3:.0f} ms between epochs",
         )
     return delay
 

@@ -116,6 +116,14 @@ def lincov_rms(rows: pd.DataFrame) -> pd.Series:
     return np.hypot(rows.lincov_true_si, rows.lincov_mean_si)
 
 
+def mean_at(tables: Tables, case: str, event: str, quantity: str) -> float:
+    """Return the norm of the mean error that LinCov expects at an event, the same in every flight, for people."""
+    events, history = tables.events, tables.history
+    t = float(events[(events.case == case) & (events.event == event)].t_s.iloc[0])
+    rows = history[(history.case == case) & (history.quantity == quantity) & (history.axis == "3d")]
+    return float(at_time(rows, t).lincov_mean_si) * float(tables.people[quantity, "3d"][1])
+
+
 def at_time(rows: pd.DataFrame, t: float) -> pd.Series:
     """Return the row of a series nearest to a time."""
     return rows.iloc[int(np.argmin(np.abs(rows.t_s.to_numpy() - t)))]

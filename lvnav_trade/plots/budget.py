@@ -23,6 +23,8 @@ REST = "all others"
 _REST = "#c4c9d1"
 _HATCHES = ("", "////", "", "....", "", "xxxx", "", "")
 """Every other layer is hatched: neighbours can be told apart in black and white."""
+_BIASED = 0.01
+"""Part of the mean square from which on the mean error is drawn beside the variance."""
 _LEAST, _LEAST_ROW = 1e-2, 0.05
 """Percent: smaller contributions are left white, sources with a smaller sum are drawn together."""
 
@@ -42,7 +44,7 @@ def budget(results: Path | str | Tables, case: str, quantity: str) -> Figure:
     unit, factor = tables.people[quantity, "3d"]
     history = tables.history
     history = history[(history.case == case) & (history.quantity == quantity) & (history.axis == "3d")]
-    sigma = history.set_index("t_s")[["lincov_true_si", "lincov_formal_si"]] * factor
+    sigma = history.set_index("t_s")[["lincov_true_si", "lincov_formal_si", "lincov_mean_si"]] * factor
     with look():
         figure, grid = canvas(2, 1, 2.35, sharex=True)
         pile, parts = grid[:, 0]
@@ -51,7 +53,12 @@ def budget(results: Path | str | Tables, case: str, quantity: str) -> Figure:
         formal = sigma.lincov_formal_si
         pile.plot(formal.index, formal**2, color="black", lw=2.6)
         pile.plot(formal.index, formal**2, color="white", lw=1.1, ls="--")
-        _root_axis(pile, float(max(variance.sum(axis=1).max(), (formal**2).max())))
+        mean = sigma.lincov_mean_si
+        biased = bool((mean**2 >= _BIASED * (mean**2 + sigma.lincov_true_si**2)).any())
+        if biased:
+            pile.plot(mean.index, mean**2, color="black", lw=1.0, ls="-.", label="mean, the same in every flight")
+        highest = (variance.sum(axis=1).max(), (formal**2).max(), (mean**2).max() if biased else 0.0)
+        _root_axis(pile, float(max(highest)))
         pile.set_ylabel(f"{quantity} error, 3D\n({unit}, 1 sigma)")
         _stack(parts, layers)
         parts.set_ylim(0, 100)

@@ -22,8 +22,6 @@ _LEAST = 0.2
 """Autocorrelation that is always within the panels: chance is not blown up."""
 _ONE_FLIGHT = 600
 """Innovations of a channel in one flight, one a second."""
-_LONG = 45
-"""Letters of a label that leave no room for another beside it."""
 _OWN = "dots: filter's own sigma over its true error"
 
 
@@ -36,33 +34,19 @@ def errors(
 ) -> Figure:
     """Draw one error of chosen cases (all if none is) over time: Monte-Carlo RMS as lines, LinCov's as thin dashes."""
     tables = load(results)
-    chosen = [case for wanted in cases for case in cases_of(tables, wanted)] or list(tables.labels)
+    frames = _frames(tables, quantity, cases, axis, during)
     unit, factor = tables.people[quantity, axis]
     with look():
-        figure, grid = canvas(1, 1, 3.2 + 0.09 * len(chosen))
-        ax = grid[0, 0]
+        figure, ax = _axes(frames)
         every = []
-        for number, case in enumerate(dict.fromkeys(chosen)):
-            rows = rows_of(tables, case, quantity, axis)
-            if during is not None:
-                first, last = phase(tables, case, during)
-                rows = rows[rows.t_s.between(first, last)]
-            expected = lincov_rms(rows) * factor
-            style = line_of(number)
-            if len(rows) and rows.run_count.iloc[0]:
-                ax.plot(rows.t_s, rows.rms_si * factor, label=tables.labels[case], **style)
-                ax.plot(rows.t_s, expected, color=style["color"], ls=(0, (2, 2)), lw=0.7)
-                every.append(rows.rms_si * factor)
-            else:
-                ax.plot(rows.t_s, expected, label=tables.labels[case], **style)
-            every.append(expected)
+        for number, (case, rows) in enumerate(frames.items()):
+            expected, flown = rows.expected_si * factor, _has_runs(rows)
+            shown = rows.rms_si * factor if flown else expected
+            _line(ax, number, rows.t_s, shown, expected if flown else None, tables.labels[case])
+            every += [shown, expected]
         scale_up(ax.yaxis, pd.concat(every))
-        ax.set_xlabel("time since lift-off (s)")
-        what = f"{quantity.replace('_', ' ')} error, {'3D' if axis == '3d' else axis} RMS"
-        ax.set_ylabel(f"{what}\n({unit}, 1 sigma; short dashes: LinCov)")
-        ax.margins(x=0.01)
-        mark_events(ax, tables.events[tables.events.case == chosen[0]])
-        legend_below(figure, ax, columns=_columns(ax))
+        ax.set_ylabel(f"{_named(quantity, axis)}\n({unit}; short dashes: LinCov)")
+        _finish(figure, ax, tables, next(iter(frames)))
     return figure
 
 
@@ -78,44 +62,72 @@ def relative(
     Short dots: the filter's own sigma over its true error, which a filter that knows its errors keeps at one.
     """
     tables = load(results)
-    chosen = list(dict.fromkeys(case for wanted in cases for case in cases_of(tables, wanted))) or list(tables.labels)
-    frames = []
-    for case in chosen:
-        rows = rows_of(tables, case, quantity, axis)
-        first, last = phase(tables, case, during or "flight")
-        frames.append(rows[rows.t_s.between(first, last)].assign(expected_si=lincov_rms))
-    base = frames[0]
+    frames = _frames(tables, quantity, cases, axis, during or "flight")
+    first = next(iter(frames))
+    base = frames[first]
     with look():
-        figure, grid = canvas(1, 1, 3.2 + 0.09 * len(chosen))
-        ax = grid[0, 0]
+        figure, ax = _axes(frames)
         every = []
-        for number, (case, rows) in enumerate(zip(chosen, frames, strict=True)):
-            style = line_of(number)
-            label = tables.labels[case]
+        for number, (case, rows) in enumerate(frames.items()):
             if number:
                 expected = _over(rows, "expected_si", base)
-                runs = len(rows) and rows.run_count.iloc[0] and base.run_count.iloc[0]
-                shown = _over(rows, "rms_si", base) if runs else expected
-                ax.plot(rows.t_s, shown, label=label, **style)
-                ax.plot(rows.t_s, expected, color=style["color"], ls=(0, (2, 2)), lw=0.7)
+                shown = _over(rows, "rms_si", base) if _has_runs(rows) and _has_runs(base) else expected
+                _line(ax, number, rows.t_s, shown, expected, tables.labels[case])
                 every += [*shown, *expected]
             own = rows.lincov_formal_si / rows.expected_si
-            ax.plot(rows.t_s, own, color=style["color"], ls=":", lw=1.2, label=None if number else _OWN)
+            colour = line_of(number)["color"]
+            ax.plot(rows.t_s, own, color=colour, ls=":", lw=1.2, label=None if number else _OWN)
             every += [*own]
-        ax.axhline(1.0, color=line_of(0)["color"], lw=1.2, label=f"{tables.labels[chosen[0]]} (the base)")
+        ax.axhline(1.0, color=line_of(0)["color"], lw=1.2, label=f"{tables.labels[first]} (the base)")
         scale_up(ax.yaxis, every, from_zero=max(every, default=0.0) > 1.5)  # a few percent should be seen
-        ax.set_xlabel("time since lift-off (s)")
-        what = f"{quantity.replace('_', ' ')} error, {'3D' if axis == '3d' else axis} RMS"
-        ax.set_ylabel(f"{what},\nover the base (-; short dashes: LinCov)")
-        ax.margins(x=0.01)
-        mark_events(ax, tables.events[tables.events.case == chosen[0]])
-        legend_below(figure, ax, columns=_columns(ax))
+        ax.set_ylabel(f"{_named(quantity, axis)},\nover the base (-; short dashes: LinCov)")
+        _finish(figure, ax, tables, first)
     return figure
 
 
-def _columns(ax: Axes) -> int:
-    """Return how many columns a legend may have beside each other in the width of the page."""
-    return 1 if any(len(label) > _LONG for label in ax.get_legend_handles_labels()[1]) else 2
+def _frames(
+    tables: Tables, quantity: str, cases: Sequence[Mapping[str, str]], axis: str, during: str | None
+) -> dict[str, pd.DataFrame]:
+    """Return the history of an error of the chosen cases (all if none is) in a phase, with what LinCov expects."""
+    chosen = [case for wanted in cases for case in cases_of(tables, wanted)] or list(tables.labels)
+    frames = {}
+    for case in dict.fromkeys(chosen):
+        rows = rows_of(tables, case, quantity, axis)
+        if during is not None:
+            rows = rows[rows.t_s.between(*phase(tables, case, during))]
+        frames[case] = rows.assign(expected_si=lincov_rms)
+    return frames
+
+
+def _has_runs(rows: pd.DataFrame) -> bool:
+    return bool(len(rows) and rows.run_count.iloc[0])
+
+
+def _axes(frames: Mapping[str, pd.DataFrame]) -> tuple[Figure, Axes]:
+    figure, grid = canvas(1, 1, 3.2 + 0.09 * len(frames))
+    return figure, grid[0, 0]
+
+
+def _line(
+    ax: Axes, number: int, t: pd.Series[float], shown: pd.Series[float], expected: pd.Series[float] | None, label: str
+) -> None:
+    """Draw a case, and beside it what LinCov expects where that is another line."""
+    style = line_of(number)
+    ax.plot(t, shown, label=label, **style)
+    if expected is not None:
+        ax.plot(t, expected, color=style["color"], ls=(0, (2, 2)), lw=0.7)
+
+
+def _named(quantity: str, axis: str) -> str:
+    return f"{quantity.replace('_', ' ')} error, {'3D' if axis == '3d' else axis} RMS"
+
+
+def _finish(figure: Figure, ax: Axes, tables: Tables, case: str) -> None:
+    """Label time, mark the events of a case and put the legend below."""
+    ax.set_xlabel("time since lift-off (s)")
+    ax.margins(x=0.01)
+    mark_events(ax, tables.events[tables.events.case == case])
+    legend_below(figure, ax, columns=2)
 
 
 def _over(rows: pd.DataFrame, column: str, base: pd.DataFrame) -> pd.Series[float]:

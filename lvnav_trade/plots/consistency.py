@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from lvnav_trade.metrics.consistency import nees, nis
 from lvnav_trade.metrics.covariances import REJECTS_TOO_MUCH
-from lvnav_trade.plots.style import PALETTE, canvas, legend_below, look, mark_events, scale_up
+from lvnav_trade.plots.style import PALETTE, canvas, legend_below, look, mark_events, scale_up, with_gaps
 from lvnav_trade.store import Tables, load
 
 
@@ -32,10 +32,10 @@ def consistency(results: Path | str | Tables, case: str) -> Figure:
     with look():
         figure, grid = canvas(2 + gated, 1, 2.1, sharex=True)
         for ax, (frame, value, name) in zip(grid[:, 0], pieces, strict=False):
-            _panel(ax, frame[frame.case == label], value)
+            _panel(ax, with_gaps(frame[frame.case == label]), value)
             ax.set_ylabel(name)
         if gated:
-            _gate(grid[2, 0], rows[rows.case == label])
+            _gate(grid[2, 0], with_gaps(rows[rows.case == label]))
         for number, ax in enumerate(grid[:, 0]):
             ax.margins(x=0.01)
             mark_events(ax, events, names=number == 0)

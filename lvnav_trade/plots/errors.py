@@ -25,7 +25,8 @@ def rows_of(tables: Tables, case: str, quantity: str, axis: str) -> pd.DataFrame
 def envelope(results: Path | str | Tables, case: str, quantity: str) -> Figure:
     """Draw the errors of one quantity of a case, an axis below the other.
 
-    Monte-Carlo RMS with its 95 % interval, the filter's own sigma in the runs, LinCov formal and true; all one sigma.
+    Monte-Carlo RMS with its 95 % interval, the filter's own sigma in the runs, LinCov formal (one sigma) and true (RMS:
+    sigma and mean together).
     """
     tables = load(results)
     axes_names = list(dict.fromkeys(tables.outputs[tables.outputs.quantity == quantity].axis))
@@ -36,7 +37,7 @@ def envelope(results: Path | str | Tables, case: str, quantity: str) -> Figure:
         for number, (ax, axis) in enumerate(zip(grid[:, 0], single, strict=True)):
             rows = rows_of(tables, case, quantity, axis)
             _lines(ax, rows, factor)
-            ax.set_ylabel(f"{axis}\n({unit}, 1 sigma)")
+            ax.set_ylabel(f"{axis}, RMS or\n1 sigma ({unit})")
             scale_up(ax.yaxis, pd.concat([rows.rms_si, rows.lincov_true_si, rows.lincov_formal_si]))
             ax.margins(x=0.01)
             mark_events(ax, tables.events[tables.events.case == case], names=number == 0)
@@ -71,7 +72,7 @@ def comparison(results: Path | str | Tables, quantity: str) -> Figure:
             every.append(error)
         scale_up(ax.yaxis, pd.concat(every))
         ax.set_xlabel("time since lift-off (s)")
-        ax.set_ylabel(f"{quantity} error, 3D RMS\n({unit}, 1 sigma)")
+        ax.set_ylabel(f"{quantity} error,\n3D RMS ({unit})")
         ax.margins(x=0.01)
         mark_events(ax, tables.events[tables.events.case == next(iter(tables.labels))])
         legend_below(figure, ax, columns=2)

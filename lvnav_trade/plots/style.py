@@ -20,6 +20,8 @@ PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 """Okabe and Ito's colours, darkest contrasts first; further cases repeat them with other dashes."""
 DASHES = ("-", "--", "-.", ":")
 GREY = "#6b7280"
+_HANDLE, _LETTER = 0.55, 0.058  # inches of a legend's line with what is around it, and of a letter of 8 points
+_PAUSE = 5.0  # usual steps without a row
 _APART, _KEY_LENGTH = "   ", 105  # between events of a key; letters of 7.5 points that the page's width has room for
 
 _LOOK: Any = {
@@ -153,9 +155,27 @@ def _name(axes: Axes, t: float, name: str, upright: bool, leftward: bool) -> Non
 
 
 def legend_below(figure: Figure, axes: Axes, columns: int = 4) -> None:
-    """Put one legend for all axes under the figure, where it hides nothing."""
+    """Put one legend for all axes under the figure, where it hides nothing, in no more columns than have room."""
     handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=min(columns, max(1, len(labels))))
+    figure.legend(handles, labels, loc="outside lower center", ncols=_fitting(labels, columns))
+
+
+def _fitting(labels: list[str], most: int) -> int:
+    """Return in how many columns a legend has room across the page; it is filled column by column."""
+    for count in range(min(most, len(labels)), 1, -1):
+        longest = [max(map(len, part)) for part in np.array_split(np.array(labels, dtype=object), count)]
+        if sum(_HANDLE + _LETTER * length for length in longest) <= WIDTH:
+            return count
+    return 1
+
+
+def with_gaps(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return rows over time (t_s) with an empty one in every pause, so that a line ends there and begins again."""
+    step = rows.t_s.diff()
+    pauses = rows[step > _PAUSE * step.median()]
+    empty = pd.DataFrame(np.nan, index=pauses.index, columns=rows.columns.difference(["case"]))
+    empty["t_s"] = pauses.t_s - 1e-3 * step.median()
+    return pd.concat([rows, empty]).sort_values("t_s", kind="stable") if len(pauses) else rows
 
 
 def scale_up(axis: Any, values: Iterable[float], from_zero: bool = True) -> None:

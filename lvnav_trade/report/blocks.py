@@ -104,6 +104,20 @@ def table(frame: pd.DataFrame, caption: str = "") -> Table:
     return Table(tuple(map(str, frame.columns)), rows, numeric, caption)
 
 
+def alike(frame: pd.DataFrame) -> pd.DataFrame:
+    """Return a frame with a column `case` in which cases that have the same rows stand once, named together."""
+    groups: dict[tuple[tuple[str, ...], ...], list[str]] = {}
+    for case, rows in frame.groupby("case", sort=False):
+        said = rows.drop(columns="case").astype(str).itertuples(index=False, name=None)
+        groups.setdefault(tuple(said), []).append(str(case))
+    if len(groups) == frame.case.nunique():
+        return frame
+    kept = frame[frame.case.isin([cases[0] for cases in groups.values()])]
+    every = len(groups) == 1
+    names = {cases[0]: f"all {len(cases)} cases" if every else "; ".join(cases) for cases in groups.values()}
+    return kept.assign(case=kept.case.map(names))
+
+
 def _cell(value: Any) -> str:
     if isinstance(value, bool) or type(value).__name__ == "bool":
         return "yes" if value else "no"

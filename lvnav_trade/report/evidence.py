@@ -9,6 +9,9 @@ import pandas as pd
 
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.agreement import by_case
+from lvnav_trade.metrics.laws import ABOVE_ONLY
+from lvnav_trade.metrics.requirements import where
+from lvnav_trade.metrics.select import final_event, flight_events
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.report.blocks import Block, Code, Table, Text, number, percent, picture, table
 from lvnav_trade.store import Tables
@@ -21,6 +24,8 @@ _FACT_UNITS = (
 """What a fact's name ends with, what of that is its unit, the unit for people, their factor."""
 MOST_CASES = 8
 """Cases whose own figures are drawn; of more, the best and the worst."""
+_FEW = 3
+"""Cases of which every event stands in the table of errors."""
 NAVIGATION = ("position", "velocity", "attitude")
 
 
@@ -84,9 +89,12 @@ def _expected(tables: Tables) -> list[Block]:
             "requirement": frame.requirement,
             "case": frame.case,
             "verdict by linear covariance": frame.verdict,
-            "expected to keep it (%)": 100.0 * frame.expected_probability,
+            "expected to keep it (%)": [
+                f"at most {number(100.0 * p)}" if reason == ABOVE_ONLY else number(100.0 * p)
+                for p, reason in zip(frame.expected_probability, frame.reason, strict=True)
+            ],
             "asked (%)": 100.0 * frame.probability,
-            "estimate": frame.estimate.fillna("–"),
+            "estimate": frame.estimate.where(frame.reason != ABOVE_ONLY).fillna("–"),
             "limit": frame.limit.fillna("–"),
             "remark": frame.reason.fillna(""),
         }
@@ -123,8 +131,8 @@ def _fact(name: str, value: float | str) -> tuple[str, str]:
     """Write a fact of the trajectory (SI, its unit at the end of its name) in the units of people."""
     for ending, suffix, unit, factor in _FACT_UNITS:
         if name.endswith(ending) and not isinstance(value, str):
-            return f"{name.removesuffix(suffix).replace('_', ' ')} ({unit})", f"{value * factor:.6g}"
-    return name.replace("_", " "), value if isinstance(value, str) else f"{value:.6g}"
+            return f"{name.removesuffix(suffix).replace('_', ' ')} ({unit})", f"{value * factor:.5g}"
+    return name.replace("_", " "), value if isinstance(value, str) else f"{value:.5g}"
 
 
 def envelopes(tables: Tables) -> list[Block]:
@@ -137,11 +145,13 @@ def envelopes(tables: Tables) -> list[Block]:
     blocks += left_out(tables)
     for case in chosen_cases(tables):
         for quantity in known:
-            caption = f"{tables.labels[case]}: {quantity} error by axis, 1 sigma."
+            caption = f"{tables.labels[case]}: {quantity} error by axis, RMS and 1 sigma."
             blocks.append(picture(f"envelope-{case}-{quantity}", PLOTS["envelope"](tables, case, quantity), caption))
     frame = METRICS["rms"](tables)
-    shown = ~frame.phase_or_event.str.contains(" to ", regex=False)
-    frame = frame[shown & (frame.axis == "3d") & frame.metric.isin([f"{quantity}_error" for quantity in known])]
+    places = _places(tables)
+    shown = (frame.axis == "3d") & frame.metric.isin([f"{quantity}_error" for quantity in known])
+    frame = frame[shown]
+    frame = frame[[place in places[case] for case, place in zip(frame.case, frame.phase_or_event, strict=True)]]
     frame = frame.assign(
         metric=frame.metric.str.replace("_", " "), phase_or_event=frame.phase_or_event.str.replace("_", " ")
     )
@@ -150,10 +160,27 @@ def envelopes(tables: Tables) -> list[Block]:
     blocks.append(
         table(
             frame.drop(columns="axis"),
-            "3D errors over the flight and at events; low and high bound RMS at 95 %. All phases and axes: rms.csv.",
+            "3D errors over the flight and at events; low and high bound RMS at 95 %. All events, phases and axes: "
+            "rms.csv.",
         )
     )
     return blocks
+
+
+def _places(tables: Tables) -> dict[str, set[str]]:
+    """Return by label what the table of errors shows of a case: the flight, and events at different times; of many
+    cases only the events that are asked for, and the final one.
+    """
+    wanted = {where(requirement) for requirement in tables.campaign.get("requirements") or ()}
+    wanted.add(str((tables.campaign.get("covariance") or {}).get("at") or ""))
+    found = {}
+    for case, label in tables.labels.items():
+        final = final_event(tables, case)
+        events = flight_events(tables, case)
+        events = events.assign(last=events.event == final).sort_values(["t_s", "last"], kind="stable")
+        every = {"flight", *events.drop_duplicates("t_s", keep="last").event}
+        found[label] = every if len(tables.labels) <= _FEW else {"flight", final, *(wanted & set(events.event))}
+    return found
 
 
 def consistency(tables: Tables) -> list[Block]:
@@ -300,7 +327,7 @@ def references(tables: Tables) -> list[Block]:
 def reproduce(tables: Tables) -> list[Block]:
     """Return commands, seed, versions, digests."""
     manifest = tables.manifest
-    commands = "lvnav-trade run campaign.resolved.yaml\nlvnav-trade report " + tables.folder.name
+    commands = "lvnav-trade run campaign.resolved.yaml --out again\nlvnav-trade report ."
     keys: dict[str, Any] = {
         "campaign": manifest.get("campaign"),
         "seed": tables.campaign.get("seed", manifest.get("seed")),
@@ -327,8 +354,9 @@ def reproduce(tables: Tables) -> list[Block]:
     cases = cases.set_axis(["case", "digest", "runs", "failed"], axis=1)
     return [
         Text(
-            "The resolved campaign, all defaults filled in, stands beside the results. The same campaign, seed and "
-            "version give the same tables byte for byte, whatever the number of workers."
+            "The resolved campaign, all defaults filled in, stands in the folder of the results. There, type the first "
+            "line to compute them again into a folder of their own, the second to make this page again. The same "
+            "campaign, seed and version give the same tables byte for byte, whatever the number of workers."
         ),
         Code(commands),
         Table(("what", "value"), rows, (False, False), "What computed these results."),

@@ -10,7 +10,7 @@ import pandas as pd
 
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.covariances import gaussian
-from lvnav_trade.metrics.select import final_event, flight_events, metric_name
+from lvnav_trade.metrics.select import final_event, flight_events, mean_at, metric_name
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.report.blocks import Block, Grades, Table, Text, number, picture, table
 from lvnav_trade.report.evidence import NAVIGATION, chosen_cases, left_out
@@ -28,7 +28,9 @@ def budget(tables: Tables) -> list[Block]:
     blocks: list[Block] = [
         Text(
             "By linear covariance: one sigma of the true error from each source alone, in brackets its part of the "
-            "variance; squares add. The mean error is not part of it. In the pictures heights are variances, on an "
+            "variance; squares add. What is the same in every flight, such as a delay that nobody corrects, is no "
+            "variance: where it counts, the mean error stands below the sources. In the pictures heights are "
+            "variances, on an "
             "axis labelled as their root: the top of the pile is one sigma of the true error, the dashed line what "
             "the filter believes; what stands above the line is optimism. The map tells when a source made the error "
             "that is left at the event; constant errors are drawn once, at the start."
@@ -72,9 +74,19 @@ def _by_event(tables: Tables, case: str, quantity: str, rows: pd.DataFrame) -> T
         (name, *(_part(float(np.sqrt(s)), float(p)) for s, p in zip(squares, parts, strict=True)))
         for name, squares, parts in lines
     )
+    shown += _with_mean(tables, case, quantity, square.sum())
     head = (f"{quantity} ({rows.unit.iloc[0]})", *(event.replace("_", " ") for event in events))
     caption = f"{tables.labels[case]}: {quantity} error, 3D, by source at every event; a dash is below half a percent."
     return Table(head, shown, (False, *(True for _ in events)), caption)
+
+
+def _with_mean(tables: Tables, case: str, quantity: str, square: pd.Series[float]) -> tuple[tuple[str, ...], ...]:
+    """Return the rows of the mean error at the events and of the root mean square with it, where it counts at any."""
+    mean = [mean_at(tables, case, event, quantity) for event in square.index]
+    if not any(m**2 >= _LEAST_SHARE * (m**2 + s) for m, s in zip(mean, square, strict=True)):
+        return ()
+    whole = [float(np.hypot(m, np.sqrt(s))) for m, s in zip(mean, square, strict=True)]
+    return ("mean, the same in every flight", *map(number, mean)), ("root mean square", *map(number, whole))
 
 
 def _part(sigma: float, share: float) -> str:

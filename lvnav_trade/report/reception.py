@@ -9,7 +9,7 @@ import pandas as pd
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.delays import LAYERS, layers_of
-from lvnav_trade.report.blocks import Block, Text, number, picture, table
+from lvnav_trade.report.blocks import Block, Text, alike, number, picture, table
 from lvnav_trade.report.evidence import MOST_CASES, distinct, named_if_several
 from lvnav_trade.store import Tables
 
@@ -108,7 +108,7 @@ def _fixes(tables: Tables) -> Block:
     caption = (
         "Four satellites make a fix. Counted from the first one on, to the second; lost is whatever ends tracking."
     )
-    return table(shown, caption)
+    return table(alike(shown), caption)
 
 
 def _losses(tables: Tables) -> list[Block]:
@@ -125,7 +125,7 @@ def _losses(tables: Tables) -> list[Block]:
             "last (s)": frame.last_s.map(lambda t: f"{t:.1f}"),
         }
     )
-    return [table(shown, "Why tracking ended; out of view: the satellite set or was hidden by the Earth.")]
+    return [table(alike(shown), "Why tracking ended; out of view: the satellite set or was hidden by the Earth.")]
 
 
 def _recovery(frame: pd.DataFrame) -> list[Block]:
@@ -149,7 +149,7 @@ def _recovery(frame: pd.DataFrame) -> list[Block]:
         "Satellites around every fault, times counted from its end: until four are tracked, and until every one that "
         "was lost and ever comes back is; not again: set meanwhile, or the flight ends."
     )
-    return [table(shown, caption)]
+    return [table(alike(shown), caption)]
 
 
 def _time(value: float) -> str:
@@ -171,7 +171,7 @@ def delays(tables: Tables) -> list[Block]:
     late, more = _alike(tables, [case for case in tables.labels if case in aged], ["latency_s"])
     blocks += more
     for number_, case in enumerate(late, start=1):
-        caption = "Age of the measurements when the filter takes them for present."
+        caption = "Age of the measurements when they reach the filter."
         note = named_if_several(tables, case, late)
         blocks.append(picture(f"latency-{number_}", PLOTS["latency"](tables, case), caption + note))
     return blocks
@@ -191,8 +191,9 @@ def _delay_table(tables: Tables) -> Block:
             worst = mine.loc[left.abs().idxmax()]
             rows.append(
                 (
-                    label, layer, f"{number(true.min())} to {number(true.max())}", float((true**2).mean() ** 0.5),
-                    float((left**2).mean() ** 0.5), float(left.mean()), worst[f"{layer}_left_m"],
+                    label, layer, f"{number(round(true.min(), 6))} to {number(true.max())}",
+                    float((true**2).mean() ** 0.5), float((left**2).mean() ** 0.5), float(left.mean()),
+                    worst[f"{layer}_left_m"],
                     f"{worst.satellite} at {worst.t_s:.0f} s, {worst.elevation_rad * 57.29577951308232:.0f} deg",
                 )
             )  # fmt: skip
@@ -201,7 +202,7 @@ def _delay_table(tables: Tables) -> Block:
         "Delays of pseudoranges over the flight, true and left by the filter's correction (true less corrected). What "
         "is common to all satellites goes into the clock."
     )
-    return table(pd.DataFrame(rows, columns=head), caption)
+    return table(alike(pd.DataFrame(rows, columns=head)), caption)
 
 
 def logic_tables(tables: Tables) -> list[Block]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pandas as pd
@@ -10,7 +11,7 @@ from lvnav_trade import plots
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.agreement import by_case
 from lvnav_trade.metrics.requirements import where
-from lvnav_trade.metrics.select import split_metric
+from lvnav_trade.metrics.select import mean_at, split_metric
 from lvnav_trade.report.blocks import Block, Text, number, percent, picture, table
 from lvnav_trade.store import Tables
 
@@ -21,7 +22,7 @@ _FEW = 4
 def summary(tables: Tables) -> list[Block]:
     """Return the answer: what each requirement says of the cases, how sure it is, and the ranking."""
     judged = METRICS["requirements"](tables)
-    blocks: list[Block] = [Text(_scale(tables))]
+    blocks: list[Block] = [Text(_scale(tables)), *_together(judged)]
     for requirement in tables.campaign.get("requirements") or ():
         blocks += _answer(tables, requirement, judged[judged.requirement == requirement["name"]])
     if not len(judged):
@@ -30,6 +31,22 @@ def summary(tables: Tables) -> list[Block]:
     blocks.append(picture("ranking", plots.PLOTS["rank"](tables), "The cases by their error at injection."))
     verdict = _agreement(tables)
     return [*blocks, Text(verdict)] if verdict else blocks
+
+
+def _together(judged: pd.DataFrame) -> list[Block]:
+    """Say which cases meet all requirements, where there are several, and what the others fail or leave open."""
+    count = judged.requirement.nunique()
+    if count < 2:
+        return []
+    told: dict[str, list[str]] = {"met": [], "undecided": [], "violated": []}
+    for case, rows in judged.groupby("case", sort=False):
+        worst = next(verdict for verdict in ("violated", "undecided", "met") if (rows.verdict == verdict).any())
+        why = f" ({', '.join(rows.requirement[rows.verdict == worst])})" if worst != "met" else ""
+        told[worst].append(f"{case}{why}")
+    words = {"met": "Met by", "undecided": "Undecided for", "violated": "Violated by"}
+    parts = [f"{words[verdict]} {'; '.join(names)}." for verdict, names in told.items() if names]
+    parts = parts if told["met"] else ["Met by no case.", *parts]
+    return [Text(" ".join(parts), f"All {count} requirements together.")]
 
 
 def _scale(tables: Tables) -> str:
@@ -48,7 +65,7 @@ def _scale(tables: Tables) -> str:
 def _answer(tables: Tables, requirement: dict[str, Any], rows: pd.DataFrame) -> list[Block]:
     """Say in words which cases meet a requirement."""
     asked = (
-        f"{str(requirement['metric']).replace('_', ' ')} below {rows.limit.iloc[0]} {_place(requirement)} in "
+        f"{_metric(requirement)} below {_limit(requirement, rows.limit.iloc[0])} {_place(requirement)} in "
         f"{percent(requirement['probability'])} of flights, to be shown with "
         f"{percent(requirement.get('confidence', 0.9))} confidence."
     )
@@ -71,6 +88,17 @@ def _answer(tables: Tables, requirement: dict[str, Any], rows: pd.DataFrame) -> 
     return blocks + [Text(text) for text in _largest_sources(tables, requirement, rows[rows.verdict == "violated"])]
 
 
+def _metric(requirement: dict[str, Any]) -> str:
+    name = str(requirement["metric"]).replace("_", " ")
+    return f"3D {name.removesuffix(' 3d')}" if name.endswith(" 3d") else name
+
+
+def _limit(requirement: dict[str, Any], shown: str) -> str:
+    """Write a limit; an angle in milliradians in degrees too."""
+    size, _, unit = str(requirement["below"]).partition(" ")
+    return f"{shown} ({math.degrees(float(size)):.3g} deg)" if unit == "rad" and "mrad" in shown else shown
+
+
 def _place(requirement: dict[str, Any]) -> str:
     """Say where in the flight a requirement holds."""
     at = where(requirement).replace("_", " ")
@@ -84,13 +112,13 @@ def _by_covariance(tables: Tables, name: str, judged: pd.DataFrame) -> list[str]
     frame = METRICS["expected"](tables)
     frame = frame[frame.requirement == name]
     runs = judged.set_index("case").verdict
+    shown = frame[(frame.verdict != frame.case.map(runs)) | (len(frame) <= _FEW)]
     told = [
-        f"{row.case}: not applicable, {row.reason}"
-        if row.verdict == "not applicable"
-        else f"{row.case}: {row.verdict}, {_chance(row.expected_probability)} of flights expected to keep it"
-        for row in frame.itertuples()
-        if row.verdict != runs[row.case] or len(frame) <= _FEW
+        f"{row.case}: {row.verdict}, {_chance(row.expected_probability)} of flights expected to keep it"
+        for row in shown[shown.verdict != "not applicable"].itertuples()
     ]
+    for reason, rows in shown[shown.verdict == "not applicable"].groupby("reason", sort=False):
+        told.append(f"{rows.case.iloc[0] if len(rows) == 1 else f'{len(rows)} cases'}: not applicable, {reason}")
     if not len(frame):
         return []
     same = int(sum(row.verdict == runs[row.case] for row in frame.itertuples()))
@@ -114,10 +142,18 @@ def _levers(tables: Tables, name: str) -> str:
             told.append(f"{row.case}: {row.remark}")
             continue
         together, _, beyond = row.remark.partition("; ") if row.remark.startswith("together") else ("", "", row.remark)
-        together, beyond = f" {together}" if together else "", f", {beyond}" if beyond else ""
+        together, beyond = f", {together}," if together else "", f", {beyond}" if beyond else ""
         part = f"{100 * row.share_ratio:.0f} % of the mean square"
-        told.append(f"{row.case}: sigma of {row.source}{together} times {number(row.factor_ratio)} ({part}{beyond})")
+        told.append(
+            f"{row.case}: sigma of {_some(row.source)}{together} times {number(row.factor_ratio)} ({part}{beyond})"
+        )
     return "; ".join(told) + "." if told else ""
+
+
+def _some(sources: str) -> str:
+    """Name the first of several sources, which are the largest, and count the others."""
+    names = sources.split(", ")
+    return sources if len(names) <= _FEW else f"{', '.join(names[: _FEW - 1])} and {len(names) - _FEW + 1} more"
 
 
 def _case(row: Any) -> str:
@@ -133,7 +169,9 @@ def _undecided(rows: pd.DataFrame) -> list[str]:
 
 
 def _largest_sources(tables: Tables, requirement: dict[str, Any], violated: pd.DataFrame) -> list[str]:
-    """Say which source makes most of the error, by linear covariance, where a requirement is violated."""
+    """Say which source makes most of the error, by linear covariance, where a requirement is violated; or that what is
+    the same in every flight does.
+    """
     budget = METRICS["budget"](tables)
     metric = split_metric(requirement["metric"])[0] + "_error"
     at = where(requirement)
@@ -141,7 +179,12 @@ def _largest_sources(tables: Tables, requirement: dict[str, Any], violated: pd.D
     for case in violated.case:
         rows = budget[(budget.case == case) & (budget.event == at) & (budget.metric == metric)]
         if len(rows):
-            top = rows.iloc[0]
+            top, quantity = rows.iloc[0], metric.removesuffix("_error")
+            digest = next(key for key, label in tables.labels.items() if label == case)
+            mean, whole = mean_at(tables, digest, at, quantity), float((rows.sigma**2).sum()) ** 0.5
+            if mean > whole:
+                found.append(f"{case}: the mean, {number(mean)} {top.unit} in every flight")
+                continue
             found.append(f"{case}: {top.source} ({100 * top.share_ratio:.0f} % of the variance)")
     return [f"Largest source in the 3D error, by linear covariance: {'; '.join(found)}."] if found else []
 

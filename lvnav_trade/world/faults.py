@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from lvnav_trade.errors import InputError
+from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.records import Floats
 from lvnav_trade.units import Acceleration, AngularRate, Card, Duration, Length, LengthSigma, Pause, Speed
 from lvnav_trade.world.events import resolve
@@ -168,12 +168,30 @@ class Failures(NamedTuple):
     invalid: Mask
 
 
+def _about(number: int, field: str, message: str) -> InputError:
+    """Return the mistake in a field of a fault, counted from 0."""
+    return InputError(records=[Mistake(message, f"faults.{number}.{field}")])
+
+
+def missing_antenna(number: int, n_antenna: int) -> str:
+    """Say that a receiver has no antenna of this number."""
+    if n_antenna == 0:
+        return "the receiver has no antennas; it sees all satellites above its mask"
+    return f"antenna {number}: the receiver has {n_antenna}, counted from 1"
+
+
+def missing_satellite(name: str, names: Sequence[str]) -> str:
+    """Say that a constellation has no satellite of this name, and how its own are called."""
+    more = f" and {len(names) - 4} more" if len(names) > 4 else ""
+    return f"{name!r} is not in the constellation (it has {', '.join(names[:4])}{more})"
+
+
 def span(number: int, fault: AnyFault, events: dict[str, float]) -> tuple[float, float]:
     """Return start (included) and end (excluded) of a fault in s; InputError names it where its start is unknown."""
     try:
         start = float(resolve(fault.start, events))
     except InputError as error:
-        raise InputError(f"faults[{number}].start: {error}") from None
+        raise _about(number, "start", str(error)) from None
     return start, start + fault.duration
 
 
@@ -189,10 +207,8 @@ def active(faults: Sequence[AnyFault], kind: type[Card], events: dict[str, float
         start, end = span(number, fault, events)
         if t.size and (end < t[0] - ROUNDING or t[-1] + ROUNDING < start):
             what = "outage" if isinstance(fault, SatelliteOutage) else fault.kind.replace("_", " ")
-            raise InputError(
-                f"faults[{number}]: the {what} from {start:g} s to {end:g} s "
-                f"lies outside the flight ({t[0]:g} s to {t[-1]:g} s)"
-            )
+            where = f"lies outside the flight ({t[0]:g} s to {t[-1]:g} s)"
+            raise _about(number, "start", f"the {what} from {start:g} s to {end:g} s {where}")
         if isinstance(fault, kind):
             yield fault, (t >= start - ROUNDING) & (t < end - ROUNDING), start
 
@@ -233,7 +249,7 @@ def antennas_alive(faults: Sequence[AnyFault], events: dict[str, float], t: Floa
         for antenna in fault.antennas:
             if antenna > n_antenna:
                 number = [f is fault for f in faults].index(True)
-                raise InputError(f"faults[{number}].antennas: antenna {antenna}, the receiver has {n_antenna}")
+                raise _about(number, "antennas", missing_antenna(antenna, n_antenna))
             alive[within, antenna - 1] = False
     return alive
 
@@ -249,7 +265,7 @@ def delay(faults: Sequence[AnyFault], events: dict[str, float], t: Floats) -> Fl
 def _named(number: int, wanted: tuple[str, ...], names: tuple[str, ...]) -> Mask:
     unknown = [name for name in wanted if name not in names]
     if unknown:
-        raise InputError(f"faults[{number}].satellites: {unknown[0]!r} is not in the constellation")
+        raise _about(number, "satellites", missing_satellite(unknown[0], names))
     return np.array([not wanted or name in wanted for name in names])
 
 

@@ -41,9 +41,9 @@ class Call(NamedTuple):
 class Fake:
     """The engine's functions, and a record of the calls; `on_block` may raise, or return the numbers of failed runs."""
 
-    def __init__(self, on_block: Any = None, on_covariance: Any = None) -> None:
+    def __init__(self, on_block: Any = None, on_covariance: Any = None, mean: float = 0.0) -> None:
         self.calls: list[Call] = []
-        self.on_block, self.on_covariance = on_block, on_covariance
+        self.on_block, self.on_covariance, self.mean = on_block, on_covariance, mean
 
     def engine(self) -> Engine:
         return Engine(
@@ -74,7 +74,7 @@ class Fake:
         n, ones = len(OUTPUTS), np.ones((3, len(OUTPUTS)))
         full = np.zeros((3, n, n))
         return CovHistory(
-            np.array([0.0, 1.0, 2.0]), ones, 2 * ones, 0 * ones, ("a", "b"), np.ones((3, 2, n)), full, full,
+            np.array([0.0, 1.0, 2.0]), ones, 2 * ones, self.mean * ones, ("a", "b"), np.ones((3, 2, n)), full, full,
             np.array([1.0]), np.array([8]), np.ones(3), np.ones(1), np.zeros(1),
         )  # fmt: skip
 

@@ -9,7 +9,7 @@ import pytest
 from lvnav_trade.campaign import checks
 from lvnav_trade.campaign.axes import cases
 from lvnav_trade.campaign.load import load, resolved
-from lvnav_trade.errors import InputError
+from lvnav_trade.errors import InputError, Mistake
 
 EVENTS = {"liftoff": 0.0, "stage1_cutoff": 150.0, "injection": 540.0}  # the climb holds 60 s and coasts 20 s
 
@@ -76,6 +76,29 @@ def test_a_field_of_a_fault_that_an_axis_varies_is_told_in_the_axis(study) -> No
 def test_a_fault_given_on_the_command_line_is_told_there(study) -> None:
     assert told(study, ("faults=[{start: 600 s, duration: 5 s, kind: satellite_outage}]",)) == [
         "--set: base.faults.0.start: '600 s' is 600 s, at or after the end of the flight (560 s)"
+    ]
+
+
+def test_what_a_fault_takes_and_a_case_does_not_have_is_told_where_it_was_named(study) -> None:
+    text = "  imu: imu/good\n  faults:\n" + "".join(
+        f"    - {{start: 100 s, duration: 5 s, {what}}}\n"
+        for what in ("kind: range_bias, size: 5 m, satellites: [A1, G05]", "kind: antenna_failure, antennas: [2]")
+    )
+    study.edit("campaign.yaml", "  imu: imu/good\n", text)
+    assert told(study) == [
+        "campaign.yaml:7:78: base.faults.0.satellites: 'G05' is not in the constellation (it has A1, A2)",
+        "campaign.yaml:8:70: base.faults.1.antennas: the receiver has no antennas; it sees all satellites above its"
+        " mask",
+    ]
+
+
+def test_a_mistake_that_shows_when_a_case_is_put_together_is_told_where_it_was_written(study) -> None:
+    campaign = load("campaign.yaml")
+    (case,) = cases(campaign)
+    shown = checks.located(campaign, case, [Mistake("too late", "filter.gate"), Mistake("broken", "", "my.csv", 3, 1)])
+    assert [str(one) for one in shown] == [
+        "configs/filters/near.yaml:1:1: base.filter.gate: too late",
+        "my.csv:3:1: broken",
     ]
 
 

@@ -12,7 +12,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from lvnav_trade.campaign import execute
 from lvnav_trade.campaign.axes import cases
 from lvnav_trade.campaign.load import load
-from lvnav_trade.errors import InputError
+from lvnav_trade.errors import InputError, Mistake
 
 TWO = "axes: [{path: imu, cards: [imu/good, imu/poor]}]\nmonte_carlo: {runs: 100}\n"
 
@@ -53,6 +53,16 @@ def test_runs_are_flown_in_blocks_of_forty_case_by_case(run) -> None:
     fake, outcome = run()
     assert flown(fake) == ALL
     assert outcome.failures == ()
+
+
+def test_a_mistake_that_shows_late_is_told_at_its_place_before_anything_is_flown(run, fakes) -> None:
+    def refuse(prepared) -> None:
+        raise InputError(records=[Mistake("too late", "receiver.latency")])
+
+    fake = fakes.Fake(on_covariance=refuse)
+    with pytest.raises(InputError, match=r"^configs/receivers/plain.yaml:1:1: base.receiver.latency: too late$"):
+        run(fake)
+    assert flown(fake) == []
 
 
 def test_the_tables_hold_every_run_once(run, fakes) -> None:

@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from lvnav_trade.engines import explain as room
 from lvnav_trade.engines.explain import explain
 from lvnav_trade.engines.lincov import covariance
 from lvnav_trade.engines.retune import FACTORS
@@ -52,6 +53,14 @@ def test_phases_lie_between_events_and_cover_the_flight():
     assert what.phases[0].start == prepared.reference.t[0]
     assert all(np.all(np.diff(phase.singular) <= 0.0) for phase in what.phases)
     assert all(phase.weakest for phase in what.phases)
+
+
+def test_a_direction_of_a_state_without_an_initial_sigma_is_told_all_the_same():
+    prepared = found()[0]
+    P = prepared.start.P.copy()
+    P[-1, :] = P[:, -1] = 0.0
+    known = prepared._replace(start=prepared.start._replace(P=P))
+    assert room._told(known, 0.0, np.eye(P.shape[0])[-1]).startswith("+1.00 ")
 
 
 def test_every_event_has_its_nonlinearity():

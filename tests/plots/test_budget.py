@@ -63,7 +63,7 @@ def test_of_many_sources_the_smallest_are_summed(many):
     told = [text.get_text() for text in figure.legends[0].get_texts()]
     assert told == [
         "gyro bias 00", "gyro bias 01", "range noise 00", "gyro bias 02", "range noise 01", "gyro bias 03",
-        "range noise 02", "all others", "filter's own sigma",
+        "range noise 02", "all others", "mean, the same in every flight", "filter's own sigma",
     ]  # fmt: skip
     start, axes = PLOTS["heatmap"](many, CASE, "velocity").axes[:2]
     names = [label.get_text() for label in start.get_yticklabels()]

@@ -17,7 +17,7 @@ def lines(axes):
 def test_envelope_shows_the_history_in_the_units_of_people(good):
     figure = PLOTS["envelope"](good, CASE, "attitude")
     axes = figure.axes[0]
-    assert axes.get_ylabel() == "roll\n(mrad, 1 sigma)"
+    assert axes.get_ylabel() == "roll, RMS or\n1 sigma (mrad)"
     history = good.history
     rows = history[(history.case == CASE) & (history.quantity == "attitude") & (history.axis == "roll")]
     shown = lines(axes)

@@ -32,6 +32,22 @@ def test_names_near_the_right_edge_lean_left_from_the_widest_gap_on():
     assert style._leftward([]) == []
 
 
+def test_a_legend_has_no_more_columns_than_the_page_has_room_for():
+    assert style._fitting(["one", "two", "three", "four", "five"], 4) == 4
+    assert style._fitting(["one", "two"], 4) == 2
+    assert style._fitting(["accelerometer rate random walk"] * 8, 4) == 3
+    assert style._fitting(["a label of a case that takes more than half of the width of a page"] * 2, 2) == 1
+    assert style._fitting([], 4) == 1
+
+
+def test_a_line_ends_where_rows_pause_and_begins_again():
+    rows = pd.DataFrame({"case": "one", "t_s": [0.0, 1.0, 2.0, 60.0, 61.0], "anis_ratio": 1.0})
+    found = style.with_gaps(rows)
+    assert list(found.anis_ratio.isna()) == [False, False, False, True, False, False]
+    assert 2.0 < found.t_s.iloc[3] < 60.0
+    assert style.with_gaps(rows[:3]).equals(rows[:3])
+
+
 def test_numbers_of_events_have_a_key(good):
     events = good.events[good.events.case == CASE]
     assert style.event_key(events) == "1 liftoff   2 stage1 cutoff   3 injection"

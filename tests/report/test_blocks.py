@@ -1,10 +1,11 @@
-"""How numbers are written."""
+"""How numbers and tables are written."""
 
 from __future__ import annotations
 
+import pandas as pd
 import pytest
 
-from lvnav_trade.report.blocks import number, percent
+from lvnav_trade.report.blocks import alike, number, percent
 
 
 @pytest.mark.parametrize(
@@ -41,3 +42,10 @@ def test_a_colour_that_shows_in_the_legend_alone_is_kept():
     for colour in PALETTE[:6]:
         wanted = [int(colour[k : k + 2], 16) for k in (1, 3, 5)]
         assert np.abs(found - wanted).max(axis=1).min() <= 24, colour
+
+
+def test_cases_with_the_same_rows_stand_once_in_a_table():
+    frame = pd.DataFrame({"case": ["a", "a", "b", "b", "c"], "fault": ["x", "y", "x", "y", "x"], "n": [1, 2, 1, 2, 3]})
+    assert list(alike(frame).itertuples(index=False, name=None)) == [("a; b", "x", 1), ("a; b", "y", 2), ("c", "x", 3)]
+    assert list(alike(frame[:4]).case) == ["all 2 cases", "all 2 cases"]
+    assert alike(frame[2:]).equals(frame[2:])

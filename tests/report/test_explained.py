@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+import numpy as np
 import pytest
 
 from lvnav_trade.report import build, explained
@@ -21,8 +22,18 @@ def test_the_budget_table_has_every_event_and_every_quantity(tables):
     shown = [block for block in explained.budget(tables) if block.kind == "table"]
     assert len(shown) == 2 * 3
     assert shown[0].head == ("position (m)", "liftoff", "stage1 cutoff", "injection")
-    assert [row[0] for row in shown[0].rows] == ["gyro bias", "range noise", "all"]
+    assert [row[0] for row in shown[0].rows[:3]] == ["gyro bias", "range noise", "all"]
     assert shown[0].rows[0][-1].endswith("(75 %)")
+
+
+def test_a_mean_error_that_counts_stands_below_the_sources_and_in_the_root_mean_square(tables):
+    position, velocity, attitude = [block for block in explained.budget(tables) if block.kind == "table"][:3]
+    assert [row[0] for row in position.rows[3:]] == ["mean, the same in every flight", "root mean square"]
+    at_liftoff = [float(row[1]) for row in position.rows[2:]]
+    assert at_liftoff == [pytest.approx(float(np.hypot.reduce(part)), rel=5e-3) for part in (
+        synthetic.SIGMA[6:9], synthetic.MEAN[6:9], [*synthetic.SIGMA[6:9], *synthetic.MEAN[6:9]])]  # fmt: skip
+    assert len(velocity.rows) == 5
+    assert len(attitude.rows) == 3
 
 
 def test_frozen_and_retuned_numbers_stand_beside_each_other(tables):

@@ -7,6 +7,10 @@ def test_the_first_section_answers_in_words(text):
     first = text[text.index('id="summary"') : text.index('id="requirements"')]
     assert "<strong>Met by:</strong> imu=fine" in first
     assert "Violated by" in first
+    assert "<strong>All 3 requirements together.</strong> Met by no case. Violated by imu=fine (tight" in first
+    assert "(tight bound); imu=coarse (loose bound, tight bound)." in first
+    assert "3D velocity error below 2 m/s at injection in 90 % of flights" in first
+    assert "Attitude error roll below 1000 mrad (57.3 deg) at injection" in first
     assert "further good runs each would decide" in first
     assert "What would make it met (by linear covariance, gains frozen; re-tuned may differ):" in first
     assert "imu=coarse: sigma of gyro bias times 0.826 (72 % of the mean square)" in first
