@@ -10,7 +10,7 @@ from lvnav_trade.campaign import execute, work
 from lvnav_trade.campaign.axes import cases
 from lvnav_trade.campaign.load import load as load_campaign
 from lvnav_trade.campaign.plan import Estimate, estimate
-from lvnav_trade.campaign.progress import Progress, Silent
+from lvnav_trade.campaign.progress import Progress, staged
 from lvnav_trade.campaign.schema import Campaign
 from lvnav_trade.campaign.tree import hint
 from lvnav_trade.campaign.work import Job
@@ -156,12 +156,8 @@ def run(
     mode: execute.Mode = "fresh" if fresh else "resume"
     execute.run(found, place, jobs, mode, fail_fast, progress, on_answers)
     if report:
-        watch = progress or Silent()
-        watch.stage("report", 1)  # its figures take a while: nobody should wonder
-        try:
+        with staged(progress, "report"):
             build_report(place)
-        finally:
-            watch.close()
     return load(place)
 
 

@@ -68,6 +68,6 @@ def results(
         block = synthetic.block(told, first, min(40, n_run - first), failing=failing)
         written.write_part(CASE, summarise(block, synthetic.EVENTS, told.true_sigma, synthetic.OUTPUTS))
     info = CaseInfo(CASE, "imu=fine", {"imu": "fine"})
-    written.write_case(info, prepared, told, written.summary(CASE) if n_run else None, synthetic.explanation(told))
+    written.write_case(info, prepared, told, written.parts(CASE) if n_run else None, synthetic.explanation(told))
     written.finish({"timings_s": {}})
     return folder

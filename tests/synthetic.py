@@ -270,8 +270,8 @@ def results(
                 runs = block(drawn, first, count, failing=failing)
                 runs = runs._replace(changes=changes(first, count)) if logic else runs
                 written.write_part(case.id, summarise(runs, EVENTS, told.true_sigma, OUTPUTS))
-        summary = written.summary(case.id) if n_run else None
+        parts = written.parts(case.id) if n_run else None
         drawn = starts(n_run) if n_run else None
-        written.write_case(case, prepared(logic), told, summary, explanation(told), drawn)
+        written.write_case(case, prepared(logic), told, parts, explanation(told), drawn)
     written.finish({"timings_s": {}})
     return folder

@@ -11,6 +11,7 @@ from pydantic import BaseModel
 from lvnav_trade.campaign.tree import Node
 
 Kind = Any  # a type annotation
+UNIONS = (Union, types.UnionType)
 
 
 def options(kind: Kind) -> tuple[Kind, ...]:
@@ -18,7 +19,7 @@ def options(kind: Kind) -> tuple[Kind, ...]:
     origin = _origin(kind)
     if origin is Annotated:
         return options(get_args(kind)[0])
-    if origin in (Union, types.UnionType):
+    if origin in UNIONS:
         return tuple(option for part in get_args(kind) for option in options(part))
     return (kind,)
 

@@ -12,6 +12,7 @@ from lvnav_trade.campaign.schema import Campaign
 # Measured on one core of a small virtual machine: 100 runs of 630 s with 200 Hz, 17 states and 10 covariance steps a
 # second take 2.0 s, their linear covariance 0.4 s after 0.5 s of preparation; a block of 40 is 1.4 MB on disk, the
 # tables of a case 8 MB, a worker's memory 730 MB. Compilation, which the first run pays once, is not in it.
+_RETUNED = 40  # linear covariances of a case for `sensitivity`: four for each of ten sources that matter
 _TICK_S, _STEP_S, _COVARIANCE_S, _PREPARE_S = 8e-8, 5.5e-9, 2.2e-7, 0.5
 _PART_BYTES, _TABLE_BYTES, _BASE_BYTES = 2.2e3, 1.25e4, 6e8
 _TICK_BYTES, _HISTORY_BYTES = 600.0, 1.6e3
@@ -64,7 +65,8 @@ def estimate(campaign: Campaign, folder: Path, duration: Mapping[str, float]) ->
     runs = campaign.monte_carlo.runs if campaign.monte_carlo else 0
     to_do = {case.id: sum(unit.n_run for unit in left if unit.case.id == case.id) for case in found}
     rows = [{"id": c.id, "label": c.label, "runs": runs, "done": runs - to_do[c.id]} for c in found]
-    seconds = sum(_covariance_seconds(case, duration[case.id]) for case in found)
+    linear = sum(_covariance_seconds(case, duration[case.id]) for case in found)
+    seconds = linear * (1 + _RETUNED * campaign.covariance.sensitivity)
     seconds += sum(unit.n_run * _run_seconds(unit.case, duration[unit.case.id]) for unit in left)
     times = {case.id: duration[case.id] / campaign.keep.history for case in found}
     disk = sum(_PART_BYTES * times[unit.case.id] for unit in left) + sum(_TABLE_BYTES * n for n in times.values())

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Protocol
 
 from rich.console import Console
@@ -108,6 +110,20 @@ class Bar:
     def close(self) -> None:
         """Take the bar away."""
         self.bar.stop()
+
+
+@contextmanager
+def staged(watch: Progress | None, name: str) -> Iterator[None]:
+    """Tell of work that is a stage of its own, in one step, while it is done."""
+    if watch is None:
+        yield
+        return
+    watch.stage(name, 1)
+    try:
+        yield
+        watch.advance(1)
+    finally:
+        watch.close()
 
 
 def choose(quiet: bool) -> Progress:

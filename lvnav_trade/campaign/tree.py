@@ -163,8 +163,9 @@ def _syntax(error: MarkedYAMLError, text: str, line: int) -> str:
     indent = lines[line - 1][: len(lines[line - 1]) - len(lines[line - 1].lstrip())] if line <= len(lines) else ""
     if "\t" in indent or "'\\t'" in str(error.problem):
         return "a tab; YAML is indented with spaces"
-    problem = str(error.problem or error.context or "is not YAML").splitlines()[0]
-    return f"is not YAML: {problem}"
+    problem = str(error.problem or error.context or "is not YAML").splitlines()[0].replace("'<scalar>'", "a word")
+    begun = error.context_mark.line + 1 if error.context_mark and error.problem_mark else line
+    return f"is not YAML: {problem}{f' (in what begins on line {begun})' if begun != line else ''}"
 
 
 def _convert(raw: Any, file: str, folder: Path, path: str, mistakes: list[Mistake], above: tuple[int, ...]) -> Node:

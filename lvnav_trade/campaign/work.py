@@ -247,13 +247,13 @@ def close(job: Job, case: Case, info: Any, runs: int) -> Done:
         covariance = _covariance(str(_scratch_file(job, case)))
         if not job.asked.budget:
             covariance = covariance._replace(sources=(), budget=covariance.budget[:, :0])
-        summary = job.results.summary(case.id, runs) if runs else None
+        parts = job.results.parts(case.id, runs) if runs else None
         file = _explained_file(job, case)
         explained = _read(file) if file.exists() else None
         drawn = {"starts": job.engine.starts(prepared, job.seed, runs)} if runs and job.engine.starts else {}
         if case.scenario.control is not None and runs and job.engine.control:
             drawn["control"] = job.engine.control(case.scenario, job.seed, runs)
-        job.results.write_case(info, prepared, covariance, summary, explained, **drawn)
+        job.results.write_case(info, prepared, covariance, parts, explained, **drawn)
         return Done(case.id, 0, runs)
     except Exception as error:
         return Done(case.id, 0, runs, error=_told(error))

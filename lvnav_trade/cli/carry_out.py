@@ -42,7 +42,10 @@ def run(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Carry a campaign out: linear covariance in seconds, then Monte Carlo, then the report."""
+    """Carry a campaign out and build its report.
+
+    Linear covariance answers first, in seconds; then Monte Carlo. The same command resumes what was interrupted.
+    """
     with errors(as_json, debug):
         from lvnav_trade import api
         from lvnav_trade.campaign.load import load
@@ -107,13 +110,14 @@ def check(campaign: CampaignFile, sets: Sets = None, as_json: Json = False, debu
 def plan(
     campaign: CampaignFile, sets: Sets = None, out: Out = None, as_json: Json = False, debug: Debug = False
 ) -> None:
-    """Show the cases and what they will take, and what is done already."""
+    """Show the cases, what they take, and what is done."""
     with errors(as_json, debug):
         from lvnav_trade import api
 
         found = api.plan(campaign, sets or (), out)
         rows = table(["case", "label", "runs", "done"], [list(row.values()) for row in found.cases])
-        cost = f"{found.seconds:.0f} s of one core, {found.disk_mb:.0f} MB of disk, {found.memory_mb:.0f} MB a job"
+        time = f"{found.seconds:.0f} s of one core once compiled"
+        cost = f"{time}, {found.disk_mb:.0f} MB of disk, {found.memory_mb:.0f} MB a job"
         say("plan", as_json, f"{rows}\nabout {cost}", **found._asdict())
 
 
@@ -127,7 +131,7 @@ def replay(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Fly one run again, bit for bit, and keep every covariance step."""
+    """Fly one run again, bit for bit, and keep every step."""
     with errors(as_json, debug):
         from lvnav_trade.campaign import replay as again
         from lvnav_trade.campaign.axes import cases

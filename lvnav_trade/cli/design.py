@@ -30,7 +30,10 @@ def estimate_q(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Estimate process noise from perturbed runs; write it as a filter card, with the error per step as CSV and PNG."""
+    """Estimate process noise from runs; write a filter card.
+
+    The runs are perturbed as the unit's errors say. Beside the card: the error per step as CSV and PNG.
+    """
     with errors(as_json, debug):
         from lvnav_trade import api
 
@@ -62,7 +65,10 @@ def schedule_gains(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Compute a filter's gains on the nominal flight; write them as a card that another filter replays."""
+    """Write a filter's gains on the nominal flight as a card.
+
+    Another filter replays them: filter.gains.
+    """
     with errors(as_json, debug):
         from lvnav_trade import api
 

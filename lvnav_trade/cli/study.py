@@ -26,9 +26,10 @@ def study(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Run every campaign of a folder and keep one page: published numbers beside ours.
+    """Run every campaign of a folder and keep one page.
 
-    What a campaign answers (requirements violated or undecided) is no failure here; exit code 4 where runs failed.
+    Published numbers stand beside ours. What a campaign answers (requirements violated or undecided) is no failure
+    here; exit code 4 where runs failed.
     """
     with errors(as_json, debug):
         from lvnav_trade import api

@@ -50,7 +50,10 @@ def compare(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Hold a candidate against a base, run by run: exit code 0 nothing worse, 1 worse, 2 no comparison, 3 undecided."""
+    """Hold a candidate against a base, run by run.
+
+    Exit code 0 nothing worse, 1 worse, 2 no comparison, 3 undecided.
+    """
     with errors(as_json, debug):
         from lvnav_trade import api
         from lvnav_trade.report import compare as told
@@ -72,7 +75,10 @@ def keep_base(
     target: Annotated[Path, typer.Argument(metavar="FOLDER", help="where, such as a folder of the repository")],
     debug: Debug = False,
 ) -> None:
-    """Copy of results what `compare` needs of a base: runs and events, some hundred kilobytes."""
+    """Copy of results what `compare` needs of a base.
+
+    Runs and events, some hundred kilobytes.
+    """
     with errors(False, debug):
         from lvnav_trade import api
 

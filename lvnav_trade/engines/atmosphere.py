@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from datetime import datetime, timedelta
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -75,11 +76,16 @@ def delays(
     The filter's models are evaluated at the true place of the antenna, not at the estimate: at worst, near the ground
     and the horizon, they differ by 1 cm per metre of position error.
     """
-    places = [_geometry(trajectory, receiver, seen, shift) for shift in (-HALF_STEP, 0.0, HALF_STEP)]
 
-    def along(value: Callable[[Geometry], Floats], carrier: float) -> Floats:
-        before, now, after = (value(place) for place, _ in places)
-        seconds = (places[2][1] - places[0][1])[:, None]
+    @cache
+    def places() -> list[tuple[Geometry, Floats]]:
+        return [_geometry(trajectory, receiver, seen, shift) for shift in (-HALF_STEP, 0.0, HALF_STEP)]
+
+    def along(kind: str, value: Callable[[Geometry], Floats], carrier: float) -> Floats:
+        if kind == "none":
+            return np.zeros((*seen.tracked.shape, 2))
+        before, now, after = (value(place) for place, _ in places())
+        seconds = (places()[2][1] - places()[0][1])[:, None]
         both = np.stack([now, carrier * (after - before) / seconds], axis=2)
         return np.where(seen.tracked[:, :, None], both, 0.0)
 
@@ -89,8 +95,8 @@ def delays(
     )
     (air, air_hat), (charge, charge_hat) = models
     return Delays(
-        along(lambda g: troposphere_delay(air, g), 1.0),
-        along(lambda g: ionosphere_delay(charge, g), -1.0),
-        along(lambda g: troposphere_delay(air_hat, g), 1.0),
-        along(lambda g: ionosphere_delay(charge_hat, g), -1.0),
+        along(air.kind, lambda g: troposphere_delay(air, g), 1.0),
+        along(charge.kind, lambda g: ionosphere_delay(charge, g), -1.0),
+        along(air_hat.kind, lambda g: troposphere_delay(air_hat, g), 1.0),
+        along(charge_hat.kind, lambda g: ionosphere_delay(charge_hat, g), -1.0),
     )

@@ -13,7 +13,7 @@ from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import predict
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.joint import apply_phi, propagate_component
-from lvnav_trade.kernels.strapdown import J4, Q, R, V, gravity, mechanise
+from lvnav_trade.kernels.strapdown import J4, R, gravity, mechanise, place
 from lvnav_trade.kernels.transition import ATT, ATT_GYRO, GYRO, POS, VEL, VEL_ACCEL, VEL_GYRO, parameter_block
 from lvnav_trade.observables import altitude
 from lvnav_trade.world.gravity import GRAVITY
@@ -198,18 +198,9 @@ def _write(out, hist, joint, axes_att, axes):
 
 
 @jit
-def _take_nominal(nominal, reference, tick):
-    """Set the nominal navigation state to the true one at a tick."""
-    for i in range(4):
-        nominal.nav[Q + i] = reference.q_b_i[tick, i]
-    for i in range(3):
-        nominal.nav[V + i], nominal.nav[R + i] = reference.v_i[tick, i], reference.r_i[tick, i]
-
-
-@jit
 def _fly_window(nominal, reference, first, n_tick, dt, kind):
     """Mechanise the ideal unit's increments over a window from the true state: the sums that the transition needs."""
-    _take_nominal(nominal, reference, first)
+    place(nominal.nav, reference, first)
     for k in range(n_tick):
         for axis in range(3):
             nominal.increments[k, axis] = reference.dtheta[first + k, axis]
@@ -283,7 +274,7 @@ def _update_height(out, joint, scratch, tape, altimeter, nominal, signals, true,
 def _keep(joint, nominal, true, belief, reference, tick, dt, late, window):
     """Keep the state and its error that the next late measurement will be met with."""
     if late is not None:
-        _take_nominal(nominal, reference, tick)
+        place(nominal.nav, reference, tick)
         keep(nominal.past, nominal.nav, nominal.previous, late, window, dt, belief.gravity)
         keep_error(joint, true, late, window)
 
@@ -313,7 +304,7 @@ def cover(
             _keep(joint, nominal, true, belief, reference, first + n_tick, unit.dt, late, w)
         epoch, hist = schedule.epoch[w], schedule.hist[w]
         if epoch >= 0 and belief.kind != INERTIAL:
-            _take_nominal(nominal, reference, first + n_tick)
+            place(nominal.nav, reference, first + n_tick)
             _update(out, joint, scratch, tape, nominal, signals, true, belief, unit.dt, chain, late, gains, epoch)
             _update_height(out, joint, scratch, tape, altimeter, nominal, signals, true, belief, epoch)
         if tape.channel.shape[0] > 0:

@@ -9,7 +9,7 @@ import numpy as np
 
 from lvnav_trade.engines.flight import true_parameter
 from lvnav_trade.engines.inputs import Work
-from lvnav_trade.engines.montecarlo import _new_work
+from lvnav_trade.engines.montecarlo import new_work
 from lvnav_trade.engines.prepare import Prepared
 from lvnav_trade.engines.sensing import begin, sense
 from lvnav_trade.kernels import processes, transition
@@ -108,7 +108,7 @@ def step_errors(prepared: Prepared, seed: int, n_run: int) -> StepErrors:
     n_hist, n = prepared.t_hist.size, prepared.layout.n_state
     total, squares, size = np.zeros((n_hist, n)), np.zeros((n_hist, n, n)), np.zeros((n_hist, n))
     error, missed = np.empty((n_hist, n)), np.empty((n_hist, n))
-    work: Work = _new_work(prepared, lanes=False)
+    work: Work = new_work(prepared, lanes=False)
     words = seed_words(seed)
     for run in range(n_run):
         work.run[0] = run

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from lvnav_trade.filters.envelope import EnvelopeCard
 
@@ -60,6 +59,8 @@ def _slope(value: Floats, before: Floats, dt: float) -> Floats:
 
 def _lagged(drive: Floats, time_constant: float, dt: float) -> Floats:
     """Return the first-order lag (n, k) of a drive that is held over each tick; it starts at zero."""
+    from scipy.signal import lfilter  # with it comes scipy.stats: 30 MiB and 0.5 s of every worker, for few filters
+
     fade = math.exp(-dt / time_constant)
     return np.asarray(lfilter([0.0, 1.0 - fade], [1.0, -fade], drive, axis=0))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from lvnav_trade.engines.adjoint import BackScratch, Backward, go_back
 from lvnav_trade.engines.carried import Cover, Joint, Nominal, Scratch, Tape, new_tape
@@ -217,4 +217,4 @@ def false_rejection(gate_squared: float, ratio: Floats) -> Floats:
 
     A row's normalised innovation is normal with the expected square `ratio`; a matched filter has 1.
     """
-    return chi2.sf(gate_squared / np.maximum(ratio, 1e-300), 1) if np.isfinite(gate_squared) else np.zeros_like(ratio)
+    return chdtrc(1, gate_squared / np.maximum(ratio, 1e-300)) if np.isfinite(gate_squared) else np.zeros_like(ratio)

@@ -69,7 +69,8 @@ def channels(prepared: Prepared) -> int:
     return height + 2 * len(prepared.sky.names) if kind == TIGHT else height + 6 if kind == LOOSE else 1
 
 
-def _new_work(prepared: Prepared, lanes: bool) -> Work:
+def new_work(prepared: Prepared, lanes: bool) -> Work:
+    """Return the arrays of one run, or of eight in lanes, zero."""
     belief, signals = prepared.belief, prepared.signals
     shapes = work_shapes(Sizes(
         n_state=prepared.layout.n_state,
@@ -102,7 +103,7 @@ def _new_work(prepared: Prepared, lanes: bool) -> Work:
 
 
 def _fly(prepared: Prepared, seed: int, runs: Floats, lanes: bool) -> Work:
-    work = _new_work(prepared, lanes)
+    work = new_work(prepared, lanes)
     work.run[0] = runs if lanes else runs[0]
     chosen = np.flatnonzero(prepared.signals.shared.given)
     if chosen.size:
@@ -136,16 +137,18 @@ def run_block(prepared: Prepared, seed: int, first_run: int, n_run: int, lanes: 
     """
     use_lanes = not config.DISABLE_JIT if lanes is None else lanes
     width = WIDTH if use_lanes else 1
-    parts: dict[str, list[Floats]] = {name: [] for name in _HANDED_OUT}
+    joined: dict[str, Floats] = {}
     changes = [NO_CHANGES]
-    for first in range(first_run, first_run + n_run, width):
+    for done in range(0, n_run, width):
+        first, new = first_run + done, min(width, n_run - done)
         work = _fly(prepared, seed, np.arange(first, first + width, dtype=np.uint64), use_lanes)
         for name in _HANDED_OUT:
             array = getattr(work, name)
-            parts[name].append(np.moveaxis(array, -1, 0) if use_lanes else array[None])
+            runs = np.moveaxis(array, -1, 0) if use_lanes else array[None]
+            whole = joined.setdefault(name, np.empty((n_run, *runs.shape[1:])))
+            whole[done : done + new] = runs[:new]
         if work.watch is not None:
-            changes.append(_changes(prepared, work.watch, first, min(width, first_run + n_run - first), use_lanes))
-    joined = {name: np.ascontiguousarray(np.concatenate(arrays)[:n_run]) for name, arrays in parts.items()}
+            changes.append(_changes(prepared, work.watch, first, new, use_lanes))
     return RunBlock(
         first_run=first_run,
         t=prepared.t_hist,

@@ -141,7 +141,10 @@ def _arriving(ref: Reference, card: ImuCard, faults: Sequence[AnyFault], events:
     samples are dropped without them.
     """
     dt = 1.0 / card.rate
-    out = [lag(ref.dtheta, card.gyro.bandwidth, dt).copy(), lag(ref.dvel, card.accel.bandwidth, dt).copy()]
+    sensed = ((ref.dtheta, card.gyro.bandwidth), (ref.dvel, card.accel.bandwidth))
+    out = [np.ascontiguousarray(lag(increments, bandwidth, dt)) for increments, bandwidth in sensed]
+    if any(isinstance(fault, DroppedSamples) for fault in faults):
+        out = [array.copy() for array in out]  # those of the reference are other cases' too
     for number, fault in enumerate(faults):
         if isinstance(fault, DroppedSamples):
             start, end = span(number, fault, events)
@@ -252,7 +255,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     blocks = (*error_blocks(scenario.imu), *disturbance(scenario.gravity))
     C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], trajectory.theta0)[0].T
     P = initial_covariance(layout, initial, C_n_i, card.envelope or EnvelopeCard())
-    rules = watched(card, failed, truth, pdop(line.direction, seen.tracked), P)
+    rules = watched(card, failed, truth, lambda: pdop(line.direction, seen.tracked), P)
     solver = solver_of(scenario, receiver, truth.used.shape[1])
     chain = chain_of(solver, judged(scenario), truth, line)
     truth, chain = left_out(rules, truth, chain)

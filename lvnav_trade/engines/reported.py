@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.engines.inputs import Work
-from lvnav_trade.engines.montecarlo import _new_work
+from lvnav_trade.engines.montecarlo import new_work
 from lvnav_trade.engines.prepare import Prepared
 from lvnav_trade.engines.recorded import values_of
 from lvnav_trade.engines.sensing import begin, begin_solver, observe
@@ -108,7 +108,7 @@ def _fly(prepared: Prepared, seed: int, run: int) -> _Flown:
     solver, signals, chain = prepared.options.solver, prepared.signals, prepared.chain
     assert chain is not None
     k0, k1 = seed_words(seed)
-    work = _new_work(prepared, lanes=False)
+    work = new_work(prepared, lanes=False)
     work.run[0] = run
     given = np.flatnonzero(signals.shared.given)
     if given.size:

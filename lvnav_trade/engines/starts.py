@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -24,6 +25,12 @@ class StartDraws(NamedTuple):
     sources: tuple[str, ...]
     axes: tuple[str, ...]
     values: NDArray[np.float64]
+
+    def pieces(self, n_run: int = 500) -> Iterator[StartDraws]:
+        """Yield the draws of so many runs after another."""
+        for first in range(0, len(self.runs), n_run):
+            here = slice(first, first + n_run)
+            yield self._replace(runs=self.runs[here], values=self.values[here])
 
 
 def start_draws(prepared: Prepared, seed: int, n_run: int) -> StartDraws:

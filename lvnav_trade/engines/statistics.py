@@ -92,9 +92,8 @@ _SUMMED = (
     "lag_sum",
     "lag_count",
 )
-_JOINED = (
-    "runs", "failed", "t_failed", "event_error", "event_sigma", "event_nees", "worst", "mean_square", "changes",
-)  # fmt: skip
+_PER_RUN = ("runs", "failed", "t_failed")
+_ROWS = ("event_error", "event_sigma", "event_nees", "worst", "mean_square", "changes")
 _SHARED = ("t", "scale", "t_epoch", "t_event", "t_bound")
 
 
@@ -141,7 +140,7 @@ def summarise(
     error = add_norms(block.err, outputs)
     sigma = add_norms(block.sigma, outputs)
     failed = np.where(np.isfinite(block.err).all(axis=(1, 2)) | (block.failed != 0), block.failed, NOT_FINITE)
-    good = failed == 0
+    good = slice(None) if not failed.any() else failed == 0  # a slice copies nothing
     unit = _usable(add_norms(scale, outputs))
     lag_sum, lag_count = _lag_products(block.innovation[good])
     t_bound = np.unique(np.concatenate([block.t[[0, -1]], block.t[at_event]]))
@@ -151,11 +150,11 @@ def summarise(
         t_failed=np.asarray(block.t_failed, dtype=float),
         t=block.t,
         scale=unit,
-        n_good=np.array([good.sum()], dtype=np.int64),
+        n_good=np.array([(failed == 0).sum()], dtype=np.int64),
         total=error[good].sum(axis=0),
         squares=(error[good] ** 2).sum(axis=0),
         sigma_squares=(sigma[good] ** 2).sum(axis=0),
-        histogram=_histogram(np.abs(error[good]), unit),
+        histogram=_histogram(error[good], unit),
         nees=block.nees[good].sum(axis=0),
         t_epoch=block.t_epoch,
         nis=block.nis[good].sum(axis=0),
@@ -205,16 +204,17 @@ def _usable(scale: Floats) -> Floats:
     return np.where(np.isfinite(scale) & (scale > 0), scale, 1.0)
 
 
-def _histogram(size: Floats, scale: Floats) -> NDArray[np.uint8 | np.uint32]:
-    """Count |error| / scale in log-spaced bins; size (n_run, n_hist, n_column). A block of few runs counts in bytes."""
-    n_hist, n_column = size.shape[1:]
-    with np.errstate(divide="ignore"):
-        place = np.floor(np.log(size / (scale * LOWEST)) / BIN) + 1
-    bins = np.clip(place, 0, N_BIN - 1).astype(np.int64)
-    counts = np.empty((n_hist, n_column, N_BIN), dtype=np.uint8 if len(size) < 256 else np.uint32)
+def _histogram(error: Floats, scale: Floats) -> NDArray[np.uint8 | np.uint32]:
+    """Count |error| / scale in log-spaced bins; error (n_run, n_hist, n_column). Few runs are counted in bytes."""
+    n_hist, n_column = error.shape[1:]
+    counts = np.empty((n_hist, n_column, N_BIN), dtype=np.uint8 if len(error) < 256 else np.uint32)
     row = np.arange(n_hist) * N_BIN
     for column in range(n_column):  # one column at a time bounds the memory of the count
-        flat = np.bincount((row + bins[:, :, column]).ravel(), minlength=n_hist * N_BIN)
+        with np.errstate(divide="ignore"):
+            ratio = np.abs(error[:, :, column]) / (scale[:, column] * LOWEST)
+            place = np.floor(np.log(ratio) / BIN) + 1
+        bins = np.clip(place, 0, N_BIN - 1).astype(np.int64)
+        flat = np.bincount((row + bins).ravel(), minlength=n_hist * N_BIN)
         counts[:, column] = flat.reshape(n_hist, N_BIN)
     return counts
 
@@ -232,10 +232,11 @@ def _lag_products(innovation: Floats) -> tuple[Floats, Counts]:
     return total, count
 
 
-def merge(parts: Iterable[BlockSummary]) -> BlockSummary:
+def merge(parts: Iterable[BlockSummary], rows: bool = True) -> BlockSummary:
     """Return the summary of all parts together, added in run order whatever the order given.
 
-    An iterator already in run order is taken one part at a time, so that memory does not grow with parts.
+    An iterator already in run order is taken one part at a time. Without `rows`, all that has a row per run and event
+    or span is left empty, and memory does not grow with parts but by 17 bytes a run.
     ValueError where parts overlap, belong to different histories, or there is none.
     """
     stream = iter(parts) if not isinstance(parts, list) else iter(sorted(parts, key=lambda part: part.first_run))
@@ -245,16 +246,17 @@ def merge(parts: Iterable[BlockSummary]) -> BlockSummary:
         raise ValueError("there is no part to merge") from None
     sums: dict[str, Any] = {name: getattr(first, name).copy() for name in _SUMMED}
     sums["histogram"] = sums["histogram"].astype(np.uint32)  # many blocks of few runs
-    rows = {name: [getattr(first, name)] for name in _JOINED}
-    first = first._replace(**sums)  # lets the first part's own histogram go
+    joined = {name: [getattr(first, name)] for name in (_PER_RUN + _ROWS if rows else _PER_RUN)}
+    none = {} if rows else {name: getattr(first, name)[:0].copy() for name in _ROWS}
+    first = first._replace(**sums, **none)  # lets the first part's own histogram go
     for part in stream:
-        _check_follows(first, rows["runs"][-1], part)
+        _check_follows(first, joined["runs"][-1], part)
         for name in _SUMMED:
             sums[name] += getattr(part, name)
-        for name in _JOINED:
-            rows[name].append(getattr(part, name))
-    joined: dict[str, Any] = {name: np.concatenate(values) for name, values in rows.items()}
-    return first._replace(**sums, **joined)
+        for name, values in joined.items():
+            values.append(getattr(part, name))
+    whole: dict[str, Any] = {name: np.concatenate(values) for name, values in joined.items()}
+    return first._replace(**sums, **whole)
 
 
 def _check_follows(first: BlockSummary, runs_before: Counts, part: BlockSummary) -> None:

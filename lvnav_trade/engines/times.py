@@ -36,19 +36,18 @@ def _schedule(n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints, ke
     """
     steps = np.arange(0, n_imu + 1, per_window)
     bounds = np.unique(np.concatenate([steps, hist_tick, epoch_tick, kept, [0, n_imu]]))
-    epoch_at = {int(tick): index for index, tick in enumerate(epoch_tick)}
-    hist_at: dict[int, list[int]] = {}
-    for index, tick in enumerate(hist_tick):
-        hist_at.setdefault(int(tick), []).append(index)
-    rows: list[tuple[int, int, int, int]] = []
-    last = 0
-    for tick in bounds.tolist():
-        here = hist_at.get(tick, [])
-        if tick > 0 or here:
-            rows.append((last, tick - last, epoch_at.get(tick, -1), here[0] if here else -1))
-        rows += [(tick, 0, -1, index) for index in here[1:]]
-        last = tick
-    first, counts, epoch, hist = (np.array(column, dtype=np.int64) for column in zip(*rows, strict=True))
+    begin = np.concatenate([[0], bounds[:-1]])
+    epoch, hist = np.full(bounds.size, -1), np.full(bounds.size, -1)
+    epoch[np.searchsorted(bounds, epoch_tick)] = np.arange(epoch_tick.size)
+    seconds = np.ones(hist_tick.size, dtype=bool)
+    seconds[np.unique(hist_tick, return_index=True)[1]] = False
+    hist[np.searchsorted(bounds, hist_tick[~seconds])] = np.flatnonzero(~seconds)
+    kept_rows = (bounds > 0) | (hist >= 0)
+    rows = np.stack([begin, bounds - begin, epoch, hist], axis=1)[kept_rows]
+    none = np.zeros(np.count_nonzero(seconds), dtype=np.int64)
+    more = np.stack([hist_tick[seconds], none, none - 1, np.flatnonzero(seconds)], axis=1)
+    order = np.argsort(np.concatenate([bounds[kept_rows], hist_tick[seconds]]), kind="stable")
+    first, counts, epoch, hist = np.ascontiguousarray(np.concatenate([rows, more])[order].T)
     lengths, which = np.unique(counts, return_inverse=True)
     return Schedule(first, counts, which.astype(np.int64), epoch, hist), lengths
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from lvnav_trade.kernels.attitude import cross, matrix
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import view
-from lvnav_trade.kernels.strapdown import Q, R, V, mechanise
+from lvnav_trade.kernels.strapdown import mechanise, place
 from lvnav_trade.kernels.vector import WIDTH
 from lvnav_trade.records import Floats
 
@@ -174,20 +174,11 @@ def nominal_tick(sums, reference, tick, dt):
 
 
 @jit
-def take_nominal(nominal, reference, tick):
-    """Set the nominal navigation state to the true one at a tick."""
-    for i in range(4):
-        nominal.nav[Q + i] = reference.q_b_i[tick, i]
-    for i in range(3):
-        nominal.nav[V + i], nominal.nav[R + i] = reference.v_i[tick, i], reference.r_i[tick, i]
-
-
-@jit
 def nominal_window(nominal, sums, increments, reference, first, n_tick, dt, kind):
     """Mechanise the ideal increments of a window from the true state: sums (18,) that the transition needs are set."""
     for k in range(n_tick):
         for axis in range(3):
             increments[k, axis] = reference.dtheta[first + k, axis]
             increments[k, 3 + axis] = reference.dvel[first + k, axis]
-    take_nominal(nominal, reference, first)
+    place(nominal.nav, reference, first)
     mechanise(nominal.nav, sums, nominal.previous, increments, n_tick, dt, kind)

@@ -19,7 +19,6 @@ from lvnav_trade.engines.vehicle_carried import (
     nominal_tick,
     nominal_window,
     set_noise,
-    take_nominal,
     whole,
 )
 from lvnav_trade.filters.ekf import fill_loose, place_antenna, rows_at
@@ -27,7 +26,7 @@ from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import absorb, predict
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.joint import apply_phi
-from lvnav_trade.kernels.strapdown import J4, R, gravity
+from lvnav_trade.kernels.strapdown import J4, R, gravity, place
 from lvnav_trade.kernels.transition import POS, VEL
 from lvnav_trade.kernels.vehicle import (
     N_SAMPLE,
@@ -317,13 +316,13 @@ def cover_vehicle(
         if n_tick > 0:
             if vehicle.modelled:
                 _modelled_window(spread, desk, unit, vehicle, parts, reference, first, n_tick, n_group)
-                take_nominal(nominal, reference, first)
+                place(nominal.nav, reference, first)
             else:
                 nominal_window(nominal, desk.sums, desk.increments, reference, first, n_tick, unit.dt, belief.gravity)
             _slow(spread, desk, nominal, parts, belief, vehicle.modelled, schedule.length[w], n_group, n_source)
             _move_mean(spread, nominal, unit, belief, vehicle, first, n_tick, reference)
         if epoch >= 0:
-            take_nominal(nominal, reference, first + n_tick)
+            place(nominal.nav, reference, first + n_tick)
             for i in range(3):
                 nominal.previous[i] = reference.dtheta[max(0, first + n_tick - 1), i]
             place_antenna(nominal, None, belief, unit.dt)

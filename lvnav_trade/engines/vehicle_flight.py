@@ -13,19 +13,18 @@ from lvnav_trade.filters.ekf import (
     absorb_and_count,
     clear_epoch,
     correct,
+    correct_motion,
     fill_loose,
     place_antenna,
     predict_window,
     rows_at,
 )
 from lvnav_trade.kernels import processes
-from lvnav_trade.kernels.attitude import from_rotation, multiply, normalise
 from lvnav_trade.kernels.covariance import absorb
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, sqrt, where
 from lvnav_trade.kernels.random import normals
-from lvnav_trade.kernels.strapdown import Q, R, V, mechanise
-from lvnav_trade.kernels.transition import ATT, POS, VEL
+from lvnav_trade.kernels.strapdown import Q, mechanise
 from lvnav_trade.kernels.vehicle import N_SAMPLE, absorb_samples, advance, mirror
 from lvnav_trade.observables import attitude
 
@@ -62,13 +61,9 @@ def own_shapes(n_state: int) -> dict[str, tuple[int, ...]]:
 @jit
 def feed_back(work, own, vehicle):
     """Add the error state to every estimate, biases by their blocks, and set it to zero."""
-    nav, x = work.nav, work.x
-    e0, e1, e2, e3 = from_rotation(x[ATT], x[ATT + 1], x[ATT + 2])
-    q0, q1, q2, q3 = multiply(e0, e1, e2, e3, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
-    nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = normalise(q0, q1, q2, q3)
+    x = work.x
+    correct_motion(work.nav, x)
     for i in range(3):
-        nav[V + i] = nav[V + i] + x[VEL + i]
-        nav[R + i] = nav[R + i] + x[POS + i]
         work.par[0, i] = work.par[0, i] + x[vehicle.bias + i]
         work.par[1, i] = work.par[1, i] + x[vehicle.bias + 3 + i]
     for i in range(N_SAMPLE):

@@ -11,12 +11,12 @@ from lvnav_trade.engines.observability import TOLERANCE, Stretch, decompose, fol
 from lvnav_trade.engines.prepare import Prepared
 from lvnav_trade.engines.truth import source_names, true_model
 from lvnav_trade.engines.vehicle import Vehicle
-from lvnav_trade.engines.vehicle_carried import nominal_tick, nominal_window, take_nominal
+from lvnav_trade.engines.vehicle_carried import nominal_tick, nominal_window
 from lvnav_trade.filters.ekf import fill_loose, place_antenna, rows_at
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.joint import apply_phi
-from lvnav_trade.kernels.strapdown import N_SUM, R
+from lvnav_trade.kernels.strapdown import N_SUM, R, place
 from lvnav_trade.kernels.transition import ATT
 from lvnav_trade.kernels.vehicle import N_SAMPLE, advance_vector
 from lvnav_trade.records import Floats
@@ -73,7 +73,7 @@ def _gather(triangle, phi, D, row_of, sums, increments, nominal, schedule, unit,
         if n_tick > 0:
             if vehicle.modelled:
                 count += _fold_samples(triangle, phi, row_of, sums, vehicle, reference, first, n_tick, unit.dt)
-                take_nominal(nominal, reference, first)
+                place(nominal.nav, reference, first)
             else:
                 nominal_window(nominal, sums, increments, reference, first, n_tick, unit.dt, belief.gravity)
             length, at = schedule.length[w], nominal.nav
@@ -81,7 +81,7 @@ def _gather(triangle, phi, D, row_of, sums, increments, nominal, schedule, unit,
             for j in range(n):
                 apply_phi(phi[j], D, rows, columns, belief.decay[length], belief.clock, belief.seconds[length])
         if epoch >= 0:
-            take_nominal(nominal, reference, first + n_tick)
+            place(nominal.nav, reference, first + n_tick)
             place_antenna(nominal, None, belief, unit.dt)
             count += _fold_epoch(triangle, phi, row_of, nominal, signals, belief, vehicle, epoch)
     return count

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,12 +35,15 @@ def pdop(direction: Floats, tracked: Mask) -> Floats:
     return found
 
 
-def watched(card: FilterCard, failed: Failures, signals: Signals, dilution: Floats, P: Floats) -> Rules | None:
+def watched(
+    card: FilterCard, failed: Failures, signals: Signals, dilution: Callable[[], Floats], P: Floats
+) -> Rules | None:
     """Return the rules of a filter card, None where it has no logic and starts as its card says.
 
     Parameters
     ----------
-    failed : what faults do to flags and freshness; dilution (n_epoch,) of precision
+    failed : what faults do to flags and freshness
+    dilution : of precision (n_epoch,); called where a rule is about it
     P : (n_state, n_state) the filter's covariance at a start
     """
     if card.logic is None and card.init == "from_card":
@@ -49,7 +53,7 @@ def watched(card: FilterCard, failed: Failures, signals: Signals, dilution: Floa
     if logic.check_flags:
         good &= ~failed.frozen & ~failed.invalid
     if logic.pdop_below is not None:
-        good &= dilution < logic.pdop_below
+        good &= dilution() < logic.pdop_below
     position, velocity = logic.wild_position or math.inf, logic.wild_velocity or math.inf
     spread = (logic.covariance_position or math.inf, logic.covariance_velocity or math.inf)
     return Rules(

@@ -222,15 +222,21 @@ def update(work, belief, signals, late, gains, epoch, dt):
 
 
 @jit
-def correct(work, belief):
-    """Feed the error state back (error is truth minus estimate: feedback adds) and set it to zero."""
-    nav, x = work.nav, work.x
+def correct_motion(nav, x):
+    """Add the error state to attitude, velocity and position (error is truth minus estimate: feedback adds)."""
     e0, e1, e2, e3 = from_rotation(x[ATT], x[ATT + 1], x[ATT + 2])
     q0, q1, q2, q3 = multiply(e0, e1, e2, e3, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
     nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = normalise(q0, q1, q2, q3)
     for i in range(3):
         nav[V + i] = nav[V + i] + x[VEL + i]
         nav[R + i] = nav[R + i] + x[POS + i]
+
+
+@jit
+def correct(work, belief):
+    """Feed the error state back and set it to zero."""
+    x = work.x
+    correct_motion(work.nav, x)
     for b in range(belief.par_offset.shape[0]):
         for i in range(3):
             work.par[b, i] = work.par[b, i] + x[belief.par_offset[b] + i]

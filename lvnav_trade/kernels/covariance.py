@@ -6,7 +6,7 @@ Only the first nine rows of Phi - I hold blocks; parameters decay. The covarianc
 
 from __future__ import annotations
 
-from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, size, sqrt, where
 from lvnav_trade.kernels.transition import POS, VEL
 
@@ -119,6 +119,22 @@ def predict(P, blocks, rows, columns, decay, noise, clock, seconds):
         P[i, i] = P[i, i] + 0.5 * noise[i]
 
 
+@inlined
+def _met(P, x, K, h, entries, columns, innovation, variance, n):
+    """Set K to P h; return the variance of a row's innovation, and what earlier rows of the epoch have left of it."""
+    for i in range(n):
+        k = P[i, columns[0]] * h[entries[0]]
+        for c in range(1, columns.shape[0]):
+            k = k + P[i, columns[c]] * h[entries[c]]
+        K[i] = k
+    s = like(x[0], variance)
+    residual = innovation
+    for c in range(columns.shape[0]):
+        s = s + h[entries[c]] * K[columns[c]]
+        residual = residual - h[entries[c]] * x[columns[c]]
+    return s, residual
+
+
 @jit
 def absorb(P, x, K, h, entries, columns, innovation, variance, gate_squared, n_estimated, joseph):
     """Absorb one scalar row, z - z_hat = h . x + v, into the error state and its covariance.
@@ -140,16 +156,7 @@ def absorb(P, x, K, h, entries, columns, innovation, variance, gate_squared, n_e
     normalised innovation (before the gate), weight (1 / innovation variance, 0 where rejected)
     """
     n = size(P, 0)
-    for i in range(n):
-        k = P[i, columns[0]] * h[entries[0]]
-        for c in range(1, columns.shape[0]):
-            k = k + P[i, columns[c]] * h[entries[c]]
-        K[i] = k
-    s = like(x[0], variance)
-    residual = innovation
-    for c in range(columns.shape[0]):
-        s = s + h[entries[c]] * K[columns[c]]
-        residual = residual - h[entries[c]] * x[columns[c]]
+    s, residual = _met(P, x, K, h, entries, columns, innovation, variance, n)
     believed = residual * residual <= gate_squared * s
     inverse = 1.0 / s
     weight = where(believed, inverse, 0.0)
@@ -176,16 +183,7 @@ def absorb_with(P, x, K, h, entries, columns, gain, innovation, variance, gate_s
     nothing but the gate.
     """
     n = size(P, 0)
-    for i in range(n):
-        k = P[i, columns[0]] * h[entries[0]]
-        for c in range(1, columns.shape[0]):
-            k = k + P[i, columns[c]] * h[entries[c]]
-        K[i] = k
-    s = like(x[0], variance)
-    residual = innovation
-    for c in range(columns.shape[0]):
-        s = s + h[entries[c]] * K[columns[c]]
-        residual = residual - h[entries[c]] * x[columns[c]]
+    s, residual = _met(P, x, K, h, entries, columns, innovation, variance, n)
     believed = residual * residual <= gate_squared * s
     taken = where(believed, 1.0, 0.0)
     step = where(believed, residual, 0.0)

@@ -39,11 +39,13 @@ _set_cache_folder()
 
 import numba  # noqa: E402  (the cache folder must be known first)
 from numba.core.bytecode import FunctionIdentity  # noqa: E402
+from numba.core.caching import CompileResultCacheImpl, FunctionCache  # noqa: E402
 from numba.core.codegen import JITCodeLibrary, JITCPUCodegen  # noqa: E402
 from numba.core.registry import CPUDispatcher, cpu_target  # noqa: E402
 
 numba.config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]
 _PART = "_part_of_lvnav_trade"
+_ENTRY = "entry"  # numba's own kinds are "object" and "bitcode"
 
 
 def _number_functions() -> None:
@@ -65,8 +67,11 @@ class Library(JITCodeLibrary):  # type: ignore[misc]  # numba tells no types
     """What numba makes of a function; of a kernel that only kernels call, no more than its callers need.
 
     Every caller optimises all that it calls once more, down to the bottom. So a part is tidied up and handed on: it is
-    not optimised to the end by itself, and has no machine code of its own.
+    not optimised to the end by itself, and has no machine code of its own. An entry, which no kernel calls, is kept as
+    machine code alone: its intermediate code, three times as large, would be read into every process that calls it.
     """
+
+    is_entry = False
 
     @property
     def _is_part(self) -> bool:
@@ -91,6 +96,28 @@ class Library(JITCodeLibrary):  # type: ignore[misc]  # numba tells no types
     def _get_compiled_object(self) -> Any:
         return b"" if self._is_part else super()._get_compiled_object()
 
+    def serialize_using_object_code(self) -> Any:
+        """Return what the cache keeps: name, kind, content."""
+        if not self.is_entry:
+            return super().serialize_using_object_code()
+        self._ensure_finalized()
+        defined = (*self._final_module.functions, *self._final_module.global_variables)
+        names = frozenset(symbol.name for symbol in defined if not symbol.is_declaration)
+        return self.name, _ENTRY, (self._get_compiled_object(), names)
+
+    @classmethod
+    def _unserialize(cls, codegen: Any, state: tuple[str, str, Any]) -> Any:
+        name, kind, content = state
+        if kind != _ENTRY:
+            return super()._unserialize(codegen, state)
+        found = codegen.create_library(name)
+        found.enable_object_caching()
+        code, names = content
+        found._set_compiled_object(code)
+        found._finalize_final_module()
+        codegen._engine._defined_symbols |= names
+        return found
+
 
 class Codegen(JITCPUCodegen):  # type: ignore[misc]
     """Numba's compiler, with libraries as above."""
@@ -105,6 +132,29 @@ class Codegen(JITCPUCodegen):  # type: ignore[misc]
 
 if not numba.config.DISABLE_JIT:
     cpu_target.target_context.codegen().__class__ = Codegen
+
+
+class _Kept(CompileResultCacheImpl):  # type: ignore[misc]
+    """What the cache keeps of a function: not the listing of its types, a fifth of the folder that nobody reads."""
+
+    def reduce(self, cres: Any) -> Any:
+        return cres._replace(type_annotation="")._reduce()
+
+
+class _EntryKept(_Kept):
+    """What the cache keeps of an entry."""
+
+    def reduce(self, cres: Any) -> Any:
+        cres.library.is_entry = True
+        return super().reduce(cres)
+
+
+class _Cache(FunctionCache):  # type: ignore[misc]
+    _impl_class = _Kept
+
+
+class _EntryCache(FunctionCache):  # type: ignore[misc]
+    _impl_class = _EntryKept
 
 
 class Kernel(CPUDispatcher):  # type: ignore[misc]  # numba tells no types
@@ -133,6 +183,7 @@ def _compiled(function: Callable[..., Any], **how: Any) -> Callable[..., Any]:
     kernel = numba.njit(**how)(function)
     kernel.__class__ = Kernel
     kernel.inner = numba.njit(**how, no_cpython_wrapper=True, no_cfunc_wrapper=True)(twin)
+    kernel._cache, kernel.inner._cache = _EntryCache(function), _Cache(twin)
     return kernel
 
 

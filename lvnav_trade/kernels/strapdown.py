@@ -88,3 +88,12 @@ def mechanise(nav, sums, previous, increments, n_tick, dt, kind):
     sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2] = gained_x, gained_y, gained_z
     sums[SUM_TH], sums[SUM_TH + 1], sums[SUM_TH + 2] = th_x, th_y, th_z
     sums[SUM_F], sums[SUM_F + 1], sums[SUM_F + 2] = f_x, f_y, f_z
+
+
+@jit
+def place(nav, reference, tick):
+    """Set a navigation state to the true motion (Reference) at a tick; nav updated."""
+    for i in range(4):
+        nav[Q + i] = reference.q_b_i[tick, i]
+    for i in range(3):
+        nav[V + i], nav[R + i] = reference.v_i[tick, i], reference.r_i[tick, i]

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import aligned_zeros, view
@@ -201,7 +201,7 @@ def point_model(
     and eight unknowns leave 2 (n - 4) degrees of freedom.
     """
     limits = np.full(most + 1, math.inf)
-    limits[5:] = chi2.isf(false_alarm, 2 * (np.arange(5, most + 1) - 4))
+    limits[5:] = chdtri(2 * (np.arange(5, most + 1) - 4), false_alarm)
     return PointModel(refinements, limits, range_sigma**2, rate_sigma**2, float(least_quality), told)
 
 

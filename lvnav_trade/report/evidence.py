@@ -198,6 +198,14 @@ def consistency(tables: Tables) -> list[Block]:
         table(frame, "Consistency."),
         *left_out(tables),
     ]
+    without = frame.case[(frame.test == "ANEES") & (frame.times == 0)]
+    if len(without):
+        blocks.append(
+            Text(
+                f"No ANEES of {'; '.join(without)}: the filter takes a state for known exactly, such as an extra state "
+                "whose error the truth does not have, and its covariance has no inverse."
+            )
+        )
     for case in chosen_cases(tables):
         caption = f"{tables.labels[case]}: normalised errors and innovations squared."
         blocks.append(picture(f"consistency-{case}", PLOTS["consistency"](tables, case), caption))

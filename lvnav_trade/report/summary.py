@@ -10,8 +10,9 @@ import pandas as pd
 from lvnav_trade import plots
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.agreement import by_case
+from lvnav_trade.metrics.laws import asked
 from lvnav_trade.metrics.requirements import where
-from lvnav_trade.metrics.select import mean_at, split_metric
+from lvnav_trade.metrics.select import mean_at, metric_name, split_metric
 from lvnav_trade.report.blocks import Block, Text, number, percent, picture, table
 from lvnav_trade.store import Tables
 
@@ -64,12 +65,12 @@ def _scale(tables: Tables) -> str:
 
 def _answer(tables: Tables, requirement: dict[str, Any], rows: pd.DataFrame) -> list[Block]:
     """Say in words which cases meet a requirement."""
-    asked = (
+    wanted = (
         f"{_metric(requirement)} below {_limit(requirement, rows.limit.iloc[0])} {_place(requirement)} in "
         f"{percent(requirement['probability'])} of flights, to be shown with "
         f"{percent(requirement.get('confidence', 0.9))} confidence."
     )
-    blocks: list[Block] = [Text(asked[0].upper() + asked[1:], f"{str(requirement['name']).capitalize()}.")]
+    blocks: list[Block] = [Text(wanted[0].upper() + wanted[1:], f"{str(requirement['name']).capitalize()}.")]
     for verdict, word in (("met", "Met by"), ("violated", "Violated by"), ("undecided", "Undecided for")):
         chosen = rows[rows.verdict == verdict]
         if len(chosen):
@@ -170,22 +171,25 @@ def _undecided(rows: pd.DataFrame) -> list[str]:
 
 def _largest_sources(tables: Tables, requirement: dict[str, Any], violated: pd.DataFrame) -> list[str]:
     """Say which source makes most of the error, by linear covariance, where a requirement is violated; or that what is
-    the same in every flight does.
+    the same in every flight does. Of a phase, at the event that keeps the bound least.
     """
-    budget = METRICS["budget"](tables)
-    metric = split_metric(requirement["metric"])[0] + "_error"
-    at = where(requirement)
+    budget, quantity = METRICS["budget"](tables), split_metric(requirement["metric"])[0]
+    digests = {label: case for case, label in tables.labels.items()}
     found = []
     for case in violated.case:
-        rows = budget[(budget.case == case) & (budget.event == at) & (budget.metric == metric)]
+        at, there = where(requirement), ""
+        if requirement.get("during"):
+            law = asked(tables, requirement, digests[case])
+            at = at if isinstance(law, str) else law.moment.replace(" ", "_")
+            there = f" at {at.replace('_', ' ')}"
+        rows = budget[(budget.case == case) & (budget.event == at) & (budget.metric == metric_name(quantity))]
         if len(rows):
-            top, quantity = rows.iloc[0], metric.removesuffix("_error")
-            digest = next(key for key, label in tables.labels.items() if label == case)
-            mean, whole = mean_at(tables, digest, at, quantity), float((rows.sigma**2).sum()) ** 0.5
-            if mean > whole:
-                found.append(f"{case}: the mean, {number(mean)} {top.unit} in every flight")
-                continue
-            found.append(f"{case}: {top.source} ({100 * top.share_ratio:.0f} % of the variance)")
+            top, mean = rows.iloc[0], mean_at(tables, digests[case], at, quantity)
+            share = f"{top.source} ({100 * top.share_ratio:.0f} % of the variance{there})"
+            biased = mean**2 > float((rows.sigma**2).sum())
+            found.append(
+                f"{case}: {f'the mean, {number(mean)} {top.unit} in every flight{there}' if biased else share}"
+            )
     return [f"Largest source in the 3D error, by linear covariance: {'; '.join(found)}."] if found else []
 
 

@@ -2,7 +2,7 @@
 
 While a campaign runs: ``results = open_results(folder, name, resolved_yaml, manifest, "resume")``; each worker calls
 ``results.write_part(case_id, summary)`` (or ``parts.write`` where the object is not at hand); at the end, in the order
-of the plan, ``results.write_case(case, prepared, cov, results.summary(case_id))`` and ``results.finish({...})``.
+of the plan, ``results.write_case(case, prepared, cov, results.parts(case_id))`` and ``results.finish({...})``.
 Afterwards: ``tables = load(folder)``; ``tables.history`` is a pandas frame.
 """
 

@@ -6,7 +6,7 @@ import hashlib
 import logging
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from lvnav_trade.engines.statistics import BlockSummary
+from lvnav_trade.store.columns import binaries, integers, texts
 
 _LOG = logging.getLogger("lvnav_trade.store")
 _CHECKSUM, _IDENTITY = b"lvnav_trade.checksum", b"lvnav_trade.identity"
@@ -27,6 +28,7 @@ _SCHEMA = pa.schema(
         pa.field("bytes", pa.large_binary()),
     ]
 )
+_Array = np.ndarray[Any, Any]
 
 
 def write(folder: Path, summary: BlockSummary, identity: str = "") -> Path:
@@ -38,20 +40,22 @@ def write(folder: Path, summary: BlockSummary, identity: str = "") -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{summary.first_run}-{summary.n_run}.parquet"
     table = _pack(summary)
-    table = table.replace_schema_metadata({_IDENTITY: identity, _CHECKSUM: _checksum(table, identity.encode())})
-    replace_table(table, path)
+    checksum = _checksum(_rows(table), identity.encode())
+    table = table.replace_schema_metadata({_IDENTITY: identity, _CHECKSUM: checksum})
+    # neither a dictionary of its few large values nor the smallest and the largest of them is of use
+    replace_table(table, path, use_dictionary=False, write_statistics=False)
     for other in folder.glob(f"{summary.first_run}-*.parquet"):
         if other != path:
             other.unlink(missing_ok=True)
     return path
 
 
-def replace_table(table: pa.Table, path: Path) -> None:
+def replace_table(table: pa.Table, path: Path, **how: Any) -> None:
     """Write a table as one zstd row group to `path` in one step that either happens or does not."""
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         rows = max(1, table.num_rows)
-        pq.write_table(table, temporary, compression="zstd", row_group_size=rows, write_page_checksum=True)
+        pq.write_table(table, temporary, compression="zstd", row_group_size=rows, write_page_checksum=True, **how)
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
@@ -63,12 +67,13 @@ def read(path: Path, identity: str | None = None) -> BlockSummary:
     An error of the operating system, such as a file that may not be read, is raised as it comes: it is no damage.
     """
     try:
-        table = pq.read_table(path)
+        with pq.ParquetFile(path) as file:
+            table = file.read(use_threads=False)
         metadata = table.schema.metadata or {}
         written_by = metadata.get(_IDENTITY, b"")
-        if table.schema.names != _SCHEMA.names or _checksum(table, written_by) != metadata.get(_CHECKSUM):
+        if table.schema.names != _SCHEMA.names or _checksum(_rows(table), written_by) != metadata.get(_CHECKSUM):
             raise ValueError("its checksum does not fit")
-        summary = _unpack(table)
+        summary = _unpack(_rows(table))
     except (OSError, pa.ArrowException, KeyError, TypeError, ValueError, OverflowError, MemoryError) as error:
         if isinstance(error, OSError) and error.errno is not None:
             raise
@@ -119,40 +124,58 @@ def span(path: Path) -> tuple[int, int]:
     return int(first), int(count)
 
 
-def stream(folder: Path, identity: str | None = None) -> Iterator[BlockSummary]:
-    """Return the parts in run order, one in memory at a time."""
-    return (read(path, identity) for path in paths(folder))
+def stream(folder: Path, identity: str | None = None, n_run: int | None = None) -> Iterator[BlockSummary]:
+    """Return the parts in run order, or those of the runs before `n_run`; one in memory at a time.
+
+    ValueError, at once, where one of the runs before `n_run` is in no part; while they are read, where one is damaged.
+    """
+    chosen = [path for path in paths(folder) if n_run is None or sum(span(path)) <= n_run]
+    if n_run is not None:
+        end = 0
+        for first, count in [*map(span, chosen), (n_run, 0)]:
+            if first != end:
+                raise ValueError(f"{folder}: runs {end} to {first - 1} are in no part")
+            end = first + count
+    return (read(path, identity) for path in chosen)
 
 
 def _pack(summary: BlockSummary) -> pa.Table:
     arrays = {name: _array(value) for name, value in zip(summary._fields, summary, strict=True)}
-    return pa.table(
-        {
-            "name": list(arrays),
-            "dtype": [str(array.dtype) for array in arrays.values()],
-            "shape": [list(array.shape) for array in arrays.values()],
-            "bytes": [np.ascontiguousarray(array).tobytes() for array in arrays.values()],
-        },
-        schema=_SCHEMA,
+    columns = (
+        texts(list(arrays)),
+        texts([str(array.dtype) for array in arrays.values()]),
+        integers([array.shape for array in arrays.values()]),
+        binaries(list(arrays.values())),
     )
+    return pa.table(dict(zip(_SCHEMA.names, columns, strict=True)), schema=_SCHEMA)
 
 
-def _array(value: Any) -> np.ndarray[Any, Any]:
-    """Return an array; the event names as bytes of one text."""
-    return value if isinstance(value, np.ndarray) else np.frombuffer("\n".join(value).encode(), dtype=np.uint8)
+def _array(value: Any) -> _Array:
+    """Return a contiguous array; the event names as bytes of one text."""
+    if isinstance(value, np.ndarray):
+        return np.ascontiguousarray(value)
+    return np.frombuffer("\n".join(value).encode(), dtype=np.uint8)
 
 
-def _unpack(table: pa.Table) -> BlockSummary:
+def _rows(table: pa.Table) -> Iterator[tuple[str, str, list[int], Any]]:
+    """Yield name, type, shape and bytes of each array of a part; the bytes are not copied."""
+    names, dtypes, shapes = (table[name].to_pylist() for name in ("name", "dtype", "shape"))
+    yield from zip(names, dtypes, shapes, (value.as_buffer() for value in table["bytes"]), strict=True)
+
+
+def _unpack(rows: Iterable[tuple[str, str, list[int], Any]]) -> BlockSummary:
+    """Return the summary; its histogram, most of it, is a view of what was read."""
     arrays: dict[str, Any] = {}
-    for row in table.to_pylist():
-        arrays[row["name"]] = np.frombuffer(row["bytes"], dtype=row["dtype"]).reshape(row["shape"])
+    for name, dtype, shape, content in rows:
+        found = np.frombuffer(content, dtype=dtype).reshape(shape)
+        arrays[name] = found if name == "histogram" else found.copy()
     text = arrays["events"].tobytes().decode()
     return BlockSummary(**{**arrays, "events": tuple(text.split("\n")) if text else ()})
 
 
-def _checksum(table: pa.Table, identity: bytes) -> bytes:
+def _checksum(rows: Iterable[tuple[str, str, list[int], Any]], identity: bytes) -> bytes:
     digest = hashlib.sha256(identity)
-    for row in table.to_pylist():
-        digest.update(f"{row['name']} {row['dtype']} {row['shape']}\n".encode())
-        digest.update(row["bytes"])
+    for name, dtype, shape, content in rows:
+        digest.update(f"{name} {dtype} {shape}\n".encode())
+        digest.update(content)
     return digest.hexdigest().encode()

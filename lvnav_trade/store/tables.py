@@ -11,6 +11,7 @@ import pyarrow as pa
 from lvnav_trade import frames
 from lvnav_trade.engines.statistics import NORM, BlockSummary, add_norms, columns, norm_groups, quantiles
 from lvnav_trade.records import MODES, NO_CHANGES, REASONS, CovHistory, Floats, Output
+from lvnav_trade.store.columns import column, repeated
 from lvnav_trade.store.controlled import controlled_tables
 from lvnav_trade.store.explained import explained_tables
 from lvnav_trade.store.schema import arrow_schema, error_column
@@ -48,18 +49,15 @@ def case_tables(
     cov: CovHistory,
     summary: BlockSummary | None,
     explained: Explanation | None = None,
-    starts: StartDraws | None = None,
     control: Controlled | None = None,
 ) -> dict[str, pa.Table]:
-    """Return every table of `schema.TABLES` for one case; without Monte Carlo its columns are NaN and counts 0."""
+    """Return the tables of one case that do not grow with its runs; without Monte Carlo its columns are NaN and counts
+    0.
+    """
     lincov = _LinCov(cov, prepared.outputs)
     contents = {
         "cases": _cases(case, prepared, summary),
         "outputs": _outputs(prepared.outputs),
-        "runs": _runs(prepared.outputs, summary),
-        "worst": worst_table(prepared.outputs, summary, FAILURES),
-        "logic": _logic(summary),
-        "starts": _starts(starts),
         "history": _history(prepared.outputs, cov, lincov, summary),
         "consistency": _consistency(prepared, cov, summary),
         "innovations": _innovations(cov, summary),
@@ -75,6 +73,21 @@ def case_tables(
     return {name: _arrow(name, case.id, content) for name, content in contents.items()}
 
 
+def row_tables(case_id: str, outputs: tuple[Output, ...], part: BlockSummary | None) -> dict[str, pa.Table]:
+    """Return the tables with rows of every run, for some runs of a case; without rows where there are none."""
+    contents = {
+        "runs": _runs(outputs, part),
+        "worst": worst_table(outputs, part, FAILURES),
+        "logic": _logic(part),
+    }
+    return {name: _arrow(name, case_id, content) for name, content in contents.items()}
+
+
+def starts_table(case_id: str, starts: StartDraws | None) -> dict[str, pa.Table]:
+    """Return the table of what runs draw at their start, as `row_tables`."""
+    return {"starts": _arrow("starts", case_id, _starts(starts))}
+
+
 def judged_tables(case_id: str, prepared: Prepared, cov: CovHistory, summary: BlockSummary) -> dict[str, pa.Table]:
     """Return the tables on which requirements are judged, of some runs of a case."""
     contents = {
@@ -88,11 +101,12 @@ def judged_tables(case_id: str, prepared: Prepared, cov: CovHistory, summary: Bl
 
 
 def _arrow(name: str, case_id: str, content: dict[str, Any]) -> pa.Table:
-    length = max((len(value) for value in content.values() if not isinstance(value, str)), default=0)
+    length = max(map(len, content.values()), default=0)
     schema = arrow_schema(name)
-    full = {"case": [case_id] * length, **(content or {name: [] for name in schema.names if name != "case"})}
-    schema = arrow_schema(name, tuple(column for column in full if column not in schema.names))
-    return pa.table({field.name: pa.array(full[field.name], type=field.type) for field in schema}, schema=schema)
+    full = content or {name: [] for name in schema.names if name != "case"}
+    schema = arrow_schema(name, tuple(each for each in full if each not in schema.names))
+    whole = [column(full[field.name], field.type) for field in schema if field.name != "case"]
+    return pa.table([repeated(case_id, length), *whole], schema=schema)
 
 
 # --- helpers ----------------------------------------------------------------------------------------------------------

@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
+from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -17,8 +19,9 @@ from lvnav_trade.engines.statistics import BlockSummary, merge
 from lvnav_trade.errors import InputError, is_full_disk
 from lvnav_trade.records import CovHistory
 from lvnav_trade.store import parts as part_files
+from lvnav_trade.store.rows import RowFiles, row_groups
 from lvnav_trade.store.schema import TABLES, arrow_schema
-from lvnav_trade.store.tables import CaseInfo, case_tables
+from lvnav_trade.store.tables import CaseInfo, case_tables, row_tables, starts_table
 from lvnav_trade.store.versions import campaign_digest, environment
 
 if TYPE_CHECKING:
@@ -60,48 +63,42 @@ class Results:
         self.damaged += part_files.drop_damaged(self.case_folder(case_id), self.identity)
         return [part_files.span(path) for path in part_files.paths(self.case_folder(case_id))]
 
-    def parts(self, case_id: str) -> Iterator[BlockSummary]:
-        """Return the parts of a case in run order, one in memory at a time."""
-        return part_files.stream(self.case_folder(case_id), self.identity)
-
-    def summary(self, case_id: str, n_run: int | None = None) -> BlockSummary | None:
-        """Return all parts of a case merged, or those of the runs before `n_run`; None where there is none.
+    def parts(self, case_id: str, n_run: int | None = None) -> Iterator[BlockSummary]:
+        """Return the parts of a case in run order, one in memory at a time, or those of the runs before `n_run`.
 
         ValueError where one of the runs before `n_run` is in no part, or a part is damaged.
         """
-        chosen = [
-            path
-            for path in part_files.paths(self.case_folder(case_id))
-            if n_run is None or sum(part_files.span(path)) <= n_run
-        ]
-        end = 0
-        for first, count in map(part_files.span, chosen):
-            if n_run is not None and first != end:
-                raise ValueError(f"{self.case_folder(case_id)}: runs {end} to {first - 1} are in no part")
-            end = first + count
-        if n_run is not None and end != n_run:
-            raise ValueError(f"{self.case_folder(case_id)}: runs {end} to {n_run - 1} are in no part")
-        return merge(part_files.read(path, self.identity) for path in chosen) if chosen else None
+        return part_files.stream(self.case_folder(case_id), self.identity, n_run)
 
     def write_case(
         self,
         case: CaseInfo,
         prepared: Prepared,
         cov: CovHistory,
-        summary: BlockSummary | None,
+        parts: Iterable[BlockSummary] | None,
         explained: Explanation | None = None,
         starts: StartDraws | None = None,
         control: Controlled | None = None,
     ) -> None:
-        """Write the tables of one case; `finish` puts the cases together in the order in which they were written."""
+        """Write the tables of one case; `finish` puts the cases together in the order in which they were written.
+
+        parts: of its runs, in their order, each let go when the next one comes; None without Monte Carlo.
+        """
         folder = self.case_folder(case.id) / "tables"
         folder.mkdir(parents=True, exist_ok=True)
-        for name, table in case_tables(case, prepared, cov, summary, explained, starts, control).items():
+        summary = None
+        with RowFiles(folder, row_tables(case.id, prepared.outputs, None)) as rows:
+            if parts is not None:
+                summary = merge(rows.noted(parts, partial(row_tables, case.id, prepared.outputs)), rows=False)
+        with RowFiles(folder, starts_table(case.id, None)) as rows:
+            for piece in starts.pieces() if starts is not None else ():
+                rows.add(starts_table(case.id, piece))
+        for name, table in case_tables(case, prepared, cov, summary, explained, control).items():
             part_files.replace_table(table, folder / f"{name}.parquet")
         self._order = [known for known in self._order if known != case.id] + [case.id]
 
     def finish(self, extra_manifest: dict[str, Any] | None = None) -> None:
-        """Write the tables of all cases, one row group per case, and the manifest (which alone carries times).
+        """Write the tables of all cases, no row group of two cases, and the manifest (which alone carries times).
 
         The manifest's "cases" is the order of the plan, needed where workers wrote the cases; else they come in the
         order of `write_case`.
@@ -121,8 +118,7 @@ class Results:
         schema = self._schema(name, files)
         try:
             with pq.ParquetWriter(temporary, schema, compression="zstd", write_page_checksum=True) as writer:
-                for file in files:
-                    table = pq.read_table(file)
+                for table in chain.from_iterable(map(row_groups, files)):
                     writer.write_table(_widen(table, schema), row_group_size=max(1, table.num_rows))
             os.replace(temporary, path)
         finally:

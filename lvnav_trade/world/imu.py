@@ -6,7 +6,6 @@ import math
 from typing import Annotated, NamedTuple, Self
 
 from pydantic import Field, model_validator
-from scipy.signal import lfilter
 
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OTHER_0, OWN_0, OWN_1, SQUARE
 from lvnav_trade.records import Floats
@@ -148,6 +147,8 @@ def lag(increments: Floats, bandwidth: float | None, dt: float) -> Floats:
     """
     if bandwidth is None:
         return increments
+    from scipy.signal import lfilter  # with it comes scipy.stats: 30 MiB and 0.5 s of every worker, for few units
+
     time_constant = 1.0 / (2.0 * math.pi * bandwidth)
     fade = math.exp(-dt / time_constant)
     level = increments / dt

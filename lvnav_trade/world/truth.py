@@ -23,6 +23,9 @@ from lvnav_trade.world.oscillation import Oscillation, small_motion
 
 Floats = NDArray[np.float64]
 
+_AT_ONCE = 4096
+"""Times whose motion is worked out together: what is needed meanwhile (3 KB a time) stays in the processor's cache and
+does not become part of the process."""
 _SLIVER = 1e-9  # s; a piece of a tick shorter than this is rounding of the grid, not a piece
 
 
@@ -87,10 +90,17 @@ def motion(trajectory: Trajectory, t: ArrayLike) -> Motion:
     starts = np.array([phase.start for phase in trajectory.phases[1:]])
     index = np.searchsorted(starts, t, side="right")
     for k in np.unique(index):
-        here = index == k
-        for whole, part in zip(parts[1:], _in_phase(trajectory.phases[k], t[here])[1:], strict=True):
-            whole[here] = part
+        inside = np.flatnonzero(index == k)
+        for here in (inside[piece] for piece in _stretches(inside.size)):
+            for whole, part in zip(parts[1:], _in_phase(trajectory.phases[k], t[here])[1:], strict=True):
+                whole[here] = part
     return parts
+
+
+def _stretches(n: int) -> Iterator[slice]:
+    """Yield slices of at most `_AT_ONCE` that make up n places."""
+    for first in range(0, n, _AT_ONCE):
+        yield slice(first, min(first + _AT_ONCE, n))
 
 
 def _in_phase(phase: Phase, t: Floats) -> Motion:
@@ -221,9 +231,7 @@ def reference(trajectory: Trajectory, rate: float) -> Reference:
     dtheta, dvel = np.zeros((n_imu, 3)), np.zeros((n_imu, 3))
     for phase in trajectory.phases:
         for ticks, begin, end in _pieces(t, phase):
-            turn, push = _integrals(phase, begin, end)
-            dtheta[ticks] += turn
-            dvel[ticks] += push
+            _add_integrals(phase, begin, end, dtheta[ticks], dvel[ticks])
     return Reference(t, *at[1:], dtheta, dvel)
 
 
@@ -241,17 +249,20 @@ def _pieces(t: Floats, phase: Phase) -> Iterator[tuple[slice, Floats, Floats]]:
         yield slice(first + a, first + b), begin[a:b], end[a:b]
 
 
-def _integrals(phase: Phase, begin: Floats, end: Floats) -> tuple[Floats, Floats]:
-    """Return the integrals of body rate and specific force, each (n, 3), over the intervals begin to end (n,)."""
+def _add_integrals(phase: Phase, begin: Floats, end: Floats, dtheta: Floats, dvel: Floats) -> None:
+    """Add the integrals of body rate and specific force over the intervals begin to end (n,) to dtheta, dvel (n, 3)."""
     length = end - begin
-    turn, push = np.zeros((length.size, 3)), np.zeros((length.size, 3))
-    for node, weight in zip(*_quadrature(_fastest(phase) * float(np.max(length))), strict=True):
-        t = begin + node * length
-        _, f_b, w_ib_b = _sensed(phase, t, phase.position(t))
-        scale = (weight * length)[:, None]
-        turn += scale * w_ib_b
-        push += scale * f_b
-    return turn, push
+    rule = list(zip(*_quadrature(_fastest(phase) * float(np.max(length))), strict=True))
+    for piece in _stretches(length.size):
+        turn, push = np.zeros_like(dtheta[piece]), np.zeros_like(dvel[piece])
+        for node, weight in rule:
+            t = begin[piece] + node * length[piece]
+            _, f_b, w_ib_b = _sensed(phase, t, phase.position(t))
+            scale = (weight * length[piece])[:, None]
+            turn += scale * w_ib_b
+            push += scale * f_b
+        dtheta[piece] += turn
+        dvel[piece] += push
 
 
 def _fastest(phase: Phase) -> float:

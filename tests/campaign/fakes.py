@@ -155,17 +155,15 @@ class Kept:
     def _parts(self, case: str) -> list[Any]:
         return [pickle.loads(file.read_bytes()) for file in sorted(self.folder.glob(f"{case}-*.part"))]
 
-    def parts(self, case: str) -> list[Any]:
-        return self._parts(case)
+    def parts(self, case: str, n_run: int | None = None) -> list[Any]:
+        return [part for part in self._parts(case) if n_run is None or part.first + len(part.numbers) <= n_run]
 
     def done(self, case: str) -> list[tuple[int, int]]:
         return [(part.first, len(part.numbers)) for part in self._parts(case)]
 
-    def summary(self, case: str, n_run: int) -> Any:
-        return np.concatenate([part.numbers for part in self._parts(case)])[:n_run]
-
-    def write_case(self, info: Any, prepared: Any, covariance: CovHistory, summary: Any, explained: Any) -> None:
-        row = (tuple(info), covariance.sources, None if summary is None else summary.tolist(), explained)
+    def write_case(self, info: Any, prepared: Any, covariance: CovHistory, parts: Any, explained: Any) -> None:
+        numbers = None if parts is None else np.concatenate([part.numbers for part in parts]).tolist()
+        row = (tuple(info), covariance.sources, numbers, explained)
         (self.folder / f"{info.id}.pcase").write_bytes(pickle.dumps(row))
 
     def finish(self, extra: dict[str, Any]) -> None:

@@ -7,11 +7,12 @@ import pytest
 from lvnav_trade.campaign.load import load
 from lvnav_trade.errors import InputError
 from tests.campaign.mistakes import BAD
+from tests.campaign.near_misses import NEAR
 
 
-@pytest.mark.parametrize("what", BAD)
+@pytest.mark.parametrize("what", [*BAD, *NEAR])
 def test_a_mistake_is_told_in_one_line(study, what: str) -> None:
-    file, old, new, message = BAD[what]
+    file, old, new, message = (BAD | NEAR)[what]
     study.edit(file, old, new)
     with pytest.raises(InputError) as caught:
         load(study.path.name)

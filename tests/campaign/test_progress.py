@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from lvnav_trade.campaign.progress import Bar, Plain, Progress, Silent, choose
+from lvnav_trade.campaign.progress import Bar, Plain, Progress, Silent, choose, staged
 
 
 def go_through(progress: Progress, total: int = 40) -> None:
@@ -76,3 +76,14 @@ def test_a_note_on_a_terminal_is_said_as_it_is(monkeypatch: pytest.MonkeyPatch) 
     progress.note("run 3 [diverged]")  # brackets are no markup
     progress.close()
     assert "run 3 [diverged]" in sys.stderr.getvalue()  # type: ignore[attr-defined]
+
+
+def test_the_page_is_a_stage_of_its_own_that_ends_whatever_happens(capsys: pytest.CaptureFixture[str]) -> None:
+    with staged(Plain(), "report"):
+        assert capsys.readouterr().err == "report: 1\n"
+    assert capsys.readouterr().err == "report: 1/1, 0 s left\n"
+    with staged(None, "report"):
+        pass
+    with pytest.raises(OSError, match="full"), staged(Plain(), "report"):
+        raise OSError("full")
+    assert capsys.readouterr().err == "report: 1\n"

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -191,3 +194,17 @@ def test_a_campaign_asks_for_the_events_of_its_requirements(study) -> None:
         "requirements: [{name: a, metric: velocity_error_3d, at: liftoff, probability: 0.9, below: 1 m/s}]\n"
     )
     assert work.asked_of(load(study.path)) == Asked("stage1_cutoff", ("liftoff",), sensitivity=True)
+
+
+def test_a_worker_that_computes_and_stores_holds_neither_pandas_nor_figures_nor_statistics_in_memory(tmp_path) -> None:
+    code = (
+        "import sys\nfrom pathlib import Path\nfrom lvnav_trade.campaign import execute, work\n"
+        "from tests import synthetic\nwork.engine()\nsynthetic.results(Path(sys.argv[1]), n_run=20)\n"
+        "heavy = ('pandas', 'pyarrow.dataset', 'matplotlib', 'scipy.stats', 'scipy.signal')\n"
+        "print([name for name in heavy if name in sys.modules])"
+    )
+    root = Path(__file__).resolve().parents[2]
+    command = [sys.executable, "-c", code, str(tmp_path)]
+    environment = {**os.environ, "PYTHONPATH": str(root)}
+    found = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    assert found.stdout == "[]\n"

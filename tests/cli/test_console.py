@@ -134,3 +134,9 @@ def test_ctrl_c_is_exit_code_130(monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     monkeypatch.setattr(work, "engine", interrupted)
     result = call("check", SMOKE)
     assert (result.exit_code, result.stderr) == (130, "interrupted; the same command resumes\n")
+
+
+def test_what_each_verb_does_is_told_whole_in_eighty_columns() -> None:
+    shown = call("--help").output
+    assert "kml" in shown
+    assert "..." not in shown.partition("Commands:")[2]

@@ -33,3 +33,18 @@ def test_the_status_is_told_in_words_and_as_json(variants: Path) -> None:
     content = json.loads(call("status", str(variants / "base"), "--json").stdout)
     assert (content["verb"], content["state"], content["damaged"]) == ("status", "finished", [])
     assert call("status", str(variants)).exit_code == 2
+
+
+def test_fields_are_listed_with_default_and_what_they_take() -> None:
+    shown = call("fields", "receiver.clock").output
+    assert "initial_bias   0         length (m, km, cm)" in shown
+    assert "kind: clock_jump - The receiver's clock jumps by so much range, once." in call("fields", "faults").output
+    part = json.loads(call("fields", "receiver.clock", "--json").stdout)["parts"][0]
+    assert part["rows"][0] == {"field": "h0", "type": "number", "default": "required", "meaning": ""}
+    assert call("fields", "receiver.clok").exit_code == 2
+
+
+def test_the_cards_of_a_folder_are_listed() -> None:
+    shown = call("cards", "constellations").output.splitlines()
+    assert all(line.startswith("constellations/") for line in shown[1:])
+    assert call("cards", "constellations/").output.splitlines() == shown

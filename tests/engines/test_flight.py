@@ -12,7 +12,7 @@ import pytest
 
 from lvnav_trade.engines.flight import record, true_parameter
 from lvnav_trade.engines.inputs import Sizes, Work, work_shapes
-from lvnav_trade.engines.montecarlo import _new_work, run_block
+from lvnav_trade.engines.montecarlo import new_work, run_block
 from lvnav_trade.engines.prepare import prepare
 from lvnav_trade.engines.sensing import from_errors
 from lvnav_trade.filters.ekf import correct
@@ -71,7 +71,7 @@ def test_every_array_of_a_run_has_a_shape():
 
 def scene(settings=()):
     prepared = case(*settings)
-    work = _new_work(prepared, lanes=False)
+    work = new_work(prepared, lanes=False)
     return prepared, work
 
 

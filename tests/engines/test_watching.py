@@ -64,7 +64,7 @@ def test_where_a_sample_fails_the_checks_linear_covariance_has_no_row():
     card = with_fields(prepared.scenario.filter, logic={"pdop_below": 2.0})
     dilution = np.where(np.arange(prepared.t_epoch.size) % 2, 1.5, 3.0)
     failed = type("Failed", (), {"frozen": np.zeros(30, dtype=bool), "invalid": np.zeros(30, dtype=bool)})
-    rules = watched(card, failed, prepared.signals, dilution, prepared.start.P)
+    rules = watched(card, failed, prepared.signals, lambda: dilution, prepared.start.P)
     signals, chain = left_out(rules, prepared.signals, None)
     assert chain is None
     np.testing.assert_array_equal(rules.good, dilution < 2.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.montecarlo import _new_work, run_block
+from lvnav_trade.engines.montecarlo import new_work, run_block
 from lvnav_trade.filters.ekf import clear_epoch, correct, place_antenna, predict_window
 from lvnav_trade.kernels.attitude import matrix, small_rotation
 from lvnav_trade.kernels.strapdown import Q, R, V
@@ -14,7 +14,7 @@ from tests.building import LOOSE, MATCHED, case, loaded, prepare_hop, with_field
 
 
 def work_of(prepared):
-    work = _new_work(prepared, lanes=False)
+    work = new_work(prepared, lanes=False)
     work.nav[:] = prepared.start.nav
     work.P[:] = prepared.start.P
     return work

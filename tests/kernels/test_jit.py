@@ -211,6 +211,18 @@ def test_a_kernel_that_only_kernels_call_has_no_machine_code_of_its_own(say) -> 
     assert int(whole) > 500
 
 
+def test_of_an_entry_the_cache_keeps_machine_code_alone_and_of_a_part_what_callers_are_built_from(
+    say, tmp_path
+) -> None:
+    say("plus_two(1.0)")
+    bitcode = {path.name.partition("-")[0]: b"BC\xc0\xde" in path.read_bytes() for path in tmp_path.rglob("*.nbc")}
+    assert bitcode == {
+        "callers.plus_two": False,
+        "callers.plus_one_part_of_lvnav_trade": True,
+    }
+    assert say("print(plus_two(1.0), sum(plus_two.stats.cache_hits.values()))") == "3.0 1"
+
+
 def test_code_of_others_is_compiled_as_ever() -> None:
     @numba.njit
     def halve(a):

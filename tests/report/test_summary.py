@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import pandas as pd
+
+from lvnav_trade.report.summary import _largest_sources
+from lvnav_trade.store import load
+
 
 def test_the_first_section_answers_in_words(text):
     first = text[text.index('id="summary"') : text.index('id="requirements"')]
@@ -16,3 +21,13 @@ def test_the_first_section_answers_in_words(text):
     assert "imu=coarse: sigma of gyro bias times 0.826 (72 % of the mean square)" in first
     assert "<strong>Linear covariance alone:</strong> imu=fine: met, more than 99.9 % of flights" in first
     assert "2 of 160 runs failed" in first
+
+
+def test_a_violated_phase_names_the_largest_source_at_its_worst_event(page):
+    tables = load(page.parent)
+    asked = {"name": "a", "metric": "velocity_error_3d", "during": "flight", "below": "0.1 m/s", "probability": 0.9}
+    violated = pd.DataFrame({"case": ["imu=coarse"]})
+    assert _largest_sources(tables, asked, violated) == [
+        "Largest source in the 3D error, by linear covariance: imu=coarse: gyro bias (75 % of the variance at "
+        "injection)."
+    ]

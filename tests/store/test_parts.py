@@ -123,7 +123,7 @@ def test_a_part_that_may_not_be_read_is_not_thrown_away(tmp_path, monkeypatch):
     def refuse(*_):
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(pq, "read_table", refuse)
+    monkeypatch.setattr(pq, "ParquetFile", refuse)
     with pytest.raises(PermissionError):
         part_files.drop_damaged(tmp_path)
     assert path.exists()

@@ -1,0 +1,69 @@
+"""Columns of Arrow tables straight from the memory of numpy arrays.
+
+`pyarrow.array` imports pandas, which takes 65 MiB of every worker process and a second, to see whether it was given
+something of pandas; workers have nothing of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import ArrayLike, NDArray
+
+_DTYPES = {pa.float64(): np.float64, pa.int64(): np.int64, pa.bool_(): np.bool_}
+
+
+def column(values: ArrayLike | Iterable[str], kind: pa.DataType) -> pa.Array:
+    """Return values (n,) as an Arrow array of text, real or whole numbers, or truth; numbers are not copied where they
+    need not be. TypeError where numbers would lose their fraction.
+    """
+    if kind == pa.string():
+        return texts(values.tolist() if isinstance(values, np.ndarray) else list(values))  # type: ignore[arg-type]
+    found: NDArray[Any] = np.asarray(values)
+    wanted = np.dtype(_DTYPES[kind])
+    if found.size == 0:
+        found = found.astype(wanted)  # an empty list is one of real numbers to numpy
+    found = np.ascontiguousarray(found.astype(wanted, casting="same_kind", copy=False))
+    content = np.packbits(found, bitorder="little") if kind == pa.bool_() else found
+    return pa.Array.from_buffers(kind, found.size, [None, pa.py_buffer(content)])
+
+
+def texts(values: list[str]) -> pa.StringArray:
+    """Return texts, of which there are few different ones, as an Arrow array."""
+    numbers: dict[str, int] = {}
+    index = np.fromiter((numbers.setdefault(value, len(numbers)) for value in values), np.int32, len(values))
+    return _distinct(list(numbers)).take(pa.Array.from_buffers(pa.int32(), index.size, [None, pa.py_buffer(index)]))
+
+
+def repeated(value: str, count: int) -> pa.StringArray:
+    """Return one text `count` times."""
+    index = np.zeros(count, dtype=np.int32)
+    return _distinct([value]).take(pa.Array.from_buffers(pa.int32(), count, [None, pa.py_buffer(index)]))
+
+
+def binaries(values: list[NDArray[Any]]) -> pa.LargeBinaryArray:
+    """Return the bytes of contiguous arrays, one array a row."""
+    ends = np.cumsum([0, *(value.nbytes for value in values)], dtype=np.int64)
+    content = np.empty(int(ends[-1]), dtype=np.uint8)
+    for value, start, end in zip(values, ends, ends[1:], strict=False):
+        content[start:end] = value.reshape(-1).view(np.uint8)
+    return pa.LargeBinaryArray.from_buffers(
+        pa.large_binary(), len(values), [None, pa.py_buffer(ends), pa.py_buffer(content)]
+    )
+
+
+def integers(rows: Sequence[Sequence[int]]) -> pa.ListArray:
+    """Return lists of whole numbers, one list a row."""
+    ends = np.cumsum([0, *map(len, rows)], dtype=np.int32)
+    flat = np.array([number for row in rows for number in row], dtype=np.int64)
+    starts = pa.Array.from_buffers(pa.int32(), ends.size, [None, pa.py_buffer(ends)])
+    return pa.ListArray.from_arrays(starts, column(flat, pa.int64()))
+
+
+def _distinct(values: list[str]) -> pa.StringArray:
+    encoded = [value.encode() for value in values]
+    ends = np.cumsum([0, *map(len, encoded)], dtype=np.int32)
+    return pa.StringArray.from_buffers(len(encoded), pa.py_buffer(ends), pa.py_buffer(b"".join(encoded)))

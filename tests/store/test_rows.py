@@ -1,0 +1,62 @@
+"""Rows that come piece by piece give the file that they give at once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from lvnav_trade.store import rows
+from lvnav_trade.store.columns import column
+from lvnav_trade.store.rows import RowFiles, row_groups
+
+
+def numbers(first: int, end: int) -> dict[str, pa.Table]:
+    return {"runs": pa.table({"run": column(np.arange(first, end), pa.int64())})}
+
+
+@pytest.fixture(autouse=True)
+def small_groups(monkeypatch):
+    monkeypatch.setattr(rows, "ROWS", 100)
+
+
+def written(folder, size: int, n: int = 350):
+    folder.mkdir()
+    with RowFiles(folder, numbers(0, 0)) as files:
+        for first in range(0, n, size):
+            files.add(numbers(first, min(first + size, n)))
+    return folder / "runs.parquet"
+
+
+def test_the_bytes_do_not_tell_in_which_pieces_the_rows_came(tmp_path):
+    whole = written(tmp_path / "350", 350)
+    for size in (1, 40, 99, 100, 250):
+        assert written(tmp_path / str(size), size).read_bytes() == whole.read_bytes()
+    assert [group["run"].to_pylist() for group in row_groups(whole)] == [
+        list(range(first, min(first + 100, 350))) for first in (0, 100, 200, 300)
+    ]
+
+
+@pytest.mark.parametrize("n", [0, 100])
+def test_rows_that_fill_their_groups_leave_no_empty_one_and_no_rows_one_that_is_empty(tmp_path, n):
+    path = written(tmp_path / "new", 30, n)
+    assert pq.read_metadata(path).num_row_groups == 1
+    assert [group.num_rows for group in row_groups(path)] == [n]
+
+
+def test_where_a_piece_fails_no_file_appears_and_the_old_one_stays(tmp_path):
+    old = written(tmp_path / "new", 10, 30)
+    before = old.read_bytes()
+
+    def pieces():
+        yield 1
+        raise ValueError("a part is damaged")
+
+    with (
+        pytest.raises(ValueError, match="damaged"),
+        RowFiles(old.parent, numbers(0, 0)) as files,
+    ):
+        assert list(files.noted(pieces(), lambda one: numbers(one, 200)))
+    assert [path.name for path in old.parent.iterdir()] == ["runs.parquet"]
+    assert old.read_bytes() == before
