@@ -57,7 +57,7 @@ class Desk(NamedTuple):
     turned: Floats
     sparse: Floats
     at: Ints
-    count: Ints
+    n_at: Ints
     one: Floats
 
 

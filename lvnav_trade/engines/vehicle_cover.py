@@ -221,7 +221,7 @@ def _row(out, spread, desk, parts, signals, belief, epoch, channel, h, entries, 
     )
     for i in range(n):
         desk.row_gain[0, i] = K[i] * weight if i < belief.n_estimated else 0.0
-    sparse, at, count = desk.sparse, desk.at, desk.count
+    sparse, at, count = desk.sparse, desk.at, desk.n_at
     count[0] = columns.shape[0]
     for c in range(columns.shape[0]):
         sparse[0, c], at[0, c] = h[entries[c]], columns[c]

@@ -134,7 +134,7 @@ def _desk(prepared: Prepared, names: list[str], n_true: int, lanes: bool) -> Des
     arrays: dict[str, Any] = {name: aligned_zeros(shape) for name, shape in shapes.items()}
     n_source = len(names)
     arrays["one"][0] = 1.0
-    arrays["at"], arrays["count"] = np.zeros((1, n), dtype=np.int64), np.zeros(1, dtype=np.int64)
+    arrays["at"], arrays["n_at"] = np.zeros((1, n), dtype=np.int64), np.zeros(1, dtype=np.int64)
     arrays["S"] = _grouped(np.zeros((n_source, N_SAMPLE, N_SAMPLE)), lanes)
     arrays["sample_noise"] = _grouped(_sample_noise(prepared, names), lanes)
     arrays["row_noise"] = _grouped(np.zeros((n_source, 1)), lanes)
