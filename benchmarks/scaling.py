@@ -1,32 +1,48 @@
-"""Two workers over one: blocks of runs through joblib, as a campaign does it."""
+"""Two workers over one: blocks of runs flown and stored as a campaign does it, by its own functions."""
 
 from __future__ import annotations
 
+import tempfile
 import time
+from pathlib import Path
 
-from joblib import Parallel, delayed
-
-from benchmarks.common import scenario
-from lvnav_trade.engines.montecarlo import run_block
-from lvnav_trade.engines.prepare import prepare
-from lvnav_trade.scenario import Scenario
+from benchmarks.common import HERE
+from lvnav_trade.campaign import work
+from lvnav_trade.campaign.axes import cases
+from lvnav_trade.campaign.execute import each, manifest
+from lvnav_trade.campaign.load import load, resolved
+from lvnav_trade.campaign.plan import Block
+from lvnav_trade.store import open_results
 
 BLOCKS, RUNS = 64, 40
 
 
-def _block(one: Scenario, first: int) -> float:
-    return float(run_block(prepare(one), 1, first, RUNS).nis.sum())
+def _seconds(jobs: int, folder: Path) -> float:
+    campaign = load(HERE / "flight.yaml", ())
+    case = cases(campaign)[0]
+    results = open_results(folder, campaign.name, resolved(campaign), manifest(campaign, [case]), "fresh")
+    job = work.Job(
+        work.engine(), results, campaign.seed, campaign.keep.history, work.asked_of(campaign), folder / ".scratch"
+    )
 
+    def fly(numbers: range) -> None:
+        for done in each(jobs, work.fly, ((job, Block(case, RUNS * number, RUNS)) for number in numbers)):
+            if done.error:
+                raise RuntimeError(done.error)
 
-def _seconds(jobs: int) -> float:
-    one = scenario()
-    with Parallel(n_jobs=jobs) as pool:
-        pool(delayed(_block)(one, 0) for _ in range(6 * jobs))  # every worker loads its kernels and builds the flight
-        start = time.perf_counter()
-        pool(delayed(_block)(one, RUNS * k) for k in range(BLOCKS))
-        return time.perf_counter() - start
+    for found in each(jobs, work.answer, [(job, case)]):  # what the histograms of the runs are counted in units of
+        if found.error:
+            raise RuntimeError(found.error)
+    fly(range(BLOCKS, BLOCKS + 6 * jobs))  # every worker loads its kernels and builds the flight
+    start = time.perf_counter()
+    fly(range(BLOCKS))
+    return time.perf_counter() - start
 
 
 def measure() -> dict[str, float]:
     """Return how much faster two workers fly the same blocks than one."""
-    return {"two_workers_over_one": _seconds(1) / _seconds(2)}
+    seconds = []
+    for jobs in (1, 2):
+        with tempfile.TemporaryDirectory() as folder:
+            seconds.append(_seconds(jobs, Path(folder)))
+    return {"two_workers_over_one": seconds[0] / seconds[1]}

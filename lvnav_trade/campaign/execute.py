@@ -198,7 +198,7 @@ class _Run:
         work_list = _WorkList(units)
         while not work_list.is_done():
             try:
-                with closing(_each(self.jobs, _numbered, ((function, *unit) for unit in work_list.open()))) as found:
+                with closing(each(self.jobs, _numbered, ((function, *unit) for unit in work_list.open()))) as found:
                     for number, one in found:
                         work_list.close(number)
                         yield one
@@ -370,7 +370,7 @@ def _count(jobs: int) -> int:
     return (os.cpu_count() or 1) if jobs < 1 else jobs
 
 
-def _each(jobs: int, function: Callable[..., Any], units: Iterable[tuple[Any, ...]]) -> Any:
+def each(jobs: int, function: Callable[..., Any], units: Iterable[tuple[Any, ...]]) -> Any:
     """Return a generator of function(*unit), in the order in which the workers finish; in this process for one job."""
     if _count(jobs) == 1:
         return (function(*unit) for unit in units)

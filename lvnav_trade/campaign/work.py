@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import io
+import itertools
 import logging
 import math
 import multiprocessing
@@ -361,13 +363,26 @@ def _told(error: Exception) -> str:
     return f"{type(error).__name__}: {str(error).strip().splitlines()[0] if str(error).strip() else 'no message'}"
 
 
+_begun = itertools.count()
+"""Units of work that this process has begun."""
+
+
 def settle() -> None:
-    """Let a worker process leave Ctrl-C to its parent, which ends the work in order, and end where that was killed."""
+    """Let a worker process leave Ctrl-C to its parent, which ends the work in order, and end where that was killed.
+
+    What it has loaded (200,000 objects, most of them numba's) is no longer searched for garbage: the pool of workers
+    has that done once a second, and it took 0.1 s, a tenth of the time in which blocks could be flown. Loading goes on
+    in the first units of each kind, so this is repeated, more and more seldom.
+    """
     parent = multiprocessing.parent_process()
     if parent is not None and parent.pid is not None:
         if threading.current_thread() is threading.main_thread():  # a cluster's workers work in others
             signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal sends it to all
         _follow(parent.pid)
+        begun = next(_begun)
+        if begun & (begun - 1) == 0:  # 0, 1, 2, 4, 8, ...
+            gc.collect()
+            gc.freeze()
 
 
 @lru_cache(maxsize=1)

@@ -228,7 +228,8 @@ def _lag_products(innovation: Floats) -> tuple[Floats, Counts]:
     for lag in range(min(N_LAG, n_epoch)):
         early, late = slice(0, n_epoch - lag), slice(lag, n_epoch)
         total[lag] = np.einsum("ijk,ijk->k", value[:, early], value[:, late])
-        count[lag] = (there[:, early] & there[:, late]).sum(axis=(0, 1))
+        both = (there[:, early] & there[:, late]).view(np.uint8)
+        count[lag] = both.sum(axis=0, dtype=np.uint8 if len(both) < 256 else np.int64).sum(axis=0, dtype=np.int64)
     return total, count
 
 

@@ -9,6 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from lvnav_trade.metrics import impulses, mission
+from lvnav_trade.metrics.once import once
 from lvnav_trade.metrics.orbit import orbital_states
 from lvnav_trade.store import Tables, load
 
@@ -19,6 +20,7 @@ COLUMNS = [
 _DRAWS = 2**10
 
 
+@once
 def correction(results: Path | str | Tables) -> pd.DataFrame:
     """Return the least delta-v that brings the believed orbit to the true one, at the last event that
     `orbit` tells.

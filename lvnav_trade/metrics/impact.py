@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from lvnav_trade.metrics import mission
 from lvnav_trade.metrics.corridor import Corridor, beside, contains, corridor_of, metres, probability
 from lvnav_trade.metrics.covariances import reach
-from lvnav_trade.metrics.freefall import Impact
+from lvnav_trade.metrics.freefall import Impact, offsets
 from lvnav_trade.metrics.freefall import impact as fall_of
 from lvnav_trade.metrics.intervals import success_bounds
 from lvnav_trade.metrics.mission import Law, State
+from lvnav_trade.metrics.once import once
 from lvnav_trade.store import Tables, load
 
 Floats = NDArray[np.float64]
@@ -46,18 +47,30 @@ def impact(results: Path | str | Tables, only: str | None = None) -> pd.DataFram
     outside.
     """
     tables = load(results)
-    corridor = corridor_of(tables)
-    rows = []
-    for case, label in tables.labels.items():
-        if only not in (None, case):
-            continue
-        states, laws = mission.states(tables, case), mission.laws(tables, case)
-        points = nominal(states)
-        for k in np.argsort([state.t for state in states], kind="stable"):
-            if np.isfinite(points.fall[k]):
-                row = _row(states[k], laws[k], Impact(*(value[k] for value in points)), corridor)
-                rows.append({"case": label, **row, **_runs(tables, case, states[k], corridor)})
+    rows = [
+        {"case": label, **row}
+        for case, label in tables.labels.items()
+        if only in (None, case)
+        for row in _told(tables, case)
+    ]
     return pd.DataFrame(rows, columns=COLUMNS)
+
+
+@once
+def _told(tables: Tables, case: str) -> list[dict[str, Any]]:
+    """Return the rows of a case, in order of time."""
+    corridor = corridor_of(tables)
+    states, laws = mission.states(tables, case), mission.laws(tables, case)
+    if not states:
+        return []
+    points = nominal(states)
+    slopes = _slopes(*(np.array(part).tobytes() for part in zip(*map(_motion, states), strict=True)))
+    rows = []
+    for k in np.argsort([state.t for state in states], kind="stable"):
+        if np.isfinite(points.fall[k]):
+            row = _row(states[k], laws[k], Impact(*(value[k] for value in points)), slopes[k], corridor)
+            rows.append({**row, **_runs(tables, case, states[k], corridor)})
+    return rows
 
 
 def nominal(states: list[State]) -> Impact:
@@ -136,8 +149,8 @@ def _outside(state: State, error: Floats, corridor: Corridor) -> NDArray[np.bool
     return out
 
 
-def _row(state: State, law: Law, point: Impact, corridor: Corridor | None) -> dict[str, Any]:
-    """Return what linear covariance says of the point of impact at one time, kilometres and degrees.
+def _row(state: State, law: Law, point: Impact, slope: Floats, corridor: Corridor | None) -> dict[str, Any]:
+    """Return what linear covariance says of the point of impact at one time, kilometres and degrees; slope: `_slopes`.
 
     Where the fall only just grazes the ground, and neighbours have none, no error is told.
     """
@@ -146,7 +159,6 @@ def _row(state: State, law: Law, point: Impact, corridor: Corridor | None) -> di
         "longitude_deg": np.degrees(point.longitude), "heading_deg": np.degrees(point.heading) % 360.0,
         "fall_s": float(point.fall),
     }  # fmt: skip
-    slope = _slope(state.r_i.tobytes(), state.v_i.tobytes(), state.earth_angle)
     if not np.isfinite(slope).all():
         return row
     covariance, formal, bias = slope @ law.true @ slope.T, slope @ law.formal @ slope.T, slope @ law.mean
@@ -166,15 +178,32 @@ def _row(state: State, law: Law, point: Impact, corridor: Corridor | None) -> di
     return row
 
 
-@lru_cache(maxsize=4096)
-def _slope(r_i: bytes, v_i: bytes, earth_angle: float) -> Floats:
-    """Return the derivative of the error at impact, km, by that of velocity and position: one for all cases that fly
-    alike, and for every figure that tells of it.
+def _motion(state: State) -> tuple[Floats, Floats, float]:
+    return state.r_i, state.v_i, state.earth_angle
+
+
+@lru_cache(maxsize=64)
+def _slopes(r_i: bytes, v_i: bytes, earth_angle: bytes) -> Floats:
+    """Return the derivatives (n, 2, 6) of the error at impact, km, by that of velocity and position, at states of which
+    the numbers are given: once for all cases that fly alike, and of all states together, for a fall alone takes as
+    long.
     """
-    state = State("", 0.0, np.frombuffer(r_i), np.frombuffer(v_i), earth_angle, np.eye(3))
-    slope = mission.jacobian(state, "impact_error") * 1e-3
-    slope.flags.writeable = False
-    return slope
+    r, v, theta = np.frombuffer(r_i).reshape(-1, 3), np.frombuffer(v_i).reshape(-1, 3), np.frombuffer(earth_angle)
+    true = fall_of(r, v, theta)
+
+    def errors(error: Floats) -> Floats:
+        """Return the errors at impact (m, n * 2) of errors (m, 6) at every state."""
+        m, n = len(error), len(r)
+        off = np.repeat(error, n, axis=0)
+        believed = fall_of(
+            np.tile(r, (m, 1)) - off[:, 3:], np.tile(v, (m, 1)) - off[:, :3], np.tile(theta, m), lowest=0.0
+        )
+        found = -offsets(np.tile(true.r_e, (m, 1)), believed.r_e, np.tile(true.heading, m))
+        return np.asarray(found.reshape(m, n * 2))
+
+    slopes = mission.derivative(errors).reshape(len(r), 2, 6) * 1e-3
+    slopes.flags.writeable = False
+    return slopes
 
 
 def _inside(corridor: Corridor, point: Impact, covariance: Floats, bias: Floats) -> tuple[float, float]:

@@ -23,8 +23,6 @@ PLACES = 48
 """Places along the revolution where an impulse may be; between two of them 0.2 % are lost."""
 _ROUNDS = 400
 _CHUNK = 512
-_HASTE = 1.5
-"""Power of the re-weighting: 1 is the plain rule, 2 is faster and may lose the rank."""
 _FLOOR = 1e-9
 """Least part of the weight that a place keeps, so that what is solved stays regular."""
 
@@ -89,7 +87,7 @@ def least(error: ArrayLike, pushes: Floats, tolerance: float = 5e-3) -> Correcti
 
 def _least(error: Floats, pushes: Floats, tolerance: float) -> Correction:
     m = len(pushes)
-    flat = pushes.transpose(1, 0, 2).reshape(5, 3 * m)
+    flat = [np.ascontiguousarray(pushes[:, :, axis].T) for axis in range(3)]
     squares = np.einsum("kij,klj->kil", pushes, pushes).reshape(m, 25)
     size = np.linalg.norm(error, axis=1)
     goal = np.where(size[:, None] > 0.0, error, 1.0) / np.where(size > 0.0, size, 1.0)[:, None]
@@ -99,14 +97,15 @@ def _least(error: Floats, pushes: Floats, tolerance: float) -> Correction:
     for _ in range(_ROUNDS):
         metric = (weight @ squares).reshape(-1, 5, 5)
         primer = np.linalg.solve(metric, goal[left, :, None])[:, :, 0]
-        length = np.linalg.norm((primer @ flat).reshape(-1, m, 3), axis=2)
+        length = np.sqrt(sum((primer @ one) ** 2 for one in flat))
         best[left] = np.minimum(best[left], np.sum(weight * length, axis=1))
         bound[left] = np.maximum(bound[left], np.sum(primer * goal[left], axis=1) / length.max(axis=1))
         far = best[left] - bound[left] > tolerance * best[left]
         left, weight, length = left[far], weight[far], length[far]
         if not len(left):
             break
-        weight = weight * (length / length.max(axis=1, keepdims=True)) ** _HASTE
+        share = length / length.max(axis=1, keepdims=True)
+        weight = weight * (share * np.sqrt(share))  # a power of 1 is the plain rule, 2 is faster and may lose the rank
         weight = weight / weight.sum(axis=1, keepdims=True) + _FLOOR
     return Correction(size * best, size * bound)
 

@@ -7,7 +7,9 @@ import io
 import math
 from typing import Any, NamedTuple
 
+import numpy as np
 import pandas as pd
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -130,11 +132,12 @@ def _cell(value: Any) -> str:
 
 def picture(name: str, figure: Figure, caption: str) -> Picture:
     """Return a figure as a small PNG that holds no date."""
-    raw, small = io.BytesIO(), io.BytesIO()
+    small = io.BytesIO()
     with look():
-        figure.savefig(raw, format="png", metadata={"Software": None})
-    with Image.open(raw) as image:
-        image.convert("RGB").quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(
-            small, format="PNG", optimize=True
-        )
+        canvas: Any = FigureCanvasAgg(figure)
+        canvas.draw()  # savefig would draw twice, for the layout and for the picture
+    image = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
+    image.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(
+        small, format="PNG", optimize=True
+    )
     return Picture(name, small.getvalue(), caption)

@@ -192,7 +192,7 @@ def dying_pool(monkeypatch: pytest.MonkeyPatch, deaths: list[int]) -> list[int]:
             taken += itertools.islice(units, 1)
             yield result
 
-    monkeypatch.setattr(execute, "_each", each)
+    monkeypatch.setattr(execute, "each", each)
     monkeypatch.setattr(execute, "_count", lambda jobs: jobs)
     monkeypatch.setattr(execute, "_end_workers", lambda jobs: None)
     monkeypatch.setattr(execute, "_all", lambda jobs, function, units: [function(*unit) for unit in units])

@@ -1,0 +1,31 @@
+"""What several sections, tables and figures of a page tell of is worked out once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
+from typing import Any, TypeVar
+
+from lvnav_trade.store import Tables, load
+
+_Found = TypeVar("_Found")
+"""Frame or list."""
+
+
+def once(metric: Callable[..., _Found]) -> Callable[..., _Found]:
+    """Return a function of tables, and of words, that keeps with the tables what it found; each caller gets a copy.
+
+    Given a folder instead, it reads the tables anew, and works it out anew.
+    """
+
+    @wraps(metric)
+    def kept(results: Path | str | Tables, *asked: str) -> _Found:
+        tables = load(results)
+        key = (metric.__module__, metric.__qualname__, *asked)
+        if key not in tables.told:
+            tables.told[key] = metric(tables, *asked)
+        found: Any = tables.told[key]
+        return found.copy()
+
+    return kept
