@@ -29,6 +29,10 @@ if TYPE_CHECKING:
     from lvnav_trade.campaign.schema import Campaign
 
 
+_MOST = 10
+"""Failed runs that are told one by one."""
+
+
 @app.command()
 def run(
     campaign: CampaignFile,
@@ -78,8 +82,10 @@ def _finish(results: Any, answers: Sequence[Any], report: bool, as_json: bool) -
     else:
         if len(verdicts):
             print(table(list(verdicts.columns), [list(row) for row in verdicts.itertuples(index=False)]))
-        for line in failures:
+        for line in failures[:_MOST]:
             print(f"failed: {line}")
+        if len(failures) > _MOST:
+            print(f"failed: {len(failures) - _MOST} more; all of them: column failed of the table runs, or --json")
         print(f"report: {page}" if page else f"results: {results.folder}")
     raise typer.Exit(code)
 

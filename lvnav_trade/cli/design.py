@@ -38,7 +38,9 @@ def estimate_q(
         from lvnav_trade import api
 
         found, written = api.estimate_q(campaign, out, sets or (), case, runs, step)
+        beyond = found.whole._replace(attitude=found.card.attitude_noise, velocity=found.card.velocity_noise)
         rows = [_row("whole flight", found.whole), *(_row(name, noise) for name, _, _, noise in found.phases)]
+        rows.append([*_row("the card: whole flight beyond the unit's own", beyond)[:3], "-"])
         head = ["phase", "attitude (deg/sqrt(h))", "velocity (m/s/sqrt(s))", "position (m/sqrt(s))"]
         told = f"{table(head, rows)}\ncard: {written[0]}\nerror per step: {written[1]}, {written[2]}"
         densities = {"whole flight": found.whole._asdict(), **{name: q._asdict() for name, _, _, q in found.phases}}

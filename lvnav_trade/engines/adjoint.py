@@ -165,7 +165,6 @@ def go_back(back, scratch, tape, last_window, time_bins, schedule, signals, true
         for m in range(n_metric):
             apply_phi_transposed(
                 back.e[m],
-                scratch.y,
                 scratch.D,
                 true.nav_rows,
                 true.nav_columns,

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lvnav_trade.kernels.strapdown import N_SUM
 from lvnav_trade.records import Floats
 
 Ints = NDArray[np.int64]
@@ -50,11 +51,10 @@ class Joint(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Work arrays: X (n, n); D, D_true (n_block, 9); y (n,); b, g (3, n); block (9,); K, x (n_state,); gain (n,);
+    """Work arrays: D, D_true (n_block, 9); y (n,); b, g (3, n); block (9,); K, x (n_state,); gain (n,);
     deviation (9,).
     """
 
-    X: Floats
     D: Floats
     D_true: Floats
     y: Floats
@@ -70,7 +70,7 @@ class Scratch(NamedTuple):
 class Tape(NamedTuple):
     """What a backward pass needs of a forward one; of no length where none will follow.
 
-    sums (n_window, 21), position (n_window, 3) of each window; gain (n_row, n), h (n_row, n_entry), epoch and channel
+    sums (n_window, 18), position (n_window, 3) of each window; gain (n_row, n), h (n_row, n_entry), epoch and channel
     (n_row,) of each row in the order absorbed; first_row (n_window + 1,) index of the first row after each window; used
     (1,) rows so far.
     """
@@ -104,7 +104,7 @@ def new_tape(n_window: int, n_row: int, n: int, n_entry: int) -> Tape:
     """Return an empty tape for a flight of n_window windows and n_row rows; n_row 0 keeps nothing."""
     windows = n_window if n_row else 0
     return Tape(
-        np.zeros((windows, 21)), np.zeros((windows, 3)), np.zeros((n_row, n)), np.zeros((n_row, n_entry)),
+        np.zeros((windows, N_SUM)), np.zeros((windows, 3)), np.zeros((n_row, n)), np.zeros((n_row, n_entry)),
         np.zeros(n_row, dtype=np.int64), np.zeros(n_row, dtype=np.int64), np.zeros(windows + 1, dtype=np.int64),
         np.zeros(1, dtype=np.int64),
     )  # fmt: skip

@@ -14,7 +14,7 @@ from lvnav_trade.kernels.covariance import predict
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.joint import apply_phi, propagate_component
 from lvnav_trade.kernels.strapdown import J4, R, gravity, mechanise, place
-from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL, parameter_block
+from lvnav_trade.kernels.transition import ATT, ATT_GYRO, GYRO, POS, VEL, VEL_ACCEL, VEL_GYRO, parameter_block
 from lvnav_trade.observables import altitude
 from lvnav_trade.world.gravity import GRAVITY
 
@@ -48,15 +48,16 @@ def fill_inputs(b, g, block, j, true, sums, seconds, decay, fade):
         return
     if seconds == 0.0:
         return
-    first, last = (
-        (transition.ATT_GYRO, transition.POS_GYRO) if sensor == GYRO else (transition.VEL_ACCEL, transition.POS_ACCEL)
-    )
+    first, last = (ATT_GYRO, VEL_GYRO) if sensor == GYRO else (VEL_ACCEL, VEL_ACCEL)
     for kind in range(first, last + 1):
         parameter_block(block, kind, driven_by, sums, seconds)
         for i in range(3):
             for axis in range(3):
                 b[axis, at + i] = block[3 * i + axis]
-        at = VEL if at == ATT else POS
+        at = VEL
+    for axis in range(3):
+        for i in range(3):
+            b[axis, POS + i] = 0.5 * seconds * b[axis, VEL + i]
 
 
 @jit
@@ -89,12 +90,12 @@ def _propagate_parameters(joint, scratch, sums, true, unit, belief, length, midd
                 change = value - joint.profile[profile, axis]
                 joint.profile[profile, axis] = value
                 # the value is the window's mean, so a change acts from the window's start
-                apply_phi(g, scratch.y, scratch.D_true, true.nav_rows, true.nav_columns, decay, belief.clock, seconds)
+                apply_phi(g, scratch.D_true, true.nav_rows, true.nav_columns, decay, belief.clock, seconds)
                 for i in range(b.shape[0]):
                     joint.mean[i] += b[i] * value + g[i] * change
             else:
                 joint.variance[j, axis] = propagate_component(
-                    joint.sources[s], joint.cross[j, axis], b, g, scratch.y, joint.variance[j, axis], fade,
+                    joint.sources[s], joint.cross[j, axis], b, g, joint.variance[j, axis], fade,
                     true.wander[length, j], scratch.D_true, true.nav_rows, true.nav_columns, decay, belief.clock,
                     seconds,
                 )  # fmt: skip
@@ -114,7 +115,7 @@ def _propagate_shared(joint, scratch, true, belief, length):
         if matched >= 0:
             b[matched], g[matched] = fade - decay[matched], 1.0
         joint.shared_variance[m] = propagate_component(
-            joint.sources[true.shared_source[m]], joint.shared_cross[m], b, g, scratch.y, joint.shared_variance[m],
+            joint.sources[true.shared_source[m]], joint.shared_cross[m], b, g, joint.shared_variance[m],
             fade, true.shared_wander[length, m], scratch.D_true, true.nav_rows, true.nav_columns, decay, belief.clock,
             seconds,
         )  # fmt: skip
@@ -129,15 +130,15 @@ def _propagate(joint, scratch, nominal, true, unit, belief, length, first, n_tic
     x, y, z = nav[R], nav[R + 1], nav[R + 2]
     transition.fill(scratch.D, belief.block_kinds, belief.block_drivers, sums, x, y, z, seconds)
     predict(
-        joint.formal, scratch.X, scratch.D, belief.block_rows, belief.block_columns, belief.decay[length],
+        joint.formal, scratch.D, belief.block_rows, belief.block_columns, belief.decay[length],
         belief.noise[length], belief.clock, seconds,
     )  # fmt: skip
     transition.fill(scratch.D_true, true.nav_kinds, true.nav_drivers, sums, x, y, z, seconds)
     rows, columns = true.nav_rows, true.nav_columns
     for i in range(joint.sources.shape[0]):
         noise = true.noise[i, length]
-        predict(joint.sources[i], scratch.X, scratch.D_true, rows, columns, decay, noise, belief.clock, seconds)
-    apply_phi(joint.mean, scratch.y, scratch.D_true, rows, columns, decay, belief.clock, seconds)
+        predict(joint.sources[i], scratch.D_true, rows, columns, decay, noise, belief.clock, seconds)
+    apply_phi(joint.mean, scratch.D_true, rows, columns, decay, belief.clock, seconds)
     _propagate_parameters(
         joint, scratch, sums, true, unit, belief, length, unit.start + unit.dt * (first + 0.5 * n_tick)
     )

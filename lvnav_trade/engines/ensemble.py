@@ -89,9 +89,7 @@ def _miss(error, missed, work, schedule, unit, signals, start, history, belief, 
                 transition.fill(
                     work.D, belief.block_kinds, belief.block_drivers, work.sums, nav[R], nav[R + 1], nav[R + 2], seconds
                 )
-                apply_phi(
-                    work.x, work.K, work.D, belief.block_rows, belief.block_columns, belief.decay[length], -1, seconds
-                )
+                apply_phi(work.x, work.D, belief.block_rows, belief.block_columns, belief.decay[length], -1, seconds)
         hist = schedule.hist[w]
         if hist >= 0:
             _true_error(error[hist], work, history, belief, hist)

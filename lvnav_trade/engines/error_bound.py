@@ -45,10 +45,10 @@ class ErrorBound(NamedTuple):
 
 
 @jit
-def _gather(noise, P, X, D, tape, schedule, true, belief):
+def _gather(noise, P, D, tape, schedule, true, belief):
     """Fill noise (n_interval, n, n), what enters between two windows with rows; return how many there are.
 
-    P, X (n, n) and D (n_block, 9) work; what is after the last row is left out.
+    P (n, n) and D (n_block, 9) work; what is after the last row is left out.
     """
     n, count = P.shape[0], 0
     P[:, :] = 0.0
@@ -58,7 +58,7 @@ def _gather(noise, P, X, D, tape, schedule, true, belief):
             seconds = belief.seconds[length]
             transition.fill(D, true.nav_kinds, true.nav_drivers, tape.sums[w], at[0], at[1], at[2], seconds)
             predict(
-                P, X, D, true.nav_rows, true.nav_columns, belief.decay[length], belief.noise[length], belief.clock,
+                P, D, true.nav_rows, true.nav_columns, belief.decay[length], belief.noise[length], belief.clock,
                 seconds,
             )  # fmt: skip
         if tape.first_row[w + 1] > tape.first_row[w]:
@@ -83,7 +83,7 @@ def error_bound(prepared: Prepared, tape: Tape) -> ErrorBound:
         raise InputError("covariance.error_bound: the filter takes no measurement on this flight")
     noise = np.zeros((updates, n, n))
     _gather(
-        noise, np.zeros((n, n)), np.zeros((n, n)), np.zeros((true.nav_rows.size, 9)), tape, prepared.schedule, true,
+        noise, np.zeros((n, n)), np.zeros((true.nav_rows.size, 9)), tape, prepared.schedule, true,
         belief,
     )  # fmt: skip
     kept = noise[1:] if updates > 1 else noise  # before the first update the stretch may be shorter than an interval

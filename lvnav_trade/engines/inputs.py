@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.kernels import processes
+from lvnav_trade.kernels.strapdown import N_SUM
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -237,7 +238,7 @@ def work_shapes(z: Sizes) -> dict[str, tuple[int, ...]]:
     """Return the shape of every array of Work for one run, those of options apart."""
     n_row = max(6, 2 * z.n_slot) + 1  # the last one is an altimeter's
     return {
-        "run": (1,), "nav": (10,), "sums": (21,), "previous": (6,), "increments": (z.n_tick, 6),
+        "run": (1,), "nav": (10,), "sums": (N_SUM,), "previous": (6,), "increments": (z.n_tick, 6),
         "P": (z.n_state, z.n_state), "X": (z.n_state, z.n_state), "D": (z.n_block, 9), "x": (z.n_state,),
         "K": (z.n_state,), "H": (n_row, z.n_entry), "z": (n_row,), "antenna": (z.n_antenna, 12), "rate": (3,),
         "true_par": (max(1, z.n_true), 3), "true_tables": (2, processes.N_TABLE),

@@ -22,6 +22,7 @@ from lvnav_trade.engines.truth import (
 from lvnav_trade.filters.belief import TIGHT
 from lvnav_trade.filters.late import N_PAST
 from lvnav_trade.frames import matrices
+from lvnav_trade.kernels.strapdown import N_SUM
 from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.records import AdjointBudget, CovHistory, Floats
 
@@ -45,7 +46,7 @@ def nominal(prepared: Prepared) -> Nominal:
     n_slot, belief = prepared.signals.used.shape[1], prepared.belief
     n_row = max(6, 2 * n_slot) + 1
     shapes = (
-        (10,), (21,), (6,), (int(prepared.schedule.n_tick.max()), 6), (len(belief.levers), 12), (3,),
+        (10,), (N_SUM,), (6,), (int(prepared.schedule.n_tick.max()), 6), (len(belief.levers), 12), (3,),
         (n_row, _width(prepared)), (n_row,), (n_slot, 2), (6,), (2,), (belief.n_state,),
         (max(1, belief.extra_offset.size),), (6, 6), (N_PAST,),
     )  # fmt: skip
@@ -55,7 +56,6 @@ def nominal(prepared: Prepared) -> Nominal:
 def _scratch(prepared: Prepared, true: TrueModel) -> Scratch:
     n, n_state = n_joint(prepared), prepared.layout.n_state
     shapes = (
-        (n, n),
         (prepared.belief.block_rows.size, 9),
         (true.nav_rows.size, 9),
         (n,),

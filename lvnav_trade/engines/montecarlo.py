@@ -17,7 +17,7 @@ from lvnav_trade.filters.feedforward import lanes_of_aside, new_aside
 from lvnav_trade.filters.late import N_PAST
 from lvnav_trade.filters.monitor import Watch, lanes_of_watch, new_watch
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import view
+from lvnav_trade.kernels.lanes import aligned_zeros, view
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.kernels.vector import WIDTH
 from lvnav_trade.receivers.base import lanes_of, new_receiver
@@ -89,7 +89,7 @@ def new_work(prepared: Prepared, lanes: bool) -> Work:
     ))  # fmt: skip
     end = (WIDTH,) if lanes else ()
     arrays: dict[str, Any] = {
-        name: np.zeros(shape + end, dtype=np.uint64 if name == "run" else np.float64) for name, shape in shapes.items()
+        name: aligned_zeros(shape + end, np.uint64 if name == "run" else np.float64) for name, shape in shapes.items()
     }
     options, n_lane = prepared.options, WIDTH if lanes else 0
     is_open = prepared.scenario.filter.feedback == "open"
@@ -97,7 +97,7 @@ def new_work(prepared: Prepared, lanes: bool) -> Work:
         **arrays,
         rx=None if options.solver is None else new_receiver(n_lane),
         aside=new_aside(prepared.layout.n_state, n_lane) if is_open else None,
-        past=None if options.late is None else np.zeros((N_PAST, *end)),
+        past=None if options.late is None else aligned_zeros((N_PAST, *end)),
         watch=None if options.rules is None else new_watch(prepared.t_epoch.size, n_lane),
     )
 

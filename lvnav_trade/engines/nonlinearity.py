@@ -14,7 +14,7 @@ from lvnav_trade.filters.ekf import fill_loose, fill_tight, place_antenna
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.attitude import from_rotation, multiply, small_rotation
 from lvnav_trade.kernels.joint import apply_phi
-from lvnav_trade.kernels.strapdown import Q, R, V, mechanise
+from lvnav_trade.kernels.strapdown import N_SUM, Q, R, V, mechanise
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL
 from lvnav_trade.records import CovHistory, Floats
 
@@ -128,7 +128,7 @@ def _flown(prepared: Prepared, start: int, d: Floats) -> Floats:
     """Return the navigation error (9,) one update interval after an error d, by the strapdown itself."""
     nav, exact = _nav(prepared, start, d), _nav(prepared, start, np.zeros_like(d))
     left = d.copy()
-    sums, none = np.zeros(21), np.zeros_like(d)
+    sums, none = np.zeros(N_SUM), np.zeros_like(d)
     before = _increments(prepared, max(0, start - 1), 1, none)[0]
     previous, previous_exact = before.copy(), before.copy()
     kind, dt = prepared.belief.gravity, prepared.unit.dt
@@ -143,14 +143,14 @@ def _flown(prepared: Prepared, start: int, d: Floats) -> Floats:
 def _linear(prepared: Prepared, start: int, d: Floats) -> Floats:
     """Return the error (n_state,) one update interval after an error d, by the filter's own transition."""
     belief, dt = prepared.belief, prepared.unit.dt
-    nav, sums, none = _nav(prepared, start, np.zeros_like(d)), np.zeros(21), np.zeros_like(d)
-    previous, error, work = np.zeros(6), d.copy(), np.zeros_like(d)
+    nav, sums, none = _nav(prepared, start, np.zeros_like(d)), np.zeros(N_SUM), np.zeros_like(d)
+    previous, error = np.zeros(6), d.copy()
     blocks = np.zeros((belief.block_rows.size, 9))
     for first, n_tick, decay in _windows(prepared, start):
         mechanise(nav, sums, previous, _increments(prepared, first, n_tick, none), n_tick, dt, belief.gravity)
         seconds = n_tick * dt
         transition.fill(blocks, belief.block_kinds, belief.block_drivers, sums, nav[R], nav[R + 1], nav[R + 2], seconds)
-        apply_phi(error, work, blocks, belief.block_rows, belief.block_columns, decay, belief.clock, seconds)
+        apply_phi(error, blocks, belief.block_rows, belief.block_columns, decay, belief.clock, seconds)
     return error
 
 

@@ -57,10 +57,10 @@ def fold(triangle, row):
 
 
 @jit
-def _gather(triangle, phi, D, y, row_of, tape, schedule, signals, true, belief, first_window, last_window):
+def _gather(triangle, phi, D, row_of, tape, schedule, signals, true, belief, first_window, last_window):
     """Fold in every row of a stretch, times the transition since its start, in sigmas of its noise; return how many.
 
-    triangle (n, n) and phi (n, n), the columns of the transition, updated; D (n_block, 9), y and row_of (n,) work.
+    triangle (n, n) and phi (n, n), the columns of the transition, updated; D (n_block, 9) and row_of (n,) work.
     """
     n, count = phi.shape[0], 0
     for w in range(first_window, last_window + 1):
@@ -69,7 +69,7 @@ def _gather(triangle, phi, D, y, row_of, tape, schedule, signals, true, belief, 
             seconds, decay = belief.seconds[length], belief.decay[length]
             transition.fill(D, true.nav_kinds, true.nav_drivers, tape.sums[w], at[0], at[1], at[2], seconds)
             for j in range(n):
-                apply_phi(phi[j], y, D, true.nav_rows, true.nav_columns, decay, belief.clock, seconds)
+                apply_phi(phi[j], D, true.nav_rows, true.nav_columns, decay, belief.clock, seconds)
         for row in range(tape.first_row[w], tape.first_row[w + 1]):
             channel = tape.channel[row]
             variance = 1.0 if belief.judged else signals.variance[tape.epoch[row], channel]
@@ -91,7 +91,7 @@ def _stretch(prepared: Prepared, true: TrueModel, tape: Tape, start: float, end:
     first, last = int(inside[0]), int(inside[-1])
     triangle, phi = np.zeros((n, n)), np.eye(n)  # row j of phi is the column of Phi that belongs to state j
     count = _gather(
-        triangle, phi, np.zeros((true.nav_rows.size, 9)), np.zeros(n), np.zeros(n), tape, schedule, prepared.signals,
+        triangle, phi, np.zeros((true.nav_rows.size, 9)), np.zeros(n), tape, schedule, prepared.signals,
         true, prepared.belief, first, last,
     )  # fmt: skip
     scale, root = initial_spread(prepared.start.P)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.jit import jit, making_arrays
 from lvnav_trade.kernels.random import normals, source_word
 from lvnav_trade.kernels.rotation import (
     body_step,
@@ -238,7 +238,7 @@ def _account(x, sums, phase, turning, turning_bound, jerk, jerk_bound, error, ra
     row[SQUARE_RATE] += rate_error * rate_error
 
 
-@jit
+@making_arrays
 def fly_run(body, phase, plant, law, feed, believed, spread, k0, k1, run, every, history, sums):
     """Fly one run of the closed loop; history and sums are set.
 

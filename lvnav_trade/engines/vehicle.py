@@ -12,6 +12,7 @@ from lvnav_trade.engines.envelopes import envelopes
 from lvnav_trade.filters.base import ImuBelief
 from lvnav_trade.filters.envelope import EnvelopeCard
 from lvnav_trade.kernels.random import source_word
+from lvnav_trade.kernels.transition import ATT
 from lvnav_trade.layout import StateLayout
 from lvnav_trade.records import Floats, Reference
 from lvnav_trade.scenario import Scenario, reference_belief
@@ -36,7 +37,8 @@ class Vehicle(NamedTuple):
     force (n_imu, 3) true means over the ticks (rad/s, m/s^2, body axes); walk (n_imu, 6) variance of the step that the
     filter expects of them into each tick; variance (6,) that it believes of a sample's noise; raw (6,) that with the
     bias before it is estimated; attitude (n_epoch, 4) true
-    quaternion at the epochs; sigma of the attitude reference and the variance that the filter believes; source word.
+    quaternion at the epochs; sigma of the attitude reference and the variance that the filter believes; source word;
+    entries (1,) and columns (3, 1) of its rows, a row an axis, as `absorb` takes them.
     """
 
     modelled: bool
@@ -51,6 +53,8 @@ class Vehicle(NamedTuple):
     sigma: float
     believed: float
     source: np.uint64
+    entries: NDArray[np.int64]
+    columns: NDArray[np.int64]
 
 
 def vehicle_of(
@@ -80,6 +84,8 @@ def vehicle_of(
         sigma=sensor.sigma,
         believed=reference_belief(scenario) ** 2,
         source=source_word(ATTITUDE_NOISE),
+        entries=np.zeros(1, dtype=np.int64),
+        columns=ATT + np.arange(3, dtype=np.int64)[:, None],
     )
 
 

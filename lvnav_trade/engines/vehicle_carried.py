@@ -33,7 +33,6 @@ class Spread(NamedTuple):
 class Desk(NamedTuple):
     """Work arrays: of the filter's own covariance, of eight sources, of rows, of a window of the nominal flight."""
 
-    X: Floats
     D: Floats
     D_true: Floats
     moved: Floats
@@ -45,8 +44,6 @@ class Desk(NamedTuple):
     gain: Floats
     work: Floats
     seen: Floats
-    seen_n: Floats
-    X_source: Floats
     moved_source: Floats
     Y: Floats
     S: Floats
@@ -56,6 +53,12 @@ class Desk(NamedTuple):
     sums: Floats
     increments: Floats
     still: Floats
+    expected: Floats
+    turned: Floats
+    sparse: Floats
+    at: Ints
+    n_at: Ints
+    one: Floats
 
 
 class Parts(NamedTuple):
@@ -172,7 +175,7 @@ def nominal_tick(sums, reference, tick, dt):
 
 @jit
 def nominal_window(nominal, sums, increments, reference, first, n_tick, dt, kind):
-    """Mechanise the ideal increments of a window from the true state: sums (21,) that the transition needs are set."""
+    """Mechanise the ideal increments of a window from the true state: sums (18,) that the transition needs are set."""
     for k in range(n_tick):
         for axis in range(3):
             increments[k, axis] = reference.dtheta[first + k, axis]

@@ -27,7 +27,7 @@ from lvnav_trade.kernels.covariance import absorb, predict
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.joint import apply_phi
 from lvnav_trade.kernels.strapdown import J4, R, gravity, place
-from lvnav_trade.kernels.transition import ATT, POS, VEL
+from lvnav_trade.kernels.transition import POS, VEL
 from lvnav_trade.kernels.vehicle import (
     N_SAMPLE,
     absorb_samples,
@@ -101,9 +101,10 @@ def _samples(spread, desk, unit, vehicle, parts, reference, tick, n_group):
 def _expected_of_samples(desk, vehicle, n_source):
     """Return the expected sum of squares of the normalised innovations of the last tick's rows."""
     m, b, total = vehicle.motion, vehicle.bias, 0.0
-    S, T = np.zeros((N_SAMPLE, N_SAMPLE)), np.eye(N_SAMPLE)
+    S, T = desk.expected, desk.turned
     for r in range(N_SAMPLE):
         for q in range(N_SAMPLE):
+            T[r, q] = 1.0 if q == r else 0.0
             S[r, q] = _total(desk.S, n_source, r, q) + desk.seen[r] * desk.seen[q]
     for r in range(N_SAMPLE):
         for q in range(r):
@@ -151,7 +152,7 @@ def _slow(spread, desk, nominal, parts, belief, modelled, length, n_group, n_sou
         desk.D, belief.block_kinds, belief.block_drivers, desk.sums, nav[R], nav[R + 1], nav[R + 2], seconds
     )
     mirror(spread.formal)
-    predict(spread.formal, desk.X, desk.D, rows, columns, decay, belief.noise[length], belief.clock, seconds)
+    predict(spread.formal, desk.D, rows, columns, decay, belief.noise[length], belief.clock, seconds)
     D = desk.D
     if not modelled:
         rows, columns, D = parts.nav_rows, parts.nav_columns, desk.D_true
@@ -160,13 +161,13 @@ def _slow(spread, desk, nominal, parts, belief, modelled, length, n_group, n_sou
     for g in range(n_group):
         P = group(spread.sources, g)
         mirror(P)
-        predict(P, whole(desk.X_source), D, rows, columns, decay, desk.work, belief.clock, seconds)
+        predict(P, D, rows, columns, decay, desk.work, belief.clock, seconds)
     if not modelled:
         _add_noise(spread.sources, parts.noise[length], n_source)
-    apply_phi(spread.mean, desk.seen_n, D, rows, columns, decay, belief.clock, seconds)
+    apply_phi(spread.mean, D, rows, columns, decay, belief.clock, seconds)
     for p in range(parts.source.shape[0]):
         if parts.followed[p]:
-            apply_phi(spread.y[p], desk.seen_n, D, rows, columns, decay, belief.clock, seconds)
+            apply_phi(spread.y[p], D, rows, columns, decay, belief.clock, seconds)
         _step_part(spread, parts, p, length, decay)
 
 
@@ -220,10 +221,10 @@ def _row(out, spread, desk, parts, signals, belief, epoch, channel, h, entries, 
     )
     for i in range(n):
         desk.row_gain[0, i] = K[i] * weight if i < belief.n_estimated else 0.0
-    sparse, at = np.zeros((1, columns.shape[0])), np.zeros((1, columns.shape[0]), np.int64)
+    sparse, at, count = desk.sparse, desk.at, desk.n_at
+    count[0] = columns.shape[0]
     for c in range(columns.shape[0]):
         sparse[0, c], at[0, c] = h[entries[c]], columns[c]
-    count = np.full(1, columns.shape[0])
     set_noise(desk.row_noise, source, 0, noise)
     for g in range(n_group):
         update_rows(
@@ -275,8 +276,8 @@ def _epoch(out, spread, desk, nominal, signals, belief, vehicle, parts, epoch, n
         )  # fmt: skip
     for axis in range(3):
         _row(
-            out, spread, desk, parts, signals, belief, epoch, 6 + axis, np.ones(1), np.zeros(1, np.int64),
-            np.full(1, ATT + axis), 0.0, vehicle.believed, vehicle.sigma**2, parts.row_source[2], n_group, n_source,
+            out, spread, desk, parts, signals, belief, epoch, 6 + axis, desk.one, vehicle.entries,
+            vehicle.columns[axis], 0.0, vehicle.believed, vehicle.sigma**2, parts.row_source[2], n_group, n_source,
         )  # fmt: skip
 
 

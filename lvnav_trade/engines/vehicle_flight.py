@@ -25,7 +25,6 @@ from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, sqrt, where
 from lvnav_trade.kernels.random import normals
 from lvnav_trade.kernels.strapdown import Q, mechanise
-from lvnav_trade.kernels.transition import ATT
 from lvnav_trade.kernels.vehicle import N_SAMPLE, absorb_samples, advance, mirror
 from lvnav_trade.observables import attitude
 
@@ -123,9 +122,8 @@ def refer(work, own, belief, vehicle, epoch, k0, k1):
     z = attitude.innovation(m0, m1, m2, m3, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
     own.row[0] = like(n0, 1.0)
     for axis in range(3):
-        column = np.full(1, ATT + axis)
         normalised, weight = absorb(
-            work.P, work.x, work.K, own.row, np.zeros(1, np.int64), column, z[axis], vehicle.believed,
+            work.P, work.x, work.K, own.row, vehicle.entries, vehicle.columns[axis], z[axis], vehicle.believed,
             belief.gate_squared, belief.n_estimated, belief.joseph,
         )  # fmt: skip
         _count(work, epoch, 6 + axis, normalised, weight)

@@ -15,6 +15,8 @@ from lvnav_trade.engines.vehicle import ATTITUDE_NOISE, Vehicle
 from lvnav_trade.engines.vehicle_carried import Covered, Desk, Parts, Spread
 from lvnav_trade.engines.vehicle_cover import cover_vehicle
 from lvnav_trade.engines.vehicle_flight import N_BESIDE
+from lvnav_trade.kernels.lanes import aligned_zeros
+from lvnav_trade.kernels.strapdown import N_SUM
 from lvnav_trade.kernels.vector import WIDTH
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.records import CovHistory, Floats
@@ -53,9 +55,10 @@ def _grouped(array: Floats, lanes: bool) -> Floats:
     if not lanes:
         return array
     n_group = -(-len(array) // WIDTH)
-    full = np.zeros((n_group * WIDTH, *array.shape[1:]))
-    full[: len(array)] = array
-    return np.ascontiguousarray(np.moveaxis(full.reshape(n_group, WIDTH, *array.shape[1:]), 1, -1))
+    full = aligned_zeros((n_group, *array.shape[1:], WIDTH))
+    for source, values in enumerate(array):
+        full[source // WIDTH, ..., source % WIDTH] = values
+    return full
 
 
 def _spread(prepared: Prepared, vehicle: Vehicle, true: TrueModel, parts: Parts, lanes: bool) -> Spread:
@@ -121,14 +124,17 @@ def _desk(prepared: Prepared, names: list[str], n_true: int, lanes: bool) -> Des
     n_block = max(1, belief.block_rows.size)
     end = (WIDTH,) if lanes else ()
     shapes: dict[str, tuple[int, ...]] = {
-        "X": (n, n), "D": (n_block, 9), "D_true": (n_true, 9), "moved": (9, n),
+        "D": (n_block, 9), "D_true": (n_true, 9), "moved": (9, n),
         "K": (N_SAMPLE, n), "x": (n,), "z": (N_SAMPLE,), "weight": (N_SAMPLE,), "residual": (N_SAMPLE,),
-        "gain": (N_SAMPLE, n), "work": (n,), "seen": (N_SAMPLE,), "seen_n": (n,), "X_source": (n, n, *end),
-        "moved_source": (9, n, *end), "Y": (N_SAMPLE, n, *end), "row_gain": (1, n), "sums": (21,),
+        "gain": (N_SAMPLE, n), "work": (n,), "seen": (N_SAMPLE,),
+        "moved_source": (9, n, *end), "Y": (N_SAMPLE, n, *end), "row_gain": (1, n), "sums": (N_SUM,),
         "increments": (int(prepared.schedule.n_tick.max()), 6), "still": (N_SAMPLE,),
+        "expected": (N_SAMPLE, N_SAMPLE), "turned": (N_SAMPLE, N_SAMPLE), "sparse": (1, n), "one": (1,),
     }  # fmt: skip
-    arrays: dict[str, Any] = {name: np.zeros(shape) for name, shape in shapes.items()}
+    arrays: dict[str, Any] = {name: aligned_zeros(shape) for name, shape in shapes.items()}
     n_source = len(names)
+    arrays["one"][0] = 1.0
+    arrays["at"], arrays["n_at"] = np.zeros((1, n), dtype=np.int64), np.zeros(1, dtype=np.int64)
     arrays["S"] = _grouped(np.zeros((n_source, N_SAMPLE, N_SAMPLE)), lanes)
     arrays["sample_noise"] = _grouped(_sample_noise(prepared, names), lanes)
     arrays["row_noise"] = _grouped(np.zeros((n_source, 1)), lanes)

@@ -10,7 +10,7 @@ from lvnav_trade.engines.inputs import Work
 from lvnav_trade.engines.prepare import Prepared
 from lvnav_trade.engines.vehicle_flight import Own, fly_vehicle, own_shapes
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import view
+from lvnav_trade.kernels.lanes import aligned_zeros, view
 from lvnav_trade.kernels.vector import WIDTH
 
 
@@ -39,8 +39,8 @@ def fly(prepared: Prepared, work: Work, k0: np.uint64, k1: np.uint64, lanes: boo
     """Fly the runs that `work` is made for; return it filled, with the outputs of this kind of flight."""
     end = (WIDTH,) if lanes else ()
     shape = (prepared.t_hist.size, len(prepared.outputs), *end)
-    work = work._replace(err=np.zeros(shape), sigma=np.zeros(shape))
-    own = Own(**{name: np.zeros(one + end) for name, one in own_shapes(prepared.layout.n_state).items()})
+    work = work._replace(err=aligned_zeros(shape), sigma=aligned_zeros(shape))
+    own = Own(**{name: aligned_zeros(one + end) for name, one in own_shapes(prepared.layout.n_state).items()})
     fixed = (prepared.schedule, prepared.unit, prepared.signals, prepared.start, prepared.record, prepared.belief)
     (fly_vehicle_lanes if lanes else fly_vehicle)(work, own, *fixed, prepared.vehicle, k0, k1)
     return work

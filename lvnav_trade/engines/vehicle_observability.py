@@ -16,7 +16,7 @@ from lvnav_trade.filters.ekf import fill_loose, place_antenna, rows_at
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.joint import apply_phi
-from lvnav_trade.kernels.strapdown import R, place
+from lvnav_trade.kernels.strapdown import N_SUM, R, place
 from lvnav_trade.kernels.transition import ATT
 from lvnav_trade.kernels.vehicle import N_SAMPLE, advance_vector
 from lvnav_trade.records import Floats
@@ -59,7 +59,7 @@ def _fold_samples(triangle, phi, row_of, sums, vehicle, reference, first, n_tick
 
 
 @jit
-def _gather(triangle, phi, D, y, row_of, sums, increments, nominal, schedule, unit, signals, belief, vehicle, nav,
+def _gather(triangle, phi, D, row_of, sums, increments, nominal, schedule, unit, signals, belief, vehicle, nav,
             reference, first_window, last_window):  # fmt: skip
     """Fold in every row of a stretch, times the transition since its start, in sigmas of its noise; return how many.
 
@@ -79,7 +79,7 @@ def _gather(triangle, phi, D, y, row_of, sums, increments, nominal, schedule, un
             length, at = schedule.length[w], nominal.nav
             transition.fill(D, kinds, drivers, sums, at[R], at[R + 1], at[R + 2], belief.seconds[length])
             for j in range(n):
-                apply_phi(phi[j], y, D, rows, columns, belief.decay[length], belief.clock, belief.seconds[length])
+                apply_phi(phi[j], D, rows, columns, belief.decay[length], belief.clock, belief.seconds[length])
         if epoch >= 0:
             place(nominal.nav, reference, first + n_tick)
             place_antenna(nominal, None, belief, unit.dt)
@@ -109,7 +109,7 @@ def _stretch(prepared: Prepared, vehicle: Vehicle, start: float, end: float) -> 
     if vehicle.modelled:
         nav = (belief.block_rows, belief.block_columns, belief.block_kinds, belief.block_drivers)
     triangle, phi = np.zeros((n, n)), np.eye(n)  # row j of phi is the column of Phi that belongs to state j
-    work = (np.zeros((nav[0].size, 9)), np.zeros(n), np.zeros(n), np.zeros(21))
+    work = (np.zeros((nav[0].size, 9)), np.zeros(n), np.zeros(N_SUM))
     increments = np.zeros((int(schedule.n_tick.max()), 6))
     count = _gather(
         triangle, phi, *work, increments, nominal(prepared), schedule, prepared.unit, prepared.signals, belief, vehicle,

@@ -127,27 +127,23 @@ def state_layout(card: FilterCard, imu: ImuBelief, receiver: ReceiverBelief, cha
 
 
 def transition_blocks(parameters: tuple[ParameterBlock, ...], order: int) -> tuple[Ints, Ints, Ints, Ints]:
-    """List the 3 x 3 blocks of Phi - I in the first nine rows: rows, columns, kinds, drivers.
+    """List the 3 x 3 blocks of Phi in the order in which they act: rows, columns, kinds, drivers.
 
-    Order 1 keeps the terms linear in the window, order 2 all that `transition` knows.
+    Order 1 is I + F dt, the terms linear in the window: position moves on by the velocity before the window, and what
+    its gradient of gravity would make of that is taken off again. Order 2 is all that `transition` knows.
     """
-    found = [(VEL, ATT, transition.VEL_ATT, 0), (VEL, POS, transition.VEL_POS, 0), (POS, VEL, transition.POS_VEL, 0)]
-    if order >= 2:
-        found += [
-            (POS, ATT, transition.POS_ATT, 0),
-            (VEL, VEL, transition.VEL_VEL, 0),
-            (POS, POS, transition.POS_POS, 0),
-        ]
-    for block in parameters:
-        at, by = block.offset, block.driver
-        if block.sensor == GYRO:
-            found.append((ATT, at, transition.ATT_GYRO, by))
-            if order >= 2:
-                found += [(VEL, at, transition.VEL_GYRO, by), (POS, at, transition.POS_GYRO, by)]
-        else:
-            found.append((VEL, at, transition.VEL_ACCEL, by))
-            if order >= 2:
-                found.append((POS, at, transition.POS_ACCEL, by))
+    gyro = [block for block in parameters if block.sensor == GYRO]
+    accel = [block for block in parameters if block.sensor != GYRO]
+    if order == 1:
+        found = [(POS, VEL, transition.POS_VEL, 0), (VEL, VEL, transition.VEL_VEL, 0)]
+    else:
+        found = [(POS, VEL, transition.POS_VEL_HALF, 0)]
+        found += [(VEL, block.offset, transition.VEL_GYRO, block.driver) for block in gyro]
+    found += [(VEL, ATT, transition.VEL_ATT, 0), (VEL, POS, transition.VEL_POS, 0)]
+    found += [(VEL, block.offset, transition.VEL_ACCEL, block.driver) for block in accel]
+    found += [(ATT, block.offset, transition.ATT_GYRO, block.driver) for block in gyro]
+    if order == 2:
+        found.append((POS, VEL, transition.POS_VEL_HALF, 0))
     rows, columns, kinds, drivers = (np.array(values, dtype=np.int64) for values in zip(*found, strict=True))
     return rows, columns, kinds, drivers
 

@@ -33,7 +33,7 @@ def predict_window(work, belief, length):
         seconds,
     )
     predict(
-        work.P, work.X, work.D, belief.block_rows, belief.block_columns, belief.decay[length], belief.noise[length],
+        work.P, work.D, belief.block_rows, belief.block_columns, belief.decay[length], belief.noise[length],
         belief.clock, seconds,
     )  # fmt: skip
     if belief.clock >= 0:

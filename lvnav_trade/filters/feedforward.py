@@ -36,7 +36,7 @@ from lvnav_trade.filters.monitor import (
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.joint import apply_phi
-from lvnav_trade.kernels.lanes import like, size, view, where
+from lvnav_trade.kernels.lanes import aligned_zeros, like, size, view, where
 
 Floats = NDArray[np.float64]
 
@@ -51,7 +51,7 @@ class Aside(NamedTuple):
 def new_aside(n_state: int, lanes: int = 0) -> Aside:
     """Return the arrays of an open loop: one run, or `lanes` runs on the last axis."""
     end = (lanes,) if lanes else ()
-    return Aside(np.zeros((n_state, *end)), np.zeros((10, *end)))
+    return Aside(aligned_zeros((n_state, *end)), aligned_zeros((10, *end)))
 
 
 @jit
@@ -72,7 +72,7 @@ def carry(work, aside, belief, length):
     """Propagate the error state of an open loop over a window, with the blocks that `predict_window` has filled."""
     if aside is not None:
         apply_phi(
-            work.x, work.K, work.D, belief.block_rows, belief.block_columns, belief.decay[length], belief.clock,
+            work.x, work.D, belief.block_rows, belief.block_columns, belief.decay[length], belief.clock,
             belief.seconds[length],
         )  # fmt: skip
 

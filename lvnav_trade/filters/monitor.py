@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import like, magnitude, view, where
+from lvnav_trade.kernels.lanes import aligned_zeros, like, magnitude, view, where
 from lvnav_trade.kernels.transition import POS, VEL
 from lvnav_trade.records import AIDING, CONVERGING, PREDICTING, STOPPED, WAITING
 
@@ -76,7 +76,7 @@ def watch_shapes(n_epoch: int) -> dict[str, tuple[int, ...]]:
 def new_watch(n_epoch: int, lanes: int = 0) -> Watch:
     """Return the arrays of a watch: one run, or `lanes` runs on the last axis."""
     end = (lanes,) if lanes else ()
-    return Watch(**{name: np.zeros(shape + end) for name, shape in watch_shapes(n_epoch).items()})
+    return Watch(**{name: aligned_zeros(shape + end) for name, shape in watch_shapes(n_epoch).items()})
 
 
 @jit

@@ -6,51 +6,72 @@ Only the first nine rows of Phi - I hold blocks; parameters decay. The covarianc
 
 from __future__ import annotations
 
-from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, size, sqrt, where
+from lvnav_trade.kernels.transition import POS, VEL
 
 N_NAV_ERROR = 9
 
 
 @jit
-def _advance_rows(P, X, blocks, rows, columns, n):
-    """Set the first nine rows of X to those of Phi P."""
-    for i in range(N_NAV_ERROR):
-        for j in range(n):
-            X[i, j] = P[i, j]
-    for b in range(rows.shape[0]):
-        r, c, block = rows[b], columns[b], blocks[b]
-        d0, d1, d2, d3, d4, d5 = block[0], block[1], block[2], block[3], block[4], block[5]
-        d6, d7, d8 = block[6], block[7], block[8]
-        for j in range(n):
-            p0, p1, p2 = P[c, j], P[c + 1, j], P[c + 2, j]
-            X[r, j] = X[r, j] + d0 * p0 + d1 * p1 + d2 * p2
-            X[r + 1, j] = X[r + 1, j] + d3 * p0 + d4 * p1 + d5 * p2
-            X[r + 2, j] = X[r + 2, j] + d6 * p0 + d7 * p1 + d8 * p2
+def _add_to_rows(P, r, c, block, n):
+    """Add a block times the three rows from c on to those from r on, in the first n columns."""
+    d0, d1, d2, d3, d4, d5 = block[0], block[1], block[2], block[3], block[4], block[5]
+    d6, d7, d8 = block[6], block[7], block[8]
+    for j in range(n):
+        p0, p1, p2 = P[c, j], P[c + 1, j], P[c + 2, j]
+        P[r, j] = P[r, j] + d0 * p0 + d1 * p1 + d2 * p2
+        P[r + 1, j] = P[r + 1, j] + d3 * p0 + d4 * p1 + d5 * p2
+        P[r + 2, j] = P[r + 2, j] + d6 * p0 + d7 * p1 + d8 * p2
 
 
 @jit
-def _advance_columns(P, X, blocks, rows, columns, n):
-    """Set P to Phi P Phi' from the first nine rows of Phi P: their first nine columns change, the rest is copied."""
-    for i in range(N_NAV_ERROR):
-        for j in range(i, N_NAV_ERROR):
-            P[i, j] = X[i, j]
+def _add_to_columns(P, r, c, block, n):
+    """Add the three columns from c on times a transposed block to those from r on, in the first n rows."""
+    d0, d1, d2, d3, d4, d5 = block[0], block[1], block[2], block[3], block[4], block[5]
+    d6, d7, d8 = block[6], block[7], block[8]
+    for i in range(n):
+        p0, p1, p2 = P[i, c], P[i, c + 1], P[i, c + 2]
+        P[i, r] = P[i, r] + d0 * p0 + d1 * p1 + d2 * p2
+        P[i, r + 1] = P[i, r + 1] + d3 * p0 + d4 * p1 + d5 * p2
+        P[i, r + 2] = P[i, r + 2] + d6 * p0 + d7 * p1 + d8 * p2
+
+
+@jit
+def _move_rows(P, seconds, n):
+    """Let position move on with velocity for some seconds: rows."""
+    for i in range(3):
+        for j in range(n):
+            P[POS + i, j] = P[POS + i, j] + seconds * P[VEL + i, j]
+
+
+@jit
+def _move_columns(P, seconds, n):
+    """Let position move on with velocity for some seconds: columns."""
+    for i in range(n):
+        for j in range(3):
+            P[i, POS + j] = P[i, POS + j] + seconds * P[i, VEL + j]
+
+
+@jit
+def _advance(P, blocks, rows, columns, n):
+    """P <- Phi P Phi' without the parameters' decay: every block acts on rows, then on columns; then symmetric.
+
+    Below the ninth row nothing but what mirrors the first nine changes.
+    """
     for b in range(rows.shape[0]):
-        r, c, block = rows[b], columns[b], blocks[b]
-        d0, d1, d2, d3, d4, d5 = block[0], block[1], block[2], block[3], block[4], block[5]
-        d6, d7, d8 = block[6], block[7], block[8]
-        for i in range(r + 3):
-            p0, p1, p2 = X[i, c], X[i, c + 1], X[i, c + 2]
-            P[i, r] = P[i, r] + d0 * p0 + d1 * p1 + d2 * p2
-            P[i, r + 1] = P[i, r + 1] + d3 * p0 + d4 * p1 + d5 * p2
-            P[i, r + 2] = P[i, r + 2] + d6 * p0 + d7 * p1 + d8 * p2
+        if rows[b] == POS and columns[b] == VEL:
+            _move_rows(P, blocks[b][0], n)
+        else:
+            _add_to_rows(P, rows[b], columns[b], blocks[b], n)
+    for b in range(rows.shape[0]):
+        if rows[b] == POS and columns[b] == VEL:
+            _move_columns(P, blocks[b][0], N_NAV_ERROR)
+        else:
+            _add_to_columns(P, rows[b], columns[b], blocks[b], N_NAV_ERROR)
     for i in range(N_NAV_ERROR):
-        for j in range(i + 1, N_NAV_ERROR):
+        for j in range(i + 1, n):
             P[j, i] = P[i, j]
-        for j in range(N_NAV_ERROR, n):
-            value = X[i, j]
-            P[i, j] = value
-            P[j, i] = value
 
 
 @jit
@@ -74,28 +95,44 @@ def _advance_clock(P, clock, seconds, n):
 
 
 @jit
-def predict(P, X, blocks, rows, columns, decay, noise, clock, seconds):
+def predict(P, blocks, rows, columns, decay, noise, clock, seconds):
     """Propagate the covariance over a window: P <- Phi (P + Q/2) Phi' + Q/2, Q diagonal.
 
     Half of the noise before and half after gives its cross terms to second order in the window.
 
     Parameters
     ----------
-    P : (n, n) symmetric; updated. X : (n, n) work
-    blocks : (n_block, 9) of Phi - I at rows, columns (n_block,) int
+    P : (n, n) symmetric; updated
+    blocks : (n_block, 9) at rows, columns (n_block,) int: Phi is the product of what each block does, see `transition`;
+        position takes velocity times a number of seconds, the same on all axes
     decay, noise : (n,) decay factor and noise variance of each state over the window
     clock : index of the clock bias, -1 for none; seconds : length of the window
     """
     n = noise.shape[0]
     for i in range(n):
         P[i, i] = P[i, i] + 0.5 * noise[i]
-    _advance_rows(P, X, blocks, rows, columns, n)
-    _advance_columns(P, X, blocks, rows, columns, n)
+    _advance(P, blocks, rows, columns, n)
     _decay(P, decay, n)
     if clock >= 0:
         _advance_clock(P, clock, seconds, n)
     for i in range(n):
         P[i, i] = P[i, i] + 0.5 * noise[i]
+
+
+@inlined
+def _met(P, x, K, h, entries, columns, innovation, variance, n):
+    """Set K to P h; return the variance of a row's innovation, and what earlier rows of the epoch have left of it."""
+    for i in range(n):
+        k = P[i, columns[0]] * h[entries[0]]
+        for c in range(1, columns.shape[0]):
+            k = k + P[i, columns[c]] * h[entries[c]]
+        K[i] = k
+    s = like(x[0], variance)
+    residual = innovation
+    for c in range(columns.shape[0]):
+        s = s + h[entries[c]] * K[columns[c]]
+        residual = residual - h[entries[c]] * x[columns[c]]
+    return s, residual
 
 
 @jit
@@ -119,16 +156,7 @@ def absorb(P, x, K, h, entries, columns, innovation, variance, gate_squared, n_e
     normalised innovation (before the gate), weight (1 / innovation variance, 0 where rejected)
     """
     n = size(P, 0)
-    for i in range(n):
-        k = P[i, columns[0]] * h[entries[0]]
-        for c in range(1, columns.shape[0]):
-            k = k + P[i, columns[c]] * h[entries[c]]
-        K[i] = k
-    s = like(x[0], variance)
-    residual = innovation
-    for c in range(columns.shape[0]):
-        s = s + h[entries[c]] * K[columns[c]]
-        residual = residual - h[entries[c]] * x[columns[c]]
+    s, residual = _met(P, x, K, h, entries, columns, innovation, variance, n)
     believed = residual * residual <= gate_squared * s
     inverse = 1.0 / s
     weight = where(believed, inverse, 0.0)
@@ -155,16 +183,7 @@ def absorb_with(P, x, K, h, entries, columns, gain, innovation, variance, gate_s
     nothing but the gate.
     """
     n = size(P, 0)
-    for i in range(n):
-        k = P[i, columns[0]] * h[entries[0]]
-        for c in range(1, columns.shape[0]):
-            k = k + P[i, columns[c]] * h[entries[c]]
-        K[i] = k
-    s = like(x[0], variance)
-    residual = innovation
-    for c in range(columns.shape[0]):
-        s = s + h[entries[c]] * K[columns[c]]
-        residual = residual - h[entries[c]] * x[columns[c]]
+    s, residual = _met(P, x, K, h, entries, columns, innovation, variance, n)
     believed = residual * residual <= gate_squared * s
     taken = where(believed, 1.0, 0.0)
     step = where(believed, residual, 0.0)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.jit import jit, making_arrays
 from lvnav_trade.kernels.lanes import sqrt
 
 # WGS-84 defining constants (NGA.STND.0036) and what follows from them.
@@ -111,7 +111,7 @@ def height_and_up(x: Any, y: Any, z: Any) -> Any:
     return height, x * level, y * level, sine
 
 
-@jit
+@making_arrays
 def gravity_along(r: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return `gravity_j4` at positions r (n, 3) in m, frame i or e, as (n, 3) in m/s^2, the same frame."""
     g = np.empty_like(r)

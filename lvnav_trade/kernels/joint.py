@@ -16,17 +16,14 @@ from lvnav_trade.kernels.lanes import like, size
 
 
 @jit
-def apply_phi(y, work, blocks, rows, columns, decay, clock, seconds):
-    """Replace the vector y (n,) by Phi y; work (n,). Of one run, or lane views of eight."""
+def apply_phi(y, blocks, rows, columns, decay, clock, seconds):
+    """Replace the vector y (n,) by Phi y. Of one run, or lane views of eight."""
     n = size(y, 0)
-    for i in range(n):
-        work[i] = y[i]
     for b in range(rows.shape[0]):
         r, c, block = rows[b], columns[b], blocks[b]
+        y0, y1, y2 = y[c], y[c + 1], y[c + 2]
         for i in range(3):
-            y[r + i] = y[r + i] + (
-                block[3 * i] * work[c] + block[3 * i + 1] * work[c + 1] + block[3 * i + 2] * work[c + 2]
-            )
+            y[r + i] = y[r + i] + (block[3 * i] * y0 + block[3 * i + 1] * y1 + block[3 * i + 2] * y2)
     for i in range(N_NAV_ERROR, n):
         y[i] = y[i] * decay[i]
     if clock >= 0:
@@ -34,23 +31,21 @@ def apply_phi(y, work, blocks, rows, columns, decay, clock, seconds):
 
 
 @jit
-def apply_phi_transposed(y, work, blocks, rows, columns, decay, clock, seconds):
-    """Replace the vector y (n,) by Phi' y; work (n,)."""
-    n = y.shape[0]
-    for i in range(n):
-        work[i] = y[i]
-    for i in range(N_NAV_ERROR, n):
-        y[i] = y[i] * decay[i]
-    for b in range(rows.shape[0]):
-        r, c = rows[b], columns[b]
-        for i in range(3):
-            y[c + i] += blocks[b, i] * work[r] + blocks[b, 3 + i] * work[r + 1] + blocks[b, 6 + i] * work[r + 2]
+def apply_phi_transposed(y, blocks, rows, columns, decay, clock, seconds):
+    """Replace the vector y (n,) by Phi' y: what `apply_phi` does, backwards."""
     if clock >= 0:
-        y[clock + 1] += seconds * work[clock]
+        y[clock + 1] += seconds * y[clock]
+    for i in range(N_NAV_ERROR, y.shape[0]):
+        y[i] = y[i] * decay[i]
+    for b in range(rows.shape[0] - 1, -1, -1):
+        r, c = rows[b], columns[b]
+        y0, y1, y2 = y[r], y[r + 1], y[r + 2]
+        for i in range(3):
+            y[c + i] += blocks[b, i] * y0 + blocks[b, 3 + i] * y1 + blocks[b, 6 + i] * y2
 
 
 @jit
-def propagate_component(P, y, b, g, work, variance, fade, wander, blocks, rows, columns, decay, clock, seconds):
+def propagate_component(P, y, b, g, variance, fade, wander, blocks, rows, columns, decay, clock, seconds):
     """Propagate one parameter component: P (n, n) its source's covariance of e, without the Phi P Phi' part; y (n,)
     = Cov(e, c).
 
@@ -58,7 +53,7 @@ def propagate_component(P, y, b, g, work, variance, fade, wander, blocks, rows, 
     P and y are updated; returns the variance of c after the step.
     """
     n = y.shape[0]
-    apply_phi(y, work, blocks, rows, columns, decay, clock, seconds)
+    apply_phi(y, blocks, rows, columns, decay, clock, seconds)
     for i in range(n):
         if b[i] != 0.0:
             for j in range(n):

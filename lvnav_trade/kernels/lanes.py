@@ -37,7 +37,19 @@ from lvnav_trade.kernels.vector import (
     u64x8,
 )
 
+LINE = 64  # bytes of a cache line
+
 # ---------------------------------------------------------------------------------------------- views
+
+
+def aligned_zeros(shape: tuple[int, ...], dtype: type = np.float64) -> np.ndarray:
+    """Return zeros that begin where a cache line does: a line holds the eight runs of a value, and lanes across
+    two lines take two loads.
+    """
+    size = math.prod(shape) * np.dtype(dtype).itemsize
+    room = np.zeros(size + LINE, dtype=np.uint8)
+    start = -room.ctypes.data % LINE
+    return room[start : start + size].view(dtype).reshape(shape)
 
 
 @intrinsic
@@ -58,7 +70,7 @@ def _make_view(typingctx, array):
 
 
 def view(array):
-    """Return the lane view of a C-contiguous array (..., 8); the caller keeps the array alive."""
+    """Return the lane view of a C-contiguous array (..., 8), best of `aligned_zeros`; the caller keeps it alive."""
     raise NotImplementedError("lanes exist in compiled code only")
 
 

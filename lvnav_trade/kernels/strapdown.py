@@ -10,8 +10,8 @@ from lvnav_trade.kernels.lanes import like
 # Offsets in the navigation state and in the sums over a window that the transition needs.
 Q, V, R = 0, 4, 7
 N_NAV = 10
-SUM_C, SUM_V, SUM_S, SUM_TH, SUM_F = 0, 9, 12, 15, 18
-N_SUM = 21
+SUM_C, SUM_V, SUM_TH, SUM_F = 0, 9, 12, 15
+N_SUM = 18
 
 POINT, J2, J4 = 0, 1, 2
 
@@ -36,8 +36,8 @@ def mechanise(nav, sums, previous, increments, n_tick, dt, kind):
     Parameters
     ----------
     nav : (10,) quaternion b to i, velocity (m/s), position (m), frame i; updated
-    sums : (21,) set to the window's integral of C_b_i dt (9), velocity gained (3), its integral (3), angle (3) and
-        specific-force (3) increments summed
+    sums : (18,) set to the window's integral of C_b_i dt (9), velocity gained (3), angle (3) and specific-force (3)
+        increments summed
     previous : (6,) increments of the tick before; updated
     increments : (n, 6) compensated angle (rad) and velocity (m/s) increments, body frame
     """
@@ -48,7 +48,6 @@ def mechanise(nav, sums, previous, increments, n_tick, dt, kind):
     zero = like(q0, 0.0)
     m0, m1, m2, m3, m4, m5, m6, m7, m8 = zero, zero, zero, zero, zero, zero, zero, zero, zero
     gained_x, gained_y, gained_z = zero, zero, zero
-    drift_x, drift_y, drift_z = zero, zero, zero
     th_x, th_y, th_z, f_x, f_y, f_z = zero, zero, zero, zero, zero, zero
     half, twelfth = 0.5 * dt, 1.0 / 12.0
     for k in range(n_tick):
@@ -67,9 +66,6 @@ def mechanise(nav, sums, previous, increments, n_tick, dt, kind):
         nx, ny, nz = vx + sx + dt * gx, vy + sy + dt * gy, vz + sz + dt * gz
         rx, ry, rz = rx + half * (vx + nx), ry + half * (vy + ny), rz + half * (vz + nz)
         vx, vy, vz = nx, ny, nz
-        drift_x += dt * gained_x + half * sx
-        drift_y += dt * gained_y + half * sy
-        drift_z += dt * gained_z + half * sz
         gained_x += sx
         gained_y += sy
         gained_z += sz
@@ -90,7 +86,6 @@ def mechanise(nav, sums, previous, increments, n_tick, dt, kind):
     sums[3], sums[4], sums[5] = dt * m3, dt * m4, dt * m5
     sums[6], sums[7], sums[8] = dt * m6, dt * m7, dt * m8
     sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2] = gained_x, gained_y, gained_z
-    sums[SUM_S], sums[SUM_S + 1], sums[SUM_S + 2] = drift_x, drift_y, drift_z
     sums[SUM_TH], sums[SUM_TH + 1], sums[SUM_TH + 2] = th_x, th_y, th_z
     sums[SUM_F], sums[SUM_F + 1], sums[SUM_F + 2] = f_x, f_y, f_z
 

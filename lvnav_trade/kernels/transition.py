@@ -6,8 +6,11 @@ C_b_i, f_i specific force, G the gravity gradient and p an error parameter of th
 
     d(att)/dt = -C diag(u) p_gyro,  d(vel)/dt = -[f_i x] att + G pos - C diag(u) p_accel,  d(pos)/dt = vel
 
-The blocks hold Phi - I to second order in the window (third where a gyro parameter reaches position), with the
-integrals of C and of f_i over the window that the strapdown has summed, so thrust may vary within it.
+Phi is a product: each block adds itself times three states to three others, one block after the other. Position moves
+on with velocity for half of the window; velocity and then attitude take what drives them over the whole window, with
+the integrals of C and of f_i that the strapdown has summed, so thrust may vary within it; position moves on for the
+other half. That is right to second order in the window (Strang, SIAM J. Numer. Anal. 5, 1968), with half of the blocks
+that Phi written as a sum would need.
 """
 
 from __future__ import annotations
@@ -15,12 +18,12 @@ from __future__ import annotations
 from lvnav_trade.kernels.attitude import cross
 from lvnav_trade.kernels.earth import gravity_gradient
 from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.strapdown import SUM_C, SUM_F, SUM_S, SUM_TH, SUM_V
+from lvnav_trade.kernels.strapdown import SUM_C, SUM_F, SUM_TH, SUM_V
 
 ATT, VEL, POS = 0, 3, 6
 
 # What a block is.
-(VEL_ATT, POS_ATT, VEL_POS, POS_VEL, VEL_VEL, POS_POS, ATT_GYRO, VEL_GYRO, POS_GYRO, VEL_ACCEL, POS_ACCEL) = range(11)
+(POS_VEL, POS_VEL_HALF, VEL_VEL, VEL_ATT, VEL_POS, ATT_GYRO, VEL_GYRO, VEL_ACCEL) = range(8)
 
 GYRO, ACCEL = 0, 1
 
@@ -94,42 +97,41 @@ def _turned_column(block, factor, sums, ux, uy, uz):
 
 @inlined
 def parameter_block(block, kind, driven_by, sums, seconds):
-    """Set a block of an inertial-unit parameter: kinds ATT_GYRO to POS_ACCEL."""
+    """Set a block of an inertial-unit parameter: kinds ATT_GYRO to VEL_ACCEL."""
     th = (sums[SUM_TH] / seconds, sums[SUM_TH + 1] / seconds, sums[SUM_TH + 2] / seconds)
     f = (sums[SUM_F] / seconds, sums[SUM_F + 1] / seconds, sums[SUM_F + 2] / seconds)
-    if kind in (VEL_ACCEL, POS_ACCEL):
+    if kind == VEL_ACCEL:
         ux, uy, uz = driver(driven_by, f[0], f[1], f[2], th[0], th[1], th[2])
-        _column(block, -1.0 if kind == VEL_ACCEL else -0.5 * seconds, sums, ux, uy, uz)
+        _column(block, -1.0, sums, ux, uy, uz)
     else:
         ux, uy, uz = driver(driven_by, th[0], th[1], th[2], f[0], f[1], f[2])
         if kind == ATT_GYRO:
             _column(block, -1.0, sums, ux, uy, uz)
         else:
-            _turned_column(block, 0.5 if kind == VEL_GYRO else seconds / 6.0, sums, ux, uy, uz)
+            _turned_column(block, 0.5, sums, ux, uy, uz)
 
 
 @inlined
 def fill(blocks, kinds, drivers, sums, x, y, z, seconds):
-    """Set every block of Phi - I for a window.
+    """Set every block of Phi for a window.
 
     Parameters
     ----------
     blocks : (n_block, 9) entries by rows; updated
     kinds, drivers : (n_block,) int, what each block is and the driver of its parameter
-    sums : (21,) the strapdown's sums over the window; x, y, z : position (m), frame i; seconds : length of the window
+    sums : (18,) the strapdown's sums over the window; x, y, z : position (m), frame i; seconds : length of the window
     """
     for b in range(kinds.shape[0]):
         kind, block = kinds[b], blocks[b]
         if kind == VEL_ATT:
             _skew(block, -sums[SUM_V], -sums[SUM_V + 1], -sums[SUM_V + 2])
-        elif kind == POS_ATT:
-            _skew(block, -sums[SUM_S], -sums[SUM_S + 1], -sums[SUM_S + 2])
         elif kind == VEL_POS:
             _gradient(block, seconds, x, y, z)
-        elif kind in (VEL_VEL, POS_POS):
-            _gradient(block, 0.5 * seconds * seconds, x, y, z)
-        elif kind == POS_VEL:
+        elif kind == VEL_VEL:
+            _gradient(block, -seconds * seconds, x, y, z)
+        elif kind in (POS_VEL, POS_VEL_HALF):
+            share = 1.0 if kind == POS_VEL else 0.5
             for i in range(9):
-                block[i] = seconds + 0.0 * x if i % 4 == 0 else 0.0 * x
+                block[i] = share * seconds + 0.0 * x if i % 4 == 0 else 0.0 * x
         else:
             parameter_block(block, kind, drivers[b], sums, seconds)

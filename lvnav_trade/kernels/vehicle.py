@@ -64,7 +64,7 @@ def advance(P, moved, sums, dt, motion):
     Parameters
     ----------
     P : (n, n) upper triangle; updated. moved : (9, n) work
-    sums : (21,) of the strapdown over the tick: the integral of C_b_i (9) and the velocity gained (3)
+    sums : (18,) of the strapdown over the tick: the integral of C_b_i (9) and the velocity gained (3)
     """
     n = size(P, 0)
     w, f, half = motion, motion + 3, 0.5 * dt

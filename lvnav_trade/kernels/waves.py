@@ -6,12 +6,12 @@ import math
 
 import numpy as np
 
-from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.jit import making_arrays
 
 N_WAVE = 15  # rotation vector, its rate, displacement, its rate, its acceleration, three each
 
 
-@jit
+@making_arrays
 def sum_of_waves(t, omega, turn, shift):
     """Return the real part of sums over lines of amplitude times exp(i omega t), and derivatives in time, (n, 15).
 

@@ -158,5 +158,5 @@ def _quantile(error: np.ndarray[Any, Any], probability: float) -> float:
 
 
 def told(value: float, unit: str) -> str:
-    """Write a value with its unit, three digits; empty where there is none."""
-    return "" if np.isnan(value) else f"{float(f'{value:.3g}'):g} {unit}"
+    """Write a value with its unit, three digits; empty where there is none, ∞ where so many runs failed."""
+    return "" if np.isnan(value) else f"∞ {unit}" if np.isinf(value) else f"{float(f'{value:.3g}'):g} {unit}"

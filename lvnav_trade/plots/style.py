@@ -21,6 +21,7 @@ PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 DASHES = ("-", "--", "-.", ":")
 GREY = "#6b7280"
 _HANDLE, _LETTER = 0.55, 0.058  # inches of a legend's line with what is around it, and of a letter of 8 points
+_SLANTED = 0.042  # inches across the page of a slanted letter of an event's name
 _PAUSE = 5.0  # usual steps without a row
 _APART, _KEY_LENGTH = "   ", 105  # between events of a key; letters of 7.5 points that the page's width has room for
 
@@ -86,9 +87,16 @@ def mark_events(axes: Axes, events: pd.DataFrame, names: bool = True, numbers: b
     if names:
         groups = _groups(flown.t_s.to_numpy(), room)
         starts = [(float(flown.t_s.iloc[first]) - low) / (high - low) for first, _ in groups]
-        for (first, last), leftward in zip(groups, _leftward(starts), strict=True):
-            text = _span(first, last) if numbers else _joined(list(flown.event.iloc[first : last + 1]))
-            _name(axes, float(flown.t_s.iloc[first]), text, numbers, leftward)
+        leftward = _leftward(starts)
+        if numbers:
+            texts = [_span(first, last) for first, last in groups]
+        else:
+            inches = starts and axes.get_position().width * WIDTH
+            texts = _apart(
+                [list(flown.event.iloc[i : j + 1]) for i, j in groups], np.multiply(starts, inches), leftward
+            )
+        for (first, _), text, left in zip(groups, texts, leftward, strict=True):
+            _name(axes, float(flown.t_s.iloc[first]), text, numbers, left)
 
 
 def event_key(events: pd.DataFrame) -> str:
@@ -133,6 +141,20 @@ def _span(first: int, last: int) -> str:
 def _joined(names: list[str]) -> str:
     """Name a group of events: all of two, of more the first and the last."""
     return ", ".join(names) if len(names) <= 2 else f"{names[0]} ... {names[-1]}"
+
+
+def _apart(groups: list[list[str]], places: NDArray[np.float64], leftward: list[bool]) -> list[str]:
+    """Return the names of groups of events at places (inches); where two that lean towards each other would meet, each
+    names the first of its group.
+    """
+    texts = [_joined(names) for names in groups]
+    if True not in leftward or leftward[0]:
+        return texts
+    turn = leftward.index(True)
+    if _SLANTED * (len(texts[turn - 1]) + len(texts[turn])) > places[turn] - places[turn - 1]:
+        for k in (turn - 1, turn):
+            texts[k] = groups[k][0] + (" ..." if len(groups[k]) > 1 else "")
+    return texts
 
 
 def _name(axes: Axes, t: float, name: str, upright: bool, leftward: bool) -> None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import view
+from lvnav_trade.kernels.lanes import aligned_zeros, view
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -61,7 +61,7 @@ class PointModel(NamedTuple):
 class FilterModel(NamedTuple):
     """Settings of the receiver's filter over its interval (s).
 
-    blocks (n_block, 9) of Phi - I at rows, columns (n_block,); ones, zeros (11,); fade, to_velocity, to_position: how
+    blocks (n_block, 9) of Phi at rows, columns (n_block,); ones, zeros (11,); fade, to_velocity, to_position: how
     acceleration acts; drive (3,): how the driving noise enters acceleration, velocity, position; its variance per axis
     is the larger of a floor and gain x acceleration^2; range and rate variances are the larger of a floor and gain x
     size of acceleration; clock: variance of the drift's derivative; start: variance of acceleration at the start;
@@ -118,7 +118,6 @@ class Receiver(NamedTuple):
     verdict: Floats
     nav: Floats
     P: Floats
-    X: Floats
     x: Floats
     K: Floats
     h: Floats
@@ -134,7 +133,7 @@ def receiver_shapes() -> dict[str, tuple[int, ...]]:
     n = N_STATE
     return {
         "near": (3,), "fix": (N_FIX,), "inverse": (4, 4), "normal": (4, 4), "sides": (2, 4), "verdict": (2,),
-        "nav": (n,), "P": (n, n), "X": (n, n), "x": (n,), "K": (n,), "h": (10,), "at": (12,), "memory": (N_MEMORY,),
+        "nav": (n,), "P": (n, n), "x": (n,), "K": (n,), "h": (10,), "at": (12,), "memory": (N_MEMORY,),
         "used": (2,), "solution": (6,), "covariance": (6, 6),
     }  # fmt: skip
 
@@ -142,7 +141,7 @@ def receiver_shapes() -> dict[str, tuple[int, ...]]:
 def new_receiver(lanes: int = 0) -> Receiver:
     """Return the arrays of a receiver that is switched off: one run, or `lanes` runs on the last axis."""
     end = (lanes,) if lanes else ()
-    return Receiver(**{name: np.zeros(shape + end) for name, shape in receiver_shapes().items()})
+    return Receiver(**{name: aligned_zeros(shape + end) for name, shape in receiver_shapes().items()})
 
 
 @jit
@@ -150,7 +149,7 @@ def as_lanes(w: Any) -> Any:
     """Return lane views of a receiver's arrays, whose last axis is eight runs."""
     return Receiver(
         view(w.near), view(w.fix), view(w.inverse), view(w.normal), view(w.sides), view(w.verdict), view(w.nav),
-        view(w.P), view(w.X), view(w.x), view(w.K), view(w.h), view(w.at), view(w.memory), view(w.used),
+        view(w.P), view(w.x), view(w.K), view(w.h), view(w.at), view(w.memory), view(w.used),
         view(w.solution), view(w.covariance),
     )  # fmt: skip
 
@@ -243,7 +242,7 @@ def filter_model(
     fade, to_velocity, to_position = _acting(dt, math.inf if acceleration_time is None else acceleration_time)
     pairs = [(POS, VEL, dt)]
     if acceleration:
-        pairs += [(ACC, ACC, fade - 1.0), (VEL, ACC, to_velocity), (POS, ACC, to_position)]
+        pairs += [(POS, ACC, to_position), (VEL, ACC, to_velocity), (ACC, ACC, fade - 1.0)]  # as they act, one by one
     blocks = np.array([value * np.eye(3).ravel() for _, _, value in pairs])
     drive = [dt, 0.5 * dt**2, dt**3 / 6.0] if acceleration else [0.0, dt, 0.5 * dt**2]
     return FilterModel(

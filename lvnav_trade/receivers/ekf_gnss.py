@@ -96,9 +96,7 @@ def propagate(rx, model, x, y, z):
         nav[VEL + i] = nav[VEL + i] + model.to_velocity * nav[ACC + i]
         nav[ACC + i] = model.fade * nav[ACC + i]
     nav[BIAS] = nav[BIAS] + model.interval * nav[DRIFT]
-    predict(
-        rx.P, rx.X, model.blocks, model.rows, model.columns, model.ones, model.zeros, BIAS, model.interval
-    )  # fmt: skip
+    predict(rx.P, model.blocks, model.rows, model.columns, model.ones, model.zeros, BIAS, model.interval)
     drive(rx.P, model, x, y, z)
 
 

@@ -19,6 +19,8 @@ COLOURS = 96
 """Colours kept in a picture, far from each other: line art loses nothing that one could see, not even the colour of a
 line that shows in the legend alone, and is a third of the size.
 """
+_EXACT = 24
+"""Of them the most frequent, which are left as they are: a grey shade should not turn pink."""
 
 
 class Text(NamedTuple):
@@ -137,7 +139,21 @@ def picture(name: str, figure: Figure, caption: str) -> Picture:
         canvas: Any = FigureCanvasAgg(figure)
         canvas.draw()  # savefig would draw twice, for the layout and for the picture
     image = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
-    image.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(
-        small, format="PNG", optimize=True
-    )
+    _few_colours(image).save(small, format="PNG", optimize=True)
     return Picture(name, small.getvalue(), caption)
+
+
+def _few_colours(image: Image.Image) -> Image.Image:
+    """Return a picture of `COLOURS` colours; those of large areas (shades, grids) are what they were."""
+    found = image.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    red, green, blue = np.moveaxis(np.asarray(image).reshape(-1, 3).astype(np.uint32), 1, 0)
+    code, index = (red << 16) | (green << 8) | blue, np.asarray(found).ravel()
+    every, count = np.unique(code, return_counts=True)
+    palette, kept = np.array(found.getpalette()).reshape(-1, 3), set()
+    for one in every[np.argsort(-count, kind="stable")][:_EXACT]:
+        place = int(index[np.argmax(code == one)])
+        if place not in kept:  # of several that became one colour the largest
+            palette[place] = one >> 16, (one >> 8) & 255, one & 255
+            kept.add(place)
+    found.putpalette(palette.ravel().tolist())
+    return found

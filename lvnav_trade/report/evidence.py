@@ -71,7 +71,8 @@ def requirements(tables: Tables) -> list[Block]:
     note = (
         "Met: the lower bound on the probability of success reaches what is asked; violated: the upper bound stays "
         "below it. Bounds are exact binomial, one-sided, at the stated confidence. A failed run is a failure. "
-        "Estimate: the error that the stated fraction of runs stays within."
+        "Estimate: the error that the stated fraction of runs stays within"
+        + (", ∞ where more runs failed." if frame.estimate.str.startswith("∞").any() else ".")
     )
     if (tables.campaign.get("monte_carlo") or {}).get("stop"):
         note += (
@@ -89,10 +90,7 @@ def _expected(tables: Tables) -> list[Block]:
             "requirement": frame.requirement,
             "case": frame.case,
             "verdict by linear covariance": frame.verdict,
-            "expected to keep it (%)": [
-                f"at most {number(100.0 * p)}" if reason == ABOVE_ONLY else number(100.0 * p)
-                for p, reason in zip(frame.expected_probability, frame.reason, strict=True)
-            ],
+            "expected to keep it (%)": _expectation(frame),
             "asked (%)": 100.0 * frame.probability,
             "estimate": frame.estimate.where(frame.reason != ABOVE_ONLY).fillna("–"),
             "limit": frame.limit.fillna("–"),
@@ -106,6 +104,12 @@ def _expected(tables: Tables) -> list[Block]:
     )
     shown = shown if shown.remark.any() else shown.drop(columns="remark")
     return [table(shown, "The same requirements by linear covariance alone."), Text(note)]
+
+
+def _expectation(frame: pd.DataFrame) -> pd.Series[Any]:
+    """Return the expected part of flights (%); of a phase, where it is bounded from above only, in words."""
+    part, above = 100.0 * frame.expected_probability, frame.reason == ABOVE_ONLY
+    return part.map(number).where(~above, "at most " + part.map(number)) if above.any() else part
 
 
 def trajectory(tables: Tables) -> list[Block]:

@@ -86,7 +86,8 @@ def _with_mean(tables: Tables, case: str, quantity: str, square: pd.Series[float
     if not any(m**2 >= _LEAST_SHARE * (m**2 + s) for m, s in zip(mean, square, strict=True)):
         return ()
     whole = [float(np.hypot(m, np.sqrt(s))) for m, s in zip(mean, square, strict=True)]
-    return ("mean, the same in every flight", *map(number, mean)), ("root mean square", *map(number, whole))
+    told = (number(m) if m >= _LEAST_SHARE * w else "–" for m, w in zip(mean, whole, strict=True))
+    return ("mean, the same in every flight", *told), ("root mean square", *map(number, whole))
 
 
 def _part(sigma: float, share: float) -> str:

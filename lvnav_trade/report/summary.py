@@ -10,6 +10,7 @@ import pandas as pd
 from lvnav_trade import plots
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.agreement import by_case
+from lvnav_trade.metrics.covariances import reach
 from lvnav_trade.metrics.laws import asked
 from lvnav_trade.metrics.requirements import where
 from lvnav_trade.metrics.select import mean_at, metric_name, split_metric
@@ -29,7 +30,8 @@ def summary(tables: Tables) -> list[Block]:
     if not len(judged):
         blocks.append(Text("The campaign states no requirement; the cases are ranked below."))
     blocks.append(ranking_table(tables))
-    blocks.append(picture("ranking", plots.PLOTS["rank"](tables), "The cases by their error at injection."))
+    at = str(METRICS["ranking"](tables).event.iloc[0]).replace("_", " ")
+    blocks.append(picture("ranking", plots.PLOTS["rank"](tables), f"The cases by their error at {at}."))
     verdict = _agreement(tables)
     return [*blocks, Text(verdict)] if verdict else blocks
 
@@ -183,7 +185,7 @@ def _largest_sources(tables: Tables, requirement: dict[str, Any], violated: pd.D
             at = at if isinstance(law, str) else law.moment.replace(" ", "_")
             there = f" at {at.replace('_', ' ')}"
         rows = budget[(budget.case == case) & (budget.event == at) & (budget.metric == metric_name(quantity))]
-        if len(rows):
+        if len(rows) and reach(tables, digests[case]).applies:
             top, mean = rows.iloc[0], mean_at(tables, digests[case], at, quantity)
             share = f"{top.source} ({100 * top.share_ratio:.0f} % of the variance{there})"
             biased = mean**2 > float((rows.sigma**2).sum())
@@ -197,13 +199,18 @@ def ranking_table(tables: Tables) -> Block:
     """Return the cases in order, with RMS and interval."""
     frame = METRICS["ranking"](tables)
     shown = pd.DataFrame({"case": frame.case, "runs": frame.run_count})
+    failed = frame.case.map(tables.cases.set_index("label").failed_count)
+    left_out = " Failed runs are left out of it." if failed.any() else ""
+    if left_out:
+        shown["failed"] = failed
     for quantity in ("velocity", "position", "attitude"):
         if quantity in frame:
             unit = frame[f"{quantity}_unit"].iloc[0]
             shown[f"{quantity} ({unit})"] = frame[quantity]
             low, high = frame[f"{quantity}_low"].map(number), frame[f"{quantity}_high"].map(number)
             shown["95 % interval" + " " * len(shown.columns)] = low + " to " + high
-    found = table(shown, f"Ranking: 3D RMS error at {frame.event.iloc[0].replace('_', ' ')}, best velocity first.")
+    at = str(frame.event.iloc[0]).replace("_", " ")
+    found = table(shown, f"Ranking: 3D RMS error at {at}, best velocity first.{left_out}")
     return found._replace(head=tuple(name.rstrip() for name in found.head))
 
 
@@ -211,9 +218,8 @@ def _agreement(tables: Tables) -> str:
     found = by_case(tables)
     tested = found[found.verdict.isin(["agree", "disagree"])]
     outside = found[found.verdict == "not applicable"]
-    parts = [f"Not applicable: {'; '.join(f'{row.case} ({row.reason})' for row in outside.itertuples())}."] * bool(
-        len(outside)
-    )
+    why = [f"{'; '.join(rows.case)} ({reason})" for reason, rows in outside.groupby("reason", sort=False)]
+    parts = [f"Not applicable: {'; '.join(why)}."] * bool(why)
     if not len(tested):
         return " ".join(parts)
     level = percent(float(tested.alpha_ratio.iloc[0]))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lvnav_trade.kernels.atmosphere import atmosphere
 from lvnav_trade.kernels.earth import ECCENTRICITY_2, OMEGA, SEMI_MAJOR, gravity_j4
-from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.jit import jit, making_arrays
 from lvnav_trade.world.steering import Steering, direction
 
 Floats = NDArray[np.float64]
@@ -133,7 +133,7 @@ def rates(t: float, y: Floats, steering: Steering, engine: Engine, drag: Drag) -
     return v[0], v[1], v[2], ax, ay, az, -engine.mass_flow * throttle - flow
 
 
-@jit
+@making_arrays
 def _along(y: Floats, h: float, k: Rates) -> Floats:
     """Return y + h k (7,). Loops over scalars here: array expressions compile for seconds."""
     out = np.empty(7)
@@ -142,7 +142,7 @@ def _along(y: Floats, h: float, k: Rates) -> Floats:
     return out
 
 
-@jit
+@making_arrays
 def step(t: float, h: float, y: Floats, steering: Steering, engine: Engine, drag: Drag) -> Floats:
     """Return y (7,) advanced by h with the classical Runge-Kutta step of fourth order."""
     k1 = rates(t, y, steering, engine, drag)
@@ -155,7 +155,7 @@ def step(t: float, h: float, y: Floats, steering: Steering, engine: Engine, drag
     return out
 
 
-@jit
+@making_arrays
 def fly(
     t0: float, duration: float, n_step: int, y0: Floats, steering: Steering, engine: Engine, drag: Drag
 ) -> tuple[Floats, Floats]:
@@ -172,7 +172,7 @@ def fly(
     return t, y
 
 
-@jit
+@making_arrays
 def time_to_mass(t0: float, mass: float, h: float, y0: Floats, steering: Steering, engine: Engine, drag: Drag) -> float:
     """Return how long the engine burns from t0, state y0 (7,), until `mass` (kg) is left, stepping by h (s)."""
     t, y = t0, y0
@@ -188,7 +188,7 @@ def time_to_mass(t0: float, mass: float, h: float, y0: Floats, steering: Steerin
     return t + part - t0
 
 
-@jit
+@making_arrays
 def accelerations(t: Floats, y: Floats, steering: Steering, engine: Engine, drag: Drag) -> Floats:
     """Return the inertial acceleration (n, 3) at times t (n,) and states y (n, 7) of a leg."""
     out = np.empty((t.size, 3))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.kernels.earth import OMEGA
-from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.jit import jit, making_arrays
 
 Floats = NDArray[np.float64]
 Direction = tuple[float, float, float]
@@ -99,7 +99,7 @@ def direction(t: float, r: Direction, v: Direction, s: Steering) -> Direction:
     return u
 
 
-@jit
+@making_arrays
 def directions(t: Floats, y: Floats, s: Steering) -> Floats:
     """Return `direction` (n, 3) at times t (n,) and states y (n, 6 or more) of position and velocity."""
     out = np.empty((t.size, 3))

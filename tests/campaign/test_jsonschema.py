@@ -46,7 +46,8 @@ def fits(value: Any, schema: dict[str, Any], root: dict[str, Any]) -> bool:
     ],
 )
 def test_the_schema_accepts_a_campaign_that_loads(study, old: str, new: str) -> None:
-    study.append("axes: [{path: imu, cards: [imu/good, imu/poor]}]\nmonte_carlo: {runs: 5}\n")
+    axis = "filter, cards: [filters/near]" if "imu/good, " in new else "imu, cards: [imu/good, imu/poor]"
+    study.append(f"axes: [{{path: {axis}}}]\nmonte_carlo: {{runs: 5}}\n")
     study.edit("campaign.yaml", old, new)
     load(study.path)
     schema = json_schema()

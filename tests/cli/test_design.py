@@ -13,7 +13,10 @@ def test_the_card_is_written_and_read_again_as_a_filter(tmp_path):
         done = call("estimate-q", "campaigns/smoke.yaml", "--set", LOOSE, "--runs", "10", "--out", str(card))
     assert done.exit_code == 0, done.output
     assert "whole flight" in done.output
-    assert load("campaigns/smoke.yaml", [f"base.filter={card}"]).base.filter.velocity_noise > 0.0
+    told = next(line for line in done.output.splitlines() if line.startswith("the card: whole flight beyond")).split()
+    written = load("campaigns/smoke.yaml", [f"base.filter={card}"]).base.filter
+    assert written.velocity_noise > 0.0
+    assert told[-2] == f"{written.velocity_noise:.3g}"
     assert card.with_suffix(".csv").is_file()
     assert card.with_suffix(".png").stat().st_size > 5000
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 from lvnav_trade.engines.carried import new_tape
 from lvnav_trade.engines.lincov import forward_tape
 from lvnav_trade.engines.truth import source_names, true_model
+from lvnav_trade.kernels.strapdown import N_SUM
 from tests.building import LOOSE, case
 
 
 def test_a_tape_that_keeps_nothing_has_no_length():
     tape = new_tape(100, 0, 17, 10)
-    assert tape.sums.shape == (0, 21)
+    assert tape.sums.shape == (0, N_SUM)
     assert tape.channel.size == 0
 
 

@@ -52,11 +52,10 @@ def test_a_parameter_that_the_filter_does_not_carry_enters_as_the_blocks_of_the_
     b, g = inputs(j, np.ones(CASE.layout.n_state))
     stand_in = (ParameterBlock("any", 0, 9, int(TRUE.sensor[j]), int(TRUE.driver[j]), 0.0, 0.0, 0.0),)
     rows, columns, kinds, drivers = transition_blocks(stand_in, 2)
-    blocks, expected = np.zeros((rows.size, 9)), np.zeros((9, 3))
+    blocks, phi = np.zeros((rows.size, 9)), np.eye(12)
     fill(blocks, kinds, drivers, window_sums(), 7e6, 0.0, 0.0, SECONDS)
     for row, column, block in zip(rows, columns, blocks, strict=True):
-        if column == 9:
-            expected[row : row + 3] += block.reshape(3, 3)
-    np.testing.assert_allclose(b[:, :9].T, expected, rtol=1e-13)
+        phi[row : row + 3] += block.reshape(3, 3) @ phi[column : column + 3]
+    np.testing.assert_allclose(b[:, :9].T, phi[:9, 9:], rtol=1e-13)
     assert not b[:, 9:].any()
     assert not g.any()

@@ -36,7 +36,10 @@ def test_the_curvature_of_a_range_is_half_the_square_over_the_distance():
 
 
 def test_the_first_order_part_is_the_filters_transition():
-    """Order 2 in steps of 0.1 s over a second of thrust at 30 m/s^2: to 2e-3 of what the error does."""
+    """Order 2 in steps of 0.1 s over a second of thrust at 30 m/s^2: to 2e-3 of what the error does.
+
+    A gyro's bias reaches position in third order, of which a product of n windows misses 1 / 2n^2.
+    """
     prepared = case()
     start = _start_tick(prepared, 10.0)
     for at, size in ((ATT, 1e-4), (VEL, 0.1), (POS, 10.0), (9, 1e-5), (12, 1e-2)):
@@ -45,7 +48,8 @@ def test_the_first_order_part_is_the_filters_transition():
         linear = _linear(prepared, start, d)[:9]
         flown = (_flown(prepared, start, d) - _flown(prepared, start, -d)) / 2.0
         for block in (slice(0, 3), slice(3, 6), slice(6, 9)):
-            assert np.linalg.norm(flown[block] - linear[block]) <= 2e-3 * np.linalg.norm(linear[block]) + 1e-8
+            share = 7e-3 if at == 9 and block.start == POS else 2e-3
+            assert np.linalg.norm(flown[block] - linear[block]) <= share * np.linalg.norm(linear[block]) + 1e-8
 
 
 def test_an_interval_that_would_end_after_the_flight_begins_earlier():

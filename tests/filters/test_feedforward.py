@@ -79,8 +79,8 @@ def test_linear_covariance_describes_the_open_loop():
 
 
 @jit
-def carry_eight(y, work, blocks, rows, columns, decay, clock, seconds):
-    apply_phi(view(y), view(work), view(blocks), rows, columns, decay, clock, seconds)
+def carry_eight(y, blocks, rows, columns, decay, clock, seconds):
+    apply_phi(view(y), view(blocks), rows, columns, decay, clock, seconds)
 
 
 def test_eight_error_states_are_propagated_as_one_is():
@@ -89,10 +89,10 @@ def test_eight_error_states_are_propagated_as_one_is():
     y, blocks = rng.standard_normal((n, WIDTH)), rng.standard_normal((4, 9, WIDTH))
     decay = np.concatenate([np.ones(9), rng.uniform(0.5, 1.0, n - 9)])
     one = y.copy()
-    carry_eight(y, np.empty((n, WIDTH)), blocks, rows, columns, decay, 15, 0.1)
+    carry_eight(y, blocks, rows, columns, decay, 15, 0.1)
     for lane in range(WIDTH):
         alone = one[:, lane].copy()
-        apply_phi(alone, np.empty(n), blocks[:, :, lane].copy(), rows, columns, decay, 15, 0.1)
+        apply_phi(alone, blocks[:, :, lane].copy(), rows, columns, decay, 15, 0.1)
         np.testing.assert_allclose(y[:, lane], alone, rtol=1e-14, atol=1e-14)
 
 

@@ -14,7 +14,7 @@ import pytest
 from numba.core.registry import CPUDispatcher
 
 from lvnav_trade.kernels import jit as room
-from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.jit import inlined, jit, making_arrays
 
 
 @pytest.fixture
@@ -101,6 +101,27 @@ def test_a_step_that_is_compiled_into_its_caller_computes_the_same() -> None:
     assert four_times(1.5) == 6.0
 
 
+@making_arrays
+def copied(a):
+    b = np.empty(a.size)
+    b[:] = a
+    return b
+
+
+@jit
+def summed(a):
+    b = np.empty(a.size)
+    b[:] = a
+    return b[0] + b[1]
+
+
+def test_only_a_kernel_that_says_so_makes_arrays_and_counts_references() -> None:
+    given = np.arange(3.0)
+    np.testing.assert_array_equal(copied(given), given)
+    with pytest.raises(numba.TypingError, match="empty"):
+        summed(given)
+
+
 CALLERS = """
 import numpy as np
 from lvnav_trade.kernels.jit import jit
@@ -119,6 +140,19 @@ def plus_three(a):
 """
 
 
+ROWS = "from lvnav_trade.kernels.jit import making_arrays\n" + "".join(
+    f"""
+@{decorator}
+def {name}(rows):
+    best = rows[0]
+    for i in range(rows.shape[0]):
+        row = rows[i]
+        if row[0] + row[1] > best[0] + best[1]:
+            best = row
+    return best[0] + best[1]
+"""
+    for name, decorator in (("largest", "jit"), ("largest_counted", "making_arrays"))
+)
 LANES = """
 from lvnav_trade.kernels.lanes import view
 
@@ -151,7 +185,7 @@ def say(tmp_path: Path) -> Callable[[str], str]:
 
     All processes of a test share a cache that is empty at first.
     """
-    (tmp_path / "callers.py").write_text(CALLERS + LANES)
+    (tmp_path / "callers.py").write_text(CALLERS + ROWS + LANES)
     environment = {
         **os.environ,
         "NUMBA_CACHE_DIR": str(tmp_path / "kernels-here"),
@@ -217,6 +251,12 @@ def test_without_compilation_a_kernel_is_the_python_function() -> None:
 
     interpreted = [float(word.strip("()np.float64 \n")) for word in found.stdout.split(",")]
     np.testing.assert_allclose(interpreted, gravity_j4(4.0e6, 3.0e6, 4.1e6), rtol=1e-15)
+
+
+def test_a_kernel_on_what_it_is_given_counts_no_references(say) -> None:
+    code = "next(iter({}.inspect_llvm().values()))"
+    counts = ", ".join(f"'@NRT_incref(' in {code.format(name)}" for name in ("largest", "largest_counted"))
+    assert say(f"x = np.eye(2); print(largest(x), largest_counted(x), {counts})") == "1.0 1.0 False True"
 
 
 def test_parts_that_different_processes_compiled_fit_together(say) -> None:

@@ -8,24 +8,41 @@ import numpy as np
 import pytest
 
 from lvnav_trade.kernels.covariance import absorb, predict
-from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.joint import apply_phi, propagate_component, update_covariance, update_vector
+from lvnav_trade.kernels.jit import making_arrays
+from lvnav_trade.kernels.joint import (
+    apply_phi,
+    apply_phi_transposed,
+    propagate_component,
+    update_covariance,
+    update_vector,
+)
 
 NONE = np.zeros(0, dtype=np.int64)
 
 
-def test_a_vector_is_multiplied_by_phi():
+def product(n, rows, columns, blocks):
+    """Return what blocks do one after the other, (n, n)."""
+    phi = np.eye(n)
+    for r, c, block in zip(rows, columns, blocks, strict=True):
+        step = np.eye(n)
+        step[r : r + 3, c : c + 3] += block.reshape(3, 3)
+        phi = step @ phi
+    return phi
+
+
+def test_a_vector_is_multiplied_by_phi_and_by_its_transpose():
     rng = np.random.default_rng(1)
     n, clock, seconds = 14, 12, 0.3
-    rows, columns, blocks = np.array([0, 3, 6]), np.array([9, 0, 3]), rng.standard_normal((3, 9))
+    rows, columns, blocks = np.array([6, 3, 3, 0]), np.array([3, 3, 0, 9]), rng.standard_normal((4, 9))
     decay, y = np.concatenate([np.ones(9), [0.5, 0.6, 0.7], [1.0, 1.0]]), rng.standard_normal(n)
-    phi = np.diag(decay)
-    for r, c, block in zip(rows, columns, blocks, strict=True):
-        phi[r : r + 3, c : c + 3] += block.reshape(3, 3)
+    phi = np.diag(decay) @ product(n, rows, columns, blocks)
     phi[clock, clock + 1] = seconds
-    expected = phi @ y
-    apply_phi(y, np.empty(n), blocks, rows, columns, decay, clock, seconds)
-    np.testing.assert_allclose(y, expected, rtol=0, atol=1e-14)
+    expected, back = phi @ y, phi.T @ y
+    z = y.copy()
+    apply_phi(y, blocks, rows, columns, decay, clock, seconds)
+    np.testing.assert_allclose(y, expected, rtol=0, atol=1e-13)
+    apply_phi_transposed(z, blocks, rows, columns, decay, clock, seconds)
+    np.testing.assert_allclose(z, back, rtol=0, atol=1e-13)
 
 
 @pytest.mark.parametrize("wander", [0.0, 0.3])
@@ -37,9 +54,7 @@ def test_a_parameter_acts_as_in_the_dense_joint_covariance(variance, wander):
     rows, columns, blocks = np.array([3, 6]), np.array([0, 3]), 0.2 * rng.standard_normal((2, 9))
     b, g = np.zeros(n), np.zeros(n)
     b[3:6], g[9] = rng.standard_normal(3), 1.0
-    phi = np.eye(n)
-    for r, c, block in zip(rows, columns, blocks, strict=True):
-        phi[r : r + 3, c : c + 3] += block.reshape(3, 3)
+    phi = product(n, rows, columns, blocks)
     root = rng.standard_normal((n + 1, n + 1))
     joint = root @ root.T
     scale = np.append(np.ones(n), np.sqrt(variance / joint[n, n]))
@@ -47,9 +62,7 @@ def test_a_parameter_acts_as_in_the_dense_joint_covariance(variance, wander):
     A, drive = np.block([[phi, b[:, None]], [np.zeros(n), fade]]), np.append(g, 1.0)
     expected = A @ joint @ A.T + wander * np.outer(drive, drive)
     P, y = phi @ joint[:n, :n] @ phi.T, joint[:n, n].copy()
-    after = propagate_component(
-        P, y, b, g, np.empty(n), variance, fade, wander, blocks, rows, columns, np.ones(n), -1, 0.1
-    )
+    after = propagate_component(P, y, b, g, variance, fade, wander, blocks, rows, columns, np.ones(n), -1, 0.1)
     np.testing.assert_allclose(P, expected[:n, :n], rtol=0, atol=1e-12)
     np.testing.assert_allclose(y, expected[:n, n], rtol=0, atol=1e-12)
     assert after == pytest.approx(expected[n, n], rel=1e-14)
@@ -73,7 +86,7 @@ def test_the_true_update_is_josephs_form_for_any_gain():
 # ---------------------------------------------------------------------------------- the three stored baselines of ODTBX
 
 
-@jit
+@making_arrays
 def take_rows(formal, sources, h, entries, columns, variance, true_variance, noise_source, n_estimated):
     """Absorb rows in the formal covariance, and with their gains in every source; `sources` (n_source, n, n)."""
     n = formal.shape[0]
@@ -87,13 +100,13 @@ def take_rows(formal, sources, h, entries, columns, variance, true_variance, noi
             update_covariance(sources[s], work, gain, h[row], entries, columns[row], noise)
 
 
-@jit
+@making_arrays
 def advance(P, blocks, rows, columns, noise, clock, seconds, n_step):
     """Propagate in many short steps: noise enters a step half before and half after, exact as the steps shrink."""
     n = P.shape[0]
-    X, decay = np.zeros((n, n)), np.ones(n)
+    decay = np.ones(n)
     for _ in range(n_step):
-        predict(P, X, blocks, rows, columns, decay, noise, clock, seconds)
+        predict(P, blocks, rows, columns, decay, noise, clock, seconds)
 
 
 def test_a_random_walk_that_the_filter_takes_for_a_constant_grows_as_in_odtbx_case_1():

@@ -21,8 +21,8 @@ RUNS, DT, N, BIAS = 40_000, 1.0, 12, 9
 FORCE = np.where((np.arange(300) < 100) | (np.arange(300) >= 200), 30.0, 0.0)  # m/s^2
 SIGMA_BIAS, TRUE_TIME, BELIEVED_TIME = 5e-3, 50.0, 1e4
 SCALE, WALK, FIX, FIX_BIAS, START_VEL, START_POS = 1e-3, 2e-3, 3.0, 2.0, 0.1, 5.0
-ROWS, COLUMNS = np.array([VEL, POS, POS]), np.array([BIAS, BIAS, VEL])
-BLOCKS = np.array([scale * np.eye(3).ravel() for scale in (-DT, -0.5 * DT**2, DT)])
+ROWS, COLUMNS = np.array([POS, VEL, POS]), np.array([VEL, BIAS, VEL])
+BLOCKS = np.array([scale * np.eye(3).ravel() for scale in (0.5 * DT, -DT, 0.5 * DT)])
 FADE, FADE_HAT = np.exp(-DT / TRUE_TIME), np.exp(-DT / BELIEVED_TIME)
 WANDER = SIGMA_BIAS**2 * (1.0 - FADE**2)
 ENTRIES, STATES = np.array([0]), np.array([POS])
@@ -51,13 +51,13 @@ def start():
 
 def gains():
     """The filter's own pass: gains (300, N) and formal variances (300, N)."""
-    P, X_work, K, x = start(), np.zeros((N, N)), np.zeros(N), np.zeros(N)
+    P, K, x = start(), np.zeros(N), np.zeros(N)
     decay = np.ones(N)
     decay[BIAS:] = FADE_HAT
     noise = noise_of(2.0 * SIGMA_BIAS**2 * np.tanh(DT / BELIEVED_TIME), WALK)
     found, formal = [], []
     for _ in FORCE:
-        predict(P, X_work, BLOCKS, ROWS, COLUMNS, decay, noise, -1, DT)
+        predict(P, BLOCKS, ROWS, COLUMNS, decay, noise, -1, DT)
         _, weight = absorb(P, x, K, np.ones(1), ENTRIES, STATES, 0.0, FIX**2, np.inf, N, False)
         found.append(K * weight)
         formal.append(np.diag(P).copy())
@@ -75,7 +75,7 @@ def linear(gain, mismatch=True):
     joint = Sources(P, fixed, np.array([FIX_BIAS**2]))
     signals = Fixes(Shares(np.zeros((1, 1), dtype=np.int64), np.ones((1, 1, 1))), np.zeros((0, 1, 1)))
     true = Truth(np.array([3]), np.array([-1]))
-    work, X_work, decay, none = np.zeros(N), np.zeros((N, N)), np.ones(N), np.zeros(N)
+    work, decay, none = np.zeros(N), np.ones(N), np.zeros(N)
     decay[BIAS:] = FADE_HAT
     out = []
     for force, k in zip(FORCE, gain, strict=True):
@@ -83,20 +83,18 @@ def linear(gain, mismatch=True):
             noise = np.zeros(N)
             if SOURCES[s] == "velocity random walk":
                 noise[VEL] = WALK**2 * DT
-            predict(P[s], X_work, BLOCKS, ROWS, COLUMNS, decay, noise, -1, DT)
+            predict(P[s], BLOCKS, ROWS, COLUMNS, decay, noise, -1, DT)
         b, g = np.zeros(N), np.zeros(N)
         b[BIAS], g[BIAS] = (FADE - FADE_HAT) * mismatch, 1.0
         variances[0] = propagate_component(
-            P[0], bias, b, g, work, variances[0], FADE, WANDER, BLOCKS, ROWS, COLUMNS, decay, -1, DT
+            P[0], bias, b, g, variances[0], FADE, WANDER, BLOCKS, ROWS, COLUMNS, decay, -1, DT
         )  # fmt: skip
         b = np.zeros(N)
         b[VEL], b[POS] = -force * DT, -0.5 * force * DT**2
         variances[1] = propagate_component(
-            P[1], scale, b, none, work, variances[1], 1.0, 0.0, BLOCKS, ROWS, COLUMNS, decay, -1, DT
+            P[1], scale, b, none, variances[1], 1.0, 0.0, BLOCKS, ROWS, COLUMNS, decay, -1, DT
         )  # fmt: skip
-        propagate_component(
-            P[3], fixed[0], none, none, work, FIX_BIAS**2, 1.0, 0.0, BLOCKS, ROWS, COLUMNS, decay, -1, DT
-        )
+        propagate_component(P[3], fixed[0], none, none, FIX_BIAS**2, 1.0, 0.0, BLOCKS, ROWS, COLUMNS, decay, -1, DT)
         for s in range(len(SOURCES)):
             update_covariance(P[s], work, k, np.ones(1), ENTRIES, STATES, FIX**2 if SOURCES[s] == "fix noise" else 0.0)
         for y in (bias, scale):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.requirements import errors_of, judge, phase_of, where
+from lvnav_trade.metrics.requirements import errors_of, judge, phase_of, told, where
 from tests import synthetic
 
 
@@ -76,3 +76,7 @@ def test_the_worst_of_the_flight_is_no_better_than_any_event(good):
 def test_a_phase_between_unknown_events_has_no_run(good):
     assert not len(errors_of(good, "aaaaaaaaaaaa", PHASE | {"during": "kick to injection"}).size)
     assert errors_of(good, "aaaaaaaaaaaa", PHASE | {"metric": "heading_error_3d", "during": "flight"}) is None
+
+
+def test_an_estimate_beyond_all_runs_is_told_as_one():
+    assert [told(value, "m") for value in (0.30004, np.inf, np.nan)] == ["0.3 m", "∞ m", ""]

@@ -39,11 +39,11 @@ MUTATIONS = {
         "observables/position.py", "= at[6 + (axis + 2) % 3]", "= -at[6 + (axis + 2) % 3]", OBSERVABLE
     ),
     "believed variance four times too large, seen in the numbers": Mutation(
-        "engines/signals.py", "return sigma**2", "return 4.0 * sigma**2",
+        "engines/signals.py", "variance, n = sigma**2, channels", "variance, n = 4.0 * sigma**2, channels",
         "tests/engines/test_signals.py::test_the_variances_of_rows_are_the_squares_of_the_believed_sigmas",
     ),
     "believed variance four times too large, seen in the statistics": Mutation(
-        "engines/signals.py", "return sigma**2", "return 4.0 * sigma**2",
+        "engines/signals.py", "variance, n = sigma**2, channels", "variance, n = 4.0 * sigma**2, channels",
         "tests/engines/test_montecarlo.py::test_a_matched_filter_is_consistent",
     ),
     "weight of a row its variance instead of the inverse": Mutation(

@@ -48,6 +48,17 @@ def test_a_line_ends_where_rows_pause_and_begins_again():
     assert style.with_gaps(rows[:3]).equals(rows[:3])
 
 
+def test_names_that_would_meet_are_those_of_the_first_event_of_each():
+    groups = [["liftoff"], ["stage3_separation", "stage4_ignition"], ["injection", "stage4_cutoff"]]
+    leaning = [False, False, True]
+    wide = style._apart(groups, np.array([0.0, 3.0, 6.0]), leaning)
+    assert wide == ["liftoff", "stage3_separation, stage4_ignition", "injection, stage4_cutoff"]
+    narrow = style._apart(groups, np.array([0.0, 3.0, 4.5]), leaning)
+    assert narrow == ["liftoff", "stage3_separation ...", "injection ..."]
+    assert style._apart(groups[:1], np.array([0.0]), [True]) == ["liftoff"]
+    assert style._apart([], np.array([]), []) == []
+
+
 def test_numbers_of_events_have_a_key(good):
     events = good.events[good.events.case == CASE]
     assert style.event_key(events) == "1 liftoff   2 stage1 cutoff   3 injection"

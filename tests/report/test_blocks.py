@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import io
+
+import numpy as np
 import pandas as pd
 import pytest
+from PIL import Image
 
-from lvnav_trade.report.blocks import alike, number, percent
+from lvnav_trade.plots.style import PALETTE, canvas, legend_below, look
+from lvnav_trade.report.blocks import alike, number, percent, picture
 
 
 @pytest.mark.parametrize(
@@ -24,14 +29,6 @@ def test_percent_does_not_round_a_requirement_away():
 
 
 def test_a_colour_that_shows_in_the_legend_alone_is_kept():
-    import io
-
-    import numpy as np
-    from PIL import Image
-
-    from lvnav_trade.plots.style import PALETTE, canvas, legend_below, look
-    from lvnav_trade.report.blocks import picture
-
     with look():
         figure, grid = canvas(1, 1, 3.0)
         for number, colour in enumerate(PALETTE[:6]):  # each line hides those before it
@@ -42,6 +39,21 @@ def test_a_colour_that_shows_in_the_legend_alone_is_kept():
     for colour in PALETTE[:6]:
         wanted = [int(colour[k : k + 2], 16) for k in (1, 3, 5)]
         assert np.abs(found - wanted).max(axis=1).min() <= 24, colour
+
+
+def test_the_colours_of_large_areas_are_left_as_they_are():
+    with look():
+        figure, grid = canvas(1, 1, 3.0)
+        for number, colour in enumerate(PALETTE[:6]):
+            grid[0, 0].plot(np.sin(np.linspace(0.0, 9.0 + number, 500)), color=colour, label=str(number))
+        grid[0, 0].axvspan(100, 140, color="#9ca3af", alpha=0.25, linewidth=0, zorder=0)
+        legend_below(figure, grid[0, 0])
+    with Image.open(io.BytesIO(picture("test", figure, "").png)) as image:
+        found = image.convert("RGB").getcolors(1 << 20)
+    often = [colour for _, colour in sorted(found, reverse=True)[:3]]
+    assert often[0] == (255, 255, 255)
+    assert (230, 232, 235) in often or (230, 231, 235) in often or (230, 231, 234) in often
+    assert all(max(colour) - min(colour) <= 8 for colour in often)
 
 
 def test_cases_with_the_same_rows_stand_once_in_a_table():

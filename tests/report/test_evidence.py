@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 
+import pandas as pd
 import pytest
 
+from lvnav_trade.metrics.laws import ABOVE_ONLY
 from lvnav_trade.report import SECTIONS, build
-from lvnav_trade.report.evidence import _fact
+from lvnav_trade.report.evidence import _expectation, _fact
 from tests import synthetic
 
 
@@ -47,3 +49,9 @@ def test_linear_covariance_alone_makes_a_report(tmp_path):
 )
 def test_a_fact_is_told_in_the_unit_of_its_name(name, value, told):
     assert _fact(name, value) == told
+
+
+def test_what_linear_covariance_bounds_from_above_only_is_told_as_such():
+    frame = pd.DataFrame({"expected_probability": [0.5, 0.999], "reason": ["", ABOVE_ONLY]})
+    assert list(_expectation(frame)) == ["50.0", "at most 99.9"]
+    assert list(_expectation(frame[:1])) == [50.0]

@@ -59,5 +59,5 @@ def test_nonlinearity_stands_beside_the_agreement(text):
 def test_a_verdict_that_does_not_apply_says_why(tmp_path):
     page = build(synthetic.results(tmp_path, n_run=40, rejects=0.03), ["summary", "agreement"])
     text = page.read_text(encoding="utf-8")
-    assert "Not applicable: imu=fine (the gate rejects 3 % of good rows at 51 s)" in text
+    assert "Not applicable: imu=fine; imu=coarse (the gate rejects 3 % of good rows at 51 s)" in text
     assert re.search(r'class="[^"]*v not-applicable">not applicable<', text)

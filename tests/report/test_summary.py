@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import pandas as pd
 
+from lvnav_trade.report import build
 from lvnav_trade.report.summary import _largest_sources
 from lvnav_trade.store import load
+from tests import synthetic
 
 
 def test_the_first_section_answers_in_words(text):
@@ -21,6 +23,7 @@ def test_the_first_section_answers_in_words(text):
     assert "imu=coarse: sigma of gyro bias times 0.826 (72 % of the mean square)" in first
     assert "<strong>Linear covariance alone:</strong> imu=fine: met, more than 99.9 % of flights" in first
     assert "2 of 160 runs failed" in first
+    assert "best velocity first. Failed runs are left out of it." in first
 
 
 def test_a_violated_phase_names_the_largest_source_at_its_worst_event(page):
@@ -31,3 +34,13 @@ def test_a_violated_phase_names_the_largest_source_at_its_worst_event(page):
         "Largest source in the 3D error, by linear covariance: imu=coarse: gyro bias (75 % of the variance at "
         "injection)."
     ]
+
+
+def test_cases_that_linear_covariance_does_not_describe_name_no_source_by_it_and_one_reason(tmp_path):
+    page = build(synthetic.results(tmp_path, n_run=40, rejects=0.03), ["summary"])
+    first = page.read_text(encoding="utf-8")
+    assert first.count("Not applicable:") == 1
+    assert "imu=coarse" in first[first.index("Not applicable:") :]
+    tables = load(tmp_path)
+    asked = {"name": "a", "metric": "velocity_error_3d", "at": "injection", "below": "0.1 m/s", "probability": 0.9}
+    assert _largest_sources(tables, asked, pd.DataFrame({"case": list(tables.labels.values())})) == []
