@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from lvnav_trade.engines.prepare import _unit
 from lvnav_trade.engines.sensing import sense
 from lvnav_trade.kernels import processes
-from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.jit import making_arrays
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.records import Reference
 from lvnav_trade.world.imu import AccelCard, GyroCard, ImuCard, error_blocks, lag
@@ -35,7 +35,7 @@ class Inside(NamedTuple):
     remainder: np.ndarray
 
 
-@jit
+@making_arrays
 def collect(out, work, unit, k0, k1):
     """Fill out (n_run, n_tick, 6) with what the unit puts out in runs 0, 1, ..."""
     for run in range(out.shape[0]):
