@@ -11,10 +11,10 @@ from lvnav_trade.campaign.schema import Campaign
 
 # Measured on one core of a small virtual machine: 100 runs of 630 s with 200 Hz, 17 states and 10 covariance steps a
 # second take 2.0 s, their linear covariance 0.4 s after 0.5 s of preparation; a block of 40 is 1.4 MB on disk, the
-# tables of a case 8 MB, a worker's memory 730 MB. Compilation, which the first run pays once, is not in it.
+# tables of a case 8 MB, a worker's memory 410 MB at most. Compilation, which the first run pays once, is not in it.
 _RETUNED = 40  # linear covariances of a case for `sensitivity`: four for each of ten sources that matter
 _TICK_S, _STEP_S, _COVARIANCE_S, _PREPARE_S = 8e-8, 5.5e-9, 2.2e-7, 0.5
-_PART_BYTES, _TABLE_BYTES, _BASE_BYTES = 2.2e3, 1.25e4, 6e8
+_PART_BYTES, _TABLE_BYTES, _BASE_BYTES = 2.2e3, 1.25e4, 3e8
 _TICK_BYTES, _HISTORY_BYTES = 600.0, 1.6e3
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import os
 import subprocess
@@ -13,6 +14,7 @@ import pytest
 
 from lvnav_trade.campaign import work
 from lvnav_trade.campaign.axes import Case, cases
+from lvnav_trade.campaign.execute import each
 from lvnav_trade.campaign.load import load
 from lvnav_trade.campaign.plan import Block
 from lvnav_trade.campaign.work import Job
@@ -208,3 +210,10 @@ def test_a_worker_that_computes_and_stores_holds_neither_pandas_nor_figures_nor_
     environment = {**os.environ, "PYTHONPATH": str(root)}
     found = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
     assert found.stdout == "[]\n"
+
+
+def test_a_worker_does_not_search_what_it_has_loaded_for_garbage_and_a_process_of_the_users_own_does() -> None:
+    before = gc.get_freeze_count()
+    work.settle()
+    assert gc.get_freeze_count() == before
+    assert min(each(2, gc.get_freeze_count, [()] * 4)) > 50_000
