@@ -104,7 +104,8 @@ def read_table(path: Path) -> pa.Table:
     try:
         return pq.read_table(path, page_checksum_verification=True)
     except FileNotFoundError:
-        raise InputError(f"{path}: this table is missing; the campaign has not finished") from None
+        why = "a kept base has none, and of other results the same lvnav-trade run makes it again"
+        raise InputError(f"{path}: this table is missing; {why}") from None
     except (OSError, pa.ArrowException, ValueError, MemoryError) as error:
         if isinstance(error, OSError) and error.errno is not None:
             raise InputError(f"{path}: cannot be read: {os.strerror(error.errno)}") from None

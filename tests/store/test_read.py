@@ -11,6 +11,7 @@ import pytest
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.store import load
+from lvnav_trade.store.read import read_table
 from tests import synthetic
 
 
@@ -63,3 +64,8 @@ def test_a_torn_manifest_is_told(tmp_path):
     (folder / "manifest.json").write_text('{"created":')
     with pytest.raises(InputError, match=r"manifest\.json: damaged: "):
         load(folder)
+
+
+def test_a_table_that_a_kept_base_does_not_have_is_told_as_such(tmp_path):
+    with pytest.raises(InputError, match=r"history.parquet: this table is missing; a kept base has none, and of other"):
+        read_table(tmp_path / "history.parquet")
