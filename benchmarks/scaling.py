@@ -40,9 +40,9 @@ def _seconds(jobs: int, folder: Path) -> float:
 
 
 def measure() -> dict[str, float]:
-    """Return how much faster two workers fly the same blocks than one."""
-    seconds = []
-    for jobs in (1, 2):
+    """Return how much faster two workers fly the same blocks than one: the best of three of each, in turn."""
+    seconds: dict[int, list[float]] = {1: [], 2: []}
+    for jobs in (1, 2) * 3:
         with tempfile.TemporaryDirectory() as folder:
-            seconds.append(_seconds(jobs, Path(folder)))
-    return {"two_workers_over_one": seconds[0] / seconds[1]}
+            seconds[jobs].append(_seconds(jobs, Path(folder)))
+    return {"two_workers_over_one": min(seconds[1]) / min(seconds[2])}
