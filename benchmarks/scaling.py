@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -14,7 +16,7 @@ from lvnav_trade.campaign.load import load, resolved
 from lvnav_trade.campaign.plan import Block
 from lvnav_trade.store import open_results
 
-BLOCKS, RUNS = 64, 40
+BLOCKS, RUNS, REPEATS = 64, 40, 3
 
 
 def _seconds(jobs: int, folder: Path) -> float:
@@ -39,10 +41,19 @@ def _seconds(jobs: int, folder: Path) -> float:
     return time.perf_counter() - start
 
 
+def _in_a_process_of_its_own(jobs: int) -> float:
+    """Return what `_seconds` gives in a fresh process, as a campaign has one: what was timed before does not matter."""
+    command = [sys.executable, "-m", "benchmarks.scaling", str(jobs)]
+    return float(subprocess.run(command, capture_output=True, text=True, check=True, cwd=HERE.parent).stdout)
+
+
 def measure() -> dict[str, float]:
-    """Return how much faster two workers fly the same blocks than one: the best of three of each, in turn."""
-    seconds: dict[int, list[float]] = {1: [], 2: []}
-    for jobs in (1, 2) * 3:
-        with tempfile.TemporaryDirectory() as folder:
-            seconds[jobs].append(_seconds(jobs, Path(folder)))
-    return {"two_workers_over_one": min(seconds[1]) / min(seconds[2])}
+    """Return how much faster two workers fly the same blocks than one, each the best of several repetitions."""
+    seconds = [(_in_a_process_of_its_own(1), _in_a_process_of_its_own(2)) for _ in range(REPEATS)]
+    one, two = map(min, zip(*seconds, strict=True))
+    return {"two_workers_over_one": one / two}
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as folder:
+        print(_seconds(int(sys.argv[1]), Path(folder)))
