@@ -195,8 +195,8 @@ def _noise(scenario: Scenario, seen: Sky, channels: Channels, height: Height | N
 
 
 def _grown(sigma: Floats, channels: Channels, failed: Failures) -> Floats:
-    """Return the true sigma, grown by what has failed."""
-    n, grown = channels.n_receiver, np.ascontiguousarray(sigma)
+    """Return the true sigma, grown by what has failed; `sigma`, which the filter may believe, stays as it is."""
+    n, grown = channels.n_receiver, sigma.copy()
     factor = np.repeat(failed.noise, 2, axis=1) if channels.tight else failed.solution_noise[:, None]
     grown[:, :n] = sigma[:, :n] * factor
     return grown

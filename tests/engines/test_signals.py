@@ -11,6 +11,7 @@ from lvnav_trade.engines.lincov import covariance
 from lvnav_trade.engines.montecarlo import run_block
 from lvnav_trade.engines.signals import Line, _shifts
 from lvnav_trade.world.constellation import RinexConstellation
+from lvnav_trade.world.faults import DegradedNoise
 from lvnav_trade.world.sky import antenna_states, sky
 from tests.building import LOOSE, MATCHED, case, hop, loaded, prepare_hop, with_fields
 
@@ -85,6 +86,15 @@ def test_the_variances_of_rows_are_the_squares_of_the_believed_sigmas():
     np.testing.assert_allclose(told[:, 1::2], matched.receiver.range_rate_sigma**2)
     np.testing.assert_allclose(stated[:, 0::2], 9.0)
     np.testing.assert_allclose(stated[:, 1::2], 0.04)
+
+
+@pytest.mark.parametrize("settings", [(MATCHED,), (MATCHED, LOOSE)], ids=["tight", "loose"])
+def test_noise_that_a_fault_has_grown_is_true_and_not_believed(settings):
+    fault = DegradedNoise(factor=5.0, start="5 s", duration="10 s")
+    healthy = prepare_hop(loaded(*settings)).signals
+    ill = prepare_hop(loaded(*settings).model_copy(update={"faults": (fault,)})).signals
+    assert np.nanmax(ill.sigma / healthy.sigma) == pytest.approx(5.0)
+    np.testing.assert_array_equal(ill.variance, healthy.variance)
 
 
 def test_an_ignored_offset_of_a_systems_time_is_in_every_range_of_it_and_in_the_mean_of_both_engines(refdata):
