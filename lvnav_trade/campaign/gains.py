@@ -9,9 +9,9 @@ import numpy as np
 from lvnav_trade.campaign.axes import Case
 from lvnav_trade.campaign.schema import Campaign
 from lvnav_trade.engines.explain import flown_events
-from lvnav_trade.engines.lincov import forward_tape
+from lvnav_trade.engines.lincov.components import components, source_names
+from lvnav_trade.engines.lincov.history import forward_tape
 from lvnav_trade.engines.prepare import prepare
-from lvnav_trade.engines.truth import source_names, true_model
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.scheduled import ROWS, GainSchedule, schedule_of
 from lvnav_trade.layout import state_names
@@ -33,7 +33,7 @@ def gain_schedule(
     if not 0.0 < tolerance < 1.0:
         raise InputError(f"a tolerance of {tolerance:g} is no share between 0 and 1")
     prepared = prepare(case.scenario, history=campaign.keep.history)
-    tape, n = forward_tape(prepared, true_model(prepared, source_names(prepared))), prepared.layout.n_state
+    tape, n = forward_tape(prepared, components(prepared, source_names(prepared))), prepared.layout.n_state
     used = int(tape.used[0])
     gains = np.full((prepared.t_epoch.size, len(ROWS), n), np.nan)
     gains[tape.epoch[:used], tape.channel[:used]] = tape.gain[:used, :n]

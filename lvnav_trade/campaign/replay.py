@@ -44,13 +44,13 @@ def find(found: Sequence[Case], wanted: str) -> Case:
 
 def replay(campaign: Campaign, case: Case, run: int) -> Replay:
     """Fly run number `run` (from 0) of a case again."""
-    from lvnav_trade.engines import runs
+    from lvnav_trade.engines import montecarlo
     from lvnav_trade.engines.prepare import prepare
 
     if run < 0:
         raise InputError(f"run {run}: runs are counted from 0")
     prepared = prepare(case.scenario, campaign.keep.history)
-    block = runs.replay(prepared, campaign.seed, run)
+    block = montecarlo.replay(prepared, campaign.seed, run)
     code = int(block.failed[0])
     return Replay(_trace(block, prepared.outputs), _at_events(block, prepared), WHY.get(code, "") if code else "")
 

@@ -60,11 +60,12 @@ class Engine(NamedTuple):
 
 def engine() -> Engine:
     """Return the real engines; imported here because compiled code takes a second to load."""
-    from lvnav_trade.engines import controlled, covariances, explain, montecarlo, runs, starts, statistics
+    from lvnav_trade.engines import controlled, explain, montecarlo, starts, statistics
+    from lvnav_trade.engines.lincov.history import covariance
     from lvnav_trade.engines.prepare import prepare
 
     return Engine(
-        _events, prepare, runs.run_block, covariances.covariance, statistics.summarise,
+        _events, prepare, montecarlo.run_block, covariance, statistics.summarise,
         montecarlo.compile_kernels, explain.explain, starts=starts.start_draws, control=controlled.controlled,
     )  # fmt: skip
 

@@ -7,17 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines.flight import true_parameter
-from lvnav_trade.engines.inputs import Work
-from lvnav_trade.engines.montecarlo import new_work
+from lvnav_trade.engines.inputs import Options
+from lvnav_trade.engines.montecarlo import simulated
 from lvnav_trade.engines.prepare import Prepared
-from lvnav_trade.engines.sensing import begin, sense
-from lvnav_trade.kernels import processes, transition
-from lvnav_trade.kernels.attitude import small_rotation
-from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.joint import apply_phi
-from lvnav_trade.kernels.random import seed_words
-from lvnav_trade.kernels.strapdown import Q, R, V, mechanise
 from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.records import Floats
 
@@ -51,74 +43,25 @@ class Densities(NamedTuple):
     accel_bias: float
 
 
-@jit
-def _true_error(x, work, history, belief, hist):
-    """Set x (n_state,) to truth minus the uncorrected inertial system at a history time, frame i."""
-    nav, q = work.nav, history.q[hist]
-    x[ATT], x[ATT + 1], x[ATT + 2] = small_rotation(q[0], q[1], q[2], q[3], nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
-    for i in range(3):
-        x[VEL + i] = history.v[hist, i] - nav[V + i]
-        x[POS + i] = history.r[hist, i] - nav[R + i]
-    for b in range(belief.par_offset.shape[0]):
-        for i in range(3):
-            at = belief.par_offset[b] + i
-            x[at] = true_parameter(work.true_tables, belief.par_sensor[b], belief.par_driver[b], i)
-
-
-@jit
-def _miss(error, missed, work, schedule, unit, signals, start, history, belief, k0, k1):
-    """Fly one run unaided; fill the error at each history time, and what the transition missed of it since the one
-    before, both (n_hist, n_state).
-    """
-    begin(work, unit, signals, start, belief, k0, k1)
-    processes.gather(work.true_tables, work.true_par, unit.sensors, unit.drivers)
-    n, last = belief.n_state, -1
-    for w in range(schedule.n_tick.shape[0]):
-        first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
-        if n_tick > 0:
-            sense(work, unit, first, n_tick, k0, k1)
-            if belief.group > 1:
-                processes.combine(work.increments, n_tick, belief.group)
-            mechanise(
-                work.nav, work.sums, work.previous, work.increments, n_tick // belief.group, unit.dt * belief.group,
-                belief.gravity,
-            )  # fmt: skip
-            if last >= 0:
-                length, nav = schedule.length[w], work.nav
-                seconds = belief.seconds[length]
-                transition.fill(
-                    work.D, belief.block_kinds, belief.block_drivers, work.sums, nav[R], nav[R + 1], nav[R + 2], seconds
-                )
-                apply_phi(work.x, work.D, belief.block_rows, belief.block_columns, belief.decay[length], -1, seconds)
-        hist = schedule.hist[w]
-        if hist >= 0:
-            _true_error(error[hist], work, history, belief, hist)
-            for i in range(n):
-                missed[hist, i] = error[hist, i] - work.x[i] if last >= 0 else 0.0
-                work.x[i] = error[hist, i]
-            last = hist
-
-
 def step_errors(prepared: Prepared, seed: int, n_run: int) -> StepErrors:
     """Return what the filter's transition misses from one history time to the next, over an ensemble of unaided runs.
 
     Every run draws all errors of the unit and of the start, those that the filter models and those that it does not;
     the transition is evaluated on the run's own sensed motion, as a filter on board would.
     """
+    unaided = prepared._replace(
+        belief=prepared.belief._replace(aided=False),
+        options=Options(misses=True),
+        scenario=prepared.scenario.model_copy(
+            update={"filter": prepared.scenario.filter.model_copy(update={"feedback": "open"})}
+        ),
+    )
     n_hist, n = prepared.t_hist.size, prepared.layout.n_state
     total, squares, size = np.zeros((n_hist, n)), np.zeros((n_hist, n, n)), np.zeros((n_hist, n))
-    error, missed = np.empty((n_hist, n)), np.empty((n_hist, n))
-    work: Work = new_work(prepared, lanes=False)
-    words = seed_words(seed)
-    for run in range(n_run):
-        work.run[0] = run
-        _miss(
-            error, missed, work, prepared.schedule, prepared.unit, prepared.signals, prepared.start, prepared.record,
-            prepared.belief, *words,
-        )  # fmt: skip
-        total += missed
-        squares += missed[:, :, None] * missed[:, None, :]
-        size += error**2
+    for misses in simulated(unaided, seed, n_run):
+        total += misses.missed.sum(axis=0)
+        squares += np.einsum("rhi,rhj->hij", misses.missed, misses.missed)
+        size += np.sum(misses.error**2, axis=0)
     mean = total / n_run
     covariance = (squares - n_run * mean[:, :, None] * mean[:, None, :]) / max(1, n_run - 1)
     return StepErrors(

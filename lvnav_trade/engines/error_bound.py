@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines.carried import Tape
+from lvnav_trade.engines.lincov.components import components, source_names
+from lvnav_trade.engines.lincov.workspace import Tape
 from lvnav_trade.engines.observability import initial_spread
 from lvnav_trade.engines.prepare import Prepared
-from lvnav_trade.engines.truth import source_names, true_model
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.belief import HEIGHT, POSITION, PSEUDORANGE
 from lvnav_trade.kernels import transition
@@ -61,7 +61,7 @@ def _gather(noise, P, D, tape, schedule, true, belief):
                 P, D, true.nav_rows, true.nav_columns, belief.decay[length], belief.noise[length], belief.clock,
                 seconds,
             )  # fmt: skip
-        if tape.first_row[w + 1] > tape.first_row[w]:
+        if tape.first[w + 1] > tape.first[w]:
             for i in range(n):
                 for j in range(n):
                     noise[count, i, j] = P[i, j]
@@ -77,8 +77,8 @@ def error_bound(prepared: Prepared, tape: Tape) -> ErrorBound:
     Automatic Control 44(4), 1999), as Canepa and Servidia state them, eq. 7.17 and 7.18. `tape`: the forward pass.
     InputError for a flight without a measurement.
     """
-    true, belief, n = true_model(prepared, source_names(prepared)), prepared.belief, prepared.layout.n_state
-    updates = int(np.count_nonzero(np.diff(tape.first_row) > 0))
+    true, belief, n = components(prepared, source_names(prepared)), prepared.belief, prepared.layout.n_state
+    updates = int(np.count_nonzero(np.diff(tape.first) > 0))
     if not updates:
         raise InputError("covariance.error_bound: the filter takes no measurement on this flight")
     noise = np.zeros((updates, n, n))

@@ -7,15 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines import vehicle_observability
-from lvnav_trade.engines.carried import Tape
 from lvnav_trade.engines.error_bound import ErrorBound, error_bound
-from lvnav_trade.engines.lincov import adjoint, forward_tape, source_covariances, turns
+from lvnav_trade.engines.lincov.components import components, source_names
+from lvnav_trade.engines.lincov.history import adjoint, forward_tape, source_covariances, turns
+from lvnav_trade.engines.lincov.workspace import Tape
 from lvnav_trade.engines.nonlinearity import Nonlinearity, nonlinearity
 from lvnav_trade.engines.observability import TOLERANCE, in_words, observability
 from lvnav_trade.engines.prepare import Prepared
 from lvnav_trade.engines.retune import Sensitivity, sensitivity
-from lvnav_trade.engines.truth import source_names, true_model
 from lvnav_trade.records import AdjointBudget, Asked, CovHistory, Floats
 from lvnav_trade.scenario import Scenario
 
@@ -68,11 +67,9 @@ def explain(scenario: Scenario, prepared: Prepared, history: CovHistory, asked: 
     """Return what was asked of a case; one forward pass serves all of it."""
     events = flown_events(prepared)
     at = _event(events, asked.at)
-    if prepared.vehicle is not None:  # no way back there: which source did what when is not asked
-        return Explanation(at, phases=_phases(prepared, events, None, asked.window) if asked.observability else ())
     tape = None
     if (events and (asked.adjoint or asked.observability)) or asked.error_bound:
-        tape = forward_tape(prepared, true_model(prepared, source_names(prepared)))
+        tape = forward_tape(prepared, components(prepared, source_names(prepared)))
     bound = error_bound(prepared, tape) if asked.error_bound and tape is not None else None
     return Explanation(
         at,
@@ -124,10 +121,7 @@ def _phases(prepared: Prepared, events: dict[str, float], tape: Tape | None, win
     """Return the observability of the stretches between events, or of windows of that many seconds (0: none)."""
     marks = _windows(prepared, window) if window > 0.0 else _marks(prepared, events)
     edges = np.array([t for _, t in marks])
-    if prepared.vehicle is not None:
-        stretches = vehicle_observability.observability(prepared, edges)
-    else:
-        stretches = observability(prepared, edges, tape)
+    stretches = observability(prepared, edges, tape)
     return tuple(
         PhaseView(
             f"{first} to {second}", s.start, s.end, s.rank, TOLERANCE, s.singular, s.rows,

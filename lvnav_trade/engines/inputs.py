@@ -88,7 +88,7 @@ class Signals(NamedTuple):
     (n_epoch, n_channel) of white noise; variance (n_epoch, n_channel) as the filter believes; partial (n_extra_family,
     n_epoch, n_channel) of rows with respect to the filter's extra states, as it believes; clock_step (3,) Cholesky
     factor over an epoch; clock_start (2,) sigma; clock_jump (n_epoch,) m; frozen (n_epoch,): the output is that of the
-    epoch before; interval s between epochs; sources (4,) words: clock, ranges, solution, clock start.
+    epoch before; interval s between epochs; n_receiver: channels of the receiver, which come first; sources (4,) words: clock, ranges, solution, clock start.
     """
 
     used: Ints
@@ -109,6 +109,7 @@ class Signals(NamedTuple):
     clock_jump: Floats
     frozen: NDArray[np.bool_]
     interval: float
+    n_receiver: int
     sources: NDArray[np.uint64]
     shared: Shared
 
@@ -140,14 +141,61 @@ class Record(NamedTuple):
     limit: float
 
 
-class Altimeter(NamedTuple):
-    """An altimeter at the epochs: on (n_epoch,) whether it measures; height (n_epoch,) true, m; source word. Its noise
-    and what the filter believes of it stand in the last channel of Signals.
+class Sensors(NamedTuple):
+    """The sensors beside the receiver: code (n_sensor,) of each in the family; channel, scalars (n_sensor,) its first
+    channel and how many it has; on (n_sensor, n_epoch) whether it measures; truth (n_sensor, n_epoch, 4), see the
+    member's module; sources (n_sensor,) words. Noise and what the filter assumes of it stand in Signals, by channel.
     """
 
+    code: Ints
+    channel: Ints
+    scalars: Ints
     on: NDArray[np.bool_]
-    height: Floats
-    source: np.uint64
+    truth: Floats
+    sources: NDArray[np.uint64]
+
+
+class Samples(NamedTuple):
+    """What is reported of the IMU's samples: rate, force (n_imu, 3) true means over the ticks; par (2,) number of the
+    parameter block of each sensor's bias and bias (6,) its states, -1 none; raw (6,) variance that the filter assumes of a
+    sample, variance (6,) of its noise alone.
+    """
+
+    rate: Floats
+    force: Floats
+    par: Ints
+    bias: Ints
+    raw: Floats
+    variance: Floats
+
+
+class Report(NamedTuple):
+    """What is reported of a receiver's own solution: point (n_epoch, 6) true position and velocity of what is solved for;
+    first_output column of the outputs; own_channels: its filter's innovations are reported, n_channel from first_channel
+    on.
+    """
+
+    point: Floats
+    first_output: int
+    own_channels: bool
+    first_channel: int
+    n_channel: int
+
+
+class Held(NamedTuple):
+    """Error (11,) of a receiver's last solution and its own covariance (11, 11), frame i."""
+
+    error: Floats
+    covariance: Floats
+
+
+class Misses(NamedTuple):
+    """Error of an inertial system at the history times, and what the filter's transition missed of it since the one
+    before, both (n_hist, n_state), frame i.
+    """
+
+    error: Floats
+    missed: Floats
 
 
 class Options(NamedTuple):
@@ -156,22 +204,28 @@ class Options(NamedTuple):
     A part is handed on as an argument of its own: the compiler drops `if part is None` for arguments only.
 
     solver (receivers.base.Solver): the receiver solves for position and velocity itself; rules (filters.monitor.Rules):
-    the filter has a logic; late (filters.late.Late): late measurements are met with the state that they are of; gains
-    (filters.scheduled.Gains): taken in place of the covariance's own; altimeter (Altimeter): height is measured too.
+    the filter has a mode logic; late (filters.late.Late): late measurements are compensated; gains
+    (filters.scheduled.Gains): stored ones; vehicle (filters.samples.VehicleModel): samples of the IMU are measurements;
+    samples (Samples), report (Report): of them or of the receiver's solution something is reported; misses (True): what
+    the filter's transition misses is recorded in place of errors.
     """
 
     solver: Any = None
     rules: Any = None
     late: Any = None
     gains: Any = None
-    altimeter: Any = None
+    vehicle: Any = None
+    samples: Any = None
+    report: Any = None
+    misses: Any = None
 
 
 class Work(NamedTuple):
     """Arrays of a run (or lane views of eight): states, scratch, and what is handed out. See `work_shapes`.
 
-    rx (receivers.base.Receiver), aside (filters.feedforward.Aside; an open loop's), watch (filters.monitor.Watch) and
-    past (N_PAST,) (filters.late) belong to options and are None without them.
+    rx (receivers.base.Receiver), aside (filters.feedforward.Aside; an open loop's), watch (filters.monitor.Watch), past
+    (n_ring + 1, N_PAST) (filters.late), motion (filters.samples.Motion), held (Held) and misses (Misses) belong to
+    options and are None without them.
     """
 
     run: NDArray[np.uint64]
@@ -209,11 +263,14 @@ class Work(NamedTuple):
     failed: Floats
     t_failed: Floats
     told: Floats
-    ground: Floats
+    observed: Floats
     rx: Any = None
     aside: Any = None
     watch: Any = None
     past: Any = None
+    motion: Any = None
+    held: Any = None
+    misses: Any = None
 
 
 class Sizes(NamedTuple):
@@ -232,11 +289,14 @@ class Sizes(NamedTuple):
     n_entry: int
     n_shared: int
     n_extra: int
+    n_row: int
+    n_out: int
+    n_sensor: int
 
 
 def work_shapes(z: Sizes) -> dict[str, tuple[int, ...]]:
     """Return the shape of every array of Work for one run, those of options apart."""
-    n_row = max(6, 2 * z.n_slot) + 1  # the last one is an altimeter's
+    n_row = z.n_row
     return {
         "run": (1,), "nav": (10,), "sums": (N_SUM,), "previous": (6,), "increments": (z.n_tick, 6),
         "P": (z.n_state, z.n_state), "X": (z.n_state, z.n_state), "D": (z.n_block, 9), "x": (z.n_state,),
@@ -245,7 +305,7 @@ def work_shapes(z: Sizes) -> dict[str, tuple[int, ...]]:
         "par": (max(1, z.n_par), 3), "tables": (2, processes.N_TABLE),
         "remainder": (6,), "clock": (2,), "clock_hat": (2,), "shared": (max(1, z.n_shared),),
         "extra": (max(1, z.n_extra),), "ranges": (z.n_slot, 2), "solution": (6,),
-        "err": (z.n_hist, z.n_state), "sigma": (z.n_hist, z.n_state), "nees": (z.n_hist,),
+        "err": (z.n_hist, z.n_out), "sigma": (z.n_hist, z.n_out), "nees": (z.n_hist,),
         "nis": (z.n_epoch,), "n_row": (z.n_epoch,), "n_reject": (z.n_epoch,), "innovation": (z.n_epoch, z.n_channel),
-        "failed": (1,), "t_failed": (1,), "told": (6, 6), "ground": (1,),
+        "failed": (1,), "t_failed": (1,), "told": (6, 6), "observed": (max(1, z.n_sensor), 4),
     }  # fmt: skip

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numba import config
 
-from lvnav_trade.engines import vehicle, vehicle_montecarlo
 from lvnav_trade.engines.flight import fly
-from lvnav_trade.engines.inputs import Sizes, Work, work_shapes
+from lvnav_trade.engines.inputs import Held, Misses, Sizes, Work, work_shapes
 from lvnav_trade.engines.prepare import Prepared, prepare
 from lvnav_trade.engines.recorded import values_of
-from lvnav_trade.filters.belief import LOOSE, TIGHT
 from lvnav_trade.filters.feedforward import lanes_of_aside, new_aside
 from lvnav_trade.filters.late import N_PAST
 from lvnav_trade.filters.monitor import Watch, lanes_of_watch, new_watch
+from lvnav_trade.filters.samples import lanes_of_motion, new_motion
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import aligned_zeros, view
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.kernels.vector import WIDTH
+from lvnav_trade.receivers.base import N_STATE as N_RECEIVER
 from lvnav_trade.receivers.base import lanes_of, new_receiver
 from lvnav_trade.records import NO_CHANGES, WAITING, Floats, RunBlock
 
@@ -33,11 +34,38 @@ def _view_of(array: Any) -> Any:
 
 
 @jit
+def _views_of_held(held: Any) -> Any:
+    return Held(view(held.error), view(held.covariance))
+
+
+@jit
+def _lanes_of_held(held: Any) -> Any:
+    """Return lane views of what is held of a receiver's solution, or None."""
+    if held is None:
+        return None
+    return _views_of_held(held)
+
+
+@jit
+def _views_of_misses(misses: Any) -> Any:
+    return Misses(view(misses.error), view(misses.missed))
+
+
+@jit
+def _lanes_of_misses(misses: Any) -> Any:
+    """Return lane views of what a transition misses, or None."""
+    if misses is None:
+        return None
+    return _views_of_misses(misses)
+
+
+@jit
 def fly_lanes(
     w: Any,
     schedule: Any,
     unit: Any,
     signals: Any,
+    sensors: Any,
     start: Any,
     history: Any,
     belief: Any,
@@ -52,21 +80,10 @@ def fly_lanes(
         view(w.true_tables), view(w.par), view(w.tables), view(w.remainder), view(w.clock), view(w.clock_hat),
         view(w.shared), view(w.extra), view(w.ranges), view(w.solution), view(w.err), view(w.sigma), view(w.nees),
         view(w.nis), view(w.n_row), view(w.n_reject), view(w.innovation), view(w.failed), view(w.t_failed),
-        view(w.told), view(w.ground), lanes_of(w.rx), lanes_of_aside(w.aside), lanes_of_watch(w.watch),
-        _view_of(w.past),
+        view(w.told), view(w.observed), lanes_of(w.rx), lanes_of_aside(w.aside), lanes_of_watch(w.watch),
+        _view_of(w.past), lanes_of_motion(w.motion), _lanes_of_held(w.held), _lanes_of_misses(w.misses),
     )  # fmt: skip
-    fly(work, schedule, unit, signals, start, history, belief, options, k0, k1)
-
-
-def channels(prepared: Prepared) -> int:
-    """Return how many innovation channels a case has: two per satellite when tight, six when loose, and those of an
-    attitude reference and of the inertial unit.
-    """
-    if prepared.vehicle is not None:
-        return len(vehicle.CHANNELS)
-    kind = prepared.belief.kind
-    height = int(prepared.options.altimeter is not None)
-    return height + 2 * len(prepared.sky.names) if kind == TIGHT else height + 6 if kind == LOOSE else 1
+    fly(work, schedule, unit, signals, sensors, start, history, belief, options, k0, k1)
 
 
 def new_work(prepared: Prepared, lanes: bool) -> Work:
@@ -81,11 +98,14 @@ def new_work(prepared: Prepared, lanes: bool) -> Work:
         n_hist=prepared.t_hist.size,
         n_epoch=prepared.t_epoch.size,
         n_slot=signals.used.shape[1],
-        n_channel=channels(prepared),
+        n_channel=len(prepared.channel_names),
         n_antenna=len(belief.levers),
         n_entry=belief.entry.shape[1],
         n_shared=signals.shared.start.size,
         n_extra=belief.extra_offset.size,
+        n_row=prepared.n_row,
+        n_out=len(prepared.outputs),
+        n_sensor=len(prepared.devices),
     ))  # fmt: skip
     end = (WIDTH,) if lanes else ()
     arrays: dict[str, Any] = {
@@ -93,13 +113,22 @@ def new_work(prepared: Prepared, lanes: bool) -> Work:
     }
     options, n_lane = prepared.options, WIDTH if lanes else 0
     is_open = prepared.scenario.filter.feedback == "open"
+    layout, sampled = prepared.layout, options.vehicle is not None or options.samples is not None
+    n_entry = 0 if options.vehicle is None else options.vehicle.columns.shape[1]
+    n_hist, n = prepared.t_hist.size, layout.n_state
     return Work(
         **arrays,
-        rx=None if options.solver is None else new_receiver(n_lane),
-        aside=new_aside(prepared.layout.n_state, n_lane) if is_open else None,
-        past=None if options.late is None else aligned_zeros((N_PAST, *end)),
-        watch=None if options.rules is None else new_watch(prepared.t_epoch.size, n_lane),
-    )
+        rx=None if options.solver is None else new_receiver(n_lane, len(prepared.sky.names)),
+        aside=new_aside(n, len(layout.parameters), belief.extra_offset.size, n_lane) if is_open else None,
+        past=None if options.late is None else aligned_zeros((options.late.n_ring + 1, N_PAST, *end)),
+        watch=None
+        if options.rules is None
+        else new_watch(prepared.t_epoch.size, prepared.channels.n_receiver, prepared.n_row, n_lane),
+        motion=new_motion(n, n_entry, n_lane) if sampled else None,
+        held=None if options.report is None else Held(aligned_zeros((N_RECEIVER, *end)),
+                                                      aligned_zeros((N_RECEIVER, N_RECEIVER, *end))),
+        misses=None if options.misses is None else Misses(*(aligned_zeros((n_hist, n, *end)) for _ in range(2))),
+    )  # fmt: skip
 
 
 def _fly(prepared: Prepared, seed: int, runs: Floats, lanes: bool) -> Work:
@@ -110,9 +139,7 @@ def _fly(prepared: Prepared, seed: int, runs: Floats, lanes: bool) -> Work:
         values = values_of(prepared.recorded, seed, runs)
         work.shared[chosen] = values if lanes else values[:, 0]
     p = prepared
-    if p.vehicle is not None:
-        return vehicle_montecarlo.fly(p, work, *seed_words(seed), lanes)
-    fixed = (p.schedule, p.unit, p.signals, p.start, p.record, p.belief, p.options)
+    fixed = (p.schedule, p.unit, p.signals, p.sensors, p.start, p.record, p.belief, p.options)
     (fly_lanes if lanes else fly)(work, *fixed, *seed_words(seed))
     return work
 
@@ -124,6 +151,16 @@ def compile_kernels(prepared: Prepared) -> None:
         first_tick=none, n_tick=none, length=none, epoch=none, hist=none
     ))  # fmt: skip
     _fly(grounded, 0, np.arange(WIDTH, dtype=np.uint64), not config.DISABLE_JIT)
+
+
+def simulated(prepared: Prepared, seed: int, n_run: int) -> Iterator[Misses]:
+    """Yield what the transition misses of runs 0 to n_run - 1, some runs at a time, runs on the first axis."""
+    lanes = not config.DISABLE_JIT
+    width = WIDTH if lanes else 1
+    for first in range(0, n_run, width):
+        work = _fly(prepared, seed, np.arange(first, first + width, dtype=np.uint64), lanes)
+        runs = [np.moveaxis(array, -1, 0) if lanes else array[None] for array in work.misses]
+        yield Misses(*(array[: n_run - first] for array in runs))
 
 
 _HANDED_OUT = ("err", "sigma", "nees", "nis", "n_row", "n_reject", "innovation", "failed", "t_failed")

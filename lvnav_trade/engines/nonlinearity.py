@@ -6,10 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines.carried import Nominal
-from lvnav_trade.engines.lincov import nominal, turns
+from lvnav_trade.engines.lincov.history import nominal, turns
+from lvnav_trade.engines.lincov.workspace import Nominal
 from lvnav_trade.engines.prepare import Prepared
-from lvnav_trade.filters.belief import INERTIAL, TIGHT
 from lvnav_trade.filters.ekf import fill_loose, fill_tight, place_antenna
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.attitude import from_rotation, multiply, small_rotation
@@ -157,11 +156,11 @@ def _linear(prepared: Prepared, start: int, d: Floats) -> Floats:
 def _rows(prepared: Prepared, time: float, directions: Floats, formal: Floats) -> float:
     """Return the largest second-order part of a row of the nearest epoch, in sigmas of its innovation."""
     belief = prepared.belief
-    if belief.kind == INERTIAL or not prepared.t_epoch.size:
+    if not belief.n_receiver or not prepared.t_epoch.size:
         return float("nan")
     epoch = int(np.argmin(np.abs(prepared.t_epoch - time)))
     used = int(prepared.signals.n_used[epoch])
-    if used == 0 or (belief.kind != TIGHT and used < 4):
+    if used == 0 or (not belief.tight and used < 4):
         return float("nan")
     work = nominal(prepared)
     expected = _predicted(prepared, work, epoch, np.zeros(directions.shape[1]))
@@ -182,8 +181,8 @@ def _predicted(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Floa
     work.clock_hat[:] = -d[belief.clock : belief.clock + 2] if belief.clock >= 0 else 0.0
     for extra, offset in enumerate(belief.extra_offset):
         work.extra[extra] = -d[offset]
-    place_antenna(work, None, belief, prepared.unit.dt)
-    if belief.kind == TIGHT:
+    place_antenna(work, None, belief, prepared.unit.dt, epoch)
+    if belief.tight:
         fill_tight(work, belief, prepared.signals, epoch)
         return work.z[: 2 * prepared.signals.n_used[epoch]].copy()
     fill_loose(work, belief, prepared.signals, epoch)
@@ -194,7 +193,7 @@ def _innovation_sigma(prepared: Prepared, work: Nominal, epoch: int, n_row: int,
     """Return the filter's sigma of the innovations of the rows that `work` holds."""
     belief, signals, sigma = prepared.belief, prepared.signals, np.empty(n_row)
     for row in range(n_row):
-        channel = 2 * signals.used[epoch, row // 2] + row % 2 if belief.kind == TIGHT else row
+        channel = 2 * signals.used[epoch, row // 2] + row % 2 if belief.tight else row
         n = belief.n_entry[channel]
         h = np.zeros(prepared.layout.n_state)
         h[belief.column[channel, :n]] = work.H[row, belief.entry[channel, :n]]

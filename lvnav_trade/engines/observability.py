@@ -7,13 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines.carried import Tape
-from lvnav_trade.engines.lincov import forward_tape
+from lvnav_trade.engines.lincov.components import Components, components, source_names
+from lvnav_trade.engines.lincov.history import forward_tape
+from lvnav_trade.engines.lincov.samples import nominal_tick
+from lvnav_trade.engines.lincov.workspace import Tape
 from lvnav_trade.engines.prepare import Prepared
-from lvnav_trade.engines.truth import TrueModel, source_names, true_model
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.joint import apply_phi
+from lvnav_trade.kernels.strapdown import N_SUM
+from lvnav_trade.kernels.vehicle import N_SAMPLE, advance_vector, fill_samples
 from lvnav_trade.records import Floats
 
 TOLERANCE = 1e-2
@@ -57,22 +60,49 @@ def fold(triangle, row):
 
 
 @jit
-def _gather(triangle, phi, D, row_of, tape, schedule, signals, true, belief, first_window, last_window):
+def _fold_samples(triangle, phi, row_of, sums, h, unit, vehicle, reference, first, n_tick):
+    """Fold in the samples of a window's ticks, and carry the transition over them; return how many rows."""
+    n = phi.shape[0]
+    for tick in range(first, first + n_tick):
+        fill_samples(h, vehicle.blocks, vehicle.rate[tick], vehicle.force[tick])
+        for r in range(N_SAMPLE):
+            weight = 1.0 / np.sqrt(vehicle.variance[r])
+            for j in range(n):
+                total = 0.0
+                for k in range(vehicle.columns.shape[1]):
+                    total += h[r, k] * phi[j, vehicle.columns[r, k]]
+                row_of[j] = weight * total
+            fold(triangle, row_of)
+        nominal_tick(sums, reference, tick, unit.dt)
+        for j in range(n):
+            advance_vector(phi[j], sums, unit.dt, vehicle.motion)
+    return N_SAMPLE * n_tick
+
+
+@jit
+def _gather(triangle, phi, D, row_of, sums, h, tape, schedule, unit, signals, true, belief, vehicle, reference,
+            first_window, last_window):  # fmt: skip
     """Fold in every row of a stretch, times the transition since its start, in sigmas of its noise; return how many.
 
-    triangle (n, n) and phi (n, n), the columns of the transition, updated; D (n_block, 9) and row_of (n,) work.
+    triangle (n, n) and phi (n, n), the columns of the transition, updated; D (n_block, 9), row_of (n,), sums (18,) and h
+    (6, n_entry) work. Where samples of the IMU are measurements, rate and specific force are taken for constant over a
+    stretch, which asks most of the other states.
     """
     n, count = phi.shape[0], 0
     for w in range(first_window, last_window + 1):
         if schedule.n_tick[w] > 0:
+            if vehicle is not None:
+                first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
+                count += _fold_samples(triangle, phi, row_of, sums, h, unit, vehicle, reference, first, n_tick)
             length, at = schedule.length[w], tape.position[w]
             seconds, decay = belief.seconds[length], belief.decay[length]
             transition.fill(D, true.nav_kinds, true.nav_drivers, tape.sums[w], at[0], at[1], at[2], seconds)
             for j in range(n):
                 apply_phi(phi[j], D, true.nav_rows, true.nav_columns, decay, belief.clock, seconds)
-        for row in range(tape.first_row[w], tape.first_row[w + 1]):
+        for row in range(tape.first[w], tape.first[w + 1]):
             channel = tape.channel[row]
-            variance = 1.0 if belief.judged else signals.variance[tape.epoch[row], channel]
+            mixed = belief.judged and channel < signals.n_receiver
+            variance = 1.0 if mixed else signals.variance[tape.epoch[row], channel]
             weight = 1.0 / np.sqrt(variance)
             for j in range(n):
                 total = 0.0
@@ -84,15 +114,17 @@ def _gather(triangle, phi, D, row_of, tape, schedule, signals, true, belief, fir
     return count
 
 
-def _stretch(prepared: Prepared, true: TrueModel, tape: Tape, start: float, end: float) -> Stretch:
+def _stretch(prepared: Prepared, true: Components, tape: Tape, start: float, end: float) -> Stretch:
     schedule, n = prepared.schedule, prepared.layout.n_state
     ends = prepared.reference.t[schedule.first_tick + schedule.n_tick]
     inside = np.flatnonzero((ends > start + 1e-9) & (ends <= end + 1e-9))
     first, last = int(inside[0]), int(inside[-1])
+    vehicle = prepared.options.vehicle
+    n_entry = 1 if vehicle is None else vehicle.columns.shape[1]
     triangle, phi = np.zeros((n, n)), np.eye(n)  # row j of phi is the column of Phi that belongs to state j
     count = _gather(
-        triangle, phi, np.zeros((true.nav_rows.size, 9)), np.zeros(n), tape, schedule, prepared.signals,
-        true, prepared.belief, first, last,
+        triangle, phi, np.zeros((true.nav_rows.size, 9)), np.zeros(n), np.zeros(N_SUM), np.zeros((N_SAMPLE, n_entry)),
+        tape, schedule, prepared.unit, prepared.signals, true, prepared.belief, vehicle, prepared.reference, first, last,
     )  # fmt: skip
     scale, root = initial_spread(prepared.start.P)
     asked = scale > 0.0  # a state of no initial sigma is known, not unobservable
@@ -126,7 +158,7 @@ def observability(prepared: Prepared, edges: Floats, tape: Tape | None = None) -
     Evaluated on the nominal flight with the rows that the filter absorbs there; edges outside it are moved to its ends.
     `tape` is the forward pass where it is known already.
     """
-    true = true_model(prepared, source_names(prepared))
+    true = components(prepared, source_names(prepared))
     tape = tape or forward_tape(prepared, true)
     t = prepared.reference.t
     marks = np.unique(np.clip(edges, t[0], t[-1]))

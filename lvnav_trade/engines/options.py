@@ -93,35 +93,25 @@ def solver_of(scenario: Scenario, belief: ReceiverBelief, most: int) -> Solver |
 def delay_taken(scenario: Scenario, t_epoch: Floats, t_valid: Floats) -> Floats | None:
     """Return the delay (n_epoch,) that the filter compensates; None where it does not.
 
-    t_valid (n_epoch,): when the measurements of the epochs are of, as the receiver stamps them. InputError where the
-    state of that time would lack the corrections of the epoch before.
+    t_valid (n_epoch,): when the measurements of the epochs are of, as the receiver stamps them.
     """
     card = scenario.filter.delay_compensation
-    if card is None or scenario.filter.kind == "inertial":
+    if card is None or not scenario.filter.measurements:
         return None
-    delay = t_epoch - t_valid if isinstance(card.delay, str) else np.full(t_epoch.size, card.delay)
-    before = card.base if card.kind == "extrapolated" else 0.0
-    worst = int(np.argmax(delay)) if delay.size else 0
-    if delay.size and delay[worst] + before >= epoch_interval(scenario):
-        raise _about(
-            "filter.delay_compensation",
-            f"a delay of {delay[worst] * 1e3:.0f} ms at {t_epoch[worst]:.0f} s"
-            f"{f' and a base of {before * 1e3:.0f} ms' if before else ''}, not less than the "
-            f"{epoch_interval(scenario) * 1e3:.0f} ms between epochs",
-        )
-    return delay
+    return t_epoch - t_valid if isinstance(card.delay, str) else np.full(t_epoch.size, card.delay)
 
 
 def late_of(scenario: Scenario, delay: Floats | None, at: Kept | None, schedule: Schedule) -> Late | None:
-    """Return how late measurements are met; None where they are not compensated."""
+    """Return how late measurements are compensated; None where they are not."""
     card = scenario.filter.delay_compensation
     if card is None or delay is None or at is None:
         return None
     ends = np.where(schedule.n_tick > 0, schedule.first_tick + schedule.n_tick, -1)
     return Late(
         extrapolated=card.kind == "extrapolated",
-        valid=_epoch_at(ends, at.valid),
-        early=_epoch_at(ends, at.early),
+        n_ring=_stored_at_once(at, scenario.imu.rate * epoch_interval(scenario)),
+        valid=_epochs_at(ends, at.valid),
+        early=_epochs_at(ends, at.early),
         delay=delay,
         offset=at.offset,
         base=at.base,
@@ -131,13 +121,16 @@ def late_of(scenario: Scenario, delay: Floats | None, at: Kept | None, schedule:
     )
 
 
-def _epoch_at(ends: Ints, ticks: Ints) -> Ints:
-    """Return the epoch (n_window,) whose tick a window ends at, -1 none."""
-    found = np.full(ends.size, -1, dtype=np.int64)
-    number = {int(tick): epoch for epoch, tick in enumerate(ticks)}
-    for window, end in enumerate(ends.tolist()):
-        found[window] = number.get(end, -1)
-    return found
+def _stored_at_once(at: Kept, ticks: float) -> int:
+    """Return how many states are stored at once; `ticks` between epochs. A state is stored until its epoch is over."""
+    epochs = np.arange(1, at.valid.size + 1)
+    ahead = np.floor(epochs - np.minimum(at.valid, at.early) / ticks + 1e-9) + 1
+    return max(1, int(ahead.max(initial=1)))
+
+
+def _epochs_at(ends: Ints, ticks: Ints) -> Ints:
+    """Return the first epoch whose tick a window ends at, and the one after the last, (n_window, 2); ticks do not fall."""
+    return np.stack([np.searchsorted(ticks, ends, side) for side in ("left", "right")], axis=1).astype(np.int64)
 
 
 class Kept(NamedTuple):

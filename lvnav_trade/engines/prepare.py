@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.engines.altimeter import altimeter_of, height_of
+from lvnav_trade.engines.sensors import Sensor, for_kernels, sensors_of
 from lvnav_trade.engines.atmosphere import Delays, delays
 from lvnav_trade.engines.families import ErrorFamily, shared_of
-from lvnav_trade.engines.inputs import Options, Record, Schedule, Signals, Start, Unit
+from lvnav_trade.engines.inputs import Options, Record, Report, Samples, Schedule, Sensors, Signals, Start, Unit
 from lvnav_trade.engines.options import (
     delay_taken,
     every,
@@ -26,13 +26,15 @@ from lvnav_trade.engines.recorded import Recorded, recorded
 from lvnav_trade.engines.signals import Line, channels_of, families, geometry_of, signals
 from lvnav_trade.engines.solution import Chain, chain_of
 from lvnav_trade.engines.times import epochs_of, times_of
-from lvnav_trade.engines.vehicle import Vehicle, vehicle_of
+from lvnav_trade.engines.vehicle import samples_of, vehicle_of
 from lvnav_trade.engines.watching import left_out, pdop, watched
 from lvnav_trade.filters.belief import Belief, believe, initial_covariance
 from lvnav_trade.filters.envelope import EnvelopeCard
 from lvnav_trade.frames import earth_angle, rotation_i_e, rotation_i_n, rotation_i_o
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
+from lvnav_trade.kernels.vehicle import N_SAMPLE
+from lvnav_trade.observables.partials import Channels
 from lvnav_trade.layout import StateLayout, outputs, solution_outputs
 from lvnav_trade.records import Floats, Output, Reference, Sky
 from lvnav_trade.scenario import Scenario, beliefs, epoch_interval, judged, reported, solves
@@ -67,8 +69,8 @@ STEP = 1e-6
 
 class Prepared(NamedTuple):
     """A scenario and all that its runs share. sources: true error blocks of the unit; families: errors that
-    measurements share; recorded: of a receiver; t_hist, t_epoch: s since lift-off of history and epochs; vehicle: of a
-    filter with an attitude reference.
+    measurements share; recorded: of a receiver; t_hist, t_epoch: s since lift-off of history and epochs; devices: the
+    sensors beside the receiver, sensors the same in numbers; channels: of the filter; channel_names: of all innovations.
     """
 
     scenario: Scenario
@@ -92,7 +94,15 @@ class Prepared(NamedTuple):
     recorded: Recorded
     options: Options
     chain: Chain | None
-    vehicle: Vehicle | None = None
+    devices: tuple[Sensor, ...]
+    sensors: Sensors
+    channels: Channels
+    channel_names: tuple[str, ...]
+
+    @property
+    def n_row(self) -> int:
+        """How many Jacobian rows an epoch has at most: the receiver's, then those of the sensors."""
+        return max(6, 2 * self.signals.used.shape[1]) + self.channels.n_channel - self.channels.n_receiver
 
 
 @lru_cache(maxsize=4)
@@ -233,12 +243,13 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     kept = kept_at(scenario, t_epoch, delayed, ref.t, epochs.group)
     at = times_of(scenario, trajectory, ref, epochs, kept, history, every_step_beside)
     imu, receiver, initial = beliefs(scenario)
-    channels, lever_b = channels_of(scenario, seen), np.array(scenario.receiver.lever_b)
-    height = height_of(scenario, trajectory, t_epoch)
+    devices = sensors_of(scenario, trajectory, t_epoch)
+    channels, lever_b = channels_of(scenario, seen, devices), np.array(scenario.receiver.lever_b)
     measured = channels._replace(tight=True) if solves(scenario) else channels
     levers = seen.levers if channels.tight else lever_b[None, :]
     layout, belief = believe(
-        card, imu, receiver, levers, at.lengths, channels, epochs.group, every(scenario), judged(scenario)
+        card, imu, receiver, levers, at.lengths, channels, epochs.group, every(scenario), judged(scenario),
+        solves(scenario), card.measurements,
     )  # fmt: skip
     line = Line(trajectory, lever_b, seen)
     late_by = delays(trajectory, scenario.receiver, seen, scenario.atmosphere, card.corrections)
@@ -250,12 +261,12 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     shared = shared_of(shared_errors, layout, epoch_interval(scenario), (t_epoch.size, measured.n_channel))
     left = late_by.left + time_offsets(scenario.constellation, seen.systems, trajectory.epoch, seen.t)
     truth = signals(
-        scenario, seen, line, receiver, layout, believed, channels, measured, shared, failed, left, tabled.mean, height
+        scenario, seen, line, receiver, layout, believed, channels, measured, shared, failed, left, tabled.mean, devices
     )  # fmt: skip
     blocks = (*error_blocks(scenario.imu), *disturbance(scenario.gravity))
     C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], trajectory.theta0)[0].T
     P = initial_covariance(layout, initial, C_n_i, card.envelope or EnvelopeCard())
-    rules = watched(card, failed, truth, lambda: pdop(line.direction, seen.tracked), P)
+    rules = watched(card, failed, truth, channels, lambda: pdop(line.direction, seen.tracked), P)
     solver = solver_of(scenario, receiver, truth.used.shape[1])
     chain = chain_of(solver, judged(scenario), truth, line)
     truth, chain = left_out(rules, truth, chain)
@@ -286,10 +297,15 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
             rules,
             late_of(scenario, delayed, kept, at.schedule),
             gains_of(scenario, layout, t_epoch, trajectory.events),
-            altimeter_of(height),
+            vehicle_of(scenario, trajectory, ref, layout, imu),
+            samples_of(scenario, ref, layout, imu),
+            _report(scenario, chain, channels, layout, solver),
         ),
         chain=chain,
-        vehicle=vehicle_of(scenario, trajectory, ref, layout, imu, epochs.tick),
+        devices=devices,
+        sensors=for_kernels(devices, channels, t_epoch.size),
+        channels=channels,
+        channel_names=_channel_names(scenario, channels, solver),
     )
 
 
@@ -303,6 +319,34 @@ def _seen(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: fl
     # where the latency falls, a later epoch still measures no earlier
     measured = np.maximum.accumulate(np.maximum(start, t_epoch - late))
     return sky(above, receiver, trajectory, measured, scenario.faults)
+
+
+def _own_channels(scenario: Scenario, solver: Any) -> bool:
+    return solver is not None and reported(scenario) and solver.filter is not None
+
+
+def _report(
+    scenario: Scenario, chain: Chain | None, channels: Channels, layout: StateLayout, solver: Any
+) -> Report | None:
+    """Return what is reported of the receiver's own solution; None where nothing is."""
+    if chain is None or not reported(scenario):
+        return None
+    own = _own_channels(scenario, solver)
+    first = channels.n_channel + N_SAMPLE * (layout.motion >= 0)
+    n_own = 2 * len(channels.satellites) if own else 0
+    return Report(chain.point, len(outputs(layout, scenario.frame)), own, first, n_own)
+
+
+def _channel_names(scenario: Scenario, channels: Channels, solver: Any) -> tuple[str, ...]:
+    """Return the names of all innovations: of the filter's channels, of the IMU's samples, of the receiver's own."""
+    if not scenario.filter.measurements:
+        return ("none",)
+    names = list(channels.names)
+    if "imu" in scenario.filter.measurements:
+        names += [f"{sensor} {axis}" for sensor in ("gyro", "accelerometer") for axis in "xyz"]
+    if _own_channels(scenario, solver):
+        names += [f"receiver {name} {what}" for name in channels.satellites for what in ("range", "range rate")]
+    return tuple(names)
 
 
 def _start(scenario: Scenario, ref: Reference, C_n_i: Floats, P: Floats) -> Start:

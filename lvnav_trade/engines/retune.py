@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines.lincov import covariance
+from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.prepare import prepare
 from lvnav_trade.records import CovHistory, Floats
 from lvnav_trade.scenario import Scenario

@@ -7,10 +7,10 @@ import numpy as np
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.attitude import from_rotation, multiply, normalise
 from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import like, size
+from lvnav_trade.kernels.lanes import like
 from lvnav_trade.kernels.random import normals
 from lvnav_trade.kernels.strapdown import Q, R, V
-from lvnav_trade.observables import altitude, doppler, position, pseudorange, velocity
+from lvnav_trade.observables import doppler, family, position, pseudorange, velocity
 from lvnav_trade.receivers.base import switch_on
 from lvnav_trade.receivers.solve import solve
 
@@ -187,18 +187,29 @@ def _solve(work, solver, signals, epoch):
         work.rx, solver.point, solver.filter, signals.satellite[epoch], signals.satellite_velocity[epoch],
         signals.used[epoch], signals.n_used[epoch], work.ranges,
     )  # fmt: skip
-    for i in range(6):
-        work.solution[i] = work.rx.solution[i]
+    if not signals.frozen[epoch]:  # the receiver goes on behind a frozen output
+        for i in range(6):
+            work.solution[i] = work.rx.solution[i]
 
 
 @jit
-def measure_height(work, altimeter, signals, epoch, k0, k1):
-    """Fill the height that an altimeter (Altimeter, or None) measures."""
-    if altimeter is not None:
-        channel = size(work.innovation, 1) - 1
-        n0, _, _, _ = normals(k0, k1, altimeter.source, work.run[0], np.uint64(epoch + 1), _ZERO)
-        true_height = altimeter.height[epoch] + _shared_error(work, signals.shared, epoch, channel)
-        work.ground[0] = altitude.observe(true_height, signals.sigma[epoch, channel], n0)
+def _sensor_error(work, signals, epoch, channel, normal):
+    """Return the error of a scalar of a sensor: white noise, and what lasts."""
+    return signals.sigma[epoch, channel] * normal + _shared_error(work, signals.shared, epoch, channel)
+
+
+@jit
+def measure_sensors(work, sensors, signals, epoch, k0, k1):
+    """Set what the sensors beside the receiver measure at an epoch."""
+    zero = like(work.clock[0], 0.0)
+    for k in range(sensors.code.shape[0]):
+        if sensors.on[k, epoch]:
+            n0, n1, n2, _ = normals(k0, k1, sensors.sources[k], work.run[0], np.uint64(epoch + 1), _ZERO)
+            at, count = sensors.channel[k], sensors.scalars[k]
+            e0 = _sensor_error(work, signals, epoch, at, n0)
+            e1 = _sensor_error(work, signals, epoch, at + 1, n1) if count > 1 else zero
+            e2 = _sensor_error(work, signals, epoch, at + 2, n2) if count > 2 else zero
+            family.observe(work.observed[k], sensors.code[k], sensors.truth[k, epoch], e0, e1, e2)
 
 
 @jit
@@ -209,12 +220,13 @@ def observe(work, solver, signals, tight, epoch, k0, k1):
     """
     word = np.uint64(epoch + 1)
     _step_receiver(work, signals, word, epoch, k0, k1)
-    if signals.frozen[epoch]:
-        return
     if solver is not None:
         _measure_ranges(work, signals, word, epoch, k0, k1)
         _solve(work, solver, signals, epoch)
-    elif tight:
+        return
+    if signals.frozen[epoch]:
+        return
+    if tight:
         _measure_ranges(work, signals, word, epoch, k0, k1)
     else:
         _measure_directly(work, signals, word, epoch, k0, k1)

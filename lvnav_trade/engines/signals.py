@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.engines.altimeter import Height
+from lvnav_trade.engines.sensors import Sensor
 from lvnav_trade.engines.families import Cause, ErrorFamily, families_of, lever_causes
 from lvnav_trade.engines.inputs import Shared, Signals
 from lvnav_trade.engines.options import direct
@@ -32,13 +32,14 @@ from lvnav_trade.world.faults import Failures
 from lvnav_trade.world.trajectory import Trajectory, motion
 
 
-def channels_of(scenario: Scenario, seen: Sky) -> Channels:
+def channels_of(scenario: Scenario, seen: Sky, devices: tuple[Sensor, ...] = ()) -> Channels:
     """Return the channels of a case."""
     ever = tuple(bool(np.any(seen.tracked[:, s])) for s in range(len(seen.names)))
-    aided = scenario.filter.kind != "inertial"
-    return Channels(
-        scenario.filter.kind == "tight", seen.names, seen.systems, ever, aided and scenario.altimeter is not None
-    )
+    measured = set(scenario.filter.measurements)
+    tight = bool(measured & {"pseudorange", "range_rate"})
+    sensors = tuple(device.channels for device in devices)
+    receiver = tight or bool(measured & {"position", "velocity"})
+    return Channels(tight, seen.names, seen.systems, ever, receiver, sensors)
 
 
 class Line:
@@ -181,7 +182,7 @@ def _slots(seen: Sky) -> tuple[np.ndarray, np.ndarray]:
     return used, n_used
 
 
-def _noise(scenario: Scenario, seen: Sky, channels: Channels, height: Height | None) -> Floats:
+def _noise(scenario: Scenario, seen: Sky, channels: Channels, devices: tuple[Sensor, ...]) -> Floats:
     """Return the sigma (n_epoch, n_channel) of white noise of sensors in which nothing has failed."""
     sigma, n = np.empty((seen.t.size, channels.n_channel)), channels.n_receiver
     if channels.tight:
@@ -189,8 +190,8 @@ def _noise(scenario: Scenario, seen: Sky, channels: Channels, height: Height | N
     else:
         solution = direct(scenario)
         sigma[:, :3], sigma[:, 3:n] = solution.position_sigma, solution.velocity_sigma
-    if height is not None:
-        sigma[:, n] = height.sigma
+    for at, device in zip(channels.first, devices, strict=True):
+        sigma[:, at : at + device.sigma.shape[1]] = device.sigma
     return sigma
 
 
@@ -221,16 +222,18 @@ def _hold(frozen: NDArray[np.bool_], *tables: NDArray[Any]) -> None:
 
 
 def _believed_variance(
-    scenario: Scenario, belief: ReceiverBelief, channels: Channels, sigma: Floats, height: Height | None
+    scenario: Scenario, belief: ReceiverBelief, channels: Channels, sigma: Floats,
+    devices: tuple[Sensor, ...],
 ) -> Floats:
     """Return the variance (n_epoch, n_channel) that the filter gives rows: its own numbers, or what the receiver tells
     of its noise where the card says so.
     """
-    if solves(scenario):  # the receiver tells the covariance with every solution
-        return np.ones((len(sigma), channels.n_channel))
     variance, n = sigma**2, channels.n_receiver
-    if height is not None:
-        variance[:, n] = height.variance
+    for at, device in zip(channels.first, devices, strict=True):
+        variance[:, at : at + device.variance.shape[1]] = device.variance
+    if solves(scenario):  # the receiver reports the covariance with every solution
+        variance[:, :n] = 1.0
+        return variance
     if isinstance(scenario.filter.receiver, str):
         return variance
     if channels.tight:
@@ -253,17 +256,17 @@ def signals(
     failed: Failures,
     left: Floats,
     tabled: Floats,
-    height: Height | None = None,
+    devices: tuple[Sensor, ...] = (),
 ) -> Signals:
     """Return what is true of satellites and receiver at the epochs, and what the filter knows of it.
 
     channels are those of the filter's rows, `measured` those of what the receiver measures, which solves perhaps; left
     (n_epoch, n_sat, 2): what corrections leave of delays and of systems' times, in ranges and rates; tabled (n_epoch,
-    6): errors of the solution that are the same in every run, frame i; height: of an altimeter.
+    6): errors of the solution that are the same in every run, frame i; devices: sensors beside the receiver.
     """
     receiver, clock = scenario.receiver, scenario.receiver.clock
     used, n_used = _slots(seen)
-    sigma = _noise(scenario, seen, measured, height)
+    sigma = _noise(scenario, seen, measured, devices)
     extra = [partial(block.name, geometry, channels) for block in layout.extras]
     interval = epoch_interval(scenario)
     off, off_rate = failed.bias + left[:, :, 0], failed.drift + left[:, :, 1]
@@ -284,13 +287,14 @@ def signals(
         satellite_velocity=np.ascontiguousarray(seen.v_i),
         antenna=seen.antenna if channels.tight else np.zeros_like(seen.antenna),
         sigma=_grown(sigma, measured, failed),
-        variance=_believed_variance(scenario, belief, channels, sigma, height),
+        variance=_believed_variance(scenario, belief, channels, sigma, devices),
         partial=np.array(extra).reshape(len(extra), seen.t.size, channels.n_channel),
         clock_step=np.array(clock_step(interval, receiver.clock.h0, receiver.clock.h_minus2)),
         clock_start=np.array([clock.initial_bias, clock.initial_drift]),
         clock_jump=failed.jump,
         frozen=failed.frozen,
         interval=interval,
+        n_receiver=channels.n_receiver,
         sources=np.array([source_word(name) for name in names], dtype=np.uint64),
         shared=shared,
     )

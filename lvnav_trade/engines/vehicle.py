@@ -1,9 +1,8 @@
-"""What a flight with an attitude reference takes in beside the rest: motion of the vehicle, envelope, noise."""
+"""The filter's model of the vehicle's motion on a flight: envelope of its changes, samples of the IMU as measurements."""
 
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,81 +10,56 @@ from numpy.typing import NDArray
 from lvnav_trade.engines.envelopes import envelopes
 from lvnav_trade.filters.base import ImuBelief
 from lvnav_trade.filters.envelope import EnvelopeCard
-from lvnav_trade.kernels.random import source_word
-from lvnav_trade.kernels.transition import ATT
+from lvnav_trade.engines.inputs import Samples
+from lvnav_trade.filters.samples import VehicleModel
+from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
+from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.layout import StateLayout
 from lvnav_trade.records import Floats, Reference
-from lvnav_trade.scenario import Scenario, reference_belief
+from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.truth import Trajectory
 from lvnav_trade.world.turning import changes
 
-ATTITUDE_NOISE = "attitude reference noise"
-"""Source of the budget."""
-CHANNELS = (
-    *(f"position {axis}" for axis in "xyz"), *(f"velocity {axis}" for axis in "xyz"),
-    *(f"attitude {axis}" for axis in "xyz"), *(f"gyro {axis}" for axis in "xyz"),
-    *(f"accelerometer {axis}" for axis in "xyz"),
-)  # fmt: skip
-"""Innovation channels; those of the inertial unit belong to the last sample before an epoch."""
-N_EPOCH_ROW = 9
-
-
-class Vehicle(NamedTuple):
-    """Settings of a flight with an attitude reference.
-
-    modelled: rate and acceleration are states, at `motion` of the error state; bias: first state of the biases; rate,
-    force (n_imu, 3) true means over the ticks (rad/s, m/s^2, body axes); walk (n_imu, 6) variance of the step that the
-    filter expects of them into each tick; variance (6,) that it believes of a sample's noise; raw (6,) that with the
-    bias before it is estimated; attitude (n_epoch, 4) true
-    quaternion at the epochs; sigma of the attitude reference and the variance that the filter believes; source word;
-    entries (1,) and columns (3, 1) of its rows, a row an axis, as `absorb` takes them.
-    """
-
-    modelled: bool
-    motion: int
-    bias: int
-    rate: Floats
-    force: Floats
-    walk: Floats
-    variance: Floats
-    raw: Floats
-    attitude: Floats
-    sigma: float
-    believed: float
-    source: np.uint64
-    entries: NDArray[np.int64]
-    columns: NDArray[np.int64]
-
-
 def vehicle_of(
-    scenario: Scenario, trajectory: Trajectory, ref: Reference, layout: StateLayout, imu: ImuBelief,
-    epoch_tick: NDArray[np.int64],
-) -> Vehicle | None:  # fmt: skip
-    """Return the settings of a case whose filter has an attitude reference; None for any other."""
-    card, sensor = scenario.filter, scenario.attitude_reference
-    if not layout.samples or sensor is None:
+    scenario: Scenario, trajectory: Trajectory, ref: Reference, layout: StateLayout, imu: ImuBelief
+) -> VehicleModel | None:
+    """Return a filter's model of the vehicle's motion; None where the samples of its IMU are not measurements."""
+    if layout.motion < 0:
         return None
     dt = 1.0 / scenario.imu.rate
-    modelled = layout.motion >= 0
-    walk = np.zeros((ref.dtheta.shape[0], 6))
-    if modelled:
-        walk[:] = walks(card.envelope or EnvelopeCard(), trajectory, ref)
+    blocks = layout.parameters
+    columns = np.zeros((N_SAMPLE, 1 + len(blocks)), dtype=np.int64)
+    columns[:, 0] = layout.motion + np.arange(N_SAMPLE)
+    for number, block in enumerate(blocks, start=1):
+        columns[:, number] = np.tile(block.offset + np.arange(3), 2)
     noise = np.array([imu.gyro_random_walk**2 / dt] * 3 + [imu.accel_random_walk**2 / dt] * 3)
-    return Vehicle(
-        modelled=modelled,
+    return VehicleModel(
         motion=layout.motion,
-        bias=layout.parameters[0].offset,
+        blocks=np.array([[block.sensor, block.driver] for block in blocks], dtype=np.int64).reshape(-1, 2),
+        columns=columns,
+        walk=walks(scenario.filter.envelope or EnvelopeCard(), trajectory, ref),
+        variance=noise,
         rate=ref.dtheta / dt,
         force=ref.dvel / dt,
-        walk=walk,
-        variance=noise,
+    )
+
+
+def samples_of(scenario: Scenario, ref: Reference, layout: StateLayout, imu: ImuBelief) -> Samples | None:
+    """Return what is reported of the IMU's samples; None where nothing is."""
+    if not layout.samples:
+        return None
+    dt = 1.0 / scenario.imu.rate
+    noise = np.array([imu.gyro_random_walk**2 / dt] * 3 + [imu.accel_random_walk**2 / dt] * 3)
+    found = {(block.sensor, block.driver): number for number, block in enumerate(layout.parameters)}
+    par = np.array([found.get((sensor, CONSTANT), -1) for sensor in (GYRO, ACCEL)], dtype=np.int64)
+    bias = [layout.parameters[p].offset + i if p >= 0 else -1 for p in par for i in range(3)]
+    return Samples(
+        rate=ref.dtheta / dt,
+        force=ref.dvel / dt,
+        par=par,
+        bias=np.array(bias, dtype=np.int64),
         raw=noise + np.array([imu.gyro_bias**2] * 3 + [imu.accel_bias**2] * 3),
-        attitude=np.ascontiguousarray(ref.q_b_i[epoch_tick]),
-        sigma=sensor.sigma,
-        believed=reference_belief(scenario) ** 2,
-        source=source_word(ATTITUDE_NOISE),
-        entries=np.zeros(1, dtype=np.int64),
-        columns=ATT + np.arange(3, dtype=np.int64)[:, None],
+        variance=noise,
     )
 
 

@@ -12,6 +12,7 @@ from lvnav_trade.engines.inputs import Signals
 from lvnav_trade.engines.solution import Chain
 from lvnav_trade.filters.base import FilterCard, LogicCard
 from lvnav_trade.filters.monitor import Rules
+from lvnav_trade.observables.partials import Channels
 from lvnav_trade.records import Floats
 from lvnav_trade.world.faults import Failures
 
@@ -36,7 +37,7 @@ def pdop(direction: Floats, tracked: Mask) -> Floats:
 
 
 def watched(
-    card: FilterCard, failed: Failures, signals: Signals, dilution: Callable[[], Floats], P: Floats
+    card: FilterCard, failed: Failures, signals: Signals, channels: Channels, dilution: Callable[[], Floats], P: Floats
 ) -> Rules | None:
     """Return the rules of a filter card, None where it has no logic and starts as its card says.
 
@@ -49,7 +50,7 @@ def watched(
     if card.logic is None and card.init == "from_card":
         return None
     logic = card.logic or _UNGUARDED
-    good = signals.n_used >= 4
+    good = signals.n_used >= (1 if channels.tight else 4)
     if logic.check_flags:
         good &= ~failed.frozen & ~failed.invalid
     if logic.pdop_below is not None:
@@ -59,7 +60,8 @@ def watched(
     return Rules(
         interval=1.0 / card.update_rate,
         good=good,
-        limits=np.repeat([position, velocity], 3),
+        limits=np.tile([position, velocity], len(channels.satellites)) if channels.tight
+        else np.repeat([position, velocity], 3),
         spread=np.repeat(np.square(spread), 3),
         start_after=float(logic.start_after),
         correct_after=logic.correct_after,

@@ -222,6 +222,20 @@ class FilterCard(Card):
     attitude_noise: AngleRandomWalk = Field(0.0, description="process noise beyond the unit's own, root PSD per axis")
     velocity_noise: VelocityRandomWalk = 0.0
 
+    @property
+    def measurements(self) -> tuple[str, ...]:
+        """What the filter measures."""
+        return {
+            "inertial": (), "loose": ("position", "velocity", "altitude"),
+            "tight": ("pseudorange", "range_rate", "altitude"), "referenced": ("position", "velocity", "attitude"),
+            "vehicle_model": ("position", "velocity", "attitude", "imu"),
+        }[self.kind]  # fmt: skip
+
+    @property
+    def report_imu_samples(self) -> bool:
+        """Whether errors of samples are reported."""
+        return self.kind in REFERENCED
+
     @model_validator(mode="after")
     def _decided(self) -> Self:
         both = sorted(set(self.neglect) & set(self.consider))

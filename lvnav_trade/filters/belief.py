@@ -20,15 +20,17 @@ from lvnav_trade.observables.partials import Channels, members
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-INERTIAL, LOOSE, TIGHT = 0, 1, 2
-KINDS = {"inertial": INERTIAL, "loose": LOOSE, "tight": TIGHT, "referenced": LOOSE, "vehicle_model": LOOSE}
-PSEUDORANGE, RANGE_RATE, POSITION, VELOCITY, HEIGHT = 0, 1, 2, 3, 4
+PSEUDORANGE, RANGE_RATE, POSITION, VELOCITY, HEIGHT, ATTITUDE = range(6)
+TYPES = {"pseudorange": PSEUDORANGE, "range_rate": RANGE_RATE, "position": POSITION, "velocity": VELOCITY,
+         "altitude": HEIGHT, "attitude": ATTITUDE}  # fmt: skip
 
 
 class Belief(NamedTuple):
     """A filter in numbers, for the kernels. Index arrays int64; per-window tables by window length.
 
-    kind (INERTIAL, LOOSE, TIGHT); gravity code; block_rows, block_columns, block_kinds, block_drivers (n_block,);
+    aided: it has measurements; tight: ranges are among them; solves: the receiver solves for itself; measured
+    (n_channel,): the channel is processed; n_receiver of them are the receiver's (0: none is processed); n_row_entry
+    entries of a Jacobian row; gravity code; block_rows, block_columns, block_kinds, block_drivers (n_block,);
     seconds (n_length,) distinct window lengths, decay and noise (n_length, n_state) per length; clock index;
     n_estimated, n_state; par_sensor, par_driver, par_offset (n_par,); lean (only biases are carried); fading (any
     decay); gate_squared; joseph; group (ticks to a strapdown step); row_type, n_entry (n_channel,), entry and column
@@ -37,7 +39,12 @@ class Belief(NamedTuple):
     judged: solutions come with a covariance of their own, so rows are taken as independent mixtures of variance one.
     """
 
-    kind: int
+    aided: bool
+    tight: bool
+    solves: bool
+    measured: NDArray[np.bool_]
+    n_receiver: int
+    n_row_entry: int
     gravity: int
     block_rows: Ints
     block_columns: Ints
@@ -99,7 +106,9 @@ def _extra_blocks(names: list[str], receiver: ReceiverBelief, channels: Channels
     return blocks
 
 
-def state_layout(card: FilterCard, imu: ImuBelief, receiver: ReceiverBelief, channels: Channels) -> StateLayout:
+def state_layout(
+    card: FilterCard, imu: ImuBelief, receiver: ReceiverBelief, channels: Channels, measurements: tuple[str, ...] = ()
+) -> StateLayout:
     """Lay out the states of a filter: navigation, estimated parameters, clock, estimated extra states, and then what
     is considered.
     """
@@ -107,23 +116,23 @@ def state_layout(card: FilterCard, imu: ImuBelief, receiver: ReceiverBelief, cha
     wanted += [n for n in card.consider if n not in wanted]
     parameters: list[ParameterBlock] = []
     extras: list[ExtraBlock] = []
-    offset, clock, n_estimated = 9, -1, 9
+    offset, clock, motion, n_estimated = 9, -1, -1, 9
     for considered in (False, True):
         group = [n for n in wanted if (n in card.consider) == considered]
         blocks = _parameter_blocks([n for n in group if n in PARAMETERS], imu, offset)
         offset += 3 * len(blocks)
-        if not considered and card.kind == "tight":
+        if not considered and channels.tight:
             clock, offset = offset, offset + 2
         shared = _extra_blocks([n for n in group if n in EXTRAS], receiver, channels, offset)
         offset += sum(len(block.labels) for block in shared)
         parameters, extras = parameters + blocks, extras + shared
         if not considered:
+            if "imu" in measurements:
+                motion, offset = offset, offset + 6
             n_estimated = offset
-    if card.kind == "vehicle_model":
-        n_estimated = offset + 6
-        return StateLayout(tuple(parameters), clock, n_estimated, n_estimated, tuple(extras), offset, samples=True)
-    samples = card.kind == "referenced"
-    return StateLayout(tuple(parameters), clock, n_estimated, offset, tuple(extras), samples=samples)
+    return StateLayout(
+        tuple(parameters), clock, n_estimated, offset, tuple(extras), motion, samples=card.report_imu_samples
+    )
 
 
 def transition_blocks(parameters: tuple[ParameterBlock, ...], order: int) -> tuple[Ints, Ints, Ints, Ints]:
@@ -172,7 +181,7 @@ def window_tables(layout: StateLayout, densities: Floats, seconds: Floats) -> tu
 def _densities(card: FilterCard, layout: StateLayout, imu: ImuBelief, receiver: ReceiverBelief) -> Floats:
     found = np.zeros(layout.n_state)
     # with a model of the vehicle the noise of samples enters by their rows, and nowhere else
-    by_window = card.kind != "vehicle_model"
+    by_window = layout.motion < 0
     found[ATT : ATT + 3] = by_window * imu.gyro_random_walk**2 + card.attitude_noise**2
     found[VEL : VEL + 3] = by_window * imu.accel_random_walk**2 + card.velocity_noise**2
     for block in layout.parameters:
@@ -182,13 +191,14 @@ def _densities(card: FilterCard, layout: StateLayout, imu: ImuBelief, receiver: 
     return found
 
 
-def _row_types(kind: str, channels: Channels) -> Ints:
+def _row_types(channels: Channels) -> Ints:
     """Return the row type of each channel."""
-    if kind == "tight":
-        types = np.tile(np.array([PSEUDORANGE, RANGE_RATE], dtype=np.int64), len(channels.satellites))
+    if channels.tight:
+        types = [PSEUDORANGE, RANGE_RATE] * len(channels.satellites)
     else:
-        types = np.repeat(np.array([POSITION, VELOCITY], dtype=np.int64), 3)
-    return np.append(types, np.full(int(channels.altimeter), HEIGHT, dtype=np.int64))
+        types = [POSITION] * 3 + [VELOCITY] * 3
+    types += [TYPES[sensor.measures] for sensor in channels.sensors for _ in sensor.labels]
+    return np.array(types, dtype=np.int64)
 
 
 def _row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, mixed: bool) -> tuple[Ints, Ints, Ints]:
@@ -206,13 +216,19 @@ def _row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, mixed: boo
         POSITION: position + attitude + (velocity if mixed else []),
         VELOCITY: velocity + attitude + (position if mixed else []),
         HEIGHT: position,
+        ATTITUDE: [(H_ATT + i, ATT + i) for i in range(3)],
     }
     rows = []
+    n_extra = len(layout.extras)
+    extras = [e.offset + i for e in layout.extras for i in range(len(e.labels))]
     for channel, kind in enumerate(row_type.tolist()):
         member = [(N_ENTRY + f, e.offset + int(e.member[channel])) for f, e in enumerate(layout.extras)
                   if e.member[channel] >= 0]  # fmt: skip
+        if mixed:
+            n_extra = len(extras)
+            member = [(N_ENTRY + e, at) for e, at in enumerate(extras) if kind in (POSITION, VELOCITY)]
         rows.append(types[kind] + member)
-    shape = (len(rows), N_ENTRY + len(layout.extras))
+    shape = (len(rows), N_ENTRY + n_extra)
     count = np.array([len(pairs) for pairs in rows], dtype=np.int64)
     entry, column = np.zeros(shape, dtype=np.int64), np.zeros(shape, dtype=np.int64)
     for channel, pairs in enumerate(rows):
@@ -241,6 +257,8 @@ def believe(
     group: int = 1,
     every: int = 1,
     judged: bool = False,
+    solves: bool = False,
+    measurements: tuple[str, ...] = (),
 ) -> tuple[StateLayout, Belief]:
     """Turn a filter card and its beliefs into numbers.
 
@@ -248,17 +266,23 @@ def believe(
     ticks of the unit to a strapdown step; every: of how many epochs one is taken; judged: rows come with a covariance
     of their own and are mixed.
     """
-    layout = state_layout(card, imu, receiver, channels)
+    layout = state_layout(card, imu, receiver, channels, measurements)
     rows, columns, kinds, drivers = transition_blocks(layout.parameters, card.transition_order)
-    if card.kind == "vehicle_model":  # all but the gradient of gravity is propagated sample by sample
+    if "imu" in measurements:  # all but the gradient of gravity is propagated sample by sample
         gradient = kinds == transition.VEL_POS
         rows, columns, kinds, drivers = rows[gradient], columns[gradient], kinds[gradient], drivers[gradient]
     decay, noise = window_tables(layout, _densities(card, layout, imu, receiver), seconds)
-    row_type = _row_types(card.kind, channels)
+    row_type = _row_types(channels)
+    taken = [kind for name, kind in TYPES.items() if name in measurements]
     count, entry, column = _row_tables(layout, row_type, bool(np.any(levers)), judged)
     extra_offset, extra_member = _extra_tables(layout, channels.n_channel)
     belief = Belief(
-        kind=KINDS[card.kind],
+        aided=any(name in TYPES for name in measurements),
+        tight=channels.tight,
+        solves=solves,
+        measured=np.isin(row_type, taken),
+        n_receiver=channels.n_receiver if channels.receiver else 0,
+        n_row_entry=entry.shape[1],
         gravity={"point": strapdown.POINT, "j2": strapdown.J2, "j4": strapdown.J4}[card.gravity],
         block_rows=rows,
         block_columns=columns,

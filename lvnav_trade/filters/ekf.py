@@ -1,11 +1,10 @@
-"""The filter's steps: propagate a window, absorb an epoch's rows, correct the navigation state."""
+"""The filter's steps: propagate a window, process an epoch's measurements, correct the navigation state."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from lvnav_trade.filters.belief import TIGHT
-from lvnav_trade.filters.late import LAST, carry_on
+from lvnav_trade.filters.late import LAST, carry_on, correct_stored
 from lvnav_trade.kernels import processes, transition
 from lvnav_trade.kernels.attitude import from_rotation, multiply, normalise
 from lvnav_trade.kernels.covariance import absorb, absorb_with, predict
@@ -13,7 +12,7 @@ from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, size, where
 from lvnav_trade.kernels.strapdown import Q, R, V
 from lvnav_trade.kernels.transition import ATT, POS, VEL
-from lvnav_trade.observables import altitude, doppler, position, pseudorange, velocity
+from lvnav_trade.observables import doppler, family, position, pseudorange, velocity
 from lvnav_trade.observables.base import N_ENTRY, antenna, line_of_sight
 from lvnav_trade.receivers.whiten import whiten
 
@@ -48,33 +47,48 @@ def predict_window(work, belief, length):
 
 
 @jit
-def place_antenna(work, late, belief, dt):
-    """Set the estimated state of every antenna from the navigation state and the last tick's rate; a buffered late
-    measurement (Late, or None) is met where they were when it was valid.
+def place_antenna(work, late, belief, dt, epoch):
+    """Set the estimated state of every antenna from the navigation state and the last tick's rate; for a buffered late
+    measurement (Late, or None) they are those of the time when it was valid.
     """
     for i in range(3):
         work.rate[i] = work.previous[i] / dt
     for a in range(belief.levers.shape[0]):
         antenna(work.antenna[a], work.nav, work.rate, belief.levers[a])
     if late is not None and not late.extrapolated:
+        stored = work.past[epoch % late.n_ring]
         for i in range(3):
-            work.rate[i] = work.past[LAST + i] / dt
+            work.rate[i] = stored[LAST + i] / dt
         for a in range(belief.levers.shape[0]):
-            antenna(work.antenna[a], work.past, work.rate, belief.levers[a])
+            antenna(work.antenna[a], stored, work.rate, belief.levers[a])
 
 
 @jit
 def _add_extra(work, belief, signals, epoch, row, channel):
-    """Set the entries of a row for the filter's extra states; return what their estimates add to the prediction."""
+    """Set the entries of a Jacobian row for the filter's extra states; return what their estimates add to the
+    prediction.
+    """
     h = work.H[row]
     total = like(work.x[0], 0.0)
-    for family in range(belief.extra_member.shape[0]):
-        e = belief.extra_member[family, channel]
+    for f in range(belief.extra_member.shape[0]):
+        e = belief.extra_member[f, channel]
         if e >= 0:
-            partial = like(work.x[0], signals.partial[family, epoch, channel])
-            h[N_ENTRY + family] = partial
+            partial = like(work.x[0], signals.partial[f, epoch, channel])
+            if belief.judged:  # decorrelated rows have the entries of all axes: each state has one of its own
+                h[N_ENTRY + e] = partial
+            else:
+                h[N_ENTRY + f] = partial
             total = total + partial * work.extra[e]
     return total
+
+
+@jit
+def _clear_extra(work, belief, rows):
+    """Set the entries of extra states to zero, where rows are mixed afterwards."""
+    if belief.judged:
+        for row in range(rows):
+            for e in range(belief.extra_offset.shape[0]):
+                work.H[row, N_ENTRY + e] = like(work.x[0], 0.0)
 
 
 @jit
@@ -98,6 +112,7 @@ def fill_tight(work, belief, signals, epoch):
 def fill_loose(work, belief, signals, epoch):
     """Set three position and three velocity rows; z holds measured minus predicted."""
     at = work.antenna[0]
+    _clear_extra(work, belief, 6)
     for axis in range(3):
         predicted = position.row(work.H[axis], at, axis) + _add_extra(work, belief, signals, epoch, axis, axis)
         work.z[axis] = work.solution[axis] - predicted
@@ -107,27 +122,41 @@ def fill_loose(work, belief, signals, epoch):
 
 
 @jit
-def rows_at(belief, signals, epoch):
-    """Return how many rows a filter has at an epoch: a simulated solution takes four satellites, of a solver's own the
-    rows that are none are not-a-number.
+def row_of(belief, work, channel):
+    """Return the row of a channel of a sensor beside the receiver: the last rows are theirs."""
+    return size(work.z, 0) - belief.n_entry.shape[0] + channel
+
+
+@jit
+def fill_sensor(work, belief, signals, sensors, k, at, epoch):
+    """Set the rows of sensor k, from row `at` on; z holds measured minus predicted."""
+    family.fill(work.H, work.z, at, sensors.code[k], work.observed[k], work.nav)
+    for i in range(sensors.scalars[k]):
+        work.z[at + i] = work.z[at + i] - _add_extra(work, belief, signals, epoch, at + i, sensors.channel[k] + i)
+
+
+@jit
+def n_measured(belief, signals, epoch):
+    """Return how many rows the receiver has for the filter at an epoch: a simulated solution takes four satellites, of a
+    solver's own the rows that are none are not-a-number.
     """
-    if (epoch + 1) % belief.every != 0:
+    if (epoch + 1) % belief.every != 0 or belief.n_receiver == 0:
         return 0
-    if belief.kind == TIGHT:
+    if belief.tight:
         return 2 * signals.n_used[epoch]
-    return 6 if belief.judged or signals.n_used[epoch] >= 4 else 0
+    return 6 if belief.solves or signals.n_used[epoch] >= 4 else 0
 
 
 @jit
 def channel_of(belief, signals, epoch, row):
-    """Return the channel of a row of an epoch."""
-    return 2 * signals.used[epoch, row // 2] + row % 2 if belief.kind == TIGHT else row
+    """Return the channel of a row of the receiver at an epoch."""
+    return 2 * signals.used[epoch, row // 2] + row % 2 if belief.tight else row
 
 
 @inlined
-def absorb_row(work, gains, belief, epoch, row, channel, variance, gate_squared):
-    """Absorb one filled row of a channel, with the gain of a schedule (Gains) or, without one (None), that of the
-    covariance; return its normalised innovation and weight.
+def update_row(work, gains, belief, epoch, row, channel, variance, gate_squared):
+    """Update by one filled row of a channel, with a stored gain (Gains) or, without (None), that of the covariance;
+    return its normalised innovation and weight.
     """
     n = belief.n_entry[channel]
     entries, columns = belief.entry[channel, :n], belief.column[channel, :n]
@@ -137,24 +166,24 @@ def absorb_row(work, gains, belief, epoch, row, channel, variance, gate_squared)
             belief.n_estimated, belief.joseph,
         )  # fmt: skip
     return absorb_with(
-        work.P, work.x, work.K, work.H[row], entries, columns, gains.gain[epoch, row], work.z[row], variance,
+        work.P, work.x, work.K, work.H[row], entries, columns, gains.gain[epoch, channel], work.z[row], variance,
         gate_squared, belief.n_estimated,
     )  # fmt: skip
 
 
 @jit
 def weigh(work, rx, late, belief, signals, epoch):
-    """Give the rows of a solution the covariance that it comes with, where it comes with one."""
+    """Decorrelate the rows of a solution by the covariance that it comes with, if it comes with one."""
     if rx is None and late is None:
         return
     if belief.judged:
         tell(work, rx, signals, epoch)
-        mix(work, late, epoch, N_ENTRY)
+        mix(work, late, belief, epoch)
 
 
 @jit
 def tell(work, rx, signals, epoch):
-    """Set the covariance that comes with a solution: its solver's, or the variances of a simulated one."""
+    """Set the covariance that is reported with a solution: its solver's, or the variances of a simulated one."""
     for i in range(6):
         for j in range(6):
             if rx is not None:
@@ -164,61 +193,81 @@ def tell(work, rx, signals, epoch):
 
 
 @jit
-def mix(work, late, epoch, n_entry):
+def separate(covariance, belief):
+    """Set the covariance (6, 6) of position with velocity to zero, where the filter does not take the position: its
+    rows come first, so without velocity nothing needs to be done.
+    """
+    if not belief.measured[0]:
+        for i in range(3):
+            for j in range(3, 6):
+                covariance[i, j], covariance[j, i] = 0.0 * covariance[i, i], 0.0 * covariance[i, i]
+
+
+@jit
+def mix(work, late, belief, epoch):
     """Turn the rows of a solution, whose covariance is in `told`, into independent ones of variance one; a late one is
-    carried on to the present first, where it shall be.
+    extrapolated to the present first, if it shall be.
     """
     if late is not None and late.extrapolated:
         carry_on(work.z, work.told, work.past, work.P, late, epoch)
-    whiten(work.told, work.z, work.H, 6, n_entry)
+    separate(work.told, belief)
+    whiten(work.told, work.z, work.H, 6, size(work.H, 1))
 
 
 @inlined
-def absorb_and_count(work, gains, belief, signals, epoch, row, channel, gate_squared):
-    """Absorb one filled row of an epoch, keep its innovation and count it: believed, or rejected by the gate."""
-    variance = 1.0 if belief.judged else signals.variance[epoch, channel]
-    normalised, weight = absorb_row(work, gains, belief, epoch, row, channel, variance, gate_squared)
+def update_and_count(work, gains, belief, signals, epoch, row, channel, mixed, gate_squared):
+    """Update by one filled row of an epoch, store its innovation and count it: accepted, or rejected by the gate."""
+    variance = 1.0 if mixed else signals.variance[epoch, channel]
+    normalised, weight = update_row(work, gains, belief, epoch, row, channel, variance, gate_squared)
     work.innovation[epoch, channel] = normalised
-    believed = weight > 0.0
+    accepted = weight > 0.0
     rejected = (normalised == normalised) & (weight == 0.0)  # what is not a number is no row
-    work.nis[epoch] = work.nis[epoch] + where(believed, normalised * normalised, 0.0)
-    work.n_row[epoch] = work.n_row[epoch] + where(believed, 1.0, 0.0)
+    work.nis[epoch] = work.nis[epoch] + where(accepted, normalised * normalised, 0.0)
+    work.n_row[epoch] = work.n_row[epoch] + where(accepted, 1.0, 0.0)
     work.n_reject[epoch] = work.n_reject[epoch] + where(rejected, 1.0, 0.0)
 
 
 @jit
-def clear_epoch(work, epoch, n_channel):
+def clear_epoch(work, epoch):
     """Start an epoch's counts at zero and its innovations at not-a-number (no row)."""
     zero = like(work.x[0], 0.0)
     work.nis[epoch], work.n_row[epoch], work.n_reject[epoch] = zero, zero, zero
-    for channel in range(n_channel):
+    for channel in range(size(work.innovation, 1)):
         work.innovation[epoch, channel] = like(zero, np.nan)
 
 
 @inlined
-def absorb_height(work, altimeter, belief, signals, epoch, gate_squared):
-    """Absorb what an altimeter (Altimeter, or None) measures at an epoch, as the last row and channel."""
-    if altimeter is not None and altimeter.on[epoch]:
-        row, channel = size(work.z, 0) - 1, size(work.innovation, 1) - 1
-        work.z[row] = work.ground[0] - altitude.row(work.H[row], work.nav)
-        absorb_and_count(work, None, belief, signals, epoch, row, channel, gate_squared)
-
-
-@inlined
-def update(work, belief, signals, late, gains, epoch, dt):
-    """Absorb what the receiver put out at an epoch, all rows linearised at one point: pseudorange and range rate of
-    every satellite in use, or position and velocity of a solution axis by axis.
-    """
-    place_antenna(work, late, belief, dt)
-    tight = belief.kind == TIGHT
-    if tight:
+def fill_receiver(work, late, belief, signals, epoch):
+    """Set the rows of what the receiver measures at an epoch, all linearised at one point."""
+    if belief.tight:
         fill_tight(work, belief, signals, epoch)
     else:
         fill_loose(work, belief, signals, epoch)
         weigh(work, work.rx, late, belief, signals, epoch)
-    for row in range(rows_at(belief, signals, epoch)):
+
+
+@inlined
+def update_receiver(work, gains, belief, signals, epoch, gate_squared):
+    """Update by what the receiver measures at an epoch: pseudorange and range rate of every satellite in use, or
+    position and velocity of a solution axis by axis, as far as they are among the filter's measurements.
+    """
+    for row in range(n_measured(belief, signals, epoch)):
         channel = channel_of(belief, signals, epoch, row)
-        absorb_and_count(work, gains, belief, signals, epoch, row, channel, belief.gate_squared)
+        if belief.measured[channel]:
+            update_and_count(work, gains, belief, signals, epoch, row, channel, belief.judged, gate_squared)
+
+
+@inlined
+def update_sensors(work, gains, sensors, belief, signals, epoch, gate_squared):
+    """Update by what the sensors beside the receiver measure at an epoch."""
+    for k in range(sensors.code.shape[0]):
+        if sensors.on[k, epoch]:
+            at = row_of(belief, work, sensors.channel[k])
+            fill_sensor(work, belief, signals, sensors, k, at, epoch)
+            for i in range(sensors.scalars[k]):
+                update_and_count(
+                    work, gains, belief, signals, epoch, at + i, sensors.channel[k] + i, False, gate_squared
+                )
 
 
 @jit
@@ -233,13 +282,20 @@ def correct_motion(nav, x):
 
 
 @jit
-def correct(work, belief):
+def correct_parameters(work, belief):
+    """Add the error state to the estimated parameters of the IMU."""
+    for b in range(belief.par_offset.shape[0]):
+        for i in range(3):
+            work.par[b, i] = work.par[b, i] + work.x[belief.par_offset[b] + i]
+
+
+@jit
+def correct(work, late, belief):
     """Feed the error state back and set it to zero."""
     x = work.x
     correct_motion(work.nav, x)
-    for b in range(belief.par_offset.shape[0]):
-        for i in range(3):
-            work.par[b, i] = work.par[b, i] + x[belief.par_offset[b] + i]
+    correct_stored(work.past, late, x)
+    correct_parameters(work, belief)
     if belief.clock >= 0:
         for i in range(2):
             work.clock_hat[i] = work.clock_hat[i] + x[belief.clock + i]

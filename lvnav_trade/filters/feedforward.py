@@ -1,9 +1,9 @@
-"""The policy of a filter: an open loop, whose outputs are sums and whose strapdown is left alone; whose leave it asks.
+"""What is done with the error state: a closed loop feeds it back to the strapdown, an open loop adds it to the outputs.
 
 In an open loop the error state stays beside the inertial system: it is propagated with the transition of every window,
-rows are linearised at the uncorrected state, and the sum of both goes into the records and nowhere else. For small
-errors that is the closed loop; a large error of the inertial system leaves its second order in the rows and in the
-transition.
+measurements are linearised at the uncorrected state, and the sum of both goes into the records and nowhere else. For
+small errors that is the closed loop; a large error of the inertial system leaves its second order in the measurements
+and in the transition. A mode logic, if there is one, permits or stops the processing of measurements.
 """
 
 from __future__ import annotations
@@ -14,18 +14,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.filters.ekf import (
-    absorb_and_count,
-    absorb_height,
+    channel_of,
     correct,
-    fill_loose,
+    fill_receiver,
+    n_measured,
     place_antenna,
-    rows_at,
-    update,
+    update_receiver,
+    update_sensors,
     weigh,
 )
+from lvnav_trade.filters.ekf import fill_loose, fill_tight
+from lvnav_trade.filters.late import correct_stored_errors, predicted_of_stored
 from lvnav_trade.filters.monitor import (
     MODE,
-    N_ROW,
     gate_of,
     is_correcting,
     is_running,
@@ -42,21 +43,27 @@ Floats = NDArray[np.float64]
 
 
 class Aside(NamedTuple):
-    """What an open loop keeps while its sum is recorded: x (n_state,) error state, nav (10,) inertial system."""
+    """What an open loop stores while its sum is recorded, or an epoch is processed: x (n_state,) error state, nav (10,)
+    inertial system, par (n_par, 3), clock (2,) and extra (n_extra,) estimates.
+    """
 
     x: Floats
     nav: Floats
+    par: Floats
+    clock: Floats
+    extra: Floats
 
 
-def new_aside(n_state: int, lanes: int = 0) -> Aside:
+def new_aside(n_state: int, n_par: int, n_extra: int, lanes: int = 0) -> Aside:
     """Return the arrays of an open loop: one run, or `lanes` runs on the last axis."""
     end = (lanes,) if lanes else ()
-    return Aside(aligned_zeros((n_state, *end)), aligned_zeros((10, *end)))
+    shapes = ((n_state,), (10,), (max(1, n_par), 3), (2,), (max(1, n_extra),))
+    return Aside(*(aligned_zeros((*shape, *end)) for shape in shapes))
 
 
 @jit
 def _as_lanes(w):
-    return Aside(view(w.x), view(w.nav))
+    return Aside(view(w.x), view(w.nav), view(w.par), view(w.clock), view(w.extra))
 
 
 @jit
@@ -78,10 +85,12 @@ def carry(work, aside, belief, length):
 
 
 @jit
-def feed_back(work, aside, belief):
-    """Feed the error state back where the loop is closed."""
+def apply_feedback(work, aside, late, belief):
+    """Feed the error state back in a closed loop; in an open one correct what late measurements are compared with."""
     if aside is None:
-        correct(work, belief)
+        correct(work, late, belief)
+    else:
+        correct_stored_errors(work.past, late, work.x, aside.x)
 
 
 @jit
@@ -93,82 +102,112 @@ def _share(work, watch):
 
 
 @jit
-def add_up(work, aside, watch, belief):
-    """Set the navigation state to the sum of inertial system and error state; both are kept aside."""
+def _copy(to, source, n):
+    for i in range(n):
+        to[i] = source[i]
+
+
+@jit
+def apply_correction(work, aside, watch, belief):
+    """Set the estimates to the sum of inertial system and error state; `remove_correction` restores them."""
     share = _share(work, watch)
+    _copy(aside.x, work.x, size(work.x, 0))
+    _copy(aside.nav, work.nav, size(work.nav, 0))
+    _copy(aside.clock, work.clock_hat, 2)
+    _copy(aside.extra, work.extra, size(work.extra, 0))
+    for b in range(size(work.par, 0)):
+        _copy(aside.par[b], work.par[b], 3)
     for i in range(size(work.x, 0)):
-        aside.x[i] = work.x[i]
         work.x[i] = where(share > 0.0, work.x[i], 0.0)
-    for i in range(size(work.nav, 0)):
-        aside.nav[i] = work.nav[i]
-    correct(work, belief)
+    correct(work, None, belief)
 
 
 @jit
-def take_apart(work, aside, belief):
-    """Undo `add_up`: nothing that is estimated reaches the strapdown."""
-    for i in range(size(work.x, 0)):
-        work.x[i] = aside.x[i]
-    for i in range(size(work.nav, 0)):
-        work.nav[i] = aside.nav[i]
-    processes.zero_all(work.par)
-    processes.zero_all(work.tables)
-    for i in range(2):
-        work.clock_hat[i] = like(work.x[0], 0.0)
-    for e in range(belief.extra_offset.shape[0]):
-        work.extra[e] = like(work.x[0], 0.0)
+def remove_correction(work, aside, belief):
+    """Undo `apply_correction`: nothing that is estimated reaches the strapdown."""
+    _copy(work.x, aside.x, size(work.x, 0))
+    _copy(work.nav, aside.nav, size(work.nav, 0))
+    _copy(work.clock_hat, aside.clock, 2)
+    _copy(work.extra, aside.extra, size(work.extra, 0))
+    for b in range(size(work.par, 0)):
+        _copy(work.par[b], aside.par[b], 3)
+    processes.gather(work.tables, work.par, belief.par_sensor, belief.par_driver)
 
 
 @jit
-def _predict_rows(work, belief):
+def _compare_late(work, aside, late, belief, signals, epoch):
+    """Correct the innovations of an open loop for what its error state has changed by since they were valid."""
+    if aside is not None:
+        _copy(aside.x, work.x, size(work.x, 0))
+        if late is not None and not late.extrapolated:
+            for row in range(n_measured(belief, signals, epoch)):
+                channel = channel_of(belief, signals, epoch, row)
+                n = belief.n_entry[channel]
+                entries, columns = belief.entry[channel, :n], belief.column[channel, :n]
+                work.z[row] = work.z[row] - predicted_of_stored(
+                    work.past, late, work.H[row], entries, columns, work.x, epoch
+                )
+
+
+@jit
+def _predict_rows(work, belief, signals, epoch):
     """Set what the error state predicts of every row's measured minus predicted."""
-    for row in range(N_ROW):
+    for row in range(n_measured(belief, signals, epoch)):
+        channel = channel_of(belief, signals, epoch, row)
         total = like(work.x[0], 0.0)
-        for c in range(belief.n_entry[row]):
-            total = total + work.H[row, belief.entry[row, c]] * work.x[belief.column[row, c]]
+        for c in range(belief.n_entry[channel]):
+            total = total + work.H[row, belief.entry[channel, c]] * work.x[belief.column[channel, c]]
         work.watch.predicted[row] = total
 
 
 @jit
-def _sample_variance(out, rx, variance):
-    """Set the variances (6,) of a solution: what the receiver tells with it, or what the filter believes."""
-    for row in range(N_ROW):
-        if rx is None:
-            out[row] = like(out[0], variance[row])
-        else:
-            out[row] = rx.covariance[row, row]
+def _sample_variance(out, rx, variance, from_gnss):
+    """Set the variances (6,) of a solution that a filter starts from: the receiver's own, or what the filter assumes."""
+    if from_gnss:
+        for row in range(6):
+            if rx is None:
+                out[row] = like(out[0], variance[row])
+            else:
+                out[row] = rx.covariance[row, row]
 
 
 @inlined
-def _update_watched(work, rules, gains, belief, signals, epoch, dt):
-    """Absorb the receiver's solution at an epoch where the filter's watch lets it, and let the watch go on."""
-    watch = work.watch
+def _process_permitted(work, aside, rules, late, gains, belief, signals, epoch):
+    """Process the receiver's measurements at an epoch if the mode logic permits, and make its transitions."""
+    watch, n_row = work.watch, n_measured(belief, signals, epoch)
     if rules.good[epoch]:
-        place_antenna(work, None, belief, dt)
-        fill_loose(work, belief, signals, epoch)
-        _predict_rows(work, belief)
-    judge(watch, rules, epoch, work.z, watch.predicted)
+        if belief.tight:
+            fill_tight(work, belief, signals, epoch)
+        else:
+            fill_loose(work, belief, signals, epoch)
+        _compare_late(work, aside, late, belief, signals, epoch)
+        _predict_rows(work, belief, signals, epoch)
+    judge(watch, rules, belief, signals, epoch, work.z, n_row)
     if rules.good[epoch]:
-        _sample_variance(watch.predicted, work.rx, signals.variance[epoch])
-        start_filter(work.P, work.x, watch, rules, work.z, watch.predicted)
-        weigh(work, work.rx, None, belief, signals, epoch)
+        _sample_variance(watch.predicted, work.rx, signals.variance[epoch], rules.from_gnss)
+        start_filter(work.P, work.x, watch, rules, work.z)
+        weigh(work, work.rx, late, belief, signals, epoch)
         gate, used = gate_of(watch, belief.gate_squared), watch.sample[0] > 0.0
-        for row in range(N_ROW):
-            absorb_and_count(work, gains, belief, signals, epoch, row, row, gate)
-            work.innovation[epoch, row] = where(used, work.innovation[epoch, row], np.nan)
+        update_receiver(work, gains, belief, signals, epoch, gate)
+        for row in range(n_row):
+            channel = channel_of(belief, signals, epoch, row)
+            work.innovation[epoch, channel] = where(used, work.innovation[epoch, channel], np.nan)
     settle(watch, rules, epoch, work.P)
 
 
 @inlined
-def take(work, rules, late, gains, altimeter, belief, signals, epoch, dt):
-    """Take what the receiver puts out at an epoch, where the filter has a logic by its leave, and what an altimeter
-    does, once the filter runs.
+def process_measurements(work, aside, rules, late, gains, sensors, belief, signals, epoch, dt):
+    """Process what the receiver and the other sensors measure at an epoch; if the filter has a mode logic, once it
+    permits.
     """
+    place_antenna(work, late, belief, dt, epoch)
     if rules is None:
-        if rows_at(belief, signals, epoch) > 0:
-            update(work, belief, signals, late, gains, epoch, dt)
-        absorb_height(work, altimeter, belief, signals, epoch, belief.gate_squared)
+        if n_measured(belief, signals, epoch) > 0:
+            fill_receiver(work, late, belief, signals, epoch)
+            _compare_late(work, aside, late, belief, signals, epoch)
+            update_receiver(work, gains, belief, signals, epoch, belief.gate_squared)
+        update_sensors(work, gains, sensors, belief, signals, epoch, belief.gate_squared)
     elif (epoch + 1) % belief.every == 0:
-        _update_watched(work, rules, gains, belief, signals, epoch, dt)
+        _process_permitted(work, aside, rules, late, gains, belief, signals, epoch)
         gate = where(is_running(work.watch.state[MODE]) > 0.0, belief.gate_squared, -1.0)
-        absorb_height(work, altimeter, belief, signals, epoch, gate)
+        update_sensors(work, gains, sensors, belief, signals, epoch, gate)

@@ -1,9 +1,10 @@
-"""Measurements that are late: met where the unit's own solution was when they were valid, or carried on to the present.
+"""Measurements that are late: compared with the stored state of when they were valid, or extrapolated to the present.
 
 Canepa and Servidia, algorithm 5.1 and eq. 7.19, 7.20. Buffered, the innovation is formed with the estimate of the time
-of validity; gain and rows stand for the present (Phi over the delay is taken for one). Extrapolated, a receiver's
-position and velocity are carried on by one Euler step with the unit's own velocity and acceleration, and what that adds
-to their covariance is told to the update.
+of validity; gain and Jacobian are those of the present (Phi over the delay is taken for one), and what the filter
+corrects in between it also corrects in the states that are stored. Extrapolated, a receiver's position and velocity are
+extrapolated by one Euler step with the filter's own velocity and acceleration, and what that adds to their covariance
+is added to the one that is reported with them.
 """
 
 from __future__ import annotations
@@ -13,28 +14,31 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.kernels.attitude import matrix
+from lvnav_trade.kernels.attitude import from_rotation, matrix, multiply, normalise
 from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import where
+from lvnav_trade.kernels.lanes import like, where
 from lvnav_trade.kernels.strapdown import Q, R, V, gravity
-from lvnav_trade.kernels.transition import VEL
+from lvnav_trade.kernels.transition import ATT, POS, VEL
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-# What is kept of the unit's own solution: navigation state, last increments, velocity a while before, acceleration that
-# the epoch before was carried on with, and whether there was one.
-NAV, LAST, EARLY, BEFORE, KNOWN, N_PAST = 0, 10, 16, 19, 22, 23
+# What is stored of a time of validity: navigation state, last increments, velocity a while before, error state.
+NAV, LAST, EARLY, ERROR, N_PAST = 0, 10, 16, 19, 28
+# In the last row of the store: acceleration that the epoch before was extrapolated with, and whether there was one.
+BEFORE, KNOWN = 0, 3
 
 
 class Late(NamedTuple):
-    """How a filter meets late measurements. extrapolated: or buffered; valid, early (n_window,): epoch whose state is
-    kept at a window's end, or its velocity before, -1 none; delay (n_epoch,) s as the filter takes it; offset
-    (n_epoch,) s from the tick of `valid` to the time of validity; base (n_epoch,) s from `early` to it; interval s
-    between epochs; jitter (s^2), acceleration (m^2/s^4): variances believed of the delay and of the acceleration.
+    """How a filter processes late measurements. extrapolated: or buffered; n_ring states are stored at once, that of an
+    epoch at its number modulo n_ring; valid, early (n_window, 2): first epoch whose state is stored at a window's end, or
+    its velocity before, and the one after the last; delay (n_epoch,) s as the filter takes it; offset (n_epoch,) s from the tick of `valid` to
+    the time of validity; base (n_epoch,) s from `early` to it; interval s between epochs; jitter (s^2), acceleration
+    (m^2/s^4): variances that the filter assumes of the delay and of the acceleration.
     """
 
     extrapolated: bool
+    n_ring: int
     valid: Ints
     early: Ints
     delay: Floats
@@ -46,62 +50,110 @@ class Late(NamedTuple):
 
 
 @jit
-def _move(kept, seconds, dt, kind):
-    """Move the kept state by less than a tick; its attitude is that of the tick."""
-    c = matrix(kept[NAV + Q], kept[NAV + Q + 1], kept[NAV + Q + 2], kept[NAV + Q + 3])
-    pulled = gravity(kind, kept[NAV + R], kept[NAV + R + 1], kept[NAV + R + 2])
-    x, y, z = kept[LAST + 3] / dt, kept[LAST + 4] / dt, kept[LAST + 5] / dt
+def _move(stored, seconds, dt, kind):
+    """Move a stored state by less than a tick; its attitude is that of the tick."""
+    c = matrix(stored[NAV + Q], stored[NAV + Q + 1], stored[NAV + Q + 2], stored[NAV + Q + 3])
+    pulled = gravity(kind, stored[NAV + R], stored[NAV + R + 1], stored[NAV + R + 2])
+    x, y, z = stored[LAST + 3] / dt, stored[LAST + 4] / dt, stored[LAST + 5] / dt
     for i in range(3):
-        v = kept[NAV + V + i]
-        pushed = pulled[i] + c[3 * i] * x + c[3 * i + 1] * y + c[3 * i + 2] * z
-        kept[NAV + R + i] = kept[NAV + R + i] + seconds * (v + 0.5 * seconds * pushed)
-        kept[NAV + V + i] = v + seconds * pushed
+        v = stored[NAV + V + i]
+        total = pulled[i] + c[3 * i] * x + c[3 * i + 1] * y + c[3 * i + 2] * z
+        stored[NAV + R + i] = stored[NAV + R + i] + seconds * (v + 0.5 * seconds * total)
+        stored[NAV + V + i] = v + seconds * total
 
 
 @inlined
-def keep(kept, nav, previous, late, window, dt, kind):
-    """Keep what the next late measurement will be met with, at the end of a window.
+def keep(past, nav, previous, x, late, window, dt, kind):
+    """Store, at the end of a window, the state that a measurement on its way will be compared with.
 
-    kept (N_PAST,) updated; nav (10,), previous (6,) the unit's own state and last increments; late : Late, or None
-    where nothing is compensated; dt s of a strapdown step; kind of gravity
+    past (n_ring + 1, N_PAST) updated; nav (10,), previous (6,) the strapdown's state and last increments; x (n,) error
+    state (of a closed loop zero); late : Late, or None where nothing is compensated; dt s of a strapdown step; kind of
+    gravity
     """
     if late is not None:
-        if late.early[window] >= 0:
+        for epoch in range(late.early[window, 0], late.early[window, 1]):
             for i in range(3):
-                kept[EARLY + i] = nav[V + i]
-        epoch = late.valid[window]
-        if epoch >= 0:
+                past[epoch % late.n_ring, EARLY + i] = nav[V + i] + x[VEL + i]
+        for epoch in range(late.valid[window, 0], late.valid[window, 1]):
+            stored = past[epoch % late.n_ring]
             for i in range(10):
-                kept[NAV + i] = nav[i]
+                stored[NAV + i] = nav[i]
             for i in range(6):
-                kept[LAST + i] = previous[i]
+                stored[LAST + i] = previous[i]
+            for i in range(9):
+                stored[ERROR + i] = x[i]
             if late.offset[epoch] != 0.0:
-                _move(kept, late.offset[epoch], dt, kind)
+                _move(stored, late.offset[epoch], dt, kind)
 
 
 @jit
-def carry_on(z, told, kept, P, late, epoch):
-    """Carry a late solution on to the present, in the innovations z (6,), and add to its covariance told (6, 6) what
-    that costs (eq. 7.20): the unit's own velocity and acceleration, the delay's error, and what an Euler step leaves.
-
-    P (n, n) of the filter gives the velocity's part. kept : the acceleration of this epoch is kept for the next one.
+def correct_stored(past, late, x):
+    """Correct the stored states by the error state x (n,) that is fed back: measurements on their way are compared with
+    what the filter would have estimated.
     """
+    if late is not None and not late.extrapolated:
+        for ring in range(late.n_ring):
+            nav = past[ring]
+            e0, e1, e2, e3 = from_rotation(x[ATT], x[ATT + 1], x[ATT + 2])
+            q0, q1, q2, q3 = multiply(e0, e1, e2, e3, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
+            nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = normalise(q0, q1, q2, q3)
+            for i in range(3):
+                nav[V + i] = nav[V + i] + x[VEL + i]
+                nav[R + i] = nav[R + i] + x[POS + i]
+
+
+@jit
+def correct_stored_errors(past, late, x, before):
+    """Correct the error states that an open loop stores by what an epoch has added: x (n,) less `before` (n,)."""
+    if late is not None and not late.extrapolated:
+        for ring in range(late.n_ring):
+            for i in range(9):
+                past[ring, ERROR + i] = past[ring, ERROR + i] + x[i] - before[i]
+
+
+@jit
+def predicted_of_stored(past, late, h, entries, columns, x, epoch):
+    """Return what the error state x of an open loop had predicted of a measurement when it was valid, beyond what it
+    predicts now.
+    """
+    stored, total = past[epoch % late.n_ring], like(x[0], 0.0)
+    for c in range(columns.shape[0]):
+        if columns[c] < 9:
+            total = total + h[entries[c]] * (stored[ERROR + columns[c]] - x[columns[c]])
+    return total
+
+
+@jit
+def _velocity(stored, axis):
+    """Return the velocity that the filter had, of an open loop the inertial system's plus the error state."""
+    return stored[NAV + V + axis] + stored[ERROR + VEL + axis]
+
+
+@jit
+def carry_on(z, reported, past, P, late, epoch):
+    """Extrapolate a late solution to the present, in the innovations z (6,), and add to its covariance `reported` (6, 6)
+    what that costs (eq. 7.20): the filter's own velocity and acceleration, the delay's error, and what an Euler step
+    leaves.
+
+    P (n, n) of the filter gives the velocity's part. The acceleration of this epoch is stored for the next one.
+    """
+    stored, last = past[epoch % late.n_ring], past[late.n_ring]
     delay, half = late.delay[epoch], 0.5 * late.delay[epoch] * late.delay[epoch]
-    vx, vy, vz = kept[NAV + V], kept[NAV + V + 1], kept[NAV + V + 2]
+    vx, vy, vz = _velocity(stored, 0), _velocity(stored, 1), _velocity(stored, 2)
     inverse = 1.0 / late.base[epoch]
-    ax, ay, az = (vx - kept[EARLY]) * inverse, (vy - kept[EARLY + 1]) * inverse, (vz - kept[EARLY + 2]) * inverse
+    ax, ay, az = (vx - stored[EARLY]) * inverse, (vy - stored[EARLY + 1]) * inverse, (vz - stored[EARLY + 2]) * inverse
     # half the acceleration is left of the position, half its change of the velocity; the first epoch knows none
-    rate = where(kept[KNOWN] > 0.0, half / late.interval, 0.0)
-    bx, by, bz = rate * (ax - kept[BEFORE]), rate * (ay - kept[BEFORE + 1]), rate * (az - kept[BEFORE + 2])
+    rate = where(last[KNOWN] > 0.0, half / late.interval, 0.0)
+    bx, by, bz = rate * (ax - last[BEFORE]), rate * (ay - last[BEFORE + 1]), rate * (az - last[BEFORE + 2])
     moves, bends = (vx, vy, vz, ax, ay, az), (half * ax, half * ay, half * az, bx, by, bz)
     square = delay * delay
     for i in range(6):
         z[i] = z[i] + delay * moves[i]
         for j in range(6):
-            told[i, j] = told[i, j] + late.jitter * moves[i] * moves[j] + bends[i] * bends[j]
+            reported[i, j] = reported[i, j] + late.jitter * moves[i] * moves[j] + bends[i] * bends[j]
     for i in range(3):
-        told[3 + i, 3 + i] = told[3 + i, 3 + i] + square * late.acceleration
-        kept[BEFORE + i] = moves[3 + i]
+        reported[3 + i, 3 + i] = reported[3 + i, 3 + i] + square * late.acceleration
+        last[BEFORE + i] = moves[3 + i]
         for j in range(3):
-            told[i, j] = told[i, j] + square * P[VEL + i, VEL + j]
-    kept[KNOWN] = 0.0 * vx + 1.0
+            reported[i, j] = reported[i, j] + square * P[VEL + i, VEL + j]
+    last[KNOWN] = like(vx, 1.0)

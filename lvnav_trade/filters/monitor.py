@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lvnav_trade.filters.ekf import channel_of
 from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import aligned_zeros, like, magnitude, view, where
+from lvnav_trade.kernels.lanes import aligned_zeros, like, magnitude, size, view, where
 from lvnav_trade.kernels.transition import POS, VEL
 from lvnav_trade.records import AIDING, CONVERGING, PREDICTING, STOPPED, WAITING
 
@@ -28,12 +29,12 @@ MODE, COUNT, SINCE, ERROR, WHY = range(5)
 epoch without an error, reason of the last stop.
 """
 N_WATCH = 5
-N_ROW = 6
+N_SPREAD = 6
 
 
 class Rules(NamedTuple):
     """The rules in numbers. interval s between epochs; good (n_epoch,) whether the receiver's sample passes all checks
-    at the input; limits (6,) largest residual of the position and velocity rows (inf: none), frame i; spread (6,)
+    at the input; limits (n_receiver,) largest residual by channel of the receiver (inf: none); spread (6,)
     largest variance of position and velocity error (inf: none); start_after samples; correct_after, stop_after s (inf:
     never); restarts (3,) whether it starts again after a persistent loss, residual error, covariance error; from_gnss:
     position and velocity start from the sample; P (n, n) the filter's covariance at a start.
@@ -52,9 +53,10 @@ class Rules(NamedTuple):
 
 
 class Watch(NamedTuple):
-    """A run's watch, updated: state (N_WATCH,); before (6,) the sample before, less the inertial prediction; predicted
-    (6,) of that by the error state; sample (2,) whether this epoch's is used, and whether the filter starts with it;
-    mode, reason (n_epoch,) the log: what the filter does after each epoch, and why that changed there (0: it did not).
+    """A run's watch, updated: state (N_WATCH,); before (n_receiver,) the sample before by channel, less the inertial
+    prediction (not-a-number: none); predicted (n_row,) of each row by the error state, or its variance; sample (2,)
+    whether this epoch's is used, and whether the filter starts with it; mode, reason (n_epoch,) the log: what the filter
+    does after each epoch, and why that changed there (0: it did not).
     """
 
     state: Floats
@@ -65,18 +67,19 @@ class Watch(NamedTuple):
     reason: Floats
 
 
-def watch_shapes(n_epoch: int) -> dict[str, tuple[int, ...]]:
+def watch_shapes(n_epoch: int, n_receiver: int, n_row: int) -> dict[str, tuple[int, ...]]:
     """Return the shape of every array of a Watch for one run."""
     return {
-        "state": (N_WATCH,), "before": (N_ROW,), "predicted": (N_ROW,), "sample": (2,), "mode": (n_epoch,),
-        "reason": (n_epoch,),
+        "state": (N_WATCH,), "before": (max(1, n_receiver),), "predicted": (n_row,), "sample": (2,),
+        "mode": (n_epoch,), "reason": (n_epoch,),
     }  # fmt: skip
 
 
-def new_watch(n_epoch: int, lanes: int = 0) -> Watch:
+def new_watch(n_epoch: int, n_receiver: int = 6, n_row: int = 6, lanes: int = 0) -> Watch:
     """Return the arrays of a watch: one run, or `lanes` runs on the last axis."""
     end = (lanes,) if lanes else ()
-    return Watch(**{name: aligned_zeros(shape + end) for name, shape in watch_shapes(n_epoch).items()})
+    shapes = watch_shapes(n_epoch, n_receiver, n_row)
+    return Watch(**{name: aligned_zeros(shape + end) for name, shape in shapes.items()})
 
 
 @jit
@@ -98,8 +101,8 @@ def begin_watch(watch):
     if watch is not None:
         for i in range(N_WATCH):
             watch.state[i] = like(watch.before[0], 0.0)
-        for i in range(N_ROW):
-            watch.before[i] = like(watch.before[0], 0.0)
+        for i in range(size(watch.before, 0)):
+            watch.before[i] = like(watch.before[0], np.nan)
 
 
 @jit
@@ -115,14 +118,14 @@ def is_correcting(mode):
 
 
 @jit
-def judge(watch, rules, epoch, z, predicted):
-    """Judge an epoch's sample: set `watch.sample`, count good samples in a row.
+def judge(watch, rules, belief, signals, epoch, z, n_row):
+    """Check an epoch's sample: set `watch.sample`, count good samples in a row.
 
     Parameters
     ----------
-    watch : Watch; rules : Rules
-    z : (6,) rows' measured minus predicted by the inertial system alone; predicted : (6,) what the error state predicts
-        of that. Neither is read where the sample fails the checks at the input.
+    watch : Watch, with `predicted` set to what the error state predicts of z; rules : Rules
+    z : (n_row,) measured minus predicted by the inertial system alone. Not read where the sample fails the checks at
+        the input.
     """
     state = watch.state
     zero = like(state[MODE], 0.0)
@@ -130,11 +133,17 @@ def judge(watch, rules, epoch, z, predicted):
         state[COUNT], watch.sample[0], watch.sample[1] = zero, zero, zero
         return
     wild, apart = zero, zero
-    for row in range(N_ROW):
-        wild = where(magnitude(z[row] - predicted[row]) <= rules.limits[row], wild, 1.0)
+    for row in range(n_row):
+        channel = channel_of(belief, signals, epoch, row)
+        if not belief.measured[channel]:
+            continue
+        limit, before = rules.limits[channel], watch.before[channel]
+        wild = where(magnitude(z[row] - watch.predicted[row]) <= limit, wild, 1.0)
         # before the start there is no prediction but the sample before: the inertial error changes little in between
-        apart = where(magnitude(z[row] - watch.before[row]) <= rules.limits[row], apart, 1.0)
-        watch.before[row] = z[row]
+        known = where(before == before, 1.0, 0.0)
+        near = where(magnitude(z[row] - where(known > 0.0, before, z[row])) <= limit, apart, 1.0)
+        apart = where(z[row] == z[row], near, 1.0)
+        watch.before[channel] = z[row]
     apart = where(state[COUNT] > 0.0, apart, 0.0)
     state[COUNT] = where(apart > 0.0, 1.0, state[COUNT] + 1.0)
     running, why = is_running(state[MODE]), state[WHY]
@@ -147,9 +156,9 @@ def judge(watch, rules, epoch, z, predicted):
 
 
 @jit
-def start_filter(P, x, watch, rules, z, variance):
+def start_filter(P, x, watch, rules, z):
     """Set error state and covariance where the filter starts; with `from_gnss` the sample is taken for position and
-    velocity as it is, else it is used as any other. variance (6,) of the sample's rows.
+    velocity as it is, else it is used as any other. `watch.predicted` (6,) holds the variances of its rows then.
     """
     starts = watch.sample[1] > 0.0
     n = rules.P.shape[0]
@@ -160,20 +169,20 @@ def start_filter(P, x, watch, rules, z, variance):
     if not rules.from_gnss:
         watch.sample[0] = where(starts, 1.0, watch.sample[0])
         return
-    for row in range(N_ROW):
+    for row in range(N_SPREAD):
         at = POS + row if row < 3 else VEL + row - 3
         x[at] = where(starts, z[row], x[at])
         for j in range(n):
             P[at, j] = where(starts, 0.0, P[at, j])
             P[j, at] = where(starts, 0.0, P[j, at])
-        P[at, at] = where(starts, variance[row], P[at, at])
+        P[at, at] = where(starts, watch.predicted[row], P[at, at])
 
 
 @jit
 def _covariance_error(P, rules):
     """Return 1 where a variance of position or velocity is out of bounds, or no number."""
     error = like(P[0, 0], 0.0)
-    for row in range(N_ROW):
+    for row in range(N_SPREAD):
         at = POS + row if row < 3 else VEL + row - 3
         error = where((P[at, at] > 0.0) & (P[at, at] <= rules.spread[row]), error, 1.0)
     return error

@@ -108,7 +108,7 @@ def predict(P, blocks, rows, columns, decay, noise, clock, seconds):
     decay, noise : (n,) decay factor and noise variance of each state over the window
     clock : index of the clock bias, -1 for none; seconds : length of the window
     """
-    n = noise.shape[0]
+    n = size(P, 0)
     for i in range(n):
         P[i, i] = P[i, i] + 0.5 * noise[i]
     _advance(P, blocks, rows, columns, n)

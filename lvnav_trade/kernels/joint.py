@@ -45,44 +45,13 @@ def apply_phi_transposed(y, blocks, rows, columns, decay, clock, seconds):
 
 
 @jit
-def propagate_component(P, y, b, g, variance, fade, wander, blocks, rows, columns, decay, clock, seconds):
-    """Propagate one parameter component: P (n, n) its source's covariance of e, without the Phi P Phi' part; y (n,)
-    = Cov(e, c).
-
-    b, g (n,): how c and its driving noise enter e. variance: of c before the step; fade: f; wander: variance of w.
-    P and y are updated; returns the variance of c after the step.
-    """
-    n = y.shape[0]
-    apply_phi(y, blocks, rows, columns, decay, clock, seconds)
-    for i in range(n):
-        if b[i] != 0.0:
-            for j in range(n):
-                P[i, j] += b[i] * y[j]
-                P[j, i] += b[i] * y[j]
-    if variance > 0.0:
-        for i in range(n):
-            if b[i] != 0.0:
-                for j in range(n):
-                    P[i, j] += b[i] * variance * b[j]
-    for i in range(n):
-        y[i] = fade * (y[i] + b[i] * variance)
-    if wander > 0.0:
-        for i in range(n):
-            y[i] += wander * g[i]
-            if g[i] != 0.0:
-                for j in range(n):
-                    P[i, j] += wander * g[i] * g[j]
-    return fade * fade * variance + wander
-
-
-@jit
 def update_vector(y, gain, h, entries, columns):
-    """Y <- (I - k h) y; return h y before the update."""
-    projected = 0.0
+    """Y <- (I - k h) y; return h y before the update. One vector, or lanes."""
+    projected = like(y[0], 0.0)
     for c in range(columns.shape[0]):
-        projected += h[entries[c]] * y[columns[c]]
-    for i in range(y.shape[0]):
-        y[i] -= gain[i] * projected
+        projected = projected + h[entries[c]] * y[columns[c]]
+    for i in range(size(y, 0)):
+        y[i] = y[i] - gain[i] * projected
     return projected
 
 

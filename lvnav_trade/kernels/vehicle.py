@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, size
+from lvnav_trade.kernels.transition import GYRO, driver
 
 N_SAMPLE = 6
 """Rows of a tick: three of the gyro, three of the accelerometer."""
@@ -22,39 +23,90 @@ N_NAV = 9
 
 
 @jit
-def absorb_samples(P, x, K, weight, residual, z, variance, bias, motion):
-    """Absorb the six rows of a tick, each a motion state plus its sensor's bias plus noise.
+def fill_samples(h, blocks, rate, force):
+    """Set the Jacobian rows of the samples: 1 for the motion state, then what each parameter block multiplies.
 
-    The gains are found row by row, as if one were absorbed after the other; the covariance is passed over once.
+    Parameters
+    ----------
+    h : (6, 1 + n_block); set. blocks : (n_block, 2) int sensor and driver of each parameter block
+    rate, force : (3,) rate (rad/s) and specific force (m/s^2), body axes
+    """
+    w0, w1, w2, f0, f1, f2 = rate[0], rate[1], rate[2], force[0], force[1], force[2]
+    for r in range(N_SAMPLE):
+        h[r, 0] = like(w0, 1.0)
+    for b in range(blocks.shape[0]):
+        sensor, kind = blocks[b, 0], blocks[b, 1]
+        if sensor == GYRO:
+            u = driver(kind, w0, w1, w2, f0, f1, f2)
+        else:
+            u = driver(kind, f0, f1, f2, w0, w1, w2)
+        for axis in range(3):
+            h[axis, 1 + b] = u[axis] if sensor == GYRO else like(w0, 0.0)
+            h[3 + axis, 1 + b] = u[axis] if sensor != GYRO else like(w0, 0.0)
+
+
+@jit
+def update_samples(P, x, K, weight, residual, z, variance, h, columns, n_estimated):
+    """Update by the six samples of a tick.
+
+    The gains are found one by one, as if one sample were processed after the other; the covariance is passed over once.
+    States from `n_estimated` on are considered: no gain, but their correlations are kept up.
 
     Parameters
     ----------
     P : (n, n) upper triangle, x : (n,) error state; both updated
-    K : (6, n) set to P h of each row after those before it; weight, residual : (6,) set to 1 / innovation variance and
-        to the innovation after the rows before
+    K : (6, n) set to P h of each sample after those before it; weight, residual : (6,) set to 1 / innovation variance
+        and to the innovation after the samples before
     z : (6,) sample minus predicted sample; variance : (6,) of the samples' noise
+    h, columns : (6, n_entry) Jacobian rows and their states
     """
-    n = size(P, 0)
+    n, n_entry = size(P, 0), columns.shape[1]
     for r in range(6):
-        a, b = motion + r, bias + r
+        c = columns[r, 0]
         for i in range(n):
-            K[r, i] = P[min(i, a), max(i, a)] + P[min(i, b), max(i, b)]
-        for q in range(r):
-            factor = (K[q, a] + K[q, b]) * weight[q]
+            K[r, i] = P[min(i, c), max(i, c)]
+        for k in range(1, n_entry):
+            c = columns[r, k]
             for i in range(n):
+                K[r, i] = K[r, i] + h[r, k] * P[min(i, c), max(i, c)]
+        for q in range(r):
+            estimated, every = _seen_by(K, h, columns, r, q, n_estimated)
+            factor = every * weight[q]
+            for i in range(n_estimated):
                 K[r, i] = K[r, i] - factor * K[q, i]
-        weight[r] = 1.0 / (K[r, a] + K[r, b] + variance[r])
-        residual[r] = z[r] - x[a] - x[b]
-        step = residual[r] * weight[r]
-        for i in range(n):
+            factor = estimated * weight[q]
+            for i in range(n_estimated, n):
+                K[r, i] = K[r, i] - factor * K[q, i]
+        total, left = like(x[0], variance[r]), z[r]
+        for k in range(n_entry):
+            c = columns[r, k]
+            total = total + h[r, k] * K[r, c]
+            left = left - h[r, k] * x[c]
+        weight[r], residual[r] = 1.0 / total, left
+        step = left * weight[r]
+        for i in range(n_estimated):
             x[i] = x[i] + K[r, i] * step
-    for i in range(n):
+    for i in range(n_estimated):
         g0, g1, g2 = K[0, i] * weight[0], K[1, i] * weight[1], K[2, i] * weight[2]
         g3, g4, g5 = K[3, i] * weight[3], K[4, i] * weight[4], K[5, i] * weight[5]
         for j in range(i, n):
             P[i, j] = P[i, j] - (
                 g0 * K[0, j] + g1 * K[1, j] + g2 * K[2, j] + g3 * K[3, j] + g4 * K[4, j] + g5 * K[5, j]
             )
+
+
+@inlined
+def _seen_by(K, h, columns, r, q, n_estimated):
+    """Return h_r K_q over the estimated states, and over all."""
+    estimated = like(K[q, 0], 0.0)
+    considered = like(K[q, 0], 0.0)
+    for k in range(columns.shape[1]):
+        c = columns[r, k]
+        if c < n_estimated:
+            estimated = estimated + h[r, k] * K[q, c]
+        else:
+            considered = considered + h[r, k] * K[q, c]
+    return estimated, estimated + considered
 
 
 @jit
@@ -149,60 +201,53 @@ def mirror(P):
 
 
 @jit
-def joint_gain(G, K, weight, bias, motion):
-    """Set G (6, n) to the gain of the six rows of a tick together, from what `absorb_samples` leaves."""
-    n = G.shape[1]
+def joint_gain(G, K, weight, h, columns, n_estimated):
+    """Set G (6, n) to the gain of the six samples of a tick together, from what `update_samples` leaves."""
+    n = size(K, 1)
     for r in range(N_SAMPLE):
-        a, b = motion + r, bias + r
         for i in range(n):
-            G[r, i] = K[r, i] * weight[r]
+            G[r, i] = K[r, i] * weight[r] if i < n_estimated else 0.0
         for q in range(r):
-            seen = G[q, a] + G[q, b]
-            for i in range(n):
+            seen = 0.0
+            for k in range(columns.shape[1]):
+                seen += h[r, k] * G[q, columns[r, k]]
+            for i in range(n_estimated):
                 G[q, i] -= G[r, i] * seen
 
 
 @jit
-def update_rows(P, Y, S, gain, h, columns, n_column, noise):
-    """P <- (I - G H) P (I - G H)' + G R G' for any gain, of some rows together.
+def update_together(P, Y, S, gain, h, columns, noise):
+    """P <- (I - G H) P (I - G H)' + G R G' for any gain of the six samples of a tick together.
 
     Parameters
     ----------
-    P : (n, n) upper triangle; updated
-    Y : (n_row, n) and S : (n_row, n_row) work; S is set to H P H' + R before the update
-    gain : (n_row, n) columns of G; h, columns : (n_row, n_entry) the rows, their states; n_column : (n_row,) entries
-    noise : (n_row,) diagonal of R
+    P : (N, N) upper triangle; updated
+    Y : (6, N) and S : (6, 6) work; S is set to H P H' + R before the update
+    gain : (6, N) columns of G; h, columns : (6, n_entry) Jacobian rows and their states; noise : (6,) diagonal of R
     """
-    n, n_row = size(P, 0), gain.shape[0]
-    for r in range(n_row):
+    n, n_entry = size(P, 0), columns.shape[1]
+    for r in range(N_SAMPLE):
         for i in range(n):
             c = columns[r, 0]
             value = h[r, 0] * P[min(i, c), max(i, c)]
-            for k in range(1, n_column[r]):
+            for k in range(1, n_entry):
                 c = columns[r, k]
                 value = value + h[r, k] * P[min(i, c), max(i, c)]
             Y[r, i] = value
-    for r in range(n_row):
-        for q in range(n_row):
+    for r in range(N_SAMPLE):
+        for q in range(N_SAMPLE):
             value = h[r, 0] * Y[q, columns[r, 0]]
-            for k in range(1, n_column[r]):
+            for k in range(1, n_entry):
                 value = value + h[r, k] * Y[q, columns[r, k]]
             S[r, q] = value
         S[r, r] = S[r, r] + noise[r]
-    for r in range(n_row):
+    for r in range(N_SAMPLE):
         for i in range(n):
             value = Y[r, i]
-            for q in range(n_row):
+            for q in range(N_SAMPLE):
                 value = value - 0.5 * gain[q, i] * S[q, r]
             Y[r, i] = value
-    if n_row == N_SAMPLE:
-        _subtract_six(P, Y, gain, n)
-    else:
-        for r in range(n_row):
-            for i in range(n):
-                g, y = gain[r, i], Y[r, i]
-                for j in range(i, n):
-                    P[i, j] = P[i, j] - g * Y[r, j] - y * gain[r, j]
+    _subtract_six(P, Y, gain, n)
 
 
 @inlined
@@ -219,14 +264,33 @@ def _subtract_six(P, Y, G, n):
 
 
 @jit
-def update_rows_vector(y, seen, gain, h, columns, n_column):
-    """Y <- (I - G H) y; seen (n_row,) is set to H y before the update."""
-    n_row = gain.shape[0]
-    for r in range(n_row):
-        value = 0.0
-        for k in range(n_column[r]):
-            value += h[r, k] * y[columns[r, k]]
+def update_vector_together(y, seen, gain, h, columns):
+    """Y <- (I - G H) y; seen (6,) is set to H y before the update. One vector, or lanes."""
+    for r in range(N_SAMPLE):
+        value = like(y[0], 0.0)
+        for k in range(columns.shape[1]):
+            value = value + h[r, k] * y[columns[r, k]]
         seen[r] = value
-    for r in range(n_row):
-        for i in range(y.shape[0]):
-            y[i] -= gain[r, i] * seen[r]
+    for i in range(size(y, 0)):
+        value = y[i]
+        for r in range(N_SAMPLE):
+            value = value - gain[r, i] * seen[r]
+        y[i] = value
+
+
+@jit
+def advance_vector_transposed(y, sums, dt, motion):
+    """Replace the vector y (n,) by Phi' y of a tick; see `advance_vector`."""
+    w, f, half = motion, motion + 3, 0.5 * dt
+    vx, vy, vz = sums[9], sums[10], sums[11]
+    # what was pushed went into velocity, and for half a tick into position
+    p0, p1, p2 = y[3] + half * y[6], y[4] + half * y[7], y[5] + half * y[8]
+    a0, a1, a2 = y[0], y[1], y[2]
+    for k in range(3):
+        y[w + k] = y[w + k] + sums[k] * a0 + sums[3 + k] * a1 + sums[6 + k] * a2
+        y[f + k] = y[f + k] + sums[k] * p0 + sums[3 + k] * p1 + sums[6 + k] * p2
+        y[3 + k] = y[3 + k] + dt * y[6 + k]
+    # the transpose of p = (vz a1 - vy a2, vx a2 - vz a0, vy a0 - vx a1)
+    y[0] = a0 - vz * p1 + vy * p2
+    y[1] = a1 + vz * p0 - vx * p2
+    y[2] = a2 - vy * p0 + vx * p1

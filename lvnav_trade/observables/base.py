@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from lvnav_trade.kernels.attitude import cross, matrix
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import sqrt
+from lvnav_trade.kernels.lanes import like, sqrt
 from lvnav_trade.kernels.strapdown import Q, R, V
 
 # Where the entries of a row stand.
@@ -40,3 +40,11 @@ def line_of_sight(satellite, at):
     distance = sqrt(dx * dx + dy * dy + dz * dz)
     scale = 1.0 / distance
     return dx * scale, dy * scale, dz * scale, distance
+
+
+@jit
+def clear(h):
+    """Set the entries of a Jacobian row (10,) to zero, those of extra states apart."""
+    zero = like(h[0], 0.0)
+    for i in range(N_ENTRY):
+        h[i] = zero

@@ -25,26 +25,57 @@ HEIGHT = "height_bias"
 """Kind of the altimeter's own lasting error."""
 
 
+class SensorChannels(NamedTuple):
+    """The channels of a sensor beside the receiver: what it measures, and a label for each scalar."""
+
+    measures: str
+    labels: tuple[str, ...]
+
+
 class Channels(NamedTuple):
-    """The channels of a case: tight; satellites (n_sat,) names, systems letters, seen whether ever tracked; altimeter:
-    its height is the last channel.
+    """The channels of a case: tight; satellites (n_sat,) names, systems letters, seen whether ever tracked; receiver:
+    what it measures is processed; sensors beside the receiver, whose channels come last.
     """
 
     tight: bool
     satellites: tuple[str, ...]
     systems: tuple[str, ...]
     seen: tuple[bool, ...]
-    altimeter: bool = False
+    receiver: bool = True
+    sensors: tuple[SensorChannels, ...] = ()
 
     @property
     def n_channel(self) -> int:
         """How many channels there are."""
-        return self.n_receiver + self.altimeter
+        return self.n_receiver + sum(len(sensor.labels) for sensor in self.sensors)
 
     @property
     def n_receiver(self) -> int:
         """How many of them are the receiver's: they come first."""
         return 2 * len(self.satellites) if self.tight else 6
+
+    @property
+    def first(self) -> tuple[int, ...]:
+        """The first channel of each sensor."""
+        counts = [0, *(len(sensor.labels) for sensor in self.sensors)]
+        return tuple(self.n_receiver + sum(counts[: k + 1]) for k in range(len(self.sensors)))
+
+    def of(self, measures: str) -> list[int]:
+        """Return the channels of the sensors that measure something."""
+        return [at + i for at, sensor in zip(self.first, self.sensors, strict=True)
+                for i in range(len(sensor.labels)) if sensor.measures == measures]  # fmt: skip
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the channels: range and range rate of each satellite in turn, or the receiver's position and
+        velocity, then those of the sensors.
+        """
+        if self.tight:
+            found = [f"{name} {what}" for name in self.satellites for what in ("range", "range rate")]
+        else:
+            found = [f"{what} {axis}" for what in ("position", "velocity") for axis in "xyz"]
+        found += [" ".join((s.measures, label)).strip() for s in self.sensors for label in s.labels]
+        return tuple(found)
 
 
 class Geometry(NamedTuple):
@@ -75,8 +106,8 @@ def members(kind: str, channels: Channels) -> tuple[tuple[str, ...], Ints]:
     """
     member, n = np.full(channels.n_channel, -1, dtype=np.int64), channels.n_receiver
     if kind == HEIGHT:
-        member[n:] = 0
-        return ("",) if channels.altimeter else (), member
+        member[channels.of("altitude")] = 0
+        return ("",) if channels.of("altitude") else (), member
     if not channels.tight:
         if kind not in SOLUTION_KINDS:
             return (), member
@@ -112,7 +143,7 @@ def partial(kind: str, geometry: Geometry, channels: Channels) -> Floats:
     n_epoch, n = len(geometry.rate), channels.n_receiver
     found = np.zeros((n_epoch, channels.n_channel))
     if kind == HEIGHT:
-        found[:, n:] = 1.0
+        found[:, channels.of("altitude")] = 1.0
         return found
     if not channels.tight:
         if kind == "timing":

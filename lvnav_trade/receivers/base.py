@@ -105,7 +105,8 @@ class Receiver(NamedTuple):
     """Arrays of a receiver in a run, or lane views of eight; see `receiver_shapes`.
 
     near (3,) m where the point solution is looked for; fix (8,) the point solution; inverse (4, 4) of its normal
-    matrix; verdict (2,) its quality and number of satellites; nav (11,), P (11, 11) state and covariance of the filter;
+    matrix; verdict (2,) its quality and number of satellites; nav (11,), P (11, 11) state and covariance of the filter; innovation (2 n_sat,) normalised, by satellite (range and range rate in turn),
+    not-a-number where there is none;
     memory (10,); used (2,) quality of the filtered solution and rows believed; solution (6,) position and velocity
     handed out, not-a-number where there is none, covariance (6, 6) told with it; the rest is work.
     """
@@ -126,22 +127,23 @@ class Receiver(NamedTuple):
     used: Floats
     solution: Floats
     covariance: Floats
+    innovation: Floats
 
 
-def receiver_shapes() -> dict[str, tuple[int, ...]]:
+def receiver_shapes(n_sat: int = 64) -> dict[str, tuple[int, ...]]:
     """Return the shape of every array of Receiver for one run."""
     n = N_STATE
     return {
         "near": (3,), "fix": (N_FIX,), "inverse": (4, 4), "normal": (4, 4), "sides": (2, 4), "verdict": (2,),
         "nav": (n,), "P": (n, n), "x": (n,), "K": (n,), "h": (10,), "at": (12,), "memory": (N_MEMORY,),
-        "used": (2,), "solution": (6,), "covariance": (6, 6),
+        "used": (2,), "solution": (6,), "covariance": (6, 6), "innovation": (2 * n_sat,),
     }  # fmt: skip
 
 
-def new_receiver(lanes: int = 0) -> Receiver:
+def new_receiver(lanes: int = 0, n_sat: int = 64) -> Receiver:
     """Return the arrays of a receiver that is switched off: one run, or `lanes` runs on the last axis."""
     end = (lanes,) if lanes else ()
-    return Receiver(**{name: aligned_zeros(shape + end) for name, shape in receiver_shapes().items()})
+    return Receiver(**{name: aligned_zeros(shape + end) for name, shape in receiver_shapes(n_sat).items()})
 
 
 @jit
@@ -150,7 +152,7 @@ def as_lanes(w: Any) -> Any:
     return Receiver(
         view(w.near), view(w.fix), view(w.inverse), view(w.normal), view(w.sides), view(w.verdict), view(w.nav),
         view(w.P), view(w.x), view(w.K), view(w.h), view(w.at), view(w.memory), view(w.used),
-        view(w.solution), view(w.covariance),
+        view(w.solution), view(w.covariance), view(w.innovation),
     )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from lvnav_trade.kernels.covariance import absorb, predict
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import like, magnitude, sqrt, where
+from lvnav_trade.kernels.lanes import like, magnitude, size, sqrt, where
 from lvnav_trade.observables import doppler, pseudorange
 from lvnav_trade.observables.base import H_CLOCK, H_POS, H_VEL, N_ENTRY, line_of_sight
 from lvnav_trade.receivers.bancroft import fix
@@ -117,15 +117,15 @@ def _update_acceleration(rx, model, fixed):
 
 @jit
 def _take_row(rx, model, innovation, limit, variance, entries, columns):
-    """Absorb the row in h, brought to unit variance; return 1 where it was believed."""
+    """Update by the row in h, brought to unit variance; return 1 where it was accepted, and its normalised innovation."""
     scale = 1.0 / sqrt(variance)
     for e in range(N_ENTRY):
         rx.h[e] = rx.h[e] * scale
     innovation = where(magnitude(innovation) <= limit, innovation * scale, np.nan)
-    _, weight = absorb(
+    normalised, weight = absorb(
         rx.P, rx.x, rx.K, rx.h, entries, columns, innovation, 1.0, model.gate_squared, N_STATE, False
     )  # fmt: skip
-    return where(weight > 0.0, 1.0, 0.0)
+    return where(weight > 0.0, 1.0, 0.0), normalised
 
 
 @jit
@@ -140,6 +140,8 @@ def _absorb_rows(rx, model, satellite, satellite_velocity, used, n_used, ranges,
     for i in range(N_STATE):
         x[i] = zero
     asked, believed, satellites = zero, zero, zero
+    for channel in range(size(rx.innovation, 0)):
+        rx.innovation[channel] = like(zero, np.nan)
     for slot in range(n_used):
         s = used[slot]
         ux, uy, uz, distance = line_of_sight(satellite[s], rx.at)
@@ -147,9 +149,9 @@ def _absorb_rows(rx, model, satellite, satellite_velocity, used, n_used, ranges,
         rate = where(rx.memory[STARTED] > 0.0, ranges[slot, 1], np.nan)
         asked = asked + where(rho == rho, 1.0, 0.0) + where(rate == rate, 1.0, 0.0)
         innovation = rho - pseudorange.row(rx.h, rx.at, ux, uy, uz, distance, nav[BIAS])
-        one = _take_row(rx, model, innovation, model.range_limit, range_variance, RANGE_ENTRIES, RANGE_COLUMNS)
+        one, rx.innovation[2 * s] = _take_row(rx, model, innovation, model.range_limit, range_variance, RANGE_ENTRIES, RANGE_COLUMNS)
         innovation = rate - doppler.row(rx.h, rx.at, satellite_velocity[s], ux, uy, uz, distance, nav[DRIFT])
-        two = _take_row(rx, model, innovation, model.rate_limit, rate_variance, RATE_ENTRIES, RATE_COLUMNS)
+        two, rx.innovation[2 * s + 1] = _take_row(rx, model, innovation, model.rate_limit, rate_variance, RATE_ENTRIES, RATE_COLUMNS)
         believed = believed + one + two
         satellites = satellites + where(one + two > 0.0, 1.0, 0.0)
     for i in range(N_STATE):
@@ -228,6 +230,8 @@ def step(rx, model, point, satellite, satellite_velocity, used, n_used, ranges):
     memory[MISSES] = where(fixed & (believed < 0.5 * asked), memory[MISSES] + 1.0, 0.0)
     begin = fixed & ((memory[STARTED] == 0.0) | (memory[MISSES] >= model.restart))
     _start(rx, model, point, begin)
+    for channel in range(size(rx.innovation, 0)):  # where the filter has just begun again there are none
+        rx.innovation[channel] = where(begin, np.nan, rx.innovation[channel])
     memory[STARTED] = where(begin, 1.0, memory[STARTED])
     memory[MISSES] = where(begin, 0.0, memory[MISSES])
     satellites = where(begin, rx.verdict[1], satellites)

@@ -1,0 +1,492 @@
+"""Truth-side error components of a case, as arrays for the covariance kernels. The filter's models are separate."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.engines.lincov.receiver_error import N_CLONE, N_NAV
+from lvnav_trade.engines.prepare import Prepared
+from lvnav_trade.filters.belief import POSITION, PSEUDORANGE, RANGE_RATE, TYPES, VELOCITY, transition_blocks
+from lvnav_trade.kernels.clock import spectral_densities
+from lvnav_trade.kernels.groups import GROUP, grouped_zeros
+from lvnav_trade.kernels.transition import ACCEL, ATT, CONSTANT, GYRO, POS, VEL
+from lvnav_trade.records import Floats
+
+Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+# A parameter that no increment multiplies but enters as a difference: what quantisation holds back.
+REMAINDER = -1
+GRAVITY = -2
+
+
+class Components(NamedTuple):
+    """True error components of a case. A source owns slots of its lane; a component is one slot of one lane.
+
+    group, lane (n_source,) place of each source; n_slot (n_group,); followed (n_group, n_slot): the covariance with the
+    states is carried; moves: enters attitude, velocity or position while they are propagated. samples: enters the samples of
+    the IMU, where they are measurements. fade, noise (n_length,
+    n_group, n_slot, 1[, 8]) decay and driving variance over a window, echo the part of the noise that enters the states
+    with the opposite sign (quantisation); start (n_source, n_slot) variance.
+
+    Blocks of three components: sensor, driver (REMAINDER, GRAVITY: see there), matched (first state of the filter for
+    the same thing, -1 none), source, profile (that is its mean, -1 none), slot (n_block, 3), moving (n_block,): acts on
+    attitude, velocity and position while they are propagated, sampled (n_block,): enters the samples of the IMU.
+    by_samples: these are measurements. Errors that measurements share:
+    shared_source, shared_slot, shared_matched (n_shared,), shared_family (n_family,) family of the filter's extra states
+    for the same thing, -1 none. Of both together the ones that have a state: state_source, state_slot, state_at.
+
+    nav_rows ... nav_drivers: blocks of the true transition. white (n_length, n_group, N[, 8]) noise of each source;
+    initial (n_source, N, N); row_source (n_type,) source of each type of measurement; decay (n_length, N) of the states;
+    n_entry (n_channel,), entry, column of measurements with respect to the N states, by ring place of the clone (n_ring,
+    n_channel, ...); solution: first state of the receiver's error (-1 none) with sources solution_source (n_in,) of its
+    white errors; clone: first state of the clones (-1 none); buffered: innovations are formed with clones.
+    sample_noise (n_source, 6) true variance of a sample's noise, by source.
+    """
+
+    group: Ints
+    lane: Ints
+    n_slot: Ints
+    followed: Flags
+    moves: Flags
+    samples: Flags
+    fade: Floats
+    noise: Floats
+    echo: Floats
+    start: Floats
+    sensor: Ints
+    driver: Ints
+    matched: Ints
+    source: Ints
+    profile: Ints
+    slot: Ints
+    moving: Flags
+    sampled: Flags
+    by_samples: bool
+    shared_source: Ints
+    shared_slot: Ints
+    shared_matched: Ints
+    shared_family: Ints
+    state_source: Ints
+    state_slot: Ints
+    state_at: Ints
+    nav_rows: Ints
+    nav_columns: Ints
+    nav_kinds: Ints
+    nav_drivers: Ints
+    white: Floats
+    initial: Floats
+    row_source: Ints
+    decay: Floats
+    n_entry: Ints
+    entry: Ints
+    column: Ints
+    solution: int
+    solution_source: Ints
+    clone: int
+    buffered: bool
+    sample_noise: Floats
+
+
+def source_names(prepared: Prepared) -> list[str]:
+    """Return every physical source of error of a case, in the order of the budget."""
+    scenario, belief = prepared.scenario, prepared.belief
+    names = [
+        "initial attitude",
+        "initial velocity",
+        "initial position",
+        "gyro random walk",
+        "accelerometer random walk",
+    ]
+    names += list(dict.fromkeys(block.source for block in prepared.sources))
+    if scenario.imu.gyro.quantisation > 0.0:
+        names.append("gyro quantisation")
+    if scenario.imu.accel.quantisation > 0.0:
+        names.append("accelerometer quantisation")
+    if belief.aided:
+        names += list(dict.fromkeys(family.source for family in prepared.families))
+    if belief.tight:
+        names += ["receiver clock start", "receiver clock", "pseudorange noise", "range-rate noise"]
+    elif prepared.options.solver is not None:
+        names += ["receiver clock", "pseudorange noise", "range-rate noise"]
+    elif belief.n_receiver:
+        names += ["position solution noise", "velocity solution noise"]
+    return names + [device.noise for device in prepared.devices]
+
+
+def n_joint(prepared: Prepared) -> int:
+    """Return how many states the joint vector has: the filter's, those of the receiver's error, those of clones."""
+    chain, late = prepared.chain, prepared.options.late
+    solution = 0 if chain is None else chain.move.shape[1]
+    clones = 0 if late is None else N_CLONE * late.n_ring
+    return prepared.layout.n_state + solution + clones
+
+
+# By the codes of `solution`.
+_WHITE = (
+    "pseudorange noise",
+    "range-rate noise",
+    "receiver clock",
+    "position solution noise",
+    "velocity solution noise",
+)
+
+
+def _measurement_tables(prepared: Prepared, names: list[str]) -> dict[str, Any]:
+    """Return the measurements with respect to the whole joint vector, and where the states behind e stand."""
+    belief, chain, late, n = prepared.belief, prepared.chain, prepared.options.late, prepared.layout.n_state
+    solution = -1 if chain is None else n
+    clone = -1 if late is None else n + (0 if chain is None else chain.move.shape[1])
+    buffered = late is not None and not late.extrapolated
+    n_ring, n_receiver = 1 if late is None else late.n_ring, prepared.channels.n_receiver
+    table = [
+        [_pairs(prepared, channel, solution, clone + N_CLONE * ring, buffered, channel < n_receiver)
+         for channel in range(len(belief.n_entry))] for ring in range(n_ring)
+    ]  # fmt: skip
+    width = max((len(pairs) for rows in table for pairs in rows), default=0)
+    shape = (n_ring, len(belief.n_entry), width)
+    entry, column = np.zeros(shape, dtype=np.int64), np.zeros(shape, dtype=np.int64)
+    for ring, rows in enumerate(table):
+        for channel, pairs in enumerate(rows):
+            for i, (e, c) in enumerate(pairs):
+                entry[ring, channel, i], column[ring, channel, i] = e, c
+    kinds = np.zeros(0, dtype=np.int64) if chain is None else chain.kind
+    return {
+        "n_entry": np.array([len(pairs) for pairs in table[0]], dtype=np.int64),
+        "entry": entry,
+        "column": column,
+        "solution": solution,
+        "solution_source": np.array([names.index(_WHITE[kind]) for kind in kinds], dtype=np.int64),
+        "clone": clone,
+        "buffered": buffered,
+    }
+
+
+def _pairs(
+    prepared: Prepared, channel: int, solution: int, clone: int, buffered: bool, of_receiver: bool
+) -> list[tuple[int, int]]:
+    """List entry and state of a channel's Jacobian row; navigation errors of a late measurement are those of a clone."""
+    belief, chain, late = prepared.belief, prepared.chain, prepared.options.late
+    n = belief.n_entry[channel]
+    pairs = []
+    for e, c in zip(belief.entry[channel, :n].tolist(), belief.column[channel, :n].tolist(), strict=True):
+        pairs.append((e, clone + c if of_receiver and buffered and c < N_NAV else c))
+    if chain is not None and of_receiver:
+        own = belief.n_row_entry
+        pairs += [(own + i, solution + int(chain.pick[i])) for i in range(6)]
+        if late is not None and not buffered:
+            pairs += [(own + 6 + i, clone + VEL + i) for i in range(3)]
+            pairs += [(own + 9 + i, clone + N_NAV + i) for i in range(3)]
+    return pairs
+
+
+class _Block(NamedTuple):
+    """Three components: sensor, driver, first matched state, source, start variance, walk PSD, time constant, profile."""
+
+    sensor: int
+    driver: int
+    matched: int
+    source: int
+    variance: float
+    walk: float
+    time_constant: float
+    profile: int
+
+
+def _blocks(prepared: Prepared, names: list[str]) -> list[_Block]:
+    imu = prepared.scenario.imu
+    states = {(p.sensor, p.driver): p.offset for p in prepared.layout.parameters}
+    found = [
+        _Block(b.sensor, b.driver, states.get((b.sensor, b.driver), -1), names.index(b.source), b.sigma**2, b.walk**2,
+               b.time_constant, -1) for b in prepared.sources
+    ]  # fmt: skip
+    for sensor, card, label in ((GYRO, imu.gyro, "gyro"), (ACCEL, imu.accel, "accelerometer")):
+        if card.quantisation > 0.0:
+            source = names.index(f"{label} quantisation")
+            found.append(_Block(sensor, REMAINDER, -1, source, 0.0, card.quantisation**2 / 12.0, 0.0, -1))
+    for profile, sensor in enumerate(prepared.unit.profile_sensor.tolist()):
+        matched = states.get((sensor, CONSTANT), -1)
+        found.append(_Block(sensor, CONSTANT, matched, 0, 0.0, 0.0, math.inf, profile))
+    return found
+
+
+def _block_tables(block: _Block, seconds: Floats) -> tuple[Floats, Floats]:
+    """Return decay and driving variance (n_length,) of the components of a block."""
+    if block.driver == REMAINDER:
+        # a new remainder at the end of every window, uniform over a step; a window of no ticks leaves it as it was
+        return np.where(seconds > 0.0, 0.0, 1.0), np.where(seconds > 0.0, block.walk, 0.0)
+    fade = np.exp(-seconds / block.time_constant)
+    return fade, block.walk * seconds - block.variance * np.expm1(-2.0 * seconds / block.time_constant)
+
+
+def _shared_tables(sigma: float, time_constant: float, seconds: Floats) -> tuple[Floats, Floats]:
+    """Return decay and driving variance (n_length,) of an error that measurements share."""
+    # an error without memory is a new one at every epoch; a window of no ticks leaves it as it was
+    still = 1.0 if math.isinf(time_constant) else 0.0
+    fade = np.exp(-seconds / time_constant) if time_constant > 0.0 else np.where(seconds > 0.0, still, 1.0)
+    return fade, sigma**2 * (1.0 - fade**2)
+
+
+class _Slot(NamedTuple):
+    """A component of a source: decay and driving variance (n_length,), variance at the start; see Components."""
+
+    source: int
+    slot: int
+    fade: Floats
+    noise: Floats
+    start: float
+    followed: bool = False
+    moves: bool = False
+    samples: bool = False
+    echoes: bool = False
+
+
+class _Slots:
+    """Slots of the sources' lanes while they are given out."""
+
+    def __init__(self, n_source: int, seconds: Floats) -> None:
+        self.seconds, self.count = seconds, [0] * n_source
+        self.entries: list[_Slot] = []
+
+    def take(self, source: int, fade: Floats, noise: Floats, start: float, **flags: bool) -> int:
+        """Return the slot of a new component of a source; flags as of `_Slot`."""
+        slot = self.count[source]
+        self.count[source] += 1
+        self.entries.append(_Slot(source, slot, fade, noise, start, **flags))
+        return slot
+
+
+def _places(count: list[int]) -> tuple[Ints, Ints, Ints]:
+    """Return group and lane of every source and the slots of every group; sources of many components stand together."""
+    order = np.argsort(-np.array(count), kind="stable")
+    place = np.empty(len(count), dtype=np.int64)
+    place[order] = np.arange(len(count))
+    group, lane = place // GROUP, place % GROUP
+    n_slot = np.zeros(-(-len(count) // GROUP), dtype=np.int64)
+    np.maximum.at(n_slot, group, np.array(count))
+    return group, lane, n_slot
+
+
+def _as_lanes(values: Floats, group: Ints, lane: Ints) -> Floats:
+    """Return values of sources (n_source, ...) in groups, (n_group, ...[, 8])."""
+    found = grouped_zeros((int(group.max()) + 1, *values.shape[1:]))
+    for source, value in enumerate(values):
+        if GROUP == 1:
+            found[group[source]] = value
+        else:
+            found[group[source], ..., lane[source]] = value
+    return found
+
+
+def _slot_tables(slots: _Slots, group: Ints, lane: Ints, n_slot: Ints) -> dict[str, Any]:
+    n_length, n_source = slots.seconds.size, len(slots.count)
+    most = max(1, int(n_slot.max(initial=0)))
+    fade, noise, echo = (np.zeros((n_source, n_length, most, 1)) for _ in range(3))
+    start = np.zeros((n_source, most))
+    followed, moves, samples = (np.zeros((n_slot.size, most), dtype=np.bool_) for _ in range(3))
+    for one in slots.entries:
+        at = (one.source, slice(None), one.slot, 0)
+        fade[at], noise[at], start[one.source, one.slot] = one.fade, one.noise, one.start
+        echo[at] = one.noise if one.echoes else 0.0
+        place = (group[one.source], one.slot)
+        followed[place] |= one.followed
+        moves[place] |= one.moves
+        samples[place] |= one.samples
+
+    def by_length(values: Floats) -> Floats:
+        lanes = _as_lanes(values, group, lane)  # (n_group, n_length, n_slot, 1[, 8])
+        return _aligned(np.swapaxes(lanes, 0, 1))
+
+    return {
+        "followed": followed, "moves": moves, "samples": samples, "fade": by_length(fade), "noise": by_length(noise),
+        "echo": by_length(echo), "start": start,
+    }  # fmt: skip
+
+
+def _aligned(values: Floats) -> Floats:
+    shape = values.shape if GROUP == 1 else values.shape[:-1]
+    found = grouped_zeros(shape)
+    found[:] = values
+    return found
+
+
+def _partial_differs(prepared: Prepared, family: int, own: int) -> bool:
+    """Whether the true partials of a shared error are not those that the filter's own state has."""
+    shared = prepared.signals.shared
+    if own < 0:
+        return True
+    return not np.array_equal(shared.partial[family], np.where(shared.member[family] >= 0,
+                                                              prepared.signals.partial[own], 0.0))  # fmt: skip
+
+
+def _moves(block: _Block, modelled: bool) -> bool:
+    """Whether a block acts on attitude, velocity and position while they are propagated, not by a state or a sample."""
+    return block.matched < 0 and (block.driver == GRAVITY or not modelled)
+
+
+def _sampled(block: _Block, modelled: bool) -> bool:
+    """Whether a block enters the samples of the IMU, as measurements, beyond what a state of the filter has."""
+    return modelled and block.matched < 0 and block.driver >= 0
+
+
+def _take_blocks(prepared: Prepared, blocks: list[_Block], slots: _Slots, states: list[tuple[int, int, int]]) -> Ints:
+    """Give every component of the blocks a slot, (n_block, 3); -1 for profiles, which every run has alike."""
+    decay, modelled = prepared.belief.decay, prepared.layout.motion >= 0
+    found = np.full((len(blocks), 3), -1, dtype=np.int64)
+    for j, block in enumerate(blocks):
+        if block.profile >= 0:
+            continue
+        fade, noise = _block_tables(block, slots.seconds)
+        alike = block.matched >= 0 and np.array_equal(fade, decay[:, block.matched])
+        moves = _moves(block, modelled)
+        sampled = _sampled(block, modelled)
+        for axis in range(3):
+            found[j, axis] = slots.take(
+                block.source, fade, noise, block.variance, followed=not alike, moves=moves, samples=sampled,
+                echoes=block.driver == REMAINDER,
+            )  # fmt: skip
+            if block.matched >= 0:
+                states.append((block.source, int(found[j, axis]), block.matched + axis))
+    return found
+
+
+def _take_shared(
+    prepared: Prepared, names: list[str], slots: _Slots, states: list[tuple[int, int, int]]
+) -> dict[str, Any]:
+    """Give every component of the errors that measurements share a slot; see Components."""
+    belief, seconds = prepared.belief, slots.seconds
+    by_name = {block.name: f for f, block in enumerate(prepared.layout.extras)}
+    families = list(prepared.families) if belief.aided else []
+    source, slot, matched = [], [], []
+    own = [by_name.get(family.state, -1) for family in families]
+    for number, family in enumerate(families):
+        fade, noise = _shared_tables(family.sigma, family.time_constant, seconds)
+        differs = prepared.chain is not None or _partial_differs(prepared, number, own[number])
+        for _ in family.labels:
+            extra = prepared.signals.shared.extra[len(source)]
+            at = int(belief.extra_offset[extra]) if extra >= 0 else -1
+            follow = differs or not np.array_equal(fade, belief.decay[:, at])
+            source.append(names.index(family.source))
+            matched.append(at)
+            slot.append(slots.take(source[-1], fade, noise, family.sigma**2, followed=follow))
+            if at >= 0:
+                states.append((source[-1], slot[-1], at))
+    return {
+        "shared_source": np.array(source, dtype=np.int64),
+        "shared_slot": np.array(slot, dtype=np.int64),
+        "shared_matched": np.array(matched, dtype=np.int64),
+        "shared_family": np.array(own, dtype=np.int64),
+    }
+
+
+def _white_noise(prepared: Prepared, names: list[str]) -> Floats:
+    imu, receiver, layout = prepared.scenario.imu, prepared.scenario.receiver, prepared.layout
+    noise = np.zeros((len(names), prepared.lengths.size, n_joint(prepared)))
+    seconds = prepared.lengths[:, None]
+    if layout.motion < 0:  # else the noise of the samples enters by their update
+        noise[names.index("gyro random walk"), :, ATT : ATT + 3] = imu.gyro.random_walk**2 * seconds
+        noise[names.index("accelerometer random walk"), :, VEL : VEL + 3] = imu.accel.random_walk**2 * seconds
+    if layout.clock >= 0:
+        densities = np.array(spectral_densities(receiver.clock.h0, receiver.clock.h_minus2))
+        noise[names.index("receiver clock"), :, layout.clock : layout.clock + 2] = seconds * densities
+    return noise
+
+
+def _sample_noise(prepared: Prepared, names: list[str]) -> Floats:
+    imu, noise = prepared.scenario.imu, np.zeros((len(names), 6))
+    noise[names.index("gyro random walk"), :3] = imu.gyro.random_walk**2 * imu.rate
+    noise[names.index("accelerometer random walk"), 3:] = imu.accel.random_walk**2 * imu.rate
+    return noise
+
+
+def _initial(prepared: Prepared, names: list[str]) -> Floats:
+    n, layout, clock = n_joint(prepared), prepared.layout, prepared.scenario.receiver.clock
+    initial = np.zeros((len(names), n, n))
+    for index, at in enumerate((ATT, VEL, POS)):
+        root = prepared.start.roots[index]
+        initial[index, at : at + 3, at : at + 3] = root @ root.T
+    if layout.clock >= 0:
+        variances = np.array([clock.initial_bias, clock.initial_drift]) ** 2
+        states = slice(layout.clock, layout.clock + 2)
+        initial[names.index("receiver clock start"), states, states] = np.diag(variances)
+    return initial
+
+
+_ROWS = {
+    PSEUDORANGE: "pseudorange noise", RANGE_RATE: "range-rate noise", POSITION: "position solution noise",
+    VELOCITY: "velocity solution noise",
+}  # fmt: skip
+
+
+def _row_sources(prepared: Prepared, names: list[str]) -> Ints:
+    """Return the source of the noise of each type of measurement, (n_type,), -1 none."""
+    of_type = {kind: name for kind, name in _ROWS.items() if name in names}
+    of_type |= {TYPES[device.channels.measures]: device.noise for device in prepared.devices}
+    return np.array([names.index(of_type[k]) if k in of_type else -1 for k in range(len(TYPES))], dtype=np.int64)
+
+
+def components(prepared: Prepared, names: list[str]) -> Components:
+    """Turn the truth's cards into numbers; the filter's card is asked only which states it has."""
+    blocks, seconds, belief, n = _blocks(prepared, names), prepared.lengths, prepared.belief, n_joint(prepared)
+    slots, states = _Slots(len(names), seconds), list[tuple[int, int, int]]()
+    slot = _take_blocks(prepared, blocks, slots, states)
+    shared = _take_shared(prepared, names, slots, states)
+    group, lane, n_slot = _places(slots.count)
+    rows, columns, kinds, drivers = transition_blocks(prepared.layout.parameters, 2)
+    by_samples = prepared.layout.motion >= 0
+    if by_samples:  # all but the gradient of gravity is propagated sample by sample
+        rows, columns, kinds, drivers = belief.block_rows, belief.block_columns, belief.block_kinds, belief.block_drivers
+    white = _as_lanes(_white_noise(prepared, names), group, lane)
+    number = np.array(states, dtype=np.int64).reshape(-1, 3)
+
+    def of_blocks(field: str) -> Ints:
+        return np.array([getattr(block, field) for block in blocks], dtype=np.int64)
+
+    return Components(
+        group=group,
+        lane=lane,
+        n_slot=n_slot,
+        **_slot_tables(slots, group, lane, n_slot),
+        **{name: of_blocks(name) for name in ("sensor", "driver", "matched", "source", "profile")},
+        slot=slot,
+        moving=np.array([_moves(b, by_samples) for b in blocks], dtype=np.bool_),
+        sampled=np.array([_sampled(b, by_samples) for b in blocks], dtype=np.bool_),
+        by_samples=by_samples,
+        **shared,
+        state_source=np.ascontiguousarray(number[:, 0]),
+        state_slot=np.ascontiguousarray(number[:, 1]),
+        state_at=np.ascontiguousarray(number[:, 2]),
+        nav_rows=rows,
+        nav_columns=columns,
+        nav_kinds=kinds,
+        nav_drivers=drivers,
+        white=_aligned(np.swapaxes(white, 0, 1)),
+        initial=_initial(prepared, names),
+        row_source=_row_sources(prepared, names),
+        decay=np.pad(belief.decay, ((0, 0), (0, n - prepared.layout.n_state)), constant_values=1.0),
+        **_measurement_tables(prepared, names),
+        sample_noise=_sample_noise(prepared, names),
+    )
+
+
+def initial_state(prepared: Prepared, true: Components) -> tuple[Floats, Floats, Floats]:
+    """Return sources (n_group, N, N[, 8]), cross (n_group, n_slot, N[, 8]) and variance (n_group, n_slot, 1[, 8]) at the
+    start: an estimate of a component is zero, so the filter's error in it is the component itself.
+    """
+    n = n_joint(prepared)
+    sources = true.initial.copy()
+    cross = np.zeros((*true.start.shape, n))
+    for source, slot, at in zip(true.state_source, true.state_slot, true.state_at, strict=True):
+        variance = true.start[source, slot]
+        sources[source, at, at] += variance
+        cross[source, slot, at] += variance
+    places = (true.group, true.lane)
+    return (
+        _as_lanes(sources, *places),
+        _as_lanes(cross, *places),
+        _as_lanes(true.start[:, :, None], *places),
+    )

@@ -1,0 +1,262 @@
+"""The forward pass of linear covariance: the filter's covariance by its own model, the true one by source."""
+
+from __future__ import annotations
+
+from lvnav_trade.engines.lincov.propagate import nominal_window, propagate
+from lvnav_trade.engines.lincov.receiver_error import advance_solution, clone_error, weight_solution
+from lvnav_trade.engines.lincov.samples import expected_of_samples, sample_window
+from lvnav_trade.engines.lincov.update import update_joint
+from lvnav_trade.filters.ekf import (
+    channel_of,
+    fill_loose,
+    fill_sensor,
+    fill_tight,
+    n_measured,
+    place_antenna,
+    row_of,
+)
+from lvnav_trade.filters.late import keep
+from lvnav_trade.kernels.groups import get_one, group, total_of, whole
+from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.strapdown import place
+from lvnav_trade.kernels.transition import ATT, POS, VEL, driver, GYRO
+from lvnav_trade.kernels.vehicle import N_SAMPLE
+from lvnav_trade.observables import family
+
+
+@jit
+def record_window(tape, w, nominal):
+    """Record the sums of a window and the position that its blocks were filled at."""
+    for i in range(nominal.sums.shape[0]):
+        tape.sums[w, i] = nominal.sums[i]
+    for i in range(3):
+        tape.position[w, i] = nominal.nav[7 + i]
+
+
+@jit
+def _measure(nominal, signals, sensors, tight, epoch):
+    """Set what is measured on the nominal flight at an epoch."""
+    if tight:
+        for slot in range(signals.n_used[epoch]):
+            s = signals.used[epoch, slot]
+            nominal.ranges[slot, 0], nominal.ranges[slot, 1] = signals.range[epoch, s], signals.rate[epoch, s]
+    else:
+        for axis in range(3):
+            nominal.solution[axis] = signals.position[epoch, axis]
+            nominal.solution[3 + axis] = signals.velocity[epoch, axis]
+    for k in range(sensors.code.shape[0]):
+        family.observe(nominal.observed[k], sensors.code[k], sensors.truth[k, epoch], 0.0, 0.0, 0.0)
+
+
+@inlined
+def _fill(nominal, formal, signals, belief, chain, late, epoch):
+    """Fill what the filter compares the receiver's measurements with."""
+    if belief.tight:
+        fill_tight(nominal, belief, signals, epoch)
+    elif chain is None:
+        fill_loose(nominal, belief, signals, epoch)
+    else:
+        for i in range(6):
+            nominal.solution[i] = chain.point[epoch, i]
+        fill_loose(nominal, belief, signals, epoch)
+        weight_solution(nominal, formal, belief, chain, late, epoch)
+
+
+@inlined
+def _count(out, epoch, square):
+    out.expected_nis[epoch] += square
+    out.worst_ratio[epoch] = max(out.worst_ratio[epoch], square)
+    out.n_row[epoch] += 1
+
+
+@inlined
+def _update_receiver(out, joint, scratch, tape, nominal, signals, true, belief, chain, late, gains, epoch):
+    """Update by what the receiver measures at an epoch."""
+    mixed = chain is not None
+    for row in range(n_measured(belief, signals, epoch)):
+        channel = channel_of(belief, signals, epoch, row)
+        if belief.measured[channel]:
+            square = update_joint(
+                joint, scratch, tape, late, gains, nominal.H[row], nominal.z[row], epoch, channel, mixed, signals, true,
+                belief,
+            )  # fmt: skip
+            _count(out, epoch, square)
+
+
+@inlined
+def _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, belief, gains, epoch):
+    """Update by what the other sensors measure at an epoch."""
+    for k in range(sensors.code.shape[0]):
+        if sensors.on[k, epoch]:
+            at = row_of(belief, nominal, sensors.channel[k])
+            fill_sensor(nominal, belief, signals, sensors, k, at, epoch)
+            for i in range(sensors.scalars[k]):
+                square = update_joint(
+                    joint, scratch, tape, None, gains, nominal.H[at + i], nominal.z[at + i], epoch,
+                    sensors.channel[k] + i, False, signals, true, belief,
+                )  # fmt: skip
+                _count(out, epoch, square)
+
+
+@inlined
+def _epoch(out, joint, scratch, work, tape, nominal, signals, sensors, true, belief, dt, chain, late, gains,
+           vehicle, epoch):  # fmt: skip
+    """Update by what the filter would process at an epoch."""
+    if vehicle is not None:
+        out.expected_nis[epoch] += expected_of_samples(work, true, vehicle)
+        out.n_row[epoch] += N_SAMPLE
+    if belief.clock >= 0:
+        joint.mean[belief.clock] += signals.clock_jump[epoch]
+    if chain is not None:
+        advance_solution(joint, scratch, chain, true, epoch)
+    place_antenna(nominal, late, belief, dt, epoch)
+    _measure(nominal, signals, sensors, belief.tight, epoch)
+    solved = chain is None or chain.solved[epoch]
+    if n_measured(belief, signals, epoch) > 0 and solved:
+        _fill(nominal, joint.formal, signals, belief, chain, late, epoch)
+        _update_receiver(out, joint, scratch, tape, nominal, signals, true, belief, chain, late, gains, epoch)
+    _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, belief, gains, epoch)
+
+
+@inlined
+def _clone(joint, nominal, true, belief, reference, tick, dt, late, window):
+    """Store the state and clone its error, for a measurement that is on its way."""
+    if late is not None:
+        place(nominal.nav, reference, tick)
+        keep(nominal.past, nominal.nav, nominal.previous, nominal.x, late, window, dt, belief.gravity)
+        clone_error(joint, true, late, window)
+
+
+@jit
+def _turned(P, at, c0, c1, c2):
+    a = P[at, at] * c0 * c0 + P[at + 1, at + 1] * c1 * c1 + P[at + 2, at + 2] * c2 * c2
+    return a + 2.0 * (P[at, at + 1] * c0 * c1 + P[at, at + 2] * c0 * c2 + P[at + 1, at + 2] * c1 * c2)
+
+
+@jit
+def _write(out, hist, joint, scratch, true, axes_att, axes):
+    """Write covariances and mean at a history time; the budget in reporting axes."""
+    n = joint.formal.shape[0]
+    for i in range(n):
+        out.mean[hist, i] = joint.mean[i]
+        for j in range(i, n):
+            out.formal[hist, i, j], out.formal[hist, j, i] = joint.formal[i, j], joint.formal[i, j]
+            sum_of = whole(scratch.spread)
+            sum_of[0] = group(joint.sources, 0)[i, j]
+            for g in range(1, true.n_slot.shape[0]):
+                sum_of[0] = sum_of[0] + group(joint.sources, g)[i, j]
+            total = total_of(scratch.spread)
+            out.true[hist, i, j], out.true[hist, j, i] = total, total
+    for g in range(true.n_slot.shape[0]):
+        P, budget = group(joint.sources, g), group(scratch.budget, g)
+        for i in range(3):
+            budget[ATT + i, 0] = _turned(P, ATT, axes_att[i, 0], axes_att[i, 1], axes_att[i, 2])
+            budget[VEL + i, 0] = _turned(P, VEL, axes[i, 0], axes[i, 1], axes[i, 2])
+            budget[POS + i, 0] = _turned(P, POS, axes[i, 0], axes[i, 1], axes[i, 2])
+        for i in range(9, n):
+            budget[i, 0] = P[i, i]
+    for source in range(true.group.shape[0]):
+        for i in range(n):
+            out.budget[hist, source, i] = get_one(scratch.budget, true.group[source], i, 0, true.lane[source])
+
+
+@jit
+def _write_samples(out, hist, joint, true, samples, tick):
+    """Write by source the variance of the errors of the IMU's samples beside their noise: raw, and corrected by the
+    estimated bias.
+    """
+    w, f = samples.rate[tick], samples.force[tick]
+    for source in range(true.group.shape[0]):
+        g, lane = true.group[source], true.lane[source]
+        for r in range(N_SAMPLE):
+            at = samples.bias[r]
+            if at >= 0:
+                out.samples[hist, source, 6 + r] += get_one(joint.sources, g, at, at, lane)
+    for j in range(true.sensor.shape[0]):
+        if true.profile[j] >= 0 or true.driver[j] < 0:
+            continue
+        if true.sensor[j] == GYRO:
+            u = driver(true.driver[j], w[0], w[1], w[2], f[0], f[1], f[2])
+        else:
+            u = driver(true.driver[j], f[0], f[1], f[2], w[0], w[1], w[2])
+        source = true.source[j]
+        g, lane = true.group[source], true.lane[source]
+        for axis in range(3):
+            r, k = 3 * true.sensor[j] + axis, true.slot[j, axis]
+            variance = u[axis] * u[axis] * get_one(joint.variance, g, k, 0, lane)
+            out.samples[hist, source, r] += variance
+            at = samples.bias[r]
+            if at < 0:
+                out.samples[hist, source, 6 + r] += variance
+            elif true.matched[j] + axis != at:
+                shared = 2.0 * u[axis] * get_one(joint.cross, g, k, at, lane)
+                out.samples[hist, source, 6 + r] += variance + shared
+
+
+@jit
+def _write_receiver(out, hist, held, held_mean):
+    for source in range(held.shape[0]):
+        for i in range(held.shape[1]):
+            for j in range(held.shape[1]):
+                out.receiver[hist, source, i, j] = held[source, i, j]
+    for i in range(held.shape[1]):
+        out.receiver_mean[hist, i] = held_mean[i]
+
+
+@jit
+def _hold_solution(held, held_mean, joint, true):
+    """Hold the covariance of the solution's error by source, and its mean, until the next solution."""
+    at = true.solution
+    for source in range(held.shape[0]):
+        for i in range(held.shape[1]):
+            for j in range(held.shape[1]):
+                held[source, i, j] = get_one(
+                    joint.sources, true.group[source], at + i, at + j, true.lane[source]
+                )
+    for i in range(held.shape[1]):
+        held_mean[i] = joint.mean[at + i]
+
+
+@jit
+def forward(
+    out, joint, scratch, work, tape, nominal, schedule, unit, signals, sensors, record, axes_att, belief, true,
+    reference, chain, late, gains, vehicle, samples, held,
+):  # fmt: skip
+    """Propagate and update the filter's covariance and the true one, by source, over the nominal flight; fill `out`.
+
+    Parameters
+    ----------
+    out : Recorded, joint : JointCovariance at the start, scratch : Scratch, work : SampleScratch, tape : Tape,
+    nominal : Nominal; all updated
+    schedule : Schedule, unit : Unit, signals : Signals, sensors : Sensors, record : Record, belief : Belief,
+    true : Components, axes_att : (n_hist, 3, 3) from frame i to body axes at the history times
+    reference : Reference, the true motion; chain : Chain, late : Late, gains : Gains, vehicle : VehicleModel,
+    samples : Samples, held : (covariance (n_source, 11, 11), mean (11,)) of a reported solution; or None
+    """
+    for w in range(schedule.n_tick.shape[0]):
+        first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
+        if n_tick > 0:
+            if vehicle is not None:
+                sample_window(joint, scratch, work, tape, true, unit, belief, vehicle, reference, first, n_tick)
+            nominal_window(nominal, reference, first, n_tick, unit.dt, belief.gravity)
+            propagate(joint, scratch, nominal, true, unit, belief, schedule.length[w], first, n_tick, reference)
+            if tape.channel.shape[0] > 0:
+                record_window(tape, w, nominal)
+            _clone(joint, nominal, true, belief, reference, first + n_tick, unit.dt, late, w)
+        epoch, hist = schedule.epoch[w], schedule.hist[w]
+        if epoch >= 0 and belief.aided:
+            place(nominal.nav, reference, first + n_tick)
+            _epoch(
+                out, joint, scratch, work, tape, nominal, signals, sensors, true, belief, unit.dt, chain, late, gains,
+                vehicle, epoch,
+            )  # fmt: skip
+            if held is not None and chain.solved[epoch]:
+                _hold_solution(held[0], held[1], joint, true)
+        if tape.channel.shape[0] > 0:
+            tape.first[w + 1] = tape.used[0]
+        if hist >= 0:
+            _write(out, hist, joint, scratch, true, axes_att[hist], record.axes[hist])
+            if samples is not None:
+                _write_samples(out, hist, joint, true, samples, max(0, first + n_tick - 1))
+            if held is not None:
+                _write_receiver(out, hist, held[0], held[1])

@@ -1,0 +1,246 @@
+"""Propagation of the joint covariance over a window of the nominal flight, source by source."""
+
+from __future__ import annotations
+
+from lvnav_trade.engines.lincov.components import GRAVITY, REMAINDER
+from lvnav_trade.engines.sensing import profile_value
+from lvnav_trade.kernels import transition
+from lvnav_trade.kernels.covariance import predict
+from lvnav_trade.kernels.groups import add_one, get_one, group, set_one, whole
+from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.joint import apply_phi
+from lvnav_trade.kernels.lanes import size
+from lvnav_trade.kernels.strapdown import J4, R, gravity, mechanise, place
+from lvnav_trade.kernels.transition import ATT, ATT_GYRO, GYRO, POS, VEL, VEL_ACCEL, VEL_GYRO, parameter_block
+
+N_NAV = 9
+
+
+@jit
+def nominal_window(nominal, reference, first, n_tick, dt, kind):
+    """Mechanise the ideal unit's increments over a window from the true state: the sums that the transition needs."""
+    place(nominal.nav, reference, first)
+    for k in range(n_tick):
+        for axis in range(3):
+            nominal.increments[k, axis] = reference.dtheta[first + k, axis]
+            nominal.increments[k, 3 + axis] = reference.dvel[first + k, axis]
+    mechanise(nominal.nav, nominal.sums, nominal.previous, nominal.increments, n_tick, dt, kind)
+
+
+@jit
+def input_matrix(b, block, j, true, sums, seconds):
+    """Set b (9, 3): how the three components of block j enter attitude, velocity and position over a window."""
+    for i in range(N_NAV):
+        for axis in range(3):
+            b[i, axis] = 0.0
+    sensor, driven_by = true.sensor[j], true.driver[j]
+    at = ATT if sensor == GYRO else VEL
+    if driven_by == GRAVITY:
+        for axis in range(3):
+            b[VEL + axis, axis], b[POS + axis, axis] = seconds, 0.5 * seconds * seconds
+    elif driven_by == REMAINDER:
+        if seconds > 0.0:
+            for axis in range(3):
+                for i in range(3):
+                    b[at + i, axis] = sums[3 * i + axis] / seconds
+    elif seconds > 0.0:
+        first, last = (ATT_GYRO, VEL_GYRO) if sensor == GYRO else (VEL_ACCEL, VEL_ACCEL)
+        for kind in range(first, last + 1):
+            parameter_block(block, kind, driven_by, sums, seconds)
+            for i in range(3):
+                for axis in range(3):
+                    b[at + i, axis] = block[3 * i + axis]
+            at = VEL
+        for axis in range(3):
+            for i in range(3):
+                b[POS + i, axis] = 0.5 * seconds * b[VEL + i, axis]
+
+
+@jit
+def _fill_inputs(scratch, true, sums, seconds):
+    """Set how the components enter attitude, velocity and position, where they do."""
+    for j in range(true.sensor.shape[0]):
+        if true.profile[j] < 0 and true.moving[j]:
+            g, lane = true.group[true.source[j]], true.lane[true.source[j]]
+            input_matrix(scratch.input, scratch.block, j, true, sums, seconds)
+            for axis in range(3):
+                for i in range(N_NAV):
+                    set_one(scratch.b, g, true.slot[j, axis], i, lane, scratch.input[i, axis])
+
+
+@inlined
+def _enter(P, y, b, variance, echo):
+    """Let components c of one group, a lane each, enter P and y = Cov(x, c) by b (9,), before c fades.
+
+    echo: variance of the part of c's driving noise that enters the states with the opposite sign of b.
+    """
+    n = size(P, 0)
+    half = 0.5 * (variance + echo)
+    for i in range(N_NAV):
+        bi = b[i]
+        for j in range(N_NAV):
+            value = bi * (y[j] + half * b[j])
+            P[i, j] = P[i, j] + value
+            P[j, i] = P[j, i] + value
+        for j in range(N_NAV, n):
+            value = bi * y[j]
+            P[i, j] = P[i, j] + value
+            P[j, i] = P[j, i] + value
+    for i in range(N_NAV):
+        y[i] = y[i] + b[i] * variance
+
+
+@inlined
+def _advance_components(joint, scratch, true, length, g):
+    """Let the components of one group act over a window, then fade and be driven."""
+    fades, noises = group(true.fade[length], g), group(true.noise[length], g)
+    echoes, variances = group(true.echo[length], g), group(joint.variance, g)
+    cross, b, P = group(joint.cross, g), group(scratch.b, g), group(joint.sources, g)
+    for k in range(true.n_slot[g]):
+        fade, y = fades[k, 0], cross[k]
+        if true.followed[g, k]:
+            if true.moves[g, k]:
+                _enter(P, y, b[k], variances[k, 0], echoes[k, 0])
+            for i in range(size(y, 0)):
+                y[i] = fade * y[i]
+            if true.moves[g, k]:
+                for i in range(N_NAV):
+                    y[i] = y[i] - echoes[k, 0] * b[k, i]
+        variances[k, 0] = fade * fade * variances[k, 0] + noises[k, 0]
+
+
+@jit
+def _enter_states(joint, true, decay, length):
+    """Let components enter the states that the filter has for them by what fades otherwise in truth than in the filter.
+
+    The filter takes off its estimate by the same blocks, so only what the estimate misses remains: in e already.
+    """
+    for p in range(true.state_at.shape[0]):
+        source, k, at = true.state_source[p], true.state_slot[p], true.state_at[p]
+        g, lane = true.group[source], true.lane[source]
+        extra = get_one(true.fade[length], g, k, 0, lane) - decay[at]
+        if extra != 0.0:
+            variance = get_one(joint.variance, g, k, 0, lane)
+            for i in range(joint.mean.shape[0]):
+                value = extra * get_one(joint.cross, g, k, i, lane)
+                add_one(joint.sources, g, i, at, lane, value)
+                add_one(joint.sources, g, at, i, lane, value)
+            add_one(joint.sources, g, at, at, lane, extra * extra * variance)
+            add_one(joint.cross, g, k, at, lane, extra * variance)
+
+
+@jit
+def _drive_states(joint, true, length):
+    """Let the driving noise of components enter the states that the filter has for them."""
+    for p in range(true.state_at.shape[0]):
+        source, k, at = true.state_source[p], true.state_slot[p], true.state_at[p]
+        g, lane = true.group[source], true.lane[source]
+        noise = get_one(true.noise[length], g, k, 0, lane)
+        if noise > 0.0:
+            add_one(joint.sources, g, at, at, lane, noise)
+            if true.followed[g, k]:
+                add_one(joint.cross, g, k, at, lane, noise)
+
+
+@inlined
+def propagate_sources(joint, scratch, true, belief, sums, length):
+    """Propagate what is true over a window, source by source, and the mean; scratch.D_true holds the transition."""
+    seconds, decay, D = belief.seconds[length], true.decay[length], scratch.D_true
+    rows, columns = true.nav_rows, true.nav_columns
+    _fill_inputs(scratch, true, sums, seconds)
+    for g in range(true.n_slot.shape[0]):
+        predict(
+            group(joint.sources, g), D, rows, columns, decay, group(true.white[length], g), belief.clock, seconds
+        )
+        cross = group(joint.cross, g)
+        for k in range(true.n_slot[g]):
+            if true.followed[g, k]:
+                apply_phi(cross[k], D, rows, columns, decay, belief.clock, seconds)
+    _enter_states(joint, true, decay, length)
+    for g in range(true.n_slot.shape[0]):
+        _advance_components(joint, scratch, true, length, g)
+    _drive_states(joint, true, length)
+    apply_phi(joint.mean, D, rows, columns, decay, belief.clock, seconds)
+
+
+@jit
+def _advance_profiles(joint, scratch, true, unit, belief, sums, length, middle):
+    """Let biases that are the same in every run act over a window, in the mean. Where the filter has a state for the
+    bias only its change acts; where samples are measurements and there is no state, the samples hold it.
+    """
+    seconds, decay, g = belief.seconds[length], true.decay[length], scratch.shift
+    for j in range(true.sensor.shape[0]):
+        profile, matched = true.profile[j], true.matched[j]
+        if profile < 0:
+            continue
+        if true.moving[j]:
+            input_matrix(scratch.input, scratch.block, j, true, sums, seconds)
+        for axis in range(3):
+            value = profile_value(unit, profile, axis, middle)
+            change = value - joint.profile[profile, axis]
+            joint.profile[profile, axis] = value
+            if matched >= 0:
+                for i in range(g.shape[0]):
+                    g[i] = 0.0
+                g[matched + axis] = 1.0
+                # the value is the window's mean, so a change acts from the window's start
+                apply_phi(g, scratch.D_true, true.nav_rows, true.nav_columns, decay, belief.clock, seconds)
+                extra = 1.0 - decay[matched + axis]
+                for i in range(g.shape[0]):
+                    joint.mean[i] += g[i] * change
+                joint.mean[matched + axis] += extra * value
+            elif true.moving[j]:
+                for i in range(N_NAV):
+                    joint.mean[i] += scratch.input[i, axis] * value
+
+
+@jit
+def _set_deviation(deviation, unit, nav, belief, first, n_tick, reference):
+    """Set what the window holds in every run: sensed minus true increments (6), error of the filter's gravity (3)."""
+    for i in range(6):
+        deviation[i] = 0.0
+    for k in range(first, first + n_tick):
+        for axis in range(3):
+            deviation[axis] += unit.dtheta[k, axis] - reference.dtheta[k, axis]
+            deviation[3 + axis] += unit.dvel[k, axis] - reference.dvel[k, axis]
+    x, y, z = nav[R], nav[R + 1], nav[R + 2]
+    tx, ty, tz = gravity(J4, x, y, z)
+    ox, oy, oz = gravity(belief.gravity, x, y, z)
+    deviation[6], deviation[7], deviation[8] = tx - ox, ty - oy, tz - oz
+
+
+@jit
+def _add_deviation(mean, deviation, sums, seconds, sensed):
+    """Add what is the same in every run to the mean: sensed minus true increments (bandwidth) where they are what is
+    propagated, and a gravity model that is not the truth's.
+    """
+    for i in range(3):
+        turned, gained = 0.0, 0.0
+        if sensed:
+            for axis in range(3):
+                turned += sums[3 * i + axis] * deviation[axis] / seconds
+                gained += sums[3 * i + axis] * deviation[3 + axis] / seconds
+        mean[ATT + i] -= turned
+        mean[VEL + i] += deviation[6 + i] * seconds - gained
+        mean[POS + i] += 0.5 * seconds * (deviation[6 + i] * seconds - gained)
+
+
+@inlined
+def propagate(joint, scratch, nominal, true, unit, belief, length, first, n_tick, reference):
+    """Propagate everything over one window: the filter's own covariance by its model, each source's by the truth's.
+
+    Where the samples of the IMU are measurements, what they propagate is propagated already, tick by tick.
+    """
+    seconds, sums, nav = belief.seconds[length], nominal.sums, nominal.nav
+    x, y, z = nav[R], nav[R + 1], nav[R + 2]
+    transition.fill(scratch.D, belief.block_kinds, belief.block_drivers, sums, x, y, z, seconds)
+    predict(
+        joint.formal, scratch.D, belief.block_rows, belief.block_columns, belief.decay[length],
+        belief.noise[length], belief.clock, seconds,
+    )  # fmt: skip
+    transition.fill(scratch.D_true, true.nav_kinds, true.nav_drivers, sums, x, y, z, seconds)
+    propagate_sources(joint, scratch, true, belief, sums, length)
+    middle = unit.start + unit.dt * (first + 0.5 * n_tick)
+    _advance_profiles(joint, scratch, true, unit, belief, sums, length, middle)
+    _set_deviation(scratch.deviation, unit, nav, belief, first, n_tick, reference)
+    _add_deviation(joint.mean, scratch.deviation, sums, seconds, not true.by_samples)

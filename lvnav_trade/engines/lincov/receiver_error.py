@@ -1,0 +1,192 @@
+"""States behind the filter's error in the joint vector: the error of the receiver's solution, and clones of the past.
+
+The joint vector is [e, s, k]: e the filter's error, s that of the receiver's solution (see `solution.Chain`), k for each
+measurement that is still on its way the navigation error at the time that it is of and the velocity error a while
+before. What is copied or mixed at an epoch is linear, so every source goes through it by itself, forwards and backwards.
+"""
+
+from __future__ import annotations
+
+from lvnav_trade.filters.ekf import separate
+from lvnav_trade.filters.late import carry_on
+from lvnav_trade.kernels.groups import add_one, get_one, group, whole
+from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.lanes import like, size
+from lvnav_trade.kernels.transition import VEL
+from lvnav_trade.receivers.whiten import whiten
+
+N_SOLUTION_ENTRY = 12
+"""Measurements of a solution have entries, behind those of the filter, for its own error and for the velocities that an
+extrapolation takes."""
+N_NAV, N_CLONE = 9, 12
+
+
+@jit
+def _move_vector(y, work, A, at):
+    """Replace the states y[at:at + m] by A (m, m) times them."""
+    m = A.shape[0]
+    for i in range(m):
+        total = like(y[0], 0.0)
+        for j in range(m):
+            total = total + A[i, j] * y[at + j]
+        work[i] = total
+    for i in range(m):
+        y[at + i] = work[i]
+
+
+@jit
+def _move_covariance(P, work, A, at):
+    """Replace the covariance P by that of the states moved by A from `at` on."""
+    n, m = size(P, 0), A.shape[0]
+    for j in range(n):
+        for i in range(m):
+            total = like(P[0, 0], 0.0)
+            for k in range(m):
+                total = total + A[i, k] * P[at + k, j]
+            work[i] = total
+        for i in range(m):
+            P[at + i, j] = work[i]
+    for i in range(n):
+        _move_vector(P[i], work, A, at)
+
+
+@jit
+def _enter(joint, true, g, k, lane, b, at):
+    """Let a component enter the states from `at` on by b (m,)."""
+    P, y, n, m = joint.sources, joint.cross, joint.mean.shape[0], b.shape[0]
+    variance = get_one(joint.variance, g, k, 0, lane)
+    for i in range(m):
+        if b[i] != 0.0:
+            for j in range(n):
+                shared = b[i] * get_one(y, g, k, j, lane)
+                add_one(P, g, at + i, j, lane, shared)
+                add_one(P, g, j, at + i, lane, shared)
+            for j in range(m):
+                add_one(P, g, at + i, at + j, lane, b[i] * variance * b[j])
+    for i in range(m):
+        add_one(y, g, k, at + i, lane, b[i] * variance)
+
+
+@jit
+def advance_solution(joint, scratch, chain, true, epoch):
+    """Advance the error of the receiver's solution to an epoch, in every source and in the mean."""
+    A, at, m = chain.move[epoch], true.solution, chain.move.shape[1]
+    for g in range(true.n_slot.shape[0]):
+        work = whole(scratch.y)
+        _move_covariance(group(joint.sources, g), work, A, at)
+        for k in range(true.n_slot[g]):
+            if true.followed[g, k]:
+                _move_vector(group(joint.cross, g)[k], work, A, at)
+    _move_vector(joint.mean, scratch.receiver, A, at)
+    for i in range(m):
+        joint.mean[at + i] += chain.push[epoch, i]
+    for q in range(chain.kind.shape[0]):
+        source, variance = true.solution_source[q], chain.variance[epoch, q]
+        g, lane = true.group[source], true.lane[source]
+        for i in range(m):
+            for j in range(m):
+                add_one(
+                    joint.sources, g, at + i, at + j, lane, chain.white[epoch, i, q] * variance * chain.white[epoch, j, q]
+                )
+    for c in range(true.shared_source.shape[0]):
+        source = true.shared_source[c]
+        g, lane = true.group[source], true.lane[source]
+        _enter(joint, true, g, true.shared_slot[c], lane, chain.shared[epoch, :, c], at)
+
+
+@jit
+def solution_back(back, work, chain, true, epoch, time_bin):
+    """Go back through `advance_solution`: what its noise put in, and the multipliers before it."""
+    A, at, m = chain.move[epoch], true.solution, chain.move.shape[1]
+    for metric in range(back.e.shape[0]):
+        y = back.e[metric]
+        for q in range(chain.kind.shape[0]):
+            through = 0.0
+            for i in range(m):
+                through += y[at + i] * chain.white[epoch, i, q]
+            source = true.solution_source[q]
+            back.contribution[metric, source, time_bin] += through * through * chain.variance[epoch, q]
+        for c in range(true.shared_source.shape[0]):
+            for i in range(m):
+                back.c[metric, true.shared_source[c], true.shared_slot[c]] += y[at + i] * chain.shared[epoch, i, c]
+        _move_vector(y, work, A.T, at)
+
+
+@jit
+def _copy_vector(y, to, first, n):
+    for i in range(n):
+        y[to + i] = y[first + i]
+
+
+@jit
+def _copy_covariance(P, to, first, n):
+    for j in range(size(P, 0)):
+        for i in range(n):
+            P[to + i, j] = P[first + i, j]
+    for i in range(size(P, 0)):
+        _copy_vector(P[i], to, first, n)
+
+
+@jit
+def clone_states(joint, true, to, first, n):
+    """Copy n states of the joint vector from `first` to `to`, in every source and in the mean."""
+    for g in range(true.n_slot.shape[0]):
+        _copy_covariance(group(joint.sources, g), to, first, n)
+        for k in range(true.n_slot[g]):
+            if true.followed[g, k]:
+                _copy_vector(group(joint.cross, g)[k], to, first, n)
+    _copy_vector(joint.mean, to, first, n)
+
+
+@inlined
+def clone_error(joint, true, late, window):
+    """Clone the navigation error at the end of a window, as `filters.late.keep` stores the state.
+
+    The error of less than a tick's motion is left out: below a millimetre.
+    """
+    if late is not None:
+        for epoch in range(late.early[window, 0], late.early[window, 1]):
+            clone_states(joint, true, true.clone + N_CLONE * (epoch % late.n_ring) + N_NAV, VEL, 3)
+        for epoch in range(late.valid[window, 0], late.valid[window, 1]):
+            clone_states(joint, true, true.clone + N_CLONE * (epoch % late.n_ring), 0, N_NAV)
+
+
+@inlined
+def clone_back(back, true, late, window):
+    """Go back through `clone_error`."""
+    if late is not None:
+        for m in range(back.e.shape[0]):
+            y = back.e[m]
+            for epoch in range(late.valid[window, 0], late.valid[window, 1]):
+                at = true.clone + N_CLONE * (epoch % late.n_ring)
+                for i in range(N_NAV):
+                    y[i] += y[at + i]
+                    y[at + i] = 0.0
+            for epoch in range(late.early[window, 0], late.early[window, 1]):
+                at = true.clone + N_CLONE * (epoch % late.n_ring) + N_NAV
+                for i in range(3):
+                    y[VEL + i] += y[at + i]
+                    y[at + i] = 0.0
+
+
+@jit
+def weight_solution(nominal, formal, belief, chain, late, epoch):
+    """Complete the Jacobian rows of a solution with what of its own error and of clones is in them, and decorrelate
+    them as the filter does.
+    """
+    z, H, reported = nominal.z, nominal.H, nominal.told
+    solution = H.shape[1] - N_SOLUTION_ENTRY
+    velocity = solution + 6
+    for i in range(6):
+        for j in range(6):
+            reported[i, j] = chain.told[epoch, i, j]
+            H[i, solution + j] = -1.0 if i == j else 0.0
+            H[i, velocity + j] = 0.0
+    if late is not None and late.extrapolated:
+        slope = late.delay[epoch] / late.base[epoch]
+        for i in range(3):
+            H[i, velocity + i] = -late.delay[epoch]
+            H[3 + i, velocity + i], H[3 + i, velocity + 3 + i] = -slope, slope
+        carry_on(z, reported, nominal.past, formal, late, epoch)
+    separate(reported, belief)
+    whiten(reported, z, H, 6, H.shape[1])

@@ -1,0 +1,147 @@
+"""Measurement updates of the joint covariance: the filter's gain, and with it every source and the mean."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lvnav_trade.kernels.covariance import absorb, absorb_with
+from lvnav_trade.kernels.groups import add_one, get_one, group, set_one, total_of, whole
+from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.joint import update_covariance, update_vector
+from lvnav_trade.engines.lincov.receiver_error import N_CLONE, N_NAV
+
+
+@jit
+def _record(tape, gain, h, epoch, channel):
+    at = tape.used[0]
+    for i in range(gain.shape[0]):
+        tape.gain[at, i] = gain[i]
+    for i in range(h.shape[0]):
+        tape.h[at, i] = h[i]
+    tape.epoch[at], tape.channel[at] = epoch, channel
+    tape.used[0] = at + 1
+
+
+@jit
+def shared_partial(signals, true, family, epoch, channel):
+    """Return the partial of the innovation with respect to a shared error, beyond what a state of the filter has."""
+    own = true.shared_family[family]
+    known = signals.partial[own, epoch, channel] if own >= 0 else 0.0
+    return signals.shared.partial[family, epoch, channel] - known
+
+
+@jit
+def _update_shared(joint, scratch, gain, signals, true, epoch, channel):
+    """Add the errors that measurements share to an update, after that of the states; return what they add to the
+    innovation's variance.
+    """
+    total, n = 0.0, gain.shape[0]
+    member, P, y = signals.shared.member, joint.sources, joint.cross
+    for family in range(member.shape[0]):
+        m = member[family, channel]
+        if m < 0:
+            continue
+        a = shared_partial(signals, true, family, epoch, channel)
+        if a == 0.0:
+            continue
+        source, k = true.shared_source[m], true.shared_slot[m]
+        g, lane = true.group[source], true.lane[source]
+        variance = get_one(joint.variance, g, k, 0, lane)
+        total += 2.0 * a * get_one(scratch.seen, g, k, 0, lane) + a * a * variance
+        for i in range(n):
+            if gain[i] != 0.0:
+                for j in range(n):
+                    # with y = Cov(x, c) after the update: -(g (a y)' + (a y) g') + (a^2 var) g g'
+                    value = a * gain[i] * get_one(y, g, k, j, lane)
+                    add_one(P, g, i, j, lane, -value)
+                    add_one(P, g, j, i, lane, -value)
+                    add_one(P, g, i, j, lane, a * a * variance * gain[i] * gain[j])
+        for i in range(n):
+            add_one(y, g, k, i, lane, -gain[i] * a * variance)
+    return total
+
+
+@jit
+def _set_gain(gain, K, weight, n_estimated, true, late, epoch):
+    """Set the gain on the joint vector: what the filter corrects it also takes off the stored states that measurements
+    on their way will be compared with.
+    """
+    for i in range(gain.shape[0]):
+        gain[i] = K[i] * weight if i < n_estimated else 0.0
+    if late is not None:
+        if true.buffered:
+            for ring in range(late.n_ring):
+                for i in range(N_NAV):
+                    gain[true.clone + N_CLONE * ring + i] = gain[i]
+
+
+@inlined
+def _update_formal(joint, scratch, gains, h, entries, columns, epoch, channel, variance, belief):
+    """Update the filter's own covariance; return the weight. The gain, `scratch.K` times weight, is its own, or stored
+    (Gains).
+    """
+    if gains is None:
+        _, weight = absorb(
+            joint.formal, scratch.x, scratch.K, h, entries, columns, 0.0, variance, np.inf, belief.n_estimated,
+            belief.joseph,
+        )  # fmt: skip
+        return weight
+    gain = gains.gain[epoch, channel]
+    _, weight = absorb_with(
+        joint.formal, scratch.x, scratch.K, h, entries, columns, gain, 0.0, variance, np.inf, belief.n_estimated
+    )
+    for i in range(belief.n_estimated):
+        scratch.K[i] = gain[i] / weight
+    return weight
+
+
+@inlined
+def _update_sources(joint, scratch, true, gain, h, entries, columns, source, noise):
+    """Update every source's covariance and those with the components; return the innovation's true variance."""
+    total = noise
+    if source >= 0:
+        set_one(scratch.noise, true.group[source], 0, 0, true.lane[source], noise)
+    for g in range(true.n_slot.shape[0]):
+        P, spread = group(joint.sources, g), whole(scratch.spread)
+        spread[0] = update_covariance(
+            P, whole(scratch.y), gain, h, entries, columns, group(scratch.noise, g)[0, 0]
+        )
+        total += total_of(scratch.spread)
+        cross, seen = group(joint.cross, g), group(scratch.seen, g)
+        for k in range(true.n_slot[g]):
+            if true.followed[g, k]:
+                seen[k, 0] = update_vector(cross[k], gain, h, entries, columns)
+    if source >= 0:
+        set_one(scratch.noise, true.group[source], 0, 0, true.lane[source], 0.0)
+    return total
+
+
+@inlined
+def update_joint(joint, scratch, tape, late, gains, h, surprise, epoch, channel, mixed, signals, true, belief):
+    """Update the filter's covariance by one scalar measurement, and with that gain every source and the mean.
+
+    surprise: innovation on the nominal flight, what the truth's measurement holds in every run and the filter's model of
+    it does not (an uncompensated latency). mixed: one of a decorrelated solution, whose errors are states already.
+    Returns the expected square of the normalised innovation.
+    """
+    n, source, gain = belief.n_entry[channel], true.row_source[belief.row_type[channel]], scratch.gain
+    variance = 1.0 if mixed else signals.variance[epoch, channel]
+    weight = _update_formal(
+        joint, scratch, gains, h, belief.entry[channel, :n], belief.column[channel, :n], epoch, channel, variance,
+        belief,
+    )  # fmt: skip
+    _set_gain(gain, scratch.K, weight, belief.n_estimated, true, late, epoch)
+    ring, m = 0, true.n_entry[channel]
+    if late is not None:
+        ring = epoch % late.n_ring
+    entries, columns = true.entry[ring, channel, :m], true.column[ring, channel, :m]
+    if tape.channel.shape[0] > 0:
+        _record(tape, gain, h, epoch, channel)
+    noise = 0.0 if mixed else signals.sigma[epoch, channel] ** 2
+    total = _update_sources(joint, scratch, true, gain, h, entries, columns, source if noise > 0.0 else -1, noise)
+    if not mixed:
+        total += _update_shared(joint, scratch, gain, signals, true, epoch, channel)
+    offset = update_vector(joint.mean, gain, h, entries, columns) + surprise
+    for i in range(gain.shape[0]):
+        joint.mean[i] -= gain[i] * surprise
+    return (total + offset * offset) * weight

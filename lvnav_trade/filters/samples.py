@@ -1,0 +1,175 @@
+"""Samples of the IMU as measurements of a filter whose states are rate and specific force of the vehicle."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.filters.ekf import correct_motion, correct_parameters
+from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.lanes import aligned_zeros, like, view
+from lvnav_trade.kernels.strapdown import mechanise
+from lvnav_trade.kernels.vehicle import N_SAMPLE, advance, advance_vector, fill_samples, mirror, update_samples
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class VehicleModel(NamedTuple):
+    """A filter's model of the vehicle's motion, and the truth that it is compared with.
+
+    motion: first of its six states, rate (3) and specific force (3), body axes; blocks (n_block, 2) sensor and driver of
+    each parameter block of the filter, par (n_block,) its number; columns (6, 1 + n_block) states of each sample's
+    Jacobian row; walk (n_imu, 6) variance of the step that the filter expects of them into each tick; variance (6,) that
+    it assumes of a sample's noise; rate, force (n_imu, 3) true means over the ticks (rad/s, m/s^2, body axes).
+    """
+
+    motion: int
+    blocks: Ints
+    columns: Ints
+    walk: Floats
+    variance: Floats
+    rate: Floats
+    force: Floats
+
+
+class Motion(NamedTuple):
+    """Arrays of a run: rate (3,) and force (3,) estimated; sample (6,) of the last tick; z, weight, residual (6,); K
+    (6, n_state), moved (9, n_state); h (6, n_entry).
+    """
+
+    rate: Floats
+    force: Floats
+    sample: Floats
+    z: Floats
+    weight: Floats
+    residual: Floats
+    K: Floats
+    moved: Floats
+    h: Floats
+
+
+def new_motion(n_state: int, n_entry: int, lanes: int = 0) -> Motion:
+    """Return the arrays of a run's samples: one run, or `lanes` runs on the last axis."""
+    end = (lanes,) if lanes else ()
+    shapes = ((3,), (3,), (6,), (6,), (6,), (6,), (6, n_state), (9, n_state), (6, max(1, n_entry)))
+    return Motion(*(aligned_zeros((*shape, *end)) for shape in shapes))
+
+
+@jit
+def _as_lanes(w):
+    return Motion(
+        view(w.rate), view(w.force), view(w.sample), view(w.z), view(w.weight), view(w.residual), view(w.K),
+        view(w.moved), view(w.h),
+    )  # fmt: skip
+
+
+@jit
+def lanes_of_motion(motion):
+    """Return lane views of a run's arrays, or None where there are none."""
+    if motion is None:
+        return None
+    return _as_lanes(motion)
+
+
+@jit
+def begin_motion(motion, samples):
+    """Set the estimated motion to zero, and the last sample to the first true one."""
+    if samples is not None:
+        for i in range(3):
+            motion.rate[i], motion.force[i] = like(motion.rate[0], 0.0), like(motion.rate[0], 0.0)
+            motion.sample[i] = like(motion.rate[0], samples.rate[0, i])
+            motion.sample[3 + i] = like(motion.rate[0], samples.force[0, i])
+
+
+@jit
+def last_sample(work, samples, n_tick, dt):
+    """Store the last sample of a window as it left the unit."""
+    if samples is not None:
+        for i in range(N_SAMPLE):
+            work.motion.sample[i] = work.increments[n_tick - 1, i] / dt
+
+
+@jit
+def _feed_back(work, belief, vehicle):
+    """Add the error state to the estimated motion and to the parameters of the IMU, and set these states to zero."""
+    x, motion = work.x, work.motion
+    correct_parameters(work, belief)
+    for b in range(belief.par_offset.shape[0]):
+        for i in range(3):
+            x[belief.par_offset[b] + i] = like(x[0], 0.0)
+    for i in range(3):
+        motion.rate[i] = motion.rate[i] + x[vehicle.motion + i]
+        motion.force[i] = motion.force[i] + x[vehicle.motion + 3 + i]
+        x[vehicle.motion + i], x[vehicle.motion + 3 + i] = like(x[0], 0.0), like(x[0], 0.0)
+
+
+@jit
+def correct_vehicle(work, belief, vehicle):
+    """Feed back what an epoch's measurements say of the motion and of the parameters of the IMU, open loop or closed."""
+    if vehicle is not None:
+        _feed_back(work, belief, vehicle)
+
+
+@inlined
+def _correct_tick(work, aside, belief, vehicle):
+    """Add the error state to the estimates after a tick; an open loop leaves attitude, velocity and position alone."""
+    x = work.x
+    if aside is None:
+        correct_motion(work.nav, x)
+        for i in range(9):
+            x[i] = like(x[i], 0.0)
+        if belief.clock >= 0:
+            for i in range(2):
+                work.clock_hat[i] = work.clock_hat[i] + x[belief.clock + i]
+                x[belief.clock + i] = like(x[0], 0.0)
+        for e in range(belief.extra_offset.shape[0]):
+            work.extra[e] = work.extra[e] + x[belief.extra_offset[e]]
+            x[belief.extra_offset[e]] = like(x[0], 0.0)
+    _feed_back(work, belief, vehicle)
+
+
+@inlined
+def _predict_samples(work, vehicle, at, dt):
+    """Set z to samples minus predicted ones: estimated motion plus what the estimated parameters add."""
+    motion = work.motion
+    fill_samples(motion.h, vehicle.blocks, motion.rate, motion.force)
+    for i in range(3):
+        for sensor in range(2):
+            r = 3 * sensor + i
+            total = motion.rate[i] if sensor == 0 else motion.force[i]
+            for b in range(vehicle.blocks.shape[0]):
+                total = total + motion.h[r, 1 + b] * work.par[b, i] if vehicle.blocks[b, 0] == sensor else total
+            motion.sample[r] = work.increments[at, r] / dt
+            motion.z[r] = motion.sample[r] - total
+
+
+@inlined
+def process_samples(work, aside, belief, vehicle, tick, at, dt):
+    """Update by the samples of a tick that stand in row `at` of the increments, and put the estimates in their place."""
+    m, motion = vehicle.motion, work.motion
+    _predict_samples(work, vehicle, at, dt)
+    for i in range(N_SAMPLE):
+        work.P[m + i, m + i] = work.P[m + i, m + i] + vehicle.walk[tick, i]
+    update_samples(
+        work.P, work.x, motion.K, motion.weight, motion.residual, motion.z, vehicle.variance, motion.h,
+        vehicle.columns, belief.n_estimated,
+    )  # fmt: skip
+    _correct_tick(work, aside, belief, vehicle)
+    for i in range(3):
+        work.increments[0, i] = dt * motion.rate[i]
+        work.increments[0, 3 + i] = dt * motion.force[i]
+
+
+@inlined
+def sample_window(work, aside, unit, belief, vehicle, first, n_tick):
+    """Process the samples of a window, tick by tick; what is slow is propagated at its end."""
+    for k in range(n_tick):
+        process_samples(work, aside, belief, vehicle, first + k, k, unit.dt)
+        mechanise(work.nav, work.sums, work.previous, work.increments, 1, unit.dt, belief.gravity)
+        advance(work.P, work.motion.moved, work.sums, unit.dt, vehicle.motion)
+        if aside is not None:
+            advance_vector(work.x, work.sums, unit.dt, vehicle.motion)
+    mirror(work.P)
