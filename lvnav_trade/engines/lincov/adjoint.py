@@ -12,7 +12,7 @@ from typing import NamedTuple
 from lvnav_trade.engines.lincov.propagate import N_NAV, input_matrix
 from lvnav_trade.engines.lincov.receiver_error import clone_back, solution_back
 from lvnav_trade.engines.lincov.samples import fill_partials, nominal_tick
-from lvnav_trade.engines.lincov.update import shared_partial
+from lvnav_trade.engines.lincov.update import known_partial, shared_partial
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.groups import get_one, get_two
 from lvnav_trade.kernels.jit import inlined, jit
@@ -68,6 +68,9 @@ def _update_back(back, gain, h, epoch, channel, time_bin, mixed, ring, signals, 
                 if c >= 0:
                     partial = shared_partial(signals, true, family, epoch, channel)
                     back.c[m, true.shared_source[c], true.shared_slot[c]] -= through * partial
+        else:
+            for c in range(true.shared_source.shape[0]):
+                back.c[m, true.shared_source[c], true.shared_slot[c]] -= through * known_partial(h, signals, c)
         for k in range(n):
             back.e[m, true.column[ring, channel, k]] -= through * h[true.entry[ring, channel, k]]
 

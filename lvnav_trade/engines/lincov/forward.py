@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 from lvnav_trade.engines.lincov.propagate import nominal_window, propagate
-from lvnav_trade.engines.lincov.receiver_error import advance_solution, clone_error, weight_solution
+from lvnav_trade.engines.lincov.receiver_error import (
+    advance_solution,
+    clone_error,
+    complete_rows,
+    decorrelate,
+    extrapolate,
+)
 from lvnav_trade.engines.lincov.samples import expected_of_samples, sample_window
-from lvnav_trade.engines.lincov.update import update_joint
+from lvnav_trade.engines.lincov.update import replace_state, update_joint
 from lvnav_trade.filters.ekf import (
     channel_of,
     fill_loose,
@@ -16,6 +22,7 @@ from lvnav_trade.filters.ekf import (
     row_of,
 )
 from lvnav_trade.filters.late import keep
+from lvnav_trade.filters.monitor import MODE, begin_watch, is_running, judge, settle, start_filter
 from lvnav_trade.kernels.groups import get_one, group, total_of, whole
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.strapdown import place
@@ -59,7 +66,16 @@ def _fill(nominal, formal, signals, belief, chain, late, epoch):
         for i in range(6):
             nominal.solution[i] = chain.point[epoch, i]
         fill_loose(nominal, belief, signals, epoch)
-        weight_solution(nominal, formal, belief, chain, late, epoch)
+        complete_rows(nominal, chain, late, epoch)
+
+
+@inlined
+def _weight(nominal, formal, belief, chain, late, gains, epoch):
+    """Decorrelate the rows of a solution that comes with a covariance; with stored gains they stay as they are."""
+    if chain is not None:
+        extrapolate(nominal, formal, late, epoch)
+        if gains is None:
+            decorrelate(nominal, belief)
 
 
 @inlined
@@ -76,9 +92,12 @@ def _update_receiver(out, joint, scratch, tape, nominal, signals, true, belief, 
     for row in range(n_measured(belief, signals, epoch)):
         channel = channel_of(belief, signals, epoch, row)
         if belief.measured[channel]:
+            variance = signals.variance[epoch, channel]
+            if mixed:
+                variance = 1.0 if gains is None else nominal.told[row, row]
             square = update_joint(
-                joint, scratch, tape, late, gains, nominal.H[row], nominal.z[row], epoch, channel, mixed, signals, true,
-                belief,
+                joint, scratch, tape, late, gains, nominal.H[row], nominal.z[row], epoch, channel, variance, mixed,
+                signals, true, belief,
             )  # fmt: skip
             _count(out, epoch, square)
 
@@ -87,20 +106,64 @@ def _update_receiver(out, joint, scratch, tape, nominal, signals, true, belief, 
 def _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, belief, gains, epoch):
     """Update by what the other sensors measure at an epoch."""
     for k in range(sensors.code.shape[0]):
-        if sensors.on[k, epoch]:
+        if sensors.on[k, epoch] and belief.measured[sensors.channel[k]]:
             at = row_of(belief, nominal, sensors.channel[k])
             fill_sensor(nominal, belief, signals, sensors, k, at, epoch)
             for i in range(sensors.scalars[k]):
+                channel = sensors.channel[k] + i
                 square = update_joint(
-                    joint, scratch, tape, None, gains, nominal.H[at + i], nominal.z[at + i], epoch,
-                    sensors.channel[k] + i, False, signals, true, belief,
+                    joint, scratch, tape, None, gains, nominal.H[at + i], nominal.z[at + i], epoch, channel,
+                    signals.variance[epoch, channel], False, signals, true, belief,
                 )  # fmt: skip
                 _count(out, epoch, square)
 
 
 @inlined
-def _epoch(out, joint, scratch, work, tape, nominal, signals, sensors, true, belief, dt, chain, late, gains,
-           vehicle, epoch):  # fmt: skip
+def _start(joint, scratch, tape, nominal, watch, rules, signals, true, belief, chain, late, epoch):
+    """Start the filter on the nominal flight: its covariance as the mode logic sets it, and the error that it starts
+    with, that of the sample if it starts from one.
+    """
+    if watch.sample[1] > 0.0:
+        for row in range(6):
+            if chain is None:
+                watch.predicted[row] = signals.variance[epoch, row]
+            else:
+                watch.predicted[row] = nominal.told[row, row]
+        start_filter(joint.formal, scratch.x, watch, rules, nominal.z)
+        for i in range(belief.n_state):
+            scratch.x[i] = 0.0
+        if rules.from_gnss:
+            for row in range(6):
+                at = POS + row if row < 3 else VEL + row - 3
+                replace_state(
+                    joint, scratch, tape, late, at, nominal.H[row], nominal.z[row], epoch, row, chain is not None,
+                    signals, true, belief,
+                )  # fmt: skip
+
+
+@inlined
+def _process_permitted(
+    out, joint, scratch, tape, nominal, signals, true, belief, chain, late, gains, rules, watch, epoch
+):
+    """Update by what the receiver measures if the mode logic permits on the nominal flight, and make its transitions."""
+    solved = chain is None or chain.solved[epoch]
+    good = rules.good[epoch] and solved
+    if good:
+        _fill(nominal, joint.formal, signals, belief, chain, late, epoch)
+        for row in range(nominal.z.shape[0]):
+            watch.predicted[row] = 0.0
+    judge(watch, rules, belief, signals, epoch, nominal.z, n_measured(belief, signals, epoch))
+    if good:
+        _start(joint, scratch, tape, nominal, watch, rules, signals, true, belief, chain, late, epoch)
+        _weight(nominal, joint.formal, belief, chain, late, gains, epoch)
+        if watch.sample[0] > 0.0:
+            _update_receiver(out, joint, scratch, tape, nominal, signals, true, belief, chain, late, gains, epoch)
+    settle(watch, rules, epoch, joint.formal)
+
+
+@inlined
+def _epoch(out, joint, scratch, work, tape, nominal, signals, sensors, true, belief, dt, chain, late, gains, rules,
+           watch, vehicle, epoch):  # fmt: skip
     """Update by what the filter would process at an epoch."""
     if vehicle is not None:
         out.expected_nis[epoch] += expected_of_samples(work, true, vehicle)
@@ -111,11 +174,19 @@ def _epoch(out, joint, scratch, work, tape, nominal, signals, sensors, true, bel
         advance_solution(joint, scratch, chain, true, epoch)
     place_antenna(nominal, late, belief, dt, epoch)
     _measure(nominal, signals, sensors, belief.tight, epoch)
-    solved = chain is None or chain.solved[epoch]
-    if n_measured(belief, signals, epoch) > 0 and solved:
-        _fill(nominal, joint.formal, signals, belief, chain, late, epoch)
-        _update_receiver(out, joint, scratch, tape, nominal, signals, true, belief, chain, late, gains, epoch)
-    _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, belief, gains, epoch)
+    if rules is None:
+        solved = chain is None or chain.solved[epoch]
+        if n_measured(belief, signals, epoch) > 0 and solved:
+            _fill(nominal, joint.formal, signals, belief, chain, late, epoch)
+            _weight(nominal, joint.formal, belief, chain, late, gains, epoch)
+            _update_receiver(out, joint, scratch, tape, nominal, signals, true, belief, chain, late, gains, epoch)
+        _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, belief, gains, epoch)
+    elif (epoch + 1) % belief.every == 0:
+        _process_permitted(
+            out, joint, scratch, tape, nominal, signals, true, belief, chain, late, gains, rules, watch, epoch
+        )
+        if is_running(watch.state[MODE]) > 0.0:
+            _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, belief, gains, epoch)
 
 
 @inlined
@@ -220,7 +291,7 @@ def _hold_solution(held, held_mean, joint, true):
 @jit
 def forward(
     out, joint, scratch, work, tape, nominal, schedule, unit, signals, sensors, record, axes_att, belief, true,
-    reference, chain, late, gains, vehicle, samples, held,
+    reference, chain, late, gains, rules, watch, vehicle, samples, held,
 ):  # fmt: skip
     """Propagate and update the filter's covariance and the true one, by source, over the nominal flight; fill `out`.
 
@@ -230,9 +301,10 @@ def forward(
     nominal : Nominal; all updated
     schedule : Schedule, unit : Unit, signals : Signals, sensors : Sensors, record : Record, belief : Belief,
     true : Components, axes_att : (n_hist, 3, 3) from frame i to body axes at the history times
-    reference : Reference, the true motion; chain : Chain, late : Late, gains : Gains, vehicle : VehicleModel,
+    reference : Reference, the true motion; chain : Chain, late : Late, gains : Gains, rules : Rules, watch : Watch of the nominal flight, vehicle : VehicleModel,
     samples : Samples, held : (covariance (n_source, 11, 11), mean (11,)) of a reported solution; or None
     """
+    begin_watch(watch)
     for w in range(schedule.n_tick.shape[0]):
         first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
         if n_tick > 0:
@@ -248,7 +320,7 @@ def forward(
             place(nominal.nav, reference, first + n_tick)
             _epoch(
                 out, joint, scratch, work, tape, nominal, signals, sensors, true, belief, unit.dt, chain, late, gains,
-                vehicle, epoch,
+                rules, watch, vehicle, epoch,
             )  # fmt: skip
             if held is not None and chain.solved[epoch]:
                 _hold_solution(held[0], held[1], joint, true)

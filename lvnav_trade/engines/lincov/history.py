@@ -23,6 +23,7 @@ from lvnav_trade.engines.lincov.workspace import (
 )
 from lvnav_trade.engines.prepare import Prepared
 from lvnav_trade.filters.late import N_PAST
+from lvnav_trade.filters.monitor import new_watch
 from lvnav_trade.frames import matrices
 from lvnav_trade.kernels.groups import grouped_zeros
 from lvnav_trade.kernels.strapdown import N_SUM
@@ -119,12 +120,13 @@ def _pass(prepared: Prepared, names: list[str], true: Components, tape: Tape) ->
         np.zeros((n_reported, N_STATE)), np.zeros(n_epoch, dtype=np.int64), np.zeros(n_epoch), np.zeros(n_epoch),
     )  # fmt: skip
     held = None if options.report is None else (np.zeros((n_source, N_STATE, N_STATE)), np.zeros(N_STATE))
+    watch = None if options.rules is None else new_watch(n_epoch, prepared.channels.n_receiver, prepared.n_row)
     axes_att = np.ascontiguousarray(np.swapaxes(matrices(prepared.record.q), 1, 2))
     forward(
         out, _joint(prepared, true), _scratch(prepared, true), _sample_scratch(prepared, true), tape,
         nominal(prepared), prepared.schedule, prepared.unit, prepared.signals, prepared.sensors, prepared.record,
         axes_att, prepared.belief, true, prepared.reference, prepared.chain, options.late, options.gains,
-        options.vehicle, options.samples, held,
+        options.rules, watch, options.vehicle, options.samples, held,
     )  # fmt: skip
     return out
 
@@ -142,7 +144,7 @@ def forward_tape(prepared: Prepared, true: Components) -> Tape:
     """Return what a backward pass, or an observability analysis, needs of a forward one."""
     per_satellite = 2 if prepared.belief.tight else 0
     n_sensor = sum(len(device.channels.labels) for device in prepared.devices)
-    n_update = int(np.sum(np.maximum(6, per_satellite * prepared.signals.n_used) + n_sensor)) + 1
+    n_update = int(np.sum(np.maximum(6, per_satellite * prepared.signals.n_used) + n_sensor + 6)) + 1
     sampled = prepared.reference.dtheta.shape[0] if prepared.options.vehicle is not None else 0
     tape = new_tape(
         prepared.schedule.n_tick.size, n_update, n_joint(prepared), _width(prepared), sampled, prepared.layout.n_state

@@ -170,16 +170,16 @@ def clone_back(back, true, late, window):
 
 
 @jit
-def weight_solution(nominal, formal, belief, chain, late, epoch):
-    """Complete the Jacobian rows of a solution with what of its own error and of clones is in them, and decorrelate
-    them as the filter does.
+def complete_rows(nominal, chain, late, epoch):
+    """Complete the Jacobian rows of a solution with what of its own error and of clones is in them, and set the
+    covariance that is reported with it.
     """
-    z, H, reported = nominal.z, nominal.H, nominal.told
+    H, told = nominal.H, nominal.told
     solution = H.shape[1] - N_SOLUTION_ENTRY
     velocity = solution + 6
     for i in range(6):
         for j in range(6):
-            reported[i, j] = chain.told[epoch, i, j]
+            told[i, j] = chain.told[epoch, i, j]
             H[i, solution + j] = -1.0 if i == j else 0.0
             H[i, velocity + j] = 0.0
     if late is not None and late.extrapolated:
@@ -187,6 +187,17 @@ def weight_solution(nominal, formal, belief, chain, late, epoch):
         for i in range(3):
             H[i, velocity + i] = -late.delay[epoch]
             H[3 + i, velocity + i], H[3 + i, velocity + 3 + i] = -slope, slope
-        carry_on(z, reported, nominal.past, formal, late, epoch)
-    separate(reported, belief)
-    whiten(reported, z, H, 6, H.shape[1])
+
+
+@jit
+def extrapolate(nominal, formal, late, epoch):
+    """Extrapolate a late solution to the present as the filter does, if it does."""
+    if late is not None and late.extrapolated:
+        carry_on(nominal.z, nominal.told, nominal.past, formal, late, epoch)
+
+
+@jit
+def decorrelate(nominal, belief):
+    """Decorrelate the rows of a solution as the filter does."""
+    separate(nominal.told, belief)
+    whiten(nominal.told, nominal.z, nominal.H, 6, nominal.H.shape[1])

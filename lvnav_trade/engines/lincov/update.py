@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from lvnav_trade.engines.lincov.receiver_error import N_CLONE, N_NAV
 from lvnav_trade.kernels.covariance import absorb, absorb_with
 from lvnav_trade.kernels.groups import add_one, get_one, group, set_one, total_of, whole
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.joint import update_covariance, update_vector
-from lvnav_trade.engines.lincov.receiver_error import N_CLONE, N_NAV
+from lvnav_trade.observables.base import N_ENTRY
 
 
 @jit
@@ -31,33 +32,55 @@ def shared_partial(signals, true, family, epoch, channel):
 
 
 @jit
-def _update_shared(joint, scratch, gain, signals, true, epoch, channel):
-    """Add the errors that measurements share to an update, after that of the states; return what they add to the
+def _enter(joint, scratch, gain, true, m, a):
+    """Let a component enter an update by the partial a, after the update of the states; return what it adds to the
     innovation's variance.
     """
-    total, n = 0.0, gain.shape[0]
-    member, P, y = signals.shared.member, joint.sources, joint.cross
+    source, k, n = true.shared_source[m], true.shared_slot[m], gain.shape[0]
+    g, lane, P, y = true.group[source], true.lane[source], joint.sources, joint.cross
+    variance = get_one(joint.variance, g, k, 0, lane)
+    for i in range(n):
+        if gain[i] != 0.0:
+            for j in range(n):
+                # with y = Cov(x, c) after the update: -(g (a y)' + (a y) g') + (a^2 var) g g'
+                value = a * gain[i] * get_one(y, g, k, j, lane)
+                add_one(P, g, i, j, lane, -value)
+                add_one(P, g, j, i, lane, -value)
+                add_one(P, g, i, j, lane, a * a * variance * gain[i] * gain[j])
+    for i in range(n):
+        add_one(y, g, k, i, lane, -gain[i] * a * variance)
+    return 2.0 * a * get_one(scratch.seen, g, k, 0, lane) + a * a * variance
+
+
+@jit
+def _update_shared(joint, scratch, gain, signals, true, epoch, channel):
+    """Let the errors that measurements share enter an update; return what they add to the innovation's variance."""
+    total, member = 0.0, signals.shared.member
     for family in range(member.shape[0]):
-        m = member[family, channel]
-        if m < 0:
-            continue
-        a = shared_partial(signals, true, family, epoch, channel)
-        if a == 0.0:
-            continue
-        source, k = true.shared_source[m], true.shared_slot[m]
-        g, lane = true.group[source], true.lane[source]
-        variance = get_one(joint.variance, g, k, 0, lane)
-        total += 2.0 * a * get_one(scratch.seen, g, k, 0, lane) + a * a * variance
-        for i in range(n):
-            if gain[i] != 0.0:
-                for j in range(n):
-                    # with y = Cov(x, c) after the update: -(g (a y)' + (a y) g') + (a^2 var) g g'
-                    value = a * gain[i] * get_one(y, g, k, j, lane)
-                    add_one(P, g, i, j, lane, -value)
-                    add_one(P, g, j, i, lane, -value)
-                    add_one(P, g, i, j, lane, a * a * variance * gain[i] * gain[j])
-        for i in range(n):
-            add_one(y, g, k, i, lane, -gain[i] * a * variance)
+        if member[family, channel] >= 0:
+            a = shared_partial(signals, true, family, epoch, channel)
+            if a != 0.0:
+                total += _enter(joint, scratch, gain, true, member[family, channel], a)
+    return total
+
+
+@jit
+def known_partial(h, signals, m):
+    """Return the partial of a decorrelated measurement with respect to component m: the error itself is in that of the
+    solution, what the filter's estimate of it takes off is not.
+    """
+    e = signals.shared.extra[m]
+    return -h[N_ENTRY + e] if e >= 0 else 0.0
+
+
+@jit
+def _update_known(joint, scratch, gain, h, signals, true):
+    """Let errors of a decorrelated solution that the filter has states for enter an update; see `known_partial`."""
+    total = 0.0
+    for m in range(true.shared_source.shape[0]):
+        a = known_partial(h, signals, m)
+        if a != 0.0:
+            total += _enter(joint, scratch, gain, true, m, a)
     return total
 
 
@@ -73,6 +96,29 @@ def _set_gain(gain, K, weight, n_estimated, true, late, epoch):
             for ring in range(late.n_ring):
                 for i in range(N_NAV):
                     gain[true.clone + N_CLONE * ring + i] = gain[i]
+
+
+@inlined
+def replace_state(joint, scratch, tape, late, at, h, surprise, epoch, channel, mixed, signals, true, belief):
+    """Replace the error of one state by that of a measurement of it: an update with the gain one, in every source and in
+    the mean. The filter's own covariance is set elsewhere.
+    """
+    gain, source, m, ring = scratch.gain, true.row_source[belief.row_type[channel]], true.n_entry[channel], 0
+    if late is not None:
+        ring = epoch % late.n_ring
+    for i in range(gain.shape[0]):
+        gain[i] = 1.0 if i == at else 0.0
+    entries, columns = true.entry[ring, channel, :m], true.column[ring, channel, :m]
+    if tape.channel.shape[0] > 0:
+        _record(tape, gain, h, epoch, channel)
+    noise = 0.0 if mixed else signals.sigma[epoch, channel] ** 2
+    _update_sources(joint, scratch, true, gain, h, entries, columns, source if noise > 0.0 else -1, noise)
+    if mixed:
+        _update_known(joint, scratch, gain, h, signals, true)
+    else:
+        _update_shared(joint, scratch, gain, signals, true, epoch, channel)
+    update_vector(joint.mean, gain, h, entries, columns)
+    joint.mean[at] -= surprise
 
 
 @inlined
@@ -117,15 +163,15 @@ def _update_sources(joint, scratch, true, gain, h, entries, columns, source, noi
 
 
 @inlined
-def update_joint(joint, scratch, tape, late, gains, h, surprise, epoch, channel, mixed, signals, true, belief):
+def update_joint(joint, scratch, tape, late, gains, h, surprise, epoch, channel, variance, mixed, signals, true, belief):
     """Update the filter's covariance by one scalar measurement, and with that gain every source and the mean.
 
     surprise: innovation on the nominal flight, what the truth's measurement holds in every run and the filter's model of
-    it does not (an uncompensated latency). mixed: one of a decorrelated solution, whose errors are states already.
+    it does not (an uncompensated latency). variance: that the filter assumes of its noise. mixed: one of a decorrelated
+    solution, whose errors are states already.
     Returns the expected square of the normalised innovation.
     """
     n, source, gain = belief.n_entry[channel], true.row_source[belief.row_type[channel]], scratch.gain
-    variance = 1.0 if mixed else signals.variance[epoch, channel]
     weight = _update_formal(
         joint, scratch, gains, h, belief.entry[channel, :n], belief.column[channel, :n], epoch, channel, variance,
         belief,
@@ -139,7 +185,9 @@ def update_joint(joint, scratch, tape, late, gains, h, surprise, epoch, channel,
         _record(tape, gain, h, epoch, channel)
     noise = 0.0 if mixed else signals.sigma[epoch, channel] ** 2
     total = _update_sources(joint, scratch, true, gain, h, entries, columns, source if noise > 0.0 else -1, noise)
-    if not mixed:
+    if mixed:
+        total += _update_known(joint, scratch, gain, h, signals, true)
+    else:
         total += _update_shared(joint, scratch, gain, signals, true, epoch, channel)
     offset = update_vector(joint.mean, gain, h, entries, columns) + surprise
     for i in range(gain.shape[0]):
