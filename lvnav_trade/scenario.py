@@ -13,7 +13,7 @@ from lvnav_trade.units import AngleSigma, Card, Length, LengthSigma, SpeedSigma
 from lvnav_trade.world.altimeter import AltimeterCard
 from lvnav_trade.world.attitude_reference import AttitudeReferenceCard
 from lvnav_trade.world.constellation import AlmanacConstellation, Constellation, parts_of
-from lvnav_trade.world.controlled import ControlledCard
+from lvnav_trade.world.control.controlled import ControlledCard
 from lvnav_trade.world.faults import Fault
 from lvnav_trade.world.gravity import GravityCard
 from lvnav_trade.world.imu import ImuCard

@@ -15,8 +15,9 @@ import numpy as np
 from lvnav_trade.campaign import tree
 from lvnav_trade.campaign.cards import shipped
 from lvnav_trade.engines.envelopes import improvement
-from lvnav_trade.engines.rotation import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
-from lvnav_trade.engines.rotation_loop import (
+from lvnav_trade.metrics.nozzle import reduction
+from lvnav_trade.plots.rotation import gain_sweep, inside_envelope, nozzle_movement
+from lvnav_trade.steering.loop import (
     INSIDE_JERK,
     INSIDE_TURNING,
     JERK,
@@ -29,14 +30,13 @@ from lvnav_trade.engines.rotation_loop import (
     TURNING_BOUND,
     TURNING_RATIO,
 )
-from lvnav_trade.metrics.nozzle import reduction
-from lvnav_trade.plots.rotation import gain_sweep, inside_envelope, nozzle_movement
-from lvnav_trade.world.control import ControllerCard, FeedbackCard
+from lvnav_trade.steering.missions import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
+from lvnav_trade.world.control.ascent import ascend
+from lvnav_trade.world.control.body import RotationCard
+from lvnav_trade.world.control.controller import ControllerCard, FeedbackCard
+from lvnav_trade.world.control.wind import WindCard
 from lvnav_trade.world.imu import ImuCard
-from lvnav_trade.world.rotation import RotationCard
-from lvnav_trade.world.turning import ascend
 from lvnav_trade.world.vehicle import VehicleAscent
-from lvnav_trade.world.wind import WindCard
 
 RUNS = 20
 FACTORS = np.array([0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0])

@@ -60,8 +60,9 @@ class Engine(NamedTuple):
 
 def engine() -> Engine:
     """Return the real engines; imported here because compiled code takes a second to load."""
-    from lvnav_trade.engines import controlled, covariances, explain, montecarlo, runs, starts, statistics
+    from lvnav_trade.engines import covariances, explain, montecarlo, runs, starts, statistics
     from lvnav_trade.engines.prepare import prepare
+    from lvnav_trade.steering import nozzle as controlled
 
     return Engine(
         _events, prepare, runs.run_block, covariances.covariance, statistics.summarise,

@@ -16,8 +16,8 @@ from lvnav_trade.kernels.transition import ATT
 from lvnav_trade.layout import StateLayout
 from lvnav_trade.records import Floats, Reference
 from lvnav_trade.scenario import Scenario, reference_belief
+from lvnav_trade.world.control.ascent import changes
 from lvnav_trade.world.truth import Trajectory
-from lvnav_trade.world.turning import changes
 
 ATTITUDE_NOISE = "attitude reference noise"
 """Source of the budget."""

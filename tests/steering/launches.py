@@ -8,14 +8,14 @@ import numpy as np
 from ruamel.yaml import YAML
 
 from lvnav_trade.campaign.cards import shipped
-from lvnav_trade.engines.rotation import Launch
-from lvnav_trade.engines.rotation_loop import BURN, COAST
 from lvnav_trade.filters.envelope import EnvelopeCard
-from lvnav_trade.world.control import ControllerCard
+from lvnav_trade.steering.loop import BURN, COAST
+from lvnav_trade.steering.missions import Launch
+from lvnav_trade.world.control.ascent import Body
+from lvnav_trade.world.control.body import RotationCard
+from lvnav_trade.world.control.controller import ControllerCard
+from lvnav_trade.world.control.wind import WindCard
 from lvnav_trade.world.imu import ImuCard
-from lvnav_trade.world.rotation import RotationCard
-from lvnav_trade.world.turning import Body
-from lvnav_trade.world.wind import WindCard
 
 EFFECTIVENESS = 10.0  # 1/s^2
 

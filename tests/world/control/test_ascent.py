@@ -11,11 +11,11 @@ import pytest
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.frames import earth_velocity, matrices
-from lvnav_trade.world.control import ControllerCard
-from lvnav_trade.world.rotation import RotationCard
+from lvnav_trade.world.control.ascent import PITCH, YAW, ascend, body_along, changes
+from lvnav_trade.world.control.body import RotationCard
+from lvnav_trade.world.control.controller import ControllerCard
+from lvnav_trade.world.control.wind import WindCard
 from lvnav_trade.world.trajectory import motion
-from lvnav_trade.world.turning import PITCH, YAW, ascend, body_along, changes
-from lvnav_trade.world.wind import WindCard
 from tests.world.flights import _load, ascent_card
 
 RATE = 20.0

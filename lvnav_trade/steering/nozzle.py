@@ -7,8 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines.rotation import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
-from lvnav_trade.engines.rotation_loop import (
+from lvnav_trade.engines.vehicle import burns
+from lvnav_trade.filters.envelope import EnvelopeCard
+from lvnav_trade.records import Floats
+from lvnav_trade.scenario import Scenario
+from lvnav_trade.steering.loop import (
     BELIEVED,
     INSIDE_JERK,
     INSIDE_TURNING,
@@ -24,12 +27,9 @@ from lvnav_trade.engines.rotation_loop import (
     TURNING_BOUND,
     TURNING_RATIO,
 )
-from lvnav_trade.engines.vehicle import burns
-from lvnav_trade.filters.envelope import EnvelopeCard
-from lvnav_trade.records import Floats
-from lvnav_trade.scenario import Scenario
-from lvnav_trade.world.control import FeedbackCard
-from lvnav_trade.world.turning import Ascent, ascend
+from lvnav_trade.steering.missions import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
+from lvnav_trade.world.control.ascent import Ascent, ascend
+from lvnav_trade.world.control.controller import FeedbackCard
 from lvnav_trade.world.vehicle import VehicleAscent
 
 FEEDS = ("raw", "filtered", "true")

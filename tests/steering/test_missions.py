@@ -7,8 +7,8 @@ import time
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.rotation import fly_missions, prepare_launch, with_rate_gain
-from lvnav_trade.engines.rotation_loop import (
+from lvnav_trade.metrics.nozzle import reduction
+from lvnav_trade.steering.loop import (
     AIR,
     BURN,
     CHANGE,
@@ -19,14 +19,14 @@ from lvnav_trade.engines.rotation_loop import (
     NOZZLE,
     TICKS,
 )
-from lvnav_trade.metrics.nozzle import reduction
-from lvnav_trade.world.control import ControllerCard, FeedbackCard
+from lvnav_trade.steering.missions import fly_missions, prepare_launch, with_rate_gain
+from lvnav_trade.world.control.ascent import ascend
+from lvnav_trade.world.control.body import RotationCard
+from lvnav_trade.world.control.controller import ControllerCard, FeedbackCard
+from lvnav_trade.world.control.wind import WindCard
 from lvnav_trade.world.imu import ImuCard
-from lvnav_trade.world.rotation import RotationCard
-from lvnav_trade.world.turning import ascend
 from lvnav_trade.world.vehicle import VehicleAscent
-from lvnav_trade.world.wind import WindCard
-from tests.engines.turning import settings, steady_launch
+from tests.steering.launches import settings, steady_launch
 
 WINDY = {"gust": 3.0, "moment": 0.003, "force": 0.03}
 

@@ -9,7 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from lvnav_trade.frames import rotation_e_n
-from lvnav_trade.world.wind import WindCard, air
+from lvnav_trade.world.control.wind import WindCard, air
 from tests.world.flights import CONFIGS, _load
 
 GIVEN = {

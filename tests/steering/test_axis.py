@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import welch
 
-from lvnav_trade.kernels.rotation import (
+from lvnav_trade.steering.axis import (
     body_step,
     command_step,
     filter_gain,

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.engines.envelopes import changing, steady_ratio
-from lvnav_trade.engines.rotation_loop import (
+from lvnav_trade.filters.envelope import EnvelopeCard
+from lvnav_trade.kernels.random import seed_words
+from lvnav_trade.steering.loop import (
     BURN,
     CHANGE,
     COAST,
@@ -25,13 +27,11 @@ from lvnav_trade.engines.rotation_loop import (
     Plant,
     fly_run,
 )
-from lvnav_trade.filters.envelope import EnvelopeCard
-from lvnav_trade.kernels.random import seed_words
-from lvnav_trade.world.control import ControllerCard, FeedbackCard, rate_noise
+from lvnav_trade.world.control.ascent import Ascent, Body, body_along, changes
+from lvnav_trade.world.control.body import RotationCard
+from lvnav_trade.world.control.controller import ControllerCard, FeedbackCard, rate_noise
+from lvnav_trade.world.control.wind import WindCard
 from lvnav_trade.world.imu import ImuCard
-from lvnav_trade.world.rotation import RotationCard
-from lvnav_trade.world.turning import Ascent, Body, body_along, changes
-from lvnav_trade.world.wind import WindCard
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -55,7 +55,7 @@ class Launch(NamedTuple):
 class Missions(NamedTuple):
     """Runs of one way of feeding the controller; axes are pitch and yaw.
 
-    t (n_record,) s; history (n_run, n_record, 2, N_RECORD) by the columns of `rotation_loop`; movement (n_run, 2) total
+    t (n_record,) s; history (n_run, n_record, 2, N_RECORD) by the columns of `loop`; movement (n_run, 2) total
     of the nozzles' movement, rad; sums (n_run, 2, N_PHASE, N_SUM).
     """
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.world.rotation import RotationCard
+from lvnav_trade.world.control.body import RotationCard
 from tests.world.flights import _load
 
 

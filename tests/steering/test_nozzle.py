@@ -9,12 +9,12 @@ import pytest
 
 from lvnav_trade.campaign.cards import campaign_file
 from lvnav_trade.campaign.load import load
-from lvnav_trade.engines import controlled as room
-from lvnav_trade.engines.controlled import FEEDS, controlled
-from lvnav_trade.engines.rotation import fly_missions
-from lvnav_trade.engines.rotation_loop import MOVED, TICKS
 from lvnav_trade.errors import InputError
-from tests.engines.turning import steady_launch
+from lvnav_trade.steering import nozzle as room
+from lvnav_trade.steering.loop import MOVED, TICKS
+from lvnav_trade.steering.missions import fly_missions
+from lvnav_trade.steering.nozzle import FEEDS, controlled
+from tests.steering.launches import steady_launch
 
 WINDY = {"gust": 3.0, "moment": 0.003, "force": 0.03}
 

@@ -7,7 +7,7 @@ import math
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.world.control import ControllerCard, FeedbackCard, design, rate_noise
+from lvnav_trade.world.control.controller import ControllerCard, FeedbackCard, design, rate_noise
 from lvnav_trade.world.imu import ImuCard
 from tests.world.flights import _load
 

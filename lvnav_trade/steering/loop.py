@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lvnav_trade.kernels.jit import jit, making_arrays
 from lvnav_trade.kernels.random import normals, source_word
-from lvnav_trade.kernels.rotation import (
+from lvnav_trade.steering.axis import (
     body_step,
     command_step,
     filter_gain,

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pydantic import Field
 
 from lvnav_trade.units import Card
-from lvnav_trade.world.control import ControllerCard
-from lvnav_trade.world.rotation import RotationCard
-from lvnav_trade.world.wind import WindCard
+from lvnav_trade.world.control.body import RotationCard
+from lvnav_trade.world.control.controller import ControllerCard
+from lvnav_trade.world.control.wind import WindCard
 
 
 class ControlledCard(Card):

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.engines.envelopes import envelopes, steady_ratio
-from lvnav_trade.engines.rotation import fly_missions
-from lvnav_trade.engines.rotation_loop import (
+from lvnav_trade.steering.loop import (
     AIR,
     ASKED,
     BELIEVED,
@@ -24,8 +23,9 @@ from lvnav_trade.engines.rotation_loop import (
     TURNING,
     TURNING_BOUND,
 )
-from lvnav_trade.world.control import FeedbackCard, design, rate_noise
-from tests.engines.turning import EFFECTIVENESS, steady_launch
+from lvnav_trade.steering.missions import fly_missions
+from lvnav_trade.world.control.controller import FeedbackCard, design, rate_noise
+from tests.steering.launches import EFFECTIVENESS, steady_launch
 
 IDEAL = {"time_constant": "0.0001 s", "rate_limit": "100000 deg/s", "deflection_limit": "50 deg"}
 PERFECT = FeedbackCard(rate="true", attitude="true", noise="none")
