@@ -31,12 +31,12 @@ from lvnav_trade.steering.loop import (
     TURNING_RATIO,
 )
 from lvnav_trade.steering.missions import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
+from lvnav_trade.world.ascent.vehicle import VehicleAscent
 from lvnav_trade.world.control.ascent import ascend
 from lvnav_trade.world.control.body import RotationCard
 from lvnav_trade.world.control.controller import ControllerCard, FeedbackCard
 from lvnav_trade.world.control.wind import WindCard
-from lvnav_trade.world.imu import ImuCard
-from lvnav_trade.world.vehicle import VehicleAscent
+from lvnav_trade.world.sensors.imu import ImuCard
 
 RUNS = 20
 FACTORS = np.array([0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0])

@@ -74,8 +74,8 @@ def _events(scenario: Scenario) -> dict[str, float]:
     """Return the event times of a flight; InputError where it, the satellites or a recording cannot be."""
     from lvnav_trade.engines.prepare import trajectory_of
     from lvnav_trade.engines.recorded import table_of
-    from lvnav_trade.world.error_table import refuse_short
-    from lvnav_trade.world.satellites import satellites
+    from lvnav_trade.world.sky.satellites import satellites
+    from lvnav_trade.world.user_file.error_table import refuse_short
 
     with _about("base.trajectory"):
         flight = trajectory_of(scenario)

@@ -12,7 +12,7 @@ from lvnav_trade.frames import geodetic_from_ecef
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.records import Floats
 from lvnav_trade.scenario import Scenario, altimeter_belief
-from lvnav_trade.world.trajectory import Trajectory, motion
+from lvnav_trade.world.flight.trajectory import Trajectory, motion
 
 NOISE = "altimeter noise"
 

@@ -45,18 +45,18 @@ from lvnav_trade.world.faults import (
     failures,
     span,
 )
-from lvnav_trade.world.gravity import disturbance
-from lvnav_trade.world.imu import ErrorBlock, ImuCard, error_blocks, lag
-from lvnav_trade.world.satellites import time_offsets
-from lvnav_trade.world.sky import sky
-from lvnav_trade.world.trajectory import (
+from lvnav_trade.world.flight.trajectory import (
     Trajectory,
     TrajectoryCard,
     build,
     content,
     reference,
 )
-from lvnav_trade.world.trajectory import refuse_contradiction as trajectory_contradiction
+from lvnav_trade.world.flight.trajectory import refuse_contradiction as trajectory_contradiction
+from lvnav_trade.world.gravity import disturbance
+from lvnav_trade.world.receiver.visibility import sky
+from lvnav_trade.world.sensors.imu import ErrorBlock, ImuCard, error_blocks, lag
+from lvnav_trade.world.sky.satellites import time_offsets
 
 Ints = NDArray[np.int64]
 # Sensor, start and end (s) of its growth, amplitude (SI): a bias that is the same in every run.

@@ -21,15 +21,15 @@ from lvnav_trade.layout import StateLayout
 from lvnav_trade.observables.partials import HEIGHT, Channels, Geometry, partial
 from lvnav_trade.records import Floats, Sky
 from lvnav_trade.scenario import Scenario, epoch_interval, solves
-from lvnav_trade.world.constellation import (
+from lvnav_trade.world.faults import Failures
+from lvnav_trade.world.flight.trajectory import Trajectory, motion
+from lvnav_trade.world.sky.constellation import (
     LETTERS,
     AlmanacConstellation,
     Part,
     RinexConstellation,
     parts_of,
 )
-from lvnav_trade.world.faults import Failures
-from lvnav_trade.world.trajectory import Trajectory, motion
 
 
 def channels_of(scenario: Scenario, seen: Sky) -> Channels:

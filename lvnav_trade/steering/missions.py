@@ -31,7 +31,7 @@ from lvnav_trade.world.control.ascent import Ascent, Body, body_along, changes
 from lvnav_trade.world.control.body import RotationCard
 from lvnav_trade.world.control.controller import ControllerCard, FeedbackCard, rate_noise
 from lvnav_trade.world.control.wind import WindCard
-from lvnav_trade.world.imu import ImuCard
+from lvnav_trade.world.sensors.imu import ImuCard
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -28,9 +28,9 @@ from lvnav_trade.steering.loop import (
     TURNING_RATIO,
 )
 from lvnav_trade.steering.missions import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
+from lvnav_trade.world.ascent.vehicle import VehicleAscent
 from lvnav_trade.world.control.ascent import Ascent, ascend
 from lvnav_trade.world.control.controller import FeedbackCard
-from lvnav_trade.world.vehicle import VehicleAscent
 
 FEEDS = ("raw", "filtered", "true")
 """Rates that the controller is fed, a mission each."""

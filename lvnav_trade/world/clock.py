@@ -6,7 +6,7 @@ import numpy as np
 
 from lvnav_trade.kernels.clock import clock_step
 from lvnav_trade.records import Floats
-from lvnav_trade.world.receiver import ClockCard
+from lvnav_trade.world.receiver.receiver import ClockCard
 
 
 def walk(card: ClockCard, t: Floats, normals: Floats) -> tuple[Floats, Floats]:

@@ -9,7 +9,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from lvnav_trade.engines.envelopes import EnvelopeCard, changing, envelopes, improvement, steady_ratio
-from lvnav_trade.world.imu import ImuCard
+from lvnav_trade.world.sensors.imu import ImuCard
 
 RATE = 200.0
 ROLL_OR_COAST, BOOST, LATERAL, AXIAL = 0.002, 0.02, 10.0, 15.0  # rad/s^2, m/s^3, section 2.3

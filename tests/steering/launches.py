@@ -15,7 +15,7 @@ from lvnav_trade.world.control.ascent import Body
 from lvnav_trade.world.control.body import RotationCard
 from lvnav_trade.world.control.controller import ControllerCard
 from lvnav_trade.world.control.wind import WindCard
-from lvnav_trade.world.imu import ImuCard
+from lvnav_trade.world.sensors.imu import ImuCard
 
 EFFECTIVENESS = 10.0  # 1/s^2
 

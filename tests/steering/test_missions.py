@@ -20,12 +20,12 @@ from lvnav_trade.steering.loop import (
     TICKS,
 )
 from lvnav_trade.steering.missions import fly_missions, prepare_launch, with_rate_gain
+from lvnav_trade.world.ascent.vehicle import VehicleAscent
 from lvnav_trade.world.control.ascent import ascend
 from lvnav_trade.world.control.body import RotationCard
 from lvnav_trade.world.control.controller import ControllerCard, FeedbackCard
 from lvnav_trade.world.control.wind import WindCard
-from lvnav_trade.world.imu import ImuCard
-from lvnav_trade.world.vehicle import VehicleAscent
+from lvnav_trade.world.sensors.imu import ImuCard
 from tests.steering.launches import settings, steady_launch
 
 WINDY = {"gust": 3.0, "moment": 0.003, "force": 0.03}

@@ -4,7 +4,7 @@ from scipy.stats import chi2
 
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT, allan_variance, step_covariance
 from lvnav_trade.world.clock import walk
-from lvnav_trade.world.receiver import ClockCard
+from lvnav_trade.world.receiver.receiver import ClockCard
 
 TCXO = ClockCard(h0=2e-21, h_minus2=3e-24)
 

@@ -19,17 +19,17 @@ from lvnav_trade.frames import (
 )
 from lvnav_trade.kernels.atmosphere import atmosphere
 from lvnav_trade.records import Motion
-from lvnav_trade.world.ascent import Leg, fly_ascent
-from lvnav_trade.world.attitude import smoothsteps
+from lvnav_trade.world.ascent.attitude import smoothsteps
+from lvnav_trade.world.ascent.dynamics import thrust_beside, thrust_of
+from lvnav_trade.world.ascent.launch import build_ascent
+from lvnav_trade.world.ascent.legs import Leg, fly_ascent
+from lvnav_trade.world.ascent.targeting import solve
+from lvnav_trade.world.ascent.vehicle import VehicleAscent
 from lvnav_trade.world.control.body import RotationCard
 from lvnav_trade.world.control.controller import ControllerCard
 from lvnav_trade.world.control.wind import WindCard, air
 from lvnav_trade.world.events import resolve
-from lvnav_trade.world.flight import thrust_beside, thrust_of
-from lvnav_trade.world.launch import build_ascent
-from lvnav_trade.world.targeting import solve
 from lvnav_trade.world.truth import Trajectory, motion
-from lvnav_trade.world.vehicle import VehicleAscent
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

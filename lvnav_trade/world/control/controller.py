@@ -18,7 +18,7 @@ from lvnav_trade.units import (
     SpeedSigma,
     TimeConstant,
 )
-from lvnav_trade.world.imu import ImuCard
+from lvnav_trade.world.sensors.imu import ImuCard
 
 
 class Gains(Card):

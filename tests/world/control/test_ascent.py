@@ -15,7 +15,7 @@ from lvnav_trade.world.control.ascent import PITCH, YAW, ascend, body_along, cha
 from lvnav_trade.world.control.body import RotationCard
 from lvnav_trade.world.control.controller import ControllerCard
 from lvnav_trade.world.control.wind import WindCard
-from lvnav_trade.world.trajectory import motion
+from lvnav_trade.world.flight.trajectory import motion
 from tests.world.flights import _load, ascent_card
 
 RATE = 20.0

@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from lvnav_trade.world.control.controller import ControllerCard, FeedbackCard, design, rate_noise
-from lvnav_trade.world.imu import ImuCard
+from lvnav_trade.world.sensors.imu import ImuCard
 from tests.world.flights import _load
 
 
