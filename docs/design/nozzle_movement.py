@@ -15,7 +15,7 @@ import numpy as np
 from lvnav_trade.campaign import tree
 from lvnav_trade.campaign.cards import shipped
 from lvnav_trade.engines.envelopes import improvement
-from lvnav_trade.metrics.nozzle import reduction
+from lvnav_trade.metrics.vehicle.nozzle import reduction
 from lvnav_trade.plots.rotation import gain_sweep, inside_envelope, nozzle_movement
 from lvnav_trade.steering.loop import (
     INSIDE_JERK,

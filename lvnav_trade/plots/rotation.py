@@ -12,10 +12,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from lvnav_trade.metrics.nozzle import nozzle
-from lvnav_trade.metrics.nozzle import worth as worth_of
-from lvnav_trade.metrics.published import cases_of
-from lvnav_trade.metrics.readings import short_names
+from lvnav_trade.metrics.published.published import cases_of
+from lvnav_trade.metrics.published.readings import short_names
+from lvnav_trade.metrics.vehicle.nozzle import nozzle
+from lvnav_trade.metrics.vehicle.nozzle import worth as worth_of
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, legend_below, line_of, look, mark_events
 from lvnav_trade.store import Tables, load
 
