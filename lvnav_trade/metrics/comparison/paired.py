@@ -158,12 +158,6 @@ def _score_limit(n: int, more: int, less: int, z: float) -> float:
     return float(optimize.brentq(missing, lowest, below, xtol=1e-12))
 
 
-def mcnemar(base: Truths, candidate: Truths) -> float:
-    """Return McNemar's exact two-sided p-value that a run is as likely beyond the limit in one case as in the other."""
-    more, less = int(np.sum(candidate & ~base)), int(np.sum(base & ~candidate))
-    return float(stats.binomtest(more, more + less, 0.5).pvalue) if more + less else 1.0
-
-
 def verdict(low: float, high: float, effect: float) -> str:
     """Return "worse" where the change is shown to be above the smallest effect of interest, "not worse" where below."""
     if low > effect:

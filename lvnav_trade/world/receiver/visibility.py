@@ -128,16 +128,6 @@ def range_pull(direction: Floats, distance: Floats, sent: Transmission, antenna_
     return np.asarray(falling + across / distance)
 
 
-def antenna_states(trajectory: Trajectory, receiver: ReceiverCard, t: Floats) -> tuple[Floats, Floats]:
-    """Return true position (m) and velocity (m/s) of the phase centres in frame i, (n_epoch, n_antenna, 3) each."""
-    at = motion(trajectory, t)
-    levers_b = np.array(receiver.levers)
-    C_b_i = matrices(at.q_b_i)
-    arms = np.einsum("nij,aj->nai", C_b_i, levers_b)
-    swing = np.einsum("nij,naj->nai", C_b_i, np.cross(at.w_ib_b[:, None, :], levers_b))
-    return at.r_i[:, None, :] + arms, at.v_i[:, None, :] + swing
-
-
 def antenna(trajectory: Trajectory, receiver: ReceiverCard, t: Floats) -> tuple[Floats, Floats]:
     """Return true position (m) and velocity (m/s) of the antenna in frame i, (n_epoch, 3) each, lever arm included."""
     at = motion(trajectory, t)

@@ -221,37 +221,3 @@ def time_offsets(constellation: Constellation, systems: tuple[str, ...], epoch: 
             found[:, of_letter, 0] = -SPEED_OF_LIGHT * (offset.bias + offset.drift * age)[:, None]
             found[:, of_letter, 1] = -SPEED_OF_LIGHT * offset.drift
     return found
-
-
-class ErrorSizes(NamedTuple):
-    """Errors of the signals of each satellite, (n_sat,): one sigma in range (m) and time constant (s; inf: constant).
-
-    The range error is independent between satellites; the time offset is one for all satellites of a system, zero for
-    GPS.
-    """
-
-    range_sigma: Floats
-    range_time: Floats
-    offset_sigma: Floats
-    offset_time: Floats
-
-
-def error_sizes(constellation: Constellation, above: Satellites) -> ErrorSizes:
-    """Return the errors that the cards state for the satellites that `satellites` returned."""
-    if not isinstance(constellation, CombinedConstellation):
-        return _of_part(constellation, above.systems)
-    assert isinstance(above, Combined)  # `satellites` makes it so
-    sizes = [_of_part(card, part.systems) for card, part in zip(constellation.parts, above.parts, strict=True)]
-    return ErrorSizes(*(np.concatenate(column) for column in zip(*sizes, strict=True)))
-
-
-def _of_part(card: Part, systems: tuple[str, ...]) -> ErrorSizes:
-    same, foreign = np.ones(len(systems)), np.array([letter != "G" for letter in systems], dtype=bool)
-    offset = 0.0 if isinstance(card, AlmanacConstellation) else card.time_offset
-    offset_time = None if isinstance(card, AlmanacConstellation) else card.time_offset_time
-    return ErrorSizes(
-        range_sigma=card.range_error * same,
-        range_time=(np.inf if card.range_error_time is None else card.range_error_time) * same,
-        offset_sigma=np.where(foreign, offset, 0.0),
-        offset_time=(np.inf if offset_time is None else offset_time) * same,
-    )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.frames import ecef_from_geodetic
-from lvnav_trade.kernels.earth import gravity_j4, potential_j4
+from lvnav_trade.kernels.earth import gravity_j4
 from lvnav_trade.world.ascent.dynamics import (
     NOTHING,
     Drag,
@@ -21,6 +21,7 @@ from lvnav_trade.world.ascent.dynamics import (
     thrust_of,
     time_to_mass,
 )
+from tests.potential import potential_j4
 from tests.world.ascent.test_steering_law import steering
 
 VACUUM = Drag(0.0, np.array([0.0, 1.0]), np.array([0.0, 0.0]))

@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 from lvnav_trade.frames import earth_velocity, ecef_from_geodetic, rotation_e_n
-from lvnav_trade.kernels.earth import OMEGA, potential_j4
+from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.world.flight.free_flight import (
     Aerodynamics,
     Thrust,
@@ -22,6 +22,7 @@ from lvnav_trade.world.flight.free_flight import (
     phases,
 )
 from lvnav_trade.world.truth import attitude_spline
+from tests.potential import potential_j4
 
 WHITE_SANDS = (math.radians(32.42), math.radians(-106.32))
 STILL = Aerodynamics(2.0, np.array([0.0, 30.0]), np.array([1.0, 1.0]))

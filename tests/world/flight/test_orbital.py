@@ -19,9 +19,10 @@ from lvnav_trade.frames import (
     matrices,
     unit,
 )
-from lvnav_trade.kernels.earth import GM, J2, SEMI_MAJOR, potential_j4
+from lvnav_trade.kernels.earth import GM, J2, SEMI_MAJOR
 from lvnav_trade.world.flight.orbital import OrbitalFlight, orbit
 from lvnav_trade.world.truth import Trajectory, motion, reference
+from tests.potential import potential_j4
 from tests.world.flights import orbital_settings, recovery
 from tests.world.test_truth import strapdown
 

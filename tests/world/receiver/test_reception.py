@@ -16,10 +16,11 @@ from lvnav_trade.world.receiver.link import LinkCard, carrier_to_noise
 from lvnav_trade.world.receiver.loops import LoopsCard, code_sigma, rate_sigma
 from lvnav_trade.world.receiver.receiver import ReceiverCard
 from lvnav_trade.world.receiver.tracking import TrackingCard
-from lvnav_trade.world.receiver.visibility import antenna_states, sky
+from lvnav_trade.world.receiver.visibility import sky
 from lvnav_trade.world.sky.constellation import NominalConstellation
 from lvnav_trade.world.truth import attitude_spline
 from tests.world.flights import CONFIGS, ascent
+from tests.world.phase_centres import antenna_states
 
 LATITUDE, LONGITUDE = math.radians(40.0), math.radians(-105.0)
 EPOCH = "2022-06-01T21:40:00Z"

@@ -22,7 +22,7 @@ from lvnav_trade.world.sky.constellation import (
     satellite_ecef,
 )
 from lvnav_trade.world.sky.rinex import read_navigation
-from lvnav_trade.world.sky.satellites import Combined, error_sizes, nearest, satellites, time_offsets
+from lvnav_trade.world.sky.satellites import Combined, nearest, satellites, time_offsets
 from tests.world.products import gps_time
 from tests.world.sky.test_rinex import GALILEO_3, GLONASS_3, HEAD_3
 
@@ -263,21 +263,6 @@ def test_eighty_satellites_over_ten_minutes_are_found_in_well_under_two_seconds(
     np.testing.assert_allclose(distance, SPEED_OF_LIGHT * sent.travel, rtol=0.0, atol=1e-6)
     there = ecef_from_eci(sent.r_i, earth_angle(1.0, t[:, None] - sent.travel))
     np.testing.assert_allclose(there, above.ecef(t[:, None] - sent.travel)[0], rtol=0.0, atol=1e-3)
-
-
-def test_errors_of_the_signals_stand_beside_their_satellites(card, refdata):
-    gps_24 = card("gps_24").model_copy(update={"range_error": 1.5, "range_error_time": 3600.0})
-    galileo_24 = card("galileo_24").model_copy(update={"range_error": 0.8, "time_offset": 2.0})
-    constellation = CombinedConstellation(parts=(gps_24, galileo_24))
-    sizes = error_sizes(constellation, satellites(constellation, EPOCH))
-    np.testing.assert_array_equal(sizes.range_sigma, [1.5] * 24 + [0.8] * 24)
-    np.testing.assert_array_equal(sizes.range_time, [3600.0] * 24 + [np.inf] * 24)
-    np.testing.assert_array_equal(sizes.offset_sigma, [0.0] * 24 + [2.0] * 24)
-    assert np.all(np.isinf(sizes.offset_time))
-    mixed = RinexConstellation(rinex=str(refdata / MIXED), time_offset="3 m", time_offset_time="1 h")
-    above = satellites(mixed, NOON)
-    offset = error_sizes(mixed, above).offset_sigma
-    np.testing.assert_array_equal(offset, [0.0 if letter == "G" else 3.0 for letter in above.systems])
 
 
 def test_gps_has_no_offset_from_its_own_time_and_lists_are_not_empty(card):

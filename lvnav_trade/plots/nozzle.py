@@ -6,7 +6,6 @@ import json
 import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -22,75 +21,6 @@ from lvnav_trade.store import Tables, load
 Floats = NDArray[np.float64]
 
 _AXES = ("pitch", "yaw")
-
-
-def nozzle_movement(t: Floats, moved: Mapping[str, Floats], burns: Floats) -> Figure:
-    """Draw the total movement of the nozzle so far, in both axes, all runs thin and their mean thick.
-
-    Parameters
-    ----------
-    t : (n,) s
-    moved : by the name of what feeds the controller, (n_run, n, 2) rad
-    burns : (k, 2) begin and end of each burn, s, shaded
-    """
-    with look():
-        figure, grid = canvas(1, 2, 2.9, sharey=True)
-        for axis, axes in enumerate(grid.ravel()):
-            for number, (name, runs) in enumerate(moved.items()):
-                degrees = np.degrees(runs[:, :, axis])
-                style: dict[str, Any] = line_of(number)
-                axes.plot(t, degrees.T, lw=0.4, alpha=0.35, **style)
-                axes.plot(t, degrees.mean(axis=0), lw=1.6, label=name, **style)
-            _shade(axes, burns)
-            axes.set_title(_AXES[axis])
-            axes.set_xlabel("time since lift-off (s)")
-        grid[0, 0].set_ylim(0.0, 1.2 * grid[0, 0].get_ylim()[1])  # of both; the legend has room
-        grid[0, 0].set_ylabel("total nozzle movement (deg)")
-        grid[0, 0].legend(loc="upper left")
-    return figure
-
-
-def inside_envelope(
-    t: Floats, turning: Floats, turning_bound: Floats, jerk: Floats, jerk_bound: Floats, burns: Floats
-) -> Figure:
-    """Draw true angular acceleration (rad/s^2) and lateral jerk (m/s^3) of pitch in their envelopes, all (n,)."""
-    with look():
-        figure, grid = canvas(2, 1, 2.4, sharex=True)
-        named = (
-            (grid[0, 0], turning, turning_bound, "angular acceleration\nin pitch (rad/s²)"),
-            (grid[1, 0], jerk, jerk_bound, "jerk along z (m/s³)"),
-        )
-        for axes, value, bound, label in named:
-            axes.plot(t, value, lw=0.5, color=PALETTE[0], label="true")
-            axes.plot(t, bound, lw=1.2, color=PALETTE[1], label="envelope, 1 sigma of what the filter expects")
-            axes.plot(t, -bound, lw=1.2, color=PALETTE[1])
-            axes.set_ylabel(label)
-            axes.margins(x=0.0)
-            _shade(axes, burns)
-        grid[0, 0].legend(loc="upper right")
-        grid[1, 0].set_xlabel("time since lift-off (s)" + (", burns shaded" if len(burns) else ""))
-    return figure
-
-
-def gain_sweep(factors: Floats, moved: Mapping[str, Floats], reductions: Mapping[str, Floats]) -> Figure:
-    """Draw mean total movements (k, 2) rad by what feeds the controller, and reductions (k, 2), over the rate gain."""
-    with look():
-        figure, grid = canvas(1, 2, 2.9)
-        for axis, dashes in enumerate(("-", "--")):
-            for number, (name, total) in enumerate(moved.items()):
-                label = name if axis == 0 else None
-                grid[0, 0].plot(factors, np.degrees(total[:, axis]), dashes, color=PALETTE[number], label=label)
-            for number, (name, part) in enumerate(reductions.items()):
-                label = name if axis == 0 else None
-                grid[0, 1].plot(factors, 100.0 * part[:, axis], dashes, color=PALETTE[number], label=label)
-        grid[0, 1].axhspan(50.0, 85.0, color=GREY, alpha=0.15, lw=0)
-        grid[0, 0].set_ylabel("total nozzle movement (deg)")
-        grid[0, 1].set_ylabel("less movement with the filtered rate (%)")
-        for axes in grid.ravel():
-            axes.set_xlabel("rate gain over that of the card (full: pitch, dashed: yaw)")
-            axes.set_ylim(0.0)
-            axes.legend(loc="best")
-    return figure
 
 
 def movement(results: Path | str | Tables, case: str) -> Figure:
@@ -188,15 +118,23 @@ def envelopes(results: Path | str | Tables, case: str) -> Figure:
     """Draw angular acceleration and lateral jerk of one run, pitch, in their envelopes over the first seconds."""
     tables = load(results)
     rows = tables.motion[(tables.motion.case == case) & (tables.motion.axis == "pitch")]
-    turning, jerk = rows.turning_rad_per_s2.to_numpy(), rows.jerk_m_per_s3.to_numpy()
-    bounds = rows.turning_bound_rad_per_s2.to_numpy(), rows.jerk_bound_m_per_s3.to_numpy()
-    return inside_envelope(rows.t_s.to_numpy(), turning, bounds[0], jerk, bounds[1], np.empty((0, 2)))
-
-
-def _shade(axes: Any, burns: Floats) -> None:
-    """Shade the burns within an axis' reach."""
-    low, high = axes.get_xlim()
-    for begin, end in burns:
-        if begin < high and end > low:
-            axes.axvspan(max(begin, low), min(end, high), color=GREY, alpha=0.12, lw=0, zorder=0)
-    axes.set_xlim(low, high)
+    with look():
+        figure, grid = canvas(2, 1, 2.4, sharex=True)
+        named = (
+            (
+                grid[0, 0],
+                rows.turning_rad_per_s2,
+                rows.turning_bound_rad_per_s2,
+                "angular acceleration\nin pitch (rad/s²)",
+            ),
+            (grid[1, 0], rows.jerk_m_per_s3, rows.jerk_bound_m_per_s3, "jerk along z (m/s³)"),
+        )
+        for axes, value, bound, label in named:
+            axes.plot(rows.t_s, value, lw=0.5, color=PALETTE[0], label="true")
+            axes.plot(rows.t_s, bound, lw=1.2, color=PALETTE[1], label="envelope, 1 sigma of what the filter expects")
+            axes.plot(rows.t_s, -bound, lw=1.2, color=PALETTE[1])
+            axes.set_ylabel(label)
+            axes.margins(x=0.0)
+        grid[0, 0].legend(loc="upper right")
+        grid[1, 0].set_xlabel("time since lift-off (s)")
+    return figure
