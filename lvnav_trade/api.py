@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from lvnav_trade.campaign.estimate import Estimate as Noise
     from lvnav_trade.filters.scheduled import GainSchedule
-    from lvnav_trade.metrics.comparison import Comparison
+    from lvnav_trade.metrics.comparison.comparison import Comparison
     from lvnav_trade.store.read import Tables
 
 MET, VIOLATED, USAGE, UNDECIDED, FAILED, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 4, 5, 130
@@ -183,7 +183,7 @@ def load(folder: str | Path) -> Results:
 
 def verdicts(folder: Path) -> pd.DataFrame:
     """Return requirement, case, verdict (met, violated, undecided), estimate and what it rests on."""
-    from lvnav_trade.metrics.requirements import verdicts as judge
+    from lvnav_trade.metrics.requirements.requirements import verdicts as judge
 
     return judge(folder)
 
@@ -243,7 +243,7 @@ def study(
     """
     from lvnav_trade.campaign.behind import behind
     from lvnav_trade.campaign.study import load_study
-    from lvnav_trade.metrics.references import references
+    from lvnav_trade.metrics.published.references import references
     from lvnav_trade.report.study import Answered, build
 
     found, questions = load_study(folder, runs)
@@ -290,8 +290,8 @@ def compare(
     InputError
         The two do not compare, with the reason.
     """
-    from lvnav_trade.metrics.comparison import compare as hold
-    from lvnav_trade.metrics.comparison import parse_effects
+    from lvnav_trade.metrics.comparison.comparison import compare as hold
+    from lvnav_trade.metrics.comparison.comparison import parse_effects
 
     wanted = parse_effects(effects)
     folders = [_results_of(place, jobs) for place in (base, candidate)]

@@ -10,16 +10,16 @@ from pydantic import Field, model_validator
 from lvnav_trade.delays import AtmosphereCard
 from lvnav_trade.filters.base import REFERENCED, FilterCard, ImuBelief, InitialBelief, ReceiverBelief
 from lvnav_trade.units import AngleSigma, Card, Length, LengthSigma, SpeedSigma
-from lvnav_trade.world.altimeter import AltimeterCard
-from lvnav_trade.world.attitude_reference import AttitudeReferenceCard
-from lvnav_trade.world.constellation import AlmanacConstellation, Constellation, parts_of
-from lvnav_trade.world.controlled import ControlledCard
+from lvnav_trade.world.control.controlled import ControlledCard
 from lvnav_trade.world.faults import Fault
+from lvnav_trade.world.flight.trajectory import TrajectoryCard
 from lvnav_trade.world.gravity import GravityCard
-from lvnav_trade.world.imu import ImuCard
-from lvnav_trade.world.receiver import ReceiverCard
-from lvnav_trade.world.solutions import DirectSolution
-from lvnav_trade.world.trajectory import TrajectoryCard
+from lvnav_trade.world.receiver.receiver import ReceiverCard
+from lvnav_trade.world.receiver.solutions import DirectSolution
+from lvnav_trade.world.sensors.altimeter import AltimeterCard
+from lvnav_trade.world.sensors.attitude_reference import AttitudeReferenceCard
+from lvnav_trade.world.sensors.imu import ImuCard
+from lvnav_trade.world.sky.constellation import AlmanacConstellation, Constellation, parts_of
 
 
 class InitialErrors(Card):

@@ -22,7 +22,7 @@ from lvnav_trade.engines.prepare import Prepared
 from lvnav_trade.frames import quaternions
 from lvnav_trade.kernels.earth import gravity_j4
 from lvnav_trade.scenario import Scenario
-from lvnav_trade.world.trajectory import Phase, Trajectory, reference
+from lvnav_trade.world.flight.trajectory import Phase, Trajectory, reference
 from lvnav_trade.world.truth import attitude_spline, position_spline
 
 Floats = NDArray[np.float64]

@@ -6,17 +6,21 @@ Run as ``python docs/design/nozzle_movement.py``: prints tables and draws figure
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from lvnav_trade.campaign import tree
 from lvnav_trade.campaign.cards import shipped
-from lvnav_trade.engines.envelopes import improvement
-from lvnav_trade.engines.rotation import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
-from lvnav_trade.engines.rotation_loop import (
+from lvnav_trade.engines.envelopes import steady_ratio
+from lvnav_trade.metrics.vehicle.nozzle import reduction
+from lvnav_trade.plots.style import GREY, PALETTE, canvas, line_of, look
+from lvnav_trade.steering.loop import (
     INSIDE_JERK,
     INSIDE_TURNING,
     JERK,
@@ -29,18 +33,19 @@ from lvnav_trade.engines.rotation_loop import (
     TURNING_BOUND,
     TURNING_RATIO,
 )
-from lvnav_trade.metrics.nozzle import reduction
-from lvnav_trade.plots.rotation import gain_sweep, inside_envelope, nozzle_movement
-from lvnav_trade.world.control import ControllerCard, FeedbackCard
-from lvnav_trade.world.imu import ImuCard
-from lvnav_trade.world.rotation import RotationCard
-from lvnav_trade.world.turning import ascend
-from lvnav_trade.world.vehicle import VehicleAscent
-from lvnav_trade.world.wind import WindCard
+from lvnav_trade.steering.missions import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
+from lvnav_trade.world.ascent.vehicle import VehicleAscent
+from lvnav_trade.world.control.ascent import ascend
+from lvnav_trade.world.control.body import RotationCard
+from lvnav_trade.world.control.controller import ControllerCard, FeedbackCard
+from lvnav_trade.world.control.wind import WindCard
+from lvnav_trade.world.sensors.imu import ImuCard
 
 RUNS = 20
 FACTORS = np.array([0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0])
 READINGS = ("published", "datasheet")
+AXES = ("pitch", "yaw")
+Floats = NDArray[np.float64]
 FOLDER = Path(__file__).resolve().parents[1] / "decisions"
 
 
@@ -85,6 +90,16 @@ def main() -> None:
     sweep(churchill)
     envelope(churchill, burns, "6 s kick, as the card")
     envelope(launch(kick_duration="12 s"), burns, "12 s kick", figure=False)
+
+
+def improvement(envelope: float, noise: float, rate: float, bias: float = 0.0) -> float:
+    """Return by what part the steady filter's sigma is below that of the raw measurement, which is charged a bias.
+
+    envelope: standard deviation of the derivative (rad/s^2 or m/s^3); noise and bias of a measurement (rad/s or m/s^2);
+    rate of measurements, Hz.
+    """
+    steady = steady_ratio((envelope / rate) ** 2, noise**2)
+    return 1.0 - math.sqrt(steady) * noise / math.hypot(noise, bias)
 
 
 def improvements() -> None:
@@ -155,6 +170,84 @@ def envelope(flown: Launch, burns: np.ndarray, name: str, figure: bool = True) -
         first = one.history[0, one.t <= 100.0, 0]
         columns = (first[:, k] for k in (TURNING, TURNING_BOUND, JERK, JERK_BOUND))
         inside_envelope(one.t[one.t <= 100.0], *columns, burns).savefig(FOLDER / "0020-envelopes.png", dpi=110)
+
+
+def nozzle_movement(t: Floats, moved: Mapping[str, Floats], burns: Floats) -> Figure:
+    """Draw the total movement of the nozzle so far, in both axes, all runs thin and their mean thick.
+
+    Parameters
+    ----------
+    t : (n,) s
+    moved : by the name of what feeds the controller, (n_run, n, 2) rad
+    burns : (k, 2) begin and end of each burn, s, shaded
+    """
+    with look():
+        figure, grid = canvas(1, 2, 2.9, sharey=True)
+        for axis, axes in enumerate(grid.ravel()):
+            for number, (name, runs) in enumerate(moved.items()):
+                degrees = np.degrees(runs[:, :, axis])
+                style: dict[str, Any] = line_of(number)
+                axes.plot(t, degrees.T, lw=0.4, alpha=0.35, **style)
+                axes.plot(t, degrees.mean(axis=0), lw=1.6, label=name, **style)
+            _shade(axes, burns)
+            axes.set_title(AXES[axis])
+            axes.set_xlabel("time since lift-off (s)")
+        grid[0, 0].set_ylim(0.0, 1.2 * grid[0, 0].get_ylim()[1])  # of both; the legend has room
+        grid[0, 0].set_ylabel("total nozzle movement (deg)")
+        grid[0, 0].legend(loc="upper left")
+    return figure
+
+
+def inside_envelope(
+    t: Floats, turning: Floats, turning_bound: Floats, jerk: Floats, jerk_bound: Floats, burns: Floats
+) -> Figure:
+    """Draw true angular acceleration (rad/s^2) and lateral jerk (m/s^3) of pitch in their envelopes, all (n,)."""
+    with look():
+        figure, grid = canvas(2, 1, 2.4, sharex=True)
+        named = (
+            (grid[0, 0], turning, turning_bound, "angular acceleration\nin pitch (rad/s²)"),
+            (grid[1, 0], jerk, jerk_bound, "jerk along z (m/s³)"),
+        )
+        for axes, value, bound, label in named:
+            axes.plot(t, value, lw=0.5, color=PALETTE[0], label="true")
+            axes.plot(t, bound, lw=1.2, color=PALETTE[1], label="envelope, 1 sigma of what the filter expects")
+            axes.plot(t, -bound, lw=1.2, color=PALETTE[1])
+            axes.set_ylabel(label)
+            axes.margins(x=0.0)
+            _shade(axes, burns)
+        grid[0, 0].legend(loc="upper right")
+        grid[1, 0].set_xlabel("time since lift-off (s)" + (", burns shaded" if len(burns) else ""))
+    return figure
+
+
+def gain_sweep(factors: Floats, moved: Mapping[str, Floats], reductions: Mapping[str, Floats]) -> Figure:
+    """Draw mean total movements (k, 2) rad by what feeds the controller, and reductions (k, 2), over the rate gain."""
+    with look():
+        figure, grid = canvas(1, 2, 2.9)
+        for axis, dashes in enumerate(("-", "--")):
+            for number, (name, total) in enumerate(moved.items()):
+                label = name if axis == 0 else None
+                grid[0, 0].plot(factors, np.degrees(total[:, axis]), dashes, color=PALETTE[number], label=label)
+            for number, (name, part) in enumerate(reductions.items()):
+                label = name if axis == 0 else None
+                grid[0, 1].plot(factors, 100.0 * part[:, axis], dashes, color=PALETTE[number], label=label)
+        grid[0, 1].axhspan(50.0, 85.0, color=GREY, alpha=0.15, lw=0)
+        grid[0, 0].set_ylabel("total nozzle movement (deg)")
+        grid[0, 1].set_ylabel("less movement with the filtered rate (%)")
+        for axes in grid.ravel():
+            axes.set_xlabel("rate gain over that of the card (full: pitch, dashed: yaw)")
+            axes.set_ylim(0.0)
+            axes.legend(loc="best")
+    return figure
+
+
+def _shade(axes: Any, burns: Floats) -> None:
+    """Shade the burns within an axis' reach."""
+    low, high = axes.get_xlim()
+    for begin, end in burns:
+        if begin < high and end > low:
+            axes.axvspan(max(begin, low), min(end, high), color=GREY, alpha=0.12, lw=0, zorder=0)
+    axes.set_xlim(low, high)
 
 
 if __name__ == "__main__":

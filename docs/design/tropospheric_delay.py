@@ -27,8 +27,8 @@ from lvnav_trade.delays.cards import (
     SpilkerTroposphere,
 )
 from lvnav_trade.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
-from lvnav_trade.world.sky import antenna, sky
-from lvnav_trade.world.trajectory import build
+from lvnav_trade.world.flight.trajectory import build
+from lvnav_trade.world.receiver.visibility import antenna, sky
 
 DOCS = Path(__file__).resolve().parents[1]
 FIGURE = DOCS / "decisions/0013-tropospheric-delay.png"

@@ -13,7 +13,7 @@ from lvnav_trade.filters.base import REFERENCED
 from lvnav_trade.scenario import Scenario, beliefs
 from lvnav_trade.world.events import resolve
 from lvnav_trade.world.faults import AnyFault, missing_antenna, missing_satellite
-from lvnav_trade.world.satellites import satellites
+from lvnav_trade.world.sky.satellites import satellites
 
 _FIELDS = {
     "imu.rate": "IMU rate",

@@ -13,7 +13,7 @@ from lvnav_trade.engines.lincov.components import components, source_names
 from lvnav_trade.engines.lincov.history import forward_tape
 from lvnav_trade.engines.prepare import prepare
 from lvnav_trade.errors import InputError
-from lvnav_trade.filters.scheduled import ROWS, GainSchedule, schedule_of
+from lvnav_trade.filters.scheduled import GainSchedule, schedule_of
 from lvnav_trade.layout import state_names
 from lvnav_trade.scenario import judged
 
@@ -24,20 +24,20 @@ def gain_schedule(
     """Return the gains of a case's filter on its nominal flight, as linear covariance finds them, between as few knots
     as a tolerance (of each gain's largest size in the segment) allows.
 
-    InputError for a filter that has no such gains: not loose, or with solutions that are weighed one by one.
+    InputError for a filter without measurements, or with solutions whose own covariance decides the gains.
     """
-    if case.scenario.filter.kind != "loose" or judged(case.scenario):
-        raise InputError(
-            f"case {case.label}: gains are scheduled for a loose filter whose receiver gives a direct solution"
-        )
+    if judged(case.scenario):
+        raise InputError(f"case {case.label}: the covariance that comes with each solution decides the gains")
     if not 0.0 < tolerance < 1.0:
         raise InputError(f"a tolerance of {tolerance:g} is no share between 0 and 1")
     prepared = prepare(case.scenario, history=campaign.keep.history)
     tape, n = forward_tape(prepared, components(prepared, source_names(prepared))), prepared.layout.n_state
     used = int(tape.used[0])
-    gains = np.full((prepared.t_epoch.size, len(ROWS), n), np.nan)
+    names = prepared.channels.names
+    gains, updated = np.zeros((prepared.t_epoch.size, len(names), n)), np.zeros(prepared.t_epoch.size, dtype=np.bool_)
     gains[tape.epoch[:used], tape.channel[:used]] = tape.gain[:used, :n]
-    updated = np.all(np.isfinite(gains), axis=(1, 2))
+    updated[tape.epoch[:used]] = True
+    taken = np.unique(tape.channel[:used])
     if not np.any(updated):
         raise InputError(f"case {case.label}: the filter takes no measurement on this flight")
     label = f", {case.label}" if case.axes else ""
@@ -47,7 +47,8 @@ def gain_schedule(
         by,
         state_names(prepared.layout),
         prepared.t_epoch[updated],
-        gains[updated],
+        gains[updated][:, taken],
         flown_events(prepared),
         tolerance,
+        measurements=[names[channel] for channel in taken],
     )

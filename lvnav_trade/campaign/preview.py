@@ -16,7 +16,7 @@ from lvnav_trade.campaign.explain import explain
 from lvnav_trade.campaign.tree import Node, plain
 from lvnav_trade.errors import InputError
 from lvnav_trade.scenario import Scenario
-from lvnav_trade.world.trajectory import Trajectory, TrajectoryCard, build, motion
+from lvnav_trade.world.flight.trajectory import Trajectory, TrajectoryCard, build, motion
 
 _STEP = 1.0  # s between points
 

@@ -224,7 +224,7 @@ class Compare(Card):
     @field_validator("effects")
     @classmethod
     def _known(cls, effects: dict[str, str]) -> dict[str, str]:
-        from lvnav_trade.metrics.comparison import parse_effect
+        from lvnav_trade.metrics.comparison.comparison import parse_effect
 
         for key, amount in effects.items():
             try:

@@ -67,7 +67,7 @@ class Stopping:
 
 
 def _decided(k: int, requirement: Requirement, blocks: Sequence[Counts], block: int) -> int | None:
-    from lvnav_trade.metrics.sequential import decide
+    from lvnav_trade.metrics.requirements.sequential import decide
 
     total, failures = 0, []
     for counts in blocks:
@@ -84,7 +84,7 @@ def beyond(
     requirements: Sequence[Mapping[str, Any]], case: str, prepared: Any, covariance: Any, summary: Any
 ) -> Counts:
     """Return how many runs of a block are beyond each requirement's bound, as the verdicts will count them."""
-    from lvnav_trade.metrics import requirements as judge
+    from lvnav_trade.metrics.requirements import requirements as judge
     from lvnav_trade.store.read import Tables
     from lvnav_trade.store.tables import judged_tables
 

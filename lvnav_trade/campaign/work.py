@@ -60,9 +60,10 @@ class Engine(NamedTuple):
 
 def engine() -> Engine:
     """Return the real engines; imported here because compiled code takes a second to load."""
-    from lvnav_trade.engines import controlled, explain, montecarlo, starts, statistics
+    from lvnav_trade.engines import explain, montecarlo, starts, statistics
     from lvnav_trade.engines.lincov.history import covariance
     from lvnav_trade.engines.prepare import prepare
+    from lvnav_trade.steering import nozzle as controlled
 
     return Engine(
         _events, prepare, montecarlo.run_block, covariance, statistics.summarise,
@@ -74,8 +75,8 @@ def _events(scenario: Scenario) -> dict[str, float]:
     """Return the event times of a flight; InputError where it, the satellites or a recording cannot be."""
     from lvnav_trade.engines.prepare import trajectory_of
     from lvnav_trade.engines.recorded import table_of
-    from lvnav_trade.world.error_table import refuse_short
-    from lvnav_trade.world.satellites import satellites
+    from lvnav_trade.world.sky.satellites import satellites
+    from lvnav_trade.world.user_file.error_table import refuse_short
 
     with _about("base.trajectory"):
         flight = trajectory_of(scenario)

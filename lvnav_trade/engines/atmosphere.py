@@ -20,10 +20,10 @@ from lvnav_trade.delays import (
 )
 from lvnav_trade.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
 from lvnav_trade.records import Floats, Sky
-from lvnav_trade.world.gps_time import leap_seconds
-from lvnav_trade.world.receiver import ReceiverCard
-from lvnav_trade.world.sky import antenna, look_angles
-from lvnav_trade.world.trajectory import Trajectory
+from lvnav_trade.world.flight.trajectory import Trajectory
+from lvnav_trade.world.receiver.receiver import ReceiverCard
+from lvnav_trade.world.receiver.visibility import antenna, look_angles
+from lvnav_trade.world.sky.gps_time import leap_seconds
 
 HALF_STEP = 0.25  # s to either side of an epoch for the rate of a delay
 

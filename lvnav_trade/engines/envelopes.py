@@ -73,17 +73,3 @@ def steady_ratio(driving: float, noise: float) -> float:
     """
     x = driving / noise
     return 0.5 * (math.sqrt(x * x + 4.0 * x) - x)
-
-
-def improvement(envelope: float, noise: float, rate: float, bias: float = 0.0) -> float:
-    """Return by what part the steady filter's sigma is below that of the raw measurement.
-
-    Parameters
-    ----------
-    envelope : standard deviation of the derivative (rad/s^2 or m/s^3)
-    noise : of a measurement (rad/s or m/s^2)
-    rate : of measurements, Hz
-    bias : sigma charged to the raw measurement only, as a filter that estimates the bias is free of it
-    """
-    steady = steady_ratio((envelope / rate) ** 2, noise**2)
-    return 1.0 - math.sqrt(steady) * noise / math.hypot(noise, bias)

@@ -300,7 +300,7 @@ def work_shapes(z: Sizes) -> dict[str, tuple[int, ...]]:
     return {
         "run": (1,), "nav": (10,), "sums": (N_SUM,), "previous": (6,), "increments": (z.n_tick, 6),
         "P": (z.n_state, z.n_state), "X": (z.n_state, z.n_state), "D": (z.n_block, 9), "x": (z.n_state,),
-        "K": (z.n_state,), "H": (n_row, z.n_entry), "z": (n_row,), "antenna": (z.n_antenna, 12), "rate": (3,),
+        "K": (z.n_state,), "H": (n_row, z.n_entry), "z": (n_row,), "antenna": (z.n_antenna, 21), "rate": (3,),
         "true_par": (max(1, z.n_true), 3), "true_tables": (2, processes.N_TABLE),
         "par": (max(1, z.n_par), 3), "tables": (2, processes.N_TABLE),
         "remainder": (6,), "clock": (2,), "clock_hat": (2,), "shared": (max(1, z.n_shared),),

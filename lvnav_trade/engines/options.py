@@ -14,6 +14,7 @@ from lvnav_trade.filters.base import ReceiverBelief
 from lvnav_trade.filters.late import Late
 from lvnav_trade.filters.scheduled import Gains, gains_at
 from lvnav_trade.layout import StateLayout, state_names
+from lvnav_trade.observables.partials import Channels
 from lvnav_trade.receivers.base import (
     Solver,
     Told,
@@ -24,7 +25,7 @@ from lvnav_trade.receivers.base import (
 )
 from lvnav_trade.records import Floats
 from lvnav_trade.scenario import Scenario, epoch_interval, solves
-from lvnav_trade.world.solutions import BancroftSolution, DirectSolution, FilteredSolution, OwnCovariance
+from lvnav_trade.world.receiver.solutions import BancroftSolution, DirectSolution, FilteredSolution, OwnCovariance
 
 Ints = NDArray[np.int64]
 
@@ -42,7 +43,9 @@ def every(scenario: Scenario) -> int:
     return round(scenario.receiver.rate / scenario.filter.update_rate) if solves(scenario) else 1
 
 
-def gains_of(scenario: Scenario, layout: StateLayout, t_epoch: Floats, events: Mapping[str, float]) -> Gains | None:
+def gains_of(
+    scenario: Scenario, layout: StateLayout, channels: Channels, t_epoch: Floats, events: Mapping[str, float]
+) -> Gains | None:
     """Return the gains of a filter with a schedule at the epochs (s), None without.
 
     InputError where the schedule is of other states than the filter's, or of an event that the flight lacks.
@@ -58,9 +61,17 @@ def gains_of(scenario: Scenario, layout: StateLayout, t_epoch: Floats, events: M
             f"{', '.join(names)}",
         )
     try:
-        return Gains(np.ascontiguousarray(gains_at(schedule, t_epoch, events)))
+        found = gains_at(schedule, t_epoch, events)
     except ValueError as error:
         raise _about("filter.gains", str(error)) from None
+    gain, stored = np.zeros((t_epoch.size, channels.n_channel, len(names))), np.zeros(channels.n_channel, dtype=np.bool_)
+    for k, name in enumerate(schedule.measurements):
+        if name in channels.names:
+            at = channels.names.index(name)
+            gain[:, at], stored[at] = found[:, k], True
+    if not stored.any():
+        raise _about("filter.gains", f"the schedule {schedule.name!r} has no gains for {', '.join(channels.names[:6])}")
+    return Gains(np.ascontiguousarray(gain), stored)
 
 
 def _about(path: str, message: str) -> InputError:

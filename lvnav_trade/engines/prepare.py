@@ -10,10 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.engines.sensors import Sensor, for_kernels, sensors_of
 from lvnav_trade.engines.atmosphere import Delays, delays
 from lvnav_trade.engines.families import ErrorFamily, shared_of
-from lvnav_trade.engines.inputs import Options, Record, Report, Samples, Schedule, Sensors, Signals, Start, Unit
+from lvnav_trade.engines.inputs import Options, Record, Report, Schedule, Sensors, Signals, Start, Unit
 from lvnav_trade.engines.options import (
     delay_taken,
     every,
@@ -23,6 +22,7 @@ from lvnav_trade.engines.options import (
     solver_of,
 )
 from lvnav_trade.engines.recorded import Recorded, recorded
+from lvnav_trade.engines.sensors import Sensor, for_kernels, sensors_of
 from lvnav_trade.engines.signals import Line, channels_of, families, geometry_of, signals
 from lvnav_trade.engines.solution import Chain, chain_of
 from lvnav_trade.engines.times import epochs_of, times_of
@@ -34,8 +34,8 @@ from lvnav_trade.frames import earth_angle, rotation_i_e, rotation_i_n, rotation
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
 from lvnav_trade.kernels.vehicle import N_SAMPLE
-from lvnav_trade.observables.partials import Channels
 from lvnav_trade.layout import StateLayout, outputs, solution_outputs
+from lvnav_trade.observables.partials import Channels
 from lvnav_trade.records import Floats, Output, Reference, Sky
 from lvnav_trade.scenario import Scenario, beliefs, epoch_interval, judged, reported, solves
 from lvnav_trade.world.faults import (
@@ -47,18 +47,18 @@ from lvnav_trade.world.faults import (
     failures,
     span,
 )
-from lvnav_trade.world.gravity import disturbance
-from lvnav_trade.world.imu import ErrorBlock, ImuCard, error_blocks, lag
-from lvnav_trade.world.satellites import time_offsets
-from lvnav_trade.world.sky import sky
-from lvnav_trade.world.trajectory import (
+from lvnav_trade.world.flight.trajectory import (
     Trajectory,
     TrajectoryCard,
     build,
     content,
     reference,
 )
-from lvnav_trade.world.trajectory import refuse_contradiction as trajectory_contradiction
+from lvnav_trade.world.flight.trajectory import refuse_contradiction as trajectory_contradiction
+from lvnav_trade.world.gravity import disturbance
+from lvnav_trade.world.receiver.visibility import sky
+from lvnav_trade.world.sensors.imu import ErrorBlock, ImuCard, error_blocks, lag
+from lvnav_trade.world.sky.satellites import time_offsets
 
 Ints = NDArray[np.int64]
 # Sensor, start and end (s) of its growth, amplitude (SI): a bias that is the same in every run.
@@ -251,6 +251,9 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         card, imu, receiver, levers, at.lengths, channels, epochs.group, every(scenario), judged(scenario),
         solves(scenario), card.measurements,
     )  # fmt: skip
+    gains = gains_of(scenario, layout, channels, t_epoch, trajectory.events)
+    if gains is not None:
+        belief = belief._replace(measured=belief.measured & gains.stored)
     line = Line(trajectory, lever_b, seen)
     late_by = delays(trajectory, scenario.receiver, seen, scenario.atmosphere, card.corrections)
     geometry = geometry_of(line, seen.tracked, late_by.troposphere, late_by.ionosphere)
@@ -296,7 +299,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
             solver,
             rules,
             late_of(scenario, delayed, kept, at.schedule),
-            gains_of(scenario, layout, t_epoch, trajectory.events),
+            gains,
             vehicle_of(scenario, trajectory, ref, layout, imu),
             samples_of(scenario, ref, layout, imu),
             _report(scenario, chain, channels, layout, solver),

@@ -14,7 +14,7 @@ from lvnav_trade.observables.family import ALTIMETER, ATTITUDE_REFERENCE, N_TRUT
 from lvnav_trade.observables.partials import Channels, SensorChannels
 from lvnav_trade.records import Floats
 from lvnav_trade.scenario import Scenario, altimeter_belief, reference_belief
-from lvnav_trade.world.trajectory import Trajectory, motion
+from lvnav_trade.world.flight.trajectory import Trajectory, motion
 
 ALTITUDE_NOISE, ATTITUDE_NOISE = "altimeter noise", "attitude reference noise"
 

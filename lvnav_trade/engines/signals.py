@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.engines.sensors import Sensor
 from lvnav_trade.engines.families import Cause, ErrorFamily, families_of, lever_causes
 from lvnav_trade.engines.inputs import Shared, Signals
 from lvnav_trade.engines.options import direct
+from lvnav_trade.engines.sensors import Sensor
 from lvnav_trade.filters.base import ReceiverBelief
 from lvnav_trade.frames import matrices
 from lvnav_trade.kernels.clock import clock_step
@@ -21,15 +21,15 @@ from lvnav_trade.layout import StateLayout
 from lvnav_trade.observables.partials import HEIGHT, Channels, Geometry, partial
 from lvnav_trade.records import Floats, Sky
 from lvnav_trade.scenario import Scenario, epoch_interval, solves
-from lvnav_trade.world.constellation import (
+from lvnav_trade.world.faults import Failures
+from lvnav_trade.world.flight.trajectory import Trajectory, motion
+from lvnav_trade.world.sky.constellation import (
     LETTERS,
     AlmanacConstellation,
     Part,
     RinexConstellation,
     parts_of,
 )
-from lvnav_trade.world.faults import Failures
-from lvnav_trade.world.trajectory import Trajectory, motion
 
 
 def channels_of(scenario: Scenario, seen: Sky, devices: tuple[Sensor, ...] = ()) -> Channels:
@@ -273,7 +273,8 @@ def signals(
     ranges, rates = np.asarray(line.distance + off), np.asarray(line.rate + off_rate)
     position = line.position + _shifts(line, seen.tracked, off) + tabled[:, :3]
     velocity = line.velocity + _shifts(line, seen.tracked, off_rate) + tabled[:, 3:]
-    _hold(failed.frozen, used, n_used, ranges, rates, position, velocity)
+    if not solves(scenario):  # else the receiver goes on behind a frozen output
+        _hold(failed.frozen, used, n_used, ranges, rates, position, velocity)
     names = ("receiver clock", "range noise", "solution noise", "receiver clock start")
     return Signals(
         used=used,

@@ -218,7 +218,7 @@ def solved(solver: Solver, signals: Signals, point: Floats, acceleration: Floats
         white[k, :, -2:], variance[k, -2:] = gains.keep[:, [BIAS, DRIFT]] @ clock, 1.0
         shared[k] = -gains.gain @ _shared(signals, k, seen.channels[k])
         told[k] = _told(out, gains.P) if seen.solved[k] else told[k]
-    return Chain(
+    chain = Chain(
         move=move,
         white=white,
         variance=variance,
@@ -230,3 +230,23 @@ def solved(solver: Solver, signals: Signals, point: Floats, acceleration: Floats
         solved=seen.solved,
         point=point,
     )
+    return _with_output(chain, signals.frozen) if signals.frozen.any() else chain
+
+
+def _with_output(chain: Chain, frozen: NDArray[np.bool_]) -> Chain:
+    """Return the chain with six states more, the error of what the receiver puts out: that of its estimate, or while its
+    output is frozen the one before and what the true motion adds.
+    """
+    n_epoch, m = chain.push.shape
+    move = np.zeros((n_epoch, m + 6, m + 6))
+    white, shared, push = (np.pad(a, [(0, 0), (0, 6), (0, 0)][: a.ndim]) for a in (chain.white, chain.shared, chain.push))
+    move[:, :m, :m] = chain.move
+    for k in range(n_epoch):
+        if frozen[k] and k:
+            move[k, m:, m:] = np.eye(6)
+            push[k, m:] = chain.point[k] - chain.point[k - 1]
+        else:
+            move[k, m:, :m] = chain.move[k, chain.pick]
+            white[k, m:], shared[k, m:] = chain.white[k, chain.pick], chain.shared[k, chain.pick]
+            push[k, m:] = chain.push[k, chain.pick]
+    return chain._replace(move=move, white=white, shared=shared, push=push, pick=np.arange(m, m + 6))

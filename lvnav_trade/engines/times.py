@@ -12,7 +12,7 @@ from lvnav_trade.engines.inputs import Schedule
 from lvnav_trade.engines.options import Kept
 from lvnav_trade.records import Floats, Reference
 from lvnav_trade.scenario import Scenario, epoch_interval
-from lvnav_trade.world.trajectory import Trajectory
+from lvnav_trade.world.flight.trajectory import Trajectory
 
 Ints = NDArray[np.int64]
 

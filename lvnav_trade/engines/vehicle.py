@@ -8,17 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.engines.envelopes import envelopes
+from lvnav_trade.engines.inputs import Samples
 from lvnav_trade.filters.base import ImuBelief
 from lvnav_trade.filters.envelope import EnvelopeCard
-from lvnav_trade.engines.inputs import Samples
 from lvnav_trade.filters.samples import VehicleModel
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.layout import StateLayout
 from lvnav_trade.records import Floats, Reference
 from lvnav_trade.scenario import Scenario
+from lvnav_trade.world.control.ascent import changes
 from lvnav_trade.world.truth import Trajectory
-from lvnav_trade.world.turning import changes
+
 
 def vehicle_of(
     scenario: Scenario, trajectory: Trajectory, ref: Reference, layout: StateLayout, imu: ImuBelief

@@ -14,7 +14,7 @@ from lvnav_trade.kernels import strapdown, transition
 from lvnav_trade.kernels.clock import spectral_densities
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL
 from lvnav_trade.layout import EXTRAS, PARAMETERS, ExtraBlock, ParameterBlock, StateLayout
-from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_VEL, N_ENTRY
+from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL, N_ENTRY
 from lvnav_trade.observables.partials import Channels, members
 
 Floats = NDArray[np.float64]
@@ -30,7 +30,7 @@ class Belief(NamedTuple):
 
     aided: it has measurements; tight: ranges are among them; solves: the receiver solves for itself; measured
     (n_channel,): the channel is processed; n_receiver of them are the receiver's (0: none is processed); n_row_entry
-    entries of a Jacobian row; gravity code; block_rows, block_columns, block_kinds, block_drivers (n_block,);
+    entries of a Jacobian row; rate_sign: see `observables.base.antenna`; gravity code; block_rows, block_columns, block_kinds, block_drivers (n_block,);
     seconds (n_length,) distinct window lengths, decay and noise (n_length, n_state) per length; clock index;
     n_estimated, n_state; par_sensor, par_driver, par_offset (n_par,); lean (only biases are carried); fading (any
     decay); gate_squared; joseph; group (ticks to a strapdown step); row_type, n_entry (n_channel,), entry and column
@@ -45,6 +45,7 @@ class Belief(NamedTuple):
     measured: NDArray[np.bool_]
     n_receiver: int
     n_row_entry: int
+    rate_sign: float
     gravity: int
     block_rows: Ints
     block_columns: Ints
@@ -201,6 +202,14 @@ def _row_types(channels: Channels) -> Ints:
     return np.array(types, dtype=np.int64)
 
 
+def _rate_state(layout: StateLayout) -> int:
+    """Return the first of the states that the body rate is known by: the rate itself or a gyro bias, -1 for neither."""
+    if layout.motion >= 0:
+        return layout.motion
+    found = [b.offset for b in layout.parameters if b.sensor == GYRO and b.driver == transition.CONSTANT]
+    return found[0] if found else -1
+
+
 def _row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, mixed: bool) -> tuple[Ints, Ints, Ints]:
     """Return per channel how many entries its rows have, which, and the states that they stand for; mixed rows of a
     solution have the entries of all of them.
@@ -208,13 +217,14 @@ def _row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, mixed: boo
     position = [(H_POS + i, POS + i) for i in range(3)]
     velocity = [(H_VEL + i, VEL + i) for i in range(3)]
     attitude = [(H_ATT + i, ATT + i) for i in range(3)] if has_lever else []
+    rate = [(H_RATE + i, _rate_state(layout) + i) for i in range(3)] if has_lever and _rate_state(layout) >= 0 else []
     bias = [(H_CLOCK, layout.clock)] if layout.clock >= 0 else []
     drift = [(H_CLOCK, layout.clock + 1)] if layout.clock >= 0 else []
     types = {
         PSEUDORANGE: position + attitude + bias,
-        RANGE_RATE: position + attitude + velocity + drift,
-        POSITION: position + attitude + (velocity if mixed else []),
-        VELOCITY: velocity + attitude + (position if mixed else []),
+        RANGE_RATE: position + attitude + velocity + rate + drift,
+        POSITION: position + attitude + (velocity + rate if mixed else []),
+        VELOCITY: velocity + attitude + rate + (position if mixed else []),
         HEIGHT: position,
         ATTITUDE: [(H_ATT + i, ATT + i) for i in range(3)],
     }
@@ -283,6 +293,7 @@ def believe(
         measured=np.isin(row_type, taken),
         n_receiver=channels.n_receiver if channels.receiver else 0,
         n_row_entry=entry.shape[1],
+        rate_sign=1.0 if layout.motion >= 0 else -1.0,
         gravity={"point": strapdown.POINT, "j2": strapdown.J2, "j4": strapdown.J4}[card.gravity],
         block_rows=rows,
         block_columns=columns,

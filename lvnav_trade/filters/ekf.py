@@ -54,13 +54,13 @@ def place_antenna(work, late, belief, dt, epoch):
     for i in range(3):
         work.rate[i] = work.previous[i] / dt
     for a in range(belief.levers.shape[0]):
-        antenna(work.antenna[a], work.nav, work.rate, belief.levers[a])
+        antenna(work.antenna[a], work.nav, work.rate, belief.levers[a], belief.rate_sign)
     if late is not None and not late.extrapolated:
         stored = work.past[epoch % late.n_ring]
         for i in range(3):
             work.rate[i] = stored[LAST + i] / dt
         for a in range(belief.levers.shape[0]):
-            antenna(work.antenna[a], stored, work.rate, belief.levers[a])
+            antenna(work.antenna[a], stored, work.rate, belief.levers[a], belief.rate_sign)
 
 
 @jit
@@ -154,17 +154,21 @@ def channel_of(belief, signals, epoch, row):
 
 
 @inlined
-def update_row(work, gains, belief, epoch, row, channel, variance, gate_squared):
+def update_row(work, gains, belief, signals, epoch, row, channel, mixed, gate_squared):
     """Update by one filled row of a channel, with a stored gain (Gains) or, without (None), that of the covariance;
     return its normalised innovation and weight.
     """
     n = belief.n_entry[channel]
     entries, columns = belief.entry[channel, :n], belief.column[channel, :n]
     if gains is None:
+        variance = 1.0 if mixed else signals.variance[epoch, channel]
         return absorb(
             work.P, work.x, work.K, work.H[row], entries, columns, work.z[row], variance, gate_squared,
             belief.n_estimated, belief.joseph,
         )  # fmt: skip
+    variance = like(work.x[0], signals.variance[epoch, channel])
+    if mixed:
+        variance = work.told[row, row]
     return absorb_with(
         work.P, work.x, work.K, work.H[row], entries, columns, gains.gain[epoch, channel], work.z[row], variance,
         gate_squared, belief.n_estimated,
@@ -172,13 +176,19 @@ def update_row(work, gains, belief, epoch, row, channel, variance, gate_squared)
 
 
 @jit
-def weigh(work, rx, late, belief, signals, epoch):
-    """Decorrelate the rows of a solution by the covariance that it comes with, if it comes with one."""
+def weigh(work, rx, late, gains, belief, signals, epoch):
+    """Decorrelate the rows of a solution by the covariance that it comes with, if it comes with one. With stored gains
+    (Gains) they stay as they are.
+    """
     if rx is None and late is None:
         return
     if belief.judged:
         tell(work, rx, signals, epoch)
-        mix(work, late, belief, epoch)
+        if late is not None and late.extrapolated:
+            carry_on(work.z, work.told, work.past, work.P, late, epoch)
+        if gains is None:
+            separate(work.told, belief)
+            whiten(work.told, work.z, work.H, 6, size(work.H, 1))
 
 
 @jit
@@ -203,22 +213,10 @@ def separate(covariance, belief):
                 covariance[i, j], covariance[j, i] = 0.0 * covariance[i, i], 0.0 * covariance[i, i]
 
 
-@jit
-def mix(work, late, belief, epoch):
-    """Turn the rows of a solution, whose covariance is in `told`, into independent ones of variance one; a late one is
-    extrapolated to the present first, if it shall be.
-    """
-    if late is not None and late.extrapolated:
-        carry_on(work.z, work.told, work.past, work.P, late, epoch)
-    separate(work.told, belief)
-    whiten(work.told, work.z, work.H, 6, size(work.H, 1))
-
-
 @inlined
 def update_and_count(work, gains, belief, signals, epoch, row, channel, mixed, gate_squared):
     """Update by one filled row of an epoch, store its innovation and count it: accepted, or rejected by the gate."""
-    variance = 1.0 if mixed else signals.variance[epoch, channel]
-    normalised, weight = update_row(work, gains, belief, epoch, row, channel, variance, gate_squared)
+    normalised, weight = update_row(work, gains, belief, signals, epoch, row, channel, mixed, gate_squared)
     work.innovation[epoch, channel] = normalised
     accepted = weight > 0.0
     rejected = (normalised == normalised) & (weight == 0.0)  # what is not a number is no row
@@ -237,13 +235,13 @@ def clear_epoch(work, epoch):
 
 
 @inlined
-def fill_receiver(work, late, belief, signals, epoch):
+def fill_receiver(work, late, gains, belief, signals, epoch):
     """Set the rows of what the receiver measures at an epoch, all linearised at one point."""
     if belief.tight:
         fill_tight(work, belief, signals, epoch)
     else:
         fill_loose(work, belief, signals, epoch)
-        weigh(work, work.rx, late, belief, signals, epoch)
+        weigh(work, work.rx, late, gains, belief, signals, epoch)
 
 
 @inlined
@@ -261,7 +259,7 @@ def update_receiver(work, gains, belief, signals, epoch, gate_squared):
 def update_sensors(work, gains, sensors, belief, signals, epoch, gate_squared):
     """Update by what the sensors beside the receiver measure at an epoch."""
     for k in range(sensors.code.shape[0]):
-        if sensors.on[k, epoch]:
+        if sensors.on[k, epoch] and belief.measured[sensors.channel[k]]:
             at = row_of(belief, work, sensors.channel[k])
             fill_sensor(work, belief, signals, sensors, k, at, epoch)
             for i in range(sensors.scalars[k]):

@@ -16,14 +16,15 @@ from numpy.typing import NDArray
 from lvnav_trade.filters.ekf import (
     channel_of,
     correct,
+    fill_loose,
     fill_receiver,
+    fill_tight,
     n_measured,
     place_antenna,
     update_receiver,
     update_sensors,
     weigh,
 )
-from lvnav_trade.filters.ekf import fill_loose, fill_tight
 from lvnav_trade.filters.late import correct_stored_errors, predicted_of_stored
 from lvnav_trade.filters.monitor import (
     MODE,
@@ -186,7 +187,7 @@ def _process_permitted(work, aside, rules, late, gains, belief, signals, epoch):
     if rules.good[epoch]:
         _sample_variance(watch.predicted, work.rx, signals.variance[epoch], rules.from_gnss)
         start_filter(work.P, work.x, watch, rules, work.z)
-        weigh(work, work.rx, late, belief, signals, epoch)
+        weigh(work, work.rx, late, gains, belief, signals, epoch)
         gate, used = gate_of(watch, belief.gate_squared), watch.sample[0] > 0.0
         update_receiver(work, gains, belief, signals, epoch, gate)
         for row in range(n_row):
@@ -203,7 +204,7 @@ def process_measurements(work, aside, rules, late, gains, sensors, belief, signa
     place_antenna(work, late, belief, dt, epoch)
     if rules is None:
         if n_measured(belief, signals, epoch) > 0:
-            fill_receiver(work, late, belief, signals, epoch)
+            fill_receiver(work, late, gains, belief, signals, epoch)
             _compare_late(work, aside, late, belief, signals, epoch)
             update_receiver(work, gains, belief, signals, epoch, belief.gate_squared)
         update_sensors(work, gains, sensors, belief, signals, epoch, belief.gate_squared)

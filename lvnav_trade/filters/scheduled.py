@@ -16,16 +16,16 @@ from lvnav_trade.units import Card
 
 Floats = NDArray[np.float64]
 ROWS = ("position x", "position y", "position z", "velocity x", "velocity y", "velocity z")
-"""The rows that gains are for, in the order in which they are absorbed, frame i."""
+"""The measurements that gains are for unless the schedule names others, in the order of their updates, frame i."""
 
 Column = tuple[float, ...]
 
 
 class GainKnot(Card):
-    """Gains at one time: `since` s after the segment's event; for each row the gain of every state, SI."""
+    """Gains at one time: `since` s after the segment's event; for each measurement the gain of every state, SI."""
 
     since: float
-    gain: tuple[Column, Column, Column, Column, Column, Column]
+    gain: tuple[Column, ...]
 
 
 class GainSegment(Card):
@@ -43,40 +43,52 @@ class GainSegment(Card):
 
 
 class GainSchedule(Card):
-    """Gains of a filter's states for position and velocity rows, computed once on the flight that `source` names."""
+    """Gains of a filter's states for its measurements, computed once on the flight that `source` names."""
 
     name: str
     source: str
     by: Literal["event", "time"] = Field("event", description="what a segment's times count from")
     states: tuple[str, ...] = Field(description="states in the order of the gains, such as 'velocity x'")
+    measurements: tuple[str, ...] = Field(
+        ROWS, description="in the order of the gains: an axis of the solution, 'G05 range', 'altitude'"
+    )
     segments: tuple[GainSegment, ...] = Field(min_length=1)
     digest: str = Field(description="of states and segments: numbers that were changed by hand are refused")
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
-        found = digest_of(self.states, self.segments)
+        found = digest_of(self.states, self.segments, self.measurements)
         if found != self.digest:
             raise ValueError(f"its numbers have digest {found}, not {self.digest}: compute the schedule again")
         n = len(self.states)
-        if any(len(column) != n for s in self.segments for knot in s.knots for column in knot.gain):
-            raise ValueError(f"every row of a gain should have {n} numbers, one a state")
+        knots = [knot for segment in self.segments for knot in segment.knots]
+        if any(len(column) != n for knot in knots for column in knot.gain):
+            raise ValueError(f"the gain of a measurement should have {n} numbers, one a state")
+        if any(len(knot.gain) != len(self.measurements) for knot in knots):
+            raise ValueError(f"a knot should have {len(self.measurements)} gains, one a measurement")
         return self
 
 
 class Gains(NamedTuple):
-    """A schedule on a flight, for the kernels: gain (n_epoch, 6, n_state) of every row and state, SI."""
+    """A schedule on a flight, for the kernels: gain (n_epoch, n_channel, n_state), SI; stored (n_channel,) whether the
+    schedule has gains for a channel: others are not processed.
+    """
 
     gain: Floats
+    stored: NDArray[np.bool_]
 
 
-def digest_of(states: Sequence[str], segments: Sequence[GainSegment]) -> str:
+def digest_of(
+    states: Sequence[str], segments: Sequence[GainSegment], measurements: Sequence[str] = ROWS
+) -> str:
     """Return the digest of a schedule's content, 16 hexadecimal digits."""
     numbers = [[s.event, [[k.since, k.gain] for k in s.knots]] for s in segments]
-    return hashlib.sha256(json.dumps([list(states), numbers]).encode()).hexdigest()[:16]
+    content = [list(states), numbers] if tuple(measurements) == ROWS else [list(states), list(measurements), numbers]
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()[:16]
 
 
 def gains_at(schedule: GainSchedule, t: Floats, events: Mapping[str, float]) -> Floats:
-    """Return the gains at times t (n,) s of a flight with these events (s), (n, 6, n_state).
+    """Return the gains at times t (n,) s of a flight with these events (s), (n, n_measurement, n_state).
 
     By event: those of the last event of the schedule that is past, at as many seconds after it; before the first one,
     that segment's first gains. ValueError names an event of the schedule that the flight does not have.
@@ -89,7 +101,7 @@ def gains_at(schedule: GainSchedule, t: Floats, events: Mapping[str, float]) -> 
         starts = np.array([events[s.event] for s in schedule.segments])
     order = np.argsort(starts, kind="stable")
     at = np.clip(np.searchsorted(starts[order], t + 1e-6, side="right") - 1, 0, None)
-    found = np.empty((len(t), len(ROWS), len(schedule.states)))
+    found = np.empty((len(t), len(schedule.measurements), len(schedule.states)))
     for place, k in enumerate(order):
         chosen = at == place
         found[chosen] = _between(schedule.segments[k], t[chosen] - starts[k])
@@ -97,7 +109,7 @@ def gains_at(schedule: GainSchedule, t: Floats, events: Mapping[str, float]) -> 
 
 
 def _between(segment: GainSegment, since: Floats) -> Floats:
-    """Return the gains (n, 6, n_state) at seconds after a segment's event, linear between its knots."""
+    """Return the gains (n, n_measurement, n_state) at seconds after a segment's event, linear between its knots."""
     times = np.array([knot.since for knot in segment.knots])
     gains = np.array([knot.gain for knot in segment.knots])
     after = np.clip(np.searchsorted(times, since, side="right"), 1, max(1, len(times) - 1))
@@ -143,8 +155,9 @@ def schedule_of(
     events: Mapping[str, float],
     tolerance: float = 0.02,
     digits: int = 4,
+    measurements: Sequence[str] = ROWS,
 ) -> GainSchedule:
-    """Return the schedule of gains (n, 6, n_state) that a filter had at times t (n,) s of a flight with these events.
+    """Return the schedule of gains (n, n_measurement, n_state) that a filter had at times t (n,) s of a flight with these events.
 
     Between knots the gains are linear to `tolerance` of their largest size in the segment; they are rounded to so many
     digits.
@@ -165,12 +178,12 @@ def schedule_of(
             for i in thin(since, gains[chosen], tolerance)
         ]
         segments.append(GainSegment(event=event, knots=tuple(knots)))
-    digest = digest_of(tuple(states), segments)
+    digest = digest_of(tuple(states), segments, measurements)
     return GainSchedule(
-        name=name, source=source, by=by, states=tuple(states), segments=tuple(segments), digest=digest
+        name=name, source=source, by=by, states=tuple(states), measurements=tuple(measurements),
+        segments=tuple(segments), digest=digest,
     )  # fmt: skip
 
 
-def _rounded(gain: Floats, digits: int) -> tuple[Column, Column, Column, Column, Column, Column]:
-    rows = [tuple(float(f"{value:.{digits - 1}e}") for value in row) for row in gain]
-    return rows[0], rows[1], rows[2], rows[3], rows[4], rows[5]
+def _rounded(gain: Floats, digits: int) -> tuple[Column, ...]:
+    return tuple(tuple(float(f"{value:.{digits - 1}e}") for value in row) for row in gain)

@@ -41,11 +41,3 @@ def clock_step(dt: float, h0: float, h_minus2: float) -> tuple[float, float, flo
     a11 = math.sqrt(q11)
     a21 = q12 / a11
     return a11, a21, math.sqrt(max(0.0, q22 - a21 * a21))
-
-
-def allan_variance(tau: float, h0: float, h_minus2: float) -> float:
-    """Return the Allan variance of fractional frequency over `tau` (s): h0 / (2 tau) + (2 pi)^2 h_minus2 tau / 6.
-
-    Reference: IEEE Std 1139, power-law conversion of white and random-walk frequency noise.
-    """
-    return h0 / (2.0 * tau) + 2.0 * math.pi**2 * h_minus2 * tau / 3.0

@@ -127,7 +127,7 @@ def _met(P, x, K, h, entries, columns, innovation, variance, n):
         for c in range(1, columns.shape[0]):
             k = k + P[i, columns[c]] * h[entries[c]]
         K[i] = k
-    s = like(x[0], variance)
+    s = 0.0 * x[0] + variance
     residual = innovation
     for c in range(columns.shape[0]):
         s = s + h[entries[c]] * K[columns[c]]

@@ -118,16 +118,3 @@ def gravity_along(r: NDArray[np.float64]) -> NDArray[np.float64]:
     for k in range(r.shape[0]):
         g[k, 0], g[k, 1], g[k, 2] = gravity_j4(r[k, 0], r[k, 1], r[k, 2])
     return g
-
-
-@jit
-def potential_j4(x: Any, y: Any, z: Any) -> Any:
-    """Return the potential in m^2/s^2 (positive near the Earth) whose gradient is `gravity_j4`."""
-    r2 = x * x + y * y + z * z
-    r = sqrt(r2)
-    s2 = z * z / r2
-    q2 = SEMI_MAJOR * SEMI_MAJOR / r2
-    p2 = 1.5 * s2 - 0.5
-    p3 = (2.5 * s2 - 1.5) * (z / r)
-    p4 = (4.375 * s2 - 3.75) * s2 + 0.375
-    return GM / r * (1.0 - J2 * q2 * p2 - J3 * (q2 * (SEMI_MAJOR / r)) * p3 - J4 * (q2 * q2) * p4)

@@ -1,4 +1,4 @@
-"""FAMILY 4: Results -> tidy frame (rms, agreement, consistency, whiteness, requirements, references, ...)."""
+"""Metrics: result tables to tidy frames, each by name in `METRICS`. Read `errors/rms.py` first, then `requirements`."""
 
 from __future__ import annotations
 
@@ -7,27 +7,27 @@ from pathlib import Path
 
 import pandas as pd
 
-from lvnav_trade.metrics.agreement import agreement
-from lvnav_trade.metrics.budget import budget
-from lvnav_trade.metrics.consistency import consistency, nees, nis
-from lvnav_trade.metrics.control import controlled
-from lvnav_trade.metrics.correction import correction
-from lvnav_trade.metrics.explained import contributions, nonlinearity, observability, sensitivity
-from lvnav_trade.metrics.impact import corridor_verdicts, impact
-from lvnav_trade.metrics.levers import expected, levers
-from lvnav_trade.metrics.logic import logic, modes, stops
-from lvnav_trade.metrics.motion import motion
-from lvnav_trade.metrics.nozzle import nozzle, turning, worth
-from lvnav_trade.metrics.observed import observed
-from lvnav_trade.metrics.orbit import orbit
-from lvnav_trade.metrics.ranking import ranking
-from lvnav_trade.metrics.readings import readings
-from lvnav_trade.metrics.references import references
-from lvnav_trade.metrics.requirements import verdicts
-from lvnav_trade.metrics.rms import rms
-from lvnav_trade.metrics.satellites import in_view, outages
-from lvnav_trade.metrics.tracking import losses, recovery, tracking, transitions
-from lvnav_trade.metrics.whiteness import autocorrelation, whiteness
+from lvnav_trade.metrics.errors.agreement import agreement
+from lvnav_trade.metrics.errors.budget import budget
+from lvnav_trade.metrics.errors.control_variates import controlled
+from lvnav_trade.metrics.errors.diagnostics import contributions, nonlinearity, observability, sensitivity
+from lvnav_trade.metrics.errors.ranking import ranking
+from lvnav_trade.metrics.errors.rms import rms
+from lvnav_trade.metrics.filter.consistency import consistency, nees, nis
+from lvnav_trade.metrics.filter.logic import logic, modes, stops
+from lvnav_trade.metrics.filter.observed import observed
+from lvnav_trade.metrics.filter.whiteness import autocorrelation, whiteness
+from lvnav_trade.metrics.mission.correction import correction
+from lvnav_trade.metrics.mission.impact import corridor_verdicts, impact
+from lvnav_trade.metrics.mission.orbit import orbit
+from lvnav_trade.metrics.published.readings import readings
+from lvnav_trade.metrics.published.references import references
+from lvnav_trade.metrics.requirements.improvements import expected, levers
+from lvnav_trade.metrics.requirements.requirements import verdicts
+from lvnav_trade.metrics.signals.satellites import in_view, outages
+from lvnav_trade.metrics.signals.tracking import losses, recovery, tracking, transitions
+from lvnav_trade.metrics.vehicle.motion import motion
+from lvnav_trade.metrics.vehicle.nozzle import nozzle, turning, worth
 from lvnav_trade.store import Tables
 
 METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lvnav_trade.kernels.attitude import cross
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_VEL
+from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL
 
 
 @jit
@@ -25,6 +25,8 @@ def row(h, at, satellite_velocity, ux, uy, uz, distance, clock_drift):
     bx, by, bz = cross(ux, uy, uz, at[9], at[10], at[11])
     h[H_ATT], h[H_ATT + 1], h[H_ATT + 2] = ax + bx, ay + by, az + bz
     h[H_VEL], h[H_VEL + 1], h[H_VEL + 2] = -ux, -uy, -uz
+    for i in range(3):
+        h[H_RATE + i] = -(ux * at[12 + i] + uy * at[15 + i] + uz * at[18 + i])
     h[H_CLOCK] = 0.0 * ux + 1.0
     return along + clock_drift
 

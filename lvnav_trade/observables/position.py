@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_VEL
+from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL
 
 
 @jit
 def row(h, at, axis):
-    """Set the row and return the predicted antenna position (m) along an axis of frame i; h (10,), at (12,)."""
+    """Set the row and return the predicted antenna position (m) along an axis of frame i; h (13,), at (21,)."""
     zero = 0.0 * at[0]
     for i in range(3):
-        h[H_POS + i], h[H_VEL + i] = zero, zero
+        h[H_POS + i], h[H_VEL + i], h[H_RATE + i] = zero, zero, zero
     h[H_POS + axis] = zero + 1.0
     # the antenna moves by att x lever arm
     h[H_ATT + axis] = zero

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_VEL
+from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL
 
 
 @jit
 def row(h, at, axis):
-    """Set the row and return the predicted antenna velocity (m/s) along an axis of frame i; h (10,), at (12,)."""
+    """Set the row and return the predicted antenna velocity (m/s) along an axis of frame i; h (13,), at (21,)."""
     zero = 0.0 * at[0]
     for i in range(3):
         h[H_POS + i], h[H_VEL + i] = zero, zero
@@ -17,6 +17,8 @@ def row(h, at, axis):
     h[H_ATT + axis] = zero
     h[H_ATT + (axis + 1) % 3] = at[9 + (axis + 2) % 3]
     h[H_ATT + (axis + 2) % 3] = -at[9 + (axis + 1) % 3]
+    for i in range(3):
+        h[H_RATE + i] = at[12 + 3 * axis + i]
     h[H_CLOCK] = zero
     return at[3 + axis]
 

@@ -15,9 +15,9 @@ from lvnav_trade.plots.impact import impact
 from lvnav_trade.plots.logic import logic
 from lvnav_trade.plots.missions import missions
 from lvnav_trade.plots.motion import apart, ignition, motion, readings, singular
+from lvnav_trade.plots.nozzle import envelopes, movement, sweep, worth
 from lvnav_trade.plots.orbit import orbit
 from lvnav_trade.plots.published import locus, spread
-from lvnav_trade.plots.rotation import envelopes, movement, sweep, worth
 from lvnav_trade.plots.sky import satellites, sky
 from lvnav_trade.plots.timeline import timeline
 

@@ -11,8 +11,8 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from lvnav_trade.metrics.explained import contributions
-from lvnav_trade.metrics.select import metric_name
+from lvnav_trade.metrics.basics.select import metric_name
+from lvnav_trade.metrics.errors.diagnostics import contributions
 from lvnav_trade.plots.style import PALETTE, canvas, legend_below, look, mark_events
 from lvnav_trade.store import Tables, load
 

@@ -10,10 +10,10 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from lvnav_trade.metrics.published import cases_of
-from lvnav_trade.metrics.select import lincov_rms
-from lvnav_trade.metrics.spans import phase
-from lvnav_trade.metrics.whiteness import autocorrelation
+from lvnav_trade.metrics.basics.select import lincov_rms
+from lvnav_trade.metrics.basics.spans import phase
+from lvnav_trade.metrics.filter.whiteness import autocorrelation
+from lvnav_trade.metrics.published.published import cases_of
 from lvnav_trade.plots.errors import rows_of
 from lvnav_trade.plots.style import PALETTE, canvas, legend_below, line_of, look, mark_events, scale_up
 from lvnav_trade.store import Tables, load

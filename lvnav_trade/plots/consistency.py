@@ -8,8 +8,8 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure
 
-from lvnav_trade.metrics.consistency import nees, nis
-from lvnav_trade.metrics.covariances import REJECTS_TOO_MUCH
+from lvnav_trade.metrics.errors.covariances import REJECTS_TOO_MUCH
+from lvnav_trade.metrics.filter.consistency import nees, nis
 from lvnav_trade.plots.style import PALETTE, canvas, legend_below, look, mark_events, scale_up, with_gaps
 from lvnav_trade.store import Tables, load
 

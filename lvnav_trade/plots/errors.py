@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from lvnav_trade.metrics.intervals import rms_interval
-from lvnav_trade.metrics.ranking import ranking
-from lvnav_trade.metrics.select import lincov_rms
+from lvnav_trade.metrics.basics.intervals import rms_interval
+from lvnav_trade.metrics.basics.select import lincov_rms
+from lvnav_trade.metrics.errors.ranking import ranking
 from lvnav_trade.plots.style import PALETTE, canvas, legend_below, line_of, look, mark_events, scale_up
 from lvnav_trade.store import Tables, load
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from lvnav_trade.metrics.select import flight_events
+from lvnav_trade.metrics.basics.select import flight_events
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, event_key, look, mark_events
 from lvnav_trade.store import Tables, load
 

@@ -10,10 +10,10 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
-from lvnav_trade.metrics import mission
-from lvnav_trade.metrics.corridor import corridor_of
-from lvnav_trade.metrics.impact import ellipse
-from lvnav_trade.metrics.impact import impact as told
+from lvnav_trade.metrics.mechanics import mission
+from lvnav_trade.metrics.mission.corridor import corridor_of
+from lvnav_trade.metrics.mission.impact import ellipse
+from lvnav_trade.metrics.mission.impact import impact as told
 from lvnav_trade.plots.orbit import outline_of
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, look, mark_events, scale_up
 from lvnav_trade.store import Tables, load

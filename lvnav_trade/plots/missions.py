@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from lvnav_trade.metrics.published import cases_of, ours
+from lvnav_trade.metrics.published.published import cases_of, ours
 from lvnav_trade.plots.style import PALETTE, canvas, legend_below, line_of, look
 from lvnav_trade.store import Tables, load
 

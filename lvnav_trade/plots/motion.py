@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from lvnav_trade.metrics.observed import is_position_bias
-from lvnav_trade.metrics.published import cases_of
-from lvnav_trade.metrics.readings import readings as readings_of
-from lvnav_trade.metrics.select import NAVIGATION, lincov_rms
+from lvnav_trade.metrics.basics.select import NAVIGATION, lincov_rms
+from lvnav_trade.metrics.filter.observed import is_position_bias
+from lvnav_trade.metrics.published.published import cases_of
+from lvnav_trade.metrics.published.readings import readings as readings_of
 from lvnav_trade.plots.errors import rows_of
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, legend_below, look, mark_events
 from lvnav_trade.store import Tables, load

@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from lvnav_trade.metrics import impulses, meanorbit, mission
-from lvnav_trade.metrics.mission import Law, State
-from lvnav_trade.metrics.select import final_event
+from lvnav_trade.metrics.basics.select import final_event
+from lvnav_trade.metrics.mechanics import impulses, meanorbit, mission
+from lvnav_trade.metrics.mechanics.mission import Law, State
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, look
 from lvnav_trade.store import Tables, load
 

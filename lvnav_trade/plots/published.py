@@ -12,7 +12,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from lvnav_trade.metrics.published import cases_of, name_of, ours
+from lvnav_trade.metrics.published.published import cases_of, name_of, ours
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, legend_below, line_of, look, scale_up
 from lvnav_trade.store import Tables, load
 from lvnav_trade.units import parse

@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from lvnav_trade.metrics.satellites import in_view
-from lvnav_trade.metrics.select import final_event, flight_events
-from lvnav_trade.metrics.tracking import recovery
+from lvnav_trade.metrics.basics.select import final_event, flight_events
+from lvnav_trade.metrics.signals.satellites import in_view
+from lvnav_trade.metrics.signals.tracking import recovery
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, legend_below, look, mark_events
 from lvnav_trade.store import Tables, load
 

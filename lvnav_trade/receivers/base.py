@@ -15,6 +15,7 @@ from scipy.special import chdtri
 
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import aligned_zeros, view
+from lvnav_trade.observables.base import N_ENTRY
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -135,7 +136,7 @@ def receiver_shapes(n_sat: int = 64) -> dict[str, tuple[int, ...]]:
     n = N_STATE
     return {
         "near": (3,), "fix": (N_FIX,), "inverse": (4, 4), "normal": (4, 4), "sides": (2, 4), "verdict": (2,),
-        "nav": (n,), "P": (n, n), "x": (n,), "K": (n,), "h": (10,), "at": (12,), "memory": (N_MEMORY,),
+        "nav": (n,), "P": (n, n), "x": (n,), "K": (n,), "h": (N_ENTRY,), "at": (21,), "memory": (N_MEMORY,),
         "used": (2,), "solution": (6,), "covariance": (6, 6), "innovation": (2 * n_sat,),
     }  # fmt: skip
 

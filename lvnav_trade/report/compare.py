@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 import jinja2
 
 from lvnav_trade.errors import InputError
-from lvnav_trade.metrics.comparison import Comparison
+from lvnav_trade.metrics.comparison.comparison import Comparison
 from lvnav_trade.report.blocks import number, percent
 from lvnav_trade.store import Tables, load
 

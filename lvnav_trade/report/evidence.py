@@ -8,10 +8,10 @@ from typing import Any
 import pandas as pd
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.agreement import by_case
-from lvnav_trade.metrics.laws import ABOVE_ONLY
-from lvnav_trade.metrics.requirements import where
-from lvnav_trade.metrics.select import final_event, flight_events
+from lvnav_trade.metrics.basics.select import final_event, flight_events
+from lvnav_trade.metrics.errors.agreement import by_case
+from lvnav_trade.metrics.requirements.distributions import ABOVE_ONLY
+from lvnav_trade.metrics.requirements.requirements import where
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.report.blocks import Block, Code, Table, Text, number, percent, picture, table
 from lvnav_trade.store import Tables

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.covariances import gaussian
-from lvnav_trade.metrics.select import final_event, flight_events, mean_at, metric_name
+from lvnav_trade.metrics.basics.select import final_event, flight_events, mean_at, metric_name
+from lvnav_trade.metrics.errors.covariances import gaussian
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.report.blocks import Block, Grades, Table, Text, number, picture, table
 from lvnav_trade.report.evidence import NAVIGATION, chosen_cases, left_out

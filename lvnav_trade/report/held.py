@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.coverage import coverage
-from lvnav_trade.metrics.parted import parted
-from lvnav_trade.metrics.published import cases_of, ours
+from lvnav_trade.metrics.errors.coverage import coverage
+from lvnav_trade.metrics.errors.paired_levels import parted
+from lvnav_trade.metrics.published.published import cases_of, ours
 from lvnav_trade.report.blocks import Block, Text, number, table
 from lvnav_trade.report.explained import error_bound
 from lvnav_trade.report.reception import logic_tables

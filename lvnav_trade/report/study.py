@@ -13,9 +13,9 @@ from matplotlib.figure import Figure as Drawing
 from lvnav_trade.campaign.published import Case
 from lvnav_trade.campaign.study import Figure, Part, Study
 from lvnav_trade.errors import InputError
-from lvnav_trade.metrics.agreement import agreement, by_case
-from lvnav_trade.metrics.published import cases_of
-from lvnav_trade.metrics.references import references
+from lvnav_trade.metrics.errors.agreement import agreement, by_case
+from lvnav_trade.metrics.published.published import cases_of
+from lvnav_trade.metrics.published.references import references
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.published import ratios
 from lvnav_trade.plots.single import single

@@ -9,11 +9,11 @@ import pandas as pd
 
 from lvnav_trade import plots
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.agreement import by_case
-from lvnav_trade.metrics.covariances import reach
-from lvnav_trade.metrics.laws import asked
-from lvnav_trade.metrics.requirements import where
-from lvnav_trade.metrics.select import mean_at, metric_name, split_metric
+from lvnav_trade.metrics.basics.select import mean_at, metric_name, split_metric
+from lvnav_trade.metrics.errors.agreement import by_case
+from lvnav_trade.metrics.errors.covariances import reach
+from lvnav_trade.metrics.requirements.distributions import asked
+from lvnav_trade.metrics.requirements.requirements import where
 from lvnav_trade.report.blocks import Block, Text, number, percent, picture, table
 from lvnav_trade.store import Tables
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from lvnav_trade.engines.controlled import Controlled
+    from lvnav_trade.steering.nozzle import Controlled
 
 FEEDS, AXES, PHASES = ("raw", "filtered", "true"), ("pitch", "yaw"), ("burn", "coast", "change")
 _TURNING = (

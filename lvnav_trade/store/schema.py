@@ -362,9 +362,3 @@ def arrow_schema(table: str, extra: tuple[str, ...] = ()) -> pa.Schema:
     """Return the Arrow schema of a table; `extra` names more columns of real numbers at its end."""
     fields = [pa.field(c.name, _KINDS[c.kind], metadata={"meaning": c.meaning}) for c in TABLES[table]]
     return pa.schema(fields + [pa.field(name, pa.float64()) for name in extra])
-
-
-def unit_of(column: str) -> str | None:
-    """Return the unit suffix of a column's name, the longest that fits, or None."""
-    fitting = [suffix for suffix in SUFFIXES if column.endswith("_" + suffix)]
-    return max(fitting, key=len) if fitting else None

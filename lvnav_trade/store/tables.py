@@ -21,10 +21,10 @@ from lvnav_trade.store.worst import worst_table
 from lvnav_trade.world.events import resolve
 
 if TYPE_CHECKING:
-    from lvnav_trade.engines.controlled import Controlled
     from lvnav_trade.engines.explain import Explanation
     from lvnav_trade.engines.prepare import Prepared
     from lvnav_trade.engines.starts import StartDraws
+    from lvnav_trade.steering.nozzle import Controlled
 
 FAILURES = {0: "", 1: "not finite", 2: "diverged"}
 _DRAWN = ("attitude", "velocity", "position")

@@ -25,10 +25,10 @@ from lvnav_trade.store.tables import CaseInfo, case_tables, row_tables, starts_t
 from lvnav_trade.store.versions import campaign_digest, environment
 
 if TYPE_CHECKING:
-    from lvnav_trade.engines.controlled import Controlled
     from lvnav_trade.engines.explain import Explanation
     from lvnav_trade.engines.prepare import Prepared
     from lvnav_trade.engines.starts import StartDraws
+    from lvnav_trade.steering.nozzle import Controlled
 
 __all__ = ["CaseInfo", "Results", "open_results"]
 

@@ -7,7 +7,7 @@ import math
 from pydantic import Field
 
 from lvnav_trade.units import AccelerationSigma, Card, TimeConstant
-from lvnav_trade.world.imu import ErrorBlock
+from lvnav_trade.world.sensors.imu import ErrorBlock
 
 # Not a sensor's error: it pushes along the axes of frame i.
 NO_SENSOR, GRAVITY = -1, -2

@@ -12,7 +12,7 @@ from lvnav_trade.campaign.cards import card_text, catalogue, shipped
 from lvnav_trade.campaign.load import load
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.base import FilterCard
-from lvnav_trade.world.imu import ImuCard
+from lvnav_trade.world.sensors.imu import ImuCard
 
 IMUS = sorted(file.stem for file in (shipped("configs") / "imu").glob("*.yaml"))
 FILTERS = sorted(file.stem for file in (shipped("configs") / "filters").glob("*.yaml"))

@@ -8,7 +8,7 @@ import pytest
 
 from lvnav_trade.campaign.load import load
 from lvnav_trade.errors import InputError
-from lvnav_trade.world.constellation import AlmanacConstellation
+from lvnav_trade.world.sky.constellation import AlmanacConstellation
 
 DEG_PER_HOUR = math.radians(1.0) / 3600.0
 

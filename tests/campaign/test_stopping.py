@@ -16,8 +16,8 @@ from lvnav_trade.campaign.load import load
 from lvnav_trade.campaign.stopping import Judged, Stopping, beyond
 from lvnav_trade.engines.statistics import summarise
 from lvnav_trade.errors import InputError
-from lvnav_trade.metrics.requirements import errors_of
-from lvnav_trade.metrics.sequential import decide
+from lvnav_trade.metrics.requirements.requirements import errors_of
+from lvnav_trade.metrics.requirements.sequential import decide
 from lvnav_trade.store import load as read
 from tests import synthetic
 

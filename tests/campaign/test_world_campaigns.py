@@ -11,7 +11,7 @@ from lvnav_trade import api
 from lvnav_trade.campaign.axes import cases
 from lvnav_trade.campaign.cards import campaign_file
 from lvnav_trade.campaign.load import load
-from lvnav_trade.metrics.agreement import agreement
+from lvnav_trade.metrics.errors.agreement import agreement
 from lvnav_trade.report.build import SECTIONS
 
 FOLDER = Path(__file__).resolve().parents[2] / "campaigns"

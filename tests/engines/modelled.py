@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import Any
 
 from lvnav_trade.engines.prepare import Prepared
-from lvnav_trade.world.trajectory import Trajectory
+from lvnav_trade.world.flight.trajectory import Trajectory
 from tests.building import hop, loaded, prepare_hop, with_fields
 
 MODEL, BASELINE, UNKNOWN = (f"base.filter=filters/{n}_003" for n in ("vehicle_model", "baseline", "vehicle_unknown"))

@@ -15,7 +15,7 @@ from lvnav_trade.engines.montecarlo import run_block
 from lvnav_trade.engines.observability import observability
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.store.tables import _channel_names
-from lvnav_trade.world.altimeter import AltimeterCard
+from lvnav_trade.world.sensors.altimeter import AltimeterCard
 from tests.building import INERTIAL, LOOSE, MATCHED, hop, loaded, prepare_hop, with_fields
 
 RADAR = {"name": "test", "source": "none", "sigma": "0.3 m", "bias": "1 m", "highest": "400 km"}

@@ -11,7 +11,7 @@ from lvnav_trade.delays import AtmosphereCard, CorrectionsCard
 from lvnav_trade.engines.atmosphere import delays
 from lvnav_trade.engines.lincov import covariance
 from lvnav_trade.engines.montecarlo import run_block
-from lvnav_trade.world.sky import sky
+from lvnav_trade.world.receiver.visibility import sky
 from tests.building import LOOSE, MATCHED, loaded, prepare_hop, with_fields
 from tests.engines.test_families import low_hop
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from lvnav_trade.engines.envelopes import EnvelopeCard, changing, envelopes, improvement, steady_ratio
-from lvnav_trade.world.imu import ImuCard
+from lvnav_trade.engines.envelopes import EnvelopeCard, changing, envelopes, steady_ratio
+from lvnav_trade.world.sensors.imu import ImuCard
 
 RATE = 200.0
 ROLL_OR_COAST, BOOST, LATERAL, AXIAL = 0.002, 0.02, 10.0, 15.0  # rad/s^2, m/s^3, section 2.3
@@ -28,6 +28,16 @@ def unit(root_of_tests):
 @pytest.fixture(scope="module")
 def root_of_tests(request):
     return request.config.rootpath
+
+
+def improvement(envelope, noise, rate, bias=0.0):
+    """Return by what part the steady filter's sigma is below that of the raw measurement, which is charged a bias.
+
+    envelope: standard deviation of the derivative (rad/s^2 or m/s^3); noise and bias of a measurement (rad/s or m/s^2);
+    rate of measurements, Hz.
+    """
+    steady = steady_ratio((envelope / rate) ** 2, noise**2)
+    return 1.0 - math.sqrt(steady) * noise / math.hypot(noise, bias)
 
 
 @pytest.mark.parametrize(("envelope", "published", "datasheet"), GYRO)

@@ -15,19 +15,19 @@ from lvnav_trade.engines.montecarlo import run_block
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.base import FilterCard
 from lvnav_trade.scenario import InitialErrors, Scenario
-from lvnav_trade.world.constellation import CombinedConstellation
-from lvnav_trade.world.imu import ImuCard
-from lvnav_trade.world.receiver import ReceiverCard
+from lvnav_trade.world.receiver.receiver import ReceiverCard
+from lvnav_trade.world.sensors.imu import ImuCard
+from lvnav_trade.world.sky.constellation import CombinedConstellation
 from tests.building import LOOSE, loaded, prepare_hop, with_fields
 
 # What names a card and says where it is from; both stand in the report, no engine reads them.
 LABELS = {"name", "source"}
 
-# How a receiver hears and tracks: tests/world/test_reception.py walks these cards, because the sky shows all they do.
+# Hearing and tracking: tests/world/receiver/test_reception.py walks these cards, the sky shows all that they do.
 HEARING = {"antennas", "link", "loops", "tracking"}
 # Models of delays: tests/delays walks their fields, tests/engines/test_atmosphere.py what the engines make of them.
 DELAYS = {"corrections"}
-# A recording in a file: tests/world/test_error_table.py walks its fields.
+# A recording in a file: tests/world/user_file/test_error_table.py walks its fields.
 RECORDED = {"error_table"}
 # A model of the vehicle and its attitude reference: tests/engines/test_vehicle.py walks them on such a filter.
 MODELLED = {"envelope", "reference"}

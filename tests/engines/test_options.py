@@ -17,7 +17,7 @@ from lvnav_trade.engines.options import (
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.base import ReceiverBelief
 from lvnav_trade.scenario import beliefs, epoch_interval, judged, solves
-from lvnav_trade.world.solutions import BancroftSolution, DirectSolution, FilteredSolution
+from lvnav_trade.world.receiver.solutions import BancroftSolution, DirectSolution, FilteredSolution
 from tests.building import loaded, with_fields
 
 POINT = {"kind": "bancroft", "range_sigma": "2 m", "rate_sigma": "0.1 m/s"}

@@ -9,7 +9,7 @@ from lvnav_trade.engines.montecarlo import run_block
 from lvnav_trade.engines.prepare import reporting_axes
 from lvnav_trade.frames import rotation_i_n, rotation_i_o
 from lvnav_trade.kernels.attitude import matrix
-from lvnav_trade.world.trajectory import motion
+from lvnav_trade.world.flight.trajectory import motion
 from tests.building import MATCHED, case, hop, loaded, prepare_hop, with_fields
 
 

@@ -14,8 +14,8 @@ from lvnav_trade.engines.recorded import SOURCE, start_of
 from lvnav_trade.engines.truth import source_names
 from lvnav_trade.frames import earth_angle
 from lvnav_trade.scenario import Scenario
-from lvnav_trade.world.error_table import ErrorTable, in_frame_i, sampled
-from lvnav_trade.world.trajectory import motion
+from lvnav_trade.world.flight.trajectory import motion
+from lvnav_trade.world.user_file.error_table import ErrorTable, in_frame_i, sampled
 from tests.building import LOOSE, MATCHED, hop, loaded, prepare_hop, with_fields
 
 TABLE = {

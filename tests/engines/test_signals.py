@@ -10,10 +10,11 @@ import pytest
 from lvnav_trade.engines.lincov import covariance
 from lvnav_trade.engines.montecarlo import run_block
 from lvnav_trade.engines.signals import Line, _shifts
-from lvnav_trade.world.constellation import RinexConstellation
 from lvnav_trade.world.faults import DegradedNoise
-from lvnav_trade.world.sky import antenna_states, sky
+from lvnav_trade.world.receiver.visibility import sky
+from lvnav_trade.world.sky.constellation import RinexConstellation
 from tests.building import LOOSE, MATCHED, case, hop, loaded, prepare_hop, with_fields
+from tests.world.phase_centres import antenna_states
 
 T = np.array([3.0, 12.0, 25.0])
 PATCHES = [

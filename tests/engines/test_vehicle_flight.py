@@ -10,7 +10,7 @@ import pytest
 from lvnav_trade.engines.envelopes import steady_ratio
 from lvnav_trade.engines.montecarlo import run_block
 from lvnav_trade.engines.vehicle_flight import N_BESIDE
-from lvnav_trade.kernels.rotation import filter_gain
+from lvnav_trade.steering.axis import filter_gain
 from tests.engines.modelled import BASELINE, MODEL, UNKNOWN, modelled
 
 SEED = 20261121

@@ -56,11 +56,11 @@ MUTATIONS = {
     ),
     "time constant of the truth twice too long": Mutation(
         "engines/prepare.py", "math.exp(-step / b.time_constant)", "math.exp(-0.5 * step / b.time_constant)",
-        "tests/world/test_imu.py::test_bias_instability_is_a_stationary_gauss_markov_process",
+        "tests/world/sensors/test_imu.py::test_bias_instability_is_a_stationary_gauss_markov_process",
     ),
     "noise of a Gauss-Markov process scaled wrongly": Mutation(
         "engines/prepare.py", "-math.expm1(-2.0 * step / b.time_constant)", "-math.expm1(-step / b.time_constant)",
-        "tests/world/test_imu.py::test_bias_instability_is_a_stationary_gauss_markov_process",
+        "tests/world/sensors/test_imu.py::test_bias_instability_is_a_stationary_gauss_markov_process",
     ),
     "noise of the filter's Gauss-Markov state scaled wrongly": Mutation(
         "filters/belief.py", "2.0 * block.sigma**2 * np.tanh", "block.sigma**2 * np.tanh",

@@ -7,7 +7,7 @@ import pytest
 
 from lvnav_trade.engines.signals import Line
 from lvnav_trade.observables.partials import LEVER_AXES, Channels, Geometry, members, partial
-from lvnav_trade.world.sky import sky
+from lvnav_trade.world.receiver.visibility import sky
 from tests.building import hop, loaded, with_fields
 
 T = np.array([3.0, 12.0, 25.0])

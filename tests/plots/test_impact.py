@@ -10,8 +10,8 @@ from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.impact import _magnification
 from lvnav_trade.store import load
 from tests import mission as flights
-from tests.metrics.test_impact import INSIDE, with_corridor
-from tests.metrics.test_mission import falling
+from tests.metrics.mechanics.test_mission import falling
+from tests.metrics.mission.test_impact import INSIDE, with_corridor
 
 
 def test_trace_corridor_and_runs_are_those_of_the_table(tmp_path):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.metrics.select import errors_at
+from lvnav_trade.metrics.basics.select import errors_at
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.orbit import outline_of
 from lvnav_trade.store import load

@@ -7,8 +7,8 @@ import copy
 import numpy as np
 import pytest
 
-from lvnav_trade.metrics.published import ours
-from lvnav_trade.metrics.references import references
+from lvnav_trade.metrics.published.published import ours
+from lvnav_trade.metrics.published.references import references
 from lvnav_trade.plots.published import locus, ratios, spread
 from tests import synthetic
 

@@ -12,12 +12,12 @@ from lvnav_trade.campaign.cards import campaign_file
 from lvnav_trade.campaign.execute import run
 from lvnav_trade.campaign.load import load
 from lvnav_trade.campaign.study import load_study
-from lvnav_trade.engines import controlled
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.report import build
+from lvnav_trade.steering import nozzle as controlled
 from lvnav_trade.store import load as results_of
 from tests.building import flying, hop
-from tests.engines.turning import steady_launch
+from tests.steering.launches import steady_launch
 
 EVENTS = {
     "liftoff": 0.0, "kick": 1.0, "stage1_cutoff": 13.0, "stage1_separation": 13.5, "stage2_ignition": 14.0,

@@ -12,9 +12,9 @@ from lvnav_trade.campaign.axes import cases
 from lvnav_trade.campaign.load import load
 from lvnav_trade.campaign.study import load_study
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.coverage import coverage
-from lvnav_trade.metrics.parted import parted
-from lvnav_trade.metrics.references import references
+from lvnav_trade.metrics.errors.coverage import coverage
+from lvnav_trade.metrics.errors.paired_levels import parted
+from lvnav_trade.metrics.published.references import references
 
 FOLDER = Path(__file__).resolve().parents[2] / "campaigns" / "gains"
 SMALL = (

@@ -14,10 +14,10 @@ from ruamel.yaml import YAML
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
-from lvnav_trade.world.columns import TableTrajectory
-from lvnav_trade.world.imu import ImuCard
-from lvnav_trade.world.table import residuals
-from lvnav_trade.world.trajectory import build, motion, refuse_contradiction
+from lvnav_trade.world.flight.trajectory import build, motion, refuse_contradiction
+from lvnav_trade.world.sensors.imu import ImuCard
+from lvnav_trade.world.user_file.columns import TableTrajectory
+from lvnav_trade.world.user_file.table import residuals
 
 FILE = "launch/nesc_atmos17/Atmos_17_sim_06.csv"
 FOOT = 0.3048

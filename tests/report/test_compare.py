@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import pytest
 
 from lvnav_trade.errors import InputError
-from lvnav_trade.metrics.comparison import compare, parse_effects
+from lvnav_trade.metrics.comparison.comparison import compare, parse_effects
 from lvnav_trade.report import compare as told
 from lvnav_trade.store import load
 from tests import synthetic

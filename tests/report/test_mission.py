@@ -8,8 +8,8 @@ import pytest
 from lvnav_trade.report import build, mission
 from lvnav_trade.store import load
 from tests import mission as flights
-from tests.metrics.test_impact import INSIDE, with_corridor
-from tests.metrics.test_mission import falling
+from tests.metrics.mechanics.test_mission import falling
+from tests.metrics.mission.test_impact import INSIDE, with_corridor
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import pytest
 
 from lvnav_trade.campaign.study import Study
 from lvnav_trade.errors import InputError
-from lvnav_trade.metrics.references import references
+from lvnav_trade.metrics.published.references import references
 from lvnav_trade.report.study import Answered, build
 from lvnav_trade.store import load
 from tests import synthetic

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lvnav_trade.engines.controlled import Controlled
+from lvnav_trade.steering.nozzle import Controlled
 from lvnav_trade.store.controlled import controlled_tables
 
 

@@ -8,11 +8,11 @@ from typing import Any
 
 from ruamel.yaml import YAML
 
-from lvnav_trade.world.orbital import OrbitalFlight
-from lvnav_trade.world.profile import RecordedAscent
-from lvnav_trade.world.sounding import SoundingFlight
-from lvnav_trade.world.trajectory import Trajectory, build
-from lvnav_trade.world.vehicle import VehicleAscent
+from lvnav_trade.world.ascent.profile import RecordedAscent
+from lvnav_trade.world.ascent.vehicle import VehicleAscent
+from lvnav_trade.world.flight.orbital import OrbitalFlight
+from lvnav_trade.world.flight.sounding import SoundingFlight
+from lvnav_trade.world.flight.trajectory import Trajectory, build
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 

@@ -4,7 +4,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from lvnav_trade.world.gps_time import GPS_ORIGIN
+from lvnav_trade.world.sky.gps_time import GPS_ORIGIN
 
 
 def gps_time(*moment):

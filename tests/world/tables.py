@@ -10,7 +10,7 @@ import numpy as np
 from ruamel.yaml import YAML
 
 from lvnav_trade.frames import earth_angle, ecef_from_eci, eci_from_ecef, gmst
-from lvnav_trade.world.columns import TableTrajectory
+from lvnav_trade.world.user_file.columns import TableTrajectory
 from tests.world.flights import CONFIGS
 
 EPOCH = "2024-03-20T12:00:00Z"

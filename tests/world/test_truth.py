@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from lvnav_trade.frames import earth_angle, ecef_from_eci, matrices
-from lvnav_trade.kernels.earth import OMEGA, gravity_along, gravity_j4, potential_j4
-from lvnav_trade.world.sounding import SpinStep, spin_angle
+from lvnav_trade.kernels.earth import OMEGA, gravity_along, gravity_j4
+from lvnav_trade.world.flight.sounding import SpinStep, spin_angle
 from lvnav_trade.world.truth import Phase, Trajectory, motion, product, reference, rotation_quaternions
 from tests import building
+from tests.potential import potential_j4
 from tests.world.flights import ascent, recorded
 
 FLIGHTS = pytest.mark.parametrize("flight", [ascent, recorded])

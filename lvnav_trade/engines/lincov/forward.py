@@ -26,7 +26,7 @@ from lvnav_trade.filters.monitor import MODE, begin_watch, is_running, judge, se
 from lvnav_trade.kernels.groups import get_one, group, total_of, whole
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.strapdown import place
-from lvnav_trade.kernels.transition import ATT, POS, VEL, driver, GYRO
+from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL, driver
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.observables import family
 

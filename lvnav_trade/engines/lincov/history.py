@@ -43,7 +43,7 @@ def nominal(prepared: Prepared) -> Nominal:
     belief, late, signals = prepared.belief, prepared.options.late, prepared.signals
     shapes = {
         "nav": (10,), "sums": (N_SUM,), "previous": (6,),
-        "increments": (int(prepared.schedule.n_tick.max()), 6), "antenna": (len(belief.levers), 12), "arm": (3,),
+        "increments": (int(prepared.schedule.n_tick.max()), 6), "antenna": (len(belief.levers), 21),
         "rate": (3,), "H": (prepared.n_row, _width(prepared)), "z": (prepared.n_row,),
         "ranges": (signals.used.shape[1], 2), "solution": (6,), "observed": (max(1, len(prepared.devices)), 4),
         "clock_hat": (2,), "par": (max(1, len(prepared.layout.parameters)), 3), "x": (belief.n_state,),

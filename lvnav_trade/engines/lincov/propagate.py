@@ -6,7 +6,7 @@ from lvnav_trade.engines.lincov.components import GRAVITY, REMAINDER
 from lvnav_trade.engines.sensing import profile_value
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import predict
-from lvnav_trade.kernels.groups import add_one, get_one, group, set_one, whole
+from lvnav_trade.kernels.groups import add_one, get_one, group, set_one
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.joint import apply_phi
 from lvnav_trade.kernels.lanes import size

@@ -21,7 +21,6 @@ class Nominal(NamedTuple):
     previous: Floats
     increments: Floats
     antenna: Floats
-    arm: Floats
     rate: Floats
     H: Floats
     z: Floats

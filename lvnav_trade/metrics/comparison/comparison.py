@@ -1,0 +1,332 @@
+"""Is a candidate worse than a base: paired changes of errors and of kept requirements, each with its verdict."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from lvnav_trade import units
+from lvnav_trade.errors import InputError
+from lvnav_trade.metrics.basics.select import (
+    Errors,
+    at_time,
+    errors_at,
+    final_event,
+    flight_events,
+    lincov_rms,
+    split_metric,
+)
+from lvnav_trade.metrics.comparison import paired
+from lvnav_trade.metrics.comparison.matching import Pair, left_out, match
+from lvnav_trade.metrics.requirements.improvements import expected
+from lvnav_trade.metrics.requirements.requirements import bound_of, errors_of, where
+from lvnav_trade.store import Tables, load
+
+COLUMNS = [
+    "case", "kind", "metric", "event", "statistic", "unit", "base", "candidate", "scale", "change", "low", "high",
+    "effect", "verdict", "runs", "effective_runs", "remark",
+]  # fmt: skip
+CONFIDENCE = 0.95
+DEFAULT = "5 %"
+"""Smallest change of an error that is of interest unless said otherwise."""
+DEFAULT_METRICS = ("velocity_error_3d", "position_error_3d", "attitude_error_3d")
+FAILED_RUNS = "failed runs"
+FAILED_EFFECT = "1 %"
+_EFFECT = re.compile(r"^(?P<metric>[^@:=]+)(@(?P<at>[^@:=]+))?(:(?P<statistic>rms|q\d{1,2}(\.\d+)?))?$")
+
+
+class Effect(NamedTuple):
+    """The smallest change of interest: of a metric (or a requirement's name) at an event ("": injection or the last).
+
+    statistic: rms, or q95 for a quantile. amount as it was written: a percentage, or a quantity with its unit; "none"
+    leaves the metric out.
+    """
+
+    metric: str
+    at: str
+    statistic: str
+    amount: str
+
+
+class Comparison(NamedTuple):
+    """Rows of `COLUMNS`, remarks on the whole, the confidence, and the two folders."""
+
+    frame: pd.DataFrame
+    notes: tuple[str, ...]
+    confidence: float
+    base: Path
+    candidate: Path
+
+    @property
+    def verdict(self) -> str:
+        """The worst word of all rows: one that is worse makes the candidate worse, one undecided leaves it open."""
+        words = set(self.frame.verdict)
+        return next((word for word in ("worse", "undecided") if word in words), "not worse")
+
+
+def parse_effect(key: str, amount: str) -> Effect:
+    """Take ``METRIC[@EVENT][:STATISTIC]`` and the amount apart; InputError where they are not of that form."""
+    found = _EFFECT.match(key.strip())
+    if found is None:
+        raise InputError(f"effect {key!r}: write METRIC, METRIC@EVENT or METRIC@EVENT:q95")
+    text = amount.strip()
+    effect = Effect(found["metric"].strip(), (found["at"] or "").strip(), found["statistic"] or "rms", text)
+    if _is_relative(text):
+        _fraction(effect)
+    elif text != "none" and not re.match(r"^[-+]?[\d.]", text):
+        raise InputError(f"effect {key!r}: {amount!r} is neither a percentage, nor a quantity with a unit, nor none")
+    return effect
+
+
+def parse_effects(assignments: Sequence[str]) -> list[Effect]:
+    """Return the effects of assignments such as ``velocity_error_3d=5%``."""
+    found = []
+    for text in assignments:
+        key, equals, amount = text.rpartition("=")
+        if not equals:
+            raise InputError(f"--effect {text}: write METRIC=AMOUNT, such as velocity_error_3d=5%")
+        found.append(parse_effect(key, amount))
+    return found
+
+
+def compare(
+    base: Path | str | Tables,
+    candidate: Path | str | Tables,
+    effects: Sequence[Effect] = (),
+    confidence: float | None = None,
+    mapping: Mapping[str, str] | None = None,
+) -> Comparison:
+    """Hold a candidate against a base, case by case and run by run.
+
+    "worse": the change is shown to be above the smallest effect of interest; "not worse": shown to be below it;
+    "undecided" otherwise. `low` is the bound that shows it worse: all rows together are wrong with at most the
+    probability that the confidence leaves (Bonferroni). `high` shows a row not worse; since every row must be, each may
+    be wrong with that probability (intersection-union). Without runs on both sides linear covariance is compared.
+
+    Parameters
+    ----------
+    effects : laid over those of the base's campaign (``compare: {effects: ...}``), and those over the defaults
+    confidence : else the base's campaign's, else 0.95
+    mapping : see `matching.match`
+
+    Raises
+    ------
+    InputError
+        The two do not compare, or an effect names what is not there.
+    """
+    first, second = load(base), load(candidate)
+    pairs = match(first, second, mapping)
+    stated = first.campaign.get("compare") or {}
+    level = float(confidence if confidence is not None else stated.get("confidence", CONFIDENCE))
+    if not 0.5 <= level < 1.0:
+        raise InputError(f"--confidence {level:g}: give a number from 0.5 to below 1")
+    of_campaign = [parse_effect(key, str(amount)) for key, amount in (stated.get("effects") or {}).items()]
+    wanted = _laid_over(first, [*of_campaign, *effects])
+    tasks = [task for pair in pairs for task in _tasks(first, second, pair, wanted)]
+    alpha = 1.0 - level
+    rows = [task.row(first, second, alpha / len(tasks), alpha) for task in tasks]
+    notes = _notes(first, second, pairs)
+    return Comparison(pd.DataFrame(rows, columns=COLUMNS), notes, level, first.folder, second.folder)
+
+
+def _laid_over(base: Tables, given: Sequence[Effect]) -> list[Effect]:
+    """Return what is compared: the defaults, the requirements, what the user says on top; "none" takes away."""
+    known = {str(requirement["name"]) for requirement in _stated(base)}
+    found: dict[tuple[str, str, str], Effect] = {}
+    for effect in (*(Effect(metric, "", "rms", DEFAULT) for metric in DEFAULT_METRICS), *given):
+        statistic = "beyond" if effect.metric in known or effect.metric == FAILED_RUNS else effect.statistic
+        found[effect.metric, effect.at, statistic] = effect._replace(statistic=statistic)
+    for requirement in _stated(base):
+        allowed = f"{100.0 * (1.0 - float(requirement['probability'])):.12g} %"
+        name = str(requirement["name"])
+        found.setdefault((name, "", "beyond"), Effect(name, "", "beyond", allowed))
+    found.setdefault((FAILED_RUNS, "", "beyond"), Effect(FAILED_RUNS, "", "beyond", FAILED_EFFECT))
+    return [effect for effect in found.values() if effect.amount != "none"]
+
+
+def _stated(tables: Tables) -> list[dict[str, Any]]:
+    return list(tables.campaign.get("requirements") or ())
+
+
+def _is_relative(amount: str) -> bool:
+    return amount.endswith(("%", "percent"))
+
+
+def _fraction(effect: Effect) -> float:
+    try:
+        value = units.parse(effect.amount, "dimensionless")
+    except ValueError as error:
+        raise InputError(f"effect on {effect.metric}: {error}") from None
+    return _not_negative(effect, value)
+
+
+def _not_negative(effect: Effect, value: float) -> float:
+    if value < 0.0:
+        raise InputError(f"effect on {effect.metric}: {effect.amount!r} should not be below zero")
+    return value
+
+
+class _Task(NamedTuple):
+    """One row to be: what of which pair of cases; size of the error of each run, the unit, for fractions the bound."""
+
+    pair: Pair
+    effect: Effect
+    event: str
+    first: Errors
+    second: Errors
+    bound: float = np.inf
+
+    def row(self, base: Tables, candidate: Tables, alpha_low: float, alpha_high: float) -> dict[str, Any]:
+        """Return the row of the comparison."""
+        n = min(len(self.first.size), len(self.second.size))
+        if not n:
+            return self._filled(_by_covariance(base, candidate, self), 0, "by linear covariance")
+        first, second = self.first.size[:n], self.second.size[:n]
+        if self.effect.statistic == "beyond":
+            change = paired.beyond_change(first >= self.bound, second >= self.bound, alpha_low, alpha_high)
+        else:
+            both = np.isfinite(first) & np.isfinite(second)
+            if not both.any():
+                nothing = paired.Change(*[float("nan")] * 6)
+                return self._filled(nothing, 0, "no run is good in both")
+            change = self._change(first[both], second[both], alpha_low, alpha_high)
+        if np.array_equal(first, second):
+            same = change._replace(change=0.0, low=0.0, high=0.0, effective_runs=float("inf"))
+            return self._filled(same, n, "the same in every run") | {"verdict": "not worse"}
+        few = "" if np.isfinite(change.low + change.high) else "too few runs for a bound"
+        return self._filled(change, n, few or ("better" if change.high < 0.0 else ""))
+
+    def _change(self, first: Any, second: Any, alpha_low: float, alpha_high: float) -> paired.Change:
+        relative = _is_relative(self.effect.amount)
+        if self.effect.statistic == "rms":
+            return paired.rms_change(first, second, relative, alpha_low, alpha_high)
+        probability = float(self.effect.statistic[1:]) / 100.0
+        return paired.quantile_change(first, second, probability, relative, alpha_low, alpha_high)
+
+    def _filled(self, change: paired.Change, runs: int, remark: str) -> dict[str, Any]:
+        """Return a row in the units of people."""
+        counted = self.effect.statistic == "beyond"
+        relative = counted or _is_relative(self.effect.amount)
+        factor = 1.0 if relative else self.first.label_factor
+        size = 1.0 if counted else self.first.label_factor
+        amount = _fraction(self.effect) if relative else _quantity(self.effect, self.first.unit)
+        return {
+            "case": self.pair.label,
+            "kind": ("failures" if self.effect.metric == FAILED_RUNS else "requirement") if counted else "error",
+            "metric": self.effect.metric,
+            "event": self.event,
+            "statistic": "fraction beyond" if counted else self.effect.statistic,
+            "unit": "" if counted else self.first.label_unit,
+            "base": change.base * size,
+            "candidate": change.candidate * size,
+            "scale": "fraction of runs" if counted else ("ratio" if relative else self.first.label_unit),
+            "change": change.change * factor,
+            "low": change.low * factor,
+            "high": change.high * factor,
+            "effect": amount * factor,
+            "verdict": paired.verdict(change.low, change.high, amount),
+            "runs": runs,
+            "effective_runs": change.effective_runs,
+            "remark": remark,
+        }
+
+
+def _quantity(effect: Effect, unit: str) -> float:
+    try:
+        value = units.parse(effect.amount, unit)
+    except ValueError as error:
+        raise InputError(f"effect on {effect.metric}: {error}") from None
+    return _not_negative(effect, value)
+
+
+def _tasks(base: Tables, candidate: Tables, pair: Pair, effects: Sequence[Effect]) -> list[_Task]:
+    requirements = {str(stated["name"]): stated for stated in _stated(base)}
+    found = []
+    for effect in effects:
+        if effect.metric == FAILED_RUNS:
+            found += _failures(base, candidate, pair, effect)
+        elif effect.metric in requirements:
+            stated = requirements[effect.metric]
+            first, second = errors_of(base, pair.base, stated), errors_of(candidate, pair.candidate, stated)
+            if first is not None and second is not None:
+                bound = bound_of(stated["below"], first.unit)
+                found.append(_Task(pair, effect, where(stated), first, second, bound))
+        else:
+            event = effect.at or final_event(base, pair.base)
+            first = errors_at(base, pair.base, event, effect.metric)
+            second = errors_at(candidate, pair.candidate, event, effect.metric)
+            if first is not None and second is not None and _flown(base, pair.base, event):
+                found.append(_Task(pair, effect, event, first, second))
+            elif effect.at or effect.metric not in DEFAULT_METRICS:
+                raise InputError(_unknown(base, pair, effect, event))
+    return found
+
+
+def _flown(tables: Tables, case: str, event: str) -> bool:
+    return event in set(flight_events(tables, case).event)
+
+
+def _unknown(base: Tables, pair: Pair, effect: Effect, event: str) -> str:
+    """Say what an effect names that is not there."""
+    if errors_at(base, pair.base, event, effect.metric) is not None:
+        events = ", ".join(flight_events(base, pair.base).event)
+        return f"effect on {effect.metric}: {event!r} is not an event of {pair.label} (it has {events})"
+    rows = base.outputs[base.outputs.case == pair.base]
+    names = [f"{row.quantity}_error_{row.axis}" for row in rows.itertuples()]
+    near = difflib.get_close_matches(effect.metric, [*names, *(r["name"] for r in _stated(base))], 1)
+    hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(names)}"
+    return f"effect on {effect.metric!r}: no such metric or requirement in both cases of {pair.label} ({hint})"
+
+
+def _failures(base: Tables, candidate: Tables, pair: Pair, effect: Effect) -> list[_Task]:
+    """Return the comparison of failed runs, where there are any."""
+    sides = []
+    for tables, case in ((base, pair.base), (candidate, pair.candidate)):
+        rows = tables.runs[tables.runs.case == case].drop_duplicates("run_number")
+        sides.append(Errors((rows.failure != "").to_numpy(dtype=float), "", "", 1.0))
+    failed = any(side.size.any() for side in sides)
+    return [_Task(pair, effect, "", sides[0], sides[1], 0.5)] if failed else []
+
+
+def _by_covariance(base: Tables, candidate: Tables, task: _Task) -> paired.Change:
+    """Return what linear covariance says of the change: a number without sampling error, so its own bounds."""
+    sides = []
+    for tables, case in ((base, task.pair.base), (candidate, task.pair.candidate)):
+        if task.effect.statistic == "beyond":
+            rows = expected(tables)
+            rows = rows[(rows.requirement == task.effect.metric) & (rows.case == tables.labels[case])]
+            sides.append(1.0 - float(rows.expected_probability.iloc[0]) if len(rows) else float("nan"))
+        elif task.effect.statistic == "rms":
+            sides.append(_lincov_rms(tables, case, task.event, task.effect.metric))
+        else:
+            sides.append(float("nan"))
+    relative = task.effect.statistic != "beyond" and _is_relative(task.effect.amount)
+    change = sides[1] / sides[0] - 1.0 if relative and sides[0] else sides[1] - sides[0]
+    return paired.Change(sides[0], sides[1], change, change, change, float("nan"))
+
+
+def _lincov_rms(tables: Tables, case: str, event: str, metric: str) -> float:
+    quantity, axis = split_metric(metric)
+    history = tables.history
+    rows = history[(history.case == case) & (history.quantity == quantity) & (history.axis == axis)]
+    if rows.empty:
+        return float("nan")
+    t = float(flight_events(tables, case).set_index("event").t_s[event])
+    return float(at_time(rows.assign(expected=lincov_rms(rows)), t).expected)
+
+
+def _notes(base: Tables, candidate: Tables, pairs: Sequence[Pair]) -> tuple[str, ...]:
+    """Return what a reader should know beside the rows."""
+    told = left_out(base, candidate, pairs)
+    codes = [tables.manifest.get("code_digest") for tables in (base, candidate)]
+    if codes[0] != codes[1]:
+        told.append(f"Computed by two versions of the code ({codes[0]} and {codes[1]}).")
+    if _stated(base) != _stated(candidate):
+        told.append("The two campaigns state different requirements; both are held against the base's.")
+    return tuple(told)

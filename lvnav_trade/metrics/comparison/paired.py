@@ -1,0 +1,165 @@
+"""Two cases on the same draws: how much the second differs, how sure that is, and what the pairing is worth."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import optimize, stats
+
+Floats = NDArray[np.float64]
+Truths = NDArray[np.bool_]
+
+RESAMPLES = 2000
+"""Resamples of the runs behind the bounds of a quantile's change."""
+FEWEST_BEYOND = 5
+"""A quantile needs so many runs on either side of it, or else no bound is given."""
+_CHUNK = 2**22
+
+
+class Change(NamedTuple):
+    """What the candidate does to a statistic of the error.
+
+    base, candidate: the statistic of each; change: candidate / base - 1, or candidate - base; low, high: one-sided
+    bounds on the change, each at its own level, NaN where the runs do not give one; effective_runs: unpaired runs per
+    case that would tell the change as well, infinite where the draws cancel altogether.
+    """
+
+    base: float
+    candidate: float
+    change: float
+    low: float
+    high: float
+    effective_runs: float
+
+
+def rms_change(base: Floats, candidate: Floats, relative: bool, alpha_low: float, alpha_high: float) -> Change:
+    """Return the change of the root mean square of errors (n,) that belong together run by run.
+
+    The bounds are Student's, with the jackknife's variance of ln(candidate / base), or of the difference where not
+    `relative` (Efron and Stein 1981: the jackknife's variance is not too small on average).
+    """
+    n = len(base)
+    sizes = np.sqrt(np.mean(base**2)), np.sqrt(np.mean(candidate**2))
+    left_out = tuple(_rms_without(part) for part in (base, candidate))
+    if relative:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            first, second = np.log(left_out[0]), np.log(left_out[1])
+            centre = float(np.log(sizes[1]) - np.log(sizes[0]))
+    else:
+        first, second = left_out
+        centre = float(sizes[1] - sizes[0])
+    with np.errstate(invalid="ignore"):
+        paired, apart = _jackknife(second - first), _jackknife(first) + _jackknife(second)
+    if n < 2 or not np.isfinite(paired):
+        low = high = float("nan")
+    else:
+        low = centre - float(stats.t.isf(alpha_low, n - 1)) * np.sqrt(paired)
+        high = centre + float(stats.t.isf(alpha_high, n - 1)) * np.sqrt(paired)
+    if relative:
+        centre, low, high = (float(np.expm1(value)) for value in (centre, low, high))
+    return Change(float(sizes[0]), float(sizes[1]), centre, float(low), float(high), _worth(n, apart, paired))
+
+
+def _rms_without(error: Floats) -> Floats:
+    """Return the root mean square of all runs but one, for each run."""
+    square = error**2
+    others = np.maximum(square.sum() - square, 0.0)
+    rms: Floats = np.sqrt(others / max(1, len(error) - 1))
+    return rms
+
+
+def _jackknife(without: Floats) -> float:
+    """Return the variance of a statistic from its values with each run left out."""
+    n = len(without)
+    return float((n - 1) / n * np.sum((without - without.mean()) ** 2))
+
+
+def _worth(n: int, apart: float, paired: float) -> float:
+    """Return the number of unpaired runs whose variance would be that of n paired ones."""
+    if not np.isfinite(apart + paired):
+        return float("nan")
+    return float(n * apart / paired) if paired > 1e-12 * apart else float("inf")
+
+
+def quantile_change(
+    base: Floats, candidate: Floats, probability: float, relative: bool, alpha_low: float, alpha_high: float
+) -> Change:
+    """Return the change of a quantile of |error|, by resampling whole pairs (percentile bounds).
+
+    The quantile is the order statistic that at least the fraction `probability` of runs stays at or below. The
+    resamples are always the same ones: an answer does not change from one look to the next.
+    """
+    pair = np.abs(np.stack([base, candidate]))
+    n = pair.shape[1]
+    rank = max(1, int(np.ceil(probability * n - 1e-9))) - 1
+    at = np.sort(pair, axis=1)[:, rank]
+    change = _difference(at[0], at[1], relative)
+    if min(n * probability, n * (1.0 - probability)) < FEWEST_BEYOND - 1e-9:
+        return Change(float(at[0]), float(at[1]), float(change), float("nan"), float("nan"), float("nan"))
+    drawn = _resampled(pair, rank)
+    changes = _difference(drawn[0], drawn[1], relative)
+    low, high = np.quantile(changes, [alpha_low, 1.0 - alpha_high])
+    measured = np.log(drawn) if relative and np.all(drawn > 0.0) else drawn
+    apart, paired = float(measured.var(axis=1).sum()), float(np.var(measured[1] - measured[0]))
+    return Change(float(at[0]), float(at[1]), float(change), float(low), float(high), _worth(n, apart, paired))
+
+
+def _difference(base: Floats, candidate: Floats, relative: bool) -> Floats:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found: Floats = candidate / base - 1.0 if relative else candidate - base
+    return found
+
+
+def _resampled(pair: Floats, rank: int) -> Floats:
+    """Return the order statistic of every resample of the pairs (2, n): (2, RESAMPLES)."""
+    n = pair.shape[1]
+    generator = np.random.default_rng(n)
+    found = np.empty((2, RESAMPLES))
+    step = max(1, _CHUNK // n)
+    for start in range(0, RESAMPLES, step):
+        stop = min(RESAMPLES, start + step)
+        chosen = generator.integers(0, n, (stop - start, n))
+        for k in range(2):
+            found[k, start:stop] = np.partition(pair[k][chosen], rank, axis=1)[:, rank]
+    return found
+
+
+def beyond_change(base: Truths, candidate: Truths, alpha_low: float, alpha_high: float) -> Change:
+    """Return the change of the fraction of runs beyond a limit, with score bounds for paired fractions (Tango 1998).
+
+    Only runs beyond it in one case and not in the other tell anything, as in McNemar's test.
+    """
+    n = len(base)
+    more, less = int(np.sum(candidate & ~base)), int(np.sum(base & ~candidate))
+    first, second = float(np.mean(base)), float(np.mean(candidate))
+    low = _score_limit(n, more, less, float(stats.norm.isf(alpha_low)))
+    high = -_score_limit(n, less, more, float(stats.norm.isf(alpha_high)))
+    apart = first * (1.0 - first) + second * (1.0 - second)
+    paired = (more + less) / n - (second - first) ** 2
+    return Change(first, second, second - first, low, high, _worth(n, apart, paired) if apart else float("nan"))
+
+
+def _score_limit(n: int, more: int, less: int, z: float) -> float:
+    """Return the lower limit on the difference of paired fractions at which the score statistic is z."""
+
+    def missing(difference: float) -> float:
+        a = 2.0 * n
+        b = (2.0 * n - more + less) * difference - more - less
+        c = -less * difference * (1.0 - difference)
+        nuisance = (np.sqrt(max(0.0, b * b - 4.0 * a * c)) - b) / (2.0 * a)
+        variance = n * (2.0 * nuisance + difference * (1.0 - difference))
+        return float(more - less - n * difference - z * np.sqrt(max(variance, 0.0)))
+
+    lowest, below = -1.0 + 1e-12, (more - less) / n - 1e-9  # at the estimate itself the statistic may be 0 / 0
+    if below <= lowest or missing(lowest) <= 0.0:
+        return -1.0
+    return float(optimize.brentq(missing, lowest, below, xtol=1e-12))
+
+
+def verdict(low: float, high: float, effect: float) -> str:
+    """Return "worse" where the change is shown to be above the smallest effect of interest, "not worse" where below."""
+    if low > effect:
+        return "worse"
+    return "not worse" if high < effect else "undecided"

@@ -1,0 +1,4 @@
+"""Orbital mechanics of navigation errors, independent of the results: orbits, impact points, correction impulses.
+
+Read `mission.py` first.
+"""

@@ -1,0 +1,124 @@
+"""The least delta-v that corrects an injection error: impulses anywhere in one revolution, linear in the error.
+
+Nulled are the errors of the orbit: angular momentum and eccentricity vector, which stand for semi-major axis,
+eccentricity, perigee, inclination and node (five numbers). The place along the orbit is left as it is. The least sum
+of impulses is the support function of the set of primers, {p: |B_k' p| <= 1 at every place k} (Lawden, Optimal
+Trajectories for Space Navigation, 1963), so it is a norm of the error; it is found from both sides.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lvnav_trade.frames import unit
+from lvnav_trade.kernels.earth import GM
+from lvnav_trade.metrics.mechanics.meanorbit import MOST_ECCENTRIC, osculating
+
+Floats = NDArray[np.float64]
+
+PLACES = 48
+"""Places along the revolution where an impulse may be; between two of them 0.2 % are lost."""
+_ROUNDS = 400
+_CHUNK = 512
+_FLOOR = 1e-9
+"""Least part of the weight that a place keeps, so that what is solved stays regular."""
+
+
+class Correction(NamedTuple):
+    """Least delta-v (n,) in m/s, and a lower bound on it (n,)."""
+
+    delta_v: Floats
+    bound: Floats
+
+
+def orbit_errors(r_i: ArrayLike, v_i: ArrayLike) -> Floats:
+    """Return the matrix (5, 6) from an error of velocity and position (frame i) to that of the orbit, first order.
+
+    Three rows: angular momentum over its size, along the position, 90 degrees ahead, and along itself; two: the
+    eccentricity vector along the position and ahead.
+    """
+    r_i, v_i = np.asarray(r_i, dtype=float), np.asarray(v_i, dtype=float)
+    eye = np.eye(3)
+    h_i = np.cross(r_i, v_i)
+    r = np.linalg.norm(r_i)
+    turn = np.concatenate([np.cross(r_i, eye), np.cross(eye, v_i)]).T  # of h_i, by velocity and by position
+    shift = np.concatenate([np.cross(eye, h_i), np.zeros((3, 3))]).T + np.cross(v_i, turn.T).T
+    shift = shift / GM - np.concatenate([np.zeros((3, 3)), (eye - np.outer(r_i, r_i) / r**2) / r]).T
+    towards, normal = unit(r_i), unit(h_i)
+    axes = np.stack([towards, np.cross(normal, towards), normal])
+    return np.concatenate([axes @ turn / np.linalg.norm(h_i), axes[:2] @ shift])
+
+
+def control(r_i: ArrayLike, v_i: ArrayLike, places: int = PLACES) -> Floats:
+    """Return the matrices (places, 5, 3): what an impulse there (radial, ahead, normal) changes of `orbit_errors`."""
+    r_i, v_i = np.asarray(r_i, dtype=float), np.asarray(v_i, dtype=float)
+    orbit = osculating(r_i, v_i)
+    towards, normal = unit(r_i), unit(orbit.h_i)
+    ahead = np.cross(normal, towards)
+    h = float(np.linalg.norm(orbit.h_i))
+    ex, ey = float(orbit.e_i @ towards), float(orbit.e_i @ ahead)
+    angle = np.linspace(0.0, 2.0 * np.pi, places, endpoint=False)
+    c, s = np.cos(angle), np.sin(angle)
+    radius = h**2 / GM / (1.0 + ex * c + ey * s)
+    zero = np.zeros(places)
+    radial, along = np.stack([c, s, zero], axis=1), np.stack([-s, c, zero], axis=1)
+    speed = GM / h * np.stack([-(s + ey), c + ex, zero], axis=1)
+    found = np.empty((places, 5, 3))
+    for k, push in enumerate((radial, along, np.broadcast_to([0.0, 0.0, 1.0], (places, 3)))):
+        turn = radius[:, None] * np.cross(radial, push)
+        shift = (np.cross(push, np.array([0.0, 0.0, h])) + np.cross(speed, turn)) / GM
+        found[:, :3, k], found[:, 3:, k] = turn / h, shift[:, :2]
+    return found
+
+
+def least(error: ArrayLike, pushes: Floats, tolerance: float = 5e-3) -> Correction:
+    """Return the least delta-v that nulls orbit errors (n, 5) with impulses of the matrices (m, 5, 3).
+
+    Iteratively re-weighted least squares: impulses w_k B_k' p with p = (sum w B B')^-1 error are a solution, and p,
+    scaled to a primer, is a bound from below. Rounds end where the two are within the tolerance of each other.
+    """
+    error = np.atleast_2d(np.asarray(error, dtype=float))
+    parts = [_least(error[k : k + _CHUNK], pushes, tolerance) for k in range(0, len(error), _CHUNK)]
+    return Correction(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+
+
+def _least(error: Floats, pushes: Floats, tolerance: float) -> Correction:
+    m = len(pushes)
+    flat = [np.ascontiguousarray(pushes[:, :, axis].T) for axis in range(3)]
+    squares = np.einsum("kij,klj->kil", pushes, pushes).reshape(m, 25)
+    size = np.linalg.norm(error, axis=1)
+    goal = np.where(size[:, None] > 0.0, error, 1.0) / np.where(size > 0.0, size, 1.0)[:, None]
+    weight = np.full((len(error), m), 1.0 / m)
+    best, bound = np.full(len(error), np.inf), np.zeros(len(error))
+    left = np.arange(len(error))
+    for _ in range(_ROUNDS):
+        metric = (weight @ squares).reshape(-1, 5, 5)
+        primer = np.linalg.solve(metric, goal[left, :, None])[:, :, 0]
+        length = np.sqrt(sum((primer @ one) ** 2 for one in flat))
+        best[left] = np.minimum(best[left], np.sum(weight * length, axis=1))
+        bound[left] = np.maximum(bound[left], np.sum(primer * goal[left], axis=1) / length.max(axis=1))
+        far = best[left] - bound[left] > tolerance * best[left]
+        left, weight, length = left[far], weight[far], length[far]
+        if not len(left):
+            break
+        share = length / length.max(axis=1, keepdims=True)
+        weight = weight * (share * np.sqrt(share))  # a power of 1 is the plain rule, 2 is faster and may lose the rank
+        weight = weight / weight.sum(axis=1, keepdims=True) + _FLOOR
+    return Correction(size * best, size * bound)
+
+
+def least_at(r_i: ArrayLike, v_i: ArrayLike, error: ArrayLike) -> Correction:
+    """Return the least delta-v for errors of velocity and position (n, 6), frame i, at a true state; NaN where the
+    orbit is no ellipse that is flown round.
+    """
+    error = np.atleast_2d(np.asarray(error, dtype=float))
+    orbit = osculating(r_i, v_i)
+    if not bool(orbit.elliptic):
+        return Correction(np.full(len(error), np.nan), np.full(len(error), np.nan))
+    return least(error @ orbit_errors(r_i, v_i).T, control(r_i, v_i))
+
+
+__all__ = ["MOST_ECCENTRIC", "Correction", "control", "least", "least_at", "orbit_errors"]

@@ -1,0 +1,230 @@
+"""Errors of a mission's numbers (orbit, point of impact, correction), from errors of velocity and position together.
+
+The error at an event is that of the orbit, or point of impact, that is believed: of the true state less that of the
+estimate. Where guidance steers by the estimate, the vehicle is brought to the aim by its belief, so the same error,
+with its sign turned, is the error of the injection.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy import special
+from scipy.stats import qmc
+
+from lvnav_trade import frames
+from lvnav_trade.layout import MISSION
+from lvnav_trade.metrics.mechanics import impulses, meanorbit
+from lvnav_trade.metrics.mechanics.freefall import impact, offsets
+from lvnav_trade.store import Tables
+
+Floats = NDArray[np.float64]
+
+STEP = np.array([1e-2] * 3 + [10.0] * 3)
+"""Steps of the central differences, m/s and m: their second order is 1e-6 of the first, round-off less."""
+DRAWS = 2**11
+_LEAST_SIGMAS = 3.0
+
+
+class State(NamedTuple):
+    """The true state at an event or time: r_i, v_i (3,), Earth angle (rad), turn (3, 3) from the reporting axes."""
+
+    event: str
+    t: float
+    r_i: Floats
+    v_i: Floats
+    earth_angle: float
+    turn: Floats
+
+
+class Law(NamedTuple):
+    """LinCov of an error of velocity and position, frame i: mean (6,), true and formal covariance (6, 6), SI."""
+
+    mean: Floats
+    true: Floats
+    formal: Floats
+
+
+def states(tables: Tables, case: str) -> list[State]:
+    """Return the stored true states of a case: at events (named) and over the flight (no name), in the order stored."""
+    rows = tables.states[tables.states.case == case]
+    r_i, v_i = rows.filter(regex=r"^position_._m$"), rows.filter(regex=r"^velocity_._m_per_s$")
+    turns = frames.matrices(rows.filter(regex=r"^axes_q").to_numpy())
+    columns = (rows.event, rows.t_s, r_i.to_numpy(), v_i.to_numpy(), rows.earth_angle_rad, turns)
+    return [
+        State(str(event), float(t), r, v, float(theta), C) for event, t, r, v, theta, C in zip(*columns, strict=True)
+    ]
+
+
+def state_at(tables: Tables, case: str, event: str) -> State | None:
+    """Return the true state at an event; None where it is not stored."""
+    return next((state for state in states(tables, case) if state.event == event and event), None)
+
+
+def laws(tables: Tables, case: str) -> list[Law]:
+    """Return LinCov of velocity and position at each of `states`."""
+    rows = tables.joint[tables.joint.case == case]
+    n = len(rows) // 21
+    i, j = np.triu_indices(6)
+
+    def matrices(column: pd.Series) -> Floats:
+        found = np.zeros((n, 6, 6))
+        found[:, i, j] = found[:, j, i] = column.to_numpy(dtype=float).reshape(n, 21)
+        return found
+
+    mean = rows.mean_si.to_numpy(dtype=float).reshape(n, 21)[:, i == j]
+    return [Law(*parts) for parts in zip(mean, matrices(rows.true_si2), matrices(rows.formal_si2), strict=True)]
+
+
+def law_at(tables: Tables, case: str, event: str) -> Law | None:
+    """Return LinCov of velocity and position at an event; None where it is not stored."""
+    names = [state.event for state in states(tables, case)]
+    return laws(tables, case)[names.index(event)] if event in names else None
+
+
+def run_errors(tables: Tables, case: str, state: State) -> tuple[Floats, NDArray[np.bool_]]:
+    """Return the errors (n_run, 6) of velocity and position, frame i, at the state's event, and which runs failed."""
+    runs = tables.runs
+    chosen = runs[(runs.case == case) & (runs.event == state.event)]
+    outputs = tables.outputs
+    outputs = outputs[(outputs.case == case) & (outputs.axis != "3d")]
+    parts = []
+    for quantity, suffix in (("velocity", "m_per_s"), ("position", "m")):
+        names = [f"{quantity}_{axis}_error_{suffix}" for axis in outputs.axis[outputs.quantity == quantity]]
+        parts.append(chosen[names].to_numpy(dtype=float) @ state.turn.T)
+    error = np.concatenate(parts, axis=1)
+    return error, (chosen.failure.to_numpy() != "") | ~np.isfinite(error).all(axis=1)
+
+
+# --- errors of the mission's numbers ----------------------------------------------------------------------------------
+
+
+def orbit_errors(state: State, error: Floats) -> dict[str, Floats]:
+    """Return the errors of the mean orbit, each (n,), the eccentricity vector's (n, 2), for state errors (n, 6).
+
+    The eccentricity vector is resolved along the true ascending node and 90 degrees ahead of it.
+    """
+    true = meanorbit.mean(state.r_i, state.v_i)
+    believed = meanorbit.mean(state.r_i - error[:, 3:], state.v_i - error[:, :3])
+    node = np.array([np.cos(true.node), np.sin(true.node), 0.0])
+    plane = np.stack([node, np.cross(frames.unit(true.h_i), node)])
+    return {
+        "semi_major_axis_error": true.semi_major_axis - believed.semi_major_axis,
+        "eccentricity_error": true.eccentricity - believed.eccentricity,
+        "eccentricity_vector_error": (true.e_i - believed.e_i) @ plane.T,
+        "perigee_error": true.perigee - believed.perigee,
+        "apogee_error": true.apogee - believed.apogee,
+        "inclination_error": true.inclination - believed.inclination,
+        "node_error": np.mod(true.node - believed.node + np.pi, 2.0 * np.pi) - np.pi,
+    }
+
+
+def impact_errors(state: State, error: Floats) -> Floats:
+    """Return how far the true point of impact lies from the believed one, down-range and cross-range (n, 2), m."""
+    true = impact(state.r_i, state.v_i, state.earth_angle)
+    if not np.isfinite(true.fall[0]):
+        return np.full((len(error), 2), np.nan)
+    believed = impact(state.r_i - error[:, 3:], state.v_i - error[:, :3], state.earth_angle, lowest=0.0)
+    return -offsets(true.r_e, believed.r_e, true.heading)
+
+
+def signed(state: State, error: Floats, metric: str) -> Floats:
+    """Return a metric's errors (n, k), SI, for errors of velocity and position (n, 6), frame i; a size for a
+    correction. NaN where the number is not defined.
+    """
+    if metric == "correction_delta_v":
+        return impulses.least_at(state.r_i, state.v_i, error).delta_v[:, None]
+    if metric.startswith("impact_error"):
+        found = impact_errors(state, error)
+        axis = metric.removeprefix("impact_error_")
+        return found[:, [("down", "cross").index(axis)]] if axis in ("down", "cross") else found
+    found = orbit_errors(state, error)[metric]
+    return found if found.ndim == 2 else found[:, None]
+
+
+def sizes_at(tables: Tables, case: str, event: str, metric: str) -> Floats | None:
+    """Return |error| (n_run,) of a mission metric at an event in every run, SI; infinite where the run failed or the
+    number is not defined. None where the state at the event is not stored.
+    """
+    state = state_at(tables, case, event)
+    if state is None:
+        return None
+    error, failed = run_errors(tables, case, state)
+    size = np.full(len(error), np.inf)
+    if not failed.all():
+        size[~failed] = np.linalg.norm(signed(state, error[~failed], metric), axis=1)
+    return np.where(np.isfinite(size), size, np.inf)
+
+
+# --- by linear covariance ---------------------------------------------------------------------------------------------
+
+
+def jacobian(state: State, metric: str) -> Floats:
+    """Return the derivative (k, 6) of a metric's error by that of velocity and position, by central differences."""
+    return derivative(lambda error: signed(state, error, metric))
+
+
+def derivative(function: Callable[[Floats], Floats]) -> Floats:
+    """Return the derivative (k, 6), at no error, of a function of errors (n, 6) with values (n, k)."""
+    steps = np.diag(STEP)
+    values = function(np.concatenate([steps, -steps]))
+    return np.asarray(((values[:6] - values[6:]) / (2.0 * STEP[:, None])).T)
+
+
+def draws(mean: Floats, covariance: Floats, count: int = DRAWS) -> Floats:
+    """Return `count` (a power of two) errors (count, 6) that fill the Gaussian evenly (Sobol's points), always the
+    same.
+    """
+    points = qmc.Sobol(6, scramble=False).random_base2(round(np.log2(count))) + 0.5 / count
+    variance, axes = np.linalg.eigh(covariance / np.outer(STEP, STEP))
+    roots = STEP[:, None] * axes * np.sqrt(np.maximum(variance, 0.0))
+    return np.asarray(mean + special.ndtri(points) @ roots.T)
+
+
+def near_circular(state: State, covariance: Floats) -> str:
+    """Say why the first-order sigma of perigee, apogee and eccentricity does not apply; empty where it does.
+
+    Their derivative does not exist at a circular orbit: within three sigma of one their errors are no Gaussian.
+    """
+    e = float(meanorbit.mean(state.r_i, state.v_i).eccentricity)
+    slope = jacobian(state, "eccentricity_vector_error")
+    if not np.isfinite(slope).all():
+        return "no closed orbit"
+    sigma = float(np.sqrt(np.linalg.eigvalsh(slope @ covariance @ slope.T)[-1]))
+    if e >= _LEAST_SIGMAS * sigma:
+        return ""
+    return f"the orbit is circular to within {_LEAST_SIGMAS:g} sigma (e = {e:.2g}, sigma {sigma:.2g})"
+
+
+def applies(state: State, metric: str, covariance: Floats) -> str:
+    """Say why first-order covariance does not describe a metric at a state; empty where it does."""
+    if metric in ("perigee_error", "apogee_error", "eccentricity_error"):
+        return near_circular(state, covariance)
+    if metric == "correction_delta_v":
+        return "a sum of impulses is no linear function of the error"
+    return "" if np.isfinite(jacobian(state, metric)).all() else "not defined there"
+
+
+def expected_at(tables: Tables, case: str, event: str, metric: str) -> tuple[Floats, Floats] | str | None:
+    """Return mean (k,) and covariance (k, k) of a mission metric by linear covariance, SI, or why it does not apply.
+
+    None where the state at the event is not stored. k is 2 for the point of impact and the eccentricity vector.
+    """
+    state, law = state_at(tables, case, event), law_at(tables, case, event)
+    if state is None or law is None:
+        return None
+    reason = applies(state, metric, law.true)
+    if reason:
+        return reason
+    slope = jacobian(state, metric)
+    return slope @ law.mean, slope @ law.true @ slope.T
+
+
+def people(metric: str) -> tuple[str, str, float]:
+    """Return SI unit, unit for people and its factor of a mission metric."""
+    found: Any = MISSION[metric]
+    return found.unit, found.label_unit, found.label_factor

@@ -1,0 +1,245 @@
+"""The instantaneous impact point over the flight, the ellipse of its error, and whether it keeps to a corridor."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from lvnav_trade.metrics.basics.intervals import success_bounds
+from lvnav_trade.metrics.basics.once import once
+from lvnav_trade.metrics.errors.covariances import reach
+from lvnav_trade.metrics.mechanics import mission
+from lvnav_trade.metrics.mechanics.freefall import Impact, offsets
+from lvnav_trade.metrics.mechanics.freefall import impact as fall_of
+from lvnav_trade.metrics.mechanics.mission import Law, State
+from lvnav_trade.metrics.mission.corridor import Corridor, beside, contains, corridor_of, metres, probability
+from lvnav_trade.store import Tables, load
+
+Floats = NDArray[np.float64]
+
+COLUMNS = [
+    "case", "event", "t_s", "latitude_deg", "longitude_deg", "heading_deg", "fall_s", "down_sigma_km",
+    "cross_sigma_km", "correlation", "major_3sigma_km", "minor_3sigma_km", "major_heading_deg", "down_filter_sigma_km",
+    "cross_filter_sigma_km", "down_bias_km", "cross_bias_km", "corridor_probability", "corridor_margin_sigma", "runs",
+    "mc_down_sigma_km", "mc_cross_sigma_km", "mc_q99_km", "mc_outside",
+]  # fmt: skip
+VERDICTS = [
+    "case", "verdict", "probability", "expected_probability", "margin_sigma", "t_s", "mc_verdict", "runs", "outside",
+    "reason",
+]  # fmt: skip
+
+
+def impact(results: Path | str | Tables, only: str | None = None) -> pd.DataFrame:
+    """Return each case's point of impact over the flight, with its error; rows only where there is one.
+
+    `only` is the digest of a case that alone is asked for.
+
+    Where the vehicle would come down without thrust and air, on a rotating Earth with J2 (see `freefall`). The error
+    is true point less believed one, down-range along the velocity over the ground at impact, cross-range to its right;
+    first order for linear covariance. major and minor: semi-axes of its ellipse of three sigma (98.9 % of a Gaussian).
+    corridor_probability: that the believed point lies in the campaign's corridor while the vehicle flies as planned;
+    corridor_margin_sigma: sigmas to its nearest edge. Runs are told at events; mc_outside counts believed points
+    outside.
+    """
+    tables = load(results)
+    rows = [
+        {"case": label, **row}
+        for case, label in tables.labels.items()
+        if only in (None, case)
+        for row in _told(tables, case)
+    ]
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+@once
+def _told(tables: Tables, case: str) -> list[dict[str, Any]]:
+    """Return the rows of a case, in order of time."""
+    corridor = corridor_of(tables)
+    states, laws = mission.states(tables, case), mission.laws(tables, case)
+    if not states:
+        return []
+    points = nominal(states)
+    slopes = _slopes(*(np.array(part).tobytes() for part in zip(*map(_motion, states), strict=True)))
+    rows = []
+    for k in np.argsort([state.t for state in states], kind="stable"):
+        if np.isfinite(points.fall[k]):
+            row = _row(states[k], laws[k], Impact(*(value[k] for value in points)), slopes[k], corridor)
+            rows.append({**row, **_runs(tables, case, states[k], corridor)})
+    return rows
+
+
+def nominal(states: list[State]) -> Impact:
+    """Return the points of impact of true states."""
+    theta = np.array([state.earth_angle for state in states])
+    return fall_of(np.array([state.r_i for state in states]), np.array([state.v_i for state in states]), theta)
+
+
+def corridor_verdicts(results: Path | str | Tables) -> pd.DataFrame:
+    """Return whether the believed point of impact keeps to the corridor with the probability asked for.
+
+    By linear covariance at the stored time at which it is least probable (t_s): "met", "violated", or "not applicable"
+    where a gate rejects too much. mc_verdict: by the runs, exact binomial at the confidence asked for, a run outside
+    at any event, or failed, being a failure. No rows where the campaign names no corridor.
+    """
+    tables = load(results)
+    corridor = corridor_of(tables)
+    if corridor is None:
+        return pd.DataFrame(columns=VERDICTS)
+    found = impact(tables)
+    rows: list[dict[str, Any]] = []
+    for case, label in tables.labels.items():
+        mine = found[found.case == label]
+        if not mine.corridor_probability.notna().any():
+            rows.append({"case": label, "verdict": "not applicable", "reason": "no point of impact in the flight"})
+            continue
+        worst = mine.loc[mine.corridor_probability.idxmin()]
+        extent = reach(tables, case)
+        kept = "met" if worst.corridor_probability >= corridor.probability else "violated"
+        outside, runs = outside_runs(tables, case, corridor)
+        rows.append(
+            {
+                "case": label,
+                "verdict": kept if extent.applies else "not applicable",
+                "probability": corridor.probability,
+                "expected_probability": worst.corridor_probability,
+                "margin_sigma": worst.corridor_margin_sigma,
+                "t_s": worst.t_s,
+                "mc_verdict": _judged(runs, outside, corridor),
+                "runs": runs,
+                "outside": outside,
+                "reason": extent.reason,
+            }
+        )
+    return pd.DataFrame(rows, columns=VERDICTS)
+
+
+def _judged(runs: int, outside: int, corridor: Corridor) -> str:
+    low, high = success_bounds(runs, outside, corridor.confidence)
+    if runs and low >= corridor.probability:
+        return "met"
+    return "violated" if high < corridor.probability else "undecided"
+
+
+def outside_runs(tables: Tables, case: str, corridor: Corridor) -> tuple[int, int]:
+    """Return how many runs were outside the corridor at some event, or failed, and how many there are."""
+    bad: NDArray[np.bool_] | None = None
+    for state in mission.states(tables, case):
+        if not state.event:
+            continue
+        error, failed = mission.run_errors(tables, case, state)
+        out = failed | _outside(state, error, corridor)
+        bad = out if bad is None else bad | out
+    return (0, 0) if bad is None else (int(bad.sum()), len(bad))
+
+
+def _outside(state: State, error: Floats, corridor: Corridor) -> NDArray[np.bool_]:
+    """Return which believed points are outside; none where the true state has no point of impact."""
+    out = np.zeros(len(error), dtype=bool)
+    good = np.isfinite(error).all(axis=1)
+    if not good.any() or not np.isfinite(nominal([state]).fall[0]):
+        return out
+    believed = fall_of(state.r_i - error[good, 3:], state.v_i - error[good, :3], state.earth_angle, lowest=0.0)
+    longitude = np.array([beside(float(value), corridor.corners) for value in believed.longitude])
+    out[good] = ~contains(corridor.corners, np.stack([believed.latitude, longitude], axis=1))
+    return out
+
+
+def _row(state: State, law: Law, point: Impact, slope: Floats, corridor: Corridor | None) -> dict[str, Any]:
+    """Return what linear covariance says of the point of impact at one time, kilometres and degrees; slope: `_slopes`.
+
+    Where the fall only just grazes the ground, and neighbours have none, no error is told.
+    """
+    row: dict[str, Any] = {
+        "event": state.event, "t_s": state.t, "latitude_deg": np.degrees(point.latitude),
+        "longitude_deg": np.degrees(point.longitude), "heading_deg": np.degrees(point.heading) % 360.0,
+        "fall_s": float(point.fall),
+    }  # fmt: skip
+    if not np.isfinite(slope).all():
+        return row
+    covariance, formal, bias = slope @ law.true @ slope.T, slope @ law.formal @ slope.T, slope @ law.mean
+    sigma, filter_sigma = np.sqrt(np.diag(covariance)), np.sqrt(np.diag(formal))
+    variance, axes = np.linalg.eigh(covariance)
+    major = float(np.arctan2(axes[1, 1], axes[0, 1])) + float(point.heading)
+    row |= {
+        "down_sigma_km": sigma[0], "cross_sigma_km": sigma[1],
+        "correlation": covariance[0, 1] / (sigma[0] * sigma[1]) if sigma.all() else float("nan"),
+        "major_3sigma_km": 3.0 * np.sqrt(variance[1]), "minor_3sigma_km": 3.0 * np.sqrt(max(0.0, variance[0])),
+        "major_heading_deg": np.degrees(major) % 180.0, "down_filter_sigma_km": filter_sigma[0],
+        "cross_filter_sigma_km": filter_sigma[1], "down_bias_km": bias[0], "cross_bias_km": bias[1],
+    }  # fmt: skip
+    if corridor is not None:
+        chance, margin = _inside(corridor, point, covariance, bias)
+        row |= {"corridor_probability": chance, "corridor_margin_sigma": margin}
+    return row
+
+
+def _motion(state: State) -> tuple[Floats, Floats, float]:
+    return state.r_i, state.v_i, state.earth_angle
+
+
+@lru_cache(maxsize=64)
+def _slopes(r_i: bytes, v_i: bytes, earth_angle: bytes) -> Floats:
+    """Return the derivatives (n, 2, 6) of the error at impact, km, by that of velocity and position, at states of which
+    the numbers are given: once for all cases that fly alike, and of all states together, for a fall alone takes as
+    long.
+    """
+    r, v, theta = np.frombuffer(r_i).reshape(-1, 3), np.frombuffer(v_i).reshape(-1, 3), np.frombuffer(earth_angle)
+    true = fall_of(r, v, theta)
+
+    def errors(error: Floats) -> Floats:
+        """Return the errors at impact (m, n * 2) of errors (m, 6) at every state."""
+        m, n = len(error), len(r)
+        off = np.repeat(error, n, axis=0)
+        believed = fall_of(
+            np.tile(r, (m, 1)) - off[:, 3:], np.tile(v, (m, 1)) - off[:, :3], np.tile(theta, m), lowest=0.0
+        )
+        found = -offsets(np.tile(true.r_e, (m, 1)), believed.r_e, np.tile(true.heading, m))
+        return np.asarray(found.reshape(m, n * 2))
+
+    slopes = mission.derivative(errors).reshape(len(r), 2, 6) * 1e-3
+    slopes.flags.writeable = False
+    return slopes
+
+
+def _inside(corridor: Corridor, point: Impact, covariance: Floats, bias: Floats) -> tuple[float, float]:
+    """Return probability and margin of the believed point, true less error; edges are straight in the angles."""
+    c, s = np.cos(point.heading), np.sin(point.heading)
+    north_east = np.array([[c, -s], [s, c]])
+    here = np.array([point.latitude, beside(float(point.longitude), corridor.corners)])
+    plane = (corridor.corners - here) * metres(float(point.latitude)) * 1e-3
+    spread = north_east @ covariance @ north_east.T + 1e-12 * np.eye(2)  # a millimetre, so that nothing is singular
+    return probability(plane, -north_east @ bias, spread)
+
+
+def _runs(tables: Tables, case: str, state: State, corridor: Corridor | None) -> dict[str, Any]:
+    """Return what the runs say at an event; no runs between events."""
+    if not state.event:
+        return {"runs": 0}
+    error, failed = mission.run_errors(tables, case, state)
+    good = error[~failed]
+    if len(good) < 2:
+        return {"runs": len(good)}
+    off = mission.impact_errors(state, good) * 1e-3
+    spread = off.std(axis=0, ddof=1)
+    found: dict[str, Any] = {"runs": len(good), "mc_down_sigma_km": spread[0], "mc_cross_sigma_km": spread[1]}
+    found["mc_q99_km"] = float(np.quantile(np.linalg.norm(off, axis=1), 0.99))
+    if corridor is not None:
+        found["mc_outside"] = int(_outside(state, good, corridor).sum())
+    return found
+
+
+def ellipse(row: Any, sigmas: float = 3.0, points: int = 73) -> tuple[Floats, Floats]:
+    """Return latitude and longitude (deg) of the error ellipse of a row of `impact`, about the true point."""
+    latitude, longitude = np.radians(row.latitude_deg), np.radians(row.longitude_deg)
+    angle = np.linspace(0.0, 2.0 * np.pi, points)
+    heading = np.radians(row.major_heading_deg)
+    a, b = (value * 1e3 * sigmas / 3.0 for value in (row.major_3sigma_km, row.minor_3sigma_km))
+    north = a * np.cos(angle) * np.cos(heading) - b * np.sin(angle) * np.sin(heading)
+    east = a * np.cos(angle) * np.sin(heading) + b * np.sin(angle) * np.cos(heading)
+    per = metres(float(latitude))
+    return np.degrees(latitude + north / per[0]), np.degrees(longitude + east / per[1])

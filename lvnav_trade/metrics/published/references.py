@@ -1,0 +1,169 @@
+"""Published numbers beside ours, and whether published orders of cases and statements on innovations hold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from lvnav_trade.metrics.basics.select import split_metric
+from lvnav_trade.metrics.filter.whiteness import whiteness
+from lvnav_trade.metrics.published.published import Ours, cases_of, name_of, ours
+from lvnav_trade.store import Tables, load
+
+COLUMNS = [
+    "source", "item", "case", "metric", "unit", "published", "ours", "ratio", "band_low", "band_high", "in_band",
+    "remark",
+]  # fmt: skip
+_SMALLER = " < "
+_BY_AXIS = ("position", "velocity", "attitude", "gyro", "accelerometer")
+"""Innovation channels whose name ends with an axis, not with what of a satellite."""
+
+
+def references(results: Path | str | Tables, stated: Mapping[str, Any] | None = None) -> pd.DataFrame:
+    """Return what the campaign holds for published beside ours; `stated` in place of what was asked with these results.
+
+    Numbers: ours in the unit of the publication, RMS error of the runs (LinCov without runs) or the statistic that is
+    stated; in_band says whether ours / published lies in the band. Orders of cases: published is empty, ours the
+    largest ratio of a case to the next, which must lie in the band. Innovations: ours the largest autocorrelation. What
+    these results cannot give keeps its row, with a remark.
+    """
+    tables = load(results)
+    campaign = tables.campaign if stated is None else stated
+    rows = []
+    for published in campaign.get("references") or ():
+        cases = cases_of(tables, published.get("case") or {})
+        rows += [_number(tables, case, published) for case in cases] or [_number(tables, None, published)]
+    rows += [_ordering(tables, ordering) for ordering in campaign.get("orderings") or ()]
+    for statement in campaign.get("innovations") or ():
+        cases = cases_of(tables, statement.get("case") or {})
+        rows += [_innovations(tables, case, statement) for case in cases] or [_innovations(tables, None, statement)]
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def _row(stated: Mapping[str, Any], remarks: Sequence[str], **cells: Any) -> dict[str, Any]:
+    low, high, judged = cells["band_low"], cells["band_high"], cells.pop("judged")
+    told = "; ".join(remark for remark in (str(stated.get("remark") or ""), *remarks) if remark)
+    return {
+        "source": stated["source"],
+        "item": stated.get("item") or "",
+        **cells,
+        "in_band": bool(low <= judged <= high),
+        "remark": told,
+    }
+
+
+def _number(tables: Tables, case: str | None, published: Mapping[str, Any]) -> dict[str, Any]:
+    low, high = published.get("band", (0.5, 2.0))
+    value, unit, against = float(published["value"]), str(published["unit"]), published.get("against")
+    than, found = published.get("than"), Ours(np.nan, "no such case")
+    if case is not None and than is not None:
+        found = _part(_in_si(tables, case, published), _in_si(tables, case, {**published, "metric": than}))
+    elif case is not None:
+        found = ours(tables, case, published, unit) if against is None else _smaller(tables, case, published, against)
+    words = ", how much smaller" if against is not None else f", how much below {than}" if than is not None else ""
+    ratio = found.value / value
+    return _row(
+        published,
+        (_single(published, found), found.remark),
+        case=tables.labels[case] if case is not None else "",
+        metric=name_of(published) + words,
+        unit=unit,
+        published=value,
+        ours=found.value,
+        ratio=ratio,
+        band_low=float(low),
+        band_high=float(high),
+        judged=ratio,
+    )
+
+
+def _smaller(tables: Tables, case: str, published: Mapping[str, Any], against: Mapping[str, str]) -> Ours:
+    """Return by how many percent a case's number is smaller than that of the case it is held against."""
+    others = cases_of(tables, against)
+    if len(others) != 1:
+        return Ours(np.nan, f"{len(others)} cases to hold it against")
+    return _part(*(_in_si(tables, one, published) for one in (case, others[0])))
+
+
+def _part(smaller: Ours, larger: Ours) -> Ours:
+    """Return by how many percent a number is smaller than another of its unit."""
+    return Ours(100.0 * (1.0 - smaller.value / larger.value), smaller.remark or larger.remark)
+
+
+def _in_si(tables: Tables, case: str, stated: Mapping[str, Any]) -> Ours:
+    """Return our number in the unit for people, which all cases of a campaign share."""
+    quantity, axis = split_metric(str(stated["metric"]))
+    unit, _ = tables.people.get((quantity, axis), ("m", 1.0))
+    return ours(tables, case, stated, unit)
+
+
+def _single(published: Mapping[str, Any], found: Ours) -> str:
+    """Say where a published single run lies among ours, each by itself."""
+    if not published.get("single") or not len(found.runs):
+        return ""
+    below = float(np.mean(found.runs < float(published["value"])))
+    return f"a single flight: {100 * below:.0f} % of our {len(found.runs)} flights lie below it"
+
+
+def _ordering(tables: Tables, stated: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the largest ratio of a case to the next of an order, smallest first."""
+    groups = [cases_of(tables, wanted) for wanted in stated["cases"]]
+    alone = all(len(group) == 1 for group in groups)
+    found = [_in_si(tables, group[0], stated) for group in groups] if alone else []
+    values = np.array([one.value for one in found])
+    worst = float(np.max(values[:-1] / values[1:])) if len(values) else np.nan
+    unit = tables.people.get(split_metric(str(stated["metric"])), ("m", 1.0))[0]
+    told = _SMALLER.join(f"{value:.3g}" for value in values) + f" {unit}" if len(values) else "not one case each"
+    return _row(
+        stated,
+        (told, *dict.fromkeys(one.remark for one in found)),
+        case=_SMALLER.join(tables.labels[group[0]] if group else "?" for group in groups),
+        metric=name_of(stated) + ", ratio to the next",
+        unit="-",
+        published=np.nan,
+        ours=worst,
+        ratio=np.nan,
+        band_low=0.0,
+        band_high=float(stated.get("factor") or 1.0),
+        judged=worst,
+    )
+
+
+def _innovations(tables: Tables, case: str | None, stated: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the largest autocorrelation of the innovation channels that a statement names."""
+    label = tables.labels[case] if case is not None else ""
+    words, bound, white = str(stated.get("channels") or ""), float(stated.get("largest", 0.15)), stated["white"]
+    frame = whiteness(tables)
+    rows = frame[(frame.case == label) & frame.channel.map(lambda name: _named(name, words))]
+    largest, told = np.nan, "no runs" if case is not None else "no such case"
+    if len(rows):
+        worst = rows.loc[rows.largest_ratio.abs().idxmax()]
+        largest = abs(float(worst.largest_ratio))
+        told = f"{worst.channel} at lag {worst.largest_lag_number}, of {len(rows)} channels"
+    return _row(
+        stated,
+        (f"published: {'white' if white else 'correlated'}", told),
+        case=label,
+        metric=f"{words} innovations, largest autocorrelation".strip(),
+        unit="-",
+        published=np.nan,
+        ours=largest,
+        ratio=np.nan,
+        band_low=0.0 if white else bound,
+        band_high=bound if white else 1.0,
+        judged=largest,
+    )
+
+
+def _named(channel: str, words: str) -> bool:
+    """Whether a channel such as ``G05 range rate`` or ``position x`` is meant: its words without satellite and axis."""
+    parts = channel.split(" ")
+    if parts[0] == "receiver":
+        kind = " ".join(["receiver", *parts[2:]])
+    else:
+        kind = parts[0] if parts[0] in _BY_AXIS else " ".join(parts[1:])
+    return not words or kind == words

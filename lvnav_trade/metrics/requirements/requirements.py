@@ -1,0 +1,162 @@
+"""Which requirements are met, at the confidence asked for, and how many more runs would decide the others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from lvnav_trade import units
+from lvnav_trade.metrics.basics.intervals import runs_needed, success_bounds
+from lvnav_trade.metrics.basics.select import Errors, errors_at, flight_events, split_metric
+from lvnav_trade.metrics.requirements.sequential import decide, further_runs
+from lvnav_trade.store import Tables, load
+from lvnav_trade.store.schema import error_column
+
+COLUMNS = [
+    "requirement", "case", "verdict", "estimate", "limit", "probability", "confidence", "runs", "failures",
+    "runs_to_decide",
+]  # fmt: skip
+DECIDED, BLOCK = "decided", 40
+"""Word of a campaign that stops once every requirement is decided; runs in a block where it is not said."""
+_SAME = 1e-6
+"""Seconds: one instant."""
+
+
+def verdicts(results: Path | str | Tables) -> pd.DataFrame:
+    """Return the verdict on every requirement in every case.
+
+    "met": the lower bound on the probability of success reaches the probability asked for; "violated": the upper bound
+    stays below it; "undecided" otherwise. The bounds are exact binomial (Clopper and Pearson), each one-sided at the
+    confidence asked for; where a campaign stops once all is decided, those of `sequential`. A failed run is a failure.
+    estimate: the error that the stated fraction of runs stays below, limit: the bound on it, both with their unit;
+    runs_to_decide: further runs, all good, after which it would be met.
+    """
+    tables = load(results)
+    rows = [
+        {"requirement": requirement["name"], "case": label, **_verdict(tables, case, requirement)}
+        for requirement in tables.campaign.get("requirements") or ()
+        for case, label in tables.labels.items()
+    ]
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def judge(runs: int, failures: int, probability: float, confidence: float) -> tuple[str, int]:
+    """Return the verdict and how many further runs, all of them good, would show that the requirement is met."""
+    low, high = success_bounds(runs, failures, confidence)
+    if runs and low >= probability:
+        return "met", 0
+    if high < probability:
+        return "violated", 0
+    return "undecided", max(1, runs_needed(failures, probability, confidence) - runs)
+
+
+def judge_in_order(failed: Any, probability: float, confidence: float, block: int) -> tuple[str, int]:
+    """Return the same of a campaign that stops once all is decided: by boundaries that allow a look after every block.
+
+    failed (n_run,) truth values in the order of the runs; runs after the last whole block are not looked at.
+    """
+    counts = np.cumsum(np.asarray(failed, dtype=int))[block - 1 :: block].tolist()
+    found = decide(counts, probability, confidence, block)
+    if found.verdict != "undecided":
+        return found.verdict, 0
+    return "undecided", further_runs(counts, probability, confidence, block)
+
+
+def beyond(tables: Tables, case: str, requirement: Mapping[str, Any]) -> int | None:
+    """Return how many runs do not keep a requirement; None where its metric is unknown."""
+    found = errors_of(tables, case, requirement)
+    return None if found is None else int((found.size >= bound_of(requirement["below"], found.unit)).sum())
+
+
+def _verdict(tables: Tables, case: str, requirement: dict[str, Any]) -> dict[str, Any]:
+    probability, confidence = float(requirement["probability"]), float(requirement.get("confidence", 0.9))
+    found = errors_of(tables, case, requirement)
+    if found is None:
+        error, bound, unit, factor = np.empty(0), 0.0, "", 1.0
+    else:
+        error, unit, factor = found.size, found.label_unit, found.label_factor
+        bound = bound_of(requirement["below"], found.unit)
+    failed = error >= bound
+    failures, stated = int(failed.sum()), tables.campaign.get("monte_carlo") or {}
+    if stated.get("stop") == DECIDED:
+        verdict, more = judge_in_order(failed, probability, confidence, int(stated.get("block", BLOCK)))
+    else:
+        verdict, more = judge(len(error), failures, probability, confidence)
+    return {
+        "verdict": verdict,
+        "estimate": told(_quantile(error, probability) * factor, unit),
+        "limit": told(bound * factor, unit),
+        "probability": probability,
+        "confidence": confidence,
+        "runs": len(error),
+        "failures": failures,
+        "runs_to_decide": more,
+    }
+
+
+def errors_of(tables: Tables, case: str, requirement: Mapping[str, Any]) -> Errors | None:
+    """Return the errors that a requirement is about, of every run of a case; None where its metric is unknown.
+
+    Of a phase that is the largest error of each run at the times of the history within it, both ends included.
+    """
+    metric, during = str(requirement["metric"]), requirement.get("during")
+    if not during:
+        return errors_at(tables, case, where(requirement), metric)
+    quantity, axis = split_metric(metric)
+    outputs = tables.outputs
+    known = outputs[(outputs.case == case) & (outputs.quantity == quantity) & (outputs.axis == axis)]
+    if known.empty:
+        return None
+    row: Any = known.iloc[0]
+    first, last = phase_of(tables, case, str(during))
+    worst = tables.worst
+    within = worst[(worst.case == case) & (worst.t_s >= first - _SAME) & (worst.t_end_s <= last + _SAME)]
+    size = within[error_column(quantity, axis, row.unit)].to_numpy(dtype=float)
+    size = np.where((within.failure.to_numpy() != "") | ~np.isfinite(size), np.inf, size)
+    largest = pd.Series(size).groupby(within.run_number.to_numpy(), sort=True).max().to_numpy()
+    return Errors(largest, row.unit, row.label_unit, float(row.label_factor_ratio))
+
+
+def phase_of(tables: Tables, case: str, phase: str) -> tuple[float, float]:
+    """Return first and last time (s) of a phase: ``liftoff to injection``, ``flight`` (lift-off to the end), or with
+    ``start`` and ``end`` for the ends of the history. NaN for an event that the flight does not have.
+    """
+    worst = tables.worst[tables.worst.case == case]
+    ends = (float(worst.t_s.min()), float(worst.t_end_s.max())) if len(worst) else _ends(tables, case)
+    if phase == "flight":
+        return max(ends[0], 0.0), ends[1]
+    known = dict(zip(("start", "end"), ends, strict=True))
+    known |= flight_events(tables, case).set_index("event").t_s.to_dict()
+    first, _, last = phase.partition(" to ")
+    return float(known.get(first, np.nan)), float(known.get(last, np.nan))
+
+
+def _ends(tables: Tables, case: str) -> tuple[float, float]:
+    t = tables.consistency.t_s[tables.consistency.case == case]
+    return float(t.min()), float(t.max())
+
+
+def where(requirement: Mapping[str, Any]) -> str:
+    """Return where in the flight a requirement holds: its event, or its phase."""
+    return str(requirement.get("during") or requirement.get("at") or "injection")
+
+
+def bound_of(below: Any, unit: str) -> float:
+    """Return a requirement's bound in SI."""
+    return units.parse(below, unit) if isinstance(below, str) else float(below)
+
+
+def _quantile(error: np.ndarray[Any, Any], probability: float) -> float:
+    """Return the order statistic that at least this fraction of the runs stays at or below."""
+    if not len(error):
+        return float("nan")
+    return float(np.sort(error)[int(np.ceil(probability * len(error) - 1e-9)) - 1])
+
+
+def told(value: float, unit: str) -> str:
+    """Write a value with its unit, three digits; empty where there is none, ∞ where so many runs failed."""
+    return "" if np.isnan(value) else f"∞ {unit}" if np.isinf(value) else f"{float(f'{value:.3g}'):g} {unit}"

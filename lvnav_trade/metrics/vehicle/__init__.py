@@ -1,0 +1,4 @@
+"""The vehicle itself: rate and acceleration estimates, and the nozzle movement that attitude control asks for.
+
+Read `motion.py` first.
+"""

@@ -1,0 +1,146 @@
+"""Missions of a turning launcher: runs on keyed draws, the same for every way of feeding the controller."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.engines.envelopes import changing, steady_ratio
+from lvnav_trade.filters.envelope import EnvelopeCard
+from lvnav_trade.kernels.random import seed_words
+from lvnav_trade.steering.loop import (
+    BURN,
+    CHANGE,
+    COAST,
+    FILTERED,
+    N_PHASE,
+    N_RECORD,
+    N_SUM,
+    RAW,
+    TRUE,
+    Believed,
+    Feed,
+    Law,
+    Plant,
+    fly_run,
+)
+from lvnav_trade.world.control.ascent import Ascent, Body, body_along, changes
+from lvnav_trade.world.control.body import RotationCard
+from lvnav_trade.world.control.controller import ControllerCard, FeedbackCard, rate_noise
+from lvnav_trade.world.control.wind import WindCard
+from lvnav_trade.world.sensors.imu import ImuCard
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_RATES = {"true": TRUE, "raw": RAW, "filtered": FILTERED}
+
+
+class Launch(NamedTuple):
+    """What is common to all missions of a vehicle: its path with wind, and cards."""
+
+    body: Body
+    phase: Ints
+    changes: Floats
+    rotation: RotationCard
+    controller: ControllerCard
+    wind: WindCard
+    imu: ImuCard
+    envelope: EnvelopeCard
+
+
+class Missions(NamedTuple):
+    """Runs of one way of feeding the controller; axes are pitch and yaw.
+
+    t (n_record,) s; history (n_run, n_record, 2, N_RECORD) by the columns of `loop`; movement (n_run, 2) total
+    of the nozzles' movement, rad; sums (n_run, 2, N_PHASE, N_SUM).
+    """
+
+    t: Floats
+    history: Floats
+    movement: Floats
+    sums: Floats
+
+
+def prepare_launch(
+    ascent: Ascent,
+    rotation: RotationCard,
+    controller: ControllerCard,
+    wind: WindCard,
+    imu: ImuCard,
+    envelope: EnvelopeCard | None = None,
+) -> Launch:
+    """Return a launch on the ticks of the inertial unit; InputError where the cards do not fit the vehicle."""
+    envelope = envelope or EnvelopeCard()
+    body = body_along(ascent, rotation, controller, wind, imu.rate)
+    change = changes(ascent.trajectory)
+    phase = np.where(body.motor > 0, BURN, COAST)
+    phase[changing(envelope, body.t, change)] = CHANGE
+    return Launch(body, phase.astype(np.int64), change, rotation, controller, wind, imu, envelope)
+
+
+def with_rate_gain(launch: Launch, factor: float) -> Launch:
+    """Return the launch with the rate gain of every stage times a factor."""
+    gains = tuple(one.model_copy(update={"rate": one.rate * factor}) for one in launch.controller.gains)
+    return launch._replace(controller=launch.controller.model_copy(update={"gains": gains}))
+
+
+def fly_missions(
+    launch: Launch, feedback: FeedbackCard, runs: int, seed: int = 1, every: int = 200, first_run: int = 0
+) -> Missions:
+    """Return runs of a launch; draws depend on seed and run alone, so two ways of feeding meet the same ones.
+
+    `every` is the number of ticks from record to record.
+    """
+    n_tick = launch.body.t.size - 1
+    n_record = (n_tick - 1) // every + 1
+    history = np.zeros((runs, n_record, 2, N_RECORD))
+    sums = np.zeros((runs, 2, N_PHASE, N_SUM))
+    movement = np.empty((runs, 2))
+    k0, k1 = seed_words(seed)
+    settings = (_plant(launch.rotation), _law(launch), _feed(launch, feedback), _believed(launch.envelope))
+    for n in range(runs):
+        movement[n] = fly_run(
+            launch.body, launch.phase, *settings, launch.wind.spread, k0, k1, np.uint64(first_run + n), every,
+            history[n], sums[n],
+        )  # fmt: skip
+    return Missions(launch.body.t[:n_tick:every], history, movement, sums)
+
+
+def _plant(card: RotationCard) -> Plant:
+    nozzle, thrusters = card.nozzle, card.thrusters
+    return Plant(
+        nozzle.time_constant, nozzle.rate_limit, nozzle.deflection_limit, nozzle.misalignment,
+        thrusters.dead_band, thrusters.lead, thrusters.release,
+    )  # fmt: skip
+
+
+def _law(launch: Launch) -> Law:
+    card, rate = launch.controller, launch.imu.rate
+    gains = np.array([[one.attitude, one.rate, one.integral] for one in card.gains])
+    guide = card.guidance
+    if guide is None:
+        return Law(gains, card.command_time, 0, 1, 1.0, 0.0, 0.0)
+    ticks = max(1, round(guide.period * rate))
+    return Law(gains, card.command_time, guide.from_stage, ticks, guide.time, guide.limit, guide.velocity_sigma)
+
+
+def _feed(launch: Launch, card: FeedbackCard) -> Feed:
+    """Return the settings of sensing; the steady filter of the gyro's random walk weighs the attitude reference."""
+    noise = rate_noise(launch.imu, card.noise)
+    ticks = max(1, round(launch.imu.rate / card.reference_rate))
+    driving = ticks * (noise / launch.imu.rate) ** 2
+    gain = steady_ratio(driving, card.reference_sigma**2) if card.reference_sigma > 0.0 else 1.0
+    bias = 0.0 if card.noise == "none" else launch.imu.gyro.bias_repeatability
+    navigated = card.attitude == "navigation"
+    start = math.sqrt(gain) * card.reference_sigma if navigated else 0.0
+    return Feed(_RATES[card.rate], navigated, noise, bias, card.reference_sigma, ticks, gain, start)
+
+
+def _believed(card: EnvelopeCard) -> Believed:
+    return Believed(
+        card.burn, card.coast, card.turn_gain, card.turn_time, card.lateral, card.nozzle_gain, card.nozzle_time
+    )

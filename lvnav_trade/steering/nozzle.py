@@ -1,0 +1,175 @@
+"""A scenario's launcher under control: nozzle movement by what feeds the controller, motion in its envelopes."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lvnav_trade.engines.vehicle import burns
+from lvnav_trade.filters.envelope import EnvelopeCard
+from lvnav_trade.records import Floats
+from lvnav_trade.scenario import Scenario
+from lvnav_trade.steering.loop import (
+    BELIEVED,
+    INSIDE_JERK,
+    INSIDE_TURNING,
+    JERK,
+    JERK_BOUND,
+    JERK_RATIO,
+    MOVED,
+    N_PHASE,
+    SQUARE_ERROR,
+    SQUARE_RATE,
+    TICKS,
+    TURNING,
+    TURNING_BOUND,
+    TURNING_RATIO,
+)
+from lvnav_trade.steering.missions import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
+from lvnav_trade.world.ascent.vehicle import VehicleAscent
+from lvnav_trade.world.control.ascent import Ascent, ascend
+from lvnav_trade.world.control.controller import FeedbackCard
+
+FEEDS = ("raw", "filtered", "true")
+"""Rates that the controller is fed, a mission each."""
+PHASES = ("burn", "coast", "change")
+AXES = ("pitch", "yaw")
+SHOWN = 100.0
+"""Seconds from lift-off of which one run's motion is kept beside its envelopes."""
+_BIN = 0.05
+
+
+class Controlled(NamedTuple):
+    """Missions of a case; axes are pitch and yaw.
+
+    runs; burns (n_burn, 2) s; t (n,) s; total (n_feed, n_run, n_burn + 1, 2) movement of the nozzle over the flight and
+    in each burn, rad; mean, low, high (n_feed, n, 2) of the runs so far; turning (n_feed, 2, N_PHASE, 8): ticks of all
+    runs, part of them with angular acceleration and with jerk in the envelope, furthest of both over it, root mean
+    square of attitude error (rad) and of the fed rate's error, sigma believed of that (rad/s); shown_t (k,) s and shown
+    (k, 2, 4) angular acceleration, its bound, jerk and its bound of the first run with the filtered rate, of every
+    twentieth of a second the tick that is furthest out.
+    """
+
+    runs: int
+    burns: Floats
+    t: Floats
+    total: Floats
+    mean: Floats
+    low: Floats
+    high: Floats
+    turning: Floats
+    shown_t: Floats
+    shown: Floats
+
+
+@lru_cache(maxsize=2)
+def _ascended(text: str) -> Ascent:
+    return ascend(VehicleAscent.model_validate_json(text))
+
+
+def launch_of(scenario: Scenario) -> Launch:
+    """Return the launch of a scenario that has one; InputError where cards do not fit the vehicle."""
+    card = scenario.control
+    assert card is not None  # the scenario is checked for it, and for its trajectory
+    assert isinstance(scenario.trajectory, VehicleAscent)
+    launch = prepare_launch(
+        _ascended(scenario.trajectory.model_dump_json()), card.rotation, card.controller, card.wind, scenario.imu,
+        scenario.filter.envelope or EnvelopeCard(),
+    )  # fmt: skip
+    return with_rate_gain(launch, card.rate_gain)
+
+
+def controlled(scenario: Scenario, seed: int, runs: int) -> Controlled | None:
+    """Return the missions of a case on the campaign's draws; None where it has no vehicle under control."""
+    if scenario.control is None or scenario.attitude_reference is None:
+        return None
+    launch = launch_of(scenario)
+    missions = [fly_missions(launch, feedback(scenario, feed), runs, seed) for feed in FEEDS]
+    spans = np.array(_burns_of(scenario))
+    moved = np.stack([flown.history[..., MOVED] for flown in missions])
+    shown_t, shown = _shown(launch, feedback(scenario, "filtered"), seed)
+    return Controlled(
+        runs=runs,
+        burns=spans,
+        t=missions[0].t,
+        total=_totals(missions, spans),
+        mean=moved.mean(axis=1),
+        low=moved.min(axis=1),
+        high=moved.max(axis=1),
+        turning=np.stack([_turning(launch, flown, feed) for flown, feed in zip(missions, FEEDS, strict=True)]),
+        shown_t=shown_t,
+        shown=shown,
+    )
+
+
+def _burns_of(scenario: Scenario) -> list[tuple[float, float]]:
+    return burns(_ascended(scenario.trajectory.model_dump_json()).trajectory)
+
+
+def feedback(scenario: Scenario, feed: Any) -> FeedbackCard:
+    """Return what feeds the controller: one of FEEDS, and attitude of the scenario's own reference."""
+    sensor = scenario.attitude_reference
+    assert sensor is not None
+    return FeedbackCard.model_construct(
+        rate=feed, attitude="navigation", noise="datasheet", reference_sigma=sensor.sigma,
+        reference_rate=scenario.filter.update_rate,
+    )  # fmt: skip
+
+
+def _totals(missions: list[Missions], spans: Floats) -> Floats:
+    """Return the movement (n_feed, n_run, n_burn + 1, 2): flight, and from begin to a second after each burn."""
+    found = np.empty((len(missions), len(missions[0].movement), len(spans) + 1, 2))
+    for feed, flown in enumerate(missions):
+        found[feed, :, 0] = flown.movement
+        for number, (begin, end) in enumerate(spans, start=1):
+            at = np.minimum(np.searchsorted(flown.t, [begin, end + 1.0]), flown.t.size - 1)
+            rows = flown.history[..., MOVED][:, at]
+            found[feed, :, number] = rows[:, 1] - rows[:, 0]
+    return found
+
+
+def _turning(launch: Launch, flown: Missions, feed: str) -> Floats:
+    """Return what the ticks of each axis and phase add up to, (2, N_PHASE, 8); see Controlled."""
+    sums = flown.sums.sum(axis=0)
+    furthest = flown.sums.max(axis=0)
+    ticks = np.where(sums[..., TICKS] > 0.0, sums[..., TICKS], np.nan)
+    believed = np.full((2, N_PHASE), np.nan)
+    if feed == "raw":
+        believed[:] = launch.imu.gyro.random_walk * np.sqrt(launch.imu.rate)
+    elif feed == "filtered":
+        believed = _believed(launch, flown)
+    return np.stack([
+        sums[..., TICKS], sums[..., INSIDE_TURNING] / ticks, sums[..., INSIDE_JERK] / ticks,
+        furthest[..., TURNING_RATIO], furthest[..., JERK_RATIO],
+        np.sqrt(sums[..., SQUARE_ERROR] / ticks), np.sqrt(sums[..., SQUARE_RATE] / ticks),
+        believed,
+    ], axis=-1)  # fmt: skip
+
+
+def _believed(launch: Launch, flown: Missions) -> Floats:
+    """Return the root mean square (2, N_PHASE) of the filter's sigma of the rate, NaN of a phase that there is not."""
+    every = round((launch.body.t.size - 1) / flown.t.size)
+    phase = launch.phase[: -1 : max(1, every)][: flown.t.size]
+    found = np.full((2, N_PHASE), np.nan)
+    for number in range(N_PHASE):
+        here = phase == number
+        if here.any():
+            found[:, number] = np.sqrt(np.mean(flown.history[:, here, :, BELIEVED] ** 2, axis=(0, 1)))
+    return found
+
+
+def _shown(launch: Launch, feedback: FeedbackCard, seed: int) -> tuple[Floats, Floats]:
+    """Return time and motion of the first run's first seconds, of each bin the tick furthest out."""
+    one = fly_missions(launch, feedback, 1, seed, every=1)
+    per_bin = max(1, round(_BIN * launch.imu.rate))
+    n_bin = int(np.sum(one.t <= SHOWN)) // per_bin
+    ticks = one.history[0, : n_bin * per_bin].reshape(n_bin, per_bin, 2, -1)
+    found = np.empty((n_bin, 2, 4))
+    for column, (value, bound) in enumerate(((TURNING, TURNING_BOUND), (JERK, JERK_BOUND))):
+        furthest = np.argmax(np.abs(ticks[..., value]) / ticks[..., bound], axis=1)
+        for axis in range(2):
+            rows = ticks[np.arange(n_bin), furthest[:, axis], axis]
+            found[:, axis, 2 * column], found[:, axis, 2 * column + 1] = rows[:, value], rows[:, bound]
+    return one.t[: n_bin * per_bin : per_bin], found

@@ -1,0 +1,190 @@
+"""An ascent as the turning vehicle meets it: effectiveness, aerodynamic moment, wind and rate on every tick."""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.errors import InputError
+from lvnav_trade.frames import (
+    earth_angle,
+    earth_velocity,
+    ecef_from_eci,
+    eci_from_ecef,
+    geodetic_from_ecef,
+    matrices,
+)
+from lvnav_trade.kernels.atmosphere import atmosphere
+from lvnav_trade.records import Motion
+from lvnav_trade.world.ascent.attitude import smoothsteps
+from lvnav_trade.world.ascent.dynamics import thrust_beside, thrust_of
+from lvnav_trade.world.ascent.launch import build_ascent
+from lvnav_trade.world.ascent.legs import Leg, fly_ascent
+from lvnav_trade.world.ascent.targeting import solve
+from lvnav_trade.world.ascent.vehicle import VehicleAscent
+from lvnav_trade.world.control.body import RotationCard
+from lvnav_trade.world.control.controller import ControllerCard
+from lvnav_trade.world.control.wind import WindCard, air
+from lvnav_trade.world.events import resolve
+from lvnav_trade.world.truth import Trajectory, motion
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+PITCH, YAW = 0, 1
+_BURN = re.compile(r"stage (\d+) burn")
+_STACK = re.compile(r"stage (\d+)")
+_CHANGE = re.compile(r"stage\d+_(ignition|cutoff|separation)")
+
+
+class Body(NamedTuple):
+    """The vehicle and its surroundings at ticks (n,); axes are pitch and yaw, lateral is the way the nose goes.
+
+    t s; motor number of the stage that burns, 0 in coasts; stack number of the lowest stage; effectiveness nozzle's
+    angular acceleration per angle (1/s^2); thrust_load thrust over mass (m/s^2); moment, force angular and lateral
+    acceleration per lateral airspeed (rad/s/m, 1/s); airspeed m/s; slip (n, 2) nominal lateral airspeed; wind (n, 2, 2)
+    lateral wind by axis, of the profile along and across its direction; gust sigma m/s; gust_rate airspeed over its
+    length (1/s); thruster angular acceleration of a thruster pair (rad/s^2); rate (n, 2) of the nominal attitude
+    (rad/s); turn, turn_rate (n, 2) manoeuvres commanded besides (rad, rad/s).
+    """
+
+    t: Floats
+    motor: Ints
+    stack: Ints
+    effectiveness: Floats
+    thrust_load: Floats
+    moment: Floats
+    force: Floats
+    airspeed: Floats
+    slip: Floats
+    wind: Floats
+    gust: Floats
+    gust_rate: Floats
+    thruster: Floats
+    rate: Floats
+    turn: Floats
+    turn_rate: Floats
+
+
+class Ascent(NamedTuple):
+    """A solved ascent: its truth, and the legs with mass and thrust behind it."""
+
+    card: VehicleAscent
+    trajectory: Trajectory
+    legs: list[Leg]
+
+
+def ascend(card: VehicleAscent) -> Ascent:
+    """Return the solved ascent of a vehicle card; InputError where the orbit is out of its reach."""
+    return Ascent(card, build_ascent(card), fly_ascent(card, solve(card)).legs)
+
+
+def changes(trajectory: Trajectory) -> Floats:
+    """Return the times (k,) in s of lift-off and of every ignition, cut-off and separation of a stage, in order."""
+    found = [t for name, t in trajectory.events.items() if name == "liftoff" or _CHANGE.match(name)]
+    return np.array(sorted(found))
+
+
+def body_along(ascent: Ascent, rotation: RotationCard, controller: ControllerCard, wind: WindCard, rate: float) -> Body:
+    """Return the turning vehicle along its ascent, on ticks at `rate` (Hz) from lift-off to the end.
+
+    InputError where a card has not as many stacks or gains as the vehicle has stages, or a turn starts at no event.
+    """
+    n_stage = len(ascent.card.vehicle.stages)
+    for name, held in (("stacks", rotation.stacks), ("gains", controller.gains)):
+        if len(held) != n_stage:
+            owner = rotation.name if name == "stacks" else controller.name
+            raise InputError(f"{owner}: {len(held)} {name}, {ascent.card.vehicle.name} has {n_stage} stages")
+    n_tick = int(np.floor(ascent.trajectory.end * rate + 1e-6))
+    t = np.minimum(np.arange(n_tick + 1) / rate, ascent.trajectory.end)
+    motor, stack, mass, thrust = _propulsion(ascent, t)
+    flown = motion(ascent.trajectory, t)
+    theta = earth_angle(ascent.trajectory.theta0, t)
+    latitude, longitude, height = geodetic_from_ecef(ecef_from_eci(flown.r_i, theta))
+    v_i = earth_velocity(flown.r_i, flown.v_i)
+    airspeed = np.linalg.norm(v_i, axis=1)
+    density = np.array([atmosphere(h)[0] for h in height])
+    around = air(wind, latitude, longitude, height)
+    sides = _lateral(flown)
+    steady_i = np.stack([eci_from_ecef(around.steady_e[:, k], theta) for k in range(2)], axis=2)
+    inertia, nozzle, normal, pressure = _of_stacks(rotation, stack, mass)
+    per_speed = 0.5 * density * airspeed * ascent.card.vehicle.reference_area * normal
+    turn, turn_rate = _turns(controller, ascent.trajectory, t)
+    return Body(
+        t=t,
+        motor=motor,
+        stack=stack,
+        effectiveness=thrust * nozzle / inertia,
+        thrust_load=thrust / mass,
+        moment=per_speed * pressure / inertia,
+        force=per_speed / mass,
+        airspeed=airspeed,
+        slip=np.einsum("kai,ki->ka", sides, v_i),
+        wind=np.einsum("kai,kiw->kaw", sides, steady_i),
+        gust=around.gust,
+        gust_rate=airspeed / around.length,
+        thruster=rotation.thrusters.force * rotation.thrusters.arm / inertia,
+        rate=np.ascontiguousarray(flown.w_ib_b[:, 1:]),
+        turn=turn,
+        turn_rate=turn_rate,
+    )
+
+
+def _lateral(flown: Motion) -> Floats:
+    """Return the unit vectors (n, 2, 3), frame i, that the nose moves along, pitching up and yawing to the right."""
+    C_b_i = matrices(flown.q_b_i)
+    return np.stack([-C_b_i[:, :, 2], C_b_i[:, :, 1]], axis=1)
+
+
+def _propulsion(ascent: Ascent, t: Floats) -> tuple[Ints, Ints, Floats, Floats]:
+    """Return the stage that burns (0: none), the lowest stage, mass (kg) and thrust (N), each (n,), at times t (n,)."""
+    motor, stack = np.zeros(t.size, dtype=np.int64), np.ones(t.size, dtype=np.int64)
+    mass, thrust = np.empty(t.size), np.zeros(t.size)
+    starts = np.array([leg.t[0] for leg in ascent.legs])
+    index = np.maximum(np.searchsorted(starts, t, side="right") - 1, 0)
+    number = 1
+    for k, leg in enumerate(ascent.legs):
+        here = index == k
+        named = _STACK.search(leg.name)
+        number = int(named[1]) if named else number
+        mass[here], stack[here] = np.interp(t[here], leg.t, leg.y[:, 6]), number
+        if _BURN.match(leg.name):
+            motor[here] = number
+            thrust[here] = np.interp(t[here], leg.t, _thrusts(leg, ascent.trajectory.theta0))
+    return motor, stack, mass, thrust
+
+
+def _thrusts(leg: Leg, theta0: float) -> Floats:
+    """Return the thrust (n,) in N at the samples of a leg."""
+    height = geodetic_from_ecef(ecef_from_eci(leg.y[:, :3], earth_angle(theta0, leg.t)))[2]
+    out = np.empty(leg.t.size)
+    for k, t in enumerate(leg.t):
+        pressure = atmosphere(height[k])[1]
+        beside, _ = thrust_beside(t, pressure, leg.engine.beside)
+        out[k] = beside + thrust_of(leg.y[k, 6], pressure, leg.engine, beside)[0]
+    return out
+
+
+def _of_stacks(rotation: RotationCard, stack: Ints, mass: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return moment of inertia, nozzle's arm (m), slope of the normal force and arm of the pressure (m), each (n,)."""
+    inertia, nozzle, normal, pressure = np.empty((4, mass.size))
+    for number, card in enumerate(rotation.stacks, start=1):
+        here = stack == number
+        inertia[here] = rotation.inertia(number, mass[here])
+        nozzle[here] = card.nozzle_arm * card.length
+        normal[here], pressure[here] = card.normal_force, card.pressure_arm * card.length
+    return inertia, nozzle, normal, pressure
+
+
+def _turns(controller: ControllerCard, trajectory: Trajectory, t: Floats) -> tuple[Floats, Floats]:
+    """Return angle and rate (n, 2) of the commanded manoeuvres."""
+    angle, rate = np.zeros((t.size, 2)), np.zeros((t.size, 2))
+    for turn in controller.turns:
+        axis = PITCH if turn.axis == "pitch" else YAW
+        x = np.clip((t - resolve(turn.start, trajectory.events)) / turn.duration, 0.0, 1.0)
+        angle[:, axis] += turn.angle * smoothsteps(x)
+        rate[:, axis] += turn.angle / turn.duration * 30.0 * (x * (1.0 - x)) ** 2
+    return angle, rate

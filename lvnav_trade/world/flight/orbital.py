@@ -1,0 +1,311 @@
+"""Flight in orbit: coasts, burns, and the way down to an altitude, its braking and parachutes."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from lvnav_trade.errors import InputError
+from lvnav_trade.frames import (
+    Elements,
+    earth_angle,
+    earth_velocity,
+    ecef_from_eci,
+    gmst,
+    matrices,
+    state_from_elements,
+    unit,
+)
+from lvnav_trade.kernels.earth import SEMI_MAJOR
+from lvnav_trade.units import Angle, Area, Card, Duration, Force, Length, Mass, TimeConstant
+from lvnav_trade.world.ascent.launch import achieved
+from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY
+from lvnav_trade.world.flight import pointing
+from lvnav_trade.world.flight.free_flight import (
+    Aerodynamics,
+    Stretch,
+    Thrust,
+    fly,
+    greatest_load,
+    height,
+    knots,
+    newton,
+    phases,
+)
+from lvnav_trade.world.flight.pointing import Axes, Mode
+from lvnav_trade.world.oscillation import OscillationCard
+from lvnav_trade.world.truth import Trajectory, attitude_spline
+
+Floats = NDArray[np.float64]
+Pointing = Literal["prograde", "retrograde", "horizontal", "airspeed", "inertial"]
+
+_COAST, _POWERED, _CANOPY = 2.0, 0.25, 0.05  # s between knots: where forces are smooth, in burns and air, at openings
+_AIR = 200e3  # m; below, knots stand as close as in a burn
+_WIDEST = 2.5  # rad; of a turn in a burn: near half a circle either way round is as good, and thrust must not choose
+_ENTRY = 100e3  # m; where the way down counts as entry
+_LONGEST = 20000.0  # s of a coast down: three orbits
+
+
+class Start(Card):
+    """Osculating orbit at t = 0: altitudes above the equatorial radius, and where in it the flight begins."""
+
+    perigee: Length
+    apogee: Length
+    inclination: Angle
+    node: Angle = Field(0.0, description="longitude of the ascending node in the Earth-fixed frame at t = 0")
+    perigee_argument: Angle = 0.0
+    latitude_argument: Angle = Field(0.0, description="angle from the ascending node to the place of the start")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.apogee < self.perigee:
+            raise ValueError("apogee lies below perigee")
+        return self
+
+
+class Leg(Card):
+    """A part of the flight: a coast or a burn, with a law of attitude that it turns to as it begins.
+
+    prograde and retrograde: the x axis along and against the inertial velocity; horizontal: level in the orbital plane;
+    airspeed: along the velocity through the air; inertial: as it was at the start of the leg, between the stars. Pitch
+    and yaw stand off from the law, as the body sees them.
+    """
+
+    name: str = Field(pattern="^[a-z][a-z0-9_]*$", description="its event; of a burn NAME_ignition and NAME_cutoff")
+    duration: TimeConstant
+    thrust: Force | None = Field(None, description="vacuum thrust along the x axis; none: a coast")
+    specific_impulse: TimeConstant | None = None
+    attitude: Pointing = "inertial"
+    pitch: Angle = 0.0
+    yaw: Angle = 0.0
+    slew: Annotated[Duration, Field(gt=0.0)] = Field(60.0, description="time of the turn to the law")
+
+    @property
+    def flow(self) -> float:
+        """Mass flow in kg/s."""
+        if self.thrust is None or self.specific_impulse is None:
+            return 0.0
+        return self.thrust / (STANDARD_GRAVITY * self.specific_impulse)
+
+    @property
+    def burnt(self) -> float:
+        """Propellant used, kg."""
+        return self.flow * self.duration
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        if (self.thrust is None) != (self.specific_impulse is None):
+            raise ValueError("a burn needs thrust and specific_impulse, a coast neither")
+        return self
+
+
+class Canopy(Card):
+    """A parachute that opens at an altitude and stays, until the next one takes its place."""
+
+    name: str = Field(pattern="^[a-z][a-z0-9_]*$")
+    below: Length
+    drag_area: Annotated[Area, Field(gt=0.0)] = Field(description="area times drag coefficient")
+
+
+class Descent(Card):
+    """The last coast: down to an altitude through the air."""
+
+    altitude: Length = Field(description="where the flight ends, at the last whole second before")
+    attitude: Pointing = "airspeed"
+    pitch: Angle = 0.0
+    yaw: Angle = 0.0
+    slew: Annotated[Duration, Field(gt=0.0)] = 60.0
+    parachutes: tuple[Canopy, ...] = ()
+
+    @model_validator(mode="after")
+    def _falling(self) -> Self:
+        marks = [canopy.below for canopy in self.parachutes] + [self.altitude]
+        if any(later >= earlier for earlier, later in pairwise(marks)):
+            raise ValueError("parachutes open one below the other, above the altitude of the end")
+        return self
+
+
+class OrbitalFlight(Card):
+    """A trajectory that begins in orbit at t = 0 and goes through legs, at last down to an altitude where asked for.
+
+    Drag acts all the way, with the mass of the moment; without area there is none.
+    """
+
+    kind: Literal["orbital"] = "orbital"
+    name: str
+    source: str
+    epoch: str = Field(description="t = 0, ISO 8601 UTC")
+    orbit: Start
+    mass: Annotated[Mass, Field(gt=0.0)]
+    reference_area: Area = 0.0
+    mach: tuple[float, ...] = Field((0.0, 1.0), min_length=2, description="Mach numbers of the drag table, rising")
+    drag_coefficient: tuple[float, ...] = Field((2.2, 2.2), min_length=2)
+    legs: tuple[Leg, ...] = Field(min_length=1)
+    descent: Descent | None = None
+    oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
+
+    @property
+    def pad_hold(self) -> float:
+        """Time before the first event: the flight begins with it."""
+        return 0.0
+
+    @property
+    def coast_after_injection(self) -> float:
+        """Time between the last event and the end of the flight: the last event is the end."""
+        return 0.0
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if len(self.mach) != len(self.drag_coefficient):
+            raise ValueError(f"{len(self.mach)} Mach numbers but {len(self.drag_coefficient)} drag coefficients")
+        if any(later <= earlier for earlier, later in pairwise(self.mach)):
+            raise ValueError("mach must rise from entry to entry")
+        names = [leg.name for leg in self.legs]
+        if len(set(names)) < len(names):
+            raise ValueError("two legs have the same name")
+        burnt = sum(leg.burnt for leg in self.legs)
+        if burnt >= self.mass:
+            raise ValueError(f"the burns use {burnt:g} kg, the mass is {self.mass:g} kg")
+        return self
+
+
+def orbit(card: OrbitalFlight) -> Trajectory:
+    """Return the flight of an orbital card; InputError where it does not come down, or comes down too early."""
+    flight = _Flight(card)
+    for leg in card.legs:
+        flight.leg(leg)
+    if card.descent is not None:
+        flight.descend(card.descent)
+    flight.events["end"] = flight.t
+    t, y = knots(flight.stretches)
+    attitude = attitude_spline(t, pointing.attitude(flight.modes, t, y))
+    events = dict(sorted(flight.events.items(), key=lambda item: item[1]))
+    return Trajectory(tuple(phases(flight.stretches, attitude)), events, flight.theta0, card.epoch, _facts(flight))
+
+
+class _Flight:
+    """Flies leg after leg, keeping state, modes of attitude and events."""
+
+    def __init__(self, card: OrbitalFlight) -> None:
+        self.card, self.t, self.theta0 = card, 0.0, gmst(card.epoch)
+        at = card.orbit
+        a, e = SEMI_MAJOR + 0.5 * (at.apogee + at.perigee), 0.5 * (at.apogee - at.perigee)
+        node, anomaly = at.node + self.theta0, at.latitude_argument - at.perigee_argument
+        elements = Elements(*map(np.array, (a, e / a, at.inclination, node, at.perigee_argument, anomaly)))
+        self.y = np.concatenate([*state_from_elements(elements), [card.mass]])
+        self.modes: list[Mode] = []
+        self.stretches: list[Stretch] = []
+        self.events: dict[str, float] = {}
+        table = np.array(card.mach), np.array(card.drag_coefficient)
+        self.air = Aerodynamics(card.reference_area, *table) if card.reference_area > 0.0 else None
+
+    def keep(self, stretch: Stretch) -> None:
+        """Take a stretch that was flown."""
+        self.stretches.append(stretch)
+        self.t, self.y = float(stretch.t[-1]), stretch.y[-1].copy()
+
+    def point(self, law: Pointing, pitch: float, yaw: float, slew: float) -> None:
+        """Turn to a law of attitude from now on; the first one holds from the start."""
+        start, slew = (self.t, slew) if self.modes else (-math.inf, 0.0)
+        self.modes.append(Mode(start, slew, pointing.turned(self._axes(law), pitch, yaw)))
+
+    def _axes(self, law: Pointing) -> Axes:
+        if law == "inertial":
+            now = (np.array([self.t]), self.y[None])
+            if not self.modes:
+                return pointing.fixed_to_stars(pointing.along_velocity()(*now)[0])
+            return pointing.fixed_to_stars(matrices(pointing.attitude(self.modes, *now))[0])
+        if law == "airspeed":
+            across = unit(np.cross(self.y[3:6], self.y[:3]))
+            right_e = ecef_from_eci(across, earth_angle(self.theta0, self.t))
+            return pointing.along_airspeed(right_e, self.theta0)
+        if law == "horizontal":
+            return pointing.level
+        return pointing.along_velocity(1.0 if law == "prograde" else -1.0)
+
+    def leg(self, leg: Leg) -> None:
+        """Fly a leg of a given duration."""
+        self.point(leg.attitude, leg.pitch, leg.yaw, leg.slew)
+        burning = leg.thrust is not None
+        if burning and self._turn() > _WIDEST:
+            raise InputError(
+                f"{self.card.name}: the body would turn by {math.degrees(self._turn()):.0f} deg while {leg.name!r} "
+                "burns; turn it in a coast before"
+            )
+        self.events[f"{leg.name}_ignition" if burning else leg.name] = self.t
+        step = _POWERED if burning or leg.slew < 20.0 * _COAST or self.height < _AIR else _COAST
+        law = newton(self.air, self._thrust(leg), self.theta0)
+        self.keep(fly(leg.name, self.t, self.y, law, leg.duration, step, lambda t, y: height(t, y, self.theta0)))
+        if self.height < 1.0:
+            raise InputError(f"{self.card.name}: the leg {leg.name!r} ends on the ground")
+        if burning:
+            self.events[f"{leg.name}_cutoff"] = self.t
+
+    def _turn(self) -> float:
+        """Return the angle (rad) from the attitude of now to that of the latest law."""
+        now = (np.array([self.t]), self.y[None])
+        C_b_i, goal = (matrices(pointing.attitude(modes, *now))[0] for modes in (self.modes, [self.modes[-1]]))
+        return math.acos(min(1.0, max(-1.0, 0.5 * (float(np.trace(C_b_i.T @ goal)) - 1.0))))
+
+    def _thrust(self, leg: Leg) -> Thrust | None:
+        """Return the motor of a leg at work, None for a coast."""
+        if leg.thrust is None:
+            return None
+        return Thrust(leg.thrust, leg.flow, 0.0, lambda t, y: pointing.nose(self.modes, t, y))
+
+    @property
+    def height(self) -> float:
+        """Height of now, m."""
+        return height(self.t, self.y, self.theta0)
+
+    def descend(self, card: Descent) -> None:
+        """Fall to the altitude of the end, opening parachutes on the way."""
+        self.point(card.attitude, card.pitch, card.yaw, card.slew)
+        self.events["descent"] = self.t
+        air, step = self.air, _COAST if self.height > _AIR and card.slew >= 20.0 * _COAST else _POWERED
+        marks: list[tuple[float, Canopy | None]] = [(canopy.below, canopy) for canopy in card.parachutes]
+        if card.altitude < _AIR < self.height:
+            marks.insert(0, (_AIR, None))
+        if card.altitude < _ENTRY < self.height and all(canopy.below < _ENTRY for canopy in card.parachutes):
+            marks.insert(1 if marks[:1] == [(_AIR, None)] else 0, (_ENTRY, None))
+        for mark, canopy in [*marks, (card.altitude, None)]:
+            law = newton(air, None, self.theta0)
+
+            def above(t: float, y: Floats, mark: float = mark) -> float:
+                return height(t, y, self.theta0) - mark
+
+            if above(self.t, self.y) <= 0.0:
+                raise InputError(f"{self.card.name}: the descent begins below {mark / 1e3:g} km")
+            found = fly("descent", self.t, self.y, law, _LONGEST, step, above)
+            if above(float(found.t[-1]), found.y[-1]) > 1.0:
+                raise InputError(f"{self.card.name}: does not come down to {card.altitude / 1e3:g} km")
+            if mark == card.altitude:  # a whole second is the end of a tick at every rate
+                found = fly("descent", self.t, self.y, law, math.floor(found.t[-1]) - self.t, step)
+            self.keep(found)
+            step = _POWERED
+            if mark == _ENTRY:
+                self.events["entry"] = self.t
+            if canopy is not None:
+                self.events[canopy.name] = self.t
+                air = Aerodynamics(canopy.drag_area, np.array([0.0, 1.0]), np.ones(2))
+                self.keep(fly("opening", self.t, self.y, newton(air, None, self.theta0), 4.0, _CANOPY))
+
+
+def _facts(flight: _Flight) -> dict[str, float | str]:
+    """Return what the report says of the flight, SI."""
+    low, high, inclination = achieved(flight.stretches[0].y[0])
+    speed = float(np.linalg.norm(earth_velocity(flight.y[:3], flight.y[3:6])))
+    return {
+        "perigee_at_start_m": low,
+        "apogee_at_start_m": high,
+        "inclination_rad": inclination,
+        "mass_at_end_kg": float(flight.y[6]),
+        "max_load_g": greatest_load(flight.stretches) / STANDARD_GRAVITY,
+        "altitude_at_end_m": height(flight.t, flight.y, flight.theta0),
+        "ground_speed_at_end_m_per_s": speed,
+    }

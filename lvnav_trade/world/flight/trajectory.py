@@ -1,0 +1,53 @@
+"""From a trajectory card to the true flight."""
+
+from __future__ import annotations
+
+from lvnav_trade.world.ascent.launch import build_ascent
+from lvnav_trade.world.ascent.profile import RecordedAscent, rebuild
+from lvnav_trade.world.ascent.vehicle import VehicleAscent
+from lvnav_trade.world.flight.orbital import OrbitalFlight, orbit
+from lvnav_trade.world.flight.sounding import SoundingFlight
+from lvnav_trade.world.flight.sounding_flight import launch
+from lvnav_trade.world.oscillation import oscillations
+from lvnav_trade.world.sensors.imu import ImuCard
+from lvnav_trade.world.truth import Phase, Trajectory, motion, oscillating, reference
+from lvnav_trade.world.user_file.columns import TableTrajectory
+from lvnav_trade.world.user_file.residual import judge
+from lvnav_trade.world.user_file.table import content_of, from_table, residuals
+
+__all__ = ["Phase", "Trajectory", "TrajectoryCard", "build", "content", "motion", "reference", "refuse_contradiction"]
+
+TrajectoryCard = VehicleAscent | RecordedAscent | TableTrajectory | SoundingFlight | OrbitalFlight
+
+
+def build(card: TrajectoryCard) -> Trajectory:
+    """Return the true flight of a trajectory card, its oscillations laid over it.
+
+    InputError where it cannot be flown or rebuilt, or where an oscillation does not lie within it.
+    """
+    flight = _undisturbed(card)
+    span = (flight.start, flight.end)
+    return oscillating(flight, oscillations(card.oscillation, flight.events, span))
+
+
+def _undisturbed(card: TrajectoryCard) -> Trajectory:
+    if isinstance(card, VehicleAscent):
+        return build_ascent(card)
+    if isinstance(card, TableTrajectory):
+        return from_table(card)
+    if isinstance(card, SoundingFlight):
+        return launch(card)
+    if isinstance(card, OrbitalFlight):
+        return orbit(card)
+    return rebuild(card)
+
+
+def content(card: TrajectoryCard) -> str:
+    """Return a digest of the file that a card names, empty where it names none: a changed file is another flight."""
+    return content_of(card.file) if isinstance(card, RecordedAscent | TableTrajectory) else ""
+
+
+def refuse_contradiction(card: TrajectoryCard, imu: ImuCard) -> None:
+    """InputError where a user's own file contradicts itself by more than an inertial unit would let pass."""
+    if isinstance(card, TableTrajectory):
+        judge(residuals(card), imu, card.file)

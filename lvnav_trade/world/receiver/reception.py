@@ -1,0 +1,253 @@
+"""What a receiver makes of the signals over a flight: best antenna, C/N0, noise, and which satellites it tracks."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.frames import matrices
+from lvnav_trade.records import IDLE, TRACK, Floats, Transition
+from lvnav_trade.world.faults import highest
+from lvnav_trade.world.flight.trajectory import Trajectory, motion
+from lvnav_trade.world.receiver.antenna import gains
+from lvnav_trade.world.receiver.link import carrier_to_noise, received_power
+from lvnav_trade.world.receiver.loops import LoopsCard, code_sigma, coherence_loss, holds, lag, rate_sigma, shaking
+from lvnav_trade.world.receiver.receiver import ReceiverCard
+from lvnav_trade.world.receiver.tracking import DEAF, DYNAMICS, FAULT, HELD, HIDDEN, WEAK, Mask, Signals, track
+
+LONGEST_STEP = 0.1  # s; channels, and what they hear, are looked at no less often
+# No motion of the carrier matters that is over before a loop has answered it; this many samples per such time.
+SAMPLES = 1.0
+
+
+class Arrival(NamedTuple):
+    """Signals at the lever arm of the receiver, at the epochs t (n_epoch,) s.
+
+    names (n_sat,); direction_i (n_epoch, n_sat, 3) unit vectors to the satellites, frame i; (n_epoch, n_sat) each:
+    distance m, off_nadir rad at the satellite, elevation rad, pull m/s^2 (acceleration of the range apart from the
+    antenna's own), expected and faulty bool (above the mask and not behind the Earth; taken away by a fault).
+    """
+
+    t: Floats
+    names: tuple[str, ...]
+    direction_i: Floats
+    distance: Floats
+    off_nadir: Floats
+    elevation: Floats
+    pull: Floats
+    expected: Mask
+    faulty: Mask
+
+
+class Reception(NamedTuple):
+    """What becomes of the signals, (n_epoch, n_sat) each; see records.Sky."""
+
+    tracked: Mask
+    antenna: NDArray[np.int64]
+    cn0: Floats
+    range_sigma: Floats
+    rate_sigma: Floats
+    state: NDArray[np.int8]
+    transitions: tuple[Transition, ...]
+
+
+class _Steps(NamedTuple):
+    """Times between the epochs at which channels are looked at: t (n_step,); owner (n_step,) the epoch that ends the
+    interval; each: steps per interval. Every epoch is a step.
+    """
+
+    t: Floats
+    owner: NDArray[np.int64]
+    each: int
+
+
+class _Heard(NamedTuple):
+    """Signals at the steps, (n_step, n_sat) each: antenna, C/N0 (dB-Hz), and whether the loops hold, and would hold
+    if the vehicle were at rest.
+    """
+
+    antenna: NDArray[np.int64]
+    cn0: Floats
+    heard: Mask
+    held: Mask
+    calm: Mask
+
+
+def receive(
+    receiver: ReceiverCard, trajectory: Trajectory, arrival: Arrival, antenna_alive: Mask | None = None
+) -> Reception:
+    """Return what the receiver makes of the signals.
+
+    antenna_alive (n_epoch, n_antenna) bool; it holds from the epoch before (excluded) to its own (included). None: all.
+    """
+    n_epoch = arrival.t.size
+    simple = not receiver.antennas and receiver.link is None and receiver.tracking is None
+    if n_epoch == 0 or (simple and antenna_alive is None):
+        return _plain(receiver, arrival)
+    steps = _steps(arrival.t, receiver)
+    heard = _hear(receiver, trajectory, arrival, steps, antenna_alive)
+    at = np.arange(n_epoch) * steps.each
+    cn0 = heard.cn0[at]
+    transitions: tuple[Transition, ...] = ()
+    if receiver.tracking is None:
+        available = arrival.expected & ~arrival.faulty & heard.held[at]
+        tracked = highest(arrival.elevation, available, receiver.channels)
+        state = np.where(tracked, TRACK, IDLE).astype(np.int8)
+    else:
+        states, transitions = track(
+            receiver.tracking, receiver.channels, arrival.names, _signals(receiver, arrival, steps, heard)
+        )
+        state = states[at]
+        # A channel that waits for its signal to come back is still in track, but has nothing to measure.
+        tracked = (state == TRACK) & heard.held[at] & ~arrival.faulty
+    range_sigma, range_rate_sigma = _noise(receiver, cn0)
+    known = heard.heard[at] & (receiver.link is not None)
+    return Reception(
+        tracked, heard.antenna[at], np.where(known, cn0, np.nan), range_sigma, range_rate_sigma, state, transitions
+    )
+
+
+def _plain(receiver: ReceiverCard, arrival: Arrival) -> Reception:
+    """Return the reception of a receiver that measures the highest satellites above its mask, whatever happens."""
+    tracked = highest(arrival.elevation, arrival.expected & ~arrival.faulty, receiver.channels)
+    same = np.ones(tracked.shape)
+    return Reception(
+        tracked=tracked,
+        antenna=np.zeros(tracked.shape, dtype=np.int64),
+        cn0=np.nan * same,
+        range_sigma=receiver.pseudorange_sigma * same,
+        rate_sigma=receiver.range_rate_sigma * same,
+        state=np.where(tracked, TRACK, IDLE).astype(np.int8),
+        transitions=(),
+    )
+
+
+def _steps(t: Floats, receiver: ReceiverCard) -> _Steps:
+    """Divide the intervals between the epochs, all into as many steps; only channels need more than one."""
+    longest = float(np.max(np.diff(t), initial=0.0))
+    count = max(1, math.ceil(longest / LONGEST_STEP - 1e-6)) if receiver.tracking is not None else 1
+    fine, owner = _divided(t, count)
+    return _Steps(np.concatenate([t[:1], fine]), np.concatenate([[0], owner]), count)
+
+
+def _divided(t: Floats, count: int) -> tuple[Floats, NDArray[np.int64]]:
+    """Return the ends of `count` equal parts of every interval of t, and the number of the later end of the interval.
+
+    The last part ends at the epoch itself, to the bit.
+    """
+    part = np.arange(1, count + 1) / count
+    fine = t[:-1, None] + np.diff(t)[:, None] * part
+    fine[:, -1] = t[1:]
+    return fine.ravel(), np.repeat(np.arange(1, t.size), count)
+
+
+def _hear(
+    receiver: ReceiverCard, trajectory: Trajectory, arrival: Arrival, steps: _Steps, antenna_alive: Mask | None
+) -> _Heard:
+    at = motion(trajectory, steps.t)
+    # a row vector times C_b_i: the components along the body's axes
+    direction_b = arrival.direction_i[steps.owner] @ matrices(at.q_b_i)
+    level = gains(receiver.antennas, direction_b)
+    if antenna_alive is not None:
+        level = np.where(antenna_alive[steps.owner][:, None, :], level, -np.inf)
+    antenna = np.argmax(level, axis=-1)
+    gain = np.take_along_axis(level, antenna[..., None], axis=-1)[..., 0]
+    heard, link, loops = np.isfinite(gain), receiver.link, receiver.loops
+    if link is None:
+        return _Heard(antenna, gain, heard, heard, heard)
+    power = received_power(link, arrival.distance, arrival.off_nadir)
+    quiet = carrier_to_noise(link, power[steps.owner] + gain)
+    floor = -np.inf if receiver.tracking is None else receiver.tracking.track_above
+    if loops is None:
+        held = heard & (quiet >= floor)
+        return _Heard(antenna, quiet, heard, held, held)
+    still = np.zeros(quiet.shape)
+    calm = heard & (quiet >= floor) & holds(loops, quiet, still, still + loops.jitter, still)
+    acceleration, jerk = _dynamics(receiver, loops, trajectory, arrival, steps, antenna)
+    trail = lag(loops, acceleration, jerk, link.wavelength)
+    jitter = shaking(loops, np.linalg.norm(at.f_b, axis=-1))[:, None] + still
+    cn0 = quiet - coherence_loss(loops, trail, jitter)
+    held = heard & (cn0 >= floor) & holds(loops, cn0, trail, jitter, acceleration)
+    return _Heard(antenna, cn0, heard, held, calm)
+
+
+def _dynamics(
+    receiver: ReceiverCard,
+    loops: LoopsCard,
+    trajectory: Trajectory,
+    arrival: Arrival,
+    steps: _Steps,
+    antenna: NDArray[np.int64],
+) -> tuple[Floats, Floats]:
+    """Return the greatest acceleration (m/s^2) and jerk (m/s^3) of the range during each step, (n_step, n_sat) each.
+
+    Means over the time in which the carrier loop answers: a jump of thrust is a jerk over that time, which is what the
+    loop makes of it. Rotation counts through the lever arms of the antennas.
+    """
+    shape = antenna.shape
+    if arrival.t.size < 2:
+        return np.abs(arrival.pull), np.zeros(shape)
+    interval = float(np.max(np.diff(arrival.t))) / steps.each
+    part = max(1, math.ceil(SAMPLES * interval * loops.natural_frequency - 1e-6))
+    fine = np.concatenate([arrival.t[:1], _divided(arrival.t, steps.each * part)[0]])
+    span = np.diff(fine)[:, None]
+    at = motion(trajectory, fine)
+    C_b_i = matrices(at.q_b_i)
+    acceleration, jerk = np.zeros(shape), np.zeros(shape)
+    towards = np.swapaxes(arrival.direction_i[1:], 1, 2)
+    n_interval = arrival.t.size - 1
+    levers = np.array(receiver.levers)
+    unique, which = np.unique(levers, axis=0, return_inverse=True)
+    for number, lever_b in enumerate(unique):
+        v_i = at.v_i + np.einsum("nij,nj->ni", C_b_i, np.cross(at.w_ib_b, lever_b))
+        # Without a span there is no motion: epochs that latency pushes before the start of the flight coincide.
+        mean = np.divide(np.diff(v_i, axis=0), span, out=np.zeros((span.size, 3)), where=span > 0.0)
+        change = np.divide(np.diff(mean, axis=0, prepend=mean[:1]), span, out=np.zeros_like(mean), where=span > 0.0)
+        blocks = (n_interval, steps.each * part, 3)
+        along = arrival.pull[1:, None, :] - mean.reshape(blocks) @ towards
+        most = _most(along, steps.each, part), _most(change.reshape(blocks) @ towards, steps.each, part)
+        mine = which.ravel()[antenna] == number
+        for whole, found in zip((acceleration, jerk), most, strict=True):
+            np.copyto(whole[1:], found, where=mine[1:])
+            np.copyto(whole[:1], found[:1], where=mine[:1])
+    return acceleration, jerk
+
+
+def _most(values: Floats, count: int, part: int) -> Floats:
+    """Return the greatest magnitude during each step, (n_step - 1, n_sat), of values (n_interval, samples, n_sat)."""
+    steps = np.abs(values).reshape(values.shape[0] * count, part, values.shape[-1])
+    return np.asarray(steps.max(axis=1))
+
+
+def _signals(receiver: ReceiverCard, arrival: Arrival, steps: _Steps, heard: _Heard) -> Signals:
+    """Return what the channels see; of several causes the one that hides the others is named."""
+    assert receiver.tracking is not None
+    expected, faulty = arrival.expected[steps.owner], arrival.faulty[steps.owner]
+    cause = np.full(expected.shape, HELD, dtype=np.int8)
+    cause[~heard.held] = DYNAMICS
+    cause[~heard.calm] = WEAK
+    cause[heard.held] = HELD
+    cause[~heard.heard] = DEAF
+    cause[faulty] = FAULT
+    cause[~expected] = HIDDEN
+    strong = cause == HELD
+    if receiver.link is not None:
+        strong &= heard.cn0 >= receiver.tracking.acquire_above
+    return Signals(steps.t, expected, cause, strong, arrival.elevation[steps.owner])
+
+
+def _noise(receiver: ReceiverCard, cn0: Floats) -> tuple[Floats, Floats]:
+    """Return the sigma of range (m) and range rate (m/s): of the loops and of what the card adds, squares summed."""
+    loops, link = receiver.loops, receiver.link
+    same = np.ones(cn0.shape)
+    if loops is None or link is None:
+        return receiver.pseudorange_sigma * same, receiver.range_rate_sigma * same
+    # What is fainter than any loop can hold is not measured; bounding it keeps the tables finite.
+    bounded = np.maximum(cn0, 0.0)
+    return (
+        np.hypot(receiver.pseudorange_sigma, code_sigma(loops, bounded)),
+        np.hypot(receiver.range_rate_sigma, rate_sigma(loops, bounded, link.wavelength)),
+    )

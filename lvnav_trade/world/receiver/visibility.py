@@ -1,0 +1,211 @@
+"""Satellites over a flight: where each was when it sent what the antenna receives, and whether it is tracked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lvnav_trade.frames import (
+    earth_angle,
+    ecef_from_eci,
+    eci_from_ecef,
+    geodetic_from_ecef,
+    matrices,
+    rotation_e_n,
+)
+from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
+from lvnav_trade.kernels.earth import OMEGA, SEMI_MAJOR, SEMI_MINOR
+from lvnav_trade.records import Floats, Sky
+from lvnav_trade.world.faults import AntennaFailure, AnyFault, Mask, antennas_alive, lost
+from lvnav_trade.world.flight.trajectory import Trajectory, motion
+from lvnav_trade.world.receiver.link import off_nadir
+from lvnav_trade.world.receiver.receiver import ReceiverCard
+from lvnav_trade.world.receiver.reception import Arrival, receive
+from lvnav_trade.world.sky.constellation import GM_GPS, Constellation
+from lvnav_trade.world.sky.satellites import Satellites, satellites
+
+# A signal that would pass lower over the ellipsoid than this counts as lost: below lie most of the weather, and bending
+# of up to a degree that straight rays leave out. It matters only for masks below the horizontal.
+GRAZING_HEIGHT = 10e3  # m
+# Each round of the light-time equation gains a factor of c / v = 8e4: 80 m, 1 mm, 14 nm.
+LIGHT_TIME_ROUNDS = 4
+
+
+class Transmission(NamedTuple):
+    """Signals received at the epochs: travel time (n_epoch, n_sat) s; satellites at transmission, frame i (..., 3)."""
+
+    travel: Floats
+    r_i: Floats
+    v_i: Floats  # inertial velocity: derivative with respect to transmission time
+
+
+def sky(
+    constellation: Constellation,
+    receiver: ReceiverCard,
+    trajectory: Trajectory,
+    t_epoch: Floats,
+    faults: Sequence[AnyFault] = (),
+    antenna_alive: Mask | None = None,
+) -> Sky:
+    """Return all usable satellites at the GNSS epochs, as seen from the true antenna; the same for all runs.
+
+    Parameters
+    ----------
+    t_epoch
+        (n_epoch,) s since lift-off, rising: times of reception.
+    antenna_alive
+        (n_epoch, n_antenna) bool: which antennas work at the epoch and since the one before. None: as the faults
+        say.
+
+    Returns
+    -------
+    Sky
+        Positions at transmission in frame i (no Earth-rotation term is left to apply), velocities with respect to
+        reception time, azimuth and elevation at the antenna, and what the receiver hears, tracks and measures.
+
+    Raises
+    ------
+    InputError
+        Where the almanac is broken, or a fault's start cannot be resolved.
+    """
+    above = satellites(constellation, trajectory.epoch)
+    antenna_r, antenna_v = antenna(trajectory, receiver, t_epoch)
+    sent = transmission(above, trajectory.theta0, t_epoch, antenna_r)
+    line = sent.r_i - antenna_r[:, None, :]
+    distance = np.linalg.norm(line, axis=-1)
+    direction = line / distance[..., None]
+    received = 1.0 - range_rate(direction, sent.v_i, antenna_v[:, None, :]) / SPEED_OF_LIGHT
+    azimuth, elevation = look_angles(trajectory.theta0, t_epoch, antenna_r, direction)
+    lowest = mask(receiver, trajectory.theta0, t_epoch, antenna_r)
+    visible = (elevation >= lowest) & ~occluded(antenna_r[:, None, :], sent.r_i)
+    faulty = np.asarray(lost(faults, trajectory.events, t_epoch, elevation, visible))
+    pull = range_pull(direction, distance, sent, antenna_v)
+    angle = off_nadir(sent.r_i, direction)
+    arrival = Arrival(t_epoch, above.names, direction, distance, angle, elevation, pull, visible, faulty)
+    if antenna_alive is None and any(isinstance(fault, AntennaFailure) for fault in faults):
+        antenna_alive = antennas_alive(faults, trajectory.events, t_epoch, len(receiver.antennas))
+    found = receive(receiver, trajectory, arrival, antenna_alive)
+    return Sky(
+        t=t_epoch,
+        names=above.names,
+        systems=above.systems,
+        r_i=sent.r_i,
+        v_i=sent.v_i * received[..., None],
+        azimuth=azimuth,
+        elevation=elevation,
+        levers=np.array(receiver.levers),
+        **found._asdict(),
+    )
+
+
+def mask(receiver: ReceiverCard, theta0: float, t: Floats, antenna_r: Floats) -> Floats | float:
+    """Return the elevation (rad) below which the receiver does not look, (n_epoch, 1), or one number for all epochs.
+
+    antenna_r (n_epoch, 3) m, frame i. A mask that sinks with height: Canepa and Servidia, section 6.3.1, where the
+    shell is ten scale heights of the troposphere high.
+    """
+    shell = receiver.mask_height
+    if shell is None:
+        return receiver.mask
+    height = geodetic_from_ecef(ecef_from_eci(antenna_r, earth_angle(theta0, t)))[2]
+    radius = np.linalg.norm(antenna_r, axis=-1) - height
+    dip = -np.arccos(np.clip((radius + shell) / (radius + np.maximum(height, shell)), -1.0, 1.0))
+    return np.asarray(np.where(height > shell, dip, receiver.mask * (1.0 - height / shell)))[:, None]
+
+
+def range_pull(direction: Floats, distance: Floats, sent: Transmission, antenna_v: Floats) -> Floats:
+    """Return the acceleration of the range (m/s^2) apart from the antenna's own, (n_epoch, n_sat).
+
+    Gravity on the satellite along the line, and the square of the speed across it over the distance: few m/s^2, for
+    loops that trail behind acceleration.
+    """
+    radius = np.linalg.norm(sent.r_i, axis=-1)
+    falling = -GM_GPS * np.sum(direction * sent.r_i, axis=-1) / radius**3
+    speed = sent.v_i - antenna_v[:, None, :]
+    across = np.sum(speed * speed, axis=-1) - np.sum(direction * speed, axis=-1) ** 2
+    return np.asarray(falling + across / distance)
+
+
+def antenna(trajectory: Trajectory, receiver: ReceiverCard, t: Floats) -> tuple[Floats, Floats]:
+    """Return true position (m) and velocity (m/s) of the antenna in frame i, (n_epoch, 3) each, lever arm included."""
+    at = motion(trajectory, t)
+    lever_b = np.array(receiver.lever_b)
+    C_b_i = matrices(at.q_b_i)
+    swing = np.einsum("nij,nj->ni", C_b_i, np.cross(at.w_ib_b, lever_b))
+    return at.r_i + C_b_i @ lever_b, at.v_i + swing
+
+
+def transmission(above: Satellites, theta0: float, t: Floats, antenna_r: Floats) -> Transmission:
+    """Solve the light-time equation |r_sat(t - travel) - r_antenna(t)| = c travel for all epochs and satellites.
+
+    Parameters
+    ----------
+    above
+        The satellites, (n_sat,), around the same lift-off as `t`.
+    theta0
+        Earth angle at lift-off (rad).
+    t, antenna_r
+        (n_epoch,) s and (n_epoch, 3) m, frame i: reception.
+    """
+    travel = np.full((t.size, len(above.names)), 0.075)
+    for _ in range(LIGHT_TIME_ROUNDS):
+        r_i, v_i = satellite_inertial(above, theta0, t[:, None] - travel)
+        travel = np.linalg.norm(r_i - antenna_r[:, None, :], axis=-1) / SPEED_OF_LIGHT
+    return Transmission(travel, r_i, v_i)
+
+
+def satellite_inertial(above: Satellites, theta0: float, t: Floats) -> tuple[Floats, Floats]:
+    """Return position and velocity of the satellites in frame i, (..., n_sat, 3), at times t (..., n_sat) in s."""
+    r_e, v_e = above.ecef(t)
+    theta = earth_angle(theta0, t)
+    turning = OMEGA * np.stack([-r_e[..., 1], r_e[..., 0], np.zeros_like(r_e[..., 0])], axis=-1)
+    return eci_from_ecef(r_e, theta), eci_from_ecef(v_e + turning, theta)
+
+
+def range_rate(direction: Floats, v_sat: Floats, v_antenna: Floats) -> Floats:
+    """Return the derivative (m/s) of the distance travelled by the signal, with respect to reception time.
+
+    direction (..., 3) unit vector from antenna to satellite; v_sat at transmission, with respect to transmission time,
+    and v_antenna (..., 3) m/s, all in frame i. From differentiating the light-time equation: the satellite's
+    motion counts only as fast as transmission time passes, dt_tx/dt_rx = 1 - rate/c.
+    """
+    towards = np.sum(direction * v_sat, axis=-1)
+    return np.asarray((towards - np.sum(direction * v_antenna, axis=-1)) / (1.0 + towards / SPEED_OF_LIGHT))
+
+
+def look_angles(theta0: float, t: Floats, antenna_r: Floats, direction: Floats) -> tuple[Floats, Floats]:
+    """Return azimuth (from north over east, 0 to 2 pi) and elevation (rad), (n_epoch, n_sat) each.
+
+    The angles are those of the geodetic north-east-down axes below the antenna; direction (n_epoch, n_sat, 3), frame i.
+    """
+    theta = earth_angle(theta0, t)
+    latitude, longitude, _ = geodetic_from_ecef(ecef_from_eci(antenna_r, theta))
+    direction_e = ecef_from_eci(direction, theta[:, None])
+    north, east, down = np.moveaxis(np.einsum("nij,nsj->nsi", rotation_e_n(latitude, longitude), direction_e), -1, 0)
+    return np.mod(np.arctan2(east, north), 2.0 * np.pi), np.arcsin(np.clip(-down, -1.0, 1.0))
+
+
+def occluded(antenna_r: Floats, satellite_r: Floats, grazing: float = GRAZING_HEIGHT) -> Mask:
+    """Return whether the straight ray from antenna to satellite meets the Earth, (...,) bool.
+
+    Parameters
+    ----------
+    antenna_r, satellite_r
+        (..., 3) m, any axes with z along the pole.
+    grazing
+        Height (m) by which the ray must clear the ellipsoid at its lowest point between the two. An antenna below that
+        height loses what it would see by looking downwards, and nothing else.
+
+    Notes
+    -----
+    Stretching z turns the ellipsoid into a sphere and keeps straight lines straight.
+    """
+    stretch = np.array([1.0, 1.0, SEMI_MAJOR / SEMI_MINOR])
+    near, far = antenna_r * stretch, satellite_r * stretch
+    ray: Any = far - near
+    along = -np.sum(near * ray, axis=-1) / np.sum(ray * ray, axis=-1)
+    lowest = near + along[..., None] * ray
+    ahead = (along > 0.0) & (along < 1.0)
+    return np.asarray(ahead & (np.sum(lowest * lowest, axis=-1) < (SEMI_MAJOR + grazing) ** 2))

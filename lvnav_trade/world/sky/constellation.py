@@ -1,0 +1,339 @@
+"""Constellations as cards; nominal slots or an almanac to satellite states."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field, field_validator, model_validator
+
+from lvnav_trade.errors import InputError
+from lvnav_trade.kernels.earth import J2, SEMI_MAJOR
+from lvnav_trade.records import Floats
+from lvnav_trade.units import Angle, AngularRate, Card, Length, LengthSigma, TimeConstant
+from lvnav_trade.world.sky.almanac import AlmanacRecord, read_yuma
+from lvnav_trade.world.sky.gps_time import gps_seconds, resolve_week
+from lvnav_trade.world.sky.numbers import read_lines
+from lvnav_trade.world.sky.sem import read_sem
+
+System = Literal["GPS", "Galileo", "GLONASS"]
+LETTERS: dict[str, str] = {"GPS": "G", "Galileo": "E", "GLONASS": "R"}  # as in RINEX
+
+# Values that the GPS user algorithm prescribes (IS-GPS-200, table 20-IV); they differ from WGS-84's in the last digits.
+GM_GPS = 3.986005e14  # m^3/s^2
+EARTH_RATE_GPS = 7.2921151467e-5  # rad/s
+RELATIVITY_GPS = -4.442807633e-10  # s/m^0.5: -2 sqrt(GM) / c^2
+
+
+class Slot(Card):
+    """One satellite of a nominal constellation: right ascension of the node and argument of latitude at the epoch."""
+
+    name: str
+    node: Angle
+    latitude_argument: Angle
+
+
+class SignalErrors(Card):
+    """What is wrong with the signals of a constellation before they are received."""
+
+    range_error: LengthSigma = Field(
+        default=0.0, description="one sigma in range of each satellite's clock and ephemeris residual, Gauss-Markov"
+    )
+    range_error_time: TimeConstant | None = Field(
+        default=None, description="time constant of the range error; constant over the flight if absent"
+    )
+
+
+class SystemErrors(SignalErrors):
+    """Errors of the signals, and of the time of a system that is not GPS."""
+
+    time_offset: LengthSigma = Field(
+        default=0.0, description="one sigma in range of the system's time against GPS time, one for all its satellites"
+    )
+    time_offset_time: TimeConstant | None = Field(
+        default=None, description="time constant of the time offset; constant over the flight if absent"
+    )
+
+
+class NominalConstellation(SystemErrors):
+    """Circular orbits from published slots, carried from their epoch with secular rates."""
+
+    kind: Literal["nominal"] = "nominal"
+    name: str
+    source: str
+    system: System = "GPS"
+    epoch: str  # ISO 8601, UTC
+    greenwich: Angle = Field(description="Greenwich hour angle of the direction that nodes are counted from, at epoch")
+    semi_major_axis: Annotated[Length, Field(gt=0.0)]
+    inclination: Angle
+    node_rate: AngularRate | None = Field(
+        default=None, description="published rate of the nodes; that of J2 on a circular orbit if absent"
+    )
+    latitude_rate: AngularRate | None = Field(
+        default=None, description="published rate of the argument of latitude; two bodies and J2 if absent"
+    )
+    slots: tuple[Slot, ...] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _reference_time(self) -> NominalConstellation:
+        if self.system == "GPS" and self.time_offset > 0.0:
+            raise ValueError("time_offset counts from GPS time, so a constellation of GPS has none")
+        return self
+
+    @field_validator("slots")
+    @classmethod
+    def _own_names(cls, slots: tuple[Slot, ...]) -> tuple[Slot, ...]:
+        names = [slot.name for slot in slots]
+        again = [name for name in names if names.count(name) > 1]
+        if again:  # draws are keyed by name
+            raise ValueError(f"two slots are named {again[0]!r}")
+        return slots
+
+
+class AlmanacConstellation(SignalErrors):
+    """A YUMA or SEM almanac file of the user's, told apart by content; GPS satellites that it calls unhealthy are left
+    out.
+    """
+
+    kind: Literal["almanac"] = "almanac"
+    almanac: str = Field(description="path of a YUMA or SEM file", json_schema_extra={"path": True})
+    longest_age: TimeConstant = Field(
+        default=180 * 86400.0, description="lift-off at most this far from the time of applicability"
+    )
+
+
+class RinexConstellation(SystemErrors):
+    """RINEX navigation files of the user's: broadcast ephemerides of GPS and Galileo, broadcast states of GLONASS."""
+
+    kind: Literal["rinex"] = "rinex"
+    rinex: str | tuple[str, ...] = Field(
+        description="path of a RINEX 2 or 3 navigation file, gzip or plain, or a list of such",
+        json_schema_extra={"path": True},
+    )
+    systems: tuple[System, ...] | None = Field(
+        default=None, description="systems to take; those of the three that the files hold if absent"
+    )
+    longest_age: TimeConstant | None = Field(
+        default=None,
+        description="lift-off at most this far from a satellite's reference time; 2 h for GPS, 4 h for Galileo and "
+        "30 min for GLONASS if absent",
+    )
+    time_correction: Literal["applied", "ignored"] = Field(
+        default="applied",
+        description="what the files state of Galileo's and GLONASS's time against GPS time (TIME SYSTEM CORR), to the "
+        "receiver: applied, so that time_offset is all that is left; or ignored, so that ranges are off by it too",
+    )
+
+    @field_validator("rinex", "systems")
+    @classmethod
+    def _some(cls, value: Any) -> Any:
+        if value == ():
+            raise ValueError("is an empty list")
+        return value
+
+
+Part = NominalConstellation | AlmanacConstellation | RinexConstellation
+
+
+class CombinedConstellation(Card):
+    """Several constellations seen by one receiver; each system by one part."""
+
+    kind: Literal["combined"] = "combined"
+    name: str = ""
+    source: str = ""
+    parts: tuple[Annotated[Part, Field(discriminator="kind")], ...] = Field(min_length=1)
+
+
+Constellation = Part | CombinedConstellation
+
+
+def parts_of(constellation: Constellation) -> tuple[Part, ...]:
+    """Return the parts of a constellation: itself where it is none of several."""
+    return constellation.parts if isinstance(constellation, CombinedConstellation) else (constellation,)
+
+
+class Orbits(NamedTuple):
+    """Keplerian elements of all satellites at a reference time, (n_sat,) each, SI and radians.
+
+    The node is counted from Greenwich at the reference time, node_rate relative to inertial space. Elements are brought
+    to the lift-off first, because seconds counted from a distant epoch would round positions by a millimetre.
+    """
+
+    names: tuple[str, ...]
+    semi_major_axis: Floats
+    eccentricity: Floats
+    inclination: Floats
+    node: Floats
+    node_rate: Floats
+    perigee: Floats
+    mean_anomaly: Floats
+    mean_motion: Floats
+    clock_bias: Floats  # s
+    clock_drift: Floats  # s/s
+    systems: tuple[str, ...]
+
+    def ecef(self, t: Floats) -> tuple[Floats, Floats]:
+        """Return position and Earth-relative velocity as `satellite_ecef` does."""
+        return satellite_ecef(self, t)
+
+    def clock(self, t: Floats) -> Floats:
+        """Return what the satellites' clocks are ahead by their polynomials, (..., n_sat) s, relativity apart."""
+        return np.asarray(self.clock_bias + self.clock_drift * t)
+
+    def relativity(self, t: Floats) -> Floats:
+        """Return F e sqrt(A) sin E, (..., n_sat) s: what eccentricity adds to the clocks (IS-GPS-200, 20.3.3.3.3.1)."""
+        anomaly = eccentric_anomaly(self.mean_anomaly + self.mean_motion * t, self.eccentricity)
+        return np.asarray(RELATIVITY_GPS * self.eccentricity * np.sqrt(self.semi_major_axis) * np.sin(anomaly))
+
+
+def orbits(constellation: NominalConstellation | AlmanacConstellation, epoch: str) -> Orbits:
+    """Return the elements of all usable satellites with `epoch` (ISO 8601, UTC) as reference time.
+
+    Raises
+    ------
+    InputError
+        Where the almanac is broken (``file:line: what``), holds no healthy satellite, is too old or too young, or a
+        time cannot be read.
+    """
+    if isinstance(constellation, NominalConstellation):
+        return _nominal_orbits(constellation, epoch)
+    records = [record for record in read_almanac(constellation.almanac) if record.health == 0]
+    if not records:
+        raise InputError(f"{constellation.almanac}: no healthy satellite")
+    lift_off = gps_seconds(epoch)
+    ages = [lift_off - resolve_week(record.week, record.applicability, lift_off) for record in records]
+    recent = [abs(age) <= constellation.longest_age for age in ages]
+    if not any(recent):
+        age, limit = min(ages, key=abs) / 86400.0, constellation.longest_age / 86400.0
+        when = f"{abs(age):.1f} days {'after' if age > 0.0 else 'before'} the time of applicability"
+        raise InputError(f"{constellation.almanac}: the lift-off {epoch} is {when}; longest_age allows {limit:g} days")
+    return _almanac_orbits([record for record, usable in zip(records, recent, strict=True) if usable], lift_off)
+
+
+def read_almanac(path: str) -> tuple[AlmanacRecord, ...]:
+    """Read a YUMA or a SEM almanac, told apart by its first word: a SEM file begins with the number of its records.
+
+    Raises
+    ------
+    InputError
+        As `read_yuma` and `read_sem` do, and where the file is one of another kind.
+    """
+    lines = read_lines(path, "YUMA or SEM almanac")
+    if lines and lines[0].rstrip().endswith("RINEX VERSION / TYPE"):
+        raise InputError(f"{path}:1: a RINEX file; name it by {{rinex: ...}}, not {{almanac: ...}}")
+    words = next((line.split() for line in lines if line.strip()), [""])
+    return read_sem(path) if words[0].isdigit() else read_yuma(path)
+
+
+def _nominal_orbits(card: NominalConstellation, epoch: str) -> Orbits:
+    """Carry the slots to the epoch: two-body motion plus the secular J2 rates of a circular orbit.
+
+    Rates of node, perigee and mean anomaly: Vallado, Fundamentals of Astrodynamics and Applications, section 9.6.
+    """
+    elapsed = gps_seconds(epoch) - gps_seconds(card.epoch)
+    n = math.sqrt(GM_GPS / card.semi_major_axis**3)
+    oblateness = 1.5 * n * J2 * (SEMI_MAJOR / card.semi_major_axis) ** 2
+    sin2 = math.sin(card.inclination) ** 2
+    node_rate, latitude_rate = card.node_rate, card.latitude_rate
+    if node_rate is None:
+        node_rate = -oblateness * math.cos(card.inclination)
+    if latitude_rate is None:
+        latitude_rate = n + oblateness * ((2.0 - 2.5 * sin2) + (1.0 - 1.5 * sin2))
+    node = np.array([slot.node for slot in card.slots]) - card.greenwich + (node_rate - EARTH_RATE_GPS) * elapsed
+    latitude = np.array([slot.latitude_argument for slot in card.slots]) + latitude_rate * elapsed
+    same = np.ones(len(card.slots))
+    return Orbits(
+        names=tuple(slot.name for slot in card.slots),
+        semi_major_axis=card.semi_major_axis * same,
+        eccentricity=0.0 * same,
+        inclination=card.inclination * same,
+        node=np.mod(node, 2.0 * math.pi),
+        node_rate=node_rate * same,
+        perigee=0.0 * same,
+        mean_anomaly=np.mod(latitude, 2.0 * math.pi),
+        mean_motion=latitude_rate * same,
+        clock_bias=0.0 * same,
+        clock_drift=0.0 * same,
+        systems=(LETTERS[card.system],) * len(card.slots),
+    )
+
+
+def _almanac_orbits(records: list[AlmanacRecord], reference: float) -> Orbits:
+    """Carry broadcast elements to the reference time (s, GPS time); their node counts from Greenwich at week start."""
+    applicability = np.array([record.applicability for record in records])
+    elapsed = reference - np.array([resolve_week(r.week, r.applicability, reference) for r in records])
+    axis = np.array([record.root_axis for record in records]) ** 2
+    node_rate = np.array([record.node_rate for record in records])
+    mean_motion = np.sqrt(GM_GPS / axis**3)
+    node = np.array([record.node for record in records]) - EARTH_RATE_GPS * applicability
+    mean_anomaly = np.array([record.mean_anomaly for record in records])
+    clock_drift = np.array([record.clock_drift for record in records])
+    return Orbits(
+        names=tuple(f"G{record.prn:02d}" for record in records),
+        semi_major_axis=axis,
+        eccentricity=np.array([record.eccentricity for record in records]),
+        inclination=np.array([record.inclination for record in records]),
+        node=np.mod(node + (node_rate - EARTH_RATE_GPS) * elapsed, 2.0 * math.pi),
+        node_rate=node_rate,
+        perigee=np.array([record.perigee for record in records]),
+        mean_anomaly=np.mod(mean_anomaly + mean_motion * elapsed, 2.0 * math.pi),
+        mean_motion=mean_motion,
+        clock_bias=np.array([record.clock_bias for record in records]) + clock_drift * elapsed,
+        clock_drift=clock_drift,
+        systems=("G",) * len(records),
+    )
+
+
+def satellite_ecef(orbit: Orbits, t: Floats | float) -> tuple[Floats, Floats]:
+    """Return position (m) and Earth-relative velocity (m/s) of all satellites, in the Earth-fixed axes of time t.
+
+    Parameters
+    ----------
+    orbit
+        Elements, (n_sat,).
+    t
+        Seconds since the reference time of the elements, any shape that broadcasts with a last axis of n_sat:
+        (n_epoch, n_sat), or (n_epoch, 1) for the same times for all.
+
+    Returns
+    -------
+    r_e, v_e
+        (..., n_sat, 3) each; v_e is the derivative of r_e.
+
+    Notes
+    -----
+    The user algorithm of IS-GPS-200, table 20-IV, with the terms that an almanac carries (no harmonic corrections).
+    """
+    anomaly = eccentric_anomaly(orbit.mean_anomaly + orbit.mean_motion * t, orbit.eccentricity)
+    cos_e, sin_e, e = np.cos(anomaly), np.sin(anomaly), orbit.eccentricity
+    root = np.sqrt(1.0 - e * e)
+    flat = np.stack([orbit.semi_major_axis * (cos_e - e), orbit.semi_major_axis * root * sin_e])
+    speed = orbit.semi_major_axis * orbit.mean_motion / (1.0 - e * cos_e)
+    flat_rate = np.stack([-speed * sin_e, speed * root * cos_e])
+    cos_w, sin_w = np.cos(orbit.perigee), np.sin(orbit.perigee)
+    turn = np.array([[cos_w, -sin_w], [sin_w, cos_w]])
+    x, y = np.einsum("ijs,j...s->i...s", turn, flat)
+    vx, vy = np.einsum("ijs,j...s->i...s", turn, flat_rate)
+    node_rate = orbit.node_rate - EARTH_RATE_GPS
+    node = orbit.node + node_rate * t
+    cos_n, sin_n, cos_i, sin_i = np.cos(node), np.sin(node), np.cos(orbit.inclination), np.sin(orbit.inclination)
+    r_e = np.stack([x * cos_n - y * cos_i * sin_n, x * sin_n + y * cos_i * cos_n, y * sin_i], axis=-1)
+    in_plane = np.stack([vx * cos_n - vy * cos_i * sin_n, vx * sin_n + vy * cos_i * cos_n, vy * sin_i], axis=-1)
+    turning = np.stack([-node_rate * r_e[..., 1], node_rate * r_e[..., 0], np.zeros_like(x)], axis=-1)
+    return r_e, in_plane + turning
+
+
+def eccentric_anomaly(mean_anomaly: Floats, eccentricity: Floats) -> Floats:
+    """Return the eccentric anomaly (rad) by Newton's method, to rounding; arguments broadcast.
+
+    The start E = M + 0.85 e sign(sin M) converges for every eccentricity below one (Danby and Burkardt, 1983).
+    """
+    mean = np.mod(mean_anomaly, 2.0 * math.pi)
+    anomaly = mean + 0.85 * eccentricity * np.sign(np.sin(mean))
+    for _ in range(30):
+        step = (mean - anomaly + eccentricity * np.sin(anomaly)) / (1.0 - eccentricity * np.cos(anomaly))
+        anomaly = anomaly + step
+        if np.max(np.abs(step), initial=0.0) < 1e-13:
+            break
+    return anomaly

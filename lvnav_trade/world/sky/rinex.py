@@ -1,0 +1,312 @@
+"""RINEX navigation files, versions 2 and 3, to ephemerides of GPS, Galileo and GLONASS."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import NamedTuple
+
+from lvnav_trade.errors import InputError
+from lvnav_trade.world.sky.gps_time import GPS_ORIGIN, SECONDS_PER_WEEK, leap_seconds
+from lvnav_trade.world.sky.numbers import Bounds, number, read_lines
+
+WIDTH = 19  # of a number
+LABEL = 60  # column where the label of a header line begins
+
+
+class Ephemeris(NamedTuple):
+    """Keplerian elements of one GPS or Galileo satellite as broadcast: SI and radians, times in s of GPS time.
+
+    toe is the reference time of the orbit and week_second the same in seconds of its week, from which the node counts;
+    toc is that of the clock. group_delay (s) is TGD, or BGD E5a/E1. data_source is the word by which a Galileo record
+    tells the message it comes from, 0 for GPS.
+    """
+
+    name: str
+    toc: float
+    toe: float
+    clock_bias: float
+    clock_drift: float
+    clock_drift_rate: float
+    radius_sin: float
+    mean_motion_difference: float
+    mean_anomaly: float
+    latitude_cos: float
+    eccentricity: float
+    latitude_sin: float
+    root_axis: float
+    week_second: float
+    inclination_cos: float
+    node: float
+    inclination_sin: float
+    inclination: float
+    radius_cos: float
+    perigee: float
+    node_rate: float
+    inclination_rate: float
+    data_source: float
+    health: float
+    group_delay: float
+
+
+class StateVector(NamedTuple):
+    """State of one GLONASS satellite as broadcast: PZ-90, SI, at `time` in s of GPS time.
+
+    a_e is the acceleration by Moon and Sun, clock_bias is -tau_n (s) and clock_drift gamma_n.
+    """
+
+    name: str
+    time: float
+    clock_bias: float
+    clock_drift: float
+    r_e: tuple[float, float, float]
+    v_e: tuple[float, float, float]
+    a_e: tuple[float, float, float]
+    health: float
+
+
+class TimeOffset(NamedTuple):
+    """What a system's time is ahead of GPS time, whole seconds apart: bias (s) and drift (s/s) at `time` (s of GPS
+    time); system is its letter.
+    """
+
+    system: str
+    bias: float
+    drift: float
+    time: float
+
+
+class Navigation(NamedTuple):
+    """A navigation file: its records in their order, alpha and beta of the Klobuchar model where it states them, and
+    the offsets of systems' times from GPS time that it states.
+    """
+
+    ephemerides: tuple[Ephemeris, ...]
+    states: tuple[StateVector, ...]
+    klobuchar: tuple[tuple[float, ...], tuple[float, ...]] | None
+    offsets: tuple[TimeOffset, ...] = ()
+
+
+class _Field(NamedTuple):
+    name: str
+    label: str
+    line: int  # of the record, the one of the epoch being 0
+    column: int  # 0 to 3; on the first line 1 to 3, behind the epoch
+    bounds: Bounds
+
+
+_ANY = Bounds(-1e15, 1e15)  # these may be blank, which is zero
+_TURN = Bounds(-7.0, 7.0)  # rad
+_SMALL = Bounds(-1e-3, 1e-3)  # harmonic corrections of angles (rad), clock drift (s/s)
+_METRES = Bounds(-1e5, 1e5)
+_KEPLERIAN = (
+    _Field("clock_bias", "clock bias", 0, 1, Bounds(-1.0, 1.0)),
+    _Field("clock_drift", "clock drift", 0, 2, _SMALL),
+    _Field("clock_drift_rate", "clock drift rate", 0, 3, _SMALL),
+    _Field("radius_sin", "Crs", 1, 1, _METRES),
+    _Field("mean_motion_difference", "delta n", 1, 2, Bounds(-1e-6, 1e-6)),
+    _Field("mean_anomaly", "M0", 1, 3, _TURN),
+    _Field("latitude_cos", "Cuc", 2, 0, _SMALL),
+    _Field("eccentricity", "eccentricity", 2, 1, Bounds(0.0, 0.999)),
+    _Field("latitude_sin", "Cus", 2, 2, _SMALL),
+    _Field("root_axis", "root of the semi-major axis", 2, 3, Bounds(2600.0, 1e5)),
+    _Field("week_second", "toe", 3, 0, Bounds(0.0, SECONDS_PER_WEEK)),
+    _Field("inclination_cos", "Cic", 3, 1, _SMALL),
+    _Field("node", "OMEGA0", 3, 2, _TURN),
+    _Field("inclination_sin", "Cis", 3, 3, _SMALL),
+    _Field("inclination", "i0", 4, 0, Bounds(-math.pi, math.pi)),
+    _Field("radius_cos", "Crc", 4, 1, _METRES),
+    _Field("perigee", "omega", 4, 2, _TURN),
+    _Field("node_rate", "OMEGA dot", 4, 3, Bounds(-1e-6, 1e-6)),
+    _Field("inclination_rate", "i dot", 5, 0, Bounds(-1e-6, 1e-6)),
+    _Field("data_source", "data source", 5, 1, _ANY),
+    _Field("health", "health", 6, 1, _ANY),
+    _Field("group_delay", "group delay", 6, 2, _ANY),
+)
+_KM, _KM_S = Bounds(-1e5, 1e5), Bounds(-10.0, 10.0)
+_GLONASS = (
+    _Field("clock_bias", "-tau", 0, 1, Bounds(-1.0, 1.0)),
+    _Field("clock_drift", "gamma", 0, 2, _SMALL),
+    *(_Field(f"r{axis}", f"{axis} position", line, 0, _KM) for line, axis in enumerate("xyz", 1)),
+    *(_Field(f"v{axis}", f"{axis} velocity", line, 1, _KM_S) for line, axis in enumerate("xyz", 1)),
+    *(_Field(f"a{axis}", f"{axis} acceleration", line, 2, _SMALL) for line, axis in enumerate("xyz", 1)),
+    _Field("health", "health", 1, 3, _ANY),
+)
+# Differences of a system's time and GPS time in the header, and the letter of the system.
+_OFFSETS = {"GAGP": "E", "GPGA": "E", "GLGP": "R"}
+# Lines of a record, the epoch's included; later versions of the format add lines at the end.
+_LENGTH = {"G": 8, "E": 8, "R": 4}
+
+
+class _Format(NamedTuple):
+    """What the header says: system of all records (empty: each record says it), and columns before the first number."""
+
+    version: int
+    system: str
+    margin: int
+
+    def begins(self, line: str) -> bool:
+        """Whether a record begins on the line."""
+        return bool(line[: self.margin - 1].strip())
+
+
+class _Record(NamedTuple):
+    where: str  # file
+    name: str
+    first: int  # line number
+    lines: list[str]
+
+
+def read_navigation(path: str | Path) -> Navigation:
+    """Read all records of GPS, Galileo and GLONASS of a navigation file, gzip or plain; other systems are passed over.
+
+    Raises
+    ------
+    InputError
+        ``file:line: what`` where the file cannot be read, is not a RINEX navigation file of version 2 or 3, a record is
+        cut short, or a value is not a number or impossible.
+
+    Notes
+    -----
+    RINEX 2.11, table A3 to A12; RINEX 3.04, table A5 to A11. The week of a reference time is the one that lies next to
+    the time of clock, because writers disagree about whether the stated week rolls over.
+    """
+    lines = read_lines(path, "RINEX navigation file")
+    form = _format(path, lines)
+    end = next((at for at, line in enumerate(lines) if line[LABEL:].strip() == "END OF HEADER"), None)
+    if end is None:
+        raise InputError(f"{path}:{max(1, len(lines))}: ends without 'END OF HEADER'")
+    ephemerides: list[Ephemeris] = []
+    states: list[StateVector] = []
+    for record in _records(path, form, lines, end + 1):
+        if record.name[0] == "R":
+            states.append(_state(record, form))
+        else:
+            ephemerides.append(_ephemeris(record, form))
+    if not ephemerides and not states:
+        raise InputError(f"{path}: no record of GPS, Galileo or GLONASS")
+    return Navigation(
+        tuple(ephemerides), tuple(states), _klobuchar(path, lines[:end]), tuple(_offsets(path, lines[:end]))
+    )
+
+
+def _format(path: str | Path, lines: list[str]) -> _Format:
+    """Return what the first line says."""
+    first = lines[0] if lines else ""
+    if first[LABEL:].strip() != "RINEX VERSION / TYPE":
+        raise InputError(f"{path}:1: not a RINEX file (the first line should end with 'RINEX VERSION / TYPE')")
+    version = int(number(f"{path}:1: version", first[:9], Bounds(1.0, 9.99)))
+    kind = first[20:21].upper()
+    if version not in (2, 3):
+        raise InputError(f"{path}:1: RINEX version {first[:9].strip()}; versions 2 and 3 can be read")
+    if kind != "N" and not (version == 2 and kind == "G"):
+        raise InputError(f"{path}:1: {first[20:40].strip() or 'no type'!r} is not a RINEX navigation file")
+    if version == 2:
+        return _Format(2, "R" if kind == "G" else "G", 3)
+    return _Format(3, "", 4)
+
+
+def _klobuchar(path: str | Path, header: list[str]) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
+    """Return alpha and beta where the header states both."""
+    found: dict[str, tuple[float, ...]] = {}
+    for at, line in enumerate(header, start=1):
+        label = line[LABEL:].strip()
+        name = line[:4] if label == "IONOSPHERIC CORR" else label
+        key = {"GPSA": "alpha", "ION ALPHA": "alpha", "GPSB": "beta", "ION BETA": "beta"}.get(name)
+        if key is not None:
+            start = 5 if label == "IONOSPHERIC CORR" else 2
+            texts = (line[start + 12 * k : start + 12 * (k + 1)] for k in range(4))
+            found[key] = tuple(number(f"{path}:{at}: {label}", text, _ANY) for text in texts)
+    return (found["alpha"], found["beta"]) if len(found) == 2 else None
+
+
+def _offsets(path: str | Path, header: list[str]) -> Iterator[TimeOffset]:
+    """Yield the offsets from GPS time that lines TIME SYSTEM CORR of the header state; those from UTC are passed over.
+
+    GAGP, in files before 3.04 named GPGA, is Galileo minus GPS (A0G and A1G of the Galileo OS SIS ICD, section 5.1.8);
+    GLGP is GLONASS minus GPS (minus tau_GPS of the GLONASS ICD, section 4.5), constant and without a reference time.
+    """
+    for at, line in enumerate(header, start=1):
+        if line[LABEL:].strip() != "TIME SYSTEM CORR" or line[:4] not in _OFFSETS:
+            continue
+        where = f"{path}:{at}: {line[:4]}"
+        bias, drift = (number(where, text, Bounds(-1e-3, 1e-3)) for text in (line[5:22], line[22:38]))
+        second, week = (
+            number(where, text, bounds) if text.strip() else 0.0
+            for text, bounds in ((line[38:45], Bounds(0.0, SECONDS_PER_WEEK)), (line[45:50], Bounds(0.0, 9999.0)))
+        )
+        yield TimeOffset(_OFFSETS[line[:4]], bias, drift, week * SECONDS_PER_WEEK + second)
+
+
+def _records(path: str | Path, form: _Format, lines: list[str], start: int) -> list[_Record]:
+    """Cut the lines behind the header into the records of the systems that are read."""
+    found: list[_Record] = []
+    for at, line in enumerate(lines[start:], start=start + 1):
+        if not line.strip():
+            continue
+        if form.begins(line):
+            found.append(_Record(str(path), _name(path, at, form, line), at, [line]))
+        elif not found:
+            raise InputError(f"{path}:{at}: a record should begin here with a satellite and a time")
+        else:
+            found[-1].lines.append(line)
+    return [record for record in found if record.name[0] in _LENGTH]
+
+
+def _name(path: str | Path, at: int, form: _Format, line: str) -> str:
+    text = line[: form.margin - 1]
+    system, digits = (form.system, text) if form.system else (text[0], text[1:])
+    if not (system.isalpha() and digits.strip().isdigit()):
+        raise InputError(f"{path}:{at}: {text.strip()!r} is not a satellite{'' if form.system else ' such as G05'}")
+    return f"{system}{int(digits):02d}"
+
+
+def _values(record: _Record, form: _Format, wanted: tuple[_Field, ...]) -> dict[str, float]:
+    """Read the fields of a record."""
+    length = _LENGTH[record.name[0]]
+    if len(record.lines) < length:
+        last = record.first + len(record.lines) - 1
+        lines = f"{len(record.lines)} lines, not {length}"
+        raise InputError(f"{record.where}:{last}: the record of {record.name} has {lines}")
+    values: dict[str, float] = {}
+    for field in wanted:
+        line = record.lines[field.line]
+        start = form.margin + WIDTH * field.column
+        where = f"{record.where}:{record.first + field.line}: {record.name} {field.label}"
+        text = line[start : start + WIDTH]
+        values[field.name] = 0.0 if field.bounds is _ANY and not text.strip() else number(where, text, field.bounds)
+    return values
+
+
+def _moment(record: _Record, form: _Format) -> datetime:
+    """Return the time on the first line, in the scale of its system, labelled UTC."""
+    text = record.lines[0][form.margin - 1 : form.margin + WIDTH]
+    words = text.split()
+    try:
+        year, month, day, hour, minute = (int(word) for word in words[:5])
+        second = float(words[5])
+        if form.version == 2:
+            year += 1900 if year >= 80 else 2000
+        whole = int(second)
+        return datetime(year, month, day, hour, minute, whole, round(1e6 * (second - whole)), tzinfo=UTC)
+    except (ValueError, IndexError):
+        raise InputError(f"{record.where}:{record.first}: {text.strip()!r} is not a time") from None
+
+
+def _ephemeris(record: _Record, form: _Format) -> Ephemeris:
+    toc = (_moment(record, form) - GPS_ORIGIN).total_seconds()
+    values = _values(record, form, _KEPLERIAN)
+    ahead = math.remainder(values["week_second"] - toc, SECONDS_PER_WEEK)
+    if record.name[0] == "G":
+        values["data_source"] = 0.0  # for GPS the field tells codes on L2
+    return Ephemeris(name=record.name, toc=toc, toe=toc + ahead, **values)
+
+
+def _state(record: _Record, form: _Format) -> StateVector:
+    utc = _moment(record, form)
+    values = _values(record, form, _GLONASS)
+    r_e, v_e, a_e = ((1e3 * values[f"{q}x"], 1e3 * values[f"{q}y"], 1e3 * values[f"{q}z"]) for q in "rva")
+    time = (utc - GPS_ORIGIN).total_seconds() + leap_seconds(utc)
+    return StateVector(record.name, time, values["clock_bias"], values["clock_drift"], r_e, v_e, a_e, values["health"])

@@ -1,0 +1,223 @@
+"""From a constellation card to satellites that can be asked where they are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple, Protocol, TypeVar
+
+import numpy as np
+
+from lvnav_trade.errors import InputError
+from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
+from lvnav_trade.records import Floats
+from lvnav_trade.world.sky.broadcast import broadcast
+from lvnav_trade.world.sky.constellation import (
+    LETTERS,
+    AlmanacConstellation,
+    CombinedConstellation,
+    Constellation,
+    NominalConstellation,
+    Part,
+    RinexConstellation,
+    orbits,
+    parts_of,
+)
+from lvnav_trade.world.sky.glonass import integrated
+from lvnav_trade.world.sky.gps_time import gps_seconds
+from lvnav_trade.world.sky.rinex import Ephemeris, Navigation, StateVector, read_navigation
+
+# Half the fit interval of GPS, the longest use of a Galileo ephemeris, the interval of GLONASS broadcasts.
+LONGEST_AGE = {"G": 7200.0, "E": 14400.0, "R": 1800.0}  # s
+_NAMES = {letter: name for name, letter in LETTERS.items()}
+# Galileo sends the same orbits in two messages; single-frequency users of E1 take the clock of I/NAV.
+_INAV_E1 = 1
+
+
+class Satellites(Protocol):
+    """A set of satellites around one lift-off, whatever their orbits are computed from.
+
+    names (n_sat,) such as "G05"; systems (n_sat,) letters as in RINEX: G (GPS), E (Galileo), R (GLONASS).
+    Times t, (..., n_sat) or (..., 1), are s of GPS time since the lift-off.
+    """
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names, (n_sat,)."""
+
+    @property
+    def systems(self) -> tuple[str, ...]:
+        """Letters of the systems, (n_sat,)."""
+
+    def ecef(self, t: Floats) -> tuple[Floats, Floats]:
+        """Return position (m) and Earth-relative velocity (m/s), (..., n_sat, 3) each, in the Earth-fixed axes of t."""
+
+    def clock(self, t: Floats) -> Floats:
+        """Return what the satellites' clocks are ahead of their system's time, (..., n_sat) s, relativity apart."""
+
+    def relativity(self, t: Floats) -> Floats:
+        """Return what the eccentricity of the orbit adds to the clocks, (..., n_sat) s."""
+
+
+class Combined(NamedTuple):
+    """Several sets of satellites one after the other."""
+
+    parts: tuple[Satellites, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names, (n_sat,)."""
+        return tuple(name for part in self.parts for name in part.names)
+
+    @property
+    def systems(self) -> tuple[str, ...]:
+        """Letters of the systems, (n_sat,)."""
+        return tuple(letter for part in self.parts for letter in part.systems)
+
+    def ecef(self, t: Floats) -> tuple[Floats, Floats]:
+        """Return position (m) and Earth-relative velocity (m/s), (..., n_sat, 3) each, in the Earth-fixed axes of t."""
+        found = [part.ecef(own) for part, own in self._split(t)]
+        return np.concatenate([r for r, _ in found], axis=-2), np.concatenate([v for _, v in found], axis=-2)
+
+    def clock(self, t: Floats) -> Floats:
+        """Return what the satellites' clocks are ahead of their system's time, (..., n_sat) s, relativity apart."""
+        return np.concatenate([part.clock(own) for part, own in self._split(t)], axis=-1)
+
+    def relativity(self, t: Floats) -> Floats:
+        """Return what the eccentricity of the orbit adds to the clocks, (..., n_sat) s."""
+        return np.concatenate([part.relativity(own) for part, own in self._split(t)], axis=-1)
+
+    def _split(self, t: Floats) -> list[tuple[Satellites, Floats]]:
+        """Return each part with its own times, (..., n) each."""
+        sizes = [len(part.names) for part in self.parts]
+        times = np.broadcast_to(t, np.broadcast_shapes(np.shape(t), (sum(sizes),)))
+        return list(zip(self.parts, np.split(times, np.cumsum(sizes)[:-1], axis=-1), strict=True))
+
+
+def satellites(constellation: Constellation, epoch: str) -> Satellites:
+    """Return the usable satellites of a constellation around a lift-off at `epoch` (ISO 8601, UTC).
+
+    A satellite keeps one set of elements over the flight, that of the reference time nearest to the lift-off: orbits
+    are smooth, and what broadcasts lack of the real ones is the range error of the card.
+
+    Raises
+    ------
+    InputError
+        Where a file is broken (``file:line: what``), holds no healthy satellite of a system asked for, or none with a
+        reference time near the lift-off; where two parts give the same system or name; where a time cannot be read.
+    """
+    if not isinstance(constellation, CombinedConstellation):
+        return _part(constellation, epoch)
+    parts = tuple(_part(part, epoch) for part in constellation.parts)
+    letters = [letter for part in parts for letter in sorted(set(part.systems))]
+    twice = [_NAMES[letter] for letter in letters if letters.count(letter) > 1]
+    if twice:
+        raise InputError(f"two parts of the combined constellation give {twice[0]}")
+    whole = Combined(parts)
+    again = [name for name in whole.names if whole.names.count(name) > 1]
+    if again:  # draws are keyed by name
+        raise InputError(f"two parts of the combined constellation name a satellite {again[0]}")
+    return whole
+
+
+def _part(card: Part, epoch: str) -> Satellites:
+    if isinstance(card, NominalConstellation | AlmanacConstellation):
+        return orbits(card, epoch)
+    return _broadcast_part(card, epoch)
+
+
+def _broadcast_part(card: RinexConstellation, epoch: str) -> Satellites:
+    """Return the satellites of navigation files, GPS and Galileo before GLONASS, in the order of their names."""
+    files = (card.rinex,) if isinstance(card.rinex, str) else card.rinex
+    shown, lift_off = ", ".join(files), gps_seconds(epoch)
+    navigation = [read_navigation(file) for file in files]
+    every = _all(navigation)
+    known = {item.name[0] for item in every}
+    letters = sorted(known) if card.systems is None else [LETTERS[system] for system in card.systems]
+    chosen: dict[str, dict[str, Ephemeris | StateVector]] = {}
+    for letter in letters:
+        found = nearest((item for item in every if item.name[0] == letter), lift_off)
+        healthy = {name: item for name, item in found.items() if item.health == 0.0}
+        if not healthy:
+            raise InputError(f"{shown}: no healthy satellite of {_NAMES[letter]}")
+        limit = LONGEST_AGE[letter] if card.longest_age is None else card.longest_age
+        chosen[letter] = {name: item for name, item in healthy.items() if abs(_time(item) - lift_off) <= limit}
+        if not chosen[letter]:
+            ages = (lift_off - _time(item) for item in healthy.values())
+            raise InputError(f"{shown}: {_too_far(min(ages, key=abs), epoch, _NAMES[letter], limit)}")
+    taken = [item for letter in sorted(letters) for _, item in sorted(chosen[letter].items())]
+    parts: list[Satellites] = []
+    keplerian = [item for item in taken if isinstance(item, Ephemeris)]
+    states = [item for item in taken if isinstance(item, StateVector)]
+    if keplerian:
+        parts.append(broadcast(keplerian, lift_off))
+    if states:
+        parts.append(integrated(states, lift_off))
+    return parts[0] if len(parts) == 1 else Combined(tuple(parts))
+
+
+def _all(navigation: Iterable[Navigation]) -> list[Ephemeris | StateVector]:
+    found: list[Ephemeris | StateVector] = []
+    for file in navigation:
+        found += [*file.ephemerides, *file.states]
+    return found
+
+
+_Item = TypeVar("_Item", bound=Ephemeris | StateVector)
+
+
+def nearest(items: Iterable[_Item], time: float) -> dict[str, _Item]:
+    """Return by name the record of each satellite whose reference time is nearest to `time` (s of GPS time).
+
+    Of Galileo records with the same reference time the one from the message on E1 (I/NAV) is taken.
+    """
+    found: dict[str, tuple[tuple[float, bool], _Item]] = {}
+    for item in items:
+        other = isinstance(item, Ephemeris) and item.name[0] == "E" and not int(item.data_source) & _INAV_E1
+        rank = (abs(_time(item) - time), other)
+        if item.name not in found or rank < found[item.name][0]:
+            found[item.name] = (rank, item)
+    return {name: item for name, (_, item) in found.items()}
+
+
+def _time(item: Ephemeris | StateVector) -> float:
+    return item.toe if isinstance(item, Ephemeris) else item.time
+
+
+def _too_far(age: float, epoch: str, system: str, limit: float) -> str:
+    size = f"{abs(age) / 3600.0:.1f} h" if abs(age) < 48.0 * 3600.0 else f"{abs(age) / 86400.0:.1f} days"
+    when = f"{size} {'after' if age > 0.0 else 'before'}"
+    return f"the lift-off {epoch} is {when} the nearest ephemeris of {system}; longest_age allows {limit / 3600.0:g} h"
+
+
+def time_offsets(constellation: Constellation, systems: tuple[str, ...], epoch: str, t: Floats) -> Floats:
+    """Return what ranges and range rates (m, m/s) are off by because the receiver ignores the stated offsets of
+    systems' times from GPS time, (n_epoch, n_sat, 2), at times t (n_epoch,) s since the lift-off at `epoch`; systems
+    (n_sat,) letters of the satellites.
+
+    A satellite whose system's time is ahead marks its signals as sent later, so that they seem to have come less far.
+
+    Raises
+    ------
+    InputError
+        Where the correction for a system is to be ignored, but no file states one.
+    """
+    found = np.zeros((t.size, len(systems), 2))
+    for card in parts_of(constellation):
+        if not isinstance(card, RinexConstellation) or card.time_correction == "applied":
+            continue
+        files = (card.rinex,) if isinstance(card.rinex, str) else card.rinex
+        navigation = [read_navigation(file) for file in files]
+        held = {item.name[0] for item in _all(navigation)}
+        taken = held if card.systems is None else {LETTERS[system] for system in card.systems}
+        for letter in sorted(taken - {"G"}):
+            stated = [offset for file in navigation for offset in file.offsets if offset.system == letter]
+            if not stated:
+                raise InputError(
+                    f"{', '.join(files)}: no TIME SYSTEM CORR between {_NAMES[letter]} and GPS time to ignore"
+                )
+            offset = min(stated, key=lambda one: abs(gps_seconds(epoch) - one.time))
+            age = gps_seconds(epoch) + t - offset.time if offset.drift != 0.0 else np.zeros(t.size)
+            of_letter = np.array(systems) == letter
+            found[:, of_letter, 0] = -SPEED_OF_LIGHT * (offset.bias + offset.drift * age)[:, None]
+            found[:, of_letter, 1] = -SPEED_OF_LIGHT * offset.drift
+    return found

@@ -1,0 +1,156 @@
+"""A trajectory of the user's own: the card that says which columns of a file hold what, in which unit and frame."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Literal, Self
+
+from pydantic import AfterValidator, Field, model_validator
+
+from lvnav_trade.units import Angle, AngleSigma, Card, Duration, LengthSigma, Pause, SpeedSigma, parse
+from lvnav_trade.world.ascent.vehicle import Roll
+from lvnav_trade.world.oscillation import OscillationCard
+
+_NAME = re.compile(r"[A-Za-z_]\w*$")
+OWN_EVENTS = ("start", "liftoff", "end")
+
+
+def _unit_of(si: str) -> AfterValidator:
+    def known(unit: str) -> str:
+        parse(f"1 {unit}", si)
+        return unit
+
+    return AfterValidator(known)
+
+
+TimeUnit = Annotated[str, _unit_of("s")]
+LengthUnit = Annotated[str, _unit_of("m")]
+SpeedUnit = Annotated[str, _unit_of("m/s")]
+AngleUnit = Annotated[str, _unit_of("rad")]
+Three = Annotated[tuple[str, ...], Field(min_length=3, max_length=3)]
+
+
+class TimeColumn(Card):
+    """The column of time, and what it shows at lift-off."""
+
+    column: str
+    unit: TimeUnit
+    liftoff: float = Field(0.0, description="what the column shows at lift-off, in its unit")
+
+
+class PositionColumns(Card):
+    """Three columns of position: latitude, longitude and ellipsoidal height (WGS-84), or x, y and z."""
+
+    frame: Literal["geodetic", "ecef", "eci"]
+    columns: Three = Field(description="latitude, longitude, height; or x, y, z")
+    unit: str = Field(description="of the angles where the frame is geodetic, else of x, y and z")
+    height_unit: LengthUnit | None = Field(None, description="of the height where the frame is geodetic")
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        parse(f"1 {self.unit}", "rad" if self.frame == "geodetic" else "m")
+        if (self.height_unit is None) == (self.frame == "geodetic"):
+            raise ValueError("height_unit is missing: the unit of the height" if self.height_unit is None
+                             else f"height_unit means nothing in frame {self.frame}")  # fmt: skip
+        return self
+
+
+class VelocityColumns(Card):
+    """Three columns of velocity: relative to the Earth in frame ecef or ned, inertial in frame eci."""
+
+    frame: Literal["ecef", "eci", "ned"]
+    columns: Three = Field(description="x, y, z; or north, east, down")
+    unit: SpeedUnit
+
+
+class AttitudeColumns(Card):
+    """Columns of attitude of the body (x forward along the roll axis, y right, z down) against a frame.
+
+    A quaternion or matrix turns components in one frame into those in the other, by rows of the matrix. Euler angles
+    turn about z, then y, then x (yaw, pitch, roll).
+    """
+
+    form: Literal["quaternion", "matrix", "euler"]
+    frame: Literal["ecef", "eci", "ned"] = Field(description="that the attitude is against")
+    columns: tuple[str, ...] = Field(description="4 of a quaternion, 9 of a matrix by rows, or yaw, pitch, roll")
+    scalar: Literal["first", "last"] | None = Field(None, description="where the quaternion has its scalar")
+    turns: Literal["body_to_frame", "frame_to_body"] | None = Field(
+        None, description="which components a quaternion or matrix turns into which"
+    )
+    unit: AngleUnit | None = Field(None, description="of Euler angles")
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        wanted = {"quaternion": 4, "matrix": 9, "euler": 3}[self.form]
+        if len(self.columns) != wanted:
+            raise ValueError(f"{self.form} takes {wanted} columns, not {len(self.columns)}")
+        if (self.scalar is None) == (self.form == "quaternion"):
+            raise ValueError("scalar is for a quaternion, and a quaternion needs it: first or last")
+        if (self.turns is None) == (self.form != "euler"):
+            raise ValueError("turns is for a quaternion or matrix, and they need it: body_to_frame or frame_to_body")
+        if (self.unit is None) == (self.form == "euler"):
+            raise ValueError("unit is for Euler angles, and they need it")
+        return self
+
+
+class TableTrajectory(Card):
+    """A trajectory in a file of the user's own, CSV or Parquet, one row per time.
+
+    Force may jump at the events, and only there. Where velocity is given, the true velocity is a spline through its
+    rows and the true position its integral; the rows of position are what that is held against. Where it is not, the
+    true position is a spline through the rows. Without attitude, the body's x axis lies along the specific force.
+    """
+
+    kind: Literal["table"] = "table"
+    name: str
+    source: str
+    epoch: str = Field(description="lift-off, ISO 8601 UTC")
+    file: str = Field(description="the rows: CSV, or Parquet by its ending", json_schema_extra={"path": True})
+    delimiter: str = Field(",", min_length=1, max_length=1, description="between the fields of a CSV file")
+    time: TimeColumn
+    position: PositionColumns
+    velocity: VelocityColumns | None = None
+    attitude: AttitudeColumns | None = None
+    greenwich: Angle | None = Field(
+        None,
+        description="angle from the x axis of the file's frame eci to Greenwich at lift-off; none: sidereal time of "
+        "the epoch",
+    )
+    events: dict[str, Duration] = Field(default_factory=dict, description="times of the named events, from lift-off")
+    position_noise: LengthSigma | None = Field(None, description="one sigma of a row; none: the rounding of its digits")
+    velocity_noise: SpeedSigma | None = Field(None, description="one sigma of a row; none: the rounding of its digits")
+    attitude_noise: AngleSigma | None = Field(None, description="one sigma of a row; none: the rounding of its digits")
+    smallest_jump: LengthSigma = Field(
+        0.5, description="a step of the rows of position at an event beyond this is a change of their reference point"
+    )
+    moving_reference: tuple[tuple[str, str], ...] = Field(
+        (), description="pairs of events between which the point that the rows of position refer to moves in the body"
+    )
+    largest_force_angle: Annotated[Angle, Field(gt=0.0)] = Field(
+        0.5235987755982988,  # 30 deg
+        description="median angle of forces above 1 g from the body's x axis; beyond it the attitude is refused",
+    )
+    pointing: Literal["thrust", "velocity"] = Field(
+        "thrust", description="without attitude: along the specific force, or along the Earth-relative velocity"
+    )
+    roll: Roll = Field(Roll(), description="without attitude")
+    pad_hold: Pause = Field(0.0, description="rest on the pad that is put before the first row, from that row's place")
+    oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
+
+    @property
+    def coast_after_injection(self) -> float:
+        """Nothing is added behind the last row."""
+        return 0.0
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        for name in self.events:
+            if not _NAME.match(name) or name in OWN_EVENTS:
+                raise ValueError(f"{name!r} cannot name an event" + (": it is one already" * (name in OWN_EVENTS)))
+        for name in (name for pair in self.moving_reference for name in pair):
+            if name not in (*self.events, *OWN_EVENTS):
+                known = ", ".join((*self.events, *OWN_EVENTS))
+                raise ValueError(f"moving_reference names {name!r}, which is no event (there are {known})")
+        if self.moving_reference and self.velocity is None:
+            raise ValueError("moving_reference needs a velocity: without it nothing tells how the point moves")
+        return self

@@ -1,0 +1,184 @@
+"""A recording of a receiver's errors, of the user's own: the card, its rows, and what a flight sees of them."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Literal, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from lvnav_trade.errors import InputError
+from lvnav_trade.frames import rotation_i_e, rotation_i_n
+from lvnav_trade.kernels.earth import OMEGA
+from lvnav_trade.units import Card, Fraction, Pause, parse
+from lvnav_trade.world.user_file.columns import LengthUnit, SpeedUnit, Three, TimeColumn
+from lvnav_trade.world.user_file.table import content_of
+from lvnav_trade.world.user_file.tabular import read_columns, refuse_unordered
+
+Floats = NDArray[np.float64]
+
+FEWEST = 2
+MOST_STARTS = 400
+_LARGEST = 1e6  # m; beyond, the columns hold positions
+_GAP = 3.0  # times the median interval
+_SLACK = 1e-6  # s by which a flight may reach beyond the rows
+_ENDINGS = {"m": ("km", "cm", "mm", "m"), "m/s": ("km_s", "cm_s", "mm_s", "m_s")}
+
+
+def _unit_in(columns: tuple[str, ...], si: str) -> str:
+    """Return the unit that the names of columns end in; ValueError where they do not end in the same one."""
+    for ending in _ENDINGS[si]:
+        if all(name.endswith(f"_{ending}") for name in columns):
+            return ending.replace("_", "/")
+    known = ", ".join(f"_{ending}" for ending in _ENDINGS[si])
+    raise ValueError(f"unit is missing, and the columns {', '.join(columns)} do not all end in one of {known}")
+
+
+class PositionErrorColumns(Card):
+    """Three columns of position error along the axes of the table's frame."""
+
+    columns: Three = Field(description="north, east, down; or x, y, z")
+    unit: LengthUnit | None = Field(None, description="none: the one that the columns' names end in, such as north_m")
+
+    @model_validator(mode="after")
+    def _known(self) -> Self:
+        _ = self.factor
+        return self
+
+    @property
+    def factor(self) -> float:
+        """Metres in the unit."""
+        return parse(f"1 {self.unit or _unit_in(self.columns, 'm')}", "m")
+
+
+class VelocityErrorColumns(Card):
+    """Three columns of velocity error along the axes of the table's frame."""
+
+    columns: Three = Field(description="north, east, down; or x, y, z")
+    unit: SpeedUnit | None = Field(None, description="none: the one that the columns' names end in, such as east_cm_s")
+
+    @model_validator(mode="after")
+    def _known(self) -> Self:
+        _ = self.factor
+        return self
+
+    @property
+    def factor(self) -> float:
+        """Metres per second in the unit."""
+        return parse(f"1 {self.unit or _unit_in(self.columns, 'm/s')}", "m/s")
+
+
+class ErrorTable(Card):
+    """What a receiver's solution was wrong by, recorded over time in a file of the user's own, CSV or Parquet.
+
+    Between rows errors are straight lines. In frames ecef and ned the velocity is relative to the Earth, in frame eci
+    inertial; ned is that of the true place. With several starts every run begins somewhere else in the recording, at
+    one of so many equally spaced places; with one, all runs have the same errors, which linear covariance then carries
+    in its mean.
+    """
+
+    file: str = Field(description="the rows: CSV, or Parquet by its ending", json_schema_extra={"path": True})
+    delimiter: str = Field(",", min_length=1, max_length=1, description="between the fields of a CSV file")
+    frame: Literal["ned", "ecef", "eci"]
+    time: TimeColumn
+    position: PositionErrorColumns
+    velocity: VelocityErrorColumns | None = Field(None, description="none: the velocity has no recorded error")
+    truth_minus_solution: bool = Field(False, description="sign of the columns; false: solution minus truth")
+    factor: Fraction = Field(1.0, description="that all errors are multiplied by")
+    largest_gap: Pause | None = Field(None, description="between rows; none: three times their median interval")
+    outside: Literal["refuse", "zero", "repeat"] = Field(
+        "refuse", description="what a flight sees before the first row and after the last one"
+    )
+    starts: int = Field(1, ge=1, le=MOST_STARTS, description="places of the recording where a run may begin")
+
+    @model_validator(mode="after")
+    def _repeated(self) -> Self:
+        if self.starts > 1 and self.outside != "repeat":
+            raise ValueError("starts: a recording that is begun anywhere goes on at its beginning: set outside: repeat")
+        return self
+
+
+class Recording(NamedTuple):
+    """Rows: t (n,) s since lift-off; errors (n, 6) of position (m) and velocity (m/s), solution minus truth, in the
+    table's frame; period (s) after which the first row follows the last one.
+    """
+
+    t: Floats
+    errors: Floats
+    period: float
+
+
+def recording(card: ErrorTable) -> Recording:
+    """Return the rows of a card's file; InputError names file, row and fault."""
+    return _recording(card.model_dump_json(), content_of(card.file))
+
+
+@lru_cache(maxsize=4)
+def _recording(card_json: str, content: str) -> Recording:
+    """Return the rows of a card; `content` is the digest of its file, so that a changed one is read again."""
+    card = ErrorTable.model_validate_json(card_json)
+    parts: list[PositionErrorColumns | VelocityErrorColumns] = [card.position]
+    parts += [card.velocity] if card.velocity is not None else []
+    names = list(dict.fromkeys([card.time.column, *(name for part in parts for name in part.columns)]))
+    table, places = read_columns(card.file, names, card.delimiter, FEWEST, "a recording")
+    t = (table[:, names.index(card.time.column)] - card.time.liftoff) * parse(f"1 {card.time.unit}", "s")
+    interval = refuse_unordered(t, card.file, places)
+    median = float(np.median(interval))
+    largest = _GAP * median if card.largest_gap is None else card.largest_gap
+    for k in np.flatnonzero(interval > largest + 1e-9)[:1]:
+        raise InputError(
+            f"{card.file}:{places[k + 1]}: no rows between {t[k]:g} s and {t[k + 1]:g} s, a gap longer than "
+            f"{largest:g} s (state largest_gap if a straight line is good enough)"
+        )
+    errors = np.zeros((t.size, 6))
+    for at, part in zip((0, 3), parts, strict=False):
+        columns = table[:, [names.index(name) for name in part.columns]]
+        errors[:, at : at + 3] = columns * part.factor * (-1.0 if card.truth_minus_solution else 1.0)
+    size = np.linalg.norm(errors[:, :3], axis=1)
+    for k in np.flatnonzero(size > _LARGEST)[:1]:
+        raise InputError(
+            f"{card.file}:{places[k]}: a position error of {size[k] * 1e-3:.6g} km; do the columns hold positions?"
+        )
+    return Recording(t, errors * card.factor, float(t[-1] - t[0]) + median)
+
+
+def refuse_short(card: ErrorTable, start: float, end: float) -> None:
+    """InputError where the file is broken, or its rows do not reach over a flight from start to end (s) and must."""
+    rows = recording(card)
+    if card.outside == "refuse" and (start < rows.t[0] - _SLACK or end > rows.t[-1] + _SLACK):
+        raise InputError(
+            f"{card.file}: rows from {rows.t[0]:g} to {rows.t[-1]:g} s, the flight is from {start:g} to {end:g} s: set "
+            f"outside to zero or repeat"
+        )
+
+
+def sampled(card: ErrorTable, t: Floats) -> Floats:
+    """Return the errors (n_start, n, 6) at times t (n,) of a flight, one for each start, in the table's frame, SI."""
+    rows = recording(card)
+    shifts = rows.period * np.arange(card.starts) / card.starts
+    times, errors = rows.t, rows.errors
+    if card.outside == "repeat":
+        times, errors = np.append(times, times[0] + rows.period), np.vstack([errors, errors[:1]])
+        wanted = times[0] + np.mod(t[None, :] + shifts[:, None] - times[0], rows.period)
+    else:
+        wanted = t[None, :]
+    found = np.stack([np.interp(wanted, times, column) for column in errors.T], axis=-1)
+    if card.outside == "zero":
+        found[(wanted < times[0] - _SLACK) | (wanted > times[-1] + _SLACK)] = 0.0
+    return found
+
+
+def in_frame_i(errors: Floats, frame: str, r_i: Floats, theta: Floats) -> Floats:
+    """Return errors (..., n, 6) of a frame (ned, ecef, eci) in frame i, at true places r_i (n, 3) and Earth angles
+    theta (n,).
+
+    A place that is wrong by d turns with the Earth: inertial velocity is wrong by OMEGA x d beside the Earth-relative
+    error.
+    """
+    if frame == "eci":
+        return errors
+    axes = rotation_i_e(theta) if frame == "ecef" else rotation_i_n(r_i, theta)  # from frame i
+    place, speed = (np.einsum("nji,...nj->...ni", axes, part) for part in (errors[..., :3], errors[..., 3:]))
+    return np.concatenate([place, speed + np.cross([0.0, 0.0, OMEGA], place)], axis=-1)

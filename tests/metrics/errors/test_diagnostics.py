@@ -1,0 +1,33 @@
+"""Contributions, sensitivities, observability, nonlinearity: what the tables hold, in the units of people."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lvnav_trade.metrics.errors.diagnostics import contributions, nonlinearity, observability, sensitivity
+from tests import synthetic
+
+
+def test_contributions_of_all_sources_and_bins_sum_to_one(good):
+    total = contributions(good).groupby(["case", "metric"]).share_ratio.sum()
+    assert len(total) == 6
+    np.testing.assert_allclose(total, 1.0, rtol=1e-12)
+
+
+def test_a_frozen_sigma_of_ten_times_is_the_closed_form(good):
+    rows = sensitivity(good).set_index(["case", "metric", "source", "factor_ratio"])
+    one, ten = (rows.loc["imu=fine", "attitude_error", "gyro bias", f] for f in (1.0, 10.0))
+    assert ten.frozen == pytest.approx(one.frozen * np.sqrt(0.25 + 0.75 * 100.0), rel=1e-12)
+    assert ten.retuned == pytest.approx(synthetic.RETUNED * ten.frozen, rel=1e-12)
+    assert ten.unit == "mrad"
+
+
+def test_the_smallest_singular_values_come_first(good):
+    row = observability(good).iloc[0]
+    assert (row.rank_count, row.state_count) == (4, 5)
+    assert (row.smallest_ratio, row.second_ratio, row.third_ratio) == (1e-5, 0.2, 1.0)
+
+
+def test_nonlinearity_stands_at_every_event(good):
+    assert list(nonlinearity(good).event) == 2 * list(synthetic.EVENTS)

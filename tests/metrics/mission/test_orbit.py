@@ -1,0 +1,64 @@
+"""The table of the orbit says what the flight is, and its errors what was drawn."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lvnav_trade.frames import state_from_elements
+from lvnav_trade.kernels.earth import SEMI_MAJOR
+from lvnav_trade.metrics import METRICS
+from lvnav_trade.metrics.mechanics import meanorbit
+from lvnav_trade.metrics.mission.orbit import QUANTITIES, orbital_states
+from lvnav_trade.store import load
+from tests import mission as flights
+
+
+@pytest.fixture(scope="module")
+def reached(tmp_path_factory):
+    return load(flights.results(tmp_path_factory.mktemp("orbit"), failing=(3,)))
+
+
+def at_injection(tables):
+    frame = METRICS["orbit"](tables)
+    return frame[frame.event == "injection"].set_index("quantity")
+
+
+def test_the_orbit_is_told_osculating_and_averaged_in_units_of_people(reached):
+    found = at_injection(reached)
+    assert found.loc["semi-major axis", "osculating"] == pytest.approx(6900.0, abs=1e-3)
+    assert found.loc["perigee height", "osculating"] == pytest.approx((6.9e6 * 0.988 - SEMI_MAJOR) / 1e3, abs=1e-2)
+    assert found.loc["inclination", "osculating"] == pytest.approx(97.5, abs=1e-5)
+    mean = meanorbit.mean(*state_from_elements(flights.SUN_SYNCHRONOUS))
+    assert found.loc["apogee height", "averaged"] == pytest.approx(float(mean.apogee) / 1e3, abs=1e-2)
+    vector = found.loc[["eccentricity along the node", "eccentricity ahead of the node"], "averaged"]
+    assert np.hypot(*vector) == pytest.approx(found.loc["eccentricity", "averaged"], rel=1e-9)
+
+
+def test_what_was_drawn_has_the_sigma_that_linear_covariance_says(reached):
+    found = at_injection(reached).loc[list(QUANTITIES)]
+    assert set(found.runs) == {199}
+    np.testing.assert_allclose(found.mc_sigma / found.lincov_sigma, 1.0, atol=4.0 / np.sqrt(2.0 * 199))
+    np.testing.assert_allclose((found.mc_bias - found.lincov_bias) / found.lincov_sigma, 0.0, atol=4.0 / np.sqrt(199))
+    np.testing.assert_allclose(found.filter_sigma, found.lincov_sigma, rtol=1e-9)
+    assert (found.remark == "").all()
+
+
+def test_lowest_and_highest_height_enclose_the_averaged_perigee_and_apogee_within_the_swing(reached):
+    found = at_injection(reached).averaged
+    assert abs(found["lowest height"] - found["perigee height"]) < 10.0
+    assert abs(found["highest height"] - found["apogee height"]) < 10.0
+
+
+def test_a_circular_orbit_has_quantiles_but_no_sigma_of_perigee(tmp_path):
+    found = at_injection(load(flights.results(tmp_path, flights.CIRCULAR, n_run=0, factor=40.0)))
+    row = found.loc["perigee height"]
+    assert np.isnan(row.lincov_sigma)
+    assert row.lincov_q99 > 1.0
+    assert row.remark.startswith("the orbit is circular to within 3 sigma")
+    assert found.loc["eccentricity along the node", "lincov_sigma"] > 0.0
+
+
+def test_a_flight_that_falls_back_has_no_row(good):
+    assert METRICS["orbit"](good).empty
+    assert orbital_states(good, "aaaaaaaaaaaa") == []

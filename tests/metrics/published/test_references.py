@@ -1,0 +1,86 @@
+"""Published numbers in their own unit."""
+
+from __future__ import annotations
+
+import pytest
+
+from lvnav_trade.metrics import METRICS
+from lvnav_trade.metrics.published.references import _named, references
+
+
+def test_references_are_held_against_their_band_in_their_own_unit(good):
+    found = METRICS["references"](good)
+    assert list(found.columns) == [
+        "source", "item", "case", "metric", "unit", "published", "ours", "ratio", "band_low", "band_high", "in_band",
+        "remark",
+    ]  # fmt: skip
+    rms = METRICS["rms"](good).set_index(["case", "phase_or_event", "metric", "axis"]).rms
+    assert found.ours.iloc[0] == pytest.approx(100 * rms.loc[("imu=fine", "injection", "velocity_error", "3d")])
+    assert found.in_band.tolist() == [False, False]
+    assert found.case.tolist() == ["imu=fine", "imu=coarse"]
+
+
+def test_references_fall_back_on_linear_covariance_and_say_so(alone):
+    assert set(METRICS["references"](alone).remark) == {"drawn; linear covariance", "linear covariance"}
+
+
+SOURCE = {"source": "A paper", "item": "table 2"}
+
+
+def test_a_campaign_may_be_asked_anew_without_flying_again(good):
+    number = SOURCE | {
+        "metric": "velocity_error_3d",
+        "value": 1.0,
+        "unit": "m/s",
+        "single": True,
+        "case": {"imu": "fine"},
+    }
+    found = METRICS["references"](good)
+    again = references(good, {"references": [number]})
+    assert again.ours.iloc[0] == pytest.approx(found.ours.iloc[0] / 100)
+    assert again.remark.iloc[0].startswith("a single flight: 9")
+    assert again.remark.iloc[0].endswith("% of our 200 flights lie below it")
+
+
+def test_an_improvement_is_held_against_another_case(good):
+    number = SOURCE | {"metric": "position_error_3d", "value": 66.7, "unit": "%", "case": {"imu": "fine"}}
+    found = references(good, {"references": [number | {"against": {"imu": "coarse"}}]})
+    assert found.ours.iloc[0] == pytest.approx(100 * (1 - 1 / 3), rel=1e-6)
+    assert found.in_band.iloc[0]
+    nobody = references(good, {"references": [number | {"against": {"imu": "none"}}]})
+    assert nobody.remark.iloc[0] == "0 cases to hold it against"
+
+
+@pytest.mark.parametrize(
+    ("order", "ratio", "holds"), [(["fine", "coarse"], 1 / 3, True), (["coarse", "fine"], 3, False)]
+)
+def test_an_order_of_cases_holds_or_not(good, order, ratio, holds):
+    stated = SOURCE | {"metric": "velocity_error_3d", "during": "liftoff to injection"}
+    found = references(good, {"orderings": [stated | {"cases": [{"imu": level} for level in order]}]}).iloc[0]
+    assert found.ours == pytest.approx(ratio, rel=1e-6)
+    assert found.in_band == holds
+    assert found["case"] == " < ".join(f"imu={level}" for level in order)
+
+
+def test_an_order_of_cases_that_are_not_there_does_not_hold(good):
+    stated = SOURCE | {"metric": "velocity_error_3d", "cases": [{"imu": "fine"}, {"imu": "none"}]}
+    found = references(good, {"orderings": [stated]}).iloc[0]
+    assert not found.in_band
+    assert found.remark == "not one case each"
+
+
+@pytest.mark.parametrize("white", [True, False])
+def test_innovations_drawn_white_are_called_white(good, white):
+    stated = SOURCE | {"case": {"imu": "fine"}, "channels": "range", "white": white, "largest": 0.1}
+    found = references(good, {"innovations": [stated]}).iloc[0]
+    assert found.in_band == white
+    assert 0.0 < found.ours < 0.03  # eight channels, ten lags, 199 runs of 99 epochs: a sigma of 0.007
+    assert "of 8 channels" in found.remark
+
+
+def test_the_channels_of_the_receivers_own_filter_are_meant_by_its_name():
+    assert _named("receiver G05 range rate", "receiver range rate")
+    assert not _named("receiver G05 range rate", "range rate")
+    assert _named("G05 range rate", "range rate")
+    assert _named("position x", "position")
+    assert not _named("receiver G05 range", "position")

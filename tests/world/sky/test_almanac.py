@@ -1,0 +1,127 @@
+import pytest
+
+from lvnav_trade.errors import InputError
+from lvnav_trade.world.sky.almanac import read_yuma
+
+RECORD = """\
+******** Week 400 almanac for PRN-{prn:02d} ********
+ID:                         {prn:02d}
+Health:                     {health:03d}
+Eccentricity:               0.5000000000E-002
+Time of Applicability(s):  147456.0000
+Orbital Inclination(rad):   0.9599310886
+Rate of Right Ascen(r/s):  -0.8000000000E-008
+SQRT(A)  (m 1/2):           5153.600000
+Right Ascen at Week(rad):   0.{prn}500000000E+000
+Argument of Perigee(rad):   1.250000000
+Mean Anom(rad):            -0.2500000000E+001
+Af0(s):                    -0.1000000000E-004
+Af1(s/s):                   0.0000000000E+000
+week:                        400
+
+"""
+
+
+def almanac(tmp_path, text):
+    path = tmp_path / "own.alm"
+    path.write_text(text)
+    return path
+
+
+def refusal(path):
+    with pytest.raises(InputError) as refused:
+        read_yuma(path)
+    text = str(refused.value)
+    assert "\n" not in text
+    return text
+
+
+def test_every_field_of_a_record_is_read_in_its_unit(tmp_path):
+    record, second = read_yuma(almanac(tmp_path, RECORD.format(prn=4, health=0) + RECORD.format(prn=7, health=63)))
+    assert record.prn == 4
+    assert (record.health, second.health) == (0, 63)
+    assert record.eccentricity == 0.005
+    assert record.applicability == 147456.0
+    assert record.inclination == 0.9599310886
+    assert record.node_rate == -8e-9
+    assert record.root_axis == 5153.6
+    assert (record.node, second.node) == (0.45, 0.75)
+    assert record.perigee == 1.25
+    assert record.mean_anomaly == -2.5
+    assert (record.clock_bias, record.clock_drift) == (-1e-5, 0.0)
+    assert record.week == 400
+
+
+def test_records_without_lines_of_stars_with_other_line_ends_and_exponents_are_read(tmp_path):
+    lines = (RECORD.format(prn=4, health=0) + RECORD.format(prn=7, health=0)).splitlines()
+    text = "\r\n".join(line.replace("E-", "D-") for line in lines if line and not line.startswith("*"))
+    assert [record.prn for record in read_yuma(almanac(tmp_path, text))] == [4, 7]
+
+
+def test_a_published_almanac_is_read_whole(refdata):
+    records = read_yuma(refdata / "gnss/almanac/gps_yuma_wk819_2015.alm")
+    assert len(records) == 31
+    assert {record.week for record in records} == {819}
+
+
+@pytest.mark.parametrize("text", ["", "\n\n", "******** Week 400 almanac for PRN-01 ********\n"])
+def test_a_file_without_records_is_refused(tmp_path, text):
+    path = almanac(tmp_path, text)
+    assert refusal(path) == f"{path}:1: no almanac record (a YUMA record begins with 'ID:')"
+
+
+def test_a_missing_file_is_refused_by_name(tmp_path):
+    path = tmp_path / "absent.alm"
+    assert refusal(path) == f"{path}: cannot be read: No such file or directory"
+
+
+def test_a_file_that_is_not_text_is_refused(tmp_path):
+    path = tmp_path / "own.alm"
+    path.write_bytes(b"\x89PNG\r\n\x1a\n\xff\x00")
+    assert refusal(path) == f"{path}:1: not a text file, so not a YUMA almanac"
+
+
+def test_a_truncated_record_names_its_last_line_and_what_is_missing(tmp_path):
+    lines = (RECORD.format(prn=4, health=0) + RECORD.format(prn=7, health=0)).splitlines()
+    path = almanac(tmp_path, "\n".join(lines[:-3]))
+    assert refusal(path) == f"{path}:27: the record ends without 'af1', 'week'"
+
+
+def test_a_record_that_the_next_one_cuts_short_names_its_last_line(tmp_path):
+    lines = (RECORD.format(prn=4, health=0) + RECORD.format(prn=7, health=0)).splitlines()
+    path = almanac(tmp_path, "\n".join(lines[:6] + lines[15:]))
+    assert refusal(path).startswith(f"{path}:6: the record ends without 'rate of right ascen', ")
+
+
+@pytest.mark.parametrize(
+    ("line", "value", "what"),
+    [
+        (4, "0.5x0E-002", "eccentricity: '0.5x0E-002' is not a number"),
+        (4, "", "eccentricity: '' is not a number"),
+        (4, "nan", "eccentricity: nan is outside 0 to 0.999"),
+        (4, "1.2", "eccentricity: 1.2 is outside 0 to 0.999"),
+        (2, "4.5", "id: '4.5' is not a whole number"),
+        (2, "64", "id: 64 is outside 1 to 63"),
+        (8, "51.536", "sqrt(a) (m 1/2): 51.536 is outside 2600 to 100000"),
+    ],
+)
+def test_a_wrong_number_is_refused_with_its_line(tmp_path, line, value, what):
+    lines = RECORD.format(prn=4, health=0).splitlines()
+    lines[line - 1] = lines[line - 1].partition(":")[0] + ": " + value
+    path = almanac(tmp_path, "\n".join(lines))
+    assert refusal(path) == f"{path}:{line}: {what}"
+
+
+def test_a_satellite_that_comes_twice_is_refused_with_both_lines(tmp_path):
+    path = almanac(tmp_path, RECORD.format(prn=4, health=0) * 2)
+    assert refusal(path) == f"{path}:17: PRN 4 again (first on line 2)"
+
+
+def test_a_field_that_comes_twice_or_is_unknown_is_refused(tmp_path):
+    lines = RECORD.format(prn=4, health=0).splitlines()
+    path = almanac(tmp_path, "\n".join([*lines[:4], lines[3], *lines[4:]]))
+    assert refusal(path) == f"{path}:5: 'eccentricity' comes twice in one record"
+    path = almanac(tmp_path, "\n".join([*lines[:4], "Colour: blue", *lines[4:]]))
+    assert refusal(path) == f"{path}:5: 'colour' is not a field of a YUMA almanac"
+    path = almanac(tmp_path, "\n".join([*lines[:4], "blue", *lines[4:]]))
+    assert refusal(path) == f"{path}:5: 'blue' is not a line 'label: value' of a YUMA almanac"
