@@ -15,7 +15,8 @@ from lvnav_trade.engines.truth import source_names, true_model
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.scheduled import ROWS, GainSchedule, schedule_of
 from lvnav_trade.layout import state_names
-from lvnav_trade.scenario import judged
+from lvnav_trade.observables.sensors import RECEIVER_SOLUTION
+from lvnav_trade.scenario import judged, measured
 
 
 def gain_schedule(
@@ -24,11 +25,13 @@ def gain_schedule(
     """Return the gains of a case's filter on its nominal flight, as linear covariance finds them, between as few knots
     as a tolerance (of each gain's largest size in the segment) allows.
 
-    InputError for a filter that has no such gains: not loose, or with solutions that are weighed one by one.
+    InputError for a filter that has no such gains: it takes more or less than the solution of the receiver, or
+    solutions with a covariance of their own.
     """
-    if case.scenario.filter.kind != "loose" or judged(case.scenario):
+    if set(measured(case.scenario)) != set(RECEIVER_SOLUTION) or judged(case.scenario):
         raise InputError(
-            f"case {case.label}: gains are scheduled for a loose filter whose receiver gives a direct solution"
+            f"case {case.label}: gains are scheduled for measurements: [position, velocity] of a receiver with a "
+            "direct solution"
         )
     if not 0.0 < tolerance < 1.0:
         raise InputError(f"a tolerance of {tolerance:g} is no share between 0 and 1")

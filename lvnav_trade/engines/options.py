@@ -97,7 +97,7 @@ def delay_taken(scenario: Scenario, t_epoch: Floats, t_valid: Floats) -> Floats 
     state of that time would lack the corrections of the epoch before.
     """
     card = scenario.filter.delay_compensation
-    if card is None or scenario.filter.kind == "inertial":
+    if card is None or not scenario.filter.aided:
         return None
     delay = t_epoch - t_valid if isinstance(card.delay, str) else np.full(t_epoch.size, card.delay)
     before = card.base if card.kind == "extrapolated" else 0.0

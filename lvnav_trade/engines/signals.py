@@ -18,9 +18,10 @@ from lvnav_trade.kernels.clock import clock_step
 from lvnav_trade.kernels.earth import GM
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.layout import StateLayout
+from lvnav_trade.observables.altitude import AltimeterCard
 from lvnav_trade.observables.partials import HEIGHT, Channels, Geometry, partial
 from lvnav_trade.records import Floats, Sky
-from lvnav_trade.scenario import Scenario, epoch_interval, solves
+from lvnav_trade.scenario import Scenario, epoch_interval, sensor_of, solves
 from lvnav_trade.world.faults import Failures
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
 from lvnav_trade.world.sky.constellation import (
@@ -35,10 +36,8 @@ from lvnav_trade.world.sky.constellation import (
 def channels_of(scenario: Scenario, seen: Sky) -> Channels:
     """Return the channels of a case."""
     ever = tuple(bool(np.any(seen.tracked[:, s])) for s in range(len(seen.names)))
-    aided = scenario.filter.kind != "inertial"
-    return Channels(
-        scenario.filter.kind == "tight", seen.names, seen.systems, ever, aided and scenario.altimeter is not None
-    )
+    altimeter = sensor_of(scenario, "altitude") is not None
+    return Channels(scenario.filter.tight, seen.names, seen.systems, ever, altimeter)
 
 
 class Line:
@@ -148,9 +147,9 @@ def causes_of(scenario: Scenario) -> list[Cause]:
     if not solves(scenario):
         velocity, fade = direct(scenario).velocity_bias, direct(scenario).bias_time
         found.append(Cause("solution velocity bias", "velocity_bias", "velocity_bias", velocity, fade))
-    if scenario.altimeter is not None:
-        fade = scenario.altimeter.bias_time or math.inf
-        found.append(Cause("altimeter bias", HEIGHT, "", scenario.altimeter.bias, fade))
+    altimeter = sensor_of(scenario, "altitude")
+    if isinstance(altimeter, AltimeterCard):
+        found.append(Cause("altimeter bias", HEIGHT, "", altimeter.bias, altimeter.bias_time or math.inf))
     return found
 
 

@@ -9,13 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.engines.envelopes import envelopes
+from lvnav_trade.engines.sensors import measures
 from lvnav_trade.filters.base import ImuBelief
 from lvnav_trade.filters.envelope import EnvelopeCard
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.transition import ATT
 from lvnav_trade.layout import StateLayout
+from lvnav_trade.observables.attitude import AttitudeReferenceCard
 from lvnav_trade.records import Floats, Reference
-from lvnav_trade.scenario import Scenario, reference_belief
+from lvnav_trade.scenario import Scenario, sensor_model, sensor_of
 from lvnav_trade.world.control.ascent import changes
 from lvnav_trade.world.truth import Trajectory
 
@@ -33,14 +35,15 @@ N_EPOCH_ROW = 9
 class Vehicle(NamedTuple):
     """Settings of a flight with an attitude reference.
 
-    modelled: rate and acceleration are states, at `motion` of the error state; bias: first state of the biases; rate,
-    force (n_imu, 3) true means over the ticks (rad/s, m/s^2, body axes); walk (n_imu, 6) variance of the step that the
-    filter expects of them into each tick; variance (6,) that it believes of a sample's noise; raw (6,) that with the
-    bias before it is estimated; attitude (n_epoch, 4) true
-    quaternion at the epochs; sigma of the attitude reference and the variance that the filter believes; source word;
+    on (n_epoch,) whether the attitude reference measures; modelled: rate and acceleration are states, at `motion` of
+    the error state; bias: first state of the biases; rate, force (n_imu, 3) true means over the ticks (rad/s, m/s^2,
+    body axes); walk (n_imu, 6) variance of the step that the filter expects of them into each tick; variance (6,) that
+    it models of a sample's noise; raw (6,) that with the bias before it is estimated; attitude (n_epoch, 4) true
+    quaternion at the epochs; sigma of the attitude reference and the variance in the filter's model; source word;
     entries (1,) and columns (3, 1) of its rows, a row an axis, as `absorb` takes them.
     """
 
+    on: NDArray[np.bool_]
     modelled: bool
     motion: int
     bias: int
@@ -62,8 +65,8 @@ def vehicle_of(
     epoch_tick: NDArray[np.int64],
 ) -> Vehicle | None:  # fmt: skip
     """Return the settings of a case whose filter has an attitude reference; None for any other."""
-    card, sensor = scenario.filter, scenario.attitude_reference
-    if not layout.samples or sensor is None:
+    card, sensor = scenario.filter, sensor_of(scenario, "attitude")
+    if not isinstance(sensor, AttitudeReferenceCard):
         return None
     dt = 1.0 / scenario.imu.rate
     modelled = layout.motion >= 0
@@ -72,6 +75,7 @@ def vehicle_of(
         walk[:] = walks(card.envelope or EnvelopeCard(), trajectory, ref)
     noise = np.array([imu.gyro_random_walk**2 / dt] * 3 + [imu.accel_random_walk**2 / dt] * 3)
     return Vehicle(
+        on=measures(scenario, sensor, trajectory.events, ref.t[epoch_tick]),
         modelled=modelled,
         motion=layout.motion,
         bias=layout.parameters[0].offset,
@@ -82,7 +86,7 @@ def vehicle_of(
         raw=noise + np.array([imu.gyro_bias**2] * 3 + [imu.accel_bias**2] * 3),
         attitude=np.ascontiguousarray(ref.q_b_i[epoch_tick]),
         sigma=sensor.sigma,
-        believed=reference_belief(scenario) ** 2,
+        believed=sensor_model(scenario, sensor).sigma ** 2,
         source=source_word(ATTITUDE_NOISE),
         entries=np.zeros(1, dtype=np.int64),
         columns=ATT + np.arange(3, dtype=np.int64)[:, None],

@@ -274,7 +274,7 @@ def _epoch(out, spread, desk, nominal, signals, belief, vehicle, parts, epoch, n
             belief.column[row, :k], nominal.z[row], signals.variance[epoch, row], signals.sigma[epoch, row] ** 2,
             parts.row_source[row // 3], n_group, n_source,
         )  # fmt: skip
-    for axis in range(3):
+    for axis in range(3 if vehicle.on[epoch] else 0):
         _row(
             out, spread, desk, parts, signals, belief, epoch, 6 + axis, desk.one, vehicle.entries,
             vehicle.columns[axis], 0.0, vehicle.believed, vehicle.sigma**2, parts.row_source[2], n_group, n_source,

@@ -152,7 +152,8 @@ def update_epoch(work, own, signals, belief, vehicle, epoch, dt, k0, k1):
         fill_loose(work, belief, signals, epoch)
         for row in range(n_row):
             absorb_and_count(work, None, belief, signals, epoch, row, row, belief.gate_squared)
-    refer(work, own, belief, vehicle, epoch, k0, k1)
+    if vehicle.on[epoch]:
+        refer(work, own, belief, vehicle, epoch, k0, k1)
     if vehicle.modelled:
         feed_back(work, own, vehicle)
     else:

@@ -36,11 +36,12 @@ def _fold_epoch(triangle, phi, row_of, nominal, signals, belief, vehicle, epoch)
                 total += nominal.H[row, belief.entry[row, k]] * phi[j, belief.column[row, k]]
             row_of[j] = weight * total
         fold(triangle, row_of)
-    for axis in range(3):
+    n_axis = 3 if vehicle.on[epoch] else 0
+    for axis in range(n_axis):
         for j in range(n):
             row_of[j] = phi[j, ATT + axis] / np.sqrt(vehicle.believed)
         fold(triangle, row_of)
-    return n_row + 3
+    return n_row + n_axis
 
 
 @jit

@@ -21,7 +21,6 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 INERTIAL, LOOSE, TIGHT = 0, 1, 2
-KINDS = {"inertial": INERTIAL, "loose": LOOSE, "tight": TIGHT, "referenced": LOOSE, "vehicle_model": LOOSE}
 PSEUDORANGE, RANGE_RATE, POSITION, VELOCITY, HEIGHT = 0, 1, 2, 3, 4
 
 
@@ -112,17 +111,17 @@ def state_layout(card: FilterCard, imu: ImuBelief, receiver: ReceiverBelief, cha
         group = [n for n in wanted if (n in card.consider) == considered]
         blocks = _parameter_blocks([n for n in group if n in PARAMETERS], imu, offset)
         offset += 3 * len(blocks)
-        if not considered and card.kind == "tight":
+        if not considered and card.tight:
             clock, offset = offset, offset + 2
         shared = _extra_blocks([n for n in group if n in EXTRAS], receiver, channels, offset)
         offset += sum(len(block.labels) for block in shared)
         parameters, extras = parameters + blocks, extras + shared
         if not considered:
             n_estimated = offset
-    if card.kind == "vehicle_model":
+    samples = card.report_imu_samples
+    if card.models_vehicle:
         n_estimated = offset + 6
-        return StateLayout(tuple(parameters), clock, n_estimated, n_estimated, tuple(extras), offset, samples=True)
-    samples = card.kind == "referenced"
+        return StateLayout(tuple(parameters), clock, n_estimated, n_estimated, tuple(extras), offset, samples)
     return StateLayout(tuple(parameters), clock, n_estimated, offset, tuple(extras), samples=samples)
 
 
@@ -172,7 +171,7 @@ def window_tables(layout: StateLayout, densities: Floats, seconds: Floats) -> tu
 def _densities(card: FilterCard, layout: StateLayout, imu: ImuBelief, receiver: ReceiverBelief) -> Floats:
     found = np.zeros(layout.n_state)
     # with a model of the vehicle the noise of samples enters by their rows, and nowhere else
-    by_window = card.kind != "vehicle_model"
+    by_window = not card.models_vehicle
     found[ATT : ATT + 3] = by_window * imu.gyro_random_walk**2 + card.attitude_noise**2
     found[VEL : VEL + 3] = by_window * imu.accel_random_walk**2 + card.velocity_noise**2
     for block in layout.parameters:
@@ -182,9 +181,9 @@ def _densities(card: FilterCard, layout: StateLayout, imu: ImuBelief, receiver: 
     return found
 
 
-def _row_types(kind: str, channels: Channels) -> Ints:
+def _row_types(channels: Channels) -> Ints:
     """Return the row type of each channel."""
-    if kind == "tight":
+    if channels.tight:
         types = np.tile(np.array([PSEUDORANGE, RANGE_RATE], dtype=np.int64), len(channels.satellites))
     else:
         types = np.repeat(np.array([POSITION, VELOCITY], dtype=np.int64), 3)
@@ -250,15 +249,15 @@ def believe(
     """
     layout = state_layout(card, imu, receiver, channels)
     rows, columns, kinds, drivers = transition_blocks(layout.parameters, card.transition_order)
-    if card.kind == "vehicle_model":  # all but the gradient of gravity is propagated sample by sample
+    if card.models_vehicle:  # all but the gradient of gravity is propagated sample by sample
         gradient = kinds == transition.VEL_POS
         rows, columns, kinds, drivers = rows[gradient], columns[gradient], kinds[gradient], drivers[gradient]
     decay, noise = window_tables(layout, _densities(card, layout, imu, receiver), seconds)
-    row_type = _row_types(card.kind, channels)
+    row_type = _row_types(channels)
     count, entry, column = _row_tables(layout, row_type, bool(np.any(levers)), judged)
     extra_offset, extra_member = _extra_tables(layout, channels.n_channel)
     belief = Belief(
-        kind=KINDS[card.kind],
+        kind=TIGHT if card.tight else LOOSE if card.aided else INERTIAL,
         gravity={"point": strapdown.POINT, "j2": strapdown.J2, "j4": strapdown.J4}[card.gravity],
         block_rows=rows,
         block_columns=columns,

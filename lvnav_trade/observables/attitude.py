@@ -1,12 +1,38 @@
-"""The rotation from the estimated attitude to the one that an attitude reference measures, axis by axis, frame i.
+"""Attitude reference: the rotation from the estimated attitude to the measured one, axis by axis, frame i.
 
 z - z_hat = att + v: a row has one entry, a one in the column of its axis, so there is nothing to fill.
 """
 
 from __future__ import annotations
 
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
 from lvnav_trade.kernels.attitude import from_rotation, multiply, small_rotation
 from lvnav_trade.kernels.jit import jit
+from lvnav_trade.observables.sensor import SensorCard, SensorModel
+from lvnav_trade.units import AngleSigma
+
+
+class AttitudeModel(SensorModel):
+    """Attitude reference as the filter models it: white noise per axis."""
+
+    sigma: AngleSigma = Field(gt=0.0)
+
+
+class AttitudeReferenceCard(SensorCard):
+    """A magnetometer, horizon or star sensor by its performance: true attitude plus white noise on each axis."""
+
+    measurement: ClassVar[str] = "attitude"
+    model: ClassVar[type[SensorModel]] = AttitudeModel
+
+    kind: Literal["attitude_reference"] = "attitude_reference"
+    sigma: AngleSigma = Field(gt=0.0, description="of a measurement, per axis")
+
+    def matched(self) -> AttitudeModel:
+        """Return the filter model that takes every number from this card."""
+        return AttitudeModel.model_construct(sigma=self.sigma)
 
 
 @jit
