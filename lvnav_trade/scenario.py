@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, Self
+import re
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from lvnav_trade.delays import AtmosphereCard
-from lvnav_trade.filters.base import REFERENCED, FilterCard, ImuBelief, InitialBelief, ReceiverBelief
+from lvnav_trade.filters.base import FilterCard, ImuBelief, InitialBelief, ReceiverBelief
+from lvnav_trade.observables.sensor import SensorCard, SensorModel
+from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS, Sensor, model_of
 from lvnav_trade.units import AngleSigma, Card, Length, LengthSigma, SpeedSigma
 from lvnav_trade.world.control.controlled import ControlledCard
 from lvnav_trade.world.faults import Fault
@@ -16,8 +20,6 @@ from lvnav_trade.world.flight.trajectory import TrajectoryCard
 from lvnav_trade.world.gravity import GravityCard
 from lvnav_trade.world.receiver.receiver import ReceiverCard
 from lvnav_trade.world.receiver.solutions import DirectSolution
-from lvnav_trade.world.sensors.altimeter import AltimeterCard
-from lvnav_trade.world.sensors.attitude_reference import AttitudeReferenceCard
 from lvnav_trade.world.sensors.imu import ImuCard
 from lvnav_trade.world.sky.constellation import AlmanacConstellation, Constellation, parts_of
 
@@ -33,11 +35,15 @@ class InitialErrors(Card):
     velocity: SpeedSigma
 
 
-_BEYOND_BIAS = ("misalignment", "g_sensitivity", "scale_factor", "scale_factor_drift", "nonlinearity", "quantisation")
-
-
 class Scenario(Card):
     """Everything that one case needs; cards are already resolved into it."""
+
+    OLD_KEYS: ClassVar[Mapping[str, str]] = {
+        "altimeter": "replaced by sensors, such as sensors: {altimeter: altimeters/radar_004}; "
+        "the filter lists altitude among its measurements",
+        "attitude_reference": "replaced by sensors, such as sensors: {attitude_reference: "
+        "attitude_references/magnetometer_003}; the filter lists attitude among its measurements",
+    }
 
     trajectory: Annotated[TrajectoryCard, Field(discriminator="kind")]
     imu: ImuCard
@@ -45,14 +51,32 @@ class Scenario(Card):
     receiver: ReceiverCard
     filter: FilterCard
     initial: InitialErrors
-    attitude_reference: AttitudeReferenceCard | None = Field(None, description="of filters that have one")
-    altimeter: AltimeterCard | None = Field(None, description="measures height near the ground, for any aided filter")
+    sensors: dict[str, Sensor | None] = Field(
+        {}, description="beside the IMU and the receiver, by names of your own; null removes one"
+    )
     control: ControlledCard | None = Field(None, description="the ascent's vehicle steered, beside the navigation")
     faults: tuple[Fault, ...] = ()
     atmosphere: AtmosphereCard = Field(AtmosphereCard(), description="what is true of the signals' delays")
     gravity: GravityCard | None = Field(None, description="what true gravity has beyond the model of the truth")
     frame: Literal["ned", "ecef", "inertial", "orbital"] = "ned"
     diverged: Length = Field(100e3, gt=0.0, description="a run whose position error exceeds this counts as failed")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _renamed(cls, data: Any) -> Any:
+        """Refuse the keys of earlier versions with the key that replaces them."""
+        found = next((key for key in cls.OLD_KEYS if isinstance(data, Mapping) and key in data), None)
+        if found is not None:
+            raise ValueError(f"{found}: {cls.OLD_KEYS[found]}")
+        return data
+
+    @field_validator("sensors")
+    @classmethod
+    def _named(cls, sensors: dict[str, SensorCard | None]) -> dict[str, SensorCard | None]:
+        wrong = next((name for name in sensors if not re.fullmatch(r"[A-Za-z_]\w*", name)), None)
+        if wrong is not None:
+            raise ValueError(f"{wrong!r} cannot name a sensor; use letters, digits and '_'")
+        return sensors
 
     @model_validator(mode="after")
     def _steered(self) -> Self:
@@ -62,8 +86,8 @@ class Scenario(Card):
         if self.trajectory.kind != "vehicle":
             other = self.trajectory.kind
             raise ValueError(f"control: the ascent of a vehicle is steered, not a trajectory of kind {other}")
-        if self.attitude_reference is None:
-            raise ValueError("control: a vehicle under control needs an attitude_reference")
+        if not sensors_measuring(self, "attitude"):
+            raise ValueError("control: a vehicle under control needs a sensor that measures attitude")
         stages = len(self.trajectory.vehicle.stages)
         for name, held in (("rotation.stacks", card.rotation.stacks), ("controller.gains", card.controller.gains)):
             if len(held) != stages:
@@ -71,77 +95,86 @@ class Scenario(Card):
         return self
 
     @model_validator(mode="after")
-    def _referred(self) -> Self:
-        kind = self.filter.kind
-        if kind not in REFERENCED:
+    def _provided(self) -> Self:
+        """Refuse a measurement without a sensor; where a sensor is null the filter does without it."""
+        if None in self.sensors.values():
             return self
-        if self.attitude_reference is None:
-            raise ValueError(f"attitude_reference: a {kind} filter needs one")
-        if self.gravity is not None:
-            raise ValueError(f"gravity: its disturbance is not modelled with a {kind} filter")
-        for sensor, card in (("gyro", self.imu.gyro), ("accel", self.imu.accel)):
-            found = [name for name in _BEYOND_BIAS if getattr(card, name, 0.0) > 0.0]
-            if found:
-                raise ValueError(f"imu.{sensor}.{found[0]}: only noise and bias are modelled with a {kind} filter")
-        if self.receiver.solution.kind != "direct":
-            raise ValueError(
-                f"receiver.solution: a {kind} filter takes a direct one, not {self.receiver.solution.kind}"
-            )
+        for name in self.filter.measurements:
+            if name in SENSOR_MEASUREMENTS and not sensors_measuring(self, name):
+                raise ValueError(f"filter.measurements: no sensor of the scenario measures {name}")
         return self
 
     @model_validator(mode="after")
     def _late(self) -> Self:
-        card, late = self.filter, self.filter.delay_compensation
+        late = self.filter.delay_compensation
         if late is None:
             return self
-        if late.kind == "extrapolated" and card.kind != "loose":
+        if not self.filter.tight and not self.filter.loose:
+            raise ValueError("filter.delay_compensation: the filter takes nothing of the receiver that could be late")
+        if late.kind == "extrapolated" and self.filter.tight:
             raise ValueError(
                 "filter.delay_compensation.kind: only a solution can be extrapolated; a tight filter buffers"
             )
-        if card.feedback == "open" or card.logic is not None or card.init != "from_card":
-            raise ValueError("filter.delay_compensation: not with feedback: open, a logic, or init: from_gnss")
-        before = late.base if late.kind == "extrapolated" else 0.0
-        stated = before + (self.receiver.latency if isinstance(late.delay, str) else late.delay)
-        if stated >= epoch_interval(self):
-            raise ValueError(
-                f"filter.delay_compensation: delay{' and base' if before else ''} of {stated * 1e3:.0f} ms, not less "
-                f"than the {epoch_interval(self) * 1e3:.0f} ms between epochs"
-            )
         return self
 
     @model_validator(mode="after")
-    def _alone(self) -> Self:
-        apart = judged(self) or self.filter.delay_compensation is not None
-        if self.altimeter is not None and (apart or self.filter.kind in REFERENCED):
-            raise ValueError(
-                "altimeter: not with filter.delay_compensation, a receiver that solves itself, or an attitude reference"
-            )
-        if self.filter.gains is not None and (apart or self.altimeter is not None):
-            raise ValueError(
-                "filter.gains: not with filter.delay_compensation, a receiver that solves itself, or an altimeter"
-            )
+    def _possible(self) -> Self:
+        refused = next(engine_limits(self), None)
+        if refused is not None:
+            raise ValueError(f"{refused[0]}: {refused[1]}")
         return self
 
-    @model_validator(mode="after")
-    def _judged(self) -> Self:
-        if not judged(self):
-            return self
-        shared = [name for name in (*self.filter.extra_states, *self.filter.consider)
-                  if not name.startswith(("gyro_", "accel_"))]  # fmt: skip
-        if shared:
-            raise ValueError(
-                f"filter.extra_states: {', '.join(shared)}: a filter that takes solutions with a covariance of their "
-                "own (receiver.solution.kind bancroft or filtered, filter.delay_compensation.kind extrapolated) has no "
-                "such state"
-            )
-        if solves(self) and any(fault.kind == "frozen_output" for fault in self.faults):
-            raise ValueError("faults: frozen_output needs receiver.solution.kind: direct, or a tight filter")
-        return self
+
+# ENGINE LIMITS: what physics permits and the engines cannot run yet. What an engine has learnt goes from here.
+def engine_limits(scenario: Scenario) -> Iterator[tuple[str, str]]:
+    """Yield path and reason of everything in a scenario that the engines cannot run yet."""
+    if scenario.filter.models_vehicle:
+        for sensor, part in (("gyro", scenario.imu.gyro), ("accel", scenario.imu.accel)):
+            if part.quantisation > 0.0:
+                yield f"imu.{sensor}.quantisation", "not modelled with imu among the measurements"
+    for sensor in sensors_measuring(scenario, "attitude") if scenario.control is not None else ():
+        if sensor.from_ is not None or sensor.until is not None:
+            yield "control", "the attitude sensor of a vehicle under control measures throughout: no from, no until"
+
+
+def sensors_measuring(scenario: Scenario, measurement: str) -> tuple[SensorCard, ...]:
+    """Return the sensors of a scenario that give a measurement."""
+    return tuple(card for card in scenario.sensors.values() if card is not None and card.measurement == measurement)
+
+
+def measured(scenario: Scenario) -> tuple[str, ...]:
+    """Return the measurements of the filter, without those whose sensor is null."""
+    return tuple(
+        name
+        for name in scenario.filter.measurements
+        if name not in SENSOR_MEASUREMENTS or sensors_measuring(scenario, name)
+    )
+
+
+def sensor_of(scenario: Scenario, measurement: str) -> SensorCard | None:
+    """Return the sensor that gives the filter a measurement, None where it does not use it or there is none."""
+    found = sensors_measuring(scenario, measurement) if measurement in scenario.filter.measurements else ()
+    return found[0] if found else None
+
+
+def sensors_used(scenario: Scenario) -> dict[str, SensorCard]:
+    """Return the sensors whose measurements the filter takes, by name."""
+    return {
+        name: card
+        for name, card in scenario.sensors.items()
+        if card is not None and card.measurement in scenario.filter.measurements
+    }
+
+
+def sensor_model(scenario: Scenario, sensor: SensorCard) -> Any:
+    """Return the filter's model of a sensor; `matched` takes the sensor's own numbers."""
+    model: SensorModel = model_of(scenario.filter.sensor_models, sensor)
+    return model
 
 
 def solves(scenario: Scenario) -> bool:
     """Return whether a loose filter takes the solution of a receiver that solves for it itself."""
-    return scenario.filter.kind == "loose" and not isinstance(scenario.receiver.solution, DirectSolution)
+    return scenario.filter.loose and not isinstance(scenario.receiver.solution, DirectSolution)
 
 
 def reported(scenario: Scenario) -> bool:
@@ -153,7 +186,7 @@ def reported(scenario: Scenario) -> bool:
 def judged(scenario: Scenario) -> bool:
     """Return whether every solution comes with a covariance of its own, so that its rows are taken together."""
     late = scenario.filter.delay_compensation
-    extrapolated = late is not None and late.kind == "extrapolated" and scenario.filter.kind == "loose"
+    extrapolated = late is not None and late.kind == "extrapolated" and scenario.filter.loose
     return solves(scenario) or extrapolated
 
 
@@ -239,21 +272,3 @@ def beliefs(scenario: Scenario) -> tuple[ImuBelief, ReceiverBelief, InitialBelie
     else:
         start = card.initial
     return imu, receiver, start
-
-
-def altimeter_belief(scenario: Scenario) -> tuple[float, float]:
-    """Return sigma (m) and share that the filter believes of its altimeter; there is one."""
-    card, sensor = scenario.filter, scenario.altimeter
-    if not isinstance(card.altimeter, str):
-        return card.altimeter.sigma, card.altimeter.share
-    assert sensor is not None  # only asked where there is one
-    return sensor.sigma, sensor.share
-
-
-def reference_belief(scenario: Scenario) -> float:
-    """Return the sigma (rad) that the filter believes of its attitude reference; it has one."""
-    card, sensor = scenario.filter, scenario.attitude_reference
-    if not isinstance(card.reference, str):
-        return float(card.reference.sigma)
-    assert sensor is not None  # the scenario is checked for it
-    return float(sensor.sigma)

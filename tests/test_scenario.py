@@ -73,8 +73,9 @@ def test_a_scenario_cannot_be_changed():
         loaded().frame = "ecef"
 
 
+LOOSE = {"filter.measurements": ["position", "velocity"]}
 POINT = {"kind": "bancroft", "range_sigma": "2 m", "rate_sigma": "0.1 m/s"}
-SOLVING = {"filter.kind": "loose", "receiver.solution": POINT}
+SOLVING = {**LOOSE, "receiver.solution": POINT}
 LATE = "filter.delay_compensation"
 FROZEN = [{"kind": "frozen_output", "start": "2 s", "duration": "3 s"}]
 FAIRLY = {"kind": "extrapolated", "delay": "300 ms"}
@@ -82,7 +83,7 @@ FAIRLY = {"kind": "extrapolated", "delay": "300 ms"}
 
 @pytest.mark.parametrize(
     "fields",
-    [SOLVING, {**SOLVING, "filter.extra_states": ["accel_scale_factor"]}, {"filter.kind": "loose", LATE: FAIRLY},
+    [SOLVING, {**SOLVING, "filter.extra_states": ["accel_scale_factor"]}, {**LOOSE, LATE: FAIRLY},
      {LATE: {"kind": "buffered", "delay": "999 ms"}}, {"faults": FROZEN}],
 )  # fmt: skip
 def test_what_goes_together_is_accepted(fields):
@@ -93,13 +94,22 @@ def test_what_goes_together_is_accepted(fields):
     ("fields", "told"),
     [
         ({**SOLVING, "filter.extra_states": ["position_bias"]}, "position_bias: a filter that takes solutions"),
-        ({"filter.kind": "loose", LATE: FAIRLY, "filter.extra_states": ["timing"]}, "timing: a filter that takes"),
+        (
+            {**LOOSE, LATE: FAIRLY, "filter.extra_states": ["timing"]},
+            "timing: a filter that takes",
+        ),
         ({**SOLVING, "faults": FROZEN}, "frozen_output needs receiver.solution.kind: direct"),
         ({LATE: {"kind": "extrapolated"}}, "only a solution can be extrapolated"),
         ({LATE: {"kind": "buffered", "delay": "1 s"}}, "delay of 1000 ms, not less than the 1000 ms between epochs"),
         ({LATE: {"kind": "buffered"}, "receiver.latency": "1.2 s"}, "delay of 1200 ms, not less than the 1000 ms"),
-        ({"filter.kind": "loose", LATE: {**FAIRLY, "delay": "950 ms"}}, "delay and base of 1050 ms"),
-        ({"filter.kind": "loose", "filter.init": "from_gnss", LATE: FAIRLY}, "delay_compensation: not with feedback"),
+        (
+            {**LOOSE, LATE: {**FAIRLY, "delay": "950 ms"}},
+            "delay and base of 1050 ms",
+        ),
+        (
+            {**LOOSE, "filter.init": "from_gnss", LATE: FAIRLY},
+            "delay_compensation: not with feedback",
+        ),
     ],
 )
 def test_what_cannot_be_had_together_is_refused_before_anything_runs(fields, told):

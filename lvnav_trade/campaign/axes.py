@@ -128,6 +128,8 @@ def _canonical(model: BaseModel) -> dict[str, Any]:
             data[name] = _canonical(value)
         elif isinstance(value, tuple) and value and isinstance(value[0], BaseModel):
             data[name] = [_canonical(item) for item in value]
+        elif isinstance(value, dict):
+            data[name] = {k: _canonical(one) if isinstance(one, BaseModel) else one for k, one in value.items()}
         elif fields.is_path(type(model), name) and isinstance(value, str):
             data[name] = _content(value)
         elif fields.is_path(type(model), name) and isinstance(value, tuple):

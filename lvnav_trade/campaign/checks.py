@@ -9,8 +9,7 @@ from lvnav_trade.campaign.axes import Case, axis_names
 from lvnav_trade.campaign.schema import FRAME_AXES, Campaign, metric
 from lvnav_trade.campaign.tree import Node, mistake
 from lvnav_trade.errors import InputError, Mistake
-from lvnav_trade.filters.base import REFERENCED
-from lvnav_trade.scenario import Scenario, beliefs
+from lvnav_trade.scenario import Scenario, beliefs, measured, solves
 from lvnav_trade.world.events import resolve
 from lvnav_trade.world.faults import AnyFault, missing_antenna, missing_satellite
 from lvnav_trade.world.sky.satellites import satellites
@@ -49,8 +48,12 @@ def rates(scenario: Scenario, node: Node) -> list[Mistake]:
     ]
     if strapdown is not None:
         pairs += [("imu.rate", "filter.strapdown_rate"), ("filter.strapdown_rate", "filter.covariance_rate")]
-    if scenario.filter.kind != "inertial":
+    if scenario.filter.tight or scenario.filter.loose:
         pairs.append(("receiver.rate", "filter.update_rate"))
+    for name, card in scenario.sensors.items():
+        if card is not None and card.rate is not None:
+            values[f"sensors.{name}.rate"] = card.rate
+            pairs.append(("filter.update_rate", f"sensors.{name}.rate"))
     for fast, slow in pairs:
         if not _multiple(values[fast], values[slow]):
             message = f"{values[slow]:g} Hz does not divide the {_FIELDS[fast]} of {values[fast]:g} Hz"
@@ -58,28 +61,20 @@ def rates(scenario: Scenario, node: Node) -> list[Mistake]:
     return found
 
 
-_ROWS = {
-    "inertial": (),
-    "loose": ("position_sigma", "velocity_sigma"),
-    "referenced": ("position_sigma", "velocity_sigma"),
-    "vehicle_model": ("position_sigma", "velocity_sigma"),
-    "tight": ("pseudorange_sigma", "range_rate_sigma"),
-}
-
-
 def measurements(scenario: Scenario, node: Node) -> list[Mistake]:
-    """Return the measurements that the filter would believe perfect: its covariance would lose its rank."""
+    """Return the measurements that the filter would model without noise: its covariance would lose its rank."""
     card = scenario.filter
     _, receiver, _ = beliefs(scenario)
-    if card.kind == "loose" and isinstance(card.receiver, str) and scenario.receiver.solution.kind != "direct":
-        return []  # the receiver tells the covariance of its solutions, which is never zero
+    if solves(scenario) and isinstance(card.receiver, str):
+        return []  # the receiver reports the covariance of its solutions, which is never zero
     found = []
-    for name in _ROWS[card.kind]:
-        if getattr(receiver, name) > 0.0:
+    for measurement in card.measurements:
+        name = f"{measurement}_sigma"
+        if getattr(receiver, name, 1.0) > 0.0:
             continue
-        truth = f"receiver.solution.{name}" if card.kind != "tight" else f"receiver.{name}"
+        truth = f"receiver.{name}" if card.tight else f"receiver.solution.{name}"
         path = truth if isinstance(card.receiver, str) else f"filter.receiver.{name}"
-        message = f"a {card.kind} filter cannot believe a measurement perfect; should be greater than 0"
+        message = f"the filter cannot model {measurement.replace('_', ' ')} without noise; should be greater than 0"
         found.append(mistake(tree.nearest(node, path.split(".")), f"base.{path}", message))
     return found
 
@@ -106,9 +101,6 @@ def requirements(campaign: Campaign, root: Node) -> list[Mistake]:
             found.append(mistake(place, f"requirements.{index}.name", f"{requirement.name!r} stands twice"))
         names.add(requirement.name)
     return found
-
-
-_UNBOUNDED = {"inertial": "takes no measurement"} | dict.fromkeys(REFERENCED, "takes every sample as a measurement")
 
 
 def flight(campaign: Campaign, cases: Sequence[Case], events: Mapping[str, Mapping[str, float]]) -> list[Mistake]:
@@ -141,9 +133,8 @@ def flight(campaign: Campaign, cases: Sequence[Case], events: Mapping[str, Mappi
             message = _backwards(requirement.events, times) if requirement.during else ""
             if message:
                 found.setdefault(campaign.written.mistake(f"requirements.{index}.during", message))
-        kind = case.scenario.filter.kind
-        if campaign.covariance.error_bound and kind in _UNBOUNDED:
-            message = f"filter kind {kind} {_UNBOUNDED[kind]}; ask it of loose and tight ones"
+        message = _unbounded(case.scenario)
+        if campaign.covariance.error_bound and message:
             found.setdefault(campaign.written.mistake("covariance.error_bound", message))
         for index, fault in enumerate(case.scenario.faults):
             message = _fault(fault, times, *span(case.scenario, times))
@@ -152,6 +143,14 @@ def flight(campaign: Campaign, cases: Sequence[Case], events: Mapping[str, Mappi
             for field, message in _missing(fault, case.scenario):
                 found.setdefault(written(campaign, case, f"base.faults.{index}.{field}", message))
     return list(found)
+
+
+def _unbounded(scenario: Scenario) -> str:
+    """Say why a case has no error bound, where it has none."""
+    card = scenario.filter
+    if not card.aided:
+        return "the filter has no measurement; an error bound needs some"
+    return "not available with attitude among the measurements" if "attitude" in measured(scenario) else ""
 
 
 def _missing(fault: AnyFault, scenario: Scenario) -> Iterator[tuple[str, str]]:

@@ -30,6 +30,18 @@ class Expander:
                 for index, child in enumerate(node.value)
             ]
             return Node(items, node.place)
+        return self._entries(node, kind, path, depth, None) if node.is_map else node
+
+    def _entries(self, node: Node, kind: Kind, path: str, depth: int, under: Node | None) -> Node:
+        """Expand each entry of a mapping with keys of the user's own; `under`: the card that it overrides."""
+        below = fields.entries(kind)
+        for key, child in list(node.value.items()) if below is not None else ():
+            old = tree.find(under, [key]) if under is not None else None
+            if old is not None and old.is_map and child.is_map and "card" not in child.value:
+                done = self._mapping(child, below, join(path, key), depth, old)
+            else:
+                done = self.expand(child, below, join(path, key), depth)
+            node = tree.with_child(node, key, done, node.keys[key])
         return node
 
     def _settings(self, node: Node, kind: Kind, path: str, depth: int) -> Node:
@@ -63,6 +75,8 @@ class Expander:
         return whole
 
     def _mapping(self, node: Node, kind: Kind, path: str, depth: int, under: Node | None = None) -> Node:
+        if fields.entries(kind) is not None:
+            return self._entries(node, kind, path, depth, under)
         model = fields.member(kind, under or node)
         tag = fields.tag_of(model) if model else None
         if tag and under is None and "kind" not in node.value and len(fields.models(kind)) > 1:

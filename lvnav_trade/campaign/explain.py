@@ -65,7 +65,8 @@ def _explain_one(item: Any, root: Node, model: type[BaseModel], path: str) -> Mi
         path = join(path, step)
     message = _message(item, node, kind, last)
     inside = _INSIDE.fullmatch(message) if item["type"] == "value_error" and node.is_map else None
-    if inside and inside[1].partition(".")[0] in fields.names(kind, node):  # a rule names the field to mend
+    known = (*fields.names(kind, node), *node.value) if inside else ()
+    if inside and inside[1].partition(".")[0] in known:  # a rule names the field to mend, or the key to replace
         return tree.mistake(tree.nearest(node, inside[1].split(".")), join(path, inside[1]), inside[2])
     if missing:
         return tree.mistake(node.place, join(path, item["loc"][-1]), message)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import types
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 
 from lvnav_trade.campaign.tree import Node
 
@@ -38,20 +39,39 @@ def literals(kind: Kind) -> tuple[Any, ...]:
     return tuple(word for option in options(kind) if _origin(option) is Literal for word in get_args(option))
 
 
+def by_key(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    """Return the fields of a model by the keys that a user writes."""
+    return {info.alias or name: info for name, info in model.model_fields.items()}
+
+
+def entries(kind: Kind) -> Kind | None:
+    """Return the annotation of what a mapping with keys of the user's own holds, None for anything else."""
+    found = (get_args(option)[1] for option in options(kind) if _origin(option) is dict)
+    return next(found, None)
+
+
+def old_key(kind: Kind, key: str) -> str:
+    """Return what replaces a key of earlier versions, empty for any other."""
+    old: list[Mapping[str, str]] = [getattr(model, "OLD_KEYS", {}) for model in models(kind)]
+    return next((keys[key] for keys in old if key in keys), "")
+
+
 def is_path(model: type[BaseModel], key: str) -> bool:
     """Whether the field holds a file path, relative to the file that names it."""
-    field = model.model_fields.get(key)
+    field = by_key(model).get(key)
     extra = field.json_schema_extra if field else None
     return isinstance(extra, dict) and bool(extra.get("path"))
 
 
 def child(kind: Kind, key: str, node: Node | None = None) -> Kind | None:
     """Return the annotation one step down, or None; `node` (the value there) chooses among alternatives."""
+    if entries(kind) is not None:
+        return entries(kind)
     if key.isdigit():
         return item(kind, int(key))
     for model in _likely(kind, node):
-        if key in model.model_fields:
-            return model.model_fields[key].annotation
+        if key in by_key(model):
+            return by_key(model)[key].annotation
     return None
 
 
@@ -70,7 +90,7 @@ def item(kind: Kind, index: int) -> Kind | None:
 
 def names(kind: Kind, node: Node | None = None) -> tuple[str, ...]:
     """Return the keys known at an annotation."""
-    return tuple(dict.fromkeys(name for model in _likely(kind, node) for name in model.model_fields))
+    return tuple(dict.fromkeys(name for model in _likely(kind, node) for name in by_key(model)))
 
 
 def tag_of(model: type[BaseModel]) -> str | None:
@@ -98,8 +118,8 @@ def member(kind: Kind, node: Node | None) -> type[BaseModel] | None:
 
 def distinctive(kind: Kind, model: type[BaseModel]) -> set[str]:
     """Return the fields that only this alternative has."""
-    others = {name for other in models(kind) if other is not model for name in other.model_fields}
-    return set(model.model_fields) - others
+    others = {name for other in models(kind) if other is not model for name in by_key(other)}
+    return set(by_key(model)) - others
 
 
 def _likely(kind: Kind, node: Node | None) -> tuple[type[BaseModel], ...]:

@@ -107,7 +107,9 @@ class _Loader:
                 found.append((axis, child))
             else:
                 where = child.value["path"].place
-                message = f"{axis.path!r} is not a field of the base{tree.hint(axis.path, Scenario.model_fields)}"
+                near = tree.hint(axis.path, Scenario.model_fields)
+                old = fields.old_key(Scenario, axis.path.removeprefix("base.").partition(".")[0])
+                message = f"{axis.path!r}: {old}" if old else f"{axis.path!r} is not a field of the base{near}"
                 self.mistakes.append(mistake(where, f"axes.{index}.path", message))
         return found
 
@@ -135,9 +137,10 @@ class _Loader:
         if base is None or not base.is_map:
             return self.root
         for axis, node in axes:
-            key = axis.path.removeprefix("base.")
-            if key in Scenario.model_fields and key not in base.value:
-                base = tree.with_child(base, key, _level_nodes(node)[0])
+            path = axis.path.removeprefix("base.").split(".")
+            entry = len(path) == 2 and fields.entries(_field(path[0])) is not None
+            if (entry or (len(path) == 1 and path[0] in Scenario.model_fields)) and tree.find(base, path) is None:
+                base = tree.put(base, path, _level_nodes(node)[0])
         return tree.put(self.root, ["base"], base)
 
     def _levels(self, base: Node, axis: Axis, node: Node, index: int) -> list[Node]:
@@ -210,11 +213,19 @@ def _kind_at(base: Node, path: list[str]) -> tuple[Any, Node | None]:
     return kind, node
 
 
+def _field(key: str) -> Any:
+    """Return the annotation of a field of the base, None where it has no such field."""
+    return Scenario.model_fields[key].annotation if key in Scenario.model_fields else None
+
+
 def _unknown(base: Node, path: list[str]) -> str:
     """Say which step of a path is unknown."""
     for depth in range(1, len(path) + 1):
         if _kind_at(base, path[:depth])[0] is None:
             kind, node = _kind_at(base, path[: depth - 1]) if depth > 1 else (Scenario, base)
+            old = fields.old_key(kind, path[depth - 1])
+            if old:
+                return f"{'.'.join(path)!r}: {old}"
             near = tree.hint(path[depth - 1], fields.names(kind, node))
             return f"{'.'.join(path)!r} is not a field of the base{near}"
     return f"{'.'.join(path)!r} is not a field of the base"

@@ -31,8 +31,8 @@ def full_path(text: str, where: str) -> list[str]:
         return path
     if path[0] in Scenario.model_fields:
         return ["base", *path]
-    known = (*Campaign.model_fields, *Scenario.model_fields)
-    raise InputError(f"{where}: {text}: unknown path{hint(path[0], known)}")
+    known, old = (*Campaign.model_fields, *Scenario.model_fields), fields.old_key(Scenario, path[0])
+    raise InputError(f"{where}: {text}: {old or f'unknown path{hint(path[0], known)}'}")
 
 
 def _value(text: str, path: list[str]) -> Node:
@@ -69,8 +69,9 @@ def _set(node: Node, path: list[str], value: Node, kind: Kind, shelf: Shelf, at:
         return _set_item(node, key, rest, value, kind, shelf, at)
     if _changes_member(node, key, kind):
         return tree.put(Node({}, value.place), path, value)
-    if key not in fields.names(kind):
-        raise refuse(value.place, join(at, key), f"unknown path{hint(key, fields.names(kind, node))}")
+    if key not in fields.names(kind) and fields.entries(kind) is None:
+        near = fields.old_key(kind, key) or f"unknown path{hint(key, fields.names(kind, node))}"
+        raise refuse(value.place, join(at, key), near)
     start = node if node.is_map else Node({}, value.place)
     old = start.value.get(key, Node(None, value.place))
     below = fields.child(kind, key, start)
@@ -99,4 +100,4 @@ def _set_item(node: Node, key: str, rest: list[str], value: Node, kind: Kind, sh
 def _changes_member(node: Node, key: str, kind: Kind) -> bool:
     """Whether the key belongs only to another alternative than the one that stands there (another kind of card)."""
     now = fields.member(kind, node) if len(fields.models(kind)) > 1 else None
-    return now is not None and key in fields.names(kind) and key not in now.model_fields
+    return now is not None and key in fields.names(kind) and key not in fields.by_key(now)

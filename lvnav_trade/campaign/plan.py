@@ -87,8 +87,7 @@ def stored(folder: Path, case: str) -> list[tuple[int, int]]:
 
 def _states(case: Case) -> int:
     card = case.scenario.filter
-    of_kind = {"inertial": 15, "loose": 15, "tight": 17, "referenced": 15, "vehicle_model": 21}[card.kind]
-    return of_kind + 3 * len(card.extra_states)
+    return 15 + 2 * card.tight + 6 * card.models_vehicle + 3 * len(card.extra_states)
 
 
 def _run_seconds(case: Case, duration: float) -> float:

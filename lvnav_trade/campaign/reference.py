@@ -46,10 +46,11 @@ def reference(path: str = "") -> list[Part]:
     """
     kind: Kind = Campaign
     for key in full_path(path, "fields") if path else ():
-        known = fields.names(_item(kind))
-        below = fields.child(_item(kind), key)
+        held = kind if fields.entries(kind) is not None else _item(kind)
+        known, below = fields.names(held), fields.child(held, key)
         if below is None:
-            raise InputError(f"fields: {path}: unknown path{hint(key, known)}; known: {', '.join(known)}")
+            old = fields.old_key(held, key)
+            raise InputError(f"fields: {path}: {old or f'unknown path{hint(key, known)}; known: ' + ', '.join(known)}")
         kind = below
     found = fields.models(_item(kind))
     if not found:
@@ -58,8 +59,8 @@ def reference(path: str = "") -> list[Part]:
 
 
 def _item(kind: Kind) -> Kind:
-    """Return what a list holds, anything else as it is."""
-    return kind if fields.models(kind) else fields.item(kind, 0) or kind
+    """Return what a list, or a mapping with keys of the user's own, holds; anything else as it is."""
+    return kind if fields.models(kind) else fields.entries(kind) or fields.item(kind, 0) or kind
 
 
 def _title(model: type[BaseModel]) -> str:
@@ -69,7 +70,7 @@ def _title(model: type[BaseModel]) -> str:
 def _rows(model: type[BaseModel]) -> tuple[Row, ...]:
     return tuple(
         Row(name, type_of(_annotated(info)), _default(info), info.description or "")
-        for name, info in model.model_fields.items()
+        for name, info in fields.by_key(model).items()
         if name != "kind" or fields.tag_of(model) is None
     )
 

@@ -88,7 +88,8 @@ class Signals(NamedTuple):
     (n_epoch, n_channel) of white noise; variance (n_epoch, n_channel) as the filter believes; partial (n_extra_family,
     n_epoch, n_channel) of rows with respect to the filter's extra states, as it believes; clock_step (3,) Cholesky
     factor over an epoch; clock_start (2,) sigma; clock_jump (n_epoch,) m; frozen (n_epoch,): the output is that of the
-    epoch before; interval s between epochs; n_receiver: channels of the receiver, which come first; sources (4,) words: clock, ranges, solution, clock start.
+    epoch before; interval s between epochs; n_receiver: channels of the receiver in the filter, which come first; shift: sigma
+    and shared errors are of what the receiver measures itself, so there the channels of sensors stand so much later; sources (4,) words: clock, ranges, solution, clock start.
     """
 
     used: Ints
@@ -110,6 +111,7 @@ class Signals(NamedTuple):
     frozen: NDArray[np.bool_]
     interval: float
     n_receiver: int
+    shift: int
     sources: NDArray[np.uint64]
     shared: Shared
 

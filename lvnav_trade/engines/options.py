@@ -107,7 +107,7 @@ def delay_taken(scenario: Scenario, t_epoch: Floats, t_valid: Floats) -> Floats 
     t_valid (n_epoch,): when the measurements of the epochs are of, as the receiver stamps them.
     """
     card = scenario.filter.delay_compensation
-    if card is None or not scenario.filter.measurements:
+    if card is None or not scenario.filter.aided:
         return None
     return t_epoch - t_valid if isinstance(card.delay, str) else np.full(t_epoch.size, card.delay)
 

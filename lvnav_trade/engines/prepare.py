@@ -38,6 +38,7 @@ from lvnav_trade.layout import StateLayout, outputs, solution_outputs
 from lvnav_trade.observables.partials import Channels
 from lvnav_trade.records import Floats, Output, Reference, Sky
 from lvnav_trade.scenario import Scenario, beliefs, epoch_interval, judged, reported, solves
+from lvnav_trade.scenario import measured as measured_by
 from lvnav_trade.world.faults import (
     AccelBiasStep,
     AnyFault,
@@ -249,7 +250,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     levers = seen.levers if channels.tight else lever_b[None, :]
     layout, belief = believe(
         card, imu, receiver, levers, at.lengths, channels, epochs.group, every(scenario), judged(scenario),
-        solves(scenario), card.measurements,
+        solves(scenario), measured_by(scenario),
     )  # fmt: skip
     gains = gains_of(scenario, layout, channels, t_epoch, trajectory.events)
     if gains is not None:
@@ -260,7 +261,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     believed = geometry_of(line, seen.tracked, late_by.believed_troposphere, late_by.believed_ionosphere)
     failed = failures(scenario.faults, trajectory.events, t_epoch, seen.names, seen.elevation, seen.tracked)
     tabled = recorded(scenario, trajectory.theta0, line, seen, measured, failed.frozen)
-    shared_errors = (*families(scenario, geometry, measured, failed), *tabled.families)
+    shared_errors = (*families(scenario, geometry, measured, failed, devices), *tabled.families)
     shared = shared_of(shared_errors, layout, epoch_interval(scenario), (t_epoch.size, measured.n_channel))
     left = late_by.left + time_offsets(scenario.constellation, seen.systems, trajectory.epoch, seen.t)
     truth = signals(
@@ -342,7 +343,7 @@ def _report(
 
 def _channel_names(scenario: Scenario, channels: Channels, solver: Any) -> tuple[str, ...]:
     """Return the names of all innovations: of the filter's channels, of the IMU's samples, of the receiver's own."""
-    if not scenario.filter.measurements:
+    if not measured_by(scenario):
         return ("none",)
     names = list(channels.names)
     if "imu" in scenario.filter.measurements:

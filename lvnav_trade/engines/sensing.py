@@ -10,7 +10,8 @@ from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like
 from lvnav_trade.kernels.random import normals
 from lvnav_trade.kernels.strapdown import Q, R, V
-from lvnav_trade.observables import doppler, family, position, pseudorange, velocity
+from lvnav_trade.observables import doppler, position, pseudorange, velocity
+from lvnav_trade.observables.sensors import measure
 from lvnav_trade.receivers.base import switch_on
 from lvnav_trade.receivers.solve import solve
 
@@ -205,11 +206,11 @@ def measure_sensors(work, sensors, signals, epoch, k0, k1):
     for k in range(sensors.code.shape[0]):
         if sensors.on[k, epoch]:
             n0, n1, n2, _ = normals(k0, k1, sensors.sources[k], work.run[0], np.uint64(epoch + 1), _ZERO)
-            at, count = sensors.channel[k], sensors.scalars[k]
+            at, count = sensors.channel[k] + signals.shift, sensors.scalars[k]
             e0 = _sensor_error(work, signals, epoch, at, n0)
             e1 = _sensor_error(work, signals, epoch, at + 1, n1) if count > 1 else zero
             e2 = _sensor_error(work, signals, epoch, at + 2, n2) if count > 2 else zero
-            family.observe(work.observed[k], sensors.code[k], sensors.truth[k, epoch], e0, e1, e2)
+            measure(work.observed[k], sensors.code[k], sensors.truth[k, epoch], e0, e1, e2)
 
 
 @jit

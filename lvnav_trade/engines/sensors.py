@@ -1,7 +1,8 @@
-"""What the sensors beside the receiver measure on the nominal flight, and what the filter assumes of it."""
+"""What the sensors beside the receiver measure on the nominal flight, when, and what the filter assumes of it."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -10,22 +11,23 @@ from numpy.typing import NDArray
 from lvnav_trade.engines.inputs import Sensors
 from lvnav_trade.frames import geodetic_from_ecef
 from lvnav_trade.kernels.random import source_word
-from lvnav_trade.observables.family import ALTIMETER, ATTITUDE_REFERENCE, N_TRUTH
 from lvnav_trade.observables.partials import Channels, SensorChannels
+from lvnav_trade.observables.sensor import N_TRUTH, FlightView, SensorCard
+from lvnav_trade.observables.sensors import SENSORS
 from lvnav_trade.records import Floats
-from lvnav_trade.scenario import Scenario, altimeter_belief, reference_belief
+from lvnav_trade.scenario import Scenario, sensor_model, sensors_used
+from lvnav_trade.world.events import resolve
+from lvnav_trade.world.faults import ROUNDING
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
-
-ALTITUDE_NOISE, ATTITUDE_NOISE = "altimeter noise", "attitude reference noise"
 
 
 class Sensor(NamedTuple):
-    """A sensor at the epochs: code in the family; what it measures, a label for each of its scalars; noise, its source's
-    name; on (n_epoch,); truth (n_epoch, 4); sigma and variance (n_epoch, n_scalar) of its noise, true and as the filter
-    assumes.
+    """A sensor at the epochs: its name in the scenario and its card; its channels; noise, the name of that source; on
+    (n_epoch,); truth (n_epoch, 4); sigma and variance (n_epoch, n_scalar) of its noise, true and as the filter assumes.
     """
 
-    code: int
+    name: str
+    card: SensorCard
     channels: SensorChannels
     noise: str
     on: NDArray[np.bool_]
@@ -34,59 +36,60 @@ class Sensor(NamedTuple):
     variance: Floats
 
 
+def window(card: SensorCard, events: Mapping[str, float]) -> tuple[float, float]:
+    """Return start (included) and end (excluded) of a sensor's measurements, s; infinite where the card states none.
+
+    InputError names an event that the flight does not have.
+    """
+    start = -np.inf if card.from_ is None else resolve(card.from_, events)
+    return float(start), float(np.inf if card.until is None else resolve(card.until, events))
+
+
+def measures(scenario: Scenario, card: SensorCard, events: Mapping[str, float], t_epoch: Floats) -> NDArray[np.bool_]:
+    """Return at which epochs (n_epoch,) s a sensor measures, (n_epoch,) bool.
+
+    Its measurements stand at multiples of its interval since lift-off, on epochs of the filter.
+    """
+    start, end = window(card, events)
+    on: NDArray[np.bool_] = (t_epoch >= start - ROUNDING) & (t_epoch < end - ROUNDING)
+    rate = card.rate or scenario.filter.update_rate
+    ticks = t_epoch * rate
+    return on & (np.abs(ticks - np.rint(ticks)) < 1e-6 * max(1.0, rate))
+
+
 def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats) -> tuple[Sensor, ...]:
     """Return the sensors that the filter of a scenario uses, at the epochs (s)."""
-    measured = scenario.filter.measurements
-    found = []
-    if "altitude" in measured and scenario.altimeter is not None:
-        found.append(_altimeter(scenario, trajectory, t_epoch))
-    if "attitude" in measured and scenario.attitude_reference is not None:
-        found.append(_attitude_reference(scenario, trajectory, t_epoch))
-    return tuple(found)
-
-
-def _truth(columns: Floats) -> Floats:
-    """Return columns (n_epoch, n) as a truth (n_epoch, 4)."""
-    return np.ascontiguousarray(np.pad(columns, ((0, 0), (0, N_TRUTH - columns.shape[1]))))
-
-
-def _altimeter(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats) -> Sensor:
-    card = scenario.altimeter
-    assert card is not None
+    used = sensors_used(scenario)
+    if not used:
+        return ()
+    at = motion(trajectory, t_epoch)
     # heights are the same in frame i: it turns about the ellipsoid's axis
-    true = geodetic_from_ecef(motion(trajectory, t_epoch).r_i)[2]
-    sigma, share = altimeter_belief(scenario)
-    return Sensor(
-        ALTIMETER,
-        SensorChannels("altitude", ("",)),
-        ALTITUDE_NOISE,
-        (true >= card.lowest) & (true <= card.highest),
-        _truth(true[:, None]),
-        np.hypot(card.sigma, card.share * true)[:, None],
-        (sigma**2 + (share * true) ** 2)[:, None],
-    )
-
-
-def _attitude_reference(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats) -> Sensor:
-    card = scenario.attitude_reference
-    assert card is not None
-    shape = (t_epoch.size, 3)
-    return Sensor(
-        ATTITUDE_REFERENCE,
-        SensorChannels("attitude", ("x", "y", "z")),
-        ATTITUDE_NOISE,
-        np.ones(t_epoch.size, dtype=np.bool_),
-        np.ascontiguousarray(motion(trajectory, t_epoch).q_b_i),
-        np.full(shape, card.sigma),
-        np.full(shape, reference_belief(scenario) ** 2),
-    )
+    view = FlightView(t_epoch, at.r_i, at.v_i, at.q_b_i, geodetic_from_ecef(at.r_i)[2])
+    kinds = [card.measurement for card in used.values()]
+    found = []
+    for name, card in used.items():
+        alone = kinds.count(card.measurement) == 1
+        truth = card.truth(view)
+        found.append(
+            Sensor(
+                name,
+                card,
+                SensorChannels(card.measurement if alone else name, card.measurement, card.labels),
+                card.noise if alone else f"{card.noise} {name}",
+                measures(scenario, card, trajectory.events, t_epoch) & card.available(view),
+                np.ascontiguousarray(np.pad(truth, ((0, 0), (0, N_TRUTH - truth.shape[1])))),
+                card.noise_sigma(view),
+                sensor_model(scenario, card).variance(view),
+            )
+        )
+    return tuple(found)
 
 
 def for_kernels(sensors: tuple[Sensor, ...], channels: Channels, n_epoch: int) -> Sensors:
     """Return the sensors in numbers for the kernels."""
     n = len(sensors)
     return Sensors(
-        code=np.array([sensor.code for sensor in sensors], dtype=np.int64),
+        code=np.array([SENSORS.index(type(sensor.card)) for sensor in sensors], dtype=np.int64),
         channel=np.array(channels.first, dtype=np.int64),
         scalars=np.array([len(sensor.channels.labels) for sensor in sensors], dtype=np.int64),
         on=np.array([sensor.on for sensor in sensors], dtype=np.bool_).reshape(n, n_epoch),

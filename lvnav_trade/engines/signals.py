@@ -18,7 +18,7 @@ from lvnav_trade.kernels.clock import clock_step
 from lvnav_trade.kernels.earth import GM
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.layout import StateLayout
-from lvnav_trade.observables.partials import HEIGHT, Channels, Geometry, partial
+from lvnav_trade.observables.partials import Channels, Geometry, partial
 from lvnav_trade.records import Floats, Sky
 from lvnav_trade.scenario import Scenario, epoch_interval, solves
 from lvnav_trade.world.faults import Failures
@@ -35,11 +35,9 @@ from lvnav_trade.world.sky.constellation import (
 def channels_of(scenario: Scenario, seen: Sky, devices: tuple[Sensor, ...] = ()) -> Channels:
     """Return the channels of a case."""
     ever = tuple(bool(np.any(seen.tracked[:, s])) for s in range(len(seen.names)))
-    measured = set(scenario.filter.measurements)
-    tight = bool(measured & {"pseudorange", "range_rate"})
     sensors = tuple(device.channels for device in devices)
-    receiver = tight or bool(measured & {"position", "velocity"})
-    return Channels(tight, seen.names, seen.systems, ever, receiver, sensors)
+    receiver = scenario.filter.tight or scenario.filter.loose
+    return Channels(scenario.filter.tight, seen.names, seen.systems, ever, receiver, sensors)
 
 
 class Line:
@@ -149,15 +147,29 @@ def causes_of(scenario: Scenario) -> list[Cause]:
     if not solves(scenario):
         velocity, fade = direct(scenario).velocity_bias, direct(scenario).bias_time
         found.append(Cause("solution velocity bias", "velocity_bias", "velocity_bias", velocity, fade))
-    if scenario.altimeter is not None:
-        fade = scenario.altimeter.bias_time or math.inf
-        found.append(Cause("altimeter bias", HEIGHT, "", scenario.altimeter.bias, fade))
     return found
 
 
-def families(scenario: Scenario, geometry: Geometry, channels: Channels, failed: Failures) -> tuple[ErrorFamily, ...]:
+def lasting_errors(devices: tuple[Sensor, ...], channels: Channels, n_epoch: int) -> tuple[ErrorFamily, ...]:
+    """Return the lasting errors of the sensors beside the receiver."""
+    found = []
+    for at, device in zip(channels.first, devices, strict=True):
+        member, partials = np.full(channels.n_channel, -1, dtype=np.int64), np.zeros((n_epoch, channels.n_channel))
+        own = slice(at, at + len(device.channels.labels))
+        member[own], partials[:, own] = 0, 1.0
+        for error in device.card.lasting():
+            if error.sigma > 0.0:
+                names = (error.source, error.kind, "", ("",))
+                found.append(ErrorFamily(*names, member, partials, error.sigma, error.time_constant))
+    return tuple(found)
+
+
+def families(
+    scenario: Scenario, geometry: Geometry, channels: Channels, failed: Failures, devices: tuple[Sensor, ...] = ()
+) -> tuple[ErrorFamily, ...]:
     """Return the errors that the measurements of a case share, wild samples of a fault among them."""
     found = families_of(causes_of(scenario), geometry, channels)
+    found += lasting_errors(devices, channels, len(failed.jump))
     partial_of_wild = np.zeros((len(failed.jump), channels.n_channel))
     if channels.tight:
         partial_of_wild[:, 0 : channels.n_receiver : 2] = failed.wild
@@ -296,6 +308,7 @@ def signals(
         frozen=failed.frozen,
         interval=interval,
         n_receiver=channels.n_receiver,
+        shift=measured.n_receiver - channels.n_receiver,
         sources=np.array([source_word(name) for name in names], dtype=np.uint64),
         shared=shared,
     )

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from lvnav_trade.delays import CorrectionsCard
 from lvnav_trade.filters.envelope import EnvelopeCard
 from lvnav_trade.filters.scheduled import GainSchedule
+from lvnav_trade.observables.sensors import MEASUREMENTS, RANGES, RECEIVER_SOLUTION, Measurement, SensorModels
 from lvnav_trade.units import (
     AccelerationRandomWalk,
     AccelerationSigma,
@@ -30,8 +32,14 @@ from lvnav_trade.units import (
 )
 
 Matched = Literal["matched"]
-REFERENCED = ("referenced", "vehicle_model")
-"""Kinds of filter that have an attitude reference."""
+_KINDS = {
+    "inertial": "[]",
+    "loose": "[position, velocity]",
+    "tight": "[pseudorange, range_rate]",
+    "referenced": "[position, velocity, attitude] and report_imu_samples: true",
+    "vehicle_model": "[position, velocity, attitude, imu] and report_imu_samples: true",
+}
+"""Measurements of the filter kinds of earlier versions."""
 
 
 class ImuBelief(Card):
@@ -77,13 +85,6 @@ class ReceiverBelief(Card):
     velocity_bias_time: TimeConstant | None = None
 
 
-class AltimeterBelief(Card):
-    """What the filter believes of its radar altimeter: white noise, and a part in proportion to the height."""
-
-    sigma: LengthSigma = Field(gt=0.0)
-    share: Fraction = 0.0
-
-
 class InitialBelief(Card):
     """The filter's one-sigma at the start: tilt (north, east axes) and heading, position and velocity per axis."""
 
@@ -93,12 +94,6 @@ class InitialBelief(Card):
     velocity: SpeedSigma
     clock_bias: LengthSigma
     clock_drift: SpeedSigma
-
-
-class ReferenceBelief(Card):
-    """What the filter believes of its attitude reference: white noise per axis."""
-
-    sigma: AngleSigma = Field(gt=0.0)
 
 
 ExtraState = Literal[
@@ -181,14 +176,22 @@ class FilterCard(Card):
     """A navigation filter: error-state, mechanised in the inertial frame.
 
     Closed loop: what it estimates is fed back to the strapdown at every epoch. Open loop: the strapdown is left alone,
-    the estimate is added to its output. `referenced` is loose with an attitude reference; `vehicle_model` is that with
-    rate and acceleration of the vehicle as states that wander within an envelope: samples of the inertial unit are its
-    measurements, one by one.
+    the estimate is added to its output. With `imu` among the measurements, rate and acceleration of the vehicle are
+    states with a process noise that an envelope states, and the samples of the IMU are measurements, one by one.
     """
+
+    OLD_KEYS: ClassVar[Mapping[str, str]] = {
+        "kind": "replaced by measurements, such as [pseudorange, range_rate]",
+        "altimeter": "replaced by sensor_models.altitude",
+        "reference": "replaced by sensor_models.attitude",
+    }
 
     name: str
     source: str
-    kind: Literal["inertial", "loose", "tight", "referenced", "vehicle_model"]
+    measurements: tuple[Measurement, ...] = Field(
+        description="[]: inertial; of the receiver either its solution (position, velocity) or ranges (pseudorange, "
+        "range_rate); of sensors; imu: samples of the IMU"
+    )
     extra_states: tuple[ExtraState, ...] = ()
     strapdown_rate: Frequency | None = Field(
         None, description="increments are added up to this rate before the strapdown; none: the unit's own rate"
@@ -209,10 +212,9 @@ class FilterCard(Card):
     imu: Matched | ImuBelief = "matched"
     receiver: Matched | ReceiverBelief = "matched"
     initial: Matched | InitialBelief = "matched"
-    reference: Matched | ReferenceBelief = Field("matched", description="of a filter with an attitude reference")
-    altimeter: Matched | AltimeterBelief = Field("matched", description="of a scenario with an altimeter")
+    sensor_models: SensorModels = Field(default_factory=SensorModels, description="of the sensors, by measurement")
     gains: GainSchedule | None = Field(
-        None, description="gains of a loose filter in place of those of its covariance; none: its own, epoch by epoch"
+        None, description="stored gains in place of those of its covariance; none: its own, epoch by epoch"
     )
     envelope: EnvelopeCard | None = Field(None, description="of a vehicle model; none: that of the card's defaults")
     corrections: CorrectionsCard = Field(CorrectionsCard(), description="taken off the measurements beforehand")
@@ -222,48 +224,67 @@ class FilterCard(Card):
     attitude_noise: AngleRandomWalk = Field(0.0, description="process noise beyond the unit's own, root PSD per axis")
     velocity_noise: VelocityRandomWalk = 0.0
 
-    @property
-    def measurements(self) -> tuple[str, ...]:
-        """What the filter measures."""
-        return {
-            "inertial": (), "loose": ("position", "velocity", "altitude"),
-            "tight": ("pseudorange", "range_rate", "altitude"), "referenced": ("position", "velocity", "attitude"),
-            "vehicle_model": ("position", "velocity", "attitude", "imu"),
-        }[self.kind]  # fmt: skip
+    report_imu_samples: bool = Field(
+        False, description="errors of the IMU's samples, raw and corrected, are reported beside the states"
+    )
 
-    @property
-    def report_imu_samples(self) -> bool:
-        """Whether errors of samples are reported."""
-        return self.kind in REFERENCED
+    @model_validator(mode="before")
+    @classmethod
+    def _renamed(cls, data: Any) -> Any:
+        """Refuse the keys of earlier versions with the key that replaces them."""
+        found = next((key for key in cls.OLD_KEYS if isinstance(data, Mapping) and key in data), None)
+        if found == "kind" and data["kind"] in _KINDS:
+            raise ValueError(f"kind: replaced by measurements: {_KINDS[data['kind']]}")
+        if found is not None:
+            raise ValueError(f"{found}: {cls.OLD_KEYS[found]}")
+        return data
+
+    @field_validator("measurements")
+    @classmethod
+    def _measurable(cls, listed: tuple[str, ...]) -> tuple[str, ...]:
+        """Return the measurements in the order of `MEASUREMENTS`: which comes first in the card has no meaning."""
+        twice = next((name for name in listed if listed.count(name) > 1), None)
+        if twice is not None:
+            raise ValueError(f"{twice!r} stands twice")
+        if set(listed) & set(RECEIVER_SOLUTION) and set(listed) & set(RANGES):
+            raise ValueError(
+                "the receiver's solution is computed from the same ranges: information would be counted twice; "
+                "take position and velocity, or pseudorange and range_rate"
+            )
+        return tuple(name for name in MEASUREMENTS if name in listed)
 
     @model_validator(mode="after")
     def _decided(self) -> Self:
         both = sorted(set(self.neglect) & set(self.consider))
         if both:
             raise ValueError(f"{', '.join(both)}: neglected and considered, choose one")
-        watched = "logic" if self.logic is not None else "init: from_gnss" if self.init == "from_gnss" else ""
-        if watched and self.kind != "loose":
-            raise ValueError(f"{watched} judges the receiver's solution: it needs kind: loose, not {self.kind}")
-        if self.gains is not None and self.kind != "loose":
-            raise ValueError(f"gains are those of position and velocity rows: they need kind: loose, not {self.kind}")
         if self.logic is not None and self.logic.correct_after > 0.0 and self.feedback == "closed":
             raise ValueError("logic.correct_after delays the outputs of an open loop: it needs feedback: open")
+        for name in type(self.sensor_models).model_fields:
+            if name not in self.measurements and not isinstance(getattr(self.sensor_models, name), str):
+                raise ValueError(f"sensor_models.{name}: {name} is not among the measurements")
+        if self.envelope is not None and not self.models_vehicle:
+            raise ValueError("envelope: only a filter with imu among its measurements models the vehicle")
+        if self.strapdown_rate is not None and self.models_vehicle:
+            raise ValueError("strapdown_rate: a filter with imu among its measurements takes every sample")
         return self
 
-    @model_validator(mode="after")
-    def _modelled(self) -> Self:
-        modelled = self.kind == "vehicle_model"
-        if self.envelope is not None and not modelled:
-            raise ValueError(f"envelope: a {self.kind} filter has no model of the vehicle")
-        if self.kind not in REFERENCED:
-            return self
-        inertial = [name for name in self.extra_states if modelled and name.startswith(("gyro_", "accel_"))]
-        for name, value in (("neglect", self.neglect), ("consider", self.consider), ("extra_states", inertial)):
-            if value:
-                more = " and nothing else of it" if modelled else ""
-                raise ValueError(f"{name}: a {self.kind} filter estimates the biases of its unit{more}")
-        if self.feedback == "open":
-            raise ValueError(f"feedback: a {self.kind} filter is closed-loop")
-        if self.strapdown_rate is not None and modelled:
-            raise ValueError("strapdown_rate: a vehicle_model filter takes every sample of the unit")
-        return self
+    @property
+    def tight(self) -> bool:
+        """Whether ranges of the receiver are measured."""
+        return any(name in self.measurements for name in RANGES)
+
+    @property
+    def loose(self) -> bool:
+        """Whether the receiver's solution is measured."""
+        return any(name in self.measurements for name in RECEIVER_SOLUTION)
+
+    @property
+    def aided(self) -> bool:
+        """Whether anything is measured."""
+        return bool(self.measurements)
+
+    @property
+    def models_vehicle(self) -> bool:
+        """Whether samples of the IMU are measurements and rate and acceleration of the vehicle are states."""
+        return "imu" in self.measurements

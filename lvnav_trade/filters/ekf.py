@@ -12,8 +12,9 @@ from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, size, where
 from lvnav_trade.kernels.strapdown import Q, R, V
 from lvnav_trade.kernels.transition import ATT, POS, VEL
-from lvnav_trade.observables import doppler, family, position, pseudorange, velocity
+from lvnav_trade.observables import doppler, position, pseudorange, velocity
 from lvnav_trade.observables.base import N_ENTRY, antenna, line_of_sight
+from lvnav_trade.observables.sensors import fill
 from lvnav_trade.receivers.whiten import whiten
 
 
@@ -130,7 +131,7 @@ def row_of(belief, work, channel):
 @jit
 def fill_sensor(work, belief, signals, sensors, k, at, epoch):
     """Set the rows of sensor k, from row `at` on; z holds measured minus predicted."""
-    family.fill(work.H, work.z, at, sensors.code[k], work.observed[k], work.nav)
+    fill(work.H, work.z, at, sensors.code[k], work.observed[k], work.nav)
     for i in range(sensors.scalars[k]):
         work.z[at + i] = work.z[at + i] - _add_extra(work, belief, signals, epoch, at + i, sensors.channel[k] + i)
 

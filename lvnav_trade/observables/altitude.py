@@ -1,11 +1,75 @@
-"""Height over the ellipsoid as a radar altimeter measures it, less the mean height of the ground that is known."""
+"""Radar altimeter: height over the ellipsoid, less the mean height of the ground, which is known."""
 
 from __future__ import annotations
+
+import math
+from typing import Annotated, ClassVar, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
 
 from lvnav_trade.kernels.earth import height_and_up
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.strapdown import R
 from lvnav_trade.observables.base import H_POS, clear
+from lvnav_trade.observables.sensor import FlightView, Floats, LastingError, SensorCard, SensorModel
+from lvnav_trade.units import Fraction, Length, LengthSigma, TimeConstant
+
+
+class AltimeterModel(SensorModel):
+    """Radar altimeter as the filter models it: white noise, and white noise in proportion to the height."""
+
+    sigma: LengthSigma = Field(gt=0.0)
+    share: Fraction = 0.0
+
+    def variance(self, flight: FlightView) -> Floats:
+        """Return the variance (n_epoch, 1) in m^2."""
+        return np.asarray(self.sigma**2 + (self.share * flight.height[:, None]) ** 2)
+
+
+class AltimeterCard(SensorCard):
+    """A radar altimeter: height above ground, near the ground. It points down whatever the attitude, and its place is
+    the IMU's; the mean height of the ground over the ellipsoid is known and subtracted.
+    """
+
+    measurement: ClassVar[str] = "altitude"
+    model: ClassVar[type[SensorModel]] = AltimeterModel
+    noise: ClassVar[str] = "altimeter noise"
+
+    kind: Literal["altimeter"] = "altimeter"
+    sigma: LengthSigma = Field(gt=0.0, description="white noise of a measurement")
+    share: Fraction = Field(0.0, description="white noise in proportion to the height, added in quadrature")
+    bias: LengthSigma = Field(0.0, description="lasting error: of the instrument, of ground or waves below")
+    bias_time: TimeConstant | None = Field(None, description="its time constant; none: the same all flight")
+    lowest: Length = Field(0.0, ge=0.0, description="height below which it does not measure")
+    highest: Annotated[Length, Field(gt=0.0)] = Field(description="height above which it does not measure")
+
+    @model_validator(mode="after")
+    def _spans(self) -> Self:
+        if self.lowest >= self.highest:
+            raise ValueError("lowest should be below highest")
+        return self
+
+    def matched(self) -> AltimeterModel:
+        """Return the filter model that takes every number from this card."""
+        return AltimeterModel.model_construct(sigma=self.sigma, share=self.share)
+
+    def truth(self, flight: FlightView) -> Floats:
+        """Return the height (n_epoch, 1) in m."""
+        return flight.height[:, None]
+
+    def noise_sigma(self, flight: FlightView) -> Floats:
+        """Return the one-sigma (n_epoch, 1) in m."""
+        return np.hypot(self.sigma, self.share * flight.height)[:, None]
+
+    def available(self, flight: FlightView) -> NDArray[np.bool_]:
+        """Return whether the height is within its range, (n_epoch,)."""
+        return np.asarray((flight.height >= self.lowest) & (flight.height <= self.highest))
+
+    def lasting(self) -> tuple[LastingError, ...]:
+        """Return its bias."""
+        return (LastingError("altimeter bias", "height_bias", self.bias, self.bias_time or math.inf),)
 
 
 @jit

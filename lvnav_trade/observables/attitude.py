@@ -1,14 +1,55 @@
-"""Attitude as a reference measures it: the rotation from the estimated to the measured attitude, axis by axis, frame i.
+"""Attitude reference: the rotation from the estimated attitude to the measured one, axis by axis, frame i.
 
 z - z_hat = att + v.
 """
 
 from __future__ import annotations
 
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
 from lvnav_trade.kernels.attitude import from_rotation, multiply, small_rotation
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.strapdown import Q
 from lvnav_trade.observables.base import H_ATT, clear
+from lvnav_trade.observables.sensor import FlightView, Floats, SensorCard, SensorModel
+from lvnav_trade.units import AngleSigma
+
+
+class AttitudeModel(SensorModel):
+    """Attitude reference as the filter models it: white noise per axis."""
+
+    sigma: AngleSigma = Field(gt=0.0)
+
+    def variance(self, flight: FlightView) -> Floats:
+        """Return the variance (n_epoch, 3) in rad^2."""
+        return np.full((flight.t.size, 3), self.sigma**2)
+
+
+class AttitudeReferenceCard(SensorCard):
+    """A magnetometer, horizon or star sensor by its performance: true attitude plus white noise on each axis."""
+
+    measurement: ClassVar[str] = "attitude"
+    model: ClassVar[type[SensorModel]] = AttitudeModel
+    labels: ClassVar[tuple[str, ...]] = ("x", "y", "z")
+    noise: ClassVar[str] = "attitude reference noise"
+
+    kind: Literal["attitude_reference"] = "attitude_reference"
+    sigma: AngleSigma = Field(gt=0.0, description="of a measurement, per axis")
+
+    def matched(self) -> AttitudeModel:
+        """Return the filter model that takes every number from this card."""
+        return AttitudeModel.model_construct(sigma=self.sigma)
+
+    def truth(self, flight: FlightView) -> Floats:
+        """Return the attitude (n_epoch, 4), a quaternion from body to frame i."""
+        return flight.q_b_i
+
+    def noise_sigma(self, flight: FlightView) -> Floats:
+        """Return the one-sigma (n_epoch, 3) in rad."""
+        return np.full((flight.t.size, 3), self.sigma)
 
 
 @jit

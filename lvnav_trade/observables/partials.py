@@ -21,13 +21,10 @@ SATELLITE_KINDS = ("range_bias", "time_offset", "timing", "troposphere_scale", "
 SOLUTION_KINDS = ("position_bias", "velocity_bias", "timing", "troposphere_scale", "ionosphere_scale")
 
 
-HEIGHT = "height_bias"
-"""Kind of the altimeter's own lasting error."""
-
-
 class SensorChannels(NamedTuple):
-    """The channels of a sensor beside the receiver: what it measures, and a label for each scalar."""
+    """The channels of a sensor beside the receiver: name, what it measures, and a label for each scalar."""
 
+    name: str
     measures: str
     labels: tuple[str, ...]
 
@@ -60,11 +57,6 @@ class Channels(NamedTuple):
         counts = [0, *(len(sensor.labels) for sensor in self.sensors)]
         return tuple(self.n_receiver + sum(counts[: k + 1]) for k in range(len(self.sensors)))
 
-    def of(self, measures: str) -> list[int]:
-        """Return the channels of the sensors that measure something."""
-        return [at + i for at, sensor in zip(self.first, self.sensors, strict=True)
-                for i in range(len(sensor.labels)) if sensor.measures == measures]  # fmt: skip
-
     @property
     def names(self) -> tuple[str, ...]:
         """The names of the channels: range and range rate of each satellite in turn, or the receiver's position and
@@ -74,7 +66,7 @@ class Channels(NamedTuple):
             found = [f"{name} {what}" for name in self.satellites for what in ("range", "range rate")]
         else:
             found = [f"{what} {axis}" for what in ("position", "velocity") for axis in "xyz"]
-        found += [" ".join((s.measures, label)).strip() for s in self.sensors for label in s.labels]
+        found += [" ".join((s.name, label)).strip() for s in self.sensors for label in s.labels]
         return tuple(found)
 
 
@@ -105,9 +97,6 @@ def members(kind: str, channels: Channels) -> tuple[tuple[str, ...], Ints]:
     the first), a solution's bias one for each axis of frame i, everything else one for all channels.
     """
     member, n = np.full(channels.n_channel, -1, dtype=np.int64), channels.n_receiver
-    if kind == HEIGHT:
-        member[channels.of("altitude")] = 0
-        return ("",) if channels.of("altitude") else (), member
     if not channels.tight:
         if kind not in SOLUTION_KINDS:
             return (), member
@@ -142,9 +131,6 @@ def partial(kind: str, geometry: Geometry, channels: Channels) -> Floats:
     """
     n_epoch, n = len(geometry.rate), channels.n_receiver
     found = np.zeros((n_epoch, channels.n_channel))
-    if kind == HEIGHT:
-        found[:, channels.of("altitude")] = 1.0
-        return found
     if not channels.tight:
         if kind == "timing":
             found[:, :3], found[:, 3:n] = -geometry.velocity, -geometry.push

@@ -9,8 +9,9 @@ import numpy as np
 
 from lvnav_trade.engines.vehicle import burns
 from lvnav_trade.filters.envelope import EnvelopeCard
+from lvnav_trade.observables.attitude import AttitudeReferenceCard
 from lvnav_trade.records import Floats
-from lvnav_trade.scenario import Scenario
+from lvnav_trade.scenario import Scenario, sensors_measuring
 from lvnav_trade.steering.loop import (
     BELIEVED,
     INSIDE_JERK,
@@ -83,7 +84,7 @@ def launch_of(scenario: Scenario) -> Launch:
 
 def controlled(scenario: Scenario, seed: int, runs: int) -> Controlled | None:
     """Return the missions of a case on the campaign's draws; None where it has no vehicle under control."""
-    if scenario.control is None or scenario.attitude_reference is None:
+    if scenario.control is None:
         return None
     launch = launch_of(scenario)
     missions = [fly_missions(launch, feedback(scenario, feed), runs, seed) for feed in FEEDS]
@@ -110,11 +111,11 @@ def _burns_of(scenario: Scenario) -> list[tuple[float, float]]:
 
 def feedback(scenario: Scenario, feed: Any) -> FeedbackCard:
     """Return what feeds the controller: one of FEEDS, and attitude of the scenario's own reference."""
-    sensor = scenario.attitude_reference
-    assert sensor is not None
+    (sensor,) = sensors_measuring(scenario, "attitude")  # the scenario is checked for it
+    assert isinstance(sensor, AttitudeReferenceCard)
     return FeedbackCard.model_construct(
         rate=feed, attitude="navigation", noise="datasheet", reference_sigma=sensor.sigma,
-        reference_rate=scenario.filter.update_rate,
+        reference_rate=sensor.rate or scenario.filter.update_rate,
     )  # fmt: skip
 
 

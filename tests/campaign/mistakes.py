@@ -90,28 +90,28 @@ BAD: dict[str, tuple[str, str, str, str]] = {
         "",
         "configs/imu/good.yaml:1:1: base.imu.source: is missing",
     ),
-    "an_unknown_filter_kind_is_refused": (
+    "an_unknown_measurement_is_refused": (
         "configs/filters/near.yaml",
-        "kind: tight",
-        "kind: tigth",
-        "configs/filters/near.yaml:3:7: base.filter.kind: 'tigth' is not one of inertial, loose, tight, referenced, vehicle_model (did you mean 'tight'?)",
+        "measurements: [pseudorange, range_rate]",
+        "measurements: [pseudorange, range_rat]",
+        "configs/filters/near.yaml:3:29: base.filter.measurements.1: 'range_rat' is not one of position, velocity, pseudorange, range_rate, altitude, attitude, imu (did you mean 'range_rate'?)",
     ),
     "a_bare_word_where_matched_is_meant_is_refused": (
         "configs/filters/near.yaml",
-        "kind: tight",
-        "kind: tight\nimu: matchd",
+        "measurements: [pseudorange, range_rate]",
+        "measurements: [pseudorange, range_rate]\nimu: matchd",
         "configs/filters/near.yaml:4:6: base.filter.imu: no card 'matchd' (did you mean 'matched'?)",
     ),
     "a_gate_of_zero_is_refused": (
         "configs/filters/near.yaml",
-        "kind: tight",
-        "kind: tight\ngate: 0",
+        "measurements: [pseudorange, range_rate]",
+        "measurements: [pseudorange, range_rate]\ngate: 0",
         "configs/filters/near.yaml:4:7: base.filter.gate: should be greater than 0, not 0",
     ),
     "a_wrong_case_of_a_word_is_refused": (
         "configs/filters/near.yaml",
-        "kind: tight",
-        "kind: tight\ngravity: J2",
+        "measurements: [pseudorange, range_rate]",
+        "measurements: [pseudorange, range_rate]\ngravity: J2",
         "configs/filters/near.yaml:4:10: base.filter.gravity: 'J2' is not one of point, j2, j4 (did you mean 'j2'?)",
     ),
     "a_mistake_in_a_card_of_a_card_stands_in_its_file": (
@@ -236,20 +236,20 @@ BAD: dict[str, tuple[str, str, str, str]] = {
     ),
     "a_covariance_rate_that_does_not_divide_the_imu_rate_is_refused": (
         "configs/filters/near.yaml",
-        "kind: tight",
-        "kind: tight\ncovariance_rate: 30 Hz",
+        "measurements: [pseudorange, range_rate]",
+        "measurements: [pseudorange, range_rate]\ncovariance_rate: 30 Hz",
         "configs/filters/near.yaml:4:18: base.filter.covariance_rate: 30 Hz does not divide the IMU rate of 200 Hz",
     ),
     "an_update_rate_that_does_not_divide_the_covariance_rate_is_refused": (
         "configs/filters/near.yaml",
-        "kind: tight",
-        "kind: tight\ncovariance_rate: 1 Hz\nupdate_rate: 0.7 Hz",
+        "measurements: [pseudorange, range_rate]",
+        "measurements: [pseudorange, range_rate]\ncovariance_rate: 1 Hz\nupdate_rate: 0.7 Hz",
         "configs/filters/near.yaml:5:14: base.filter.update_rate: 0.7 Hz does not divide the covariance rate of 1 Hz\nconfigs/filters/near.yaml:5:14: base.filter.update_rate: 0.7 Hz does not divide the receiver rate of 1 Hz",
     ),
     "an_update_faster_than_the_receiver_is_refused": (
         "configs/filters/near.yaml",
-        "kind: tight",
-        "kind: tight\nupdate_rate: 2 Hz",
+        "measurements: [pseudorange, range_rate]",
+        "measurements: [pseudorange, range_rate]\nupdate_rate: 2 Hz",
         "configs/filters/near.yaml:4:14: base.filter.update_rate: 2 Hz does not divide the receiver rate of 1 Hz",
     ),
     "a_rate_of_zero_is_refused": (
@@ -290,8 +290,8 @@ BAD: dict[str, tuple[str, str, str, str]] = {
     ),
     "a_negative_rate_is_refused": (
         "configs/filters/near.yaml",
-        "kind: tight",
-        "kind: tight\nupdate_rate: -1 Hz",
+        "measurements: [pseudorange, range_rate]",
+        "measurements: [pseudorange, range_rate]\nupdate_rate: -1 Hz",
         "configs/filters/near.yaml:4:14: base.filter.update_rate: should be greater than 0, not '-1 Hz'",
     ),
     "a_negative_bandwidth_is_refused": (

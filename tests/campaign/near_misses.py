@@ -6,8 +6,8 @@ from __future__ import annotations
 NEAR: dict[str, tuple[str, str, str, str]] = {
     "a_key_that_begins_another_is_taken_for_it": (
         "configs/filters/near.yaml",
-        "kind: tight",
-        "kind: tight\ndelay: {kind: buffered}",
+        "measurements: [pseudorange, range_rate]",
+        "measurements: [pseudorange, range_rate]\ndelay: {kind: buffered}",
         "configs/filters/near.yaml:4:1: base.filter.delay: unknown key (did you mean 'delay_compensation'?)",
     ),
     "a_key_that_is_like_no_other_is_told_those_that_are_known": (
@@ -30,8 +30,62 @@ NEAR: dict[str, tuple[str, str, str, str]] = {
     ),
     "a_rule_between_fields_is_told_at_the_field_that_breaks_it": (
         "configs/filters/near.yaml",
-        "kind: tight",
-        "kind: tight\ndelay_compensation: {kind: extrapolated}",
+        "measurements: [pseudorange, range_rate]",
+        "measurements: [pseudorange, range_rate]\ndelay_compensation: {kind: extrapolated}",
         "configs/filters/near.yaml:4:28: base.filter.delay_compensation.kind: only a solution can be extrapolated; a tight filter buffers",
+    ),
+    "a_measurement_that_stands_twice_is_refused": (
+        "configs/filters/near.yaml",
+        "measurements: [pseudorange, range_rate]",
+        "measurements: [pseudorange, range_rate, pseudorange]",
+        "configs/filters/near.yaml:3:15: base.filter.measurements: 'pseudorange' stands twice",
+    ),
+    "a_solution_beside_its_ranges_is_refused_with_the_reason": (
+        "configs/filters/near.yaml",
+        "measurements: [pseudorange, range_rate]",
+        "measurements: [position, pseudorange]",
+        "configs/filters/near.yaml:3:15: base.filter.measurements: the receiver's solution is computed from the same ranges: information would be counted twice; take position and velocity, or pseudorange and range_rate",
+    ),
+    "a_measurement_without_a_sensor_is_refused": (
+        "configs/filters/near.yaml",
+        "measurements: [pseudorange, range_rate]",
+        "measurements: [pseudorange, range_rate, altitude]",
+        "configs/filters/near.yaml:3:15: base.filter.measurements: no sensor of the scenario measures altitude",
+    ),
+    "a_filter_kind_of_earlier_versions_says_its_measurements": (
+        "configs/filters/near.yaml",
+        "measurements: [pseudorange, range_rate]",
+        "kind: tight",
+        "configs/filters/near.yaml:3:7: base.filter.kind: replaced by measurements: [pseudorange, range_rate]",
+    ),
+    "a_model_of_an_altimeter_of_earlier_versions_says_its_new_key": (
+        "configs/filters/near.yaml",
+        "measurements: [pseudorange, range_rate]",
+        "measurements: [pseudorange, range_rate]\naltimeter: {sigma: 1 m}",
+        "configs/filters/near.yaml:4:12: base.filter.altimeter: replaced by sensor_models.altitude",
+    ),
+    "an_altimeter_of_earlier_versions_says_its_new_key": (
+        "campaign.yaml",
+        "  imu: imu/good",
+        "  imu: imu/good\n  altimeter: altimeters/radar_004",
+        "campaign.yaml:6:14: base.altimeter: replaced by sensors, such as sensors: {altimeter: altimeters/radar_004}; the filter lists altitude among its measurements",
+    ),
+    "a_name_that_no_sensor_can_have_is_refused": (
+        "campaign.yaml",
+        "  imu: imu/good",
+        "  imu: imu/good\n  sensors: {radar-1: altimeters/radar_004}",
+        "campaign.yaml:6:12: base.sensors: 'radar-1' cannot name a sensor; use letters, digits and '_'",
+    ),
+    "a_mistake_in_a_sensor_stands_where_it_was_written": (
+        "campaign.yaml",
+        "  imu: imu/good",
+        "  imu: imu/good\n  sensors: {radar: {card: altimeters/radar_004, sigma: 1 s}}",
+        "campaign.yaml:6:56: base.sensors.radar.sigma: '1 s' has the wrong unit; expected length (m, km, cm)",
+    ),
+    "a_rate_of_a_sensor_that_is_no_part_of_the_filters_is_refused": (
+        "campaign.yaml",
+        "  imu: imu/good",
+        "  imu: imu/good\n  sensors: {radar: {card: altimeters/radar_004, rate: 3 Hz}}",
+        "campaign.yaml:6:55: base.sensors.radar.rate: 3 Hz does not divide the update rate of 1 Hz",
     ),
 }

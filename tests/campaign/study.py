@@ -63,7 +63,7 @@ CARDS = {
     "configs/filters/near.yaml": """\
         name: near
         source: test
-        kind: tight
+        measurements: [pseudorange, range_rate]
         """,
     "campaign.yaml": """\
         name: study

@@ -40,8 +40,15 @@ def test_a_filter_card_reads(name: str) -> None:
     if "gains" in data:
         data["gains"] = tree.plain(tree.read(shipped("configs") / f"{data['gains']}.yaml"))
     card = FilterCard.model_validate(data)
-    named = {"gains_004": "loose", "baseline_003": "referenced", "vehicle_unknown_003": "vehicle_model"}
-    assert card.kind == named.get(name, card.kind if name.startswith(card.kind) else name)
+    coupling = {
+        "loose": ("position", "velocity"),
+        "tight": ("pseudorange", "range_rate"),
+        "inertial": (),
+        "baseline": ("position", "velocity", "attitude"),
+        "vehicle": ("position", "velocity", "attitude", "imu"),
+    }
+    assert card.measurements == coupling[name.partition("_")[0]]
+    assert card.report_imu_samples == ("attitude" in card.measurements)
 
 
 def test_the_numbers_of_a_published_table_become_si() -> None:

@@ -11,6 +11,7 @@ from lvnav_trade.campaign.axes import cases
 from lvnav_trade.campaign.load import load, resolved
 from lvnav_trade.errors import InputError, Mistake
 
+RANGES, SOLUTION = "[pseudorange, range_rate]", "[position, velocity]"
 EVENTS = {"liftoff": 0.0, "stage1_cutoff": 150.0, "injection": 540.0}  # the climb holds 60 s and coasts 20 s
 
 
@@ -169,35 +170,36 @@ def test_a_rate_divides_another_whatever_the_rounding(study, fast: float, slow: 
 
 
 def test_an_inertial_filter_asks_nothing_of_the_receiver(study) -> None:
-    load("campaign.yaml", ["filter.kind=inertial", "receiver.rate=3 Hz"])
+    load("campaign.yaml", ["filter.measurements=[]", "receiver.rate=3 Hz"])
     with pytest.raises(InputError, match="1 Hz does not divide the receiver rate of 1\\.5 Hz"):
         load("campaign.yaml", ["receiver.rate=1.5 Hz"])
 
 
 @pytest.mark.parametrize(
-    ("kind", "assignment", "path"),
+    ("listed", "assignment", "path"),
     [
-        ("tight", "receiver.pseudorange_sigma=0 m", "base.receiver.pseudorange_sigma"),
-        ("loose", "receiver.solution.velocity_sigma=0", "base.receiver.solution.velocity_sigma"),
-        ("loose", "filter.receiver={pseudorange_sigma: 1 m, range_rate_sigma: 1 m/s, position_sigma: 0,"
+        (RANGES, "receiver.pseudorange_sigma=0 m", "base.receiver.pseudorange_sigma"),
+        (SOLUTION, "receiver.solution.velocity_sigma=0", "base.receiver.solution.velocity_sigma"),
+        (SOLUTION, "filter.receiver={pseudorange_sigma: 1 m, range_rate_sigma: 1 m/s, position_sigma: 0,"
          " velocity_sigma: 1 m/s, clock_h0: 0, clock_h_minus2: 0}", "base.filter.receiver.position_sigma"),
     ],
 )  # fmt: skip
-def test_a_measurement_that_the_filter_would_believe_perfect_is_refused(study, kind, assignment, path) -> None:
+def test_a_measurement_that_the_filter_would_model_without_noise_is_refused(study, listed, assignment, path) -> None:
     with pytest.raises(InputError) as caught:
-        load("campaign.yaml", [f"filter.kind={kind}", assignment])
+        load("campaign.yaml", [f"filter.measurements={listed}", assignment])
     assert str(caught.value) == (
-        f"--set: {path}: a {kind} filter cannot believe a measurement perfect; should be greater than 0"
+        f"--set: {path}: the filter cannot model {path.rpartition('.')[2].removesuffix('_sigma')} without noise; "
+        "should be greater than 0"
     )
 
 
 def test_a_measurement_that_is_not_used_may_be_perfect(study) -> None:
-    load("campaign.yaml", ["filter.kind=loose", "receiver.pseudorange_sigma=0 m"])
+    load("campaign.yaml", [f"filter.measurements={SOLUTION}", "receiver.pseudorange_sigma=0 m"])
 
 
 @pytest.mark.parametrize(
-    ("kind", "message"), [("inertial", "filter kind inertial takes no measurement"), ("tight", "")]
+    ("listed", "message"), [("[]", "the filter has no measurement; an error bound needs some"), (RANGES, "")]
 )
-def test_a_filter_that_has_no_bound_to_tell_is_told_where_it_was_asked(study, kind: str, message: str) -> None:
-    found = told(study, ("covariance.error_bound=true", f"base.filter.kind={kind}"))
+def test_a_filter_that_has_no_bound_to_tell_is_told_where_it_was_asked(study, listed: str, message: str) -> None:
+    found = told(study, ("covariance.error_bound=true", f"base.filter.measurements={listed}"))
     assert [message in line and "covariance.error_bound" in line for line in found] == [True] * bool(message)

@@ -47,7 +47,11 @@ def test_a_card_can_be_a_path_beside_the_campaign(study) -> None:
 
 def test_matched_is_a_word_and_no_card(study) -> None:
     study.write("configs/matched.yaml", "name: trap\n")
-    study.edit("configs/filters/near.yaml", "kind: tight", "kind: tight\nimu: matched")
+    study.edit(
+        "configs/filters/near.yaml",
+        "measurements: [pseudorange, range_rate]",
+        "measurements: [pseudorange, range_rate]\nimu: matched",
+    )
     assert load(study.path).base.filter.imu == "matched"
 
 

@@ -68,7 +68,11 @@ def test_a_schedule_of_other_states_or_of_an_event_that_is_not_flown_is_refused(
 
 @pytest.mark.parametrize(
     ("settings", "tolerance", "told"),
-    [((MATCHED,), 0.02, "loose filter"), ((MATCHED, LOOSE), 0.0, "no share"), ((MATCHED, LOOSE), 1.0, "no share")],
+    [
+        ((MATCHED,), 0.02, r"measurements: \[position, velocity\]"),
+        ((MATCHED, LOOSE), 0.0, "no share"),
+        ((MATCHED, LOOSE), 1.0, "no share"),
+    ],
 )
 def test_what_has_no_schedule_is_told(settings, tolerance, told):
     with pytest.raises(InputError, match=told):

@@ -35,15 +35,14 @@ def test_what_may_point_either_way_keeps_its_sign(study) -> None:
 def test_several_mistakes_are_told_together_each_in_its_line(study) -> None:
     study.edit("campaign.yaml", "seed: 7", "seed: seven")
     study.edit("campaign.yaml", "imu/good", "imu/goood")
-    study.edit("configs/filters/near.yaml", "tight", "tigth")
+    study.edit("configs/filters/near.yaml", "range_rate", "range_rat")
     with pytest.raises(InputError) as caught:
         load("campaign.yaml")
     assert str(caught.value).splitlines() == [
         "campaign.yaml:2:7: seed: should be a valid integer, not 'seven'",
         "campaign.yaml:5:8: base.imu: no card 'imu/goood' (did you mean 'imu/good'?)",
-        "configs/filters/near.yaml:3:7: base.filter.kind: 'tigth' is not one of inertial, loose, tight, "
-        "referenced, vehicle_model"
-        " (did you mean 'tight'?)",
+        "configs/filters/near.yaml:3:29: base.filter.measurements.1: 'range_rat' is not one of position, velocity, "
+        "pseudorange, range_rate, altitude, attitude, imu (did you mean 'range_rate'?)",
     ]
 
 

@@ -23,8 +23,8 @@ def test_a_field_has_its_units_its_default_and_its_meaning() -> None:
     units = "frequency (Hz)"
     assert row("filter", "covariance_rate") == (units, "10 Hz", "")
     assert row("base.imu.gyro", "bandwidth") == (f"{units} or none", "none", "first-order bandwidth; none: ideal")
-    assert row("filter", "kind")[:2] == (
-        "inertial, loose, tight, referenced, vehicle_model", "required",
+    assert row("filter", "measurements")[:2] == (
+        "list of position, velocity, pseudorange, range_rate, altitude, attitude, imu", "required",
     )  # fmt: skip
     assert row("filter.logic", "restart_after")[1] == "[data_loss, residual, covariance]"
     assert row("filter.logic", "check_flags")[:2] == ("true or false", "true")
@@ -47,7 +47,12 @@ def test_a_type_is_said_in_words() -> None:
     ("path", "message"),
     [
         ("filtre", "fields: filtre: unknown path (did you mean 'filter'?)"),
-        ("filter.logics", "fields: filter.logics: unknown path (did you mean 'logic'?); known: name, source, kind"),
+        (
+            "filter.logics",
+            "fields: filter.logics: unknown path (did you mean 'logic'?); known: name, source, measurements",
+        ),
+        ("filter.kind", "fields: filter.kind: replaced by measurements"),
+        ("altimeter", "fields: altimeter: replaced by sensors"),
         ("filter.gate", "fields: filter.gate: has no fields of its own; it is number or none"),
     ],
 )

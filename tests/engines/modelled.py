@@ -12,7 +12,8 @@ from tests.building import hop, loaded, prepare_hop, with_fields
 
 MODEL, BASELINE, UNKNOWN = (f"base.filter=filters/{n}_003" for n in ("vehicle_model", "baseline", "vehicle_unknown"))
 SETTINGS = (
-    "base.attitude_reference=attitude_references/magnetometer_003", "base.receiver=receivers/wide_correlator_003",
+    "base.sensors={attitude_reference: attitude_references/magnetometer_003}",
+    "base.receiver=receivers/wide_correlator_003",
     "base.initial.tilt=1 deg", "base.initial.heading=1 deg", "base.initial.position=5 m",
     "base.initial.velocity=0.1 m/s",
 )  # fmt: skip

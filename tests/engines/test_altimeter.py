@@ -13,20 +13,26 @@ from lvnav_trade.engines.altimeter import NOISE, altimeter_of, height_of
 from lvnav_trade.engines.lincov import adjoint, covariance
 from lvnav_trade.engines.montecarlo import run_block
 from lvnav_trade.engines.observability import observability
+from lvnav_trade.observables.altitude import AltimeterCard
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.store.tables import _channel_names
-from lvnav_trade.world.sensors.altimeter import AltimeterCard
 from tests.building import INERTIAL, LOOSE, MATCHED, hop, loaded, prepare_hop, with_fields
 
-RADAR = {"name": "test", "source": "none", "sigma": "0.3 m", "bias": "1 m", "highest": "400 km"}
+RADAR = {"kind": "altimeter", "name": "test", "source": "none", "sigma": "0.3 m", "bias": "1 m", "highest": "400 km"}
 N_RUN = 400
 DOWN = 8
 
 
 def scenario(*settings, radar=RADAR, **fields):
-    card = AltimeterCard.model_validate(radar) if radar else None
     base = loaded(MATCHED, *settings)
-    return base.model_copy(update={"altimeter": card, "filter": with_fields(base.filter, **fields)})
+    listed = [*base.filter.measurements, *(["altitude"] if radar else [])]
+    card = with_fields(base.filter, measurements=listed, **fields)
+    return base.model_copy(update={"sensors": {"radar": radar and AltimeterCard.model_validate(radar)}, "filter": card})
+
+
+def modelled(**numbers):
+    """Filter fields: the altimeter is modelled by these numbers."""
+    return {"sensor_models": {"altitude": numbers}}
 
 
 def sigma_down(case):
@@ -36,19 +42,21 @@ def sigma_down(case):
 def test_it_measures_between_its_lowest_and_highest_height_and_noise_grows_with_height():
     prepared = prepare_hop(scenario(LOOSE))
     t, card = prepared.t_epoch, AltimeterCard.model_validate({**RADAR, "share": "1 percent"})
-    found = height_of(scenario(LOOSE).model_copy(update={"altimeter": card}), hop(), t)
+    found = height_of(scenario(LOOSE).model_copy(update={"sensors": {"radar": card}}), hop(), t)
     np.testing.assert_allclose(found.sigma, np.hypot(0.3, 0.01 * found.true))
     np.testing.assert_allclose(found.variance, found.sigma**2)
     middle = float(np.median(found.true))
     card = card.model_copy(update={"highest": middle})
-    below = height_of(scenario(LOOSE).model_copy(update={"altimeter": card}), hop(), t)
+    below = height_of(scenario(LOOSE).model_copy(update={"sensors": {"radar": card}}), hop(), t)
     np.testing.assert_array_equal(below.on, below.true <= middle)
     assert 0 < np.count_nonzero(below.on) < t.size
 
 
 def test_there_is_none_without_a_card_or_for_an_inertial_system():
     assert altimeter_of(height_of(scenario(LOOSE, radar=None), hop(), np.zeros(1))) is None
-    assert prepare_hop(scenario(INERTIAL)).options.altimeter is None
+    assert prepare_hop(scenario(INERTIAL, radar=None)).options.altimeter is None
+    unused = scenario(LOOSE, radar=None).model_copy(update={"sensors": scenario(LOOSE).sensors})
+    assert prepare_hop(unused).options.altimeter is None
 
 
 @pytest.mark.parametrize("settings", [(LOOSE,), ()], ids=["loose", "tight"])
@@ -68,13 +76,13 @@ def test_a_good_one_improves_the_height_and_a_bad_one_is_told_by_linear_covarian
     good = sigma_down(scenario(LOOSE, radar={**RADAR, "bias": "0 m", "sigma": "0.1 m"}))
     assert good < 0.3 * without
     assert sigma_down(scenario(LOOSE, radar={**RADAR, "bias": "5 m"})) > 2.0 * without
-    unknown = scenario(LOOSE, radar={**RADAR, "bias": "5 m"}, altimeter={"sigma": "50 m"})
+    unknown = scenario(LOOSE, radar={**RADAR, "bias": "5 m"}, **modelled(sigma="50 m"))
     assert sigma_down(unknown) == pytest.approx(without, rel=0.1)  # a filter that does not trust it
 
 
 def test_what_the_filter_believes_of_it_decides_how_it_is_weighed():
     trusted, doubted = (
-        sigma_down(scenario(LOOSE, altimeter={"sigma": sigma, "share": share}))
+        sigma_down(scenario(LOOSE, **modelled(sigma=sigma, share=share)))
         for sigma, share in (("0.3 m", "0 percent"), ("0.3 m", "1 percent"))
     )
     assert trusted != doubted
@@ -112,5 +120,7 @@ def test_an_open_loop_takes_it_too():
 )
 def test_where_it_is_not_modelled_is_told_in_one_line(setting):
     case = load("campaigns/smoke.yaml", [LOOSE, f"base.{setting}"]).base
-    with pytest.raises(ValueError, match="altimeter: not with"):
-        Scenario.model_validate({**case.model_dump(mode="json"), "altimeter": RADAR})
+    data = {**case.model_dump(mode="json"), "sensors": {"radar": RADAR}}
+    data["filter"]["measurements"].append("altitude")
+    with pytest.raises(ValueError, match="altitude: not with"):
+        Scenario.model_validate(data)

@@ -30,9 +30,9 @@ DELAYS = {"corrections"}
 # A recording in a file: tests/world/user_file/test_error_table.py walks its fields.
 RECORDED = {"error_table"}
 # A model of the vehicle and its attitude reference: tests/engines/test_vehicle.py walks them on such a filter.
-MODELLED = {"envelope", "reference"}
-# What a radar altimeter is believed to be: tests/engines/test_altimeter.py.
-HEIGHT = {"altimeter"}
+MODELLED = {"envelope", "report_imu_samples"}
+# Models of sensors: tests/engines/test_altimeter.py, tests/engines/test_vehicle.py.
+SENSORS = {"sensor_models"}
 # Policies of a filter: walked in tests/filters/test_{late,feedforward,monitor}.py, tests/campaign/test_gains.py.
 POLICIES = {"delay_compensation", "feedback", "logic", "init", "gains"}
 
@@ -104,7 +104,7 @@ OTHER = {
         "clock.h_minus2": 2e-20, "clock.initial_bias": "100 m", "clock.initial_drift": "1 m/s",
     },
     "filter": {
-        "kind": "inertial", "extra_states": ["gyro_scale_factor"], "covariance_rate": "5 Hz", "update_rate": "2 Hz",
+        "measurements": [], "extra_states": ["gyro_scale_factor"], "covariance_rate": "5 Hz", "update_rate": "2 Hz",
         "strapdown_rate": "100 Hz",
         "consider": ["gyro_scale_factor"], "neglect": ["accel_bias"], "update": "joseph", "transition_order": 1,
         "gate": 1.5, "gravity": "point", "attitude_noise": "0.1 deg/sqrt(h)", "velocity_noise": "1 mg/sqrt(Hz)",
@@ -134,7 +134,7 @@ def leaves(model, before=""):
     for name, field in model.model_fields.items():
         within = [a for a in (field.annotation, *get_args(field.annotation)) if isinstance(a, type)]
         inner = [a for a in within if issubclass(a, BaseModel)]
-        if name in DELAYS | RECORDED | POLICIES | MODELLED | HEIGHT or (model is ReceiverCard and name in HEARING):
+        if name in DELAYS | RECORDED | POLICIES | MODELLED | SENSORS or (model is ReceiverCard and name in HEARING):
             continue
         if inner:
             yield from leaves(inner[0], f"{before}{name}.")

@@ -67,7 +67,7 @@ def test_other_filters_have_no_such_settings_and_the_baseline_has_no_steps():
 @pytest.mark.parametrize(
     ("fields", "told"),
     [
-        ({"attitude_reference": None}, "attitude_reference: a vehicle_model filter needs one"),
+        ({"sensors": {}}, "filter.measurements: no sensor of the scenario measures attitude"),
         ({"imu.gyro.scale_factor": "10 ppm"}, "imu.gyro.scale_factor: only noise and bias"),
         ({"imu.accel.quantisation": "1 mm/s"}, "imu.accel.quantisation: only noise and bias"),
     ],
@@ -105,7 +105,7 @@ def test_a_field_of_the_envelope_changes_what_the_filter_believes(name):
 @pytest.mark.parametrize(
     "fields",
     [{"filter__envelope": {"start_rate": "0.1 rad/s"}}, {"filter__envelope": {"start_acceleration": "5 m/s^2"}},
-     {"filter__reference": {"sigma": "3 deg"}}],
+     {"filter__sensor_models": {"attitude": {"sigma": "3 deg"}}}],
     ids=["start_rate", "start_acceleration", "reference"],
 )  # fmt: skip
 def test_the_start_and_the_attitude_reference_that_are_believed_change_a_run(fields):

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from lvnav_trade.filters.base import FilterCard, ImuBelief
 
-PLAIN = {"name": "f", "source": "test", "kind": "tight"}
+PLAIN = {"name": "f", "source": "test", "measurements": ["pseudorange", "range_rate"]}
 
 
 def test_a_plain_card_is_matched_second_order_at_ten_hertz_and_one_hertz_without_a_gate():
@@ -21,7 +21,8 @@ def test_a_plain_card_is_matched_second_order_at_ten_hertz_and_one_hertz_without
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"kind": "unscented"},
+        {"measurements": ["unscented"]},
+        {"sensor_models": {"attitude": {"sigma": "1 deg"}}},
         {"extra_states": ["gyro_bias_bias"]},
         {"consider": ["clock"]},
         {"neglect": ["gyro_scale_factor"]},

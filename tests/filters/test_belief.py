@@ -40,21 +40,26 @@ SATELLITES = ("G01", "G02", "E05")
 SEEN = (True, False, True)
 
 
+RANGES, SOLUTION = ("pseudorange", "range_rate"), ("position", "velocity")
+
+
 def card(**fields):
-    return FilterCard(**{"name": "f", "source": "test", "kind": "tight", **fields})
+    return FilterCard(**{"name": "f", "source": "test", "measurements": RANGES, **fields})
 
 
-def channels(kind="tight"):
-    return Channels(kind == "tight", SATELLITES, ("G", "G", "E"), SEEN)
+def channels(listed=RANGES):
+    return Channels(listed == RANGES, SATELLITES, ("G", "G", "E"), SEEN)
 
 
 def believed(lever=(0.0, 0.0, 0.0), **fields):
-    return believe(card(**fields), IMU, RECEIVER, np.array([lever]), SECONDS, channels(fields.get("kind", "tight")))
+    return believe(
+        card(**fields), IMU, RECEIVER, np.array([lever]), SECONDS, channels(fields.get("measurements", RANGES))
+    )
 
 
 def test_a_tight_filter_has_17_states_and_a_loose_one_no_clock():
     tight, _ = believed()
-    loose, _ = believed(kind="loose")
+    loose, _ = believed(measurements=SOLUTION)
     assert (tight.n_state, tight.clock, tight.n_estimated) == (17, 15, 17)
     assert (loose.n_state, loose.clock) == (15, -1)
     assert [(b.name, b.offset) for b in tight.parameters] == [("gyro_bias", 9), ("accel_bias", 12)]
@@ -92,7 +97,7 @@ def test_neglected_biases_are_left_out():
 def test_rows_stand_for_the_states_they_depend_on():
     layout, with_lever = believed(lever=(1.0, 0.0, 0.0))
     _, without = believed()
-    _, loose = believed(lever=(1.0, 0.0, 0.0), kind="loose")
+    _, loose = believed(lever=(1.0, 0.0, 0.0), measurements=SOLUTION)
     assert list(without.n_entry) == [4, 7] * 3
     assert list(with_lever.n_entry) == [7, 10] * 3
     assert list(without.row_type) == [PSEUDORANGE, RANGE_RATE] * 3
@@ -135,7 +140,7 @@ def test_a_considered_extra_state_stands_behind_all_estimated_ones():
 
 def test_states_of_a_solution_are_none_of_a_tight_filter():
     tight, _ = believed(extra_states=("position_bias",))
-    loose, _ = believed(extra_states=("position_bias",), kind="loose")
+    loose, _ = believed(extra_states=("position_bias",), measurements=SOLUTION)
     assert tight.extras == ()
     assert loose.extras[0].labels == ("x", "y", "z")
     assert loose.n_state == 18

@@ -8,6 +8,7 @@ from lvnav_trade.filters.base import FilterCard
 from lvnav_trade.filters.envelope import EnvelopeCard
 
 BASE = {"name": "n", "source": "s"}
+MODELLED = ["position", "velocity", "attitude", "imu"]
 
 
 def test_the_defaults_are_those_of_section_2_3():
@@ -19,20 +20,11 @@ def test_the_defaults_are_those_of_section_2_3():
 
 
 def test_only_a_filter_with_a_model_of_the_vehicle_has_an_envelope():
-    assert FilterCard(kind="vehicle_model", envelope={"burn": "1 rad/s^2"}, **BASE).envelope.burn == 1.0
-    with pytest.raises(ValueError, match="envelope: a loose filter has no model of the vehicle"):
-        FilterCard(kind="loose", envelope={}, **BASE)
+    assert FilterCard(measurements=MODELLED, envelope={"burn": "1 rad/s^2"}, **BASE).envelope.burn == 1.0
+    with pytest.raises(ValueError, match="envelope: only a filter with imu among its measurements"):
+        FilterCard(measurements=["position", "velocity"], envelope={}, **BASE)
 
 
-@pytest.mark.parametrize(
-    ("fields", "told"),
-    [
-        ({"neglect": ["gyro_bias"]}, "neglect: a vehicle_model filter estimates the biases"),
-        ({"consider": ["accel_bias"]}, "consider: a vehicle_model filter estimates the biases"),
-        ({"extra_states": ["gyro_scale_factor"]}, "extra_states: a vehicle_model filter"),
-        ({"strapdown_rate": "100 Hz"}, "strapdown_rate: a vehicle_model filter takes every sample"),
-    ],
-)
-def test_what_a_filter_with_a_model_cannot_do_is_refused(fields, told):
-    with pytest.raises(ValueError, match=told):
-        FilterCard(kind="vehicle_model", **fields, **BASE)
+def test_a_filter_that_measures_every_sample_has_no_strapdown_rate():
+    with pytest.raises(ValueError, match="strapdown_rate: a filter with imu among its measurements takes every sample"):
+        FilterCard(measurements=MODELLED, strapdown_rate="100 Hz", **BASE)

@@ -226,14 +226,14 @@ def test_started_from_the_receiver_a_bad_start_is_forgotten_at_once():
 
 
 def test_what_is_asked_of_the_logic_must_make_sense():
-    tight, loose = loaded(TIGHT).filter, loaded(LOOSE).filter
-    for card, fields, told in (
-        (tight, {"logic": {}}, "needs kind: loose"),
-        (tight, {"init": "from_gnss"}, "needs kind: loose"),
+    tight, loose = loaded(TIGHT), loaded(LOOSE)
+    for scenario, fields, told in (
+        (tight, {"logic": {}}, r"filter.logic: needs measurements: \[position, velocity\]"),
+        (tight, {"init": "from_gnss"}, r"filter.init: from_gnss needs measurements: \[position, velocity\]"),
         (loose, {"logic": {"correct_after": "10 s"}}, "needs feedback: open"),
         (loose, {"logic": {"start_after": 0}}, "greater than or equal to 1"),
         (loose, {"logic": {"wild_position": "0 m"}}, "greater than 0"),
         (loose, {"logic": {"restart_after": ["boredom"]}}, "data_loss"),
     ):
         with pytest.raises(ValueError, match=told):
-            with_fields(card, **fields)
+            with_fields(scenario, **{f"filter.{name}": value for name, value in fields.items()})

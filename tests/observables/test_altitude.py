@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from lvnav_trade.frames import ecef_from_geodetic
 from lvnav_trade.kernels.strapdown import N_NAV, Q, R
-from lvnav_trade.observables.altitude import observe, row
+from lvnav_trade.observables.altitude import AltimeterCard, observe, row
 from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_VEL, N_ENTRY
 
 PLACES = [(lat, lon, h) for lat in (-90.0, -38.6, 0.0, 13.73, 45.0, 89.99) for lon, h in ((0.0, 10.0), (80.23, 5e3))]
@@ -40,3 +41,25 @@ def test_the_row_is_the_derivative_with_respect_to_position_and_nothing_else(lat
 
 def test_a_measurement_is_the_true_height_with_noise():
     assert observe(1200.0, 2.0, -1.5) == 1197.0
+
+
+CARD = {"name": "test", "source": "none", "sigma": "1 m", "highest": "5 km"}
+
+
+def test_units_are_read_and_what_is_not_said_is_zero():
+    card = AltimeterCard.model_validate({**CARD, "share": "2 percent"})
+    assert (card.sigma, card.share, card.highest, card.bias, card.lowest, card.bias_time) == (1, 0.02, 5000, 0, 0, None)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "told"),
+    [("sigma", "0 m", "greater than 0"), ("lowest", "6 km", "below highest"), ("highest", "0 m", "greater than 0")],
+)
+def test_what_cannot_be_is_refused(field, value, told):
+    with pytest.raises(ValidationError, match=told):
+        AltimeterCard.model_validate({**CARD, field: value})
+
+
+def test_the_matched_model_has_the_cards_own_noise():
+    model = AltimeterCard.model_validate({**CARD, "share": "2 percent"}).matched()
+    assert (model.sigma, model.share) == (1.0, 0.02)

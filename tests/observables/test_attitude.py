@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
 from lvnav_trade.kernels.attitude import from_rotation, multiply
-from lvnav_trade.observables.attitude import innovation, observe
+from lvnav_trade.observables.attitude import AttitudeReferenceCard, innovation, observe
 
 TRUE = np.array([0.8, 0.1, -0.5, 0.3]) / np.linalg.norm([0.8, 0.1, -0.5, 0.3])
 
@@ -32,3 +34,13 @@ def test_the_row_is_one_in_the_column_of_its_axis():
         high, low = (innovation(*TRUE, *multiply(*from_rotation(*(-s * step)), *TRUE)) for s in (1.0, -1.0))
         derivative = (np.array(high) - np.array(low)) / 2e-5
         assert derivative == pytest.approx(np.eye(3)[axis], abs=1e-9)
+
+
+def test_the_sigma_is_read_with_its_unit():
+    assert AttitudeReferenceCard(name="a", source="b", sigma="1 deg").sigma == pytest.approx(math.radians(1.0))
+
+
+@pytest.mark.parametrize("sigma", ["0 deg", "-1 deg", "1 m", 1.0])
+def test_no_noise_or_no_angle_is_refused(sigma):
+    with pytest.raises(ValueError, match="sigma"):
+        AttitudeReferenceCard(name="a", source="b", sigma=sigma)

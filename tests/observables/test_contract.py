@@ -97,6 +97,8 @@ def test_every_module_of_the_family_is_examined_here():
         "base",
         "partials",
         "altitude",
+        "sensor",
+        "sensors",
     }
     assert modules == set(FAMILY)
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from lvnav_trade.engines.lincov.propagate import N_NAV, input_matrix
 from lvnav_trade.engines.lincov.receiver_error import clone_back, solution_back
 from lvnav_trade.engines.lincov.samples import fill_partials, nominal_tick
-from lvnav_trade.engines.lincov.update import known_partial, shared_partial
+from lvnav_trade.engines.lincov.update import known_partial, measured_channel, shared_partial
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.groups import get_one, get_two
 from lvnav_trade.kernels.jit import inlined, jit
@@ -56,7 +56,7 @@ def _update_back(back, gain, h, epoch, channel, time_bin, mixed, ring, signals, 
     """Go back through one update: what its noise put in, and the multipliers before it."""
     n, source = true.n_entry[channel], true.row_source[belief.row_type[channel]]
     # what is in a decorrelated solution went in with the solution's own error
-    variance = 0.0 if mixed else signals.sigma[epoch, channel] ** 2
+    variance = 0.0 if mixed else signals.sigma[epoch, measured_channel(signals, channel)] ** 2
     member = signals.shared.member
     for m in range(back.e.shape[0]):
         through = _dot(back.e[m], gain)
@@ -64,7 +64,7 @@ def _update_back(back, gain, h, epoch, channel, time_bin, mixed, ring, signals, 
             back.contribution[m, source, time_bin] += through * through * variance
         if not mixed:
             for family in range(member.shape[0]):
-                c = member[family, channel]
+                c = member[family, measured_channel(signals, channel)]
                 if c >= 0:
                     partial = shared_partial(signals, true, family, epoch, channel)
                     back.c[m, true.shared_source[c], true.shared_slot[c]] -= through * partial

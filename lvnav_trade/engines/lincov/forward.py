@@ -28,7 +28,7 @@ from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.strapdown import place
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL, driver
 from lvnav_trade.kernels.vehicle import N_SAMPLE
-from lvnav_trade.observables import family
+from lvnav_trade.observables.sensors import measure
 
 
 @jit
@@ -52,7 +52,7 @@ def _measure(nominal, signals, sensors, tight, epoch):
             nominal.solution[axis] = signals.position[epoch, axis]
             nominal.solution[3 + axis] = signals.velocity[epoch, axis]
     for k in range(sensors.code.shape[0]):
-        family.observe(nominal.observed[k], sensors.code[k], sensors.truth[k, epoch], 0.0, 0.0, 0.0)
+        measure(nominal.observed[k], sensors.code[k], sensors.truth[k, epoch], 0.0, 0.0, 0.0)
 
 
 @inlined

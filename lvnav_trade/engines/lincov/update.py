@@ -28,7 +28,13 @@ def shared_partial(signals, true, family, epoch, channel):
     """Return the partial of the innovation with respect to a shared error, beyond what a state of the filter has."""
     own = true.shared_family[family]
     known = signals.partial[own, epoch, channel] if own >= 0 else 0.0
-    return signals.shared.partial[family, epoch, channel] - known
+    return signals.shared.partial[family, epoch, measured_channel(signals, channel)] - known
+
+
+@jit
+def measured_channel(signals, channel):
+    """Return where a channel of the filter stands among those that are measured; of a solution it is none of them."""
+    return channel + signals.shift if channel >= signals.n_receiver else channel
 
 
 @jit
@@ -57,10 +63,11 @@ def _update_shared(joint, scratch, gain, signals, true, epoch, channel):
     """Let the errors that measurements share enter an update; return what they add to the innovation's variance."""
     total, member = 0.0, signals.shared.member
     for family in range(member.shape[0]):
-        if member[family, channel] >= 0:
+        m = member[family, measured_channel(signals, channel)]
+        if m >= 0:
             a = shared_partial(signals, true, family, epoch, channel)
             if a != 0.0:
-                total += _enter(joint, scratch, gain, true, member[family, channel], a)
+                total += _enter(joint, scratch, gain, true, m, a)
     return total
 
 
@@ -111,7 +118,7 @@ def replace_state(joint, scratch, tape, late, at, h, surprise, epoch, channel, m
     entries, columns = true.entry[ring, channel, :m], true.column[ring, channel, :m]
     if tape.channel.shape[0] > 0:
         _record(tape, gain, h, epoch, channel)
-    noise = 0.0 if mixed else signals.sigma[epoch, channel] ** 2
+    noise = 0.0 if mixed else signals.sigma[epoch, measured_channel(signals, channel)] ** 2
     _update_sources(joint, scratch, true, gain, h, entries, columns, source if noise > 0.0 else -1, noise)
     if mixed:
         _update_known(joint, scratch, gain, h, signals, true)
@@ -183,7 +190,7 @@ def update_joint(joint, scratch, tape, late, gains, h, surprise, epoch, channel,
     entries, columns = true.entry[ring, channel, :m], true.column[ring, channel, :m]
     if tape.channel.shape[0] > 0:
         _record(tape, gain, h, epoch, channel)
-    noise = 0.0 if mixed else signals.sigma[epoch, channel] ** 2
+    noise = 0.0 if mixed else signals.sigma[epoch, measured_channel(signals, channel)] ** 2
     total = _update_sources(joint, scratch, true, gain, h, entries, columns, source if noise > 0.0 else -1, noise)
     if mixed:
         total += _update_known(joint, scratch, gain, h, signals, true)

@@ -1,0 +1,91 @@
+"""Base classes of the sensors: what every sensor card and every filter model of a sensor has."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ConfigDict, Field
+
+from lvnav_trade.units import Card, Frequency
+
+Floats = NDArray[np.float64]
+N_TRUTH, MOST = 4, 3
+"""Numbers of a sensor's truth at an epoch; most scalars that a sensor measures at once."""
+
+
+class FlightView(NamedTuple):
+    """The true flight at the epochs, for sensors: t (n,) s; r_i, v_i (n, 3), q_b_i (n, 4) frame i; height (n,) m over the
+    ellipsoid.
+    """
+
+    t: Floats
+    r_i: Floats
+    v_i: Floats
+    q_b_i: Floats
+    height: Floats
+
+
+class LastingError(NamedTuple):
+    """A random error of a sensor that lasts, added to all its scalars: source, kind (they name its draws), sigma, time
+    constant in s (inf: constant).
+    """
+
+    source: str
+    kind: str
+    sigma: float
+    time_constant: float
+
+
+class SensorModel(Card):
+    """A sensor as the filter models it: one-sigma noise of a measurement and whatever its variance depends on."""
+
+    @abstractmethod
+    def variance(self, flight: FlightView) -> Floats:
+        """Return the variance (n_epoch, n_scalar) that the filter assumes of the noise, SI."""
+
+
+class SensorCard(Card):
+    """A sensor beside the IMU and the receiver: true errors, and when it measures.
+
+    A member of the family states `kind` (a literal of one word), `measurement` (the name that a filter lists), `model`
+    (the class of its filter model), `labels` of its scalars and the name of its noise as an error source; it is added to
+    `SENSORS`.
+    """
+
+    model_config = ConfigDict(serialize_by_alias=True)
+
+    measurement: ClassVar[str]
+    model: ClassVar[type[SensorModel]]
+    labels: ClassVar[tuple[str, ...]] = ("",)
+    noise: ClassVar[str]
+
+    name: str
+    source: str
+    rate: Frequency | None = Field(None, description="of its measurements; none: at every update of the filter")
+    from_: str | None = Field(
+        None, alias="from", description="first measurement: time such as '100 s', or event; none: start of the flight"
+    )
+    until: str | None = Field(None, description="end of its measurements, as `from`; none: end of the flight")
+
+    @abstractmethod
+    def matched(self) -> SensorModel:
+        """Return the filter model that takes every number from this card."""
+
+    @abstractmethod
+    def truth(self, flight: FlightView) -> Floats:
+        """Return what the sensor would measure without error, (n_epoch, at most 4), as its kernels read it."""
+
+    @abstractmethod
+    def noise_sigma(self, flight: FlightView) -> Floats:
+        """Return the true one-sigma of the white noise, (n_epoch, n_scalar), SI."""
+
+    def available(self, flight: FlightView) -> NDArray[np.bool_]:
+        """Return whether it can measure at the epochs, (n_epoch,), beside its rate and window."""
+        return np.ones(flight.t.size, dtype=np.bool_)
+
+    def lasting(self) -> tuple[LastingError, ...]:
+        """Return its errors that last."""
+        return ()

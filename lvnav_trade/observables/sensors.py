@@ -1,0 +1,79 @@
+"""The family of sensors: a line in `SENSORS`, and one in each of the two dispatches of the kernels, adds a member to the
+scenario's `sensors` and to the filter's measurements.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
+
+from pydantic import Field, create_model
+
+from lvnav_trade.kernels.jit import inlined
+from lvnav_trade.observables import altitude, attitude
+from lvnav_trade.observables.altitude import AltimeterCard
+from lvnav_trade.observables.attitude import AttitudeReferenceCard
+from lvnav_trade.observables.sensor import SensorCard
+from lvnav_trade.units import Card
+
+SENSORS: tuple[type[SensorCard], ...] = (
+    AltimeterCard,
+    AttitudeReferenceCard,
+)
+"""The number of a member in the kernels is its place here."""
+ALTIMETER, ATTITUDE_REFERENCE = range(len(SENSORS))
+
+RECEIVER_SOLUTION = ("position", "velocity")
+RANGES = ("pseudorange", "range_rate")
+SENSOR_MEASUREMENTS = tuple(dict.fromkeys(card.measurement for card in SENSORS))
+MEASUREMENTS = (*RECEIVER_SOLUTION, *RANGES, *SENSOR_MEASUREMENTS, "imu")
+"""Names of measurements, in the order in which a filter card holds them."""
+
+if TYPE_CHECKING:
+    Sensor = SensorCard
+    Measurement = str
+    SensorModels = Card
+else:
+    Sensor = Annotated[Union[SENSORS], Field(discriminator="kind")]  # noqa: UP007
+    Measurement = Literal[MEASUREMENTS]
+    SensorModels = create_model(
+        "SensorModels",
+        __base__=Card,
+        __doc__="Filter models of the sensors, by measurement; `matched` takes each number from the sensor's card.",
+        **{
+            name: (
+                Literal["matched"] | Union[tuple(card.model for card in SENSORS if card.measurement == name)],  # noqa: UP007
+                "matched",
+            )
+            for name in SENSOR_MEASUREMENTS
+        },
+    )
+
+
+def model_of(models: SensorModels, sensor: SensorCard) -> Any:
+    """Return the filter model of a sensor: that of the filter card, or the one that takes the sensor's own numbers."""
+    stated = getattr(models, sensor.measurement)
+    return sensor.matched() if isinstance(stated, str) else stated
+
+
+@inlined
+def measure(out, code, truth, e0, e1, e2):
+    """Set what a sensor measures.
+
+    out : (4,) set; code : the member's number; truth : (4,) at the epoch; e0, e1, e2 : errors of its scalars, SI
+    """
+    if code == ALTIMETER:
+        altitude.measure(out, truth, e0)
+    elif code == ATTITUDE_REFERENCE:
+        attitude.measure(out, truth, e0, e1, e2)
+
+
+@inlined
+def fill(H, z, at, code, observed, nav):
+    """Set the Jacobian rows of a sensor, from row `at` on, and measured minus predicted.
+
+    H : (n, n_entry), z : (n,) updated; observed : (4,) of `measure`; nav : (10,) navigation state, frame i
+    """
+    if code == ALTIMETER:
+        z[at] = observed[0] - altitude.row(H[at], nav)
+    elif code == ATTITUDE_REFERENCE:
+        attitude.fill(H, z, at, observed, nav)
