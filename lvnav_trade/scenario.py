@@ -132,8 +132,8 @@ def engine_limits(scenario: Scenario) -> Iterator[tuple[str, str]]:
         for sensor, part in (("gyro", scenario.imu.gyro), ("accel", scenario.imu.accel)):
             if part.quantisation > 0.0:
                 yield f"imu.{sensor}.quantisation", "not modelled with imu among the measurements"
-    for sensor in sensors_measuring(scenario, "attitude") if scenario.control is not None else ():
-        if sensor.from_ is not None or sensor.until is not None:
+    for card in sensors_measuring(scenario, "attitude") if scenario.control is not None else ():
+        if card.from_ is not None or card.until is not None:
             yield "control", "the attitude sensor of a vehicle under control measures throughout: no from, no until"
 
 

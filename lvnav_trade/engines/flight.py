@@ -1,4 +1,6 @@
-"""One simulated flight, of one run or of eight at once: truth corrupts, the filter navigates, they meet in measurements."""
+"""One simulated flight, of one run or of eight at once: truth corrupts, the filter navigates, they meet in
+measurements.
+"""
 
 from __future__ import annotations
 

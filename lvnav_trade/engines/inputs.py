@@ -88,8 +88,9 @@ class Signals(NamedTuple):
     (n_epoch, n_channel) of white noise; variance (n_epoch, n_channel) as the filter believes; partial (n_extra_family,
     n_epoch, n_channel) of rows with respect to the filter's extra states, as it believes; clock_step (3,) Cholesky
     factor over an epoch; clock_start (2,) sigma; clock_jump (n_epoch,) m; frozen (n_epoch,): the output is that of the
-    epoch before; interval s between epochs; n_receiver: channels of the receiver in the filter, which come first; shift: sigma
-    and shared errors are of what the receiver measures itself, so there the channels of sensors stand so much later; sources (4,) words: clock, ranges, solution, clock start.
+    epoch before; interval s between epochs; n_receiver: channels of the receiver in the filter, which come first;
+    shift: sigma and shared errors are of what the receiver measures itself, so there the channels of sensors stand so
+    much later; sources (4,) words: clock, ranges, solution, clock start.
     """
 
     used: Ints
@@ -159,8 +160,8 @@ class Sensors(NamedTuple):
 
 class Samples(NamedTuple):
     """What is reported of the IMU's samples: rate, force (n_imu, 3) true means over the ticks; par (2,) number of the
-    parameter block of each sensor's bias and bias (6,) its states, -1 none; raw (6,) variance that the filter assumes of a
-    sample, variance (6,) of its noise alone.
+    parameter block of each sensor's bias and bias (6,) its states, -1 none; raw (6,) variance that the filter assumes
+    of a sample, variance (6,) of its noise alone.
     """
 
     rate: Floats
@@ -172,9 +173,9 @@ class Samples(NamedTuple):
 
 
 class Report(NamedTuple):
-    """What is reported of a receiver's own solution: point (n_epoch, 6) true position and velocity of what is solved for;
-    first_output column of the outputs; own_channels: its filter's innovations are reported, n_channel from first_channel
-    on.
+    """What is reported of a receiver's own solution: point (n_epoch, 6) true position and velocity of what is solved
+    for; first_output column of the outputs; own_channels: its filter's innovations are reported, n_channel from
+    first_channel on.
     """
 
     point: Floats

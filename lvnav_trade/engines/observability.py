@@ -84,9 +84,9 @@ def _gather(triangle, phi, D, row_of, sums, h, tape, schedule, unit, signals, tr
             first_window, last_window):  # fmt: skip
     """Fold in every row of a stretch, times the transition since its start, in sigmas of its noise; return how many.
 
-    triangle (n, n) and phi (n, n), the columns of the transition, updated; D (n_block, 9), row_of (n,), sums (18,) and h
-    (6, n_entry) work. Where samples of the IMU are measurements, rate and specific force are taken for constant over a
-    stretch, which asks most of the other states.
+    triangle (n, n) and phi (n, n), the columns of the transition, updated; D (n_block, 9), row_of (n,), sums (18,) and
+    h (6, n_entry) work. Where samples of the IMU are measurements, rate and specific force are taken for constant over
+    a stretch, which asks most of the other states.
     """
     n, count = phi.shape[0], 0
     for w in range(first_window, last_window + 1):
@@ -124,7 +124,8 @@ def _stretch(prepared: Prepared, true: Components, tape: Tape, start: float, end
     triangle, phi = np.zeros((n, n)), np.eye(n)  # row j of phi is the column of Phi that belongs to state j
     count = _gather(
         triangle, phi, np.zeros((true.nav_rows.size, 9)), np.zeros(n), np.zeros(N_SUM), np.zeros((N_SAMPLE, n_entry)),
-        tape, schedule, prepared.unit, prepared.signals, true, prepared.belief, vehicle, prepared.reference, first, last,
+        tape, schedule, prepared.unit, prepared.signals, true, prepared.belief, vehicle, prepared.reference, first,
+        last,
     )  # fmt: skip
     scale, root = initial_spread(prepared.start.P)
     asked = scale > 0.0  # a state of no initial sigma is known, not unobservable

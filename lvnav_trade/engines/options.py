@@ -64,7 +64,10 @@ def gains_of(
         found = gains_at(schedule, t_epoch, events)
     except ValueError as error:
         raise _about("filter.gains", str(error)) from None
-    gain, stored = np.zeros((t_epoch.size, channels.n_channel, len(names))), np.zeros(channels.n_channel, dtype=np.bool_)
+    gain, stored = (
+        np.zeros((t_epoch.size, channels.n_channel, len(names))),
+        np.zeros(channels.n_channel, dtype=np.bool_),
+    )
     for k, name in enumerate(schedule.measurements):
         if name in channels.names:
             at = channels.names.index(name)
@@ -140,7 +143,7 @@ def _stored_at_once(at: Kept, ticks: float) -> int:
 
 
 def _epochs_at(ends: Ints, ticks: Ints) -> Ints:
-    """Return the first epoch whose tick a window ends at, and the one after the last, (n_window, 2); ticks do not fall."""
+    """Return the first epoch whose tick a window ends at, and the one after the last, (n_window, 2); ticks rise."""
     return np.stack([np.searchsorted(ticks, ends, side) for side in ("left", "right")], axis=1).astype(np.int64)
 
 

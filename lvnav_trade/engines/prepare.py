@@ -71,7 +71,8 @@ STEP = 1e-6
 class Prepared(NamedTuple):
     """A scenario and all that its runs share. sources: true error blocks of the unit; families: errors that
     measurements share; recorded: of a receiver; t_hist, t_epoch: s since lift-off of history and epochs; devices: the
-    sensors beside the receiver, sensors the same in numbers; channels: of the filter; channel_names: of all innovations.
+    sensors beside the receiver, sensors the same in numbers; channels: of the filter; channel_names: of all
+    innovations.
     """
 
     scenario: Scenario

@@ -1,4 +1,4 @@
-"""What a simulation run leaves at a history time: errors (truth minus estimate), sigmas, NEES, and whether it failed."""
+"""What a simulation run leaves at a history time: errors (truth minus estimate), sigmas, NEES, failure."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ def _own_error(work, filtering, point_model, point):
 
 @jit
 def hold_solution(work, solver, report, epoch):
-    """Hold the error of the receiver's last solution, as of the time that it is of, and the innovations of its filter."""
+    """Hold the error of the receiver's last solution, as of its time of validity, and its filter's innovations."""
     if report is not None:
         _own_error(work, solver.filter, solver.point, report.point[epoch])
         if report.own_channels:

@@ -234,7 +234,10 @@ def _hold(frozen: NDArray[np.bool_], *tables: NDArray[Any]) -> None:
 
 
 def _believed_variance(
-    scenario: Scenario, belief: ReceiverBelief, channels: Channels, sigma: Floats,
+    scenario: Scenario,
+    belief: ReceiverBelief,
+    channels: Channels,
+    sigma: Floats,
     devices: tuple[Sensor, ...],
 ) -> Floats:
     """Return the variance (n_epoch, n_channel) that the filter gives rows: its own numbers, or what the receiver tells

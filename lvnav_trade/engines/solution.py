@@ -234,12 +234,14 @@ def solved(solver: Solver, signals: Signals, point: Floats, acceleration: Floats
 
 
 def _with_output(chain: Chain, frozen: NDArray[np.bool_]) -> Chain:
-    """Return the chain with six states more, the error of what the receiver puts out: that of its estimate, or while its
-    output is frozen the one before and what the true motion adds.
+    """Return the chain with six states more, the error of what the receiver puts out: that of its estimate, or while
+    its output is frozen the one before and what the true motion adds.
     """
     n_epoch, m = chain.push.shape
     move = np.zeros((n_epoch, m + 6, m + 6))
-    white, shared, push = (np.pad(a, [(0, 0), (0, 6), (0, 0)][: a.ndim]) for a in (chain.white, chain.shared, chain.push))
+    white, shared, push = (
+        np.pad(a, [(0, 0), (0, 6), (0, 0)][: a.ndim]) for a in (chain.white, chain.shared, chain.push)
+    )
     move[:, :m, :m] = chain.move
     for k in range(n_epoch):
         if frozen[k] and k:

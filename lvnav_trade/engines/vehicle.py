@@ -1,4 +1,4 @@
-"""The filter's model of the vehicle's motion on a flight: envelope of its changes, samples of the IMU as measurements."""
+"""The filter's model of the vehicle's motion: envelope of its changes, samples of the IMU as measurements."""
 
 from __future__ import annotations
 

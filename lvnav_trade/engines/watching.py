@@ -60,7 +60,8 @@ def watched(
     return Rules(
         interval=1.0 / card.update_rate,
         good=good,
-        limits=np.tile([position, velocity], len(channels.satellites)) if channels.tight
+        limits=np.tile([position, velocity], len(channels.satellites))
+        if channels.tight
         else np.repeat([position, velocity], 3),
         spread=np.repeat(np.square(spread), 3),
         start_after=float(logic.start_after),

@@ -30,13 +30,14 @@ class Belief(NamedTuple):
 
     aided: it has measurements; tight: ranges are among them; solves: the receiver solves for itself; measured
     (n_channel,): the channel is processed; n_receiver of them are the receiver's (0: none is processed); n_row_entry
-    entries of a Jacobian row; rate_sign: see `observables.base.antenna`; gravity code; block_rows, block_columns, block_kinds, block_drivers (n_block,);
-    seconds (n_length,) distinct window lengths, decay and noise (n_length, n_state) per length; clock index;
-    n_estimated, n_state; par_sensor, par_driver, par_offset (n_par,); lean (only biases are carried); fading (any
-    decay); gate_squared; joseph; group (ticks to a strapdown step); row_type, n_entry (n_channel,), entry and column
-    (n_channel, n) by channel; levers (n_antenna, 3) m; extra_offset (n_extra,) state of each extra one, extra_member
-    (n_extra_family, n_channel) extra state in a channel, -1 none; every: of how many epochs the filter takes the last;
-    judged: solutions come with a covariance of their own, so rows are taken as independent mixtures of variance one.
+    entries of a Jacobian row; rate_sign: see `observables.base.antenna`; gravity code; block_rows, block_columns,
+    block_kinds, block_drivers (n_block,); seconds (n_length,) distinct window lengths, decay and noise (n_length,
+    n_state) per length; clock index; n_estimated, n_state; par_sensor, par_driver, par_offset (n_par,); lean (only
+    biases are carried); fading (any decay); gate_squared; joseph; group (ticks to a strapdown step); row_type, n_entry
+    (n_channel,), entry and column (n_channel, n) by channel; levers (n_antenna, 3) m; extra_offset (n_extra,) state of
+    each extra one, extra_member (n_extra_family, n_channel) extra state in a channel, -1 none; every: of how many
+    epochs the filter takes the last; judged: solutions come with a covariance of their own, so rows are taken as
+    independent mixtures of variance one.
     """
 
     aided: bool

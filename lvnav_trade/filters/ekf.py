@@ -138,8 +138,8 @@ def fill_sensor(work, belief, signals, sensors, k, at, epoch):
 
 @jit
 def n_measured(belief, signals, epoch):
-    """Return how many rows the receiver has for the filter at an epoch: a simulated solution takes four satellites, of a
-    solver's own the rows that are none are not-a-number.
+    """Return how many rows the receiver has for the filter at an epoch: a simulated solution takes four satellites, of
+    a solver's own the rows that are none are not-a-number.
     """
     if (epoch + 1) % belief.every != 0 or belief.n_receiver == 0:
         return 0

@@ -163,7 +163,7 @@ def _predict_rows(work, belief, signals, epoch):
 
 @jit
 def _sample_variance(out, rx, variance, from_gnss):
-    """Set the variances (6,) of a solution that a filter starts from: the receiver's own, or what the filter assumes."""
+    """Set the variances (6,) of a solution that a filter starts from: the receiver's, or what the filter assumes."""
     if from_gnss:
         for row in range(6):
             if rx is None:

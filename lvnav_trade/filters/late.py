@@ -31,10 +31,10 @@ BEFORE, KNOWN = 0, 3
 
 class Late(NamedTuple):
     """How a filter processes late measurements. extrapolated: or buffered; n_ring states are stored at once, that of an
-    epoch at its number modulo n_ring; valid, early (n_window, 2): first epoch whose state is stored at a window's end, or
-    its velocity before, and the one after the last; delay (n_epoch,) s as the filter takes it; offset (n_epoch,) s from the tick of `valid` to
-    the time of validity; base (n_epoch,) s from `early` to it; interval s between epochs; jitter (s^2), acceleration
-    (m^2/s^4): variances that the filter assumes of the delay and of the acceleration.
+    epoch at its number modulo n_ring; valid, early (n_window, 2): first epoch whose state is stored at a window's end,
+    or its velocity before, and the one after the last; delay (n_epoch,) s as the filter takes it; offset (n_epoch,) s
+    from the tick of `valid` to the time of validity; base (n_epoch,) s from `early` to it; interval s between epochs;
+    jitter (s^2), acceleration (m^2/s^4): variances that the filter assumes of the delay and of the acceleration.
     """
 
     extrapolated: bool
@@ -131,8 +131,8 @@ def _velocity(stored, axis):
 
 @jit
 def carry_on(z, reported, past, P, late, epoch):
-    """Extrapolate a late solution to the present, in the innovations z (6,), and add to its covariance `reported` (6, 6)
-    what that costs (eq. 7.20): the filter's own velocity and acceleration, the delay's error, and what an Euler step
+    """Extrapolate a late solution to the present, in the innovations z (6,), and add to its covariance `reported` (6,
+    6) what that costs (eq. 7.20): the filter's own velocity and acceleration, the delay's error, and what an Euler step
     leaves.
 
     P (n, n) of the filter gives the velocity's part. The acceleration of this epoch is stored for the next one.

@@ -55,8 +55,8 @@ class Rules(NamedTuple):
 class Watch(NamedTuple):
     """A run's watch, updated: state (N_WATCH,); before (n_receiver,) the sample before by channel, less the inertial
     prediction (not-a-number: none); predicted (n_row,) of each row by the error state, or its variance; sample (2,)
-    whether this epoch's is used, and whether the filter starts with it; mode, reason (n_epoch,) the log: what the filter
-    does after each epoch, and why that changed there (0: it did not).
+    whether this epoch's is used, and whether the filter starts with it; mode, reason (n_epoch,) the log: what the
+    filter does after each epoch, and why that changed there (0: it did not).
     """
 
     state: Floats

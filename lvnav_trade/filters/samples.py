@@ -20,10 +20,10 @@ Ints = NDArray[np.int64]
 class VehicleModel(NamedTuple):
     """A filter's model of the vehicle's motion, and the truth that it is compared with.
 
-    motion: first of its six states, rate (3) and specific force (3), body axes; blocks (n_block, 2) sensor and driver of
-    each parameter block of the filter, par (n_block,) its number; columns (6, 1 + n_block) states of each sample's
-    Jacobian row; walk (n_imu, 6) variance of the step that the filter expects of them into each tick; variance (6,) that
-    it assumes of a sample's noise; rate, force (n_imu, 3) true means over the ticks (rad/s, m/s^2, body axes).
+    motion: first of its six states, rate (3) and specific force (3), body axes; blocks (n_block, 2) sensor and driver
+    of each parameter block of the filter, par (n_block,) its number; columns (6, 1 + n_block) states of each sample's
+    Jacobian row; walk (n_imu, 6) variance of the step that the filter expects of them into each tick; variance (6,)
+    that it assumes of a sample's noise; rate, force (n_imu, 3) true means over the ticks (rad/s, m/s^2, body axes).
     """
 
     motion: int
@@ -108,7 +108,7 @@ def _feed_back(work, belief, vehicle):
 
 @jit
 def correct_vehicle(work, belief, vehicle):
-    """Feed back what an epoch's measurements say of the motion and of the parameters of the IMU, open loop or closed."""
+    """Feed back what an epoch's measurements say of the motion and of the IMU's parameters, open loop or closed."""
     if vehicle is not None:
         _feed_back(work, belief, vehicle)
 
@@ -148,7 +148,7 @@ def _predict_samples(work, vehicle, at, dt):
 
 @inlined
 def process_samples(work, aside, belief, vehicle, tick, at, dt):
-    """Update by the samples of a tick that stand in row `at` of the increments, and put the estimates in their place."""
+    """Update by the samples of a tick, row `at` of the increments, and put the estimates in their place."""
     m, motion = vehicle.motion, work.motion
     _predict_samples(work, vehicle, at, dt)
     for i in range(N_SAMPLE):

@@ -78,9 +78,7 @@ class Gains(NamedTuple):
     stored: NDArray[np.bool_]
 
 
-def digest_of(
-    states: Sequence[str], segments: Sequence[GainSegment], measurements: Sequence[str] = ROWS
-) -> str:
+def digest_of(states: Sequence[str], segments: Sequence[GainSegment], measurements: Sequence[str] = ROWS) -> str:
     """Return the digest of a schedule's content, 16 hexadecimal digits."""
     numbers = [[s.event, [[k.since, k.gain] for k in s.knots]] for s in segments]
     content = [list(states), numbers] if tuple(measurements) == ROWS else [list(states), list(measurements), numbers]
@@ -157,7 +155,8 @@ def schedule_of(
     digits: int = 4,
     measurements: Sequence[str] = ROWS,
 ) -> GainSchedule:
-    """Return the schedule of gains (n, n_measurement, n_state) that a filter had at times t (n,) s of a flight with these events.
+    """Return the schedule of gains (n, n_measurement, n_state) that a filter had at times t (n,) s of a flight with
+    these events.
 
     Between knots the gains are linear to `tolerance` of their largest size in the segment; they are rounded to so many
     digits.

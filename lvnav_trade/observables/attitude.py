@@ -63,7 +63,7 @@ def measure(out, truth, e0, e1, e2):
 
 @jit
 def fill(H, z, at, observed, nav):
-    """Set three Jacobian rows from `at` on, and the small rotation (rad, frame i) from estimated to measured attitude."""
+    """Set three Jacobian rows from `at` on, and the small rotation (rad, frame i) from estimate to measurement."""
     z[at], z[at + 1], z[at + 2] = small_rotation(
         observed[0], observed[1], observed[2], observed[3], nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3]
     )

@@ -1,7 +1,8 @@
 """Geometry that every GNSS row needs: the antenna, the line of sight, and a row's form.
 
 A row is z - z_hat = h . x + v with x = truth minus estimate. Its entries stand for the columns of `COLUMNS`:
-position (3), attitude (3), velocity (3), clock (1), body rate (3); a row type uses the first so many of them that it needs.
+position (3), attitude (3), velocity (3), clock (1), body rate (3); a row type uses the first so many of them that it
+needs.
 """
 
 from __future__ import annotations
@@ -17,11 +18,11 @@ H_POS, H_ATT, H_VEL, H_CLOCK, H_RATE, N_ENTRY = 0, 3, 6, 9, 10, 13
 
 @jit
 def antenna(out, nav, rate, lever, sign):
-    """Set the estimated antenna state: out (21,) position (m), velocity (m/s), lever arm and its rate, all in frame i, and
-    the velocity by each component of what the body rate is known by (m), 3 x 3.
+    """Set the estimated antenna state: out (21,) position (m), velocity (m/s), lever arm and its rate, all in frame i,
+    and the velocity by each component of what the body rate is known by (m), 3 x 3.
 
-    nav (10,) navigation state; rate (3,) body rate (rad/s); lever (3,) antenna from the unit, body frame (m); sign of the
-    body rate's error in the state that it is known by: 1 for the rate itself, -1 for a gyro bias.
+    nav (10,) navigation state; rate (3,) body rate (rad/s); lever (3,) antenna from the unit, body frame (m); sign of
+    the body rate's error in the state that it is known by: 1 for the rate itself, -1 for a gyro bias.
     """
     c = matrix(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
     sx, sy, sz = cross(rate[0], rate[1], rate[2], lever[0], lever[1], lever[2])

@@ -17,8 +17,8 @@ N_TRUTH, MOST = 4, 3
 
 
 class FlightView(NamedTuple):
-    """The true flight at the epochs, for sensors: t (n,) s; r_i, v_i (n, 3), q_b_i (n, 4) frame i; height (n,) m over the
-    ellipsoid.
+    """The true flight at the epochs, for sensors: t (n,) s; r_i, v_i (n, 3), q_b_i (n, 4) frame i; height (n,) m over
+    the ellipsoid.
     """
 
     t: Floats
@@ -51,8 +51,8 @@ class SensorCard(Card):
     """A sensor beside the IMU and the receiver: true errors, and when it measures.
 
     A member of the family states `kind` (a literal of one word), `measurement` (the name that a filter lists), `model`
-    (the class of its filter model), `labels` of its scalars and the name of its noise as an error source; it is added to
-    `SENSORS`.
+    (the class of its filter model), `labels` of its scalars and the name of its noise as an error source; it is added
+    to `SENSORS`.
     """
 
     model_config = ConfigDict(serialize_by_alias=True)

@@ -106,8 +106,8 @@ class Receiver(NamedTuple):
     """Arrays of a receiver in a run, or lane views of eight; see `receiver_shapes`.
 
     near (3,) m where the point solution is looked for; fix (8,) the point solution; inverse (4, 4) of its normal
-    matrix; verdict (2,) its quality and number of satellites; nav (11,), P (11, 11) state and covariance of the filter; innovation (2 n_sat,) normalised, by satellite (range and range rate in turn),
-    not-a-number where there is none;
+    matrix; verdict (2,) its quality and number of satellites; nav (11,), P (11, 11) state and covariance of the filter;
+    innovation (2 n_sat,) normalised, by satellite (range and range rate in turn), not-a-number where there is none;
     memory (10,); used (2,) quality of the filtered solution and rows believed; solution (6,) position and velocity
     handed out, not-a-number where there is none, covariance (6, 6) told with it; the rest is work.
     """

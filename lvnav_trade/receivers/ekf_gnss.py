@@ -117,7 +117,7 @@ def _update_acceleration(rx, model, fixed):
 
 @jit
 def _take_row(rx, model, innovation, limit, variance, entries, columns):
-    """Update by the row in h, brought to unit variance; return 1 where it was accepted, and its normalised innovation."""
+    """Update by the row in h, brought to unit variance; return 1 if it was accepted, and its normalised innovation."""
     scale = 1.0 / sqrt(variance)
     for e in range(N_ENTRY):
         rx.h[e] = rx.h[e] * scale
@@ -149,9 +149,13 @@ def _absorb_rows(rx, model, satellite, satellite_velocity, used, n_used, ranges,
         rate = where(rx.memory[STARTED] > 0.0, ranges[slot, 1], np.nan)
         asked = asked + where(rho == rho, 1.0, 0.0) + where(rate == rate, 1.0, 0.0)
         innovation = rho - pseudorange.row(rx.h, rx.at, ux, uy, uz, distance, nav[BIAS])
-        one, rx.innovation[2 * s] = _take_row(rx, model, innovation, model.range_limit, range_variance, RANGE_ENTRIES, RANGE_COLUMNS)
+        one, rx.innovation[2 * s] = _take_row(
+            rx, model, innovation, model.range_limit, range_variance, RANGE_ENTRIES, RANGE_COLUMNS
+        )
         innovation = rate - doppler.row(rx.h, rx.at, satellite_velocity[s], ux, uy, uz, distance, nav[DRIFT])
-        two, rx.innovation[2 * s + 1] = _take_row(rx, model, innovation, model.rate_limit, rate_variance, RATE_ENTRIES, RATE_COLUMNS)
+        two, rx.innovation[2 * s + 1] = _take_row(
+            rx, model, innovation, model.rate_limit, rate_variance, RATE_ENTRIES, RATE_COLUMNS
+        )
         believed = believed + one + two
         satellites = satellites + where(one + two > 0.0, 1.0, 0.0)
     for i in range(N_STATE):

@@ -22,8 +22,9 @@ from lvnav_trade.records import Floats
 
 
 class Backward(NamedTuple):
-    """State and outcome of a backward pass. e (n_metric, N) and c (n_metric, n_source, n_slot) multipliers of states and
-    components, updated; contribution (n_metric, n_source, n_bin) variance put in by each source in each time bin, set.
+    """State and outcome of a backward pass. e (n_metric, N) and c (n_metric, n_source, n_slot) multipliers of states
+    and components, updated; contribution (n_metric, n_source, n_bin) variance put in by each source in each time bin,
+    set.
     """
 
     e: Floats
@@ -32,7 +33,7 @@ class Backward(NamedTuple):
 
 
 class BackScratch(NamedTuple):
-    """Work arrays: D (n_block, 9); y (N,); input (9, 3); block (9,); sums (18,); h (6, n_entry); a as of SampleScratch."""
+    """Work arrays: D (n_block, 9), y (N,), input (9, 3), block (9,), sums (18,), h (6, n_entry); a: SampleScratch."""
 
     D: Floats
     y: Floats
@@ -225,7 +226,9 @@ def go_back(
             mixed, ring = chain is not None and channel < signals.n_receiver, 0
             if late is not None:
                 ring = epoch % late.n_ring
-            _update_back(back, tape.gain[row], tape.h[row], epoch, channel, time_bin, mixed, ring, signals, true, belief)
+            _update_back(
+                back, tape.gain[row], tape.h[row], epoch, channel, time_bin, mixed, ring, signals, true, belief
+            )
         if chain is not None and schedule.epoch[w] >= 0:
             solution_back(back, scratch.y, chain, true, schedule.epoch[w], time_bin)
         if schedule.n_tick[w] == 0:

@@ -28,24 +28,24 @@ class Components(NamedTuple):
     """True error components of a case. A source owns slots of its lane; a component is one slot of one lane.
 
     group, lane (n_source,) place of each source; n_slot (n_group,); followed (n_group, n_slot): the covariance with the
-    states is carried; moves: enters attitude, velocity or position while they are propagated. samples: enters the samples of
-    the IMU, where they are measurements. fade, noise (n_length,
-    n_group, n_slot, 1[, 8]) decay and driving variance over a window, echo the part of the noise that enters the states
-    with the opposite sign (quantisation); start (n_source, n_slot) variance.
+    states is carried; moves: enters attitude, velocity or position while they are propagated. samples: enters the
+    samples of the IMU, where they are measurements. fade, noise (n_length, n_group, n_slot, 1[, 8]) decay and driving
+    variance over a window, echo the part of the noise that enters the states with the opposite sign (quantisation);
+    start (n_source, n_slot) variance.
 
     Blocks of three components: sensor, driver (REMAINDER, GRAVITY: see there), matched (first state of the filter for
     the same thing, -1 none), source, profile (that is its mean, -1 none), slot (n_block, 3), moving (n_block,): acts on
     attitude, velocity and position while they are propagated, sampled (n_block,): enters the samples of the IMU.
     by_samples: these are measurements. Errors that measurements share:
-    shared_source, shared_slot, shared_matched (n_shared,), shared_family (n_family,) family of the filter's extra states
-    for the same thing, -1 none. Of both together the ones that have a state: state_source, state_slot, state_at.
+    shared_source, shared_slot, shared_matched (n_shared,), shared_family (n_family,) family of the filter's extra
+    states for the same thing, -1 none. Of both together the ones that have a state: state_source, state_slot, state_at.
 
     nav_rows ... nav_drivers: blocks of the true transition. white (n_length, n_group, N[, 8]) noise of each source;
-    initial (n_source, N, N); row_source (n_type,) source of each type of measurement; decay (n_length, N) of the states;
-    n_entry (n_channel,), entry, column of measurements with respect to the N states, by ring place of the clone (n_ring,
-    n_channel, ...); solution: first state of the receiver's error (-1 none) with sources solution_source (n_in,) of its
-    white errors; clone: first state of the clones (-1 none); buffered: innovations are formed with clones.
-    sample_noise (n_source, 6) true variance of a sample's noise, by source.
+    initial (n_source, N, N); row_source (n_type,) source of each type of measurement; decay (n_length, N) of the
+    states; n_entry (n_channel,), entry, column of measurements with respect to the N states, by ring place of the clone
+    (n_ring, n_channel, ...); solution: first state of the receiver's error (-1 none) with sources solution_source
+    (n_in,) of its white errors; clone: first state of the clones (-1 none); buffered: innovations are formed with
+    clones. sample_noise (n_source, 6) true variance of a sample's noise, by source.
     """
 
     group: Ints
@@ -169,7 +169,7 @@ def _measurement_tables(prepared: Prepared, names: list[str]) -> dict[str, Any]:
 def _pairs(
     prepared: Prepared, channel: int, solution: int, clone: int, buffered: bool, of_receiver: bool
 ) -> list[tuple[int, int]]:
-    """List entry and state of a channel's Jacobian row; navigation errors of a late measurement are those of a clone."""
+    """List entry and state of a channel's Jacobian row; a late measurement is of the errors of a clone."""
     belief, chain, late = prepared.belief, prepared.chain, prepared.options.late
     n = belief.n_entry[channel]
     pairs = []
@@ -185,7 +185,7 @@ def _pairs(
 
 
 class _Block(NamedTuple):
-    """Three components: sensor, driver, first matched state, source, start variance, walk PSD, time constant, profile."""
+    """Three components: sensor, driver, first matched state, source, variance, walk PSD, time constant, profile."""
 
     sensor: int
     driver: int
@@ -361,7 +361,7 @@ def _take_shared(
     belief, seconds = prepared.belief, slots.seconds
     by_name = {block.name: f for f, block in enumerate(prepared.layout.extras)}
     families = list(prepared.families) if belief.aided else []
-    source, slot, matched = [], [], []
+    source, slot, matched = list[int](), list[int](), list[int]()
     own = [by_name.get(family.state, -1) for family in families]
     for number, family in enumerate(families):
         fade, noise = _shared_tables(family.sigma, family.time_constant, seconds)
@@ -439,7 +439,12 @@ def components(prepared: Prepared, names: list[str]) -> Components:
     rows, columns, kinds, drivers = transition_blocks(prepared.layout.parameters, 2)
     by_samples = prepared.layout.motion >= 0
     if by_samples:  # all but the gradient of gravity is propagated sample by sample
-        rows, columns, kinds, drivers = belief.block_rows, belief.block_columns, belief.block_kinds, belief.block_drivers
+        rows, columns, kinds, drivers = (
+            belief.block_rows,
+            belief.block_columns,
+            belief.block_kinds,
+            belief.block_drivers,
+        )
     white = _as_lanes(_white_noise(prepared, names), group, lane)
     number = np.array(states, dtype=np.int64).reshape(-1, 3)
 
@@ -451,7 +456,11 @@ def components(prepared: Prepared, names: list[str]) -> Components:
         lane=lane,
         n_slot=n_slot,
         **_slot_tables(slots, group, lane, n_slot),
-        **{name: of_blocks(name) for name in ("sensor", "driver", "matched", "source", "profile")},
+        sensor=of_blocks("sensor"),
+        driver=of_blocks("driver"),
+        matched=of_blocks("matched"),
+        source=of_blocks("source"),
+        profile=of_blocks("profile"),
         slot=slot,
         moving=np.array([_moves(b, by_samples) for b in blocks], dtype=np.bool_),
         sampled=np.array([_sampled(b, by_samples) for b in blocks], dtype=np.bool_),
@@ -474,8 +483,8 @@ def components(prepared: Prepared, names: list[str]) -> Components:
 
 
 def initial_state(prepared: Prepared, true: Components) -> tuple[Floats, Floats, Floats]:
-    """Return sources (n_group, N, N[, 8]), cross (n_group, n_slot, N[, 8]) and variance (n_group, n_slot, 1[, 8]) at the
-    start: an estimate of a component is zero, so the filter's error in it is the component itself.
+    """Return sources (n_group, N, N[, 8]), cross (n_group, n_slot, N[, 8]) and variance (n_group, n_slot, 1[, 8]) at
+    the start: an estimate of a component is zero, so the filter's error in it is the component itself.
     """
     n = n_joint(prepared)
     sources = true.initial.copy()

@@ -145,7 +145,7 @@ def _start(joint, scratch, tape, nominal, watch, rules, signals, true, belief, c
 def _process_permitted(
     out, joint, scratch, tape, nominal, signals, true, belief, chain, late, gains, rules, watch, epoch
 ):
-    """Update by what the receiver measures if the mode logic permits on the nominal flight, and make its transitions."""
+    """Update by what the receiver measures if the mode logic permits on the nominal flight; make its transitions."""
     solved = chain is None or chain.solved[epoch]
     good = rules.good[epoch] and solved
     if good:
@@ -281,9 +281,7 @@ def _hold_solution(held, held_mean, joint, true):
     for source in range(held.shape[0]):
         for i in range(held.shape[1]):
             for j in range(held.shape[1]):
-                held[source, i, j] = get_one(
-                    joint.sources, true.group[source], at + i, at + j, true.lane[source]
-                )
+                held[source, i, j] = get_one(joint.sources, true.group[source], at + i, at + j, true.lane[source])
     for i in range(held.shape[1]):
         held_mean[i] = joint.mean[at + i]
 
@@ -301,8 +299,9 @@ def forward(
     nominal : Nominal; all updated
     schedule : Schedule, unit : Unit, signals : Signals, sensors : Sensors, record : Record, belief : Belief,
     true : Components, axes_att : (n_hist, 3, 3) from frame i to body axes at the history times
-    reference : Reference, the true motion; chain : Chain, late : Late, gains : Gains, rules : Rules, watch : Watch of the nominal flight, vehicle : VehicleModel,
-    samples : Samples, held : (covariance (n_source, 11, 11), mean (11,)) of a reported solution; or None
+    reference : Reference, the true motion; chain : Chain, late : Late, gains : Gains, rules : Rules, watch : Watch of
+    the nominal flight, vehicle : VehicleModel, samples : Samples, held : (covariance (n_source, 11, 11), mean (11,)) of
+    a reported solution; or None
     """
     begin_watch(watch)
     for w in range(schedule.n_tick.shape[0]):

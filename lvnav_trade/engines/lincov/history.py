@@ -219,9 +219,10 @@ def _go_back(
     )
     n_entry = 1 if vehicle is None else vehicle.columns.shape[1]
     shapes = ((true.nav_rows.size, 9), (max(n, N_SAMPLE),), (9, 3), (9,), (N_SUM,), (N_SAMPLE, n_entry))
-    partials = grouped_zeros((true.n_slot.size * n_slot, N_SAMPLE, 1))
+    arrays: list[Floats] = [np.zeros(shape) for shape in shapes]
+    scratch = BackScratch(*arrays, a=grouped_zeros((true.n_slot.size * n_slot, N_SAMPLE, 1)))  # type: ignore[misc]
     go_back(
-        back, BackScratch(*map(np.zeros, shapes), partials), tape, last, bins, schedule, prepared.unit,
+        back, scratch, tape, last, bins, schedule, prepared.unit,
         prepared.signals, true, prepared.belief, prepared.chain, prepared.options.late, vehicle, prepared.reference,
     )  # fmt: skip
     return edges, back.contribution

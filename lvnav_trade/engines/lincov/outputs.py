@@ -1,4 +1,4 @@
-"""Outputs beside the filter's states in linear covariance: errors of the IMU's samples and of the receiver's solution."""
+"""Outputs beside the filter's states in linear covariance: errors of IMU samples and of the receiver's solution."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ N_SOLUTION = 8
 
 
 def sample_outputs(prepared: Prepared, names: list[str], history: CovHistory, out: Recorded) -> CovHistory:
-    """Return the history with errors of the IMU's samples, raw and corrected by the estimated bias, behind the states; as
-    it is where they are not reported. The covariance between the two is not computed: it stands as zero.
+    """Return the history with errors of the IMU's samples, raw and corrected by the estimated bias, behind the states;
+    as it is where they are not reported. The covariance between the two is not computed: it stands as zero.
     """
     samples = prepared.options.samples
     if samples is None:
@@ -48,8 +48,8 @@ def _profiles(prepared: Prepared) -> Floats:
 
 
 def solution_outputs_of(prepared: Prepared, history: CovHistory, out: Recorded) -> CovHistory:
-    """Return the history with the error of the receiver's last solution behind the rest; as it is where nothing of it is
-    reported. The covariance between the two is not computed: it stands as zero.
+    """Return the history with the error of the receiver's last solution behind the rest; as it is where nothing of it
+    is reported. The covariance between the two is not computed: it stands as zero.
     """
     report, chain = prepared.options.report, prepared.chain
     if report is None or chain is None:
@@ -93,8 +93,8 @@ def _diagonal(variance: Floats) -> Floats:
 
 
 def _behind(history: CovHistory, budget: Floats, mean: Floats, formal: Floats, true: Floats) -> CovHistory:
-    """Return the history with further outputs behind: budget (n_hist, n_source, k), mean (n_hist, k), covariances (n_hist,
-    k, k).
+    """Return the history with further outputs behind: budget (n_hist, n_source, k), mean (n_hist, k), covariances
+    (n_hist, k, k).
     """
     k = range(mean.shape[1])
     return history._replace(

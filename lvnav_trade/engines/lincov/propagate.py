@@ -149,9 +149,7 @@ def propagate_sources(joint, scratch, true, belief, sums, length):
     rows, columns = true.nav_rows, true.nav_columns
     _fill_inputs(scratch, true, sums, seconds)
     for g in range(true.n_slot.shape[0]):
-        predict(
-            group(joint.sources, g), D, rows, columns, decay, group(true.white[length], g), belief.clock, seconds
-        )
+        predict(group(joint.sources, g), D, rows, columns, decay, group(true.white[length], g), belief.clock, seconds)
         cross = group(joint.cross, g)
         for k in range(true.n_slot[g]):
             if true.followed[g, k]:

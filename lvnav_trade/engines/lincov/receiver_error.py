@@ -1,8 +1,9 @@
 """States behind the filter's error in the joint vector: the error of the receiver's solution, and clones of the past.
 
-The joint vector is [e, s, k]: e the filter's error, s that of the receiver's solution (see `solution.Chain`), k for each
-measurement that is still on its way the navigation error at the time that it is of and the velocity error a while
-before. What is copied or mixed at an epoch is linear, so every source goes through it by itself, forwards and backwards.
+The joint vector is [e, s, k]: e the filter's error, s that of the receiver's solution (see `solution.Chain`), k for
+each measurement that is still on its way the navigation error at the time that it is of and the velocity error a while
+before. What is copied or mixed at an epoch is linear, so every source goes through it by itself, forwards and
+backwards.
 """
 
 from __future__ import annotations
@@ -86,7 +87,12 @@ def advance_solution(joint, scratch, chain, true, epoch):
         for i in range(m):
             for j in range(m):
                 add_one(
-                    joint.sources, g, at + i, at + j, lane, chain.white[epoch, i, q] * variance * chain.white[epoch, j, q]
+                    joint.sources,
+                    g,
+                    at + i,
+                    at + j,
+                    lane,
+                    chain.white[epoch, i, q] * variance * chain.white[epoch, j, q],
                 )
     for c in range(true.shared_source.shape[0]):
         source = true.shared_source[c]

@@ -98,17 +98,16 @@ def _set_gain(gain, K, weight, n_estimated, true, late, epoch):
     """
     for i in range(gain.shape[0]):
         gain[i] = K[i] * weight if i < n_estimated else 0.0
-    if late is not None:
-        if true.buffered:
-            for ring in range(late.n_ring):
-                for i in range(N_NAV):
-                    gain[true.clone + N_CLONE * ring + i] = gain[i]
+    if late is not None and true.buffered:
+        for ring in range(late.n_ring):
+            for i in range(N_NAV):
+                gain[true.clone + N_CLONE * ring + i] = gain[i]
 
 
 @inlined
 def replace_state(joint, scratch, tape, late, at, h, surprise, epoch, channel, mixed, signals, true, belief):
-    """Replace the error of one state by that of a measurement of it: an update with the gain one, in every source and in
-    the mean. The filter's own covariance is set elsewhere.
+    """Replace the error of one state by that of a measurement of it: an update with the gain one, in every source and
+    in the mean. The filter's own covariance is set elsewhere.
     """
     gain, source, m, ring = scratch.gain, true.row_source[belief.row_type[channel]], true.n_entry[channel], 0
     if late is not None:
@@ -156,9 +155,7 @@ def _update_sources(joint, scratch, true, gain, h, entries, columns, source, noi
         set_one(scratch.noise, true.group[source], 0, 0, true.lane[source], noise)
     for g in range(true.n_slot.shape[0]):
         P, spread = group(joint.sources, g), whole(scratch.spread)
-        spread[0] = update_covariance(
-            P, whole(scratch.y), gain, h, entries, columns, group(scratch.noise, g)[0, 0]
-        )
+        spread[0] = update_covariance(P, whole(scratch.y), gain, h, entries, columns, group(scratch.noise, g)[0, 0])
         total += total_of(scratch.spread)
         cross, seen = group(joint.cross, g), group(scratch.seen, g)
         for k in range(true.n_slot[g]):
@@ -170,13 +167,14 @@ def _update_sources(joint, scratch, true, gain, h, entries, columns, source, noi
 
 
 @inlined
-def update_joint(joint, scratch, tape, late, gains, h, surprise, epoch, channel, variance, mixed, signals, true, belief):
+def update_joint(
+    joint, scratch, tape, late, gains, h, surprise, epoch, channel, variance, mixed, signals, true, belief
+):
     """Update the filter's covariance by one scalar measurement, and with that gain every source and the mean.
 
-    surprise: innovation on the nominal flight, what the truth's measurement holds in every run and the filter's model of
-    it does not (an uncompensated latency). variance: that the filter assumes of its noise. mixed: one of a decorrelated
-    solution, whose errors are states already.
-    Returns the expected square of the normalised innovation.
+    surprise: innovation on the nominal flight, what the truth's measurement holds in every run and the filter's model
+    of it does not (an uncompensated latency). variance: that the filter assumes of its noise. mixed: one of a
+    decorrelated solution, whose errors are states already. Returns the expected square of the normalised innovation.
     """
     n, source, gain = belief.n_entry[channel], true.row_source[belief.row_type[channel]], scratch.gain
     weight = _update_formal(
