@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
@@ -13,6 +13,7 @@ from lvnav_trade.delays import AtmosphereCard
 from lvnav_trade.filters.base import FilterCard, ImuBelief, InitialBelief, ReceiverBelief
 from lvnav_trade.observables.sensor import SensorCard, SensorModel
 from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS, Sensor, model_of
+from lvnav_trade.refusals import refused
 from lvnav_trade.units import AngleSigma, Card, Length, LengthSigma, SpeedSigma
 from lvnav_trade.world.control.controlled import ControlledCard
 from lvnav_trade.world.faults import Fault
@@ -105,36 +106,11 @@ class Scenario(Card):
         return self
 
     @model_validator(mode="after")
-    def _late(self) -> Self:
-        late = self.filter.delay_compensation
-        if late is None:
-            return self
-        if not self.filter.tight and not self.filter.loose:
-            raise ValueError("filter.delay_compensation: the filter takes nothing of the receiver that could be late")
-        if late.kind == "extrapolated" and self.filter.tight:
-            raise ValueError(
-                "filter.delay_compensation.kind: only a solution can be extrapolated; a tight filter buffers"
-            )
-        return self
-
-    @model_validator(mode="after")
     def _possible(self) -> Self:
-        refused = next(engine_limits(self), None)
-        if refused is not None:
-            raise ValueError(f"{refused[0]}: {refused[1]}")
+        found = refused(self)
+        if found is not None:
+            raise ValueError(f"{found.path}: {found.reason}")
         return self
-
-
-# ENGINE LIMITS: what physics permits and the engines cannot run yet. What an engine has learnt goes from here.
-def engine_limits(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    """Yield path and reason of everything in a scenario that the engines cannot run yet."""
-    if scenario.filter.models_vehicle:
-        for sensor, part in (("gyro", scenario.imu.gyro), ("accel", scenario.imu.accel)):
-            if part.quantisation > 0.0:
-                yield f"imu.{sensor}.quantisation", "not modelled with imu among the measurements"
-    for card in sensors_measuring(scenario, "attitude") if scenario.control is not None else ():
-        if card.from_ is not None or card.until is not None:
-            yield "control", "the attitude sensor of a vehicle under control measures throughout: no from, no until"
 
 
 def sensors_measuring(scenario: Scenario, measurement: str) -> tuple[SensorCard, ...]:

@@ -17,6 +17,7 @@ from lvnav_trade.engines.prepare import Prepared
 from lvnav_trade.engines.retune import Sensitivity, sensitivity
 from lvnav_trade.records import AdjointBudget, Asked, CovHistory, Floats
 from lvnav_trade.scenario import Scenario
+from lvnav_trade.sources import label_of
 
 QUANTITIES = ("attitude", "velocity", "position")
 _SHORTEST = 1.0
@@ -98,7 +99,7 @@ def _event(events: dict[str, float], wanted: str) -> str:
 def _by_source(
     prepared: Prepared, events: dict[str, float], wanted: tuple[str, ...], tape: Tape | None
 ) -> tuple[SourceCovariance, ...]:
-    names = tuple(source_names(prepared))
+    names = tuple(label_of(name) for name in source_names(prepared))
     return tuple(
         SourceCovariance(name, events[name], names, source_covariances(prepared, events[name], tape))
         for name in dict.fromkeys(wanted)

@@ -39,6 +39,7 @@ from lvnav_trade.observables.partials import Channels
 from lvnav_trade.records import Floats, Output, Reference, Sky
 from lvnav_trade.scenario import Scenario, beliefs, epoch_interval, judged, reported, solves
 from lvnav_trade.scenario import measured as measured_by
+from lvnav_trade.sources import IMU_NOISE
 from lvnav_trade.world.faults import (
     AccelBiasStep,
     AnyFault,
@@ -183,7 +184,7 @@ def _unit(scenario: Scenario, ref: Reference, blocks: tuple[ErrorBlock, ...], ev
     dtheta, dvel = _arriving(ref, card, scenario.faults, events)
     return Unit(
         dt=dt,
-        noise_source=source_word("inertial unit white noise"),
+        noise_source=source_word(IMU_NOISE),
         lean=all(b.driver == CONSTANT for b in inertial),
         dtheta=dtheta,
         dvel=dvel,

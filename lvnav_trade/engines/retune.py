@@ -9,44 +9,10 @@ import numpy as np
 from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.prepare import prepare
 from lvnav_trade.records import CovHistory, Floats
-from lvnav_trade.scenario import Scenario
+from lvnav_trade.scenario import Scenario, sensors_used
+from lvnav_trade.sources import Field, fields_of
 
 FACTORS = (0.1, 0.3, 1.0, 3.0, 10.0)
-
-# Where the sigma of each source stands in a scenario; the power is that of the field in the source's sigma.
-_SENSORS = {"gyro": "gyro", "accelerometer": "accel"}
-_ROWS = {
-    "random walk": "random_walk",
-    "bias repeatability": "bias_repeatability",
-    "bias instability": "bias_instability",
-    "rate random walk": "rate_random_walk",
-    "scale factor": "scale_factor",
-    "scale-factor drift": "scale_factor_drift",
-    "misalignment": "misalignment",
-    "nonlinearity": "nonlinearity",
-    "g-sensitivity": "g_sensitivity",
-    "quantisation": "quantisation",
-}
-_FIELDS: dict[str, tuple[tuple[tuple[str, ...], int], ...]] = {
-    "initial attitude": ((("initial", "tilt"), 1), (("initial", "heading"), 1)),
-    "initial velocity": ((("initial", "velocity"), 1),),
-    "initial position": ((("initial", "position"), 1),),
-    "receiver clock start": (
-        (("receiver", "clock", "initial_bias"), 1),
-        (("receiver", "clock", "initial_drift"), 1),
-    ),
-    # h0 and h-2 are variances
-    "receiver clock": ((("receiver", "clock", "h0"), 2), (("receiver", "clock", "h_minus2"), 2)),
-    "pseudorange noise": ((("receiver", "pseudorange_sigma"), 1),),
-    "range-rate noise": ((("receiver", "range_rate_sigma"), 1),),
-    "position solution noise": ((("receiver", "solution", "position_sigma"), 1),),
-    "velocity solution noise": ((("receiver", "solution", "velocity_sigma"), 1),),
-} | {
-    f"{label} {row}": ((("imu", sensor, field), 1),)
-    for label, sensor in _SENSORS.items()
-    for row, field in _ROWS.items()
-    if (label, row) != ("accelerometer", "g-sensitivity")
-}
 
 
 class Sensitivity(NamedTuple):
@@ -66,14 +32,34 @@ class Sensitivity(NamedTuple):
 
 
 def _multiplied(model: Any, path: tuple[str, ...], factor: float) -> Any:
+    """Return a card (or the cards of a mapping) with one number multiplied; of several parts that number in each."""
     head, rest = path[0], path[1:]
-    value = getattr(model, head)
+    if isinstance(model, dict):
+        return model | {head: _multiplied(model[head], rest, factor)}
+    if head not in type(model).model_fields and "parts" in type(model).model_fields:
+        return model.model_copy(update={"parts": tuple(_multiplied(part, path, factor) for part in model.parts)})
+    value = getattr(model, head, None)
+    if value is None:
+        return model
     return model.model_copy(update={head: _multiplied(value, rest, factor) if rest else value * factor})
+
+
+def _fields(scenario: Scenario, source: str) -> tuple[Field, ...]:
+    """Return the fields that hold the sigma of a source: of a sensor's noise those of its card."""
+    used = sensors_used(scenario)
+    alone = {name: [c.measurement for c in used.values()].count(card.measurement) == 1 for name, card in used.items()}
+    for name, card in used.items():
+        if source == (card.noise if alone[name] else f"{card.noise} {name}"):
+            return tuple((("sensors", name, field), 1) for field in card.noise_fields)
+        for error in card.lasting():
+            if source == error.source:
+                return ((("sensors", name, error.field), 1),)
+    return fields_of(source)
 
 
 def scaled(scenario: Scenario, source: str, factor: float) -> Scenario:
     """Return the scenario with the sigma of one named source multiplied; a filter that is `matched` follows."""
-    for path, power in _FIELDS[source]:
+    for path, power in _fields(scenario, source):
         scenario = _multiplied(scenario, path, factor**power)
     return scenario
 
@@ -99,6 +85,8 @@ def sensitivity(
 ) -> Sensitivity:
     """Return the frozen and the re-tuned metric for every source that makes up at least `share` of its variance.
 
+    Sources whose sigma is no field of the scenario are left out.
+
     Parameters
     ----------
     history
@@ -114,7 +102,8 @@ def sensitivity(
     hist = int(np.argmin(np.abs(history.t - time)))
     by_source = history.budget[hist][:, columns].sum(axis=1)
     total = by_source.sum() + np.sum(history.mean[hist, columns] ** 2)
-    chosen = [k for k in np.argsort(-by_source) if by_source[k] >= share * by_source.sum()]
+    chosen = [k for k in np.argsort(-by_source)
+              if by_source[k] >= share * by_source.sum() and _fields(scenario, history.sources[k])]  # fmt: skip
     factors = np.array(FACTORS)
     frozen = np.sqrt(total + (factors**2 - 1.0) * by_source[chosen][:, None])
     retuned = np.empty_like(frozen)

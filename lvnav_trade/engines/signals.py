@@ -21,6 +21,7 @@ from lvnav_trade.layout import StateLayout
 from lvnav_trade.observables.partials import Channels, Geometry, partial
 from lvnav_trade.records import Floats, Sky
 from lvnav_trade.scenario import Scenario, epoch_interval, solves
+from lvnav_trade.sources import CLOCK_START, CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE
 from lvnav_trade.world.faults import Failures
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
 from lvnav_trade.world.sky.constellation import (
@@ -290,7 +291,7 @@ def signals(
     velocity = line.velocity + _shifts(line, seen.tracked, off_rate) + tabled[:, 3:]
     if not solves(scenario):  # else the receiver goes on behind a frozen output
         _hold(failed.frozen, used, n_used, ranges, rates, position, velocity)
-    names = ("receiver clock", "range noise", "solution noise", "receiver clock start")
+    names = (CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE, CLOCK_START)
     return Signals(
         used=used,
         n_used=n_used,

@@ -36,6 +36,7 @@ class AltimeterCard(SensorCard):
     measurement: ClassVar[str] = "altitude"
     model: ClassVar[type[SensorModel]] = AltimeterModel
     noise: ClassVar[str] = "altimeter noise"
+    noise_fields: ClassVar[tuple[str, ...]] = ("sigma", "share")
 
     kind: Literal["altimeter"] = "altimeter"
     sigma: LengthSigma = Field(gt=0.0, description="white noise of a measurement")
@@ -69,7 +70,7 @@ class AltimeterCard(SensorCard):
 
     def lasting(self) -> tuple[LastingError, ...]:
         """Return its bias."""
-        return (LastingError("altimeter bias", "height_bias", self.bias, self.bias_time or math.inf),)
+        return (LastingError("altimeter bias", "height_bias", self.bias, "bias", self.bias_time or math.inf),)
 
 
 @jit

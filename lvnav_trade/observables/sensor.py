@@ -29,13 +29,14 @@ class FlightView(NamedTuple):
 
 
 class LastingError(NamedTuple):
-    """A random error of a sensor that lasts, added to all its scalars: source, kind (they name its draws), sigma, time
-    constant in s (inf: constant).
+    """A random error of a sensor that lasts, added to all its scalars: source and kind (they address its draws), sigma
+    and the field of the card that holds it, time constant in s (inf: constant).
     """
 
     source: str
     kind: str
     sigma: float
+    field: str
     time_constant: float
 
 
@@ -61,6 +62,7 @@ class SensorCard(Card):
     model: ClassVar[type[SensorModel]]
     labels: ClassVar[tuple[str, ...]] = ("",)
     noise: ClassVar[str]
+    noise_fields: ClassVar[tuple[str, ...]] = ("sigma",)
 
     name: str
     source: str

@@ -31,6 +31,7 @@ from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.receivers.base import N_STATE
 from lvnav_trade.records import AdjointBudget, CovHistory, Floats
+from lvnav_trade.sources import label_of
 
 
 def _width(prepared: Prepared) -> int:
@@ -178,7 +179,7 @@ def adjoint(prepared: Prepared, time: float, bin_seconds: float = 10.0, tape: Ta
     """
     hist = int(np.argmin(np.abs(prepared.t_hist - time)))
     edges, contribution = _go_back(prepared, hist, turns(prepared)[hist, :9], bin_seconds, tape)
-    names = tuple(source_names(prepared))
+    names = tuple(label_of(name) for name in source_names(prepared))
     return AdjointBudget(float(prepared.t_hist[hist]), edges, names, prepared.outputs[:9], contribution)
 
 
@@ -252,7 +253,7 @@ def _history(prepared: Prepared, names: list[str], out: Recorded) -> CovHistory:
         formal=np.sqrt(formal[:, diagonal, diagonal]),
         true_sigma=np.sqrt(np.maximum(0.0, true[:, diagonal, diagonal])),
         mean=np.einsum("hij,hj->hi", turn, out.mean),
-        sources=tuple(names),
+        sources=tuple(label_of(name) for name in names),
         budget=out.budget,
         formal_cov=formal,
         true_cov=true,

@@ -1,0 +1,90 @@
+"""Error sources: the key that draws are addressed by, the name that a budget prints, the fields that hold its size.
+
+A key is frozen: draws are numbered by it, so another key is another set of draws. A label may be reworded at any time.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+Field = tuple[tuple[str, ...], int]
+"""Path of a field in a scenario, and the power of the source's sigma that it holds; `*`: every item of a tuple."""
+
+# Keys of draws that are not those of one source.
+IMU_NOISE = "inertial unit white noise"
+CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE, CLOCK_START = (
+    "receiver clock", "range noise", "solution noise", "receiver clock start",
+)  # fmt: skip
+
+
+class Source(NamedTuple):
+    """A source: key, label, and the fields of a scenario that its sigma stands in."""
+
+    key: str
+    label: str
+    fields: tuple[Field, ...] = ()
+
+
+def _linear(*paths: str) -> tuple[Field, ...]:
+    return tuple((tuple(path.split(".")), 1) for path in paths)
+
+
+_IMU = {
+    "random walk": "random_walk",
+    "bias repeatability": "bias_repeatability",
+    "bias instability": "bias_instability",
+    "rate random walk": "rate_random_walk",
+    "scale factor": "scale_factor",
+    "scale-factor drift": "scale_factor_drift",
+    "misalignment": "misalignment",
+    "nonlinearity": "nonlinearity",
+    "quantisation": "quantisation",
+}
+_OTHERS = {
+    "gyro g-sensitivity": _linear("imu.gyro.g_sensitivity"),
+    "initial attitude": _linear("initial.tilt", "initial.heading"),
+    "initial velocity": _linear("initial.velocity"),
+    "initial position": _linear("initial.position"),
+    "receiver clock start": _linear("receiver.clock.initial_bias", "receiver.clock.initial_drift"),
+    # h0 and h-2 are variances
+    "receiver clock": ((("receiver", "clock", "h0"), 2), (("receiver", "clock", "h_minus2"), 2)),
+    "pseudorange noise": _linear("receiver.pseudorange_sigma"),
+    "range-rate noise": _linear("receiver.range_rate_sigma"),
+    "position solution noise": _linear("receiver.solution.position_sigma"),
+    "velocity solution noise": _linear("receiver.solution.velocity_sigma"),
+    "solution position bias": _linear("receiver.solution.position_bias"),
+    "solution velocity bias": _linear("receiver.solution.velocity_bias"),
+    "multipath": _linear("receiver.multipath"),
+    "latency error": _linear("receiver.latency_error"),
+    "latency jitter": _linear("receiver.latency_sigma"),
+    "lever arm": _linear("receiver.lever_error"),
+    "troposphere scale": _linear("atmosphere.troposphere_scale"),
+    "ionosphere scale": _linear("atmosphere.ionosphere_scale"),
+    "gravity disturbance": _linear("gravity.sigma"),
+    "satellite clock and ephemeris": _linear("constellation.range_error"),
+    "system time offset": _linear("constellation.time_offset"),
+    "recorded receiver error": (),
+    "wild samples": (),
+}
+SOURCES = {
+    source.key: source
+    for source in (
+        *(
+            Source(f"{label} {row}", f"{label} {row}", _linear(f"imu.{part}.{field}"))
+            for label, part in (("gyro", "gyro"), ("accelerometer", "accel"))
+            for row, field in _IMU.items()
+        ),
+        *(Source(key, key, fields) for key, fields in _OTHERS.items()),
+    )
+}
+"""Every source that is no sensor's own, by key."""
+
+
+def label_of(key: str) -> str:
+    """Return the name that a budget prints for a source; of a sensor's own error the key."""
+    return SOURCES[key].label if key in SOURCES else key
+
+
+def fields_of(label: str) -> tuple[Field, ...]:
+    """Return the fields that hold the sigma of the source that a budget calls so; none if it has no field."""
+    return next((source.fields for source in SOURCES.values() if source.label == label), ())
