@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 FAILURES = {0: "", 1: "not finite", 2: "diverged"}
 _DRAWN = ("attitude", "velocity", "position")
 """Quantities of which the budget is kept over the whole flight."""
-_REFERENCED = ("position", "velocity", "attitude", "gyro", "accelerometer")
 """Innovation channels of a filter with an attitude reference."""
 _NORM_LIKE_CONSTANT = 1e9
 """Degrees of freedom of a mean square that does not vary from run to run."""
@@ -293,28 +292,13 @@ def _whiteness(prepared: Prepared, summary: BlockSummary | None) -> dict[str, An
     if summary is None:
         return {name: [] for name in ("channel", "lag_number", "pair_count", "product_sum_ratio")}
     n_lag, n_channel = summary.lag_sum.shape
-    names = _channel_names(prepared, n_channel)
+    names = prepared.channel_names
     return {
         "channel": [name for name in names for _ in range(n_lag)],
         "lag_number": np.tile(np.arange(n_lag), n_channel),
         "pair_count": summary.lag_count.T.ravel(),
         "product_sum_ratio": summary.lag_sum.T.ravel(),
     }
-
-
-def _channel_names(prepared: Prepared, n_channel: int) -> list[str]:
-    """Name innovation channels: range and range rate of each satellite in turn, or the receiver's position and
-    velocity, and what there is beside them.
-    """
-    satellites = [f"{name} {what}" for name in prepared.sky.names for what in ("range", "range rate")]
-    solution = [f"{what} {axis}" for what in ("position", "velocity") for axis in "xyz"]
-    referenced = [f"{what} {axis}" for what in _REFERENCED for axis in "xyz"]
-    solved = [*solution, *(f"receiver {name}" for name in satellites)]
-    aided = ([*satellites, "height"], [*solution, "height"])
-    for names in (satellites, solution, referenced, solved, *aided):
-        if len(names) == n_channel:
-            return names
-    return [f"channel {number}" for number in range(1, n_channel + 1)]
 
 
 def _budget(prepared: Prepared, cov: CovHistory) -> dict[str, Any]:

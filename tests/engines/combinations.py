@@ -1,0 +1,293 @@
+"""The combination matrix: a pairwise covering design over measurements and policies, each case flown by both engines.
+
+`python -m tests.engines.combinations` runs every case and writes reports/combinations/.
+"""
+
+from __future__ import annotations
+
+import itertools
+import sys
+import time
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from pydantic import ValidationError
+from scipy.stats import chi2
+
+from lvnav_trade.engines.explain import flown_events
+from lvnav_trade.engines.lincov.components import components, source_names
+from lvnav_trade.engines.lincov.history import covariance, forward_tape
+from lvnav_trade.engines.montecarlo import run_block
+from lvnav_trade.engines.prepare import Prepared
+from lvnav_trade.filters.scheduled import schedule_of
+from lvnav_trade.frames import quaternions
+from lvnav_trade.layout import state_names
+from lvnav_trade.records import Floats
+from lvnav_trade.scenario import Scenario
+from lvnav_trade.world.flight.trajectory import Phase, Trajectory
+from lvnav_trade.world.truth import attitude_spline, position_spline
+from tests.building import SITE_R, SITE_V, fly, loaded, prepare_hop, with_fields
+
+RUNS, SEED = 64, 20261122
+TIMES = (15.0, 30.0, 45.0, 60.0)
+LEVEL = 1e-3
+"""Probability that a case which agrees is called out, over all of its comparisons."""
+
+BASE = (
+    "base.imu=imu/tactical_fog_matched", "base.receiver=receivers/l1_two_metre", "base.initial.tilt=0.2 deg",
+    "base.initial.heading=0.2 deg", "base.initial.position=5 m", "base.initial.velocity=0.1 m/s",
+    "base.receiver.lever_b=[1 m, 0.5 m, -0.3 m]",
+)  # fmt: skip
+REFERENCE = {"kind": "attitude_reference", "name": "reference", "source": "test", "sigma": "5 mrad"}
+ALTIMETER = {"kind": "altimeter", "name": "altimeter", "source": "test", "sigma": "20 m", "bias": "10 m",
+             "highest": "1000 km"}  # fmt: skip
+LATE = {"receiver.latency": "0.3 s"}
+BUFFERED = {"kind": "buffered"}
+EXTRAPOLATED = {"kind": "extrapolated", "delay_sigma": "1 ms", "acceleration_sigma": "0.1 m/s^2"}
+POINT = {"kind": "bancroft", "range_sigma": "2 m", "rate_sigma": "0.1 m/s"}
+FILTERED = {"kind": "filtered", "range_sigma": "2 m", "rate_sigma": "0.1 m/s", "jerk": "3 m/s^3",
+            "clock_noise": "0.1 m/s^2", "start_acceleration": "50 m/s^2", "reported": True}  # fmt: skip
+
+DIMENSIONS: dict[str, dict[str, dict[str, Any]]] = {
+    "measurements": {
+        "solution": {"filter.measurements": ["position", "velocity"]},
+        "position": {"filter.measurements": ["position"]},
+        "ranges": {"filter.measurements": ["pseudorange", "range_rate"]},
+        "pseudorange": {"filter.measurements": ["pseudorange"]},
+        "solution, attitude": {"filter.measurements": ["position", "velocity", "attitude"]},
+        "ranges, altitude": {"filter.measurements": ["pseudorange", "range_rate", "altitude"]},
+        "solution, attitude, imu": {"filter.measurements": ["position", "velocity", "attitude", "imu"]},
+        "ranges, attitude, imu": {"filter.measurements": ["pseudorange", "range_rate", "attitude", "imu"]},
+        "attitude": {"filter.measurements": ["attitude"]},
+        "none": {"filter.measurements": []},
+    },
+    "correction": {"closed": {}, "open": {"filter.feedback": "open"}},
+    "gains": {"own": {}, "stored": {"gains": True}},
+    "start": {
+        "at once": {},
+        "mode logic": {"filter.logic": {"start_after": 3, "wild_position": "500 m", "wild_velocity": "50 m/s"}},
+        "from GNSS": {"filter.init": "from_gnss"},
+    },
+    "latency": {
+        "none": {},
+        "buffered": {**LATE, "filter.delay_compensation": BUFFERED},
+        "buffered, 1.4 s": {"receiver.latency": "1.4 s", "filter.delay_compensation": BUFFERED},
+        "extrapolated": {**LATE, "filter.delay_compensation": EXTRAPOLATED},
+    },
+    "receiver": {"direct": {}, "point": {"receiver.solution": POINT}, "filtered": {"receiver.solution": FILTERED}},
+    "states": {
+        "biases": {},
+        "considered": {"filter.consider": ["accel_scale_factor", "accel_bias"], "imu.accel.scale_factor": "300 ppm"},
+        "neglected": {"filter.neglect": ["gyro_bias"]},
+        "scale factors": {"filter.extra_states": ["gyro_scale_factor", "accel_scale_factor"],
+                          "imu.gyro.scale_factor": "300 ppm", "imu.accel.scale_factor": "300 ppm"},
+        "unmodelled": {"imu.accel.misalignment": "0.3 mrad", "imu.gyro.scale_factor": "300 ppm",
+                       "gravity": {"sigma": "30 mGal"}},
+    },
+    "vehicle": {"steady": {}, "spinning": {"flight": "spinning"}, "oscillating": {"flight": "oscillating"}},
+    "fault": {
+        "none": {},
+        "gyro bias step": {"faults": [{"kind": "gyro_bias_step", "size": ["20 deg/h", "0 deg/h", "0 deg/h"],
+                                       "start": "20 s", "duration": "15 s"}]},
+        "frozen output": {"faults": [{"kind": "frozen_output", "start": "30 s", "duration": "3 s"}]},
+        "noise": {"faults": [{"kind": "degraded_noise", "factor": 3.0, "start": "20 s", "duration": "20 s"}]},
+    },
+}  # fmt: skip
+
+Case = dict[str, str]
+
+
+def covering(seed: int = 1) -> list[Case]:
+    """Return cases in which every pair of levels of two dimensions stands at least once."""
+    rng = np.random.default_rng(seed)
+    names = list(DIMENSIONS)
+    levels = {name: list(DIMENSIONS[name]) for name in names}
+    left = {
+        ((a, x), (b, y)) for a, b in itertools.combinations(names, 2) for x in levels[a] for y in levels[b]
+    }  # fmt: skip
+    cases: list[Case] = []
+    while left:
+        candidates = []
+        for _ in range(60):
+            (a, x), (b, y) = sorted(left)[rng.integers(len(left))]
+            case = {a: x, b: y}
+            for name in rng.permutation([n for n in names if n not in case]).tolist():
+                gain = [
+                    sum(_key(names, (other, case[other]), (name, level)) in left for other in case)
+                    for level in levels[name]
+                ]
+                best = np.flatnonzero(np.array(gain) == max(gain))
+                case[name] = levels[name][int(rng.choice(best))]
+            candidates.append(case)
+        chosen = max(candidates, key=lambda case: len(_pairs(names, case) & left))
+        left -= _pairs(names, chosen)
+        cases.append({name: chosen[name] for name in names})
+    return cases
+
+
+def _key(names: list[str], one: tuple[str, str], two: tuple[str, str]) -> tuple[tuple[str, str], tuple[str, str]]:
+    return (one, two) if names.index(one[0]) < names.index(two[0]) else (two, one)
+
+
+def _pairs(names: list[str], case: Case) -> set[tuple[tuple[str, str], tuple[str, str]]]:
+    return {((a, case[a]), (b, case[b])) for a, b in itertools.combinations(names, 2)}
+
+
+@lru_cache(maxsize=4)
+def flight(kind: str) -> Trajectory:
+    """Return a minute of flight: 40 s of boost, then coast; the body pitches slowly, and spins or oscillates."""
+    along = 30.0 * SITE_V / np.linalg.norm(SITE_V)
+    phases, events, start, r, v = [], {"liftoff": 0.0}, 0.0, SITE_R, SITE_V
+    for number, (duration, force) in enumerate(((40.0, along), (20.0, np.zeros(3)))):
+        t = start + np.linspace(0.0, duration, int(40 * duration) + 1)
+        rs, vs, accelerations = fly(lambda _, f=force: f, t, r, v)
+        position = position_spline(t, rs, vs[[0, -1]], accelerations[[0, -1]])
+        phases.append(Phase(f"phase{number}", t[0], t[-1], position, attitude_spline(t, _attitude(kind, t))))
+        start, r, v = t[-1], rs[-1], vs[-1]
+        events[("stage1_cutoff", "end")[number]] = start
+    return Trajectory(tuple(phases), events, 0.3, "2024-03-20T12:00:00Z")
+
+
+def _attitude(kind: str, t: Floats) -> Floats:
+    x = SITE_V / np.linalg.norm(SITE_V)
+    z = np.cross(x, SITE_R)
+    z /= np.linalg.norm(z)
+    y = np.cross(z, x)
+    pitch = np.radians(0.5) * t
+    roll = (2.0 * np.pi * 0.8 if kind == "spinning" else np.radians(2.0)) * t
+    if kind == "oscillating":
+        pitch = pitch + np.radians(1.0) * np.sin(2.0 * np.pi * 1.2 * t)
+    nose = np.cos(pitch)[:, None] * x + np.sin(pitch)[:, None] * y
+    side = np.cos(pitch)[:, None] * y - np.sin(pitch)[:, None] * x
+    c, s = np.cos(roll)[:, None], np.sin(roll)[:, None]
+    return quaternions(np.stack([nose, c * side + s * z, c * z - s * side], axis=-1))
+
+
+def scenario_of(case: Case) -> tuple[Scenario, str, bool]:
+    """Return the scenario of a case, its flight, and whether its gains are stored; ValidationError with the reason."""
+    fields: dict[str, Any] = {}
+    for name, level in case.items():
+        fields |= DIMENSIONS[name][level]
+    kind, stored = fields.pop("flight", "steady"), fields.pop("gains", False)
+    listed = fields["filter.measurements"]
+    found = {"attitude": REFERENCE, "altitude": ALTIMETER}
+    fields["sensors"] = {name: card for name, card in found.items() if name in listed}
+    return with_fields(loaded(*BASE), **fields), kind, stored
+
+
+class Verdict(NamedTuple):
+    """What came of a case: refused with a reason, or agreement: lowest and highest RMS ratio with their bounds, and the
+    output and time of the worst.
+    """
+
+    refused: str = ""
+    low: float = 0.0
+    high: float = 0.0
+    bounds: tuple[float, float] = (0.0, 0.0)
+    worst: str = ""
+    seconds: float = 0.0
+
+    @property
+    def agrees(self) -> bool:
+        """Whether both engines agree."""
+        return not self.refused and self.bounds[0] < self.low and self.high < self.bounds[1]
+
+
+def judge(case: Case, runs: int = RUNS) -> Verdict:
+    """Run a case with both engines, or say why it is refused."""
+    start = time.perf_counter()
+    try:
+        scenario, kind, stored = scenario_of(case)
+        prepared = prepare_hop(scenario, flight(kind))
+        if stored:
+            prepared = prepare_hop(with_stored_gains(scenario, prepared), flight(kind))
+    except ValidationError as error:
+        return Verdict(refused=str(error.errors()[0]["msg"]).removeprefix("Value error, "))
+    except ValueError as error:
+        return Verdict(refused=str(error))
+    low, high, bounds, worst = compare(prepared, runs)
+    return Verdict("", low, high, bounds, worst, time.perf_counter() - start)
+
+
+def with_stored_gains(scenario: Scenario, prepared: Prepared) -> Scenario:
+    """Return the scenario with the gains that its filter has on the nominal flight, stored epoch by epoch."""
+    tape = forward_tape(prepared, components(prepared, source_names(prepared)))
+    used, n, names = int(tape.used[0]), prepared.layout.n_state, prepared.channels.names
+    gains = np.zeros((prepared.t_epoch.size, len(names), n))
+    gains[tape.epoch[:used], tape.channel[:used]] = tape.gain[:used, :n]
+    taken = np.unique(tape.channel[:used])
+    if not taken.size:
+        raise ValueError("filter.gains: the filter has no measurement that a gain could be for")
+    schedule = schedule_of(
+        "stored", "test", "time", state_names(prepared.layout), prepared.t_epoch, gains[:, taken],
+        flown_events(prepared), tolerance=1e-6, digits=9, measurements=[names[k] for k in taken],
+    )  # fmt: skip
+    return with_fields(scenario, **{"filter.gains": schedule.model_dump(mode="json")})
+
+
+def compare(prepared: Prepared, runs: int) -> tuple[float, float, tuple[float, float], str]:
+    """Return the lowest and highest ratio of RMS to linear covariance, their bounds, and where the worst is."""
+    history, block = covariance(prepared), run_block(prepared, SEED, 0, runs)
+    at = [int(np.argmin(np.abs(history.t - t))) for t in TIMES]
+    expected = np.sqrt(history.true_sigma[at] ** 2 + history.mean[at] ** 2)
+    rms = np.sqrt(np.mean(block.err[:, at] ** 2, axis=0))
+    known = expected > 1e-12 * np.maximum(1e-30, np.nanmax(expected, axis=0))
+    ratio = np.where(known, rms / np.where(known, expected, 1.0), 1.0)
+    ratio = np.where(np.isfinite(ratio), ratio, np.inf)
+    bounds = np.sqrt(chi2.ppf([0.5 * LEVEL / ratio.size, 1.0 - 0.5 * LEVEL / ratio.size], runs) / runs)
+    off = np.maximum(ratio / bounds[1], bounds[0] / np.maximum(ratio, 1e-30))
+    k, column = np.unravel_index(int(np.argmax(off)), off.shape)
+    output = prepared.outputs[int(column)]
+    worst = f"{output.quantity} {output.axis} at {TIMES[int(k)]:g} s: {ratio[k, column]:.3f}"
+    return float(ratio.min()), float(ratio.max()), (float(bounds[0]), float(bounds[1])), worst
+
+
+def main() -> int:
+    """Run every case (or those whose numbers are given) and write reports/combinations/."""
+    cases = covering()
+    chosen = [int(k) for k in sys.argv[1:]] or range(len(cases))
+    rows = []
+    for number in chosen:
+        verdict = judge(cases[number])
+        rows.append((number, cases[number], verdict))
+        text = verdict.refused or f"{'agree' if verdict.agrees else 'DIFFER'} {verdict.low:.3f} {verdict.high:.3f}"
+        print(number, text, verdict.worst, f"{verdict.seconds:.0f} s", cases[number], flush=True)  # noqa: T201
+    if len(rows) == len(cases):
+        write(rows, Path("reports/combinations"))
+    return int(any(not (v.refused or v.agrees) for _, _, v in rows))
+
+
+def write(rows: list[tuple[int, Case, Verdict]], folder: Path) -> None:
+    """Write the matrix as CSV and as a page."""
+    folder.mkdir(parents=True, exist_ok=True)
+    head = ["case", *DIMENSIONS, "verdict", "lowest ratio", "highest ratio", "lower bound", "upper bound", "worst"]
+    lines = [",".join(f'"{name}"' for name in head)]
+    for number, case, v in rows:
+        verdict = f"refused: {v.refused}" if v.refused else "agree" if v.agrees else "differ"
+        numbers = ["", "", "", ""] if v.refused else [f"{x:.3f}" for x in (v.low, v.high, *v.bounds)]
+        lines.append(",".join(f'"{cell}"' for cell in [str(number), *case.values(), verdict, *numbers, v.worst]))
+    (folder / "matrix.csv").write_text("\n".join(lines) + "\n")
+    agree, refusals = sum(v.agrees for _, _, v in rows), sorted({v.refused for _, _, v in rows if v.refused})
+    differ = [number for number, _, v in rows if not v.refused and not v.agrees]
+    page = [
+        "# Combination matrix",
+        "",
+        f"{len(rows)} cases in which every pair of levels of {len(DIMENSIONS)} dimensions stands at least once, on a",
+        f"minute of flight, {RUNS} runs each: RMS of Monte Carlo over linear covariance of every output at",
+        f"{', '.join(f'{t:g} s' for t in TIMES)}, within its chi-square interval ({LEVEL:g} a case).",
+        "",
+        f"- Both engines agree: {agree} cases.",
+        f"- They differ: {len(differ)}{' (' + ', '.join(map(str, differ)) + ')' if differ else ''}.",
+        f"- Refused: {sum(bool(v.refused) for _, _, v in rows)}, for these reasons:",
+        *(f"  - {reason}" for reason in refusals),
+        "",
+        "Every case is a line of [matrix.csv](matrix.csv). Made by `python -m tests.engines.combinations`.",
+        "",
+    ]
+    (folder / "README.md").write_text("\n".join(page))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
