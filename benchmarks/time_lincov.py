@@ -9,7 +9,7 @@ import time
 from joblib import Parallel, delayed
 
 from benchmarks.common import best, scenario
-from lvnav_trade.engines.lincov import adjoint, covariance
+from lvnav_trade.engines.lincov.history import adjoint, covariance
 from lvnav_trade.engines.prepare import prepare
 from lvnav_trade.scenario import Scenario
 

@@ -9,7 +9,7 @@ from benchmarks.time_flight import speed
 from lvnav_trade.campaign.axes import cases
 from lvnav_trade.campaign.cards import campaign_file
 from lvnav_trade.campaign.load import load
-from lvnav_trade.engines.covariances import covariance
+from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.prepare import prepare
 
 

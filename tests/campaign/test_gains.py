@@ -8,7 +8,7 @@ import pytest
 from lvnav_trade.campaign.axes import cases
 from lvnav_trade.campaign.gains import gain_schedule
 from lvnav_trade.campaign.load import load
-from lvnav_trade.engines.lincov import covariance
+from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.montecarlo import run_block
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.scheduled import GainKnot, GainSegment, digest_of

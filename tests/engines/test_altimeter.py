@@ -10,7 +10,7 @@ import pytest
 from lvnav_trade.campaign.load import load
 from lvnav_trade.engines.adjoint import Backward
 from lvnav_trade.engines.altimeter import NOISE, altimeter_of, height_of
-from lvnav_trade.engines.lincov import adjoint, covariance
+from lvnav_trade.engines.lincov.history import adjoint, covariance
 from lvnav_trade.engines.montecarlo import run_block
 from lvnav_trade.engines.observability import observability
 from lvnav_trade.observables.altitude import AltimeterCard

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lvnav_trade.engines.covariances import covariance
+from lvnav_trade.engines.lincov.history import covariance
 from tests.building import LOOSE, case
 from tests.engines.modelled import modelled
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.engines.error_bound import error_bound
-from lvnav_trade.engines.lincov import forward_tape
+from lvnav_trade.engines.lincov.history import forward_tape
 from lvnav_trade.engines.truth import source_names, true_model
 from lvnav_trade.errors import InputError
 from lvnav_trade.scenario import beliefs

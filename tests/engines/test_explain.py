@@ -9,7 +9,7 @@ import pytest
 
 from lvnav_trade.engines import explain as room
 from lvnav_trade.engines.explain import explain
-from lvnav_trade.engines.lincov import covariance
+from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.retune import FACTORS
 from lvnav_trade.records import Asked
 from tests.building import case, flying, hop

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from lvnav_trade.engines.lincov import covariance
+from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.montecarlo import run_block
 from tests.building import LOOSE, MATCHED, loaded, prepare_hop, with_fields
 

@@ -10,7 +10,7 @@ import pytest
 from pydantic import BaseModel
 
 from lvnav_trade.delays import AtmosphereCard
-from lvnav_trade.engines.lincov import covariance
+from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.montecarlo import run_block
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.base import FilterCard

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.lincov import covariance
+from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.nonlinearity import _flown, _linear, _start_tick, nonlinearity
 from lvnav_trade.kernels.transition import ATT, POS, VEL
 from tests.building import LOOSE, case

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.lincov import covariance
+from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.observability import TOLERANCE, fold, in_words, observability
 from lvnav_trade.frames import matrices
 from lvnav_trade.kernels.earth import OMEGA

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lvnav_trade.engines import montecarlo
-from lvnav_trade.engines.runs import replay, run_block
+from lvnav_trade.engines.montecarlo import replay, run_block
 from tests.building import LOOSE, case
 from tests.engines.test_reported import flown
 

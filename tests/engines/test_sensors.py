@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.covariances import covariance
-from lvnav_trade.engines.runs import run_block
+from lvnav_trade.engines.lincov.history import covariance
+from lvnav_trade.engines.montecarlo import run_block
 from lvnav_trade.engines.sensors import measures, window
 from lvnav_trade.errors import InputError
 from tests.building import LOOSE, MATCHED, loaded, prepare_hop, with_fields

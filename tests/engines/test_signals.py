@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.lincov import covariance
+from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.montecarlo import run_block
 from lvnav_trade.engines.signals import Line, _shifts
 from lvnav_trade.world.faults import DegradedNoise

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm
 
-from lvnav_trade.engines.lincov import adjoint, covariance
+from lvnav_trade.engines.lincov.history import adjoint, covariance
 from lvnav_trade.engines.montecarlo import run_block
 from lvnav_trade.engines.solution import RANGE, simulated
 from lvnav_trade.scenario import Scenario

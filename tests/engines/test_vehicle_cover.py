@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lvnav_trade.engines.covariances import covariance
+from lvnav_trade.engines.lincov.history import covariance
 from tests.engines.modelled import modelled
 
 

@@ -9,13 +9,7 @@ import pytest
 
 from lvnav_trade.kernels.covariance import absorb, predict
 from lvnav_trade.kernels.jit import making_arrays
-from lvnav_trade.kernels.joint import (
-    apply_phi,
-    apply_phi_transposed,
-    propagate_component,
-    update_covariance,
-    update_vector,
-)
+from lvnav_trade.kernels.joint import apply_phi, apply_phi_transposed, update_covariance, update_vector
 
 NONE = np.zeros(0, dtype=np.int64)
 
@@ -43,29 +37,6 @@ def test_a_vector_is_multiplied_by_phi_and_by_its_transpose():
     np.testing.assert_allclose(y, expected, rtol=0, atol=1e-13)
     apply_phi_transposed(z, blocks, rows, columns, decay, clock, seconds)
     np.testing.assert_allclose(z, back, rtol=0, atol=1e-13)
-
-
-@pytest.mark.parametrize("wander", [0.0, 0.3])
-@pytest.mark.parametrize("variance", [0.0, 2.0])
-def test_a_parameter_acts_as_in_the_dense_joint_covariance(variance, wander):
-    """[e; c] with e+ = Phi e + b c + g w, c+ = f c + w, propagated as one matrix."""
-    rng = np.random.default_rng(2)
-    n, fade = 12, 0.8
-    rows, columns, blocks = np.array([3, 6]), np.array([0, 3]), 0.2 * rng.standard_normal((2, 9))
-    b, g = np.zeros(n), np.zeros(n)
-    b[3:6], g[9] = rng.standard_normal(3), 1.0
-    phi = product(n, rows, columns, blocks)
-    root = rng.standard_normal((n + 1, n + 1))
-    joint = root @ root.T
-    scale = np.append(np.ones(n), np.sqrt(variance / joint[n, n]))
-    joint *= np.outer(scale, scale)
-    A, drive = np.block([[phi, b[:, None]], [np.zeros(n), fade]]), np.append(g, 1.0)
-    expected = A @ joint @ A.T + wander * np.outer(drive, drive)
-    P, y = phi @ joint[:n, :n] @ phi.T, joint[:n, n].copy()
-    after = propagate_component(P, y, b, g, variance, fade, wander, blocks, rows, columns, np.ones(n), -1, 0.1)
-    np.testing.assert_allclose(P, expected[:n, :n], rtol=0, atol=1e-12)
-    np.testing.assert_allclose(y, expected[:n, n], rtol=0, atol=1e-12)
-    assert after == pytest.approx(expected[n, n], rel=1e-14)
 
 
 def test_the_true_update_is_josephs_form_for_any_gain():

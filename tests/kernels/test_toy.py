@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from lvnav_trade.engines.absorbed import _absorb_shared
 from lvnav_trade.kernels.covariance import absorb, predict
-from lvnav_trade.kernels.joint import propagate_component, update_covariance, update_vector
+from lvnav_trade.kernels.groups import GROUP
 from lvnav_trade.kernels.transition import POS, VEL
+from tests.engines.lincov.small import of_lanes, propagate, small, update
 
 RUNS, DT, N, BIAS = 40_000, 1.0, 12, 9
 FORCE = np.where((np.arange(300) < 100) | (np.arange(300) >= 200), 30.0, 0.0)  # m/s^2
@@ -27,11 +27,10 @@ FADE, FADE_HAT = np.exp(-DT / TRUE_TIME), np.exp(-DT / BELIEVED_TIME)
 WANDER = SIGMA_BIAS**2 * (1.0 - FADE**2)
 ENTRIES, STATES = np.array([0]), np.array([POS])
 SOURCES = ("bias", "scale factor", "velocity random walk", "fix bias", "fix noise", "start")
+BIASED, SCALED, WALKED, FIXED, NOISY, STARTED = range(len(SOURCES))
 # As much of the engine's records as the shared error of a fix needs.
-Sources = namedtuple("Sources", "sources shared_cross shared_variance")
-Fixes = namedtuple("Fixes", "shared partial")
+Fixes = namedtuple("Fixes", "shared partial n_receiver shift")
 Shares = namedtuple("Shares", "member partial")
-Truth = namedtuple("Truth", "shared_source shared_family")
 X = np.array([VEL, POS, BIAS])  # the states of the one axis that counts
 
 
@@ -66,41 +65,28 @@ def gains():
 
 def linear(gain, mismatch=True):
     """True variances by source, (300, n_source, N), through the joint recursion; without the bias' mismatch if told."""
-    P = np.zeros((len(SOURCES), N, N))
-    P[0, BIAS, BIAS] = SIGMA_BIAS**2
-    P[5, VEL, VEL], P[5, POS, POS] = START_VEL**2, START_POS**2
-    bias, scale, fixed = np.zeros(N), np.zeros(N), np.zeros((1, N))
-    bias[BIAS] = SIGMA_BIAS**2
-    variances = np.array([SIGMA_BIAS**2, SCALE**2])
-    joint = Sources(P, fixed, np.array([FIX_BIAS**2]))
-    signals = Fixes(Shares(np.zeros((1, 1), dtype=np.int64), np.ones((1, 1, 1))), np.zeros((0, 1, 1)))
-    true = Truth(np.array([3]), np.array([-1]))
-    work, decay, none = np.zeros(N), np.ones(N), np.zeros(N)
-    decay[BIAS:] = FADE_HAT
+    n_source = len(SOURCES)
+    P, variance, fade, noise = np.zeros((n_source, N, N)), np.zeros(n_source), np.ones(n_source), np.zeros(n_source)
+    P[BIASED, BIAS, BIAS] = SIGMA_BIAS**2
+    P[STARTED, VEL, VEL], P[STARTED, POS, POS] = START_VEL**2, START_POS**2
+    variance[[BIASED, SCALED, FIXED]] = SIGMA_BIAS**2, SCALE**2, FIX_BIAS**2
+    fade[BIASED], noise[BIASED] = FADE if mismatch else FADE_HAT, WANDER
+    decay, white, number = np.ones(N), np.zeros((n_source, N)), np.array
+    decay[BIAS:], white[WALKED, VEL] = FADE_HAT, WALK**2 * DT
+    joint, scratch, true, belief = small(
+        P, variance, fade=fade, noise=noise, decay=decay, white=white, blocks=BLOCKS, rows=ROWS, columns=COLUMNS,
+        seconds=DT, state_source=number([BIASED]), state_slot=number([0]), state_at=number([BIAS]),
+        shared_source=number([FIXED]), shared_slot=number([0]), shared_family=number([-1]),
+    )  # fmt: skip
+    of_lanes(joint.cross, BIASED)[0, BIAS] = SIGMA_BIAS**2
+    signals = Fixes(Shares(np.zeros((1, 1), dtype=np.int64), np.ones((1, 1, 1))), np.zeros((0, 1, 1)), 6, 0)
     out = []
     for force, k in zip(FORCE, gain, strict=True):
-        for s in range(len(SOURCES)):
-            noise = np.zeros(N)
-            if SOURCES[s] == "velocity random walk":
-                noise[VEL] = WALK**2 * DT
-            predict(P[s], BLOCKS, ROWS, COLUMNS, decay, noise, -1, DT)
-        b, g = np.zeros(N), np.zeros(N)
-        b[BIAS], g[BIAS] = (FADE - FADE_HAT) * mismatch, 1.0
-        variances[0] = propagate_component(
-            P[0], bias, b, g, variances[0], FADE, WANDER, BLOCKS, ROWS, COLUMNS, decay, -1, DT
-        )  # fmt: skip
-        b = np.zeros(N)
-        b[VEL], b[POS] = -force * DT, -0.5 * force * DT**2
-        variances[1] = propagate_component(
-            P[1], scale, b, none, variances[1], 1.0, 0.0, BLOCKS, ROWS, COLUMNS, decay, -1, DT
-        )  # fmt: skip
-        propagate_component(P[3], fixed[0], none, none, FIX_BIAS**2, 1.0, 0.0, BLOCKS, ROWS, COLUMNS, decay, -1, DT)
-        for s in range(len(SOURCES)):
-            update_covariance(P[s], work, k, np.ones(1), ENTRIES, STATES, FIX**2 if SOURCES[s] == "fix noise" else 0.0)
-        for y in (bias, scale):
-            update_vector(y, k, np.ones(1), ENTRIES, STATES)
-        _absorb_shared(joint, k, np.ones(1), ENTRIES, STATES, signals, true, False, 0, 0)
-        out.append(np.diagonal(P, axis1=1, axis2=2).copy())
+        enters = scratch.b if GROUP == 1 else scratch.b[..., SCALED]
+        enters[SCALED if GROUP == 1 else 0, 0, [VEL, POS]] = -force * DT, -0.5 * force * DT**2
+        propagate(joint, scratch, true, belief)
+        update(joint, scratch, true, k, np.ones(1), ENTRIES, STATES, NOISY, FIX**2, signals)
+        out.append([np.diag(of_lanes(joint.sources, source)).copy() for source in range(n_source)])
     return np.array(out)
 
 

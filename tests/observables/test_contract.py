@@ -32,9 +32,9 @@ def moved(x):
     return nav, CLOCK + x[9]
 
 
-def antenna_at(nav):
-    out = np.zeros(12)
-    antenna(out, nav, BODY_RATE, LEVER)
+def antenna_at(nav, rate=0.0):
+    out = np.zeros(21)
+    antenna(out, nav, BODY_RATE + rate, LEVER, 1.0)
     return out
 
 
@@ -56,17 +56,24 @@ def predict_velocity(h, nav, clock, axis):
     return velocity.row(h, antenna_at(nav), axis)
 
 
+def attitude_rows(observed, nav):
+    """Jacobian rows (3, n_entry) and innovations (3,) of a measured attitude."""
+    H, z = np.zeros((3, N_ENTRY)), np.zeros(3)
+    attitude.fill(H, z, 0, np.asarray(observed), nav)
+    return H, z
+
+
 def predict_attitude(h, nav, clock, axis):
     """The rotation from NAV's attitude, at which the row is a one in its axis' column, to the estimated one."""
-    h[:] = 0.0
-    h[H_ATT + axis] = 1.0
-    return attitude.innovation(*nav[Q : Q + 4], *NAV[Q : Q + 4])[axis]
+    h[:] = attitude_rows(NAV[Q : Q + 4], nav)[0][axis]
+    return attitude_rows(nav[Q : Q + 4], NAV)[1][axis]
 
 
 def observe_attitude(true, sigma, noise):
     """One axis of what the reference measures of NAV's attitude, as a rotation from it; `true` is that of the truth."""
-    measured = attitude.observe(*NAV[Q : Q + 4], sigma, noise, 0.0, 0.0)
-    return true + attitude.innovation(*measured, *NAV[Q : Q + 4])[0]
+    measured = np.zeros(4)
+    attitude.measure(measured, NAV[Q : Q + 4], sigma * noise, 0.0, 0.0)
+    return true + attitude_rows(measured, NAV)[1][0]
 
 
 FAMILY = {

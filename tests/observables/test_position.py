@@ -8,7 +8,7 @@ import pytest
 from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_VEL, N_ENTRY
 from lvnav_trade.observables.position import observe, row
 
-AT = np.array([1.0, 2.0, 3.0, 10.0, 20.0, 30.0, 0.1, 0.2, 0.3, 0.01, 0.02, 0.03])
+AT = np.array([1.0, 2.0, 3.0, 10.0, 20.0, 30.0, 0.1, 0.2, 0.3, 0.01, 0.02, 0.03, *range(4, 13)])
 OWN, ARM = (H_POS, 6) if "position" == "position" else (H_VEL, 9)
 
 

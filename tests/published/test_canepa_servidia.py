@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.lincov import covariance
+from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.montecarlo import run_block
 from tests.building import ascent
 

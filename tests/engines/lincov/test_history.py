@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from lvnav_trade.engines.lincov import adjoint, covariance
+from lvnav_trade.engines.lincov.history import adjoint, covariance
 from lvnav_trade.engines.montecarlo import run_block
 from tests.building import INERTIAL, LOOSE, MATCHED, ascent, case, loaded, prepare_hop, with_fields
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lvnav_trade.engines.carried import new_tape
-from lvnav_trade.engines.lincov import forward_tape
+from lvnav_trade.engines.lincov.history import forward_tape
 from lvnav_trade.engines.truth import source_names, true_model
 from lvnav_trade.kernels.strapdown import N_SUM
 from tests.building import LOOSE, case

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.lincov import adjoint, covariance
+from lvnav_trade.engines.lincov.history import adjoint, covariance
 from tests.building import INERTIAL, MATCHED, case
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from lvnav_trade.engines.covariances import covariance
-from lvnav_trade.engines.lincov import covariance as plain
+from lvnav_trade.engines.lincov.history import covariance
+from lvnav_trade.engines.lincov.history import covariance as plain
 from lvnav_trade.engines.montecarlo import run_block
 from tests.building import LOOSE, case
 from tests.engines.modelled import BASELINE, DATASHEET, MODEL, PUBLISHED, modelled

@@ -9,8 +9,8 @@ import pytest
 from scipy.stats import chi2, norm
 
 from lvnav_trade.engines import reported
-from lvnav_trade.engines.covariances import covariance
-from lvnav_trade.engines.runs import run_block
+from lvnav_trade.engines.lincov.history import covariance
+from lvnav_trade.engines.montecarlo import run_block
 from lvnav_trade.layout import solution_outputs
 from lvnav_trade.receivers.base import POS, VEL, transition
 from lvnav_trade.receivers.cascade import design, filtered

@@ -1,0 +1,101 @@
+"""A joint covariance made by hand, for tests: a few sources with a component each, in lanes as the engine has them."""
+
+from __future__ import annotations
+
+from collections import namedtuple
+
+import numpy as np
+
+from lvnav_trade.engines.lincov.components import _aligned, _as_lanes
+from lvnav_trade.engines.lincov.propagate import propagate_sources
+from lvnav_trade.engines.lincov.update import _update_shared, _update_sources
+from lvnav_trade.kernels.groups import GROUP, grouped_zeros
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.strapdown import N_SUM
+
+# As much of the engine's records as propagation and update of the sources read.
+Joint = namedtuple("Joint", "mean sources cross variance")
+Work = namedtuple("Work", "D_true block input y b seen noise spread")
+Truth = namedtuple(
+    "Truth",
+    "group lane n_slot followed moves fade noise echo sensor driver source profile slot moving state_source state_slot "
+    "state_at nav_rows nav_columns white decay shared_source shared_slot shared_family",
+)
+Belief = namedtuple("Belief", "seconds clock")
+
+
+def of_lanes(array, source):
+    """Return what an array in groups, (n_group, ...[, 8]), holds of one source."""
+    return array[source] if GROUP == 1 else array[source // GROUP, ..., source % GROUP]
+
+
+def small(starts, variances, *, fade, noise, decay, white, blocks, rows, columns, seconds, clock=-1, **more):
+    """Return (joint, scratch, true, belief) of sources with one component each.
+
+    starts : (n_source, n, n) covariances; variances, fade, noise : (n_source,) of the components; decay : (n,);
+    white : (n_source, n) noise of a window; blocks, rows, columns : of the transition; more : fields of Truth
+    """
+    n_source, n = white.shape
+    place = np.arange(n_source)
+    group, lane = place // GROUP, place % GROUP
+    n_group = int(group.max()) + 1
+
+    def table(values):
+        return _aligned(np.swapaxes(_as_lanes(np.asarray(values, dtype=float), group, lane), 0, 1))
+
+    none, ones = np.zeros(0, dtype=np.int64), np.ones((n_group, 1), dtype=np.bool_)
+    fields = {
+        "group": group, "lane": lane, "n_slot": np.ones(n_group, dtype=np.int64), "followed": ones, "moves": ones,
+        "fade": table(np.reshape(fade, (n_source, 1, 1, 1))), "noise": table(np.reshape(noise, (n_source, 1, 1, 1))),
+        "echo": table(np.zeros((n_source, 1, 1, 1))), "sensor": none, "driver": none, "source": none, "profile": none,
+        "slot": np.zeros((0, 3), dtype=np.int64), "moving": np.zeros(0, dtype=np.bool_), "state_source": none,
+        "state_slot": none, "state_at": none, "nav_rows": rows, "nav_columns": columns,
+        "white": table(white[:, None]), "decay": decay[None], "shared_source": none, "shared_slot": none,
+        "shared_family": none,
+    }  # fmt: skip
+    true = Truth(**(fields | more))
+    joint = Joint(
+        np.zeros(n),
+        _as_lanes(np.asarray(starts, dtype=float), group, lane),
+        grouped_zeros((n_group, 1, n)),
+        _as_lanes(np.reshape(variances, (n_source, 1, 1)).astype(float), group, lane),
+    )
+    scratch = Work(
+        blocks, np.zeros(9), np.zeros((9, 3)), grouped_zeros((n,)), grouped_zeros((n_group, 1, 9)),
+        grouped_zeros((n_group, 1, 1)), grouped_zeros((n_group, 1, 1)), grouped_zeros((1,)),
+    )  # fmt: skip
+    return joint, scratch, true, Belief(np.array([seconds]), clock)
+
+
+@jit
+def _propagate(joint, scratch, true, belief, sums):
+    propagate_sources(joint, scratch, true, belief, sums, 0)
+
+
+def propagate(joint, scratch, true, belief):
+    """Propagate every source over the one window; how components enter stands in scratch.b."""
+    _propagate(joint, scratch, true, belief, np.zeros(N_SUM))
+
+
+@jit
+def _update(total, joint, scratch, true, gain, h, entries, columns, source, noise):
+    total[0] = _update_sources(joint, scratch, true, gain, h, entries, columns, source, noise)
+
+
+@jit
+def _update_both(total, joint, scratch, true, gain, h, entries, columns, source, noise, signals):
+    total[0] = _update_sources(joint, scratch, true, gain, h, entries, columns, source, noise)
+    total[0] += _update_shared(joint, scratch, gain, signals, true, 0, 0)
+
+
+def update(joint, scratch, true, gain, h, entries, columns, source, noise, signals=None):
+    """Update every source by a measurement, with the errors that it shares (signals, or None); return the true
+    variance of the innovation.
+    """
+    total = np.zeros(1)
+    given = (total, joint, scratch, true, gain, h, entries, columns, source, noise)
+    if signals is None:
+        _update(*given)
+    else:
+        _update_both(*given, signals)
+    return float(total[0])
