@@ -121,7 +121,7 @@ def test_output_to_a_full_disk_is_one_line_and_exit_code_four(more: tuple[str, .
     with Path("/dev/full").open("w") as full:
         command = [sys.executable, "-m", "lvnav_trade", "cards", *more]
         found = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
-    told = "No space left on device; the same command resumes once there is space\n"
+    told = "standard output: No space left on device; not all of it was written\n"
     assert (found.returncode, found.stderr) == (4, told)
 
 
