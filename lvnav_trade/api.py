@@ -90,10 +90,7 @@ class Results:
 def check(campaign: str | Path, sets: Sequence[str] = ()) -> Campaign:
     """Return the campaign of a file after every check that needs no flight, and those that need its trajectories.
 
-    Raises
-    ------
-    InputError
-        One line per mistake.
+    InputError: one line per mistake.
     """
     found = load_campaign(campaign, sets)
     _events(found)
@@ -245,7 +242,9 @@ def study(
     from lvnav_trade.campaign.study import load_study
     from lvnav_trade.metrics.published.references import references
     from lvnav_trade.report.study import Answered, build
+    from lvnav_trade.store.contents import owned
 
+    owned(keep, "study")  # refused before anything is computed
     found, questions = load_study(folder, runs)
     place = Path(results) if results is not None else Path("results") / (found.name or Path(folder).name)
     answered: list[Answered] = []
@@ -326,6 +325,7 @@ def estimate_q(
     from lvnav_trade.campaign.replay import find
     from lvnav_trade.plots.steps import steps
     from lvnav_trade.plots.style import look
+    from lvnav_trade.report.escape import csv_text
 
     loaded = campaign if isinstance(campaign, Campaign) else load_campaign(campaign, sets)
     every = cases(loaded)
@@ -334,7 +334,7 @@ def estimate_q(
     files = (card, card.with_suffix(".csv"), card.with_suffix(".png"))
     write_card(card, found.card)
     try:
-        found.steps.to_csv(files[1], index=False, float_format="%.6g")
+        files[1].write_text(csv_text(found.steps), encoding="utf-8")
         with look():
             steps(found.steps, [phase[:3] for phase in found.phases]).savefig(files[2])
     except OSError as error:

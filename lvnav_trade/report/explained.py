@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from lvnav_trade.metrics.basics.select import final_event, flight_events, mean_a
 from lvnav_trade.metrics.errors.covariances import gaussian
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.report.blocks import Block, Grades, Table, Text, number, picture, table
+from lvnav_trade.report.escape import data_json
 from lvnav_trade.report.evidence import NAVIGATION, chosen_cases, left_out
 from lvnav_trade.store import Tables
 
@@ -129,7 +129,7 @@ def grades(tables: Tables) -> list[Block]:
         "The error at the event if one source had another sigma. Frozen: the filter keeps the gains that it has; "
         "exact, because with fixed gains the variance is a sum over sources. " + honest
     )
-    return [Text(note), Grades(json.dumps(data).replace("</", "<\\/")), *blocks]
+    return [Text(note), Grades(data_json(data)), *blocks]
 
 
 def _metric(tables: Tables, case: str, quantity: str, tuned: pd.DataFrame) -> dict[str, Any] | None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,12 +19,14 @@ from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.published import ratios
 from lvnav_trade.plots.single import single
 from lvnav_trade.plots.steps import steps
-from lvnav_trade.report.blocks import Block, Code, Picture, Section, Text, number, percent, picture, table
-from lvnav_trade.report.build import render
+from lvnav_trade.report.blocks import Block, Code, Section, Text, number, percent, picture, table
+from lvnav_trade.report.build import markdown_page, pictures
+from lvnav_trade.report.escape import csv_text
 from lvnav_trade.report.held import held, missions_table, noise_table
-from lvnav_trade.report.kml import flights, write_kml
+from lvnav_trade.report.kml import flights, kml
 from lvnav_trade.report.steered import control_tables, motion_summary, observed_table
 from lvnav_trade.store import Tables
+from lvnav_trade.store.contents import owned
 
 CSV = ("references", "agreement")
 _CAPTIONS = {
@@ -81,40 +82,31 @@ def build(study: Study, answered: Sequence[Answered], folder: Path | str) -> Pat
 
     What an earlier page left there is replaced. InputError where the folder cannot be written.
     """
-    target = Path(folder)
+    target = owned(folder, "study")
     frames = {"references": _together(answered, _references), "agreement": _together(answered, _agreement)}
     sections = [_answer(answered, frames["references"]), *_assumptions(study)]
     sections += [_campaign(one) for one in answered]
     sections += [_agreements(answered), _reproduce(study, answered)]
-    text = re.sub(r"\n{3,}", "\n\n", render("page.md.j2", study.title, study.description.strip(), sections)).strip()
+    files: dict[str, bytes | str] = {**pictures(sections)}
+    files |= {f"{name}.csv": csv_text(frame) for name, frame in frames.items()}
+    files["report.md"] = markdown_page(study.title, study.description.strip(), sections)
+    files |= {f"{one.part.campaign}.kml": _flight(one, one.part.kml) for one in answered if one.part.kml is not None}
     try:
-        (target / "figures").mkdir(parents=True, exist_ok=True)
-        for old in (target / "figures").glob("*.png"):
-            old.unlink()
-        for section in sections:
-            for block in section.blocks:
-                if isinstance(block, Picture):
-                    (target / "figures" / f"{block.name}.png").write_bytes(block.png)
-        for name, frame in frames.items():
-            frame.to_csv(target / f"{name}.csv", index=False, float_format="%.6g")
-        (target / "report.md").write_text(text + "\n", encoding="utf-8")
-        for old in target.glob("*.kml"):
-            old.unlink()
-        for one in answered:
-            _keep_flight(one, target)
+        target.claim("study", files)
+        for name, content in files.items():
+            target.write(name, content)
+        target.settle("study", files)
     except OSError as error:
-        raise InputError(f"{target}: the study cannot be kept there: {error.strerror or error}") from error
-    return target / "report.md"
+        raise InputError(f"{folder}: the study cannot be kept there: {error.strerror or error}") from error
+    return target.folder / "report.md"
 
 
-def _keep_flight(one: Answered, target: Path) -> None:
-    """Write the flight of the case that is asked for, with ellipses of its position error every minute."""
-    if one.part.kml is None:
-        return
-    _one_at_least(one, one.part.kml)
-    label = one.tables.labels[cases_of(one.tables, one.part.kml)[0]]
+def _flight(one: Answered, case: Case) -> bytes:
+    """Return the flight of the case that is asked for as KML, with ellipses of its position error every minute."""
+    _one_at_least(one, case)
+    label = one.tables.labels[cases_of(one.tables, case)[0]]
     drawn = [flight for flight in flights(one.tables, True, 60.0) if flight.name == label]
-    write_kml(target / f"{one.part.campaign}.kml", f"{one.part.campaign}: {label}", drawn)
+    return kml(f"{one.part.campaign}: {label}", drawn)
 
 
 def _references(one: Answered) -> pd.DataFrame:
