@@ -22,7 +22,7 @@ from pathlib import Path
 from lvnav_trade.campaign.lock import locked
 with locked(Path(sys.argv[1])):
     print("held", flush=True)
-    time.sleep(60)
+    time.sleep(600)
 """
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -75,7 +75,7 @@ def test_a_process_that_is_killed_leaves_no_lock(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"process .* is working"), locked(tmp_path):
         pass
     process.send_signal(signal.SIGKILL)
-    process.wait(10)
+    process.wait(600)
     process.stdout.close()
     with locked(tmp_path):
         pass
