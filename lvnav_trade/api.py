@@ -75,9 +75,9 @@ class Results:
         """One line per failed run, with the command that flies it again, and per unit of work that was lost."""
         runs = self.tables.runs
         failed = runs[runs.failure != ""].drop_duplicates(["case", "run_number"])
-        return [*self.tables.manifest.get("lost", []), *map(self._told, failed.itertuples(index=False))]
+        return [*self.tables.manifest.get("lost", []), *map(self._shown, failed.itertuples(index=False))]
 
-    def _told(self, row: Any) -> str:
+    def _shown(self, row: Any) -> str:
         what = f"{self.tables.labels[row.case]}, run {row.run_number} {row.failure} at {row.t_failed_s:g} s"
         return f"{what}; lvnav-trade replay {self.folder} {row.case} {row.run_number}"
 
@@ -180,9 +180,9 @@ def load(folder: str | Path) -> Results:
 
 def verdicts(folder: Path) -> pd.DataFrame:
     """Return requirement, case, verdict (met, violated, undecided), estimate and what it rests on."""
-    from lvnav_trade.metrics.requirements.requirements import verdicts as judge
+    from lvnav_trade.metrics.requirements.requirements import verdicts as verdicts_of
 
-    return judge(folder)
+    return verdicts_of(folder)
 
 
 def build_report(folder: Path) -> Path:
@@ -259,8 +259,8 @@ def study(
         if on_campaign is not None:
             on_campaign(campaign.name, held)
         answered.append(Answered(part, held.tables, campaign.model_dump(mode="json"), behind(part, campaign)))
-        judged = references(held.tables, answered[-1].stated)
-        counts[campaign.name] = (len(judged), int(judged.in_band.sum()))
+        verdicts = references(held.tables, answered[-1].stated)
+        counts[campaign.name] = (len(verdicts), int(verdicts.in_band.sum()))
     page = build(found, answered, Path(keep))
     stated, held_up = (sum(one[k] for one in counts.values()) for k in (0, 1))
     return Studied(page, counts, stated, held_up, failures)
@@ -391,10 +391,10 @@ def write_kml(
     return kml.write_kml(Path(file), seen.name, [flight], magnify)
 
 
-def exit_code(judged: Sequence[str], failures: Sequence[Any]) -> int:
+def exit_code(verdicts: Sequence[str], failures: Sequence[Any]) -> int:
     """Return the exit code of a finished campaign; failed runs come first, because no verdict is safe beside them."""
     if failures:
         return FAILED
-    if "violated" in judged:
+    if "violated" in verdicts:
         return VIOLATED
-    return UNDECIDED if "undecided" in judged else MET
+    return UNDECIDED if "undecided" in verdicts else MET

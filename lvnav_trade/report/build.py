@@ -15,7 +15,9 @@ import pandas as pd
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.metrics import CSV, METRICS
-from lvnav_trade.report import evidence, explained, mission, reception, steered
+from lvnav_trade.report import diagnostics as explained
+from lvnav_trade.report import evidence, mission, reception
+from lvnav_trade.report import vehicle as steered
 from lvnav_trade.report.blocks import Block, Picture, Section, Text
 from lvnav_trade.report.escape import MARKDOWN, csv_text
 from lvnav_trade.report.summary import summary

@@ -17,14 +17,14 @@ from lvnav_trade.metrics.published.published import cases_of
 from lvnav_trade.metrics.published.references import references
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.published import ratios
-from lvnav_trade.plots.single import single
+from lvnav_trade.plots.single_run import single
 from lvnav_trade.plots.steps import steps
 from lvnav_trade.report.blocks import Block, Code, Section, Text, number, percent, picture, table
 from lvnav_trade.report.build import markdown_page, pictures
 from lvnav_trade.report.escape import csv_text
-from lvnav_trade.report.held import held, missions_table, noise_table
 from lvnav_trade.report.kml import flights, kml
-from lvnav_trade.report.steered import control_tables, motion_summary, observed_table
+from lvnav_trade.report.study_tables import missions_table, noise_table, study_tables
+from lvnav_trade.report.vehicle import control_tables, motion_summary, observed_table
 from lvnav_trade.store import Tables
 from lvnav_trade.store.contents import owned
 
@@ -51,9 +51,9 @@ _CAPTIONS = {
     "movement": "Movement of the nozzle by what feeds the controller; the band holds all runs.",
     "sweep": "How much less the nozzle moves with the filtered rate, over the rate gain.",
     "turning": "True angular acceleration in pitch and jerk along z of one run, and what the filter expects.",
-    "worth": "What feeds the controller is worth: movement of the nozzle, and how well the attitude is held.",
+    "worth": "What feeds the controller is worth: movement of the nozzle, and how well the attitude is study_tables.",
     "apart": "By how many percent the true sigma of one case is smaller than that of another, linear covariance.",
-    "readings": "By how much the estimate's sigma lies below the sample's; marks: what is stated.",
+    "interpretations": "By how much the estimate's sigma lies below the sample's; marks: what is stated.",
     "autocorrelation": "Autocorrelation of the innovations (blue: position or range, red: velocity or range rate); "
     "grey: 95 % of what one flight of white ones shows.",
     "missions": "Flown missions among our flights.",
@@ -135,8 +135,8 @@ def _answer(answered: Sequence[Answered], frame: pd.DataFrame) -> Section:
         inside = int(numbers.in_band.sum())
         blocks.append(Text(f"{inside} of {len(numbers)} published numbers lie in the band that their campaign states."))
     if len(orders):
-        held = int(orders.in_band.sum())
-        blocks.append(Text(f"{held} of {len(orders)} published orderings and statements on innovations hold."))
+        study_tables = int(orders.in_band.sum())
+        blocks.append(Text(f"{study_tables} of {len(orders)} published orderings and statements on innovations hold."))
     rows = [_line(one, frame) for one in answered]
     blocks.append(table(pd.DataFrame(rows), "The campaigns of this study."))
     if len(numbers):
@@ -151,8 +151,8 @@ def _answer(answered: Sequence[Answered], frame: pd.DataFrame) -> Section:
 
 def _line(one: Answered, frame: pd.DataFrame) -> dict[str, Any]:
     mine = frame[frame["case"].str.startswith(f"{one.part.campaign}: ")]
-    judged = by_case(one.tables)
-    tested = judged[judged.verdict.isin(["agree", "disagree"])]
+    counted = by_case(one.tables)
+    tested = counted[counted.verdict.isin(["agree", "disagree"])]
     cases = one.tables.cases
     return {
         "campaign": one.part.campaign,
@@ -196,7 +196,7 @@ def _campaign(one: Answered) -> Section:
         )
     blocks += missions_table(tables, one.flown)
     blocks += [*motion_summary(tables), *control_tables(tables, brief=True), *observed_table(tables)]
-    blocks += held(tables, part.tables, part.parted)
+    blocks += study_tables(tables, part.tables, part.paired)
     blocks += _behind(one)
     for place, figure in enumerate(part.figures, 1):
         drawn = _draw(one, figure)
@@ -248,7 +248,7 @@ def _draw(one: Answered, figure: Figure) -> Drawing | None:
         drawn = plot(tables, figure.axis, stated, figure.unit, figure.published, figure.band, figure.cases)
     elif figure.plot == "missions":
         drawn = plot(tables, one.flown)
-    elif figure.plot in ("sweep", "readings"):
+    elif figure.plot in ("sweep", "interpretations"):
         drawn = plot(tables)
     elif figure.plot in ("worth", "apart"):
         drawn = plot(tables, figure.cases)

@@ -21,12 +21,12 @@ from lvnav_trade.store.schema import TABLES, arrow_schema
 class Tables:
     """The results of one campaign; each table of `schema.TABLES` is an attribute, read when first asked for.
 
-    told: what metrics have made of them, for those that ask again.
+    cache: frames that metrics have computed from them.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.told: dict[tuple[str, ...], Any] = {}
+        self.cache: dict[tuple[str, ...], Any] = {}
         self._read: dict[str, pd.DataFrame] = {}
 
     @classmethod

@@ -13,7 +13,7 @@ from lvnav_trade.campaign.load import load
 from lvnav_trade.campaign.study import load_study
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.errors.coverage import coverage
-from lvnav_trade.metrics.errors.paired_levels import parted
+from lvnav_trade.metrics.errors.paired_levels import paired_levels
 from lvnav_trade.metrics.published.references import references
 
 FOLDER = Path(__file__).resolve().parents[2] / "campaigns" / "gains"
@@ -104,8 +104,8 @@ def test_what_is_stated_holds_with_a_few_runs(name: str, tmp_path: Path) -> None
     if name == "robustness":
         _every_rule_does_its_work(results)
     if name == "open_closed":
-        apart = parted(results.tables, "feedback")
-        last = apart[(apart.event == "injection") & (apart.quantity == "velocity")].set_index("case").parted_ratio
+        apart = paired_levels(results.tables, "feedback")
+        last = apart[(apart.event == "injection") & (apart.quantity == "velocity")].set_index("case").difference_ratio
         assert last["imu=navigation_matched"] < 0.01 < last["imu=tactical_mems_matched"]
 
 
