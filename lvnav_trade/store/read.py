@@ -51,6 +51,7 @@ class Tables:
             content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
         except ValueError as error:
             raise InputError(f"{path}: damaged: {error}") from None
+        refuse_foreign(path, content)
         return content
 
     @cached_property
@@ -76,6 +77,12 @@ class Tables:
         return {
             (row.quantity, row.axis): (row.label_unit, row.label_factor_ratio) for row in rows.itertuples(index=False)
         }
+
+
+def refuse_foreign(path: Path, manifest: object) -> None:
+    """Raise InputError where the content of a manifest is not that of this tool's results or of a kept base."""
+    if not isinstance(manifest, dict) or "campaign_digest" not in manifest:
+        raise InputError(f"{path}: not a manifest of lvnav-trade")
 
 
 def _whole(name: str, table: pa.Table) -> pa.Table:

@@ -57,3 +57,15 @@ def test_a_report_and_a_base_are_not_kept_in_a_folder_of_the_users_own(variants:
     assert "holds the results of a campaign, not a kept report" in result.stderr
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["rms.csv"]
     assert not (variants / "base/report.html").exists()
+
+
+@pytest.mark.parametrize("text", ["[]", "3", "null", '{"name": "a web page"}', '{"created": 1, "finished": 2}'])
+@pytest.mark.parametrize("verb", [("report",), ("status",), ("compare", "mine"), ("keep-base", "kept")])
+def test_a_manifest_of_another_tool_is_told_in_one_line(
+    events: dict[str, float], verb: tuple[str, ...], text: str
+) -> None:
+    Path("mine").mkdir()
+    Path("mine/manifest.json").write_text(text)
+    result = call(verb[0], "mine", *verb[1:])
+    assert (result.exit_code, result.stderr) == (2, "mine/manifest.json: not a manifest of lvnav-trade\n")
+    assert not Path("kept").exists()
