@@ -11,7 +11,7 @@ WHEELS ?=
 bin := $(VENV)/bin
 pip := $(bin)/python -m pip --disable-pip-version-check -qq
 from_wheels := $(if $(WHEELS),--no-index --find-links "$(WHEELS)")
-wheels_needed := pip 'hatchling>=1.25,<2' editables
+wheels_needed := pip 'hatchling>=1.27,<2' editables
 
 .DELETE_ON_ERROR:
 .PHONY: help demo test lint unit smoke slow bench study-conae study-drdc study-gains wheelhouse clean

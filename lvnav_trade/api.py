@@ -75,9 +75,9 @@ class Results:
         """One line per failed run, with the command that flies it again, and per unit of work that was lost."""
         runs = self.tables.runs
         failed = runs[runs.failure != ""].drop_duplicates(["case", "run_number"])
-        return [*self.tables.manifest.get("lost", []), *map(self._told, failed.itertuples(index=False))]
+        return [*self.tables.manifest.get("lost", []), *map(self._shown, failed.itertuples(index=False))]
 
-    def _told(self, row: Any) -> str:
+    def _shown(self, row: Any) -> str:
         what = f"{self.tables.labels[row.case]}, run {row.run_number} {row.failure} at {row.t_failed_s:g} s"
         return f"{what}; lvnav-trade replay {self.folder} {row.case} {row.run_number}"
 
@@ -90,10 +90,7 @@ class Results:
 def check(campaign: str | Path, sets: Sequence[str] = ()) -> Campaign:
     """Return the campaign of a file after every check that needs no flight, and those that need its trajectories.
 
-    Raises
-    ------
-    InputError
-        One line per mistake.
+    InputError: one line per mistake.
     """
     found = load_campaign(campaign, sets)
     _events(found)
@@ -183,9 +180,9 @@ def load(folder: str | Path) -> Results:
 
 def verdicts(folder: Path) -> pd.DataFrame:
     """Return requirement, case, verdict (met, violated, undecided), estimate and what it rests on."""
-    from lvnav_trade.metrics.requirements.requirements import verdicts as judge
+    from lvnav_trade.metrics.requirements.requirements import verdicts as verdicts_of
 
-    return judge(folder)
+    return verdicts_of(folder)
 
 
 def build_report(folder: Path) -> Path:
@@ -245,7 +242,9 @@ def study(
     from lvnav_trade.campaign.study import load_study
     from lvnav_trade.metrics.published.references import references
     from lvnav_trade.report.study import Answered, build
+    from lvnav_trade.store.contents import owned
 
+    owned(keep, "study")  # refused before anything is computed
     found, questions = load_study(folder, runs)
     place = Path(results) if results is not None else Path("results") / (found.name or Path(folder).name)
     answered: list[Answered] = []
@@ -260,8 +259,8 @@ def study(
         if on_campaign is not None:
             on_campaign(campaign.name, held)
         answered.append(Answered(part, held.tables, campaign.model_dump(mode="json"), behind(part, campaign)))
-        judged = references(held.tables, answered[-1].stated)
-        counts[campaign.name] = (len(judged), int(judged.in_band.sum()))
+        verdicts = references(held.tables, answered[-1].stated)
+        counts[campaign.name] = (len(verdicts), int(verdicts.in_band.sum()))
     page = build(found, answered, Path(keep))
     stated, held_up = (sum(one[k] for one in counts.values()) for k in (0, 1))
     return Studied(page, counts, stated, held_up, failures)
@@ -326,6 +325,7 @@ def estimate_q(
     from lvnav_trade.campaign.replay import find
     from lvnav_trade.plots.steps import steps
     from lvnav_trade.plots.style import look
+    from lvnav_trade.report.escape import csv_text
 
     loaded = campaign if isinstance(campaign, Campaign) else load_campaign(campaign, sets)
     every = cases(loaded)
@@ -334,7 +334,7 @@ def estimate_q(
     files = (card, card.with_suffix(".csv"), card.with_suffix(".png"))
     write_card(card, found.card)
     try:
-        found.steps.to_csv(files[1], index=False, float_format="%.6g")
+        files[1].write_text(csv_text(found.steps), encoding="utf-8")
         with look():
             steps(found.steps, [phase[:3] for phase in found.phases]).savefig(files[2])
     except OSError as error:
@@ -391,10 +391,10 @@ def write_kml(
     return kml.write_kml(Path(file), seen.name, [flight], magnify)
 
 
-def exit_code(judged: Sequence[str], failures: Sequence[Any]) -> int:
+def exit_code(verdicts: Sequence[str], failures: Sequence[Any]) -> int:
     """Return the exit code of a finished campaign; failed runs come first, because no verdict is safe beside them."""
     if failures:
         return FAILED
-    if "violated" in judged:
+    if "violated" in verdicts:
         return VIOLATED
-    return UNDECIDED if "undecided" in judged else MET
+    return UNDECIDED if "undecided" in verdicts else MET

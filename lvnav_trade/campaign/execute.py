@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import itertools
 import os
-import shutil
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -24,10 +23,12 @@ from lvnav_trade.campaign.load import resolved
 from lvnav_trade.campaign.lock import locked
 from lvnav_trade.campaign.plan import Block, blocks
 from lvnav_trade.campaign.progress import Progress, Silent
+from lvnav_trade.campaign.provenance import manifest, without_folders
 from lvnav_trade.campaign.schema import Campaign
 from lvnav_trade.campaign.stopping import Judged, Stopping
 from lvnav_trade.campaign.work import Answer, Done, Job
 from lvnav_trade.errors import InputError, told_by_system
+from lvnav_trade.store import scratch
 
 Mode = Literal["resume", "fresh"]
 _DEATHS = 3
@@ -52,13 +53,15 @@ class Store(NamedTuple):
 
     open_results: Callable[..., Any]
     case_info: Callable[..., Any]
+    check_folder: Callable[[Path], object]
 
 
 def store() -> Store:
     """Return the real store."""
+    from lvnav_trade.store.contents import owned
     from lvnav_trade.store.write import CaseInfo, open_results
 
-    return Store(open_results, CaseInfo)
+    return Store(open_results, CaseInfo, partial(owned, kind="results"))
 
 
 def check_flight(campaign: Campaign, found: Sequence[Case], job: Job, jobs: int) -> dict[str, dict[str, float]]:
@@ -113,8 +116,8 @@ def run(
     Raises
     ------
     InputError
-        Before anything is computed: the folder holds another campaign, is locked or cannot be written, or an event that
-        a fault or requirement names is not in the flight.
+        Before anything is computed: the folder holds another campaign or files that are not the tool's, is locked or
+        cannot be written, or an event that a fault or requirement names is not in the flight.
     Halted
         Disk full or gone, workers lost again and again, or a failure with `fail_fast`: the same call resumes.
     KeyboardInterrupt
@@ -123,8 +126,10 @@ def run(
     watch = progress or Silent()
     try:
         work_to_do = _Run(campaign, folder, jobs, fail_fast, watch, engine or work.engine())
+        place = keep or store()
+        place.check_folder(folder)  # before a lock is left in a folder that is not the tool's
         with locked(folder):  # a campaign that is refused leaves no folder
-            work_to_do.open(keep or store(), mode)
+            work_to_do.open(place, mode)
             return work_to_do.all(on_answers)
     except KeyboardInterrupt:
         _end_workers(jobs)
@@ -160,17 +165,16 @@ class _Run:
         self.lost: list[str] = []
         self.timings: dict[str, float] = {}
         self.deaths = 0
-        scratch = folder / ".scratch"
         asked, judged = work.asked_of(campaign), work.judged_of(campaign)
-        self.job = Job(engine, None, campaign.seed, campaign.keep.history, asked, scratch, judged)
+        self.job = Job(engine, None, campaign.seed, campaign.keep.history, asked, folder / scratch.FOLDER, judged)
         self.stopping = Stopping.of(campaign)
         check_flight(campaign, self.cases, self.job, jobs)
 
     def open(self, keep: Store, mode: Mode) -> None:
         """Open the folder of results, of which this process holds the lock."""
         self.case_info = keep.case_info
-        if mode == "fresh" or not (self.folder / "manifest.json").exists():  # nobody knows what it is of
-            shutil.rmtree(self.job.scratch, ignore_errors=True)
+        if mode == "fresh":
+            self._remove_scratch()
         asked = self.campaign
         results = keep.open_results(self.folder, asked.name, resolved(asked), manifest(asked, self.cases), mode)
         self.job = self.job._replace(results=results)
@@ -181,16 +185,24 @@ class _Run:
         answers = self._answers(on_answers)
         able = [case for case, found in zip(self.cases, answers, strict=True) if not found.error]
         self._explain(able)
-        lost = self._fly(able)
-        whole = self._close([case for case in able if case.id not in lost])
+        unfinished = self._fly(able)
+        whole = self._close([case for case in able if case.id not in unfinished])
         seconds = time.monotonic() - start
         _end_workers(self.jobs)  # the page is made by this process alone: their memory is of no use to it
         # The order of the plan, not that in which the workers finished: the tables' bytes must not depend on it.
-        told = {"timings_s": self.timings, "lost": self.lost, "workers_died": self.deaths, "cases": whole}
+        told = {
+            "timings_s": self.timings,
+            "lost": [*map(without_folders, self.lost)],
+            "workers_died": self.deaths,
+            "cases": whole,
+        }
         self.job.results.finish(told)
         if not self.lost:
-            shutil.rmtree(self.job.scratch, ignore_errors=True)
+            self._remove_scratch()
         return Outcome(self.folder, tuple(self.cases), tuple(answers), tuple(self.failures), seconds)
+
+    def _remove_scratch(self) -> None:
+        scratch.remove(self.job.scratch, self.labels)
 
     def _stage(self, name: str, function: Any, units: Iterable[Any]) -> Iterator[Any]:
         """Yield the results of a stage in the order in which they come, timed; what a dead worker had is done again."""
@@ -357,13 +369,6 @@ class _WorkList:
 
 def _numbered(function: Callable[..., Any], number: int, unit: tuple[Any, ...]) -> tuple[int, Any]:
     return number, function(*unit)
-
-
-def manifest(campaign: Campaign, asked: Sequence[Case]) -> dict[str, Any]:
-    """Return what the results should say of how they were asked for; the store adds what computed them."""
-    runs, block = (campaign.monte_carlo.runs, campaign.monte_carlo.block) if campaign.monte_carlo else (0, 1)
-    told = {"asked_cases": {case.id: case.label for case in asked}, "asked_runs": runs, "asked_block": block}
-    return {"seed": campaign.seed, "command": sys.argv[1:], **told}
 
 
 def _count(jobs: int) -> int:

@@ -5,15 +5,18 @@ from __future__ import annotations
 import fcntl
 import os
 import platform
+import re
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
 from lvnav_trade.errors import InputError, is_full_disk
 
 _NAME = ".lock"
+_LONGEST = 300
+_CONTENT = re.compile(rb"(\d+ on [^\n]*)?")
 _GLANCE_S = 0.1  # longer than `holder` looks
 
 
@@ -40,9 +43,16 @@ def locked(folder: Path) -> Iterator[None]:
                 raise InputError(f"{folder}: {_who(handle)} is working on these results; wait, or give another folder")
         except OSError as error:
             raise InputError(f"{folder}: cannot be locked: {error.strerror}") from None
+        handle.seek(0)
+        if not _CONTENT.fullmatch(handle.read(_LONGEST + 1)):
+            raise InputError(f"{folder / _NAME}: is no lock of lvnav-trade; move it, or give another folder")
         handle.truncate(0)
         handle.write(f"{os.getpid()} on {platform.node()}".encode())
-        yield
+        try:
+            yield
+        finally:
+            with suppress(OSError):
+                handle.truncate(0)  # the name of the machine stays no longer than the lock
 
 
 def holder(folder: Path) -> str:

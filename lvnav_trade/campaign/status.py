@@ -11,10 +11,11 @@ from lvnav_trade.campaign.lock import holder
 from lvnav_trade.campaign.text import table
 from lvnav_trade.errors import InputError
 from lvnav_trade.store import parts as part_files
-from lvnav_trade.store.read import read_table
+from lvnav_trade.store.contents import MANIFEST
+from lvnav_trade.store.read import read_table, refuse_foreign
 from lvnav_trade.store.schema import TABLES
 from lvnav_trade.store.versions import environment
-from lvnav_trade.store.write import MANIFEST, difference, identity_of
+from lvnav_trade.store.write import case_identity, difference, identity_of
 
 
 class CaseStatus(NamedTuple):
@@ -76,6 +77,7 @@ def status(folder: Path) -> Status:
         raise InputError(f"{folder}: no results here (no {MANIFEST})") from None
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read: {error}") from None
+    refuse_foreign(path, manifest)
     if "created" not in manifest:
         raise InputError(f"{folder}: a kept base: it has no blocks of which anything could be missing")
     who, damaged = holder(folder), list[str]()
@@ -102,7 +104,7 @@ def _case(
     nor what was flown ahead of a decision.
     """
     stored = failed = 0
-    block, identity = manifest.get("asked_block", 1), identity_of(manifest)
+    block, identity = manifest.get("asked_block", 1), case_identity(identity_of(manifest), case)
     for path in part_files.paths(folder / "parts" / case):
         first, count = part_files.span(path)
         if first % block or count != min(block, asked - first):

@@ -84,9 +84,9 @@ def beyond(
     requirements: Sequence[Mapping[str, Any]], case: str, prepared: Any, covariance: Any, summary: Any
 ) -> Counts:
     """Return how many runs of a block are beyond each requirement's bound, as the verdicts will count them."""
-    from lvnav_trade.metrics.requirements import requirements as judge
+    from lvnav_trade.metrics.requirements import requirements as verdicts
     from lvnav_trade.store.read import Tables
-    from lvnav_trade.store.tables import judged_tables
+    from lvnav_trade.store.tables import requirement_tables
 
-    tables = Tables.of(judged_tables(case, prepared, covariance, summary))
-    return tuple(judge.beyond(tables, case, requirement) for requirement in requirements)
+    tables = Tables.of(requirement_tables(case, prepared, covariance, summary))
+    return tuple(verdicts.beyond(tables, case, requirement) for requirement in requirements)

@@ -26,7 +26,8 @@ class Figure(Card):
     plot: Literal[
         "errors", "relative", "locus", "spread", "envelope", "budget", "consistency", "autocorrelation", "trajectory",
         "satellites", "sky", "timeline", "delays", "latency", "orbit", "impact", "logic",
-        "missions", "motion", "ignition", "singular", "movement", "sweep", "turning", "worth", "readings", "apart",
+        "missions", "motion", "ignition", "singular", "movement", "sweep", "turning", "worth", "interpretations",
+        "apart",
     ]  # fmt: skip
     caption: str = ""
     case: Case = Field(default_factory=dict, description="level of each axis: the one case that is drawn")
@@ -67,10 +68,10 @@ class Part(Card):
     question: str = Field("", description="what it asks; the campaign's own description if absent")
     figures: tuple[Figure, ...] = ()
     text: str = Field("", description="what should be said of what came out")
-    tables: tuple[Literal["requirements", "logic", "coverage", "parted", "error_bound"], ...] = Field(
+    tables: tuple[Literal["requirements", "logic", "coverage", "paired", "error_bound"], ...] = Field(
         (), description="tables of it that the study shows"
     )
-    parted: str = Field("", description="axis of which two levels on the same draws are held against each other")
+    paired: str = Field("", description="axis whose levels are compared run by run, on the same draws")
     flown: tuple[Published, ...] = Field(
         (), description="published numbers of single flights, shown among ours; items are 'MISSION, WHAT'"
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gc
 import hashlib
-import io
 import itertools
 import logging
 import math
@@ -20,7 +19,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import joblib
 import numpy as np
 
 from lvnav_trade.campaign import stopping
@@ -30,6 +28,7 @@ from lvnav_trade.campaign.schema import Campaign
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.records import Asked, CovHistory
 from lvnav_trade.scenario import Scenario
+from lvnav_trade.store import scratch
 
 _LOG = logging.getLogger("lvnav_trade.campaign")
 WHY = {1: "is not finite", 2: "diverged"}
@@ -167,9 +166,9 @@ def answer(job: Job, case: Case) -> Answer:
     try:
         prepared = _prepared(job.engine, case, job.history)
         file = _scratch_file(job, case)
-        if not _is_sound(file):
-            _write(file, job.engine.covariance(prepared))
-        return _answer(case, prepared, _covariance(str(file)))
+        if not scratch.is_sound(file, CovHistory, _identity(job, case)):
+            scratch.write(file, job.engine.covariance(prepared), _identity(job, case))
+        return _answer(case, prepared, _covariance(job, case))
     except InputError as error:
         return Answer(case.id, "", mistakes=error.records)
     except Exception as error:
@@ -198,11 +197,11 @@ def explain(job: Job, case: Case) -> Done:
     """Leave on the scratch disk what is behind a case's linear covariance."""
     settle()
     try:
-        file = _explained_file(job, case)
-        if job.engine.explain is not None and not _is_sound(file):
-            covariance = _covariance(str(_scratch_file(job, case)))
+        file, identity = _explained_file(job, case)
+        if job.engine.explain is not None and not scratch.is_sound(file, _explanation(), identity):
+            covariance = _covariance(job, case)
             prepared = _prepared(job.engine, case, job.history)
-            _write(file, job.engine.explain(case.scenario, prepared, covariance, job.asked))
+            scratch.write(file, job.engine.explain(case.scenario, prepared, covariance, job.asked), identity)
         return Done(case.id, 0, 0)
     except Exception as error:
         return Done(case.id, 0, 0, error=_told(error))
@@ -214,7 +213,7 @@ def fly(job: Job, block: Block) -> Done:
     what = (block.case.id, block.first_run, block.n_run)
     try:
         prepared = _prepared(job.engine, block.case, job.history)
-        covariance = _covariance(str(_scratch_file(job, block.case)))
+        covariance = _covariance(job, block.case)
         runs = job.engine.run_block(prepared, job.seed, block.first_run, block.n_run)
         summary = job.engine.summarise(runs, _flown_events(prepared), covariance.true_sigma, prepared.outputs)
         job.results.write_part(block.case.id, summary)
@@ -231,7 +230,7 @@ def tally(job: Job, case: Case) -> list[Done]:
     """Hold the blocks that are stored of a case against the requirements, one at a time."""
     settle()
     prepared = _prepared(job.engine, case, job.history)
-    covariance = _covariance(str(_scratch_file(job, case)))
+    covariance = _covariance(job, case)
     return [
         Done(
             case.id,
@@ -248,12 +247,12 @@ def close(job: Job, case: Case, info: Any, runs: int) -> Done:
     settle()
     try:
         prepared = _prepared(job.engine, case, job.history)
-        covariance = _covariance(str(_scratch_file(job, case)))
+        covariance = _covariance(job, case)
         if not job.asked.budget:
             covariance = covariance._replace(sources=(), budget=covariance.budget[:, :0])
         parts = job.results.parts(case.id, runs) if runs else None
-        file = _explained_file(job, case)
-        explained = _read(file) if file.exists() else None
+        file, identity = _explained_file(job, case)
+        explained = scratch.read(file, _explanation(), identity) if file.exists() else None
         drawn = {"starts": job.engine.starts(prepared, job.seed, runs)} if runs and job.engine.starts else {}
         if case.scenario.control is not None and runs and job.engine.control:
             drawn["control"] = job.engine.control(case.scenario, job.seed, runs)
@@ -286,49 +285,32 @@ def _scratch_file(job: Job, case: Case) -> Path:
     return job.scratch / f"{case.id}.{job.history!r}.covariance"
 
 
-def _explained_file(job: Job, case: Case) -> Path:
-    """Return where a case's explanation is left: another question, another file."""
-    question = hashlib.sha256(repr((job.asked, job.history)).encode()).hexdigest()[:8]
-    return job.scratch / f"{case.id}.{question}.explained"
+def _explained_file(job: Job, case: Case) -> tuple[Path, str]:
+    """Return where a case's explanation is left (another question, another file), and its identity."""
+    asked = repr((job.asked, job.history))
+    question = hashlib.sha256(asked.encode()).hexdigest()[:8]
+    return job.scratch / f"{case.id}.{question}.explained", _identity(job, case, asked)
 
 
-def _write(file: Path, value: Any) -> None:
-    """Write atomically, after its checksum: a worker that finds the file finds all of it."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    buffer = io.BytesIO()
-    joblib.dump(value, buffer)
-    content = buffer.getvalue()
-    part = file.with_suffix(f".{os.getpid()}")
-    try:
-        part.write_bytes(hashlib.sha256(content).digest() + content)
-        part.replace(file)
-    finally:
-        part.unlink(missing_ok=True)
+def _identity(job: Job, case: Case, question: str = "") -> str:
+    """Return what a scratch file is computed from: campaign, case, code, time step of the history, what was asked."""
+    return f"{job.results.identity_of_case(case.id)} history={job.history!r} {question}"
 
 
-def _read(file: Path) -> Any:
-    """Return what was written; ValueError where the file is damaged."""
-    content = file.read_bytes()
-    if hashlib.sha256(content[32:]).digest() != content[:32]:
-        raise ValueError(f"{file}: damaged: its checksum does not fit")
-    return joblib.load(io.BytesIO(content[32:]))
+def _explanation() -> type:
+    """Return the type of an explanation; imported here because compiled code takes a second to load."""
+    from lvnav_trade.engines.explain import Explanation
+
+    return Explanation
 
 
-def _is_sound(file: Path) -> bool:
-    """Whether a file of an earlier, interrupted campaign is there whole."""
-    if not file.exists():
-        return False
-    try:
-        _read(file)
-    except ValueError as error:
-        _LOG.warning("%s; computed again", error)
-        return False
-    return True
+def _covariance(job: Job, case: Case) -> CovHistory:
+    return _covariance_in(_scratch_file(job, case), _identity(job, case))
 
 
 @lru_cache(maxsize=2)
-def _covariance(file: str) -> CovHistory:
-    found: CovHistory = _read(Path(file))
+def _covariance_in(file: Path, identity: str) -> CovHistory:
+    found: CovHistory = scratch.read(file, CovHistory, identity)
     return found
 
 

@@ -20,6 +20,7 @@ from lvnav_trade.cli.console import (
     app,
     check_jobs,
     errors,
+    leave_with_answer,
     print_json,
     records,
     say,
@@ -87,7 +88,7 @@ def _finish(results: Any, answers: Sequence[Any], report: bool, as_json: bool) -
         if len(failures) > _MOST:
             print(f"failed: {len(failures) - _MOST} more; all of them: column failed of the table runs, or --json")
         print(f"report: {page}" if page else f"results: {results.folder}")
-    raise typer.Exit(code)
+    leave_with_answer(code)
 
 
 def _print_answers(answers: Sequence[Any], cases: Sequence[Any]) -> None:

@@ -6,6 +6,7 @@ import json
 import os
 import signal
 import sys
+import traceback
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,10 +14,14 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
+from lvnav_trade.cli.streams import complaint, guard
+
 if TYPE_CHECKING:
     from lvnav_trade.errors import Mistake
 
 JSON_VERSION = 1
+FAILED, INTERNAL = 4, 5
+_answered = False
 
 app = typer.Typer(
     add_completion=False,
@@ -70,16 +75,11 @@ def errors(as_json: bool, debug: bool) -> Iterator[None]:
         os.environ["LVNAV_TRADE_DEBUG"] = "1"
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # a batch system that ends the job, as Ctrl-C
     try:
-        try:
-            yield
-        finally:
-            sys.stdout.flush()  # where nobody can write, that should show here and not when Python ends
+        yield
     except InputError as error:
         _leave(2, as_json, str(error), error.records)
     except KeyboardInterrupt:
         _leave(130, as_json, "interrupted; the same command resumes")
-    except BrokenPipeError:
-        os._exit(0)  # whoever reads has seen enough
     except (typer.Exit, typer.Abort):
         raise
     except Exception as error:
@@ -95,22 +95,47 @@ def errors(as_json: bool, debug: bool) -> Iterator[None]:
 
 def _leave(code: int, as_json: bool, message: str, records: Sequence[Mistake] = ()) -> NoReturn:
     """Print why and leave; as a note on the file's line too where a CI service reads those."""
-    try:
-        if as_json:
-            print_json("error", code, message=message, mistakes=[record._asdict() for record in records])
-        else:
-            print(message, file=sys.stderr)
-        sys.stdout.flush()
-    except OSError:  # of standard output itself, which is given up
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        if as_json:
-            print(message, file=sys.stderr)
+    if as_json:
+        print_json("error", code, message=message, mistakes=[record._asdict() for record in records])
+    else:
+        print(message, file=sys.stderr)
     if os.environ.get("GITHUB_ACTIONS"):
         for record in records:
             text = f"{record.path}: {record.message}" if record.path else record.message
             where = f" file={record.file},line={record.line},col={record.column}" if record.line else ""
             print(f"::error{where}::{text}", file=sys.stderr)
     raise typer.Exit(code)
+
+
+def leave_with_answer(code: int) -> NoReturn:
+    """Leave with the exit code of a campaign's verdict: no other way leads to exit codes 1 and 3."""
+    global _answered
+    _answered = True
+    raise typer.Exit(code)
+
+
+def main() -> NoReturn:
+    """Run the command line. Exit codes 0, 1 and 3 are those of a verb that came to its end and wrote all it had."""
+    global _answered
+    _answered = False
+    out, code = guard(), INTERNAL
+    try:
+        app()
+        code = 0
+    except SystemExit as end:
+        code = end.code if isinstance(end.code, int) else 0 if end.code is None else INTERNAL
+        if code in (1, 3) and not _answered:
+            code = INTERNAL
+    except KeyboardInterrupt:
+        code = 130
+    except Exception:  # of --debug, or before a verb begins
+        traceback.print_exc()
+    lost = complaint(out)
+    if lost:
+        print(lost, file=sys.stderr)
+        code = FAILED if code in (0, 1, 3) else code
+    sys.stderr.flush()
+    sys.exit(code)
 
 
 def say(verb: str, as_json: bool, text: str, /, **content: Any) -> None:

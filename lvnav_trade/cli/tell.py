@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from lvnav_trade.campaign.text import table
-from lvnav_trade.cli.console import Debug, Jobs, Json, app, check_jobs, errors, print_json, say
+from lvnav_trade.cli.console import Debug, Jobs, Json, app, check_jobs, errors, leave_with_answer, print_json, say
 
 
 @app.command()
@@ -24,8 +24,11 @@ def report(
     """Build the report again from results."""
     with errors(as_json, debug):
         from lvnav_trade import api
+        from lvnav_trade.store.contents import owned
 
         api.load(folder)
+        if keep is not None:
+            owned(keep, "report")  # refused before the report is built
         page = api.build_report(folder)
         kept = api.keep_report(folder, keep) if keep is not None else None
         told = f"report: {page}" + (f"\nkept: {kept}" if kept else "")
@@ -66,7 +69,7 @@ def compare(
             print_json("compare", code, **told.content(found), written=written)
         else:
             print(table(told.HEAD, told.rows(found)), *found.notes, told.answer(found), sep="\n")
-        raise typer.Exit(code)
+        leave_with_answer(code)
 
 
 @app.command("keep-base")

@@ -69,6 +69,11 @@ class GainSchedule(Card):
         return self
 
 
+NEGLIGIBLE = 1e-6
+"""Share of a gain's largest size on the flight below which it is zero: rounding reaches 2.5e-11 of that size, so what
+is smaller has fewer digits than are stored, and other ones on another processor."""
+
+
 class Gains(NamedTuple):
     """A schedule on a flight, for the kernels: gain (n_epoch, n_channel, n_state), SI; stored (n_channel,) whether the
     schedule has gains for a channel: others are not processed.
@@ -119,15 +124,15 @@ def _between(segment: GainSegment, since: Floats) -> Floats:
     return np.asarray(gains[before] + share * (gains[after] - gains[before]))
 
 
-def thin(t: Floats, gains: Floats, tolerance: float) -> list[int]:
+def thin(t: Floats, gains: Floats, tolerance: float, negligible: Floats | float = 0.0) -> list[int]:
     """Return the indices of knots between which gains (n, ...) at times t (n,) are linear to a tolerance.
 
-    The tolerance is a share of each element's largest size. The point that lies furthest off is made a knot, again and
-    again (Douglas and Peucker).
+    The tolerance is a share of each element's largest size; an error below `negligible` (...,) is always allowed. The
+    point that lies furthest off is made a knot, again and again (Douglas and Peucker).
     """
     flat = gains.reshape(len(t), -1)
-    scale = np.maximum(np.abs(flat).max(axis=0), 1e-300)
-    flat = flat / scale
+    least = np.maximum(np.ravel(negligible) / tolerance, 1e-300)
+    flat = flat / np.maximum(np.abs(flat).max(axis=0), least)
     kept, open_spans = {0, len(t) - 1}, [(0, len(t) - 1)]
     while open_spans:
         first, last = open_spans.pop()
@@ -159,8 +164,10 @@ def schedule_of(
     these events.
 
     Between knots the gains are linear to `tolerance` of their largest size in the segment; they are rounded to so many
-    digits.
+    digits. Gains below `NEGLIGIBLE` of their largest size on the flight are zero.
     """
+    negligible = NEGLIGIBLE * np.abs(gains).max(axis=0)
+    gains = np.where(np.abs(gains) < negligible, 0.0, gains)
     marks = [("liftoff", 0.0)] if by == "time" else sorted(events.items(), key=lambda item: (item[1], item[0]))
     if by == "event":
         marks = [mark for mark, after in zip(marks, [*marks[1:], ("", np.inf)], strict=True)
@@ -174,7 +181,7 @@ def schedule_of(
         since = t[chosen] - (0.0 if by == "time" else start)
         knots = [
             GainKnot(since=round(float(since[i]), 6), gain=_rounded(gains[chosen[i]], digits))
-            for i in thin(since, gains[chosen], tolerance)
+            for i in thin(since, gains[chosen], tolerance, negligible)
         ]
         segments.append(GainSegment(event=event, knots=tuple(knots)))
     digest = digest_of(tuple(states), segments, measurements)

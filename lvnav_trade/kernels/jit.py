@@ -31,7 +31,8 @@ def _set_cache_folder() -> None:
         os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "lvnav_trade"
     )
     if not Path(root).name.startswith("kernels-"):
-        root = os.path.join(root, "kernels-" + _source_digest(Path(__file__).resolve().parents[1]))
+        checked = "checked-" if os.environ.get("NUMBA_BOUNDSCHECK", "0") != "0" else ""  # numba's files do not say
+        root = os.path.join(root, f"kernels-{checked}{_source_digest(Path(__file__).resolve().parents[1])}")
     os.environ["NUMBA_CACHE_DIR"] = root
 
 

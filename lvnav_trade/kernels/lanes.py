@@ -91,16 +91,22 @@ def _offset(builder, proxy, indices):
     return builder.mul(total, width)
 
 
-def _indices(context, builder, kind, value):
+def _indices(context, builder, proxy, kind, value):
+    """Return the indices as integers; with NUMBA_BOUNDSCHECK=1 one outside the view raises IndexError."""
     if isinstance(kind, types.BaseTuple):
         parts = cgutils.unpack_tuple(builder, value)
-        return [context.cast(builder, p, k, types.intp) for p, k in zip(parts, kind.types, strict=True)]
-    return [context.cast(builder, value, kind, types.intp)]
+        found = [context.cast(builder, p, k, types.intp) for p, k in zip(parts, kind.types, strict=True)]
+    else:
+        found = [context.cast(builder, value, kind, types.intp)]
+    if context.enable_boundscheck:
+        for axis, index in enumerate(found):
+            cgutils.do_boundscheck(context, builder, index, getattr(proxy, f"n{axis}"), axis)
+    return found
 
 
 def _lane_pointer(context, builder, lane_view, view_value, index_kind, index_value):
     proxy = cgutils.create_struct_proxy(lane_view)(context, builder, value=view_value)
-    offset = _offset(builder, proxy, _indices(context, builder, index_kind, index_value))
+    offset = _offset(builder, proxy, _indices(context, builder, proxy, index_kind, index_value))
     vector = DOUBLES if lane_view.item is f64x8 else WORDS
     return builder.bitcast(builder.gep(proxy.data, [offset]), vector.as_pointer())
 
@@ -131,7 +137,7 @@ def _sub_view(typingctx, lane_view, index):
 
     def codegen(context, builder, sig, args):
         proxy = cgutils.create_struct_proxy(lane_view)(context, builder, value=args[0])
-        offset = _offset(builder, proxy, _indices(context, builder, sig.args[1], args[1]))
+        offset = _offset(builder, proxy, _indices(context, builder, proxy, sig.args[1], args[1]))
         target = cgutils.create_struct_proxy(smaller)(context, builder)
         target.data = builder.gep(proxy.data, [offset])
         for axis in range(smaller.ndim):

@@ -20,9 +20,9 @@ from lvnav_trade.metrics.filter.whiteness import autocorrelation, whiteness
 from lvnav_trade.metrics.mission.correction import correction
 from lvnav_trade.metrics.mission.impact import corridor_verdicts, impact
 from lvnav_trade.metrics.mission.orbit import orbit
-from lvnav_trade.metrics.published.readings import readings
+from lvnav_trade.metrics.published.interpretations import interpretations
 from lvnav_trade.metrics.published.references import references
-from lvnav_trade.metrics.requirements.improvements import expected, levers
+from lvnav_trade.metrics.requirements.improvements import expected, improvements
 from lvnav_trade.metrics.requirements.requirements import verdicts
 from lvnav_trade.metrics.signals.satellites import in_view, outages
 from lvnav_trade.metrics.signals.tracking import losses, recovery, tracking, transitions
@@ -53,7 +53,7 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
     "stops": stops,
     "budget": budget,
     "expected": expected,
-    "levers": levers,
+    "improvements": improvements,
     "contributions": contributions,
     "sensitivity": sensitivity,
     "observability": observability,
@@ -67,7 +67,7 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
     "observed": observed,
     "turning": turning,
     "worth": worth,
-    "readings": readings,
+    "interpretations": interpretations,
 }
 """Every metric by name; each takes a results folder, or its tables, and returns a tidy frame."""
 

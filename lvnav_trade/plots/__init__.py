@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from lvnav_trade.plots.budget import budget, heatmap
-from lvnav_trade.plots.chosen import autocorrelations, errors, relative
+from lvnav_trade.plots.case_errors import autocorrelations, errors, relative
 from lvnav_trade.plots.consistency import consistency
 from lvnav_trade.plots.delays import delays, latency
 from lvnav_trade.plots.errors import comparison, envelope, rank
@@ -14,7 +14,7 @@ from lvnav_trade.plots.flight import trajectory
 from lvnav_trade.plots.impact import impact
 from lvnav_trade.plots.logic import logic
 from lvnav_trade.plots.missions import missions
-from lvnav_trade.plots.motion import apart, ignition, motion, readings, singular
+from lvnav_trade.plots.motion import apart, ignition, interpretations, motion, singular
 from lvnav_trade.plots.nozzle import envelopes, movement, sweep, worth
 from lvnav_trade.plots.orbit import orbit
 from lvnav_trade.plots.published import locus, spread
@@ -47,7 +47,7 @@ PLOTS: dict[str, Callable[..., Any]] = {
     "sweep": sweep,
     "turning": envelopes,
     "worth": worth,
-    "readings": readings,
+    "interpretations": interpretations,
     "apart": apart,
     "orbit": orbit,
     "missions": missions,

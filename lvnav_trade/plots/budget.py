@@ -22,7 +22,7 @@ _SOURCES = (*PALETTE[:6], "#8C6D31")
 REST = "all others"
 _REST = "#c4c9d1"
 _HATCHES = ("", "////", "", "....", "", "xxxx", "", "")
-"""Every other layer is hatched: neighbours can be told apart in black and white."""
+"""Every other layer is hatched: neighbours differ in black and white."""
 _BIASED = 0.01
 """Part of the mean square from which on the mean error is drawn beside the variance."""
 _LEAST, _LEAST_ROW = 1e-2, 0.05

@@ -13,7 +13,7 @@ from matplotlib.patches import Polygon
 from lvnav_trade.metrics.mechanics import mission
 from lvnav_trade.metrics.mission.corridor import corridor_of
 from lvnav_trade.metrics.mission.impact import ellipse
-from lvnav_trade.metrics.mission.impact import impact as told
+from lvnav_trade.metrics.mission.impact import impact as impact_points
 from lvnav_trade.plots.orbit import outline_of
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, look, mark_events, scale_up
 from lvnav_trade.store import Tables, load
@@ -30,7 +30,7 @@ def impact(results: Path | str | Tables, case: str) -> Figure:
     Ellipses on the map are drawn so many times larger that one sees them; the title says how many.
     """
     tables = load(results)
-    rows = told(tables, case)
+    rows = impact_points(tables, case)
     if rows.empty:
         return _nothing()
     with look():

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from lvnav_trade.metrics.basics.select import NAVIGATION, lincov_rms
 from lvnav_trade.metrics.filter.observed import is_position_bias
+from lvnav_trade.metrics.published.interpretations import interpretations as interpretations_frame
 from lvnav_trade.metrics.published.published import cases_of
-from lvnav_trade.metrics.published.readings import readings as readings_of
 from lvnav_trade.plots.errors import rows_of
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, legend_below, look, mark_events
 from lvnav_trade.store import Tables, load
@@ -30,12 +30,12 @@ def motion(results: Path | str | Tables, case: str, quantity: str) -> Figure:
             raw, estimate = (rows[rows.t_s > rows.t_s.min()] for rows in both)  # before the first there is no sample
             runs = int(estimate.run_count.iloc[0])
             if runs:
-                told = f"RMS of {runs} runs"
-                ax.plot(raw.t_s, raw.rms_si * factor, color=PALETTE[1], lw=0.7, alpha=0.7, label=f"raw, {told}")
+                text = f"RMS of {runs} runs"
+                ax.plot(raw.t_s, raw.rms_si * factor, color=PALETTE[1], lw=0.7, alpha=0.7, label=f"raw, {text}")
                 ax.plot(estimate.t_s, estimate.rms_si * factor, color=PALETTE[0], lw=0.7, alpha=0.7,
-                        label=f"filtered, {told}")  # fmt: skip
-            ax.plot(raw.t_s, raw.lincov_formal_si * factor, color=PALETTE[1], label="raw, as believed")
-            ax.plot(estimate.t_s, estimate.lincov_formal_si * factor, color="black", label="filtered, as believed")
+                        label=f"filtered, {text}")  # fmt: skip
+            ax.plot(raw.t_s, raw.lincov_formal_si * factor, color=PALETTE[1], label="raw, formal")
+            ax.plot(estimate.t_s, estimate.lincov_formal_si * factor, color="black", label="filtered, formal")
             true = lincov_rms(estimate) * factor
             ax.plot(estimate.t_s, true, color=PALETTE[2], ls="--", label="filtered, LinCov true")
             ax.set_ylabel(f"{axis}\n({unit}, 1 sigma)")
@@ -48,7 +48,7 @@ def motion(results: Path | str | Tables, case: str, quantity: str) -> Figure:
 
 
 def ignition(results: Path | str | Tables, case: str) -> Figure:
-    """Draw the believed sigma of filtered over raw, roll rate and acceleration along x, around lift-off."""
+    """Draw the formal sigma of filtered over raw, roll rate and acceleration along x, around lift-off."""
     tables = load(results)
     with look():
         figure, grid = canvas(1, 1, 2.6)
@@ -91,11 +91,11 @@ def apart(results: Path | str | Tables, cases: Sequence[Mapping[str, str]]) -> F
     return figure
 
 
-def readings(results: Path | str | Tables) -> Figure:
+def interpretations(results: Path | str | Tables) -> Figure:
     """Draw by how much the estimates lie below the raw samples in every case that references hold so, phase by phase:
     against the sample as it is, and without bias on either side; what is stated as marks.
     """
-    frame = readings_of(results)
+    frame = interpretations_frame(results)
     phases, errors, cases = (list(dict.fromkeys(frame[name])) for name in ("during", "error", "case"))
     bars = [(case, column) for column in ("raw_percent", "unbiased_percent") for case in cases]
     width, place = 0.8 / len(bars), np.arange(len(errors))
@@ -105,9 +105,9 @@ def readings(results: Path | str | Tables) -> Figure:
             for number, (case, column) in enumerate(bars):
                 rows = frame[(frame.during == phase) & (frame.case == case)].set_index("error").loc[errors]
                 x = place + (number - 0.5 * (len(bars) - 1)) * width
-                told = case if column == "raw_percent" else f"{case}, both sides without bias"
+                text = case if column == "raw_percent" else f"{case}, both sides without bias"
                 shade = 0.95 if column == "raw_percent" else 0.45
-                ax.bar(x, rows[column], 0.92 * width, color=PALETTE[number % len(cases)], alpha=shade, label=told)
+                ax.bar(x, rows[column], 0.92 * width, color=PALETTE[number % len(cases)], alpha=shade, label=text)
                 if column == "raw_percent":
                     ax.plot(x, rows.stated_percent, "_", color="black", ms=11, mew=1.6,
                             label="stated" if number == 0 else None)  # fmt: skip

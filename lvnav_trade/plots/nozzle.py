@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from lvnav_trade.metrics.published.interpretations import short_names
 from lvnav_trade.metrics.published.published import cases_of
-from lvnav_trade.metrics.published.readings import short_names
 from lvnav_trade.metrics.vehicle.nozzle import nozzle
 from lvnav_trade.metrics.vehicle.nozzle import worth as worth_of
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, legend_below, line_of, look, mark_events
@@ -99,8 +99,8 @@ def worth(results: Path | str | Tables, cases: Sequence[Mapping[str, str]] = ())
                 grid[0, column].bar(x, rows[f"{feed}_deg"], 0.25, color=colour, label=f"{feed} rate")
                 grid[1, column].bar(x, rows[f"{feed}_error_mrad"], 0.25, color=colour)
             for at_case, row in zip(place, rows.itertuples(), strict=True):
-                told, at = f"{row.less_percent:.1f} % less", (at_case, row.raw_deg)
-                grid[0, column].annotate(told, at, (0, 3), textcoords="offset points", ha="center", fontsize=7)
+                text, at = f"{row.less_percent:.1f} % less", (at_case, row.raw_deg)
+                grid[0, column].annotate(text, at, (0, 3), textcoords="offset points", ha="center", fontsize=7)
             grid[0, column].margins(y=0.12)
             grid[0, column].set_title(axis)
             labels = [textwrap.fill(name.replace("^2", "²"), 18) for name in names.values()]

@@ -28,9 +28,9 @@ _PLANES = (
 
 
 def orbit(results: Path | str | Tables, case: str) -> Figure:
-    """Draw the errors of the mean orbit at the final event, true less believed, in three planes, and the correction.
+    """Draw the errors of the mean orbit at the final event, true less estimated, in three planes, and the correction.
 
-    Dots are runs; ellipses are three sigma by linear covariance, true and as the filter believes. Where the orbit is
+    Dots are runs; ellipses are three sigma by linear covariance, true and formal. Where the orbit is
     circular to within three sigma, perigee and apogee have draws of that Gaussian instead of an ellipse.
     """
     tables = load(results)

@@ -137,13 +137,13 @@ def _by_state(rows: pd.DataFrame) -> list[tuple[str, dict[str, Any], pd.DataFram
     """Return name, look and rows of each group; a channel that waits for its signal counts as not tracked."""
     state = rows.state.where(rows.tracked | (rows.state != "track"), "")
     state = state.where(state.isin([name for name, _, _ in _STATES]), "")
-    return [(told, style, rows[state == name]) for name, told, style in _STATES if (state == name).any()]
+    return [(label, style, rows[state == name]) for name, label, style in _STATES if (state == name).any()]
 
 
 def _key(figure: Figure, axes: Any, rows: pd.DataFrame, antennas: list[int]) -> None:
     """Explain colours and, of several antennas, markers, in one legend below."""
-    for told, style, _ in _by_state(rows):
-        axes.plot([], [], "o", ms=5, label=told, **style)
+    for label, style, _ in _by_state(rows):
+        axes.plot([], [], "o", ms=5, label=label, **style)
     if len(antennas) > 1:
         for marker, antenna in zip(_MARKERS * len(antennas), antennas, strict=False):
             axes.plot([], [], marker, ms=5, color=GREY, markerfacecolor="none", label=f"antenna {antenna:.0f}")

@@ -20,7 +20,7 @@ _ROWS = (
 def steps(table: pd.DataFrame, phases: Sequence[tuple[str, float, float]] = ()) -> Figure:
     """Draw the unaided error and what the transition misses of it per step, one sigma per axis, logarithmic.
 
-    table as of campaign.estimate.steps_table; phases: name, start and end s, told by lines.
+    table as of campaign.estimate.steps_table; phases: name, start and end s, marked by lines.
     """
     with look():
         figure, grid = canvas(3, 1, 1.7)

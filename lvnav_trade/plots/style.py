@@ -101,11 +101,11 @@ def mark_events(axes: Axes, events: pd.DataFrame, names: bool = True, numbers: b
 
 def event_key(events: pd.DataFrame) -> str:
     """Return what the numbers of `mark_events` stand for, in lines of similar length that a figure has room for."""
-    told = [f"{number} {name.replace('_', ' ')}" for number, name in enumerate(_flown(events).event, start=1)]
-    ends = np.cumsum([len(name) + len(_APART) for name in told])
-    count = max(1 + (len(told) > 6), math.ceil(ends[-1] / _KEY_LENGTH)) if told else 0
-    line = np.minimum((ends - 1) * count // ends[-1], count - 1) if told else ends
-    return "\n".join(_APART.join(np.array(told)[line == number]) for number in range(count))
+    names = [f"{number} {name.replace('_', ' ')}" for number, name in enumerate(_flown(events).event, start=1)]
+    ends = np.cumsum([len(name) + len(_APART) for name in names])
+    count = max(1 + (len(names) > 6), math.ceil(ends[-1] / _KEY_LENGTH)) if names else 0
+    line = np.minimum((ends - 1) * count // ends[-1], count - 1) if names else ends
+    return "\n".join(_APART.join(np.array(names)[line == number]) for number in range(count))
 
 
 def _flown(events: pd.DataFrame) -> pd.DataFrame:

@@ -6,19 +6,23 @@ import base64
 import difflib
 import hashlib
 import re
-import shutil
 from collections.abc import Callable, Sequence
 from importlib import resources
 from pathlib import Path
 
 import jinja2
+import pandas as pd
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.metrics import CSV, METRICS
-from lvnav_trade.report import evidence, explained, mission, reception, steered
+from lvnav_trade.report import diagnostics as explained
+from lvnav_trade.report import evidence, mission, reception
+from lvnav_trade.report import vehicle as steered
 from lvnav_trade.report.blocks import Block, Picture, Section, Text
+from lvnav_trade.report.escape import MARKDOWN, csv_text
 from lvnav_trade.report.summary import summary
 from lvnav_trade.store import Tables, load
+from lvnav_trade.store.contents import OwnedFolder, owned
 
 
 def _agreement(tables: Tables) -> list[Block]:
@@ -50,6 +54,7 @@ SECTIONS: dict[str, tuple[str, Callable[[Tables], list[Block]]]] = {
 """Every section by name, in the order in which they stand unless the campaign says otherwise; one that has nothing to
 show stands on the page only where it was asked for by name.
 """
+PAGES = ("report.html", "report.md")
 _WHERE_ANY = ("transitions", "logic", "motion", "nozzle", "turning")
 """CSV tables that are written only where they have rows."""
 
@@ -64,49 +69,56 @@ def build(folder: Path | str, sections: Sequence[str] | None = None) -> Path:
     stated = (tables.campaign.get("report") or {}).get("sections")
     names = list(sections or stated or SECTIONS)
     _check(names)
-    for name in CSV:
-        _write_csv(tables, name)
+    place = owned(tables.folder, "results")
     made = [Section(name, SECTIONS[name][0], SECTIONS[name][1](tables)) for name in names]
     if sections or stated:
         made = [section._replace(blocks=section.blocks or [Text("Nothing to show.")]) for section in made]
     made = [section for section in made if section.blocks]
-    _write_figures(tables.folder / "figures", made)
+    figures, csv = pictures(made), {name: f"{name}.csv" for name in CSV}
+    place.claim("report", (*PAGES, *csv.values(), *figures))
+    for name, file in list(csv.items()):
+        if not _write_csv(place, file, METRICS[name](tables), name in _WHERE_ANY):
+            del csv[name]
+    for file, png in figures.items():
+        place.write(file, png)
     title = str(tables.manifest.get("campaign") or tables.campaign.get("name"))
     asked = str(tables.campaign.get("description") or "")
-    page = tables.folder / "report.html"
-    page.write_text(render("page.html.j2", title, asked, made), encoding="utf-8")
-    text = re.sub(r"\n{3,}", "\n\n", render("page.md.j2", title, asked, made)).strip() + "\n"
-    (tables.folder / "report.md").write_text(text, encoding="utf-8")
-    return page
+    place.write("report.html", render("page.html.j2", title, asked, made))
+    place.write("report.md", markdown_page(title, asked, made))
+    place.settle("report", (*PAGES, *csv.values(), *figures))
+    return tables.folder / "report.html"
 
 
-def _write_csv(tables: Tables, name: str) -> None:
-    frame, path = METRICS[name](tables), tables.folder / f"{name}.csv"
-    if frame.empty and name in _WHERE_ANY:
-        path.unlink(missing_ok=True)
-    else:
-        frame.to_csv(path, index=False, float_format="%.6g")
+def markdown_page(title: str, asked: str, sections: Sequence[Section]) -> str:
+    """Return the Markdown page of a title, the question and sections."""
+    return re.sub(r"\n{3,}", "\n\n", render("page.md.j2", title, asked, sections)).strip() + "\n"
+
+
+def _write_csv(place: OwnedFolder, file: str, frame: pd.DataFrame, where_any: bool) -> bool:
+    """Write a table unless it is one of those that are written only where they have rows; return whether."""
+    if frame.empty and where_any:
+        return False
+    place.write(file, csv_text(frame))
+    return True
 
 
 def keep(results: Path | str, folder: Path | str) -> Path:
     """Copy what a repository keeps of a report into a folder, and return its Markdown page: page, figures, CSV tables.
 
-    What an earlier report left there is replaced; the HTML page is remade from results, not kept.
+    What an earlier report left there is replaced, and no other file; the HTML page is remade from results, not kept.
     """
-    source, target = load(results).folder, Path(folder)
+    source, target = owned(load(results).folder, "results"), owned(folder, "report")
+    names = [name for name in source.listed("report") if name != "report.html"]
+    if "report.md" not in names:
+        raise InputError(f"{source.folder}: no report here; lvnav-trade report {source.folder} builds it")
     try:
-        (target / "figures").mkdir(parents=True, exist_ok=True)
-        for old in [*(target / "figures").glob("*.png"), *target.glob("*.csv")]:
-            old.unlink()
-        written = [
-            source / f"{name}.csv" for name in CSV if name not in _WHERE_ANY or (source / f"{name}.csv").exists()
-        ]
-        for path in [*sorted((source / "figures").glob("*.png")), *written]:
-            shutil.copyfile(path, target / path.relative_to(source))
-        shutil.copyfile(source / "report.md", target / "report.md")
+        target.claim("report", names)
+        for name in names:
+            target.write(name, source.place(name).read_bytes())
+        target.settle("report", names)
     except OSError as error:
-        raise InputError(f"{target}: the report cannot be kept there: {error.strerror or error}") from error
-    return target / "report.md"
+        raise InputError(f"{folder}: the report cannot be kept there: {error.strerror or error}") from error
+    return target.folder / "report.md"
 
 
 def _check(names: Sequence[str]) -> None:
@@ -117,15 +129,10 @@ def _check(names: Sequence[str]) -> None:
             raise InputError(f"report.sections: no section {name!r}{hint}")
 
 
-def _write_figures(folder: Path, sections: Sequence[Section]) -> None:
-    """Write the pictures of the Markdown twin; those of an earlier report go."""
-    folder.mkdir(exist_ok=True)
-    for old in folder.glob("*.png"):
-        old.unlink()
-    for section in sections:
-        for block in section.blocks:
-            if isinstance(block, Picture):
-                (folder / f"{block.name}.png").write_bytes(block.png)
+def pictures(sections: Sequence[Section]) -> dict[str, bytes]:
+    """Return the pictures of a Markdown page: file name and PNG."""
+    blocks = [block for section in sections for block in section.blocks]
+    return {f"figures/{block.name}.png": block.png for block in blocks if isinstance(block, Picture)}
 
 
 def render(template: str, title: str, asked: str, sections: Sequence[Section]) -> str:
@@ -142,7 +149,7 @@ def render(template: str, title: str, asked: str, sections: Sequence[Section]) -
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    environment.filters["cell"] = lambda text: str(text).replace("|", "\\|").replace("\n", " ")
+    environment.filters |= MARKDOWN
     script = source("grades.js")
     allowed = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     return environment.get_template(template).render(

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import os
 import re
-import shutil
 from collections import Counter
 from collections.abc import Sequence
 from importlib import resources
@@ -19,7 +19,9 @@ import jinja2
 from lvnav_trade.errors import InputError
 from lvnav_trade.metrics.comparison.comparison import Comparison
 from lvnav_trade.report.blocks import number, percent
+from lvnav_trade.report.escape import MARKDOWN, xml_text
 from lvnav_trade.store import Tables, load
+from lvnav_trade.store.contents import MANIFEST, RESOLVED, owned
 
 MET, WORSE, UNDECIDED = 0, 1, 3
 EXIT = {"not worse": MET, "worse": WORSE, "undecided": UNDECIDED}
@@ -30,7 +32,7 @@ KEPT = ("cases", "outputs", "runs", "worst", "events", "states", "reference")
 KEPT_WITHOUT_RUNS = ("history", "consistency", "covariances", "joint", "innovations")
 """Tables that a comparison reads; `reference` at fewer times, to know the flight again."""
 _KEPT_EVERY = 20
-_OF_ONE_MACHINE = ("command", "cpu", "host", "system", "timings_s", "created", "finished")
+_OF_ONE_MACHINE = ("command", "cpu", "folder", "host", "system", "timings_s", "created", "finished")
 
 
 def exit_code(found: Comparison) -> int:
@@ -82,7 +84,7 @@ def markdown(found: Comparison) -> str:
     """Return the comparison as a page."""
     source = (resources.files("lvnav_trade.report") / "templates" / "compare.md.j2").read_text(encoding="utf-8")
     environment = jinja2.Environment(trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined)
-    environment.filters["cell"] = lambda text: str(text).replace("|", "\\|").replace("\n", " ")
+    environment.filters |= MARKDOWN
     text = environment.from_string(source).render(
         base=found.base, candidate=found.candidate, answer=answer(found), head=HEAD, rows=rows(found),
         notes=found.notes, confidence=percent(found.confidence),
@@ -113,15 +115,19 @@ def junit(found: Comparison) -> str:
     numbers = {"tests": len(found.frame), "failures": counts["worse"], "skipped": counts["undecided"], "errors": 0}
     attributes = {key: str(value) for key, value in numbers.items()}
     root = ElementTree.Element("testsuites", {"name": "lvnav-trade compare", **attributes})
-    suite = ElementTree.SubElement(root, "testsuite", {"name": f"{found.base} against {found.candidate}", **attributes})
+    suite = ElementTree.SubElement(
+        root, "testsuite", {"name": xml_text(f"{found.base} against {found.candidate}"), **attributes}
+    )
     for row in found.frame.itertuples(index=False):
         cells = _row(row)
-        case = ElementTree.SubElement(suite, "testcase", {"classname": str(row.case), "name": cells[2], "time": "0"})
-        text = "; ".join(f"{name}: {cell}" for name, cell in zip(HEAD[3:], cells[3:], strict=True))
+        case = ElementTree.SubElement(
+            suite, "testcase", {"classname": xml_text(row.case), "name": xml_text(cells[2]), "time": "0"}
+        )
+        text = xml_text("; ".join(f"{name}: {cell}" for name, cell in zip(HEAD[3:], cells[3:], strict=True)))
         if row.verdict != "not worse":
             kind = "failure" if row.verdict == "worse" else "skipped"
             message = f"{cells[0]}; change {cells[5]}, bounds {cells[6]}"
-            ElementTree.SubElement(case, kind, {"message": message}).text = text
+            ElementTree.SubElement(case, kind, {"message": xml_text(message)}).text = text
         else:
             ElementTree.SubElement(case, "system-out").text = text
     ElementTree.indent(root)
@@ -169,20 +175,23 @@ def keep_base(results: Path | str | Tables, folder: Path | str) -> Path:
     """
     import pyarrow.parquet as pq
 
-    tables, target = load(results), Path(folder)
+    tables, target = load(results), owned(folder, "base")
     names = KEPT if int(tables.cases.run_count.sum()) else (*KEPT, *KEPT_WITHOUT_RUNS)
     try:
-        target.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(tables.folder / "campaign.resolved.yaml", target / "campaign.resolved.yaml")
+        # a table of an older version may lack; a comparison that needs it says so
+        files = {name: f"{name}.parquet" for name in names if (tables.folder / f"{name}.parquet").exists()}
+        target.claim("base", (RESOLVED, MANIFEST, *files.values()))
+        target.write(RESOLVED, (tables.folder / RESOLVED).read_bytes())
         manifest = {name: value for name, value in tables.manifest.items() if name not in _OF_ONE_MACHINE}
-        (target / "manifest.json").write_text(json.dumps(manifest, indent=2, sort_keys=True) + "\n", encoding="utf-8")
-        for name in names:
-            if not (tables.folder / f"{name}.parquet").exists():
-                continue  # of an older version; a comparison that needs it says so
-            table = pq.read_table(tables.folder / f"{name}.parquet")
+        target.write(MANIFEST, json.dumps(manifest, indent=2, sort_keys=True) + "\n")
+        for name, file in files.items():
+            table = pq.read_table(tables.folder / file)
             if name == "reference":
                 table = table.take(list(range(0, table.num_rows, _KEPT_EVERY)))
-            pq.write_table(table, target / f"{name}.parquet", compression="zstd")
+            content = io.BytesIO()
+            pq.write_table(table, content, compression="zstd")
+            target.write(file, content.getvalue())
+        target.settle("base", (RESOLVED, MANIFEST, *files.values()))
     except OSError as error:
-        raise InputError(f"{target}: the base cannot be kept there: {error.strerror or error}") from error
-    return target
+        raise InputError(f"{folder}: the base cannot be kept there: {error.strerror or error}") from error
+    return target.folder

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.frames import ecef_from_geodetic, geodetic_from_ecef, rotation_e_n
+from lvnav_trade.report.escape import xml_text
 from lvnav_trade.store.read import Tables
 
 Floats = NDArray[np.float64]
@@ -78,7 +79,16 @@ def _ellipses(tables: Tables, case: str, every: float) -> tuple[Ellipse, ...]:
 
 
 def write_kml(file: Path, title: str, drawn: Sequence[Flight], magnify: float = 1.0) -> Path:
-    """Write flights as KML 2.2 and return the file.
+    """Write flights as KML 2.2 (see `kml`) and return the file."""
+    try:
+        file.write_bytes(kml(title, drawn, magnify))
+    except OSError as error:
+        raise InputError(f"{file}: cannot be written: {error.strerror}") from None
+    return file
+
+
+def kml(title: str, drawn: Sequence[Flight], magnify: float = 1.0) -> bytes:
+    """Return flights as KML 2.2.
 
     The altitude of every coordinate is the height above the ellipsoid, called absolute; viewers count it from their own
     sea level, which is within 110 m of it. Ellipses are 3-sigma, `magnify` times as large; what is drawn is the shadow
@@ -98,16 +108,12 @@ def write_kml(file: Path, title: str, drawn: Sequence[Flight], magnify: float = 
         for ellipse in flight.ellipses:
             _ellipse(folder, flight, ellipse, magnify, colour)
     ET.indent(root)
-    try:
-        ET.ElementTree(root).write(file, encoding="UTF-8", xml_declaration=True)
-    except OSError as error:
-        raise InputError(f"{file}: cannot be written: {error.strerror}") from None
-    return file
+    return bytes(ET.tostring(root, encoding="UTF-8", xml_declaration=True))
 
 
 def _add(parent: ET.Element, tag: str, text: str | None = None) -> ET.Element:
     child = ET.SubElement(parent, f"{{{NAMESPACE}}}{tag}")
-    child.text = text
+    child.text = text if text is None else xml_text(text)
     return child
 
 

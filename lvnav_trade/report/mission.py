@@ -12,12 +12,12 @@ from lvnav_trade.store import Tables
 
 
 def orbit(tables: Tables) -> list[Block]:
-    """Return the orbit at the final event with the errors of what is believed of it, and the correction."""
+    """Return the orbit at the final event with the errors of its estimate, and the correction."""
     frame, cost = METRICS["orbit"](tables), METRICS["correction"](tables)
     if frame.empty:
         return [Text("No case ends in an orbit that clears the ground.")]
     note = (
-        "Errors are those of the orbit that the filter believes, true less believed; where guidance steers by the "
+        "Errors are those of the estimated orbit, true less estimated; where guidance steers by the "
         "estimate they are, with their sign turned, the errors of the injection. Averaged: over one revolution, with "
         "the short-periodic swing that J2 gives to osculating elements taken out; errors are of averaged elements, "
         "heights count from the equatorial radius. Lowest and highest height are those of the first revolution. "
@@ -80,7 +80,7 @@ def impact(tables: Tables) -> list[Block]:
     note = (
         "Where the vehicle would come down if its thrust ended: free fall without air, J2 and the turning Earth "
         "included. None below 1 km of height, nor where the orbit clears the ground. The error is the true point less "
-        "the believed one, down-range along the velocity over the ground at impact. Ellipse: three sigma, which hold "
+        "the estimated one, down-range along the velocity over the ground at impact. Ellipse: three sigma, which hold "
         "98.9 % of a Gaussian. All times: impact.csv."
     )
     blocks: list[Block] = [Text(note), *_corridor(tables), *left_out(tables)]
@@ -135,7 +135,7 @@ def _corridor(tables: Tables) -> list[Block]:
         }
     )
     note = (
-        "Corridor: the believed point of impact of a vehicle that flies as planned must stay inside. By linear "
+        "Corridor: the estimated point of impact of a vehicle that flies as planned must stay inside. By linear "
         "covariance at the stored time where it is least probable, exact for that Gaussian and the polygon; by runs at "
         "the events, a failed run counting as outside, bounds exact binomial."
     )

@@ -224,7 +224,7 @@ def logic_tables(tables: Tables) -> list[Block]:
     caption = (
         "The filter waits for good samples, converges while the outputs are the inertial system's own, then aids; it "
         "predicts through a loss of data, stops where an error persists, and starts again. Linear covariance knows no "
-        "such logic: it is told where samples pass the checks at the input, and nothing else."
+        "such logic: it knows where samples pass the checks at the input, and nothing else."
     )
     blocks: list[Block] = [table(shown, caption)]
     if len(changes):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,14 +17,16 @@ from lvnav_trade.metrics.published.published import cases_of
 from lvnav_trade.metrics.published.references import references
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.published import ratios
-from lvnav_trade.plots.single import single
+from lvnav_trade.plots.single_run import single
 from lvnav_trade.plots.steps import steps
-from lvnav_trade.report.blocks import Block, Code, Picture, Section, Text, number, percent, picture, table
-from lvnav_trade.report.build import render
-from lvnav_trade.report.held import held, missions_table, noise_table
-from lvnav_trade.report.kml import flights, write_kml
-from lvnav_trade.report.steered import control_tables, motion_summary, observed_table
+from lvnav_trade.report.blocks import Block, Code, Section, Text, number, percent, picture, table
+from lvnav_trade.report.build import markdown_page, pictures
+from lvnav_trade.report.escape import csv_text
+from lvnav_trade.report.kml import flights, kml
+from lvnav_trade.report.study_tables import missions_table, noise_table, study_tables
+from lvnav_trade.report.vehicle import control_tables, motion_summary, observed_table
 from lvnav_trade.store import Tables
+from lvnav_trade.store.contents import owned
 
 CSV = ("references", "agreement")
 _CAPTIONS = {
@@ -50,9 +51,9 @@ _CAPTIONS = {
     "movement": "Movement of the nozzle by what feeds the controller; the band holds all runs.",
     "sweep": "How much less the nozzle moves with the filtered rate, over the rate gain.",
     "turning": "True angular acceleration in pitch and jerk along z of one run, and what the filter expects.",
-    "worth": "What feeds the controller is worth: movement of the nozzle, and how well the attitude is held.",
+    "worth": "What feeds the controller is worth: movement of the nozzle, and how well the attitude is study_tables.",
     "apart": "By how many percent the true sigma of one case is smaller than that of another, linear covariance.",
-    "readings": "By how much the estimate's sigma lies below the sample's; marks: what is stated.",
+    "interpretations": "By how much the estimate's sigma lies below the sample's; marks: what is stated.",
     "autocorrelation": "Autocorrelation of the innovations (blue: position or range, red: velocity or range rate); "
     "grey: 95 % of what one flight of white ones shows.",
     "missions": "Flown missions among our flights.",
@@ -81,40 +82,31 @@ def build(study: Study, answered: Sequence[Answered], folder: Path | str) -> Pat
 
     What an earlier page left there is replaced. InputError where the folder cannot be written.
     """
-    target = Path(folder)
+    target = owned(folder, "study")
     frames = {"references": _together(answered, _references), "agreement": _together(answered, _agreement)}
     sections = [_answer(answered, frames["references"]), *_assumptions(study)]
     sections += [_campaign(one) for one in answered]
     sections += [_agreements(answered), _reproduce(study, answered)]
-    text = re.sub(r"\n{3,}", "\n\n", render("page.md.j2", study.title, study.description.strip(), sections)).strip()
+    files: dict[str, bytes | str] = {**pictures(sections)}
+    files |= {f"{name}.csv": csv_text(frame) for name, frame in frames.items()}
+    files["report.md"] = markdown_page(study.title, study.description.strip(), sections)
+    files |= {f"{one.part.campaign}.kml": _flight(one, one.part.kml) for one in answered if one.part.kml is not None}
     try:
-        (target / "figures").mkdir(parents=True, exist_ok=True)
-        for old in (target / "figures").glob("*.png"):
-            old.unlink()
-        for section in sections:
-            for block in section.blocks:
-                if isinstance(block, Picture):
-                    (target / "figures" / f"{block.name}.png").write_bytes(block.png)
-        for name, frame in frames.items():
-            frame.to_csv(target / f"{name}.csv", index=False, float_format="%.6g")
-        (target / "report.md").write_text(text + "\n", encoding="utf-8")
-        for old in target.glob("*.kml"):
-            old.unlink()
-        for one in answered:
-            _keep_flight(one, target)
+        target.claim("study", files)
+        for name, content in files.items():
+            target.write(name, content)
+        target.settle("study", files)
     except OSError as error:
-        raise InputError(f"{target}: the study cannot be kept there: {error.strerror or error}") from error
-    return target / "report.md"
+        raise InputError(f"{folder}: the study cannot be kept there: {error.strerror or error}") from error
+    return target.folder / "report.md"
 
 
-def _keep_flight(one: Answered, target: Path) -> None:
-    """Write the flight of the case that is asked for, with ellipses of its position error every minute."""
-    if one.part.kml is None:
-        return
-    _one_at_least(one, one.part.kml)
-    label = one.tables.labels[cases_of(one.tables, one.part.kml)[0]]
+def _flight(one: Answered, case: Case) -> bytes:
+    """Return the flight of the case that is asked for as KML, with ellipses of its position error every minute."""
+    _one_at_least(one, case)
+    label = one.tables.labels[cases_of(one.tables, case)[0]]
     drawn = [flight for flight in flights(one.tables, True, 60.0) if flight.name == label]
-    write_kml(target / f"{one.part.campaign}.kml", f"{one.part.campaign}: {label}", drawn)
+    return kml(f"{one.part.campaign}: {label}", drawn)
 
 
 def _references(one: Answered) -> pd.DataFrame:
@@ -143,8 +135,8 @@ def _answer(answered: Sequence[Answered], frame: pd.DataFrame) -> Section:
         inside = int(numbers.in_band.sum())
         blocks.append(Text(f"{inside} of {len(numbers)} published numbers lie in the band that their campaign states."))
     if len(orders):
-        held = int(orders.in_band.sum())
-        blocks.append(Text(f"{held} of {len(orders)} published orderings and statements on innovations hold."))
+        study_tables = int(orders.in_band.sum())
+        blocks.append(Text(f"{study_tables} of {len(orders)} published orderings and statements on innovations hold."))
     rows = [_line(one, frame) for one in answered]
     blocks.append(table(pd.DataFrame(rows), "The campaigns of this study."))
     if len(numbers):
@@ -159,8 +151,8 @@ def _answer(answered: Sequence[Answered], frame: pd.DataFrame) -> Section:
 
 def _line(one: Answered, frame: pd.DataFrame) -> dict[str, Any]:
     mine = frame[frame["case"].str.startswith(f"{one.part.campaign}: ")]
-    judged = by_case(one.tables)
-    tested = judged[judged.verdict.isin(["agree", "disagree"])]
+    counted = by_case(one.tables)
+    tested = counted[counted.verdict.isin(["agree", "disagree"])]
     cases = one.tables.cases
     return {
         "campaign": one.part.campaign,
@@ -204,7 +196,7 @@ def _campaign(one: Answered) -> Section:
         )
     blocks += missions_table(tables, one.flown)
     blocks += [*motion_summary(tables), *control_tables(tables, brief=True), *observed_table(tables)]
-    blocks += held(tables, part.tables, part.parted)
+    blocks += study_tables(tables, part.tables, part.paired)
     blocks += _behind(one)
     for place, figure in enumerate(part.figures, 1):
         drawn = _draw(one, figure)
@@ -256,7 +248,7 @@ def _draw(one: Answered, figure: Figure) -> Drawing | None:
         drawn = plot(tables, figure.axis, stated, figure.unit, figure.published, figure.band, figure.cases)
     elif figure.plot == "missions":
         drawn = plot(tables, one.flown)
-    elif figure.plot in ("sweep", "readings"):
+    elif figure.plot in ("sweep", "interpretations"):
         drawn = plot(tables)
     elif figure.plot in ("worth", "apart"):
         drawn = plot(tables, figure.cases)

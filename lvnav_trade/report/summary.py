@@ -23,11 +23,11 @@ _FEW = 4
 
 def summary(tables: Tables) -> list[Block]:
     """Return the answer: what each requirement says of the cases, how sure it is, and the ranking."""
-    judged = METRICS["requirements"](tables)
-    blocks: list[Block] = [Text(_scale(tables)), *_together(judged)]
+    verdicts = METRICS["requirements"](tables)
+    blocks: list[Block] = [Text(_scale(tables)), *_together(verdicts)]
     for requirement in tables.campaign.get("requirements") or ():
-        blocks += _answer(tables, requirement, judged[judged.requirement == requirement["name"]])
-    if not len(judged):
+        blocks += _answer(tables, requirement, verdicts[verdicts.requirement == requirement["name"]])
+    if not len(verdicts):
         blocks.append(Text("The campaign states no requirement; the cases are ranked below."))
     blocks.append(ranking_table(tables))
     at = str(METRICS["ranking"](tables).event.iloc[0]).replace("_", " ")
@@ -36,19 +36,19 @@ def summary(tables: Tables) -> list[Block]:
     return [*blocks, Text(verdict)] if verdict else blocks
 
 
-def _together(judged: pd.DataFrame) -> list[Block]:
+def _together(verdicts: pd.DataFrame) -> list[Block]:
     """Say which cases meet all requirements, where there are several, and what the others fail or leave open."""
-    count = judged.requirement.nunique()
+    count = verdicts.requirement.nunique()
     if count < 2:
         return []
-    told: dict[str, list[str]] = {"met": [], "undecided": [], "violated": []}
-    for case, rows in judged.groupby("case", sort=False):
+    found: dict[str, list[str]] = {"met": [], "undecided": [], "violated": []}
+    for case, rows in verdicts.groupby("case", sort=False):
         worst = next(verdict for verdict in ("violated", "undecided", "met") if (rows.verdict == verdict).any())
         why = f" ({', '.join(rows.requirement[rows.verdict == worst])})" if worst != "met" else ""
-        told[worst].append(f"{case}{why}")
+        found[worst].append(f"{case}{why}")
     words = {"met": "Met by", "undecided": "Undecided for", "violated": "Violated by"}
-    parts = [f"{words[verdict]} {'; '.join(names)}." for verdict, names in told.items() if names]
-    parts = parts if told["met"] else ["Met by no case.", *parts]
+    parts = [f"{words[verdict]} {'; '.join(names)}." for verdict, names in found.items() if names]
+    parts = parts if found["met"] else ["Met by no case.", *parts]
     return [Text(" ".join(parts), f"All {count} requirements together.")]
 
 
@@ -82,11 +82,11 @@ def _answer(tables: Tables, requirement: dict[str, Any], rows: pd.DataFrame) -> 
     blocks += [
         Text(text, "Linear covariance alone:") for text in _by_covariance(tables, str(requirement["name"]), rows)
     ]
-    lever = _levers(tables, str(requirement["name"]))
-    if lever:
+    better = _improvements(tables, str(requirement["name"]))
+    if better:
         return [
             *blocks,
-            Text(lever, "What would make it met (by linear covariance, gains frozen; re-tuned may differ):"),
+            Text(better, "What would make it met (by linear covariance, gains frozen; re-tuned may differ):"),
         ]
     return blocks + [Text(text) for text in _largest_sources(tables, requirement, rows[rows.verdict == "violated"])]
 
@@ -110,47 +110,47 @@ def _place(requirement: dict[str, Any]) -> str:
     return "at all times of the flight" if at == "flight" else f"at all times from {at}"
 
 
-def _by_covariance(tables: Tables, name: str, judged: pd.DataFrame) -> list[str]:
+def _by_covariance(tables: Tables, name: str, verdicts: pd.DataFrame) -> list[str]:
     """Say what linear covariance by itself would conclude, in one sentence where it concludes the same."""
     frame = METRICS["expected"](tables)
     frame = frame[frame.requirement == name]
-    runs = judged.set_index("case").verdict
+    runs = verdicts.set_index("case").verdict
     shown = frame[(frame.verdict != frame.case.map(runs)) | (len(frame) <= _FEW)]
-    told = [
+    found = [
         f"{row.case}: {row.verdict}, {_chance(row.expected_probability)} of flights expected to keep it"
         for row in shown[shown.verdict != "not applicable"].itertuples()
     ]
     for reason, rows in shown[shown.verdict == "not applicable"].groupby("reason", sort=False):
-        told.append(f"{rows.case.iloc[0] if len(rows) == 1 else f'{len(rows)} cases'}: not applicable, {reason}")
+        found.append(f"{rows.case.iloc[0] if len(rows) == 1 else f'{len(rows)} cases'}: not applicable, {reason}")
     if not len(frame):
         return []
     same = int(sum(row.verdict == runs[row.case] for row in frame.itertuples()))
-    if not told:
+    if not found:
         return ["the same verdict" + (f" in all {same} cases." if same > 1 else ".")]
     start = f"the same verdict in {same} of {len(frame)} cases; " if same and len(frame) > _FEW else ""
-    return [start + "; ".join(told) + "."]
+    return [start + "; ".join(found) + "."]
 
 
 def _chance(probability: float) -> str:
-    """Write a probability in percent; what would round to 100 is told as more than 99.9."""
+    """Write a probability in percent; what would round to 100 is shown as more than 99.9."""
     return "more than 99.9 %" if probability > 0.999 else f"{100 * probability:.3g} %"
 
 
-def _levers(tables: Tables, name: str) -> str:
+def _improvements(tables: Tables, name: str) -> str:
     """Say which source must get better by which factor, case by case."""
-    frame = METRICS["levers"](tables)
-    told = []
+    frame = METRICS["improvements"](tables)
+    found = []
     for row in frame[frame.requirement == name].itertuples():
         if not row.source:
-            told.append(f"{row.case}: {row.remark}")
+            found.append(f"{row.case}: {row.remark}")
             continue
         together, _, beyond = row.remark.partition("; ") if row.remark.startswith("together") else ("", "", row.remark)
         together, beyond = f", {together}," if together else "", f", {beyond}" if beyond else ""
         part = f"{100 * row.share_ratio:.0f} % of the mean square"
-        told.append(
+        found.append(
             f"{row.case}: sigma of {_some(row.source)}{together} times {number(row.factor_ratio)} ({part}{beyond})"
         )
-    return "; ".join(told) + "." if told else ""
+    return "; ".join(found) + "." if found else ""
 
 
 def _some(sources: str) -> str:

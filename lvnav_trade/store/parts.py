@@ -35,17 +35,18 @@ def write(folder: Path, summary: BlockSummary, identity: str = "") -> Path:
     """Write a part as ``FIRST-N.parquet``: first to a file of another name, then renamed, so that none is ever half.
 
     A part that starts at the same run and is shorter (the incomplete last block of an earlier campaign) is replaced.
-    `identity` names the campaign and the code; it is written into the file.
+    `identity` names the campaign, the case and the code; it is written into the file with the runs.
     """
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{summary.first_run}-{summary.n_run}.parquet"
     table = _pack(summary)
+    identity = _with_runs(identity, summary)
     checksum = _checksum(_rows(table), identity.encode())
     table = table.replace_schema_metadata({_IDENTITY: identity, _CHECKSUM: checksum})
     # neither a dictionary of its few large values nor the smallest and the largest of them is of use
     replace_table(table, path, use_dictionary=False, write_statistics=False)
-    for other in folder.glob(f"{summary.first_run}-*.parquet"):
-        if other != path:
+    for other in paths(folder):
+        if span(other)[0] == summary.first_run and other != path:
             other.unlink(missing_ok=True)
     return path
 
@@ -62,7 +63,7 @@ def replace_table(table: pa.Table, path: Path, **how: Any) -> None:
 
 
 def read(path: Path, identity: str | None = None) -> BlockSummary:
-    """Return a part; ValueError where the file is damaged, or not of the campaign and code of `identity`.
+    """Return a part; ValueError where the file is damaged, or not of the campaign, case and code of `identity`.
 
     An error of the operating system, such as a file that may not be read, is raised as it comes: it is no damage.
     """
@@ -80,8 +81,8 @@ def read(path: Path, identity: str | None = None) -> BlockSummary:
         raise ValueError(f"{path}: damaged part: {error}") from error
     if (summary.first_run, summary.n_run) != span(path):
         raise ValueError(f"{path}: damaged part: it holds other runs than its name says")
-    if identity is not None and written_by.decode(errors="replace") != identity:
-        raise ValueError(f"{path}: a part of another campaign or code")
+    if identity is not None and written_by.decode(errors="replace") != _with_runs(identity, summary):
+        raise ValueError(f"{path}: a part of another campaign, case or code")
     return summary
 
 
@@ -106,16 +107,14 @@ def drop_damaged(folder: Path, identity: str | None = None) -> list[str]:
     return messages
 
 
-def sweep(folder: Path) -> None:
-    """Delete what a killed process left half written in a folder."""
-    for path in folder.glob(".*.*"):
-        if re.fullmatch(r"\..+\.(parquet|json|yaml)\.\d+", path.name):
-            path.unlink(missing_ok=True)
+def is_name(name: str) -> bool:
+    """Whether a file name is that of a part."""
+    return _NAME.fullmatch(name) is not None
 
 
 def paths(folder: Path) -> list[Path]:
     """Return the part files of a case in run order."""
-    return sorted((path for path in folder.glob("*-*.parquet") if _NAME.fullmatch(path.name)), key=span)
+    return sorted((path for path in folder.glob("*-*.parquet") if is_name(path.name)), key=span)
 
 
 def span(path: Path) -> tuple[int, int]:
@@ -137,6 +136,10 @@ def stream(folder: Path, identity: str | None = None, n_run: int | None = None) 
                 raise ValueError(f"{folder}: runs {end} to {first - 1} are in no part")
             end = first + count
     return (read(path, identity) for path in chosen)
+
+
+def _with_runs(identity: str, summary: BlockSummary) -> str:
+    return f"{identity} runs={summary.first_run}+{summary.n_run}"
 
 
 def _pack(summary: BlockSummary) -> pa.Table:

@@ -21,12 +21,12 @@ from lvnav_trade.store.schema import TABLES, arrow_schema
 class Tables:
     """The results of one campaign; each table of `schema.TABLES` is an attribute, read when first asked for.
 
-    told: what metrics have made of them, for those that ask again.
+    cache: frames that metrics have computed from them.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.told: dict[tuple[str, ...], Any] = {}
+        self.cache: dict[tuple[str, ...], Any] = {}
         self._read: dict[str, pd.DataFrame] = {}
 
     @classmethod
@@ -51,6 +51,7 @@ class Tables:
             content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
         except ValueError as error:
             raise InputError(f"{path}: damaged: {error}") from None
+        refuse_foreign(path, content)
         return content
 
     @cached_property
@@ -76,6 +77,12 @@ class Tables:
         return {
             (row.quantity, row.axis): (row.label_unit, row.label_factor_ratio) for row in rows.itertuples(index=False)
         }
+
+
+def refuse_foreign(path: Path, manifest: object) -> None:
+    """Raise InputError where the content of a manifest is not that of this tool's results or of a kept base."""
+    if not isinstance(manifest, dict) or "campaign_digest" not in manifest:
+        raise InputError(f"{path}: not a manifest of lvnav-trade")
 
 
 def _whole(name: str, table: pa.Table) -> pa.Table:

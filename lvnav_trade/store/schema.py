@@ -178,7 +178,7 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("other_axis", "text", "axis of the other component"),
         Column("unit", "text", "SI unit of the components"),
         Column("true_si2", "real", "LinCov: covariance of the two components of the true error"),
-        Column("formal_si2", "real", "the same as the filter believes it; empty for a source"),
+        Column("formal_si2", "real", "formal variance, by the filter's model; empty for a source"),
     ),
     "states": (
         _CASE,
@@ -196,7 +196,7 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("component", "text", "velocity x, ..., position z, frame i"),
         Column("other_component", "text", "the other component"),
         Column("true_si2", "real", "LinCov: covariance of the two components of the true error"),
-        Column("formal_si2", "real", "the same as the filter believes it"),
+        Column("formal_si2", "real", "formal variance, by the filter's model"),
         Column("mean_si", "real", "LinCov: mean of the true error, where the two are the same; else empty"),
     ),
     "adjoint": (
@@ -327,7 +327,7 @@ TABLES: dict[str, tuple[Column, ...]] = {
         Column("furthest_jerk_ratio", "real", "largest lateral jerk over its envelope"),
         Column("attitude_error_rad", "real", "root mean square of attitude less the commanded one"),
         Column("rate_error_rad_per_s", "real", "root mean square of the rate that is fed less the true one"),
-        Column("rate_sigma_rad_per_s", "real", "sigma that is believed of it; of the raw rate that of a sample"),
+        Column("rate_sigma_rad_per_s", "real", "formal sigma of it; of the raw rate that of a sample"),
     ),
     "motion": (
         _CASE,

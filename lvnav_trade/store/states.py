@@ -1,4 +1,4 @@
-"""The tables from which orbits and points of impact are told: true states, covariances of velocity and position."""
+"""The tables from which orbits and points of impact are computed: true states, covariances of velocity and position."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from lvnav_trade.engines.statistics import NORM, BlockSummary, add_norms, column
 from lvnav_trade.records import MODES, NO_CHANGES, REASONS, CovHistory, Floats, Output
 from lvnav_trade.store.columns import column, repeated
 from lvnav_trade.store.controlled import controlled_tables
-from lvnav_trade.store.explained import explained_tables
+from lvnav_trade.store.diagnostics import explained_tables
 from lvnav_trade.store.schema import arrow_schema, error_column
 from lvnav_trade.store.sky import sky_tables, thresholds
 from lvnav_trade.store.states import state_tables
@@ -87,8 +87,8 @@ def starts_table(case_id: str, starts: StartDraws | None) -> dict[str, pa.Table]
     return {"starts": _arrow("starts", case_id, _starts(starts))}
 
 
-def judged_tables(case_id: str, prepared: Prepared, cov: CovHistory, summary: BlockSummary) -> dict[str, pa.Table]:
-    """Return the tables on which requirements are judged, of some runs of a case."""
+def requirement_tables(case_id: str, prepared: Prepared, cov: CovHistory, summary: BlockSummary) -> dict[str, pa.Table]:
+    """Return the tables that requirements are tested on, of some runs of a case."""
     contents = {
         "outputs": _outputs(prepared.outputs),
         "runs": _runs(prepared.outputs, summary),

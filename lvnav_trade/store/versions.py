@@ -12,6 +12,8 @@ from typing import Any
 
 import ruamel.yaml
 
+RESULTS_VERSION = 2
+"""Layout of the files in a folder of results; a block of another layout is computed again."""
 PACKAGE = Path(__file__).resolve().parents[1]
 _COMPUTES = ("kernels", "delays", "world", "observables", "receivers", "filters", "engines")
 _COMPUTES_TOO = ("layout.py", "frames.py", "records.py", "scenario.py", "units.py")
@@ -69,7 +71,6 @@ def environment() -> dict[str, str]:
         "python": platform.python_version(),
         **versions,
         "system": platform.platform(),
-        "host": platform.node(),
         "cpu": _cpu(),
     }
 

@@ -1,4 +1,4 @@
-"""The table of each run's largest and root mean square errors between the events: what a whole phase is judged on."""
+"""The table of each run's largest and root mean square errors between events, for requirements over a phase."""
 
 from __future__ import annotations
 

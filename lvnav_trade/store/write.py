@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import partial
@@ -19,10 +18,11 @@ from lvnav_trade.engines.statistics import BlockSummary, merge
 from lvnav_trade.errors import InputError, is_full_disk
 from lvnav_trade.records import CovHistory
 from lvnav_trade.store import parts as part_files
+from lvnav_trade.store.contents import MANIFEST, RESOLVED, OwnedFolder, owned, replace_file
 from lvnav_trade.store.rows import RowFiles, row_groups
 from lvnav_trade.store.schema import TABLES, arrow_schema
 from lvnav_trade.store.tables import CaseInfo, case_tables, row_tables, starts_table
-from lvnav_trade.store.versions import campaign_digest, environment
+from lvnav_trade.store.versions import RESULTS_VERSION, campaign_digest, environment
 
 if TYPE_CHECKING:
     from lvnav_trade.engines.explain import Explanation
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
 __all__ = ["CaseInfo", "Results", "open_results"]
 
-RESOLVED = "campaign.resolved.yaml"
-MANIFEST = "manifest.json"
 _LIBRARIES = tuple((name, f"with another {name}") for name in ("numpy", "numba", "scipy"))
 """Those that compute: another version of one may round otherwise."""
 
@@ -41,8 +39,9 @@ _LIBRARIES = tuple((name, f"with another {name}") for name in ("numpy", "numba",
 class Results:
     """The folder of one campaign's results, open for writing."""
 
-    def __init__(self, folder: Path, manifest: dict[str, Any]) -> None:
-        self.folder = folder
+    def __init__(self, folder: OwnedFolder, manifest: dict[str, Any]) -> None:
+        self.folder = folder.folder
+        self.owned = folder
         self.manifest = manifest
         self.identity = identity_of(manifest)
         self.damaged: list[str] = []
@@ -52,15 +51,19 @@ class Results:
         """Return the folder that holds the parts of a case."""
         return self.folder / "parts" / case_id
 
+    def identity_of_case(self, case_id: str) -> str:
+        """Return what a part or scratch file of a case is computed from, as one text."""
+        return case_identity(self.identity, case_id)
+
     def write_part(self, case_id: str, summary: BlockSummary) -> Path:
         """Write a block's statistics in one step; a shorter part that starts at the same run is replaced."""
-        return part_files.write(self.case_folder(case_id), summary, self.identity)
+        return part_files.write(self.case_folder(case_id), summary, self.identity_of_case(case_id))
 
     def done(self, case_id: str) -> list[tuple[int, int]]:
-        """Return (first run, number of runs) of each sound part; damaged ones, and those of another campaign or code,
-        are noted in `damaged` and deleted.
+        """Return (first run, number of runs) of each sound part; damaged ones, and those of another campaign, case or
+        code, are noted in `damaged` and deleted.
         """
-        self.damaged += part_files.drop_damaged(self.case_folder(case_id), self.identity)
+        self.damaged += part_files.drop_damaged(self.case_folder(case_id), self.identity_of_case(case_id))
         return [part_files.span(path) for path in part_files.paths(self.case_folder(case_id))]
 
     def parts(self, case_id: str, n_run: int | None = None) -> Iterator[BlockSummary]:
@@ -68,7 +71,7 @@ class Results:
 
         ValueError where one of the runs before `n_run` is in no part, or a part is damaged.
         """
-        return part_files.stream(self.case_folder(case_id), self.identity, n_run)
+        return part_files.stream(self.case_folder(case_id), self.identity_of_case(case_id), n_run)
 
     def write_case(
         self,
@@ -109,6 +112,7 @@ class Results:
             self._merge_table(name, found)
         self.manifest |= extra_manifest or {}
         self.manifest |= {"cases": found, "finished": _now()}
+        self.owned.claim("run", (), found)
         _write_json(self.folder / MANIFEST, self.manifest)
 
     def _merge_table(self, name: str, cases: Sequence[str]) -> None:
@@ -157,21 +161,23 @@ def open_results(
     """Open the folder of a campaign's results for writing.
 
     With "resume", parts that are there are kept; InputError where they come from another campaign (apart from its
-    number of runs, requirements, references and report) or from another version of the code. With "fresh" what an
-    earlier campaign left is deleted. InputError where the folder cannot be written.
+    number of runs, requirements, references and report) or from another version of the code. With "fresh" the files
+    that the folder lists as written by the tool are deleted. InputError where the folder holds anything else (see
+    `contents.owned`) or cannot be written.
     """
     folder = Path(folder)
+    place = owned(folder, "results")
     identity = {"campaign": campaign_name, "campaign_digest": campaign_digest(resolved_yaml), **environment()}
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         if mode == "fresh":
-            _clear(folder)
+            place.clear()
         else:
             _refuse_other(folder, identity)
-        for place in (folder, *folder.glob("parts/*"), *folder.glob("parts/*/tables")):
-            part_files.sweep(place)
-        _write_text(folder / RESOLVED, resolved_yaml)
-        results = Results(folder, {**manifest, **identity, "created": _now()})
+        tables = (f"{table}.parquet" for table in TABLES)
+        place.claim("run", (MANIFEST, RESOLVED, *tables), manifest.get("asked_cases", ()))
+        place.sweep()
+        replace_file(folder / RESOLVED, resolved_yaml)
+        results = Results(place, {**manifest, **identity, "created": _now()})
         _write_json(folder / MANIFEST, results.manifest)
     except OSError as error:
         if is_full_disk(error):
@@ -186,6 +192,8 @@ def _refuse_other(folder: Path, identity: dict[str, str]) -> None:
         return
     try:
         held = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(held, dict):
+            raise ValueError("no JSON object")
     except ValueError as error:
         raise InputError(f"{path}: not a manifest ({error}); use --fresh to start again") from error
     if held.get("campaign_digest") != identity["campaign_digest"]:
@@ -204,30 +212,18 @@ def difference(held: Mapping[str, Any], now: Mapping[str, Any]) -> str:
 
 
 def identity_of(manifest: Mapping[str, Any]) -> str:
-    """Return what two parts must have in common to be merged, as one text."""
-    keys = ("campaign_digest", "tool", "code_digest", *(name for name, _ in _LIBRARIES))
-    return " ".join(f"{key}={manifest.get(key, '')}" for key in keys)
+    """Return what two parts of a campaign must have in common to be merged, as one text."""
+    keys = ("campaign_digest", "seed", "tool", "code_digest", *(name for name, _ in _LIBRARIES))
+    return " ".join([f"results={RESULTS_VERSION}", *(f"{key}={manifest.get(key, '')}" for key in keys)])
 
 
-def _clear(folder: Path) -> None:
-    """Delete what this module writes, and nothing else; OSError where that cannot be."""
-    if (folder / "parts").exists():
-        shutil.rmtree(folder / "parts")
-    for name in (MANIFEST, RESOLVED, *(f"{table}.parquet" for table in TABLES)):
-        (folder / name).unlink(missing_ok=True)
+def case_identity(identity: str, case_id: str) -> str:
+    """Return what two parts of a case must have in common to be merged, as one text."""
+    return f"{identity} case={case_id}"
 
 
 def _write_json(path: Path, content: dict[str, Any]) -> None:
-    _write_text(path, json.dumps(content, indent=2, sort_keys=True, default=str) + "\n")
-
-
-def _write_text(path: Path, text: str) -> None:
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        temporary.write_text(text, encoding="utf-8")
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    replace_file(path, json.dumps(content, indent=2, sort_keys=True, default=str) + "\n")
 
 
 def _now() -> str:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import re
 
 from ruamel.yaml import YAML
+
+from lvnav_trade.store.contents import owned
 
 TEXT = {".py", ".md", ".yaml", ".yml", ".toml", ".csv", ".txt", ".html", ".j2", ".css", ".svg", ".cfg", ""}
 # Spelt in pieces, so that this file does not find itself.
@@ -70,3 +73,12 @@ def test_every_link_between_documents_leads_to_a_file(published, root):
         if not (path.parent / target).exists()
     ]
     assert broken == []
+
+
+def test_every_kept_report_lists_its_files(root):
+    folders = [page.parent for page in (root / "reports").rglob("report.md")]
+    assert len(folders) > 10
+    for folder in folders:
+        kind = json.loads((folder / "contents.json").read_text())["kind"]
+        found = {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
+        assert found - {"contents.json"} <= owned(folder, kind).names

@@ -14,6 +14,7 @@ import numpy as np
 
 from lvnav_trade.campaign.execute import Store
 from lvnav_trade.campaign.work import Engine
+from lvnav_trade.engines.explain import Explanation
 from lvnav_trade.errors import InputError
 from lvnav_trade.records import CovHistory, Output
 
@@ -80,7 +81,7 @@ class Fake:
 
     def explain(self, scenario: Any, prepared: Any, covariance: CovHistory, asked: Any) -> Any:
         self.calls.append(Call("explain", prepared.name))
-        return ("explained", prepared.name, asked)
+        return Explanation("explained", unbounded=prepared.name)
 
     def run_block(self, prepared: Any, seed: int, first: int, n: int) -> Any:
         self.calls.append(Call("block", prepared.name, first, n))
@@ -96,14 +97,15 @@ class Fake:
         return SimpleNamespace(first=runs.first, numbers=runs.numbers, first_run=runs.first, n_run=len(runs.numbers))
 
 
-class Slow:
-    """Takes its time for each block, so that something can happen meanwhile."""
+class Held:
+    """Computes the first three blocks of a case and then waits for a file, so that something can happen meanwhile."""
 
-    def __init__(self, seconds: float) -> None:
-        self.seconds = seconds
+    def __init__(self, gate: str) -> None:
+        self.gate = Path(gate)
 
     def __call__(self, first: int, n: int) -> None:
-        time.sleep(self.seconds)
+        while first >= 120 and not self.gate.exists():
+            time.sleep(0.05)
 
 
 class Dies:
@@ -145,6 +147,9 @@ class Kept:
             raise InputError(f"{folder}: holds another campaign")
         note.write_text(resolved)
 
+    def identity_of_case(self, case: str) -> str:
+        return f"{self.resolved.partition('runs:')[0]} {case}"
+
     def write_part(self, case: str, summary: Any) -> None:
         if self.full_after is not None and self.written >= self.full_after:
             raise OSError(28, "No space left on device")
@@ -182,7 +187,7 @@ def store(full_after: int | None = None) -> Store:
     def open_results(folder: Path, name: str, resolved: str, manifest: dict[str, Any], mode: str) -> Kept:
         return Kept(folder, resolved, mode, full_after)
 
-    return Store(open_results, Info)
+    return Store(open_results, Info, lambda folder: None)
 
 
 def tables(folder: Path) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import hashlib
 import itertools
 from pathlib import Path
 
@@ -223,8 +224,6 @@ def test_the_third_death_ends_the_campaign_and_so_does_the_first_where_failures_
 
 
 def test_scratch_of_an_interrupted_campaign_that_is_damaged_is_computed_again(run, fakes, caplog) -> None:
-    Path("results").mkdir()
-    Path("results/manifest.json").write_text("{}")  # as the real store leaves
     with pytest.raises(KeyboardInterrupt):
         run(fakes.Fake(on_block=Interrupt(4)))
     files = sorted(Path("results/.scratch").iterdir())
@@ -239,11 +238,14 @@ def test_scratch_of_an_interrupted_campaign_that_is_damaged_is_computed_again(ru
     assert caplog.text.count("damaged: its checksum does not fit; computed again") == 2
 
 
-def test_scratch_that_nobody_knows_the_campaign_of_is_not_used(run, fakes) -> None:
+def test_scratch_of_another_case_is_computed_again(run, fakes, caplog) -> None:
     with pytest.raises(KeyboardInterrupt):
         run(fakes.Fake(on_block=Interrupt(4)))
+    one, other = sorted(Path("results/.scratch").glob("*.covariance"))
+    other.write_bytes(one.read_bytes())
     fake, _ = run()
-    assert sum(call.what == "covariance" for call in fake.calls) == 2
+    assert sum(call.what == "covariance" for call in fake.calls) == 1
+    assert "computed from another campaign, case or code; computed again" in caplog.text
 
 
 def test_a_disk_that_is_full_from_the_start_ends_in_the_same_line(study, fakes) -> None:
@@ -257,7 +259,7 @@ def test_a_disk_that_is_full_from_the_start_ends_in_the_same_line(study, fakes) 
             Path("results"),
             jobs=1,
             engine=fakes.Fake().engine(),
-            keep=execute.Store(full, fakes.Info),
+            keep=execute.Store(full, fakes.Info, lambda folder: None),
         )
 
 
@@ -337,3 +339,28 @@ def test_another_campaign_in_the_folder_is_refused(study, run) -> None:
     run()
     with pytest.raises(InputError, match="holds another campaign"):
         run(sets=["seed=8"])
+
+
+@pytest.mark.parametrize("mode", ["fresh", "resume"])
+def test_a_folder_of_the_users_own_is_refused_and_no_lock_is_left_in_it(study, fakes, mode) -> None:
+    study.append(TWO)
+    mine = {"mine/manifest.json": '{"name": "a web page"}', "mine/parts/a.txt": "a", "mine/.scratch/b": "b"}
+    for name, text in mine.items():
+        study.write(name, text)
+    with pytest.raises(InputError, match="holds files that lvnav-trade did not write"):
+        execute.run(load(study.path), Path("mine"), jobs=1, mode=mode, engine=fakes.Fake().engine())
+    assert {str(path): path.read_text() for path in Path("mine").rglob("*") if path.is_file()} == mine
+
+
+def test_a_pickle_planted_as_a_scratch_file_is_computed_again_and_not_executed(run, fakes, caplog) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        run(fakes.Fake(on_block=Interrupt(4)))
+    evil = b"cos\nsystem\n(S'touch executed'\ntR."
+    for file in Path("results/.scratch").iterdir():
+        file.write_bytes(hashlib.sha256(evil).digest() + evil)
+    fake, outcome = run()
+    assert outcome.failures == ()
+    assert sum(call.what in ("covariance", "explain") for call in fake.calls) == 4
+    assert caplog.text.count("computed again") == 4
+    assert not Path("executed").exists()
+    assert not Path("results/.scratch").exists()

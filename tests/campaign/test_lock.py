@@ -22,7 +22,7 @@ from pathlib import Path
 from lvnav_trade.campaign.lock import locked
 with locked(Path(sys.argv[1])):
     print("held", flush=True)
-    time.sleep(60)
+    time.sleep(600)
 """
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -75,7 +75,7 @@ def test_a_process_that_is_killed_leaves_no_lock(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"process .* is working"), locked(tmp_path):
         pass
     process.send_signal(signal.SIGKILL)
-    process.wait(10)
+    process.wait(600)
     process.stdout.close()
     with locked(tmp_path):
         pass
@@ -116,3 +116,17 @@ def test_a_full_disk_is_no_mistake_of_the_user(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr(Path, "open", full)
     with pytest.raises(OSError, match="No space left"), locked(tmp_path):
         pass
+
+
+def test_a_file_of_another_tool_is_not_taken_for_a_lock(tmp_path: Path) -> None:
+    (tmp_path / ".lock").write_text("mine\n")
+    told = r"\.lock: is no lock of lvnav-trade; move it, or give another folder$"
+    with pytest.raises(InputError, match=told), locked(tmp_path):
+        pass
+    assert (tmp_path / ".lock").read_text() == "mine\n"
+
+
+def test_the_name_of_the_machine_stays_no_longer_than_the_lock(tmp_path: Path) -> None:
+    with locked(tmp_path):
+        assert (tmp_path / ".lock").read_text() == f"{os.getpid()} on {platform.node()}"
+    assert (tmp_path / ".lock").read_text() == ""

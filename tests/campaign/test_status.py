@@ -123,6 +123,6 @@ def test_a_folder_without_results_and_a_torn_manifest_are_refused(tmp_path: Path
     (tmp_path / "manifest.json").write_text('{"created":')
     with pytest.raises(InputError, match=r"manifest\.json: cannot be read: "):
         status(tmp_path)
-    (tmp_path / "manifest.json").write_text("{}")
+    (tmp_path / "manifest.json").write_text('{"campaign_digest": "a"}')
     with pytest.raises(InputError, match="a kept base"):
         status(tmp_path)

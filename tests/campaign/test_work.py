@@ -26,7 +26,7 @@ from lvnav_trade.records import Asked
 def _forget() -> None:
     """Let no test find what another one prepared."""
     work._kept.clear()
-    work._covariance.cache_clear()
+    work._covariance_in.cache_clear()
 
 
 @pytest.fixture
@@ -49,7 +49,7 @@ def job(study, fakes):
 def test_linear_covariance_is_computed_once_and_left_for_all_workers(job, case: Case) -> None:
     fake, todo = job()
     first = work.answer(todo, case)
-    work._covariance.cache_clear()  # as another process
+    work._covariance_in.cache_clear()  # as another process
     assert work.answer(todo, case) == first
     assert [call.what for call in fake.calls] == ["covariance"]
     assert [file.name for file in Path("scratch").iterdir()] == [f"{case.id}.1.0.covariance"]
@@ -135,22 +135,6 @@ def test_a_flight_that_cannot_be_is_returned_and_not_raised(job, case: Case, mon
     found = work.events_of(todo._replace(engine=todo.engine._replace(events=out_of_reach)), case)
     assert isinstance(found, InputError)
     assert work.events_of(todo, case) == {"liftoff": 0.0, "stage1_cutoff": 1.0, "injection": 2.0}
-
-
-def test_what_is_left_on_the_scratch_disk_is_whole_or_not_there(tmp_path: Path, monkeypatch) -> None:
-    work._write(tmp_path / "a.covariance", [1, 2, 3])
-    assert work._read(tmp_path / "a.covariance") == [1, 2, 3]
-
-    whole = Path.write_bytes
-
-    def torn(path: Path, content: bytes) -> None:
-        whole(path, content[:20])
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Path, "write_bytes", torn)
-    with pytest.raises(OSError, match="No space left"):
-        work._write(tmp_path / "b.covariance", [1, 2, 3])
-    assert [file.name for file in tmp_path.iterdir()] == ["a.covariance"]
 
 
 def test_an_almanac_that_cannot_be_read_is_found_before_anything_is_flown(study) -> None:

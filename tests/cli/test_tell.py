@@ -41,3 +41,31 @@ def test_what_a_repository_keeps_of_a_base_is_told(variants: Path, tmp_path: Pat
     kept = tmp_path / "kept"
     assert call("keep-base", str(variants / "base"), str(kept)).stdout == f"base: {kept}\n"
     assert call("compare", str(kept), str(variants / "same"), "--effect", "rare=none").exit_code == 0
+
+
+def test_a_report_and_a_base_are_not_kept_in_a_folder_of_the_users_own(variants: Path, tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine/rms.csv").write_text("mine")
+    base = str(variants / "base")
+    for verb in (["report", base, "--keep", str(tmp_path / "mine")], ["keep-base", base, str(tmp_path / "mine")]):
+        result = call(*verb)
+        assert result.exit_code == 2
+        assert result.stderr.count("\n") == 1
+        assert "holds files that lvnav-trade did not write" in result.stderr
+    result = call("report", base, "--keep", base)
+    assert result.exit_code == 2
+    assert "holds the results of a campaign, not a kept report" in result.stderr
+    assert [path.name for path in (tmp_path / "mine").iterdir()] == ["rms.csv"]
+    assert not (variants / "base/report.html").exists()
+
+
+@pytest.mark.parametrize("text", ["[]", "3", "null", '{"name": "a web page"}', '{"created": 1, "finished": 2}'])
+@pytest.mark.parametrize("verb", [("report",), ("status",), ("compare", "mine"), ("keep-base", "kept")])
+def test_a_manifest_of_another_tool_is_told_in_one_line(
+    events: dict[str, float], verb: tuple[str, ...], text: str
+) -> None:
+    Path("mine").mkdir()
+    Path("mine/manifest.json").write_text(text)
+    result = call(verb[0], "mine", *verb[1:])
+    assert (result.exit_code, result.stderr) == (2, "mine/manifest.json: not a manifest of lvnav-trade\n")
+    assert not Path("kept").exists()

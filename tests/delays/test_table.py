@@ -1,8 +1,6 @@
-"""The table of traced rays against the rays themselves; how long both take."""
+"""The table of traced rays against the rays themselves; how much work both take."""
 
 from __future__ import annotations
-
-import time
 
 import numpy as np
 import pytest
@@ -70,17 +68,20 @@ def test_satellites_farther_away_have_a_table_of_their_own():
     assert interpolated(galileo, *place) != interpolated(gps, *place)
 
 
-def test_it_is_made_in_two_seconds_and_read_in_a_third(record_property):
+def test_six_thousand_rays_make_it_and_none_are_traced_to_read_it(monkeypatch):
+    traced = []
+
+    def counted(air, height, elevation, far):
+        found = ray(air, height, elevation, far)
+        traced.append(found.delay.size)
+        return found
+
+    monkeypatch.setattr("lvnav_trade.delays.table.ray", counted)
     model = RayTracedTroposphere(profile=StandardProfile(wet=33.0))
-    profile(model.profile)  # compiles the standard atmosphere
-    start = time.perf_counter()
     table(model)
-    made = time.perf_counter() - start
+    assert 0 < sum(traced) < 8000
+    traced.clear()
     height, elevation = np.broadcast_arrays(np.linspace(0.0, 110e3, 600)[:, None], np.linspace(-0.15, 1.5, 80))
-    start = time.perf_counter()
-    interpolated(model, height, elevation, np.where(elevation < 0.0, 40e3, height))
-    read = time.perf_counter() - start
-    record_property("table made, s", made)
-    record_property("600 epochs of 80 satellites, s", read)
-    assert made < 4.0  # two seconds on an idle machine
-    assert read < 0.6
+    read = interpolated(model, height, elevation, np.where(elevation < 0.0, 40e3, height))
+    assert read.max() > 50.0
+    assert traced == []

@@ -69,3 +69,17 @@ def test_knots_out_of_order_are_refused():
     text["segments"][0]["knots"].reverse()
     with pytest.raises(ValidationError, match="should rise"):
         GainSchedule.model_validate(text)
+
+
+def test_rounding_makes_neither_knots_nor_digits():
+    def with_rounding(seed):
+        gains = table()
+        gains[T < 100.0, 1, 2] = 0.0
+        noise = 1e-11 * np.abs(gains).max(axis=0) * np.random.default_rng(seed).uniform(-1.0, 1.0, gains.shape)
+        return schedule_of("test", "a nominal flight", "event", STATES, T, gains + noise, EVENTS, 0.05)
+
+    one, other = with_rounding(1), with_rounding(2)
+    knots = [[knot.since for knot in segment.knots] for segment in one.segments]
+    assert knots == [[knot.since for knot in segment.knots] for segment in other.segments]
+    assert all(knot.gain[1][2] == 0.0 for knot in one.segments[0].knots)
+    assert any(knot.gain[1][2] != 0.0 for knot in one.segments[-1].knots)

@@ -50,7 +50,7 @@ def test_a_kernel_under_another_name_gives_another_folder(package: Path) -> None
 
 
 def folder_with(monkeypatch: pytest.MonkeyPatch, **environment: str) -> Path:
-    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "HOME"):
+    for name in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME", "HOME", "NUMBA_BOUNDSCHECK"):
         monkeypatch.delenv(name, raising=False)
     for name, value in environment.items():
         monkeypatch.setenv(name, value)
@@ -70,6 +70,12 @@ def test_the_users_choice_of_a_cache_folder_is_kept(monkeypatch, environment: di
     found = folder_with(monkeypatch, **environment)
     assert str(found.parent) == parent
     assert found.name.startswith("kernels-")
+
+
+def test_kernels_with_bounds_checks_have_a_folder_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    plain = folder_with(monkeypatch, NUMBA_CACHE_DIR="/mine", NUMBA_BOUNDSCHECK="0")
+    checked = folder_with(monkeypatch, NUMBA_CACHE_DIR="/mine", NUMBA_BOUNDSCHECK="1")
+    assert plain == folder_with(monkeypatch, NUMBA_CACHE_DIR="/mine") != checked
 
 
 def test_a_worker_process_inherits_the_folder_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from numba import TypingError
@@ -267,3 +271,15 @@ def test_an_array_that_lanes_cannot_view_is_refused_at_compilation(array):
     assert length_of_view(np.zeros((3, WIDTH))) == 3
     with pytest.raises(TypingError):
         length_of_view(array)
+
+
+@pytest.mark.slow
+def test_bounds_checks_find_an_index_outside_an_array_and_outside_a_view(root, tmp_path):
+    environment = {**os.environ, "NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(root)}
+    found = subprocess.run(
+        [sys.executable, "-m", "tests.kernels.outside"], cwd=root, env=environment, capture_output=True, text=True,
+        check=True,
+    )  # fmt: skip
+    lines = [line.split() for line in found.stdout.splitlines()]
+    assert [line[0] for line in lines] == ["read", "write", "read_lanes", "write_lanes", "write_row_of_lanes"]
+    assert [line[1:] for line in lines] == [["nothing", "nothing", "IndexError"]] * 5  # first, last, one beyond

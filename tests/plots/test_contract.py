@@ -17,7 +17,7 @@ OF_A_VEHICLE = (
     "sweep",
     "turning",
     "worth",
-    "readings",
+    "interpretations",
 )  # see test_motion
 
 

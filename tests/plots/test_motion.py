@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from lvnav_trade.plots import PLOTS
-from lvnav_trade.plots.motion import apart, motion, readings, singular
-from lvnav_trade.plots.rotation import sweep, worth
+from lvnav_trade.plots.motion import apart, interpretations, motion, singular
+from lvnav_trade.plots.nozzle import sweep, worth
 from lvnav_trade.plots.style import look
 from tests.vehicle_tables import FILTERED, LESS, RAW, SIGMA, tables
 
@@ -21,7 +21,7 @@ ARGUMENTS = {
     "sweep": (),
     "turning": (CASE,),
     "worth": (),
-    "readings": (),
+    "interpretations": (),
     "apart": (PAIR,),
 }
 
@@ -53,7 +53,7 @@ def test_the_sweep_shows_reductions_by_their_gain():
 
 
 def test_readings_stand_beside_what_is_stated():
-    axes = readings(tables()).axes[0]
+    axes = interpretations(tables()).axes[0]
     assert [line.get_ydata()[0] for line in axes.get_lines()] == [88.0, 57.0]
     assert axes.containers[0][0].get_height() == pytest.approx(100.0 * (1.0 - SIGMA / RAW))
 

@@ -52,7 +52,7 @@ def test_rates_and_accelerations_are_better_than_the_samples_and_the_navigation_
     roll = found[
         found.case.str.contains("as published") & found.case.str.contains("vehicle model") & (found.axis == "roll")
     ]
-    assert (roll.believed_better_percent - 88.1).abs().max() < 1.0  # table 2
+    assert (roll.formal_better_percent - 88.1).abs().max() < 1.0  # table 2
     assert roll.better_percent.min() > 85.0
     frame = METRICS["references"](tables)
     unknown = frame[frame["item"].str.startswith("unknown dynamics")]
@@ -65,7 +65,7 @@ def test_rates_and_accelerations_are_better_than_the_samples_and_the_navigation_
 
 def test_twenty_launches_say_whether_errors_are_as_the_filter_believes(tmp_path):
     found = METRICS["motion"](flown("twenty_launches", tmp_path))
-    assert set(found.as_believed) <= {"as believed", "smaller"}
+    assert set(found.as_modelled) <= {"as modelled", "smaller"}
 
 
 def test_all_states_are_observable_only_with_a_time_constant_of_the_position_bias(tmp_path):

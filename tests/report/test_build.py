@@ -68,9 +68,54 @@ def test_a_report_is_kept_without_its_html(page, tmp_path):
     assert {file.name for file in (tmp_path / "kept" / "figures").iterdir()} == pictures
     assert (tmp_path / "kept" / "budget.csv").exists()
     assert not list((tmp_path / "kept").glob("*.html"))
-    (tmp_path / "kept" / "figures" / "old.png").write_bytes(b"")
-    keep(page.parent, tmp_path / "kept")
-    assert not (tmp_path / "kept" / "figures" / "old.png").exists()
+
+
+def test_a_report_that_is_kept_again_replaces_what_it_wrote_and_nothing_else(page, tmp_path):
+    kept = keep(page.parent, tmp_path / "kept").parent
+    own = {"figures/mine.png": b"a photo", "mine.csv": b"a,b\n", "notes.md": b"mine"}
+    for name, content in own.items():
+        (kept / name).write_bytes(content)
+    listing = json.loads((kept / "contents.json").read_text())
+    listing["files"]["report"].append("figures/of-an-earlier-report.png")
+    (kept / "contents.json").write_text(json.dumps(listing))
+    (kept / "figures/of-an-earlier-report.png").write_bytes(b"ours")
+    (kept / "report.md").write_text("old")
+    keep(page.parent, kept)
+    assert {name: (kept / name).read_bytes() for name in own} == own
+    assert not (kept / "figures/of-an-earlier-report.png").exists()
+    assert (kept / "report.md").read_bytes() == (page.parent / "report.md").read_bytes()
+
+
+@pytest.mark.parametrize("name", ["data.csv", "figures/photo.png", "report.md", "contents.json", "manifest.json"])
+def test_a_folder_of_the_users_own_is_refused_and_left_as_it_is(page, tmp_path, name):
+    mine = tmp_path / "mine" / name
+    mine.parent.mkdir(parents=True)
+    mine.write_text('{"mine": true}')
+    with pytest.raises(InputError, match="nothing was changed; give another folder") as caught:
+        keep(page.parent, tmp_path / "mine")
+    assert "\n" not in str(caught.value)
+    assert [path for path in (tmp_path / "mine").rglob("*") if path.is_file()] == [mine]
+    assert mine.read_text() == '{"mine": true}'
+
+
+def test_a_report_built_again_leaves_the_users_own_files_in_the_results(tmp_path):
+    folder = synthetic.results(tmp_path, n_run=0)
+    build(folder, ["summary"])
+    (folder / "figures").mkdir(exist_ok=True)
+    for name in ("figures/mine.png", "mine.csv"):
+        (folder / name).write_text("mine")
+    build(folder, ["references"])
+    assert (folder / "figures/mine.png").read_text() == (folder / "mine.csv").read_text() == "mine"
+
+
+def test_names_and_descriptions_are_plain_text_in_the_markdown_page(tmp_path):
+    campaign = synthetic.CAMPAIGN.replace("Two grades drawn", "'<script>alert(1)</script> [a](b) | Two grades drawn")
+    campaign = campaign.replace("'<script>", "<script>")
+    folder = synthetic.results(tmp_path, n_run=0, campaign=campaign)
+    build(folder, ["summary"])
+    text = (folder / "report.md").read_text(encoding="utf-8")
+    assert "&lt;script>alert(1)&lt;/script> [a\\](b)" in text
+    assert "<script" not in text
 
 
 def test_the_page_is_small(page):

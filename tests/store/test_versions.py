@@ -18,7 +18,7 @@ def test_more_runs_or_another_requirement_is_the_same_campaign():
 def test_the_manifest_names_versions_machine_and_order(written):
     manifest = load(written).manifest
     assert manifest["cases"] == ["aaaaaaaaaaaa", "bbbbbbbbbbbb"]
-    assert {"tool", "python", "numpy", "numba", "host", "cpu", "seed", "created", "commit"} <= set(manifest)
+    assert {"tool", "python", "numpy", "numba", "cpu", "seed", "created", "commit"} <= set(manifest)
 
 
 def test_the_digest_of_the_code_covers_every_room_that_computing_rooms_use():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import shutil
 
 import pyarrow.parquet as pq
 import pytest
@@ -11,7 +12,7 @@ import pytest
 from lvnav_trade.engines.statistics import merge, summarise
 from lvnav_trade.errors import InputError
 from lvnav_trade.store import TABLES, CaseInfo, load, open_results, write
-from lvnav_trade.store.versions import campaign_digest
+from lvnav_trade.store.versions import RESULTS_VERSION, campaign_digest
 from tests import synthetic
 from tests.synthetic import CAMPAIGN, EVENTS, OUTPUTS, block, covariance
 
@@ -107,12 +108,34 @@ def test_results_computed_with_another_version_of_a_library_are_refused(tmp_path
 def test_parts_without_a_manifest_are_kept_only_where_they_are_of_this_campaign(tmp_path):
     synthetic.results(tmp_path, n_run=8)
     (tmp_path / "manifest.json").unlink()
-    same = open_results(tmp_path, "synthetic", CAMPAIGN, {})
+    same = open_results(tmp_path, "synthetic", CAMPAIGN, {"seed": 7})
     assert same.done("aaaaaaaaaaaa") == [(0, 8)]
     (tmp_path / "manifest.json").unlink()
-    other = open_results(tmp_path, "synthetic", CAMPAIGN.replace("seed: 7", "seed: 8"), {})
+    other = open_results(tmp_path, "synthetic", CAMPAIGN.replace("seed: 7", "seed: 8"), {"seed": 8})
     assert other.done("aaaaaaaaaaaa") == []
-    assert "a part of another campaign or code" in other.damaged[0]
+    assert "a part of another campaign, case or code" in other.damaged[0]
+
+
+@pytest.mark.parametrize("stays", [True, False])
+def test_a_part_of_another_case_of_the_same_shape_is_dropped(tmp_path, stays):
+    results = open_results(tmp_path, "x", CAMPAIGN, {"seed": 7})
+    ours, other = results.write_part("c", part(0)), results.write_part("d", part(0))
+    shutil.copyfile(other, ours)
+    if not stays:
+        other.unlink()
+    assert results.done("c") == []
+    assert "c/0-8.parquet: a part of another campaign, case or code" in results.damaged[0]
+    assert results.done("d") == ([(0, 8)] if stays else [])
+    results.write_part("c", part(0))
+    assert results.done("c") == [(0, 8)]
+
+
+@pytest.mark.parametrize("name", ["seed", "results", "runs", "case"])
+def test_a_part_says_what_it_is_of(tmp_path, name):
+    path = open_results(tmp_path, "x", CAMPAIGN, {"seed": 7}).write_part("c", part(8))
+    identity = pq.read_schema(path).metadata[b"lvnav_trade.identity"].decode()
+    expected = {"seed": "7", "results": str(RESULTS_VERSION), "runs": "8+8", "case": "c"}[name]
+    assert f" {name}={expected} " in f" {identity} "
 
 
 def test_a_case_with_a_hole_in_its_runs_has_no_summary(tmp_path):

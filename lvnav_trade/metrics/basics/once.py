@@ -1,4 +1,4 @@
-"""What several sections, tables and figures of a page tell of is worked out once."""
+"""Results of a metric that several sections of a report use are computed once per set of tables."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def once(metric: Callable[..., _Found]) -> Callable[..., _Found]:
     def kept(results: Path | str | Tables, *asked: str) -> _Found:
         tables = load(results)
         key = (metric.__module__, metric.__qualname__, *asked)
-        if key not in tables.told:
-            tables.told[key] = metric(tables, *asked)
-        found: Any = tables.told[key]
+        if key not in tables.cache:
+            tables.cache[key] = metric(tables, *asked)
+        found: Any = tables.cache[key]
         return found.copy()
 
     return kept

@@ -323,10 +323,10 @@ def _lincov_rms(tables: Tables, case: str, event: str, metric: str) -> float:
 
 def _notes(base: Tables, candidate: Tables, pairs: Sequence[Pair]) -> tuple[str, ...]:
     """Return what a reader should know beside the rows."""
-    told = left_out(base, candidate, pairs)
+    notes = left_out(base, candidate, pairs)
     codes = [tables.manifest.get("code_digest") for tables in (base, candidate)]
     if codes[0] != codes[1]:
-        told.append(f"Computed by two versions of the code ({codes[0]} and {codes[1]}).")
+        notes.append(f"Computed by two versions of the code ({codes[0]} and {codes[1]}).")
     if _stated(base) != _stated(candidate):
-        told.append("The two campaigns state different requirements; both are held against the base's.")
-    return tuple(told)
+        notes.append("The two campaigns state different requirements; both are tested against the base's.")
+    return tuple(notes)

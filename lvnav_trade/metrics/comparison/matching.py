@@ -59,15 +59,15 @@ def match(base: Tables, candidate: Tables, mapping: Mapping[str, str] | None = N
 
 def left_out(base: Tables, candidate: Tables, pairs: Sequence[Pair]) -> list[str]:
     """Say which cases have no partner."""
-    told = []
+    notes = []
     for tables, kept, other in (
         (base, {pair.base for pair in pairs}, candidate),
         (candidate, {pair.candidate for pair in pairs}, base),
     ):
         alone = [label for case, label in tables.labels.items() if case not in kept]
         if alone:
-            told.append(f"Not compared, because {other.folder} has no such case: {'; '.join(alone)}.")
-    return told
+            notes.append(f"Not compared, because {other.folder} has no such case: {'; '.join(alone)}.")
+    return notes
 
 
 def _pairs(base: Tables, candidate: Tables, mapping: dict[str, str]) -> list[Pair]:

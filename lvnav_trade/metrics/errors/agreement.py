@@ -47,13 +47,13 @@ def agreement(results: Path | str | Tables) -> pd.DataFrame:
                         "freedom": at.run_count * at.dof_ratio,
                     }
                 )
-    found = _judged(pd.DataFrame(rows, columns=[*COLUMNS[:7], "freedom"]))
+    found = _with_verdicts(pd.DataFrame(rows, columns=[*COLUMNS[:7], "freedom"]))
     outside = [label for case, label in tables.labels.items() if not reach(tables, case).applies]
-    judged = found.agree.isin(["agree", "disagree"])
-    return found.assign(agree=found.agree.mask(judged & found.case.isin(outside), "not applicable"))
+    tested = found.agree.isin(["agree", "disagree"])
+    return found.assign(agree=found.agree.mask(tested & found.case.isin(outside), "not applicable"))
 
 
-def _judged(frame: pd.DataFrame) -> pd.DataFrame:
+def _with_verdicts(frame: pd.DataFrame) -> pd.DataFrame:
     """Add the bounds and the verdict of each row."""
     members = frame.groupby("case").case.transform("size").to_numpy(dtype=float)
     low, high = np.empty(len(frame)), np.empty(len(frame))

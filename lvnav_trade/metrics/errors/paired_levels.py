@@ -14,11 +14,11 @@ from lvnav_trade.store import Tables, load
 from lvnav_trade.store.schema import error_column
 
 
-def parted(results: Path | str | Tables, axis: str) -> pd.DataFrame:
-    """Return how far cases that differ in one axis alone part, for its first level and each other one.
+def paired_levels(results: Path | str | Tables, axis: str) -> pd.DataFrame:
+    """Return the paired differences of cases that differ in one axis alone: its first level and each other one.
 
-    Columns: case (the other levels), levels, event, quantity, unit, first_rms, second_rms, parted_rms (root mean square
-    over the runs of the norm of the difference of their errors), parted_ratio (of the smaller of the two).
+    Columns: case (the other levels), levels, event, quantity, unit, first_rms, second_rms, difference_rms (root mean
+    square over the runs of the norm of the difference of their errors), difference_ratio (of the smaller of the two).
     """
     tables = load(results)
     groups: dict[str, list[tuple[str, str]]] = {}
@@ -52,7 +52,7 @@ def _rows(tables: Tables, pair: tuple[str, str], event: str, start: dict[str, An
         found.append(
             start
             | {"event": event, "quantity": quantity, "unit": unit, "first_rms": sizes[0], "second_rms": sizes[1]}
-            | {"parted_rms": sizes[2], "parted_ratio": sizes[2] / min(sizes[:2])}
+            | {"difference_rms": sizes[2], "difference_ratio": sizes[2] / min(sizes[:2])}
         )
     return found
 

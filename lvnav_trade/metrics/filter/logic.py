@@ -11,7 +11,7 @@ from lvnav_trade.records import MODES
 from lvnav_trade.store import Tables, load
 
 STEPS = 400
-"""Times at which the modes of all runs are told."""
+"""Times at which the modes of all runs are reported."""
 
 
 def logic(results: Path | str | Tables) -> pd.DataFrame:

@@ -18,7 +18,7 @@ from lvnav_trade.metrics.mechanics.meanorbit import oblateness
 Floats = NDArray[np.float64]
 
 LOWEST = 1e3
-"""Height in m below which no point of impact is told: it would be the vehicle's own place."""
+"""Height in m below which no point of impact is reported: it would be the vehicle's own place."""
 _STEPS = 160
 """Steps of the numerical fall: centimetres over half a revolution."""
 
@@ -55,7 +55,7 @@ def impact(r_i: ArrayLike, v_i: ArrayLike, earth_angle: ArrayLike, j2: bool = Tr
         fall = np.where(height >= lowest, fall, np.nan)
         end = _fly(r_i, v_i, fall, j2, _STEPS)
         fall, end = _to_ground(fall, end, j2)
-        return _told(end[:, :3], end[:, 3:], theta, fall)
+        return _impact_of(end[:, :3], end[:, 3:], theta, fall)
 
 
 def _kepler_fall(r_i: Floats, v_i: Floats) -> Floats:
@@ -121,7 +121,7 @@ def _to_ground(fall: Floats, state: Floats, j2: bool) -> tuple[Floats, Floats]:
     return np.where(sound, fall, np.nan), np.where(sound[:, None], state, np.nan)
 
 
-def _told(r_i: Floats, v_i: Floats, theta: Floats, fall: Floats) -> Impact:
+def _impact_of(r_i: Floats, v_i: Floats, theta: Floats, fall: Floats) -> Impact:
     turned = theta + OMEGA * fall
     r_e = ecef_from_eci(r_i, turned)
     latitude, longitude, _ = geodetic_from_ecef(r_e)

@@ -1,6 +1,6 @@
 """The orbit of a state: osculating, and averaged over the oblateness of the Earth; its lowest and highest point.
 
-J2 makes osculating elements swing by some 10 km along a low orbit, so perigee and apogee are told of the mean orbit:
+J2 makes osculating elements swing by some 10 km along a low orbit, so perigee and apogee are those of the mean orbit:
 the average over one revolution of energy, angular momentum and eccentricity vector, to first order in J2, with the
 drift over the revolution taken out. Vectors stay regular where the orbit is circular or equatorial; angles are formed
 last. (Kozai, Astronomical Journal 64, 1959, has the classical elements, singular at both.)

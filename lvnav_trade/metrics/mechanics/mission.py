@@ -1,8 +1,8 @@
 """Errors of a mission's numbers (orbit, point of impact, correction), from errors of velocity and position together.
 
-The error at an event is that of the orbit, or point of impact, that is believed: of the true state less that of the
-estimate. Where guidance steers by the estimate, the vehicle is brought to the aim by its belief, so the same error,
-with its sign turned, is the error of the injection.
+The error at an event is that of the orbit, or point of impact: of the true state less that of the estimate. Where
+guidance steers by the estimate, the estimate is brought to the aim, so the same error, with its sign turned, is the
+error of the injection.
 """
 
 from __future__ import annotations
@@ -109,27 +109,27 @@ def orbit_errors(state: State, error: Floats) -> dict[str, Floats]:
     The eccentricity vector is resolved along the true ascending node and 90 degrees ahead of it.
     """
     true = meanorbit.mean(state.r_i, state.v_i)
-    believed = meanorbit.mean(state.r_i - error[:, 3:], state.v_i - error[:, :3])
+    estimated = meanorbit.mean(state.r_i - error[:, 3:], state.v_i - error[:, :3])
     node = np.array([np.cos(true.node), np.sin(true.node), 0.0])
     plane = np.stack([node, np.cross(frames.unit(true.h_i), node)])
     return {
-        "semi_major_axis_error": true.semi_major_axis - believed.semi_major_axis,
-        "eccentricity_error": true.eccentricity - believed.eccentricity,
-        "eccentricity_vector_error": (true.e_i - believed.e_i) @ plane.T,
-        "perigee_error": true.perigee - believed.perigee,
-        "apogee_error": true.apogee - believed.apogee,
-        "inclination_error": true.inclination - believed.inclination,
-        "node_error": np.mod(true.node - believed.node + np.pi, 2.0 * np.pi) - np.pi,
+        "semi_major_axis_error": true.semi_major_axis - estimated.semi_major_axis,
+        "eccentricity_error": true.eccentricity - estimated.eccentricity,
+        "eccentricity_vector_error": (true.e_i - estimated.e_i) @ plane.T,
+        "perigee_error": true.perigee - estimated.perigee,
+        "apogee_error": true.apogee - estimated.apogee,
+        "inclination_error": true.inclination - estimated.inclination,
+        "node_error": np.mod(true.node - estimated.node + np.pi, 2.0 * np.pi) - np.pi,
     }
 
 
 def impact_errors(state: State, error: Floats) -> Floats:
-    """Return how far the true point of impact lies from the believed one, down-range and cross-range (n, 2), m."""
+    """Return how far the true point of impact lies from the estimated one, down-range and cross-range (n, 2), m."""
     true = impact(state.r_i, state.v_i, state.earth_angle)
     if not np.isfinite(true.fall[0]):
         return np.full((len(error), 2), np.nan)
-    believed = impact(state.r_i - error[:, 3:], state.v_i - error[:, :3], state.earth_angle, lowest=0.0)
-    return -offsets(true.r_e, believed.r_e, true.heading)
+    estimated = impact(state.r_i - error[:, 3:], state.v_i - error[:, :3], state.earth_angle, lowest=0.0)
+    return -offsets(true.r_e, estimated.r_e, true.heading)
 
 
 def signed(state: State, error: Floats, metric: str) -> Floats:

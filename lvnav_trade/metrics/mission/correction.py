@@ -22,8 +22,7 @@ _DRAWS = 2**10
 
 @once
 def correction(results: Path | str | Tables) -> pd.DataFrame:
-    """Return the least delta-v that brings the believed orbit to the true one, at the last event that
-    `orbit` tells.
+    """Return the least delta-v that brings the estimated orbit to the true one, at the last event of `orbit`.
 
     The least sum of impulses, anywhere in one revolution and linear in the error, that nulls the errors of semi-major
     axis, eccentricity, perigee, inclination and node (see `impulses`); the place along the orbit is left. by "linear
@@ -37,9 +36,9 @@ def correction(results: Path | str | Tables) -> pd.DataFrame:
         for state in orbital_states(tables, case)[-1:]:
             law = mission.law_at(tables, case, state.event)
             error, failed = mission.run_errors(tables, case, state)
-            told = {"linear covariance": mission.draws(law.mean, law.true, _DRAWS)} if law is not None else {}
-            told |= {"Monte Carlo": error[~failed]} if (~failed).any() else {}
-            for by, drawn in told.items():
+            samples = {"linear covariance": mission.draws(law.mean, law.true, _DRAWS)} if law is not None else {}
+            samples |= {"Monte Carlo": error[~failed]} if (~failed).any() else {}
+            for by, drawn in samples.items():
                 head = {"case": label, "event": state.event, "unit": "m/s", "by": by, "count": len(drawn)}
                 rows.append(head | _quantiles(state, drawn))
     return pd.DataFrame(rows, columns=COLUMNS)

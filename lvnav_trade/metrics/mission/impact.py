@@ -40,10 +40,10 @@ def impact(results: Path | str | Tables, only: str | None = None) -> pd.DataFram
     `only` is the digest of a case that alone is asked for.
 
     Where the vehicle would come down without thrust and air, on a rotating Earth with J2 (see `freefall`). The error
-    is true point less believed one, down-range along the velocity over the ground at impact, cross-range to its right;
+    is true point less estimated one, down-range along the velocity over the ground at impact, cross-range to its right;
     first order for linear covariance. major and minor: semi-axes of its ellipse of three sigma (98.9 % of a Gaussian).
-    corridor_probability: that the believed point lies in the campaign's corridor while the vehicle flies as planned;
-    corridor_margin_sigma: sigmas to its nearest edge. Runs are told at events; mc_outside counts believed points
+    corridor_probability: that the estimated point lies in the campaign's corridor while the vehicle flies as planned;
+    corridor_margin_sigma: sigmas to its nearest edge. Runs are reported at events; mc_outside counts estimated points
     outside.
     """
     tables = load(results)
@@ -51,13 +51,13 @@ def impact(results: Path | str | Tables, only: str | None = None) -> pd.DataFram
         {"case": label, **row}
         for case, label in tables.labels.items()
         if only in (None, case)
-        for row in _told(tables, case)
+        for row in _case_rows(tables, case)
     ]
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
 @once
-def _told(tables: Tables, case: str) -> list[dict[str, Any]]:
+def _case_rows(tables: Tables, case: str) -> list[dict[str, Any]]:
     """Return the rows of a case, in order of time."""
     corridor = corridor_of(tables)
     states, laws = mission.states(tables, case), mission.laws(tables, case)
@@ -80,7 +80,7 @@ def nominal(states: list[State]) -> Impact:
 
 
 def corridor_verdicts(results: Path | str | Tables) -> pd.DataFrame:
-    """Return whether the believed point of impact keeps to the corridor with the probability asked for.
+    """Return whether the estimated point of impact keeps to the corridor with the probability asked for.
 
     By linear covariance at the stored time at which it is least probable (t_s): "met", "violated", or "not applicable"
     where a gate rejects too much. mc_verdict: by the runs, exact binomial at the confidence asked for, a run outside
@@ -109,7 +109,7 @@ def corridor_verdicts(results: Path | str | Tables) -> pd.DataFrame:
                 "expected_probability": worst.corridor_probability,
                 "margin_sigma": worst.corridor_margin_sigma,
                 "t_s": worst.t_s,
-                "mc_verdict": _judged(runs, outside, corridor),
+                "mc_verdict": _verdict(runs, outside, corridor),
                 "runs": runs,
                 "outside": outside,
                 "reason": extent.reason,
@@ -118,7 +118,7 @@ def corridor_verdicts(results: Path | str | Tables) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=VERDICTS)
 
 
-def _judged(runs: int, outside: int, corridor: Corridor) -> str:
+def _verdict(runs: int, outside: int, corridor: Corridor) -> str:
     low, high = success_bounds(runs, outside, corridor.confidence)
     if runs and low >= corridor.probability:
         return "met"
@@ -138,21 +138,21 @@ def outside_runs(tables: Tables, case: str, corridor: Corridor) -> tuple[int, in
 
 
 def _outside(state: State, error: Floats, corridor: Corridor) -> NDArray[np.bool_]:
-    """Return which believed points are outside; none where the true state has no point of impact."""
+    """Return which estimated points are outside; none where the true state has no point of impact."""
     out = np.zeros(len(error), dtype=bool)
     good = np.isfinite(error).all(axis=1)
     if not good.any() or not np.isfinite(nominal([state]).fall[0]):
         return out
-    believed = fall_of(state.r_i - error[good, 3:], state.v_i - error[good, :3], state.earth_angle, lowest=0.0)
-    longitude = np.array([beside(float(value), corridor.corners) for value in believed.longitude])
-    out[good] = ~contains(corridor.corners, np.stack([believed.latitude, longitude], axis=1))
+    estimated = fall_of(state.r_i - error[good, 3:], state.v_i - error[good, :3], state.earth_angle, lowest=0.0)
+    longitude = np.array([beside(float(value), corridor.corners) for value in estimated.longitude])
+    out[good] = ~contains(corridor.corners, np.stack([estimated.latitude, longitude], axis=1))
     return out
 
 
 def _row(state: State, law: Law, point: Impact, slope: Floats, corridor: Corridor | None) -> dict[str, Any]:
     """Return what linear covariance says of the point of impact at one time, kilometres and degrees; slope: `_slopes`.
 
-    Where the fall only just grazes the ground, and neighbours have none, no error is told.
+    Where the fall only just grazes the ground, and neighbours have none, no error is reported.
     """
     row: dict[str, Any] = {
         "event": state.event, "t_s": state.t, "latitude_deg": np.degrees(point.latitude),
@@ -195,10 +195,10 @@ def _slopes(r_i: bytes, v_i: bytes, earth_angle: bytes) -> Floats:
         """Return the errors at impact (m, n * 2) of errors (m, 6) at every state."""
         m, n = len(error), len(r)
         off = np.repeat(error, n, axis=0)
-        believed = fall_of(
+        estimated = fall_of(
             np.tile(r, (m, 1)) - off[:, 3:], np.tile(v, (m, 1)) - off[:, :3], np.tile(theta, m), lowest=0.0
         )
-        found = -offsets(np.tile(true.r_e, (m, 1)), believed.r_e, np.tile(true.heading, m))
+        found = -offsets(np.tile(true.r_e, (m, 1)), estimated.r_e, np.tile(true.heading, m))
         return np.asarray(found.reshape(m, n * 2))
 
     slopes = mission.derivative(errors).reshape(len(r), 2, 6) * 1e-3
@@ -207,7 +207,7 @@ def _slopes(r_i: bytes, v_i: bytes, earth_angle: bytes) -> Floats:
 
 
 def _inside(corridor: Corridor, point: Impact, covariance: Floats, bias: Floats) -> tuple[float, float]:
-    """Return probability and margin of the believed point, true less error; edges are straight in the angles."""
+    """Return probability and margin of the estimated point, true less error; edges are straight in the angles."""
     c, s = np.cos(point.heading), np.sin(point.heading)
     north_east = np.array([[c, -s], [s, c]])
     here = np.array([point.latitude, beside(float(point.longitude), corridor.corners)])

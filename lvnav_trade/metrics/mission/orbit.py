@@ -27,7 +27,7 @@ QUANTITIES = {
     "eccentricity ahead of the node": ("eccentricity_vector_error", 1),
     "inclination": ("inclination_error", 0), "node": ("node_error", 0),
 }  # fmt: skip
-"""What is told of an orbit, and the component of which error stands beside it."""
+"""Quantities of an orbit, and the component of the error metric that belongs to each."""
 
 
 def orbit(results: Path | str | Tables) -> pd.DataFrame:
@@ -35,8 +35,8 @@ def orbit(results: Path | str | Tables) -> pd.DataFrame:
 
     Heights count from the equatorial radius. averaged: over one revolution, J2's short-periodic swing taken out (see
     `meanorbit`); all errors are of averaged elements. lowest and highest height: those that the first revolution
-    passes, the swing included. An error is true less believed. lincov_sigma, filter_sigma: first order, true and as
-    the filter believes; empty where an orbit is circular to within three sigma, with the remark. lincov_q99: 99 %
+    passes, the swing included. An error is true less estimated. lincov_sigma, filter_sigma: first order, true and
+    formal; empty where an orbit is circular to within three sigma, with the remark. lincov_q99: 99 %
     quantile of |error|, from Gaussian draws through the map itself, so it stands there too. mc_sigma, mc_bias, mc_q99:
     of the runs that did not fail.
     """

@@ -45,14 +45,14 @@ def references(results: Path | str | Tables, stated: Mapping[str, Any] | None = 
 
 
 def _row(stated: Mapping[str, Any], remarks: Sequence[str], **cells: Any) -> dict[str, Any]:
-    low, high, judged = cells["band_low"], cells["band_high"], cells.pop("judged")
-    told = "; ".join(remark for remark in (str(stated.get("remark") or ""), *remarks) if remark)
+    low, high, tested = cells["band_low"], cells["band_high"], cells.pop("tested")
+    text = "; ".join(remark for remark in (str(stated.get("remark") or ""), *remarks) if remark)
     return {
         "source": stated["source"],
         "item": stated.get("item") or "",
         **cells,
-        "in_band": bool(low <= judged <= high),
-        "remark": told,
+        "in_band": bool(low <= tested <= high),
+        "remark": text,
     }
 
 
@@ -77,7 +77,7 @@ def _number(tables: Tables, case: str | None, published: Mapping[str, Any]) -> d
         ratio=ratio,
         band_low=float(low),
         band_high=float(high),
-        judged=ratio,
+        tested=ratio,
     )
 
 
@@ -117,10 +117,10 @@ def _ordering(tables: Tables, stated: Mapping[str, Any]) -> dict[str, Any]:
     values = np.array([one.value for one in found])
     worst = float(np.max(values[:-1] / values[1:])) if len(values) else np.nan
     unit = tables.people.get(split_metric(str(stated["metric"])), ("m", 1.0))[0]
-    told = _SMALLER.join(f"{value:.3g}" for value in values) + f" {unit}" if len(values) else "not one case each"
+    text = _SMALLER.join(f"{value:.3g}" for value in values) + f" {unit}" if len(values) else "not one case each"
     return _row(
         stated,
-        (told, *dict.fromkeys(one.remark for one in found)),
+        (text, *dict.fromkeys(one.remark for one in found)),
         case=_SMALLER.join(tables.labels[group[0]] if group else "?" for group in groups),
         metric=name_of(stated) + ", ratio to the next",
         unit="-",
@@ -129,7 +129,7 @@ def _ordering(tables: Tables, stated: Mapping[str, Any]) -> dict[str, Any]:
         ratio=np.nan,
         band_low=0.0,
         band_high=float(stated.get("factor") or 1.0),
-        judged=worst,
+        tested=worst,
     )
 
 
@@ -139,14 +139,14 @@ def _innovations(tables: Tables, case: str | None, stated: Mapping[str, Any]) ->
     words, bound, white = str(stated.get("channels") or ""), float(stated.get("largest", 0.15)), stated["white"]
     frame = whiteness(tables)
     rows = frame[(frame.case == label) & frame.channel.map(lambda name: _named(name, words))]
-    largest, told = np.nan, "no runs" if case is not None else "no such case"
+    largest, text = np.nan, "no runs" if case is not None else "no such case"
     if len(rows):
         worst = rows.loc[rows.largest_ratio.abs().idxmax()]
         largest = abs(float(worst.largest_ratio))
-        told = f"{worst.channel} at lag {worst.largest_lag_number}, of {len(rows)} channels"
+        text = f"{worst.channel} at lag {worst.largest_lag_number}, of {len(rows)} channels"
     return _row(
         stated,
-        (f"published: {'white' if white else 'correlated'}", told),
+        (f"published: {'white' if white else 'correlated'}", text),
         case=label,
         metric=f"{words} innovations, largest autocorrelation".strip(),
         unit="-",
@@ -155,7 +155,7 @@ def _innovations(tables: Tables, case: str | None, stated: Mapping[str, Any]) ->
         ratio=np.nan,
         band_low=0.0 if white else bound,
         band_high=bound if white else 1.0,
-        judged=largest,
+        tested=largest,
     )
 
 

@@ -13,13 +13,13 @@ from scipy import optimize
 from lvnav_trade.metrics.basics.gaussian import norm_probability, norm_quantile
 from lvnav_trade.metrics.errors.covariances import reach
 from lvnav_trade.metrics.requirements.distributions import ABOVE_ONLY, Asked, asked
-from lvnav_trade.metrics.requirements.requirements import told, verdicts
+from lvnav_trade.metrics.requirements.requirements import verdicts, with_unit
 from lvnav_trade.store import Tables, load
 
 EXPECTED = [
     "requirement", "case", "verdict", "probability", "expected_probability", "estimate", "limit", "reason",
 ]  # fmt: skip
-LEVERS = ["requirement", "case", "verdict", "source", "factor_ratio", "share_ratio", "remark"]
+IMPROVEMENTS = ["requirement", "case", "verdict", "source", "factor_ratio", "share_ratio", "remark"]
 LEAST = 0.05
 """Smaller factors are no advice: no sensor gets twenty times better."""
 
@@ -55,12 +55,12 @@ def _expected(tables: Tables, case: str, found: Asked | str) -> dict[str, Any]:
         "verdict": verdict if extent.applies else "not applicable",
         "reason": reason,
         "expected_probability": kept,
-        "estimate": told(limit * found.factor, found.unit),
-        "limit": told(found.bound * found.factor, found.unit),
+        "estimate": with_unit(limit * found.factor, found.unit),
+        "limit": with_unit(found.bound * found.factor, found.unit),
     }
 
 
-def levers(results: Path | str | Tables) -> pd.DataFrame:
+def improvements(results: Path | str | Tables) -> pd.DataFrame:
     """Return what would make each violated or undecided requirement met, by linear covariance with gains frozen.
 
     source: the one source of error that needs the least improvement, or the fewest of the largest ones together;
@@ -70,15 +70,15 @@ def levers(results: Path | str | Tables) -> pd.DataFrame:
     better or, where it neglects other errors, worse.
     """
     tables = load(results)
-    judged = verdicts(tables).set_index(["requirement", "case"]).verdict
+    by_runs = verdicts(tables).set_index(["requirement", "case"]).verdict
     rows = []
     for requirement, case, found in _pairs(tables):
-        verdict = str(judged[requirement["name"], tables.labels[case]])
+        verdict = str(by_runs[requirement["name"], tables.labels[case]])
         open_ = verdict in ("violated", "undecided") and reach(tables, case).applies
         if open_ and not isinstance(found, str) and found.law.sources:
             row = {"requirement": requirement["name"], "case": tables.labels[case], "verdict": verdict}
-            rows.append(row | _lever(found))
-    return pd.DataFrame(rows, columns=LEVERS)
+            rows.append(row | _improvement(found))
+    return pd.DataFrame(rows, columns=IMPROVEMENTS)
 
 
 def _pairs(tables: Tables) -> list[tuple[dict[str, Any], str, Asked | str]]:
@@ -106,7 +106,7 @@ def _factor(found: Asked, names: tuple[str, ...]) -> float:
     return float(optimize.bisect(missing, LEAST, 1.0, xtol=1e-4)) if missing(LEAST) >= 0.0 else float("nan")
 
 
-def _lever(found: Asked) -> dict[str, Any]:
+def _improvement(found: Asked) -> dict[str, Any]:
     if norm_probability(found.law.mean, found.law.covariance, found.bound) >= found.probability:
         as_it_is = "linear covariance expects it to be met as it is"
         return {"source": "", "remark": ABOVE_ONLY if found.above_only else as_it_is}

@@ -44,7 +44,7 @@ def verdicts(results: Path | str | Tables) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def judge(runs: int, failures: int, probability: float, confidence: float) -> tuple[str, int]:
+def decide_fixed(runs: int, failures: int, probability: float, confidence: float) -> tuple[str, int]:
     """Return the verdict and how many further runs, all of them good, would show that the requirement is met."""
     low, high = success_bounds(runs, failures, confidence)
     if runs and low >= probability:
@@ -54,7 +54,7 @@ def judge(runs: int, failures: int, probability: float, confidence: float) -> tu
     return "undecided", max(1, runs_needed(failures, probability, confidence) - runs)
 
 
-def judge_in_order(failed: Any, probability: float, confidence: float, block: int) -> tuple[str, int]:
+def decide_in_order(failed: Any, probability: float, confidence: float, block: int) -> tuple[str, int]:
     """Return the same of a campaign that stops once all is decided: by boundaries that allow a look after every block.
 
     failed (n_run,) truth values in the order of the runs; runs after the last whole block are not looked at.
@@ -83,13 +83,13 @@ def _verdict(tables: Tables, case: str, requirement: dict[str, Any]) -> dict[str
     failed = error >= bound
     failures, stated = int(failed.sum()), tables.campaign.get("monte_carlo") or {}
     if stated.get("stop") == DECIDED:
-        verdict, more = judge_in_order(failed, probability, confidence, int(stated.get("block", BLOCK)))
+        verdict, more = decide_in_order(failed, probability, confidence, int(stated.get("block", BLOCK)))
     else:
-        verdict, more = judge(len(error), failures, probability, confidence)
+        verdict, more = decide_fixed(len(error), failures, probability, confidence)
     return {
         "verdict": verdict,
-        "estimate": told(_quantile(error, probability) * factor, unit),
-        "limit": told(bound * factor, unit),
+        "estimate": with_unit(_quantile(error, probability) * factor, unit),
+        "limit": with_unit(bound * factor, unit),
         "probability": probability,
         "confidence": confidence,
         "runs": len(error),
@@ -157,6 +157,6 @@ def _quantile(error: np.ndarray[Any, Any], probability: float) -> float:
     return float(np.sort(error)[int(np.ceil(probability * len(error) - 1e-9)) - 1])
 
 
-def told(value: float, unit: str) -> str:
+def with_unit(value: float, unit: str) -> str:
     """Write a value with its unit, three digits; empty where there is none, ∞ where so many runs failed."""
     return "" if np.isnan(value) else f"∞ {unit}" if np.isinf(value) else f"{float(f'{value:.3g}'):g} {unit}"

@@ -1,4 +1,4 @@
-"""Rate and acceleration of the vehicle: the estimate beside the unit's samples, and beside what the filter believes."""
+"""Rate and acceleration of the vehicle: the estimate compared with IMU samples and with the filter's formal sigma."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from lvnav_trade.store import Tables, load
 QUANTITIES = ("rate", "acceleration")
 COLUMNS = [
     "case", "phase", "metric", "axis", "unit", "raw", "filtered", "filter_sigma", "lincov_true", "better_percent",
-    "believed_better_percent", "over_sigma_ratio", "low", "high", "as_believed",
+    "formal_better_percent", "over_sigma_ratio", "low", "high", "as_modelled",
 ]  # fmt: skip
 _SHORTEST = 5.0
 """Seconds: phases that are shorter are left out."""
@@ -25,10 +25,10 @@ _SHORTEST = 5.0
 
 def motion(results: Path | str | Tables) -> pd.DataFrame:
     """Return errors of rate and acceleration by phase: raw sample and estimate (RMS of the runs, or of linear
-    covariance), the filter's own sigma, by how many percent the estimate is better in truth and as believed, and the
+    covariance), the filter's own sigma, by how many percent the estimate is better, true and formal, and the
     estimate's RMS over the filter's sigma with its 95 % interval from the runs at one time.
 
-    as_believed is "as believed" where the interval holds 1, "smaller" or "larger" where it does not.
+    as_modelled is "as modelled" where the interval holds 1, "smaller" or "larger" where it does not.
     """
     tables, rows = load(results), []
     for case, label in tables.labels.items():
@@ -55,20 +55,20 @@ def _rows(tables: Tables, inside: pd.DataFrame, label: str, phase: str, quantity
             continue
         unit, factor = tables.people[f"raw_{quantity}", str(axis)]
         sizes = [_rms(raw, "rms"), _rms(estimate, "rms"), _rms(estimate, "sigma"), _rms(estimate, "true")]
-        believed = 1.0 - sizes[2] / _rms(raw, "sigma")
+        formal = 1.0 - sizes[2] / _rms(raw, "sigma")
         runs = int(estimate.run_count.iloc[0])
         low, high = (float(x) for x in rms_interval(1.0, max(1, runs)))
         ratio = sizes[1] / sizes[2]
         verdict = (
             "no runs"
             if not runs
-            else "as believed"
+            else "as modelled"
             if ratio * low <= 1.0 <= ratio * high
             else ("smaller" if ratio < 1.0 else "larger")
         )
         found.append(dict(zip(COLUMNS, (
             label, phase, f"{quantity}_error", axis, unit, *(factor * size for size in sizes),
-            100.0 * (1.0 - sizes[1] / sizes[0]), 100.0 * believed, ratio, ratio * low, ratio * high, verdict,
+            100.0 * (1.0 - sizes[1] / sizes[0]), 100.0 * formal, ratio, ratio * low, ratio * high, verdict,
         ), strict=True)))  # fmt: skip
     return found
 

@@ -57,7 +57,7 @@ def test_the_joint_covariance_is_that_of_the_history_turned_to_the_inertial_fram
     C = np.kron(np.eye(2), state.turn)
     sigma, mean = growth * synthetic.SIGMA[3:9], growth * synthetic.MEAN[3:9]
     np.testing.assert_allclose(law.true, C @ np.diag(sigma**2) @ C.T, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(law.mean, C @ mean, rtol=1e-9)
+    np.testing.assert_allclose(law.mean, C @ mean, rtol=1e-9, atol=1e-9)
     down = state.turn[:, 2]
     assert down @ unit(state.r_i) == pytest.approx(-1.0, abs=1e-5)  # the ellipsoid's normal is 0.2 deg off at most
 

@@ -8,7 +8,7 @@ from scipy import stats
 
 from lvnav_trade.metrics.basics.gaussian import norm_probability
 from lvnav_trade.metrics.requirements.distributions import ABOVE_ONLY, UNKNOWN, asked
-from lvnav_trade.metrics.requirements.improvements import expected, levers
+from lvnav_trade.metrics.requirements.improvements import expected, improvements
 from lvnav_trade.store import load
 from tests import synthetic
 
@@ -66,11 +66,11 @@ def test_a_phase_is_violated_or_not_applicable_by_linear_covariance_never_met(tm
     found = expected(tables).set_index(["requirement", "case"])
     assert tuple(found.loc[("tight", "imu=fine"), ["verdict", "reason"]]) == ("violated", "already at injection")
     assert tuple(found.loc[("loose", "imu=fine"), ["verdict", "reason"]]) == ("not applicable", ABOVE_ONLY)
-    lever = levers(tables).set_index(["requirement", "case"])
-    assert lever.loc[("tight", "imu=coarse"), "remark"].endswith(
+    better = improvements(tables).set_index(["requirement", "case"])
+    assert better.loc[("tight", "imu=coarse"), "remark"].endswith(
         "would do; to keep it at injection; the whole phase may take more"
     )
-    assert ("loose", "imu=fine") not in lever.index or lever.loc[("loose", "imu=fine"), "remark"] == ABOVE_ONLY
+    assert ("loose", "imu=fine") not in better.index or better.loc[("loose", "imu=fine"), "remark"] == ABOVE_ONLY
 
 
 def test_numbers_of_the_mission_are_asked_of_position_and_velocity_together(good):

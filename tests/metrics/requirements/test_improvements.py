@@ -7,7 +7,7 @@ import pytest
 
 from lvnav_trade.metrics.basics.gaussian import norm_probability, norm_quantile
 from lvnav_trade.metrics.errors.covariances import reach
-from lvnav_trade.metrics.requirements.improvements import expected, levers
+from lvnav_trade.metrics.requirements.improvements import expected, improvements
 from lvnav_trade.store import load
 from tests import synthetic
 
@@ -28,7 +28,7 @@ def test_a_lever_meets_the_requirement_exactly(tmp_path):
     limit = norm_quantile(mean, np.diag(sigma**2) * (0.25 + 0.75 * 0.4**2), 0.9)
     campaign = synthetic.CAMPAIGN.replace("below: 4.0 m,", f"below: {limit!r} m,")
     tables = load(synthetic.results(tmp_path, n_run=80, campaign=campaign))
-    found = levers(tables).set_index(["requirement", "case"])
+    found = improvements(tables).set_index(["requirement", "case"])
     row = found.loc["tight bound", "imu=fine"]
     assert row.source == "gyro bias"
     assert row.factor_ratio == pytest.approx(0.4, abs=2e-4)
@@ -38,7 +38,7 @@ def test_a_lever_meets_the_requirement_exactly(tmp_path):
 
 
 def test_where_nothing_need_be_better_it_says_so(good):
-    row = levers(good).set_index(["requirement", "case"]).loc["rare", "imu=fine"]
+    row = improvements(good).set_index(["requirement", "case"]).loc["rare", "imu=fine"]
     assert row.verdict == "undecided"
     assert row.remark == "linear covariance expects it to be met as it is"
 
@@ -48,10 +48,10 @@ def test_a_gate_that_rejects_too_much_takes_the_verdict_away(tmp_path):
     assert not reach(tables, "aaaaaaaaaaaa").applies
     assert reach(tables, "aaaaaaaaaaaa").reason == "the gate rejects 3 % of good rows at 51 s"
     assert set(expected(tables).verdict) == {"not applicable"}
-    assert levers(tables).empty
+    assert improvements(tables).empty
 
 
 def test_where_no_realistic_factor_would_do_it_says_so(good):
-    row = levers(good).set_index(["requirement", "case"]).loc["tight bound", "imu=coarse"]
+    row = improvements(good).set_index(["requirement", "case"]).loc["tight bound", "imu=coarse"]
     assert row.source == ""
     assert row.remark == "not even all error sources together, each times 0.05, would do"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.requirements.requirements import errors_of, judge, phase_of, told, where
+from lvnav_trade.metrics.requirements.requirements import decide_fixed, errors_of, phase_of, where, with_unit
 from tests import synthetic
 
 
@@ -18,7 +18,7 @@ from tests import synthetic
     ],
 )  # fmt: skip
 def test_verdicts_follow_the_bounds(runs, failures, verdict, more):
-    assert judge(runs, failures, 0.95, 0.9) == (verdict, more)
+    assert decide_fixed(runs, failures, 0.95, 0.9) == (verdict, more)
 
 
 def test_requirements_have_the_columns_that_users_rely_on(good):
@@ -79,4 +79,4 @@ def test_a_phase_between_unknown_events_has_no_run(good):
 
 
 def test_an_estimate_beyond_all_runs_is_told_as_one():
-    assert [told(value, "m") for value in (0.30004, np.inf, np.nan)] == ["0.3 m", "∞ m", ""]
+    assert [with_unit(value, "m") for value in (0.30004, np.inf, np.nan)] == ["0.3 m", "∞ m", ""]

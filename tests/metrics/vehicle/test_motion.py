@@ -1,4 +1,4 @@
-"""Rate and acceleration in figures: how much better, as believed or not, with the interval of so many runs."""
+"""Rate and acceleration in figures: how much better, as modelled or not, with the interval of so many runs."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ def test_improvement_and_verdict_are_those_of_the_histories():
     found = motion(tables())
     row = found[(found.phase == "liftoff to stage1_cutoff") & (found.axis == "roll")].iloc[0]
     assert row.better_percent == pytest.approx(100.0 * (1.0 - FILTERED / RAW))
-    assert row.believed_better_percent == pytest.approx(100.0 * (1.0 - SIGMA / RAW))
+    assert row.formal_better_percent == pytest.approx(100.0 * (1.0 - SIGMA / RAW))
     assert row.over_sigma_ratio == pytest.approx(FILTERED / SIGMA)
     low = FILTERED / SIGMA / (chi2.ppf(0.975, RUNS) / RUNS) ** 0.5
     assert row.low == pytest.approx(low)
-    assert row.as_believed == ("as believed" if row.low <= 1.0 <= row.high else "smaller")
+    assert row.as_modelled == ("as modelled" if row.low <= 1.0 <= row.high else "smaller")
     assert row.unit == "deg/h"
     assert row.raw == pytest.approx(RAW * 206264.8)
 

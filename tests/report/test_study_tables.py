@@ -8,14 +8,14 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.report.blocks import Table, Text
-from lvnav_trade.report.held import held, missions_table, noise_table
+from lvnav_trade.report.study_tables import missions_table, noise_table, study_tables
 from lvnav_trade.store import load
 from tests import synthetic
 
 
 @pytest.fixture(scope="module")
 def tables(tmp_path_factory):
-    return load(synthetic.results(tmp_path_factory.mktemp("held"), n_run=40))
+    return load(synthetic.results(tmp_path_factory.mktemp("study_tables"), n_run=40))
 
 
 def cells(blocks, column):
@@ -24,12 +24,12 @@ def cells(blocks, column):
 
 
 def test_nothing_is_shown_that_is_not_asked_for(tables):
-    assert held(tables, (), "") == []
-    assert held(tables, ("logic",), "") == []  # no filter here has one
+    assert study_tables(tables, (), "") == []
+    assert study_tables(tables, ("logic",), "") == []  # no filter here has one
 
 
 def test_requirements_are_a_cell_each_that_passes_or_fails(tables):
-    blocks = held(tables, ("requirements",), "")
+    blocks = study_tables(tables, ("requirements",), "")
     assert isinstance(blocks[0], Text)
     assert " cells pass: at least " in blocks[0].text
     assert set(cells(blocks, "verdict")) <= {"pass", "fail", "undecided"}
@@ -51,16 +51,16 @@ def test_a_bounded_noise_is_told_by_case_with_its_weakest_direction():
     shown = SimpleNamespace(
         error_bound=pd.DataFrame(rows + short + silent), labels={"a": "one", "b": "two", "c": "three"}
     )
-    blocks = held(shown, ("error_bound",), "")
+    blocks = study_tables(shown, ("error_bound",), "")
     assert cells(blocks, "holds") == ["yes", "no", "no"]
     assert cells(blocks, "rank of Q / states") == ["15 / 15", "12 / 15", "15 / 15"]
     assert cells(blocks, "noise of rows")[0] == "2.00 to 3.00 m"
-    assert held(SimpleNamespace(error_bound=shown.error_bound[:0]), ("error_bound",), "") == []
+    assert study_tables(SimpleNamespace(error_bound=shown.error_bound[:0]), ("error_bound",), "") == []
 
 
 def test_coverage_and_parting_have_their_columns(tables):
-    assert set(cells(held(tables, ("coverage",), ""), "honest")) <= {"yes", "no"}
-    assert set(cells(held(tables, ("parted",), "imu"), "levels")) == {"fine and coarse"}
+    assert set(cells(study_tables(tables, ("coverage",), ""), "honest")) <= {"yes", "no"}
+    assert set(cells(study_tables(tables, ("paired",), "imu"), "levels")) == {"fine and coarse"}
 
 
 def test_missions_stand_in_rows_and_ours_below_them(tables):

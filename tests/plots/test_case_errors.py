@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.plots.chosen import autocorrelations, errors, relative
+from lvnav_trade.plots.case_errors import autocorrelations, errors, relative
 from tests import synthetic
 
 

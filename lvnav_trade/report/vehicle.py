@@ -1,4 +1,4 @@
-"""The sections on the vehicle itself: rate and acceleration beside samples of the unit, nozzle movement."""
+"""Report sections on the vehicle: rate and acceleration compared with the IMU's samples, nozzle movement."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lvnav_trade.store import Tables
 
 
 def motion_table(tables: Tables) -> list[Block]:
-    """Return how much better than the raw sample rate and acceleration are, and whether as the filter believes."""
+    """Return how much better than the raw sample rate and acceleration are, and whether as the filter models."""
     frame = METRICS["motion"](tables)
     if frame.empty:
         return []
@@ -26,19 +26,23 @@ def motion_table(tables: Tables) -> list[Block]:
             "raw": frame.raw,
             "filtered": frame.filtered,
             "better (%)": frame.better_percent,
-            "as believed (%)": frame.believed_better_percent,
+            "formal better (%)": frame.formal_better_percent,
             "RMS over filter's sigma (-)": frame.over_sigma_ratio,
             "95 %": frame.low.map(number) + " to " + frame.high.map(number),
-            "verdict": frame.as_believed,
+            "verdict": frame.as_modelled,
         }
     )
     note = (
         "Raw: the unit's sample as it is, bias and all; filtered: the estimate (without a vehicle model, the sample "
         "less its estimated bias). RMS of the runs over each phase, from two seconds after its start to one before its "
-        "end. The interval is what so many runs at one time allow; 'smaller' says that the truth wanders less than the "
-        "envelope that the filter believes."
+        "end. The interval is what so many runs at one time allow; 'smaller' says that the truth varies less than the "
+        "envelope that the filter assumes."
     )
-    return [*readings_table(tables), Text(note), table(shown, "Rate and acceleration, 1 sigma. All of it: motion.csv.")]
+    return [
+        *interpretations_table(tables),
+        Text(note),
+        table(shown, "Rate and acceleration, 1 sigma. All of it: motion.csv."),
+    ]
 
 
 def motion_summary(tables: Tables) -> list[Block]:
@@ -53,13 +57,13 @@ def motion_summary(tables: Tables) -> list[Block]:
     estimated = set(outputs.case[outputs.quantity == "rate"].map(tables.labels))
     frame = frame[frame.case.isin(estimated)]
     if frame.empty:
-        return readings_table(tables)
+        return interpretations_table(tables)
     rows = []
     for (case, metric, axis), one in frame.groupby(["case", "metric", "axis"], sort=False):
-        verdicts = one.as_believed.value_counts()
+        verdicts = one.as_modelled.value_counts()
         rows.append({
             "case": case, "error": f"{str(metric).replace('_error', '')} {axis}",
-            "better (%)": _range(one.better_percent), "as believed (%)": _range(one.believed_better_percent),
+            "better (%)": _range(one.better_percent), "formal better (%)": _range(one.formal_better_percent),
             "RMS over filter's sigma (-)": _range(one.over_sigma_ratio),
             "95 % of so many runs": f"times {number(float((one.low / one.over_sigma_ratio).min()))} to "
             f"{number(float((one.high / one.over_sigma_ratio).max()))}",
@@ -68,27 +72,31 @@ def motion_summary(tables: Tables) -> list[Block]:
     note = (
         "Estimate against the raw sample, bias and all, from the least to the largest of the flight's phases (longer "
         "than 5 s). Verdict: does the interval that so many runs allow at one time hold the filter's own sigma; "
-        "'smaller' says that the truth wanders less than the filter believes. By phase: the campaign's own report."
+        "'smaller' says that the truth varies less than the filter assumes. By phase: the campaign's own report."
     )
-    return [*readings_table(tables), Text(note), table(pd.DataFrame(rows), "Rate and acceleration over the phases.")]
+    return [
+        *interpretations_table(tables),
+        Text(note),
+        table(pd.DataFrame(rows), "Rate and acceleration over the phases."),
+    ]
 
 
 def _range(values: pd.Series) -> str:
     return f"{number(float(values.min()))} to {number(float(values.max()))}"
 
 
-def readings_table(tables: Tables) -> list[Block]:
+def interpretations_table(tables: Tables) -> list[Block]:
     """Return improvements of all cases that references hold against raw samples, side by side; nothing without any."""
-    frame = METRICS["readings"](tables)
+    frame = METRICS["interpretations"](tables)
     if frame.empty:
         return []
     keys = ["error", "during"]
     shown = frame[keys].drop_duplicates().reset_index(drop=True)
     cases = list(dict.fromkeys(frame.case))
-    for column, told in (("stated_percent", "stated"), ("raw_percent", "ours")):
+    for column, whose in (("stated_percent", "stated"), ("raw_percent", "ours")):
         for case in cases:
             mine = frame[frame.case == case].set_index(keys)[column]
-            shown[f"{case}: {told} (%)"] = mine.reindex(pd.MultiIndex.from_frame(shown[keys])).to_numpy()
+            shown[f"{case}: {whose} (%)"] = mine.reindex(pd.MultiIndex.from_frame(shown[keys])).to_numpy()
     for case in cases:
         mine = frame[frame.case == case].set_index(keys).unbiased_percent
         shown[f"both sides without bias, {case} (%)"] = mine.reindex(pd.MultiIndex.from_frame(shown[keys])).to_numpy()
@@ -167,8 +175,10 @@ def control_tables(tables: Tables, brief: bool = False) -> list[Block]:
         "case", "axis", "raw (deg)", "filtered (deg)", "true (deg)", "less with filtered (%)", "low (%)", "high (%)",
         "less with the true rate (%)", "attitude error, raw (mrad)", "filtered (mrad)", "true (mrad)",
     ]  # fmt: skip
-    told = "What the filtered rate is worth over the flight, beside the true rate: the most that there is to gain."
-    blocks.append(table(gain, f"{told} Attitude: in burns, RMS."))
+    worth = (
+        "What the filtered rate is worth over the flight, compared with the true rate: the most that there is to gain."
+    )
+    blocks.append(table(gain, f"{worth} Attitude: in burns, RMS."))
     kept = turned[turned.feed == "filtered"].drop(columns="feed")
     kept.columns = [
         "case", "axis", "phase", "acceleration inside (% of ticks)", "furthest (times)", "jerk inside (% of ticks)",

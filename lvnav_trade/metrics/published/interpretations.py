@@ -1,4 +1,4 @@
-"""Several readings of one table side by side: improvements on the raw sample, and on it without its bias."""
+"""Several interpretations of one table side by side: improvements on the raw sample, and on it without its bias."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ COLUMNS = ["during", "error", "case", "stated_percent", "raw_percent", "unbiased
 _RAW, _UNBIASED = "raw_", "corrected_"
 
 
-def readings(results: Path | str | Tables) -> pd.DataFrame:
+def interpretations(results: Path | str | Tables) -> pd.DataFrame:
     """Return improvements by phase, error and case, where the campaign's references hold estimates against raw samples.
 
     case is what sets a case apart from the others that are held so. stated_percent: what is stated of that case, NaN

@@ -1,4 +1,4 @@
-"""Tables that a study asks for beside published numbers: verdicts, logic, coverage, two levels on the same draws."""
+"""Tables of a study: verdicts, mode logic, coverage, paired differences, process noise, other missions."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ import pandas as pd
 
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.errors.coverage import coverage
-from lvnav_trade.metrics.errors.paired_levels import parted
+from lvnav_trade.metrics.errors.paired_levels import paired_levels
 from lvnav_trade.metrics.published.published import cases_of, ours
 from lvnav_trade.report.blocks import Block, Text, number, table
-from lvnav_trade.report.explained import error_bound
+from lvnav_trade.report.diagnostics import error_bound
 from lvnav_trade.report.reception import logic_tables
 from lvnav_trade.store import Tables
 
 
-def held(tables: Tables, wanted: Sequence[str], axis: str) -> list[Block]:
-    """Return the tables wanted: requirements, logic, coverage, parted (of the levels of `axis`), error_bound."""
+def study_tables(tables: Tables, wanted: Sequence[str], axis: str) -> list[Block]:
+    """Return the tables wanted: requirements, logic, coverage, paired (of the levels of `axis`), error_bound."""
     blocks: list[Block] = []
     if "requirements" in wanted:
         blocks += _requirements(tables)
@@ -28,8 +28,8 @@ def held(tables: Tables, wanted: Sequence[str], axis: str) -> list[Block]:
         blocks += logic_tables(tables)
     if "coverage" in wanted:
         blocks += _coverage(tables)
-    if "parted" in wanted:
-        blocks += _parted(tables, axis)
+    if "paired" in wanted:
+        blocks += _paired(tables, axis)
     if "error_bound" in wanted:
         blocks += error_bound(tables)
     return blocks
@@ -96,11 +96,11 @@ def _spaced(frame: pd.DataFrame) -> list[str]:
     return kept
 
 
-def _parted(tables: Tables, axis: str) -> list[Block]:
-    frame = parted(tables, axis)
+def _paired(tables: Tables, axis: str) -> list[Block]:
+    frame = paired_levels(tables, axis)
     if frame.empty:
         return []
-    last = frame[frame.event.isin(_told_events(frame))]
+    last = frame[frame.event.isin(_shown_events(frame))]
     shown = pd.DataFrame(
         {
             "case": last.case,
@@ -110,23 +110,23 @@ def _parted(tables: Tables, axis: str) -> list[Block]:
             "unit": last.unit,
             "first": last.first_rms,
             "second": last.second_rms,
-            "apart": last.parted_rms,
-            "apart / error (-)": last.parted_ratio,
+            "apart": last.difference_rms,
+            "apart / error (-)": last.difference_ratio,
         }
     )
     note = "First, second: RMS error (3D) of the two levels; apart: RMS of the difference of their errors, run by run."
     return [Text(note), table(shown, f"Two levels of {axis} on the same draws.")]
 
 
-def _told_events(frame: pd.DataFrame) -> list[str]:
-    """Return the events at which parting is told: the first, the last, and where it grows by a factor of two."""
-    worst = frame.groupby("event", sort=False).parted_ratio.max()
-    told, level = [worst.index[0]], float(worst.iloc[0])
+def _shown_events(frame: pd.DataFrame) -> list[str]:
+    """Return the events at which parting is shown: the first, the last, and where it grows by a factor of two."""
+    worst = frame.groupby("event", sort=False).difference_ratio.max()
+    shown, level = [worst.index[0]], float(worst.iloc[0])
     for name, value in worst.items():
         if value > 2.0 * level or value < 0.5 * level:
-            told.append(name)
+            shown.append(name)
             level = float(value)
-    return [str(name) for name in dict.fromkeys([*told, worst.index[-1]])]
+    return [str(name) for name in dict.fromkeys([*shown, worst.index[-1]])]
 
 
 def missions_table(tables: Tables, flown: Sequence[Mapping[str, Any]]) -> list[Block]:

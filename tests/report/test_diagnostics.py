@@ -7,7 +7,8 @@ import re
 import numpy as np
 import pytest
 
-from lvnav_trade.report import build, explained
+from lvnav_trade.report import build
+from lvnav_trade.report import diagnostics as explained
 from lvnav_trade.report.blocks import Grades
 from lvnav_trade.store import load
 from tests import synthetic

@@ -1,8 +1,7 @@
-"""The sections on linear covariance: budget by source, when sources act, what better ones are worth, what is seen."""
+"""Report sections on linear covariance: error budget, adjoint sensitivity, requirement margins, observability."""
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from lvnav_trade.metrics.basics.select import final_event, flight_events, mean_a
 from lvnav_trade.metrics.errors.covariances import gaussian
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.report.blocks import Block, Grades, Table, Text, number, picture, table
+from lvnav_trade.report.escape import data_json
 from lvnav_trade.report.evidence import NAVIGATION, chosen_cases, left_out
 from lvnav_trade.store import Tables
 
@@ -31,8 +31,8 @@ def budget(tables: Tables) -> list[Block]:
             "variance; squares add. What is the same in every flight, such as a delay that nobody corrects, is no "
             "variance: where it counts, the mean error stands below the sources. In the pictures heights are "
             "variances, on an "
-            "axis labelled as their root: the top of the pile is one sigma of the true error, the dashed line what "
-            "the filter believes; what stands above the line is optimism. The map tells when a source made the error "
+            "axis labelled as their root: the top of the pile is one sigma of the true error, the dashed line the "
+            "filter's own sigma; what lies above the line is optimism. The map shows when a source made the error "
             "that is left at the event; constant errors are drawn once, at the start."
         ),
         *left_out(tables),
@@ -86,8 +86,8 @@ def _with_mean(tables: Tables, case: str, quantity: str, square: pd.Series[float
     if not any(m**2 >= _LEAST_SHARE * (m**2 + s) for m, s in zip(mean, square, strict=True)):
         return ()
     whole = [float(np.hypot(m, np.sqrt(s))) for m, s in zip(mean, square, strict=True)]
-    told = (number(m) if m >= _LEAST_SHARE * w else "–" for m, w in zip(mean, whole, strict=True))
-    return ("mean, the same in every flight", *told), ("root mean square", *map(number, whole))
+    shown = (number(m) if m >= _LEAST_SHARE * w else "–" for m, w in zip(mean, whole, strict=True))
+    return ("mean, the same in every flight", *shown), ("root mean square", *map(number, whole))
 
 
 def _part(sigma: float, share: float) -> str:
@@ -119,8 +119,8 @@ def grades(tables: Tables) -> list[Block]:
     if not data:
         return [Text("The campaign asked for no covariance by source at the event (covariance: {adjoint: true}).")]
     honest = (
-        "Re-tuned numbers come from a linear covariance of their own for each factor, with a filter whose beliefs "
-        "follow: they are what this filter makes of a better or worse "
+        "Re-tuned numbers come from a linear covariance of their own for each factor, with a filter whose model "
+        "follows: they are what this filter makes of a better or worse "
         "unit. A filter that neglects some errors can do worse with a better sensor, because it trusts its model more."
         if len(tuned)
         else "Re-tuned numbers were not asked for (covariance: {sensitivity: true})."
@@ -129,7 +129,7 @@ def grades(tables: Tables) -> list[Block]:
         "The error at the event if one source had another sigma. Frozen: the filter keeps the gains that it has; "
         "exact, because with fixed gains the variance is a sum over sources. " + honest
     )
-    return [Text(note), Grades(json.dumps(data).replace("</", "<\\/")), *blocks]
+    return [Text(note), Grades(data_json(data)), *blocks]
 
 
 def _metric(tables: Tables, case: str, quantity: str, tuned: pd.DataFrame) -> dict[str, Any] | None:
@@ -210,7 +210,7 @@ def observability(tables: Tables) -> list[Block]:
 
 
 def error_bound(tables: Tables) -> list[Block]:
-    """Return whether the noise that each filter believes keeps its error bounded, where a campaign asked."""
+    """Return whether the noise that each filter models keeps its error bounded, where a campaign asked."""
     frame = tables.error_bound
     if frame.empty:
         return []
@@ -234,10 +234,10 @@ def error_bound(tables: Tables) -> list[Block]:
     ]
     note = (
         "Error bound: the error of such a filter stays bounded in mean square if, among other conditions, the noise "
-        "that it believes does: q I <= Q <= q' I of what enters between two updates, r I <= R <= r' I of the rows "
-        "(Canepa and Servidia, eq. 7.17, 7.18). Q is held against the squares of the initial sigmas."
+        "that it models does: q I <= Q <= q' I of what enters between two updates, r I <= R <= r' I of the rows "
+        "(Canepa and Servidia, eq. 7.17, 7.18). Q is compared with the squares of the initial sigmas."
     )
-    caption = "Bounds of the noise that the filter believes, over the nominal flight."
+    caption = "Bounds of the noise that the filter models, over the nominal flight."
     return [Text(note), table(pd.DataFrame(rows, columns=head), caption)]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lvnav_trade.report.blocks import Picture, Table
-from lvnav_trade.report.steered import control, control_tables, motion, motion_summary, motion_table
+from lvnav_trade.report.vehicle import control, control_tables, motion, motion_summary, motion_table
 from lvnav_trade.store import load
 from tests import synthetic
 from tests.vehicle_tables import tables

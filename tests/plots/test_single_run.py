@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.plots.single import single
+from lvnav_trade.plots.single_run import single
 
 
 def test_every_axis_has_its_error_and_its_estimate_and_what_is_left_with_units():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lvnav_trade.store import TABLES, load
-from lvnav_trade.store.explained import explained_tables
+from lvnav_trade.store.diagnostics import explained_tables
 from tests import synthetic
 from tests.synthetic import OUTPUTS, covariance
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from lvnav_trade.metrics.published.readings import readings, short_names
+from lvnav_trade.metrics.published.interpretations import interpretations, short_names
 from tests.vehicle_tables import DURING, RAW, SIGMA, tables
 
 
 def test_every_case_that_is_held_against_raw_samples_stands_beside_what_is_stated_of_it():
-    found = readings(tables())
+    found = interpretations(tables())
     assert list(found.case) == ["1", "2"]
     assert list(found.stated_percent) == [88.0, 57.0]
     assert set(found.during) == {DURING}
@@ -26,4 +26,4 @@ def test_cases_are_named_by_what_sets_them_apart():
 def test_a_campaign_that_holds_nothing_against_raw_samples_has_no_readings():
     found = tables()
     found.__dict__["campaign"] = {}
-    assert readings(found).empty
+    assert interpretations(found).empty

@@ -1,0 +1,79 @@
+"""Standard streams that are closed, full or cut off: the work goes on, and what was not written is told at the end."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+from typing import Any, TextIO, cast
+
+
+class Stream:
+    """A text stream that takes no more after the first write that the system refuses, and remembers why."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self.refused: OSError | None = None
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        """Write a text, or drop it where the stream takes no more."""
+        if not isinstance(text, str):
+            raise TypeError(f"a text stream takes no {type(text).__name__}")
+        if self.refused is None:
+            try:
+                self._stream.write(text)
+            except OSError as error:
+                self._refuse(error)
+        return len(text)
+
+    def writelines(self, lines: list[str]) -> None:
+        """Write texts."""
+        for line in lines:
+            self.write(line)
+
+    def flush(self) -> None:
+        """Hand over what is buffered."""
+        if self.refused is None:
+            try:
+                self._stream.flush()
+            except OSError as error:
+                self._refuse(error)
+
+    def _refuse(self, error: OSError) -> None:
+        """Let what is buffered go to the null device, or Python would complain of it when it ends."""
+        self.refused = error
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, self._stream.fileno())
+        os.close(null)
+
+
+def guard() -> Stream:
+    """Put standard output and standard error behind a `Stream` and return the first.
+
+    A stream that is closed becomes the null device, also for worker processes: its number would else be given to the
+    next file that is opened, and what is printed would be written into that.
+    """
+    for number in (0, 1, 2):
+        try:
+            os.fstat(number)
+        except OSError:
+            null = os.open(os.devnull, os.O_RDWR)
+            os.dup2(null, number)
+            if null != number:
+                os.close(null)
+    out, err = (Stream(stream or open(os.devnull, "w")) for stream in (sys.stdout, sys.stderr))  # noqa: SIM115
+    for stream in (out, err):
+        stream.reconfigure(errors="backslashreplace")  # of a character that the stream's encoding lacks
+    sys.stdout, sys.stderr = cast(TextIO, out), cast(TextIO, err)
+    return out
+
+
+def complaint(stream: Stream) -> str:
+    """Return in one line why standard output could not be written; empty where it could, or its reader had enough."""
+    stream.flush()
+    if stream.refused is None or stream.refused.errno == errno.EPIPE:
+        return ""
+    return f"standard output: {os.strerror(stream.refused.errno or 0)}; not all of it was written"

@@ -1,0 +1,238 @@
+"""Folders that the tool writes: a file there lists what it wrote, and no other file is ever replaced or removed."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path, PurePosixPath
+from typing import Any, Literal
+
+from lvnav_trade.errors import InputError, is_full_disk
+from lvnav_trade.store import parts as part_files
+from lvnav_trade.store import scratch
+from lvnav_trade.store.schema import TABLES
+
+CONTENTS, RESOLVED, MANIFEST = "contents.json", "campaign.resolved.yaml", "manifest.json"
+_MARK, _VERSION = "lvnav_trade_contents", 1
+_CASE = re.compile(r"\w[\w.-]*")
+_TEMPORARY = re.compile(r"\.(.+)\.\d+")
+_GIVE_ANOTHER = "nothing was changed; give another folder"
+Kind = Literal["results", "report", "study", "base"]
+_KINDS: dict[str, str] = {
+    "results": "the results of a campaign",
+    "report": "a kept report",
+    "study": "the kept report of a study",
+    "base": "a kept base",
+}
+
+
+class OwnedFolder:
+    """A folder whose files the tool lists in `contents.json`.
+
+    Names are relative to the folder, with slashes. A name is listed before its file is written, so that a killed
+    process leaves no file of its own unlisted. A file that is not listed is neither replaced nor removed.
+
+    Attributes
+    ----------
+    folder : Path
+    cases : list of str
+        Digests of the cases whose blocks, tables and scratch files are in the folder.
+    """
+
+    def __init__(
+        self, folder: Path, kind: Kind, files: Mapping[str, list[str]], cases: Iterable[str], adopted: bool
+    ) -> None:
+        self.folder, self.kind, self.cases = folder, kind, sorted(set(cases))
+        self._files, self._adopted = dict(files), adopted
+
+    @property
+    def names(self) -> set[str]:
+        """All listed names."""
+        return {name for group in self._files.values() for name in group}
+
+    def listed(self, group: str) -> list[str]:
+        """Return the names of a group."""
+        return list(self._files.get(group, ()))
+
+    def check(self) -> None:
+        """Raise InputError where a listed name leads out of the folder."""
+        for name in self.names:
+            self.place(name)
+        for case in self.cases:
+            self._place_case(case)
+
+    def claim(self, group: str, names: Iterable[str], cases: Iterable[str] = ()) -> None:
+        """List names, and cases, that are about to be written; the folder is made where it is missing.
+
+        InputError, before anything is changed, where a file of such a name exists and is not listed, or a part of its
+        path is a link. A folder of results of an earlier version, which has no list, is taken to hold report files
+        of the tool.
+        """
+        wanted, listed = sorted(set(names)), self.names
+        for name in wanted:
+            path = self.place(name)
+            if path.is_symlink():
+                raise InputError(f"{path}: is a link, which is not followed; {_GIVE_ANOTHER}")
+            if name not in listed and not self._adopted and path.exists():
+                raise InputError(f"{path}: was not written by lvnav-trade; move it, or give another folder")
+        for case in cases:
+            self._place_case(case)
+        self._files[group] = sorted({*self._files.get(group, ()), *wanted})
+        self.cases = sorted({*self.cases, *cases})
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self._save()
+
+    def settle(self, group: str, names: Iterable[str]) -> None:
+        """Remove the files that the group listed before and that are not among `names`; list those."""
+        kept = set(names)
+        for name in set(self._files.get(group, ())) - kept:
+            self._remove(self.place(name))
+        self._files[group] = sorted(kept)
+        self._save()
+
+    def write(self, name: str, content: bytes | str) -> None:
+        """Write the file of a claimed name in one step."""
+        if name not in self.names:
+            raise KeyError(f"{name} was not claimed")
+        path = self.place(name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        replace_file(path, content)
+
+    def clear(self) -> None:
+        """Remove every listed file, and the folders that become empty."""
+        for name in sorted(self.names):
+            self._remove(self.place(name))
+        for case in self.cases:
+            place = self._place_case(case)
+            for path in [*(place / "tables" / f"{table}.parquet" for table in TABLES), *part_files.paths(place)]:
+                self._remove(path)
+        scratch.remove(self.folder / scratch.FOLDER, self.cases)
+        self._files, self.cases = {}, []
+
+    def sweep(self) -> None:
+        """Remove what a killed process left half written of a listed name."""
+        for path in self._temporary_files():
+            path.unlink(missing_ok=True)
+
+    def place(self, name: str) -> Path:
+        """Return the path of a name; InputError where it leads out of the folder."""
+        parts = PurePosixPath(name).parts
+        if not parts or ".." in parts or "\0" in name or PurePosixPath(name).is_absolute():
+            raise InputError(f"{self.folder}: the name {name!r} leads out of the folder; {_GIVE_ANOTHER}")
+        path = self.folder
+        for part in parts[:-1]:
+            path = path / part
+            if path.is_symlink():
+                raise InputError(f"{path}: is a link, which is not followed; {_GIVE_ANOTHER}")
+        return path / parts[-1]
+
+    def _place_case(self, case: str) -> Path:
+        if not _CASE.fullmatch(case):
+            raise InputError(f"{self.folder}: {case!r} is no digest of a case; {_GIVE_ANOTHER}")
+        return self.place(f"parts/{case}/tables/x").parents[1]
+
+    def _temporary_files(self) -> Iterator[Path]:
+        own = {CONTENTS, *self.names}
+        for place in {PurePosixPath(name).parent for name in own}:
+            for path in (self.folder / place).glob(".*.*"):
+                name = _TEMPORARY.fullmatch(path.name)
+                if name and str(place / name[1]) in own:
+                    yield path
+        for case in self.cases:
+            folder = self._place_case(case)
+            for path in [*folder.glob(".*.*"), *folder.glob("tables/.*.*")]:
+                name = _TEMPORARY.fullmatch(path.name)
+                if name and (part_files.is_name(name[1]) or name[1].removesuffix(".parquet") in TABLES):
+                    yield path
+
+    def _remove(self, path: Path) -> None:
+        path.unlink(missing_ok=True)
+        for place in path.parents:
+            if place == self.folder:
+                break
+            try:
+                place.rmdir()
+            except OSError:  # not empty, or gone
+                break
+
+    def _save(self) -> None:
+        files = {group: names for group, names in sorted(self._files.items()) if names}
+        content = {_MARK: _VERSION, "kind": self.kind, "files": files, "cases": self.cases}
+        replace_file(self.folder / CONTENTS, json.dumps(content, indent=1) + "\n")
+
+
+def owned(folder: Path | str, kind: Kind) -> OwnedFolder:
+    """Return a folder as one of the tool's own; nothing is changed.
+
+    The folder may be missing or empty (hidden files apart), or hold what the tool wrote there of the same kind.
+    Results and bases of an earlier version, which have no list of their files, are known by their manifest.
+    InputError for every other folder, whose files are the user's, and where a listed name leads out of the folder.
+    """
+    folder = Path(folder)
+    try:
+        found = sorted(name for name in os.listdir(folder) if not name.startswith("."))
+    except FileNotFoundError:
+        found = []
+    except OSError as error:
+        if is_full_disk(error):
+            raise
+        raise InputError(f"{folder}: the folder cannot be written: {error.strerror}") from None
+    if CONTENTS in found:
+        files, cases, holds = _listed(folder)
+    elif not found:
+        return OwnedFolder(folder, kind, {}, (), adopted=False)
+    else:
+        files, cases, holds = _of_manifest(folder)
+    if holds != kind:
+        raise InputError(f"{folder}: holds {_KINDS[holds]}, not {_KINDS[kind]}; {_GIVE_ANOTHER}")
+    place = OwnedFolder(folder, kind, files, cases, adopted=CONTENTS not in found)
+    place.check()
+    return place
+
+
+def _listed(folder: Path) -> tuple[dict[str, list[str]], list[str], str]:
+    content = _json(folder / CONTENTS)
+    files, cases = content.get("files"), content.get("cases")
+    good = content.get("kind") in _KINDS and isinstance(files, dict) and _is_texts(cases)
+    if _MARK not in content or not good or not all(map(_is_texts, files.values() if isinstance(files, dict) else ())):
+        raise InputError(f"{folder / CONTENTS}: not a list of files of lvnav-trade; {_GIVE_ANOTHER}")
+    if content[_MARK] != _VERSION:
+        raise InputError(f"{folder / CONTENTS}: of another version of lvnav-trade; {_GIVE_ANOTHER}")
+    return dict(files or {}), list(cases or ()), str(content["kind"])
+
+
+def _of_manifest(folder: Path) -> tuple[dict[str, list[str]], list[str], str]:
+    """Return what an earlier version wrote, from its manifest."""
+    manifest = _json(folder / MANIFEST)
+    if not all(isinstance(manifest.get(key), str) for key in ("campaign_digest", "tool", "code_digest")):
+        raise InputError(f"{folder}: holds files that lvnav-trade did not write (no {CONTENTS}); {_GIVE_ANOTHER}")
+    cases = [str(case) for key in ("asked_cases", "cases") for case in manifest.get(key) or ()]
+    names = [MANIFEST, RESOLVED, *(f"{table}.parquet" for table in TABLES)]
+    return {"run": names}, cases, "results" if "created" in manifest else "base"
+
+
+def _json(path: Path) -> dict[str, Any]:
+    """Return the JSON object of a file, empty where there is none."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return content if isinstance(content, dict) else {}
+
+
+def _is_texts(value: object) -> bool:
+    return isinstance(value, list) and all(isinstance(one, str) for one in value)
+
+
+def replace_file(path: Path, content: bytes | str) -> None:
+    """Write a file in one step that either happens or does not; a link there is replaced, not followed."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        temporary.unlink(missing_ok=True)
+        with temporary.open("xb") as file:
+            file.write(content.encode() if isinstance(content, str) else content)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)

@@ -1,0 +1,136 @@
+"""Scratch files of a running campaign: named tuples of arrays as npz and JSON, checked when read, never executed."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import logging
+import os
+import typing
+import zipfile
+import zlib
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+_LOG = logging.getLogger("lvnav_trade.store")
+FOLDER = ".scratch"
+SUFFIXES = (".covariance", ".explained")
+_TREE = "tree"
+_NUMERIC = "biuf"  # kinds of numpy types
+_DAMAGE = (
+    ValueError, KeyError, TypeError, IndexError, EOFError, OverflowError, NotImplementedError, RecursionError,
+    MemoryError, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
+
+
+def write(file: Path, value: Any, identity: str) -> None:
+    """Write a value in one step, after its checksum.
+
+    value : nested named tuples, tuples, numeric arrays, numbers, texts and None; TypeError for anything else
+    identity : what it was computed from; `read` asks for the same
+    """
+    arrays: list[Any] = []
+    text = json.dumps({"identity": identity, "value": _encode(value, arrays)})
+    buffer = io.BytesIO()
+    members: dict[str, Any] = {f"a{number}": array for number, array in enumerate(arrays)}
+    members[_TREE] = np.frombuffer(text.encode(), dtype=np.uint8)
+    np.savez(buffer, **members)
+    content = buffer.getvalue()
+    file.parent.mkdir(parents=True, exist_ok=True)
+    part = file.with_name(f"{file.name}.{os.getpid()}")
+    try:
+        part.write_bytes(hashlib.sha256(content).digest() + content)
+        part.replace(file)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def read(file: Path, root: type, identity: str) -> Any:
+    """Return what was written; ValueError where the file is damaged, foreign or of another identity.
+
+    root : the named tuple that is expected; only it and the named tuples of its fields are made
+    """
+    content = file.read_bytes()
+    if hashlib.sha256(content[32:]).digest() != content[:32]:
+        raise ValueError(f"{file}: damaged: its checksum does not fit")
+    try:
+        with np.load(io.BytesIO(content[32:]), allow_pickle=False) as arrays:
+            found = json.loads(arrays[_TREE].tobytes().decode())
+            if found["identity"] != identity:
+                raise ValueError("computed from another campaign, case or code")
+            value = _decode(found["value"], arrays, record_types(root))
+        if type(value) is not root:
+            raise ValueError(f"not a {root.__name__}")
+    except _DAMAGE as error:
+        raise ValueError(f"{file}: not usable: {str(error).partition(chr(10))[0]}") from None
+    return value
+
+
+def is_sound(file: Path, root: type, identity: str) -> bool:
+    """Whether `read` would return a value; a file that it would not is told in the log."""
+    if not file.exists():
+        return False
+    try:
+        read(file, root, identity)
+    except ValueError as error:
+        _LOG.warning("%s; computed again", error)
+        return False
+    return True
+
+
+def remove(folder: Path, cases: Iterable[str]) -> None:
+    """Remove the scratch files of cases, and the folder where it is empty then."""
+    if folder.is_symlink() or not folder.is_dir():
+        return
+    for case in cases:
+        for path in list(folder.iterdir()):
+            name = path.name.rstrip("0123456789").removesuffix(".") if path.suffix[1:].isdigit() else path.name
+            if path.name.startswith(f"{case}.") and name.endswith(SUFFIXES):
+                path.unlink(missing_ok=True)
+    with suppress(OSError):  # a file of the user's own is left in it
+        folder.rmdir()
+
+
+def record_types(root: type) -> dict[str, type]:
+    """Return the named tuples that a named tuple's fields can hold, itself among them, by name."""
+    found: dict[str, type] = {}
+    waiting: list[Any] = [root]
+    while waiting:
+        kind = waiting.pop()
+        waiting += typing.get_args(kind)
+        if isinstance(kind, type) and hasattr(kind, "_fields") and kind.__name__ not in found:
+            found[kind.__name__] = kind
+            waiting += typing.get_type_hints(kind).values()
+    return found
+
+
+def _encode(value: Any, arrays: list[Any]) -> Any:
+    """Return JSON of a value, its arrays put into a list."""
+    if value is None or type(value) in (bool, int, float, str):
+        return value
+    if isinstance(value, np.ndarray | np.generic) and value.dtype.kind in _NUMERIC:
+        arrays.append(np.asarray(value))
+        return {"scalar" if isinstance(value, np.generic) else "array": len(arrays) - 1}
+    if isinstance(value, tuple):
+        fields = [_encode(one, arrays) for one in value]
+        return {"record": type(value).__name__, "fields": fields} if hasattr(value, "_fields") else {"tuple": fields}
+    raise TypeError(f"a scratch file holds no {type(value).__name__}")
+
+
+def _decode(tree: Any, arrays: Any, types: dict[str, type]) -> Any:
+    if not isinstance(tree, dict):
+        return tree
+    if "record" in tree:
+        return types[tree["record"]](*(_decode(one, arrays, types) for one in tree["fields"]))
+    if "tuple" in tree:
+        return tuple(_decode(one, arrays, types) for one in tree["tuple"])
+    number = tree["scalar"] if "scalar" in tree else tree["array"]
+    array = arrays[f"a{int(number)}"]
+    if array.dtype.kind not in _NUMERIC:
+        raise ValueError(f"an array of type {array.dtype}")
+    return array[()] if "scalar" in tree else array
