@@ -13,7 +13,7 @@ from lvnav_trade.kernels.attitude import from_rotation, matrix, multiply
 from lvnav_trade.kernels.random import normals, seed_words, source_word
 from lvnav_trade.kernels.strapdown import Q, R, V
 from lvnav_trade.observables import attitude, doppler, position, pseudorange, velocity
-from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_VEL, N_ENTRY, antenna, line_of_sight
+from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL, N_ENTRY, antenna, line_of_sight
 
 # The satellite is near, so that rounding of the range does not hide the seventh digit of a derivative.
 NAV = np.array([0.7, -0.1, 0.5, 0.5, 5200.0, -1800.0, 3100.0, 4.0e4, -3.0e4, 4.2e4])
@@ -122,6 +122,25 @@ def test_a_row_is_the_derivative_of_the_predicted_measurement(name, axis, part):
     rounding = {"attitude": 1e-8, "velocity": 1e-11, "position": 1e-12}[part]
     np.testing.assert_allclose(h[entry : entry + 3], expected, rtol=0, atol=1e-7 * np.abs(expected).max() + rounding)
     assert np.all(np.isfinite(h))
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("name", ["doppler", "velocity"])
+def test_a_rows_entry_of_the_body_rate_is_the_derivative_by_it(name, axis):
+    """The antenna swings about the unit, so its velocity is linear in the body rate."""
+
+    def predicted(rate, h):
+        at = antenna_at(NAV, rate)
+        if name == "velocity":
+            return velocity.row(h, at, axis)
+        return doppler.row(h, at, SATELLITE_VELOCITY, *line_of_sight(SATELLITE, at), CLOCK[1])
+
+    h = np.full(N_ENTRY, np.nan)
+    predicted(0.0, h)
+    steps = [np.eye(3)[i] for i in range(3)]
+    expected = [0.5 * (predicted(step, h.copy()) - predicted(-step, h.copy())) for step in steps]
+    np.testing.assert_allclose(h[H_RATE : H_RATE + 3], expected, rtol=0, atol=1e-9)
+    assert np.abs(expected).max() > 1.0
 
 
 @pytest.mark.parametrize(("name", "axis"), ROWS)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_VEL, N_ENTRY
+from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL, N_ENTRY
 from lvnav_trade.observables.velocity import observe, row
 
 AT = np.array([1.0, 2.0, 3.0, 10.0, 20.0, 30.0, 0.1, 0.2, 0.3, 0.01, 0.02, 0.03, *range(4, 13)])
@@ -21,6 +21,8 @@ def test_a_row_of_(axis):
     # rotation by an angle about an axis moves the arm by angle x arm
     for turn in range(3):
         expected[H_ATT + turn] = np.cross(np.eye(3)[turn], AT[ARM : ARM + 3])[axis]
+    # and by a body rate as `antenna` says: a row of the 3 x 3 block behind the arm's own rate
+    expected[H_RATE : H_RATE + 3] = AT[12 + 3 * axis : 15 + 3 * axis]
     np.testing.assert_allclose(h, expected, rtol=0, atol=1e-16)
     assert h[H_CLOCK] == 0.0
 
