@@ -8,7 +8,7 @@ from __future__ import annotations
 import itertools
 import sys
 import time
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -82,8 +82,8 @@ DIMENSIONS: dict[str, dict[str, dict[str, Any]]] = {
         "considered": {"filter.consider": ["accel_scale_factor", "accel_bias"], "imu.accel.scale_factor": "300 ppm"},
         "neglected": {"filter.neglect": ["gyro_bias"]},
         "scale factors": {"filter.extra_states": ["gyro_scale_factor", "accel_scale_factor"],
-                          "imu.gyro.scale_factor": "300 ppm", "imu.accel.scale_factor": "300 ppm"},
-        "unmodelled": {"imu.accel.misalignment": "0.3 mrad", "imu.gyro.scale_factor": "300 ppm",
+                          "imu.gyro.scale_factor": "20 ppm", "imu.accel.scale_factor": "300 ppm"},
+        "unmodelled": {"imu.accel.misalignment": "0.3 mrad", "imu.gyro.scale_factor": "10 ppm",
                        "gravity": {"sigma": "30 mGal"}},
     },
     "vehicle": {"steady": {}, "spinning": {"flight": "spinning"}, "oscillating": {"flight": "oscillating"}},
@@ -100,31 +100,52 @@ Case = dict[str, str]
 
 
 def covering(seed: int = 1) -> list[Case]:
-    """Return cases in which every pair of levels of two dimensions stands at least once."""
+    """Return cases in which every pair of levels of two dimensions stands at least once, in a case that is not refused
+    if there is one; a pair that physics refuses stands in one refused case.
+    """
     rng = np.random.default_rng(seed)
     names = list(DIMENSIONS)
     levels = {name: list(DIMENSIONS[name]) for name in names}
-    left = {
-        ((a, x), (b, y)) for a, b in itertools.combinations(names, 2) for x in levels[a] for y in levels[b]
-    }  # fmt: skip
+    left = {((a, x), (b, y)) for a, b in itertools.combinations(names, 2) for x in levels[a] for y in levels[b]}
     cases: list[Case] = []
     while left:
-        candidates = []
-        for _ in range(60):
-            (a, x), (b, y) = sorted(left)[rng.integers(len(left))]
-            case = {a: x, b: y}
-            for name in rng.permutation([n for n in names if n not in case]).tolist():
-                gain = [
-                    sum(_key(names, (other, case[other]), (name, level)) in left for other in case)
-                    for level in levels[name]
-                ]
-                best = np.flatnonzero(np.array(gain) == max(gain))
-                case[name] = levels[name][int(rng.choice(best))]
-            candidates.append(case)
-        chosen = max(candidates, key=lambda case: len(_pairs(names, case) & left))
-        left -= _pairs(names, chosen)
+        (a, x), (b, y) = sorted(left)[rng.integers(len(left))]
+        candidates = [_grown({a: x, b: y}, names, levels, left, rng) for _ in range(30)]
+        possible = [case for case in candidates if not refusal(case)]
+        chosen = max(possible or candidates, key=lambda case: len(_pairs(names, case) & left))
+        left -= _pairs(names, chosen) if possible else {((a, x), (b, y))}
         cases.append({name: chosen[name] for name in names})
     return cases
+
+
+def _grown(
+    case: Case, names: list[str], levels: dict[str, list[str]], left: set[Any], rng: np.random.Generator
+) -> Case:
+    """Return a case with the other dimensions filled in, each by a level that covers most new pairs and is possible."""
+    for name in rng.permutation([n for n in names if n not in case]).tolist():
+        gain = np.array([sum(_key(names, (o, case[o]), (name, lv)) in left for o in case) for lv in levels[name]])
+        order = np.lexsort((rng.random(gain.size), -gain))
+        ranked = [case | {name: levels[name][int(k)]} for k in order]
+        case = next((one for one in ranked if not refusal(one)), ranked[0])
+    return case
+
+
+@cache
+def _refusal(key: tuple[tuple[str, str], ...]) -> str:
+    whole = {name: next(iter(DIMENSIONS[name])) for name in DIMENSIONS} | dict(key)
+    try:
+        scenario_of(whole)
+    except ValidationError as error:
+        return str(error.errors()[0]["msg"]).removeprefix("Value error, ")
+    return ""
+
+
+def refusal(case: Case) -> str:
+    """Return why a case is refused, empty if it is not; what it leaves open is at its first level."""
+    return _refusal(tuple(sorted((name, case[name]) for name in case if name in _DECIDING)))
+
+
+_DECIDING = ("measurements", "gains", "start", "latency", "receiver", "states")
 
 
 def _key(names: list[str], one: tuple[str, str], two: tuple[str, str]) -> tuple[tuple[str, str], tuple[str, str]]:

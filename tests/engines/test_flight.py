@@ -10,16 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.flight import record, true_parameter
-from lvnav_trade.engines.inputs import Sizes, Work, work_shapes
 from lvnav_trade.engines.montecarlo import new_work, run_block
 from lvnav_trade.engines.prepare import prepare
-from lvnav_trade.engines.sensing import from_errors
-from lvnav_trade.filters.ekf import correct
-from lvnav_trade.kernels import processes
-from lvnav_trade.kernels.attitude import matrix
-from lvnav_trade.kernels.random import seed_words
-from lvnav_trade.kernels.transition import ACCEL, GYRO, OTHER_0, OWN_0, SQUARE
 from lvnav_trade.scenario import beliefs
 from tests.building import INERTIAL, LOOSE, ascent, case, hop, loaded, prepare_hop, with_fields
 
@@ -63,56 +55,10 @@ def test_compiled_and_interpreted_code_fly_the_same_run(kind, tmp_path):
     assert np.array_equal(np.isnan(other["z"]), np.isnan(block.innovation))
 
 
-def test_every_array_of_a_run_has_a_shape():
-    assert list(work_shapes(Sizes(17, 2, 5, 10, 20, 31, 30, 8, 48, 1, 10, 3, 2))) == [
-        f for f in Work._fields if f not in Work._field_defaults
-    ]
-
-
 def scene(settings=()):
     prepared = case(*settings)
     work = new_work(prepared, lanes=False)
     return prepared, work
-
-
-@pytest.mark.parametrize("seed", [1, 2, 3])
-def test_an_error_that_is_injected_computed_and_fed_back_leaves_nothing(seed):
-    """Error definition: inject by the start, compute by the record, feed back by the filter, compute again: 1e-12."""
-    prepared, work = scene()
-    belief, start = prepared.belief, prepared.start
-    k0, k1 = seed_words(seed)
-    q = from_errors(work, start, k0, k1, np.uint64(seed))
-    work.nav[:4] = q
-    at_start = prepared.record._replace(axes=np.tile(np.eye(3), (prepared.t_hist.size, 1, 1)))
-    work.P[:] = np.eye(belief.n_state)
-    work.par[:] = [[1e-6, -2e-6, 3e-6], [1e-2, -2e-2, 3e-2]]
-    work.clock[:] = [300.0, -3.0]
-    record(work, at_start, prepared.signals.shared, belief, 0)
-    error = work.err[0].copy()
-    C = np.reshape(np.array(matrix(*prepared.record.q[0])), (3, 3))
-    work.x[:] = error
-    work.x[:3] = C @ error[:3]  # reported in body axes, fed back in frame i
-    assert np.abs(error[:9]).min() > 0.0
-    correct(work, belief)
-    np.testing.assert_array_equal(work.x, 0.0)
-    record(work, at_start, prepared.signals.shared, belief, 0)
-    left = work.err[0]
-    np.testing.assert_allclose(left[:3], 0.0, atol=1e-12)
-    np.testing.assert_allclose(left[3:6], 0.0, atol=1e-12)  # a float64 of 4 km/s counts in 1e-12 m/s
-    np.testing.assert_allclose(left[6:9], 0.0, atol=2e-9)  # and one of 7000 km in 1e-9 m
-    np.testing.assert_allclose(left[9:], 0.0, atol=1e-12)
-
-
-def test_the_true_value_of_a_state_is_the_sum_of_all_parameters_of_its_driver():
-    values = np.random.default_rng(1).standard_normal((4, 3))
-    sensors, drivers = np.array([GYRO, GYRO, ACCEL, GYRO]), np.array([OWN_0 + 1, OWN_0 + 1, SQUARE, OTHER_0 + 2])
-    tables = np.zeros((2, processes.N_TABLE))
-    processes.gather(tables, values, sensors, drivers)
-    for axis in range(3):
-        assert true_parameter(tables, GYRO, OWN_0 + 1, axis) == pytest.approx(values[0, axis] + values[1, axis])
-        assert true_parameter(tables, ACCEL, SQUARE, axis) == values[2, axis]
-        assert true_parameter(tables, GYRO, OTHER_0 + 2, axis) == values[3, axis]
-        assert true_parameter(tables, ACCEL, OTHER_0 + 2, axis) == 0.0
 
 
 PERFECT_RECEIVER = {

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from lvnav_trade.engines import montecarlo as room
-from lvnav_trade.engines.montecarlo import channels, replay, run_block
+from lvnav_trade.engines.montecarlo import replay, run_block
 from tests.building import INERTIAL, LOOSE, MATCHED, case, flying, hop, loaded, prepare_hop, with_fields
 
 SEED = 20260801
@@ -50,7 +50,7 @@ def test_blocks_have_the_shapes_that_their_record_promises(block):
     assert block.err.shape == block.sigma.shape == (24, n_hist, n_out)
     assert block.nees.shape == (24, n_hist)
     assert block.nis.shape == block.n_row.shape == block.n_reject.shape == (24, n_epoch)
-    assert block.innovation.shape == (24, n_epoch, channels(prepared))
+    assert block.innovation.shape == (24, n_epoch, len(prepared.channel_names))
     assert (block.failed.dtype, block.n_row.dtype) == (np.int8, np.int32)
     assert not block.failed.any()
     assert np.isnan(block.t_failed).all()

@@ -14,7 +14,6 @@ from lvnav_trade.engines.options import (
     late_of,
     solver_of,
 )
-from lvnav_trade.errors import InputError
 from lvnav_trade.filters.base import ReceiverBelief
 from lvnav_trade.scenario import beliefs, epoch_interval, judged, solves
 from lvnav_trade.world.receiver.solutions import BancroftSolution, DirectSolution, FilteredSolution
@@ -89,12 +88,22 @@ def test_a_delay_is_the_stamped_one_or_the_filters_own_number():
     np.testing.assert_array_equal(delay_taken(compensating(delay="250 ms"), t, t - 0.3), [0.25, 0.25])
 
 
-def test_a_delay_that_reaches_back_behind_the_epoch_before_is_refused_with_its_place():
-    t = np.array([1.0, 2.0])
-    with pytest.raises(InputError, match="1100 ms at 2 s, not less than the 1000 ms between epochs"):
-        delay_taken(compensating(), t, t - [0.3, 1.1])
-    with pytest.raises(InputError, match="950 ms at 1 s and a base of 100 ms"):
-        delay_taken(compensating("extrapolated", "loose"), t, t - 0.95)
+@pytest.mark.parametrize(("delay", "stored"), [(0.3, 1), (0.95, 2), (1.0, 2), (1.1, 2), (2.5, 3), (3.1, 4)])
+def test_a_longer_delay_stores_as_many_states_at_once_as_measurements_are_on_their_way(delay, stored):
+    """With 1 s between epochs and 0.1 s of an early velocity: the state of an epoch is stored until it is over."""
+    t, t_epoch = np.arange(0.0, 10.001, 0.01), np.arange(1.0, 11.0)
+    delays = np.full(10, delay)
+    kept = kept_at(compensating(), t_epoch, delays, t, 1)
+    ticks = np.arange(0, 1000, 10)
+    schedule = Schedule(ticks, np.full(100, 10), np.zeros(100), np.full(100, -1), np.full(100, -1))
+    late = late_of(compensating(), delays, kept, schedule)
+    assert late.n_ring == stored
+    ends = t[ticks + 10]
+    first, after = late.valid[:, 0], late.valid[:, 1]
+    for epoch in range(10):
+        at = np.flatnonzero((first <= epoch) & (epoch < after))
+        if t_epoch[epoch] - delay >= 0.1:
+            np.testing.assert_allclose(ends[at], t_epoch[epoch] - delay, atol=1e-9)
 
 
 def test_states_are_kept_at_the_nearest_step_and_the_rest_is_an_offset():
@@ -114,7 +123,9 @@ def test_windows_know_which_epochs_state_is_kept_at_their_end():
     schedule = Schedule(np.array([0, 70, 70]), np.array([70, 0, 30]), np.zeros(3), nothing, nothing)
     kept = kept_at(scenario, np.array([1.0]), np.array([0.3]), np.arange(0.0, 2.001, 0.01), 1)
     late = late_of(scenario, np.array([0.3]), kept, schedule)
-    assert late.valid.tolist() == [0, -1, -1]  # a window of no ticks keeps nothing a second time
+    # a window of no ticks stores nothing a second time: first epoch and the one after the last
+    assert late.valid.tolist() == [[0, 1], [0, 0], [1, 1]]
+    assert late.n_ring == 1
     assert not late.extrapolated
     assert late_of(loaded(), None, None, schedule) is None
     assert judged(compensating("extrapolated", "loose"))

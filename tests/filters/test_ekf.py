@@ -25,7 +25,7 @@ def test_feedback_adds_the_error_to_the_estimate():
     work, x = work_of(prepared), np.arange(1.0, 18.0) * 1e-4
     work.x[:] = x
     before = work.nav.copy()
-    correct(work, prepared.belief)
+    correct(work, None, prepared.belief)
     np.testing.assert_allclose(small_rotation(*work.nav[Q : Q + 4], *before[Q : Q + 4]), x[ATT : ATT + 3], atol=1e-15)
     np.testing.assert_allclose(work.nav[V : V + 3] - before[V : V + 3], x[VEL : VEL + 3], atol=1e-12)
     np.testing.assert_allclose(work.nav[R : R + 3] - before[R : R + 3], x[POS : POS + 3], atol=2e-9)
@@ -43,7 +43,7 @@ def test_the_antenna_swings_with_the_rate_of_the_last_tick():
     prepared = prepare_hop(scenario.model_copy(update={"receiver": receiver}))
     work = work_of(prepared)
     work.previous[:3] = 0.005 * np.array([0.1, -0.2, 0.3])
-    place_antenna(work, None, prepared.belief, 0.005)
+    place_antenna(work, None, prepared.belief, 0.005, 0)
     C = np.reshape(np.array(matrix(*work.nav[Q : Q + 4])), (3, 3))
     lever = np.array([1.0, 2.0, -1.0])
     np.testing.assert_allclose(work.antenna[0, :3], work.nav[R : R + 3] + C @ lever, rtol=1e-14)
@@ -56,7 +56,7 @@ def test_an_epoch_starts_with_no_rows_and_no_innovations():
     prepared = case()
     work = work_of(prepared)
     work.nis[2], work.n_row[2], work.n_reject[2] = 5.0, 6.0, 7.0
-    clear_epoch(work, 2, work.innovation.shape[1])
+    clear_epoch(work, 2)
     assert (work.nis[2], work.n_row[2], work.n_reject[2]) == (0.0, 0.0, 0.0)
     assert np.isnan(work.innovation[2]).all()
 

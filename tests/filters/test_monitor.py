@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import namedtuple
+
 import numpy as np
 import pytest
 
@@ -22,19 +24,23 @@ from lvnav_trade.filters.monitor import (
     is_correcting,
     is_running,
     judge,
+    new_watch,
     settle,
     start_filter,
-    watch_shapes,
 )
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import WIDTH, view
+from lvnav_trade.kernels.lanes import WIDTH, like, view
 from lvnav_trade.kernels.transition import POS, VEL
 from lvnav_trade.records import AIDING, CONVERGING, MODES, PREDICTING, REASONS, STOPPED, WAITING
 
 N_EPOCH, N = 60, 9
+# As much of the filter and of the measurements as says which channel a row is of.
+Belief = namedtuple("Belief", "tight measured")
+Signals = namedtuple("Signals", "used")
 P0 = np.diag([1e-6] * 3 + [4.0] * 3 + [100.0] * 3)
 SIGMA = 5.0
 VARIANCE = np.array([SIGMA**2] * 3 + [0.01] * 3)
+LOOSE, NO_RANGES = Belief(False, np.ones(6, dtype=bool)), Signals(np.zeros((N_EPOCH, 0), dtype=np.int64))
 
 
 def rules(**changed):
@@ -55,27 +61,29 @@ def rules(**changed):
 
 
 @jit
-def epoch_of(watch, rules, epoch, P, x, z, grown, variance):
+def epoch_of(watch, rules, belief, signals, epoch, P, x, z, grown, variance):
     """One epoch as the filter goes through it; absorbing is left out: the error state stays, the covariance is told."""
     for i in range(P.shape[0]):
         P[i, i] = P[i, i] + grown
     for row in range(6):
         watch.predicted[row] = x[6 + row] if row < 3 else x[row]
-    judge(watch, rules, epoch, z, watch.predicted)
+    judge(watch, rules, belief, signals, epoch, z, 6)
     if rules.good[epoch]:
-        start_filter(P, x, watch, rules, z, variance)
+        for row in range(6):
+            watch.predicted[row] = variance[row]
+        start_filter(P, x, watch, rules, z)
     settle(watch, rules, epoch, P)
 
 
 def run(settings, z=None, broken=()):
     """Return the log of a run: (epoch, before, after, reason) of every change, and what was used at each epoch."""
-    watch = Watch(**{name: np.zeros(shape) for name, shape in watch_shapes(N_EPOCH).items()})
+    watch = new_watch(N_EPOCH)
     begin_watch(watch)
     P, x, used = P0.copy(), np.zeros(N), []
     z = np.zeros((N_EPOCH, 6)) if z is None else z
     for epoch in range(N_EPOCH):
         grown = np.nan if epoch in broken else 0.0
-        epoch_of(watch, settings, epoch, P, x, z[epoch], grown, VARIANCE)
+        epoch_of(watch, settings, LOOSE, NO_RANGES, epoch, P, x, z[epoch], grown, VARIANCE)
         used.append(bool(watch.sample[0]))
         if epoch in broken:
             P[:] = P0
@@ -223,6 +231,33 @@ def test_a_start_sets_error_state_and_covariance_and_from_gnss_takes_the_sample(
     assert np.count_nonzero(P - np.diag(np.diag(P))) == 0
 
 
+@jit
+def judged(watch, rules, belief, signals, epoch, z, n_row):
+    judge(watch, rules, belief, signals, epoch, z, n_row)
+
+
+def test_ranges_are_judged_by_the_channels_of_their_satellites():
+    """Three satellites, two in use, another order in the second epoch: each row has the limit of its own channel and is
+    compared with that channel's sample before; a channel that the filter does not process is not looked at.
+    """
+    taken = np.ones(6, dtype=bool)
+    taken[5] = False  # the range rate of the third satellite
+    belief, signals = Belief(True, taken), Signals(np.array([[0, 2, 0], [2, 0, 0], [0, 1, 0]]))
+    limits = np.array([10.0, 1.0, 10.0, 1.0, 10.0, 1.0])
+    settings, watch = rules(limits=limits, start_after=2.0), new_watch(3, 6, 6)
+    begin_watch(watch)
+    samples = [[100.0, 5.0, 300.0, 7.0], [301.0, 99.0, 101.0, 5.5], [102.0, 5.0, 50.0, 2.0]]
+    for epoch, values in enumerate(samples):
+        z = np.array([*values, 0.0, 0.0])
+        judged(watch, settings, belief, signals, epoch, z, 4)
+        assert watch.state[COUNT] == epoch + 1.0
+        assert watch.sample[1] == (1.0 if epoch else 0.0)
+    np.testing.assert_array_equal(watch.before, [102.0, 5.0, 50.0, 2.0, 301.0, np.nan])
+    apart = np.array([113.0, 5.0, 50.0, 2.0, 0.0, 0.0])
+    judged(watch, settings, belief, signals, 2, apart, 4)
+    assert watch.state[COUNT] == 1.0
+
+
 def test_it_runs_and_corrects_in_the_modes_that_are_named_so():
     assert [is_running(float(mode)) for mode in range(5)] == [0.0, 1.0, 1.0, 1.0, 0.0]
     assert [is_correcting(float(mode)) for mode in range(5)] == [0.0, 0.0, 1.0, 1.0, 0.0]
@@ -233,7 +268,7 @@ def test_it_runs_and_corrects_in_the_modes_that_are_named_so():
 
 
 @jit
-def eight(w, rules, P, x, z, gates, variance):
+def eight(w, rules, belief, signals, P, x, z, gates, variance):
     watch = Watch(
         view(w.state), view(w.before), view(w.predicted), view(w.sample), view(w.mode), view(w.reason)
     )  # fmt: skip
@@ -243,9 +278,11 @@ def eight(w, rules, P, x, z, gates, variance):
         sample = zv[epoch]
         for row in range(6):
             watch.predicted[row] = xv[6 + row] if row < 3 else xv[row]
-        judge(watch, rules, epoch, sample, watch.predicted)
+        judge(watch, rules, belief, signals, epoch, sample, 6)
         if rules.good[epoch]:
-            start_filter(Pv, xv, watch, rules, sample, variance)
+            for row in range(6):
+                watch.predicted[row] = like(xv[0], variance[row])
+            start_filter(Pv, xv, watch, rules, sample)
         gv[epoch] = gate_of(watch, np.inf)
         settle(watch, rules, epoch, Pv)
 
@@ -255,10 +292,10 @@ def test_eight_runs_go_their_own_ways():
     samples = np.zeros((N_EPOCH, 6, WIDTH))
     for lane in range(WIDTH):
         samples[:, :, lane] = wild((15 + lane, 15 + 2 * lane))
-    w = Watch(**{name: np.zeros((*shape, WIDTH)) for name, shape in watch_shapes(N_EPOCH).items()})
+    w = new_watch(N_EPOCH, lanes=WIDTH)
     P, x = np.repeat(P0[:, :, None], WIDTH, axis=2), np.zeros((N, WIDTH))
     gates = np.zeros((N_EPOCH, WIDTH))
-    eight(w, settings, P, x, samples, gates, VARIANCE)
+    eight(w, settings, LOOSE, NO_RANGES, P, x, samples, gates, VARIANCE)
     for lane in range(WIDTH):
         changes, used, _, _ = run(settings, samples[:, :, lane])
         mode = w.mode[:, lane].astype(int)

@@ -1,4 +1,4 @@
-"""Flights with an attitude reference: lanes and one run, closed form, no noise, the baseline as a limit."""
+"""Samples of the IMU as measurements in flight: lanes and one run, closed form, no noise, the baseline as a limit."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 from lvnav_trade.engines.envelopes import steady_ratio
 from lvnav_trade.engines.montecarlo import run_block
-from lvnav_trade.engines.vehicle_flight import N_BESIDE
+from lvnav_trade.engines.recording import N_SAMPLE_OUTPUT
 from lvnav_trade.steering.axis import filter_gain
 from tests.engines.modelled import BASELINE, MODEL, UNKNOWN, modelled
 
@@ -28,7 +28,7 @@ def runs():
 def test_outputs_are_24_states_and_the_samples_beside_them(runs):
     prepared = modelled()
     assert prepared.layout.n_state == prepared.layout.n_estimated == 24
-    assert len(prepared.outputs) == 24 + N_BESIDE == runs.err.shape[2]
+    assert len(prepared.outputs) == 24 + N_SAMPLE_OUTPUT == runs.err.shape[2]
     assert not runs.failed.any()
 
 
@@ -42,11 +42,11 @@ def test_eight_lanes_and_one_run_at_a_time_agree_to_rounding(card):
 
 def test_the_filters_sigma_of_rate_and_acceleration_is_the_steady_closed_form(runs):
     prepared = modelled()
-    noise = np.sqrt(prepared.vehicle.variance)
+    noise = np.sqrt(prepared.options.vehicle.variance)
     for t in (10.0, 28.0):
         at, tick = int(np.argmin(np.abs(runs.t - t))), round(t * 200.0) - 1
         for axis, index in enumerate(columns(prepared, "rate")):
-            closed = noise[0] * math.sqrt(steady_ratio(prepared.vehicle.walk[tick, axis], noise[0] ** 2))
+            closed = noise[0] * math.sqrt(steady_ratio(prepared.options.vehicle.walk[tick, axis], noise[0] ** 2))
             assert runs.sigma[0, at, index] == pytest.approx(closed, rel=0.01)
     # table 2 of Beaudoin et al.: the roll rate is 88 % better than the gyro
     assert 1.0 - runs.sigma[0, at, columns(prepared, "rate")[0]] / noise[0] == pytest.approx(0.881, abs=0.001)
@@ -56,7 +56,7 @@ def test_the_errors_are_as_large_as_the_gain_makes_the_samples_noise(runs):
     # The true rate hardly changes: through the gain K the noise alone leaves K / (2 - K) of its variance, and the error
     # lies below the filter's sigma, which has the wandering in it. 64 runs at 15 times, 1 s apart: 4 sigma are 9 %.
     prepared = modelled()
-    noise = math.sqrt(prepared.vehicle.variance[0])
+    noise = math.sqrt(prepared.options.vehicle.variance[0])
     K = steady_ratio((0.002 / 200.0) ** 2, noise**2)
     late = (runs.t > 4.0) & (runs.t < 19.5) & (runs.t == np.round(runs.t))
     roll = runs.err[:, late, columns(prepared, "rate")[0]]
@@ -106,9 +106,9 @@ def test_the_scalar_filter_of_the_turning_vehicle_is_the_rate_of_the_24_states(r
     # The turning vehicle's loop carries one scalar filter an axis; its sigma differs from that of the 24 states by less
     # than 2 %: attitude reference and receiver say next to nothing about a rate beside 200 samples a second.
     prepared = modelled()
-    t, vehicle = prepared.reference.t, prepared.vehicle
+    t, vehicle, samples = prepared.reference.t, prepared.options.vehicle, prepared.options.samples
     noise = vehicle.variance[1]
-    variance, gains = vehicle.raw[1] - vehicle.variance[1] + math.radians(1.0) ** 2, []
+    variance, gains = samples.raw[1] - samples.variance[1] + math.radians(1.0) ** 2, []
     for k in range(t.size - 1):
         variance, gain = filter_gain(variance, vehicle.walk[k, 1], noise)
         gains.append((gain, variance))
@@ -119,3 +119,12 @@ def test_the_scalar_filter_of_the_turning_vehicle_is_the_rate_of_the_24_states(r
         ratio = block.sigma[0, hist, index] / math.sqrt(gains[tick][1])
         record_property(f"sigma of the rate at {at:g} s, 24 states over scalar", f"{ratio:.5f}")
         assert ratio == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_run_is_the_same_in_any_block():
+    prepared = modelled()
+    block, part = run_block(prepared, 7, 0, 10), run_block(prepared, 7, 8, 2)
+    for name in ("err", "sigma", "nees", "nis", "innovation"):
+        np.testing.assert_array_equal(getattr(block, name)[8:], getattr(part, name))
+    assert len(prepared.channel_names) == 15
+    assert prepared.channel_names[6:9] == ("attitude x", "attitude y", "attitude z")

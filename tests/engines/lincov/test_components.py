@@ -1,4 +1,4 @@
-"""The truth in numbers for the linear covariance: sources, what matches the filter's states, where it starts."""
+"""True error components for the linear covariance: sources, what matches the filter's states, where they start."""
 
 from __future__ import annotations
 
@@ -7,12 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.truth import REMAINDER, initial_cross, source_names, start_sources, true_model
+from lvnav_trade.engines.lincov.components import REMAINDER, components, initial_state, source_namesfrom lvnav_trade.kernels.groups import GROUP
+from lvnav_trade.kernels.transition import OWN_0
 from tests.building import INERTIAL, LOOSE, MATCHED, case, loaded, prepare_hop, with_fields
+from tests.engines.lincov.small import of_lanes
+from tests.engines.modelled import modelled
 
 
 def model(prepared):
-    return true_model(prepared, source_names(prepared))
+    return components(prepared, source_names(prepared))
 
 
 def test_sources_are_physical_causes_each_named_once():
@@ -35,16 +38,38 @@ def test_true_parameters_match_the_filters_state_of_the_same_driver_or_none():
     assert (model(case()).matched == -1).any()
 
 
-def test_the_estimate_starts_at_zero_so_error_and_parameter_are_the_same_thing():
+def place(true, source):
+    """Return the place of a source in the order that `of_lanes` counts: group by group, lane by lane."""
+    return int(true.group[source]) * GROUP + int(true.lane[source])
+
+
+def table_of(true, name, block):
+    """Return a table (n_length, n_group, n_slot, 1[, 8]) of a block's first component, (n_length,)."""
+    source = int(true.source[block])
+    at = (slice(None), true.group[source], true.slot[block, 0], 0)
+    return getattr(true, name)[at if GROUP == 1 else (*at, true.lane[source])]
+
+
+def test_every_source_has_a_lane_of_its_own_and_those_of_many_components_stand_together():
+    true = model(case())
+    places = [place(true, source) for source in range(true.group.size)]
+    assert sorted(places) == list(range(true.group.size))
+    assert np.all(np.diff(true.n_slot) <= 0)
+    moving = [tuple(row) for row in np.column_stack([np.repeat(true.source, 3), true.slot.ravel()]) if row[1] >= 0]
+    assert len(set(moving)) == len(moving)
+
+
+def test_the_estimate_starts_at_zero_so_error_and_component_are_the_same_thing():
     prepared = case(MATCHED)
     true = model(prepared)
-    cross, variance = initial_cross(prepared, true)
-    sources = start_sources(true, cross)
-    total = sources.sum(axis=0)
-    for j in np.flatnonzero(true.start > 0.0):
-        at = true.matched[j]
-        np.testing.assert_array_equal(np.diag(cross[j, :, at : at + 3]), variance[j])
-        assert np.all(np.diag(total)[at : at + 3] >= true.start[j])
+    sources, cross, variance = initial_state(prepared, true)
+    total = sum(of_lanes(sources, place(true, source)) for source in range(true.group.size))
+    assert true.state_at.size >= 6
+    for source, slot, at in zip(true.state_source, true.state_slot, true.state_at, strict=True):
+        own = of_lanes(variance, place(true, source))[slot, 0]
+        assert own == true.start[source, slot]
+        assert of_lanes(cross, place(true, source))[slot, at] == own
+        assert total[at, at] >= own
     # a matched filter believes just that
     np.testing.assert_allclose(np.diag(total), np.diag(prepared.start.P), rtol=1e-12)
 
@@ -57,11 +82,10 @@ def test_a_true_process_keeps_its_variance_over_windows(seconds):
     prepared = prepare_hop(scenario.model_copy(update={"imu": imu, "filter": card}))
     true, length = model(prepared), int(np.argmin(np.abs(prepared.lengths - seconds)))
     j = [b.source for b in prepared.sources].index("gyro bias instability")
-    sigma2 = (2.0 * math.radians(1.0) / 3600.0) ** 2
-    assert true.start[j] == pytest.approx(sigma2, rel=1e-12)
-    assert true.fade[length, j] == pytest.approx(math.exp(-seconds / 3.0), rel=1e-12)
-    kept = true.fade[length, j] ** 2 * sigma2 + true.wander[length, j]
-    assert kept == pytest.approx(sigma2, rel=1e-12)
+    sigma2, fade = (2.0 * math.radians(1.0) / 3600.0) ** 2, table_of(true, "fade", j)[length]
+    assert true.start[true.source[j], true.slot[j, 0]] == pytest.approx(sigma2, rel=1e-12)
+    assert fade == pytest.approx(math.exp(-seconds / 3.0), rel=1e-12)
+    assert fade**2 * sigma2 + table_of(true, "noise", j)[length] == pytest.approx(sigma2, rel=1e-12)
 
 
 def test_what_quantisation_holds_back_is_drawn_anew_in_every_window():
@@ -71,5 +95,18 @@ def test_what_quantisation_holds_back_is_drawn_anew_in_every_window():
     true = model(prepared)
     j = int(np.flatnonzero(true.driver == REMAINDER)[0])
     moving = prepared.lengths > 0.0
-    np.testing.assert_array_equal(true.fade[:, j], np.where(moving, 0.0, 1.0))
-    np.testing.assert_allclose(true.wander[moving, j], 1e-10 / 12.0, rtol=1e-12)
+    np.testing.assert_array_equal(table_of(true, "fade", j), np.where(moving, 0.0, 1.0))
+    np.testing.assert_allclose(table_of(true, "noise", j)[moving], 1e-10 / 12.0, rtol=1e-12)
+    np.testing.assert_array_equal(table_of(true, "echo", j), table_of(true, "noise", j))
+
+
+def test_where_samples_are_measurements_what_no_state_stands_for_enters_them_and_not_the_motion():
+    true = model(modelled(imu__gyro__scale_factor="300 ppm"))
+    scale = int(np.flatnonzero((true.matched < 0) & (true.driver >= OWN_0))[0])
+    assert true.by_samples
+    assert true.sampled[scale]
+    assert not true.moving[scale]
+    assert not true.sampled[true.matched >= 0].any()
+    other = model(case())
+    assert other.moving[other.matched < 0].all()
+    assert not other.sampled.any()

@@ -1,21 +1,22 @@
-"""How true parameters enter the filter's error over a window; the whole pass is tested with engines.lincov."""
+"""How true components enter the filter's error over a window; the whole pass is tested in test_history."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.cover import fill_inputs
-from lvnav_trade.engines.truth import source_names, true_model
+from lvnav_trade.engines.lincov.components import components, source_names
+from lvnav_trade.engines.lincov.propagate import input_matrix
 from lvnav_trade.filters.belief import transition_blocks
 from lvnav_trade.kernels.strapdown import N_SUM, SUM_C, SUM_F, SUM_TH, SUM_V
 from lvnav_trade.kernels.transition import fill
 from lvnav_trade.layout import ParameterBlock
 from tests.building import case
+from tests.engines.lincov.small import of_lanes, propagate, small
 
 SECONDS = 0.1
 CASE = case()
-TRUE = true_model(CASE, source_names(CASE))
+TRUE = components(CASE, source_names(CASE))
 
 
 def window_sums():
@@ -29,33 +30,59 @@ def window_sums():
     return sums
 
 
-def inputs(j, decay):
-    n = CASE.layout.n_state
-    b, g = np.full((3, n), np.nan), np.full((3, n), np.nan)
-    fill_inputs(b, g, np.zeros(9), j, TRUE, window_sums(), SECONDS, decay, 0.9)
-    return b, g
-
-
-@pytest.mark.parametrize("j", np.flatnonzero(TRUE.matched >= 0))
-def test_a_parameter_that_the_filter_carries_enters_by_the_difference_of_the_two_decays(j):
-    at, n = TRUE.matched[j], CASE.layout.n_state
-    decay = np.ones(n)
-    decay[at : at + 3] = 0.7
-    b, g = inputs(j, decay)
-    np.testing.assert_allclose(b[:, at : at + 3], 0.2 * np.eye(3), atol=1e-15)
-    np.testing.assert_array_equal(g[:, at : at + 3], np.eye(3))
-    assert np.count_nonzero(b) == np.count_nonzero(g) == 3
-
-
 @pytest.mark.parametrize("j", np.flatnonzero(TRUE.matched < 0))
 def test_a_parameter_that_the_filter_does_not_carry_enters_as_the_blocks_of_the_transition(j):
-    b, g = inputs(j, np.ones(CASE.layout.n_state))
+    b = np.full((9, 3), np.nan)
+    input_matrix(b, np.zeros(9), j, TRUE, window_sums(), SECONDS)
     stand_in = (ParameterBlock("any", 0, 9, int(TRUE.sensor[j]), int(TRUE.driver[j]), 0.0, 0.0, 0.0),)
     rows, columns, kinds, drivers = transition_blocks(stand_in, 2)
     blocks, phi = np.zeros((rows.size, 9)), np.eye(12)
     fill(blocks, kinds, drivers, window_sums(), 7e6, 0.0, 0.0, SECONDS)
     for row, column, block in zip(rows, columns, blocks, strict=True):
         phi[row : row + 3] += block.reshape(3, 3) @ phi[column : column + 3]
-    np.testing.assert_allclose(b[:, :9].T, phi[:9, 9:], rtol=1e-13)
-    assert not b[:, 9:].any()
-    assert not g.any()
+    np.testing.assert_allclose(b, phi[:9, 9:], rtol=1e-13)
+
+
+N, STATE = 12, 10
+ROWS, COLUMNS = np.array([3, 6]), np.array([0, 3])
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.3])
+@pytest.mark.parametrize("variance", [0.0, 2.0])
+def test_components_act_as_in_the_dense_joint_covariance(variance, noise):
+    """[e; c] with e+ = Phi e + b c + g w, c+ = f c + w, as one matrix; b of the nine states of motion or, where the
+    filter has a state for c, the difference of the two decays there, with g one.
+    """
+    rng, fade, decay = np.random.default_rng(2), 0.8, np.ones(N)
+    decay[9:] = 0.9
+    blocks, entering = 0.2 * rng.standard_normal((2, 9)), np.zeros(N)
+    entering[:9] = rng.standard_normal(9)
+    phi = np.eye(N)
+    for r, c, block in zip(ROWS, COLUMNS, blocks, strict=True):
+        step = np.eye(N)
+        step[r : r + 3, c : c + 3] += block.reshape(3, 3)
+        phi = step @ phi
+    phi = np.diag(decay) @ phi
+    full = []
+    for _ in range(2):
+        root = rng.standard_normal((N + 1, N + 1))
+        one = root @ root.T
+        scale = np.append(np.ones(N), np.sqrt(variance / one[N, N]))
+        full.append(one * np.outer(scale, scale))
+    joint, scratch, true, belief = small(
+        [one[:N, :N] for one in full], [variance] * 2, fade=[fade] * 2, noise=[noise] * 2, decay=decay,
+        white=np.zeros((2, N)), blocks=blocks, rows=ROWS, columns=COLUMNS, seconds=0.1,
+        state_source=np.array([1]), state_slot=np.array([0]), state_at=np.array([STATE]),
+    )  # fmt: skip
+    for source, one in enumerate(full):
+        of_lanes(joint.cross, source)[0] = one[:N, N]
+    of_lanes(scratch.b, 0)[0] = entering[:9]
+    propagate(joint, scratch, true, belief)
+    inside, driven = np.zeros(N), np.zeros(N)
+    inside[STATE], driven[STATE] = fade - decay[STATE], 1.0
+    for source, (b, g) in enumerate([(entering, np.zeros(N)), (inside, driven)]):
+        A, drive = np.block([[phi, b[:, None]], [np.zeros(N), fade]]), np.append(g, 1.0)
+        expected = A @ full[source] @ A.T + noise * np.outer(drive, drive)
+        np.testing.assert_allclose(of_lanes(joint.sources, source), expected[:N, :N], rtol=0, atol=1e-12)
+        np.testing.assert_allclose(of_lanes(joint.cross, source)[0], expected[:N, N], rtol=0, atol=1e-12)
+        assert of_lanes(joint.variance, source)[0, 0] == pytest.approx(expected[N, N], rel=1e-14)

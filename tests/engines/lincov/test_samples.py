@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from lvnav_trade.engines.lincov.history import covariance
-from lvnav_trade.engines.lincov.history import covariance as plain
+from lvnav_trade.engines.lincov.history import adjoint, covariance
+from lvnav_trade.engines.lincov.samples import nominal_tick
 from lvnav_trade.engines.montecarlo import run_block
-from tests.building import LOOSE, case
+from lvnav_trade.frames import matrices
 from tests.engines.modelled import BASELINE, DATASHEET, MODEL, PUBLISHED, modelled
 
 RUNS = 128
@@ -78,6 +80,42 @@ def test_what_the_vehicle_does_and_the_filter_does_not_expect_moves_the_mean():
     assert np.abs(history.mean[10:, turning]).max() < 1e-3
 
 
-def test_other_cases_are_covered_as_before():
-    prepared = case(LOOSE)
-    np.testing.assert_array_equal(covariance(prepared).true_sigma, plain(prepared).true_sigma)
+UNMODELLED = {
+    "imu__gyro__scale_factor": "50 ppm", "imu__accel__scale_factor": "300 ppm", "imu__accel__misalignment": "0.3 mrad",
+    "imu__gyro__g_sensitivity": "0.5 deg/h/g",
+}  # fmt: skip
+
+
+@lru_cache(maxsize=1)
+def unmodelled():
+    """A unit with errors that no state of the filter stands for: they enter its samples."""
+    return modelled(MODEL, PUBLISHED, **UNMODELLED)
+
+
+def test_errors_of_the_unit_that_no_state_stands_for_enter_its_samples(record_property):
+    _agree(unmodelled(), record_property)
+    history = covariance(unmodelled())
+    at = history.sources.index("accelerometer scale factor")
+    assert history.budget[-1, at, 3:6].max() > 0.0
+
+
+@pytest.mark.parametrize("prepared", [modelled, unmodelled], ids=["matched", "unmodelled errors"])
+def test_going_back_through_200_samples_a_second_gives_the_true_variance(prepared):
+    prepared = prepared()
+    history = covariance(prepared)
+    for time in (12.0, 30.0):
+        hist = int(np.argmin(np.abs(history.t - time)))
+        back = adjoint(prepared, time).contribution.sum(axis=2)
+        np.testing.assert_allclose(back.sum(axis=1), history.true_sigma[hist, :9] ** 2, rtol=1e-8)
+        scale = history.true_sigma[hist, :9, None] ** 2
+        np.testing.assert_allclose(back / scale, history.budget[hist, :, :9].T / scale, rtol=0, atol=1e-8)
+
+
+def test_a_nominal_tick_is_the_flights_own_velocity_gain_and_the_trapezoid_of_its_attitude():
+    reference, sums, dt = modelled().reference, np.zeros(18), 0.005
+    k = 1000
+    nominal_tick(sums, reference, k, dt)
+    assert np.linalg.norm(sums[9:12]) / dt == pytest.approx(30.0, rel=1e-6)
+    np.testing.assert_allclose(
+        sums[:9].reshape(3, 3), 0.5 * dt * matrices(reference.q_b_i[k : k + 2]).sum(axis=0), rtol=0, atol=1e-16
+    )
