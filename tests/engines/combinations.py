@@ -8,8 +8,9 @@ from __future__ import annotations
 import itertools
 import sys
 import time
-from functools import cache, lru_cache
+from functools import lru_cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ from lvnav_trade.filters.scheduled import schedule_of
 from lvnav_trade.frames import quaternions
 from lvnav_trade.layout import state_names
 from lvnav_trade.records import Floats
+from lvnav_trade.refusals import refused
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.flight.trajectory import Phase, Trajectory
 from lvnav_trade.world.truth import attitude_spline, position_spline
@@ -130,22 +132,22 @@ def _grown(
     return case
 
 
-@cache
-def _refusal(key: tuple[tuple[str, str], ...]) -> str:
-    whole = {name: next(iter(DIMENSIONS[name])) for name in DIMENSIONS} | dict(key)
-    try:
-        scenario_of(whole)
-    except ValidationError as error:
-        return str(error.errors()[0]["msg"]).removeprefix("Value error, ")
-    return ""
-
-
 def refusal(case: Case) -> str:
     """Return why a case is refused, empty if it is not; what it leaves open is at its first level."""
-    return _refusal(tuple(sorted((name, case[name]) for name in case if name in _DECIDING)))
-
-
-_DECIDING = ("measurements", "gains", "start", "latency", "receiver", "states")
+    fields: dict[str, Any] = {}
+    for name, found in DIMENSIONS.items():
+        fields |= found[case.get(name, next(iter(found)))]
+    listed, late = fields["filter.measurements"], fields.get("filter.delay_compensation")
+    card = SimpleNamespace(
+        measurements=listed, aided=bool(listed), models_vehicle="imu" in listed,
+        tight="pseudorange" in listed, loose="position" in listed, init=fields.get("filter.init", "from_card"),
+        logic=fields.get("filter.logic"), gains=fields.get("gains"),
+        delay_compensation=None if late is None else SimpleNamespace(**late),
+    )  # fmt: skip
+    exact = SimpleNamespace(quantisation=0.0)
+    imu = SimpleNamespace(gyro=exact, accel=exact)
+    found_one = refused(SimpleNamespace(filter=card, imu=imu, control=None, sensors={}))
+    return "" if found_one is None else f"{found_one.path}: {found_one.reason}"
 
 
 def _key(names: list[str], one: tuple[str, str], two: tuple[str, str]) -> tuple[tuple[str, str], tuple[str, str]]:
