@@ -17,6 +17,7 @@ from lvnav_trade.filters.scheduled import ROWS, GainSchedule, schedule_of
 from lvnav_trade.layout import state_names
 from lvnav_trade.observables.sensors import RECEIVER_SOLUTION
 from lvnav_trade.scenario import judged, measured
+from lvnav_trade.world.flight.trajectory import identity
 
 
 def gain_schedule(
@@ -44,7 +45,7 @@ def gain_schedule(
     if not np.any(updated):
         raise InputError(f"case {case.label}: the filter takes no measurement on this flight")
     label = f", {case.label}" if case.axes else ""
-    return schedule_of(
+    schedule = schedule_of(
         name or f"Gains of {case.scenario.filter.name}, {case.scenario.trajectory.name}, by {by}",
         f"schedule-gains of {campaign.name}{label}: nominal flight, linear to {tolerance:g} between knots",
         by,
@@ -54,3 +55,5 @@ def gain_schedule(
         flown_events(prepared),
         tolerance,
     )
+    card = case.scenario.trajectory
+    return schedule.model_copy(update={"flight": card.name, "flight_digest": identity(card)})
