@@ -77,6 +77,13 @@ LOOSE = {"filter.measurements": ["position", "velocity"]}
 POINT = {"kind": "bancroft", "range_sigma": "2 m", "rate_sigma": "0.1 m/s"}
 SOLVING = {**LOOSE, "receiver.solution": POINT}
 LATE = "filter.delay_compensation"
+STAR = {"kind": "attitude_reference", "name": "a", "source": "b", "sigma": "20 arcsec"}
+REFERENCED = {
+    "sensors": {"star": STAR},
+    "filter.measurements": ["position", "velocity", "attitude"],
+    "filter.report_imu_samples": True,
+    "imu": loaded("base.imu=imu/kvh1750_003").imu.model_dump(mode="json"),
+}
 FROZEN = [{"kind": "frozen_output", "start": "2 s", "duration": "3 s"}]
 FAIRLY = {"kind": "extrapolated", "delay": "300 ms"}
 
@@ -84,7 +91,7 @@ FAIRLY = {"kind": "extrapolated", "delay": "300 ms"}
 @pytest.mark.parametrize(
     "fields",
     [SOLVING, {**SOLVING, "filter.extra_states": ["accel_scale_factor"]}, {**LOOSE, LATE: FAIRLY},
-     {LATE: {"kind": "buffered", "delay": "999 ms"}}, {"faults": FROZEN}],
+     {LATE: {"kind": "buffered", "delay": "999 ms"}}, {"faults": FROZEN}, REFERENCED],
 )  # fmt: skip
 def test_what_goes_together_is_accepted(fields):
     with_fields(loaded(), **fields)
@@ -98,6 +105,13 @@ def test_what_goes_together_is_accepted(fields):
             {**LOOSE, LATE: FAIRLY, "filter.extra_states": ["timing"]},
             "timing: a filter that takes",
         ),
+        ({**REFERENCED, LATE: {"kind": "buffered", "delay": "100 ms"}}, "delay_compensation: not with attitude"),
+        ({**REFERENCED, "filter.report_imu_samples": False}, "report_imu_samples: should be true"),
+        ({**REFERENCED, "filter.logic": {}}, "filter.logic: needs measurements"),
+        ({**REFERENCED, "filter.measurements": ["pseudorange", "attitude"]}, "cannot be simulated yet"),
+        ({"filter.measurements": ["pseudorange"]}, "cannot be simulated yet"),
+        ({"filter.measurements": [], LATE: {"kind": "buffered"}}, "takes nothing of the receiver"),
+        ({**REFERENCED, "sensors": {"a": STAR, "b": STAR}}, "a, b: at most one sensor that measures attitude"),
         ({**SOLVING, "faults": FROZEN}, "frozen_output needs receiver.solution.kind: direct"),
         ({LATE: {"kind": "extrapolated"}}, "only a solution can be extrapolated"),
         ({LATE: {"kind": "buffered", "delay": "1 s"}}, "delay of 1000 ms, not less than the 1000 ms between epochs"),

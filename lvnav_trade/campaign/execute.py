@@ -16,7 +16,7 @@ from joblib import Parallel, delayed
 from joblib.externals.loky import get_reusable_executor
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-from lvnav_trade.campaign import work
+from lvnav_trade.campaign import provided, work
 from lvnav_trade.campaign.axes import Case, cases
 from lvnav_trade.campaign.checks import flight, located
 from lvnav_trade.campaign.load import resolved
@@ -81,7 +81,7 @@ def check_flight(campaign: Campaign, found: Sequence[Case], job: Job, jobs: int)
         for record in located(campaign, case, events[key].records)
     ]
     times = {case.id: events[_flight_of(case)] for case in found}
-    mistakes = grounded or flight(campaign, found, times)
+    mistakes = grounded or [*flight(campaign, found, times), *provided.mistakes(campaign, found, times)]
     if mistakes:
         raise InputError(records=mistakes)
     return times
@@ -191,6 +191,7 @@ class _Run:
         _end_workers(self.jobs)  # the page is made by this process alone: their memory is of no use to it
         # The order of the plan, not that in which the workers finished: the tables' bytes must not depend on it.
         told = {
+            "warnings": provided.warnings(self.cases),
             "timings_s": self.timings,
             "lost": [*map(without_folders, self.lost)],
             "workers_died": self.deaths,

@@ -16,6 +16,7 @@ from lvnav_trade.errors import InputError
 from lvnav_trade.filters.scheduled import GainSchedule, schedule_of
 from lvnav_trade.layout import state_names
 from lvnav_trade.scenario import judged
+from lvnav_trade.world.flight.trajectory import identity
 
 
 def gain_schedule(
@@ -41,7 +42,7 @@ def gain_schedule(
     if not np.any(updated):
         raise InputError(f"case {case.label}: the filter takes no measurement on this flight")
     label = f", {case.label}" if case.axes else ""
-    return schedule_of(
+    schedule = schedule_of(
         name or f"Gains of {case.scenario.filter.name}, {case.scenario.trajectory.name}, by {by}",
         f"schedule-gains of {campaign.name}{label}: nominal flight, linear to {tolerance:g} between knots",
         by,
@@ -52,3 +53,5 @@ def gain_schedule(
         tolerance,
         measurements=[names[channel] for channel in taken],
     )
+    card = case.scenario.trajectory
+    return schedule.model_copy(update={"flight": card.name, "flight_digest": identity(card)})

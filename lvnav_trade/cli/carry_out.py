@@ -74,15 +74,19 @@ def _finish(results: Any, answers: Sequence[Any], report: bool, as_json: bool) -
     """Print verdicts and where the results are, and leave with the code that they mean."""
     verdicts = results.requirements
     failures = results.failures
+    warned = results.tables.manifest.get("warnings", [])
     code = results.exit_code
     page = results.folder / "report.html" if report else None
     if as_json:
         linear = [{**answer._asdict(), "rows": [list(row) for row in answer.rows]} for answer in answers]
         content = {"folder": str(results.folder), "report": str(page) if page else None, "failures": failures}
+        content["warnings"] = warned
         print_json("run", code, **content, covariance=linear, requirements=records(verdicts))
     else:
         if len(verdicts):
             print(table(list(verdicts.columns), [list(row) for row in verdicts.itertuples(index=False)]))
+        for line in warned:
+            print(f"warning: {line}")
         for line in failures[:_MOST]:
             print(f"failed: {line}")
         if len(failures) > _MOST:
@@ -107,10 +111,20 @@ def check(campaign: CampaignFile, sets: Sets = None, as_json: Json = False, debu
     with errors(as_json, debug):
         from lvnav_trade import api
         from lvnav_trade.campaign.axes import cases
+        from lvnav_trade.campaign.provided import warnings
 
         found = cases(api.check(campaign, sets or ()))
+        warned = warnings(found)
         good = f"{campaign}: good, {len(found)} {'case' if len(found) == 1 else 'cases'}"
-        say("check", as_json, good, cases=[{"id": case.id, "label": case.label} for case in found], mistakes=[])
+        text = "\n".join([*(f"warning: {line}" for line in warned), good])
+        say(
+            "check",
+            as_json,
+            text,
+            warnings=warned,
+            cases=[{"id": case.id, "label": case.label} for case in found],
+            mistakes=[],
+        )
 
 
 @app.command()

@@ -47,6 +47,8 @@ class GainSchedule(Card):
 
     name: str
     source: str
+    flight: str = Field("", description="name of the trajectory that it was computed for")
+    flight_digest: str = Field("", description="of that trajectory: a filter on another one gives a warning")
     by: Literal["event", "time"] = Field("event", description="what a segment's times count from")
     states: tuple[str, ...] = Field(description="states in the order of the gains, such as 'velocity x'")
     measurements: tuple[str, ...] = Field(

@@ -25,6 +25,7 @@ def summary(tables: Tables) -> list[Block]:
     """Return the answer: what each requirement says of the cases, how sure it is, and the ranking."""
     verdicts = METRICS["requirements"](tables)
     blocks: list[Block] = [Text(_scale(tables)), *_together(verdicts)]
+    blocks += [Text(f"{line}.", "Warning:") for line in tables.manifest.get("warnings", [])]
     for requirement in tables.campaign.get("requirements") or ():
         blocks += _answer(tables, requirement, verdicts[verdicts.requirement == requirement["name"]])
     if not len(verdicts):

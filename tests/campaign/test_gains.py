@@ -12,6 +12,7 @@ from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.montecarlo import run_block
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.scheduled import GainKnot, GainSegment, digest_of
+from lvnav_trade.world.flight.trajectory import identity
 from tests.building import LOOSE, MATCHED, case, flying, hop, loaded, prepare_hop
 
 TWELVE = "base.filter.neglect=[gyro_bias]"
@@ -21,6 +22,11 @@ def scheduled(by="event", tolerance=0.02, settings=(MATCHED, LOOSE, TWELVE)):
     campaign = load("campaigns/smoke.yaml", settings)
     with flying(hop()):
         return gain_schedule(campaign, cases(campaign)[0], by, tolerance)
+
+
+def test_a_schedule_says_for_which_flight_it_was_computed():
+    found, card = scheduled(), loaded().trajectory
+    assert (found.flight, found.flight_digest) == (card.name, identity(card))
 
 
 def replayed(schedule, trajectory=None):

@@ -19,6 +19,16 @@ def test_a_campaign_of_the_tool_is_good_from_any_folder(events: dict[str, float]
     assert result.exit_code == 0
 
 
+def test_gains_of_another_flight_are_a_warning(events: dict[str, float]) -> None:
+    gains = "filter=filters/loose_gains_004_12_by_event"
+    result = call("check", SMOKE, "--set", gains)
+    line = "base: filter.gains: computed for the flight 'recovery_polar', used on "
+    assert result.output.startswith(f"warning: {line}")
+    assert result.exit_code == 0
+    (told,) = json.loads(call("check", SMOKE, "--set", gains, "--json").output)["warnings"]
+    assert told.startswith(line)
+
+
 def test_a_fault_after_the_flight_is_refused(events: dict[str, float]) -> None:
     result = call("check", SMOKE, "--set", "faults=[{start: 621 s, duration: 5 s, kind: satellite_outage}]")
     assert result.exit_code == 2

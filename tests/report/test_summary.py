@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
+import shutil
+
 import pandas as pd
 
 from lvnav_trade.report import build
-from lvnav_trade.report.summary import _largest_sources
+from lvnav_trade.report.summary import _largest_sources, summary
 from lvnav_trade.store import load
 from tests import synthetic
 
@@ -24,6 +27,18 @@ def test_the_first_section_answers_in_words(text):
     assert "<strong>Linear covariance alone:</strong> imu=fine: met, more than 99.9 % of flights" in first
     assert "2 of 160 runs failed" in first
     assert "best velocity first. Failed runs are left out of it." in first
+
+
+def test_warnings_of_a_campaign_stand_in_the_first_section(page, tmp_path):
+    folder = shutil.copytree(page.parent, tmp_path / "warned")
+    manifest = json.loads((folder / "manifest.json").read_text())
+    line = "imu=fine: filter.gains: computed for the flight 'a', used on 'b'"
+    (folder / "manifest.json").write_text(json.dumps({**manifest, "warnings": [line]}))
+    texts = [
+        block for block in summary(load(folder)) if getattr(block, "lead", getattr(block, "bold", "")) == "Warning:"
+    ]
+    assert len(texts) == 1
+    assert line in str(texts[0])
 
 
 def test_a_violated_phase_names_the_largest_source_at_its_worst_event(page):

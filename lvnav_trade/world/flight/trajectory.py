@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
+
 from lvnav_trade.world.ascent.launch import build_ascent
 from lvnav_trade.world.ascent.profile import RecordedAscent, rebuild
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
@@ -15,7 +18,17 @@ from lvnav_trade.world.user_file.columns import TableTrajectory
 from lvnav_trade.world.user_file.residual import judge
 from lvnav_trade.world.user_file.table import content_of, from_table, residuals
 
-__all__ = ["Phase", "Trajectory", "TrajectoryCard", "build", "content", "motion", "reference", "refuse_contradiction"]
+__all__ = [
+    "Phase",
+    "Trajectory",
+    "TrajectoryCard",
+    "build",
+    "content",
+    "identity",
+    "motion",
+    "reference",
+    "refuse_contradiction",
+]
 
 TrajectoryCard = VehicleAscent | RecordedAscent | TableTrajectory | SoundingFlight | OrbitalFlight
 
@@ -45,6 +58,13 @@ def _undisturbed(card: TrajectoryCard) -> Trajectory:
 def content(card: TrajectoryCard) -> str:
     """Return a digest of the file that a card names, empty where it names none: a changed file is another flight."""
     return content_of(card.file) if isinstance(card, RecordedAscent | TableTrajectory) else ""
+
+
+def identity(card: TrajectoryCard) -> str:
+    """Return 16 hex digits of a flight: every number of its card and the content of the file that it names."""
+    data = card.model_dump(mode="json", exclude_defaults=True, exclude={"name", "source", "file"})
+    text = json.dumps([type(card).__name__, data, content(card)], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def refuse_contradiction(card: TrajectoryCard, imu: ImuCard) -> None:

@@ -10,11 +10,18 @@ import pytest
 from lvnav_trade.errors import InputError
 from lvnav_trade.frames import gmst
 from lvnav_trade.world.flight.sounding import SoundingFlight
-from lvnav_trade.world.flight.trajectory import build, motion
+from lvnav_trade.world.flight.trajectory import build, identity, motion
 from tests.building import loaded
 from tests.world.flights import ascent, ascent_card, recorded, recovery, sounding, sounding_settings
 
 SHAKEN = {"start": "stage2_ignition", "end": "stage2_cutoff", "coning": [{"angle": "0.3 deg", "frequency": "2 Hz"}]}
+
+
+def test_the_identity_of_a_flight_is_that_of_its_numbers_and_not_of_its_name():
+    card = ascent_card()
+    assert identity(card.model_copy(update={"name": "other", "source": "other"})) == identity(card)
+    assert identity(type(card).model_validate(card.model_dump(mode="json"))) == identity(card)
+    assert identity(card.model_copy(update={"pad_hold": card.pad_hold + 1.0})) != identity(card)
 
 
 @pytest.mark.parametrize("flight", [ascent, recorded])
