@@ -46,10 +46,8 @@ def mechanise(nav, sums, previous, increments, n_tick, dt, kind):
     rx, ry, rz = nav[R], nav[R + 1], nav[R + 2]
     px, py, pz, ux, uy, uz = previous[0], previous[1], previous[2], previous[3], previous[4], previous[5]
     zero = like(q0, 0.0)
-    # the integral of C by the trapezoidal rule: a body that spins turns by 0.2 rad in a tick
     c0, c1, c2, c3, c4, c5, c6, c7, c8 = matrix(q0, q1, q2, q3)
-    m0, m1, m2, m3, m4 = -0.5 * c0, -0.5 * c1, -0.5 * c2, -0.5 * c3, -0.5 * c4
-    m5, m6, m7, m8 = -0.5 * c5, -0.5 * c6, -0.5 * c7, -0.5 * c8
+    m0, m1, m2, m3, m4, m5, m6, m7, m8 = zero, zero, zero, zero, zero, zero, zero, zero, zero
     gained_x, gained_y, gained_z = zero, zero, zero
     th_x, th_y, th_z, f_x, f_y, f_z = zero, zero, zero, zero, zero, zero
     half, twelfth = 0.5 * dt, 1.0 / 12.0
@@ -63,7 +61,6 @@ def mechanise(nav, sums, previous, increments, n_tick, dt, kind):
         dx = fx + 0.5 * rotation_x + twelfth * (ax + bx)
         dy = fy + 0.5 * rotation_y + twelfth * (ay + by)
         dz = fz + 0.5 * rotation_z + twelfth * (az + bz)
-        c0, c1, c2, c3, c4, c5, c6, c7, c8 = matrix(q0, q1, q2, q3)
         sx, sy, sz = c0 * dx + c1 * dy + c2 * dz, c3 * dx + c4 * dy + c5 * dz, c6 * dx + c7 * dy + c8 * dz
         gx, gy, gz = gravity(kind, rx + half * vx, ry + half * vy, rz + half * vz)
         nx, ny, nz = vx + sx + dt * gx, vy + sy + dt * gy, vz + sz + dt * gz
@@ -74,6 +71,11 @@ def mechanise(nav, sums, previous, increments, n_tick, dt, kind):
         gained_z += sz
         e0, e1, e2, e3 = from_rotation(wx + twelfth * coning_x, wy + twelfth * coning_y, wz + twelfth * coning_z)
         q0, q1, q2, q3 = multiply(q0, q1, q2, q3, e0, e1, e2, e3)
+        # the mean of C over the tick by the trapezoidal rule: a body that spins turns by 0.2 rad in a tick
+        m0, m1, m2 = m0 + c0, m1 + c1, m2 + c2
+        m3, m4, m5 = m3 + c3, m4 + c4, m5 + c5
+        m6, m7, m8 = m6 + c6, m7 + c7, m8 + c8
+        c0, c1, c2, c3, c4, c5, c6, c7, c8 = matrix(q0, q1, q2, q3)
         m0, m1, m2 = m0 + c0, m1 + c1, m2 + c2
         m3, m4, m5 = m3 + c3, m4 + c4, m5 + c5
         m6, m7, m8 = m6 + c6, m7 + c7, m8 + c8
@@ -84,10 +86,9 @@ def mechanise(nav, sums, previous, increments, n_tick, dt, kind):
     nav[V], nav[V + 1], nav[V + 2] = vx, vy, vz
     nav[R], nav[R + 1], nav[R + 2] = rx, ry, rz
     previous[0], previous[1], previous[2], previous[3], previous[4], previous[5] = px, py, pz, ux, uy, uz
-    c0, c1, c2, c3, c4, c5, c6, c7, c8 = matrix(q0, q1, q2, q3)
-    sums[0], sums[1], sums[2] = dt * (m0 + 0.5 * c0), dt * (m1 + 0.5 * c1), dt * (m2 + 0.5 * c2)
-    sums[3], sums[4], sums[5] = dt * (m3 + 0.5 * c3), dt * (m4 + 0.5 * c4), dt * (m5 + 0.5 * c5)
-    sums[6], sums[7], sums[8] = dt * (m6 + 0.5 * c6), dt * (m7 + 0.5 * c7), dt * (m8 + 0.5 * c8)
+    sums[0], sums[1], sums[2] = half * m0, half * m1, half * m2
+    sums[3], sums[4], sums[5] = half * m3, half * m4, half * m5
+    sums[6], sums[7], sums[8] = half * m6, half * m7, half * m8
     sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2] = gained_x, gained_y, gained_z
     sums[SUM_TH], sums[SUM_TH + 1], sums[SUM_TH + 2] = th_x, th_y, th_z
     sums[SUM_F], sums[SUM_F + 1], sums[SUM_F + 2] = f_x, f_y, f_z

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from lvnav_trade.engines.error_bound import error_bound
+from lvnav_trade.engines.lincov.components import components, source_names
 from lvnav_trade.engines.lincov.history import forward_tape
-from lvnav_trade.engines.truth import source_names, true_model
 from lvnav_trade.errors import InputError
 from lvnav_trade.scenario import beliefs
 from tests.building import LOOSE, case, loaded, prepare_hop, with_fields
@@ -19,7 +19,7 @@ WALKS = {
 
 
 def bound(prepared):
-    return error_bound(prepared, forward_tape(prepared, true_model(prepared, source_names(prepared))))
+    return error_bound(prepared, forward_tape(prepared, components(prepared, source_names(prepared))))
 
 
 def with_walks(*settings, **changed):

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from lvnav_trade.engines.lincov.components import source_names
 from lvnav_trade.engines.lincov.history import adjoint, covariance
 from lvnav_trade.engines.montecarlo import run_block
 from lvnav_trade.engines.recorded import SOURCE, start_of
-from lvnav_trade.engines.truth import source_names
 from lvnav_trade.frames import earth_angle
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.flight.trajectory import motion

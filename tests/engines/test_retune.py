@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from lvnav_trade.engines import retune
+from lvnav_trade.engines.lincov.components import source_names
 from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.retune import FACTORS, scaled, sensitivity
-from lvnav_trade.engines.truth import source_names
 from lvnav_trade.scenario import Scenario, beliefs
 from tests.building import INERTIAL, LOOSE, MATCHED, flying, hop, loaded, prepare_hop, with_fields
 

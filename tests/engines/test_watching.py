@@ -64,7 +64,7 @@ def test_where_a_sample_fails_the_checks_linear_covariance_has_no_row():
     card = with_fields(prepared.scenario.filter, logic={"pdop_below": 2.0})
     dilution = np.where(np.arange(prepared.t_epoch.size) % 2, 1.5, 3.0)
     failed = type("Failed", (), {"frozen": np.zeros(30, dtype=bool), "invalid": np.zeros(30, dtype=bool)})
-    rules = watched(card, failed, prepared.signals, lambda: dilution, prepared.start.P)
+    rules = watched(card, failed, prepared.signals, prepared.channels, lambda: dilution, prepared.start.P)
     signals, chain = left_out(rules, prepared.signals, None)
     assert chain is None
     np.testing.assert_array_equal(rules.good, dilution < 2.0)
@@ -82,3 +82,17 @@ def test_a_receiver_that_solves_itself_keeps_its_satellites_where_its_solution_i
     np.testing.assert_array_equal(watching.signals.n_used, plain.signals.n_used)
     left = plain.t_epoch[plain.chain.solved & ~watching.chain.solved]
     assert left.tolist() == [12.0, 13.0, 14.0]
+
+
+def test_of_ranges_the_limits_stand_by_channel_and_one_satellite_is_a_sample():
+    scenario = loaded("base.filter=filters/tight")
+    logic = {"wild_position": "150 m", "wild_velocity": "3 m/s"}
+    card = with_fields(scenario.filter, logic=logic)
+    faults = [
+        {"kind": "satellite_outage", "start": "12 s", "duration": "3 s"},
+        {"kind": "satellite_outage", "start": "18 s", "duration": "2 s", "keep": 1},
+    ]
+    prepared = prepare_hop(with_fields(scenario.model_copy(update={"filter": card}), faults=faults))
+    rules = prepared.options.rules
+    np.testing.assert_array_equal(rules.limits, [150.0, 3.0] * len(prepared.sky.names))
+    assert prepared.t_epoch[~rules.good].tolist() == [12.0, 13.0, 14.0]

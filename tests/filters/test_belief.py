@@ -98,15 +98,19 @@ def test_rows_stand_for_the_states_they_depend_on():
     layout, with_lever = believed(lever=(1.0, 0.0, 0.0))
     _, without = believed()
     _, loose = believed(lever=(1.0, 0.0, 0.0), measurements=SOLUTION)
+    no_bias, unbiased = believed(lever=(1.0, 0.0, 0.0), neglect=("gyro_bias",))
     assert list(without.n_entry) == [4, 7] * 3
-    assert list(with_lever.n_entry) == [7, 10] * 3
+    assert list(with_lever.n_entry) == [7, 13] * 3
+    assert list(unbiased.n_entry) == [7, 10] * 3
     assert list(without.row_type) == [PSEUDORANGE, RANGE_RATE] * 3
     assert list(loose.row_type) == [POSITION] * 3 + [VELOCITY] * 3
-    attitude, velocity, position = (set(range(at, at + 3)) for at in (ATT, VEL, POS))
+    gyro_bias = layout.parameters[0].offset  # an antenna swings with the rate that the gyro gives, less its bias
+    attitude, velocity, position, rate = (set(range(at, at + 3)) for at in (ATT, VEL, POS, gyro_bias))
     assert columns(with_lever, 0) == position | attitude | {layout.clock}
-    assert columns(with_lever, 1) == position | attitude | velocity | {layout.clock + 1}
+    assert columns(with_lever, 1) == position | attitude | velocity | rate | {layout.clock + 1}
+    assert columns(unbiased, 1) == position | attitude | velocity | {no_bias.clock + 1}
     assert columns(loose, 0) == position | attitude
-    assert columns(loose, 5) == velocity | attitude
+    assert columns(loose, 5) == velocity | attitude | rate
 
 
 def columns(belief, channel):

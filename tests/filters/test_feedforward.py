@@ -225,11 +225,44 @@ def test_started_from_the_receiver_a_bad_start_is_forgotten_at_once():
         assert np.abs(poor[:, at, 6:9]).max() > 1000.0
 
 
+def test_a_tight_filter_judges_ranges_and_bridges_a_loss():
+    """Ranges of every satellite are judged: a wild one leaves the epoch's sample out; a loss is predicted through."""
+    loss = fault("satellite_outage", duration=3)
+    prepared = flown(TIGHT, faults=[dict(loss)], **OPEN, logic=LOGIC)
+    block, alone = run_block(prepared, 3, 0, 8), run_block(prepared, 3, 5, 1, lanes=False)
+    told = [
+        [(t, MODES[int(after)], REASONS[int(why)]) for run, t, _, after, why in block.changes if run == k]
+        for k in range(8)
+    ]
+    assert told == [[*NORMAL, (12.0, "predicting", "data lost"), (15.0, "aiding", "data again")]] * 8
+    assert np.all(block.n_row[:, [0, 1, 11, 12, 13]] == 0)
+    np.testing.assert_array_equal(block.n_row[:, 4], 2 * prepared.signals.n_used[4])
+    np.testing.assert_allclose(alone.err[0], block.err[5], rtol=1e-7, atol=1e-9)
+    np.testing.assert_array_equal(alone.changes, block.changes[block.changes[:, 0] == 5])
+    apart = run_block(flown(TIGHT, **OPEN, logic={**LOGIC, "wild_position": "3 m"}), 3, 0, 8)
+    assert np.all(apart.n_row.sum(axis=1) < block.n_row.sum(axis=1))
+
+
+@pytest.mark.parametrize("kind", ["buffered", "extrapolated"])
+def test_of_late_measurements_open_and_closed_loop_make_the_same_and_one_run_is_a_lane(kind):
+    """A delay of 0.3 s: the open loop compares with the error state of the time of validity, too."""
+    small = {"tilt": "0.005 deg", "heading": "0.005 deg", "position": "1 m", "velocity": "0.01 m/s"}
+    late = {"delay_compensation": {"kind": kind}}
+    unit, latency = "base.imu=imu/navigation_matched", "base.receiver.latency=300 ms"
+    closed, opened = (flown(LOOSE, unit, latency, initial=small, **late, **loop) for loop in ({}, OPEN))
+    sigma = covariance(closed).true_sigma[:, :9]
+    one, other = run_block(closed, 3, 0, 8), run_block(opened, 3, 0, 8)
+    assert np.max(np.abs(one.err - other.err)[:, :, :9] / sigma) < 2e-3
+    assert np.abs(one.err[:, -1, :9] / sigma[-1]).max() > 0.5
+    alone = run_block(opened, 3, 5, 1, lanes=False)
+    assert np.max(np.abs(alone.err[0] - other.err[5]) / other.sigma[5]) < 1e-8
+
+
 def test_what_is_asked_of_the_logic_must_make_sense():
     tight, loose = loaded(TIGHT), loaded(LOOSE)
     for scenario, fields, told in (
-        (tight, {"logic": {}}, r"filter.logic: needs measurements: \[position, velocity\]"),
-        (tight, {"init": "from_gnss"}, r"filter.init: from_gnss needs measurements: \[position, velocity\]"),
+        (tight, {"init": "from_gnss"}, "filter.init: a start from GNSS takes position and velocity"),
+        (loaded(INERTIAL), {"logic": {}}, "filter.logic: a mode logic checks what the receiver measures"),
         (loose, {"logic": {"correct_after": "10 s"}}, "needs feedback: open"),
         (loose, {"logic": {"start_after": 0}}, "greater than or equal to 1"),
         (loose, {"logic": {"wild_position": "0 m"}}, "greater than 0"),
@@ -237,3 +270,4 @@ def test_what_is_asked_of_the_logic_must_make_sense():
     ):
         with pytest.raises(ValueError, match=told):
             with_fields(scenario, **{f"filter.{name}": value for name, value in fields.items()})
+    assert with_fields(tight, **{"filter.logic": {}}).filter.logic is not None

@@ -183,9 +183,7 @@ def test_a_second_of_samples_equals_a_dense_kalman_filter_of_24_states(rng, reco
         z = rng.normal(size=6) * np.sqrt(R)
         for i in range(6):
             ours[MOTION + i, MOTION + i] += walk[i]
-        update_samples(
-            ours, x_ours, np.zeros((6, N)), np.zeros(6), np.zeros(6), z, R, biases(), COLUMNS, N
-        )
+        update_samples(ours, x_ours, np.zeros((6, N)), np.zeros(6), np.zeros(6), z, R, biases(), COLUMNS, N)
         advance(ours, np.zeros((9, N)), sums, DT, MOTION)
         advance_vector(x_ours, sums, DT, MOTION)
         dense[range(18, 24), range(18, 24)] += walk

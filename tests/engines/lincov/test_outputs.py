@@ -1,4 +1,4 @@
-"""The receiver's own solution beside the filter's: runs against linear covariance, the innovations against the gain."""
+"""Outputs beside the filter's states: the receiver's own solution and its innovations, runs against covariance."""
 
 from __future__ import annotations
 
@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm
 
-from lvnav_trade.engines import reported
 from lvnav_trade.engines.lincov.history import covariance
+from lvnav_trade.engines.lincov.outputs import sample_outputs, solution_outputs_of
 from lvnav_trade.engines.montecarlo import run_block
 from lvnav_trade.layout import solution_outputs
-from lvnav_trade.receivers.base import POS, VEL, transition
-from lvnav_trade.receivers.cascade import design, filtered
 from lvnav_trade.scenario import Scenario
 from tests.building import LOOSE, MATCHED, case, loaded, prepare_hop
+from tests.engines.modelled import BASELINE, modelled
 
 POINT = {"kind": "bancroft", "range_sigma": "2 m", "rate_sigma": "0.1 m/s", "reported": True}
 FILTERED = {**POINT, "kind": "filtered", "jerk": "10 m/s^3", "clock_noise": "0.1 m/s^2"}
@@ -58,32 +57,6 @@ def test_the_receiver_believes_in_the_runs_what_it_believes_on_the_nominal_fligh
     np.testing.assert_allclose(believed, history.formal[5:, N_STATE:], rtol=5e-3)
 
 
-def test_the_innovations_times_the_gain_are_what_the_receivers_filter_corrects(monkeypatch):
-    """L^-1 y of all rows, taken through P H' L^-T, is the step of the kernel that took them one after the other."""
-    prepared, _, _ = flown("filtered")
-    within, original = [], reported._innovate
-
-    def check(out, prepared, work, model, epoch, nav, P, memory):
-        original(out, prepared, work, model, epoch, nav, P, memory)
-        signals, state = prepared.signals, transition(model) @ nav
-        use = signals.used[epoch, : signals.n_used[epoch]]
-        rows = design(
-            state[POS : POS + 3], state[VEL : VEL + 3], signals.satellite[epoch, use],
-            signals.satellite_velocity[epoch, use],
-        )  # fmt: skip
-        gains = filtered(P, model, rows, np.zeros(3))
-        before = np.linalg.solve(gains.keep, gains.P)  # (I - K H) P- = P+
-        root = np.linalg.cholesky(rows @ before @ rows.T + np.diag(np.tile([4.0, 0.01], use.size)))
-        normalised = np.stack([out[2 * use], out[2 * use + 1]], axis=1).ravel()
-        corrected = before @ rows.T @ np.linalg.solve(root.T, normalised)
-        within.append(np.abs(corrected - (work.rx.nav - state))[3:] / np.sqrt(np.diag(gains.P))[3:])
-
-    monkeypatch.setattr(reported, "_innovate", check)
-    reported._fly(prepared, 7, 0)
-    assert len(within) > 10
-    assert np.max(within) < 1e-4
-
-
 def test_innovations_are_told_of_the_satellites_in_use_by_a_filter_alone():
     prepared, _, runs = flown("filtered")
     n = 2 * len(prepared.sky.names)
@@ -95,22 +68,50 @@ def test_innovations_are_told_of_the_satellites_in_use_by_a_filter_alone():
 
 
 def test_without_a_solution_the_error_of_the_last_one_stays():
-    """Of twelve satellites none from the tenth epoch on: what is told does not move any more, in both engines."""
+    """Of twelve satellites none from the tenth epoch on: what is reported does not move any more, in both engines."""
     prepared, _, _ = flown("bancroft")
     n_used = prepared.signals.n_used.copy()
     n_used[10:] = 0
     chain = prepared.chain._replace(solved=np.arange(n_used.size) < 10)
     blind = prepared._replace(signals=prepared.signals._replace(n_used=n_used), chain=chain)
-    error = reported._fly(blind, 7, 0).error
-    assert np.all(error[9] == error[-2])
-    assert np.any(error[9] != error[8])
-    assert not error[-1].any()  # before the first epoch
-    mean = reported.beside_covariance(blind, covariance(prepared._replace(scenario=case(LOOSE).scenario)))
-    assert np.all(mean.true_sigma[-1, N_STATE + 6 :] == mean.true_sigma[-2, N_STATE + 6 :])
+    # velocity and position are reported in axes that move with the flight; the clock's two are not turned
+    error, clock = run_block(blind, 7, 0, 8).err, slice(N_STATE + 6, N_STATE + 8)
+    epoch = int(np.argmin(np.abs(blind.t_hist - blind.t_epoch[9])))
+    assert np.all(error[:, epoch, clock] == error[:, -1, clock])
+    assert np.any(error[:, epoch - 1, clock] != error[:, epoch, clock])
+    assert not error[:, 0, N_STATE:].any()  # before the first epoch
+    history = covariance(blind)
+    assert np.all(history.true_sigma[epoch:, clock] == history.true_sigma[-1, clock])
+    sizes = [np.linalg.norm(history.true_sigma[k, N_STATE : N_STATE + 3]) for k in (epoch, -1)]
+    assert sizes[0] == pytest.approx(sizes[1], rel=1e-12)
 
 
 def test_nothing_is_added_where_nothing_of_the_solution_is_reported():
     prepared = case(LOOSE)
     history = covariance(prepared)
-    assert reported.beside_covariance(prepared, history) is history
+    assert prepared.options.report is None
+    assert solution_outputs_of(prepared, history, None) is history
+    assert sample_outputs(prepared, [], history, None) is history
     assert history.formal.shape[1] == len(prepared.outputs) == N_STATE
+
+
+def test_what_is_reported_stands_behind_the_states_and_apart_from_them():
+    _, history, _ = flown("bancroft")
+    n = history.true_sigma.shape[1]
+    assert history.formal_cov.shape == history.true_cov.shape == (len(history.t), n, n)
+    assert not history.true_cov[:, :N_STATE, N_STATE:].any()
+    np.testing.assert_allclose(
+        np.diagonal(history.true_cov, axis1=1, axis2=2), history.true_sigma**2, rtol=1e-12, atol=1e-30
+    )
+
+
+def test_samples_have_noise_and_bias_raw_and_less_the_estimate():
+    """Raw: noise and the whole bias; corrected: what of the bias is not known yet. Sources sum to the whole."""
+    prepared = modelled(BASELINE)
+    history, samples, n = covariance(prepared), prepared.options.samples, prepared.layout.n_state
+    raw, corrected = history.true_sigma[:, n : n + 6], history.true_sigma[:, n + 6 :]
+    np.testing.assert_allclose(raw, np.broadcast_to(np.sqrt(samples.raw), raw.shape), rtol=1e-9)
+    left = history.true_sigma[:, samples.bias]
+    np.testing.assert_allclose(corrected**2, left**2 + samples.variance, rtol=1e-9)
+    assert np.all(corrected[-1] <= raw[-1])
+    np.testing.assert_allclose(history.budget.sum(axis=1)[:, n:], history.true_sigma[:, n:] ** 2, rtol=1e-9)

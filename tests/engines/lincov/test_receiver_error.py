@@ -222,6 +222,9 @@ def test_a_late_solutions_rows_take_its_own_error_off_and_the_velocities_that_it
     np.testing.assert_array_equal(nominal.H[:, 10:16], -np.eye(6))
     expected = np.zeros((6, 6))
     expected[:3, :3] = -0.3 * np.eye(3)  # position moves on with the velocity of its time
-    expected[3:, :3], expected[3:, 3:] = -3.0 * np.eye(3), 3.0 * np.eye(3)  # velocity by the difference to the one before
+    expected[3:, :3], expected[3:, 3:] = (
+        -3.0 * np.eye(3),
+        3.0 * np.eye(3),
+    )  # velocity by the difference to the one before
     np.testing.assert_allclose(nominal.H[:, 16:], expected)
     np.testing.assert_array_equal(nominal.told, chain.told[0])
