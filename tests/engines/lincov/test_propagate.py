@@ -56,6 +56,7 @@ def test_components_act_as_in_the_dense_joint_covariance(variance, noise):
     rng, fade, decay = np.random.default_rng(2), 0.8, np.ones(N)
     decay[9:] = 0.9
     blocks, entering = 0.2 * rng.standard_normal((2, 9)), np.zeros(N)
+    blocks[1] = 0.4 * np.eye(3).ravel()  # position takes velocity times a number of seconds
     entering[:9] = rng.standard_normal(9)
     phi = np.eye(N)
     for r, c, block in zip(ROWS, COLUMNS, blocks, strict=True):
