@@ -14,11 +14,11 @@ from_wheels := $(if $(WHEELS),--no-index --find-links "$(WHEELS)")
 wheels_needed := pip 'hatchling>=1.27,<2' editables
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint unit smoke slow bench study-conae study-drdc study-gains wheelhouse clean
+.PHONY: help demo test lint unit smoke slow bounds lowest bench study-conae study-drdc study-gains wheelhouse clean
 
 help:
 	@sed -n 's/^# //p' Makefile | head -4
-	@echo 'also: make slow | bench | study-conae | study-drdc | study-gains | wheelhouse | clean'
+	@echo 'also: make slow | bounds | lowest | bench | study-conae | study-drdc | study-gains | wheelhouse | clean'
 
 # A stamp stands for an installation and is older than pyproject.toml when that must be repeated.
 $(bin)/python:
@@ -78,6 +78,20 @@ smoke: unit
 slow: $(VENV)/.installed-test
 	@$(bin)/python -m pytest -m slow
 
+# Small campaigns of every filter, delay, sensor and fault, with each index of a compiled array checked.
+bounds: $(VENV)/.installed-test
+	@$(bin)/python -m pytest -m slow tests/engines/test_bounds.py
+
+# The tests with the lowest versions that pyproject.toml allows, in a folder of their own. All of them have wheels for
+# Python 3.11: make lowest PYTHON=python3.11
+lowest: | $(bin)/python
+	@test -x "$(VENV)-lowest/bin/python" || $(PYTHON) -m venv "$(VENV)-lowest"
+	@$(bin)/python tests/lowest.py > "$(VENV)-lowest/constraints.txt"
+	@"$(VENV)-lowest/bin/python" -m pip --disable-pip-version-check -qq install $(from_wheels) \
+	    --constraint "$(VENV)-lowest/constraints.txt" --editable '.[test]'
+	@NUMBA_CACHE_DIR="$(CURDIR)/$(VENV)-lowest/kernels" "$(VENV)-lowest/bin/python" -m pytest -m "not slow" \
+	    --numprocesses $(JOBS) --no-header
+
 bench: $(VENV)/.installed-bench
 	@$(bin)/python -m benchmarks.run
 
@@ -90,5 +104,5 @@ wheelhouse: pyproject.toml | $(bin)/python
 	@echo "wheelhouse/ holds $$(ls wheelhouse | wc -l) wheels, $$(du -sh wheelhouse | cut -f1)"
 
 clean:
-	@rm -rf "$(VENV)" build dist results wheelhouse .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
+	@rm -rf "$(VENV)" "$(VENV)-lowest" build dist results wheelhouse .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
 	@find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,7 +1,7 @@
 """Trade-offs for launch-vehicle navigation: which inertial unit, receiver and filter bring a vehicle to injection.
 
-``run`` carries out a campaign, ``load`` reads results, ``check`` looks a campaign over; `InputError` is a mistake of
-the user's, told in one line. The conventions that hold everywhere:
+``run`` runs a campaign, ``load`` reads results, ``check`` validates a campaign without running it; `InputError` is an
+input error, reported in one line. The conventions that hold everywhere:
 
 Frames
     One letter each: ``i`` Earth-centred inertial (true equator; ``e`` turns against it about z by theta0 + omega t),
@@ -12,9 +12,9 @@ Vectors
     the rate of b against i, in b.
 Rotations
     From left to right, from and to: ``v_e = C_b_e @ v_b``; ``q_b_i`` is a unit quaternion, scalar first.
-Truth and belief
-    Truth is bare; where both appear the estimate wears ``_hat``. An error is truth minus estimate, for attitude the
-    small rotation from estimate to truth, so that a correction is added.
+Truth and estimate
+    True values have plain names; where both appear the estimate ends in ``_hat``. An error is truth minus estimate,
+    for attitude the small rotation from estimate to truth, so that a correction is added.
 Units
     SI and radians in all code, without suffix. People's units stand in cards (``"0.01 deg/h"``) and on axis labels; the
     columns of stored tables carry their unit (``position_north_error_m``).

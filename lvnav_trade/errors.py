@@ -27,7 +27,7 @@ def is_full_disk(error: BaseException) -> TypeGuard[OSError]:
     return isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)
 
 
-def told_by_system(error: OSError, place: object = "") -> str:
+def system_message(error: OSError, place: object = "") -> str:
     """Return in one line what the operating system refused and what to do; `place` where it names no file."""
     said = os.strerror(error.errno) if error.errno else str(error)
     mended = "there is space" if is_full_disk(error) else "that is mended"

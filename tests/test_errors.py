@@ -7,7 +7,7 @@ import pickle
 
 import pytest
 
-from lvnav_trade.errors import InputError, Mistake, is_full_disk, told_by_system
+from lvnav_trade.errors import InputError, Mistake, is_full_disk, system_message
 
 
 @pytest.mark.parametrize(
@@ -57,4 +57,4 @@ def test_a_full_disk_is_told_from_other_trouble(number: int, full: bool) -> None
     ],
 )
 def test_what_the_system_refused_is_told_with_what_to_do(error: OSError, line: str) -> None:
-    assert told_by_system(error, "results").startswith(line)
+    assert system_message(error, "results").startswith(line)

@@ -27,7 +27,7 @@ from lvnav_trade.campaign.provenance import manifest, without_folders
 from lvnav_trade.campaign.schema import Campaign
 from lvnav_trade.campaign.stopping import Judged, Stopping
 from lvnav_trade.campaign.work import Answer, Done, Job
-from lvnav_trade.errors import InputError, told_by_system
+from lvnav_trade.errors import InputError, system_message
 from lvnav_trade.store import scratch
 
 Mode = Literal["resume", "fresh"]
@@ -141,7 +141,7 @@ def run(
         _end_workers(jobs)
         if error.errno is None:
             raise
-        raise Halted(told_by_system(error, folder)) from None
+        raise Halted(system_message(error, folder)) from None
     finally:
         watch.close()
 

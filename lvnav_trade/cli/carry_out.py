@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 _MOST = 10
-"""Failed runs that are told one by one."""
+"""Failed runs that are listed one by one."""
 
 
 @app.command()
@@ -61,12 +61,12 @@ def run(
         folder = out or Path("results") / loaded.name
         found: list[Any] = []
 
-        def told(answers: Sequence[Any], cases: Sequence[Any]) -> None:
+        def show(answers: Sequence[Any], cases: Sequence[Any]) -> None:
             found.extend(answers)
             if not as_json:
                 _print_answers(answers, cases)
 
-        results = api.run(loaded, (), folder, jobs, fresh, fail_fast, report, choose(quiet), told)
+        results = api.run(loaded, (), folder, jobs, fresh, fail_fast, report, choose(quiet), show)
         _finish(results, found, report, as_json)
 
 
@@ -100,7 +100,7 @@ def _print_answers(answers: Sequence[Any], cases: Sequence[Any]) -> None:
     for answer, case in zip(answers, cases, strict=True):
         cells = [f"{true:.3g} ({formal:.3g}) {unit}" for _, true, formal, unit in answer.rows]
         rows.append([case.label, answer.event, *(cells or [answer.error])])
-    print("Linear covariance, RMS of the true error (in brackets one sigma that the filter believes), 3D:")
+    print("Linear covariance, RMS of the true error (in brackets the formal sigma), 3D:")
     print(table(["case", "at", "position", "velocity", "attitude"], rows))
     sys.stdout.flush()
 

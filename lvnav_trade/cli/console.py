@@ -69,7 +69,7 @@ def check_jobs(jobs: int) -> None:
 @contextmanager
 def errors(as_json: bool, debug: bool) -> Iterator[None]:
     """Turn every way to fail into one line and an exit code."""
-    from lvnav_trade.errors import InputError, is_full_disk, told_by_system
+    from lvnav_trade.errors import InputError, is_full_disk, system_message
 
     if debug:
         os.environ["LVNAV_TRADE_DEBUG"] = "1"
@@ -86,7 +86,7 @@ def errors(as_json: bool, debug: bool) -> Iterator[None]:
         if type(error).__name__ == "Halted":
             _leave(4, as_json, str(error))
         if isinstance(error, OSError) and error.errno and not debug:
-            _leave(4 if is_full_disk(error) else 2, as_json, told_by_system(error))
+            _leave(4 if is_full_disk(error) else 2, as_json, system_message(error))
         if debug:
             raise
         text = str(error).strip().partition("\n")[0]

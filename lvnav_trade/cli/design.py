@@ -42,9 +42,9 @@ def estimate_q(
         rows = [_row("whole flight", found.whole), *(_row(name, noise) for name, _, _, noise in found.phases)]
         rows.append([*_row("the card: whole flight beyond the unit's own", beyond)[:3], "-"])
         head = ["phase", "attitude (deg/sqrt(h))", "velocity (m/s/sqrt(s))", "position (m/sqrt(s))"]
-        told = f"{table(head, rows)}\ncard: {written[0]}\nerror per step: {written[1]}, {written[2]}"
+        text = f"{table(head, rows)}\ncard: {written[0]}\nerror per step: {written[1]}, {written[2]}"
         densities = {"whole flight": found.whole._asdict(), **{name: q._asdict() for name, _, _, q in found.phases}}
-        say("estimate-q", as_json, told, card=str(written[0]), files=[*map(str, written[1:])], densities_si=densities)
+        say("estimate-q", as_json, text, card=str(written[0]), files=[*map(str, written[1:])], densities_si=densities)
 
 
 def _row(name: str, noise: object) -> list[str]:
@@ -76,6 +76,6 @@ def schedule_gains(
 
         found = api.schedule_gains(campaign, out, sets or (), case, by, tolerance)
         rows = [[segment.event, str(len(segment.knots))] for segment in found.segments]
-        told = f"{table(['from', 'knots'], rows)}\nstates: {', '.join(found.states)}\ncard: {out}"
+        text = f"{table(['from', 'knots'], rows)}\nstates: {', '.join(found.states)}\ncard: {out}"
         knots = {segment.event: len(segment.knots) for segment in found.segments}
-        say("schedule-gains", as_json, told, card=str(out), states=list(found.states), knots=knots)
+        say("schedule-gains", as_json, text, card=str(out), states=list(found.states), knots=knots)

@@ -1,4 +1,4 @@
-"""Standard streams that are closed, full or cut off: the work goes on, and what was not written is told at the end."""
+"""Standard streams that are closed, full or cut off: the work goes on, and lost output is reported at the end."""
 
 from __future__ import annotations
 

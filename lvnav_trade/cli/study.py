@@ -37,12 +37,12 @@ def study(
 
         check_jobs(jobs)
 
-        def told(name: str, results: Any) -> None:
+        def show(name: str, results: Any) -> None:
             if not as_json and not quiet:
                 print(f"{name}: {len(results.tables.cases)} cases, {len(results.failures)} failed runs", flush=True)
 
         place = out if out != Path() else None
-        found = api.study(folder, keep, runs, place, jobs, fresh, only_page, lambda: choose(quiet), told)
+        found = api.study(folder, keep, runs, place, jobs, fresh, only_page, lambda: choose(quiet), show)
         code = api.FAILED if found.failures else api.MET
         if as_json:
             content = {"page": str(found.page), "failures": found.failures, "campaigns": found.campaigns}

@@ -31,8 +31,8 @@ def report(
             owned(keep, "report")  # refused before the report is built
         page = api.build_report(folder)
         kept = api.keep_report(folder, keep) if keep is not None else None
-        told = f"report: {page}" + (f"\nkept: {kept}" if kept else "")
-        say("report", as_json, told, report=str(page), kept=str(kept) if kept else None)
+        text = f"report: {page}" + (f"\nkept: {kept}" if kept else "")
+        say("report", as_json, text, report=str(page), kept=str(kept) if kept else None)
 
 
 @app.command()
@@ -59,16 +59,16 @@ def compare(
     """
     with errors(as_json, debug):
         from lvnav_trade import api
-        from lvnav_trade.report import compare as told
+        from lvnav_trade.report import compare as comparison
 
         check_jobs(jobs)
-        found = api.compare(base, candidate, effect or (), confidence, told.parse_map(maps or ()), jobs)
-        written = told.write(found, md, junit)
-        code = told.exit_code(found)
+        found = api.compare(base, candidate, effect or (), confidence, comparison.parse_map(maps or ()), jobs)
+        written = comparison.write(found, md, junit)
+        code = comparison.exit_code(found)
         if as_json:
-            print_json("compare", code, **told.content(found), written=written)
+            print_json("compare", code, **comparison.content(found), written=written)
         else:
-            print(table(told.HEAD, told.rows(found)), *found.notes, told.answer(found), sep="\n")
+            print(table(comparison.HEAD, comparison.rows(found)), *found.notes, comparison.answer(found), sep="\n")
         leave_with_answer(code)
 
 

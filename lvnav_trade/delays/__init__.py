@@ -1,6 +1,6 @@
-"""Atmospheric delays that truth and belief may both choose: models as cards, and their values on arrays.
+"""Atmospheric delays for truth and filter alike: models as cards, and their values on arrays.
 
-`world` takes an `AtmosphereCard` for what is true, the filter's side a `CorrectionsCard` for what is believed; neither
+`world` takes an `AtmosphereCard` for what is true, the filter's side a `CorrectionsCard` for its corrections; neither
 knows the other's (decision 0013).
 """
 
@@ -11,8 +11,8 @@ from lvnav_trade.delays.cards import (
     CorrectionsCard,
     IonosphereModel,
     TroposphereModel,
-    believed_ionosphere,
-    believed_troposphere,
+    corrected_ionosphere,
+    corrected_troposphere,
 )
 from lvnav_trade.delays.models import Geometry, ionosphere_delay, troposphere_delay
 
@@ -22,8 +22,8 @@ __all__ = [
     "Geometry",
     "IonosphereModel",
     "TroposphereModel",
-    "believed_ionosphere",
-    "believed_troposphere",
+    "corrected_ionosphere",
+    "corrected_troposphere",
     "ionosphere_delay",
     "troposphere_delay",
 ]

@@ -154,14 +154,14 @@ class ContentIonosphere(Card):
 
 IonosphereModel = Annotated[NoIonosphere | KlobucharIonosphere | ContentIonosphere, Field(discriminator="kind")]
 
-# --- what is true, what is believed -----------------------------------------------------------------------------------
+# --- truth and corrections --------------------------------------------------------------------------------------------
 
 
 class AtmosphereCard(Card):
     """The true atmosphere: a model each, and by how much a day differs from it.
 
     A run's delay is the model's times (1 + scale), scale drawn once per run with the sigma given, for all satellites;
-    with a time it wanders as a Gauss-Markov process of that sigma.
+    with a time it varies as a Gauss-Markov process of that sigma.
     """
 
     troposphere: TroposphereModel = NoTroposphere()
@@ -196,13 +196,13 @@ class CorrectionsCard(Card):
     ] = NoIonosphere()
 
 
-def believed_troposphere(corrections: CorrectionsCard, atmosphere: AtmosphereCard) -> TroposphereModel:
+def corrected_troposphere(corrections: CorrectionsCard, atmosphere: AtmosphereCard) -> TroposphereModel:
     """Return the tropospheric model to correct with: its own, or the true one where `matched` is asked for."""
     model = corrections.troposphere
     return atmosphere.troposphere if isinstance(model, Matched) else model
 
 
-def believed_ionosphere(corrections: CorrectionsCard, atmosphere: AtmosphereCard) -> IonosphereModel:
+def corrected_ionosphere(corrections: CorrectionsCard, atmosphere: AtmosphereCard) -> IonosphereModel:
     """Return the ionospheric model to correct with: its own, or the true one where `matched` is asked for."""
     model = corrections.ionosphere
     return atmosphere.ionosphere if isinstance(model, Matched) else model

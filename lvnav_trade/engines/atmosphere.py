@@ -13,8 +13,8 @@ from lvnav_trade.delays import (
     AtmosphereCard,
     CorrectionsCard,
     Geometry,
-    believed_ionosphere,
-    believed_troposphere,
+    corrected_ionosphere,
+    corrected_troposphere,
     ionosphere_delay,
     troposphere_delay,
 )
@@ -90,8 +90,8 @@ def delays(
         return np.where(seen.tracked[:, :, None], both, 0.0)
 
     models = (
-        (atmosphere.troposphere, believed_troposphere(corrections, atmosphere)),
-        (atmosphere.ionosphere, believed_ionosphere(corrections, atmosphere)),
+        (atmosphere.troposphere, corrected_troposphere(corrections, atmosphere)),
+        (atmosphere.ionosphere, corrected_ionosphere(corrections, atmosphere)),
     )
     (air, air_hat), (charge, charge_hat) = models
     return Delays(

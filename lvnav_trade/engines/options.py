@@ -86,7 +86,7 @@ def _told(card: BancroftSolution | FilteredSolution, scenario: Scenario, belief:
     """Return the covariance that goes out with a solution; a filter that has numbers of its own believes those."""
     if not isinstance(scenario.filter.receiver, str):
         return constant_covariance(belief.position_sigma, belief.velocity_sigma)
-    told = card.told
+    told = card.reported_covariance
     if isinstance(told, OwnCovariance):
         return own_covariance(told.factor, told.correlated)
     return constant_covariance(told.position_sigma, told.velocity_sigma)

@@ -85,7 +85,7 @@ def build(folder: Path | str, sections: Sequence[str] | None = None) -> Path:
     asked = str(tables.campaign.get("description") or "")
     place.write("report.html", render("page.html.j2", title, asked, made))
     place.write("report.md", markdown_page(title, asked, made))
-    place.settle("report", (*PAGES, *csv.values(), *figures))
+    place.replace("report", (*PAGES, *csv.values(), *figures))
     return tables.folder / "report.html"
 
 
@@ -115,7 +115,7 @@ def keep(results: Path | str, folder: Path | str) -> Path:
         target.claim("report", names)
         for name in names:
             target.write(name, source.place(name).read_bytes())
-        target.settle("report", names)
+        target.replace("report", names)
     except OSError as error:
         raise InputError(f"{folder}: the report cannot be kept there: {error.strerror or error}") from error
     return target.folder / "report.md"

@@ -191,7 +191,7 @@ def keep_base(results: Path | str | Tables, folder: Path | str) -> Path:
             content = io.BytesIO()
             pq.write_table(table, content, compression="zstd")
             target.write(file, content.getvalue())
-        target.settle("base", (RESOLVED, MANIFEST, *files.values()))
+        target.replace("base", (RESOLVED, MANIFEST, *files.values()))
     except OSError as error:
         raise InputError(f"{folder}: the base cannot be kept there: {error.strerror or error}") from error
     return target.folder

@@ -95,7 +95,7 @@ def build(study: Study, answered: Sequence[Answered], folder: Path | str) -> Pat
         target.claim("study", files)
         for name, content in files.items():
             target.write(name, content)
-        target.settle("study", files)
+        target.replace("study", files)
     except OSError as error:
         raise InputError(f"{folder}: the study cannot be kept there: {error.strerror or error}") from error
     return target.folder / "report.md"

@@ -1,4 +1,4 @@
-"""One axis of a launcher that turns: nozzle, body, gusts, shaped commands, and the filter of a rate that wanders.
+"""One axis of a launcher that turns: nozzle, body, gusts, shaped commands, and the filter of a random-walk rate.
 
 Angles and rates are deviations from the nominal attitude; "lateral" is the direction that a positive angle moves the
 nose to. A nozzle deflected by a positive angle pushes laterally, behind the centre of mass, and so turns the body back.

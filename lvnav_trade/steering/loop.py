@@ -31,7 +31,7 @@ TRUE, RAW, FILTERED = 0, 1, 2
 BURN, COAST, CHANGE, N_PHASE = 0, 1, 2, 3
 
 # What is recorded of an axis at a tick.
-(NOZZLE, ASKED, MOVED, ERROR, RATE_ERROR, TURNING, TURNING_BOUND, JERK, JERK_BOUND, AIR, BELIEVED,
+(NOZZLE, ASKED, MOVED, ERROR, RATE_ERROR, TURNING, TURNING_BOUND, JERK, JERK_BOUND, AIR, FORMAL,
  N_RECORD) = range(12)  # fmt: skip
 # What is added up of an axis in a phase.
 (TICKS, INSIDE_TURNING, INSIDE_JERK, TURNING_RATIO, JERK_RATIO, SQUARE_ERROR, SQUARE_RATE, N_SUM) = range(8)
@@ -84,7 +84,7 @@ class Feed(NamedTuple):
     start: float
 
 
-class Believed(NamedTuple):
+class FilterModel(NamedTuple):
     """Envelopes of `EnvelopeCard` that depend on commands."""
 
     burn: float
@@ -239,7 +239,7 @@ def _account(x, sums, phase, turning, turning_bound, jerk, jerk_bound, error, ra
 
 
 @making_arrays
-def fly_run(body, phase, plant, law, feed, believed, spread, k0, k1, run, every, history, sums):
+def fly_run(body, phase, plant, law, feed, model, spread, k0, k1, run, every, history, sums):
     """Fly one run of the closed loop; history and sums are set.
 
     Long because a tick is one sequence of steps, in the order in which they happen on board.
@@ -248,7 +248,7 @@ def fly_run(body, phase, plant, law, feed, believed, spread, k0, k1, run, every,
     ----------
     body : Body along the ascent, n ticks
     phase : (n,) BURN, COAST or CHANGE
-    plant, law, feed, believed : settings
+    plant, law, feed, model : settings
     spread : of the steady wind
     k0, k1, run : words of the seed and of the run
     every : ticks from record to record
@@ -285,10 +285,10 @@ def fly_run(body, phase, plant, law, feed, believed, spread, k0, k1, run, every,
             if changed and motor > 0 and k > 0:
                 _capture(x, body, k, axis, feed)
             commanded = body.rate[k, axis] + body.turn_rate[k, axis] + x[_OFFSET_RATE]
-            turning_bound = abs(x[_TURN_LAG]) + (believed.coast if phase[k] == COAST else believed.burn)
-            jerk_bound = abs(x[_JERK_LAG]) + believed.lateral
-            drive = believed.turn_gain * (commanded - x[_COMMANDED]) / dt
-            x[_TURN_LAG] = lag_step(x[_TURN_LAG], drive, believed.turn_time, dt)
+            turning_bound = abs(x[_TURN_LAG]) + (model.coast if phase[k] == COAST else model.burn)
+            jerk_bound = abs(x[_JERK_LAG]) + model.lateral
+            drive = model.turn_gain * (commanded - x[_COMMANDED]) / dt
+            x[_TURN_LAG] = lag_step(x[_TURN_LAG], drive, model.turn_time, dt)
             x[_COMMANDED] = commanded
             rate = _sense(x, body, k, axis, feed, dt, feed.gyro * (n0 if axis == 0 else n1), turning_bound)
             if fixed:
@@ -296,8 +296,8 @@ def fly_run(body, phase, plant, law, feed, believed, spread, k0, k1, run, every,
                 x[_ATTITUDE] += feed.reference_gain * (seen - x[_ATTITUDE])
             asked = x[_COMMAND]
             x[_SENSE] = _command(x, body, k, axis, plant, law, feed, rate, dt)
-            drive = believed.nozzle_gain * (x[_COMMAND] - asked) / dt
-            x[_JERK_LAG] = lag_step(x[_JERK_LAG], drive, believed.nozzle_time, dt)
+            drive = model.nozzle_gain * (x[_COMMAND] - asked) / dt
+            x[_JERK_LAG] = lag_step(x[_JERK_LAG], drive, model.nozzle_time, dt)
             force = _force(x, body, k, axis, wind)
             jerk = (force - x[_FORCE_BEFORE]) / dt if k > 0 else 0.0
             x[_FORCE_BEFORE] = force
@@ -313,5 +313,5 @@ def fly_run(body, phase, plant, law, feed, believed, spread, k0, k1, run, every,
                 row[NOZZLE], row[ASKED], row[MOVED] = push, x[_COMMAND], moved
                 row[ERROR], row[RATE_ERROR] = error, rate_error
                 row[TURNING], row[TURNING_BOUND], row[JERK], row[JERK_BOUND] = turning, turning_bound, jerk, jerk_bound
-                row[AIR], row[BELIEVED] = wind, np.sqrt(x[_VARIANCE])
+                row[AIR], row[FORMAL] = wind, np.sqrt(x[_VARIANCE])
     return state[0, _MOVEMENT], state[1, _MOVEMENT]

@@ -21,8 +21,8 @@ from lvnav_trade.steering.loop import (
     N_SUM,
     RAW,
     TRUE,
-    Believed,
     Feed,
+    FilterModel,
     Law,
     Plant,
     fly_run,
@@ -101,7 +101,7 @@ def fly_missions(
     sums = np.zeros((runs, 2, N_PHASE, N_SUM))
     movement = np.empty((runs, 2))
     k0, k1 = seed_words(seed)
-    settings = (_plant(launch.rotation), _law(launch), _feed(launch, feedback), _believed(launch.envelope))
+    settings = (_plant(launch.rotation), _law(launch), _feed(launch, feedback), _filter_model(launch.envelope))
     for n in range(runs):
         movement[n] = fly_run(
             launch.body, launch.phase, *settings, launch.wind.spread, k0, k1, np.uint64(first_run + n), every,
@@ -140,7 +140,7 @@ def _feed(launch: Launch, card: FeedbackCard) -> Feed:
     return Feed(_RATES[card.rate], navigated, noise, bias, card.reference_sigma, ticks, gain, start)
 
 
-def _believed(card: EnvelopeCard) -> Believed:
-    return Believed(
+def _filter_model(card: EnvelopeCard) -> FilterModel:
+    return FilterModel(
         card.burn, card.coast, card.turn_gain, card.turn_time, card.lateral, card.nozzle_gain, card.nozzle_time
     )

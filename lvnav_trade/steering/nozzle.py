@@ -13,7 +13,7 @@ from lvnav_trade.observables.attitude import AttitudeReferenceCard
 from lvnav_trade.records import Floats
 from lvnav_trade.scenario import Scenario, sensors_measuring
 from lvnav_trade.steering.loop import (
-    BELIEVED,
+    FORMAL,
     INSIDE_JERK,
     INSIDE_TURNING,
     JERK,
@@ -48,7 +48,7 @@ class Controlled(NamedTuple):
     runs; burns (n_burn, 2) s; t (n,) s; total (n_feed, n_run, n_burn + 1, 2) movement of the nozzle over the flight and
     in each burn, rad; mean, low, high (n_feed, n, 2) of the runs so far; turning (n_feed, 2, N_PHASE, 8): ticks of all
     runs, part of them with angular acceleration and with jerk in the envelope, furthest of both over it, root mean
-    square of attitude error (rad) and of the fed rate's error, sigma believed of that (rad/s); shown_t (k,) s and shown
+    square of attitude error (rad) and of the fed rate's error, formal sigma of that (rad/s); shown_t (k,) s and shown
     (k, 2, 4) angular acceleration, its bound, jerk and its bound of the first run with the filtered rate, of every
     twentieth of a second the tick that is furthest out.
     """
@@ -136,20 +136,20 @@ def _turning(launch: Launch, flown: Missions, feed: str) -> Floats:
     sums = flown.sums.sum(axis=0)
     furthest = flown.sums.max(axis=0)
     ticks = np.where(sums[..., TICKS] > 0.0, sums[..., TICKS], np.nan)
-    believed = np.full((2, N_PHASE), np.nan)
+    formal = np.full((2, N_PHASE), np.nan)
     if feed == "raw":
-        believed[:] = launch.imu.gyro.random_walk * np.sqrt(launch.imu.rate)
+        formal[:] = launch.imu.gyro.random_walk * np.sqrt(launch.imu.rate)
     elif feed == "filtered":
-        believed = _believed(launch, flown)
+        formal = _formal(launch, flown)
     return np.stack([
         sums[..., TICKS], sums[..., INSIDE_TURNING] / ticks, sums[..., INSIDE_JERK] / ticks,
         furthest[..., TURNING_RATIO], furthest[..., JERK_RATIO],
         np.sqrt(sums[..., SQUARE_ERROR] / ticks), np.sqrt(sums[..., SQUARE_RATE] / ticks),
-        believed,
+        formal,
     ], axis=-1)  # fmt: skip
 
 
-def _believed(launch: Launch, flown: Missions) -> Floats:
+def _formal(launch: Launch, flown: Missions) -> Floats:
     """Return the root mean square (2, N_PHASE) of the filter's sigma of the rate, NaN of a phase that there is not."""
     every = round((launch.body.t.size - 1) / flown.t.size)
     phase = launch.phase[: -1 : max(1, every)][: flown.t.size]
@@ -157,7 +157,7 @@ def _believed(launch: Launch, flown: Missions) -> Floats:
     for number in range(N_PHASE):
         here = phase == number
         if here.any():
-            found[:, number] = np.sqrt(np.mean(flown.history[:, here, :, BELIEVED] ** 2, axis=(0, 1)))
+            found[:, number] = np.sqrt(np.mean(flown.history[:, here, :, FORMAL] ** 2, axis=(0, 1)))
     return found
 
 

@@ -84,7 +84,7 @@ class OwnedFolder:
         self.folder.mkdir(parents=True, exist_ok=True)
         self._save()
 
-    def settle(self, group: str, names: Iterable[str]) -> None:
+    def replace(self, group: str, names: Iterable[str]) -> None:
         """Remove the files that the group listed before and that are not among `names`; list those."""
         kept = set(names)
         for name in set(self._files.get(group, ())) - kept:

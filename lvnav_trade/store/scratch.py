@@ -72,7 +72,7 @@ def read(file: Path, root: type, identity: str) -> Any:
 
 
 def is_sound(file: Path, root: type, identity: str) -> bool:
-    """Whether `read` would return a value; a file that it would not is told in the log."""
+    """Whether `read` would return a value; a file that it would not is named in the log."""
     if not file.exists():
         return False
     try:

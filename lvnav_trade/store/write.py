@@ -18,6 +18,7 @@ from lvnav_trade.engines.statistics import BlockSummary, merge
 from lvnav_trade.errors import InputError, is_full_disk
 from lvnav_trade.records import CovHistory
 from lvnav_trade.store import parts as part_files
+from lvnav_trade.store.across_machines import across_machines
 from lvnav_trade.store.contents import MANIFEST, RESOLVED, OwnedFolder, owned, replace_file
 from lvnav_trade.store.rows import RowFiles, row_groups
 from lvnav_trade.store.schema import TABLES, arrow_schema
@@ -111,7 +112,7 @@ class Results:
         for name in TABLES:
             self._merge_table(name, found)
         self.manifest |= extra_manifest or {}
-        self.manifest |= {"cases": found, "finished": _now()}
+        self.manifest |= {"cases": found, "across_machines": across_machines(), "finished": _now()}
         self.owned.claim("run", (), found)
         _write_json(self.folder / MANIFEST, self.manifest)
 

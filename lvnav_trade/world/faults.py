@@ -41,7 +41,7 @@ class AntennaFailure(Timed):
 
 
 class DegradedNoise(Timed):
-    """White noise of the measurements grown by a factor; the filter is not told."""
+    """White noise of the measurements grown by a factor; the filter does not know it."""
 
     kind: Literal["degraded_noise"] = "degraded_noise"
     factor: float = Field(gt=0.0)
@@ -93,7 +93,7 @@ class InvalidOutput(Timed):
 
 
 class LatencyChange(Timed):
-    """Measurements arrive later than the filter is told."""
+    """Measurements arrive later than the filter knows."""
 
     kind: Literal["latency_change"] = "latency_change"
     by: Duration
@@ -255,7 +255,7 @@ def antennas_alive(faults: Sequence[AnyFault], events: dict[str, float], t: Floa
 
 
 def delay(faults: Sequence[AnyFault], events: dict[str, float], t: Floats) -> Floats:
-    """Return by how much later than told measurements arrive, (n_epoch,) s."""
+    """Return by how much later than the filter knows measurements arrive, (n_epoch,) s."""
     late = np.zeros(t.size)
     for fault, within, _ in active(faults, LatencyChange, events, t):
         late[within] += fault.by

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.delays import AtmosphereCard, CorrectionsCard, believed_ionosphere, believed_troposphere
+from lvnav_trade.delays import AtmosphereCard, CorrectionsCard, corrected_ionosphere, corrected_troposphere
 from lvnav_trade.delays.cards import (
     BeanThayerProfile,
     ContentIonosphere,
@@ -21,8 +21,8 @@ def test_without_settings_nothing_is_true_and_nothing_is_corrected():
     assert atmosphere.troposphere == NoTroposphere()
     assert atmosphere.ionosphere == NoIonosphere()
     assert (atmosphere.troposphere_scale, atmosphere.troposphere_scale_time) == (0.0, None)
-    assert believed_troposphere(corrections, atmosphere) == NoTroposphere()
-    assert believed_ionosphere(corrections, atmosphere) == NoIonosphere()
+    assert corrected_troposphere(corrections, atmosphere) == NoTroposphere()
+    assert corrected_ionosphere(corrections, atmosphere) == NoIonosphere()
 
 
 def test_a_card_is_read_with_its_units():
@@ -52,10 +52,10 @@ def test_matched_takes_the_model_that_is_true():
     corrections = CorrectionsCard.model_validate(
         {"troposphere": {"kind": "matched"}, "ionosphere": {"kind": "matched"}}
     )
-    assert believed_troposphere(corrections, atmosphere) is atmosphere.troposphere
-    assert believed_ionosphere(corrections, atmosphere) is atmosphere.ionosphere
+    assert corrected_troposphere(corrections, atmosphere) is atmosphere.troposphere
+    assert corrected_ionosphere(corrections, atmosphere) is atmosphere.ionosphere
     other = CorrectionsCard(troposphere=SpilkerTroposphere())
-    assert believed_troposphere(other, atmosphere) == SpilkerTroposphere()
+    assert corrected_troposphere(other, atmosphere) == SpilkerTroposphere()
 
 
 @pytest.mark.parametrize(

@@ -51,10 +51,12 @@ def test_a_solving_receiver_works_at_its_own_rate_and_the_filter_takes_every_nth
 
 
 def test_the_receiver_tells_its_own_covariance_unless_the_filter_has_numbers_of_its_own():
-    scenario = solving({**POINT, "told": {"kind": "own", "factor": 10.0}})
+    scenario = solving({**POINT, "reported_covariance": {"kind": "own", "factor": 10.0}})
     told = solver_of(scenario, beliefs(scenario)[1], 12).point.told
     assert (told.own, told.correlated, told.factor) == (True, True, 10.0)
-    constant = solving({**FILTERED, "told": {"kind": "constant", "position_sigma": "3 m", "velocity_sigma": "1 m/s"}})
+    constant = solving(
+        {**FILTERED, "reported_covariance": {"kind": "constant", "position_sigma": "3 m", "velocity_sigma": "1 m/s"}}
+    )
     told = solver_of(constant, beliefs(constant)[1], 12).filter.told
     assert (told.own, told.position_variance, told.velocity_variance) == (False, 9.0, 1.0)
     numbers = ReceiverBelief.model_validate({

@@ -11,8 +11,8 @@ from lvnav_trade.engines.envelopes import envelopes, steady_ratio
 from lvnav_trade.steering.loop import (
     AIR,
     ASKED,
-    BELIEVED,
     ERROR,
+    FORMAL,
     INSIDE_JERK,
     INSIDE_TURNING,
     JERK_BOUND,
@@ -94,7 +94,7 @@ def test_the_filtered_rate_has_the_error_of_the_closed_form_and_moves_the_nozzle
     mission = flown(launch, FeedbackCard(rate="filtered", attitude="true", noise="published"), runs=4)
     noise = rate_noise(launch.imu, "published")
     ratio = steady_ratio((0.02 / 200.0) ** 2, noise**2)
-    assert mission.history[0, -1, 0, BELIEVED] == pytest.approx(math.sqrt(ratio) * noise, rel=1e-9)
+    assert mission.history[0, -1, 0, FORMAL] == pytest.approx(math.sqrt(ratio) * noise, rel=1e-9)
     # The rate does not wander here: white noise through the gain K alone has variance K / (2 - K).
     error = mission.history[:, 2000:, :, RATE_ERROR].std()
     assert error == pytest.approx(noise * math.sqrt(ratio / (2.0 - ratio)), rel=0.05)

@@ -23,7 +23,7 @@ def kept(folder: Path, *names: str):
     place.claim("report", names)
     for name in names:
         place.write(name, name)
-    place.settle("report", names)
+    place.replace("report", names)
     return place
 
 
@@ -109,7 +109,7 @@ def test_a_link_is_not_followed(tmp_path):
     with pytest.raises(InputError, match="is a link, which is not followed"):
         owned(tmp_path / "a", "report")
     with pytest.raises(InputError, match="is a link, which is not followed"):
-        place.settle("report", [])
+        place.replace("report", [])
     (tmp_path / "a/figures").unlink()
     (tmp_path / "a/report.md").unlink(missing_ok=True)
     (tmp_path / "a/report.md").symlink_to(tmp_path / "mine.md")

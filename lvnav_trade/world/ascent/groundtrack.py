@@ -25,7 +25,7 @@ Floats = NDArray[np.float64]
 
 _STEP = 0.5  # s between knots
 _UPRIGHT = (4.0, 12.0)  # s; thrust is vertical before, along the specific force after, blended between
-_SETTLE = 5.0  # s, in which the turn of the body dies away after injection
+_DAMPING = 5.0  # s, in which the turn of the body dies away after injection
 
 
 class Course(NamedTuple):
@@ -191,7 +191,7 @@ def _turn(t: Floats, stretch: Stretch, earlier: Stretch, later: Stretch | None) 
     end = _thrust(earlier)
     lapse = (t - earlier.end)[:, None]
     if later is None:
-        return unit(end(earlier.end) + _SETTLE * -np.expm1(-lapse / _SETTLE) * end(earlier.end, 1))
+        return unit(end(earlier.end) + _DAMPING * -np.expm1(-lapse / _DAMPING) * end(earlier.end, 1))
     begin = _thrust(later)
     weight = smoothsteps((t - stretch.start) / (stretch.end - stretch.start))[:, None]
     leaving = end(earlier.end) + lapse * end(earlier.end, 1)

@@ -17,7 +17,7 @@ from lvnav_trade.world.ascent.vehicle import Site, Stage, VehicleAscent
 
 Floats = NDArray[np.float64]
 
-STEP = 0.25  # s, of integration and of the truth's knots; halving it moves injection by 0.3 m, which the aim absorbs
+STEP = 0.25  # s, of integration and of the truth's knots; halving it moves injection by 0.3 m
 COASTING = Engine(0.0, 0.0, 0.0, 1.0)
 _SLIVER = 1e-9  # s; a piece of a burn shorter than this is rounding
 
@@ -209,7 +209,7 @@ def fly_ascent(card: VehicleAscent, aim: Aim, final_coast: bool = True) -> Fligh
     """Return the ascent that a vehicle card flies with the given aim, from lift-off to the end of the final coast.
 
     Without the final coast the last state is that of injection. The last stage may burn more than its propellant: the
-    caller judges the shortfall.
+    caller checks for a shortfall.
     """
     pilot = _Pilot(card, aim)
     for number in range(1, card.inserting):

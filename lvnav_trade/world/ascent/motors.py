@@ -66,7 +66,7 @@ def throttled(vehicle: VehicleCard, stage: Stage) -> bool:
 def impulse_speed(vehicle: VehicleCard, payload: float) -> float:
     """Return the speed in m/s that the vehicle gains in empty space with a payload in kg, all propellant burnt.
 
-    Boosters burn together with as much of the first stage's propellant as flows meanwhile; the fairing is carried to
+    Boosters burn together with as much of the first stage's propellant as flows meanwhile; the fairing stays until
     the end of the burn in which it is released.
     """
     mass, gain = payload, 0.0

@@ -66,7 +66,7 @@ def rebuild(card: RecordedAscent) -> Trajectory:
 
     Altitude and level speed are fitted together to the record; the ground track is a great circle of the ellipsoid's
     normals (fixed to the Earth) from the site by the azimuth; the body's x axis lies along the specific force, drag and
-    thrust not being told apart, and turns smoothly through the coasts. InputError where the record is broken or does
+    thrust not being distinguished, and turns smoothly through the coasts. InputError where the record is broken or does
     not reach injection, or the inclination is out of reach.
     """
     record = _until_injection(card, read(card.file))

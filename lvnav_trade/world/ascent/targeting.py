@@ -24,7 +24,7 @@ _SMALL = 1e-6  # norm of the scaled residuals that counts as solved: 10 mm, 1e-5
 _RESIDUAL = np.array([1e4, 10.0, 1e-2, 1e-3])  # m, m/s, rad, rad: residuals of one are about alike
 _LONGEST = 3.0  # times a whole burn: more is not flown
 _PATIENCE = 5  # kicks tried in vain before a vehicle is taken for too weak
-_PARTS = (0.7, 0.5, 0.35, 0.25, 0.18, 0.12, 0.08, 0.05, 0.0)  # of a payload too heavy: what may still be carried
+_PARTS = (0.7, 0.5, 0.35, 0.25, 0.18, 0.12, 0.08, 0.05, 0.0)  # of a payload too heavy: what may still reach the orbit
 _UNKNOWN = np.array([1e-3, 0.1, 0.1, 1.0])  # rad, tan, tan, s: so are steps of one
 
 
@@ -45,10 +45,10 @@ def solve(card: VehicleAscent) -> Aim:
     aim = _aim(card, solution.x, kick)
     if np.linalg.norm(solution.fun) > _SMALL:
         _refuse_too_heavy(card)
-    _judge(card, aim, solution)
+    _require_converged(card, aim, solution)
     if card.parking is not None:
         aim = _raise_orbit(card, aim)
-    _judge_propellant(card, aim)
+    _require_propellant(card, aim)
     return aim
 
 
@@ -223,7 +223,7 @@ def _raise_orbit(card: VehicleAscent, aim: Aim) -> Aim:
         )
 
     result = root(miss, np.zeros(6), method="hybr", options={"xtol": 1e-12, "maxfev": 100})
-    _judge(card, full(result.x), result)
+    _require_converged(card, full(result.x), result)
     return full(result.x)
 
 
@@ -243,7 +243,7 @@ def _second_burn(card: VehicleAscent, aim: Aim) -> Aim:
     return aim._replace(coast=math.pi * math.sqrt(a**3 / GM) - 0.5 * burn, burn_2=burn)
 
 
-def _judge(card: VehicleAscent, aim: Aim, result: OptimizeResult) -> None:
+def _require_converged(card: VehicleAscent, aim: Aim, result: OptimizeResult) -> None:
     """Refuse an aim that misses the orbit."""
     if np.linalg.norm(result.fun) <= _SMALL:
         return
@@ -269,7 +269,7 @@ def _left(card: VehicleAscent, aim: Aim, number: int) -> float:
     return float(y[6] - card.vehicle.stages[number - 1].dry - mass_above(card, number))
 
 
-def _judge_propellant(card: VehicleAscent, aim: Aim) -> None:
+def _require_propellant(card: VehicleAscent, aim: Aim) -> None:
     """Refuse an aim that burns more propellant than there is, with the missing delta-v."""
     for number in range(card.inserting, len(card.vehicle.stages) + 1):
         left = _left(card, aim, number)
@@ -297,8 +297,8 @@ def _refuse_too_heavy(card: VehicleAscent) -> None:
     vehicle = card.vehicle
     payload, gain = vehicle.payload, impulse_speed(vehicle, vehicle.payload)
     say = f"{card.name}: vehicle {vehicle.name!r} lacks "
-    carried = next((part * payload for part in _PARTS if _reaches(card, part * payload)), None)
-    if carried is None:
+    possible = next((part * payload for part in _PARTS if _reaches(card, part * payload)), None)
+    if possible is None:
         lacking = _least_speed(card) - gain
         if lacking > 0.0:
             raise InputError(
@@ -306,16 +306,16 @@ def _refuse_too_heavy(card: VehicleAscent) -> None:
                 "however light, gets there"
             )
         return
-    above = min(part * payload for part in (1.0, *_PARTS) if part * payload > carried)
+    above = min(part * payload for part in (1.0, *_PARTS) if part * payload > possible)
     for _ in range(5):
-        middle = 0.5 * (carried + above)
+        middle = 0.5 * (possible + above)
         if _reaches(card, middle):
-            carried = middle
+            possible = middle
         else:
             above = middle
-    lacking = impulse_speed(vehicle, carried) - gain
+    lacking = impulse_speed(vehicle, possible) - gain
     raise InputError(
-        f"{say}about {lacking:.0f} m/s of delta-v for the target orbit: it carries about {carried:.0f} kg there, the "
+        f"{say}about {lacking:.0f} m/s of delta-v for the target orbit: it carries about {possible:.0f} kg there, the "
         f"payload is {payload:.0f} kg"
     )
 

@@ -185,7 +185,7 @@ class Orbit(Card):
         try:
             low, high = (parse(str(given[key]), "m") for key in ("perigee", "apogee"))
         except (KeyError, ValueError):
-            return given  # the fault is told for that field
+            return given  # the error is reported for that field
         return {**given, "inclination": f"{sun_synchronous(low, high)!r} rad"}
 
     @model_validator(mode="after")

@@ -84,7 +84,7 @@ class SoundingFlight(Card):
         10.0, description="time after the rail in which the air takes hold of the body and turns it into the wind"
     )
     held_above: Length = Field(60e3, description="height above which spin, not air, holds the attitude")
-    settle: TimeConstant = Field(6.0, description="time to turn from one law of attitude to the next")
+    turn_time: TimeConstant = Field(6.0, description="time to turn from one law of attitude to the next")
     spin: tuple[SpinStep, ...] = ()
     end_altitude: Length = Field(100e3, description="of the descent, where the flight ends, at a whole second before")
     pad_hold: Pause = 60.0
@@ -113,8 +113,8 @@ class SoundingFlight(Card):
                 raise ValueError(f"stage {stage.name!r} stays, but another burns above it: give its separation_delay")
         for k, stage in enumerate(self.stages[1:], start=2):
             turned = stage.elevation is not None or (solved and k == len(self.stages))
-            if turned and stage.ignition_delay < self.settle:
-                raise ValueError(f"stage {stage.name!r} is turned within settle, longer than its ignition_delay")
+            if turned and stage.ignition_delay < self.turn_time:
+                raise ValueError(f"stage {stage.name!r} is turned within turn_time, longer than its ignition_delay")
         return self
 
 

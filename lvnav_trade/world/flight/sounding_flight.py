@@ -106,7 +106,10 @@ class _Flight:
             )
 
         law = self._along_rail(free)
-        if float(self.rail_e @ rotation_i_e(self.theta0) @ (law(0.0, self.y)[3:6] - _carried(self.y))) < 0.5:
+        if (
+            float(self.rail_e @ rotation_i_e(self.theta0) @ (law(0.0, self.y)[3:6] - _acceleration_at_rest(self.y)))
+            < 0.5
+        ):
             raise InputError(f"{self.card.name}: the thrust of {stage.name!r} does not lift the rocket off its rail")
         self.keep(fly("rail", 0.0, self.y, law, stage.burn_time, _STEP, gone))
         self.events["rail_exit"] = self.t
@@ -118,8 +121,8 @@ class _Flight:
         def rate(t: float, y: Floats) -> Floats:
             out = free(t, y)
             rail = eci_from_ecef(self.rail_e, earth_angle(self.theta0, t))
-            carried = _carried(y) + 2.0 * np.cross([0.0, 0.0, OMEGA], earth_velocity(y[:3], y[3:6]))
-            out[3:6] = rail * (rail @ (out[3:6] - carried)) + carried
+            at_rest = _acceleration_at_rest(y) + 2.0 * np.cross([0.0, 0.0, OMEGA], earth_velocity(y[:3], y[3:6]))
+            out[3:6] = rail * (rail @ (out[3:6] - at_rest)) + at_rest
             return out
 
         return rate
@@ -145,7 +148,7 @@ class _Flight:
     def hold(self, C_b_i: Floats, start: float | None = None) -> None:
         """Keep an attitude in inertial space from `start` or now on."""
         self.held = True
-        self.modes.append(Mode(self.t if start is None else start, self.card.settle, pointing.fixed_to_stars(C_b_i)))
+        self.modes.append(Mode(self.t if start is None else start, self.card.turn_time, pointing.fixed_to_stars(C_b_i)))
 
     def turn(self, elevation: float, coast: float) -> None:
         """Turn to an elevation (rad) over the horizontal of a place `coast` seconds ahead, to be there in time."""
@@ -155,7 +158,7 @@ class _Flight:
         level = along[:2] / np.hypot(*along[:2]) * math.cos(elevation)
         x = C_i_n.T @ np.array([*level, -math.sin(elevation)])
         right = eci_from_ecef(self.right_e, earth_angle(self.theta0, there.t[-1]))
-        self.hold(body_axes(x[None], right[None], np.zeros(1))[0], float(there.t[-1]) - self.card.settle)
+        self.hold(body_axes(x[None], right[None], np.zeros(1))[0], float(there.t[-1]) - self.card.turn_time)
 
     def burn(self, number: int, stage: SolidMotor) -> None:
         """Burn a stage out and drop it."""
@@ -200,7 +203,7 @@ class _Flight:
                 found = fly("descent", self.t, self.y, law, whole - self.t, _STEP)
             self.keep(found)
             if not last:
-                self.modes.append(Mode(self.t, self.card.settle, pointing.along_airspeed(self.right_e, self.theta0)))
+                self.modes.append(Mode(self.t, self.card.turn_time, pointing.along_airspeed(self.right_e, self.theta0)))
         self.events["end"] = self.t
 
     @property
@@ -209,7 +212,7 @@ class _Flight:
         return height(self.t, self.y, self.theta0)
 
 
-def _carried(y: Floats) -> Floats:
+def _acceleration_at_rest(y: Floats) -> Floats:
     """Return the acceleration (3,) of a point that rests on the Earth at a state's position."""
     return np.array([-OMEGA * OMEGA * y[0], -OMEGA * OMEGA * y[1], 0.0])
 

@@ -15,7 +15,7 @@ from lvnav_trade.world.oscillation import oscillations
 from lvnav_trade.world.sensors.imu import ImuCard
 from lvnav_trade.world.truth import Phase, Trajectory, motion, oscillating, reference
 from lvnav_trade.world.user_file.columns import TableTrajectory
-from lvnav_trade.world.user_file.residual import judge
+from lvnav_trade.world.user_file.residual import require_consistent
 from lvnav_trade.world.user_file.table import content_of, from_table, residuals
 
 __all__ = [
@@ -70,4 +70,4 @@ def identity(card: TrajectoryCard) -> str:
 def refuse_contradiction(card: TrajectoryCard, imu: ImuCard) -> None:
     """InputError where a user's own file contradicts itself by more than an inertial unit would let pass."""
     if isinstance(card, TableTrajectory):
-        judge(residuals(card), imu, card.file)
+        require_consistent(residuals(card), imu, card.file)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Self
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -39,7 +40,22 @@ class ConstantCovariance(Card):
     velocity_sigma: SpeedSigma
 
 
-ToldCard = Annotated[OwnCovariance | ConstantCovariance, Field(discriminator="kind")]
+ReportedCovariance = Annotated[OwnCovariance | ConstantCovariance, Field(discriminator="kind")]
+
+
+class _Solver(Card):
+    """What the cards of receivers that solve for themselves have in common."""
+
+    OLD_KEYS: ClassVar[Mapping[str, str]] = {"told": "replaced by reported_covariance"}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _renamed(cls, data: Any) -> Any:
+        """Refuse the keys of earlier versions with the key that replaces them."""
+        for key, message in cls.OLD_KEYS.items():
+            if isinstance(data, Mapping) and key in data:
+                raise ValueError(f"{key}: {message}")
+        return data
 
 
 class DirectSolution(Card):
@@ -54,11 +70,11 @@ class DirectSolution(Card):
     error_table: ErrorTable | None = Field(None, description="errors of a recording, added to all of the above")
 
 
-class BancroftSolution(Card):
+class BancroftSolution(_Solver):
     """A point solution of every epoch with four satellites or more, which knows nothing of the epoch before."""
 
     kind: Literal["bancroft"]
-    range_sigma: LengthSigma = Field(gt=0.0, description="that the receiver believes of its pseudoranges")
+    range_sigma: LengthSigma = Field(gt=0.0, description="assumed by the receiver for its pseudoranges")
     rate_sigma: SpeedSigma = Field(gt=0.0, description="and of its range rates")
     refinements: int = Field(
         2, ge=0, le=5, description="Newton steps to least squares after the closed form; 0: closed form alone"
@@ -69,17 +85,20 @@ class BancroftSolution(Card):
     least_quality: Literal[1, 2, 3] = Field(
         1, description="handed out from: 1 inconsistent residuals, 2 four satellites (no test), 3 consistent residuals"
     )
-    told: ToldCard = Field(OwnCovariance(), description="covariance that goes out with a solution")
+    reported_covariance: ReportedCovariance = Field(
+        OwnCovariance(), description="covariance that goes out with a solution"
+    )
     reported: bool = Field(
-        False, description="errors of the solution and of the clock are told beside those of the filter that takes it"
+        False,
+        description="errors of the solution and of the clock are reported beside those of the filter that uses it",
     )
 
     def numbers(self) -> dict[str, Any]:
         """Return the settings of the point solver, SI, by the names of its arguments."""
-        return self.model_dump(exclude={"kind", "told", "reported"})
+        return self.model_dump(exclude={"kind", "reported_covariance", "reported"})
 
 
-class FilteredSolution(Card):
+class FilteredSolution(_Solver):
     """The receiver's own Kalman filter of position, velocity, clock and, driven by jerk, acceleration.
 
     State `jerk` for a filter with acceleration, `acceleration_noise` for one without. Noise is adapted to the
@@ -88,7 +107,7 @@ class FilteredSolution(Card):
     """
 
     kind: Literal["filtered"]
-    range_sigma: LengthSigma = Field(gt=0.0, description="that the receiver believes of its pseudoranges")
+    range_sigma: LengthSigma = Field(gt=0.0, description="assumed by the receiver for its pseudoranges")
     rate_sigma: SpeedSigma = Field(gt=0.0, description="and of its range rates")
     jerk: JerkSigma | None = Field(None, description="constant over an interval, per axis")
     jerk_gain: JerkGain = 0.0
@@ -108,12 +127,15 @@ class FilteredSolution(Card):
         None, ge=1, description="epochs in a row with most rows rejected; it starts again from a point solution"
     )
     longest_coast: Pause | None = Field(
-        None, description="no solution goes out when no row has been believed for longer; none: it always does"
+        None, description="no solution goes out when no measurement has been accepted for longer; none: it always does"
     )
     point: BancroftSolution | None = Field(None, description="that starts it; none: the default with its sigmas")
-    told: ToldCard = Field(OwnCovariance(), description="covariance that goes out with a solution")
+    reported_covariance: ReportedCovariance = Field(
+        OwnCovariance(), description="covariance that goes out with a solution"
+    )
     reported: bool = Field(
-        False, description="errors of the solution and of the clock are told beside those of the filter that takes it"
+        False,
+        description="errors of the solution and of the clock are reported beside those of the filter that uses it",
     )
 
     @model_validator(mode="after")
@@ -130,7 +152,7 @@ class FilteredSolution(Card):
     def numbers(self) -> dict[str, Any]:
         """Return the settings of the filter, SI, by the names of its arguments."""
         driven = {"jerk", "jerk_gain", "acceleration_noise", "acceleration_gain"}
-        found = self.model_dump(exclude={"kind", "told", "point", "reported", *driven})
+        found = self.model_dump(exclude={"kind", "reported_covariance", "point", "reported", *driven})
         with_acceleration = self.jerk is not None
         found["acceleration"] = with_acceleration
         found["drive_sigma"] = self.jerk if with_acceleration else self.acceleration_noise

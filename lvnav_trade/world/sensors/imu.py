@@ -98,13 +98,13 @@ class ImuCard(Card):
     name: str
     source: str = Field(description="where each number is from")
     rate: Frequency = 200.0
-    process_rate: Frequency = Field(10.0, description="how often wandering errors take a step")
+    process_rate: Frequency = Field(10.0, description="how often time-varying errors take a step")
     gyro: GyroCard
     accel: AccelCard
 
 
 class ErrorBlock(NamedTuple):
-    """One true error parameter on the three axes of a sensor: what it multiplies, how it starts and wanders.
+    """One true error parameter on the three axes of a sensor: what it multiplies, how it starts and varies.
 
     source: physical cause; part: of causes that need several blocks; sigma at the start (SI), walk root PSD of a random
     walk, time_constant s of a Gauss-Markov process that holds sigma (inf: none).
@@ -141,7 +141,7 @@ def error_blocks(card: ImuCard) -> list[ErrorBlock]:
 
 
 def lag(increments: Floats, bandwidth: float | None, dt: float) -> Floats:
-    """Return the increments (n, 3) that a sensor with a first-order bandwidth (Hz) puts out; it starts settled.
+    """Return the increments (n, 3) that a sensor with a first-order bandwidth (Hz) puts out; it starts in steady state.
 
     The input is taken as constant over each tick, for which the response of the first-order lag is exact.
     """

@@ -57,7 +57,7 @@ class SystemErrors(SignalErrors):
 
 
 class NominalConstellation(SystemErrors):
-    """Circular orbits from published slots, carried from their epoch with secular rates."""
+    """Circular orbits from published slots, propagated from their epoch with secular rates."""
 
     kind: Literal["nominal"] = "nominal"
     name: str
@@ -92,7 +92,7 @@ class NominalConstellation(SystemErrors):
 
 
 class AlmanacConstellation(SignalErrors):
-    """A YUMA or SEM almanac file of the user's, told apart by content; GPS satellites that it calls unhealthy are left
+    """A YUMA or SEM almanac file of the user's, distinguished by content; satellites that it calls unhealthy are left
     out.
     """
 
@@ -212,7 +212,7 @@ def orbits(constellation: NominalConstellation | AlmanacConstellation, epoch: st
 
 
 def read_almanac(path: str) -> tuple[AlmanacRecord, ...]:
-    """Read a YUMA or a SEM almanac, told apart by its first word: a SEM file begins with the number of its records.
+    """Read a YUMA or a SEM almanac, distinguished by its first word: a SEM file begins with the number of its records.
 
     Raises
     ------

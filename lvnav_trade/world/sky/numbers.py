@@ -41,7 +41,7 @@ def number(where: str, text: str, bounds: Bounds) -> float:
 
 
 def read_lines(path: str | Path, what: str) -> list[str]:
-    """Return the lines of a text file, unpacked where it is gzip; `what` it should be is told where it cannot be.
+    """Return the lines of a text file, unpacked where it is gzip; `what` it should be is named where it cannot be.
 
     Raises
     ------

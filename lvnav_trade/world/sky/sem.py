@@ -11,7 +11,7 @@ from lvnav_trade.world.sky.almanac import HIGHEST_PRN, AlmanacRecord
 from lvnav_trade.world.sky.numbers import Bounds, number, read_lines
 
 SEMICIRCLE = math.pi
-REFERENCE_INCLINATION = 0.30 * SEMICIRCLE  # inclinations are told as differences from it (IS-GPS-200, table 20-VI)
+REFERENCE_INCLINATION = 0.30 * SEMICIRCLE  # inclinations are given as differences from it (IS-GPS-200, table 20-VI)
 LINES = 8  # of one satellite; a blank line follows
 
 

@@ -10,7 +10,7 @@ from lvnav_trade.errors import InputError
 from lvnav_trade.world.sensors.imu import ImuCard
 
 ALLOWED = 0.1  # of the unit's one-sigma growth
-SHORTEST = 10.0  # s; a shorter interval is judged as one of this length, rows know no better
+SHORTEST = 10.0  # s; a shorter interval counts as one of this length, rows know no better
 _ROUNDINGS = 5.0  # sigmas of a row's noise by which the worst of thousands may be off without meaning anything
 _UNITS = {"position": ("m", 1.0), "velocity": ("m/s", 1.0), "attitude": ("deg", 180.0 / math.pi)}
 
@@ -51,20 +51,20 @@ def limit(residual: Residual, imu: ImuCard) -> float:
     return ALLOWED * growth(imu, residual.what, interval) + _ROUNDINGS * residual.noise
 
 
-def judge(residuals: Sequence[Residual], imu: ImuCard, file: str) -> None:
+def require_consistent(residuals: Sequence[Residual], imu: ImuCard, file: str) -> None:
     """InputError with place and size of the worst residual, where one is beyond its limit for this unit."""
     beyond = [one for one in residuals if one.size > limit(one, imu)]
     if not beyond:
         return
     worst = max(beyond, key=lambda one: one.size / max(limit(one, imu), 1e-300))
     unit, factor = _UNITS[worst.what]
-    told = {
+    text = {
         "position": "its velocity, integrated, and its position part",
         "velocity": "the spline and its velocity part",
         "attitude": "the spline and its attitude part",
     }[worst.what]
     raise InputError(
-        f"{file}: {told} by {worst.size * factor:.3g} {unit} at {worst.time:.9g} s (from {worst.start:.9g} s on); "
+        f"{file}: {text} by {worst.size * factor:.3g} {unit} at {worst.time:.9g} s (from {worst.start:.9g} s on); "
         f"allowed are {limit(worst, imu) * factor:.3g} {unit}, {ALLOWED:g} of what {imu.name!r} drifts from "
         f"{worst.start:.9g} to {worst.end:.9g} s: is an event missing, a frame or unit wrong, does the reference point "
         f"move?"

@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 _STEP = 0.5  # s between knots
 _PAD_STEP = 2.5  # s between knots on the pad
 _COAST = 0.5  # m/s^2; a stretch with less specific force than this (median) is a coast
-_SETTLE = 5.0  # s, in which the turn of the body dies away after the last thrust
+_DAMPING = 5.0  # s, in which the turn of the body dies away after the last thrust
 _SLOW, _FAST = 1.0, 20.0  # m/s; upright below, along the velocity above, blended between
 _EDGE = 1e-9  # s by which a time is kept within its stretch: force is one-sided at a break
 
@@ -88,9 +88,9 @@ def _turn(t: Floats, before: BSpline | None, after: BSpline | None, begin: float
     """
     if before is None:
         assert after is not None
-        return unit(after(end) - _SETTLE * -np.expm1((t - end)[:, None] / _SETTLE) * after(end, 1))
+        return unit(after(end) - _DAMPING * -np.expm1((t - end)[:, None] / _DAMPING) * after(end, 1))
     if after is None:
-        return unit(before(begin) + _SETTLE * -np.expm1(-(t - begin)[:, None] / _SETTLE) * before(begin, 1))
+        return unit(before(begin) + _DAMPING * -np.expm1(-(t - begin)[:, None] / _DAMPING) * before(begin, 1))
     weight = smoothsteps((t - begin) / (end - begin))[:, None]
     leaving = before(begin) + (t - begin)[:, None] * before(begin, 1)
     arriving = after(end) + (t - end)[:, None] * after(end, 1)

@@ -71,7 +71,7 @@ def from_table(card: TableTrajectory) -> Trajectory:
     for begin, end in pairwise(edges):
         name = next((name for name, time in marks.items() if abs(time - begin) < _SAME), "start")
         phases.append(Phase(f"from {name}", begin, end, path.position, attitude))
-    flight = Trajectory(tuple(phases), _told(marks, card.events), rows.theta0, card.epoch)
+    flight = Trajectory(tuple(phases), _named_events(marks, card.events), rows.theta0, card.epoch)
     flight.facts.update(_facts(card, path, flight))
     return flight
 
@@ -120,7 +120,7 @@ def _marks(events: Mapping[str, float], t: Floats) -> dict[str, float]:
     return dict(sorted({**own, **events}.items(), key=lambda item: item[1]))
 
 
-def _told(marks: Mapping[str, float], events: Mapping[str, float]) -> dict[str, float]:
+def _named_events(marks: Mapping[str, float], events: Mapping[str, float]) -> dict[str, float]:
     """Return the events of the flight: start and end of the file only where nothing else happens."""
     others = [*events.values(), *(time for name, time in marks.items() if name == "liftoff")]
     idle = {name for name in ("start", "end") if any(abs(marks[name] - time) < _SAME for time in others)}

@@ -15,7 +15,7 @@ from lvnav_trade.errors import InputError
 
 Floats = NDArray[np.float64]
 
-FEWEST = 12  # rows from which a flight can be told
+FEWEST = 12  # rows from which a flight can be rebuilt
 _GAP = 6.0  # times the longer of the intervals beside it: what a spline can still bridge
 
 

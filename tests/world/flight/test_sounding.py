@@ -50,7 +50,7 @@ def test_a_spin_that_is_not_written_in_turns_is_refused(text):
         ({"mach": [0.0, 1.0]}, "2 Mach numbers but 7 drag coefficients"),
         ({"mach": [0.0, 0.8, 0.8, 1.5, 3.0, 5.0, 10.0]}, "mach must rise"),
         ({"apogee": None, "rail": {"azimuth": "0 deg", "length": "9 m"}}, "give the rail's elevation or the apogee"),
-        ({"settle": "30 s"}, "stage 'S-44M' is turned within settle, longer than its ignition_delay"),
+        ({"turn_time": "30 s"}, "stage 'S-44M' is turned within turn_time, longer than its ignition_delay"),
     ],
 )
 def test_a_card_that_cannot_be_meant_is_refused(change, message):

@@ -20,12 +20,13 @@ READ = TypeAdapter(SolutionCard)
 # Canepa and Servidia, section 6.2.4; what is not printed has its default.
 PUBLISHED = {
     "kind": "filtered", "range_sigma": "2 m", "rate_sigma": "0.1 m/s", "jerk": "0.5 m/s^3", "jerk_gain": "0.01 1/s^2",
-    "range_gain": "1 m*s^2", "rate_gain": "0.01 m", "clock_noise": "0.005 m/s^2", "told": {"kind": "own", "factor": 10},
+    "range_gain": "1 m*s^2", "rate_gain": "0.01 m", "clock_noise": "0.005 m/s^2",
+    "reported_covariance": {"kind": "own", "factor": 10},
 }  # fmt: skip
 SECOND = {
     "kind": "filtered", "range_sigma": "4 m", "rate_sigma": "0.2 m/s", "jerk": "1 m/s^3",
     "clock_noise": "0.005 m/s^2",
-    "told": {"kind": "constant", "position_sigma": "2.2 m", "velocity_sigma": "0.11 m/s"},
+    "reported_covariance": {"kind": "constant", "position_sigma": "2.2 m", "velocity_sigma": "0.11 m/s"},
 }  # fmt: skip
 THIRD = {
     **{k: v for k, v in PUBLISHED.items() if not k.startswith("jerk")}, "acceleration_noise": "2.23606797749979 m/s^2",
@@ -65,11 +66,11 @@ def test_a_point_solution_becomes_the_solvers_numbers_and_starts_the_filter():
 
 
 def test_what_is_told_is_chosen_by_kind():
-    assert READ.validate_python(PUBLISHED).told == OwnCovariance(factor=10.0)
-    assert READ.validate_python(SECOND).told == ConstantCovariance(
+    assert READ.validate_python(PUBLISHED).reported_covariance == OwnCovariance(factor=10.0)
+    assert READ.validate_python(SECOND).reported_covariance == ConstantCovariance(
         kind="constant", position_sigma="2.2 m", velocity_sigma="0.11 m/s"
     )
-    assert READ.validate_python(POINT).told == OwnCovariance()
+    assert READ.validate_python(POINT).reported_covariance == OwnCovariance()
 
 
 def test_a_simulated_solution_is_one_of_the_kinds():
@@ -92,9 +93,9 @@ def test_a_card_written_out_reads_back_to_the_same(card):
         ({"acceleration_gain": "0.2 dimensionless"}, "jerk_gain goes with jerk"),
         ({"range_sigma": "0 m"}, "greater than 0"),
         ({"jerk": "0.5 m/s^2"}, "wrong unit"),
-        ({"told": {"kind": "constant"}}, "position_sigma"),
+        ({"reported_covariance": {"kind": "constant"}}, "position_sigma"),
         ({"restart_after": 0}, "greater than or equal to 1"),
-        ({"told": {"kind": "own", "factor": 0}}, "greater than 0"),
+        ({"reported_covariance": {"kind": "own", "factor": 0}}, "greater than 0"),
     ],
 )
 def test_what_makes_no_filter_is_refused(change, message):
@@ -110,3 +111,9 @@ def test_a_filter_without_acceleration_has_none_to_fade():
 def test_a_point_solution_needs_to_believe_some_noise():
     with pytest.raises(ValidationError, match="greater than 0"):
         BancroftSolution(kind="bancroft", range_sigma="2 m", rate_sigma="0 m/s")
+
+
+@pytest.mark.parametrize("card", [POINT, SECOND])
+def test_the_old_key_of_the_reported_covariance_names_the_new_one(card):
+    with pytest.raises(ValidationError, match="told: replaced by reported_covariance"):
+        READ.validate_python({**card, "told": {"kind": "own"}})

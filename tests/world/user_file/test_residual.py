@@ -9,7 +9,7 @@ import pytest
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.world.sensors.imu import ImuCard
-from lvnav_trade.world.user_file.residual import Residual, growth, judge, limit
+from lvnav_trade.world.user_file.residual import Residual, growth, limit, require_consistent
 
 IMU = ImuCard.model_validate(
     {
@@ -49,13 +49,13 @@ def test_the_limit_is_a_tenth_of_the_growth_over_the_stretch_and_what_rounding_m
 def test_the_worst_point_beyond_its_limit_is_named_with_place_and_size():
     good = Residual("velocity", 0.0, 100.0, 30.0, 0.09, 0.0)
     allowed = limit(good, IMU)
-    judge([good._replace(size=0.999 * allowed)], IMU, "mine.csv")
+    require_consistent([good._replace(size=0.999 * allowed)], IMU, "mine.csv")
     bad = [good._replace(size=1.001 * allowed), Residual("position", 100.0, 200.0, 150.25, 60.0, 0.0)]
     with pytest.raises(InputError, match=r"mine.csv: its velocity, .* by 60 m at 150.25 s .*allowed are 4\.9"):
-        judge(bad, IMU, "mine.csv")
+        require_consistent(bad, IMU, "mine.csv")
     with pytest.raises(InputError, match=r"velocity part by 0\.0982 m/s at 30 s"):
-        judge(bad[:1], IMU, "mine.csv")
+        require_consistent(bad[:1], IMU, "mine.csv")
 
 
 def test_a_file_without_residuals_passes():
-    judge([], IMU, "mine.csv")
+    require_consistent([], IMU, "mine.csv")

@@ -11,7 +11,7 @@ from lvnav_trade.errors import InputError
 from lvnav_trade.frames import matrices
 from lvnav_trade.world.flight.trajectory import build, content, motion, refuse_contradiction
 from lvnav_trade.world.sensors.imu import ImuCard
-from lvnav_trade.world.user_file.residual import judge
+from lvnav_trade.world.user_file.residual import require_consistent
 from lvnav_trade.world.user_file.table import residuals
 from tests.world.flights import CONFIGS, ascent
 from tests.world.tables import BREAK, card, example_settings, path, write
@@ -221,4 +221,4 @@ def test_an_attitude_noisier_than_stated_is_a_residual(tmp_path):
     worst = max((one for one in residuals(smooth) if one.what == "attitude"), key=lambda one: one.size)
     assert worst.time == pytest.approx(200.0, abs=1.0)
     with pytest.raises(InputError, match=r"the spline and its attitude part by .* deg at "):
-        judge(residuals(smooth), imu(), "bent.csv")
+        require_consistent(residuals(smooth), imu(), "bent.csv")
