@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lvnav_trade.engines import retune
 from lvnav_trade.engines.lincov.components import source_names
 from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.retune import FACTORS, scaled, sensitivity
 from lvnav_trade.scenario import Scenario, beliefs
+from lvnav_trade.sources import SOURCES
 from tests.building import INERTIAL, LOOSE, MATCHED, flying, hop, loaded, prepare_hop, with_fields
 
 WHOLE_TRIAD = {
@@ -25,21 +25,34 @@ GYRO = {"bias_repeatability": "1 deg/h", "bias_instability": "0.5 deg/h", "rando
 ACCEL = {"bias_repeatability": "1 mg", "bias_instability": "0.1 mg", "random_walk": "50 ug/sqrt(Hz)",
          "rate_random_walk": "0.1 mg/sqrt(h)", "quantisation": "1 mm/s"}  # fmt: skip
 
+RECEIVER = {
+    "clock.initial_bias": "100 m", "clock.initial_drift": "1 m/s", "multipath": "1 m", "latency_error": "1 ms",
+    "latency_sigma": "1 ms", "lever_error": "0.1 m", "solution.position_bias": "1 m",
+    "solution.velocity_bias": "0.1 m/s",
+}  # fmt: skip
+ELSEWHERE = {
+    "troposphere scale", "ionosphere scale", "satellite clock and ephemeris", "system time offset",
+    "recorded receiver error", "wild samples",
+}  # fmt: skip
+"""Sources of the world around the flight, of a record and of faults: see test_families, test_recorded, test_faults."""
+
 
 def every_error(*settings: str) -> Scenario:
     """Return a scenario in which every error that a card can name is there."""
     scenario = loaded(*settings)
     fields = {f"gyro.{name}": value for name, value in {**WHOLE_TRIAD, **GYRO}.items()}
     fields |= {f"accel.{name}": value for name, value in {**WHOLE_TRIAD, **ACCEL}.items()}
-    clock = with_fields(scenario.receiver, **{"clock.initial_bias": "100 m", "clock.initial_drift": "1 m/s"})
-    return scenario.model_copy(update={"imu": with_fields(scenario.imu, **fields), "receiver": clock})
+    receiver = with_fields(scenario.receiver, **RECEIVER)
+    scenario = scenario.model_copy(update={"imu": with_fields(scenario.imu, **fields), "receiver": receiver})
+    return with_fields(scenario, gravity={"sigma": "30 mGal"})
 
 
-def test_every_source_that_a_budget_can_name_has_its_field_and_no_field_is_without_a_source() -> None:
+def test_every_source_that_a_budget_can_name_is_registered_and_none_is_registered_in_vain() -> None:
     named: set[str] = set()
     for kind in ((), (LOOSE,), (INERTIAL,)):
         named |= set(source_names(prepare_hop(every_error(*kind))))
-    assert named == set(retune._FIELDS)
+    assert named == set(SOURCES) - ELSEWHERE
+    assert len({source.label for source in SOURCES.values()}) == len(SOURCES)
 
 
 def leaves(value: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
@@ -50,13 +63,13 @@ def leaves(value: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, 
         yield path, value
 
 
-@pytest.mark.parametrize("source", sorted(retune._FIELDS))
+@pytest.mark.parametrize("source", sorted(set(SOURCES) - ELSEWHERE))
 def test_scaling_a_source_multiplies_its_own_fields_and_nothing_else(source: str) -> None:
     scenario = every_error()
     before = dict(leaves(scenario.model_dump()))
     after = dict(leaves(scaled(scenario, source, 3.0).model_dump()))
     changed = {path: after[path] / before[path] for path in before if after[path] != before[path]}
-    assert changed == {path: pytest.approx(3.0**power) for path, power in retune._FIELDS[source]}
+    assert changed == {path: pytest.approx(3.0**power) for path, power in SOURCES[source].fields}
     assert dict(leaves(scenario.model_dump())) == before
 
 

@@ -1,0 +1,50 @@
+"""Combinations that are refused: each by its reason, and by nothing else."""
+
+from __future__ import annotations
+
+import pytest
+
+from lvnav_trade.refusals import REFUSALS, refused
+from tests.building import INERTIAL, LOOSE, loaded, with_fields
+from tests.engines.modelled import SETTINGS
+
+TIGHT = "base.filter=filters/tight"
+MODELLED = (*SETTINGS, "base.imu=imu/kvh1750_003_published", "base.filter=filters/vehicle_model_003")
+LATE, CARRIED = {"kind": "buffered"}, {"kind": "extrapolated"}
+CASES = [
+    ((INERTIAL,), {"filter.delay_compensation": LATE}, "nothing of the receiver that could be late"),
+    ((TIGHT,), {"filter.delay_compensation": CARRIED}, "a range has no velocity of its own"),
+    (
+        (LOOSE,), {"filter.delay_compensation": CARRIED, "filter.measurements": ["position"]},
+        "position and velocity together; the filter takes one of them",
+    ),
+    ((LOOSE,), {"filter.init": "from_gnss", "filter.measurements": ["velocity"]}, "both are to be measured"),
+    ((INERTIAL,), {"filter.logic": {}}, "a mode logic checks what the receiver measures"),
+    (MODELLED, {"imu.gyro.quantisation": "1 urad"}, "quantisation correlates a sample with the next one"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("settings", "fields", "told"), CASES, ids=[told for _, _, told in CASES])
+def test_a_combination_that_makes_no_sense_is_refused_with_its_reason(settings, fields, told):
+    scenario = loaded(*settings)
+    assert refused(scenario) is None
+    with pytest.raises(ValueError, match=told):
+        with_fields(scenario, **fields)
+
+
+@pytest.mark.parametrize(
+    ("settings", "fields"),
+    [
+        ((TIGHT,), {"filter.delay_compensation": LATE, "filter.feedback": "open", "filter.logic": {}}),
+        ((LOOSE,), {"filter.delay_compensation": CARRIED, "filter.init": "from_gnss"}),
+        (MODELLED, {"filter.delay_compensation": LATE, "imu.gyro.scale_factor": "10 ppm"}),
+        (MODELLED, {"filter.logic": {}, "filter.feedback": "open"}),
+    ],
+)
+def test_policies_and_measurements_go_together_otherwise(settings, fields):
+    assert refused(with_fields(loaded(*settings), **fields)) is None
+
+
+def test_every_refusal_names_a_field_and_a_reason_of_its_own():
+    assert len({refusal.reason for refusal in REFUSALS}) == len(REFUSALS)
+    assert all(refusal.path.split(".")[0] in type(loaded()).model_fields for refusal in REFUSALS)
