@@ -1,0 +1,60 @@
+"""Measurements and policies combine: the covering design, its refusals, and cases in which both engines agree."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+from pydantic import ValidationError
+
+from lvnav_trade.refusals import REFUSALS
+from tests.engines.combinations import DIMENSIONS, covering, judge, refusal, scenario_of
+
+FIRST = {name: next(iter(levels)) for name, levels in DIMENSIONS.items()}
+SAMPLE = [
+    {"measurements": "solution, attitude", "states": "unmodelled", "fault": "gyro bias step"},
+    {"measurements": "ranges, altitude", "states": "considered", "vehicle": "spinning"},
+    {"measurements": "pseudorange", "states": "scale factors", "vehicle": "oscillating"},
+    {"measurements": "attitude", "states": "neglected", "fault": "noise"},
+    {"measurements": "position", "fault": "noise"},
+]
+
+
+def test_every_pair_of_levels_stands_in_a_case_that_runs_or_is_refused_wherever_it_stands():
+    cases = covering()
+    run = [case for case in cases if not refusal(case)]
+    for a, b in itertools.combinations(DIMENSIONS, 2):
+        for x, y in itertools.product(DIMENSIONS[a], DIMENSIONS[b]):
+            if not any(case[a] == x and case[b] == y for case in run):
+                assert any(case[a] == x and case[b] == y and refusal(case) for case in cases), (a, x, b, y)
+    assert 40 <= len(cases) <= 90
+
+
+def test_what_the_table_refuses_is_what_a_scenario_refuses():
+    for case in covering():
+        reason = refusal(case)
+        if reason:
+            with pytest.raises(ValidationError) as caught:
+                scenario_of(case)
+            assert reason in str(caught.value)
+        else:
+            scenario_of(case)
+
+
+def test_refusals_are_few_and_each_gives_a_reason():
+    assert len(REFUSALS) <= 15
+    assert len({one.reason for one in REFUSALS}) == len(REFUSALS)
+    assert all(len(one.reason) > 30 and "not with" not in one.reason for one in REFUSALS)
+
+
+@pytest.mark.parametrize("levels", SAMPLE, ids=lambda levels: ", ".join(levels.values()))
+def test_both_engines_agree(levels):
+    verdict = judge(FIRST | levels)
+    assert verdict.agrees, verdict
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(len(covering())))
+def test_every_case_agrees_or_is_refused(number):
+    verdict = judge(covering()[number])
+    assert verdict.refused or verdict.agrees, verdict
