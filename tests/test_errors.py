@@ -7,7 +7,16 @@ import pickle
 
 import pytest
 
-from lvnav_trade.errors import InputError, Mistake, is_full_disk, system_message
+from lvnav_trade.errors import (
+    InputError,
+    Mistake,
+    is_full_disk,
+    printable,
+    quoted,
+    shortened,
+    system_message,
+    told_by_system,
+)
 
 
 @pytest.mark.parametrize(
@@ -57,4 +66,5 @@ def test_a_full_disk_is_told_from_other_trouble(number: int, full: bool) -> None
     ],
 )
 def test_what_the_system_refused_is_told_with_what_to_do(error: OSError, line: str) -> None:
-    assert system_message(error, "results").startswith(line)
+from lvnav_trade.errors import (
+)
