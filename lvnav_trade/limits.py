@@ -18,8 +18,6 @@ WORD_LENGTH = 100_000
 """Characters of a text in a file of settings."""
 LIST_LENGTH = 10_000
 """Items of any list of settings."""
-CARD_NODES = 500_000
-"""Words, lists and mappings of a campaign with all its cards in place."""
 
 # --- data files: trajectories, recordings, almanacs -------------------------------------------------------------------
 

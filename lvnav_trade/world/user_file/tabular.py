@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lvnav_trade.errors import InputError, quoted
 from lvnav_trade.input_files import read_bytes
-from lvnav_trade.limits import DATA_BYTES, FIELD_LENGTH
+from lvnav_trade.limits import DATA_BYTES, DATA_ROWS, FIELD_LENGTH
 
 Floats = NDArray[np.float64]
 
@@ -50,6 +50,8 @@ def _parquet(path: str, names: list[str]) -> tuple[Floats, list[str]]:
     try:
         file = pq.ParquetFile(path)
         _refuse_missing(path, names, list(file.schema_arrow.names))
+        if file.metadata.num_rows > DATA_ROWS:
+            raise InputError(f"{path}: {file.metadata.num_rows} rows; at most {DATA_ROWS} are read")
         table = file.read(columns=names)
         columns = [table.column(name).cast(pa.float64()).to_numpy(zero_copy_only=False) for name in names]
     except (OSError, pa.ArrowException) as error:
@@ -72,6 +74,8 @@ def _text(path: str, names: list[str], delimiter: str) -> tuple[Floats, list[str
         if len(fields) != len(titles):
             raise InputError(f"{path}:{number}: {len(fields)} fields, the header has {len(titles)}")
         rows.append([_number(fields[k], titles[k], f"{path}:{number}") for k in at])
+        if len(rows) > DATA_ROWS:
+            raise InputError(f"{path}:{number}: more than {DATA_ROWS} rows")
         places.append(str(number))
     return np.array(rows, dtype=float).reshape(len(rows), len(names)), places
 
