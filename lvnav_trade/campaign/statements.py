@@ -115,5 +115,5 @@ def of_study(part: Any, campaign: Campaign) -> Iterator[tuple[str, str]]:
         message = unknown_case(one, cases, single)
         if message:
             yield path, message
-    if part.parted and part.parted not in cases[0]:
-        yield "parted", f"no axis {quoted(part.parted)}{hint(part.parted, cases[0]) or _known(list(cases[0]))}"
+    if part.paired and part.paired not in cases[0]:
+        yield "paired", f"no axis {quoted(part.paired)}{hint(part.paired, cases[0]) or _known(list(cases[0]))}"

@@ -77,11 +77,11 @@ def test_a_study_is_told_the_cases_and_axes_that_its_campaigns_do_not_have(study
     study.append(AXES)
     study.write(
         "study.yaml",
-        "title: x\ndescription: x\ncampaigns:\n  - campaign: campaign\n    parted: imuu\n"
+        "title: x\ndescription: x\ncampaigns:\n  - campaign: campaign\n    paired: imuu\n"
         "    figures: [{plot: envelope, case: {imu: pur}}]\n    kml: {gate: '7'}\n",
     )
     with pytest.raises(InputError) as caught:
         load_study(study.folder)
     records = {record.path: record for record in caught.value.records}
-    assert sorted(records) == ["campaigns.0.figures.0.case", "campaigns.0.kml", "campaigns.0.parted"]
+    assert sorted(records) == ["campaigns.0.figures.0.case", "campaigns.0.kml", "campaigns.0.paired"]
     assert all(record.file == "study.yaml" and record.line for record in records.values())
