@@ -7,6 +7,33 @@ import os
 from collections.abc import Sequence
 from typing import NamedTuple, TypeGuard
 
+from lvnav_trade.limits import MESSAGE_LENGTH, MESSAGES, QUOTED_LENGTH
+
+
+def printable(text: str) -> str:
+    """Return the text in one line and without control characters: each is written as its escape sequence."""
+    return "".join(one if one.isprintable() else one.encode("unicode_escape").decode() for one in text)
+
+
+def shortened(text: str, most: int) -> str:
+    """Return the text with its middle left out where it is longer than `most` characters."""
+    if len(text) <= most:
+        return text
+    return f"{text[: most - 20]} ... {text[-15:]}"
+
+
+def quoted(value: object) -> str:
+    """Return a value of the user in quotes as a message repeats it, in a bounded number of characters."""
+    if isinstance(value, str):
+        return repr(shortened(value, QUOTED_LENGTH))
+    if isinstance(value, dict):
+        return "a mapping"
+    if isinstance(value, list | tuple):
+        return "a list"
+    if isinstance(value, int) and abs(value) >= 10**QUOTED_LENGTH:
+        return "a number of too many digits"
+    return shortened(repr(value), QUOTED_LENGTH)
+
 
 class Mistake(NamedTuple):
     """One thing to mend: file, line and column (from 1; 0 where there is none), dotted path of the field, message."""
@@ -16,6 +43,11 @@ class Mistake(NamedTuple):
     file: str = ""
     line: int = 0
     column: int = 0
+
+    def cleaned(self) -> Mistake:
+        """Return the same fit to be printed: each part in one line of bounded length without control characters."""
+        message, path = (shortened(printable(text), MESSAGE_LENGTH) for text in self[:2])
+        return self._replace(message=message, path=path, file=printable(self.file))
 
     def __str__(self) -> str:
         where = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
@@ -44,7 +76,11 @@ class InputError(Exception):
     """
 
     def __init__(self, message: str = "", records: Sequence[Mistake] = ()) -> None:
-        self.records = tuple(records) or (Mistake(message),)
+        found = list(records) or [Mistake(message)]
+        more = len(found) - MESSAGES
+        if more > 1:
+            found = [*found[:MESSAGES], Mistake(f"and {more} more")]
+        self.records = tuple(record.cleaned() for record in found)
         super().__init__("\n".join(str(record) for record in self.records))
 
     def __reduce__(self) -> tuple[type[InputError], tuple[str, tuple[Mistake, ...]]]:

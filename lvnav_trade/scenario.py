@@ -11,6 +11,7 @@ from pydantic import Field, field_validator, model_validator
 
 from lvnav_trade.delays import AtmosphereCard
 from lvnav_trade.filters.base import FilterCard, ImuBelief, InitialBelief, ReceiverBelief
+from lvnav_trade.limits import FAULTS
 from lvnav_trade.observables.sensor import SensorCard, SensorModel
 from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS, Sensor, model_of
 from lvnav_trade.refusals import refused
@@ -56,7 +57,7 @@ class Scenario(Card):
         {}, description="beside the IMU and the receiver, by names of your own; null removes one"
     )
     control: ControlledCard | None = Field(None, description="the ascent's vehicle steered, beside the navigation")
-    faults: tuple[Fault, ...] = ()
+    faults: tuple[Fault, ...] = Field((), max_length=FAULTS)
     atmosphere: AtmosphereCard = Field(AtmosphereCard(), description="what is true of the signals' delays")
     gravity: GravityCard | None = Field(None, description="what true gravity has beyond the model of the truth")
     frame: Literal["ned", "ecef", "inertial", "orbital"] = "ned"

@@ -4,17 +4,38 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
+from datetime import datetime
 from functools import lru_cache
+from pathlib import Path
 from typing import Annotated, Any
 
 import pint
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, WithJsonSchema
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    PlainSerializer,
+    WithJsonSchema,
+)
+from pydantic_core import CoreSchema, core_schema
+
+from lvnav_trade.errors import quoted
+from lvnav_trade.limits import EXPONENT, LARGEST, LARGEST_ELSE, QUANTITY_LENGTH, YEARS
 
 
 @lru_cache(maxsize=1)
 def registry() -> pint.UnitRegistry[Any]:
-    """Return the one unit registry: pint's own plus the spellings of inertial datasheets."""
-    units: pint.UnitRegistry[Any] = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
+    """Return the one unit registry: pint's own, the spellings of inertial datasheets, and angles as a dimension.
+
+    With pint's own dimensionless radian 10 rad/s would be read as 10 Hz.
+    """
+    units: pint.UnitRegistry[Any] = pint.UnitRegistry(None, autoconvert_offset_to_baseunit=True)
+    units.load_definitions(str(Path(pint.__file__).with_name("default_en.txt")))
+    units.define("radian = [angle] = rad")
     # In a datasheet "g" is standard gravity and "h" is an hour; pint's gram and Planck constant are never meant.
     units.define("g_standard = 9.80665 m/s^2 = g")
     units.define("milli_g = 1e-3 * g_standard = mg")
@@ -27,54 +48,137 @@ def registry() -> pint.UnitRegistry[Any]:
     return units
 
 
+_NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+_ENDLESS = r"[+-]?(?:nan|inf|infinity)"
+_QUANTITY = re.compile(rf"({_NUMBER}|{_ENDLESS}) (\S+)", re.IGNORECASE)
+_BARE = re.compile(rf"(?:{_NUMBER}|{_ENDLESS})\s*", re.IGNORECASE)
+_BESIDE = re.compile(rf"({_NUMBER})([^\W\d]\S*)")  # a unit without the space
+_SEPARATED = re.compile(r"[+-]?[0-9.]+[ ,_']+[0-9]|[+-]?[0-9]+\.[0-9]+\.")
+
+
 @lru_cache(maxsize=4096)
 def parse(text: str, unit: str) -> float:
-    """Return the number of SI `unit` that the text states; raise ValueError in one line where it does not.
+    """Return the number of SI `unit` that the text states.
 
-    The text is a number followed by a unit in the datasheet's spelling (``0.2 deg/sqrt(h)``, ``50 ug/sqrt(Hz)``).
+    The text is one number, one space and one unit in the datasheet's spelling (``0.2 deg/sqrt(h)``,
+    ``50 ug/sqrt(Hz)``); the number has a decimal point and no thousands separators.
+
+    Raises
+    ------
+    ValueError
+        In one line: the text is anything else, the unit is unknown or of another dimension (an angle is a dimension),
+        or the number is not finite or beyond `limits.LARGEST`.
     """
-    number, _, spelled = text.strip().partition(" ")
-    try:
-        value = float(number)
-    except ValueError:
-        number, spelled = _split(text.strip())
-        value = float(number)
-    if not spelled.strip():
-        raise ValueError(f"{text!r} has no unit; write it as a quantity in a unit of {_example(unit)}")
+    if len(text) > QUANTITY_LENGTH:
+        raise ValueError(f"{quoted(text)} is not a quantity: {len(text)} characters, at most {QUANTITY_LENGTH}")
+    match = _QUANTITY.fullmatch(text)
+    if match is None:
+        raise ValueError(_no_quantity(text, unit))
+    value, spelled = float(match[1]), match[2]
+    if math.isfinite(value):
+        value = _converted(text, value, spelled, unit)
     if not math.isfinite(value):
         raise ValueError(f"{text!r} is not a finite quantity")
-    if unit in _LEVELS:
-        if spelled.strip() != unit:
-            raise ValueError(f"{text!r} has the wrong unit; expected {unit}")
-        return value
-    try:
-        value = float((value * registry().parse_expression(_pint_spelling(spelled))).to(unit).magnitude)
-    except pint.DimensionalityError:
-        raise ValueError(f"{text!r} has the wrong unit; expected {_example(unit)}") from None
-    except Exception as error:  # what is no unit fails in the tokenizer, in the evaluation or in the conversion
-        raise ValueError(
-            f"{text!r} has no unit that is known ({spelled.strip()!r}); expected {_example(unit)}"
-        ) from error
-    if not math.isfinite(value):
-        raise ValueError(f"{text!r} is not a finite quantity")
+    largest = LARGEST.get(unit, LARGEST_ELSE)
+    if abs(value) > largest:
+        raise ValueError(f"{text!r} is too large; at most {largest:g} {unit}")
     return value
 
 
-def _split(text: str) -> tuple[str, str]:
-    """Split "10Hz" after the longest leading number."""
-    for end in range(len(text), 0, -1):
-        try:
-            float(text[:end])
-        except ValueError:
-            continue
-        return text[:end], text[end:]
-    raise ValueError(f"{text!r} is not a quantity: a number and a unit, such as '0.5 deg/h'")
+def _no_quantity(text: str, unit: str) -> str:
+    """Say what is wrong with a text that is no number, space and unit."""
+    if _BARE.fullmatch(text):
+        return f"{quoted(text)} has no unit; write it as a quantity in a unit of {_example(unit)}"
+    beside = _BESIDE.fullmatch(text)
+    example = f"{beside[1]} {beside[2]}" if beside else "0.5 deg/h"
+    more = "; write a decimal point, and no thousands separators" if _SEPARATED.match(text) else ""
+    return f"{quoted(text)} is not a quantity: a number, one space and a unit, such as {example!r}{more}"
 
 
-def _pint_spelling(unit: str) -> str:
-    """Turn ``deg/sqrt(h)`` into an expression that pint evaluates, and percent and ppm into numbers."""
-    text = unit.strip().replace("^", "**").replace("%", "percent")
-    return re.sub(r"sqrt\(([^()]*)\)", r"((\1)**0.5)", text)
+def _converted(text: str, value: float, spelled: str, unit: str) -> float:
+    """Return a value of the unit `spelled` in SI `unit`; levels are read as they stand."""
+    if unit in _LEVELS:
+        if spelled != unit:
+            raise ValueError(f"{text!r} has the wrong unit; expected {unit}")
+        return value
+    try:
+        return float(registry().Quantity(value, registry().parse_units(_Spelling(spelled).read())).to(unit).magnitude)
+    except pint.DimensionalityError:
+        raise ValueError(f"{text!r} has the wrong unit; expected {_example(unit)}") from None
+    except OverflowError:
+        return math.inf
+    except Exception as error:  # what is no unit fails in the grammar, in the registry or in the conversion
+        raise ValueError(f"{text!r} has no unit that is known ({spelled!r}); expected {_example(unit)}") from error
+
+
+_TOKEN = re.compile(r"[^\W\d]+|%|°|\*\*|[*/^()-]|[0-9]+(?:\.[0-9]+)?")
+
+
+class _Spelling:
+    """A unit such as ``deg/sqrt(h)`` taken apart, so that nothing else is handed to pint.
+
+    product: power, then any of ``*`` or ``/`` and a power; power: a name, 1, (product) or sqrt(product), then perhaps
+    ``^`` or ``**`` and one bounded number.
+    """
+
+    def __init__(self, unit: str) -> None:
+        self.tokens = _TOKEN.findall(unit)
+        if "".join(self.tokens) != unit:
+            raise ValueError("characters that no unit has")
+
+    def read(self) -> str:
+        """Return the unit as pint reads it; ValueError where it is none."""
+        found = self._product()
+        if self.tokens:
+            raise ValueError("more behind the unit")
+        return found
+
+    def _product(self) -> str:
+        found = self._power()
+        while self.tokens and self.tokens[0] in "*/":
+            found += self._next() + self._power()
+        return found
+
+    def _power(self) -> str:
+        base = self._base()
+        if not self.tokens or self.tokens[0] not in ("^", "**"):
+            return base
+        self._next()
+        if self.tokens and self.tokens[0] == "(":
+            self._next()
+            exponent = self._exponent()
+            self._expect(")")
+        else:
+            exponent = self._exponent()
+        return f"{base}**({exponent})"
+
+    def _base(self) -> str:
+        token = self._next()
+        if token == "sqrt":
+            self._expect("(")
+        if token in ("sqrt", "("):
+            inner = self._product()
+            self._expect(")")
+            return f"(({inner})**0.5)" if token == "sqrt" else f"({inner})"
+        if token == "%":
+            return "percent"
+        if token == "°" or token.replace("_", "").isalpha() or (token == "1" and self.tokens[:1] == ["/"]):
+            return token
+        raise ValueError("no unit")
+
+    def _exponent(self) -> str:
+        token = self._next()
+        sign, number = ("-", self._next()) if token == "-" else ("", token)
+        if float(number) > EXPONENT:
+            raise ValueError("an exponent that no unit has")
+        return sign + number
+
+    def _expect(self, wanted: str) -> None:
+        if self._next() != wanted:
+            raise ValueError(f"{wanted} is missing")
+
+    def _next(self) -> str:
+        return self.tokens.pop(0)  # where nothing is left, IndexError: no unit either
 
 
 # Levels are read as they stand: they are logarithms, and which ratio each is of is said by its one spelling.
@@ -133,7 +237,7 @@ def quantity(unit: str, minimum: float | None = None, above: float | None = None
             return parse(str(value), unit)
         if value == 0:
             return 0.0  # zero is the same in every unit
-        raise ValueError(f"{value} has no unit; write it as a quantity in a unit of {_example(unit)}")
+        raise ValueError(f"{quoted(value)} has no unit; write it as a quantity in a unit of {_example(unit)}")
 
     def write(value: float) -> str:
         return f"{value!r} {unit}"
@@ -148,10 +252,55 @@ def quantity(unit: str, minimum: float | None = None, above: float | None = None
     ]
 
 
-class Card(BaseModel):
-    """Base of every settings object: frozen, and a key that it does not know is an error."""
+def _stricter(schema: Any) -> Any:
+    """Return a part of a schema in which numbers refuse truth values, and lists of known words refuse repetitions."""
+    if isinstance(schema, list):
+        return [_stricter(one) for one in schema]
+    if not isinstance(schema, dict) or schema.get("type") == "model":
+        return schema
+    found: Any = {key: value if key == "serialization" else _stricter(value) for key, value in schema.items()}
+    if found.get("type") in ("int", "float"):
+        return core_schema.no_info_before_validator_function(_plain_number, found)
+    items = found.get("items_schema") if found.get("type") == "tuple" else None
+    if isinstance(items, list) and len(items) == 1 and items[0].get("type") == "literal":
+        return core_schema.no_info_after_validator_function(distinct, found)
+    return found
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+
+def _plain_number(value: Any) -> Any:
+    if isinstance(value, bool):
+        raise ValueError(f"should be a number, not {str(value).lower()}")
+    if isinstance(value, int | float) and math.isfinite(value) and abs(value) > LARGEST_ELSE:
+        raise ValueError(f"{quoted(value)} is too large; at most {LARGEST_ELSE:g}")
+    return value
+
+
+def distinct(values: Sequence[Any]) -> Sequence[Any]:
+    """Return the values; ValueError names the first that stands twice."""
+    for index, value in enumerate(values):
+        if value in values[:index]:
+            raise ValueError(f"{quoted(value)} stands twice")
+    return values
+
+
+class Card(BaseModel):
+    """Base of every settings object: frozen, and a key that it does not know is an error.
+
+    So are a truth value where a number belongs, a number that is not finite, and a word that stands twice in a list of
+    known words.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Return pydantic's schema of the settings with the stricter rules for numbers and lists of words."""
+        schema = handler(source)
+        whole: Any = handler.resolve_ref_schema(schema)
+        while whole["type"] != "model":  # rules of the whole stand around it
+            whole = whole["schema"]
+        whole["schema"] = _stricter(whole["schema"])
+        return schema
 
 
 Length = quantity("m")
@@ -199,3 +348,19 @@ TimeConstant = quantity("s", above=0.0)
 Force = quantity("N", above=0.0)
 Pressure = quantity("Pa", above=0.0)
 ScaleHeight = quantity("m", above=0.0)
+
+
+def _epoch(text: str) -> str:
+    """Return an ISO 8601 time; ValueError where it is none, or not of the age of space flight."""
+    try:
+        year = datetime.fromisoformat(text).year if text.isascii() else 0
+    except ValueError:
+        year = 0
+    if not YEARS[0] <= year <= YEARS[1]:
+        raise ValueError(
+            f"{quoted(text)} is not an ISO 8601 time such as 2026-08-01T12:00:00Z, from {YEARS[0]} to {YEARS[1]}"
+        )
+    return text
+
+
+Epoch = Annotated[str, AfterValidator(_epoch)]

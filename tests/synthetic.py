@@ -147,7 +147,11 @@ def prepared(logic: bool = False) -> Any:
             ),
         ),
         trajectory=SimpleNamespace(
-            events=EVENTS, epoch="2026-08-01T12:00:00Z", theta0=0.0, facts={"perigee_m": 2.0e5, "max_load_g": 4.2}
+            events=EVENTS,
+            instants=EVENTS,
+            epoch="2026-08-01T12:00:00Z",
+            theta0=0.0,
+            facts={"perigee_m": 2.0e5, "max_load_g": 4.2},
         ),
         reference=reference,
         sky=Sky(

@@ -7,7 +7,7 @@ import pickle
 
 import pytest
 
-from lvnav_trade.errors import InputError, Mistake, is_full_disk, system_message
+from lvnav_trade.errors import InputError, Mistake, is_full_disk, printable, quoted, shortened, system_message
 
 
 @pytest.mark.parametrize(
@@ -58,3 +58,34 @@ def test_a_full_disk_is_told_from_other_trouble(number: int, full: bool) -> None
 )
 def test_what_the_system_refused_is_told_with_what_to_do(error: OSError, line: str) -> None:
     assert system_message(error, "results").startswith(line)
+
+
+def test_what_a_message_repeats_has_no_control_characters_and_a_bounded_length() -> None:
+    given = Mistake("not\x1b[2J\nso" + "x" * 9_000, "a\x1b]0;b\u202e", "f\n.yaml", 3, 5)
+    record = InputError(records=[given]).records[0]
+    assert str(record).isprintable()
+    assert record.path == r"a\x1b]0;b\u202e"
+    assert record.file == r"f\n.yaml"
+    assert len(record.message) <= 1_000
+    assert record.message.startswith(r"not\x1b[2J\nso")
+
+
+def test_a_text_is_made_printable_letter_by_letter() -> None:
+    assert printable("9 \u00b5m\t\u2028") == "9 \u00b5m" + r"\t\u2028"
+
+
+def test_a_long_text_loses_its_middle() -> None:
+    assert shortened("short", 60) == "short"
+    found = shortened("a" * 100 + "z" * 100, 60)
+    assert len(found) <= 60
+    assert found.startswith("aaa")
+    assert found.endswith("zzz")
+
+
+@pytest.mark.parametrize(("value", "shown"), [("a\nb", r"'a\nb'"), ({"a": 1}, "a mapping"), ([1], "a list"), (5, "5")])
+def test_a_value_is_quoted_in_few_characters(value: object, shown: str) -> None:
+    assert quoted(value) == shown
+
+
+def test_a_number_of_too_many_digits_is_not_written_out() -> None:
+    assert quoted(10**5_000) == "a number of too many digits"

@@ -113,7 +113,10 @@ def test_what_goes_together_is_accepted(fields):
         ({"filter.measurements": [], LATE: {"kind": "buffered"}}, "takes nothing of the receiver"),
         ({**REFERENCED, "sensors": {"a": STAR, "b": STAR}}, "a, b: at most one sensor that measures attitude"),
         ({**SOLVING, "faults": FROZEN}, "frozen_output needs receiver.solution.kind: direct"),
-        ({LATE: {"kind": "extrapolated"}}, "only a solution can be extrapolated"),
+        (
+            {LATE: {"kind": "extrapolated"}},
+            "only a solution can be extrapolated; a tight filter buffers",
+        ),
         ({LATE: {"kind": "buffered", "delay": "1 s"}}, "delay of 1000 ms, not less than the 1000 ms between epochs"),
         ({LATE: {"kind": "buffered"}, "receiver.latency": "1.2 s"}, "delay of 1200 ms, not less than the 1000 ms"),
         (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import pytest
 from hypothesis import given
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
 from lvnav_trade import units
+from lvnav_trade.limits import LARGEST
 from lvnav_trade.units import Card, parse
 
 DEG, HOUR, G = math.pi / 180.0, 3600.0, 9.80665
@@ -31,7 +33,7 @@ DEG, HOUR, G = math.pi / 180.0, 3600.0, 9.80665
         ("6 g", "m/s**2", 6.0 * G),
         ("2 h", "s", 7200.0),
         ("300 t", "kg", 3e5),
-        ("10Hz", "Hz", 10.0),
+        ("10 Hz", "Hz", 10.0),
         ("1e-3 m^2", "m**2", 1e-3),
         ("-38.6 deg", "rad", -38.6 * DEG),
         ("45 dB-Hz", "dB-Hz", 45.0),
@@ -48,7 +50,7 @@ def test_a_datasheets_spelling_becomes_si(text: str, unit: str, value: float) ->
     ("text", "unit", "message"),
     [
         ("5", "s", "'5' has no unit; write it as a quantity in a unit of time (s, ms, min)"),
-        ("deg/h", "rad/s", "'deg/h' is not a quantity: a number and a unit, such as '0.5 deg/h'"),
+        ("deg/h", "rad/s", "'deg/h' is not a quantity: a number, one space and a unit, such as '0.5 deg/h'"),
         ("5 furlong", "s", "'5 furlong' has the wrong unit; expected time (s, ms, min)"),
         ("5 secs/", "s", "'5 secs/' has no unit that is known ('secs/'); expected time (s, ms, min)"),
         ("5 deg/sqrt(h", "rad/s**0.5",
@@ -57,13 +59,51 @@ def test_a_datasheets_spelling_becomes_si(text: str, unit: str, value: float) ->
         ("nan m", "m", "'nan m' is not a finite quantity"),
         ("45 Hz", "dB-Hz", "'45 Hz' has the wrong unit; expected dB-Hz"),
         ("5 dB", "dBi", "'5 dB' has the wrong unit; expected dBi"),
-        ("", "m", "'' is not a quantity: a number and a unit, such as '0.5 deg/h'"),
+        ("", "m", "'' is not a quantity: a number, one space and a unit, such as '0.5 deg/h'"),
     ],
 )  # fmt: skip
 def test_what_is_no_quantity_is_refused_in_one_line(text: str, unit: str, message: str) -> None:
     with pytest.raises(ValueError, match=r"quantity|unit") as caught:
         parse(text, unit)
     assert str(caught.value) == message
+
+
+@pytest.mark.parametrize(
+    ("text", "unit"),
+    [
+        ("10 000 m", "m"), ("2 500 m", "m"), ("1,5 m", "m"), ("1 5 m", "m"), ("1_000 m", "m"), ("1'000 m", "m"),
+        ("1.000,5 m", "m"), ("0.1 deg + 3 rad", "rad"), ("0.1 deg 3 rad", "rad"), ("\uff19 m", "m"), ("9 \uff4d", "m"),
+        ("\u0661 m", "m"), ("10Hz", "Hz"), ("5  m", "m"), (" 5 m", "m"), ("5 m ", "m"), ("5\tm", "m"), ("0x10 m", "m"),
+        ("5 2*m", "m"), ("5 m.real", "m"), ("1 m**9**9**9**9", "m"), ("5 m**10", "m"), ("5 m^1e9", "m"), ("5 1", "m"),
+        ("1" * 1_000_000 + " m", "m"), ("1 " + "m" * 1_000_000, "m"), ("1 " + "(" * 39 + "m", "m"), ("5 m-s", "m"),
+    ],
+)  # fmt: skip
+def test_what_is_not_one_number_one_space_and_one_unit_is_refused(text: str, unit: str) -> None:
+    with pytest.raises(ValueError, match=r"is not a quantity|has no unit that is known") as caught:
+        parse(text, unit)
+    assert len(str(caught.value)) < 300
+
+
+@pytest.mark.parametrize(
+    ("text", "unit"),
+    [("5 kg", "m/s"), ("10 rad/s", "Hz"), ("10 Hz", "rad/s"), ("3 ppm", "rad"), ("3 rad", "dimensionless"),
+     ("2 rad/s^2", "rad/s"), ("5 deg/h", "rad/s**0.5")],
+)  # fmt: skip
+def test_a_unit_of_another_dimension_is_refused_and_an_angle_is_a_dimension(text: str, unit: str) -> None:
+    with pytest.raises(ValueError, match="has the wrong unit"):
+        parse(text, unit)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit"), [("9e99 deg", "rad"), ("1e13 m", "m"), ("4e5 km/s", "m/s"), ("1e31 1/s", "1/s")]
+)
+def test_a_number_that_nothing_has_is_refused(text: str, unit: str) -> None:
+    with pytest.raises(ValueError, match="is too large; at most"):
+        parse(text, unit)
+
+
+def test_a_degree_of_temperature_is_offset_and_not_multiplied() -> None:
+    assert parse("15 degC", "K") == pytest.approx(288.15, rel=1e-12)
 
 
 @given(st.text(st.sampled_from("mskghHzdegrt/()+-.0123456789 %[]{}_'\"\\,:;=#\n\u00b5"), max_size=12))
@@ -76,8 +116,16 @@ def test_whatever_is_written_is_read_or_refused_in_one_line(text: str) -> None:
     assert "\n" not in said
 
 
+Sort = Literal["first", "second"]
+
+
 class Sample(Card):
     """A field of every sort."""
+
+    count: int = 1
+    factors: tuple[float, ...] = ()
+    share: float | None = None
+    words: tuple[Sort, ...] = ()
 
     arm: units.Length = 0.0
     sigma: units.AngularRateSigma = 0.0
@@ -106,11 +154,34 @@ def test_a_lever_arm_has_a_sign_and_a_sigma_and_a_rate_have_none() -> None:
             Sample.model_validate({"rate": rate})
 
 
-@given(st.floats(allow_nan=False, allow_infinity=False))
+@given(st.floats(-LARGEST["m"], LARGEST["m"]))
 def test_a_card_that_is_written_reads_back_to_the_same_number(value: float) -> None:
     field = TypeAdapter(units.Length)
     written = field.dump_python(value, mode="json")
     assert field.validate_python(written) == value
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("count", True, "should be a number, not true"),
+        ("factors", [1.0, False], "should be a number, not false"),
+        ("share", True, "should be a number, not true"),
+        ("share", math.inf, "finite number"),
+        ("factors", [math.nan], "finite number"),
+        ("share", 1e40, "is too large"),
+        ("count", 10**40, "is too large"),
+        ("words", ["first", "second", "first"], "'first' stands twice"),
+    ],
+)
+def test_a_truth_value_is_no_number_and_a_word_of_a_list_stands_once(field: str, value: object, message: str) -> None:
+    with pytest.raises(ValidationError, match=message):
+        Sample.model_validate({field: value})
+
+
+def test_numbers_and_words_that_are_meant_are_read() -> None:
+    found = Sample.model_validate({"count": 3, "factors": [1, 2.5], "share": 0.5, "words": ["second", "first"]})
+    assert (found.count, found.factors, found.share, found.words) == (3, (1.0, 2.5), 0.5, ("second", "first"))
 
 
 def test_a_key_that_a_card_does_not_know_is_an_error_and_a_card_cannot_be_changed() -> None:

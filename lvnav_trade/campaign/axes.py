@@ -13,6 +13,9 @@ from pydantic import BaseModel
 
 from lvnav_trade.campaign import fields
 from lvnav_trade.campaign.schema import Axis, Campaign
+from lvnav_trade.campaign.tree import is_index
+from lvnav_trade.input_files import read_bytes
+from lvnav_trade.limits import DATA_BYTES
 from lvnav_trade.scenario import Scenario
 
 RESULTS_VERSION = 1  # raised when the same scenario and seed no longer give the same numbers
@@ -60,7 +63,7 @@ def axis_names(axes: Sequence[Axis]) -> tuple[str, ...]:
     """Return a short name for each axis: the last word of its path, or the whole path where that is not unique."""
     short = [axis.path.rpartition(".")[2] for axis in axes]
     return tuple(
-        name if short.count(name) == 1 and not name.isdigit() else axis.path.removeprefix("base.")
+        name if short.count(name) == 1 and not is_index(name) else axis.path.removeprefix("base.")
         for name, axis in zip(short, axes, strict=True)
     )
 
@@ -138,4 +141,4 @@ def _canonical(model: BaseModel) -> dict[str, Any]:
 
 
 def _content(file: str) -> str:
-    return hashlib.sha256(Path(file).read_bytes()).hexdigest()
+    return hashlib.sha256(read_bytes(file, DATA_BYTES)).hexdigest()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,7 +12,8 @@ from pydantic import BaseModel
 
 from lvnav_trade.campaign import tree
 from lvnav_trade.campaign.tree import Node, Place, hint, refuse
-from lvnav_trade.errors import InputError
+from lvnav_trade.errors import InputError, quoted
+from lvnav_trade.input_files import exists, is_file
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 
@@ -38,7 +41,7 @@ class Shelf(NamedTuple):
         """Return the file of the card `name` as written in a file of `folder`, or None."""
         for start in (folder, *self.folders):
             for candidate in (start / name, start / f"{name}.yaml", start / f"{name}.yml"):
-                if candidate.is_file():
+                if is_file(candidate):
                     return candidate.resolve()
         return None
 
@@ -55,8 +58,21 @@ class Shelf(NamedTuple):
         file = self.find(name, node.place.folder) if name.strip() else None
         if file is None:
             candidates = [*self.known(), *_beside(name, node.place.folder), *map(str, words)]
-            raise refuse(node.place, path, f"no card {name!r}{_near(name, candidates)}")
+            raise refuse(node.place, path, f"no card {quoted(name)}{_near(name, candidates)}")
+        state = file.stat()
+        found = _parsed(file, os.getcwd(), state.st_size, state.st_mtime_ns)
+        if isinstance(found, InputError):
+            raise InputError(records=found.records)
+        return found
+
+
+@lru_cache(maxsize=128)
+def _parsed(file: Path, here: str, size: int, changed: int) -> Node | InputError:
+    """Return the tree of a card's file, or what is wrong with it; a file that changed is read again."""
+    try:
         return tree.read_mapping(file)
+    except InputError as error:
+        return error
 
 
 def _near(name: str, known: Sequence[str]) -> str:
@@ -74,6 +90,8 @@ def _near(name: str, known: Sequence[str]) -> str:
 def _beside(name: str, folder: Path) -> list[str]:
     """Return the names, written as `name` is, of the cards in the folder that a path leads to."""
     place = (folder / name).parent
+    if not exists(place):
+        return []
     found = [*place.glob("*.yaml"), *place.glob("*.yml")]
     return [str(Path(name).with_name(file.name if Path(name).suffix else file.stem)) for file in found]
 
@@ -116,7 +134,7 @@ def card_text(name: str, folder: Path) -> str:
     shelf = Shelf.of(folder)
     file = shelf.find(name, folder)
     if file is None:
-        raise InputError(f"no card {name!r}{_near(name, shelf.known())}")
+        raise InputError(f"no card {quoted(name)}{_near(name, shelf.known())}")
     tree.read_mapping(file)
     return file.read_text(encoding="utf-8-sig")
 
@@ -132,11 +150,11 @@ def write_card(file: Path, card: BaseModel) -> None:
 def campaign_file(name: str) -> Path:
     """Return the campaign file that the user names: a path, else one that comes with the tool."""
     path = Path(name)
-    if path.exists() or path.is_absolute() or not path.name:
+    if exists(path) or path.is_absolute() or not path.name:
         return path
     inside = Path(*path.parts[1:]) if path.parts[0] == "campaigns" and len(path.parts) > 1 else path
     for candidate in (inside, inside.with_name(f"{inside.name}.yaml")):
-        if (shipped("campaigns") / candidate).is_file():
+        if is_file(shipped("campaigns") / candidate):
             return shipped("campaigns") / candidate
     return path
 

@@ -210,7 +210,7 @@ def located(campaign: Campaign, case: Case, mistakes: Sequence[Mistake]) -> list
 def _fault(fault: AnyFault, events: Mapping[str, float], first: float, last: float) -> str:
     """Return what is wrong with the times of a fault, or nothing; `first` and `last` (s) bound the flight."""
     try:
-        start = resolve(fault.start, dict(events))
+        start = resolve(fault.start, {"start": first, "end": last, **events})
     except InputError as error:
         return error.records[0].message
     if start >= last:

@@ -8,7 +8,9 @@ from lvnav_trade.campaign import fields, tree
 from lvnav_trade.campaign.cards import Shelf
 from lvnav_trade.campaign.fields import Kind
 from lvnav_trade.campaign.tree import Node, join, mistake
-from lvnav_trade.errors import InputError, Mistake
+from lvnav_trade.errors import InputError, Mistake, quoted
+from lvnav_trade.input_files import is_file, is_folder
+from lvnav_trade.limits import MESSAGES
 
 _DEEPEST = 16
 
@@ -55,15 +57,19 @@ class Expander:
 
     def _card(self, node: Node, reference: Node, kind: Kind, path: str, depth: int) -> Node:
         """Read the card named by `reference`; `node` is the reference itself, or a mapping that overrides fields."""
+        if len(self.mistakes) > MESSAGES:
+            return node  # looking for what each of a thousand names may mean takes time
         if depth > _DEEPEST:
-            self.mistakes.append(mistake(reference.place, path, f"the card {reference.value!r} leads back to itself"))
+            self.mistakes.append(
+                mistake(reference.place, path, f"the card {quoted(reference.value)} leads back to itself")
+            )
             return node
         try:
             if not isinstance(reference.value, str):
                 raise tree.refuse(reference.place, path, "a card is named by a word such as imu/tactical_fog")
             name, folder = reference.value, reference.place.folder
             if name in fields.tags(kind) and self.shelf.find(name, folder) is None:
-                raise tree.refuse(reference.place, path, f"no card {name!r} (did you mean {{kind: {name}}}?)")
+                raise tree.refuse(reference.place, path, f"no card {quoted(name)} (did you mean {{kind: {name}}}?)")
             card = self.shelf.read(reference, path, fields.literals(kind))
         except InputError as error:
             self.mistakes.extend(error.records)
@@ -71,7 +77,12 @@ class Expander:
         whole = self._settings(card, kind, path, depth + 1)
         if node.is_map:
             # An override may itself name a card one level down, and what it overrides may be named by one.
-            whole = tree.merged(whole, self._mapping(tree.without(node, "card"), kind, path, depth, whole))
+            over = tree.without(node, "card")
+            if _is_another(whole, over, kind) and "kind" in over.value:
+                message = f"the card {quoted(name)} is of another kind; leave it out, or name one of this kind"
+                self.mistakes.append(mistake(over.keys["kind"], join(path, "kind"), message))
+                return whole
+            whole = _overridden(whole, self._mapping(over, kind, path, depth, whole), over, kind)
         return whole
 
     def _mapping(self, node: Node, kind: Kind, path: str, depth: int, under: Node | None = None) -> Node:
@@ -89,7 +100,7 @@ class Expander:
                 continue
             if fields.is_path(model, key):
                 done = self._file(child, join(path, key))
-            elif under is not None and child.is_map and "card" not in child.value:
+            elif under is not None and child.is_map and not _replaces(tree.find(under, [key]), child, below):
                 done = self._mapping(child, below, join(path, key), depth, tree.find(under, [key]) or child)
             else:
                 done = self.expand(child, below, join(path, key), depth)
@@ -104,11 +115,40 @@ class Expander:
         if not isinstance(node.value, str):
             return node
         file = node.place.folder / node.value
-        if not file.is_file():
-            what = "is a folder, not a file" if file.is_dir() else "no such file"
-            self.mistakes.append(mistake(node.place, path, f"{what}: {node.value!r}"))
+        if not is_file(file):
+            what = "is a folder, not a file" if is_folder(file) else "no such file"
+            self.mistakes.append(mistake(node.place, path, f"{what}: {quoted(node.value)}"))
             return node
         return Node(str(file.resolve()), node.place)
+
+
+def _replaces(base: Node | None, over: Node, kind: Kind) -> bool:
+    """Return whether an override stands for itself: it names a card, or settings of another kind than the base's."""
+    return "card" in over.value or (base is not None and _is_another(base, over, kind))
+
+
+def _is_another(base: Node, over: Node, kind: Kind) -> bool:
+    """Return whether both are settings, and `over` those of another alternative of the field."""
+    if not (base.is_map and over.is_map) or len(fields.models(kind)) < 2:
+        return False
+    meant = fields.member(kind, over)
+    return meant is not None and meant is not fields.member(kind, base)
+
+
+def _overridden(base: Node, over: Node, written: Node, kind: Kind) -> Node:
+    """Return `base` with an expanded override on top, mapping by mapping.
+
+    What stands for itself replaces the base whole: a value, settings of another kind, and a card, as `written` shows.
+    """
+    if not (base.is_map and over.is_map and written.is_map) or _replaces(base, written, kind):
+        return over
+    result = base
+    for key, child in over.value.items():
+        old = base.value.get(key)
+        below = fields.child(kind, key, base)
+        found = child if old is None or below is None else _overridden(old, child, written.value[key], below)
+        result = tree.with_child(result, key, found, over.keys[key])
+    return Node(result.value, base.place, result.keys)
 
 
 def expand(node: Node, model: type[BaseModel], shelf: Shelf, path: str = "") -> tuple[Node, list[Mistake]]:

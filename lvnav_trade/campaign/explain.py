@@ -11,7 +11,8 @@ from pydantic import BaseModel, ValidationError
 from lvnav_trade.campaign import fields, tree
 from lvnav_trade.campaign.fields import Kind
 from lvnav_trade.campaign.tree import Node, Place, hint, join
-from lvnav_trade.errors import Mistake
+from lvnav_trade.errors import Mistake, quoted
+from lvnav_trade.limits import MESSAGES
 
 # What datasheets use, for "did you mean"; any spelling that pint knows is read.
 _UNITS = (
@@ -34,32 +35,31 @@ def explain(error: ValidationError, node: Node, model: type[BaseModel], path: st
 
 def _sharpest(error: ValidationError, node: Node) -> list[Any]:
     """Return the errors without those of alternatives that the value was never meant to be."""
-    kept = []
-    for item in error.errors(include_url=False):
+    kept: list[Any] = []
+    every = error.errors(include_url=False)
+    words = {item["loc"][:-1] for item in every if item["type"] == "literal_error"}
+    for item in every:
         value, kind = item.get("input"), item["type"]
         if kind in ("literal_error", "none_required") and isinstance(value, Mapping):
             continue  # a mapping was meant as settings, not as a word
-        if kind in ("model_type", "model_attributes_type") and _words(item, error):
+        if kind in ("model_type", "model_attributes_type") and item["loc"][:-1] in words:
             continue  # a word was meant: the error of the literal says which are known
         kept.append(item)
-    return kept or list(error.errors(include_url=False))
-
-
-def _words(item: Any, error: ValidationError) -> bool:
-    """Whether another alternative of the same field is a literal that was refused too."""
-    place = item["loc"][:-1]
-    others = error.errors(include_url=False)
-    return any(other["type"] == "literal_error" and other["loc"][:-1] == place for other in others)
+        if len(kept) > MESSAGES:
+            break
+    return kept or list(every[:MESSAGES])
 
 
 def _explain_one(item: Any, root: Node, model: type[BaseModel], path: str) -> Mistake:
     """Walk the location down the tree, skipping the names of alternatives, and word the message."""
     node, kind, key_place, last = root, _as_kind(model), root.place, ""
-    missing = item["type"] == "missing"
+    missing, chosen = item["type"] == "missing", False
     for step in item["loc"][: -1 if missing else None]:
         below = tree.find(node, [step])
-        if below is None:
-            continue  # the tag of an alternative, not a key
+        if below is None or (not chosen and str(step) in fields.tags(kind)):
+            chosen = True
+            continue  # the tag of an alternative, not a key, which may be of the same name
+        chosen = False
         key_place = node.keys.get(str(step), below.place)
         kind, node, last = fields.child(kind, str(step), node), below, str(step)
         path = join(path, step)
@@ -100,11 +100,12 @@ def _message(item: Any, node: Node, kind: Kind | None, key: str) -> str:
         return "unknown key"
     if name == "literal_error":
         known = [str(word) for word in fields.literals(kind)] if kind is not None else []
-        return f"{node.value!r} is not one of {', '.join(known)}{hint(str(node.value), known)}"
+        return f"{quoted(node.value)} is not one of {', '.join(known)}{hint(str(node.value), known)}"
     if name == "union_tag_invalid":
         known = list(fields.tags(kind))
-        value = str(context.get("tag", ""))
-        return f"kind {value!r} is not one of {', '.join(known)}{hint(value, known)}"
+        written = node.value["kind"].value if node.is_map and "kind" in node.value else context.get("tag", "")
+        value = written if isinstance(written, dict | list) else str(written)
+        return f"kind {quoted(value)} is not one of {', '.join(known)}{hint(str(value), known)}"
     if name == "union_tag_not_found":
         return _which(node, kind)
     if name in ("model_type", "model_attributes_type", "dict_type"):
@@ -131,7 +132,7 @@ def _worded(item: Any, node: Node) -> str:
     if spelled:
         return message + hint(spelled.group(1), _UNITS)
     if message.startswith("Input should be"):
-        value = "" if node.is_map or node.is_list else f", not {node.value!r}"
+        value = "" if node.is_map or node.is_list else f", not {quoted(node.value)}"
         return message.replace("Input should be", "should be", 1).partition(", unable")[0] + value
     message = message.replace("Tuple should", "list should", 1).replace("List should", "list should", 1)
     return message.replace(" after validation", "")

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from lvnav_trade.campaign.tree import Node
+from lvnav_trade.campaign.tree import Node, is_index
 
 Kind = Any  # a type annotation
 UNIONS = (Union, types.UnionType)
@@ -67,7 +67,7 @@ def child(kind: Kind, key: str, node: Node | None = None) -> Kind | None:
     """Return the annotation one step down, or None; `node` (the value there) chooses among alternatives."""
     if entries(kind) is not None:
         return entries(kind)
-    if key.isdigit():
+    if is_index(key):
         return item(kind, int(key))
     for model in _likely(kind, node):
         if key in by_key(model):

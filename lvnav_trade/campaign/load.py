@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from lvnav_trade.campaign import axes as design
-from lvnav_trade.campaign import checks, fields, tree
+from lvnav_trade.campaign import checks, fields, labels, statements, tree
 from lvnav_trade.campaign.cards import Shelf, campaign_file
 from lvnav_trade.campaign.expand import Expander
 from lvnav_trade.campaign.explain import explain
@@ -17,7 +17,7 @@ from lvnav_trade.campaign.overrides import apply
 from lvnav_trade.campaign.schema import Axis, Campaign
 from lvnav_trade.campaign.sets import splice
 from lvnav_trade.campaign.tree import Node, mistake
-from lvnav_trade.errors import InputError, Mistake
+from lvnav_trade.errors import InputError, Mistake, quoted
 from lvnav_trade.scenario import Scenario
 
 
@@ -58,6 +58,7 @@ class _Loader:
     def campaign(self) -> Campaign:
         """Return the campaign or raise all mistakes."""
         axes = self._axes()
+        self._bounded(axes)
         self.root, in_sets = splice(self.root, self.shelf)
         self.mistakes.extend(in_sets)
         self._refuse_unused(axes)
@@ -70,18 +71,25 @@ class _Loader:
         levels = [self._levels(base, *axis, index) for index, axis in enumerate(axes) if base.is_map]
         self._raise()
         assert isinstance(found, Campaign)
-        whole_axes = [self._resolved(found, axis, values) for axis, values in zip(axes, levels, strict=True)]
+        whole_axes = [
+            self._resolved(found, axis, values, index)
+            for index, (axis, values) in enumerate(zip(axes, levels, strict=True))
+        ]
         whole = found.model_copy(update={"axes": tuple(whole_axes)})
         self._check_cases(whole, base, axes, levels)
+        self._raise()
         self.mistakes.extend(checks.requirements(whole, root))
+        if axes:
+            self.mistakes.extend(labels.equal_cases(whole.design, whole.axes, self.root.value["axes"]))
+        self.mistakes.extend(statements.mistakes(whole, root))
         self._raise()
         whole._written = tree.Written(root)
         return whole
 
     def _raise(self) -> None:
-        unique = list(dict.fromkeys(self.mistakes))
+        unique = sorted(dict.fromkeys(self.mistakes), key=lambda record: (record.file, record.line, record.column))
         if unique:
-            raise InputError(records=sorted(unique, key=lambda record: (record.file, record.line, record.column)))
+            raise InputError(records=unique)
 
     def _validate(self, node: Node, model: type[BaseModel], path: str) -> BaseModel | None:
         """Return the model of an expanded tree; its mistakes are noted, save where expansion already found one."""
@@ -109,9 +117,24 @@ class _Loader:
                 where = child.value["path"].place
                 near = tree.hint(axis.path, Scenario.model_fields)
                 old = fields.old_key(Scenario, axis.path.removeprefix("base.").partition(".")[0])
-                message = f"{axis.path!r}: {old}" if old else f"{axis.path!r} is not a field of the base{near}"
+                message = (
+                    f"{quoted(axis.path)}: {old}" if old else f"{quoted(axis.path)} is not a field of the base{near}"
+                )
                 self.mistakes.append(mistake(where, f"axes.{index}.path", message))
         return found
+
+    def _bounded(self, axes: list[tuple[Axis, Node]]) -> None:
+        """Refuse more cases than are computed, before anything is built, and axes that others replace."""
+        if not axes:
+            return
+        kind = tree.find(self.root, ["design"])
+        sizes = [len(labels.level_nodes(node)) for _, node in axes]
+        where = self.root.value["axes"]
+        name = str(kind.value) if kind else "grid"
+        found = [*labels.too_many(name, sizes, where), *labels.replaced(name, axes)]
+        if found:
+            self.mistakes.extend(found)
+            self._raise()
 
     def _refuse_unused(self, axes: list[tuple[Axis, Node]]) -> None:
         """Note the fields of a card that the base changes and no case has: an axis puts another card in its place."""
@@ -119,13 +142,13 @@ class _Loader:
         if kept is not None and kept.value == "one_at_a_time":
             return  # its first case is the base
         for axis, _ in axes:
-            path = ["base", *axis.path.removeprefix("base.").split(".")]
+            path = ["base", *labels.steps(axis)]
             node = tree.find(self.root, path)
             if node is None or not node.is_map or "card" not in node.value:
                 continue
             for key, where in node.keys.items():
                 if key != "card":
-                    message = f"no case has it: the axis {axis.path!r} replaces it; write it in the axis's values"
+                    message = f"no case has it: the axis {quoted(axis.path)} replaces it; write it in the axis's values"
                     self.mistakes.append(mistake(where, ".".join((*path, key)), message))
 
     def _with_base_from(self, axes: list[tuple[Axis, Node]]) -> Node:
@@ -137,22 +160,22 @@ class _Loader:
         if base is None or not base.is_map:
             return self.root
         for axis, node in axes:
-            path = axis.path.removeprefix("base.").split(".")
+            path = labels.steps(axis)
             entry = len(path) == 2 and fields.entries(_field(path[0])) is not None
             if (entry or (len(path) == 1 and path[0] in Scenario.model_fields)) and tree.find(base, path) is None:
-                base = tree.put(base, path, _level_nodes(node)[0])
+                base = tree.put(base, path, labels.level_nodes(node)[0])
         return tree.put(self.root, ["base"], base)
 
     def _levels(self, base: Node, axis: Axis, node: Node, index: int) -> list[Node]:
         """Return the expanded value of every level of an axis, each tried alone in the base."""
-        path = axis.path.removeprefix("base.").split(".")
+        path = labels.steps(axis)
         kind, _ = _kind_at(base, path)
         if kind is None:
             where = node.value["path"].place
             self.mistakes.append(mistake(where, f"axes.{index}.path", _unknown(base, path)))
             return []
         found = []
-        for level in _level_nodes(node):
+        for level in labels.level_nodes(node):
             expander = Expander(self.shelf)
             value = expander.expand(level, kind, ".".join(("base", *path)))
             self.mistakes.extend(expander.mistakes)
@@ -161,17 +184,20 @@ class _Loader:
             found.append(value)
         return found
 
-    def _resolved(self, campaign: Campaign, axis: tuple[Axis, Node], values: list[Node]) -> Axis:
+    def _resolved(self, campaign: Campaign, axis: tuple[Axis, Node], values: list[Node], index: int) -> Axis:
         """Return the axis with whole values in place of cards, and a label for every level."""
-        card = axis[0]
-        path = card.path.removeprefix("base.").split(".")
+        card, node = axis
+        path = labels.steps(card)
         base = campaign.base.model_dump(mode="json")
         plain = []
         for value in values:
             scenario = Scenario.model_validate(design.put(base, path, tree.plain(value)))
             plain.append(_get(scenario.model_dump(mode="json"), path))
-        labels = tuple(design.level_label(card, index) for index in range(len(values)))
-        return Axis(path=".".join(path), values=tuple(plain), labels=_distinct(labels))
+        at = f"axes.{index}.{labels.level_key(node)}"
+        self.mistakes.extend(labels.equal_levels(campaign.design, card, plain, labels.level_nodes(node), at))
+        names = _distinct(tuple(design.level_label(card, number) for number in range(len(values))))
+        self.mistakes.extend(labels.bad_labels(campaign.design, names, node, at))
+        return card.model_copy(update={"path": ".".join(path), "cards": None, "values": tuple(plain), "labels": names})
 
     def _check_cases(
         self, campaign: Campaign, base: Node, axes: list[tuple[Axis, Node]], levels: list[list[Node]]
@@ -184,19 +210,17 @@ class _Loader:
             return
         for chosen in design.levels(campaign.design, sizes):
             node = base
-            for (axis, _), values, index in zip(axes, levels, chosen, strict=True):
-                if index is not None:
-                    node = tree.put(node, axis.path.removeprefix("base.").split("."), values[index])
+            try:
+                for (axis, _), values, index in zip(axes, levels, chosen, strict=True):
+                    if index is not None:
+                        node = tree.put(node, labels.steps(axis), values[index])
+            except InputError as error:  # a level of another axis has no such item
+                self.mistakes.extend(error.records)
+                continue
             scenario = self._validate(node, Scenario, "base")
             if isinstance(scenario, Scenario):
                 self.mistakes.extend(checks.rates(scenario, node))
                 self.mistakes.extend(checks.measurements(scenario, node))
-
-
-def _level_nodes(axis: Node) -> list[Node]:
-    """Return the nodes of an axis's levels."""
-    given = [axis.value[key] for key in ("cards", "values") if key in axis.value and axis.value[key].is_list]
-    return list(given[0].value)
 
 
 def _kind_at(base: Node, path: list[str]) -> tuple[Any, Node | None]:
@@ -225,10 +249,10 @@ def _unknown(base: Node, path: list[str]) -> str:
             kind, node = _kind_at(base, path[: depth - 1]) if depth > 1 else (Scenario, base)
             old = fields.old_key(kind, path[depth - 1])
             if old:
-                return f"{'.'.join(path)!r}: {old}"
+                return f"{quoted('.'.join(path))}: {old}"
             near = tree.hint(path[depth - 1], fields.names(kind, node))
-            return f"{'.'.join(path)!r} is not a field of the base{near}"
-    return f"{'.'.join(path)!r} is not a field of the base"
+            return f"{quoted('.'.join(path))} is not a field of the base{near}"
+    return f"{quoted('.'.join(path))} is not a field of the base"
 
 
 def _get(data: Any, path: Sequence[str]) -> Any:

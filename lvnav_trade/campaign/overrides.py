@@ -7,8 +7,8 @@ from lvnav_trade.campaign.cards import Shelf, nowhere
 from lvnav_trade.campaign.expand import Expander
 from lvnav_trade.campaign.fields import Kind
 from lvnav_trade.campaign.schema import Campaign
-from lvnav_trade.campaign.tree import Node, hint, join, refuse
-from lvnav_trade.errors import InputError
+from lvnav_trade.campaign.tree import Node, hint, is_index, join, refuse
+from lvnav_trade.errors import InputError, quoted
 from lvnav_trade.scenario import Scenario
 
 _HERE = "--set"
@@ -18,7 +18,7 @@ def apply(root: Node, assignment: str, shelf: Shelf) -> Node:
     """Return the campaign's tree with one assignment laid on top; InputError where it has no sense."""
     text, equals, value = assignment.partition("=")
     if not equals or not text.strip():
-        raise InputError(f"{_HERE} {assignment!r}: should be path=value, such as monte_carlo.runs=500")
+        raise InputError(f"{_HERE} {quoted(assignment)}: should be path=value, such as monte_carlo.runs=500")
     path = full_path(text.strip(), _HERE)
     _refuse_varied(root, path)
     return _set(root, path, _value(value, path), Campaign, shelf, "")
@@ -43,7 +43,7 @@ def _value(text: str, path: list[str]) -> Node:
     try:
         return tree.from_plain(tree.plain(tree.parse(text, _HERE, where.folder)), where)
     except InputError as error:
-        raise refuse(where, ".".join(path), f"{text!r}: {error.records[0].message}") from None
+        raise refuse(where, ".".join(path), f"{quoted(text)}: {error.records[0].message}") from None
 
 
 def _refuse_varied(root: Node, path: list[str]) -> None:
@@ -91,8 +91,8 @@ def _opened(node: Node, kind: Kind, shelf: Shelf, at: str) -> Node:
 
 def _set_item(node: Node, key: str, rest: list[str], value: Node, kind: Kind, shelf: Shelf, at: str) -> Node:
     items = list(node.value) if node.is_list else []
-    if not key.isdigit() or int(key) >= len(items):
-        raise refuse(value.place, at, f"{key!r} is not an item of a list of {len(items)} (0 is the first)")
+    if not is_index(key) or int(key) >= len(items):
+        raise refuse(value.place, at, f"{quoted(key)} is not an item of a list of {len(items)} (0 is the first)")
     items[int(key)] = _set(items[int(key)], rest, value, fields.item(kind, int(key)), shelf, join(at, key))
     return Node(items, node.place)
 

@@ -8,7 +8,8 @@ from typing import Literal, Self
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from lvnav_trade.campaign.tree import hint
-from lvnav_trade.layout import MISSION
+from lvnav_trade.errors import quoted
+from lvnav_trade.layout import EXTRAS, MISSION, MOTION, PARAMETERS
 from lvnav_trade.units import Card, parse
 
 STEERED = tuple(f"nozzle_movement_{axis}" for axis in ("pitch", "yaw"))
@@ -20,22 +21,45 @@ COUNTED = ("satellites_tracked", "troposphere_left", "ionosphere_left")
 _ENDS = ("start", "end")
 _INSTANT = re.compile(r"\s*(?P<event>[A-Za-z_]\w*)\s*(?:[+-]\s*(?P<offset>\S.*))?$")
 
+_MOTION = {f"{prefix}{name}": unit for prefix in ("", "raw_", "corrected_") for name, unit, *_ in MOTION}
+_UNITS = (
+    {"attitude": "rad", "velocity": "m/s", "position": "m", "clock_bias": "m", "clock_drift": "m/s"}
+    | {"solution_velocity": "m/s", "solution_position": "m", "receiver_clock_bias": "m", "receiver_clock_drift": "m/s"}
+    | {name: kind.unit for name, kind in PARAMETERS.items()}
+    | {name: unit for name, (unit, *_) in EXTRAS.items()}
+    | _MOTION
+)
+"""SI unit of every quantity of which results hold an error."""
+
 Case = dict[str, str]
 
 
+def taken_apart(metric: str) -> tuple[str, str]:
+    """Return quantity and axis of the metric of an error; an axis left out is the norm, 3d."""
+    quantity, _, axis = metric.partition("_error")
+    return quantity, axis.removeprefix("_") or "3d"
+
+
+def unit_of(metric: str) -> str:
+    """Return the SI unit of a metric, ``%`` or ``-`` of those that have none."""
+    if metric in MISSION:
+        return MISSION[metric].unit
+    if metric in COUNTED:
+        return "-" if metric == COUNTED[0] else "m"
+    if metric in STEERED or metric == RANK:
+        return "%" if metric in STEERED else "-"
+    unit = _UNITS[taken_apart(metric)[0]]
+    return "dimensionless" if unit == "1" else unit
+
+
 def _metric(name: str) -> str:
-    if (
-        name in MISSION
-        or name in COUNTED
-        or name in STEERED
-        or name == RANK
-        or re.fullmatch(r"[a-z][a-z_]*_error(_[a-z0-9]+)?", name)
-    ):
+    stated = re.fullmatch(r"[a-z][a-z_]*_error(_[a-z0-9]+)?", name)
+    if name in (*MISSION, *COUNTED, *STEERED, RANK) or (stated and taken_apart(name)[0] in _UNITS):
         return name
     near = hint(
         name, (*MISSION, *COUNTED, *STEERED, RANK, "position_error_3d", "velocity_error_3d", "attitude_error_3d")
     )
-    raise ValueError(f"{name!r} is not a metric{near}")
+    raise ValueError(f"{quoted(name)} is not a metric{near}")
 
 
 def _instant(text: str) -> str:
@@ -153,7 +177,18 @@ class Published(_Measured):
                 raise ValueError(f"{name} makes the number a part of another; its unit is %, not {self.unit!r}")
         if self.than is not None and self.against is not None:
             raise ValueError("than is of the same case, against of another; choose one")
+        self._fits()
         return self
+
+    def _fits(self) -> None:
+        """Refuse a unit in which the metric is not measured; a part of another number is in percent."""
+        wanted = "%" if self.than is not None or self.against is not None else unit_of(self.metric)
+        if wanted not in ("%", "-"):
+            parse(f"1 {self.unit}", wanted)
+        elif self.unit != wanted:
+            raise ValueError(f"unit: {quoted(self.unit)} does not fit {self.metric}; expected {wanted!r}")
+        if self.than is not None and unit_of(self.than) != unit_of(self.metric):
+            raise ValueError(f"than: {self.than} is in {unit_of(self.than)}, {self.metric} in {unit_of(self.metric)}")
 
     @field_validator("than")
     @classmethod

@@ -7,11 +7,11 @@ from typing import Any, Literal, NamedTuple
 
 from pydantic import Field, PrivateAttr, ValidationInfo, field_serializer, field_validator, model_validator
 
-from lvnav_trade import units
+from lvnav_trade import limits, units
 from lvnav_trade.campaign.corridor import Corridor
 from lvnav_trade.campaign.published import Innovations, Ordering, Published
 from lvnav_trade.campaign.tree import Written, hint
-from lvnav_trade.errors import InputError
+from lvnav_trade.errors import InputError, quoted
 from lvnav_trade.layout import MISSION
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.units import Card, Duration
@@ -59,7 +59,7 @@ def metric_names() -> tuple[str, ...]:
 def metric(name: str) -> Metric:
     """Take a metric's name apart; ValueError names the nearest where it is unknown."""
     if name not in metric_names():
-        raise ValueError(f"{name!r} is not a metric{hint(name, metric_names())}")
+        raise ValueError(f"{quoted(name)} is not a metric{hint(name, metric_names())}")
     if name in MISSION:
         return Metric(name, "3d")
     quantity, _, axis = name.partition("_error_")
@@ -75,12 +75,18 @@ class MonteCarlo(Card):
         description="'decided': a case's blocks of runs end once all its requirements are met or violated",
     )
     block: int = Field(
-        default=40, ge=8, multiple_of=8, description="runs per block of work: part of the results' identity"
+        default=40,
+        ge=8,
+        le=limits.RUNS,
+        multiple_of=8,
+        description="runs per block of work: part of the results' identity",
     )
 
     @field_validator("runs")
     @classmethod
     def _some(cls, runs: int) -> int:
+        if runs > limits.RUNS:
+            raise ValueError(f"{quoted(runs)} runs; at most {limits.RUNS} are flown")
         if runs < 1:
             raise ValueError(f"{runs} runs; give at least 1, or leave monte_carlo out for linear covariance alone")
         return runs
@@ -145,7 +151,7 @@ class Requirement(Card):
         if phase is not None and info.data.get("metric") in MISSION:
             raise ValueError(f"{info.data['metric']} is a number of the orbit at an event; give at in place of during")
         if phase is not None and phase != FLIGHT and len(phase.split(" to ")) != 2:
-            raise ValueError(f"{phase!r} is no phase; write 'EVENT to EVENT' or {FLIGHT}")
+            raise ValueError(f"{quoted(phase)} is no phase; write 'EVENT to EVENT' or {FLIGHT}")
         return phase
 
     @field_validator("at")
@@ -171,10 +177,10 @@ class Requirement(Card):
             return 0.0  # the metric's own mistake is told; its unit is unknown here
         unit = metric(info.data["metric"]).unit
         if not isinstance(value, str):
-            raise ValueError(f"{value} has no unit; write it with a unit, such as '0.3 {unit}'")
+            raise ValueError(f"{quoted(value)} has no unit; write it with a unit, such as '0.3 {unit}'")
         bound = units.parse(value, unit)
         if bound <= 0:
-            raise ValueError(f"{value!r} is no bound; it should be above zero")
+            raise ValueError(f"{quoted(value)} is no bound; it should be above zero")
         return bound
 
     @field_serializer("below", when_used="json")
@@ -247,15 +253,21 @@ class Campaign(Card):
     description: str = ""
     seed: int = Field(ge=0, lt=2**63)
     base: Scenario
-    axes: tuple[Axis, ...] = ()
+    axes: tuple[Axis, ...] = Field((), max_length=limits.AXES)
     design: Literal["grid", "zip", "one_at_a_time"] = "grid"
     monte_carlo: MonteCarlo | None = None
     covariance: Covariance = Covariance()
     keep: Keep = Keep()
-    requirements: tuple[Requirement, ...] = ()
-    references: tuple[Published, ...] = Field((), description="published numbers that ours are held against")
-    orderings: tuple[Ordering, ...] = Field((), description="published orders of cases that must hold")
-    innovations: tuple[Innovations, ...] = Field((), description="published statements on the innovations")
+    requirements: tuple[Requirement, ...] = Field((), max_length=limits.STATEMENTS)
+    references: tuple[Published, ...] = Field(
+        (), max_length=limits.STATEMENTS, description="published numbers that ours are held against"
+    )
+    orderings: tuple[Ordering, ...] = Field(
+        (), max_length=limits.STATEMENTS, description="published orders of cases that must hold"
+    )
+    innovations: tuple[Innovations, ...] = Field(
+        (), max_length=limits.STATEMENTS, description="published statements on the innovations"
+    )
     corridor: Corridor | None = Field(default=None, description="where the point of impact must stay")
     report: Report = Report()
     compare: Compare = Compare()
@@ -270,5 +282,5 @@ class Campaign(Card):
     @classmethod
     def _folder(cls, name: str) -> str:
         if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}", name):
-            raise ValueError(f"{name!r} cannot name a folder; use letters, digits, '-', '_' and '.'")
+            raise ValueError(f"{quoted(name)} cannot name a folder; use letters, digits, '-', '_' and '.'")
         return name

@@ -13,6 +13,7 @@ from lvnav_trade.campaign.explain import explain
 from lvnav_trade.campaign.load import load
 from lvnav_trade.campaign.published import Case, Published
 from lvnav_trade.campaign.schema import Campaign, MonteCarlo
+from lvnav_trade.campaign.statements import of_study
 from lvnav_trade.campaign.tree import hint
 from lvnav_trade.errors import InputError
 from lvnav_trade.units import Card, Duration
@@ -120,6 +121,7 @@ def load_study(folder: str | Path, runs: int | None = None) -> tuple[Study, tupl
         raise InputError(f"{folder}: no campaigns here")
     study = _read(place, tuple(found))
     loaded = [Question(part, load(found[part.campaign])) for part in study.campaigns]
+    _refuse_unknown(place / FILE, loaded)
     return study, tuple(one._replace(campaign=_with_runs(one.campaign, runs)) for one in loaded)
 
 
@@ -149,6 +151,20 @@ def _read(place: Path, names: tuple[str, ...]) -> Study:
     if not study.campaigns:
         study = study.model_copy(update={"campaigns": tuple(Part(campaign=name) for name in names)})
     return study.model_copy(update={"name": place.resolve().name})
+
+
+def _refuse_unknown(file: Path, questions: list[Question]) -> None:
+    """Refuse cases and axes that the study names and its campaigns do not have."""
+    wrong = [
+        (f"campaigns.{index}.{path}", message)
+        for index, (part, campaign) in enumerate(questions)
+        for path, message in of_study(part, campaign)
+    ]
+    if wrong:
+        root = tree.read_mapping(file)
+        raise InputError(
+            records=[tree.mistake(tree.nearest(root, path.split(".")), path, told) for path, told in wrong]
+        )
 
 
 def _with_runs(campaign: Campaign, runs: int | None) -> Campaign:

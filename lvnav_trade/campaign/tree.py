@@ -13,10 +13,14 @@ from typing import Any, NamedTuple
 
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedSeq
+from ruamel.yaml.composer import Composer
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.events import AliasEvent
 from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
 
-from lvnav_trade.errors import InputError, Mistake
+from lvnav_trade.errors import InputError, Mistake, quoted
+from lvnav_trade.input_files import read_bytes
+from lvnav_trade.limits import LIST_LENGTH, QUOTED_LENGTH, WORD_LENGTH, YAML_ALIASES, YAML_BYTES, YAML_DEPTH, YAML_NODES
 
 
 class Place(NamedTuple):
@@ -95,6 +99,8 @@ def refuse(place: Place, path: str, message: str) -> InputError:
 
 def hint(word: str, known: Iterable[str]) -> str:
     """Return `` (did you mean 'this'?)``, or nothing where no known word is near."""
+    if len(word) > QUOTED_LENGTH:
+        return ""
     spelled = {str(name).lower(): str(name) for name in known}
     near = difflib.get_close_matches(word.lower(), list(spelled), n=1, cutoff=0.6)
     longer = [name for name in spelled if len(word) > 2 and name.startswith(f"{word.lower()}_")]
@@ -106,22 +112,27 @@ def read(path: Path) -> Node:
     """Read a YAML file into a tree; InputError says in one line why it cannot be read."""
     shown = show(path)
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise InputError(f"{shown}: no such file{hint(path.name, _siblings(path))}") from None
-    except IsADirectoryError:
-        raise InputError(f"{shown}: is a folder, not a YAML file") from None
+        if path.is_dir():
+            raise InputError(f"{shown}: is a folder, not a YAML file")
+        if not path.exists():
+            raise InputError(f"{shown}: no such file{hint(path.name, _siblings(path))}")
+    except (OSError, ValueError) as error:  # a name that no file can have
+        raise InputError(f"{quoted(shown)}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    try:
+        text = read_bytes(path, YAML_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(f"{shown}: is not a text file in UTF-8") from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"{shown}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
     return parse(text, shown, path.resolve().parent)
 
 
 def parse(text: str, file: str, folder: Path) -> Node:
     """Parse YAML text of `file` (relative paths in it start from `folder`)."""
+    reader = YAML(typ="rt", pure=True)
+    reader.Composer = _BoundedComposer
     try:
-        root = YAML(typ="rt", pure=True).compose(text)
+        root = reader.compose(text)
+    except _TooLarge as error:
+        raise InputError(records=[Mistake(str(error), "", file, error.line, error.column)]) from None
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
@@ -130,10 +141,10 @@ def parse(text: str, file: str, folder: Path) -> Node:
         raise InputError(f"{file}: is not YAML: {str(error).splitlines()[0]}") from None
     if root is None:
         raise InputError(f"{file}: is empty")
-    mistakes: list[Mistake] = []
-    tree = _convert(root, file, folder, "", mistakes, ())
-    if mistakes:
-        raise InputError(records=mistakes)
+    conversion = _Conversion(file, folder)
+    tree = conversion.node(root, "", ())
+    if conversion.mistakes:
+        raise InputError(records=conversion.mistakes)
     return tree
 
 
@@ -168,43 +179,90 @@ def _syntax(error: MarkedYAMLError, text: str, line: int) -> str:
     return f"is not YAML: {problem}{f' (in what begins on line {begun})' if begun != line else ''}"
 
 
-def _convert(raw: Any, file: str, folder: Path, path: str, mistakes: list[Mistake], above: tuple[int, ...]) -> Node:
-    """Turn a composed node into a tree node, collecting duplicate keys and whatever else has no meaning here."""
-    place = Place(file, raw.start_mark.line + 1, raw.start_mark.column + 1, folder)
-    if id(raw) in above:
-        mistakes.append(mistake(place, path, "an alias that contains itself"))
-        return Node(None, place)
-    if isinstance(raw, MappingNode):
-        return _convert_mapping(raw, place, path, mistakes, (*above, id(raw)))
-    if isinstance(raw, SequenceNode):
-        items = [
-            _convert(item, file, folder, join(path, index), mistakes, (*above, id(raw)))
-            for index, item in enumerate(raw.value)
-        ]
-        return Node(items, place)
-    return Node(_scalar(raw), place)
+class _TooLarge(Exception):
+    """A file of settings beyond a limit, and where that showed."""
+
+    def __init__(self, message: str, event: Any) -> None:
+        super().__init__(message)
+        self.line, self.column = event.start_mark.line + 1, event.start_mark.column + 1
 
 
-def _convert_mapping(
-    raw: MappingNode, place: Place, path: str, mistakes: list[Mistake], above: tuple[int, ...]
-) -> Node:
-    values: dict[str, Node] = {}
-    keys: dict[str, Place] = {}
-    for key_node, value_node in raw.value:
-        here = Place(place.file, key_node.start_mark.line + 1, key_node.start_mark.column + 1, place.folder)
-        if not isinstance(key_node, ScalarNode):
-            mistakes.append(mistake(here, path, "a key should be a word"))
-            continue
-        key = str(key_node.value)
-        if key in values:
-            message = f"the key {key!r} stands twice (first on line {keys[key].line})"
-            mistakes.append(mistake(here, join(path, key), message))
-            continue
-        keys[key] = here
-        value = _convert(value_node, place.file, place.folder, join(path, key), mistakes, above)
-        # An empty value has no place of its own: the parser puts it wherever the next word stands.
-        values[key] = value if value.value is not None else Node(None, here)
-    return Node(values, place, keys)
+class _BoundedComposer(Composer):
+    """Composes nodes and stops at the first that is one too many, one too deep or too long."""
+
+    warn_double_anchors = False
+    nodes = deep = aliases = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        event = self.parser.peek_event()
+        self.nodes, self.deep = self.nodes + 1, self.deep + 1
+        self.aliases += isinstance(event, AliasEvent)
+        for size, most, what in (
+            (self.nodes, YAML_NODES, "words, lists and mappings"),
+            (self.deep, YAML_DEPTH, "lists and mappings within each other"),
+            (self.aliases, YAML_ALIASES, "aliases"),
+            (index + 1 if isinstance(index, int) else 0, LIST_LENGTH, "items in a list"),
+            (len(getattr(event, "value", None) or ""), WORD_LENGTH, "characters in a text"),
+        ):
+            if size > most:
+                raise _TooLarge(f"more than {most} {what}", event)
+        node = super().compose_node(parent, index)
+        self.deep -= 1
+        return node
+
+
+_TAGS = ("str", "int", "float", "bool", "null", "timestamp", "merge", "value")
+"""What a word may be by YAML itself; all but the first five stay text."""
+
+
+class _Conversion:
+    """Turns composed nodes into tree nodes, collecting duplicate keys and whatever else has no meaning here."""
+
+    def __init__(self, file: str, folder: Path) -> None:
+        self.file, self.folder = file, folder
+        self.mistakes: list[Mistake] = []
+        self.nodes = 0
+
+    def place(self, raw: Any) -> Place:
+        """Return where a composed node begins."""
+        return Place(self.file, raw.start_mark.line + 1, raw.start_mark.column + 1, self.folder)
+
+    def node(self, raw: Any, path: str, above: tuple[int, ...]) -> Node:
+        """Return the tree node of a composed one; `above` are the identities of those that contain it."""
+        place = self.place(raw)
+        self.nodes += 1  # an alias repeats all that it stands for
+        if self.nodes > YAML_NODES:
+            raise refuse(place, path, f"with its aliases more than {YAML_NODES} words, lists and mappings")
+        if id(raw) in above:
+            self.mistakes.append(mistake(place, path, "an alias that contains itself"))
+            return Node(None, place)
+        if isinstance(raw, MappingNode):
+            return self._mapping(raw, place, path, (*above, id(raw)))
+        if isinstance(raw, SequenceNode):
+            items = [self.node(item, join(path, index), (*above, id(raw))) for index, item in enumerate(raw.value)]
+            return Node(items, place)
+        if str(raw.tag).rpartition(":")[2] not in _TAGS:
+            self.mistakes.append(mistake(place, path, f"the tag {quoted(str(raw.tag))} has no meaning here"))
+        return Node(_scalar(raw), place)
+
+    def _mapping(self, raw: MappingNode, place: Place, path: str, above: tuple[int, ...]) -> Node:
+        values: dict[str, Node] = {}
+        keys: dict[str, Place] = {}
+        for key_node, value_node in raw.value:
+            here = self.place(key_node)
+            if not isinstance(key_node, ScalarNode):
+                self.mistakes.append(mistake(here, path, "a key should be a word"))
+                continue
+            key = str(key_node.value)
+            if key in values:
+                message = f"the key {quoted(key)} stands twice (first on line {keys[key].line})"
+                self.mistakes.append(mistake(here, join(path, key), message))
+                continue
+            keys[key] = here
+            value = self.node(value_node, join(path, key), above)
+            # An empty value has no place of its own: the parser puts it wherever the next word stands.
+            values[key] = value if value.value is not None else Node(None, here)
+        return Node(values, place, keys)
 
 
 def _scalar(raw: ScalarNode) -> Any:
@@ -218,7 +276,7 @@ def _scalar(raw: ScalarNode) -> Any:
             return float(re.sub(r"^([+-]?)\.(inf|nan)$", r"\1\2", text.lower()))
     except ValueError:
         return text
-    if kind == "bool":
+    if kind == "bool" and text.lower() in ("true", "false"):
         return text.lower() == "true"
     return None if kind == "null" else text
 
@@ -274,8 +332,10 @@ def put(node: Node, path: list[str], child: Node) -> Node:
     if not path:
         return child
     if node.is_list:
-        index = int(path[0])
         items = list(node.value)
+        if not is_index(path[0]) or int(path[0]) >= len(items):
+            raise refuse(node.place, "", f"{quoted(path[0])} is not an item of a list of {len(items)} (0 is the first)")
+        index = int(path[0])
         items[index] = put(items[index], path[1:], child)
         return Node(items, node.place)
     below = node.value[path[0]] if node.is_map and path[0] in node.value else Node({}, child.place)
@@ -283,12 +343,17 @@ def put(node: Node, path: list[str], child: Node) -> Node:
     return with_child(start, path[0], put(below, path[1:], child), start.keys.get(path[0]))
 
 
+def is_index(word: str) -> bool:
+    """Return whether a step of a path is an index of a list, written in the one way that an index is."""
+    return re.fullmatch(r"0|[1-9][0-9]{0,5}", word) is not None
+
+
 def find(node: Node, path: Iterable[str | int]) -> Node | None:
     """Return the node at `path`, or None."""
     for key in path:
         if node.is_map and str(key) in node.value:
             node = node.value[str(key)]
-        elif node.is_list and str(key).isdigit() and int(key) < len(node.value):
+        elif node.is_list and is_index(str(key)) and int(key) < len(node.value):
             node = node.value[int(key)]
         else:
             return None

@@ -241,7 +241,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     epochs = epochs_of(scenario, ref)
     t_epoch = epochs.t
     seen = _seen(scenario, trajectory, t_epoch, float(ref.t[0]))
-    unstamped = delay(scenario.faults, trajectory.events, t_epoch)
+    unstamped = delay(scenario.faults, trajectory.instants, t_epoch)
     delayed = delay_taken(scenario, t_epoch, np.minimum(t_epoch, seen.t + unstamped))
     kept = kept_at(scenario, t_epoch, delayed, ref.t, epochs.group)
     at = times_of(scenario, trajectory, ref, epochs, kept, history, every_step_beside)
@@ -261,7 +261,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     late_by = delays(trajectory, scenario.receiver, seen, scenario.atmosphere, card.corrections)
     geometry = geometry_of(line, seen.tracked, late_by.troposphere, late_by.ionosphere)
     believed = geometry_of(line, seen.tracked, late_by.believed_troposphere, late_by.believed_ionosphere)
-    failed = failures(scenario.faults, trajectory.events, t_epoch, seen.names, seen.elevation, seen.tracked)
+    failed = failures(scenario.faults, trajectory.instants, t_epoch, seen.names, seen.elevation, seen.tracked)
     tabled = recorded(scenario, trajectory.theta0, line, seen, measured, failed.frozen)
     shared_errors = (*families(scenario, geometry, measured, failed, devices), *tabled.families)
     shared = shared_of(shared_errors, layout, epoch_interval(scenario), (t_epoch.size, measured.n_channel))
@@ -318,7 +318,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
 def _seen(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: float) -> Sky:
     """Return the sky that the measurements of each epoch are of: that of a latency before."""
     receiver, above = scenario.receiver, scenario.constellation
-    late = receiver.latency + delay(scenario.faults, trajectory.events, t_epoch)
+    late = receiver.latency + delay(scenario.faults, trajectory.instants, t_epoch)
     if receiver.latency_per_satellite > 0.0:
         now = sky(above, receiver, trajectory, t_epoch, scenario.faults)
         late = late + receiver.latency_per_satellite * now.tracked.sum(axis=1)

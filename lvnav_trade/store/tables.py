@@ -355,7 +355,7 @@ def _events(prepared: Prepared) -> dict[str, Any]:
     events = prepared.trajectory.events
     rows = [(name, "event", t, t) for name, t in events.items()]
     for number, fault in enumerate(prepared.scenario.faults, start=1):
-        start = resolve(fault.start, events)
+        start = resolve(fault.start, prepared.trajectory.instants)
         rows.append((f"{fault.kind} {number}", "fault", start, start + fault.duration))
     return {
         "event": [row[0] for row in rows],

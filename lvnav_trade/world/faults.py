@@ -7,16 +7,19 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.records import Floats
-from lvnav_trade.units import Acceleration, AngularRate, Card, Duration, Length, LengthSigma, Pause, Speed
+from lvnav_trade.units import Acceleration, AngularRate, Card, Duration, Length, LengthSigma, Pause, Speed, distinct
 from lvnav_trade.world.events import resolve
 
 Mask = NDArray[np.bool_]
 
 ROUNDING = 1e-6  # s; an epoch that rounding has moved by less still lies on the fault's edge
+
+
+Names = Annotated[tuple[str, ...], AfterValidator(distinct)]
 
 
 class Timed(Card):
@@ -37,7 +40,7 @@ class AntennaFailure(Timed):
     """Antennas that receive nothing, by their numbers from 1 in the receiver's list."""
 
     kind: Literal["antenna_failure"] = "antenna_failure"
-    antennas: tuple[Annotated[int, Field(ge=1)], ...] = Field(min_length=1)
+    antennas: Annotated[tuple[Annotated[int, Field(ge=1)], ...], AfterValidator(distinct)] = Field(min_length=1)
 
 
 class DegradedNoise(Timed):
@@ -45,14 +48,14 @@ class DegradedNoise(Timed):
 
     kind: Literal["degraded_noise"] = "degraded_noise"
     factor: float = Field(gt=0.0)
-    satellites: tuple[str, ...] = Field((), description="such as G05; all, and the solution, if empty")
+    satellites: Names = Field((), description="such as G05; all, and the solution, if empty")
 
 
 class RangeBias(Timed):
     """Pseudoranges of some satellites wrong by a step and a drift (a satellite's clock that runs away)."""
 
     kind: Literal["range_bias"] = "range_bias"
-    satellites: tuple[str, ...] = Field((), description="such as G05; the highest at the start if empty")
+    satellites: Names = Field((), description="such as G05; the highest at the start if empty")
     size: Length = 0.0
     drift: Speed = 0.0
 
@@ -75,7 +78,7 @@ class WildSamples(Timed):
 
     kind: Literal["wild_samples"] = "wild_samples"
     sigma: LengthSigma
-    satellites: tuple[str, ...] = Field((), description="such as G05; all if empty")
+    satellites: Names = Field((), description="such as G05; all if empty")
 
 
 class FrozenOutput(Timed):

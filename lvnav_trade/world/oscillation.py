@@ -179,7 +179,8 @@ def oscillations(
 
 
 def _placed(card: OscillationCard, name: str, events: Mapping[str, float], span: tuple[float, float]) -> Oscillation:
-    start, end = resolve(card.start, events), resolve(card.end, events)
+    instants = {"start": span[0], "end": span[1], **events}
+    start, end = resolve(card.start, instants), resolve(card.end, instants)
     if end - start < 2.0 * card.ramp:
         raise InputError(f"{name}: from {start:g} to {end:g} s there is no room for two ramps of {card.ramp:g} s")
     if start < span[0] or end > span[1]:

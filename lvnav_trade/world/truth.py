@@ -65,6 +65,11 @@ class Trajectory:
         """End of the last phase, s since lift-off."""
         return self.phases[-1].end
 
+    @property
+    def instants(self) -> dict[str, float]:
+        """Times (s) that a fault may start at: the events, and ``start`` and ``end`` of the flight."""
+        return {"start": self.start, "end": self.end, **self.events}
+
 
 def position_spline(t: Floats, r: Floats, v_ends: ArrayLike, a_ends: ArrayLike) -> BSpline:
     """Return the quintic through r (n, 3) at t (n,), with given velocity and acceleration (2, 3) at both ends."""

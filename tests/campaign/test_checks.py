@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from lvnav_trade import api
 from lvnav_trade.campaign import checks
 from lvnav_trade.campaign.axes import cases
 from lvnav_trade.campaign.load import load, resolved
@@ -203,3 +204,19 @@ def test_a_measurement_that_is_not_used_may_be_perfect(study) -> None:
 def test_a_filter_that_has_no_bound_to_tell_is_told_where_it_was_asked(study, listed: str, message: str) -> None:
     found = told(study, ("covariance.error_bound=true", f"base.filter.measurements={listed}"))
     assert [message in line and "covariance.error_bound" in line for line in found] == [True] * bool(message)
+
+
+@pytest.mark.parametrize("start", ["start", "start + 10 s", "end - 20 s"])
+def test_a_fault_may_begin_at_an_end_of_the_flight_as_a_phase_does(study, start: str) -> None:
+    study.edit("configs/vehicles/small.yaml", '"300 kg"', '"150 kg"')
+    fault = f"{{kind: satellite_outage, start: {start}, duration: 10 s}}"
+    study.edit("campaign.yaml", "imu: imu/good", f"imu: imu/good\n  faults: [{fault}]")
+    assert api.check("campaign.yaml").base.faults[0].start == start
+
+
+def test_a_fault_at_the_end_of_the_flight_is_refused(study) -> None:
+    study.edit("configs/vehicles/small.yaml", '"300 kg"', '"150 kg"')
+    fault = "{kind: satellite_outage, start: end, duration: 10 s}"
+    study.edit("campaign.yaml", "imu: imu/good", f"imu: imu/good\n  faults: [{fault}]")
+    with pytest.raises(InputError, match="at or after the end of the flight"):
+        api.check("campaign.yaml")

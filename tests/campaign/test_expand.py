@@ -127,3 +127,37 @@ def test_a_folder_in_place_of_a_file_is_told_as_one(study) -> None:
     study.edit("campaign.yaml", "constellations/two", "{almanac: configs}")
     with pytest.raises(InputError, match=r"base\.constellation\.almanac: is a folder, not a file: 'configs'$"):
         load(study.path.name)
+
+
+FILTERED = "{kind: filtered, range_sigma: 2 m, rate_sigma: 0.1 m/s, jerk: 1 m/s^3, clock_noise: 1 m/s^2}"
+
+
+def test_an_override_of_another_kind_replaces_the_cards_settings(study) -> None:
+    study.edit("campaign.yaml", "receivers/plain", f"{{card: receivers/plain, solution: {FILTERED}}}")
+    study.edit("configs/filters/near.yaml", "[pseudorange, range_rate]", "[position, velocity]")
+    solution = load(study.path).base.receiver.solution
+    assert solution.kind == "filtered"
+    assert solution.range_sigma == 2.0
+
+
+def test_an_override_of_the_same_kind_keeps_the_cards_other_fields(study) -> None:
+    study.edit("campaign.yaml", "receivers/plain", "{card: receivers/plain, solution: {kind: direct, bias_time: 9 s}}")
+    solution = load(study.path).base.receiver.solution
+    assert (solution.position_sigma, solution.bias_time) == (3.0, 9.0)
+
+
+def test_an_override_of_another_kind_leaves_nothing_of_a_card_so_the_card_is_refused(study) -> None:
+    study.edit("campaign.yaml", "constellations/two", "{card: constellations/two, kind: almanac, almanac: x}")
+    with pytest.raises(InputError, match=r"constellation\.kind: the card 'constellations/two' is of another kind"):
+        load(study.path)
+
+
+def test_a_card_named_by_an_override_keeps_nothing_of_the_card_it_replaces(study) -> None:
+    text = (study.folder / "configs/vehicles/small.yaml").read_text()
+    study.write("configs/vehicles/plain.yaml", text.replace("name: small", "name: plain"))
+    study.edit(
+        "configs/vehicles/small.yaml", "name: small", "name: small\nfairing: {mass: 100 kg, after_ignition: 9 s}"
+    )
+    study.edit("campaign.yaml", "trajectories/climb", "{card: trajectories/climb, vehicle: vehicles/plain}")
+    vehicle = load(study.path).base.trajectory.vehicle
+    assert (vehicle.name, vehicle.fairing) == ("plain", None)

@@ -17,7 +17,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return a study of one campaign whose results are there; the working folder is beside it."""
     monkeypatch.chdir(tmp_path)
     references = synthetic.CAMPAIGN.partition("references:")[2]
-    more = f"monte_carlo: {{runs: 40}}\nreferences:{references}"
+    axis = "{path: imu, cards: [imu/tactical_fog, imu/tactical_mems], labels: [fine, coarse]}"
+    more = f"monte_carlo: {{runs: 40}}\naxes: [{axis}]\nreferences:{references}"
     (tmp_path / "papers").mkdir()
     (tmp_path / "papers" / "synthetic.yaml").write_text(CAMPAIGN.format(name="synthetic", more=more))
     synthetic.results(tmp_path / "results" / "papers" / "synthetic", n_run=40)

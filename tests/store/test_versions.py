@@ -24,4 +24,7 @@ def test_the_manifest_names_versions_machine_and_order(written):
 def test_the_digest_of_the_code_covers_every_room_that_computing_rooms_use():
     text = "".join(path.read_text() for room in _COMPUTES for path in (PACKAGE / room).rglob("*.py"))
     used = set(re.findall(r"^from lvnav_trade\.(\w+)", text, flags=re.M))
-    assert used - {"errors"} == used & {*_COMPUTES, *(name.removesuffix(".py") for name in _COMPUTES_TOO)}
+    assert used - {"errors", "input_files", "limits"} == used & {
+        *_COMPUTES,
+        *(name.removesuffix(".py") for name in _COMPUTES_TOO),
+    }

@@ -142,6 +142,20 @@ def _start(joint, scratch, tape, nominal, watch, rules, signals, true, belief, c
 
 
 @inlined
+def _expect(joint, nominal, true, belief, signals, late, watch, epoch):
+    """Set the mean of every innovation of the receiver's measurements: what the mode logic sees in a run without noise."""
+    ring = 0
+    if late is not None:
+        ring = epoch % late.n_ring
+    for row in range(n_measured(belief, signals, epoch)):
+        channel = channel_of(belief, signals, epoch, row)
+        total = nominal.z[row]
+        for k in range(true.n_entry[channel]):
+            total += nominal.H[row, true.entry[ring, channel, k]] * joint.mean[true.column[ring, channel, k]]
+        nominal.expected[row], watch.predicted[row] = total, 0.0
+
+
+@inlined
 def _process_permitted(
     out, joint, scratch, tape, nominal, signals, true, belief, chain, late, gains, rules, watch, epoch
 ):
@@ -150,9 +164,8 @@ def _process_permitted(
     good = rules.good[epoch] and solved
     if good:
         _fill(nominal, joint.formal, signals, belief, chain, late, epoch)
-        for row in range(nominal.z.shape[0]):
-            watch.predicted[row] = 0.0
-    judge(watch, rules, belief, signals, epoch, nominal.z, n_measured(belief, signals, epoch))
+        _expect(joint, nominal, true, belief, signals, late, watch, epoch)
+    judge(watch, rules, belief, signals, epoch, nominal.expected, n_measured(belief, signals, epoch))
     if good:
         _start(joint, scratch, tape, nominal, watch, rules, signals, true, belief, chain, late, epoch)
         _weight(nominal, joint.formal, belief, chain, late, gains, epoch)

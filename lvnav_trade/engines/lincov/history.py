@@ -45,7 +45,7 @@ def nominal(prepared: Prepared) -> Nominal:
     shapes = {
         "nav": (10,), "sums": (N_SUM,), "previous": (6,),
         "increments": (int(prepared.schedule.n_tick.max()), 6), "antenna": (len(belief.levers), 21),
-        "rate": (3,), "H": (prepared.n_row, _width(prepared)), "z": (prepared.n_row,),
+        "rate": (3,), "H": (prepared.n_row, _width(prepared)), "z": (prepared.n_row,), "expected": (prepared.n_row,),
         "ranges": (signals.used.shape[1], 2), "solution": (6,), "observed": (max(1, len(prepared.devices)), 4),
         "clock_hat": (2,), "par": (max(1, len(prepared.layout.parameters)), 3), "x": (belief.n_state,),
         "extra": (max(1, belief.extra_offset.size),), "told": (6, 6),

@@ -24,6 +24,7 @@ class Nominal(NamedTuple):
     rate: Floats
     H: Floats
     z: Floats
+    expected: Floats
     ranges: Floats
     solution: Floats
     observed: Floats

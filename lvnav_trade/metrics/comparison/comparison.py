@@ -160,7 +160,7 @@ def _is_relative(amount: str) -> bool:
 
 def _fraction(effect: Effect) -> float:
     try:
-        value = units.parse(effect.amount, "dimensionless")
+        value = units.parse(re.sub(r" ?(%|percent)$", r" \1", effect.amount), "dimensionless")  # 5% as well as 5 %
     except ValueError as error:
         raise InputError(f"effect on {effect.metric}: {error}") from None
     return _not_negative(effect, value)

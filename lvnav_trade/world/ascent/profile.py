@@ -13,7 +13,7 @@ from scipy.optimize import root_scalar
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.frames import gmst
-from lvnav_trade.units import Angle, Card, Duration, Length, Pause, Speed
+from lvnav_trade.units import Angle, Card, Duration, Epoch, Length, Pause, Speed
 from lvnav_trade.world.ascent.groundtrack import Course, course, end_state, pointing, tracks_of
 from lvnav_trade.world.ascent.launch import achieved, pad_track, phases_of
 from lvnav_trade.world.ascent.record import Record, read
@@ -38,7 +38,7 @@ class RecordedAscent(Card):
     kind: Literal["profile"] = "profile"
     name: str
     source: str
-    epoch: str = Field(description="lift-off, ISO 8601 UTC")
+    epoch: Epoch = Field(description="lift-off, ISO 8601 UTC")
     site: Site
     azimuth: Angle | None = Field(None, description="of the ground track at the site, from north over east")
     inclination: Angle | None = Field(None, description="of the final orbit; gives the azimuth where that is not set")

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.errors import InputError
+from lvnav_trade.errors import InputError, quoted
+from lvnav_trade.input_files import read_bytes
+from lvnav_trade.limits import DATA_BYTES
 
 Floats = NDArray[np.float64]
 
@@ -52,16 +53,14 @@ def read(path: str) -> Record:
 
 def _lines(path: str) -> list[str]:
     try:
-        return Path(path).read_text(encoding="utf-8-sig").splitlines()
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+        return read_bytes(path, DATA_BYTES).decode("utf-8-sig").splitlines()
     except UnicodeDecodeError:
         raise InputError(f"{path}: is not a text file") from None
 
 
 def _check_header(fields: list[str], where: str) -> None:
     if fields != HEADER:
-        raise InputError(f"{where}: the header is {','.join(fields)!r}, expected {','.join(HEADER)!r}")
+        raise InputError(f"{where}: the header is {quoted(','.join(fields))}, expected {','.join(HEADER)!r}")
 
 
 def _row(fields: list[str], before: list[float] | None, where: str) -> list[float]:
@@ -73,9 +72,9 @@ def _row(fields: list[str], before: list[float] | None, where: str) -> list[floa
         try:
             value = float(field)
         except ValueError:
-            raise InputError(f"{where}: {name} is {field!r}, not a number") from None
+            raise InputError(f"{where}: {name} is {quoted(field)}, not a number") from None
         if not math.isfinite(value):
-            raise InputError(f"{where}: {name} is {field!r}, not a finite number")
+            raise InputError(f"{where}: {name} is {quoted(field)}, not a finite number")
         row.append(value)
     if row[1] < 0.0:
         raise InputError(f"{where}: speed_m_s is {fields[1]}, a speed is not negative")

@@ -16,6 +16,7 @@ from lvnav_trade.units import (
     Area,
     Card,
     Duration,
+    Epoch,
     Force,
     Length,
     Mass,
@@ -248,7 +249,7 @@ class VehicleAscent(Card):
     kind: Literal["vehicle"] = "vehicle"
     name: str
     source: str
-    epoch: str = Field(description="lift-off, ISO 8601 UTC")
+    epoch: Epoch = Field(description="lift-off, ISO 8601 UTC")
     vehicle: VehicleCard
     site: Site
     target: Orbit

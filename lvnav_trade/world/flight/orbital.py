@@ -22,7 +22,7 @@ from lvnav_trade.frames import (
     unit,
 )
 from lvnav_trade.kernels.earth import SEMI_MAJOR
-from lvnav_trade.units import Angle, Area, Card, Duration, Force, Length, Mass, TimeConstant
+from lvnav_trade.units import Angle, Area, Card, Duration, Epoch, Force, Length, Mass, TimeConstant
 from lvnav_trade.world.ascent.launch import achieved
 from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY
 from lvnav_trade.world.flight import pointing
@@ -139,7 +139,7 @@ class OrbitalFlight(Card):
     kind: Literal["orbital"] = "orbital"
     name: str
     source: str
-    epoch: str = Field(description="t = 0, ISO 8601 UTC")
+    epoch: Epoch = Field(description="t = 0, ISO 8601 UTC")
     orbit: Start
     mass: Annotated[Mass, Field(gt=0.0)]
     reference_area: Area = 0.0

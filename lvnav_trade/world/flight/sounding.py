@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from scipy.interpolate import PPoly
 
 from lvnav_trade.errors import InputError
-from lvnav_trade.units import Angle, Area, Card, Length, Mass, Pause, TimeConstant, TurnRate
+from lvnav_trade.units import Angle, Area, Card, Epoch, Length, Mass, Pause, TimeConstant, TurnRate
 from lvnav_trade.world.ascent.vehicle import Site
 from lvnav_trade.world.events import resolve
 from lvnav_trade.world.oscillation import OscillationCard
@@ -71,7 +71,7 @@ class SoundingFlight(Card):
     kind: Literal["sounding"] = "sounding"
     name: str
     source: str
-    epoch: str = Field(description="lift-off, ISO 8601 UTC")
+    epoch: Epoch = Field(description="lift-off, ISO 8601 UTC")
     site: Site
     rail: Rail
     stages: tuple[SolidMotor, ...] = Field(min_length=1)

@@ -11,7 +11,7 @@ from pydantic import Field, field_validator, model_validator
 from lvnav_trade.errors import InputError
 from lvnav_trade.kernels.earth import J2, SEMI_MAJOR
 from lvnav_trade.records import Floats
-from lvnav_trade.units import Angle, AngularRate, Card, Length, LengthSigma, TimeConstant
+from lvnav_trade.units import Angle, AngularRate, Card, Epoch, Length, LengthSigma, TimeConstant
 from lvnav_trade.world.sky.almanac import AlmanacRecord, read_yuma
 from lvnav_trade.world.sky.gps_time import gps_seconds, resolve_week
 from lvnav_trade.world.sky.numbers import read_lines
@@ -63,7 +63,7 @@ class NominalConstellation(SystemErrors):
     name: str
     source: str
     system: System = "GPS"
-    epoch: str  # ISO 8601, UTC
+    epoch: Epoch  # ISO 8601, UTC
     greenwich: Angle = Field(description="Greenwich hour angle of the direction that nodes are counted from, at epoch")
     semi_major_axis: Annotated[Length, Field(gt=0.0)]
     inclination: Angle

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import gzip
+import io
 import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from lvnav_trade.errors import InputError
+from lvnav_trade.errors import InputError, quoted
+from lvnav_trade.input_files import read_bytes
+from lvnav_trade.limits import DATA_BYTES
 
 GZIP_MAGIC = b"\x1f\x8b"
 COMPRESS_MAGIC = b"\x1f\x9d"  # of the older program `compress`, files .Z
@@ -34,7 +37,7 @@ def number(where: str, text: str, bounds: Bounds) -> float:
         value = bounds.read(text.strip().upper().replace("D", "E"))
     except ValueError:
         kind = "a whole number" if bounds.read is int else "a number"
-        raise InputError(f"{where}: {text!r} is not {kind}") from None
+        raise InputError(f"{where}: {quoted(text)} is not {kind}") from None
     if not bounds.low <= value <= bounds.high:  # also refuses nan and inf
         raise InputError(f"{where}: {text.strip()} is outside {bounds.low:g} to {bounds.high:g}")
     return value
@@ -53,15 +56,22 @@ def read_lines(path: str | Path, what: str) -> list[str]:
     Letters beyond ASCII stand in names and remarks only, so any encoding of them will do.
     """
     try:
-        data = Path(path).read_bytes()
+        data = read_bytes(path, DATA_BYTES)
         if data.startswith(GZIP_MAGIC):
-            data = gzip.decompress(data)
+            data = _unpacked(path, data)
     except (EOFError, gzip.BadGzipFile, zlib.error):
         raise InputError(f"{path}: a broken or truncated gzip file") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
     if data.startswith(COMPRESS_MAGIC):
         raise InputError(f"{path}: packed by 'compress' (.Z); unpack it, or pack it by gzip")
     if b"\0" in data:
         raise InputError(f"{path}:1: not a text file, so not a {what}")
     return data.decode("latin-1").splitlines()
+
+
+def _unpacked(path: str | Path, data: bytes) -> bytes:
+    """Return what a gzip file holds, as far as it is no larger than a file of data may be."""
+    with gzip.GzipFile(fileobj=io.BytesIO(data)) as packed:
+        found = packed.read(DATA_BYTES + 1)
+    if len(found) > DATA_BYTES:
+        raise InputError(f"{path}: unpacked more than {DATA_BYTES} bytes")
+    return found

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from lvnav_trade.units import Angle, AngleSigma, Card, Duration, LengthSigma, Pause, SpeedSigma, parse
+from lvnav_trade.units import Angle, AngleSigma, Card, Duration, Epoch, LengthSigma, Pause, SpeedSigma, parse
 from lvnav_trade.world.ascent.vehicle import Roll
 from lvnav_trade.world.oscillation import OscillationCard
 
@@ -104,7 +104,7 @@ class TableTrajectory(Card):
     kind: Literal["table"] = "table"
     name: str
     source: str
-    epoch: str = Field(description="lift-off, ISO 8601 UTC")
+    epoch: Epoch = Field(description="lift-off, ISO 8601 UTC")
     file: str = Field(description="the rows: CSV, or Parquet by its ending", json_schema_extra={"path": True})
     delimiter: str = Field(",", min_length=1, max_length=1, description="between the fields of a CSV file")
     time: TimeColumn

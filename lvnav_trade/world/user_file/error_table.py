@@ -22,6 +22,7 @@ Floats = NDArray[np.float64]
 FEWEST = 2
 MOST_STARTS = 400
 _LARGEST = 1e6  # m; beyond, the columns hold positions
+_FASTEST = 2e4  # m/s; beyond, the columns hold something else
 _GAP = 3.0  # times the median interval
 _SLACK = 1e-6  # s by which a flight may reach beyond the rows
 _ENDINGS = {"m": ("km", "cm", "mm", "m"), "m/s": ("km_s", "cm_s", "mm_s", "m_s")}
@@ -136,11 +137,14 @@ def _recording(card_json: str, content: str) -> Recording:
     for at, part in zip((0, 3), parts, strict=False):
         columns = table[:, [names.index(name) for name in part.columns]]
         errors[:, at : at + 3] = columns * part.factor * (-1.0 if card.truth_minus_solution else 1.0)
-    size = np.linalg.norm(errors[:, :3], axis=1)
+    with np.errstate(over="ignore"):  # an infinite size is refused as any other beyond the bound
+        size, speed = np.linalg.norm(errors[:, :3], axis=1), np.linalg.norm(errors[:, 3:], axis=1)
     for k in np.flatnonzero(size > _LARGEST)[:1]:
         raise InputError(
             f"{card.file}:{places[k]}: a position error of {size[k] * 1e-3:.6g} km; do the columns hold positions?"
         )
+    for k in np.flatnonzero(speed > _FASTEST)[:1]:
+        raise InputError(f"{card.file}:{places[k]}: a velocity error of {speed[k] * 1e-3:.6g} km/s; is the unit right?")
     return Recording(t, errors * card.factor, float(t[-1] - t[0]) + median)
 
 

@@ -6,7 +6,6 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import pairwise
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +14,9 @@ from scipy.interpolate import BSpline
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.frames import earth_angle, earth_velocity, ecef_from_eci, eci_from_ecef, matrices, quaternions, unit
+from lvnav_trade.input_files import read_bytes
 from lvnav_trade.kernels.earth import OMEGA, gravity_along
+from lvnav_trade.limits import DATA_BYTES
 from lvnav_trade.world.ascent.launch import achieved
 from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY
 from lvnav_trade.world.truth import Phase, Trajectory, motion, position_spline
@@ -83,10 +84,7 @@ def residuals(card: TableTrajectory) -> tuple[Residual, ...]:
 
 def content_of(file: str) -> str:
     """Return the digest of a file; InputError where it cannot be read."""
-    try:
-        return hashlib.sha256(Path(file).read_bytes()).hexdigest()
-    except OSError as error:
-        raise InputError(f"{file}: cannot be read: {error.strerror}") from None
+    return hashlib.sha256(read_bytes(file, DATA_BYTES)).hexdigest()
 
 
 def _path_of(card: TableTrajectory) -> Fitted:

@@ -11,7 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.errors import InputError
+from lvnav_trade.errors import InputError, quoted
+from lvnav_trade.input_files import read_bytes
+from lvnav_trade.limits import DATA_BYTES, DATA_ROWS, FIELD_LENGTH
 
 Floats = NDArray[np.float64]
 
@@ -48,6 +50,8 @@ def _parquet(path: str, names: list[str]) -> tuple[Floats, list[str]]:
     try:
         file = pq.ParquetFile(path)
         _refuse_missing(path, names, list(file.schema_arrow.names))
+        if file.metadata.num_rows > DATA_ROWS:
+            raise InputError(f"{path}: {file.metadata.num_rows} rows; at most {DATA_ROWS} are read")
         table = file.read(columns=names)
         columns = [table.column(name).cast(pa.float64()).to_numpy(zero_copy_only=False) for name in names]
     except (OSError, pa.ArrowException) as error:
@@ -60,26 +64,38 @@ def _text(path: str, names: list[str], delimiter: str) -> tuple[Floats, list[str
     number, header = next(lines, (0, ""))
     if not header:
         raise InputError(f"{path}: is empty")
-    titles = [title.strip() for title in next(csv.reader([header], delimiter=delimiter))]
+    titles = [title.strip() for title in _fields(header, delimiter, f"{path}:{number}")]
     _refuse_missing(f"{path}:{number}", names, titles)
     at = [titles.index(name) for name in names]
     rows: list[list[float]] = []
     places: list[str] = []
     for number, line in lines:
-        fields = next(csv.reader([line], delimiter=delimiter))
+        fields = _fields(line, delimiter, f"{path}:{number}")
         if len(fields) != len(titles):
             raise InputError(f"{path}:{number}: {len(fields)} fields, the header has {len(titles)}")
         rows.append([_number(fields[k], titles[k], f"{path}:{number}") for k in at])
+        if len(rows) > DATA_ROWS:
+            raise InputError(f"{path}:{number}: more than {DATA_ROWS} rows")
         places.append(str(number))
     return np.array(rows, dtype=float).reshape(len(rows), len(names)), places
+
+
+def _fields(line: str, delimiter: str, where: str) -> list[str]:
+    """Return the fields of a line; InputError where one is longer than any number or name."""
+    if len(line) > FIELD_LENGTH:
+        longest = max(map(len, line.split(delimiter)))
+        if longest > FIELD_LENGTH:
+            raise InputError(f"{where}: a field of {longest} characters; at most {FIELD_LENGTH} are read")
+    try:
+        return next(csv.reader([line], delimiter=delimiter))
+    except csv.Error as error:
+        raise InputError(f"{where}: {error}") from None
 
 
 def _lines(path: str) -> Iterator[tuple[int, str]]:
     """Yield the lines that say something, with their numbers."""
     try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+        text = read_bytes(path, DATA_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InputError(f"{path}: is not a text file") from None
     for number, line in enumerate(text.splitlines(), start=1):
@@ -91,8 +107,8 @@ def _refuse_missing(where: str, names: list[str], titles: list[str]) -> None:
     for name in names:
         if name not in titles:
             near = difflib.get_close_matches(name, titles, n=1, cutoff=0.5)
-            hint = f"did you mean {near[0]!r}?" if near else f"it has {', '.join(titles)}"
-            raise InputError(f"{where}: no column {name!r} ({hint})")
+            hint = f"did you mean {near[0]!r}?" if near else f"it has {', '.join(titles[:20])}"
+            raise InputError(f"{where}: no column {quoted(name)} ({hint})")
         if titles.count(name) > 1:
             raise InputError(f"{where}: column {name!r} stands {titles.count(name)} times")
 
@@ -101,7 +117,7 @@ def _number(field: str, title: str, where: str) -> float:
     try:
         return float(field)
     except ValueError:
-        raise InputError(f"{where}: {title} is {field.strip()!r}, not a number") from None
+        raise InputError(f"{where}: {title} is {quoted(field.strip())}, not a number") from None
 
 
 def refuse_unordered(t: Floats, path: str, places: list[str]) -> Floats:

@@ -54,3 +54,11 @@ def test_a_name_beyond_ascii_in_a_remark_is_no_mistake(tmp_path):
     path = tmp_path / "a.txt"
     path.write_bytes("Málaga\n1.5\n".encode("latin-1"))
     assert read_lines(path, "list")[1] == "1.5"
+
+
+def test_a_file_that_unpacks_to_too_much_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("lvnav_trade.world.sky.numbers.DATA_BYTES", 1_000)
+    packed = tmp_path / "big.gz"
+    packed.write_bytes(gzip.compress(b"1" * 100_000))
+    with pytest.raises(InputError, match="unpacked more than 1000 bytes"):
+        read_lines(packed, "almanac")

@@ -116,6 +116,9 @@ def test_a_flight_beyond_the_rows_is_refused_unless_the_card_says_what_then(ramp
         ([(0, 0, 0, 0, 0, 0, 0)], HEADER, "1 rows of data, a recording needs 2 or more"),
         ([(0, 0, 0, 0), (1, 0, 0, 0)], "t_s,n_m,e_m,down_m", r":1: no column 'd_m' \(did you mean"),
         ([(0, 0, 0, 0, 0, 0, 0), (1, np.nan, 0, 0, 0, 0, 0)], HEADER, r":3: n_m is nan, not a finite number"),
+        ([(k, 0, 0, 0, 0, 1e308, 0) for k in range(3)], HEADER, r":2: a velocity error of inf km/s; is"),
+        ([(k, 0, 0, 0, 1e308, 1e308, 0) for k in range(3)], HEADER, r":2: a velocity error of inf km/s"),
+        ([(k, 1e308, 1e308, 0, 0, 0, 0) for k in range(3)], HEADER, r":2: a position error of inf km"),
         ([(k, 4e6, 1e6, 0, 0, 0, 0) for k in range(3)], HEADER, r":2: a position error of 4123.11 km; do the columns"),
     ],
 )  # fmt: skip

@@ -104,3 +104,25 @@ def test_columns_that_hardly_vary_or_carry_all_digits_are_not_rounded():
     assert rounding(np.array([90.0, 90.00000000000006, 90.00000000000003])) == 0.0
     assert rounding(np.array([0.0, 1e-17, -3e-16])) == 0.0
     assert rounding(np.sqrt(np.arange(2.0, 40.0))) == 0.0
+
+
+def test_a_field_that_is_longer_than_any_number_is_refused_with_its_line(tmp_path):
+    (tmp_path / "a.csv").write_text(f"t,x\n0,{'1' * 140_000}\n")
+    with pytest.raises(InputError, match=r"a\.csv:2: a field of 140000 characters; at most 1000 are read$"):
+        read_columns(str(tmp_path / "a.csv"), ["t", "x"], ",")
+
+
+def test_a_quote_that_hides_the_delimiters_is_refused_with_its_line(tmp_path):
+    (tmp_path / "a.csv").write_text('t,x\n0,"' + "1," * 100_000 + '"\n')
+    with pytest.raises(InputError, match=r"a\.csv:2: ") as caught:
+        read_columns(str(tmp_path / "a.csv"), ["t", "x"], ",")
+    assert len(str(caught.value)) < 1_000
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.parquet"])
+def test_more_rows_than_are_read_are_refused(tmp_path, monkeypatch, name):
+    monkeypatch.setattr("lvnav_trade.world.user_file.tabular.DATA_ROWS", 19)
+    (tmp_path / "a.csv").write_text(f"t,x,other\n{ROWS}\n")
+    pq.write_table(pa.table({"t": list(range(20)), "x": list(range(20))}), tmp_path / "a.parquet")
+    with pytest.raises(InputError, match=r"(more than|20 rows; at most) 19"):
+        read_columns(str(tmp_path / name), ["t", "x"], ",")

@@ -1,0 +1,67 @@
+"""Input files: regular files of bounded size; a device, a pipe or a file that is too large is refused in one line."""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Callable
+from pathlib import Path
+
+from lvnav_trade.errors import InputError, quoted
+
+
+def read_bytes(path: str | Path, most: int) -> bytes:
+    """Return the content of a regular file of at most `most` bytes.
+
+    Raises
+    ------
+    InputError
+        No such file, not a regular file, larger than `most`, or not readable.
+    """
+    try:
+        # without blocking: a pipe that nobody writes to would wait for ever
+        handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{_shown(path)}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    state = os.fstat(handle)
+    if not stat.S_ISREG(state.st_mode):
+        os.close(handle)
+        raise InputError(f"{_shown(path)}: is not a regular file")
+    with os.fdopen(handle, "rb") as file:
+        if state.st_size > most:
+            raise InputError(f"{_shown(path)}: {state.st_size} bytes; at most {most} are read")
+        try:
+            data = file.read(most + 1)
+        except OSError as error:
+            raise InputError(f"{_shown(path)}: cannot be read: {error.strerror}") from None
+    if len(data) > most:
+        raise InputError(f"{_shown(path)}: more than {most} bytes")
+    return data
+
+
+def is_file(path: Path) -> bool:
+    """Return whether there is a regular file; a name that no file can have is none."""
+    return _asked(path.is_file)
+
+
+def is_folder(path: Path) -> bool:
+    """Return whether there is a folder."""
+    return _asked(path.is_dir)
+
+
+def exists(path: Path) -> bool:
+    """Return whether there is anything of that name."""
+    return _asked(path.exists)
+
+
+def _asked(question: Callable[[], bool]) -> bool:
+    try:
+        return question()
+    except (OSError, ValueError):  # a name that is too long, or has characters that none has
+        return False
+
+
+def _shown(path: str | Path) -> str:
+    """Return a path as a message repeats it: whole, unless it is too long to be one."""
+    text = str(path)
+    return text if len(text) <= 255 else quoted(text)

@@ -1,0 +1,52 @@
+"""What is read is a regular file of bounded size; whatever else is told in one line and never waited for."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from lvnav_trade.errors import InputError
+from lvnav_trade.input_files import exists, is_file, is_folder, read_bytes
+
+
+def test_a_regular_file_is_read_whole(tmp_path: Path) -> None:
+    file = tmp_path / "data"
+    file.write_bytes(b"abc")
+    assert read_bytes(file, 3) == b"abc"
+
+
+def test_a_file_beyond_the_limit_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "data"
+    file.write_bytes(b"abcd")
+    with pytest.raises(InputError, match=r"data: 4 bytes; at most 3 are read$"):
+        read_bytes(file, 3)
+
+
+def test_a_pipe_that_nobody_writes_to_is_refused_and_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InputError, match=r"pipe: is not a regular file$"):
+        read_bytes(tmp_path / "pipe", 10)
+
+
+@pytest.mark.parametrize("name", ["/dev/zero", "/dev/null", "/"])
+def test_a_device_and_a_folder_are_refused(name: str) -> None:
+    with pytest.raises(InputError, match=r"is not a regular file$"):
+        read_bytes(name, 10)
+
+
+@pytest.mark.parametrize("name", ["missing", "x" * 300, "a\0b"])
+def test_a_name_without_a_file_is_told(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InputError, match="cannot be read") as caught:
+        read_bytes(tmp_path / name, 10)
+    assert str(caught.value).isprintable()
+
+
+def test_a_name_that_no_file_can_have_is_no_file_and_no_error(tmp_path: Path) -> None:
+    (tmp_path / "data").write_bytes(b"")
+    assert is_file(tmp_path / "data")
+    assert is_folder(tmp_path)
+    assert exists(tmp_path)
+    for name in ("x" * 300, "a\0b", "missing"):
+        assert not any(question(tmp_path / name) for question in (is_file, is_folder, exists))
