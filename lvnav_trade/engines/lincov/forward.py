@@ -143,7 +143,7 @@ def _start(joint, scratch, tape, nominal, watch, rules, signals, true, belief, c
 
 @inlined
 def _expect(joint, nominal, true, belief, signals, late, watch, epoch):
-    """Set the mean of every innovation of the receiver's measurements: what the mode logic sees in a run without noise."""
+    """Set the mean of every innovation of the receiver: what the mode logic sees in a run without noise."""
     ring = 0
     if late is not None:
         ring = epoch % late.n_ring
