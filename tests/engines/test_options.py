@@ -93,14 +93,14 @@ def test_a_delay_is_the_stamped_one_or_the_filters_own_number():
 @pytest.mark.parametrize(("delay", "stored"), [(0.3, 1), (0.95, 2), (1.0, 2), (1.1, 2), (2.5, 3), (3.1, 4)])
 def test_a_longer_delay_stores_as_many_states_at_once_as_measurements_are_on_their_way(delay, stored):
     """With 1 s between epochs and 0.1 s of an early velocity: the state of an epoch is stored until it is over."""
-    t, t_epoch = np.arange(0.0, 10.001, 0.01), np.arange(1.0, 11.0)
+    t, t_epoch = np.arange(0.0, 10.001, 0.005), np.arange(1.0, 11.0)
     delays = np.full(10, delay)
     kept = kept_at(compensating(), t_epoch, delays, t, 1)
-    ticks = np.arange(0, 1000, 10)
-    schedule = Schedule(ticks, np.full(100, 10), np.zeros(100), np.full(100, -1), np.full(100, -1))
+    ticks = np.arange(0, 2000, 20)
+    schedule = Schedule(ticks, np.full(100, 20), np.zeros(100), np.full(100, -1), np.full(100, -1))
     late = late_of(compensating(), delays, kept, schedule)
     assert late.n_ring == stored
-    ends = t[ticks + 10]
+    ends = t[ticks + 20]
     first, after = late.valid[:, 0], late.valid[:, 1]
     for epoch in range(10):
         at = np.flatnonzero((first <= epoch) & (epoch < after))
