@@ -274,7 +274,7 @@ def compare(
     mapping: Mapping[str, str] | None = None,
     jobs: int = -1,
 ) -> Comparison:
-    """Hold a candidate against a base, run by run on the same draws: worse, not worse or undecided, metric by metric.
+    """Compare a candidate with a base, run by run on the same draws: worse, not worse or undecided, metric by metric.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Verbs that look at results: report, compare, keep-base, kml."""
+"""Commands that read results: report, compare, keep-base, kml."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def report(
     folder: Annotated[Path, typer.Argument(metavar="RESULTS")],
     keep: Annotated[
         Path | None,
-        typer.Option("--keep", metavar="FOLDER", help="copy the Markdown page, figures and CSV tables here"),
+        typer.Option("--keep", metavar="FOLDER", help="copy the Markdown report, figures and CSV tables here"),
     ] = None,
     as_json: Json = False,
     debug: Debug = False,
@@ -47,13 +47,13 @@ def compare(
     maps: Annotated[
         list[str] | None, typer.Option("--map", metavar="BASE:CANDIDATE", help="cases or levels of other names")
     ] = None,
-    md: Annotated[Path | None, typer.Option("--md", metavar="FILE", help="write the page in Markdown")] = None,
+    md: Annotated[Path | None, typer.Option("--md", metavar="FILE", help="write the comparison in Markdown")] = None,
     junit: Annotated[Path | None, typer.Option("--junit", metavar="FILE", help="write JUnit XML")] = None,
     jobs: Jobs = -1,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Hold a candidate against a base, run by run.
+    """Compare two result sets run by run (paired).
 
     Exit code 0 nothing worse, 1 worse, 2 no comparison, 3 undecided.
     """
@@ -98,7 +98,7 @@ def kml(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Write flights as KML, for viewers of the Earth."""
+    """Write trajectories as KML, for viewers of the Earth."""
     with errors(as_json, debug):
         from lvnav_trade import api
 

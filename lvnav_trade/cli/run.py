@@ -47,7 +47,7 @@ def run(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Carry a campaign out and build its report.
+    """Run a campaign and build its report.
 
     Linear covariance answers first, in seconds; then Monte Carlo. The same command resumes what was interrupted.
     """
@@ -107,7 +107,7 @@ def _print_answers(answers: Sequence[Any], cases: Sequence[Any]) -> None:
 
 @app.command()
 def check(campaign: CampaignFile, sets: Sets = None, as_json: Json = False, debug: Debug = False) -> None:
-    """Look a campaign over and run nothing."""
+    """Validate a campaign without running it."""
     with errors(as_json, debug):
         from lvnav_trade import api
         from lvnav_trade.campaign.axes import cases
@@ -131,7 +131,7 @@ def check(campaign: CampaignFile, sets: Sets = None, as_json: Json = False, debu
 def plan(
     campaign: CampaignFile, sets: Sets = None, out: Out = None, as_json: Json = False, debug: Debug = False
 ) -> None:
-    """Show the cases, what they take, and what is done."""
+    """Show the cases, their cost, and what is already done."""
     with errors(as_json, debug):
         from lvnav_trade import api
 
@@ -152,7 +152,7 @@ def replay(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Fly one run again, bit for bit, and keep every step."""
+    """Repeat one run, bit for bit, and keep every step."""
     with errors(as_json, debug):
         from lvnav_trade.campaign import replay as again
         from lvnav_trade.campaign.axes import cases

@@ -1,4 +1,4 @@
-"""Verbs that tell what there is: status, fields, schema, cards."""
+"""Commands that list: status, fields, schema, cards."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from lvnav_trade.cli.console import Debug, Json, app, errors, say
 def status(
     folder: Annotated[Path, typer.Argument(metavar="RESULTS")], as_json: Json = False, debug: Debug = False
 ) -> None:
-    """Tell where a campaign stands: running, finished, damaged.
+    """Show the progress of a campaign: running, finished, damaged.
 
     Blocks and tables are checked.
     """
