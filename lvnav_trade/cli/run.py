@@ -27,7 +27,7 @@ from lvnav_trade.cli.console import (
 )
 
 if TYPE_CHECKING:
-    from lvnav_trade.campaign.schema import Campaign
+    from lvnav_trade.campaign.definition.schema import Campaign
 
 
 _MOST = 10
@@ -53,8 +53,8 @@ def run(
     """
     with errors(as_json, debug):
         from lvnav_trade import api
-        from lvnav_trade.campaign.load import load
-        from lvnav_trade.campaign.progress import choose
+        from lvnav_trade.campaign.reading.load import load
+        from lvnav_trade.campaign.running.progress import choose
 
         check_jobs(jobs)
         loaded = load(campaign, sets or ())
@@ -110,8 +110,8 @@ def check(campaign: CampaignFile, sets: Sets = None, as_json: Json = False, debu
     """Validate a campaign without running it."""
     with errors(as_json, debug):
         from lvnav_trade import api
-        from lvnav_trade.campaign.axes import cases
-        from lvnav_trade.campaign.provided import warnings
+        from lvnav_trade.campaign.definition.axes import cases
+        from lvnav_trade.campaign.reading.provided import warnings
 
         found = cases(api.check(campaign, sets or ()))
         warned = warnings(found)
@@ -154,8 +154,8 @@ def replay(
 ) -> None:
     """Repeat one run, bit for bit, and keep every step."""
     with errors(as_json, debug):
-        from lvnav_trade.campaign import replay as again
-        from lvnav_trade.campaign.axes import cases
+        from lvnav_trade.campaign.definition.axes import cases
+        from lvnav_trade.campaign.running import replay as again
 
         loaded, folder = _campaign_of(source, sets or ())
         chosen = again.find(cases(loaded), case)
@@ -177,7 +177,7 @@ def replay(
 
 def _campaign_of(source: str, sets: Sequence[str]) -> tuple[Campaign, Path]:
     """Return the campaign of a file or of a folder of results, and the folder of its results."""
-    from lvnav_trade.campaign.load import load
+    from lvnav_trade.campaign.reading.load import load
     from lvnav_trade.errors import InputError
 
     folder = Path(source)

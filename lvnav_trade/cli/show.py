@@ -21,7 +21,7 @@ def status(
     Blocks and tables are checked.
     """
     with errors(as_json, debug):
-        from lvnav_trade.campaign.status import status as look
+        from lvnav_trade.campaign.running.status import status as look
 
         found = look(folder)
         say("status", as_json, found.text, **found._asdict() | {"cases": [case._asdict() for case in found.cases]})
@@ -40,7 +40,7 @@ def fields(
     Each with its default, what it takes and what it means; for every kind where there are several.
     """
     with errors(as_json, debug):
-        from lvnav_trade.campaign.reference import reference
+        from lvnav_trade.campaign.reading.reference import reference
 
         found = reference(path or "")
         blocks = []
@@ -56,7 +56,7 @@ def fields(
 def schema(debug: Debug = False) -> None:
     """Print the JSON Schema of campaign files, for editors."""
     with errors(False, debug):
-        from lvnav_trade.campaign.jsonschema import json_schema
+        from lvnav_trade.campaign.reading.jsonschema import json_schema
 
         print(json.dumps(json_schema(), indent=2))
 
@@ -69,7 +69,7 @@ def cards(
 ) -> None:
     """List the cards there are, all or of a folder, or show one."""
     with errors(as_json, debug):
-        from lvnav_trade.campaign import cards as shelf
+        from lvnav_trade.campaign.syntax import cards as shelf
 
         found = [card for card in shelf.catalogue(Path.cwd()) if card.name.startswith(f"{(name or '').rstrip('/')}/")]
         if name is not None and not found:

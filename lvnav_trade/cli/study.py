@@ -33,7 +33,7 @@ def study(
     """
     with errors(as_json, debug):
         from lvnav_trade import api
-        from lvnav_trade.campaign.progress import choose
+        from lvnav_trade.campaign.running.progress import choose
 
         check_jobs(jobs)
 

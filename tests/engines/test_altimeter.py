@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from lvnav_trade.campaign.load import load
+from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.engines.adjoint import Backward
 from lvnav_trade.engines.altimeter import NOISE, altimeter_of, height_of
 from lvnav_trade.engines.lincov import adjoint, covariance
