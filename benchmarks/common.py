@@ -10,8 +10,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from lvnav_trade.campaign.axes import cases
-from lvnav_trade.campaign.load import load
+from lvnav_trade.campaign.definition.axes import cases
+from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.scenario import Scenario
 
 HERE = Path(__file__).resolve().parent

@@ -9,11 +9,11 @@ import time
 from pathlib import Path
 
 from benchmarks.common import HERE
-from lvnav_trade.campaign import work
-from lvnav_trade.campaign.axes import cases
-from lvnav_trade.campaign.execute import each, manifest
-from lvnav_trade.campaign.load import load, resolved
-from lvnav_trade.campaign.plan import Block
+from lvnav_trade.campaign.definition.axes import cases
+from lvnav_trade.campaign.reading.load import load, resolved
+from lvnav_trade.campaign.running import work
+from lvnav_trade.campaign.running.execute import each, manifest
+from lvnav_trade.campaign.running.plan import Block
 from lvnav_trade.store import open_results
 
 BLOCKS, RUNS, REPEATS = 64, 40, 3

@@ -15,9 +15,9 @@ import time
 from pathlib import Path
 
 from benchmarks.common import HERE
-from lvnav_trade.campaign import work
-from lvnav_trade.campaign.axes import cases
-from lvnav_trade.campaign.load import load
+from lvnav_trade.campaign.definition.axes import cases
+from lvnav_trade.campaign.reading.load import load
+from lvnav_trade.campaign.running import work
 
 STAGES = ("ascent", "flight", "covariance")
 

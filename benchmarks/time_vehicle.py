@@ -6,9 +6,9 @@ from __future__ import annotations
 
 from benchmarks.common import best
 from benchmarks.time_flight import speed
-from lvnav_trade.campaign.axes import cases
-from lvnav_trade.campaign.cards import campaign_file
-from lvnav_trade.campaign.load import load
+from lvnav_trade.campaign.definition.axes import cases
+from lvnav_trade.campaign.reading.load import load
+from lvnav_trade.campaign.syntax.cards import campaign_file
 from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.prepare import prepare
 

@@ -6,20 +6,20 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from lvnav_trade.campaign import execute, work
-from lvnav_trade.campaign.axes import cases
-from lvnav_trade.campaign.load import load as load_campaign
-from lvnav_trade.campaign.plan import Estimate, estimate
-from lvnav_trade.campaign.progress import Progress, staged
-from lvnav_trade.campaign.schema import Campaign
-from lvnav_trade.campaign.tree import hint
-from lvnav_trade.campaign.work import Job
+from lvnav_trade.campaign.definition.axes import cases
+from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.reading.load import load as load_campaign
+from lvnav_trade.campaign.running import execute, work
+from lvnav_trade.campaign.running.plan import Estimate, estimate
+from lvnav_trade.campaign.running.progress import Progress, staged
+from lvnav_trade.campaign.running.work import Job
+from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.errors import InputError
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lvnav_trade.campaign.estimate import Estimate as Noise
+    from lvnav_trade.campaign.derived.estimate import Estimate as Noise
     from lvnav_trade.filters.scheduled import GainSchedule
     from lvnav_trade.metrics.comparison.comparison import Comparison
     from lvnav_trade.store.read import Tables
@@ -238,8 +238,8 @@ def study(
     InputError
         A mistake in a campaign or in study.yaml: nothing has been computed.
     """
-    from lvnav_trade.campaign.behind import behind
-    from lvnav_trade.campaign.study import load_study
+    from lvnav_trade.campaign.derived.study_results import behind
+    from lvnav_trade.campaign.reading.study import load_study
     from lvnav_trade.metrics.published.references import references
     from lvnav_trade.report.study import Answered, build
     from lvnav_trade.store.contents import owned
@@ -274,7 +274,7 @@ def compare(
     mapping: Mapping[str, str] | None = None,
     jobs: int = -1,
 ) -> Comparison:
-    """Hold a candidate against a base, run by run on the same draws: worse, not worse or undecided, metric by metric.
+    """Compare a candidate with a base, run by run on the same draws: worse, not worse or undecided, metric by metric.
 
     Parameters
     ----------
@@ -320,9 +320,9 @@ def estimate_q(
     """Estimate process noise from perturbed runs of a case (the first if none is named), and write the filter's card
     with it, beside it the error per step as CSV and PNG. Return the estimate and the files.
     """
-    from lvnav_trade.campaign.cards import write_card
-    from lvnav_trade.campaign.estimate import estimate as found_by
-    from lvnav_trade.campaign.replay import find
+    from lvnav_trade.campaign.derived.estimate import estimate as found_by
+    from lvnav_trade.campaign.running.replay import find
+    from lvnav_trade.campaign.syntax.cards import write_card
     from lvnav_trade.plots.steps import steps
     from lvnav_trade.plots.style import look
     from lvnav_trade.report.escape import csv_text
@@ -353,9 +353,9 @@ def schedule_gains(
     """Write the gains that the filter of a case (the first if none is named) has on its nominal flight as a card for
     `filter.gains`, and return it.
     """
-    from lvnav_trade.campaign.cards import write_card
-    from lvnav_trade.campaign.gains import gain_schedule
-    from lvnav_trade.campaign.replay import find
+    from lvnav_trade.campaign.derived.gains import gain_schedule
+    from lvnav_trade.campaign.running.replay import find
+    from lvnav_trade.campaign.syntax.cards import write_card
 
     loaded = campaign if isinstance(campaign, Campaign) else load_campaign(campaign, sets)
     every = cases(loaded)
@@ -374,7 +374,7 @@ def write_kml(
     """
     import pandas as pd
 
-    from lvnav_trade.campaign.preview import preview, read_card
+    from lvnav_trade.campaign.reading.preview import preview, read_card
     from lvnav_trade.report import kml
     from lvnav_trade.store.read import load as read_tables
 

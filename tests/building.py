@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from lvnav_trade.campaign.cards import campaign_file
-from lvnav_trade.campaign.load import load
+from lvnav_trade.campaign.reading.load import load
+from lvnav_trade.campaign.syntax.cards import campaign_file
 from lvnav_trade.engines import prepare as room
 from lvnav_trade.engines.prepare import Prepared
 from lvnav_trade.frames import quaternions

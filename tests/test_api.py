@@ -20,7 +20,7 @@ REQUIREMENT = "requirements=[{name: lost, metric: position_error_3d, probability
 
 
 def test_the_conventions_stand_on_the_front_page() -> None:
-    for word in ("Frames", "Rotations", "Truth and belief", "Units", "Noise", "Shapes", "Randomness"):
+    for word in ("Frames", "Rotations", "Truth and estimate", "Units", "Noise", "Shapes", "Randomness"):
         assert word in (lvnav_trade.__doc__ or "")
 
 

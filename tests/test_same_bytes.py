@@ -12,9 +12,9 @@ import pandas as pd
 import pytest
 
 from lvnav_trade import api
-from lvnav_trade.campaign import replay
-from lvnav_trade.campaign.axes import cases
-from lvnav_trade.campaign.load import load
+from lvnav_trade.campaign.definition.axes import cases
+from lvnav_trade.campaign.reading.load import load
+from lvnav_trade.campaign.running import replay
 
 pytestmark = pytest.mark.slow
 

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lvnav_trade.campaign.cards import campaign_file
-from lvnav_trade.campaign.load import load
+from lvnav_trade.campaign.reading.load import load
+from lvnav_trade.campaign.syntax.cards import campaign_file
 from lvnav_trade.world.flight.trajectory import build
 from lvnav_trade.world.receiver.visibility import sky
 

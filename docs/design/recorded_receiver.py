@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lvnav_trade.campaign.cards import campaign_file
-from lvnav_trade.campaign.load import load
+from lvnav_trade.campaign.reading.load import load
+from lvnav_trade.campaign.syntax.cards import campaign_file
 from lvnav_trade.frames import earth_angle, rotation_i_n
 from lvnav_trade.world.flight.trajectory import build, motion
 from lvnav_trade.world.receiver.visibility import sky

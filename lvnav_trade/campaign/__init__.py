@@ -1,1 +1,1 @@
-"""From question to stored runs."""
+"""From a campaign file to stored runs. Folders: `syntax`, `definition`, `reading`, `running`, `derived`."""

@@ -1,6 +1,6 @@
-"""The command line: verbs only; one verb, one call, one table."""
+"""The command line: one command, one call of `api`, one table. Read `run.py` first."""
 
-from lvnav_trade.cli import carry_out, design, look_up, study, tell  # each puts its verbs into the application
+from lvnav_trade.cli import design, results, run, show, study  # each adds its commands to the application
 from lvnav_trade.cli.console import app, main
 
-__all__ = ["app", "carry_out", "design", "look_up", "main", "study", "tell"]
+__all__ = ["app", "design", "main", "results", "run", "show", "study"]

@@ -139,7 +139,7 @@ def main() -> NoReturn:
 
 
 def say(verb: str, as_json: bool, text: str, /, **content: Any) -> None:
-    """Print what a verb has to tell, which went well: the text for people, or the content for programs."""
+    """Print the result of a command that succeeded: the text for people, or the content for programs."""
     if as_json:
         print_json(verb, 0, **content)
     else:

@@ -1,4 +1,4 @@
-"""Verbs that compute what a filter's card names: estimate-q, schedule-gains."""
+"""Commands that compute numbers of a filter card: estimate-q, schedule-gains."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def schedule_gains(
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Write a filter's gains on the nominal flight as a card.
+    """Write a filter's gains on the nominal trajectory as a card.
 
     Another filter replays them: filter.gains.
     """

@@ -1,4 +1,4 @@
-"""The verb that answers a whole publication: study."""
+"""The command that reproduces a publication: study."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ def study(
     folder: Annotated[
         str, typer.Argument(metavar="FOLDER", help="folder of campaigns, or one of the tool's: conae, drdc, gains")
     ],
-    keep: Annotated[Path, typer.Option("--keep", metavar="FOLDER", help="where the study's page goes")],
+    keep: Annotated[Path, typer.Option("--keep", metavar="FOLDER", help="where the study's report goes")],
     runs: Annotated[int | None, typer.Option("--runs", help="runs per case, in place of the campaigns' own")] = None,
     out: Annotated[Path, typer.Option("--out", help="folder of the results", show_default="results/FOLDER")] = Path(),
     fresh: Annotated[bool, typer.Option("--fresh/--resume", help="begin again, or go on with what is there")] = False,
-    only_page: Annotated[bool, typer.Option("--only-page", help="make the page of results that are there")] = False,
+    only_page: Annotated[bool, typer.Option("--only-page", help="make the report from existing results")] = False,
     jobs: Jobs = -1,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="no progress")] = False,
     as_json: Json = False,
     debug: Debug = False,
 ) -> None:
-    """Run every campaign of a folder and keep one page.
+    """Run every campaign of a folder and write one report.
 
     Published numbers stand beside ours. What a campaign answers (requirements violated or undecided) is no failure
     here; exit code 4 where runs failed.
     """
     with errors(as_json, debug):
         from lvnav_trade import api
-        from lvnav_trade.campaign.progress import choose
+        from lvnav_trade.campaign.running.progress import choose
 
         check_jobs(jobs)
 

@@ -164,9 +164,11 @@ def kept_at(scenario: Scenario, t_epoch: Floats, delay: Floats | None, t: Floats
     if card is None or delay is None:
         return None
     dt, wanted = float(t[1] - t[0]), t_epoch - delay
-    valid = np.maximum(group, np.rint((wanted - t[0]) / (dt * group)).astype(np.int64) * group)
-    early = np.maximum(0, valid - max(1, round(card.base / (dt * group))) * group)
+    # a state is stored at the end of a step: the first ones are those of the first two steps
+    valid = np.maximum(2 * group, np.rint((wanted - t[0]) / (dt * group)).astype(np.int64) * group)
+    early = np.maximum(group, valid - max(1, round(card.base / (dt * group))) * group)
     offset = wanted - t[valid]
     # what is left of rounding is not worth a step
     offset = np.where(np.abs(offset) < 1e-6 * dt, 0.0, offset)
-    return Kept(valid, early, offset, wanted - t[early])
+    base = wanted - t[early]
+    return Kept(valid, early, offset, np.where(base < 0.5 * dt * group, t[valid] - t[early], base))

@@ -1,4 +1,4 @@
-"""The page that answers the campaign's question: self-contained HTML, its Markdown twin, CSV tables."""
+"""The report of a campaign: self-contained HTML, the same as Markdown, CSV tables. Read `build.py` first."""
 
 from lvnav_trade.report.build import SECTIONS, build, keep
 

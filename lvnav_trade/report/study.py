@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import pandas as pd
 from matplotlib.figure import Figure as Drawing
 
-from lvnav_trade.campaign.published import Case
-from lvnav_trade.campaign.study import Figure, Part, Study
+from lvnav_trade.campaign.definition.published import Case
+from lvnav_trade.campaign.reading.study import Figure, Part, Study
 from lvnav_trade.errors import InputError
 from lvnav_trade.metrics.errors.agreement import agreement, by_case
 from lvnav_trade.metrics.published.published import cases_of

@@ -1,4 +1,4 @@
-"""What is public says what it is; a module's first line is the caption that stands in the tree of the house."""
+"""What is public says what it is; a module's first line is its caption."""
 
 from __future__ import annotations
 

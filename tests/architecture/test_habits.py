@@ -62,7 +62,7 @@ def test_only_the_console_prints(modules):
     assert prints == []
 
 
-def test_names_of_vectors_and_rotations_end_in_a_frame_of_the_house(modules):
+def test_names_of_vectors_and_rotations_end_in_a_frame(modules):
     wrong = set()
     for module in modules:
         for node in ast.walk(module.tree):

@@ -1,14 +1,14 @@
-"""The map of the package names every room, and nothing that is not there."""
+"""The map of the package names every folder, and nothing that is not there."""
 
 from __future__ import annotations
 
 import re
 
 
-def test_every_room_stands_on_the_map(root):
+def test_every_package_is_on_the_map(root):
     text = (root / "docs" / "map.md").read_text(encoding="utf-8")
-    rooms = {path.parent.name for path in (root / "lvnav_trade").glob("*/__init__.py")}
-    assert {room for room in rooms if f"`{room}/`" not in text} == set()
+    packages = {path.parent.name for path in (root / "lvnav_trade").glob("*/__init__.py")}
+    assert {package for package in packages if f"`{package}/`" not in text} == set()
 
 
 def test_every_module_that_the_map_names_is_there(root):

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lvnav_trade.campaign.execute import Store
-from lvnav_trade.campaign.work import Engine
+from lvnav_trade.campaign.running.execute import Store
+from lvnav_trade.campaign.running.work import Engine
 from lvnav_trade.engines.explain import Explanation
 from lvnav_trade.errors import InputError
 from lvnav_trade.records import CovHistory, Output

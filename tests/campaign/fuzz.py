@@ -13,9 +13,9 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from lvnav_trade.campaign.axes import Case, cases
-from lvnav_trade.campaign.load import load
-from lvnav_trade.campaign.schema import Campaign
+from lvnav_trade.campaign.definition.axes import Case, cases
+from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.errors import InputError
 from lvnav_trade.world.user_file.tabular import read_columns, refuse_bad_times
 

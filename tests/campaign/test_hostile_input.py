@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from lvnav_trade import api
-from lvnav_trade.campaign.load import load
+from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.errors import InputError
 
 ALIASES = "x0: &x0 [1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + "".join(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from lvnav_trade.campaign.load import load
+from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.errors import InputError
 from tests.campaign.mistakes import BAD
 from tests.campaign.near_misses import NEAR

@@ -9,8 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 from lvnav_trade import api
-from lvnav_trade.campaign.axes import cases
-from lvnav_trade.campaign.load import load
+from lvnav_trade.campaign.definition.axes import cases
+from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.cli import app
 from lvnav_trade.engines.prepare import trajectory_of
 from lvnav_trade.errors import InputError

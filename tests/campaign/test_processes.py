@@ -17,9 +17,9 @@ SCRIPT = """\
 import sys
 from pathlib import Path
 import fakes
-from lvnav_trade.campaign import execute
-from lvnav_trade.campaign.load import load
-from lvnav_trade.campaign.progress import Plain
+from lvnav_trade.campaign.running import execute
+from lvnav_trade.campaign.reading.load import load
+from lvnav_trade.campaign.running.progress import Plain
 
 what = {"held": fakes.Held("go"), "quick": None, "dies": fakes.Dies(), "once": fakes.DiesOnce("mark")}[sys.argv[2]]
 try:

@@ -8,9 +8,9 @@ import pandas as pd
 import pytest
 
 from lvnav_trade import api
-from lvnav_trade.campaign.axes import cases
-from lvnav_trade.campaign.cards import campaign_file
-from lvnav_trade.campaign.load import load
+from lvnav_trade.campaign.definition.axes import cases
+from lvnav_trade.campaign.reading.load import load
+from lvnav_trade.campaign.syntax.cards import campaign_file
 from lvnav_trade.metrics.errors.agreement import agreement
 from lvnav_trade.report.build import SECTIONS
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from lvnav_trade.campaign import work
-from lvnav_trade.campaign.work import Engine
+from lvnav_trade.campaign.running import work
+from lvnav_trade.campaign.running.work import Engine
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lvnav_trade.campaign.load import load
+from lvnav_trade.campaign.reading.load import load
 from tests.building import LOOSE, flying, hop
 from tests.cli.calling import call
 

@@ -66,7 +66,10 @@ CAMPAIGNS: dict[str, dict[str, Any]] = {
         "axes": _axis("filter", ["filters/tight", "filters/tight_extended", "filters/loose", "filters/inertial"])
     },
     "faults of signals": {"base": {"receiver": "receivers/l1_four_patch"}, "axes": _axis("faults", _FAULTS)},
-    "faults of solutions": {"base": {"filter": "filters/loose"}, "axes": _axis("faults", _FAULTS + _SOLUTION_FAULTS)},
+    "faults of solutions": {
+        "base": {"receiver": "receivers/l1_four_patch", "filter": "filters/loose"},
+        "axes": _axis("faults", _FAULTS + _SOLUTION_FAULTS),
+    },
     "late ranges": {
         "base": {"receiver": _LATE},
         "axes": _axis("filter", [

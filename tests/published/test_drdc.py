@@ -8,10 +8,10 @@ from unittest.mock import patch
 
 import pytest
 
-from lvnav_trade.campaign.cards import campaign_file
-from lvnav_trade.campaign.execute import run
-from lvnav_trade.campaign.load import load
-from lvnav_trade.campaign.study import load_study
+from lvnav_trade.campaign.reading.load import load
+from lvnav_trade.campaign.reading.study import load_study
+from lvnav_trade.campaign.running.execute import run
+from lvnav_trade.campaign.syntax.cards import campaign_file
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.report import build
 from lvnav_trade.steering import nozzle as controlled

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from lvnav_trade import api
-from lvnav_trade.campaign.axes import cases
-from lvnav_trade.campaign.load import load
-from lvnav_trade.campaign.study import load_study
+from lvnav_trade.campaign.definition.axes import cases
+from lvnav_trade.campaign.reading.load import load
+from lvnav_trade.campaign.reading.study import load_study
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.errors.coverage import coverage
 from lvnav_trade.metrics.errors.paired_levels import paired_levels

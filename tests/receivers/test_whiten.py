@@ -29,7 +29,7 @@ def test_the_errors_of_whitened_rows_are_independent_with_variance_one():
     root = np.linalg.cholesky(R)
     whitened, rows, residual = R.copy(), H.copy(), z.copy()
     whiten(whitened, residual, rows, 6, 9)
-    np.testing.assert_allclose(np.tril(whitened), root, rtol=1e-13)
+    np.testing.assert_allclose(np.tril(whitened), root, rtol=1e-13, atol=1e-14)
     np.testing.assert_allclose(rows, np.linalg.solve(root, H), rtol=0, atol=1e-12)
     np.testing.assert_allclose(residual, np.linalg.solve(root, z), rtol=0, atol=1e-12)
 

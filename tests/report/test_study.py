@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from lvnav_trade.campaign.study import Study
+from lvnav_trade.campaign.reading.study import Study
 from lvnav_trade.errors import InputError
 from lvnav_trade.metrics.published.references import references
 from lvnav_trade.report.study import Answered, build

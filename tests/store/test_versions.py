@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import tomllib
 
 from lvnav_trade.store import load
 from lvnav_trade.store.versions import _COMPUTES, _COMPUTES_TOO, PACKAGE, campaign_digest
@@ -21,8 +22,15 @@ def test_the_manifest_names_versions_machine_and_order(written):
     assert {"tool", "python", "numpy", "numba", "cpu", "seed", "created", "commit"} <= set(manifest)
 
 
-def test_the_digest_of_the_code_covers_every_room_that_computing_rooms_use():
-    text = "".join(path.read_text() for room in _COMPUTES for path in (PACKAGE / room).rglob("*.py"))
+def test_the_digest_of_the_code_covers_every_layer_below_the_tables(root):
+    contracts = tomllib.loads((root / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+    layers = next(one["layers"] for one in contracts if one.get("containers") == ["lvnav_trade"])
+    below = {name.strip() for layer in layers[layers.index("store") + 1 :] for name in layer.split("|")}
+    assert below - {"errors"} == {*_COMPUTES, *(name.removesuffix(".py") for name in _COMPUTES_TOO)}
+
+
+def test_the_digest_of_the_code_covers_every_package_that_these_use():
+    text = "".join(path.read_text() for folder in _COMPUTES for path in (PACKAGE / folder).rglob("*.py"))
     used = set(re.findall(r"^from lvnav_trade\.(\w+)", text, flags=re.M))
     assert used - {"errors", "input_files", "limits"} == used & {
         *_COMPUTES,

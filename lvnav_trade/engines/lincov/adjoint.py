@@ -55,7 +55,7 @@ def _dot(a, b):
 @jit
 def _update_back(back, gain, h, epoch, channel, time_bin, mixed, ring, signals, true, belief):
     """Go back through one update: what its noise put in, and the multipliers before it."""
-    n, source = true.n_entry[channel], true.row_source[belief.row_type[channel]]
+    n, source = true.n_entry[channel], true.noise_source[channel]
     # what is in a decorrelated solution went in with the solution's own error
     variance = 0.0 if mixed else signals.sigma[epoch, measured_channel(signals, channel)] ** 2
     member = signals.shared.member

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lvnav_trade.engines.lincov.receiver_error import N_CLONE, N_NAV
 from lvnav_trade.engines.prepare import Prepared
-from lvnav_trade.filters.belief import POSITION, PSEUDORANGE, RANGE_RATE, TYPES, VELOCITY, transition_blocks
+from lvnav_trade.filters.belief import POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY, transition_blocks
 from lvnav_trade.kernels.clock import spectral_densities
 from lvnav_trade.kernels.groups import GROUP, grouped_zeros
 from lvnav_trade.kernels.transition import ACCEL, ATT, CONSTANT, GYRO, POS, VEL
@@ -41,7 +41,7 @@ class Components(NamedTuple):
     states for the same thing, -1 none. Of both together the ones that have a state: state_source, state_slot, state_at.
 
     nav_rows ... nav_drivers: blocks of the true transition. white (n_length, n_group, N[, 8]) noise of each source;
-    initial (n_source, N, N); row_source (n_type,) source of each type of measurement; decay (n_length, N) of the
+    initial (n_source, N, N); noise_source (n_channel,) source of the noise of each channel; decay (n_length, N) of the
     states; n_entry (n_channel,), entry, column of measurements with respect to the N states, by ring place of the clone
     (n_ring, n_channel, ...); solution: first state of the receiver's error (-1 none) with sources solution_source
     (n_in,) of its white errors; clone: first state of the clones (-1 none); buffered: innovations are formed with
@@ -80,7 +80,7 @@ class Components(NamedTuple):
     nav_drivers: Ints
     white: Floats
     initial: Floats
-    row_source: Ints
+    noise_source: Ints
     decay: Floats
     n_entry: Ints
     entry: Ints
@@ -422,11 +422,14 @@ _ROWS = {
 }  # fmt: skip
 
 
-def _row_sources(prepared: Prepared, names: list[str]) -> Ints:
-    """Return the source of the noise of each type of measurement, (n_type,), -1 none."""
-    of_type = {kind: name for kind, name in _ROWS.items() if name in names}
-    of_type |= {TYPES[device.channels.measures]: device.noise for device in prepared.devices}
-    return np.array([names.index(of_type[k]) if k in of_type else -1 for k in range(len(TYPES))], dtype=np.int64)
+def _noise_sources(prepared: Prepared, names: list[str]) -> Ints:
+    """Return the source of the noise of each channel, (n_channel,), -1 none."""
+    found = [names.index(_ROWS[kind]) if kind in _ROWS and _ROWS[kind] in names else -1
+             for kind in prepared.belief.row_type.tolist()]  # fmt: skip
+    for first, device in zip(prepared.channels.first, prepared.devices, strict=True):
+        for scalar in range(len(device.channels.labels)):
+            found[first + scalar] = names.index(device.noise)
+    return np.array(found, dtype=np.int64)
 
 
 def components(prepared: Prepared, names: list[str]) -> Components:
@@ -475,7 +478,7 @@ def components(prepared: Prepared, names: list[str]) -> Components:
         nav_drivers=drivers,
         white=_aligned(np.swapaxes(white, 0, 1)),
         initial=_initial(prepared, names),
-        row_source=_row_sources(prepared, names),
+        noise_source=_noise_sources(prepared, names),
         decay=np.pad(belief.decay, ((0, 0), (0, n - prepared.layout.n_state)), constant_values=1.0),
         **_measurement_tables(prepared, names),
         sample_noise=_sample_noise(prepared, names),

@@ -109,7 +109,7 @@ def replace_state(joint, scratch, tape, late, at, h, surprise, epoch, channel, m
     """Replace the error of one state by that of a measurement of it: an update with the gain one, in every source and
     in the mean. The filter's own covariance is set elsewhere.
     """
-    gain, source, m, ring = scratch.gain, true.row_source[belief.row_type[channel]], true.n_entry[channel], 0
+    gain, source, m, ring = scratch.gain, true.noise_source[channel], true.n_entry[channel], 0
     if late is not None:
         ring = epoch % late.n_ring
     for i in range(gain.shape[0]):
@@ -176,7 +176,7 @@ def update_joint(
     of it does not (an uncompensated latency). variance: that the filter assumes of its noise. mixed: one of a
     decorrelated solution, whose errors are states already. Returns the expected square of the normalised innovation.
     """
-    n, source, gain = belief.n_entry[channel], true.row_source[belief.row_type[channel]], scratch.gain
+    n, source, gain = belief.n_entry[channel], true.noise_source[channel], scratch.gain
     weight = _update_formal(
         joint, scratch, gains, h, belief.entry[channel, :n], belief.column[channel, :n], epoch, channel, variance,
         belief,

@@ -102,7 +102,7 @@ def compare(
     confidence: float | None = None,
     mapping: Mapping[str, str] | None = None,
 ) -> Comparison:
-    """Hold a candidate against a base, case by case and run by run.
+    """Compare a candidate with a base, case by case and run by run (paired).
 
     "worse": the change is shown to be above the smallest effect of interest; "not worse": shown to be below it;
     "undecided" otherwise. `low` is the bound that shows it worse: all rows together are wrong with at most the

@@ -80,6 +80,15 @@ def laws(tables: Tables, case: str) -> list[Law]:
     return [Law(*parts) for parts in zip(mean, matrices(rows.true_si2), matrices(rows.formal_si2), strict=True)]
 
 
+def resolved(bias: Floats, sigma: Floats) -> Floats:
+    """Return biases (...,) to a millionth of their sigmas (...,): what is smaller is rounding and differs by machine.
+
+    Unchanged where the sigma is zero.
+    """
+    unit = np.where(sigma > 0.0, sigma, 1.0)
+    return np.where(sigma > 0.0, np.round(bias / unit, 6) * unit + 0.0, bias)
+
+
 def law_at(tables: Tables, case: str, event: str) -> Law | None:
     """Return LinCov of velocity and position at an event; None where it is not stored."""
     names = [state.event for state in states(tables, case)]

@@ -163,6 +163,7 @@ def _row(state: State, law: Law, point: Impact, slope: Floats, corridor: Corrido
         return row
     covariance, formal, bias = slope @ law.true @ slope.T, slope @ law.formal @ slope.T, slope @ law.mean
     sigma, filter_sigma = np.sqrt(np.diag(covariance)), np.sqrt(np.diag(formal))
+    shown = mission.resolved(bias, sigma)
     variance, axes = np.linalg.eigh(covariance)
     major = float(np.arctan2(axes[1, 1], axes[0, 1])) + float(point.heading)
     row |= {
@@ -170,7 +171,7 @@ def _row(state: State, law: Law, point: Impact, slope: Floats, corridor: Corrido
         "correlation": covariance[0, 1] / (sigma[0] * sigma[1]) if sigma.all() else float("nan"),
         "major_3sigma_km": 3.0 * np.sqrt(variance[1]), "minor_3sigma_km": 3.0 * np.sqrt(max(0.0, variance[0])),
         "major_heading_deg": np.degrees(major) % 180.0, "down_filter_sigma_km": filter_sigma[0],
-        "cross_filter_sigma_km": filter_sigma[1], "down_bias_km": bias[0], "cross_bias_km": bias[1],
+        "cross_filter_sigma_km": filter_sigma[1], "down_bias_km": shown[0], "cross_bias_km": shown[1],
     }  # fmt: skip
     if corridor is not None:
         chance, margin = _inside(corridor, point, covariance, bias)

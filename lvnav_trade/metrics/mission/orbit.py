@@ -94,10 +94,11 @@ def _rows(tables: Tables, case: str, state: State, law: Law) -> list[dict[str, A
         reason = mission.applies(state, metric, law.true)
         row = {"quantity": name, "unit": unit, "osculating": now[name] * factor, "averaged": average[name] * factor}
         if not reason:
+            sigma = np.sqrt(slope @ law.true @ slope)
             row |= {
-                "lincov_sigma": float(np.sqrt(slope @ law.true @ slope)) * factor,
+                "lincov_sigma": float(sigma) * factor,
                 "filter_sigma": float(np.sqrt(slope @ law.formal @ slope)) * factor,
-                "lincov_bias": float(slope @ law.mean) * factor,
+                "lincov_bias": float(mission.resolved(slope @ law.mean, sigma)) * factor,
             }
         row |= {"lincov_q99": _quantile(_component(drawn[metric], component)) * factor, "remark": reason}
         rows.append(row | {"runs": len(good)} | _of_runs(flown, metric, component, factor))

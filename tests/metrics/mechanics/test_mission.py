@@ -62,6 +62,14 @@ def test_the_joint_covariance_is_that_of_the_history_turned_to_the_inertial_fram
     assert down @ unit(state.r_i) == pytest.approx(-1.0, abs=1e-5)  # the ellipsoid's normal is 0.2 deg off at most
 
 
+def test_a_bias_is_resolved_to_a_millionth_of_its_sigma():
+    bias, sigma = np.array([1e-15, -1e-15, 0.1234567, -3.0]), np.array([2.0, 2.0, 1.0, 0.0])
+    found = mission.resolved(bias, sigma)
+    np.testing.assert_array_equal(found[:2], 0.0)
+    assert not np.signbit(found[:2]).any()
+    np.testing.assert_allclose(found[2:], [0.123457, -3.0], rtol=1e-12)
+
+
 def test_the_semi_major_axis_follows_vis_viva(orbit):
     """da = 2 a^2 v dv / mu along the velocity, 2 a^2 dr / r^2 along the radius; J2 changes it by a thousandth."""
     state = state_of(orbit)

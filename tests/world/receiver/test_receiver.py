@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.campaign import tree
-from lvnav_trade.campaign.cards import Shelf, shipped
-from lvnav_trade.campaign.expand import expand
+from lvnav_trade.campaign.reading.expand import expand
+from lvnav_trade.campaign.syntax import tree
+from lvnav_trade.campaign.syntax.cards import Shelf, shipped
 from lvnav_trade.world.receiver.receiver import ReceiverCard
 
 NAMES = sorted(file.stem for file in (shipped("configs") / "receivers").glob("*.yaml"))

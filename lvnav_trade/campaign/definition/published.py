@@ -1,0 +1,218 @@
+"""What others published: numbers that ours are held against, orders of cases, statements on innovations."""
+
+from __future__ import annotations
+
+import re
+from typing import Literal, Self
+
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from lvnav_trade.campaign.syntax.tree import hint
+from lvnav_trade.errors import quoted
+from lvnav_trade.layout import EXTRAS, MISSION, MOTION, PARAMETERS
+from lvnav_trade.units import Card, parse
+
+STEERED = tuple(f"nozzle_movement_{axis}" for axis in ("pitch", "yaw"))
+"""Metrics of a vehicle under control: by how many percent less its nozzle moves with the filtered than the raw rate."""
+RANK = "observable_states"
+"""Metric: the least number of observable states of any stretch."""
+COUNTED = ("satellites_tracked", "troposphere_left", "ionosphere_left")
+"""Metrics that are no error of the navigation: read off the signals, the same in every run."""
+_ENDS = ("start", "end")
+_INSTANT = re.compile(r"\s*(?P<event>[A-Za-z_]\w*)\s*(?:[+-]\s*(?P<offset>\S.*))?$")
+
+_MOTION = {f"{prefix}{name}": unit for prefix in ("", "raw_", "corrected_") for name, unit, *_ in MOTION}
+_UNITS = (
+    {"attitude": "rad", "velocity": "m/s", "position": "m", "clock_bias": "m", "clock_drift": "m/s"}
+    | {"solution_velocity": "m/s", "solution_position": "m", "receiver_clock_bias": "m", "receiver_clock_drift": "m/s"}
+    | {name: kind.unit for name, kind in PARAMETERS.items()}
+    | {name: unit for name, (unit, *_) in EXTRAS.items()}
+    | _MOTION
+)
+"""SI unit of every quantity of which results hold an error."""
+
+Case = dict[str, str]
+
+
+def taken_apart(metric: str) -> tuple[str, str]:
+    """Return quantity and axis of the metric of an error; an axis left out is the norm, 3d."""
+    quantity, _, axis = metric.partition("_error")
+    return quantity, axis.removeprefix("_") or "3d"
+
+
+def unit_of(metric: str) -> str:
+    """Return the SI unit of a metric, ``%`` or ``-`` of those that have none."""
+    if metric in MISSION:
+        return MISSION[metric].unit
+    if metric in COUNTED:
+        return "-" if metric == COUNTED[0] else "m"
+    if metric in STEERED or metric == RANK:
+        return "%" if metric in STEERED else "-"
+    unit = _UNITS[taken_apart(metric)[0]]
+    return "dimensionless" if unit == "1" else unit
+
+
+def _metric(name: str) -> str:
+    stated = re.fullmatch(r"[a-z][a-z_]*_error(_[a-z0-9]+)?", name)
+    if name in (*MISSION, *COUNTED, *STEERED, RANK) or (stated and taken_apart(name)[0] in _UNITS):
+        return name
+    near = hint(
+        name, (*MISSION, *COUNTED, *STEERED, RANK, "position_error_3d", "velocity_error_3d", "attitude_error_3d")
+    )
+    raise ValueError(f"{quoted(name)} is not a metric{near}")
+
+
+def _instant(text: str) -> str:
+    match = _INSTANT.match(text)
+    if match is None:
+        raise ValueError(f"{text!r} is no instant; write EVENT, or 'EVENT + 20 s'")
+    if match["offset"] is not None:
+        parse(match["offset"].strip(), "s")
+    return text
+
+
+def event_of(instant: str) -> str:
+    """Return the event that an instant such as ``stage1_cutoff + 20 s`` counts from."""
+    match = _INSTANT.match(instant)
+    return match["event"] if match is not None else instant
+
+
+class Stated(Card):
+    """What every statement has: where it is from, what it is about, and what is said of it."""
+
+    source: str
+    item: str = ""
+    remark: str = ""
+
+
+class _Measured(Stated):
+    """A statement on a metric, at an event or during a phase."""
+
+    metric: str = Field(
+        description="such as velocity_error_3d, gyro_bias_error_x, perigee_error; satellites_tracked, troposphere_left"
+    )
+    during: str | None = Field(
+        None, description="phase in place of an event: 'liftoff to injection', 'stage1_cutoff to stage1_cutoff + 30 s'"
+    )
+    at: str | None = Field(None, validate_default=True, description="event; injection if no phase is given")
+    statistic: Literal["rms", "worst", "least", "formal", "lincov"] = Field(
+        "rms",
+        description="rms over runs (and time); worst: median over runs of each run's largest during the phase; least: "
+        "the same of the smallest, of what is counted; formal: the filter's own sigma; lincov: sigma of the true error",
+    )
+
+    @field_validator("metric")
+    @classmethod
+    def _known(cls, name: str) -> str:
+        return _metric(name)
+
+    @field_validator("during")
+    @classmethod
+    def _span(cls, phase: str | None) -> str | None:
+        if phase is None or phase == "flight":
+            return phase
+        ends = phase.split(" to ")
+        if len(ends) != 2:
+            raise ValueError(f"{phase!r} is no phase; write 'EVENT to EVENT' or flight")
+        for end in ends:
+            _instant(end)
+        return phase
+
+    @field_validator("at")
+    @classmethod
+    def _one_place(cls, event: str | None, info: ValidationInfo) -> str | None:
+        if info.data.get("during") is not None:
+            if event is not None:
+                raise ValueError("a number holds at an event or during a phase, not both")
+            return None
+        return _instant(event if event is not None else "injection")
+
+    @property
+    def events(self) -> tuple[str, ...]:
+        """The events that it names."""
+        instants = [] if self.during == "flight" else (self.during or self.at or "injection").split(" to ")
+        return tuple(event for event in map(event_of, instants) if event not in _ENDS)
+
+    @model_validator(mode="after")
+    def _of_a_phase(self) -> Self:
+        if self.statistic in ("worst", "least") and self.during is None:
+            raise ValueError(f"statistic {self.statistic} is of a phase; give during in place of at")
+        if self.statistic == "least" and self.metric not in COUNTED:
+            raise ValueError(f"statistic least is of what is counted ({', '.join(COUNTED)})")
+        return self
+
+
+class Published(_Measured):
+    """A published number that ours is held against."""
+
+    case: Case = Field(default_factory=dict, description="level of each axis, by its label")
+    against: Case | None = Field(
+        None, description="the number is by how many % the metric of `case` is smaller than that of this one"
+    )
+    than: str | None = Field(
+        None, description="the number is by how many % the metric is smaller than this one, of the same case"
+    )
+    value: float
+    unit: str
+    band: tuple[float, float] = Field((0.5, 2.0), description="of ours / published")
+    single: bool = Field(
+        False, description="of a single run: the page shows where it lies among our runs, each by itself"
+    )
+
+    @field_validator("value")
+    @classmethod
+    def _divides(cls, value: float) -> float:
+        if value == 0.0:
+            raise ValueError("0 has no ratio; publish the bound that ours must keep, with the band [0, 1]")
+        return value
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        # a difference in percent may lie on the other side of zero
+        least = -abs(self.band[1]) if self.against is not None or self.than is not None else 0.0
+        if not least <= self.band[0] <= self.band[1] or self.band[1] == 0:
+            raise ValueError("the band should be two growing ratios, such as [0.5, 2]")
+        for name in ("against", "than"):
+            if getattr(self, name) is not None and self.unit != "%":
+                raise ValueError(f"{name} makes the number a part of another; its unit is %, not {self.unit!r}")
+        if self.than is not None and self.against is not None:
+            raise ValueError("than is of the same case, against of another; choose one")
+        self._fits()
+        return self
+
+    def _fits(self) -> None:
+        """Refuse a unit in which the metric is not measured; a part of another number is in percent."""
+        wanted = "%" if self.than is not None or self.against is not None else unit_of(self.metric)
+        if wanted not in ("%", "-"):
+            parse(f"1 {self.unit}", wanted)
+        elif self.unit != wanted:
+            raise ValueError(f"unit: {quoted(self.unit)} does not fit {self.metric}; expected {wanted!r}")
+        if self.than is not None and unit_of(self.than) != unit_of(self.metric):
+            raise ValueError(f"than: {self.than} is in {unit_of(self.than)}, {self.metric} in {unit_of(self.metric)}")
+
+    @field_validator("than")
+    @classmethod
+    def _known_too(cls, name: str | None) -> str | None:
+        return name if name is None else _metric(name)
+
+
+class Ordering(_Measured):
+    """A published order of cases by a metric, the smallest first; it holds where each is below the next."""
+
+    cases: tuple[Case, ...] = Field(min_length=2, description="level of each axis, by its label; smallest first")
+    factor: float = Field(1.0, gt=0, description="largest ratio of a case to the next")
+
+
+class Innovations(Stated):
+    """A published statement on innovations: white, or correlated, as one flight can tell."""
+
+    case: Case = Field(default_factory=dict, description="level of each axis, by its label")
+    channels: str = Field("", description="words that a channel's name holds: position, velocity, range, range rate")
+    white: bool = True
+    largest: float = Field(
+        0.15,
+        gt=0,
+        lt=1,
+        description="autocorrelation at lags 1 to 10 above which a channel is called correlated; of 600 white "
+        "innovations of one flight it is below 0.12 in 97 % of flights, of 300 below 0.17",
+    )

@@ -1,0 +1,286 @@
+"""The campaign: a base scenario, axes to vary, runs, seed, what to keep, requirements."""
+
+from __future__ import annotations
+
+import re
+from typing import Any, Literal, NamedTuple
+
+from pydantic import Field, PrivateAttr, ValidationInfo, field_serializer, field_validator, model_validator
+
+from lvnav_trade import limits, units
+from lvnav_trade.campaign.definition.corridor import Corridor
+from lvnav_trade.campaign.definition.published import Innovations, Ordering, Published
+from lvnav_trade.campaign.syntax.tree import Written, hint
+from lvnav_trade.errors import InputError, quoted
+from lvnav_trade.layout import MISSION
+from lvnav_trade.scenario import Scenario
+from lvnav_trade.units import Card, Duration
+
+_AXES = {
+    "position": ("north", "east", "down", "x", "y", "z", "radial", "along", "cross"),
+    "velocity": ("north", "east", "down", "x", "y", "z", "radial", "along", "cross"),
+    "attitude": ("roll", "pitch", "yaw"),
+}
+_UNIT = {"position": "m", "velocity": "m/s", "attitude": "rad"}
+FRAME_AXES = {
+    "ned": ("north", "east", "down"),
+    "ecef": ("x", "y", "z"),
+    "inertial": ("x", "y", "z"),
+    "orbital": ("radial", "along", "cross"),
+}
+
+
+FLIGHT, ENDS = "flight", ("start", "end")
+"""Words of a phase that are no events: from lift-off on; the first and the last time of the flight."""
+
+
+class Metric(NamedTuple):
+    """A requirement's metric taken apart: ``quantity``, and ``axis`` (an axis of the reporting frame, or ``3d``).
+
+    A metric of the mission, such as ``perigee_error``, is a quantity by its whole name.
+    """
+
+    quantity: str
+    axis: str
+
+    @property
+    def unit(self) -> str:
+        """The SI unit of the metric."""
+        return MISSION[self.quantity].unit if self.quantity in MISSION else _UNIT[self.quantity]
+
+
+def metric_names() -> tuple[str, ...]:
+    """Return every metric that a requirement can name."""
+    names = [f"{quantity}_error_3d" for quantity in _AXES]
+    names += [f"{quantity}_error_{axis}" for quantity, axes in _AXES.items() for axis in axes]
+    return (*names, *MISSION)
+
+
+def metric(name: str) -> Metric:
+    """Take a metric's name apart; ValueError names the nearest where it is unknown."""
+    if name not in metric_names():
+        raise ValueError(f"{quoted(name)} is not a metric{hint(name, metric_names())}")
+    if name in MISSION:
+        return Metric(name, "3d")
+    quantity, _, axis = name.partition("_error_")
+    return Metric(quantity, axis)
+
+
+class MonteCarlo(Card):
+    """How many runs per case; leave it out for linear covariance alone."""
+
+    runs: int = Field(description="runs per case, each with its own draws; with stop the most there may be")
+    stop: Literal["decided"] | None = Field(
+        default=None,
+        description="'decided': a case's blocks of runs end once all its requirements are met or violated",
+    )
+    block: int = Field(
+        default=40,
+        ge=8,
+        le=limits.RUNS,
+        multiple_of=8,
+        description="runs per block of work: part of the results' identity",
+    )
+
+    @field_validator("runs")
+    @classmethod
+    def _some(cls, runs: int) -> int:
+        if runs > limits.RUNS:
+            raise ValueError(f"{quoted(runs)} runs; at most {limits.RUNS} are flown")
+        if runs < 1:
+            raise ValueError(f"{runs} runs; give at least 1, or leave monte_carlo out for linear covariance alone")
+        return runs
+
+    @model_validator(mode="after")
+    def _whole_blocks(self) -> MonteCarlo:
+        if self.stop and self.runs % self.block:
+            more = self.runs + self.block - self.runs % self.block
+            raise ValueError(f"stop looks after every block of {self.block} runs; {more} runs are whole blocks")
+        return self
+
+
+class Axis(Card):
+    """One thing that is varied: the path of a field of the base, and the cards or values it takes."""
+
+    path: str = Field(description="field of the base scenario, dotted: imu, filter.gate, faults.0.keep")
+    cards: tuple[str, ...] | None = Field(default=None, description="cards, one per level")
+    values: tuple[Any, ...] | None = Field(default=None, description="values, one per level")
+    labels: tuple[str, ...] | None = Field(
+        default=None, description="names of the levels; from the cards or values if absent"
+    )
+
+    @model_validator(mode="after")
+    def _one_list(self) -> Axis:
+        if (self.cards is None) == (self.values is None):
+            raise ValueError("an axis has either cards or values")
+        levels = self.cards if self.cards is not None else self.values
+        if not levels:
+            raise ValueError("an axis needs at least one card or value")
+        if self.labels is not None and len(self.labels) != len(levels):
+            raise ValueError(f"{len(self.labels)} labels for {len(levels)} levels")
+        if self.labels is not None and len(set(self.labels)) != len(self.labels):
+            raise ValueError("two levels have the same label")
+        return self
+
+
+class Requirement(Card):
+    """A bound that a stated fraction of flights must keep, and the confidence at which the runs must show it."""
+
+    name: str
+    metric: str = Field(description="such as velocity_error_3d, attitude_error_roll, perigee_error, impact_error")
+    during: str | None = Field(
+        default=None,
+        description="phase whose worst error counts, in place of an event: 'liftoff to injection'; flight, start, end",
+    )
+    at: str | None = Field(
+        default=None, validate_default=True, description="event of the trajectory; injection if no phase is given"
+    )
+    probability: float = Field(gt=0, lt=1, description="fraction of flights that must keep the bound")
+    below: float = Field(json_schema_extra={"type": "string"}, description="bound with its unit, such as 0.3 m/s")
+    confidence: float = Field(default=0.9, gt=0, lt=1)
+
+    @field_validator("metric")
+    @classmethod
+    def _known(cls, name: str) -> str:
+        metric(name)
+        return name
+
+    @field_validator("during")
+    @classmethod
+    def _span(cls, phase: str | None, info: ValidationInfo) -> str | None:
+        if phase is not None and info.data.get("metric") in MISSION:
+            raise ValueError(f"{info.data['metric']} is a number of the orbit at an event; give at in place of during")
+        if phase is not None and phase != FLIGHT and len(phase.split(" to ")) != 2:
+            raise ValueError(f"{quoted(phase)} is no phase; write 'EVENT to EVENT' or {FLIGHT}")
+        return phase
+
+    @field_validator("at")
+    @classmethod
+    def _one_place(cls, event: str | None, info: ValidationInfo) -> str | None:
+        during = info.data.get("during")
+        if event is not None and during is not None:
+            raise ValueError("a requirement holds at an event or during a phase, not both")
+        return event if event is not None or during is not None else "injection"
+
+    @property
+    def events(self) -> tuple[str, ...]:
+        """The events that it names: the one, or both ends of the phase."""
+        if self.during is None:
+            return (self.at or "injection",)
+        ends = () if self.during == FLIGHT else self.during.split(" to ")
+        return tuple(end for end in ends if end not in ENDS)
+
+    @field_validator("below", mode="before")
+    @classmethod
+    def _quantity(cls, value: Any, info: ValidationInfo) -> float:
+        if "metric" not in info.data:
+            return 0.0  # the metric's own mistake is told; its unit is unknown here
+        unit = metric(info.data["metric"]).unit
+        if not isinstance(value, str):
+            raise ValueError(f"{quoted(value)} has no unit; write it with a unit, such as '0.3 {unit}'")
+        bound = units.parse(value, unit)
+        if bound <= 0:
+            raise ValueError(f"{quoted(value)} is no bound; it should be above zero")
+        return bound
+
+    @field_serializer("below", when_used="json")
+    def _with_unit(self, value: float) -> str:
+        return f"{value!r} {metric(self.metric).unit}"
+
+
+class Covariance(Card):
+    """What linear covariance leaves."""
+
+    budget: bool = Field(default=True, description="store the variance of every error source over the flight")
+    at: str | None = Field(
+        default=None, description="event that is explained; injection, or else the last one, if absent"
+    )
+    adjoint: bool = Field(default=True, description="when every source put how much into the errors at the event")
+    sensitivity: bool = Field(
+        default=False,
+        description="errors at the event with each source 0.1 to 10 times as large and the filter re-tuned to it: four "
+        "further linear covariances per source that matters",
+    )
+    observability: bool = Field(default=True, description="what the measurements tell in each phase of flight")
+    window: Duration | None = Field(
+        default=None, gt=0, description="or in each window of this length, in place of phases"
+    )
+    error_bound: bool = Field(
+        default=False,
+        description="whether the noise that the filter believes keeps its error bounded (q I <= Q, r I <= R)",
+    )
+
+
+class Keep(Card):
+    """What is stored of a flight."""
+
+    history: Duration = Field(default=1.0, gt=0, description="step of the stored histories; events are always kept")
+
+
+class Compare(Card):
+    """How a candidate is held against these results."""
+
+    confidence: float = Field(default=0.95, ge=0.5, lt=1)
+    effects: dict[str, str] = Field(
+        default_factory=dict,
+        description="smallest change of interest by METRIC, METRIC@EVENT, METRIC@EVENT:q95 or a requirement's name: "
+        "'5 %', '0.1 m/s', or none to leave it out",
+    )
+
+    @field_validator("effects")
+    @classmethod
+    def _known(cls, effects: dict[str, str]) -> dict[str, str]:
+        from lvnav_trade.metrics.comparison.comparison import parse_effect
+
+        for key, amount in effects.items():
+            try:
+                parse_effect(key, amount)
+            except InputError as error:
+                raise ValueError(str(error)) from None
+        return effects
+
+
+class Report(Card):
+    """What the page shows."""
+
+    sections: tuple[str, ...] | None = Field(default=None, description="sections in order; all if absent")
+
+
+class Campaign(Card):
+    """A trade-off question. Once loaded, cards are expanded and every default is filled in."""
+
+    name: str
+    description: str = ""
+    seed: int = Field(ge=0, lt=2**63)
+    base: Scenario
+    axes: tuple[Axis, ...] = Field((), max_length=limits.AXES)
+    design: Literal["grid", "zip", "one_at_a_time"] = "grid"
+    monte_carlo: MonteCarlo | None = None
+    covariance: Covariance = Covariance()
+    keep: Keep = Keep()
+    requirements: tuple[Requirement, ...] = Field((), max_length=limits.STATEMENTS)
+    references: tuple[Published, ...] = Field(
+        (), max_length=limits.STATEMENTS, description="published numbers that ours are held against"
+    )
+    orderings: tuple[Ordering, ...] = Field(
+        (), max_length=limits.STATEMENTS, description="published orders of cases that must hold"
+    )
+    innovations: tuple[Innovations, ...] = Field(
+        (), max_length=limits.STATEMENTS, description="published statements on the innovations"
+    )
+    corridor: Corridor | None = Field(default=None, description="where the point of impact must stay")
+    report: Report = Report()
+    compare: Compare = Compare()
+    _written: Written = PrivateAttr(default_factory=Written)
+
+    @property
+    def written(self) -> Written:
+        """Where every value was written, for mistakes that show only later."""
+        return self._written
+
+    @field_validator("name")
+    @classmethod
+    def _folder(cls, name: str) -> str:
+        if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}", name):
+            raise ValueError(f"{quoted(name)} cannot name a folder; use letters, digits, '-', '_' and '.'")
+        return name

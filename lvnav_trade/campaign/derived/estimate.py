@@ -1,0 +1,106 @@
+"""Filter cards that are computed from a case: process noise from an ensemble of perturbed runs."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from lvnav_trade.campaign.definition.axes import Case
+from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.engines.ensemble import Densities, StepErrors, densities, step_errors
+from lvnav_trade.engines.explain import flown_events
+from lvnav_trade.engines.prepare import Prepared, prepare
+from lvnav_trade.errors import InputError
+from lvnav_trade.filters.base import FilterCard
+from lvnav_trade.kernels.transition import ATT, POS, VEL
+from lvnav_trade.scenario import beliefs
+
+_SHORTEST = 5.0
+"""Seconds: a shorter phase is joined to the one after it."""
+_LEAST_RUNS = 10
+
+
+class Estimate(NamedTuple):
+    """Process noise of a case: densities over the whole flight and by phase (name, start and end s, densities); steps:
+    the error per step over the flight, see `steps_table`; card: the filter's, with the noise in it.
+    """
+
+    whole: Densities
+    phases: tuple[tuple[str, float, float, Densities], ...]
+    steps: pd.DataFrame
+    card: FilterCard
+
+
+def estimate(campaign: Campaign, case: Case, runs: int, step: float | None = None) -> Estimate:
+    """Return the process noise that an ensemble of a case's unaided runs shows.
+
+    Parameters
+    ----------
+    runs
+        Runs of the ensemble; draws are those of the campaign's seed.
+    step
+        Length of a step in s; the filter's time between updates if absent. An error that lasts (a scale factor) grows
+        with the length of the step, one that is white does not: the longer the step, the more of what lasts is covered.
+
+    Raises
+    ------
+    InputError
+        With fewer than ten runs, or a filter without an inertial unit to model.
+    """
+    if runs < _LEAST_RUNS:
+        raise InputError(f"{runs} runs are too few for a covariance; give {_LEAST_RUNS} at least")
+    length = 1.0 / case.scenario.filter.update_rate if step is None else step
+    if not length > 0.0:
+        raise InputError(f"a step of {length:g} s has no length")
+    prepared = prepare(case.scenario, history=length)
+    found = step_errors(prepared, campaign.seed, runs)
+    marks = _marks(prepared)
+    phases = tuple(
+        (f"{first} to {second}", start, end, densities(found, prepared, start, end))
+        for (first, start), (second, end) in pairwise(marks)
+    )
+    whole = densities(found, prepared)
+    told = f"estimate-q of {campaign.name}{f', {case.label}' if case.axes else ''}: {runs} runs, steps of {length:g} s"
+    return Estimate(whole, phases, steps_table(found), _card(case, whole, told))
+
+
+def _marks(prepared: Prepared) -> list[tuple[str, float]]:
+    """Return names and times (s) between which the phases lie, from the start of the flight to its end."""
+    marks = [("start", float(prepared.t_hist[0]))]
+    for name, t in sorted(flown_events(prepared).items(), key=lambda item: item[1]):
+        if t - marks[-1][1] >= _SHORTEST:
+            marks.append((name, t))
+    if prepared.t_hist[-1] - marks[-1][1] >= _SHORTEST:
+        marks.append(("end", float(prepared.t_hist[-1])))
+    return marks
+
+
+def _card(case: Case, noise: Densities, told: str) -> FilterCard:
+    """Return the case's filter with the noise that its inertial unit does not stand for already."""
+    imu, _, _ = beliefs(case.scenario)
+    card = case.scenario.filter
+    beyond = {
+        "attitude_noise": math.sqrt(max(0.0, noise.attitude**2 - imu.gyro_random_walk**2)),
+        "velocity_noise": math.sqrt(max(0.0, noise.velocity**2 - imu.accel_random_walk**2)),
+    }
+    return card.model_copy(update={**beyond, "name": f"{card.name}, process noise of an ensemble", "source": told})
+
+
+def steps_table(found: StepErrors) -> pd.DataFrame:
+    """Return the error per step over the flight: t_s, seconds_s, and for attitude (rad), velocity (m/s), position (m)
+    the root mean square over runs and axes of the error itself, of what the transition missed of it in the step, and
+    the norm of the miss's mean.
+    """
+    table = {"t_s": found.t, "seconds_s": found.seconds}
+    variance = np.diagonal(found.covariance, axis1=1, axis2=2)
+    for name, at, unit in (("attitude", ATT, "rad"), ("velocity", VEL, "m_per_s"), ("position", POS, "m")):
+        three = slice(at, at + 3)
+        missed = variance[:, three] + found.mean[:, three] ** 2
+        table[f"{name}_error_{unit}"] = np.sqrt((found.error[:, three] ** 2).mean(axis=1))
+        table[f"{name}_missed_{unit}"] = np.sqrt(missed.mean(axis=1))
+        table[f"{name}_missed_mean_{unit}"] = np.linalg.norm(found.mean[:, three], axis=1)
+    return pd.DataFrame(table)

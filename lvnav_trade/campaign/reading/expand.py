@@ -1,0 +1,157 @@
+"""From what the user wrote to whole settings: cards read, overrides on top, kinds inferred, paths absolute."""
+
+from __future__ import annotations
+
+from pydantic import BaseModel
+
+from lvnav_trade.campaign.syntax import fields, tree
+from lvnav_trade.campaign.syntax.cards import Shelf
+from lvnav_trade.campaign.syntax.fields import Kind
+from lvnav_trade.campaign.syntax.tree import Node, join, mistake
+from lvnav_trade.errors import InputError, Mistake, quoted
+from lvnav_trade.input_files import is_file, is_folder
+from lvnav_trade.limits import MESSAGES
+
+_DEEPEST = 16
+
+
+class Expander:
+    """Expands trees against the settings models and collects every mistake it meets on the way."""
+
+    def __init__(self, shelf: Shelf) -> None:
+        self.shelf = shelf
+        self.mistakes: list[Mistake] = []
+
+    def expand(self, node: Node, kind: Kind, path: str, depth: int = 0) -> Node:
+        """Return the tree with all cards in place; where that fails, note the mistake and leave the tree as it is."""
+        if fields.models(kind):
+            return self._settings(node, kind, path, depth)
+        if node.is_list and fields.item(kind, 0) is not None:
+            items = [
+                self.expand(child, fields.item(kind, index), join(path, index), depth)
+                for index, child in enumerate(node.value)
+            ]
+            return Node(items, node.place)
+        return self._entries(node, kind, path, depth, None) if node.is_map else node
+
+    def _entries(self, node: Node, kind: Kind, path: str, depth: int, under: Node | None) -> Node:
+        """Expand each entry of a mapping with keys of the user's own; `under`: the card that it overrides."""
+        below = fields.entries(kind)
+        for key, child in list(node.value.items()) if below is not None else ():
+            old = tree.find(under, [key]) if under is not None else None
+            if old is not None and old.is_map and child.is_map and "card" not in child.value:
+                done = self._mapping(child, below, join(path, key), depth, old)
+            else:
+                done = self.expand(child, below, join(path, key), depth)
+            node = tree.with_child(node, key, done, node.keys[key])
+        return node
+
+    def _settings(self, node: Node, kind: Kind, path: str, depth: int) -> Node:
+        if not node.is_map:
+            if node.value in fields.literals(kind) or not isinstance(node.value, str):
+                return node
+            return self._card(node, node, kind, path, depth)
+        if "card" in node.value and "card" not in fields.names(kind):
+            return self._card(node, node.value["card"], kind, path, depth)
+        return self._mapping(node, kind, path, depth)
+
+    def _card(self, node: Node, reference: Node, kind: Kind, path: str, depth: int) -> Node:
+        """Read the card named by `reference`; `node` is the reference itself, or a mapping that overrides fields."""
+        if len(self.mistakes) > MESSAGES:
+            return node  # looking for what each of a thousand names may mean takes time
+        if depth > _DEEPEST:
+            self.mistakes.append(
+                mistake(reference.place, path, f"the card {quoted(reference.value)} leads back to itself")
+            )
+            return node
+        try:
+            if not isinstance(reference.value, str):
+                raise tree.refuse(reference.place, path, "a card is named by a word such as imu/tactical_fog")
+            name, folder = reference.value, reference.place.folder
+            if name in fields.tags(kind) and self.shelf.find(name, folder) is None:
+                raise tree.refuse(reference.place, path, f"no card {quoted(name)} (did you mean {{kind: {name}}}?)")
+            card = self.shelf.read(reference, path, fields.literals(kind))
+        except InputError as error:
+            self.mistakes.extend(error.records)
+            return node
+        whole = self._settings(card, kind, path, depth + 1)
+        if node.is_map:
+            # An override may itself name a card one level down, and what it overrides may be named by one.
+            over = tree.without(node, "card")
+            if _is_another(whole, over, kind) and "kind" in over.value:
+                message = f"the card {quoted(name)} is of another kind; leave it out, or name one of this kind"
+                self.mistakes.append(mistake(over.keys["kind"], join(path, "kind"), message))
+                return whole
+            whole = _overridden(whole, self._mapping(over, kind, path, depth, whole), over, kind)
+        return whole
+
+    def _mapping(self, node: Node, kind: Kind, path: str, depth: int, under: Node | None = None) -> Node:
+        if fields.entries(kind) is not None:
+            return self._entries(node, kind, path, depth, under)
+        model = fields.member(kind, under or node)
+        tag = fields.tag_of(model) if model else None
+        if tag and under is None and "kind" not in node.value and len(fields.models(kind)) > 1:
+            node = tree.with_child(node, "kind", Node(tag, node.place))
+        if model is None:
+            return node
+        for key, child in list(node.value.items()):
+            below = fields.child(model, key, child)
+            if below is None:
+                continue
+            if fields.is_path(model, key):
+                done = self._file(child, join(path, key))
+            elif under is not None and child.is_map and not _replaces(tree.find(under, [key]), child, below):
+                done = self._mapping(child, below, join(path, key), depth, tree.find(under, [key]) or child)
+            else:
+                done = self.expand(child, below, join(path, key), depth)
+            node = tree.with_child(node, key, done, node.keys[key])
+        return node
+
+    def _file(self, node: Node, path: str) -> Node:
+        """Return the absolute path of a file that must exist, or of several, given relative to what names it."""
+        if node.is_list:
+            files = [self._file(child, join(path, index)) for index, child in enumerate(node.value)]
+            return Node(files, node.place)
+        if not isinstance(node.value, str):
+            return node
+        file = node.place.folder / node.value
+        if not is_file(file):
+            what = "is a folder, not a file" if is_folder(file) else "no such file"
+            self.mistakes.append(mistake(node.place, path, f"{what}: {quoted(node.value)}"))
+            return node
+        return Node(str(file.resolve()), node.place)
+
+
+def _replaces(base: Node | None, over: Node, kind: Kind) -> bool:
+    """Return whether an override stands for itself: it names a card, or settings of another kind than the base's."""
+    return "card" in over.value or (base is not None and _is_another(base, over, kind))
+
+
+def _is_another(base: Node, over: Node, kind: Kind) -> bool:
+    """Return whether both are settings, and `over` those of another alternative of the field."""
+    if not (base.is_map and over.is_map) or len(fields.models(kind)) < 2:
+        return False
+    meant = fields.member(kind, over)
+    return meant is not None and meant is not fields.member(kind, base)
+
+
+def _overridden(base: Node, over: Node, written: Node, kind: Kind) -> Node:
+    """Return `base` with an expanded override on top, mapping by mapping.
+
+    What stands for itself replaces the base whole: a value, settings of another kind, and a card, as `written` shows.
+    """
+    if not (base.is_map and over.is_map and written.is_map) or _replaces(base, written, kind):
+        return over
+    result = base
+    for key, child in over.value.items():
+        old = base.value.get(key)
+        below = fields.child(kind, key, base)
+        found = child if old is None or below is None else _overridden(old, child, written.value[key], below)
+        result = tree.with_child(result, key, found, over.keys[key])
+    return Node(result.value, base.place, result.keys)
+
+
+def expand(node: Node, model: type[BaseModel], shelf: Shelf, path: str = "") -> tuple[Node, list[Mistake]]:
+    """Return the expanded tree of `model` and the mistakes met."""
+    expander = Expander(shelf)
+    return expander.expand(node, model, path), expander.mistakes

@@ -1,0 +1,134 @@
+"""What a campaign can say: the fields at a path with type, default and meaning, for people."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any, NamedTuple, cast, get_args, get_origin
+
+from pydantic import BaseModel, TypeAdapter, WithJsonSchema
+from pydantic.fields import FieldInfo
+
+from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.reading.overrides import full_path
+from lvnav_trade.campaign.syntax import fields
+from lvnav_trade.campaign.syntax.fields import Kind
+from lvnav_trade.campaign.syntax.tree import hint
+from lvnav_trade.errors import InputError
+
+_QUANTITY = "quantity with a unit: "
+_PLAIN = {str: "text", int: "whole number", float: "number", bool: "true or false", Any: "any value"}
+
+
+class Row(NamedTuple):
+    """A field: name, type, default (``required`` where there is none) and meaning."""
+
+    field: str
+    type: str
+    default: str
+    meaning: str
+
+
+class Part(NamedTuple):
+    """The fields of one kind of settings: ``kind`` where there are several, what it is, its fields."""
+
+    kind: str
+    title: str
+    rows: tuple[Row, ...]
+
+
+def reference(path: str = "") -> list[Part]:
+    """Return the fields at a dotted path of a campaign (``base.`` may be left out), one part for every kind.
+
+    Raises
+    ------
+    InputError
+        Where a step of the path is unknown.
+    """
+    kind: Kind = Campaign
+    for key in full_path(path, "fields") if path else ():
+        held = kind if fields.entries(kind) is not None else _item(kind)
+        known, below = fields.names(held), fields.child(held, key)
+        if below is None:
+            old = fields.old_key(held, key)
+            raise InputError(f"fields: {path}: {old or f'unknown path{hint(key, known)}; known: ' + ', '.join(known)}")
+        kind = below
+    found = fields.models(_item(kind))
+    if not found:
+        raise InputError(f"fields: {path}: has no fields of its own; it is {type_of(kind)}")
+    return [Part(fields.tag_of(one) or "" if len(found) > 1 else "", _title(one), _rows(one)) for one in found]
+
+
+def _item(kind: Kind) -> Kind:
+    """Return what a list, or a mapping with keys of the user's own, holds; anything else as it is."""
+    return kind if fields.models(kind) else fields.entries(kind) or fields.item(kind, 0) or kind
+
+
+def _title(model: type[BaseModel]) -> str:
+    return " ".join((model.__doc__ or "").partition("\n\n")[0].split())
+
+
+def _rows(model: type[BaseModel]) -> tuple[Row, ...]:
+    return tuple(
+        Row(name, type_of(_annotated(info)), _default(info), info.description or "")
+        for name, info in fields.by_key(model).items()
+        if name != "kind" or fields.tag_of(model) is None
+    )
+
+
+def _annotated(info: FieldInfo) -> Kind:
+    return Annotated[info.annotation, *info.metadata] if info.metadata else info.annotation
+
+
+def type_of(kind: Kind) -> str:
+    """Say in words what a field takes: a quantity by its units, words, settings, a list of any."""
+    told: dict[str, None] = {}
+    for option in _options(kind):
+        told.setdefault(_one(option))
+    return " or ".join(told)
+
+
+def _options(kind: Kind) -> Sequence[Kind]:
+    """Return the alternatives of an annotation; a quantity keeps what says its units."""
+    origin: Any = get_origin(kind)
+    if origin is Annotated:
+        inner, *metadata = get_args(kind)
+        schema = next((one for one in metadata if isinstance(one, WithJsonSchema)), None)
+        return [schema] if schema else _options(inner)
+    if origin in fields.UNIONS:
+        return [option for part in get_args(kind) for option in _options(part)]
+    return [kind]
+
+
+def _one(option: Kind) -> str:
+    if isinstance(option, WithJsonSchema):
+        return str((option.json_schema or {}).get("description", "")).removeprefix(_QUANTITY)
+    if fields.literals(option):
+        return ", ".join(map(str, fields.literals(option)))
+    if option is type(None):
+        return "none"
+    if fields.models(option):
+        return "settings"
+    arguments, origin = get_args(option), cast(Any, get_origin(option))
+    if origin is dict:
+        return f"{type_of(arguments[1])} by name"
+    if arguments:
+        fixed = arguments[-1] is not Ellipsis
+        return f"list of {f'{len(arguments)} ' if fixed and len(arguments) > 1 else ''}{type_of(arguments[0])}"
+    return _PLAIN.get(option, getattr(option, "__name__", str(option)))
+
+
+def _default(info: FieldInfo) -> str:
+    """Write a default as a campaign would."""
+    if info.is_required():
+        return "required"
+    value = info.get_default(call_default_factory=True)
+    if isinstance(value, BaseModel):
+        return fields.tag_of(type(value)) or "settings"
+    if value is None:
+        return "none"
+    shown = TypeAdapter(_annotated(info)).dump_python(value, mode="json")
+    if isinstance(value, float) and isinstance(shown, str):
+        return f"{value:.6g} {shown.partition(' ')[2]}".removesuffix(" dimensionless") if value else "0"
+    if isinstance(shown, bool):
+        return str(shown).lower()
+    return f"[{', '.join(map(str, shown))}]" if isinstance(shown, list) else str(shown) or "none"

@@ -1,0 +1,398 @@
+"""A campaign carried out: linear covariance of all cases first, then blocks of runs, then the tables."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import closing
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+from joblib import Parallel, delayed
+from joblib.externals.loky import get_reusable_executor
+from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+from lvnav_trade.campaign.definition.axes import Case, cases
+from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.reading import provided
+from lvnav_trade.campaign.reading.checks import flight, located
+from lvnav_trade.campaign.reading.load import resolved
+from lvnav_trade.campaign.running import work
+from lvnav_trade.campaign.running.lock import locked
+from lvnav_trade.campaign.running.plan import Block, blocks
+from lvnav_trade.campaign.running.progress import Progress, Silent
+from lvnav_trade.campaign.running.provenance import manifest, without_folders
+from lvnav_trade.campaign.running.stopping import Judged, Stopping
+from lvnav_trade.campaign.running.work import Answer, Done, Job
+from lvnav_trade.errors import InputError, system_message
+from lvnav_trade.store import scratch
+
+Mode = Literal["resume", "fresh"]
+_DEATHS = 3
+
+
+class Halted(Exception):
+    """The campaign stopped early and can be resumed; the message says why in one line."""
+
+
+class Outcome(NamedTuple):
+    """What a campaign left: folder, cases, linear covariance's answers, failed units and runs as lines, seconds."""
+
+    folder: Path
+    cases: tuple[Case, ...]
+    answers: tuple[Answer, ...]
+    failures: tuple[str, ...]
+    seconds: float
+
+
+class Store(NamedTuple):
+    """How results are kept; another one takes its place in tests."""
+
+    open_results: Callable[..., Any]
+    case_info: Callable[..., Any]
+    check_folder: Callable[[Path], object]
+
+
+def store() -> Store:
+    """Return the real store."""
+    from lvnav_trade.store.contents import owned
+    from lvnav_trade.store.write import CaseInfo, open_results
+
+    return Store(open_results, CaseInfo, partial(owned, kind="results"))
+
+
+def check_flight(campaign: Campaign, found: Sequence[Case], job: Job, jobs: int) -> dict[str, dict[str, float]]:
+    """Build every distinct trajectory; refuse what cannot fly, and faults and requirements that do not fit a flight.
+
+    Returns the event times (s) of each case digest.
+    """
+    distinct: dict[str, Case] = {}
+    for case in found:
+        distinct.setdefault(_flight_of(case), case)
+    units = [(job, case) for case in distinct.values()]
+    events = dict(zip(distinct, _all(jobs, work.events_of, units), strict=True))
+    grounded = [
+        record
+        for key, case in distinct.items()
+        if isinstance(events[key], InputError)
+        for record in located(campaign, case, events[key].records)
+    ]
+    times = {case.id: events[_flight_of(case)] for case in found}
+    mistakes = grounded or [*flight(campaign, found, times), *provided.mistakes(campaign, found, times)]
+    if mistakes:
+        raise InputError(records=mistakes)
+    return times
+
+
+def _flight_of(case: Case) -> str:
+    """Return what a case's events depend on, and whether it can be flown."""
+    scenario = case.scenario
+    judged_by = scenario.imu.model_dump_json() if scenario.trajectory.kind == "table" else ""  # see its residual
+    return scenario.trajectory.model_dump_json() + scenario.constellation.model_dump_json() + judged_by
+
+
+def run(
+    campaign: Campaign,
+    folder: Path,
+    jobs: int = -1,
+    mode: Mode = "resume",
+    fail_fast: bool = False,
+    progress: Progress | None = None,
+    on_answers: Callable[[Sequence[Answer], Sequence[Case]], None] | None = None,
+    engine: work.Engine | None = None,
+    keep: Store | None = None,
+) -> Outcome:
+    """Carry out a campaign in `folder` and return what it left.
+
+    Parameters
+    ----------
+    jobs : worker processes; -1 all cores; 1 works in this process
+    mode : resume what the folder holds of the same campaign, or begin afresh
+    on_answers : called with linear covariance's answers as soon as they are there
+
+    Raises
+    ------
+    InputError
+        Before anything is computed: the folder holds another campaign or files that are not the tool's, is locked or
+        cannot be written, or an event that a fault or requirement names is not in the flight.
+    Halted
+        Disk full or gone, workers lost again and again, or a failure with `fail_fast`: the same call resumes.
+    KeyboardInterrupt
+        After the workers are gone; the same call resumes.
+    """
+    watch = progress or Silent()
+    try:
+        work_to_do = _Run(campaign, folder, jobs, fail_fast, watch, engine or work.engine())
+        place = keep or store()
+        place.check_folder(folder)  # before a lock is left in a folder that is not the tool's
+        with locked(folder):  # a campaign that is refused leaves no folder
+            work_to_do.open(place, mode)
+            return work_to_do.all(on_answers)
+    except KeyboardInterrupt:
+        _end_workers(jobs)
+        raise
+    except TerminatedWorkerError:
+        fewer = max(1, _count(jobs) // 2)
+        raise Halted(f"a worker process died (out of memory?); the same command resumes, try --jobs {fewer}") from None
+    except OSError as error:
+        _end_workers(jobs)
+        if error.errno is None:
+            raise
+        raise Halted(system_message(error, folder)) from None
+    finally:
+        watch.close()
+
+
+class _Run:
+    """One execution of one campaign."""
+
+    def __init__(
+        self,
+        campaign: Campaign,
+        folder: Path,
+        jobs: int,
+        fail_fast: bool,
+        watch: Progress,
+        engine: work.Engine,
+    ) -> None:
+        self.campaign, self.folder, self.jobs, self.fail_fast, self.watch = campaign, folder, jobs, fail_fast, watch
+        self.cases = cases(campaign)
+        self.labels = {case.id: case.label for case in self.cases}
+        self.failures: list[str] = []
+        self.lost: list[str] = []
+        self.timings: dict[str, float] = {}
+        self.deaths = 0
+        asked, judged = work.asked_of(campaign), work.judged_of(campaign)
+        self.job = Job(engine, None, campaign.seed, campaign.keep.history, asked, folder / scratch.FOLDER, judged)
+        self.stopping = Stopping.of(campaign)
+        check_flight(campaign, self.cases, self.job, jobs)
+
+    def open(self, keep: Store, mode: Mode) -> None:
+        """Open the folder of results, of which this process holds the lock."""
+        self.case_info = keep.case_info
+        if mode == "fresh":
+            self._remove_scratch()
+        asked = self.campaign
+        results = keep.open_results(self.folder, asked.name, resolved(asked), manifest(asked, self.cases), mode)
+        self.job = self.job._replace(results=results)
+
+    def all(self, on_answers: Callable[[Sequence[Answer], Sequence[Case]], None] | None) -> Outcome:
+        """Go through the stages."""
+        start = time.monotonic()
+        answers = self._answers(on_answers)
+        able = [case for case, found in zip(self.cases, answers, strict=True) if not found.error]
+        self._explain(able)
+        unfinished = self._fly(able)
+        whole = self._close([case for case in able if case.id not in unfinished])
+        seconds = time.monotonic() - start
+        _end_workers(self.jobs)  # the page is made by this process alone: their memory is of no use to it
+        # The order of the plan, not that in which the workers finished: the tables' bytes must not depend on it.
+        told = {
+            "warnings": provided.warnings(self.cases),
+            "timings_s": self.timings,
+            "lost": [*map(without_folders, self.lost)],
+            "workers_died": self.deaths,
+            "cases": whole,
+        }
+        self.job.results.finish(told)
+        if not self.lost:
+            self._remove_scratch()
+        return Outcome(self.folder, tuple(self.cases), tuple(answers), tuple(self.failures), seconds)
+
+    def _remove_scratch(self) -> None:
+        scratch.remove(self.job.scratch, self.labels)
+
+    def _stage(self, name: str, function: Any, units: Iterable[Any]) -> Iterator[Any]:
+        """Yield the results of a stage in the order in which they come, timed; what a dead worker had is done again."""
+        start = time.monotonic()
+        work_list = _WorkList(units)
+        while not work_list.is_done():
+            try:
+                with closing(each(self.jobs, _numbered, ((function, *unit) for unit in work_list.open()))) as found:
+                    for number, one in found:
+                        work_list.close(number)
+                        yield one
+            except TerminatedWorkerError:
+                self._bury()
+        self.timings[name] = round(time.monotonic() - start, 3)
+
+    def _bury(self) -> None:
+        """Go on with fewer workers when one was killed; give up at the third, for it will not be the last."""
+        self.deaths += 1
+        if self.fail_fast or self.deaths == _DEATHS:
+            raise
+        self.jobs = max(2, _count(self.jobs) // 2)
+        self.watch.note(f"a worker process died (out of memory?); its work is done again by {self.jobs} workers")
+
+    def _answers(self, on_answers: Callable[[Sequence[Answer], Sequence[Case]], None] | None) -> list[Answer]:
+        """Find every case's linear covariance; with several workers the flight is compiled beside it, and what explains
+        the first case after it, so that a fresh machine compiles on all of them.
+        """
+        self.watch.stage("linear covariance", len(self.cases))
+        found: dict[str, Answer] = {}
+        units: list[tuple[Any, ...]] = [(self.job, case, None) for case in self.cases]
+        if _count(self.jobs) > 1 and self.campaign.monte_carlo:
+            units.insert(0, (self.job, self.cases[0], work.compile_flight))
+            units.append((self.job, self.cases[0], work.explain))
+        for one in self._stage("covariance", work.answer_or_ahead, units):
+            if one is None:
+                continue
+            if one.mistakes:
+                (case,) = (case for case in self.cases if case.id == one.case)
+                raise InputError(records=located(self.campaign, case, one.mistakes))
+            found[one.case] = one
+            self.watch.advance(1)
+            if one.error:
+                self._lose(f"{self.labels[one.case]}: linear covariance: {one.error}")
+            if len(found) == len(self.cases) and on_answers is not None:
+                on_answers([found[case.id] for case in self.cases], self.cases)
+        return [found[case.id] for case in self.cases]
+
+    def _explain(self, able: Sequence[Case]) -> None:
+        """Find out what is behind every case's linear covariance; a case goes on without where that fails."""
+        if self.job.engine.explain is None:
+            return
+        self.watch.stage("explanations", len(able))
+        one: Done
+        for one in self._stage("explanations", work.explain, [(self.job, case) for case in able]):
+            self.watch.advance(1)
+            if one.error:
+                self._lose(f"{self.labels[one.case]}: what is behind its linear covariance: {one.error}")
+
+    def _fly(self, able: Sequence[Case]) -> set[str]:
+        """Fly all blocks; return the digests of cases of which a block was lost."""
+        done = {case.id: self.job.results.done(case.id) for case in able}
+        units = blocks(self.campaign, able, done)
+        if self.stopping is not None:
+            held = [case for case in able if done[case.id]]
+            for one in itertools.chain(*_all(self.jobs, work.tally, [(self.job, case) for case in held])):
+                self._look(one)
+        self.watch.stage("runs", sum(unit.n_run for unit in units))
+        lost: list[Done] = []
+        for one in self._stage("monte_carlo", work.fly, self._wanted(units)):
+            self.watch.advance(one.n_run)
+            self._look(one)
+            if not self._counts(one):
+                continue
+            if one.error:
+                lost.append(one)
+                last = one.first_run + one.n_run - 1
+                self._lose(f"{self.labels[one.case]}, runs {one.first_run} to {last}: {one.error}")
+            for number, why in one.failures:
+                self._failed(
+                    f"{self.labels[one.case]}, run {number} {why}; lvnav-trade replay {self.folder} {one.case} {number}"
+                )
+        return {one.case for one in lost if self._counts(one)}
+
+    def _look(self, one: Done) -> None:
+        """Take a block in where blocks decide when their case ends."""
+        if self.stopping is not None and not one.error:
+            self.stopping.note(one.case, Judged(one.first_run, one.n_run, one.beyond))
+
+    def _counts(self, one: Done) -> bool:
+        """Whether a block is among the runs of its case: it may have been flown ahead of a decision."""
+        return self.stopping is None or self.stopping.wants(one.case, one.first_run)
+
+    def _wanted(self, units: Sequence[Block]) -> Iterator[tuple[Job, Block]]:
+        """Yield the blocks still wanted when their turn comes: a case may be decided by then."""
+        for unit in units:
+            if self.stopping is None or self.stopping.wants(unit.case.id, unit.first_run):
+                yield self.job, unit
+            else:
+                self.watch.advance(unit.n_run)
+
+    def _close(self, able: Sequence[Case]) -> list[str]:
+        """Write the tables of the cases; return the digests of those written, in the order of the plan."""
+        runs = self.campaign.monte_carlo.runs if self.campaign.monte_carlo else 0
+        self.watch.stage("tables", len(able))
+        units = [
+            (
+                self.job,
+                case,
+                self.case_info(case.id, case.label, case.axes),
+                runs if self.stopping is None else self.stopping.runs(case.id),
+            )
+            for case in able
+        ]
+        written = [case.id for case in able]
+        one: Done
+        for one in self._stage("tables", work.close, units):
+            self.watch.advance(1)
+            if one.error:
+                written.remove(one.case)
+                self._lose(f"{self.labels[one.case]}: tables: {one.error}")
+        return written
+
+    def _lose(self, line: str) -> None:
+        """Note a unit of work that was lost: unlike a failed run it leaves no row in the tables."""
+        self.lost.append(line)
+        self._failed(line)
+
+    def _failed(self, line: str) -> None:
+        self.failures.append(line)
+        self.watch.note(line)
+        if self.fail_fast:
+            raise Halted(f"stopped at the first failure: {line}")
+
+
+class _WorkList:
+    """The units of a stage, taken one by one, each open until its result is in."""
+
+    def __init__(self, units: Iterable[tuple[Any, ...]]) -> None:
+        self._coming = enumerate(units)
+        self._open: dict[int, tuple[Any, ...]] = {}
+        self._taking = threading.Lock()  # a pool that ends may still take units while the next one does
+        self._ended = False
+
+    def open(self) -> Iterator[tuple[int, tuple[Any, ...]]]:
+        """Yield (number, unit): first those that were taken and never done, then new ones."""
+        yield from list(self._open.items())
+        while True:
+            with self._taking:
+                taken = next(self._coming, None)
+                if taken is None:
+                    self._ended = True
+                    return
+                self._open[taken[0]] = taken[1]
+            yield taken
+
+    def close(self, number: int) -> None:
+        """Note that a unit is done."""
+        self._open.pop(number, None)
+
+    def is_done(self) -> bool:
+        """Whether no unit is left."""
+        return self._ended and not self._open
+
+
+def _numbered(function: Callable[..., Any], number: int, unit: tuple[Any, ...]) -> tuple[int, Any]:
+    return number, function(*unit)
+
+
+def _count(jobs: int) -> int:
+    return (os.cpu_count() or 1) if jobs < 1 else jobs
+
+
+def each(jobs: int, function: Callable[..., Any], units: Iterable[tuple[Any, ...]]) -> Any:
+    """Return a generator of function(*unit), in the order in which the workers finish; in this process for one job."""
+    if _count(jobs) == 1:
+        return (function(*unit) for unit in units)
+    how = {"return_as": "generator_unordered", "batch_size": 1, "pre_dispatch": "2 * n_jobs"}
+    return Parallel(n_jobs=_count(jobs), initializer=work.settle, **how)(delayed(function)(*unit) for unit in units)
+
+
+def _all(jobs: int, function: Callable[..., Any], units: Sequence[tuple[Any, ...]]) -> list[Any]:
+    """Return function(*unit) of all units in their order."""
+    if _count(jobs) == 1:
+        return [function(*unit) for unit in units]
+    return list(Parallel(n_jobs=_count(jobs), initializer=work.settle)(delayed(function)(*unit) for unit in units))
+
+
+def _end_workers(jobs: int) -> None:
+    """End the worker processes at once; what they have stored is whole."""
+    if _count(jobs) > 1:
+        get_reusable_executor().shutdown(wait=True, kill_workers=True)

@@ -1,0 +1,99 @@
+"""One run again, bit for bit, with every covariance step recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from lvnav_trade.campaign.definition.axes import Case
+from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.running.work import WHY
+from lvnav_trade.campaign.syntax.tree import hint
+from lvnav_trade.errors import InputError, is_full_disk
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class Replay(NamedTuple):
+    """A run flown again.
+
+    trace: one row per covariance step, errors and the filter's own sigmas in SI, the unit at the end of each column's
+    name; at_events: (event, t in s, {quantity: size of the error}, {quantity: unit}) in time order; failure: empty, or
+    why the run failed.
+    """
+
+    trace: pd.DataFrame
+    at_events: tuple[tuple[str, float, dict[str, float], dict[str, str]], ...]
+    failure: str
+
+
+def find(found: Sequence[Case], wanted: str) -> Case:
+    """Return the case of a digest (or its beginning) or of a label; InputError where there is none or several."""
+    fitting = [case for case in found if case.label == wanted or case.id.startswith(wanted)]
+    if len(fitting) == 1:
+        return fitting[0]
+    if fitting:
+        raise InputError(f"{wanted!r} is the beginning of several cases: {', '.join(case.id for case in fitting)}")
+    known = [name for case in found for name in (case.id, case.label)]
+    raise InputError(f"no case {wanted!r}{hint(wanted, known)}; the cases are {', '.join(case.id for case in found)}")
+
+
+def replay(campaign: Campaign, case: Case, run: int) -> Replay:
+    """Fly run number `run` (from 0) of a case again."""
+    from lvnav_trade.engines import montecarlo
+    from lvnav_trade.engines.prepare import prepare
+
+    if run < 0:
+        raise InputError(f"run {run}: runs are counted from 0")
+    prepared = prepare(case.scenario, campaign.keep.history)
+    block = montecarlo.replay(prepared, campaign.seed, run)
+    code = int(block.failed[0])
+    return Replay(_trace(block, prepared.outputs), _at_events(block, prepared), WHY.get(code, "") if code else "")
+
+
+def write_trace(found: Replay, folder: Path, case: Case, run: int) -> Path:
+    """Write the trace as Parquet into `folder`/traces and return its path."""
+    place = folder / "traces"
+    path = place / f"{case.id}-{run}.parquet"
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+        found.trace.to_parquet(path, compression="zstd", index=False)
+    except OSError as error:
+        if is_full_disk(error):
+            raise
+        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+    return path
+
+
+def _trace(block: Any, outputs: Sequence[Any]) -> pd.DataFrame:
+    import pandas as pd
+
+    from lvnav_trade.store.schema import SI_SUFFIX, error_column
+
+    columns: dict[str, Any] = {"t_s": block.t}
+    for index, output in enumerate(outputs):
+        columns[error_column(output.quantity, output.axis, output.unit)] = block.err[0, :, index]
+        name = f"{output.quantity}_{output.axis}_sigma_{SI_SUFFIX[output.unit]}"
+        columns[name] = block.sigma[0, :, index]
+    columns["nees_ratio"] = block.nees[0]
+    return pd.DataFrame(columns)
+
+
+def _at_events(block: Any, prepared: Any) -> tuple[tuple[str, float, dict[str, float], dict[str, str]], ...]:
+    rows = []
+    for name, t in sorted(prepared.trajectory.events.items(), key=lambda item: float(item[1])):
+        at = int(np.argmin(np.abs(block.t - t)))
+        sizes: dict[str, float] = {}
+        units: dict[str, str] = {}
+        for quantity in ("position", "velocity", "attitude"):
+            index = [i for i, output in enumerate(prepared.outputs) if output.quantity == quantity]
+            if index:
+                label = prepared.outputs[index[0]]
+                sizes[quantity] = float(np.linalg.norm(block.err[0, at, index])) * label.label_factor
+                units[quantity] = label.label_unit
+        rows.append((name, float(t), sizes, units))
+    return tuple(rows)

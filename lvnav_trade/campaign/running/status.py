@@ -1,0 +1,140 @@
+"""Where a campaign stands, read from its folder alone: nothing is run, changed or taken away."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from lvnav_trade.campaign.running.lock import holder
+from lvnav_trade.campaign.text import table
+from lvnav_trade.errors import InputError
+from lvnav_trade.store import parts as part_files
+from lvnav_trade.store.contents import MANIFEST
+from lvnav_trade.store.read import read_table, refuse_foreign
+from lvnav_trade.store.schema import TABLES
+from lvnav_trade.store.versions import environment
+from lvnav_trade.store.write import case_identity, difference, identity_of
+
+
+class CaseStatus(NamedTuple):
+    """Runs of a case: asked for (the most, where it stops once decided), stored in sound blocks, failed among them."""
+
+    id: str
+    label: str
+    asked: int
+    stored: int
+    failed: int
+
+
+class Status(NamedTuple):
+    """Where a campaign stands.
+
+    state: running, unfinished, damaged (a file of it is; the same command mends it) or finished; holder: who works on
+    it; asked, stored, failed: runs of all cases; damaged: a line per file; lost: a line per unit of work that an error
+    lost; workers_died: how often; resumable: empty, or why this version of the tool does not go on with it.
+    """
+
+    folder: str
+    state: str
+    holder: str
+    asked: int
+    stored: int
+    failed: int
+    cases: tuple[CaseStatus, ...]
+    damaged: tuple[str, ...]
+    lost: tuple[str, ...]
+    workers_died: int
+    resumable: str
+
+    @property
+    def text(self) -> str:
+        """The same for people; the first line is the answer."""
+        what = {
+            "running": f"running, {self.holder}",
+            "unfinished": self.resumable or "unfinished; the same command resumes",
+            "damaged": f"damaged; {self.resumable or 'the same command mends it'}",
+            "finished": "finished" if not self.lost else "finished, but for what was lost; the same command goes on",
+        }[self.state]
+        failed = f", {self.failed} of them failed" if self.failed else ""
+        lines = [f"{self.folder}: {what}: {self.stored} of {self.asked} runs are stored{failed}"]
+        if self.workers_died:
+            lines.append(f"workers that died: {self.workers_died}")
+        lines += [f"damaged: {line}" for line in self.damaged] + [f"lost: {line}" for line in self.lost]
+        return "\n".join([*lines, table(CaseStatus._fields, self.cases)])
+
+
+def status(folder: Path) -> Status:
+    """Return where the campaign of a folder of results stands; InputError where there is none.
+
+    Every block is read and its checksum held against its content; so is every table of a finished campaign.
+    """
+    path = folder / MANIFEST
+    try:
+        manifest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{folder}: no results here (no {MANIFEST})") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read: {error}") from None
+    refuse_foreign(path, manifest)
+    if "created" not in manifest:
+        raise InputError(f"{folder}: a kept base: it has no blocks of which anything could be missing")
+    who, damaged = holder(folder), list[str]()
+    is_finished = "finished" in manifest and not who
+    flown = _flown(folder) if is_finished else {}
+    cases = tuple(
+        _case(folder, manifest, case, label, flown.get(case, manifest.get("asked_runs", 0)), damaged)
+        for case, label in manifest.get("asked_cases", {}).items()
+    )
+    if is_finished:
+        damaged += _damaged_tables(folder)
+    sums = (sum(case.asked for case in cases), sum(case.stored for case in cases), sum(case.failed for case in cases))
+    state = "running" if who else "unfinished" if not is_finished else "damaged" if damaged else "finished"
+    other = difference(manifest, environment())
+    why = f"was computed {other}; it goes on with that, or again with --fresh" if other else ""
+    lost, died = tuple(manifest.get("lost", ())), manifest.get("workers_died", 0)
+    return Status(str(folder), state, who, *sums, cases, tuple(damaged), lost, died, why)
+
+
+def _case(
+    folder: Path, manifest: Mapping[str, Any], case: str, label: str, asked: int, damaged: list[str]
+) -> CaseStatus:
+    """Count the blocks that the campaign goes on with: not the incomplete last one of an earlier one of fewer runs,
+    nor what was flown ahead of a decision.
+    """
+    stored = failed = 0
+    block, identity = manifest.get("asked_block", 1), case_identity(identity_of(manifest), case)
+    for path in part_files.paths(folder / "parts" / case):
+        first, count = part_files.span(path)
+        if first % block or count != min(block, asked - first):
+            continue
+        try:
+            summary = part_files.read(path, identity)
+        except FileNotFoundError:  # replaced at this moment
+            continue
+        except (OSError, ValueError) as error:
+            damaged.append(str(error))
+            continue
+        stored += count
+        failed += int((summary.failed != 0).sum())
+    return CaseStatus(case, label, asked, stored, failed)
+
+
+def _flown(folder: Path) -> Mapping[str, int]:
+    """Return the runs of each case of a finished campaign: fewer than asked for where its verdict came earlier."""
+    try:
+        cases = read_table(folder / "cases.parquet")
+    except InputError:
+        return {}
+    return dict(zip(cases["case"].to_pylist(), cases["run_count"].to_pylist(), strict=True))
+
+
+def _damaged_tables(folder: Path) -> list[str]:
+    lines = []
+    for name in TABLES:
+        try:
+            read_table(folder / f"{name}.parquet")
+        except InputError as error:
+            lines.append(str(error))
+    return lines

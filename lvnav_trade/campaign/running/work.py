@@ -1,0 +1,381 @@
+"""The units of work, each done whole by one worker: linear covariance of a case, a block of runs, a case's tables."""
+
+from __future__ import annotations
+
+import gc
+import hashlib
+import itertools
+import logging
+import math
+import multiprocessing
+import os
+import signal
+import threading
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lvnav_trade.campaign.definition.axes import Case
+from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.running import stopping
+from lvnav_trade.campaign.running.plan import Block
+from lvnav_trade.errors import InputError, Mistake
+from lvnav_trade.records import Asked, CovHistory
+from lvnav_trade.scenario import Scenario
+from lvnav_trade.store import scratch
+
+_LOG = logging.getLogger("lvnav_trade.campaign")
+WHY = {1: "is not finite", 2: "diverged"}
+
+
+class Engine(NamedTuple):
+    """The functions that compute; another set takes their place in tests.
+
+    events(scenario) -> name: time; prepare(scenario, history step); run_block(prepared, seed, first, n);
+    covariance(prepared); summarise(block, events, scale, outputs); compile_kernels(prepared) where there is anything to
+    compile before a block is flown; explain(scenario, prepared, covariance, asked) what is behind the covariance;
+    beyond(requirements, case, prepared, covariance, summary) how many runs of a block do not keep each requirement;
+    starts(prepared, seed, n) what the first n runs draw once; control(scenario, seed, n) the missions of n runs of a
+    vehicle under control, None without one.
+    """
+
+    events: Callable[[Scenario], dict[str, float]]
+    prepare: Callable[[Scenario, float], Any]
+    run_block: Callable[[Any, int, int, int], Any]
+    covariance: Callable[[Any], CovHistory]
+    summarise: Callable[..., Any]
+    compile_kernels: Callable[[Any], None] | None = None
+    explain: Callable[..., Any] | None = None
+    beyond: Callable[..., stopping.Counts] = stopping.beyond
+    starts: Callable[[Any, int, int], Any] | None = None
+    control: Callable[[Scenario, int, int], Any] | None = None
+
+
+def engine() -> Engine:
+    """Return the real engines; imported here because compiled code takes a second to load."""
+    from lvnav_trade.engines import explain, montecarlo, starts, statistics
+    from lvnav_trade.engines.lincov.history import covariance
+    from lvnav_trade.engines.prepare import prepare
+    from lvnav_trade.steering import nozzle as controlled
+
+    return Engine(
+        _events, prepare, montecarlo.run_block, covariance, statistics.summarise,
+        montecarlo.compile_kernels, explain.explain, starts=starts.start_draws, control=controlled.controlled,
+    )  # fmt: skip
+
+
+def _events(scenario: Scenario) -> dict[str, float]:
+    """Return the event times of a flight; InputError where it, the satellites or a recording cannot be."""
+    from lvnav_trade.engines.prepare import trajectory_of
+    from lvnav_trade.engines.recorded import table_of
+    from lvnav_trade.world.sky.satellites import satellites
+    from lvnav_trade.world.user_file.error_table import refuse_short
+
+    with _about("base.trajectory"):
+        flight = trajectory_of(scenario)
+    with _about("base.constellation"):
+        satellites(scenario.constellation, scenario.trajectory.epoch)
+    table = table_of(scenario)
+    if table is not None:
+        with _about("base.receiver.solution.error_table"):
+            refuse_short(table, flight.start, flight.end)
+    return dict(flight.events)
+
+
+@contextmanager
+def _about(path: str) -> Iterator[None]:
+    """Let a mistake that is found within say which field it is about."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(records=[record._replace(path=record.path or path) for record in error.records]) from None
+
+
+class Job(NamedTuple):
+    """What all units of work of a campaign share. asked: what linear covariance leaves of each case; judged: the
+    requirements that decide when it stops.
+    """
+
+    engine: Engine
+    results: Any
+    seed: int
+    history: float
+    asked: Asked
+    scratch: Path
+    judged: tuple[dict[str, Any], ...] = ()
+
+
+def judged_of(campaign: Campaign) -> tuple[dict[str, Any], ...]:
+    """Return the requirements that every block of runs is held against: those of a campaign that stops by them."""
+    if campaign.monte_carlo is None or campaign.monte_carlo.stop is None:
+        return ()
+    return tuple(requirement.model_dump(mode="json") for requirement in campaign.requirements)
+
+
+def asked_of(campaign: Campaign) -> Asked:
+    """Return what a campaign asks of linear covariance."""
+    card = campaign.covariance
+    events = tuple(dict.fromkeys(event for requirement in campaign.requirements for event in requirement.events))
+    flags = (card.adjoint, card.sensitivity, card.observability, card.budget)
+    return Asked(card.at or "", events, *flags, card.window or 0.0, card.error_bound)
+
+
+class Answer(NamedTuple):
+    """Linear covariance's answer for a case at an event: norms of the true error (root mean square, so with its mean)
+    and of what the filter believes (one sigma); or why there is none.
+    """
+
+    case: str
+    event: str
+    rows: tuple[tuple[str, float, float, str], ...] = ()  # quantity, true, formal, unit
+    error: str = ""
+    mistakes: tuple[Mistake, ...] = ()  # of the user's, that show only when the case is put together
+
+
+class Done(NamedTuple):
+    """A unit of work that is done: failed runs as (run, why), or the error that lost the whole unit; the runs beyond
+    each requirement where they decide when a case stops.
+    """
+
+    case: str
+    first_run: int
+    n_run: int
+    failures: tuple[tuple[int, str], ...] = ()
+    error: str = ""
+    beyond: stopping.Counts = ()
+
+
+def events_of(job: Job, case: Case) -> dict[str, float] | InputError:
+    """Return the event times of a case's trajectory, or why it cannot be flown."""
+    settle()
+    try:
+        return job.engine.events(case.scenario)
+    except InputError as error:
+        return error
+
+
+def answer(job: Job, case: Case) -> Answer:
+    """Compute a case's linear covariance and leave it on the scratch disk for the workers that need it."""
+    settle()
+    try:
+        prepared = _prepared(job.engine, case, job.history)
+        file = _scratch_file(job, case)
+        if not scratch.is_sound(file, CovHistory, _identity(job, case)):
+            scratch.write(file, job.engine.covariance(prepared), _identity(job, case))
+        return _answer(case, prepared, _covariance(job, case))
+    except InputError as error:
+        return Answer(case.id, "", mistakes=error.records)
+    except Exception as error:
+        return Answer(case.id, "", error=_told(error))
+
+
+def answer_or_ahead(job: Job, case: Case, ahead: Callable[[Job, Case], Any] | None) -> Answer | None:
+    """Answer a case, or do ahead of its stage what `ahead` does and return None: on a fresh machine workers compile
+    side by side. A failure ahead is reported when its stage comes.
+    """
+    if ahead is None:
+        return answer(job, case)
+    with suppress(Exception):
+        ahead(job, case)
+    return None
+
+
+def compile_flight(job: Job, case: Case) -> None:
+    """Compile what will fly a case."""
+    settle()
+    if job.engine.compile_kernels is not None:
+        job.engine.compile_kernels(_prepared(job.engine, case, job.history))
+
+
+def explain(job: Job, case: Case) -> Done:
+    """Leave on the scratch disk what is behind a case's linear covariance."""
+    settle()
+    try:
+        file, identity = _explained_file(job, case)
+        if job.engine.explain is not None and not scratch.is_sound(file, _explanation(), identity):
+            covariance = _covariance(job, case)
+            prepared = _prepared(job.engine, case, job.history)
+            scratch.write(file, job.engine.explain(case.scenario, prepared, covariance, job.asked), identity)
+        return Done(case.id, 0, 0)
+    except Exception as error:
+        return Done(case.id, 0, 0, error=_told(error))
+
+
+def fly(job: Job, block: Block) -> Done:
+    """Fly a block of runs and store its statistics."""
+    settle()
+    what = (block.case.id, block.first_run, block.n_run)
+    try:
+        prepared = _prepared(job.engine, block.case, job.history)
+        covariance = _covariance(job, block.case)
+        runs = job.engine.run_block(prepared, job.seed, block.first_run, block.n_run)
+        summary = job.engine.summarise(runs, _flown_events(prepared), covariance.true_sigma, prepared.outputs)
+        job.results.write_part(block.case.id, summary)
+        beyond = job.engine.beyond(job.judged, block.case.id, prepared, covariance, summary) if job.judged else ()
+        failures = tuple(
+            (block.first_run + int(index), _why(runs, int(index))) for index in np.flatnonzero(np.asarray(runs.failed))
+        )
+        return Done(*what, failures, beyond=beyond)
+    except Exception as error:
+        return Done(*what, error=_told(error))
+
+
+def tally(job: Job, case: Case) -> list[Done]:
+    """Hold the blocks that are stored of a case against the requirements, one at a time."""
+    settle()
+    prepared = _prepared(job.engine, case, job.history)
+    covariance = _covariance(job, case)
+    return [
+        Done(
+            case.id,
+            part.first_run,
+            part.n_run,
+            beyond=job.engine.beyond(job.judged, case.id, prepared, covariance, part),
+        )
+        for part in job.results.parts(case.id)
+    ]
+
+
+def close(job: Job, case: Case, info: Any, runs: int) -> Done:
+    """Merge the blocks of a case's first `runs` runs and write its tables."""
+    settle()
+    try:
+        prepared = _prepared(job.engine, case, job.history)
+        covariance = _covariance(job, case)
+        if not job.asked.budget:
+            covariance = covariance._replace(sources=(), budget=covariance.budget[:, :0])
+        parts = job.results.parts(case.id, runs) if runs else None
+        file, identity = _explained_file(job, case)
+        explained = scratch.read(file, _explanation(), identity) if file.exists() else None
+        drawn = {"starts": job.engine.starts(prepared, job.seed, runs)} if runs and job.engine.starts else {}
+        if case.scenario.control is not None and runs and job.engine.control:
+            drawn["control"] = job.engine.control(case.scenario, job.seed, runs)
+        job.results.write_case(info, prepared, covariance, parts, explained, **drawn)
+        return Done(case.id, 0, runs)
+    except Exception as error:
+        return Done(case.id, 0, runs, error=_told(error))
+
+
+def _flown_events(prepared: Any) -> dict[str, float]:
+    """Return the events within the flight: those that the history holds."""
+    first, last = prepared.reference.t[0], prepared.reference.t[-1]
+    return {name: t for name, t in prepared.trajectory.events.items() if first <= t <= last}
+
+
+_kept: dict[tuple[Any, str, float], Any] = {}
+
+
+def _prepared(engine: Engine, case: Case, history: float) -> Any:
+    """Return the prepared case; a worker keeps the last two, because blocks come case by case."""
+    key = (engine.prepare, case.id, history)
+    if key not in _kept:
+        while len(_kept) >= 2:
+            del _kept[next(iter(_kept))]
+        _kept[key] = engine.prepare(case.scenario, history)
+    return _kept[key]
+
+
+def _scratch_file(job: Job, case: Case) -> Path:
+    return job.scratch / f"{case.id}.{job.history!r}.covariance"
+
+
+def _explained_file(job: Job, case: Case) -> tuple[Path, str]:
+    """Return where a case's explanation is left (another question, another file), and its identity."""
+    asked = repr((job.asked, job.history))
+    question = hashlib.sha256(asked.encode()).hexdigest()[:8]
+    return job.scratch / f"{case.id}.{question}.explained", _identity(job, case, asked)
+
+
+def _identity(job: Job, case: Case, question: str = "") -> str:
+    """Return what a scratch file is computed from: campaign, case, code, time step of the history, what was asked."""
+    return f"{job.results.identity_of_case(case.id)} history={job.history!r} {question}"
+
+
+def _explanation() -> type:
+    """Return the type of an explanation; imported here because compiled code takes a second to load."""
+    from lvnav_trade.engines.explain import Explanation
+
+    return Explanation
+
+
+def _covariance(job: Job, case: Case) -> CovHistory:
+    return _covariance_in(_scratch_file(job, case), _identity(job, case))
+
+
+@lru_cache(maxsize=2)
+def _covariance_in(file: Path, identity: str) -> CovHistory:
+    found: CovHistory = scratch.read(file, CovHistory, identity)
+    return found
+
+
+def _answer(case: Case, prepared: Any, covariance: CovHistory) -> Answer:
+    events = _flown_events(prepared)
+    event = "injection" if "injection" in events else max(events, key=lambda name: events[name], default="end")
+    at = int(np.argmin(np.abs(covariance.t - events.get(event, covariance.t[-1]))))
+    rows = []
+    for quantity in ("position", "velocity", "attitude"):
+        index = [i for i, output in enumerate(prepared.outputs) if output.quantity == quantity]
+        if not index:
+            continue
+        label = prepared.outputs[index[0]]
+        true = math.hypot(*covariance.true_sigma[at, index], *covariance.mean[at, index]) * label.label_factor
+        formal = math.hypot(*covariance.formal[at, index]) * label.label_factor
+        rows.append((quantity, true, formal, label.label_unit))
+    return Answer(case.id, event, tuple(rows))
+
+
+def _why(runs: Any, index: int) -> str:
+    when = float(runs.t_failed[index])
+    why = WHY.get(int(runs.failed[index]), f"failed with code {int(runs.failed[index])}")
+    return why if math.isnan(when) else f"{why} at {when:g} s"
+
+
+def _told(error: Exception) -> str:
+    """Return the error of a unit of work in one line; a user's mistake stops the campaign instead, and so does what the
+    operating system refuses: no other unit would fare better on a full disk or a folder that went away.
+    """
+    if isinstance(error, InputError | OSError):
+        raise error
+    if os.environ.get("LVNAV_TRADE_DEBUG"):
+        traceback.print_exc()
+    return f"{type(error).__name__}: {str(error).strip().splitlines()[0] if str(error).strip() else 'no message'}"
+
+
+_begun = itertools.count()
+"""Units of work that this process has begun."""
+
+
+def settle() -> None:
+    """Let a worker process leave Ctrl-C to its parent, which ends the work in order, and end where that was killed.
+
+    What it has loaded (200,000 objects, most of them numba's) is no longer searched for garbage: the pool of workers
+    has that done once a second, and it took 0.1 s, a tenth of the time in which blocks could be flown. Loading goes on
+    in the first units of each kind, so this is repeated, more and more seldom.
+    """
+    parent = multiprocessing.parent_process()
+    if parent is not None and parent.pid is not None:
+        if threading.current_thread() is threading.main_thread():  # a cluster's workers work in others
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal sends it to all
+        _follow(parent.pid)
+        begun = next(_begun)
+        if begun & (begun - 1) == 0:  # 0, 1, 2, 4, 8, ...
+            gc.collect()
+            gc.freeze()
+
+
+@lru_cache(maxsize=1)
+def _follow(parent: int) -> None:
+    """Let this process end when its parent was killed: it would go on for minutes, and write beside a new campaign."""
+
+    def wait() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()

@@ -1,0 +1,164 @@
+"""Where cards live: beside the campaign, in its `configs` folder, then those that come with the tool."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+from pydantic import BaseModel
+
+from lvnav_trade.campaign.syntax import tree
+from lvnav_trade.campaign.syntax.tree import Node, Place, hint, refuse
+from lvnav_trade.errors import InputError, quoted
+from lvnav_trade.input_files import exists, is_file
+
+_PACKAGE = Path(__file__).resolve().parents[2]
+
+
+def shipped(folder: str) -> Path:
+    """Return the folder (`configs` or `campaigns`) that comes with the tool: in the wheel, else in the checkout."""
+    inside = _PACKAGE / "_data" / folder
+    return inside if inside.is_dir() else _PACKAGE.parent / folder
+
+
+_MANY = 12
+
+
+class Shelf(NamedTuple):
+    """The folders in which a card's name is looked up, after the folder of the file that names it."""
+
+    folders: tuple[Path, ...]
+
+    @classmethod
+    def of(cls, campaign_folder: Path) -> Shelf:
+        """Return the shelf of a campaign: its own `configs` folder, then the tool's."""
+        return cls((campaign_folder / "configs", shipped("configs")))
+
+    def find(self, name: str, folder: Path) -> Path | None:
+        """Return the file of the card `name` as written in a file of `folder`, or None."""
+        for start in (folder, *self.folders):
+            for candidate in (start / name, start / f"{name}.yaml", start / f"{name}.yml"):
+                if is_file(candidate):
+                    return candidate.resolve()
+        return None
+
+    def known(self) -> list[str]:
+        """Return the names of all cards in the folders of the shelf."""
+        return sorted({name for folder in self.folders for name, _ in _cards(folder)})
+
+    def read(self, node: Node, path: str, words: Iterable[str] = ()) -> Node:
+        """Return the tree of the card that a scalar node names; InputError offers what is near.
+
+        `words` are literals that the field accepts beside cards, for the suggestion only.
+        """
+        name = str(node.value)
+        file = self.find(name, node.place.folder) if name.strip() else None
+        if file is None:
+            candidates = [*self.known(), *_beside(name, node.place.folder), *map(str, words)]
+            raise refuse(node.place, path, f"no card {quoted(name)}{_near(name, candidates)}")
+        state = file.stat()
+        found = _parsed(file, os.getcwd(), state.st_size, state.st_mtime_ns)
+        if isinstance(found, InputError):
+            raise InputError(records=found.records)
+        return found
+
+
+@lru_cache(maxsize=128)
+def _parsed(file: Path, here: str, size: int, changed: int) -> Node | InputError:
+    """Return the tree of a card's file, or what is wrong with it; a file that changed is read again."""
+    try:
+        return tree.read_mapping(file)
+    except InputError as error:
+        return error
+
+
+def _near(name: str, known: Sequence[str]) -> str:
+    """Return the card that is probably meant; where none is near, those of the folder that is named."""
+    folder, _, last = name.rpartition("/")
+    shelf = [card for card in known if card.rpartition("/")[0] == folder]
+    if not folder or not shelf:
+        return hint(name, known)
+    names = [card.rpartition("/")[2] for card in shelf]
+    if hint(last, names):
+        return hint(name, shelf)
+    return f" ({folder}/ has {', '.join(names[:_MANY])}{', ...' if len(names) > _MANY else ''})"
+
+
+def _beside(name: str, folder: Path) -> list[str]:
+    """Return the names, written as `name` is, of the cards in the folder that a path leads to."""
+    place = (folder / name).parent
+    if not exists(place):
+        return []
+    found = [*place.glob("*.yaml"), *place.glob("*.yml")]
+    return [str(Path(name).with_name(file.name if Path(name).suffix else file.stem)) for file in found]
+
+
+def _cards(folder: Path) -> Iterator[tuple[str, Path]]:
+    """Yield name (path below the folder without ending) and file of each card of a folder."""
+    for file in sorted([*folder.rglob("*.yaml"), *folder.rglob("*.yml")]):
+        yield str(file.relative_to(folder).with_suffix("")), file
+
+
+class CardInfo(NamedTuple):
+    """One line of the list of cards."""
+
+    name: str
+    title: str
+    source: str
+    file: str
+
+
+def catalogue(folder: Path) -> list[CardInfo]:
+    """Return the cards that a campaign in `folder` can name; the user's own hide the tool's of the same name."""
+    found: dict[str, CardInfo] = {}
+    for start in Shelf.of(folder).folders:
+        for name, file in _cards(start):
+            found.setdefault(name, _info(name, file))
+    return sorted(found.values())
+
+
+def _info(name: str, file: Path) -> CardInfo:
+    try:
+        card = tree.read_mapping(file).value
+    except InputError as error:
+        return CardInfo(name, "(cannot be read)", str(error), tree.show(file))
+    texts = [" ".join(str(card[key].value).split()) if key in card else "" for key in ("name", "source")]
+    return CardInfo(name, texts[0], texts[1], tree.show(file))
+
+
+def card_text(name: str, folder: Path) -> str:
+    """Return the text of the card's file, comments and all."""
+    shelf = Shelf.of(folder)
+    file = shelf.find(name, folder)
+    if file is None:
+        raise InputError(f"no card {quoted(name)}{_near(name, shelf.known())}")
+    tree.read_mapping(file)
+    return file.read_text(encoding="utf-8-sig")
+
+
+def write_card(file: Path, card: BaseModel) -> None:
+    """Write a card that was computed, without what is at its default; InputError where that cannot be."""
+    try:
+        file.write_text(tree.dump(card.model_dump(mode="json", exclude_defaults=True)), encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{file}: the card cannot be written there: {error.strerror or error}") from error
+
+
+def campaign_file(name: str) -> Path:
+    """Return the campaign file that the user names: a path, else one that comes with the tool."""
+    path = Path(name)
+    if exists(path) or path.is_absolute() or not path.name:
+        return path
+    inside = Path(*path.parts[1:]) if path.parts[0] == "campaigns" and len(path.parts) > 1 else path
+    for candidate in (inside, inside.with_name(f"{inside.name}.yaml")):
+        if is_file(shipped("campaigns") / candidate):
+            return shipped("campaigns") / candidate
+    return path
+
+
+def nowhere(label: str) -> Place:
+    """Return the place of a value given on the command line; relative paths start from the working folder."""
+    return Place(label, 0, 0, Path.cwd())

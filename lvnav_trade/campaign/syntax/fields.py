@@ -1,0 +1,127 @@
+"""What the settings models expect at a path: cards, alternatives, literals, file paths."""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from lvnav_trade.campaign.syntax.tree import Node, is_index
+
+Kind = Any  # a type annotation
+UNIONS = (Union, types.UnionType)
+
+
+def options(kind: Kind) -> tuple[Kind, ...]:
+    """Return the alternatives of an annotation, metadata and unions taken apart."""
+    origin = _origin(kind)
+    if origin is Annotated:
+        return options(get_args(kind)[0])
+    if origin in UNIONS:
+        return tuple(option for part in get_args(kind) for option in options(part))
+    return (kind,)
+
+
+def _origin(kind: Kind) -> Any:
+    return get_origin(kind)
+
+
+def models(kind: Kind) -> tuple[type[BaseModel], ...]:
+    """Return the settings models among the alternatives of an annotation."""
+    return tuple(option for option in options(kind) if isinstance(option, type) and issubclass(option, BaseModel))
+
+
+def literals(kind: Kind) -> tuple[Any, ...]:
+    """Return the literal words among the alternatives."""
+    return tuple(word for option in options(kind) if _origin(option) is Literal for word in get_args(option))
+
+
+def by_key(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    """Return the fields of a model by the keys that a user writes."""
+    return {info.alias or name: info for name, info in model.model_fields.items()}
+
+
+def entries(kind: Kind) -> Kind | None:
+    """Return the annotation of what a mapping with keys of the user's own holds, None for anything else."""
+    found = (get_args(option)[1] for option in options(kind) if _origin(option) is dict)
+    return next(found, None)
+
+
+def old_key(kind: Kind, key: str) -> str:
+    """Return what replaces a key of earlier versions, empty for any other."""
+    old: list[Mapping[str, str]] = [getattr(model, "OLD_KEYS", {}) for model in models(kind)]
+    return next((keys[key] for keys in old if key in keys), "")
+
+
+def is_path(model: type[BaseModel], key: str) -> bool:
+    """Whether the field holds a file path, relative to the file that names it."""
+    field = by_key(model).get(key)
+    extra = field.json_schema_extra if field else None
+    return isinstance(extra, dict) and bool(extra.get("path"))
+
+
+def child(kind: Kind, key: str, node: Node | None = None) -> Kind | None:
+    """Return the annotation one step down, or None; `node` (the value there) chooses among alternatives."""
+    if entries(kind) is not None:
+        return entries(kind)
+    if is_index(key):
+        return item(kind, int(key))
+    for model in _likely(kind, node):
+        if key in by_key(model):
+            return by_key(model)[key].annotation
+    return None
+
+
+def item(kind: Kind, index: int) -> Kind | None:
+    """Return the annotation of the item of a sequence."""
+    for option in options(kind):
+        if _origin(option) not in (tuple, list, Sequence):
+            continue
+        arguments = get_args(option)
+        if len(arguments) == 2 and arguments[1] is Ellipsis:
+            return arguments[0]
+        if index < len(arguments):
+            return arguments[index]
+    return None
+
+
+def names(kind: Kind, node: Node | None = None) -> tuple[str, ...]:
+    """Return the keys known at an annotation."""
+    return tuple(dict.fromkeys(name for model in _likely(kind, node) for name in by_key(model)))
+
+
+def tag_of(model: type[BaseModel]) -> str | None:
+    """Return the one word of the model's `kind`, where it has exactly one."""
+    field = model.model_fields.get("kind")
+    words = literals(field.annotation) if field else ()
+    return str(words[0]) if len(words) == 1 else None
+
+
+def tags(kind: Kind) -> tuple[str, ...]:
+    """Return the words of `kind` that the alternatives are known by."""
+    return tuple(tag for tag in map(tag_of, models(kind)) if tag)
+
+
+def member(kind: Kind, node: Node | None) -> type[BaseModel] | None:
+    """Return the alternative that a mapping means: by its `kind`, else by a key that only one alternative has."""
+    found = models(kind)
+    if len(found) == 1 or node is None or not node.is_map:
+        return found[0] if len(found) == 1 else None
+    if "kind" in node.value:
+        return next((model for model in found if tag_of(model) == node.value["kind"].value), None)
+    likely = [model for model in found if any(key in distinctive(kind, model) for key in node.value)]
+    return likely[0] if len(likely) == 1 else None
+
+
+def distinctive(kind: Kind, model: type[BaseModel]) -> set[str]:
+    """Return the fields that only this alternative has."""
+    others = {name for other in models(kind) if other is not model for name in by_key(other)}
+    return set(by_key(model)) - others
+
+
+def _likely(kind: Kind, node: Node | None) -> tuple[type[BaseModel], ...]:
+    chosen = member(kind, node)
+    return (chosen,) if chosen else models(kind)

@@ -1,0 +1,125 @@
+"""Axes become cases: designs, labels, digests."""
+
+from __future__ import annotations
+
+import pytest
+
+from lvnav_trade.campaign.definition.axes import cases, levels, put
+from lvnav_trade.campaign.reading.load import load
+from lvnav_trade.errors import InputError
+
+TWO = "axes:\n  - {path: imu, cards: [imu/good, imu/poor]}\n  - {path: filter.gate, values: [4, 5]}\n"
+
+
+def labels(study, design: str) -> list[str]:
+    study.append(f"{TWO}design: {design}\n")
+    return [case.label for case in cases(load(study.path))]
+
+
+def test_no_axis_is_one_case(study) -> None:
+    assert [(case.label, case.axes) for case in cases(load(study.path))] == [("base", {})]
+
+
+def test_a_grid_crosses_all_levels_with_the_last_axis_fastest(study) -> None:
+    assert labels(study, "grid") == ["imu=good, gate=4", "imu=good, gate=5", "imu=poor, gate=4", "imu=poor, gate=5"]
+
+
+def test_an_axis_may_reach_into_a_section_that_the_base_leaves_out() -> None:
+    assert put({"filter": {"envelope": None}}, ["filter", "envelope", "burn"], 1) == {
+        "filter": {"envelope": {"burn": 1}}
+    }
+
+
+def test_a_zip_pairs_levels(study) -> None:
+    assert labels(study, "zip") == ["imu=good, gate=4", "imu=poor, gate=5"]
+
+
+def test_one_at_a_time_varies_each_axis_around_the_base_and_asks_nothing_twice(study) -> None:
+    # imu=good is the base itself, so it is not a case of its own.
+    assert labels(study, "one_at_a_time") == ["base", "imu=poor", "gate=4", "gate=5"]
+
+
+def test_a_design_without_axes_has_one_case() -> None:
+    assert list(levels("grid", [])) == [()]
+
+
+def test_the_axes_of_a_case_name_its_levels(study) -> None:
+    study.append(TWO)
+    assert cases(load(study.path))[0].axes == {"imu": "good", "gate": "4"}
+
+
+def test_two_axes_of_the_same_last_word_are_known_by_their_paths(study) -> None:
+    study.append(
+        "axes:\n  - {path: imu.gyro.bias_repeatability, values: [1 deg/h]}\n"
+        "  - {path: imu.accel.bias_repeatability, values: [1 mg]}\n"
+    )
+    names = list(cases(load(study.path))[0].axes)
+    assert names == ["imu.gyro.bias_repeatability", "imu.accel.bias_repeatability"]
+
+
+def test_labels_of_the_user_are_kept(study) -> None:
+    study.append("axes: [{path: imu, cards: [imu/good, imu/poor], labels: [A, B]}]\n")
+    assert [case.label for case in cases(load(study.path))] == ["imu=A", "imu=B"]
+
+
+def test_a_digest_is_twelve_hexadecimal_digits_that_stand_for_the_numbers(study) -> None:
+    first = cases(load(study.path))[0].id
+    assert len(first) == 12
+    assert int(first, 16) >= 0
+    study.edit("configs/imu/good.yaml", '"1 deg/h"', '"3600 deg/h/h*s"')  # the same number in another spelling
+    assert cases(load(study.path))[0].id == first
+    study.edit("campaign.yaml", "name: study", "name: other")  # a name is no number
+    assert cases(load(study.path))[0].id == first
+
+
+@pytest.mark.parametrize(
+    "assignment", ["seed=8", "imu.rate=400 Hz", "filter.gate=5", "frame=ecef", "initial.tilt=0.2 deg"]
+)
+def test_a_digest_changes_with_what_the_numbers_depend_on(study, assignment: str) -> None:
+    assert cases(load(study.path, [assignment]))[0].id != cases(load(study.path))[0].id
+
+
+def test_a_digest_does_not_depend_on_runs_or_requirements(study) -> None:
+    first = cases(load(study.path))[0].id
+    study.append(
+        "monte_carlo: {runs: 99}\nrequirements: [{name: a, metric: position_error_3d, probability: 0.5, below: 1 m}]\n"
+    )
+    assert cases(load(study.path))[0].id == first
+
+
+def test_a_file_counts_by_its_content_and_not_by_its_path(study) -> None:
+    study.write("one.alm", "almanac\n")
+    study.write("two.alm", "almanac\n")
+    ids = [cases(load(study.path, [f"constellation.almanac={name}.alm"]))[0].id for name in ("one", "two")]
+    assert ids[0] == ids[1]
+    study.write("two.alm", "another almanac\n")
+    assert cases(load(study.path, ["constellation.almanac=two.alm"]))[0].id != ids[0]
+
+
+def test_every_file_of_a_list_and_of_a_part_counts_by_its_content(study) -> None:
+    def digest():
+        return cases(load(study.path))[0].id
+
+    for name in ("one.rnx", "two.rnx"):
+        study.write(name, f"{name}\n")
+    study.edit("campaign.yaml", "constellations/two", "{parts: [constellations/two, {rinex: [one.rnx, two.rnx]}]}")
+    first = digest()
+    assert digest() == first
+    study.write("two.rnx", "another\n")
+    assert digest() != first
+
+
+def test_an_axis_reaches_into_a_list(study) -> None:
+    study.edit(
+        "campaign.yaml",
+        "  imu: imu/good",
+        "  imu: imu/good\n  faults: [{start: 100 s, duration: 30 s, kind: satellite_outage}]",
+    )
+    study.path.write_text(study.path.read_text() + "axes: [{path: faults.0.keep, values: [1, 2, 3]}]\n")
+    assert [case.scenario.faults[0].keep for case in cases(load(study.path))] == [1, 2, 3]
+
+
+def test_an_axis_over_an_item_that_is_not_there_is_refused(study) -> None:
+    study.append("axes: [{path: faults.0.keep, values: [1, 2, 3]}]\n")
+    with pytest.raises(InputError, match=r"'faults\.0\.keep' is not a field of the base"):
+        load(study.path)

@@ -1,0 +1,55 @@
+"""What a campaign may state of a publication, and what it may not."""
+
+from __future__ import annotations
+
+import pytest
+from pydantic import ValidationError
+
+from lvnav_trade.campaign.definition.published import Innovations, Ordering, Published, event_of
+
+NUMBER = {"source": "A paper", "metric": "velocity_error_3d", "value": 1.0, "unit": "m/s"}
+
+
+def test_a_number_without_a_place_is_of_injection():
+    found = Published(**NUMBER)
+    assert (found.at, found.during, found.statistic, found.band) == ("injection", None, "rms", (0.5, 2.0))
+
+
+def test_a_number_of_a_phase_names_both_events_and_survives_being_written():
+    found = Published(**NUMBER, during="stage1_cutoff to stage1_cutoff + 30 s", statistic="worst")
+    assert found.events == ("stage1_cutoff", "stage1_cutoff")
+    assert Published.model_validate(found.model_dump(mode="json")) == found
+    assert Published(**NUMBER, during="flight").events == ()
+    assert Published(**NUMBER, during="start to liftoff").events == ("liftoff",)
+    assert event_of("injection - 5 s") == "injection"
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"metric": "velocity_eror_3d"}, "did you mean 'velocity_error_3d'"),
+        ({"during": "liftoff until injection"}, "'liftoff until injection' is no phase"),
+        ({"during": "liftoff to injection + 3"}, "has no unit"),
+        ({"during": "flight", "at": "injection"}, "not both"),
+        ({"statistic": "worst"}, "statistic worst is of a phase"),
+        ({"statistic": "least", "during": "flight"}, "statistic least is of what is counted"),
+        ({"value": 0.0}, "0 has no ratio"),
+        ({"band": (2.0, 0.5)}, "growing ratios"),
+        ({"against": {"filter": "loose"}}, "its unit is %"),
+        ({"at": "7"}, "no instant"),
+    ],
+)
+def test_a_statement_that_cannot_be_judged_is_refused(change, told):
+    with pytest.raises(ValidationError, match=told):
+        Published(**NUMBER | change)
+
+
+def test_an_order_has_two_cases_at_least():
+    stated = {"source": "A paper", "metric": "position_error_3d", "cases": [{"filter": "tight"}]}
+    with pytest.raises(ValidationError, match="at least 2 items"):
+        Ordering(**stated)
+    assert Ordering(**stated | {"cases": [{"filter": "tight"}, {"filter": "loose"}]}).factor == 1.0
+
+
+def test_innovations_are_white_unless_stated_otherwise():
+    assert Innovations(source="A paper").white

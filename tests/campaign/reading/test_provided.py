@@ -1,0 +1,97 @@
+"""Sensors, measurements and states without effect are input errors; where only cases differ there is a warning."""
+
+from __future__ import annotations
+
+import pytest
+
+from lvnav_trade.campaign.definition.axes import cases
+from lvnav_trade.campaign.reading import provided
+from lvnav_trade.campaign.reading.load import load
+
+EVENTS = {"liftoff": 0.0, "stage1_cutoff": 150.0, "injection": 540.0}  # the climb holds 60 s and coasts 20 s
+STAR = "sensors={star: {kind: attitude_reference, name: a, source: b, sigma: 20 arcsec}}"
+RADAR = "sensors.radar=altimeters/radar_004"
+LISTED = "filter.measurements=[pseudorange, range_rate, altitude]"
+SOLUTION = "filter.measurements=[position, velocity]"
+
+
+def told(*sets: str) -> list[str]:
+    campaign = load("campaign.yaml", sets)
+    found = cases(campaign)
+    return [str(one) for one in provided.mistakes(campaign, found, {case.id: EVENTS for case in found})]
+
+
+def warned(*sets: str) -> list[str]:
+    return provided.warnings(cases(load("campaign.yaml", sets)))
+
+
+def test_a_sensor_that_no_filter_uses_is_refused(study) -> None:
+    assert told() == []
+    assert told(STAR) == ["--set: base.sensors.star: no effect: attitude is not among the measurements of any filter"]
+    assert told(RADAR, LISTED) == []
+
+
+def test_a_sensor_that_some_cases_use_is_a_warning(study) -> None:
+    study.append("axes:\n  - {path: filter, cards: [filters/near, filters/low]}\n")
+    study.edit("campaign.yaml", "  imu: imu/good", "  imu: imu/good\n  sensors: {radar: altimeters/radar_004}")
+    study.write("configs/filters/low.yaml", "name: low\nsource: test\nmeasurements: [position, velocity, altitude]\n")
+    assert told() == []
+    assert warned() == ["sensors.radar: no measurement of the filter uses it in filter=near"]
+
+
+def test_a_measurement_whose_sensor_is_null_in_every_case_is_refused(study) -> None:
+    (line,) = told("sensors={radar: null}", LISTED)
+    assert line.endswith("base.filter.measurements: no sensor of the scenario measures altitude in any case")
+
+
+@pytest.mark.parametrize(
+    ("sets", "path"),
+    [
+        (("filter.extra_states=[position_bias]",), "extra_states: position_bias"),
+        (("filter.consider=[velocity_bias]",), "consider: velocity_bias"),
+        (("filter.extra_states=[range_bias]", SOLUTION), "extra_states: range_bias"),
+        (("filter.extra_states=[time_offset]",), "extra_states: time_offset"),
+        (("filter.extra_states=[timing]", "filter.measurements=[]"), "extra_states: timing"),
+    ],
+)
+def test_a_state_that_no_measurement_depends_on_is_refused(study, sets: tuple[str, ...], path: str) -> None:
+    assert told(*sets) == [f"--set: base.filter.{path}: no measurement of the filter depends on it"]
+
+
+@pytest.mark.parametrize(
+    "sets",
+    [
+        ("filter.extra_states=[position_bias]", SOLUTION),
+        ("filter.extra_states=[range_bias, timing, gyro_scale_factor]",),
+        ("filter.extra_states=[gyro_scale_factor]", "filter.measurements=[]"),
+    ],
+)
+def test_a_state_with_an_effect_is_accepted(study, sets: tuple[str, ...]) -> None:
+    assert told(*sets) == []
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("from=stage7_cutoff", "from: 'stage7_cutoff': no event 'stage7_cutoff' (did you mean 'stage1_cutoff'?)"),
+        ("from=600 s", "from: it does not measure within the flight (-60 s to 560 s)"),
+        ("until=-70 s", "until: it does not measure within the flight (-60 s to 560 s)"),
+        ("from=stage1_cutoff", ""),
+    ],
+)
+def test_a_window_outside_the_flight_is_refused(study, setting: str, message: str) -> None:
+    study.edit("campaign.yaml", "  imu: imu/good", "  imu: imu/good\n  sensors: {radar: altimeters/radar_004}")
+    assert told(LISTED, f"sensors.radar.{setting}") == [f"--set: base.sensors.radar.{message}"] * bool(message)
+
+
+def test_stored_gains_of_another_flight_are_a_warning(study) -> None:
+    found = load("campaigns/gains/scheduled_gain.yaml")
+    lines = provided.warnings(cases(found))
+    assert len(lines) == 4  # two schedules on two flights that are not the nominal one
+    assert all(line.endswith("used on 'recovery_polar' with other numbers") for line in lines)
+    assert not any("trajectory=nominal" in line for line in lines)
+    unknown = next(case for case in cases(found) if case.scenario.filter.gains is not None)
+    gains = unknown.scenario.filter.gains.model_copy(update={"flight_digest": ""})
+    card = unknown.scenario.filter.model_copy(update={"gains": gains})
+    unknown = unknown._replace(scenario=unknown.scenario.model_copy(update={"filter": card}))
+    assert "does not say for which flight" in provided.warnings([unknown])[0]

@@ -1,0 +1,89 @@
+"""Progress goes to standard error: lines in logs, a bar on a terminal, nothing when quiet."""
+
+from __future__ import annotations
+
+import io
+import sys
+
+import pytest
+
+from lvnav_trade.campaign.running.progress import Bar, Plain, Progress, Silent, choose, staged
+
+
+def go_through(progress: Progress, total: int = 40) -> None:
+    progress.stage("runs", total)
+    for _ in range(total):
+        progress.advance(1)
+    progress.note("base, run 3 diverged")
+    progress.close()
+
+
+def test_a_log_gets_a_line_for_every_tenth_and_no_more(capsys: pytest.CaptureFixture[str]) -> None:
+    go_through(Plain(), 1000)
+    out, err = capsys.readouterr()
+    lines = err.splitlines()
+    assert out == ""
+    assert lines[0] == "runs: 1000"
+    assert [line.partition(",")[0] for line in lines[1:11]] == [f"runs: {n}00/1000" for n in range(1, 11)]
+    assert lines[10] == "runs: 1000/1000, 0 s left"
+    assert lines[11:] == ["base, run 3 diverged"]
+
+
+def test_the_time_left_is_that_of_the_units_left(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = iter([0.0, 100.0, 130.0])
+    monkeypatch.setattr("lvnav_trade.campaign.running.progress.time.monotonic", lambda: next(clock))
+    progress = Plain()
+    progress.stage("runs", 40)
+    progress.advance(10)  # 30 s for a quarter
+    assert capsys.readouterr().err.splitlines()[-1] == "runs: 10/40, 90 s left"
+
+
+def test_a_stage_of_nothing_is_no_division_by_zero(capsys: pytest.CaptureFixture[str]) -> None:
+    for progress in (Plain(), Silent(), Bar()):
+        go_through(progress, 0)
+    assert "runs: 0" in capsys.readouterr().err
+
+
+def test_quiet_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    go_through(choose(quiet=True))
+    assert capsys.readouterr() == ("", "")
+
+
+class Terminal(io.StringIO):
+    """A standard error that is a terminal."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_bar_is_for_terminals_and_not_for_continuous_integration(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("CI", raising=False)
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    assert isinstance(choose(quiet=False), Bar)
+    monkeypatch.setenv("CI", "true")
+    assert isinstance(choose(quiet=False), Plain)
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    monkeypatch.delenv("CI")
+    assert isinstance(choose(quiet=False), Plain)
+
+
+def test_a_note_on_a_terminal_is_said_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    progress = Bar()
+    progress.stage("runs", 4)
+    progress.note("run 3 [diverged]")  # brackets are no markup
+    progress.close()
+    assert "run 3 [diverged]" in sys.stderr.getvalue()  # type: ignore[attr-defined]
+
+
+def test_the_page_is_a_stage_of_its_own_that_ends_whatever_happens(capsys: pytest.CaptureFixture[str]) -> None:
+    with staged(Plain(), "report"):
+        assert capsys.readouterr().err == "report: 1\n"
+    assert capsys.readouterr().err == "report: 1/1, 0 s left\n"
+    with staged(None, "report"):
+        pass
+    with pytest.raises(OSError, match="full"), staged(Plain(), "report"):
+        raise OSError("full")
+    assert capsys.readouterr().err == "report: 1\n"
