@@ -175,6 +175,7 @@ def prepared(logic: bool = False) -> Any:
         t_epoch=t_epoch + np.where(t_epoch < 50.0, 0.1, 0.3),
         outputs=OUTPUTS,
         options=SimpleNamespace(rules=() if logic else None),
+        channel_names=tuple(f"{name} {what}" for name in names for what in ("range", "range rate")),
     )
 
 
