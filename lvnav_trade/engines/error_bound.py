@@ -11,15 +11,16 @@ from lvnav_trade.engines.lincov.workspace import Tape
 from lvnav_trade.engines.observability import initial_spread
 from lvnav_trade.engines.prepare import Prepared
 from lvnav_trade.errors import InputError
-from lvnav_trade.filters.belief import HEIGHT, POSITION, PSEUDORANGE
+from lvnav_trade.filters.belief import POSITION, PSEUDORANGE, TYPES
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import predict
 from lvnav_trade.kernels.jit import jit
+from lvnav_trade.observables.sensors import SENSORS
 from lvnav_trade.records import Floats
 
 FLOOR = 1e-9
 """An eigenvalue of the noise's correlation below counts as nothing: sums of thousands of windows are exact to 1e-12."""
-_METRES = (PSEUDORANGE, POSITION, HEIGHT)
+_UNITS = {TYPES[card.measurement]: card.unit for card in SENSORS} | {PSEUDORANGE: "m", POSITION: "m"}
 
 
 class ErrorBound(NamedTuple):
@@ -107,9 +108,9 @@ def _rows(prepared: Prepared, tape: Tape) -> tuple[tuple[str, float, float], ...
     used = int(tape.used[0])
     epoch, channel = tape.epoch[:used], tape.channel[:used]
     sigma = np.sqrt(prepared.signals.variance[epoch, channel])
-    metres = np.isin(prepared.belief.row_type[channel], _METRES)
+    units = np.array([_UNITS.get(kind, "m/s") for kind in prepared.belief.row_type[channel].tolist()])
     return tuple(
-        (unit, float(sigma[chosen].min()), float(sigma[chosen].max()))
-        for unit, chosen in (("m", metres), ("m/s", ~metres))
-        if chosen.any()
+        (unit, float(sigma[units == unit].min()), float(sigma[units == unit].max()))
+        for unit in dict.fromkeys(("m", "m/s", *units.tolist()))
+        if np.any(units == unit)
     )

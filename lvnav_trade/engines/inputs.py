@@ -147,7 +147,8 @@ class Record(NamedTuple):
 class Sensors(NamedTuple):
     """The sensors beside the receiver: code (n_sensor,) of each in the family; channel, scalars (n_sensor,) its first
     channel and how many it has; on (n_sensor, n_epoch) whether it measures; truth (n_sensor, n_epoch, 4), see the
-    member's module; sources (n_sensor,) words. Noise and what the filter assumes of it stand in Signals, by channel.
+    member's module; theta (n_epoch,) rad angle of the Earth; sources (n_sensor,) words. Noise and what the filter
+    assumes of it stand in Signals, by channel.
     """
 
     code: Ints
@@ -155,6 +156,7 @@ class Sensors(NamedTuple):
     scalars: Ints
     on: NDArray[np.bool_]
     truth: Floats
+    theta: Floats
     sources: NDArray[np.uint64]
 
 

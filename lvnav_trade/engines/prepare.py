@@ -309,7 +309,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         ),
         chain=chain,
         devices=devices,
-        sensors=for_kernels(devices, channels, t_epoch.size),
+        sensors=for_kernels(devices, channels, np.asarray(earth_angle(trajectory.theta0, t_epoch))),
         channels=channels,
         channel_names=_channel_names(scenario, channels, solver),
     )

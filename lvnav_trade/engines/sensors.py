@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.engines.inputs import Sensors
-from lvnav_trade.frames import geodetic_from_ecef
+from lvnav_trade.frames import earth_angle, geodetic_from_ecef
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.observables.partials import Channels, SensorChannels
 from lvnav_trade.observables.sensor import N_TRUTH, FlightView, SensorCard
@@ -64,7 +64,8 @@ def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats) -> t
         return ()
     at = motion(trajectory, t_epoch)
     # heights are the same in frame i: it turns about the ellipsoid's axis
-    view = FlightView(t_epoch, at.r_i, at.v_i, at.q_b_i, geodetic_from_ecef(at.r_i)[2])
+    theta = earth_angle(trajectory.theta0, t_epoch)
+    view = FlightView(t_epoch, at.r_i, at.v_i, at.q_b_i, geodetic_from_ecef(at.r_i)[2], theta)
     kinds = [card.measurement for card in used.values()]
     found = []
     for name, card in used.items():
@@ -85,14 +86,15 @@ def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats) -> t
     return tuple(found)
 
 
-def for_kernels(sensors: tuple[Sensor, ...], channels: Channels, n_epoch: int) -> Sensors:
-    """Return the sensors in numbers for the kernels."""
-    n = len(sensors)
+def for_kernels(sensors: tuple[Sensor, ...], channels: Channels, theta: Floats) -> Sensors:
+    """Return the sensors in numbers for the kernels; theta (n_epoch,) rad of the Earth."""
+    n, n_epoch = len(sensors), theta.size
     return Sensors(
         code=np.array([SENSORS.index(type(sensor.card)) for sensor in sensors], dtype=np.int64),
         channel=np.array(channels.first, dtype=np.int64),
         scalars=np.array([len(sensor.channels.labels) for sensor in sensors], dtype=np.int64),
         on=np.array([sensor.on for sensor in sensors], dtype=np.bool_).reshape(n, n_epoch),
         truth=np.array([sensor.truth for sensor in sensors], dtype=float).reshape(n, n_epoch, N_TRUTH),
+        theta=theta,
         sources=np.array([source_word(sensor.noise) for sensor in sensors], dtype=np.uint64),
     )

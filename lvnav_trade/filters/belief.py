@@ -16,13 +16,16 @@ from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL
 from lvnav_trade.layout import EXTRAS, PARAMETERS, ExtraBlock, ParameterBlock, StateLayout
 from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL, N_ENTRY
 from lvnav_trade.observables.partials import Channels, members
+from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS, SENSORS
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-PSEUDORANGE, RANGE_RATE, POSITION, VELOCITY, HEIGHT, ATTITUDE = range(6)
-TYPES = {"pseudorange": PSEUDORANGE, "range_rate": RANGE_RATE, "position": POSITION, "velocity": VELOCITY,
-         "altitude": HEIGHT, "attitude": ATTITUDE}  # fmt: skip
+PSEUDORANGE, RANGE_RATE, POSITION, VELOCITY, FIRST_SENSOR = range(5)
+TYPES = {"pseudorange": PSEUDORANGE, "range_rate": RANGE_RATE, "position": POSITION, "velocity": VELOCITY} | {
+    name: FIRST_SENSOR + k for k, name in enumerate(SENSOR_MEASUREMENTS)
+}
+"""The number of each type of measurement in the kernels, by name."""
 
 
 class Belief(NamedTuple):
@@ -226,9 +229,10 @@ def _row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, mixed: boo
         RANGE_RATE: position + attitude + velocity + rate + drift,
         POSITION: position + attitude + (velocity + rate if mixed else []),
         VELOCITY: velocity + attitude + rate + (position if mixed else []),
-        HEIGHT: position,
-        ATTITUDE: [(H_ATT + i, ATT + i) for i in range(3)],
     }
+    whole = {"position": position, "velocity": velocity, "attitude": [(H_ATT + i, ATT + i) for i in range(3)]}
+    for card in SENSORS:
+        types[TYPES[card.measurement]] = [pair for name in card.jacobian for pair in whole[name]]
     rows = []
     n_extra = len(layout.extras)
     extras = [e.offset + i for e in layout.extras for i in range(len(e.labels))]

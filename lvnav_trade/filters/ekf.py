@@ -131,7 +131,7 @@ def row_of(belief, work, channel):
 @jit
 def fill_sensor(work, belief, signals, sensors, k, at, epoch):
     """Set the rows of sensor k, from row `at` on; z holds measured minus predicted."""
-    fill(work.H, work.z, at, sensors.code[k], work.observed[k], work.nav)
+    fill(work.H, work.z, at, sensors.code[k], work.observed[k], work.nav, sensors.theta[epoch])
     for i in range(sensors.scalars[k]):
         work.z[at + i] = work.z[at + i] - _add_extra(work, belief, signals, epoch, at + i, sensors.channel[k] + i)
 

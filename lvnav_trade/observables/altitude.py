@@ -35,6 +35,8 @@ class AltimeterCard(SensorCard):
 
     measurement: ClassVar[str] = "altitude"
     model: ClassVar[type[SensorModel]] = AltimeterModel
+    unit: ClassVar[str] = "m"
+    jacobian: ClassVar[tuple[str, ...]] = ("position",)
     noise: ClassVar[str] = "altimeter noise"
     noise_fields: ClassVar[tuple[str, ...]] = ("sigma", "share")
 

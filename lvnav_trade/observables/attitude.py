@@ -34,6 +34,8 @@ class AttitudeReferenceCard(SensorCard):
     measurement: ClassVar[str] = "attitude"
     model: ClassVar[type[SensorModel]] = AttitudeModel
     labels: ClassVar[tuple[str, ...]] = ("x", "y", "z")
+    unit: ClassVar[str] = "rad"
+    jacobian: ClassVar[tuple[str, ...]] = ("attitude",)
     noise: ClassVar[str] = "attitude reference noise"
 
     kind: Literal["attitude_reference"] = "attitude_reference"

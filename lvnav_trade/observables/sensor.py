@@ -18,7 +18,7 @@ N_TRUTH, MOST = 4, 3
 
 class FlightView(NamedTuple):
     """The true flight at the epochs, for sensors: t (n,) s; r_i, v_i (n, 3), q_b_i (n, 4) frame i; height (n,) m over
-    the ellipsoid.
+    the ellipsoid; theta (n,) rad angle of the Earth.
     """
 
     t: Floats
@@ -26,6 +26,7 @@ class FlightView(NamedTuple):
     v_i: Floats
     q_b_i: Floats
     height: Floats
+    theta: Floats
 
 
 class LastingError(NamedTuple):
@@ -52,8 +53,8 @@ class SensorCard(Card):
     """A sensor beside the IMU and the receiver: true errors, and when it measures.
 
     A member of the family states `kind` (a literal of one word), `measurement` (the name that a filter lists), `model`
-    (the class of its filter model), `labels` of its scalars and the name of its noise as an error source; it is added
-    to `SENSORS`.
+    (the class of its filter model), `labels` of its scalars and their `unit`, what their Jacobian depends on
+    (`jacobian`: position, velocity, attitude), and the name of its noise as an error source; it is added to `SENSORS`.
     """
 
     model_config = ConfigDict(serialize_by_alias=True)
@@ -61,6 +62,8 @@ class SensorCard(Card):
     measurement: ClassVar[str]
     model: ClassVar[type[SensorModel]]
     labels: ClassVar[tuple[str, ...]] = ("",)
+    unit: ClassVar[str]
+    jacobian: ClassVar[tuple[str, ...]]
     noise: ClassVar[str]
     noise_fields: ClassVar[tuple[str, ...]] = ("sigma",)
 

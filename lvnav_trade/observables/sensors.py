@@ -68,10 +68,11 @@ def measure(out, code, truth, e0, e1, e2):
 
 
 @inlined
-def fill(H, z, at, code, observed, nav):
+def fill(H, z, at, code, observed, nav, theta):
     """Set the Jacobian rows of a sensor, from row `at` on, and measured minus predicted.
 
-    H : (n, n_entry), z : (n,) updated; observed : (4,) of `measure`; nav : (10,) navigation state, frame i
+    H : (n, n_entry), z : (n,) updated; observed : (4,) of `measure`; nav : (10,) navigation state, frame i;
+    theta : rad, angle of the Earth at the epoch
     """
     if code == ALTIMETER:
         z[at] = observed[0] - altitude.row(H[at], nav)
