@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines.lincov.components import components, source_names
+from lvnav_trade.engines.lincov.components import components
+from lvnav_trade.engines.lincov.sources import source_names
 from lvnav_trade.engines.lincov.workspace import Tape
 from lvnav_trade.engines.observability import initial_spread
 from lvnav_trade.engines.prepare import Prepared

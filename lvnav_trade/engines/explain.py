@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.engines.error_bound import ErrorBound, error_bound
-from lvnav_trade.engines.lincov.components import components, source_names
+from lvnav_trade.engines.lincov.components import components
 from lvnav_trade.engines.lincov.history import adjoint, forward_tape, source_covariances, turns
+from lvnav_trade.engines.lincov.sources import source_names
 from lvnav_trade.engines.lincov.workspace import Tape
 from lvnav_trade.engines.nonlinearity import Nonlinearity, nonlinearity
 from lvnav_trade.engines.observability import TOLERANCE, in_words, observability

@@ -1,6 +1,4 @@
-"""One simulated flight, of one run or of eight at once: truth corrupts, the filter navigates, they meet in
-measurements.
-"""
+"""One simulated flight, of one run or of eight at once: truth and filter meet in measurements only."""
 
 from __future__ import annotations
 
@@ -66,8 +64,8 @@ def fly(work, schedule, unit, signals, sensors, start, history, belief, options,
             sense(work, unit, first, n_tick, k0, k1)
             _advance(work, unit, belief, options.vehicle, options.samples, first, n_tick, dt)
             predict_window(work, belief, schedule.length[w])
-            keep(work.past, work.nav, work.previous, work.x, options.late, w, dt, belief.gravity)
             carry(work, work.aside, belief, schedule.length[w])
+            keep(work.past, work.nav, work.previous, work.x, options.late, w, dt, belief.gravity)
         epoch = schedule.epoch[w]
         if epoch >= 0:
             clear_epoch(work, epoch)

@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines.lincov.components import Components, components, source_names
+from lvnav_trade.engines.lincov.components import Components, components
 from lvnav_trade.engines.lincov.history import forward_tape
 from lvnav_trade.engines.lincov.samples import nominal_tick
+from lvnav_trade.engines.lincov.sources import source_names
 from lvnav_trade.engines.lincov.workspace import Tape
 from lvnav_trade.engines.prepare import Prepared
 from lvnav_trade.kernels import transition

@@ -279,7 +279,7 @@ def believe(
 
     levers (n_antenna, 3) m of the antennas; seconds (n_length,) are the window lengths that will occur; group the
     ticks of the unit to a strapdown step; every: of how many epochs one is taken; judged: rows come with a covariance
-    of their own and are mixed.
+    of their own and are mixed. Long because a record of 33 numbers is filled here, each by an expression of its own.
     """
     layout = state_layout(card, imu, receiver, channels, measurements)
     rows, columns, kinds, drivers = transition_blocks(layout.parameters, card.transition_order)

@@ -138,16 +138,27 @@ def remove_correction(work, aside, belief):
 @jit
 def _compare_late(work, aside, late, belief, signals, epoch):
     """Correct the innovations of an open loop for what its error state has changed by since they were valid."""
+    if aside is not None and late is not None:
+        _correct_innovations(work, late, belief, signals, epoch)
+
+
+@jit
+def _correct_innovations(work, late, belief, signals, epoch):
+    if not late.extrapolated:
+        for row in range(n_measured(belief, signals, epoch)):
+            channel = channel_of(belief, signals, epoch, row)
+            n = belief.n_entry[channel]
+            entries, columns = belief.entry[channel, :n], belief.column[channel, :n]
+            work.z[row] = work.z[row] - predicted_of_stored(
+                work.past, late, work.H[row], entries, columns, work.x, epoch
+            )
+
+
+@jit
+def _store_error_state(work, aside):
+    """Store the error state of an open loop before an epoch."""
     if aside is not None:
         _copy(aside.x, work.x, size(work.x, 0))
-        if late is not None and not late.extrapolated:
-            for row in range(n_measured(belief, signals, epoch)):
-                channel = channel_of(belief, signals, epoch, row)
-                n = belief.n_entry[channel]
-                entries, columns = belief.entry[channel, :n], belief.column[channel, :n]
-                work.z[row] = work.z[row] - predicted_of_stored(
-                    work.past, late, work.H[row], entries, columns, work.x, epoch
-                )
 
 
 @jit
@@ -201,6 +212,7 @@ def process_measurements(work, aside, rules, late, gains, sensors, belief, signa
     """Process what the receiver and the other sensors measure at an epoch; if the filter has a mode logic, once it
     permits.
     """
+    _store_error_state(work, aside)
     place_antenna(work, late, belief, dt, epoch)
     if rules is None:
         if n_measured(belief, signals, epoch) > 0:

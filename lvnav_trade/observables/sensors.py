@@ -1,6 +1,4 @@
-"""The family of sensors: a line in `SENSORS`, and one in each of the two dispatches of the kernels, adds a member to
-the scenario's `sensors` and to the filter's measurements.
-"""
+"""The family of sensors: a line in `SENSORS` and one in each dispatch of the kernels adds a member."""
 
 from __future__ import annotations
 

@@ -16,7 +16,10 @@ RESULTS_VERSION = 2
 """Layout of the files in a folder of results; a block of another layout is computed again."""
 PACKAGE = Path(__file__).resolve().parents[1]
 _COMPUTES = ("kernels", "delays", "world", "observables", "receivers", "filters", "engines", "steering")
-_COMPUTES_TOO = ("layout.py", "frames.py", "records.py", "scenario.py", "units.py")
+_COMPUTES_TOO = (
+    "layout.py", "frames.py", "records.py", "scenario.py", "units.py", "sources.py", "refusals.py", "limits.py",
+    "input_files.py",
+)  # fmt: skip
 _NOT_THE_RUNS = (
     "description", "covariance", "requirements", "references", "orderings", "innovations", "report", "corridor",
     "compare",

@@ -18,8 +18,9 @@ from pydantic import ValidationError
 from scipy.stats import chi2
 
 from lvnav_trade.engines.explain import flown_events
-from lvnav_trade.engines.lincov.components import components, source_names
+from lvnav_trade.engines.lincov.components import components
 from lvnav_trade.engines.lincov.history import covariance, forward_tape
+from lvnav_trade.engines.lincov.sources import source_names
 from lvnav_trade.engines.montecarlo import run_block
 from lvnav_trade.engines.prepare import Prepared
 from lvnav_trade.filters.scheduled import schedule_of

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from lvnav_trade.engines.error_bound import error_bound
-from lvnav_trade.engines.lincov.components import components, source_names
+from lvnav_trade.engines.lincov.components import components
 from lvnav_trade.engines.lincov.history import forward_tape
+from lvnav_trade.engines.lincov.sources import source_names
 from lvnav_trade.errors import InputError
 from lvnav_trade.scenario import beliefs
 from tests.building import LOOSE, case, loaded, prepare_hop, with_fields

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from lvnav_trade.engines.lincov.components import source_names
 from lvnav_trade.engines.lincov.history import adjoint, covariance
+from lvnav_trade.engines.lincov.sources import source_names
 from lvnav_trade.engines.montecarlo import run_block
 from lvnav_trade.engines.recorded import SOURCE, start_of
 from lvnav_trade.frames import earth_angle

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.lincov.components import source_names
 from lvnav_trade.engines.lincov.history import covariance
+from lvnav_trade.engines.lincov.sources import source_names
 from lvnav_trade.engines.retune import FACTORS, scaled, sensitivity
 from lvnav_trade.scenario import Scenario, beliefs
 from lvnav_trade.sources import SOURCES

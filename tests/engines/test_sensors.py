@@ -118,7 +118,7 @@ def test_two_sensors_of_one_kind_go_by_their_own_names_and_have_channels_and_noi
     prepared = prepare_hop(two)
     assert prepared.channel_names[-2:] == ("port", "starboard")
     assert [device.noise for device in prepared.devices] == ["altimeter noise port", "altimeter noise starboard"]
-    numbers = for_kernels(prepared.devices, prepared.channels, prepared.t_epoch.size)
+    numbers = for_kernels(prepared.devices, prepared.channels, np.zeros(prepared.t_epoch.size))
     assert numbers.code.tolist() == [ALTIMETER, ALTIMETER] != [ATTITUDE_REFERENCE]
     assert numbers.channel.tolist() == [6, 7]
     assert len(set(numbers.sources.tolist())) == 2

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
-from lvnav_trade.store import load, tables
+from lvnav_trade.store import load
 from tests import synthetic
 from tests.synthetic import block, covariance
 
@@ -56,14 +54,3 @@ def test_linear_covariance_alone_fills_its_columns_and_leaves_the_others_empty(t
     assert (found.history.run_count == 0).all()
     assert found.history.lincov_true_si.notna().all()
     assert len(found.runs) == 0
-
-
-def test_channels_are_named_in_the_order_in_which_rows_are_taken():
-    """Range and range rate of a satellite follow each other, as `filters.ekf.channel_of` numbers them."""
-    case = SimpleNamespace(sky=SimpleNamespace(names=("G01", "G02", "G03", "G04", "G05")))
-    tight = tables._channel_names(case, 10)
-    assert [tight[2 * 3], tight[2 * 3 + 1]] == ["G04 range", "G04 range rate"]
-    solved = tables._channel_names(case, 16)
-    assert solved[:6] == [f"{what} {axis}" for what in ("position", "velocity") for axis in "xyz"]
-    assert solved[6 + 2 * 4 + 1] == "receiver G05 range rate"
-    assert tables._channel_names(case, 9)[8] == "channel 9"

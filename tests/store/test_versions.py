@@ -32,7 +32,7 @@ def test_the_digest_of_the_code_covers_every_layer_below_the_tables(root):
 def test_the_digest_of_the_code_covers_every_package_that_these_use():
     text = "".join(path.read_text() for folder in _COMPUTES for path in (PACKAGE / folder).rglob("*.py"))
     used = set(re.findall(r"^from lvnav_trade\.(\w+)", text, flags=re.M))
-    assert used - {"errors", "input_files", "limits"} == used & {
+    assert used - {"errors"} == used & {
         *_COMPUTES,
         *(name.removesuffix(".py") for name in _COMPUTES_TOO),
     }

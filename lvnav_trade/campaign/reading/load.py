@@ -28,7 +28,8 @@ def load(file: str | Path, sets: Sequence[str] = ()) -> Campaign:
     Parameters
     ----------
     file : path, or the name of a campaign that comes with the tool
-    sets : assignments such as ``monte_carlo.runs=500`` laid on top
+    sets : assignments such as ``monte_carlo.runs=500`` laid on top; where one changes an axis, statements on levels
+        that are gone are left out
 
     Raises
     ------
@@ -40,7 +41,8 @@ def load(file: str | Path, sets: Sequence[str] = ()) -> Campaign:
     shelf = Shelf.of(path.resolve().parent)
     for assignment in sets:
         root = apply(root, assignment, shelf)
-    return _Loader(root, shelf).campaign()
+    changed = any(assignment.strip().startswith("axes") for assignment in sets)
+    return _Loader(root, shelf, changed).campaign()
 
 
 def resolved(campaign: Campaign) -> str:
@@ -51,9 +53,10 @@ def resolved(campaign: Campaign) -> str:
 class _Loader:
     """Turns one tree into a campaign; collects mistakes instead of stopping at the first."""
 
-    def __init__(self, root: Node, shelf: Shelf) -> None:
+    def __init__(self, root: Node, shelf: Shelf, narrowed: bool = False) -> None:
         self.root = root
         self.shelf = shelf
+        self.narrowed = narrowed
         self.mistakes: list[Mistake] = []
 
     def campaign(self) -> Campaign:
@@ -82,6 +85,8 @@ class _Loader:
         self.mistakes.extend(checks.requirements(whole, root))
         if axes:
             self.mistakes.extend(labels.equal_cases(whole.design, whole.axes, self.root.value["axes"]))
+        if self.narrowed:
+            whole = statements.narrowed(whole)
         self.mistakes.extend(statements.mistakes(whole, root))
         self._raise()
         whole._written = tree.Written(root)

@@ -71,6 +71,22 @@ def mistakes(campaign: Campaign, root: Node) -> Iterator[Mistake]:
     yield from _axes_of_metrics(campaign, root)
 
 
+def narrowed(campaign: Campaign) -> Campaign:
+    """Return a campaign whose axes an assignment has changed, without the statements on levels that are gone."""
+    cases = named_cases(campaign)
+
+    def stands(*wanted: Mapping[str, str]) -> bool:
+        return not any(unknown_case(one, cases) for one in wanted)
+
+    return campaign.model_copy(
+        update={
+            "references": tuple(r for r in campaign.references if stands(r.case, r.against or {})),
+            "orderings": tuple(order for order in campaign.orderings if stands(*order.cases)),
+            "innovations": tuple(one for one in campaign.innovations if stands(one.case)),
+        }
+    )
+
+
 def _wanted(campaign: Campaign) -> Iterator[tuple[str, Mapping[str, str], bool]]:
     """Yield path, levels by axis, and whether exactly one case is meant."""
     for index, one in enumerate(campaign.references):

@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.engines.lincov.receiver_error import N_CLONE, N_NAV
+from lvnav_trade.engines.lincov.slots import Slots, aligned, as_lanes, places_of, slot_tables
+from lvnav_trade.engines.lincov.sources import measurement_tables, n_joint, noise_sources
 from lvnav_trade.engines.prepare import Prepared
-from lvnav_trade.filters.belief import POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY, transition_blocks
+from lvnav_trade.filters.belief import transition_blocks
 from lvnav_trade.kernels.clock import spectral_densities
-from lvnav_trade.kernels.groups import GROUP, grouped_zeros
 from lvnav_trade.kernels.transition import ACCEL, ATT, CONSTANT, GYRO, POS, VEL
 from lvnav_trade.records import Floats
 
@@ -92,98 +92,6 @@ class Components(NamedTuple):
     sample_noise: Floats
 
 
-def source_names(prepared: Prepared) -> list[str]:
-    """Return every physical source of error of a case, in the order of the budget."""
-    scenario, belief = prepared.scenario, prepared.belief
-    names = [
-        "initial attitude",
-        "initial velocity",
-        "initial position",
-        "gyro random walk",
-        "accelerometer random walk",
-    ]
-    names += list(dict.fromkeys(block.source for block in prepared.sources))
-    if scenario.imu.gyro.quantisation > 0.0:
-        names.append("gyro quantisation")
-    if scenario.imu.accel.quantisation > 0.0:
-        names.append("accelerometer quantisation")
-    if belief.aided:
-        names += list(dict.fromkeys(family.source for family in prepared.families))
-    if belief.tight:
-        names += ["receiver clock start", "receiver clock", "pseudorange noise", "range-rate noise"]
-    elif prepared.options.solver is not None:
-        names += ["receiver clock", "pseudorange noise", "range-rate noise"]
-    elif belief.n_receiver:
-        names += ["position solution noise", "velocity solution noise"]
-    return names + [device.noise for device in prepared.devices]
-
-
-def n_joint(prepared: Prepared) -> int:
-    """Return how many states the joint vector has: the filter's, those of the receiver's error, those of clones."""
-    chain, late = prepared.chain, prepared.options.late
-    solution = 0 if chain is None else chain.move.shape[1]
-    clones = 0 if late is None else N_CLONE * late.n_ring
-    return prepared.layout.n_state + solution + clones
-
-
-# By the codes of `solution`.
-_WHITE = (
-    "pseudorange noise",
-    "range-rate noise",
-    "receiver clock",
-    "position solution noise",
-    "velocity solution noise",
-)
-
-
-def _measurement_tables(prepared: Prepared, names: list[str]) -> dict[str, Any]:
-    """Return the measurements with respect to the whole joint vector, and where the states behind e stand."""
-    belief, chain, late, n = prepared.belief, prepared.chain, prepared.options.late, prepared.layout.n_state
-    solution = -1 if chain is None else n
-    clone = -1 if late is None else n + (0 if chain is None else chain.move.shape[1])
-    buffered = late is not None and not late.extrapolated
-    n_ring, n_receiver = 1 if late is None else late.n_ring, prepared.channels.n_receiver
-    table = [
-        [_pairs(prepared, channel, solution, clone + N_CLONE * ring, buffered, channel < n_receiver)
-         for channel in range(len(belief.n_entry))] for ring in range(n_ring)
-    ]  # fmt: skip
-    width = max((len(pairs) for rows in table for pairs in rows), default=0)
-    shape = (n_ring, len(belief.n_entry), width)
-    entry, column = np.zeros(shape, dtype=np.int64), np.zeros(shape, dtype=np.int64)
-    for ring, rows in enumerate(table):
-        for channel, pairs in enumerate(rows):
-            for i, (e, c) in enumerate(pairs):
-                entry[ring, channel, i], column[ring, channel, i] = e, c
-    kinds = np.zeros(0, dtype=np.int64) if chain is None else chain.kind
-    return {
-        "n_entry": np.array([len(pairs) for pairs in table[0]], dtype=np.int64),
-        "entry": entry,
-        "column": column,
-        "solution": solution,
-        "solution_source": np.array([names.index(_WHITE[kind]) for kind in kinds], dtype=np.int64),
-        "clone": clone,
-        "buffered": buffered,
-    }
-
-
-def _pairs(
-    prepared: Prepared, channel: int, solution: int, clone: int, buffered: bool, of_receiver: bool
-) -> list[tuple[int, int]]:
-    """List entry and state of a channel's Jacobian row; a late measurement is of the errors of a clone."""
-    belief, chain, late = prepared.belief, prepared.chain, prepared.options.late
-    n = belief.n_entry[channel]
-    pairs = []
-    for e, c in zip(belief.entry[channel, :n].tolist(), belief.column[channel, :n].tolist(), strict=True):
-        pairs.append((e, clone + c if of_receiver and buffered and c < N_NAV else c))
-    if chain is not None and of_receiver:
-        own = belief.n_row_entry
-        pairs += [(own + i, solution + int(chain.pick[i])) for i in range(6)]
-        if late is not None and not buffered:
-            pairs += [(own + 6 + i, clone + VEL + i) for i in range(3)]
-            pairs += [(own + 9 + i, clone + N_NAV + i) for i in range(3)]
-    return pairs
-
-
 class _Block(NamedTuple):
     """Three components: sensor, driver, first matched state, source, variance, walk PSD, time constant, profile."""
 
@@ -231,89 +139,6 @@ def _shared_tables(sigma: float, time_constant: float, seconds: Floats) -> tuple
     return fade, sigma**2 * (1.0 - fade**2)
 
 
-class _Slot(NamedTuple):
-    """A component of a source: decay and driving variance (n_length,), variance at the start; see Components."""
-
-    source: int
-    slot: int
-    fade: Floats
-    noise: Floats
-    start: float
-    followed: bool = False
-    moves: bool = False
-    samples: bool = False
-    echoes: bool = False
-
-
-class _Slots:
-    """Slots of the sources' lanes while they are given out."""
-
-    def __init__(self, n_source: int, seconds: Floats) -> None:
-        self.seconds, self.count = seconds, [0] * n_source
-        self.entries: list[_Slot] = []
-
-    def take(self, source: int, fade: Floats, noise: Floats, start: float, **flags: bool) -> int:
-        """Return the slot of a new component of a source; flags as of `_Slot`."""
-        slot = self.count[source]
-        self.count[source] += 1
-        self.entries.append(_Slot(source, slot, fade, noise, start, **flags))
-        return slot
-
-
-def _places(count: list[int]) -> tuple[Ints, Ints, Ints]:
-    """Return group and lane of every source and the slots of every group; sources of many components stand together."""
-    order = np.argsort(-np.array(count), kind="stable")
-    place = np.empty(len(count), dtype=np.int64)
-    place[order] = np.arange(len(count))
-    group, lane = place // GROUP, place % GROUP
-    n_slot = np.zeros(-(-len(count) // GROUP), dtype=np.int64)
-    np.maximum.at(n_slot, group, np.array(count))
-    return group, lane, n_slot
-
-
-def _as_lanes(values: Floats, group: Ints, lane: Ints) -> Floats:
-    """Return values of sources (n_source, ...) in groups, (n_group, ...[, 8])."""
-    found = grouped_zeros((int(group.max()) + 1, *values.shape[1:]))
-    for source, value in enumerate(values):
-        if GROUP == 1:
-            found[group[source]] = value
-        else:
-            found[group[source], ..., lane[source]] = value
-    return found
-
-
-def _slot_tables(slots: _Slots, group: Ints, lane: Ints, n_slot: Ints) -> dict[str, Any]:
-    n_length, n_source = slots.seconds.size, len(slots.count)
-    most = max(1, int(n_slot.max(initial=0)))
-    fade, noise, echo = (np.zeros((n_source, n_length, most, 1)) for _ in range(3))
-    start = np.zeros((n_source, most))
-    followed, moves, samples = (np.zeros((n_slot.size, most), dtype=np.bool_) for _ in range(3))
-    for one in slots.entries:
-        at = (one.source, slice(None), one.slot, 0)
-        fade[at], noise[at], start[one.source, one.slot] = one.fade, one.noise, one.start
-        echo[at] = one.noise if one.echoes else 0.0
-        place = (group[one.source], one.slot)
-        followed[place] |= one.followed
-        moves[place] |= one.moves
-        samples[place] |= one.samples
-
-    def by_length(values: Floats) -> Floats:
-        lanes = _as_lanes(values, group, lane)  # (n_group, n_length, n_slot, 1[, 8])
-        return _aligned(np.swapaxes(lanes, 0, 1))
-
-    return {
-        "followed": followed, "moves": moves, "samples": samples, "fade": by_length(fade), "noise": by_length(noise),
-        "echo": by_length(echo), "start": start,
-    }  # fmt: skip
-
-
-def _aligned(values: Floats) -> Floats:
-    shape = values.shape if GROUP == 1 else values.shape[:-1]
-    found = grouped_zeros(shape)
-    found[:] = values
-    return found
-
-
 def _partial_differs(prepared: Prepared, family: int, own: int) -> bool:
     """Whether the true partials of a shared error are not those that the filter's own state has."""
     shared = prepared.signals.shared
@@ -333,7 +158,7 @@ def _sampled(block: _Block, modelled: bool) -> bool:
     return modelled and block.matched < 0 and block.driver >= 0
 
 
-def _take_blocks(prepared: Prepared, blocks: list[_Block], slots: _Slots, states: list[tuple[int, int, int]]) -> Ints:
+def _take_blocks(prepared: Prepared, blocks: list[_Block], slots: Slots, states: list[tuple[int, int, int]]) -> Ints:
     """Give every component of the blocks a slot, (n_block, 3); -1 for profiles, which every run has alike."""
     decay, modelled = prepared.belief.decay, prepared.layout.motion >= 0
     found = np.full((len(blocks), 3), -1, dtype=np.int64)
@@ -355,7 +180,7 @@ def _take_blocks(prepared: Prepared, blocks: list[_Block], slots: _Slots, states
 
 
 def _take_shared(
-    prepared: Prepared, names: list[str], slots: _Slots, states: list[tuple[int, int, int]]
+    prepared: Prepared, names: list[str], slots: Slots, states: list[tuple[int, int, int]]
 ) -> dict[str, Any]:
     """Give every component of the errors that measurements share a slot; see Components."""
     belief, seconds = prepared.belief, slots.seconds
@@ -416,29 +241,13 @@ def _initial(prepared: Prepared, names: list[str]) -> Floats:
     return initial
 
 
-_ROWS = {
-    PSEUDORANGE: "pseudorange noise", RANGE_RATE: "range-rate noise", POSITION: "position solution noise",
-    VELOCITY: "velocity solution noise",
-}  # fmt: skip
-
-
-def _noise_sources(prepared: Prepared, names: list[str]) -> Ints:
-    """Return the source of the noise of each channel, (n_channel,), -1 none."""
-    found = [names.index(_ROWS[kind]) if kind in _ROWS and _ROWS[kind] in names else -1
-             for kind in prepared.belief.row_type.tolist()]  # fmt: skip
-    for first, device in zip(prepared.channels.first, prepared.devices, strict=True):
-        for scalar in range(len(device.channels.labels)):
-            found[first + scalar] = names.index(device.noise)
-    return np.array(found, dtype=np.int64)
-
-
 def components(prepared: Prepared, names: list[str]) -> Components:
     """Turn the truth's cards into numbers; the filter's card is asked only which states it has."""
     blocks, seconds, belief, n = _blocks(prepared, names), prepared.lengths, prepared.belief, n_joint(prepared)
-    slots, states = _Slots(len(names), seconds), list[tuple[int, int, int]]()
+    slots, states = Slots(len(names), seconds), list[tuple[int, int, int]]()
     slot = _take_blocks(prepared, blocks, slots, states)
     shared = _take_shared(prepared, names, slots, states)
-    group, lane, n_slot = _places(slots.count)
+    group, lane, n_slot = places_of(slots.count)
     rows, columns, kinds, drivers = transition_blocks(prepared.layout.parameters, 2)
     by_samples = prepared.layout.motion >= 0
     if by_samples:  # all but the gradient of gravity is propagated sample by sample
@@ -448,7 +257,7 @@ def components(prepared: Prepared, names: list[str]) -> Components:
             belief.block_kinds,
             belief.block_drivers,
         )
-    white = _as_lanes(_white_noise(prepared, names), group, lane)
+    white = as_lanes(_white_noise(prepared, names), group, lane)
     number = np.array(states, dtype=np.int64).reshape(-1, 3)
 
     def of_blocks(field: str) -> Ints:
@@ -458,7 +267,7 @@ def components(prepared: Prepared, names: list[str]) -> Components:
         group=group,
         lane=lane,
         n_slot=n_slot,
-        **_slot_tables(slots, group, lane, n_slot),
+        **slot_tables(slots, group, lane, n_slot),
         sensor=of_blocks("sensor"),
         driver=of_blocks("driver"),
         matched=of_blocks("matched"),
@@ -476,11 +285,11 @@ def components(prepared: Prepared, names: list[str]) -> Components:
         nav_columns=columns,
         nav_kinds=kinds,
         nav_drivers=drivers,
-        white=_aligned(np.swapaxes(white, 0, 1)),
+        white=aligned(np.swapaxes(white, 0, 1)),
         initial=_initial(prepared, names),
-        noise_source=_noise_sources(prepared, names),
+        noise_source=noise_sources(prepared, names),
         decay=np.pad(belief.decay, ((0, 0), (0, n - prepared.layout.n_state)), constant_values=1.0),
-        **_measurement_tables(prepared, names),
+        **measurement_tables(prepared, names),
         sample_noise=_sample_noise(prepared, names),
     )
 
@@ -498,7 +307,7 @@ def initial_state(prepared: Prepared, true: Components) -> tuple[Floats, Floats,
         cross[source, slot, at] += variance
     places = (true.group, true.lane)
     return (
-        _as_lanes(sources, *places),
-        _as_lanes(cross, *places),
-        _as_lanes(true.start[:, :, None], *places),
+        as_lanes(sources, *places),
+        as_lanes(cross, *places),
+        as_lanes(true.start[:, :, None], *places),
     )

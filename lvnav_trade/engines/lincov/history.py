@@ -8,10 +8,11 @@ import numpy as np
 from scipy.special import chdtrc
 
 from lvnav_trade.engines.lincov.adjoint import BackScratch, Backward, go_back
-from lvnav_trade.engines.lincov.components import Components, components, initial_state, n_joint, source_names
+from lvnav_trade.engines.lincov.components import Components, components, initial_state
 from lvnav_trade.engines.lincov.forward import forward
 from lvnav_trade.engines.lincov.outputs import sample_outputs, solution_outputs_of
 from lvnav_trade.engines.lincov.receiver_error import N_SOLUTION_ENTRY
+from lvnav_trade.engines.lincov.sources import n_joint, source_names
 from lvnav_trade.engines.lincov.workspace import (
     JointCovariance,
     Nominal,

@@ -72,10 +72,13 @@ def test_a_schedule_of_other_states_or_of_an_event_that_is_not_flown_is_refused(
     assert GainKnot.model_fields.keys() == {"since", "gain"}
 
 
+POINT = "base.receiver.solution={kind: bancroft, range_sigma: 2 m, rate_sigma: 0.1 m/s}"
+
+
 @pytest.mark.parametrize(
     ("settings", "tolerance", "told"),
     [
-        ((MATCHED,), 0.02, r"measurements: \[position, velocity\]"),
+        ((MATCHED, LOOSE, POINT), 0.02, "the covariance that comes with each solution decides the gains"),
         ((MATCHED, LOOSE), 0.0, "no share"),
         ((MATCHED, LOOSE), 1.0, "no share"),
     ],

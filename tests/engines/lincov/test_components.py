@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.lincov.components import REMAINDER, components, initial_state, source_names
+from lvnav_trade.engines.lincov.components import REMAINDER, components, initial_state
+from lvnav_trade.engines.lincov.sources import source_names
 from lvnav_trade.kernels.groups import GROUP
 from lvnav_trade.kernels.transition import OWN_0
 from tests.building import INERTIAL, LOOSE, MATCHED, case, loaded, prepare_hop, with_fields

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.lincov.components import components, source_names
+from lvnav_trade.engines.lincov.components import components
 from lvnav_trade.engines.lincov.propagate import input_matrix
+from lvnav_trade.engines.lincov.sources import source_names
 from lvnav_trade.filters.belief import transition_blocks
 from lvnav_trade.kernels.strapdown import N_SUM, SUM_C, SUM_F, SUM_TH, SUM_V
 from lvnav_trade.kernels.transition import fill

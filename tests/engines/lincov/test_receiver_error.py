@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines.lincov.components import _as_lanes, components, source_names
+from lvnav_trade.engines.lincov.components import _as_lanes, components
 from lvnav_trade.engines.lincov.receiver_error import (
     N_CLONE,
     N_NAV,
@@ -18,6 +18,7 @@ from lvnav_trade.engines.lincov.receiver_error import (
     complete_rows,
     solution_back,
 )
+from lvnav_trade.engines.lincov.sources import source_names
 from lvnav_trade.engines.solution import Chain
 from lvnav_trade.filters.late import Late
 from lvnav_trade.kernels.groups import GROUP, grouped_zeros

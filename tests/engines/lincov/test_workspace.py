@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from lvnav_trade.engines.lincov.components import components, source_names
+from lvnav_trade.engines.lincov.components import components
 from lvnav_trade.engines.lincov.history import forward_tape
+from lvnav_trade.engines.lincov.sources import source_names
 from lvnav_trade.engines.lincov.workspace import new_tape
 from lvnav_trade.kernels.strapdown import N_SUM
 from tests.building import LOOSE, case

@@ -1,0 +1,123 @@
+"""Sources of a case, and the filter's measurements with respect to the joint vector."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.engines.lincov.receiver_error import N_CLONE, N_NAV
+from lvnav_trade.engines.prepare import Prepared
+from lvnav_trade.filters.belief import POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY
+from lvnav_trade.kernels.transition import VEL
+
+Ints = NDArray[np.int64]
+
+
+def source_names(prepared: Prepared) -> list[str]:
+    """Return every physical source of error of a case, in the order of the budget."""
+    scenario, belief = prepared.scenario, prepared.belief
+    names = [
+        "initial attitude",
+        "initial velocity",
+        "initial position",
+        "gyro random walk",
+        "accelerometer random walk",
+    ]
+    names += list(dict.fromkeys(block.source for block in prepared.sources))
+    if scenario.imu.gyro.quantisation > 0.0:
+        names.append("gyro quantisation")
+    if scenario.imu.accel.quantisation > 0.0:
+        names.append("accelerometer quantisation")
+    if belief.aided:
+        names += list(dict.fromkeys(family.source for family in prepared.families))
+    if belief.tight:
+        names += ["receiver clock start", "receiver clock", "pseudorange noise", "range-rate noise"]
+    elif prepared.options.solver is not None:
+        names += ["receiver clock", "pseudorange noise", "range-rate noise"]
+    elif belief.n_receiver:
+        names += ["position solution noise", "velocity solution noise"]
+    return names + [device.noise for device in prepared.devices]
+
+
+def n_joint(prepared: Prepared) -> int:
+    """Return how many states the joint vector has: the filter's, those of the receiver's error, those of clones."""
+    chain, late = prepared.chain, prepared.options.late
+    solution = 0 if chain is None else chain.move.shape[1]
+    clones = 0 if late is None else N_CLONE * late.n_ring
+    return prepared.layout.n_state + solution + clones
+
+
+# By the codes of `solution`.
+_WHITE = (
+    "pseudorange noise",
+    "range-rate noise",
+    "receiver clock",
+    "position solution noise",
+    "velocity solution noise",
+)
+
+
+def measurement_tables(prepared: Prepared, names: list[str]) -> dict[str, Any]:
+    """Return the measurements with respect to the whole joint vector, and where the states behind e stand."""
+    belief, chain, late, n = prepared.belief, prepared.chain, prepared.options.late, prepared.layout.n_state
+    solution = -1 if chain is None else n
+    clone = -1 if late is None else n + (0 if chain is None else chain.move.shape[1])
+    buffered = late is not None and not late.extrapolated
+    n_ring, n_receiver = 1 if late is None else late.n_ring, prepared.channels.n_receiver
+    table = [
+        [_pairs(prepared, channel, solution, clone + N_CLONE * ring, buffered, channel < n_receiver)
+         for channel in range(len(belief.n_entry))] for ring in range(n_ring)
+    ]  # fmt: skip
+    width = max((len(pairs) for rows in table for pairs in rows), default=0)
+    shape = (n_ring, len(belief.n_entry), width)
+    entry, column = np.zeros(shape, dtype=np.int64), np.zeros(shape, dtype=np.int64)
+    for ring, rows in enumerate(table):
+        for channel, pairs in enumerate(rows):
+            for i, (e, c) in enumerate(pairs):
+                entry[ring, channel, i], column[ring, channel, i] = e, c
+    kinds = np.zeros(0, dtype=np.int64) if chain is None else chain.kind
+    return {
+        "n_entry": np.array([len(pairs) for pairs in table[0]], dtype=np.int64),
+        "entry": entry,
+        "column": column,
+        "solution": solution,
+        "solution_source": np.array([names.index(_WHITE[kind]) for kind in kinds], dtype=np.int64),
+        "clone": clone,
+        "buffered": buffered,
+    }
+
+
+def _pairs(
+    prepared: Prepared, channel: int, solution: int, clone: int, buffered: bool, of_receiver: bool
+) -> list[tuple[int, int]]:
+    """List entry and state of a channel's Jacobian row; a late measurement is of the errors of a clone."""
+    belief, chain, late = prepared.belief, prepared.chain, prepared.options.late
+    n = belief.n_entry[channel]
+    pairs = []
+    for e, c in zip(belief.entry[channel, :n].tolist(), belief.column[channel, :n].tolist(), strict=True):
+        pairs.append((e, clone + c if of_receiver and buffered and c < N_NAV else c))
+    if chain is not None and of_receiver:
+        own = belief.n_row_entry
+        pairs += [(own + i, solution + int(chain.pick[i])) for i in range(6)]
+        if late is not None and not buffered:
+            pairs += [(own + 6 + i, clone + VEL + i) for i in range(3)]
+            pairs += [(own + 9 + i, clone + N_NAV + i) for i in range(3)]
+    return pairs
+
+
+_ROWS = {
+    PSEUDORANGE: "pseudorange noise", RANGE_RATE: "range-rate noise", POSITION: "position solution noise",
+    VELOCITY: "velocity solution noise",
+}  # fmt: skip
+
+
+def noise_sources(prepared: Prepared, names: list[str]) -> Ints:
+    """Return the source of the noise of each channel, (n_channel,), -1 none."""
+    found = [names.index(_ROWS[kind]) if kind in _ROWS and _ROWS[kind] in names else -1
+             for kind in prepared.belief.row_type.tolist()]  # fmt: skip
+    for first, device in zip(prepared.channels.first, prepared.devices, strict=True):
+        for scalar in range(len(device.channels.labels)):
+            found[first + scalar] = names.index(device.noise)
+    return np.array(found, dtype=np.int64)
