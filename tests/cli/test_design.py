@@ -40,7 +40,8 @@ def test_gains_are_written_as_a_card_that_a_filter_names(tmp_path):
 def test_a_filter_without_such_gains_is_told_in_one_line(tmp_path):
     with flying(hop()):
         done = call(
-            "schedule-gains", "campaigns/smoke.yaml", "--out", str(tmp_path / "gains.yaml"), "--set", "base.filter=filters/loose",
+            "schedule-gains", "campaigns/smoke.yaml", "--out", str(tmp_path / "gains.yaml"),
+            "--set", "base.filter=filters/loose",
             "--set", "base.receiver.solution={kind: bancroft, range_sigma: 2 m, rate_sigma: 0.1 m/s}",
         )  # fmt: skip
     assert done.exit_code == 2

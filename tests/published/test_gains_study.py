@@ -28,7 +28,7 @@ ORBITS = (
 )
 FEW = {
     "polar": (ORBITS,),
-    "transfer_orbit": ("axes.0.values=[0.3 m/s]", "axes.1.cards=[filters/loose_gains_004]", "axes.2.labels=[as shipped]",
+    "transfer_orbit": ("axes.0.values=[0.3 m/s]", "axes.1.cards=[filters/loose_gains_004]", "axes.2.labels=[shipped]",
                        "axes.2.values=[trajectories/pslv_sub_gto]"),
     "process_noise": ("axes.1.cards=[imu/navigation]", "axes.1.labels=[nominal]"),
     "design_validation": ("axes=[{path: faults, labels: [loss of 40 s, wild samples of 80 s], values: ["

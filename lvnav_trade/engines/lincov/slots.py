@@ -65,6 +65,7 @@ def as_lanes(values: Floats, group: Ints, lane: Ints) -> Floats:
 
 
 def slot_tables(slots: Slots, group: Ints, lane: Ints, n_slot: Ints) -> dict[str, Any]:
+    """Return flags, decay, noise and start of all slots, by the names of Components' fields."""
     n_length, n_source = slots.seconds.size, len(slots.count)
     most = max(1, int(n_slot.max(initial=0)))
     fade, noise, echo = (np.zeros((n_source, n_length, most, 1)) for _ in range(3))
@@ -90,6 +91,7 @@ def slot_tables(slots: Slots, group: Ints, lane: Ints, n_slot: Ints) -> dict[str
 
 
 def aligned(values: Floats) -> Floats:
+    """Return the same values in an array that begins where a cache line does."""
     shape = values.shape if GROUP == 1 else values.shape[:-1]
     found = grouped_zeros(shape)
     found[:] = values
