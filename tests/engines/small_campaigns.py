@@ -113,6 +113,18 @@ CAMPAIGNS: dict[str, dict[str, Any]] = {
         "base": _VEHICLE,
         "axes": _axis("filter", ["filters/vehicle_model_003", "filters/baseline_003", "filters/vehicle_unknown_003"]),
     },
+    "policies together": {
+        "base": {**_VEHICLE, "receiver": {"card": "receivers/wide_correlator_003", "latency": "1400 ms"}},
+        "axes": _axis("filter", [
+            {"card": "filters/vehicle_model_003", "delay_compensation": {"kind": "buffered"}},
+            {"card": "filters/vehicle_model_003", "delay_compensation": {"kind": "extrapolated"}, "feedback": "open"},
+            {"card": "filters/vehicle_model_003", "measurements": ["pseudorange", "range_rate", "attitude", "imu"],
+             "delay_compensation": {"kind": "buffered"}, "extra_states": [], "consider": ["gyro_bias"],
+             "logic": {"start_after": 3}},
+            {"card": "filters/tight", "measurements": ["range_rate", "attitude"], "feedback": "open",
+             "delay_compensation": {"kind": "buffered"}},
+        ]),
+    },
     "vehicle under control": {
         "base": {
             **_VEHICLE,

@@ -6,8 +6,8 @@ from collections import namedtuple
 
 import numpy as np
 
-from lvnav_trade.engines.lincov.components import _aligned, _as_lanes
 from lvnav_trade.engines.lincov.propagate import propagate_sources
+from lvnav_trade.engines.lincov.slots import aligned, as_lanes
 from lvnav_trade.engines.lincov.update import _update_shared, _update_sources
 from lvnav_trade.kernels.groups import GROUP, grouped_zeros
 from lvnav_trade.kernels.jit import jit
@@ -41,7 +41,7 @@ def small(starts, variances, *, fade, noise, decay, white, blocks, rows, columns
     n_group = int(group.max()) + 1
 
     def table(values):
-        return _aligned(np.swapaxes(_as_lanes(np.asarray(values, dtype=float), group, lane), 0, 1))
+        return aligned(np.swapaxes(as_lanes(np.asarray(values, dtype=float), group, lane), 0, 1))
 
     none, ones = np.zeros(0, dtype=np.int64), np.ones((n_group, 1), dtype=np.bool_)
     fields = {
@@ -56,9 +56,9 @@ def small(starts, variances, *, fade, noise, decay, white, blocks, rows, columns
     true = Truth(**(fields | more))
     joint = Joint(
         np.zeros(n),
-        _as_lanes(np.asarray(starts, dtype=float), group, lane),
+        as_lanes(np.asarray(starts, dtype=float), group, lane),
         grouped_zeros((n_group, 1, n)),
-        _as_lanes(np.reshape(variances, (n_source, 1, 1)).astype(float), group, lane),
+        as_lanes(np.reshape(variances, (n_source, 1, 1)).astype(float), group, lane),
     )
     scratch = Work(
         blocks, np.zeros(9), np.zeros((9, 3)), grouped_zeros((n,)), grouped_zeros((n_group, 1, 9)),

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines.lincov.components import _as_lanes, components
+from lvnav_trade.engines.lincov.components import components
 from lvnav_trade.engines.lincov.receiver_error import (
     N_CLONE,
     N_NAV,
@@ -18,6 +18,7 @@ from lvnav_trade.engines.lincov.receiver_error import (
     complete_rows,
     solution_back,
 )
+from lvnav_trade.engines.lincov.slots import as_lanes
 from lvnav_trade.engines.lincov.sources import source_names
 from lvnav_trade.engines.solution import Chain
 from lvnav_trade.filters.late import Late
@@ -74,7 +75,7 @@ def joint_of(sources, cross, variance, mean):
     group, lane = place // GROUP, place % GROUP
     n_group, n_slot = int(group.max()) + 1, cross.shape[1]
     joint = Joint(
-        _as_lanes(sources, group, lane), _as_lanes(cross, group, lane), _as_lanes(variance, group, lane), mean.copy()
+        as_lanes(sources, group, lane), as_lanes(cross, group, lane), as_lanes(variance, group, lane), mean.copy()
     )
     true = Truth(
         group, lane, np.full(n_group, n_slot), np.ones((n_group, n_slot), dtype=bool), N_FILTER, np.array([0, 1]),
