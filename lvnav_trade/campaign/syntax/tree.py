@@ -6,6 +6,7 @@ import difflib
 import io
 import os
 import re
+import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import Any, NamedTuple
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedSeq
 from ruamel.yaml.composer import Composer
-from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning, YAMLError
 from ruamel.yaml.events import AliasEvent
 from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
 
@@ -130,7 +131,13 @@ def parse(text: str, file: str, folder: Path) -> Node:
     reader = YAML(typ="rt", pure=True)
     reader.Composer = _BoundedComposer
     try:
-        root = reader.compose(text)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", ReusedAnchorWarning)
+            root = reader.compose(text)
+    except ReusedAnchorWarning as warning:
+        second = re.search(r"second occurrence.*?line (\d+), column (\d+)", str(warning), flags=re.S)
+        line, column = (int(second[1]), int(second[2])) if second else (1, 1)
+        raise InputError(records=[Mistake("an anchor of this name stands before", "", file, line, column)]) from None
     except _TooLarge as error:
         raise InputError(records=[Mistake(str(error), "", file, error.line, error.column)]) from None
     except MarkedYAMLError as error:
@@ -190,7 +197,6 @@ class _TooLarge(Exception):
 class _BoundedComposer(Composer):
     """Composes nodes and stops at the first that is one too many, one too deep or too long."""
 
-    warn_double_anchors = False
     nodes = deep = aliases = 0
 
     def compose_node(self, parent: Any, index: Any) -> Any:
