@@ -43,7 +43,7 @@ def _step(jnp: Any, random: Any, dt: float) -> Any:
 
 
 def _update(jax: Any, jnp: Any, satellites: Any) -> Any:
-    def absorb(carry: Any, row: Any) -> Any:
+    def update_scalar(carry: Any, row: Any) -> Any:
         x, P = carry
         h, z, variance = row
         k = P @ h
@@ -59,7 +59,7 @@ def _update(jax: Any, jnp: Any, satellites: Any) -> Any:
         rates = zero.at[:, 3:6].set(-unit).at[:, 16].set(1.0)
         rows = jnp.concatenate([ranges, rates])
         variances = jnp.concatenate([jnp.full(SATELLITES, 4.0), jnp.full(SATELLITES, 0.01)])
-        (x, P), _ = jax.lax.scan(absorb, (jnp.zeros(STATES), P), (rows, noise * jnp.sqrt(variances), variances))
+        (x, P), _ = jax.lax.scan(update_scalar, (jnp.zeros(STATES), P), (rows, noise * jnp.sqrt(variances), variances))
         return C, v + x[3:6], r + x[6:9], gyro_bias + x[9:12], accel_bias + x[12:15], P
 
     return update

@@ -13,7 +13,7 @@ from benchmarks import fma
 from benchmarks.common import best, scenario
 from lvnav_trade.engines.prepare import Prepared, prepare
 from lvnav_trade.kernels import processes, transition
-from lvnav_trade.kernels.covariance import N_NAV_ERROR, absorb, predict
+from lvnav_trade.kernels.covariance import N_NAV_ERROR, predict, update_scalar
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import aligned_zeros, view
 from lvnav_trade.kernels.random import normals
@@ -38,9 +38,9 @@ def _predicts(P, D, rows, columns, decay, noise, repeats):
 
 
 @jit
-def _absorbs(P, x, K, h, z, entries, columns, repeats):
+def _updates(P, x, K, h, z, entries, columns, repeats):
     for k in range(repeats):
-        absorb(view(P), view(x), view(K), view(h)[k % 16], entries, columns, view(z)[0], 1.0, 1e30, 17, False)
+        update_scalar(view(P), view(x), view(K), view(h)[k % 16], entries, columns, view(z)[0], 1.0, 1e30, 17, False)
 
 
 @jit
@@ -93,9 +93,9 @@ def aligned(array: np.ndarray) -> np.ndarray:
 
 def kernels(prepared: Prepared) -> list[Kernel]:
     """Return the cost of every kernel of a flight, for eight runs at once."""
-    rng, belief, n = np.random.default_rng(0), prepared.belief, prepared.layout.n_state
+    rng, model, n = np.random.default_rng(0), prepared.model, prepared.layout.n_state
     P = aligned(np.repeat(np.eye(n)[:, :, None], WIDTH, 2))
-    D = aligned(rng.standard_normal((belief.block_rows.size, 9, WIDTH)) * 1e-6)
+    D = aligned(rng.standard_normal((model.block_rows.size, 9, WIDTH)) * 1e-6)
     decay, noise = np.ones(n), np.full(n, 1e-12)
     h, z = aligned(rng.standard_normal((16, 10, WIDTH))), aligned(rng.standard_normal((1, WIDTH)))
     x, K = aligned_zeros((n, WIDTH)), aligned_zeros((n, WIDTH))
@@ -105,8 +105,8 @@ def kernels(prepared: Prepared) -> list[Kernel]:
     sums, previous, increments = (aligned_zeros((*size, WIDTH)) for size in ((N_SUM,), (6,), (TICKS, 6)))
     r, run = aligned(np.full((3, WIDTH), 4e6)), aligned(np.arange(WIDTH, dtype=np.uint64)[None])
     tables, remainder, drawn = (aligned_zeros((*size, WIDTH)) for size in ((2, processes.N_TABLE), (6,), (REPEATS, 4)))
-    rows, columns = belief.block_rows, belief.block_columns
-    kinds, drivers, unit = belief.block_kinds, belief.block_drivers, prepared.unit
+    rows, columns = model.block_rows, model.block_columns
+    kinds, drivers, unit = model.block_kinds, model.block_drivers, prepared.unit
     flights = REPEATS // TICKS
     return [
         _time("four normals", lambda: _normals(run, drawn, REPEATS), REPEATS, 110),
@@ -124,7 +124,7 @@ def kernels(prepared: Prepared) -> list[Kernel]:
             predict_operations(rows, columns, n),
         ),
         _time(
-            "row", lambda: _absorbs(aligned(P), x, K, h, z, entries, states, REPEATS), REPEATS,
+            "row", lambda: _updates(aligned(P), x, K, h, z, entries, states, REPEATS), REPEATS,
             n * 13 + 28 + n * (n + 1) + 2 * n,
         ),
     ]  # fmt: skip

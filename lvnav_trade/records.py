@@ -76,10 +76,10 @@ class Sky(NamedTuple):
     n; tracked (n_epoch, n_sat) bool: what is measured at the epoch.
 
     antenna (n_epoch, n_sat) number of the antenna that hears the satellite best; cn0 (n_epoch, n_sat) dB-Hz as the
-    loops have it, NaN where there is no link budget or nothing is heard; range_sigma (m), rate_sigma (m/s)
-    (n_epoch, n_sat) true white noise; state (n_epoch, n_sat) int8, see TRACKING; levers (n_antenna, 3) m phase centres
-    from the inertial unit, body axes; transitions of the receiver's channels in order of time (none without a tracking
-    card).
+    loops have it, NaN where there is no link budget or nothing is heard; range_sigma (m), rate_sigma (m/s) (n_epoch,
+    n_sat) true white noise; state (n_epoch, n_sat) int8, see TRACKING; lever_arms (n_antenna, 3) m, phase centres
+    from the inertial unit, body axes; transitions of the receiver's channels in order of time (none without a
+    tracking card).
     """
 
     t: Floats
@@ -94,7 +94,7 @@ class Sky(NamedTuple):
     range_sigma: Floats
     rate_sigma: Floats
     state: NDArray[np.int8]
-    levers: Floats
+    lever_arms: Floats
     systems: tuple[str, ...]
     transitions: tuple[Transition, ...] = ()
 
@@ -163,7 +163,7 @@ class Output(NamedTuple):
 class Asked(NamedTuple):
     """What linear covariance leaves of a case: budget by source over the flight; and of the event `at` (empty:
     injection, or else the last one) when each source acted, what a better one is worth, by source the covariance at
-    `events` too; observability by phase, or by windows of that many seconds; bounds of the noise that is believed.
+    `events` too; observability by phase, or by windows of that many seconds; bounds of the assumed noise.
     """
 
     at: str = ""

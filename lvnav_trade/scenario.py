@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from lvnav_trade.delays import AtmosphereCard
-from lvnav_trade.filters.base import FilterCard, ImuBelief, InitialBelief, ReceiverBelief
+from lvnav_trade.filters.base import FilterCard, ImuModel, InitialModel, ReceiverModel
 from lvnav_trade.limits import FAULTS
 from lvnav_trade.observables.sensor import SensorCard, SensorModel
 from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS, Sensor, model_of
@@ -160,7 +160,7 @@ def reported(scenario: Scenario) -> bool:
     return solves(scenario) and not isinstance(card, DirectSolution) and card.reported
 
 
-def judged(scenario: Scenario) -> bool:
+def has_covariance(scenario: Scenario) -> bool:
     """Return whether every solution comes with a covariance of its own, so that its rows are taken together."""
     late = scenario.filter.delay_compensation
     extrapolated = late is not None and late.kind == "extrapolated" and scenario.filter.loose
@@ -172,11 +172,11 @@ def epoch_interval(scenario: Scenario) -> float:
     return 1.0 / (scenario.receiver.rate if solves(scenario) else scenario.filter.update_rate)
 
 
-def _matched_imu(imu: ImuCard) -> ImuBelief:
-    """Take every number from the truth; wandering that the bias states do not model apart is added to their walk."""
+def _matched_imu(imu: ImuCard) -> ImuModel:
+    """Take every number from the truth; drift that no bias state of its own models is added to their walk."""
     gyro, accel = imu.gyro, imu.accel
     # SI numbers are not quantities with a unit, so they bypass the reading of cards
-    return ImuBelief.model_construct(
+    return ImuModel.model_construct(
         gyro_random_walk=gyro.random_walk,
         accel_random_walk=accel.random_walk,
         gyro_bias=math.hypot(gyro.bias_repeatability, gyro.bias_instability),
@@ -197,7 +197,7 @@ def _matched_imu(imu: ImuCard) -> ImuBelief:
     )
 
 
-def _matched_receiver(scenario: Scenario) -> ReceiverBelief:
+def _matched_receiver(scenario: Scenario) -> ReceiverModel:
     """Take every number from the truth; what several causes put into a range of its own is one bias, as slow as the
     largest of them.
     """
@@ -207,7 +207,7 @@ def _matched_receiver(scenario: Scenario) -> ReceiverBelief:
     biases = [(p.range_error, p.range_error_time) for p in parts] + [(receiver.multipath, receiver.multipath_time)]
     offsets = [(p.time_offset, p.time_offset_time) for p in parts if not isinstance(p, AlmanacConstellation)]
     largest = max(offsets, default=(0.0, None), key=lambda pair: pair[0])
-    return ReceiverBelief.model_construct(
+    return ReceiverModel.model_construct(
         pseudorange_sigma=receiver.pseudorange_sigma,
         range_rate_sigma=receiver.range_rate_sigma,
         # a receiver that solves tells the covariance of each of its solutions
@@ -232,13 +232,13 @@ def _matched_receiver(scenario: Scenario) -> ReceiverBelief:
     )
 
 
-def beliefs(scenario: Scenario) -> tuple[ImuBelief, ReceiverBelief, InitialBelief]:
-    """Return what the filter believes of its sensors and its start; `matched` takes the truth's own numbers."""
+def filter_models(scenario: Scenario) -> tuple[ImuModel, ReceiverModel, InitialModel]:
+    """Return what the filter assumes of its sensors and its start; `matched` takes the truth's own numbers."""
     card, initial, clock = scenario.filter, scenario.initial, scenario.receiver.clock
     imu = _matched_imu(scenario.imu) if isinstance(card.imu, str) else card.imu
     receiver = _matched_receiver(scenario) if isinstance(card.receiver, str) else card.receiver
     if isinstance(card.initial, str):
-        start = InitialBelief.model_construct(
+        start = InitialModel.model_construct(
             tilt=initial.tilt,
             heading=initial.heading,
             position=initial.position,

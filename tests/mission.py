@@ -62,12 +62,14 @@ def results(
     """Write the results of one case that coasts through an orbit, or a state, at injection."""
     r_i, v_i = state_from_elements(orbit) if isinstance(orbit, Elements) else orbit
     prepared = flight(r_i, v_i)
-    told = synthetic.covariance(factor)
+    reported = synthetic.covariance(factor)
     written = open_results(folder, "synthetic", campaign, {"seed": 7}, "resume")
     for first in range(0, n_run, 40):
-        block = synthetic.block(told, first, min(40, n_run - first), failing=failing)
-        written.write_part(CASE, summarise(block, synthetic.EVENTS, told.true_sigma, synthetic.OUTPUTS))
+        block = synthetic.block(reported, first, min(40, n_run - first), failing=failing)
+        written.write_part(CASE, summarise(block, synthetic.EVENTS, reported.true_sigma, synthetic.OUTPUTS))
     info = CaseInfo(CASE, "imu=fine", {"imu": "fine"})
-    written.write_case(info, prepared, told, written.parts(CASE) if n_run else None, synthetic.explanation(told))
+    written.write_case(
+        info, prepared, reported, written.parts(CASE) if n_run else None, synthetic.explanation(reported)
+    )
     written.finish({"timings_s": {}})
     return folder

@@ -167,7 +167,7 @@ def prepared(logic: bool = False) -> Any:
             range_sigma=np.full(shape[:2], 2.0),
             rate_sigma=np.full(shape[:2], 0.1),
             state=np.where(tracked, TRACK, LOST).astype(np.int8),
-            levers=np.zeros((2, 3)),
+            lever_arms=np.zeros((2, 3)),
             systems=("G",) * N_SAT,
             transitions=_transitions(names),
         ),
@@ -196,7 +196,7 @@ def _transitions(names: tuple[str, ...]) -> tuple[Transition, ...]:
 
 
 def _delays(elevation: np.ndarray, tracked: np.ndarray, height: np.ndarray) -> Delays:
-    """Return 2.4 m over the sine of the elevation that fade with height, and 5 m of ionosphere; half is corrected."""
+    """Return 2.4 m over the sine of the elevation that decay with height, and 5 m of ionosphere; half is corrected."""
     air = 2.4 * np.exp(-height / 8e3)[:, None] / np.sin(elevation)
     true = [np.where(tracked, delay, 0.0)[:, :, None] * np.array([1.0, 0.0]) for delay in (air, 5.0 + 0.0 * air)]
     return Delays(*true, *(0.5 * delay for delay in true))
@@ -266,17 +266,17 @@ def results(
     """
     written = open_results(folder, "synthetic", campaign, {"seed": 7}, "resume")
     for case, factor in CASES:
-        told, drawn = covariance(factor), covariance(factor, wrong)
-        told.false_rejection[50] = rejects
+        reported, drawn = covariance(factor), covariance(factor, wrong)
+        reported.false_rejection[50] = rejects
         done = written.done(case.id)
         for first in range(0, n_run, size):
             count = min(size, n_run - first)
             if (first, count) not in done:
                 runs = block(drawn, first, count, failing=failing)
                 runs = runs._replace(changes=changes(first, count)) if logic else runs
-                written.write_part(case.id, summarise(runs, EVENTS, told.true_sigma, OUTPUTS))
+                written.write_part(case.id, summarise(runs, EVENTS, reported.true_sigma, OUTPUTS))
         parts = written.parts(case.id) if n_run else None
         drawn = starts(n_run) if n_run else None
-        written.write_case(case, prepared(logic), told, parts, explanation(told), drawn)
+        written.write_case(case, prepared(logic), reported, parts, explanation(reported), drawn)
     written.finish({"timings_s": {}})
     return folder

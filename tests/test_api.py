@@ -132,17 +132,17 @@ def test_failed_runs_are_rows_and_exit_code_four_even_when_nothing_is_flown_agai
     for _ in range(2):
         out = _call("run", "campaigns/smoke.yaml", "--set", "diverged=4 m", "--jobs", "1", "--no-report", "--quiet")
         assert out.returncode == 4
-        told = [line for line in out.stdout.splitlines() if line.startswith("failed: base, run ")]
-        assert 0 < len(told) < 8
-        assert "diverged at" in told[0]
-        assert "lvnav-trade replay results/smoke" in told[0]
+        reported = [line for line in out.stdout.splitlines() if line.startswith("failed: base, run ")]
+        assert 0 < len(reported) < 8
+        assert "diverged at" in reported[0]
+        assert "lvnav-trade replay results/smoke" in reported[0]
     runs = api.load("results/smoke").runs
     assert (runs.failure == "diverged").any()
     assert (runs.failure == "").any()
 
 
 @pytest.mark.slow
-def test_a_scale_factor_five_percent_worse_is_told_with_eighty_runs(tmp_path: Path) -> None:
+def test_a_scale_factor_five_percent_worse_is_reported_with_eighty_runs(tmp_path: Path) -> None:
     runs, unit = "monte_carlo.runs=80", "imu.accel.scale_factor"
     flown = {
         name: api.run("campaigns/smoke.yaml", [runs, *change], tmp_path / name, jobs=1, report=False).folder

@@ -43,7 +43,7 @@ def test_an_error_comes_back_whole_from_a_worker_process() -> None:
 
 
 @pytest.mark.parametrize(("number", "full"), [(errno.ENOSPC, True), (errno.EDQUOT, True), (errno.EACCES, False)])
-def test_a_full_disk_is_told_from_other_trouble(number: int, full: bool) -> None:
+def test_a_full_disk_is_reported_from_other_trouble(number: int, full: bool) -> None:
     assert is_full_disk(OSError(number, "trouble")) is full
     assert not is_full_disk(ValueError("trouble"))
 
@@ -56,7 +56,7 @@ def test_a_full_disk_is_told_from_other_trouble(number: int, full: bool) -> None
         (OSError("no number"), "results: no number; the same command resumes once that is mended"),
     ],
 )
-def test_what_the_system_refused_is_told_with_what_to_do(error: OSError, line: str) -> None:
+def test_what_the_system_refused_is_reported_with_what_to_do(error: OSError, line: str) -> None:
     assert system_message(error, "results").startswith(line)
 
 

@@ -1,4 +1,4 @@
-"""Whatever happens to a campaign, on the real engines and through the command line: told in one line, nothing lost,
+"""Whatever happens to a campaign, on the real engines and through the command line: reported in one line, nothing lost,
 resumed to the bytes of one that nothing happened to.
 """
 
@@ -37,13 +37,13 @@ class Ended(NamedTuple):
     """How a process ended: exit code, what it said on standard error, what on standard output."""
 
     code: int
-    told: str
+    reported: str
     said: str
 
     @property
     def last(self) -> str:
         """The line that says why."""
-        return self.told.splitlines()[-1]
+        return self.reported.splitlines()[-1]
 
 
 def start(folder: Path | str, *more: str, sets: Sequence[str] = ASKED, prefix: Sequence[str] = ()) -> Process:
@@ -58,9 +58,9 @@ def start(folder: Path | str, *more: str, sets: Sequence[str] = ASKED, prefix: S
 
 def end(process: Process) -> Ended:
     """Wait for a process."""
-    said, told = process.communicate(timeout=600)
-    assert "Traceback" not in told
-    return Ended(process.returncode, told, said)
+    said, reported = process.communicate(timeout=600)
+    assert "Traceback" not in reported
+    return Ended(process.returncode, reported, said)
 
 
 def status(folder: Path | str) -> dict[str, object]:
@@ -119,7 +119,7 @@ def copy(whole: Whole, tmp_path: Path) -> Path:
 def assert_resumes(folder: Path, whole: Whole) -> Ended:
     """Give the same command again and hold what it leaves against the campaign that nothing happened to."""
     found = end(start(folder))
-    assert found.code == 0, found.told
+    assert found.code == 0, found.reported
     assert digests(folder) == whole.tables
     assert [path.relative_to(folder) for path in stored(folder)] == [
         path.relative_to(whole.folder) for path in stored(whole.folder)
@@ -164,10 +164,10 @@ def test_an_interrupted_campaign_says_so_and_goes_on(whole: Whole, tmp_path: Pat
     found = end(process)
     assert (found.code, found.last) == (130, "interrupted; the same command resumes")
     n = len(stored(folder))
-    told = status(folder)
-    assert (told["state"], told["stored"], told["asked"]) == ("unfinished", 8 * n, RUNS)
+    reported = status(folder)
+    assert (reported["state"], reported["stored"], reported["asked"]) == ("unfinished", 8 * n, RUNS)
     assert 5 <= n < BLOCKS
-    assert f"runs: {RUNS - 8 * n}\n" in assert_resumes(folder, whole).told
+    assert f"runs: {RUNS - 8 * n}\n" in assert_resumes(folder, whole).reported
 
 
 def test_a_worker_killed_by_the_system_costs_a_block(whole: Whole, tmp_path: Path) -> None:
@@ -180,8 +180,8 @@ def test_a_worker_killed_by_the_system_costs_a_block(whole: Whole, tmp_path: Pat
     os.kill(workers[0], signal.SIGKILL)
     found = end(process)
     assert found.code == 0
-    told = "a worker process died (out of memory?); its work is done again by 2 workers"
-    assert found.told.splitlines().count(told) == 1
+    reported = "a worker process died (out of memory?); its work is done again by 2 workers"
+    assert found.reported.splitlines().count(reported) == 1
     assert digests(folder) == whole.tables
     assert status(folder)["workers_died"] == 1
 
@@ -238,43 +238,43 @@ def test_a_folder_that_may_not_be_written_is_refused_before_anything_runs(copy: 
             pytest.skip("root may write anywhere")
         drop = ["setpriv", "--bounding-set=-dac_override,-dac_read_search"]
     found = end(start(copy, prefix=drop))
-    assert (found.code, found.told) == (2, f"{copy}: cannot be written: Permission denied\n")
+    assert (found.code, found.reported) == (2, f"{copy}: cannot be written: Permission denied\n")
     assert status(copy)["state"] == "finished"
     assert digests(copy) == whole.tables
     for path in places:
         path.chmod(0o700)
 
 
-def test_damaged_blocks_are_found_told_and_flown_again(copy: Path, whole: Whole) -> None:
+def test_damaged_blocks_are_found_reported_and_flown_again(copy: Path, whole: Whole) -> None:
     cut, flipped, *_ = stored(copy)
     cut.write_bytes(cut.read_bytes()[:-1000])
     content = bytearray(flipped.read_bytes())
     content[len(content) // 2] ^= 1
     flipped.write_bytes(content)
-    told = status(copy)
-    assert (told["state"], told["stored"]) == ("damaged", RUNS - 16)
-    assert [str(path) in line for path, line in zip((cut, flipped), told["damaged"], strict=True)] == [True, True]
-    again = assert_resumes(copy, whole).told
+    reported = status(copy)
+    assert (reported["state"], reported["stored"]) == ("damaged", RUNS - 16)
+    assert [str(path) in line for path, line in zip((cut, flipped), reported["damaged"], strict=True)] == [True, True]
+    again = assert_resumes(copy, whole).reported
     assert "runs: 16\n" in again
     for path in (cut, flipped):
         (line,) = [line for line in again.splitlines() if line.startswith(f"{path}: damaged part: ")]
         assert line.endswith("; dropped, its runs will be computed again")
 
 
-def test_a_damaged_table_is_told_and_made_again_from_the_blocks(copy: Path, whole: Whole) -> None:
+def test_a_damaged_table_is_reported_and_made_again_from_the_blocks(copy: Path, whole: Whole) -> None:
     path = copy / "runs.parquet"
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
     path.write_bytes(content)
-    told = status(copy)
-    assert told["state"] == "damaged"
-    assert [line.startswith(f"{path}: damaged: ") for line in told["damaged"]] == [True]
+    reported = status(copy)
+    assert reported["state"] == "damaged"
+    assert [line.startswith(f"{path}: damaged: ") for line in reported["damaged"]] == [True]
     command = [sys.executable, "-m", "lvnav_trade", "report", str(copy)]
     refused = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert refused.returncode == 2
     assert refused.stderr.startswith(f"{path}: damaged: ")
     assert refused.stderr.count("\n") == 1
-    assert "runs: 0\n" in assert_resumes(copy, whole).told
+    assert "runs: 0\n" in assert_resumes(copy, whole).reported
 
 
 def test_two_processes_do_not_work_on_one_campaign(whole: Whole, tmp_path: Path) -> None:
@@ -295,12 +295,12 @@ def test_two_processes_do_not_work_on_one_campaign(whole: Whole, tmp_path: Path)
 def test_another_campaign_or_code_is_never_mixed_in(copy: Path, whole: Whole) -> None:
     other = end(start(copy, "--set", "seed=2"))
     assert other.code == 2
-    assert other.told == f"{copy}: holds the results of another campaign; use --fresh, or another folder\n"
+    assert other.reported == f"{copy}: holds the results of another campaign; use --fresh, or another folder\n"
     manifest = json.loads((copy / "manifest.json").read_text())
     (copy / "manifest.json").write_text(json.dumps({**manifest, "code_digest": "0123"}))
     other = end(start(copy))
     assert other.code == 2
-    assert other.told.startswith(f"{copy}: was computed by another code (0123, this is ")
+    assert other.reported.startswith(f"{copy}: was computed by another code (0123, this is ")
     assert digests(copy) == whole.tables
     (copy / "manifest.json").unlink()  # nobody knows any more; the blocks still do
     assert end(start(copy, "--set", "seed=2")).code == 0
@@ -323,8 +323,8 @@ def test_a_diverging_filter_leaves_a_row_per_failed_run_and_the_command_that_fli
     assert (failed.t_failed_s > 0).all()
     lines = [line for line in found.said.splitlines() if line.startswith("failed: ")]
     assert len(lines) == len(failed)
-    told = status(folder)
-    assert (told["state"], told["failed"]) == ("finished", len(failed))
+    reported = status(folder)
+    assert (reported["state"], reported["failed"]) == ("finished", len(failed))
     command = lines[0].partition("; ")[2].split()
     assert command[:2] == ["lvnav-trade", "replay"]
     again = subprocess.run(

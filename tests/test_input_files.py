@@ -1,4 +1,4 @@
-"""What is read is a regular file of bounded size; whatever else is told in one line and never waited for."""
+"""What is read is a regular file of bounded size; whatever else is reported in one line and never waited for."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_a_device_and_a_folder_are_refused(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["missing", "x" * 300, "a\0b"])
-def test_a_name_without_a_file_is_told(tmp_path: Path, name: str) -> None:
+def test_a_name_without_a_file_is_reported(tmp_path: Path, name: str) -> None:
     with pytest.raises(InputError, match="cannot be read") as caught:
         read_bytes(tmp_path / name, 10)
     assert str(caught.value).isprintable()

@@ -10,12 +10,12 @@ from tests.engines.modelled import SETTINGS
 
 TIGHT = "base.filter=filters/tight"
 MODELLED = (*SETTINGS, "base.imu=imu/kvh1750_003_published", "base.filter=filters/vehicle_model_003")
-LATE, CARRIED = {"kind": "buffered"}, {"kind": "extrapolated"}
+LATE, PROPAGATED = {"kind": "buffered"}, {"kind": "extrapolated"}
 CASES = [
     ((INERTIAL,), {"filter.delay_compensation": LATE}, "nothing of the receiver that could be late"),
-    ((TIGHT,), {"filter.delay_compensation": CARRIED}, "a range has no velocity of its own"),
+    ((TIGHT,), {"filter.delay_compensation": PROPAGATED}, "a range has no velocity of its own"),
     (
-        (LOOSE,), {"filter.delay_compensation": CARRIED, "filter.measurements": ["position"]},
+        (LOOSE,), {"filter.delay_compensation": PROPAGATED, "filter.measurements": ["position"]},
         "position and velocity together; the filter takes one of them",
     ),
     ((LOOSE,), {"filter.init": "from_gnss", "filter.measurements": ["velocity"]}, "both are to be measured"),
@@ -24,11 +24,11 @@ CASES = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("settings", "fields", "told"), CASES, ids=[told for _, _, told in CASES])
-def test_a_combination_that_makes_no_sense_is_refused_with_its_reason(settings, fields, told):
+@pytest.mark.parametrize(("settings", "fields", "reported"), CASES, ids=[reported for _, _, reported in CASES])
+def test_a_combination_that_makes_no_sense_is_refused_with_its_reason(settings, fields, reported):
     scenario = loaded(*settings)
     assert refused(scenario) is None
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=reported):
         with_fields(scenario, **fields)
 
 
@@ -36,7 +36,7 @@ def test_a_combination_that_makes_no_sense_is_refused_with_its_reason(settings, 
     ("settings", "fields"),
     [
         ((TIGHT,), {"filter.delay_compensation": LATE, "filter.feedback": "open", "filter.logic": {}}),
-        ((LOOSE,), {"filter.delay_compensation": CARRIED, "filter.init": "from_gnss"}),
+        ((LOOSE,), {"filter.delay_compensation": PROPAGATED, "filter.init": "from_gnss"}),
         (MODELLED, {"filter.delay_compensation": LATE, "imu.gyro.scale_factor": "10 ppm"}),
         (MODELLED, {"filter.logic": {}, "filter.feedback": "open"}),
     ],

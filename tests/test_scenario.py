@@ -7,7 +7,7 @@ import math
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.scenario import Scenario, beliefs
+from lvnav_trade.scenario import Scenario, filter_models
 from tests.building import loaded, with_fields
 
 
@@ -20,7 +20,7 @@ def changed(**cards):
 
 def test_matched_takes_every_number_from_the_truth():
     scenario = loaded()
-    imu, receiver, initial = beliefs(scenario)
+    imu, receiver, initial = filter_models(scenario)
     assert imu.gyro_random_walk == scenario.imu.gyro.random_walk
     assert imu.accel_scale_factor == scenario.imu.accel.scale_factor
     assert imu.gyro_g_sensitivity == scenario.imu.gyro.g_sensitivity
@@ -31,25 +31,25 @@ def test_matched_takes_every_number_from_the_truth():
     assert initial.clock_bias == scenario.receiver.clock.initial_bias
 
 
-def test_a_matched_bias_holds_repeatability_and_instability_and_wanders_as_both_walks():
+def test_a_matched_bias_holds_repeatability_and_instability_and_drifts_as_both_walks():
     scenario = changed(imu={
         "gyro.bias_repeatability": "3 deg/h", "gyro.bias_instability": "4 deg/h", "gyro.instability_time": "200 s",
         "gyro.rate_random_walk": "0 rad/s**1.5",
     })  # fmt: skip
-    imu, _, _ = beliefs(scenario)
+    imu, _, _ = filter_models(scenario)
     unit = math.radians(1.0) / 3600.0
     assert imu.gyro_bias == pytest.approx(5.0 * unit, rel=1e-12)
-    # a Gauss-Markov process of sigma and time constant begins to wander as a walk of density 2 sigma^2 / tau
+    # a Gauss-Markov process of sigma and time constant begins to drift as a walk of density 2 sigma^2 / tau
     assert imu.gyro_bias_walk == pytest.approx(4.0 * unit * math.sqrt(2.0 / 200.0), rel=1e-12)
     assert imu.gyro_bias_time is None
 
 
-def test_a_belief_of_the_filters_own_stands_instead_of_the_truth():
+def test_a_filter_model_of_the_filters_own_stands_instead_of_the_truth():
     own = {
         "tilt": "9 mrad", "heading": "8 mrad", "position": "7 m", "velocity": "6 m/s", "clock_bias": "5 m",
         "clock_drift": "4 m/s",
     }  # fmt: skip
-    _, receiver, initial = beliefs(changed(filter={"initial": own}))
+    _, receiver, initial = filter_models(changed(filter={"initial": own}))
     assert (initial.tilt, initial.position, initial.clock_drift) == pytest.approx((9e-3, 7.0, 4.0), rel=1e-12)
     assert receiver.pseudorange_sigma == loaded().receiver.pseudorange_sigma
 
@@ -104,7 +104,7 @@ def test_what_goes_together_is_accepted(fields):
 
 
 @pytest.mark.parametrize(
-    ("fields", "told"),
+    ("fields", "reported"),
     [
         ({"filter.measurements": [], LATE: {"kind": "buffered"}}, "takes nothing of the receiver"),
         ({LATE: {"kind": "extrapolated"}}, "a range has no velocity of its own"),
@@ -114,6 +114,6 @@ def test_what_goes_together_is_accepted(fields):
         ({"filter.measurements": ["position", "pseudorange"]}, "information would be counted twice"),
     ],
 )
-def test_what_cannot_be_had_together_is_refused_before_anything_runs(fields, told):
-    with pytest.raises(ValueError, match=told):
+def test_what_cannot_be_had_together_is_refused_before_anything_runs(fields, reported):
+    with pytest.raises(ValueError, match=reported):
         with_fields(loaded(), **fields)

@@ -99,11 +99,15 @@ def _motion(case: str) -> list[dict[str, Any]]:
 
 
 def _observability(case: str) -> list[dict[str, Any]]:
-    told = ((1e4, "+1.00 rate roll"), (0.5, "+1.00 position bias x, -0.80 position north"), (2e-3, "+1.00 gyro bias x"))
+    reported = (
+        (1e4, "+1.00 rate roll"),
+        (0.5, "+1.00 position bias x, -0.80 position north"),
+        (2e-3, "+1.00 gyro bias x"),
+    )
     return [{"case": case, "phase": f"{start:g} s to {start + 50:g} s", "t_s": start, "t_end_s": start + 50.0,
              "row_count": 9, "state_count": 3, "rank_count": 2, "tolerance_ratio": 1e-2, "singular_number": k,
-             "singular_ratio": value, "weakest": told[-1][1], "direction": text}
-            for start in (0.0, 50.0) for k, (value, text) in enumerate(told, 1)]  # fmt: skip
+             "singular_ratio": value, "weakest": reported[-1][1], "direction": text}
+            for start in (0.0, 50.0) for k, (value, text) in enumerate(reported, 1)]  # fmt: skip
 
 
 def tables() -> Tables:

@@ -63,11 +63,11 @@ def main() -> None:
     print(f"{np.sum(drift):.1f} m; change of drift at most {1e3 * np.abs(np.diff(drift)).max():.2f} mm/s per s")
     clock = base.receiver.clock
     bias, walk = spectral_densities(clock.h0, clock.h_minus2)
-    wander = np.sqrt(walk * t[-1]), np.sqrt(bias * t[-1] + walk * t[-1] ** 3 / 3.0)
+    drift = np.sqrt(walk * t[-1]), np.sqrt(bias * t[-1] + walk * t[-1] ** 3 / 3.0)
     print(
-        f"oscillator of the card: drift {1e3 * np.sqrt(walk):.1f} mm/s in 1 s, {1e3 * wander[0]:.0f} mm/s and", end=" "
+        f"oscillator of the card: drift {1e3 * np.sqrt(walk):.1f} mm/s in 1 s, {1e3 * drift[0]:.0f} mm/s and", end=" "
     )
-    print(f"{wander[1]:.0f} m over the ascent (1 sigma), after a drift of {clock.initial_drift:g} m/s at its start")
+    print(f"{drift[1]:.0f} m over the ascent (1 sigma), after a drift of {clock.initial_drift:g} m/s at its start")
 
 
 if __name__ == "__main__":

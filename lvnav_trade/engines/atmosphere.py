@@ -30,20 +30,20 @@ HALF_STEP = 0.25  # s to either side of an epoch for the rate of a delay
 
 class Delays(NamedTuple):
     """Delay (m) and its rate (m/s) of code and Doppler, (n_epoch, n_sat, 2) each; zero where a satellite is not
-    tracked: what is true of the troposphere and the ionosphere, and what the filter believes of them.
+    tracked: what is true of the troposphere and the ionosphere, and what the filter assumes of them.
 
     The ionosphere advances the carrier by what it delays the code, so a Doppler's rate has the other sign.
     """
 
     troposphere: Floats
     ionosphere: Floats
-    believed_troposphere: Floats
-    believed_ionosphere: Floats
+    modelled_troposphere: Floats
+    modelled_ionosphere: Floats
 
     @property
     def left(self) -> Floats:
         """What the filter's correction leaves of the true delay, (n_epoch, n_sat, 2)."""
-        true, taken = self.troposphere + self.ionosphere, self.believed_troposphere + self.believed_ionosphere
+        true, taken = self.troposphere + self.ionosphere, self.modelled_troposphere + self.modelled_ionosphere
         return np.asarray(true - taken)
 
 
@@ -71,7 +71,7 @@ def delays(
     atmosphere: AtmosphereCard,
     corrections: CorrectionsCard,
 ) -> Delays:
-    """Return true and believed delays along the nominal flight.
+    """Return true and assumed delays along the nominal flight.
 
     The filter's models are evaluated at the true place of the antenna, not at the estimate: at worst, near the ground
     and the horizon, they differ by 1 cm per metre of position error.

@@ -50,7 +50,7 @@ def step_errors(prepared: Prepared, seed: int, n_run: int) -> StepErrors:
     the transition is evaluated on the run's own sensed motion, as a filter on board would.
     """
     unaided = prepared._replace(
-        belief=prepared.belief._replace(aided=False),
+        model=prepared.model._replace(aided=False),
         options=Options(misses=True),
         scenario=prepared.scenario.model_copy(
             update={"filter": prepared.scenario.filter.model_copy(update={"feedback": "open"})}

@@ -1,4 +1,4 @@
-"""Envelopes of angular acceleration and jerk by phase, and what a filter that believes them makes of a measurement."""
+"""Envelopes of angular acceleration and jerk by phase, and how a filter that assumes them weights a measurement."""
 
 from __future__ import annotations
 
@@ -61,8 +61,8 @@ def _lagged(drive: Floats, time_constant: float, dt: float) -> Floats:
     """Return the first-order lag (n, k) of a drive that is held over each tick; it starts at zero."""
     from scipy.signal import lfilter  # with it comes scipy.stats: 30 MiB and 0.5 s of every worker, for few filters
 
-    fade = math.exp(-dt / time_constant)
-    return np.asarray(lfilter([0.0, 1.0 - fade], [1.0, -fade], drive, axis=0))
+    factor = math.exp(-dt / time_constant)
+    return np.asarray(lfilter([0.0, 1.0 - factor], [1.0, -factor], drive, axis=0))
 
 
 def steady_ratio(driving: float, noise: float) -> float:

@@ -1,4 +1,4 @@
-"""Whether the noise that a filter believes is bounded away from nothing: what an exponential error bound asks for."""
+"""Whether the noise that a filter assumes is bounded away from nothing: what an exponential error bound asks for."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from lvnav_trade.engines.lincov.workspace import Tape
 from lvnav_trade.engines.observability import initial_spread
 from lvnav_trade.engines.prepare import Prepared
 from lvnav_trade.errors import InputError
-from lvnav_trade.filters.belief import POSITION, PSEUDORANGE, TYPES
+from lvnav_trade.filters.model import POSITION, PSEUDORANGE, TYPES
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import predict
 from lvnav_trade.kernels.jit import jit
@@ -47,7 +47,7 @@ class ErrorBound(NamedTuple):
 
 
 @jit
-def _gather(noise, P, D, tape, schedule, true, belief):
+def _gather(noise, P, D, tape, schedule, true, model):
     """Fill noise (n_interval, n, n), what enters between two windows with rows; return how many there are.
 
     P (n, n) and D (n_block, 9) work; what is after the last row is left out.
@@ -57,10 +57,10 @@ def _gather(noise, P, D, tape, schedule, true, belief):
     for w in range(schedule.n_tick.size):
         if schedule.n_tick[w] > 0:
             length, at = schedule.length[w], tape.position[w]
-            seconds = belief.seconds[length]
+            seconds = model.seconds[length]
             transition.fill(D, true.nav_kinds, true.nav_drivers, tape.sums[w], at[0], at[1], at[2], seconds)
             predict(
-                P, D, true.nav_rows, true.nav_columns, belief.decay[length], belief.noise[length], belief.clock,
+                P, D, true.nav_rows, true.nav_columns, model.decay[length], model.noise[length], model.clock,
                 seconds,
             )  # fmt: skip
         if tape.first[w + 1] > tape.first[w]:
@@ -73,20 +73,20 @@ def _gather(noise, P, D, tape, schedule, true, belief):
 
 
 def error_bound(prepared: Prepared, tape: Tape) -> ErrorBound:
-    """Return the bounds of the noise that the filter believes, on its nominal flight.
+    """Return the bounds of the noise that the filter assumes, on its nominal flight.
 
     Sufficient conditions of an error that stays bounded in mean square (Reif, Guenther, Yaz and Unbehauen, IEEE Trans.
     Automatic Control 44(4), 1999), as Canepa and Servidia state them, eq. 7.17 and 7.18. `tape`: the forward pass.
     InputError for a flight without a measurement.
     """
-    true, belief, n = components(prepared, source_names(prepared)), prepared.belief, prepared.layout.n_state
+    true, model, n = components(prepared, source_names(prepared)), prepared.model, prepared.layout.n_state
     updates = int(np.count_nonzero(np.diff(tape.first) > 0))
     if not updates:
         raise InputError("covariance.error_bound: the filter takes no measurement on this flight")
     noise = np.zeros((updates, n, n))
     _gather(
         noise, np.zeros((n, n)), np.zeros((true.nav_rows.size, 9)), tape, prepared.schedule, true,
-        belief,
+        model,
     )  # fmt: skip
     kept = noise[1:] if updates > 1 else noise  # before the first update the stretch may be shorter than an interval
     scale = initial_spread(prepared.start.P)[0]
@@ -109,7 +109,7 @@ def _rows(prepared: Prepared, tape: Tape) -> tuple[tuple[str, float, float], ...
     used = int(tape.used[0])
     epoch, channel = tape.epoch[:used], tape.channel[:used]
     sigma = np.sqrt(prepared.signals.variance[epoch, channel])
-    units = np.array([_UNITS.get(kind, "m/s") for kind in prepared.belief.row_type[channel].tolist()])
+    units = np.array([_UNITS.get(kind, "m/s") for kind in prepared.model.row_type[channel].tolist()])
     return tuple(
         (unit, float(sigma[units == unit].min()), float(sigma[units == unit].max()))
         for unit in dict.fromkeys(("m", "m/s", *units.tolist()))

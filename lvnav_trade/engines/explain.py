@@ -52,7 +52,7 @@ class PhaseView(NamedTuple):
 
 class Explanation(NamedTuple):
     """All that was asked of a case; empty where not asked. nonlinear: event name and nonlinearity at every event; bound
-    of the noise that is believed, and unbounded, its weakest direction in words.
+    of the assumed noise, and unbounded, its weakest direction in words.
     """
 
     event: str = ""
@@ -81,7 +81,7 @@ def explain(scenario: Scenario, prepared: Prepared, history: CovHistory, asked: 
         _phases(prepared, events, tape, asked.window) if asked.observability else (),
         tuple((name, nonlinearity(prepared, history, t)) for name, t in events.items()),
         bound,
-        _told(prepared, float(prepared.reference.t[0]), bound.weakest) if bound is not None else "",
+        _in_words(prepared, float(prepared.reference.t[0]), bound.weakest) if bound is not None else "",
     )
 
 
@@ -127,14 +127,14 @@ def _phases(prepared: Prepared, events: dict[str, float], tape: Tape | None, win
     return tuple(
         PhaseView(
             f"{first} to {second}", s.start, s.end, s.rank, TOLERANCE, s.singular, s.rows,
-            _told(prepared, s.start, s.weakest) if s.rows else "every direction",
-            tuple(_told(prepared, s.start, one) for one in s.directions) if s.rows else (),
+            _in_words(prepared, s.start, s.weakest) if s.rows else "every direction",
+            tuple(_in_words(prepared, s.start, one) for one in s.directions) if s.rows else (),
         )
         for ((first, _), (second, _)), s in zip(pairwise(marks), stretches, strict=True)
     )  # fmt: skip
 
 
-def _told(prepared: Prepared, start: float, direction: Floats) -> str:
+def _in_words(prepared: Prepared, start: float, direction: Floats) -> str:
     return in_words(_reported(prepared, start, direction), _state_names(prepared))
 
 

@@ -106,11 +106,11 @@ def shared_of(
     for f, family in enumerate(families):
         member[f] = np.where(family.member >= 0, len(start) + family.member, -1)
         entering[f] = family.partial
-        fade = math.exp(-interval / family.time_constant) if family.time_constant > 0.0 else 0.0
+        factor = math.exp(-interval / family.time_constant) if family.time_constant > 0.0 else 0.0
         for label in family.labels:
             start.append(family.sigma)
-            decay.append(fade)
-            walk.append(family.sigma * math.sqrt(1.0 - fade * fade))
+            decay.append(factor)
+            walk.append(family.sigma * math.sqrt(1.0 - factor * factor))
             sources.append(source_word(f"{family.source} {family.kind}"))
             satellites.append(source_word(label) if label else np.uint64(0))
             extra.append(number.get((family.state, label), -1))

@@ -17,25 +17,25 @@ from lvnav_trade.kernels.vehicle import N_SAMPLE
 
 
 @inlined
-def _advance(work, unit, belief, vehicle, samples, first, n_tick, dt):
+def _advance(work, unit, model, vehicle, samples, first, n_tick, dt):
     """Let the filter propagate its motion over a window: by the compensated increments, or by its model of the vehicle
     with every sample as a measurement.
     """
     last_sample(work, samples, n_tick, unit.dt)
     if vehicle is not None:
-        sample_window(work, work.aside, unit, belief, vehicle, first, n_tick)
+        sample_window(work, work.open_loop, unit, model, vehicle, first, n_tick)
     else:
-        processes.compensate(work.increments, n_tick, work.tables[0], work.tables[1], belief.lean, unit.dt)
-        if belief.group > 1:
-            processes.combine(work.increments, n_tick, belief.group)
-        mechanise(work.nav, work.sums, work.previous, work.increments, n_tick // belief.group, dt, belief.gravity)
+        processes.compensate(work.increments, n_tick, work.tables[0], work.tables[1], model.constant_only, unit.dt)
+        if model.group > 1:
+            processes.combine(work.increments, n_tick, model.group)
+        mechanise(work.nav, work.sums, work.previous, work.increments, n_tick // model.group, dt, model.gravity)
 
 
 @jit
-def _count_samples(work, vehicle, belief, epoch):
+def _count_samples(work, vehicle, model, epoch):
     """Count the samples of the last tick before an epoch among its innovations, behind the channels of sensors."""
     if vehicle is not None:
-        motion, at = work.motion, belief.n_entry.shape[0]
+        motion, at = work.motion, model.n_entry.shape[0]
         for i in range(N_SAMPLE):
             normalised = motion.residual[i] * sqrt(motion.weight[i])
             work.innovation[epoch, at + i] = normalised
@@ -44,44 +44,44 @@ def _count_samples(work, vehicle, belief, epoch):
 
 
 @inlined
-def fly(work, schedule, unit, signals, sensors, start, history, belief, options, k0, k1):
+def fly(work, schedule, unit, signals, sensors, start, history, model, options, k0, k1):
     """Simulate one run (float64 arrays) or eight (lane views) from start to end; `work` is filled.
 
     Parameters
     ----------
     work : Work; schedule : Schedule; unit : Unit; signals : Signals; sensors : Sensors; start : Start
-    history : Record; belief : Belief; options : Options
+    history : Record; model : FilterModel; options : Options
     k0, k1 : key words of the campaign's seed
     """
-    begin(work, unit, signals, start, belief, k0, k1)
+    begin(work, unit, signals, start, model, k0, k1)
     begin_solver(work, options.solver)
     begin_watch(work.watch)
     begin_motion(work.motion, options.samples)
-    dt = unit.dt * belief.group
+    dt = unit.dt * model.group
     for w in range(schedule.n_tick.shape[0]):
         first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
         if n_tick > 0:
             sense(work, unit, first, n_tick, k0, k1)
-            _advance(work, unit, belief, options.vehicle, options.samples, first, n_tick, dt)
-            predict_window(work, belief, schedule.length[w])
-            carry(work, work.aside, belief, schedule.length[w])
-            keep(work.past, work.nav, work.previous, work.x, options.late, w, dt, belief.gravity)
+            _advance(work, unit, model, options.vehicle, options.samples, first, n_tick, dt)
+            predict_window(work, model, schedule.length[w])
+            carry(work, work.open_loop, model, schedule.length[w])
+            keep(work.past, work.nav, work.previous, work.x, options.late, w, dt, model.gravity)
         epoch = schedule.epoch[w]
         if epoch >= 0:
             clear_epoch(work, epoch)
-            _count_samples(work, options.vehicle, belief, epoch)
-        if epoch >= 0 and belief.aided:
-            observe(work, options.solver, signals, belief.tight, epoch, k0, k1)
+            _count_samples(work, options.vehicle, model, epoch)
+        if epoch >= 0 and model.aided:
+            observe(work, options.solver, signals, model.tight, epoch, k0, k1)
             hold_solution(work, options.solver, options.report, epoch)
             measure_sensors(work, sensors, signals, epoch, k0, k1)
             process_measurements(
-                work, work.aside, options.rules, options.late, options.gains, sensors, belief, signals, epoch, dt
+                work, work.open_loop, options.rules, options.late, options.gains, sensors, model, signals, epoch, dt
             )
-            correct_vehicle(work, belief, options.vehicle)
-            apply_feedback(work, work.aside, options.late, belief)
+            correct_vehicle(work, model, options.vehicle)
+            apply_feedback(work, work.open_loop, options.late, model)
         if schedule.hist[w] >= 0:
             tick = max(0, first + n_tick - 1)
             record(
-                work, work.aside, options.vehicle, options.samples, options.report, options.misses, history,
-                signals.shared, belief, tick, schedule.hist[w],
+                work, work.open_loop, options.vehicle, options.samples, options.report, options.misses, history,
+                signals.shared, model, tick, schedule.hist[w],
             )  # fmt: skip

@@ -29,20 +29,20 @@ class Schedule(NamedTuple):
 class Unit(NamedTuple):
     """The inertial unit's truth. dt s; noise_source word; lean: only constant parameters; dtheta, dvel (n_imu, 3).
 
-    white (4,) per-tick sigma of gyro and accelerometer, quantisation steps; process_ticks between steps of wandering
-    parameters; wandering: any; sigma, decay, walk (n_block,); sources words, sensors, drivers (n_block,); profiles of
-    bias that are the same in every run: profile_sensor (n_profile,), profile_start, profile_end (n_profile,) s,
+    white (4,) per-tick sigma of gyro and accelerometer, quantisation steps; process_ticks between steps of varying
+    parameters; drifting: any of these; sigma, decay, walk (n_block,); sources words, sensors, drivers (n_block,); bias
+    profiles that are the same in every run: profile_sensor (n_profile,), profile_start, profile_end (n_profile,) s,
     profile (n_profile, 3) SI; gravity: block of the gravity disturbance, -1 none; start s since lift-off of tick 0.
     """
 
     dt: float
     noise_source: np.uint64
-    lean: bool
+    constant_only: bool
     dtheta: Floats
     dvel: Floats
     white: Floats
     process_ticks: int
-    wandering: bool
+    drifting: bool
     sigma: Floats
     decay: Floats
     walk: Floats
@@ -85,8 +85,8 @@ class Signals(NamedTuple):
     range, rate (n_epoch, n_sat) m and m/s that the receiver would measure without clock and random errors, less what
     the filter corrects; position, velocity (n_epoch, 3) the same of its solution, frame i; satellite,
     satellite_velocity (n_epoch, n_sat, 3) as the filter knows them; antenna (n_epoch, n_sat) that receives; sigma
-    (n_epoch, n_channel) of white noise; variance (n_epoch, n_channel) as the filter believes; partial (n_extra_family,
-    n_epoch, n_channel) of rows with respect to the filter's extra states, as it believes; clock_step (3,) Cholesky
+    (n_epoch, n_channel) of white noise; variance (n_epoch, n_channel) as the filter assumes; partial (n_extra_family,
+    n_epoch, n_channel) of rows with respect to the filter's extra states, as it assumes; clock_step (3,) Cholesky
     factor over an epoch; clock_start (2,) sigma; clock_jump (n_epoch,) m; frozen (n_epoch,): the output is that of the
     epoch before; interval s between epochs; n_receiver: channels of the receiver in the filter, which come first;
     shift: sigma and shared errors are of what the receiver measures itself, so there the channels of sensors stand so
@@ -228,7 +228,7 @@ class Options(NamedTuple):
 class Work(NamedTuple):
     """Arrays of a run (or lane views of eight): states, scratch, and what is handed out. See `work_shapes`.
 
-    rx (receivers.base.Receiver), aside (filters.feedforward.Aside; an open loop's), watch (filters.monitor.Watch), past
+    rx (receivers.base.Receiver), open_loop (filters.feedforward.OpenLoop or None), watch (filters.monitor.Watch), past
     (n_ring + 1, N_PAST) (filters.late), motion (filters.samples.Motion), held (Held) and misses (Misses) belong to
     options and are None without them.
     """
@@ -267,10 +267,10 @@ class Work(NamedTuple):
     innovation: Floats
     failed: Floats
     t_failed: Floats
-    told: Floats
+    reported: Floats
     observed: Floats
     rx: Any = None
-    aside: Any = None
+    open_loop: Any = None
     watch: Any = None
     past: Any = None
     motion: Any = None
@@ -312,5 +312,5 @@ def work_shapes(z: Sizes) -> dict[str, tuple[int, ...]]:
         "extra": (max(1, z.n_extra),), "ranges": (z.n_slot, 2), "solution": (6,),
         "err": (z.n_hist, z.n_out), "sigma": (z.n_hist, z.n_out), "nees": (z.n_hist,),
         "nis": (z.n_epoch,), "n_row": (z.n_epoch,), "n_reject": (z.n_epoch,), "innovation": (z.n_epoch, z.n_channel),
-        "failed": (1,), "t_failed": (1,), "told": (6, 6), "observed": (max(1, z.n_sensor), 4),
+        "failed": (1,), "t_failed": (1,), "reported": (6, 6), "observed": (max(1, z.n_sensor), 4),
     }  # fmt: skip

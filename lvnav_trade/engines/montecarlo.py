@@ -12,7 +12,7 @@ from lvnav_trade.engines.flight import fly
 from lvnav_trade.engines.inputs import Held, Misses, Sizes, Work, work_shapes
 from lvnav_trade.engines.prepare import Prepared, prepare
 from lvnav_trade.engines.recorded import values_of
-from lvnav_trade.filters.feedforward import lanes_of_aside, new_aside
+from lvnav_trade.filters.feedforward import lanes_of_open_loop, new_open_loop
 from lvnav_trade.filters.late import N_PAST
 from lvnav_trade.filters.monitor import Watch, lanes_of_watch, new_watch
 from lvnav_trade.filters.samples import lanes_of_motion, new_motion
@@ -68,7 +68,7 @@ def fly_lanes(
     sensors: Any,
     start: Any,
     history: Any,
-    belief: Any,
+    model: Any,
     options: Any,
     k0: Any,
     k1: Any,
@@ -80,29 +80,29 @@ def fly_lanes(
         view(w.true_tables), view(w.par), view(w.tables), view(w.remainder), view(w.clock), view(w.clock_hat),
         view(w.shared), view(w.extra), view(w.ranges), view(w.solution), view(w.err), view(w.sigma), view(w.nees),
         view(w.nis), view(w.n_row), view(w.n_reject), view(w.innovation), view(w.failed), view(w.t_failed),
-        view(w.told), view(w.observed), lanes_of(w.rx), lanes_of_aside(w.aside), lanes_of_watch(w.watch),
+        view(w.reported), view(w.observed), lanes_of(w.rx), lanes_of_open_loop(w.open_loop), lanes_of_watch(w.watch),
         _view_of(w.past), lanes_of_motion(w.motion), _lanes_of_held(w.held), _lanes_of_misses(w.misses),
     )  # fmt: skip
-    fly(work, schedule, unit, signals, sensors, start, history, belief, options, k0, k1)
+    fly(work, schedule, unit, signals, sensors, start, history, model, options, k0, k1)
 
 
 def new_work(prepared: Prepared, lanes: bool) -> Work:
     """Return the arrays of one run, or of eight in lanes, zero."""
-    belief, signals = prepared.belief, prepared.signals
+    model, signals = prepared.model, prepared.signals
     shapes = work_shapes(Sizes(
         n_state=prepared.layout.n_state,
         n_par=len(prepared.layout.parameters),
         n_true=prepared.unit.sigma.size,
-        n_block=belief.block_rows.size,
+        n_block=model.block_rows.size,
         n_tick=int(prepared.schedule.n_tick.max(initial=0)),
         n_hist=prepared.t_hist.size,
         n_epoch=prepared.t_epoch.size,
         n_slot=signals.used.shape[1],
         n_channel=len(prepared.channel_names),
-        n_antenna=len(belief.levers),
-        n_entry=belief.entry.shape[1],
+        n_antenna=len(model.lever_arms),
+        n_entry=model.entry.shape[1],
         n_shared=signals.shared.start.size,
-        n_extra=belief.extra_offset.size,
+        n_extra=model.extra_offset.size,
         n_row=prepared.n_row,
         n_out=len(prepared.outputs),
         n_sensor=len(prepared.devices),
@@ -119,7 +119,7 @@ def new_work(prepared: Prepared, lanes: bool) -> Work:
     return Work(
         **arrays,
         rx=None if options.solver is None else new_receiver(n_lane, len(prepared.sky.names)),
-        aside=new_aside(n, len(layout.parameters), belief.extra_offset.size, n_lane) if is_open else None,
+        open_loop=new_open_loop(n, len(layout.parameters), model.extra_offset.size, n_lane) if is_open else None,
         past=None if options.late is None else aligned_zeros((options.late.n_ring + 1, N_PAST, *end)),
         watch=None
         if options.rules is None
@@ -139,7 +139,7 @@ def _fly(prepared: Prepared, seed: int, runs: Floats, lanes: bool) -> Work:
         values = values_of(prepared.recorded, seed, runs)
         work.shared[chosen] = values if lanes else values[:, 0]
     p = prepared
-    fixed = (p.schedule, p.unit, p.signals, p.sensors, p.start, p.record, p.belief, p.options)
+    fixed = (p.schedule, p.unit, p.signals, p.sensors, p.start, p.record, p.model, p.options)
     (fly_lanes if lanes else fly)(work, *fixed, *seed_words(seed))
     return work
 

@@ -119,7 +119,7 @@ def _windows(prepared: Prepared, start: int) -> list[tuple[int, int, Floats]]:
     """Return (first tick, ticks, decay of every state) of the covariance steps of one update interval."""
     interval, step = _ticks(prepared)
     length = int(np.argmin(np.abs(prepared.lengths - step * prepared.unit.dt)))
-    decay = prepared.belief.decay[length]
+    decay = prepared.model.decay[length]
     return [(first, step, decay) for first in range(start, start + interval - step + 1, step)]
 
 
@@ -130,7 +130,7 @@ def _flown(prepared: Prepared, start: int, d: Floats) -> Floats:
     sums, none = np.zeros(N_SUM), np.zeros_like(d)
     before = _increments(prepared, max(0, start - 1), 1, none)[0]
     previous, previous_exact = before.copy(), before.copy()
-    kind, dt = prepared.belief.gravity, prepared.unit.dt
+    kind, dt = prepared.model.gravity, prepared.unit.dt
     for first, n_tick, decay in _windows(prepared, start):
         mechanise(nav, sums, previous, _increments(prepared, first, n_tick, left), n_tick, dt, kind)
         mechanise(exact, sums, previous_exact, _increments(prepared, first, n_tick, none), n_tick, dt, kind)
@@ -141,26 +141,26 @@ def _flown(prepared: Prepared, start: int, d: Floats) -> Floats:
 
 def _linear(prepared: Prepared, start: int, d: Floats) -> Floats:
     """Return the error (n_state,) one update interval after an error d, by the filter's own transition."""
-    belief, dt = prepared.belief, prepared.unit.dt
+    model, dt = prepared.model, prepared.unit.dt
     nav, sums, none = _nav(prepared, start, np.zeros_like(d)), np.zeros(N_SUM), np.zeros_like(d)
     previous, error = np.zeros(6), d.copy()
-    blocks = np.zeros((belief.block_rows.size, 9))
+    blocks = np.zeros((model.block_rows.size, 9))
     for first, n_tick, decay in _windows(prepared, start):
-        mechanise(nav, sums, previous, _increments(prepared, first, n_tick, none), n_tick, dt, belief.gravity)
+        mechanise(nav, sums, previous, _increments(prepared, first, n_tick, none), n_tick, dt, model.gravity)
         seconds = n_tick * dt
-        transition.fill(blocks, belief.block_kinds, belief.block_drivers, sums, nav[R], nav[R + 1], nav[R + 2], seconds)
-        apply_phi(error, blocks, belief.block_rows, belief.block_columns, decay, belief.clock, seconds)
+        transition.fill(blocks, model.block_kinds, model.block_drivers, sums, nav[R], nav[R + 1], nav[R + 2], seconds)
+        apply_phi(error, blocks, model.block_rows, model.block_columns, decay, model.clock, seconds)
     return error
 
 
 def _rows(prepared: Prepared, time: float, directions: Floats, formal: Floats) -> float:
     """Return the largest second-order part of a row of the nearest epoch, in sigmas of its innovation."""
-    belief = prepared.belief
-    if not belief.n_receiver or not prepared.t_epoch.size:
+    model = prepared.model
+    if not model.n_receiver or not prepared.t_epoch.size:
         return float("nan")
     epoch = int(np.argmin(np.abs(prepared.t_epoch - time)))
     used = int(prepared.signals.n_used[epoch])
-    if used == 0 or (not belief.tight and used < 4):
+    if used == 0 or (not model.tight and used < 4):
         return float("nan")
     work = nominal(prepared)
     expected = _predicted(prepared, work, epoch, np.zeros(directions.shape[1]))
@@ -174,28 +174,28 @@ def _rows(prepared: Prepared, time: float, directions: Floats, formal: Floats) -
 
 def _predicted(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Floats:
     """Return the predicted measurements of an epoch by an estimate in error by d, up to their sign."""
-    belief, t = prepared.belief, prepared.reference.t
+    model, t = prepared.model, prepared.reference.t
     tick = int(np.argmin(np.abs(t - prepared.t_epoch[epoch])))
     work.nav[:] = _nav(prepared, tick, d)
     work.previous[:] = _increments(prepared, max(0, tick - 1), 1, d)[0]
-    work.clock_hat[:] = -d[belief.clock : belief.clock + 2] if belief.clock >= 0 else 0.0
-    for extra, offset in enumerate(belief.extra_offset):
+    work.clock_hat[:] = -d[model.clock : model.clock + 2] if model.clock >= 0 else 0.0
+    for extra, offset in enumerate(model.extra_offset):
         work.extra[extra] = -d[offset]
-    place_antenna(work, None, belief, prepared.unit.dt, epoch)
-    if belief.tight:
-        fill_tight(work, belief, prepared.signals, epoch)
+    place_antenna(work, None, model, prepared.unit.dt, epoch)
+    if model.tight:
+        fill_tight(work, model, prepared.signals, epoch)
         return work.z[: 2 * prepared.signals.n_used[epoch]].copy()
-    fill_loose(work, belief, prepared.signals, epoch)
+    fill_loose(work, model, prepared.signals, epoch)
     return work.z[:6].copy()
 
 
 def _innovation_sigma(prepared: Prepared, work: Nominal, epoch: int, n_row: int, formal: Floats) -> Floats:
     """Return the filter's sigma of the innovations of the rows that `work` holds."""
-    belief, signals, sigma = prepared.belief, prepared.signals, np.empty(n_row)
+    model, signals, sigma = prepared.model, prepared.signals, np.empty(n_row)
     for row in range(n_row):
-        channel = 2 * signals.used[epoch, row // 2] + row % 2 if belief.tight else row
-        n = belief.n_entry[channel]
+        channel = 2 * signals.used[epoch, row // 2] + row % 2 if model.tight else row
+        n = model.n_entry[channel]
         h = np.zeros(prepared.layout.n_state)
-        h[belief.column[channel, :n]] = work.H[row, belief.entry[channel, :n]]
+        h[model.column[channel, :n]] = work.H[row, model.entry[channel, :n]]
         sigma[row] = np.sqrt(h @ formal @ h + signals.variance[epoch, channel])
     return sigma

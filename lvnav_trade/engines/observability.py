@@ -81,7 +81,7 @@ def _fold_samples(triangle, phi, row_of, sums, h, unit, vehicle, reference, firs
 
 
 @jit
-def _gather(triangle, phi, D, row_of, sums, h, tape, schedule, unit, signals, true, belief, vehicle, reference,
+def _gather(triangle, phi, D, row_of, sums, h, tape, schedule, unit, signals, true, model, vehicle, reference,
             first_window, last_window):  # fmt: skip
     """Fold in every row of a stretch, times the transition since its start, in sigmas of its noise; return how many.
 
@@ -96,19 +96,19 @@ def _gather(triangle, phi, D, row_of, sums, h, tape, schedule, unit, signals, tr
                 first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
                 count += _fold_samples(triangle, phi, row_of, sums, h, unit, vehicle, reference, first, n_tick)
             length, at = schedule.length[w], tape.position[w]
-            seconds, decay = belief.seconds[length], belief.decay[length]
+            seconds, decay = model.seconds[length], model.decay[length]
             transition.fill(D, true.nav_kinds, true.nav_drivers, tape.sums[w], at[0], at[1], at[2], seconds)
             for j in range(n):
-                apply_phi(phi[j], D, true.nav_rows, true.nav_columns, decay, belief.clock, seconds)
+                apply_phi(phi[j], D, true.nav_rows, true.nav_columns, decay, model.clock, seconds)
         for row in range(tape.first[w], tape.first[w + 1]):
             channel = tape.channel[row]
-            mixed = belief.judged and channel < signals.n_receiver
+            mixed = model.has_covariance and channel < signals.n_receiver
             variance = 1.0 if mixed else signals.variance[tape.epoch[row], channel]
             weight = 1.0 / np.sqrt(variance)
             for j in range(n):
                 total = 0.0
-                for k in range(belief.n_entry[channel]):
-                    total += tape.h[row, belief.entry[channel, k]] * phi[j, belief.column[channel, k]]
+                for k in range(model.n_entry[channel]):
+                    total += tape.h[row, model.entry[channel, k]] * phi[j, model.column[channel, k]]
                 row_of[j] = weight * total
             fold(triangle, row_of)
             count += 1
@@ -125,7 +125,7 @@ def _stretch(prepared: Prepared, true: Components, tape: Tape, start: float, end
     triangle, phi = np.zeros((n, n)), np.eye(n)  # row j of phi is the column of Phi that belongs to state j
     count = _gather(
         triangle, phi, np.zeros((true.nav_rows.size, 9)), np.zeros(n), np.zeros(N_SUM), np.zeros((N_SAMPLE, n_entry)),
-        tape, schedule, prepared.unit, prepared.signals, true, prepared.belief, vehicle, prepared.reference, first,
+        tape, schedule, prepared.unit, prepared.signals, true, prepared.model, vehicle, prepared.reference, first,
         last,
     )  # fmt: skip
     scale, root = initial_spread(prepared.start.P)
@@ -157,7 +157,7 @@ def decompose(scaled: Floats, root: Floats) -> tuple[Floats, Floats]:
 def observability(prepared: Prepared, edges: Floats, tape: Tape | None = None) -> list[Stretch]:
     """Return the observability of the filter's states over the stretches between edges (s since lift-off).
 
-    Evaluated on the nominal flight with the rows that the filter absorbs there; edges outside it are moved to its ends.
+    Evaluated on the nominal flight with the filter's measurements there; edges outside it are moved to its ends.
     `tape` is the forward pass where it is known already.
     """
     true = components(prepared, source_names(prepared))

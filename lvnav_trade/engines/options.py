@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from lvnav_trade.engines.inputs import Schedule
 from lvnav_trade.errors import InputError, Mistake
-from lvnav_trade.filters.base import ReceiverBelief
+from lvnav_trade.filters.base import ReceiverModel
 from lvnav_trade.filters.late import Late
 from lvnav_trade.filters.scheduled import Gains, gains_at
 from lvnav_trade.layout import StateLayout, state_names
 from lvnav_trade.observables.partials import Channels
 from lvnav_trade.receivers.base import (
+    ReportedCovariance,
     Solver,
-    Told,
     constant_covariance,
     filter_model,
     own_covariance,
@@ -82,26 +82,28 @@ def _about(path: str, message: str) -> InputError:
     return InputError(records=[Mistake(message, path)])
 
 
-def _told(card: BancroftSolution | FilteredSolution, scenario: Scenario, belief: ReceiverBelief) -> Told:
-    """Return the covariance that goes out with a solution; a filter that has numbers of its own believes those."""
+def _reported(
+    card: BancroftSolution | FilteredSolution, scenario: Scenario, model: ReceiverModel
+) -> ReportedCovariance:
+    """Return the covariance that goes out with a solution; a filter that has numbers of its own assumes those."""
     if not isinstance(scenario.filter.receiver, str):
-        return constant_covariance(belief.position_sigma, belief.velocity_sigma)
-    told = card.reported_covariance
-    if isinstance(told, OwnCovariance):
-        return own_covariance(told.factor, told.correlated)
-    return constant_covariance(told.position_sigma, told.velocity_sigma)
+        return constant_covariance(model.position_sigma, model.velocity_sigma)
+    reported = card.reported_covariance
+    if isinstance(reported, OwnCovariance):
+        return own_covariance(reported.factor, reported.correlated)
+    return constant_covariance(reported.position_sigma, reported.velocity_sigma)
 
 
-def solver_of(scenario: Scenario, belief: ReceiverBelief, most: int) -> Solver | None:
+def solver_of(scenario: Scenario, model: ReceiverModel, most: int) -> Solver | None:
     """Return how the receiver of a case solves, None where it does not; `most` satellites at once."""
     card = scenario.receiver.solution
     if isinstance(card, DirectSolution) or not solves(scenario):
         return None
-    told = _told(card, scenario, belief)
+    reported = _reported(card, scenario, model)
     if isinstance(card, BancroftSolution):
-        return Solver(point_model(told, **card.numbers(), most=most))
-    point = point_model(told, **card.fix.numbers(), most=most)
-    return Solver(point, filter_model(told, epoch_interval(scenario), **card.numbers()))
+        return Solver(point_model(reported, **card.numbers(), most=most))
+    point = point_model(reported, **card.fix.numbers(), most=most)
+    return Solver(point, filter_model(reported, epoch_interval(scenario), **card.numbers()))
 
 
 def delay_taken(scenario: Scenario, t_epoch: Floats, t_valid: Floats) -> Floats | None:

@@ -28,8 +28,8 @@ from lvnav_trade.engines.solution import Chain, chain_of
 from lvnav_trade.engines.times import epochs_of, times_of
 from lvnav_trade.engines.vehicle import samples_of, vehicle_of
 from lvnav_trade.engines.watching import left_out, pdop, watched
-from lvnav_trade.filters.belief import Belief, believe, initial_covariance
 from lvnav_trade.filters.envelope import EnvelopeCard
+from lvnav_trade.filters.model import FilterModel, build_filter_model, initial_covariance
 from lvnav_trade.frames import earth_angle, rotation_i_e, rotation_i_n, rotation_i_o
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
@@ -37,7 +37,7 @@ from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.layout import StateLayout, outputs, solution_outputs
 from lvnav_trade.observables.partials import Channels
 from lvnav_trade.records import Floats, Output, Reference, Sky
-from lvnav_trade.scenario import Scenario, beliefs, epoch_interval, judged, reported, solves
+from lvnav_trade.scenario import Scenario, epoch_interval, filter_models, has_covariance, reported, solves
 from lvnav_trade.scenario import measured as measured_by
 from lvnav_trade.sources import IMU_NOISE
 from lvnav_trade.world.faults import (
@@ -82,7 +82,7 @@ class Prepared(NamedTuple):
     sky: Sky
     outputs: tuple[Output, ...]
     layout: StateLayout
-    belief: Belief
+    model: FilterModel
     sources: tuple[ErrorBlock, ...]
     families: tuple[ErrorFamily, ...]
     schedule: Schedule
@@ -185,7 +185,7 @@ def _unit(scenario: Scenario, ref: Reference, blocks: tuple[ErrorBlock, ...], ev
     return Unit(
         dt=dt,
         noise_source=source_word(IMU_NOISE),
-        lean=all(b.driver == CONSTANT for b in inertial),
+        constant_only=all(b.driver == CONSTANT for b in inertial),
         dtheta=dtheta,
         dvel=dvel,
         white=np.array([
@@ -193,7 +193,7 @@ def _unit(scenario: Scenario, ref: Reference, blocks: tuple[ErrorBlock, ...], ev
             card.gyro.quantisation, card.accel.quantisation,
         ]),
         process_ticks=process_ticks,
-        wandering=bool(np.any(walk > 0.0)) or bool(profiles),
+        drifting=bool(np.any(walk > 0.0)) or bool(profiles),
         sigma=np.array([b.sigma for b in blocks], dtype=float),
         decay=decay,
         walk=walk,
@@ -223,7 +223,7 @@ def reporting_axes(frame: str, t: Floats, r_i: Floats, v_i: Floats, theta0: floa
 
 
 def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats | None = None) -> Prepared:
-    """Make a scenario ready: trajectory, increments, satellites, beliefs, and the windows of the flight.
+    """Make a scenario ready: trajectory, increments, satellites, filter models, and the windows of the flight.
 
     Long because all that runs share is put together here, once, each part by a function of its own.
 
@@ -245,39 +245,39 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     delayed = delay_taken(scenario, t_epoch, np.minimum(t_epoch, seen.t + unstamped))
     kept = kept_at(scenario, t_epoch, delayed, ref.t, epochs.group)
     at = times_of(scenario, trajectory, ref, epochs, kept, history, every_step_beside)
-    imu, receiver, initial = beliefs(scenario)
+    imu, receiver, initial = filter_models(scenario)
     devices = sensors_of(scenario, trajectory, t_epoch)
     channels, lever_b = channels_of(scenario, seen, devices), np.array(scenario.receiver.lever_b)
     measured = channels._replace(tight=True) if solves(scenario) else channels
-    levers = seen.levers if channels.tight else lever_b[None, :]
-    layout, belief = believe(
-        card, imu, receiver, levers, at.lengths, channels, epochs.group, every(scenario), judged(scenario),
+    lever_arms = seen.lever_arms if channels.tight else lever_b[None, :]
+    layout, model = build_filter_model(
+        card, imu, receiver, lever_arms, at.lengths, channels, epochs.group, every(scenario), has_covariance(scenario),
         solves(scenario), measured_by(scenario),
     )  # fmt: skip
     gains = gains_of(scenario, layout, channels, t_epoch, trajectory.events)
     if gains is not None:
-        belief = belief._replace(measured=belief.measured & gains.stored)
+        model = model._replace(measured=model.measured & gains.stored)
     line = Line(trajectory, lever_b, seen)
     late_by = delays(trajectory, scenario.receiver, seen, scenario.atmosphere, card.corrections)
     geometry = geometry_of(line, seen.tracked, late_by.troposphere, late_by.ionosphere)
-    believed = geometry_of(line, seen.tracked, late_by.believed_troposphere, late_by.believed_ionosphere)
+    modelled = geometry_of(line, seen.tracked, late_by.modelled_troposphere, late_by.modelled_ionosphere)
     failed = failures(scenario.faults, trajectory.instants, t_epoch, seen.names, seen.elevation, seen.tracked)
     tabled = recorded(scenario, trajectory.theta0, line, seen, measured, failed.frozen)
     shared_errors = (*families(scenario, geometry, measured, failed, devices), *tabled.families)
     shared = shared_of(shared_errors, layout, epoch_interval(scenario), (t_epoch.size, measured.n_channel))
     left = late_by.left + time_offsets(scenario.constellation, seen.systems, trajectory.epoch, seen.t)
     truth = signals(
-        scenario, seen, line, receiver, layout, believed, channels, measured, shared, failed, left, tabled.mean, devices
+        scenario, seen, line, receiver, layout, modelled, channels, measured, shared, failed, left, tabled.mean, devices
     )  # fmt: skip
     blocks = (*error_blocks(scenario.imu), *disturbance(scenario.gravity))
     C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], trajectory.theta0)[0].T
     P = initial_covariance(layout, initial, C_n_i, card.envelope or EnvelopeCard())
     rules = watched(card, failed, truth, channels, lambda: pdop(line.direction, seen.tracked), P)
     solver = solver_of(scenario, receiver, truth.used.shape[1])
-    chain = chain_of(solver, judged(scenario), truth, line)
+    chain = chain_of(solver, has_covariance(scenario), truth, line)
     truth, chain = left_out(rules, truth, chain)
     if chain is not None and solver is not None:
-        truth = truth._replace(variance=np.diagonal(chain.told, axis1=1, axis2=2).copy())
+        truth = truth._replace(variance=np.diagonal(chain.reported, axis1=1, axis2=2).copy())
     return Prepared(
         scenario=scenario,
         trajectory=trajectory,
@@ -285,7 +285,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         sky=seen,
         outputs=(*outputs(layout, scenario.frame), *(solution_outputs(scenario.frame) if reported(scenario) else ())),
         layout=layout,
-        belief=belief,
+        model=model,
         sources=blocks,
         families=shared_errors,
         schedule=at.schedule,

@@ -43,20 +43,20 @@ def _turned(P, at, c0, c1, c2):
 
 
 @jit
-def _extra_errors(work, shared, belief):
+def _extra_errors(work, shared, model):
     """Set the errors of the filter's extra states: the true errors that they stand for, as of the last epoch, minus the
     estimates.
     """
-    for e in range(belief.extra_offset.shape[0]):
-        work.x[belief.extra_offset[e]] = -work.extra[e]
+    for e in range(model.extra_offset.shape[0]):
+        work.x[model.extra_offset[e]] = -work.extra[e]
     for m in range(shared.extra.shape[0]):
         if shared.extra[m] >= 0:
-            at = belief.extra_offset[shared.extra[m]]
+            at = model.extra_offset[shared.extra[m]]
             work.x[at] = work.x[at] + work.shared[m]
 
 
 @jit
-def _record_states(work, history, shared, belief, hist):
+def _record_states(work, history, shared, model, hist):
     """Write errors (truth minus estimate), the filter's sigma and NEES at a history time, in reporting axes."""
     nav, x = work.nav, work.x
     q = history.q[hist]
@@ -64,15 +64,15 @@ def _record_states(work, history, shared, belief, hist):
     for i in range(3):
         x[VEL + i] = history.v[hist, i] - nav[V + i]
         x[POS + i] = history.r[hist, i] - nav[R + i]
-    for b in range(belief.par_offset.shape[0]):
+    for b in range(model.par_offset.shape[0]):
         for i in range(3):
-            true = true_parameter(work.true_tables, belief.par_sensor[b], belief.par_driver[b], i)
-            x[belief.par_offset[b] + i] = true - work.par[b, i]
-    if belief.clock >= 0:
+            true = true_parameter(work.true_tables, model.par_sensor[b], model.par_driver[b], i)
+            x[model.par_offset[b] + i] = true - work.par[b, i]
+    if model.clock >= 0:
         # the true clock steps at epochs; between them its bias moves on by its drift
-        x[belief.clock] = work.clock[0] + history.since[hist] * work.clock[1] - work.clock_hat[0]
-        x[belief.clock + 1] = work.clock[1] - work.clock_hat[1]
-    _extra_errors(work, shared, belief)
+        x[model.clock] = work.clock[0] + history.since[hist] * work.clock[1] - work.clock_hat[0]
+        x[model.clock + 1] = work.clock[1] - work.clock_hat[1]
+    _extra_errors(work, shared, model)
     c = matrix(q[0], q[1], q[2], q[3])
     axes = history.axes[hist]
     for i in range(3):
@@ -81,12 +81,12 @@ def _record_states(work, history, shared, belief, hist):
         for at in (VEL, POS):
             work.err[hist, at + i] = axes[i, 0] * x[at] + axes[i, 1] * x[at + 1] + axes[i, 2] * x[at + 2]
             work.sigma[hist, at + i] = _turned(work.P, at, axes[i, 0], axes[i, 1], axes[i, 2])
-    for i in range(9, belief.n_state):
+    for i in range(9, model.n_state):
         work.err[hist, i] = x[i]
         work.sigma[hist, i] = sqrt(work.P[i, i])
-    work.nees[hist] = normalised_square(work.P, work.X, work.K, x, belief.n_estimated)
+    work.nees[hist] = normalised_square(work.P, work.X, work.K, x, model.n_estimated)
     _check(work, history, hist)
-    for i in range(belief.n_state):
+    for i in range(model.n_state):
         x[i] = like(x[i], 0.0)
 
 
@@ -112,10 +112,10 @@ def _motion_errors(work, vehicle, tick):
 
 
 @jit
-def _record_samples(work, samples, belief, tick, hist):
+def _record_samples(work, samples, model, tick, hist):
     """Write the errors of the last samples of rate and specific force: raw, and corrected by the estimated bias."""
     if samples is not None:
-        n = belief.n_state
+        n = model.n_state
         for i in range(N_SAMPLE):
             true = samples.rate[tick, i % 3] if i < 3 else samples.force[tick, i % 3]
             error = true - work.motion.sample[i]
@@ -170,7 +170,7 @@ def hold_solution(work, solver, report, epoch):
 
 
 @jit
-def _record_solution(work, report, history, belief, hist):
+def _record_solution(work, report, history, model, hist):
     """Write the error of the receiver's last solution in reporting axes: velocity, position, clock."""
     if report is not None:
         held, axes, at = work.held, history.axes[hist], report.first_output
@@ -188,45 +188,45 @@ def _record_solution(work, report, history, belief, hist):
 
 
 @jit
-def _true_error(work, history, belief, hist):
+def _true_error(work, history, model, hist):
     """Set `misses.error` to truth minus the uncorrected inertial system at a history time, frame i."""
     nav, q, x = work.nav, history.q[hist], work.misses.error[hist]
     x[ATT], x[ATT + 1], x[ATT + 2] = small_rotation(q[0], q[1], q[2], q[3], nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
     for i in range(3):
         x[VEL + i] = history.v[hist, i] - nav[V + i]
         x[POS + i] = history.r[hist, i] - nav[R + i]
-    for b in range(belief.par_offset.shape[0]):
+    for b in range(model.par_offset.shape[0]):
         for i in range(3):
-            at = belief.par_offset[b] + i
-            x[at] = true_parameter(work.true_tables, belief.par_sensor[b], belief.par_driver[b], i)
+            at = model.par_offset[b] + i
+            x[at] = true_parameter(work.true_tables, model.par_sensor[b], model.par_driver[b], i)
 
 
 @jit
-def _record_misses(work, misses, history, belief, hist):
+def _record_misses(work, misses, history, model, hist):
     """Write the error of the inertial system, and what the filter's transition missed of it since the history time
     before; the error state starts from the error again.
     """
     if misses is not None:
-        _true_error(work, history, belief, hist)
-        for i in range(belief.n_state):
+        _true_error(work, history, model, hist)
+        for i in range(model.n_state):
             error = work.misses.error[hist, i]
             work.misses.missed[hist, i] = error - work.x[i] if hist > 0 else like(error, 0.0)
             work.x[i] = error
 
 
 @inlined
-def record(work, aside, vehicle, samples, report, misses, history, shared, belief, tick, hist):
+def record(work, open_loop, vehicle, samples, report, misses, history, shared, model, tick, hist):
     """Record at a history time: of an open loop the sum of inertial system and error state, which goes nowhere else."""
     if misses is not None:
-        _record_misses(work, misses, history, belief, hist)
+        _record_misses(work, misses, history, model, hist)
         return
-    if aside is None:
+    if open_loop is None:
         _motion_errors(work, vehicle, tick)
-        _record_states(work, history, shared, belief, hist)
+        _record_states(work, history, shared, model, hist)
     else:
-        apply_correction(work, aside, work.watch, belief)
+        apply_correction(work, open_loop, work.watch, model)
         _motion_errors(work, vehicle, tick)
-        _record_states(work, history, shared, belief, hist)
-        remove_correction(work, aside, belief)
-    _record_samples(work, samples, belief, tick, hist)
-    _record_solution(work, report, history, belief, hist)
+        _record_states(work, history, shared, model, hist)
+        remove_correction(work, open_loop, model)
+    _record_samples(work, samples, model, tick, hist)
+    _record_solution(work, report, history, model, hist)

@@ -19,7 +19,7 @@ _ZERO, _ONE = np.uint64(0), np.uint64(1)
 
 
 @jit
-def begin(work, unit, signals, start, belief, k0, k1):
+def begin(work, unit, signals, start, model, k0, k1):
     """Set every state of a run at tick 0: true parameters and clock drawn, the estimate off by its initial error."""
     run = work.run[0]
     q = from_errors(work, start, k0, k1, run)
@@ -27,9 +27,9 @@ def begin(work, unit, signals, start, belief, k0, k1):
     for i in range(6):
         work.previous[i] = like(q[0], 0.0)
         work.remainder[i] = like(q[0], 0.0)
-    for i in range(belief.n_state):
+    for i in range(model.n_state):
         work.x[i] = like(q[0], 0.0)
-        for j in range(belief.n_state):
+        for j in range(model.n_state):
             work.P[i, j] = like(q[0], start.P[i, j])
     processes.zero_all(work.par)
     processes.zero_all(work.tables)
@@ -44,7 +44,7 @@ def begin(work, unit, signals, start, belief, k0, k1):
         if not shared.given[m]:
             s0, _, _, _ = normals(k0, k1, shared.sources[m], run, _ZERO, shared.satellites[m])
             work.shared[m] = shared.start[m] * s0
-    for m in range(belief.extra_offset.shape[0]):
+    for m in range(model.extra_offset.shape[0]):
         work.extra[m] = like(n0, 0.0)
     work.failed[0], work.t_failed[0] = like(n0, 0.0), like(n0, np.nan)
 
@@ -100,12 +100,12 @@ def _miss_gravity(work, value, seconds):
 
 @inlined
 def sense(work, unit, first, n_tick, k0, k1):
-    """Fill the window's increments with what the unit puts out; wandering parameters step on their own clock."""
+    """Fill the window's increments with what the unit puts out; varying parameters step on their own clock."""
     run, done = work.run[0], 0
     while done < n_tick:
         tick = first + done
         phase = tick % unit.process_ticks
-        if tick == 0 or (unit.wandering and phase == 0):
+        if tick == 0 or (unit.drifting and phase == 0):
             if tick > 0:
                 epoch = np.uint64(tick // unit.process_ticks)
                 processes.step(work.true_par, unit.decay, unit.walk, unit.sources, k0, k1, run, epoch)

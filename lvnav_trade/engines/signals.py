@@ -12,7 +12,7 @@ from lvnav_trade.engines.families import Cause, ErrorFamily, families_of, lever_
 from lvnav_trade.engines.inputs import Shared, Signals
 from lvnav_trade.engines.options import direct
 from lvnav_trade.engines.sensors import Sensor
-from lvnav_trade.filters.base import ReceiverBelief
+from lvnav_trade.filters.base import ReceiverModel
 from lvnav_trade.frames import matrices
 from lvnav_trade.kernels.clock import clock_step
 from lvnav_trade.kernels.earth import GM
@@ -55,7 +55,7 @@ class Line:
         self.at, self.C_b_i = at, matrices(at.q_b_i)
         self.position, self.velocity = self._point(lever_b)
         self.push = _pull(at.r_i) + np.einsum("nij,nj->ni", self.C_b_i, at.f_b)
-        points = [self._point(lever) for lever in seen.levers]
+        points = [self._point(lever) for lever in seen.lever_arms]
         places, speeds = (np.stack(arrays, axis=1) for arrays in zip(*points, strict=True))
         line = seen.r_i - np.take_along_axis(places, seen.antenna[:, :, None], axis=1)
         moving = seen.v_i - np.take_along_axis(speeds, seen.antenna[:, :, None], axis=1)
@@ -131,8 +131,8 @@ def causes_of(scenario: Scenario) -> list[Cause]:
     ]
     if not solves(scenario):
         solution = direct(scenario)
-        position, fade = solution.position_bias, solution.bias_time
-        found.append(Cause("solution position bias", "position_bias", "position_bias", position, fade))
+        position, time_constant = solution.position_bias, solution.bias_time
+        found.append(Cause("solution position bias", "position_bias", "position_bias", position, time_constant))
     air = scenario.atmosphere
     found += [
         _scale("troposphere", air.troposphere_scale, air.troposphere_scale_time),
@@ -140,14 +140,16 @@ def causes_of(scenario: Scenario) -> list[Cause]:
     ]
     for part in parts_of(scenario.constellation):
         systems = letters(part)
-        residual, fade = part.range_error, part.range_error_time or math.inf
-        found.append(Cause("satellite clock and ephemeris", "range_bias", "range_bias", residual, fade, systems))
+        residual, time_constant = part.range_error, part.range_error_time or math.inf
+        found.append(
+            Cause("satellite clock and ephemeris", "range_bias", "range_bias", residual, time_constant, systems)
+        )
         if not isinstance(part, AlmanacConstellation):
-            offset, fade = part.time_offset, part.time_offset_time or math.inf
-            found.append(Cause("system time offset", "time_offset", "time_offset", offset, fade, systems))
+            offset, time_constant = part.time_offset, part.time_offset_time or math.inf
+            found.append(Cause("system time offset", "time_offset", "time_offset", offset, time_constant, systems))
     if not solves(scenario):
-        velocity, fade = direct(scenario).velocity_bias, direct(scenario).bias_time
-        found.append(Cause("solution velocity bias", "velocity_bias", "velocity_bias", velocity, fade))
+        velocity, time_constant = direct(scenario).velocity_bias, direct(scenario).bias_time
+        found.append(Cause("solution velocity bias", "velocity_bias", "velocity_bias", velocity, time_constant))
     return found
 
 
@@ -209,7 +211,7 @@ def _noise(scenario: Scenario, seen: Sky, channels: Channels, devices: tuple[Sen
 
 
 def _grown(sigma: Floats, channels: Channels, failed: Failures) -> Floats:
-    """Return the true sigma, grown by what has failed; `sigma`, which the filter may believe, stays as it is."""
+    """Return the true sigma, grown by what has failed; `sigma`, which the filter may assume, stays as it is."""
     n, grown = channels.n_receiver, sigma.copy()
     factor = np.repeat(failed.noise, 2, axis=1) if channels.tight else failed.solution_noise[:, None]
     grown[:, :n] = sigma[:, :n] * factor
@@ -234,9 +236,9 @@ def _hold(frozen: NDArray[np.bool_], *tables: NDArray[Any]) -> None:
             table[epoch] = table[epoch - 1]
 
 
-def _believed_variance(
+def _assumed_variance(
     scenario: Scenario,
-    belief: ReceiverBelief,
+    model: ReceiverModel,
     channels: Channels,
     sigma: Floats,
     devices: tuple[Sensor, ...],
@@ -253,9 +255,9 @@ def _believed_variance(
     if isinstance(scenario.filter.receiver, str):
         return variance
     if channels.tight:
-        variance[:, 0:n:2], variance[:, 1:n:2] = belief.pseudorange_sigma**2, belief.range_rate_sigma**2
+        variance[:, 0:n:2], variance[:, 1:n:2] = model.pseudorange_sigma**2, model.range_rate_sigma**2
     else:
-        variance[:, :3], variance[:, 3:n] = belief.position_sigma**2, belief.velocity_sigma**2
+        variance[:, :3], variance[:, 3:n] = model.position_sigma**2, model.velocity_sigma**2
     return variance
 
 
@@ -263,7 +265,7 @@ def signals(
     scenario: Scenario,
     seen: Sky,
     line: Line,
-    belief: ReceiverBelief,
+    model: ReceiverModel,
     layout: StateLayout,
     geometry: Geometry,
     channels: Channels,
@@ -304,7 +306,7 @@ def signals(
         satellite_velocity=np.ascontiguousarray(seen.v_i),
         antenna=seen.antenna if channels.tight else np.zeros_like(seen.antenna),
         sigma=_grown(sigma, measured, failed),
-        variance=_believed_variance(scenario, belief, channels, sigma, devices),
+        variance=_assumed_variance(scenario, model, channels, sigma, devices),
         partial=np.array(extra).reshape(len(extra), seen.t.size, channels.n_channel),
         clock_step=np.array(clock_step(interval, receiver.clock.h0, receiver.clock.h_minus2)),
         clock_start=np.array([clock.initial_bias, clock.initial_drift]),

@@ -14,7 +14,17 @@ from numpy.typing import NDArray
 
 from lvnav_trade.engines.inputs import Signals
 from lvnav_trade.engines.signals import Line
-from lvnav_trade.receivers.base import BIAS, DRIFT, N_STATE, POS, VEL, FilterModel, PointModel, Solver, Told
+from lvnav_trade.receivers.base import (
+    BIAS,
+    DRIFT,
+    N_STATE,
+    POS,
+    VEL,
+    FilterModel,
+    PointModel,
+    ReportedCovariance,
+    Solver,
+)
 from lvnav_trade.receivers.cascade import (
     FIX_STATES,
     SOLUTION,
@@ -38,7 +48,7 @@ class Chain(NamedTuple):
     """The error of a receiver's solution by epochs; m states, of which `pick` (6,) are position and velocity.
 
     move (n_epoch, m, m) A; white (n_epoch, m, n_in) W, variance (n_epoch, n_in) of w and kind (n_in,) of its source;
-    shared (n_epoch, m, n_component) B; push (n_epoch, m) d; told (n_epoch, 6, 6) covariance that comes with the
+    shared (n_epoch, m, n_component) B; push (n_epoch, m) d; reported (n_epoch, 6, 6) covariance that comes with the
     solution; solved (n_epoch,) whether there is one; point (n_epoch, 6) the solution of an error of zero, frame i.
     """
 
@@ -49,7 +59,7 @@ class Chain(NamedTuple):
     shared: Floats
     push: Floats
     pick: Ints
-    told: Floats
+    reported: Floats
     solved: NDArray[np.bool_]
     point: Floats
 
@@ -76,17 +86,17 @@ def simulated(signals: Signals) -> Chain:
         shared=-np.array([_shared(signals, k, axes) for k in range(n_epoch)]).reshape(n_epoch, 6, -1),
         push=np.zeros((n_epoch, 6)),
         pick=axes,
-        told=np.einsum("ki,ij->kij", signals.variance, np.eye(6)),
+        reported=np.einsum("ki,ij->kij", signals.variance, np.eye(6)),
         solved=signals.n_used >= 4,
         point=np.hstack([signals.position, signals.velocity]),
     )
 
 
 class _Nominal(NamedTuple):
-    """What a solving receiver sees on the nominal flight: gains, surprise and channels by epoch."""
+    """What a solving receiver sees on the nominal flight: gains, innovation and channels by epoch."""
 
     gains: list[Gains]
-    surprise: list[Floats]
+    innovation: list[Floats]
     channels: list[Ints]
     solved: NDArray[np.bool_]
 
@@ -99,10 +109,10 @@ def _epoch(point: Floats, signals: Signals, epoch: int) -> tuple[Floats, Floats,
     line = signals.satellite[epoch, use] - r_i
     distance = np.linalg.norm(line, axis=1)
     rate = np.sum(line * (signals.satellite_velocity[epoch, use] - v_i), axis=1) / distance
-    surprise, channels = np.empty(2 * use.size), np.empty(2 * use.size, dtype=np.int64)
-    surprise[0::2], surprise[1::2] = signals.range[epoch, use] - distance, signals.rate[epoch, use] - rate
+    innovation, channels = np.empty(2 * use.size), np.empty(2 * use.size, dtype=np.int64)
+    innovation[0::2], innovation[1::2] = signals.range[epoch, use] - distance, signals.rate[epoch, use] - rate
     channels[0::2], channels[1::2] = 2 * use, 2 * use + 1
-    return rows, surprise, channels
+    return rows, innovation, channels
 
 
 _NOTHING = Gains(
@@ -133,15 +143,15 @@ def _coasts(model: FilterModel, n_used: Ints, begun: int) -> NDArray[np.bool_]:
 
 
 def _run(solver: Solver, point: Floats, signals: Signals) -> _Nominal:
-    """Return gains and surprises of every epoch on the nominal flight, with noise adapted to the nominal motion."""
+    """Return gains and innovations of every epoch on the nominal flight, with noise adapted to the nominal motion."""
     fixed = signals.n_used >= 4
     model: FilterModel | None = solver.filter
     begun = int(np.argmax(fixed)) if fixed.any() else fixed.size
     gains: list[Gains] = []
-    surprises, channels = [], []
+    innovations, channels = [], []
     slope = nominal_acceleration(point[:, 3:], fixed, signals.interval)
     for k in range(fixed.size):
-        rows, surprise, which = _epoch(point, signals, k)
+        rows, innovation, which = _epoch(point, signals, k)
         if model is None:
             found = _fixed(solver.point, rows) if fixed[k] else _NOTHING
         elif k > begun:
@@ -149,24 +159,24 @@ def _run(solver: Solver, point: Floats, signals: Signals) -> _Nominal:
         else:
             found = started(model, solver.point, rows) if k == begun else _NOTHING
         if not found.gain.shape[1]:
-            surprise, which = surprise[:0], which[:0]
+            innovation, which = innovation[:0], which[:0]
         gains.append(found)
-        surprises.append(surprise)
+        innovations.append(innovation)
         channels.append(which)
     solved = fixed if model is None else _coasts(model, signals.n_used, begun)
-    return _Nominal(gains, surprises, channels, solved)
+    return _Nominal(gains, innovations, channels, solved)
 
 
-def _told(told: Told, P: Floats) -> Floats:
+def _reported(reported: ReportedCovariance, P: Floats) -> Floats:
     """Return the covariance (6, 6) that goes out."""
-    if not told.own:
-        return np.diag([told.position_variance] * 3 + [told.velocity_variance] * 3)
-    R: Floats = told.factor * P[np.ix_(SOLUTION, SOLUTION)]
-    return R if told.correlated else np.diag(np.diag(R))
+    if not reported.own:
+        return np.diag([reported.position_variance] * 3 + [reported.velocity_variance] * 3)
+    R: Floats = reported.factor * P[np.ix_(SOLUTION, SOLUTION)]
+    return R if reported.correlated else np.diag(np.diag(R))
 
 
 def _pushes(solver: Solver, seen: _Nominal, point: Floats, acceleration: Floats, signals: Signals) -> Floats:
-    """Return d (n_epoch, m): what true motion, clock jumps and surprises of the ranges do in every run."""
+    """Return d (n_epoch, m): what true motion, clock jumps and innovations of the ranges do in every run."""
     model: FilterModel | None = solver.filter
     pushes = np.zeros((len(point), N_STATE))
     if model is not None:
@@ -178,20 +188,20 @@ def _pushes(solver: Solver, seen: _Nominal, point: Floats, acceleration: Floats,
         moved[begun, :3] = known[begun]
         pushes = np.einsum("kij,kj->ki", np.array([g.keep for g in seen.gains]), moved)
     for k, gains in enumerate(seen.gains):
-        pushes[k] -= gains.gain @ seen.surprise[k]
+        pushes[k] -= gains.gain @ seen.innovation[k]
     return pushes
 
 
 def own_covariance(solver: Solver, signals: Signals, point: Floats) -> Floats:
-    """Return what a solver believes of its own error on the nominal flight, (n_epoch, 11, 11); see `solved`."""
+    """Return what a solver assumes of its own error on the nominal flight, (n_epoch, 11, 11); see `solved`."""
     return np.array([gains.P for gains in _run(solver, point, signals).gains])
 
 
-def chain_of(solver: Solver | None, judged: bool, truth: Signals, line: Line) -> Chain | None:
+def chain_of(solver: Solver | None, has_covariance: bool, truth: Signals, line: Line) -> Chain | None:
     """Return how a solution's error goes on, where solutions come with a covariance of their own."""
     if solver is not None:
         return solved(solver, truth, np.hstack([line.position, line.velocity]), line.push)
-    return simulated(truth) if judged else None
+    return simulated(truth) if has_covariance else None
 
 
 def solved(solver: Solver, signals: Signals, point: Floats, acceleration: Floats) -> Chain:
@@ -206,18 +216,18 @@ def solved(solver: Solver, signals: Signals, point: Floats, acceleration: Floats
     n_epoch, n_in = len(point), 2 * signals.used.shape[1] + 2
     move, white = np.zeros((n_epoch, N_STATE, N_STATE)), np.zeros((n_epoch, N_STATE, n_in))
     variance, shared = np.zeros((n_epoch, n_in)), np.zeros((n_epoch, N_STATE, signals.shared.start.size))
-    told = np.tile(np.eye(6), (n_epoch, 1, 1))
+    reported = np.tile(np.eye(6), (n_epoch, 1, 1))
     model: FilterModel | None = solver.filter
     step = signals.clock_step
     clock = np.array([[step[0], 0.0], [step[1], step[2]]])
-    out = solver.point.told if model is None else model.told
+    out = solver.point.reported if model is None else model.reported
     for k, gains in enumerate(seen.gains):
         n_row = seen.channels[k].size
         move[k] = gains.keep @ gains.phi
         white[k, :, :n_row], variance[k, :n_row] = -gains.gain, signals.sigma[k, seen.channels[k]] ** 2
         white[k, :, -2:], variance[k, -2:] = gains.keep[:, [BIAS, DRIFT]] @ clock, 1.0
         shared[k] = -gains.gain @ _shared(signals, k, seen.channels[k])
-        told[k] = _told(out, gains.P) if seen.solved[k] else told[k]
+        reported[k] = _reported(out, gains.P) if seen.solved[k] else reported[k]
     chain = Chain(
         move=move,
         white=white,
@@ -226,7 +236,7 @@ def solved(solver: Solver, signals: Signals, point: Floats, acceleration: Floats
         shared=shared,
         push=_pushes(solver, seen, point, acceleration, signals),
         pick=SOLUTION.astype(np.int64),
-        told=told,
+        reported=reported,
         solved=seen.solved,
         point=point,
     )

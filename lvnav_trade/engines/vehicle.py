@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lvnav_trade.engines.envelopes import envelopes
 from lvnav_trade.engines.inputs import Samples
-from lvnav_trade.filters.base import ImuBelief
+from lvnav_trade.filters.base import ImuModel
 from lvnav_trade.filters.envelope import EnvelopeCard
 from lvnav_trade.filters.samples import VehicleModel
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
@@ -22,7 +22,7 @@ from lvnav_trade.world.truth import Trajectory
 
 
 def vehicle_of(
-    scenario: Scenario, trajectory: Trajectory, ref: Reference, layout: StateLayout, imu: ImuBelief
+    scenario: Scenario, trajectory: Trajectory, ref: Reference, layout: StateLayout, imu: ImuModel
 ) -> VehicleModel | None:
     """Return a filter's model of the vehicle's motion; None where the samples of its IMU are not measurements."""
     if layout.motion < 0:
@@ -45,7 +45,7 @@ def vehicle_of(
     )
 
 
-def samples_of(scenario: Scenario, ref: Reference, layout: StateLayout, imu: ImuBelief) -> Samples | None:
+def samples_of(scenario: Scenario, ref: Reference, layout: StateLayout, imu: ImuModel) -> Samples | None:
     """Return what is reported of the IMU's samples; None where nothing is."""
     if not layout.samples:
         return None

@@ -1,1 +1,1 @@
-"""What is believed: states, rows and correction policy of the navigation filters."""
+"""Filter models: states, measurements and correction policy of the navigation filters."""

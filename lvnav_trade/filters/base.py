@@ -1,4 +1,4 @@
-"""Filter card: what the filter believes, estimates and how often it works."""
+"""Filter card: what the filter assumes, estimates and how often it works."""
 
 from __future__ import annotations
 
@@ -42,8 +42,8 @@ _KINDS = {
 """Measurements of the filter kinds of earlier versions."""
 
 
-class ImuBelief(Card):
-    """What the filter believes of its inertial unit; `matched` in the filter card takes each number from the truth."""
+class ImuModel(Card):
+    """What the filter assumes of its inertial unit; `matched` in the filter card takes each number from the truth."""
 
     gyro_random_walk: AngleRandomWalk
     accel_random_walk: VelocityRandomWalk
@@ -60,8 +60,8 @@ class ImuBelief(Card):
     gyro_g_sensitivity: GSensitivity = 0.0
 
 
-class ReceiverBelief(Card):
-    """What the filter believes of the receiver's measurement noise and clock."""
+class ReceiverModel(Card):
+    """What the filter assumes of the receiver's measurement noise and clock."""
 
     pseudorange_sigma: LengthSigma
     range_rate_sigma: SpeedSigma
@@ -85,7 +85,7 @@ class ReceiverBelief(Card):
     velocity_bias_time: TimeConstant | None = None
 
 
-class InitialBelief(Card):
+class InitialModel(Card):
     """The filter's one-sigma at the start: tilt (north, east axes) and heading, position and velocity per axis."""
 
     tilt: AngleSigma
@@ -130,7 +130,7 @@ ParameterState = Literal[
 
 
 class DelayCompensation(Card):
-    """How a filter meets measurements that are late: at the state that its unit had then, or carried on to the present.
+    """How a filter meets measurements that are late: at the state that its unit had then, or propagated to the present.
 
     The delay must end after the epoch before, whose corrections the kept state would lack.
     """
@@ -139,9 +139,9 @@ class DelayCompensation(Card):
         description="buffered: innovation at the state of the time of validity; extrapolated: Euler step of a solution"
     )
     delay: Matched | Pause = Field("matched", description="as the filter takes it; matched: as the receiver stamps it")
-    delay_sigma: Pause = Field(0.0, description="extrapolated: one-sigma that the filter believes of its error")
+    delay_sigma: Pause = Field(0.0, description="extrapolated: one-sigma that the filter assumes of its error")
     acceleration_sigma: AccelerationSigma = Field(
-        0.0, description="extrapolated: one-sigma that it believes of its own acceleration"
+        0.0, description="extrapolated: one-sigma that it assumes of its own acceleration"
     )
     base: Pause = Field(0.1, gt=0.0, description="extrapolated: time over which the acceleration is taken")
 
@@ -150,7 +150,7 @@ Persisting = Literal["data_loss", "residual", "covariance"]
 
 
 class LogicCard(Card):
-    """When a filter starts, what it believes, when it gives up and starts again; a rule that is left out is off."""
+    """When a filter starts, what it accepts, when it gives up and starts again; a rule that is left out is off."""
 
     check_flags: bool = Field(True, description="leave out what the receiver says is invalid, or put out before")
     pdop_below: float | None = Field(None, gt=0, description="leave out solutions of a greater dilution of precision")
@@ -198,7 +198,7 @@ class FilterCard(Card):
     )
     covariance_rate: Frequency = 10.0
     update_rate: Frequency = 1.0
-    consider: tuple[ParameterState, ...] = Field((), description="states carried but not estimated (Schmidt)")
+    consider: tuple[ParameterState, ...] = Field((), description="states propagated but not estimated (Schmidt)")
     neglect: tuple[Literal["gyro_bias", "accel_bias"], ...] = Field((), description="standard states left out")
     update: Literal["symmetric", "joseph"] = "symmetric"
     transition_order: Literal[1, 2] = 2
@@ -208,10 +208,10 @@ class FilterCard(Card):
     init: Literal["from_card", "from_gnss"] = Field(
         "from_card", description="position and velocity, and their covariance, when the filter starts"
     )
-    logic: LogicCard | None = Field(None, description="none: it starts at once and believes what the gate passes")
-    imu: Matched | ImuBelief = "matched"
-    receiver: Matched | ReceiverBelief = "matched"
-    initial: Matched | InitialBelief = "matched"
+    logic: LogicCard | None = Field(None, description="none: it starts at once and uses what the gate accepts")
+    imu: Matched | ImuModel = "matched"
+    receiver: Matched | ReceiverModel = "matched"
+    initial: Matched | InitialModel = "matched"
     sensor_models: SensorModels = Field(default_factory=SensorModels, description="of the sensors, by measurement")
     gains: GainSchedule | None = Field(
         None, description="stored gains in place of those of its covariance; none: its own, epoch by epoch"

@@ -7,7 +7,7 @@ import numpy as np
 from lvnav_trade.filters.late import LAST, carry_on, correct_stored
 from lvnav_trade.kernels import processes, transition
 from lvnav_trade.kernels.attitude import from_rotation, multiply, normalise
-from lvnav_trade.kernels.covariance import absorb, absorb_with, predict
+from lvnav_trade.kernels.covariance import predict, update_scalar, update_with_gain
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, size, where
 from lvnav_trade.kernels.strapdown import Q, R, V
@@ -19,13 +19,13 @@ from lvnav_trade.receivers.whiten import whiten
 
 
 @inlined
-def predict_window(work, belief, length):
+def predict_window(work, model, length):
     """Propagate covariance, fading parameters and clock estimate over a window of a known length index."""
-    seconds = belief.seconds[length]
+    seconds = model.seconds[length]
     transition.fill(
         work.D,
-        belief.block_kinds,
-        belief.block_drivers,
+        model.block_kinds,
+        model.block_drivers,
         work.sums,
         work.nav[R],
         work.nav[R + 1],
@@ -33,49 +33,49 @@ def predict_window(work, belief, length):
         seconds,
     )
     predict(
-        work.P, work.D, belief.block_rows, belief.block_columns, belief.decay[length], belief.noise[length],
-        belief.clock, seconds,
+        work.P, work.D, model.block_rows, model.block_columns, model.decay[length], model.noise[length],
+        model.clock, seconds,
     )  # fmt: skip
-    if belief.clock >= 0:
+    if model.clock >= 0:
         work.clock_hat[0] = work.clock_hat[0] + seconds * work.clock_hat[1]
-    if belief.fading:
-        for b in range(belief.par_offset.shape[0]):
+    if model.fading:
+        for b in range(model.par_offset.shape[0]):
             for i in range(3):
-                work.par[b, i] = belief.decay[length, belief.par_offset[b] + i] * work.par[b, i]
-        for e in range(belief.extra_offset.shape[0]):
-            work.extra[e] = belief.decay[length, belief.extra_offset[e]] * work.extra[e]
-        processes.gather(work.tables, work.par, belief.par_sensor, belief.par_driver)
+                work.par[b, i] = model.decay[length, model.par_offset[b] + i] * work.par[b, i]
+        for e in range(model.extra_offset.shape[0]):
+            work.extra[e] = model.decay[length, model.extra_offset[e]] * work.extra[e]
+        processes.gather(work.tables, work.par, model.par_sensor, model.par_driver)
 
 
 @jit
-def place_antenna(work, late, belief, dt, epoch):
+def place_antenna(work, late, model, dt, epoch):
     """Set the estimated state of every antenna from the navigation state and the last tick's rate; for a buffered late
     measurement (Late, or None) they are those of the time when it was valid.
     """
     for i in range(3):
         work.rate[i] = work.previous[i] / dt
-    for a in range(belief.levers.shape[0]):
-        antenna(work.antenna[a], work.nav, work.rate, belief.levers[a], belief.rate_sign)
+    for a in range(model.lever_arms.shape[0]):
+        antenna(work.antenna[a], work.nav, work.rate, model.lever_arms[a], model.rate_sign)
     if late is not None and not late.extrapolated:
         stored = work.past[epoch % late.n_ring]
         for i in range(3):
             work.rate[i] = stored[LAST + i] / dt
-        for a in range(belief.levers.shape[0]):
-            antenna(work.antenna[a], stored, work.rate, belief.levers[a], belief.rate_sign)
+        for a in range(model.lever_arms.shape[0]):
+            antenna(work.antenna[a], stored, work.rate, model.lever_arms[a], model.rate_sign)
 
 
 @jit
-def _add_extra(work, belief, signals, epoch, row, channel):
+def _add_extra(work, model, signals, epoch, row, channel):
     """Set the entries of a Jacobian row for the filter's extra states; return what their estimates add to the
     prediction.
     """
     h = work.H[row]
     total = like(work.x[0], 0.0)
-    for f in range(belief.extra_member.shape[0]):
-        e = belief.extra_member[f, channel]
+    for f in range(model.extra_member.shape[0]):
+        e = model.extra_member[f, channel]
         if e >= 0:
             partial = like(work.x[0], signals.partial[f, epoch, channel])
-            if belief.judged:  # decorrelated rows have the entries of all axes: each state has one of its own
+            if model.has_covariance:  # decorrelated rows have the entries of all axes: each state has one of its own
                 h[N_ENTRY + e] = partial
             else:
                 h[N_ENTRY + f] = partial
@@ -84,16 +84,16 @@ def _add_extra(work, belief, signals, epoch, row, channel):
 
 
 @jit
-def _clear_extra(work, belief, rows):
+def _clear_extra(work, model, rows):
     """Set the entries of extra states to zero, where rows are mixed afterwards."""
-    if belief.judged:
+    if model.has_covariance:
         for row in range(rows):
-            for e in range(belief.extra_offset.shape[0]):
+            for e in range(model.extra_offset.shape[0]):
                 work.H[row, N_ENTRY + e] = like(work.x[0], 0.0)
 
 
 @jit
-def fill_tight(work, belief, signals, epoch):
+def fill_tight(work, model, signals, epoch):
     """Set the rows of every satellite in use: pseudorange and range rate in turn; z holds measured minus predicted."""
     for slot in range(signals.n_used[epoch]):
         s = signals.used[epoch, slot]
@@ -101,95 +101,95 @@ def fill_tight(work, belief, signals, epoch):
         ux, uy, uz, distance = line_of_sight(signals.satellite[epoch, s], at)
         h, g = work.H[2 * slot], work.H[2 * slot + 1]
         predicted = pseudorange.row(h, at, ux, uy, uz, distance, work.clock_hat[0])
-        predicted = predicted + _add_extra(work, belief, signals, epoch, 2 * slot, 2 * s)
+        predicted = predicted + _add_extra(work, model, signals, epoch, 2 * slot, 2 * s)
         work.z[2 * slot] = work.ranges[slot, 0] - predicted
         moving = signals.satellite_velocity[epoch, s]
         predicted = doppler.row(g, at, moving, ux, uy, uz, distance, work.clock_hat[1])
-        predicted = predicted + _add_extra(work, belief, signals, epoch, 2 * slot + 1, 2 * s + 1)
+        predicted = predicted + _add_extra(work, model, signals, epoch, 2 * slot + 1, 2 * s + 1)
         work.z[2 * slot + 1] = work.ranges[slot, 1] - predicted
 
 
 @jit
-def fill_loose(work, belief, signals, epoch):
+def fill_loose(work, model, signals, epoch):
     """Set three position and three velocity rows; z holds measured minus predicted."""
     at = work.antenna[0]
-    _clear_extra(work, belief, 6)
+    _clear_extra(work, model, 6)
     for axis in range(3):
-        predicted = position.row(work.H[axis], at, axis) + _add_extra(work, belief, signals, epoch, axis, axis)
+        predicted = position.row(work.H[axis], at, axis) + _add_extra(work, model, signals, epoch, axis, axis)
         work.z[axis] = work.solution[axis] - predicted
         moving = velocity.row(work.H[3 + axis], at, axis)
-        moving = moving + _add_extra(work, belief, signals, epoch, 3 + axis, 3 + axis)
+        moving = moving + _add_extra(work, model, signals, epoch, 3 + axis, 3 + axis)
         work.z[3 + axis] = work.solution[3 + axis] - moving
 
 
 @jit
-def row_of(belief, work, channel):
+def row_of(model, work, channel):
     """Return the row of a channel of a sensor beside the receiver: the last rows are theirs."""
-    return size(work.z, 0) - belief.n_entry.shape[0] + channel
+    return size(work.z, 0) - model.n_entry.shape[0] + channel
 
 
 @jit
-def fill_sensor(work, belief, signals, sensors, k, at, epoch):
+def fill_sensor(work, model, signals, sensors, k, at, epoch):
     """Set the rows of sensor k, from row `at` on; z holds measured minus predicted."""
     fill(work.H, work.z, at, sensors.code[k], work.observed[k], work.nav, sensors.theta[epoch])
     for i in range(sensors.scalars[k]):
-        work.z[at + i] = work.z[at + i] - _add_extra(work, belief, signals, epoch, at + i, sensors.channel[k] + i)
+        work.z[at + i] = work.z[at + i] - _add_extra(work, model, signals, epoch, at + i, sensors.channel[k] + i)
 
 
 @jit
-def n_measured(belief, signals, epoch):
+def n_measured(model, signals, epoch):
     """Return how many rows the receiver has for the filter at an epoch: a simulated solution takes four satellites, of
     a solver's own the rows that are none are not-a-number.
     """
-    if (epoch + 1) % belief.every != 0 or belief.n_receiver == 0:
+    if (epoch + 1) % model.every != 0 or model.n_receiver == 0:
         return 0
-    if belief.tight:
+    if model.tight:
         return 2 * signals.n_used[epoch]
-    return 6 if belief.solves or signals.n_used[epoch] >= 4 else 0
+    return 6 if model.solves or signals.n_used[epoch] >= 4 else 0
 
 
 @jit
-def channel_of(belief, signals, epoch, row):
+def channel_of(model, signals, epoch, row):
     """Return the channel of a row of the receiver at an epoch."""
-    return 2 * signals.used[epoch, row // 2] + row % 2 if belief.tight else row
+    return 2 * signals.used[epoch, row // 2] + row % 2 if model.tight else row
 
 
 @inlined
-def update_row(work, gains, belief, signals, epoch, row, channel, mixed, gate_squared):
+def update_row(work, gains, model, signals, epoch, row, channel, mixed, gate_squared):
     """Update by one filled row of a channel, with a stored gain (Gains) or, without (None), that of the covariance;
     return its normalised innovation and weight.
     """
-    n = belief.n_entry[channel]
-    entries, columns = belief.entry[channel, :n], belief.column[channel, :n]
+    n = model.n_entry[channel]
+    entries, columns = model.entry[channel, :n], model.column[channel, :n]
     if gains is None:
         variance = 1.0 if mixed else signals.variance[epoch, channel]
-        return absorb(
+        return update_scalar(
             work.P, work.x, work.K, work.H[row], entries, columns, work.z[row], variance, gate_squared,
-            belief.n_estimated, belief.joseph,
+            model.n_estimated, model.joseph,
         )  # fmt: skip
     variance = like(work.x[0], signals.variance[epoch, channel])
     if mixed:
-        variance = work.told[row, row]
-    return absorb_with(
+        variance = work.reported[row, row]
+    return update_with_gain(
         work.P, work.x, work.K, work.H[row], entries, columns, gains.gain[epoch, channel], work.z[row], variance,
-        gate_squared, belief.n_estimated,
+        gate_squared, model.n_estimated,
     )  # fmt: skip
 
 
 @jit
-def weigh(work, rx, late, gains, belief, signals, epoch):
+def weigh(work, rx, late, gains, model, signals, epoch):
     """Decorrelate the rows of a solution by the covariance that it comes with, if it comes with one. With stored gains
     (Gains) they stay as they are.
     """
     if rx is None and late is None:
         return
-    if belief.judged:
+    if model.has_covariance:
         tell(work, rx, signals, epoch)
         if late is not None and late.extrapolated:
-            carry_on(work.z, work.told, work.past, work.P, late, epoch)
+            carry_on(work.z, work.reported, work.past, work.P, late, epoch)
         if gains is None:
-            separate(work.told, belief)
-            whiten(work.told, work.z, work.H, 6, size(work.H, 1))
+            separate(work.reported, model)
+            whiten(work.reported, work.z, work.H, 6, size(work.H, 1))
 
 
 @jit
@@ -198,26 +198,26 @@ def tell(work, rx, signals, epoch):
     for i in range(6):
         for j in range(6):
             if rx is not None:
-                work.told[i, j] = rx.covariance[i, j]
+                work.reported[i, j] = rx.covariance[i, j]
             else:
-                work.told[i, j] = like(work.x[0], signals.variance[epoch, i] if i == j else 0.0)
+                work.reported[i, j] = like(work.x[0], signals.variance[epoch, i] if i == j else 0.0)
 
 
 @jit
-def separate(covariance, belief):
+def separate(covariance, model):
     """Set the covariance (6, 6) of position with velocity to zero, where the filter does not take the position: its
     rows come first, so without velocity nothing needs to be done.
     """
-    if not belief.measured[0]:
+    if not model.measured[0]:
         for i in range(3):
             for j in range(3, 6):
                 covariance[i, j], covariance[j, i] = 0.0 * covariance[i, i], 0.0 * covariance[i, i]
 
 
 @inlined
-def update_and_count(work, gains, belief, signals, epoch, row, channel, mixed, gate_squared):
+def update_and_count(work, gains, model, signals, epoch, row, channel, mixed, gate_squared):
     """Update by one filled row of an epoch, store its innovation and count it: accepted, or rejected by the gate."""
-    normalised, weight = update_row(work, gains, belief, signals, epoch, row, channel, mixed, gate_squared)
+    normalised, weight = update_row(work, gains, model, signals, epoch, row, channel, mixed, gate_squared)
     work.innovation[epoch, channel] = normalised
     accepted = weight > 0.0
     rejected = (normalised == normalised) & (weight == 0.0)  # what is not a number is no row
@@ -236,36 +236,36 @@ def clear_epoch(work, epoch):
 
 
 @inlined
-def fill_receiver(work, late, gains, belief, signals, epoch):
+def fill_receiver(work, late, gains, model, signals, epoch):
     """Set the rows of what the receiver measures at an epoch, all linearised at one point."""
-    if belief.tight:
-        fill_tight(work, belief, signals, epoch)
+    if model.tight:
+        fill_tight(work, model, signals, epoch)
     else:
-        fill_loose(work, belief, signals, epoch)
-        weigh(work, work.rx, late, gains, belief, signals, epoch)
+        fill_loose(work, model, signals, epoch)
+        weigh(work, work.rx, late, gains, model, signals, epoch)
 
 
 @inlined
-def update_receiver(work, gains, belief, signals, epoch, gate_squared):
+def update_receiver(work, gains, model, signals, epoch, gate_squared):
     """Update by what the receiver measures at an epoch: pseudorange and range rate of every satellite in use, or
     position and velocity of a solution axis by axis, as far as they are among the filter's measurements.
     """
-    for row in range(n_measured(belief, signals, epoch)):
-        channel = channel_of(belief, signals, epoch, row)
-        if belief.measured[channel]:
-            update_and_count(work, gains, belief, signals, epoch, row, channel, belief.judged, gate_squared)
+    for row in range(n_measured(model, signals, epoch)):
+        channel = channel_of(model, signals, epoch, row)
+        if model.measured[channel]:
+            update_and_count(work, gains, model, signals, epoch, row, channel, model.has_covariance, gate_squared)
 
 
 @inlined
-def update_sensors(work, gains, sensors, belief, signals, epoch, gate_squared):
+def update_sensors(work, gains, sensors, model, signals, epoch, gate_squared):
     """Update by what the sensors beside the receiver measure at an epoch."""
     for k in range(sensors.code.shape[0]):
-        if sensors.on[k, epoch] and belief.measured[sensors.channel[k]]:
-            at = row_of(belief, work, sensors.channel[k])
-            fill_sensor(work, belief, signals, sensors, k, at, epoch)
+        if sensors.on[k, epoch] and model.measured[sensors.channel[k]]:
+            at = row_of(model, work, sensors.channel[k])
+            fill_sensor(work, model, signals, sensors, k, at, epoch)
             for i in range(sensors.scalars[k]):
                 update_and_count(
-                    work, gains, belief, signals, epoch, at + i, sensors.channel[k] + i, False, gate_squared
+                    work, gains, model, signals, epoch, at + i, sensors.channel[k] + i, False, gate_squared
                 )
 
 
@@ -281,25 +281,25 @@ def correct_motion(nav, x):
 
 
 @jit
-def correct_parameters(work, belief):
+def correct_parameters(work, model):
     """Add the error state to the estimated parameters of the IMU."""
-    for b in range(belief.par_offset.shape[0]):
+    for b in range(model.par_offset.shape[0]):
         for i in range(3):
-            work.par[b, i] = work.par[b, i] + work.x[belief.par_offset[b] + i]
+            work.par[b, i] = work.par[b, i] + work.x[model.par_offset[b] + i]
 
 
 @jit
-def correct(work, late, belief):
+def correct(work, late, model):
     """Feed the error state back and set it to zero."""
     x = work.x
     correct_motion(work.nav, x)
     correct_stored(work.past, late, x)
-    correct_parameters(work, belief)
-    if belief.clock >= 0:
+    correct_parameters(work, model)
+    if model.clock >= 0:
         for i in range(2):
-            work.clock_hat[i] = work.clock_hat[i] + x[belief.clock + i]
-    for e in range(belief.extra_offset.shape[0]):
-        work.extra[e] = work.extra[e] + x[belief.extra_offset[e]]
-    processes.gather(work.tables, work.par, belief.par_sensor, belief.par_driver)
-    for i in range(belief.n_state):
+            work.clock_hat[i] = work.clock_hat[i] + x[model.clock + i]
+    for e in range(model.extra_offset.shape[0]):
+        work.extra[e] = work.extra[e] + x[model.extra_offset[e]]
+    processes.gather(work.tables, work.par, model.par_sensor, model.par_driver)
+    for i in range(model.n_state):
         x[i] = like(x[i], 0.0)

@@ -1,4 +1,4 @@
-"""Envelope card: how fast a filter believes that rate and acceleration of the vehicle change, by phase and command."""
+"""Envelope card: how fast rate and acceleration of the vehicle change in the filter model, by phase and command."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from lvnav_trade.units import (
 
 
 class EnvelopeCard(Card):
-    """Standard deviations of the steps of a rate and of an acceleration that wander, by phase and by what is commanded.
+    """Standard deviations of the steps of rate and acceleration (random walks), by phase and by what is commanded.
 
     Pitch and yaw: |gain / (time s + 1) commanded angular acceleration| + what is unknown in burns or coasts; lateral
     jerk: |gain / (time s + 1) rate of the commanded nozzle angle| + what is unknown. The numbers are those of Beaudoin,

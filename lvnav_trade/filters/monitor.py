@@ -1,4 +1,4 @@
-"""The filter's watch over its measurements: when it starts, what it believes, when it gives up and starts again.
+"""Mode logic of a filter: when it starts, which measurements it accepts, when it stops and starts again.
 
 The logic of an open-loop filter (Thomas et al., section 5) as a small state machine, one step an epoch, of one run or
 of eight at once. What the receiver tells of a sample (flags, freshness, dilution of precision) is the same in every
@@ -118,7 +118,7 @@ def is_correcting(mode):
 
 
 @jit
-def judge(watch, rules, belief, signals, epoch, z, n_row):
+def check_measurements(watch, rules, model, signals, epoch, z, n_row):
     """Check an epoch's sample: set `watch.sample`, count good samples in a row.
 
     Parameters
@@ -134,8 +134,8 @@ def judge(watch, rules, belief, signals, epoch, z, n_row):
         return
     wild, apart = zero, zero
     for row in range(n_row):
-        channel = channel_of(belief, signals, epoch, row)
-        if not belief.measured[channel]:
+        channel = channel_of(model, signals, epoch, row)
+        if not model.measured[channel]:
             continue
         limit, before = rules.limits[channel], watch.before[channel]
         wild = where(magnitude(z[row] - watch.predicted[row]) <= limit, wild, 1.0)
@@ -189,8 +189,8 @@ def _covariance_error(P, rules):
 
 
 @jit
-def settle(watch, rules, epoch, P):
-    """Decide, after the sample was absorbed or not, what the filter does from this epoch on; log it."""
+def update_mode(watch, rules, epoch, P):
+    """Decide, after the sample was processed or not, what the filter does from this epoch on; log it."""
     state, used, starts = watch.state, watch.sample[0], watch.sample[1]
     before, good = state[MODE], rules.good[epoch]
     broken = _covariance_error(P, rules)

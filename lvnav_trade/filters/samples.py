@@ -93,13 +93,13 @@ def last_sample(work, samples, n_tick, dt):
 
 
 @jit
-def _feed_back(work, belief, vehicle):
+def _feed_back(work, model, vehicle):
     """Add the error state to the estimated motion and to the parameters of the IMU, and set these states to zero."""
     x, motion = work.x, work.motion
-    correct_parameters(work, belief)
-    for b in range(belief.par_offset.shape[0]):
+    correct_parameters(work, model)
+    for b in range(model.par_offset.shape[0]):
         for i in range(3):
-            x[belief.par_offset[b] + i] = like(x[0], 0.0)
+            x[model.par_offset[b] + i] = like(x[0], 0.0)
     for i in range(3):
         motion.rate[i] = motion.rate[i] + x[vehicle.motion + i]
         motion.force[i] = motion.force[i] + x[vehicle.motion + 3 + i]
@@ -107,28 +107,28 @@ def _feed_back(work, belief, vehicle):
 
 
 @jit
-def correct_vehicle(work, belief, vehicle):
+def correct_vehicle(work, model, vehicle):
     """Feed back what an epoch's measurements say of the motion and of the IMU's parameters, open loop or closed."""
     if vehicle is not None:
-        _feed_back(work, belief, vehicle)
+        _feed_back(work, model, vehicle)
 
 
 @inlined
-def _correct_tick(work, aside, belief, vehicle):
+def _correct_tick(work, open_loop, model, vehicle):
     """Add the error state to the estimates after a tick; an open loop leaves attitude, velocity and position alone."""
     x = work.x
-    if aside is None:
+    if open_loop is None:
         correct_motion(work.nav, x)
         for i in range(9):
             x[i] = like(x[i], 0.0)
-        if belief.clock >= 0:
+        if model.clock >= 0:
             for i in range(2):
-                work.clock_hat[i] = work.clock_hat[i] + x[belief.clock + i]
-                x[belief.clock + i] = like(x[0], 0.0)
-        for e in range(belief.extra_offset.shape[0]):
-            work.extra[e] = work.extra[e] + x[belief.extra_offset[e]]
-            x[belief.extra_offset[e]] = like(x[0], 0.0)
-    _feed_back(work, belief, vehicle)
+                work.clock_hat[i] = work.clock_hat[i] + x[model.clock + i]
+                x[model.clock + i] = like(x[0], 0.0)
+        for e in range(model.extra_offset.shape[0]):
+            work.extra[e] = work.extra[e] + x[model.extra_offset[e]]
+            x[model.extra_offset[e]] = like(x[0], 0.0)
+    _feed_back(work, model, vehicle)
 
 
 @inlined
@@ -147,7 +147,7 @@ def _predict_samples(work, vehicle, at, dt):
 
 
 @inlined
-def process_samples(work, aside, belief, vehicle, tick, at, dt):
+def process_samples(work, open_loop, model, vehicle, tick, at, dt):
     """Update by the samples of a tick, row `at` of the increments, and put the estimates in their place."""
     m, motion = vehicle.motion, work.motion
     _predict_samples(work, vehicle, at, dt)
@@ -155,21 +155,21 @@ def process_samples(work, aside, belief, vehicle, tick, at, dt):
         work.P[m + i, m + i] = work.P[m + i, m + i] + vehicle.walk[tick, i]
     update_samples(
         work.P, work.x, motion.K, motion.weight, motion.residual, motion.z, vehicle.variance, motion.h,
-        vehicle.columns, belief.n_estimated,
+        vehicle.columns, model.n_estimated,
     )  # fmt: skip
-    _correct_tick(work, aside, belief, vehicle)
+    _correct_tick(work, open_loop, model, vehicle)
     for i in range(3):
         work.increments[0, i] = dt * motion.rate[i]
         work.increments[0, 3 + i] = dt * motion.force[i]
 
 
 @inlined
-def sample_window(work, aside, unit, belief, vehicle, first, n_tick):
+def sample_window(work, open_loop, unit, model, vehicle, first, n_tick):
     """Process the samples of a window, tick by tick; what is slow is propagated at its end."""
     for k in range(n_tick):
-        process_samples(work, aside, belief, vehicle, first + k, k, unit.dt)
-        mechanise(work.nav, work.sums, work.previous, work.increments, 1, unit.dt, belief.gravity)
+        process_samples(work, open_loop, model, vehicle, first + k, k, unit.dt)
+        mechanise(work.nav, work.sums, work.previous, work.increments, 1, unit.dt, model.gravity)
         advance(work.P, work.motion.moved, work.sums, unit.dt, vehicle.motion)
-        if aside is not None:
+        if open_loop is not None:
             advance_vector(work.x, work.sums, unit.dt, vehicle.motion)
     mirror(work.P)

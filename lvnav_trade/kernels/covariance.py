@@ -1,4 +1,4 @@
-"""The covariance of an error state: propagate it over a window, absorb one scalar row.
+"""The covariance of an error state: propagate it over a window, update it by one scalar measurement.
 
 The first nine states are attitude, velocity, position; parameters follow, and a clock (bias, drift) where there is one.
 Only the first nine rows of Phi - I hold blocks; parameters decay. The covariance is kept whole, and written symmetric.
@@ -136,8 +136,8 @@ def _met(P, x, K, h, entries, columns, innovation, variance, n):
 
 
 @jit
-def absorb(P, x, K, h, entries, columns, innovation, variance, gate_squared, n_estimated, joseph):
-    """Absorb one scalar row, z - z_hat = h . x + v, into the error state and its covariance.
+def update_scalar(P, x, K, h, entries, columns, innovation, variance, gate_squared, n_estimated, joseph):
+    """Update the error state and its covariance by one scalar measurement, z - z_hat = h . x + v.
 
     All rows of an epoch are linearised at one point: `innovation` is the one before the epoch, and what earlier rows of
     the epoch have moved is taken off here. States from `n_estimated` on are considered (Schmidt): no gain, but their
@@ -148,7 +148,7 @@ def absorb(P, x, K, h, entries, columns, innovation, variance, gate_squared, n_e
     P : (n, n), x : (n,) error state; both updated. K : (n,) set to P h before the update
     h : (n_entry,) the row; its `entries` (n_column,) int stand for states `columns` (n_column,) int, the rest are zero
     variance : of v
-    gate_squared : largest square of the normalised innovation that is believed (inf: all)
+    gate_squared : largest square of the normalised innovation that is accepted (inf: all)
     joseph : bool, write the update in Joseph's form
 
     Returns
@@ -157,10 +157,10 @@ def absorb(P, x, K, h, entries, columns, innovation, variance, gate_squared, n_e
     """
     n = size(P, 0)
     s, residual = _met(P, x, K, h, entries, columns, innovation, variance, n)
-    believed = residual * residual <= gate_squared * s
+    accepted = residual * residual <= gate_squared * s
     inverse = 1.0 / s
-    weight = where(believed, inverse, 0.0)
-    step = where(believed, residual, 0.0) * weight
+    weight = where(accepted, inverse, 0.0)
+    step = where(accepted, residual, 0.0) * weight
     for i in range(n_estimated):
         x[i] = x[i] + K[i] * step
     if joseph:
@@ -176,17 +176,17 @@ def absorb(P, x, K, h, entries, columns, innovation, variance, gate_squared, n_e
 
 
 @jit
-def absorb_with(P, x, K, h, entries, columns, gain, innovation, variance, gate_squared, n_estimated):
-    """Absorb one scalar row as `absorb` does, but with a gain (n,) that is given: floats, the same in every run.
+def update_with_gain(P, x, K, h, entries, columns, gain, innovation, variance, gate_squared, n_estimated):
+    """Update as `update_scalar` does, but with a given gain (n,): floats, the same in every run.
 
-    The covariance is carried along in Joseph's form: it is what the filter's model says of that gain, and decides
+    The covariance is propagated in Joseph's form: it is what the filter's model says of that gain, and decides
     nothing but the gate.
     """
     n = size(P, 0)
     s, residual = _met(P, x, K, h, entries, columns, innovation, variance, n)
-    believed = residual * residual <= gate_squared * s
-    taken = where(believed, 1.0, 0.0)
-    step = where(believed, residual, 0.0)
+    accepted = residual * residual <= gate_squared * s
+    taken = where(accepted, 1.0, 0.0)
+    step = where(accepted, residual, 0.0)
     for i in range(n_estimated):
         x[i] = x[i] + gain[i] * step
     for i in range(n_estimated):
@@ -198,7 +198,7 @@ def absorb_with(P, x, K, h, entries, columns, gain, innovation, variance, gate_s
             P[i, j] = value
             P[j, i] = value
     inverse = 1.0 / s
-    return residual * sqrt(inverse), where(believed, inverse, 0.0)
+    return residual * sqrt(inverse), where(accepted, inverse, 0.0)
 
 
 @jit

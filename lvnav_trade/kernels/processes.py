@@ -1,4 +1,4 @@
-"""Error parameters of an inertial unit in one run: how they start, wander, and corrupt increments.
+"""Error parameters of an inertial unit in one run: how they start, vary, and corrupt increments.
 
 Parameters come in blocks of three (one per axis of a sensor); what a block multiplies is its driver (see
 transition). Before the ticks they are gathered into one table per sensor, so that a tick costs the same however many
@@ -32,7 +32,7 @@ def start(values, sigma, sources, k0, k1, run):
 
 @jit
 def step(values, decay, walk, sources, k0, k1, run, epoch):
-    """Step every block that wanders to the next process epoch (a word from 1): values (n_block, 3) updated."""
+    """Step every block that varies to the next process epoch (a word from 1): values (n_block, 3) updated."""
     for b in range(decay.shape[0]):
         if walk[b] > 0.0:
             n0, n1, n2, _ = normals(k0, k1, sources[b], run, epoch, _ZERO)
@@ -96,7 +96,7 @@ def corrupt(increments, at, first_tick, n_tick, dtheta, dvel, gyro, accel, noise
     remainder : (6,) what quantisation has held back; updated
     unit : NamedTuple with dt, noise_source, lean (only constant parameters are present)
     """
-    dt, lean = unit.dt, unit.lean
+    dt, constant_only = unit.dt, unit.constant_only
     for k in range(n_tick):
         tick, out = first_tick + k, at + k
         a0, a1, a2 = dtheta[tick, 0], dtheta[tick, 1], dtheta[tick, 2]
@@ -104,7 +104,7 @@ def corrupt(increments, at, first_tick, n_tick, dtheta, dvel, gyro, accel, noise
         epoch = np.uint64(tick)
         n0, n1, n2, n3 = normals(k0, k1, unit.noise_source, run, epoch, np.uint64(0))
         n4, n5, _, _ = normals(k0, k1, unit.noise_source, run, epoch, np.uint64(1))
-        if lean:
+        if constant_only:
             e0, e1, e2 = dt * gyro[0], dt * gyro[1], dt * gyro[2]
             e3, e4, e5 = dt * accel[0], dt * accel[1], dt * accel[2]
         else:
@@ -130,14 +130,14 @@ def corrupt(increments, at, first_tick, n_tick, dtheta, dvel, gyro, accel, noise
 
 
 @jit
-def compensate(increments, n_tick, gyro, accel, lean, dt):
+def compensate(increments, n_tick, gyro, accel, constant_only, dt):
     """Take the filter's estimate of the unit's errors off the window's increments: increments updated.
 
     The parameters multiply the true input; the measured one stands for it in a first pass and the corrected in a
     second.
     """
     for k in range(n_tick):
-        if lean:
+        if constant_only:
             for axis in range(3):
                 increments[k, axis] = increments[k, axis] - dt * gyro[axis]
                 increments[k, 3 + axis] = increments[k, 3 + axis] - dt * accel[axis]

@@ -1,1 +1,1 @@
-"""Scalar measurements, truth side and belief side together."""
+"""Scalar measurements, truth side and model side together."""

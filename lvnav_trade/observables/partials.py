@@ -1,6 +1,6 @@
 """How measurements depend on what rows share beyond the navigation state: biases, delays, timing, lever arm.
 
-Truth and belief both ask here, each with its own geometry: a shared error of the measurement on one side, an extra
+Truth and model both ask here, each with its own geometry: a shared error of the measurement on one side, an extra
 state of the filter on the other. A channel is a kind of row of one satellite (tight: pseudorange and range rate in
 turn) or an axis of the receiver's solution (loose: position, velocity).
 """

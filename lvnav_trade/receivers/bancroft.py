@@ -183,7 +183,7 @@ def _linearise(rx, satellite, satellite_velocity, used, n_used, ranges):
 
 @jit
 def _normalised_residuals(rx, satellite, satellite_velocity, used, n_used, ranges, model):
-    """Return the sum of squares of residuals of ranges and rates, each over the sigma that is believed of it."""
+    """Return the sum of squares of residuals of ranges and rates, each over the sigma that is assumed of it."""
     total = like(rx.near[0], 0.0)
     for slot in range(n_used):
         weight, rho, rate = measured(ranges, slot)
@@ -268,14 +268,14 @@ def solution(rx, model, satellite, satellite_velocity, used, n_used, ranges):
         rx.near[i] = where(good, rx.fix[FIX_POS + i], rx.near[i])
         rx.solution[i] = where(good, rx.fix[FIX_POS + i], np.nan)
         rx.solution[3 + i] = where(good, rx.fix[FIX_VEL + i], np.nan)
-    told, zero = model.told, like(quality, 0.0)
+    reported, zero = model.reported, like(quality, 0.0)
     for i in range(3):
         for j in range(3):
             rx.covariance[i, 3 + j], rx.covariance[3 + i, j] = zero, zero
-            if told.own and (told.correlated or i == j):
-                rx.covariance[i, j] = told.factor * model.range_variance * rx.inverse[i, j]
-                rx.covariance[3 + i, 3 + j] = told.factor * model.rate_variance * rx.inverse[i, j]
+            if reported.own and (reported.correlated or i == j):
+                rx.covariance[i, j] = reported.factor * model.range_variance * rx.inverse[i, j]
+                rx.covariance[3 + i, 3 + j] = reported.factor * model.rate_variance * rx.inverse[i, j]
             else:
-                rx.covariance[i, j] = zero + (told.position_variance if i == j else 0.0)
-                rx.covariance[3 + i, 3 + j] = zero + (told.velocity_variance if i == j else 0.0)
+                rx.covariance[i, j] = zero + (reported.position_variance if i == j else 0.0)
+                rx.covariance[3 + i, 3 + j] = zero + (reported.velocity_variance if i == j else 0.0)
     return quality

@@ -25,7 +25,7 @@ FIX_POS, FIX_VEL, FIX_BIAS, FIX_DRIFT, N_FIX = 0, 3, 6, 7, 8
 
 # What a quality number says of a point solution, and of a filtered one: the more the better.
 NO_FIX, INCONSISTENT, UNTESTED, CONSISTENT = 0.0, 1.0, 2.0, 3.0
-CARRIED, PARTIAL, FULL = 1.0, 2.0, 3.0
+PROPAGATED, PARTIAL, FULL = 1.0, 2.0, 3.0
 
 # States of the receiver's filter: acceleration stands where the common kernels have attitude.
 ACC, VEL, POS, BIAS, DRIFT, N_STATE = 0, 3, 6, 9, 10, 11
@@ -34,7 +34,7 @@ ACC, VEL, POS, BIAS, DRIFT, N_STATE = 0, 3, 6, 9, 10, 11
 STARTED, IDLE, MISSES, SINCE, LAST_VELOCITY, ACCELERATION, N_MEMORY = 0, 1, 2, 3, 4, 7, 10
 
 
-class Told(NamedTuple):
+class ReportedCovariance(NamedTuple):
     """The covariance that goes out with a solution: the solver's own (times a factor, with or without its
     correlations), or two constant variances (m^2, m^2/s^2) per axis.
     """
@@ -48,7 +48,7 @@ class Told(NamedTuple):
 
 class PointModel(NamedTuple):
     """Settings of the point solution: Newton steps after the closed form; limits (n,) of the sum of squared normalised
-    residuals by number of satellites; variances that the receiver believes (m^2, m^2/s^2); least quality handed out.
+    residuals by number of satellites; variances that the receiver assumes (m^2, m^2/s^2); least quality handed out.
     """
 
     refinements: int
@@ -56,13 +56,13 @@ class PointModel(NamedTuple):
     range_variance: float
     rate_variance: float
     least_quality: float
-    told: Told
+    reported: ReportedCovariance
 
 
 class FilterModel(NamedTuple):
     """Settings of the receiver's filter over its interval (s).
 
-    blocks (n_block, 9) of Phi at rows, columns (n_block,); ones, zeros (11,); fade, to_velocity, to_position: how
+    blocks (n_block, 9) of Phi at rows, columns (n_block,); ones, zeros (11,); decay, to_velocity, to_position: how
     acceleration acts; drive (3,): how the driving noise enters acceleration, velocity, position; its variance per axis
     is the larger of a floor and gain x acceleration^2; range and rate variances are the larger of a floor and gain x
     size of acceleration; clock: variance of the drift's derivative; start: variance of acceleration at the start;
@@ -75,7 +75,7 @@ class FilterModel(NamedTuple):
     columns: Ints
     ones: Floats
     zeros: Floats
-    fade: float
+    decay: float
     to_velocity: float
     to_position: float
     drive: Floats
@@ -92,7 +92,7 @@ class FilterModel(NamedTuple):
     rate_limit: float
     restart: float
     coast: float
-    told: Told
+    reported: ReportedCovariance
 
 
 class Solver(NamedTuple):
@@ -108,8 +108,8 @@ class Receiver(NamedTuple):
     near (3,) m where the point solution is looked for; fix (8,) the point solution; inverse (4, 4) of its normal
     matrix; verdict (2,) its quality and number of satellites; nav (11,), P (11, 11) state and covariance of the filter;
     innovation (2 n_sat,) normalised, by satellite (range and range rate in turn), not-a-number where there is none;
-    memory (10,); used (2,) quality of the filtered solution and rows believed; solution (6,) position and velocity
-    handed out, not-a-number where there is none, covariance (6, 6) told with it; the rest is work.
+    memory (10,); used (2,) quality of the filtered solution and rows accepted; solution (6,) position and velocity
+    handed out, not-a-number where there is none, covariance (6, 6) reported with it; the rest is work.
     """
 
     near: Floats
@@ -179,18 +179,18 @@ def switch_on(rx: Any, x: Any, y: Any, z: Any) -> None:
     rx.memory[SINCE] = zero - 1.0
 
 
-def own_covariance(factor: float = 1.0, correlated: bool = True) -> Told:
+def own_covariance(factor: float = 1.0, correlated: bool = True) -> ReportedCovariance:
     """Return that the solver's own covariance goes out, times a factor, or its diagonal alone."""
-    return Told(True, correlated, factor, 0.0, 0.0)
+    return ReportedCovariance(True, correlated, factor, 0.0, 0.0)
 
 
-def constant_covariance(position_sigma: float, velocity_sigma: float) -> Told:
+def constant_covariance(position_sigma: float, velocity_sigma: float) -> ReportedCovariance:
     """Return that the same sigmas (m, m/s) per axis go out with every solution."""
-    return Told(False, False, 1.0, position_sigma**2, velocity_sigma**2)
+    return ReportedCovariance(False, False, 1.0, position_sigma**2, velocity_sigma**2)
 
 
 def point_model(
-    told: Told,
+    reported: ReportedCovariance,
     range_sigma: float,
     rate_sigma: float,
     refinements: int = 2,
@@ -205,7 +205,7 @@ def point_model(
     """
     limits = np.full(most + 1, math.inf)
     limits[5:] = chdtri(2 * (np.arange(5, most + 1) - 4), false_alarm)
-    return PointModel(refinements, limits, range_sigma**2, rate_sigma**2, float(least_quality), told)
+    return PointModel(refinements, limits, range_sigma**2, rate_sigma**2, float(least_quality), reported)
 
 
 def _acting(dt: float, time: float) -> tuple[float, float, float]:
@@ -217,7 +217,7 @@ def _acting(dt: float, time: float) -> tuple[float, float, float]:
 
 
 def filter_model(
-    told: Told,
+    reported: ReportedCovariance,
     interval: float,
     range_sigma: float,
     rate_sigma: float,
@@ -239,13 +239,13 @@ def filter_model(
 
     With `acceleration` its derivative is the driving noise (drive_sigma in m/s^3, drive_gain in 1/s^2); without it the
     acceleration itself is (drive_sigma in m/s^2, drive_gain a number), and its states stay at zero. acceleration_time
-    (s) lets the acceleration fade, none: a random walk.
+    (s) lets the acceleration decay, none: a random walk.
     """
     dt = interval
-    fade, to_velocity, to_position = _acting(dt, math.inf if acceleration_time is None else acceleration_time)
+    decay, to_velocity, to_position = _acting(dt, math.inf if acceleration_time is None else acceleration_time)
     pairs = [(POS, VEL, dt)]
     if acceleration:
-        pairs += [(POS, ACC, to_position), (VEL, ACC, to_velocity), (ACC, ACC, fade - 1.0)]  # as they act, one by one
+        pairs += [(POS, ACC, to_position), (VEL, ACC, to_velocity), (ACC, ACC, decay - 1.0)]  # as they act, one by one
     blocks = np.array([value * np.eye(3).ravel() for _, _, value in pairs])
     drive = [dt, 0.5 * dt**2, dt**3 / 6.0] if acceleration else [0.0, dt, 0.5 * dt**2]
     return FilterModel(
@@ -255,7 +255,7 @@ def filter_model(
         columns=np.array([column for _, column, _ in pairs], dtype=np.int64),
         ones=np.ones(N_STATE),
         zeros=np.zeros(N_STATE),
-        fade=fade,
+        decay=decay,
         to_velocity=to_velocity,
         to_position=to_position,
         drive=np.array(drive),
@@ -272,7 +272,7 @@ def filter_model(
         rate_limit=math.inf if rate_limit is None else rate_limit,
         restart=math.inf if restart_after is None else float(restart_after),
         coast=math.inf if longest_coast is None else longest_coast,
-        told=told,
+        reported=reported,
     )
 
 

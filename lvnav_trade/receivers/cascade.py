@@ -54,11 +54,11 @@ class Gains(NamedTuple):
 
 
 class Outer(NamedTuple):
-    """A navigation filter: phi, noise (n, n) of the truth, believed (n, n) noise, rows (6, n) of the solution."""
+    """A navigation filter: phi, noise (n, n) of the truth, assumed (n, n) noise, rows (6, n) of the solution."""
 
     phi: Floats
     noise: Floats
-    believed: Floats
+    assumed: Floats
     rows: Floats
 
 
@@ -167,13 +167,13 @@ def mismatch(model: FilterModel, acceleration: Floats, v_i: Floats, r_i: Floats)
     return found
 
 
-def told_covariance(gains: Gains, model: FilterModel) -> Floats:
+def reported_covariance(gains: Gains, model: FilterModel) -> Floats:
     """Return the covariance (6, 6) that goes out with a solution of the filter."""
-    told = model.told
-    if not told.own:
-        return np.diag([told.position_variance] * 3 + [told.velocity_variance] * 3)
-    R = told.factor * gains.P[np.ix_(SOLUTION, SOLUTION)]
-    return R if told.correlated else np.diag(np.diag(R))
+    reported = model.reported
+    if not reported.own:
+        return np.diag([reported.position_variance] * 3 + [reported.velocity_variance] * 3)
+    R = reported.factor * gains.P[np.ix_(SOLUTION, SOLUTION)]
+    return R if reported.correlated else np.diag(np.diag(R))
 
 
 def propagate(
@@ -185,7 +185,7 @@ def propagate(
     outer: Outer,
     P: Floats,
     shared: Floats,
-    fade: Floats,
+    decay: Floats,
     partials: list[Floats],
 ) -> History:
     """Carry the navigation filter behind the receiver's over epochs, one interval between two, solution at every one.
@@ -194,8 +194,8 @@ def propagate(
     ----------
     epochs : gains of the receiver; pushes (n_epoch, 11) `mismatch`; clock (2, 2) noise of the true clock an interval
     variances : true variances (n_row,) of the rows' white errors, by epoch
-    outer, P : the navigation filter and its covariance (n, n) before the first epoch, true and believed
-    shared : (m, m) steady covariance of errors that rows share; fade (m,) over an interval; partials (n_row, m) of the
+    outer, P : the navigation filter and its covariance (n, n) before the first epoch, true and assumed
+    shared : (m, m) steady covariance of errors that rows share; decay (m,) over an interval; partials (n_row, m) of the
         rows with respect to them, by epoch
     """
     n, m = len(P), len(shared)
@@ -206,10 +206,10 @@ def propagate(
     for k, gains in enumerate(epochs):
         A, noise = np.eye(len(C)), np.zeros_like(C)
         if k:
-            A[:n, :n], A[c, c] = outer.phi, np.diag(fade)
+            A[:n, :n], A[c, c] = outer.phi, np.diag(decay)
             noise[:n, :n] = outer.noise
-            noise[c, c] = shared * (1.0 - np.outer(fade, fade))
-            formal = outer.phi @ formal @ outer.phi.T + outer.believed
+            noise[c, c] = shared * (1.0 - np.outer(decay, decay))
+            formal = outer.phi @ formal @ outer.phi.T + outer.assumed
             white = outer.phi @ white @ outer.phi.T + outer.noise
             noise[n + BIAS : n + DRIFT + 1, n + BIAS : n + DRIFT + 1] = clock
         A[rx, rx] = gains.phi
@@ -219,15 +219,15 @@ def propagate(
         U[rx, rx], U[rx, c] = gains.keep, -gains.gain @ partials[k]
         C, mean = U @ C @ U.T, U @ mean
         C[rx, rx] += (gains.gain * variances[k]) @ gains.gain.T
-        told = told_covariance(gains, model)
-        gain = np.linalg.solve(outer.rows @ formal @ outer.rows.T + told, outer.rows @ formal).T
+        reported = reported_covariance(gains, model)
+        gain = np.linalg.solve(outer.rows @ formal @ outer.rows.T + reported, outer.rows @ formal).T
         keep = np.eye(n) - gain @ outer.rows
         U = np.eye(len(C))
         U[:n, :n] = keep
         U[:n, n + SOLUTION] = gain
         error = C[np.ix_(n + SOLUTION, n + SOLUTION)]
         white = keep @ white @ keep.T + gain @ error @ gain.T
-        formal = keep @ formal @ keep.T + gain @ told @ gain.T
+        formal = keep @ formal @ keep.T + gain @ reported @ gain.T
         C, mean = U @ C @ U.T, U @ mean
         found.append((mean, C, formal, white))
     means, covariances, formals, whites = zip(*found, strict=True)

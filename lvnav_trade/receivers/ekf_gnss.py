@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lvnav_trade.kernels.covariance import absorb, predict
+from lvnav_trade.kernels.covariance import predict, update_scalar
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like, magnitude, size, sqrt, where
 from lvnav_trade.observables import doppler, pseudorange
@@ -25,7 +25,6 @@ from lvnav_trade.receivers.base import (
     ACC,
     ACCELERATION,
     BIAS,
-    CARRIED,
     DRIFT,
     FIX_BIAS,
     FIX_DRIFT,
@@ -39,6 +38,7 @@ from lvnav_trade.receivers.base import (
     NO_FIX,
     PARTIAL,
     POS,
+    PROPAGATED,
     SINCE,
     STARTED,
     VEL,
@@ -94,7 +94,7 @@ def propagate(rx, model, x, y, z):
     for i in range(3):
         nav[POS + i] = nav[POS + i] + model.interval * nav[VEL + i] + model.to_position * nav[ACC + i]
         nav[VEL + i] = nav[VEL + i] + model.to_velocity * nav[ACC + i]
-        nav[ACC + i] = model.fade * nav[ACC + i]
+        nav[ACC + i] = model.decay * nav[ACC + i]
     nav[BIAS] = nav[BIAS] + model.interval * nav[DRIFT]
     predict(rx.P, model.blocks, model.rows, model.columns, model.ones, model.zeros, BIAS, model.interval)
     drive(rx.P, model, x, y, z)
@@ -122,16 +122,16 @@ def _take_row(rx, model, innovation, limit, variance, entries, columns):
     for e in range(N_ENTRY):
         rx.h[e] = rx.h[e] * scale
     innovation = where(magnitude(innovation) <= limit, innovation * scale, np.nan)
-    normalised, weight = absorb(
+    normalised, weight = update_scalar(
         rx.P, rx.x, rx.K, rx.h, entries, columns, innovation, 1.0, model.gate_squared, N_STATE, False
     )  # fmt: skip
     return where(weight > 0.0, 1.0, 0.0), normalised
 
 
 @jit
-def _absorb_rows(rx, model, satellite, satellite_velocity, used, n_used, ranges, range_variance, rate_variance):
-    """Absorb what is measured of the satellites in use, all rows at one point; return how many rows there were, were
-    believed, and how many satellites have one that was.
+def _update_by_ranges(rx, model, satellite, satellite_velocity, used, n_used, ranges, range_variance, rate_variance):
+    """Process what is measured of the satellites in use, all rows at one point; return how many rows there were, were
+    accepted, and how many satellites have one that was.
     """
     nav, x = rx.nav, rx.x
     zero = like(nav[0], 0.0)
@@ -139,7 +139,7 @@ def _absorb_rows(rx, model, satellite, satellite_velocity, used, n_used, ranges,
         rx.at[i], rx.at[3 + i], rx.at[6 + i], rx.at[9 + i] = nav[POS + i], nav[VEL + i], zero, zero
     for i in range(N_STATE):
         x[i] = zero
-    asked, believed, satellites = zero, zero, zero
+    asked, accepted, satellites = zero, zero, zero
     for channel in range(size(rx.innovation, 0)):
         rx.innovation[channel] = like(zero, np.nan)
     for slot in range(n_used):
@@ -156,11 +156,11 @@ def _absorb_rows(rx, model, satellite, satellite_velocity, used, n_used, ranges,
         two, rx.innovation[2 * s + 1] = _take_row(
             rx, model, innovation, model.rate_limit, rate_variance, RATE_ENTRIES, RATE_COLUMNS
         )
-        believed = believed + one + two
+        accepted = accepted + one + two
         satellites = satellites + where(one + two > 0.0, 1.0, 0.0)
     for i in range(N_STATE):
         nav[i] = nav[i] + x[i]
-    return asked, believed, satellites
+    return asked, accepted, satellites
 
 
 @jit
@@ -192,18 +192,18 @@ def _hand_out(rx, model, satellites):
     """Set solution and covariance: of the filter, or not-a-number where it is off or has coasted too long."""
     memory = rx.memory
     valid = (memory[STARTED] > 0.0) & (memory[IDLE] <= model.coast)
-    quality = where(satellites >= 4.0, FULL, where(satellites > 0.0, PARTIAL, CARRIED))
+    quality = where(satellites >= 4.0, FULL, where(satellites > 0.0, PARTIAL, PROPAGATED))
     rx.used[0] = where(valid, quality, NO_FIX)
-    told, zero = model.told, like(satellites, 0.0)
+    reported, zero = model.reported, like(satellites, 0.0)
     for i in range(6):
         a = POS + i if i < 3 else VEL + i - 3
         rx.solution[i] = where(valid, rx.nav[a], np.nan)
         for j in range(6):
             b = POS + j if j < 3 else VEL + j - 3
-            if told.own:
-                rx.covariance[i, j] = told.factor * rx.P[a, b] if told.correlated or i == j else zero
+            if reported.own:
+                rx.covariance[i, j] = reported.factor * rx.P[a, b] if reported.correlated or i == j else zero
             else:
-                constant = told.position_variance if i < 3 else told.velocity_variance
+                constant = reported.position_variance if i < 3 else reported.velocity_variance
                 rx.covariance[i, j] = zero + (constant if i == j else 0.0)
 
 
@@ -218,7 +218,7 @@ def step(rx, model, point, satellite, satellite_velocity, used, n_used, ranges):
 
     Returns
     -------
-    quality of the filtered solution: none, carried on without a row, fewer than four satellites, or four and more
+    quality of the filtered solution: none, propagated without a row, fewer than four satellites, or four and more
     """
     quality = fix(rx, point, satellite, satellite_velocity, used, n_used, ranges)
     fixed = quality >= point.least_quality
@@ -228,10 +228,10 @@ def step(rx, model, point, satellite, satellite_velocity, used, n_used, ranges):
         memory[ACCELERATION], memory[ACCELERATION + 1], memory[ACCELERATION + 2], model
     )
     propagate(rx, model, x, y, z)
-    asked, believed, satellites = _absorb_rows(
+    asked, accepted, satellites = _update_by_ranges(
         rx, model, satellite, satellite_velocity, used, n_used, ranges, range_variance, rate_variance
     )
-    memory[MISSES] = where(fixed & (believed < 0.5 * asked), memory[MISSES] + 1.0, 0.0)
+    memory[MISSES] = where(fixed & (accepted < 0.5 * asked), memory[MISSES] + 1.0, 0.0)
     begin = fixed & ((memory[STARTED] == 0.0) | (memory[MISSES] >= model.restart))
     _start(rx, model, point, begin)
     for channel in range(size(rx.innovation, 0)):  # where the filter has just begun again there are none
@@ -242,6 +242,6 @@ def step(rx, model, point, satellite, satellite_velocity, used, n_used, ranges):
     memory[IDLE] = where(satellites > 0.0, 0.0, memory[IDLE] + model.interval)
     for i in range(3):
         rx.near[i] = where(memory[STARTED] > 0.0, rx.nav[POS + i], rx.near[i])
-    rx.used[1] = believed
+    rx.used[1] = accepted
     _hand_out(rx, model, satellites)
     return rx.used[0]

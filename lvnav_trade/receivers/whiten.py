@@ -13,7 +13,7 @@ def whiten(R, z, H, n, n_entry):
     """Turn n rows z = H x + v, Cov v = R, into n rows whose errors are independent with variance one.
 
     With R = L L': z <- L^-1 z, H <- L^-1 H, in place. Row i becomes a mixture of rows 0 to i, so it needs the entries
-    of all of them. Absorbed one after another with variance one they are the joint update with R. A row whose R is not
+    of all of them. Processed one after another with variance one they are the joint update with R. A row whose R is not
     positive, or that is not measured, becomes not-a-number, and the rows after it that depend on it too.
 
     Parameters

@@ -36,8 +36,8 @@ def command_step(value, slope, target, time_constant, h):
     """Return a command and its slope after h seconds of a critically damped second-order lag towards a target."""
     x = value - target
     rise = slope + x / time_constant
-    fade = math.exp(-h / time_constant)
-    return target + (x + rise * h) * fade, (slope - rise * h / time_constant) * fade
+    decay = math.exp(-h / time_constant)
+    return target + (x + rise * h) * decay, (slope - rise * h / time_constant) * decay
 
 
 @jit
@@ -54,15 +54,15 @@ def gust_step(first, second, x, n0, n1):
     standard normals. The discretisation is exact and keeps unit variance however V / L varies from step to step. The
     gust is `gust_of` times its sigma.
     """
-    fade = math.exp(-x)
-    square = fade * fade
+    decay = math.exp(-x)
+    square = decay * decay
     q11 = 1.0 - square
     q12 = 1.0 / _ROOT_2 - square * (_ROOT_2 * x + 1.0 / _ROOT_2)
     q22 = 1.0 - square * (1.0 + 2.0 * x + 2.0 * x * x)
     l11 = math.sqrt(q11)
     l21 = q12 / l11 if l11 > 0.0 else 0.0
     l22 = math.sqrt(max(0.0, q22 - l21 * l21))
-    return fade * first + l11 * n0, fade * (second + _ROOT_2 * x * first) + l21 * n0 + l22 * n1
+    return decay * first + l11 * n0, decay * (second + _ROOT_2 * x * first) + l21 * n0 + l22 * n1
 
 
 @jit

@@ -61,9 +61,9 @@ def _satellites(prepared: Prepared) -> dict[str, Any]:
         "range_sigma_m": measured(sky.range_sigma),
         "rate_sigma_m_per_s": measured(sky.rate_sigma),
         "troposphere_m": measured(troposphere),
-        "troposphere_left_m": measured(troposphere - delays.believed_troposphere[:, :, 0]),
+        "troposphere_left_m": measured(troposphere - delays.modelled_troposphere[:, :, 0]),
         "ionosphere_m": measured(ionosphere),
-        "ionosphere_left_m": measured(ionosphere - delays.believed_ionosphere[:, :, 0]),
+        "ionosphere_left_m": measured(ionosphere - delays.modelled_ionosphere[:, :, 0]),
         "latency_s": (prepared.t_epoch - sky.t)[::step][row],
     }
 

@@ -155,8 +155,8 @@ def nees_dof(prepared: Prepared) -> int:
 
 def _gate(prepared: Prepared) -> float:
     """Return the gate on normalised innovations; NaN where there is none."""
-    belief = getattr(prepared, "belief", None)
-    squared = belief.gate_squared if belief is not None else np.inf
+    model = getattr(prepared, "model", None)
+    squared = model.gate_squared if model is not None else np.inf
     return float(np.sqrt(squared)) if np.isfinite(squared) else float("nan")
 
 

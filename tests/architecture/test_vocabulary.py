@@ -15,19 +15,11 @@ WORDS = re.compile(
 CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
 READ = {tokenize.NAME, tokenize.STRING, tokenize.COMMENT, getattr(tokenize, "FSTRING_MIDDLE", tokenize.STRING)}
 
-LEFT = {
-    "engines", "filters", "kernels", "observables", "receivers", "campaign", "scenario.py", "records.py",
-    "store/sky.py", "store/tables.py",
-}  # fmt: skip
-"""Folders and modules of the package that still have such words. The list only shrinks; empty is the aim."""
 ALLOWED = {
     "world/receiver/solutions.py": {"told"},  # a key of earlier versions, refused with the new one
-    "world/receiver/receiver.py": {"levers"},  # lever arms
-    "world/receiver/reception.py": {"levers"},
-    "world/receiver/visibility.py": {"levers"},
 }
-TEXTS_LEFT = {"docs/decisions", "docs/README.md", "docs/map.md", "CHANGELOG.md"}
-"""Documents that still have such words: titles of decisions, names of modules in `LEFT`."""
+EXEMPT = {"docs/decisions", "docs/README.md", "CHANGELOG.md"}
+"""Documents with the titles and the names of earlier times."""
 
 
 def words_in(text: str) -> set[str]:
@@ -60,11 +52,7 @@ def found(modules) -> dict[str, list[str]]:
 
 
 def test_modules_use_the_terms_of_the_glossary(found):
-    assert {path: where for path, where in found.items() if not _within(path, LEFT)} == {}
-
-
-def test_the_list_of_what_is_left_only_shrinks(found):
-    assert {place for place in LEFT if not any(_within(path, {place}) for path in found)} == set()
+    assert found == {}
 
 
 def test_cards_campaigns_and_documents_use_the_terms_of_the_glossary(root, published):
@@ -73,7 +61,7 @@ def test_cards_campaigns_and_documents_use_the_terms_of_the_glossary(root, publi
         path = str(file.relative_to(root))
         text = path.endswith(".md") and not path.startswith(("reports/", "tests/"))
         yaml = path.endswith(".yaml") and path.startswith(("configs/", "campaigns/"))
-        if (text or yaml) and not _within(path, TEXTS_LEFT):
+        if (text or yaml) and not _within(path, EXEMPT):
             lines = enumerate(file.read_text().splitlines(), 1)
             wrong += [f"{path}:{number}: {word}" for number, line in lines for word in sorted(words_in(line))]
     assert wrong == []

@@ -82,12 +82,12 @@ LINES = {
 def refused(name: str = "campaign.yaml", sets: tuple[str, ...] = ()) -> str:
     with pytest.raises(InputError) as caught:
         load(name, sets)
-    told = str(caught.value)
-    assert all(line.isprintable() for line in told.splitlines())
-    assert "Node(" not in told
-    assert max(map(len, told.splitlines())) < 1_500
-    assert len(told.splitlines()) <= 101
-    return told
+    reported = str(caught.value)
+    assert all(line.isprintable() for line in reported.splitlines())
+    assert "Node(" not in reported
+    assert max(map(len, reported.splitlines())) < 1_500
+    assert len(reported.splitlines()) <= 101
+    return reported
 
 
 @pytest.mark.parametrize("what", EDITS)
@@ -130,12 +130,12 @@ def test_a_pipe_is_no_card_and_no_file_of_data(study) -> None:
     os.mkfifo("rows.csv")
     study.edit("campaign.yaml", "imu/good", "imu/pipe")
     study.edit("campaign.yaml", "constellations/two", "{kind: almanac, almanac: rows.csv}")
-    told = refused()
-    assert "base.imu: no card 'imu/pipe'" in told
-    assert "base.constellation.almanac: no such file: 'rows.csv'" in told
+    reported = refused()
+    assert "base.imu: no card 'imu/pipe'" in reported
+    assert "base.constellation.almanac: no such file: 'rows.csv'" in reported
 
 
-def test_thousands_of_mistakes_are_told_in_a_hundred_lines(study) -> None:
+def test_thousands_of_mistakes_are_reported_in_a_hundred_lines(study) -> None:
     study.edit("campaign.yaml", *faults(f"[{', '.join(['x'] * 200)}]"))
     assert refused().splitlines()[-1].startswith("and ")
     satellites = ", ".join(f"G{k}" for k in range(150))
@@ -150,7 +150,7 @@ def test_thousands_of_mistakes_are_told_in_a_hundred_lines(study) -> None:
     assert [len(caught.value.records), caught.value.records[-1].message] == [101, "and 50 more"]
 
 
-def test_a_rule_of_a_field_is_told_at_the_field_where_a_kind_has_the_name_of_another_field(study) -> None:
+def test_a_rule_of_a_field_is_reported_at_the_field_where_a_kind_has_the_name_of_another_field(study) -> None:
     study.edit("configs/trajectories/climb.yaml", "2026-08-01", "9999-99-99")
     assert refused().startswith(
         "configs/trajectories/climb.yaml:4:8: base.trajectory.epoch: '9999-99-99T12:00:00Z' is not an ISO 8601 time"

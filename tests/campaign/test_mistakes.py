@@ -11,7 +11,7 @@ from tests.campaign.near_misses import NEAR
 
 
 @pytest.mark.parametrize("what", [*BAD, *NEAR])
-def test_a_mistake_is_told_in_one_line(study, what: str) -> None:
+def test_a_mistake_is_reported_in_one_line(study, what: str) -> None:
     file, old, new, message = (BAD | NEAR)[what]
     study.edit(file, old, new)
     with pytest.raises(InputError) as caught:
@@ -32,7 +32,7 @@ def test_what_may_point_either_way_keeps_its_sign(study) -> None:
     assert base.trajectory.site.latitude < 0.0
 
 
-def test_several_mistakes_are_told_together_each_in_its_line(study) -> None:
+def test_several_mistakes_are_reported_together_each_in_its_line(study) -> None:
     study.edit("campaign.yaml", "seed: 7", "seed: seven")
     study.edit("campaign.yaml", "imu/good", "imu/goood")
     study.edit("configs/filters/near.yaml", "range_rate", "range_rat")
@@ -59,7 +59,7 @@ def test_a_mistake_is_also_data(study) -> None:
     }
 
 
-def test_a_campaign_that_is_not_there_is_told_with_the_nearest_name(study) -> None:
+def test_a_campaign_that_is_not_there_is_reported_with_the_nearest_name(study) -> None:
     with pytest.raises(InputError, match=r"^campain\.yaml: no such file \(did you mean 'campaign\.yaml'\?\)$"):
         load("campain.yaml")
 

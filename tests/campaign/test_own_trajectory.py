@@ -81,7 +81,7 @@ def test_a_file_that_contradicts_itself_is_refused_at_its_place_in_the_campaign(
     assert not Path("results").exists()
 
 
-def test_every_unit_of_an_axis_judges_the_file(mine: Path) -> None:
+def test_every_unit_of_an_axis_checks_the_file(mine: Path) -> None:
     raise_height(mine, 400.0, 0.1)
     raise_height(mine, 549.3, -0.1)
     assert api.check("campaign.yaml", ["imu=imu/tactical_fog"])

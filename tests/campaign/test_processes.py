@@ -105,8 +105,8 @@ def test_a_worker_that_dies_costs_its_block_and_not_the_campaign(start) -> None:
     process = start(2, "once", "again")
     _, messages = process.communicate(timeout=HANG)
     assert process.returncode == 0
-    told = "a worker process died (out of memory?); its work is done again by 2 workers"
-    assert messages.splitlines().count(told) == 1
+    reported = "a worker process died (out of memory?); its work is done again by 2 workers"
+    assert messages.splitlines().count(reported) == 1
     assert not Path("mark").exists()
     assert kept("again") == kept("whole")
 

@@ -52,13 +52,13 @@ def test_a_campaign_of_the_world_is_found_far_from_the_checkout(
 
 
 def test_every_model_of_the_world_has_its_campaign() -> None:
-    told = {path.stem: load(path) for path in WORLD}
-    kinds = [fault.kind for case in cases(told["faults"]) for fault in case.scenario.faults]
+    reported = {path.stem: load(path) for path in WORLD}
+    kinds = [fault.kind for case in cases(reported["faults"]) for fault in case.scenario.faults]
     assert len(kinds) == len(set(kinds)) == FAULTS
-    flown = {case.scenario.trajectory.name for case in cases(told["vehicles"])}
+    flown = {case.scenario.trajectory.name for case in cases(reported["vehicles"])}
     shipped = {path.stem for path in (FOLDER.parent / "configs" / "trajectories").glob("*.yaml")}
     assert flown == shipped
-    corrected = {case.scenario.filter.corrections.troposphere.kind for case in cases(told["troposphere"])}
+    corrected = {case.scenario.filter.corrections.troposphere.kind for case in cases(reported["troposphere"])}
     assert corrected == {"none", "conae_000", "spilker", "saastamoinen", "niell", "matched"}
 
 

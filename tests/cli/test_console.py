@@ -111,8 +111,8 @@ def test_output_to_a_full_disk_is_one_line_and_exit_code_four(more: tuple[str, .
     with Path("/dev/full").open("w") as full:
         command = [sys.executable, "-m", "lvnav_trade", "cards", *more]
         found = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
-    told = "standard output: No space left on device; not all of it was written\n"
-    assert (found.returncode, found.stderr) == (4, told)
+    reported = "standard output: No space left on device; not all of it was written\n"
+    assert (found.returncode, found.stderr) == (4, reported)
 
 
 def test_ctrl_c_is_exit_code_130(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -126,7 +126,7 @@ def test_ctrl_c_is_exit_code_130(monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     assert (result.exit_code, result.stderr) == (130, "interrupted; the same command resumes\n")
 
 
-def test_what_each_verb_does_is_told_whole_in_eighty_columns() -> None:
+def test_what_each_verb_does_is_reported_whole_in_eighty_columns() -> None:
     shown = call("--help").output
     assert "kml" in shown
     assert "..." not in shown.partition("Commands:")[2]

@@ -13,15 +13,17 @@ def test_the_card_is_written_and_read_again_as_a_filter(tmp_path):
         done = call("estimate-q", "campaigns/smoke.yaml", "--set", LOOSE, "--runs", "10", "--out", str(card))
     assert done.exit_code == 0, done.output
     assert "whole flight" in done.output
-    told = next(line for line in done.output.splitlines() if line.startswith("the card: whole flight beyond")).split()
+    reported = next(
+        line for line in done.output.splitlines() if line.startswith("the card: whole flight beyond")
+    ).split()
     written = load("campaigns/smoke.yaml", [f"base.filter={card}"]).base.filter
     assert written.velocity_noise > 0.0
-    assert told[-2] == f"{written.velocity_noise:.3g}"
+    assert reported[-2] == f"{written.velocity_noise:.3g}"
     assert card.with_suffix(".csv").is_file()
     assert card.with_suffix(".png").stat().st_size > 5000
 
 
-def test_too_few_runs_and_an_unknown_case_are_told_in_one_line(tmp_path):
+def test_too_few_runs_and_an_unknown_case_are_reported_in_one_line(tmp_path):
     for more in (("--runs", "3"), ("--case", "nowhere")):
         done = call("estimate-q", "campaigns/smoke.yaml", "--set", LOOSE, "--out", str(tmp_path / "q.yaml"), *more)
         assert done.exit_code == 2
@@ -37,7 +39,7 @@ def test_gains_are_written_as_a_card_that_a_filter_names(tmp_path):
     assert loaded.base.filter.gains.by == "time"
 
 
-def test_a_filter_without_such_gains_is_told_in_one_line(tmp_path):
+def test_a_filter_without_such_gains_is_reported_in_one_line(tmp_path):
     with flying(hop()):
         done = call(
             "schedule-gains", "campaigns/smoke.yaml", "--out", str(tmp_path / "gains.yaml"),

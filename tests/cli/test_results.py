@@ -37,7 +37,7 @@ def test_a_comparison_as_one_json_object_and_as_files(variants: Path, tmp_path: 
     assert "imu=fine → imu=coarse" in md.read_text()
 
 
-def test_what_a_repository_keeps_of_a_base_is_told(variants: Path, tmp_path: Path) -> None:
+def test_what_a_repository_keeps_of_a_base_is_reported(variants: Path, tmp_path: Path) -> None:
     kept = tmp_path / "kept"
     assert call("keep-base", str(variants / "base"), str(kept)).stdout == f"base: {kept}\n"
     assert call("compare", str(kept), str(variants / "same"), "--effect", "rare=none").exit_code == 0
@@ -61,7 +61,7 @@ def test_a_report_and_a_base_are_not_kept_in_a_folder_of_the_users_own(variants:
 
 @pytest.mark.parametrize("text", ["[]", "3", "null", '{"name": "a web page"}', '{"created": 1, "finished": 2}'])
 @pytest.mark.parametrize("verb", [("report",), ("status",), ("compare", "mine"), ("keep-base", "kept")])
-def test_a_manifest_of_another_tool_is_told_in_one_line(
+def test_a_manifest_of_another_tool_is_reported_in_one_line(
     events: dict[str, float], verb: tuple[str, ...], text: str
 ) -> None:
     Path("mine").mkdir()

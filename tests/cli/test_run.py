@@ -25,8 +25,8 @@ def test_gains_of_another_flight_are_a_warning(events: dict[str, float]) -> None
     line = "base: filter.gains: computed for the flight 'recovery_polar', used on "
     assert result.output.startswith(f"warning: {line}")
     assert result.exit_code == 0
-    (told,) = json.loads(call("check", SMOKE, "--set", gains, "--json").output)["warnings"]
-    assert told.startswith(line)
+    (reported,) = json.loads(call("check", SMOKE, "--set", gains, "--json").output)["warnings"]
+    assert reported.startswith(line)
 
 
 def test_a_fault_after_the_flight_is_refused(events: dict[str, float]) -> None:

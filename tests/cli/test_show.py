@@ -27,7 +27,7 @@ def test_the_cards_are_listed_and_shown_with_their_sources(events: dict[str, flo
     assert (wrong.exit_code, wrong.stderr) == (2, "no card 'imu/tactical_fogg' (did you mean 'imu/tactical_fog'?)\n")
 
 
-def test_the_status_is_told_in_words_and_as_json(variants: Path) -> None:
+def test_the_status_is_reported_in_words_and_as_json(variants: Path) -> None:
     result = call("status", str(variants / "base"))
     assert (result.exit_code, result.stdout.startswith(f"{variants / 'base'}: finished: ")) == (0, True)
     content = json.loads(call("status", str(variants / "base"), "--json").stdout)

@@ -36,7 +36,7 @@ def test_the_page_is_made_of_results_that_are_there(folder: Path) -> None:
     assert content["campaigns"] == {"synthetic": [2, 0]}
 
 
-def test_a_mistake_in_any_campaign_is_told_before_anything_runs(folder: Path) -> None:
+def test_a_mistake_in_any_campaign_is_reported_before_anything_runs(folder: Path) -> None:
     Path("papers/wrong.yaml").write_text("name: wrong\nsead: 1\n")
     result = call("study", "papers", "--keep", "kept")
     assert result.exit_code == 2
@@ -54,7 +54,7 @@ def test_a_folder_of_the_users_own_is_refused_before_anything_runs(folder: Path)
     for name in ("kept/flight.kml", "kept/figures/photo.png"):
         Path(name).write_text("mine")
     result = call("study", "papers", "--keep", "kept", "--out", "elsewhere")
-    told = "kept: holds files that lvnav-trade did not write (no contents.json)"
-    assert (result.exit_code, result.stderr) == (2, f"{told}; nothing was changed; give another folder\n")
+    reported = "kept: holds files that lvnav-trade did not write (no contents.json)"
+    assert (result.exit_code, result.stderr) == (2, f"{reported}; nothing was changed; give another folder\n")
     assert not Path("elsewhere").exists()
     assert sorted(str(path) for path in Path("kept").rglob("*.*")) == ["kept/figures/photo.png", "kept/flight.kml"]

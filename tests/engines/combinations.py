@@ -222,7 +222,7 @@ class Verdict(NamedTuple):
         return not self.refused and self.bounds[0] < self.low and self.high < self.bounds[1]
 
 
-def judge(case: Case, runs: int = RUNS) -> Verdict:
+def evaluate(case: Case, runs: int = RUNS) -> Verdict:
     """Run a case with both engines, or say why it is refused."""
     start = time.perf_counter()
     try:
@@ -279,7 +279,7 @@ def main() -> int:
     chosen = [int(k) for k in sys.argv[1:]] or range(len(cases))
     rows = []
     for number in chosen:
-        verdict = judge(cases[number])
+        verdict = evaluate(cases[number])
         rows.append((number, cases[number], verdict))
         text = verdict.refused or f"{'agree' if verdict.agrees else 'DIFFER'} {verdict.low:.3f} {verdict.high:.3f}"
         print(number, text, verdict.worst, f"{verdict.seconds:.0f} s", cases[number], flush=True)  # noqa: T201

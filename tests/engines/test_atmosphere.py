@@ -1,4 +1,4 @@
-"""Delays along the nominal flight: rates are the derivative, and truth and belief choose their models apart."""
+"""Delays along the nominal flight: rates are the derivative, and truth and model choose their models apart."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_what_is_not_corrected_is_the_same_mean_error_in_both_engines(settings):
 
 
 def test_the_truths_atmosphere_clock_and_unit_leave_the_filters_rows_and_covariance_as_they_were():
-    """Truth and filter are two models: what is true never reaches what the filter believes, unless it is asked for."""
+    """Truth and filter are two models: what is true never reaches what the filter assumes, unless it is asked for."""
     scenario = loaded(MATCHED)
     own = {
         "imu": {
@@ -96,8 +96,8 @@ def test_the_truths_atmosphere_clock_and_unit_leave_the_filters_rows_and_covaria
     first, *others = [prepare_hop(truth, low_hop()) for truth in truths]
     formal = covariance(first).formal_cov
     for other in others:
-        for name in first.belief._fields:
-            np.testing.assert_array_equal(getattr(other.belief, name), getattr(first.belief, name), err_msg=name)
+        for name in first.model._fields:
+            np.testing.assert_array_equal(getattr(other.model, name), getattr(first.model, name), err_msg=name)
         np.testing.assert_array_equal(other.signals.variance, first.signals.variance)
         np.testing.assert_array_equal(other.signals.partial, first.signals.partial)
         np.testing.assert_array_equal(covariance(other).formal_cov, formal)

@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from lvnav_trade.refusals import REFUSALS
-from tests.engines.combinations import DIMENSIONS, covering, judge, refusal, scenario_of
+from tests.engines.combinations import DIMENSIONS, covering, evaluate, refusal, scenario_of
 
 FIRST = {name: next(iter(levels)) for name, levels in DIMENSIONS.items()}
 SAMPLE = [
@@ -49,12 +49,12 @@ def test_refusals_are_few_and_each_gives_a_reason():
 
 @pytest.mark.parametrize("levels", SAMPLE, ids=lambda levels: ", ".join(levels.values()))
 def test_both_engines_agree(levels):
-    verdict = judge(FIRST | levels)
+    verdict = evaluate(FIRST | levels)
     assert verdict.agrees, verdict
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(len(covering())))
 def test_every_case_agrees_or_is_refused(number):
-    verdict = judge(covering()[number])
+    verdict = evaluate(covering()[number])
     assert verdict.refused or verdict.agrees, verdict

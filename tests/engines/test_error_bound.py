@@ -1,4 +1,4 @@
-"""Bounds of the noise that a filter believes: by closed form where there is one, by rank where a state has none."""
+"""Bounds of the noise that a filter assumes: by closed form where there is one, by rank where a state has none."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from lvnav_trade.engines.lincov.components import components
 from lvnav_trade.engines.lincov.history import forward_tape
 from lvnav_trade.engines.lincov.sources import source_names
 from lvnav_trade.errors import InputError
-from lvnav_trade.scenario import beliefs
+from lvnav_trade.scenario import filter_models
 from tests.building import LOOSE, case, loaded, prepare_hop, with_fields
 
 WALKS = {
@@ -50,7 +50,7 @@ def test_a_bias_without_a_walk_breaks_it_and_is_the_weakest_direction(which, mis
 def test_the_largest_is_that_of_a_walk_that_outgrows_all_others_by_its_closed_form():
     # 1 s between updates; a bias that walks by far the most in initial sigmas: q' = density x 1 s / sigma^2
     prepared = with_walks(LOOSE, accel_bias_walk="60 mg/sqrt(h)", accel_bias="0.1 mg")
-    imu, _, _ = beliefs(prepared.scenario)
+    imu, _, _ = filter_models(prepared.scenario)
     assert bound(prepared).high == pytest.approx(imu.accel_bias_walk**2 / imu.accel_bias**2, rel=1e-2)
 
 

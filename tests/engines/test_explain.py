@@ -55,12 +55,12 @@ def test_phases_lie_between_events_and_cover_the_flight():
     assert all(phase.weakest for phase in what.phases)
 
 
-def test_a_direction_of_a_state_without_an_initial_sigma_is_told_all_the_same():
+def test_a_direction_of_a_state_without_an_initial_sigma_is_reported_all_the_same():
     prepared = found()[0]
     P = prepared.start.P.copy()
     P[-1, :] = P[:, -1] = 0.0
     known = prepared._replace(start=prepared.start._replace(P=P))
-    assert room._told(known, 0.0, np.eye(P.shape[0])[-1]).startswith("+1.00 ")
+    assert room._in_words(known, 0.0, np.eye(P.shape[0])[-1]).startswith("+1.00 ")
 
 
 def test_every_event_has_its_nonlinearity():

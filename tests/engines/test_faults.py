@@ -66,7 +66,7 @@ def test_a_frozen_output_holds_the_satellites_and_pulls_the_estimate_behind():
     history, block = covariance(prepared), run_block(prepared, 3, 0, 80)
     at = int(np.argmin(np.abs(block.t - 15.0)))
     mean = block.err[:, at, 6:9].mean(axis=0)
-    assert np.linalg.norm(mean) > 1000.0  # kilometres a second, and the filter believes what it gets
+    assert np.linalg.norm(mean) > 1000.0  # kilometres a second, and the filter assumes what it gets
     np.testing.assert_allclose(mean, history.mean[at, 6:9], rtol=0.02, atol=30.0)
 
 

@@ -147,7 +147,7 @@ FIELDS = [(card, name) for card, model in CARDS.items() for name in leaves(model
 
 @lru_cache(maxsize=2)
 def base(coupling):
-    """A scenario in which every error, belief and state is there."""
+    """A scenario in which every error, model and state is there."""
     scenario = loaded(*([LOOSE] if coupling == "loose" else []))
     gps = scenario.constellation
     galileo = loaded("base.constellation=constellations/galileo_24").constellation.model_dump(mode="json")

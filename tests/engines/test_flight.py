@@ -12,7 +12,7 @@ import pytest
 
 from lvnav_trade.engines.montecarlo import new_work, run_block
 from lvnav_trade.engines.prepare import prepare
-from lvnav_trade.scenario import beliefs
+from lvnav_trade.scenario import filter_models
 from tests.building import INERTIAL, LOOSE, ascent, case, hop, loaded, prepare_hop, with_fields
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -69,21 +69,21 @@ PERFECT_RECEIVER = {
 
 
 def perfect(*settings, lever=(0.0, 0.0, 0.0)):
-    """The scenario without any true error; what the filter believes stays as it was."""
+    """The scenario without any true error; what the filter assumes stays as it was."""
     scenario = loaded(*settings)
     imu = with_fields(scenario.imu, gyro={}, accel={})
     receiver = with_fields(scenario.receiver, lever_b=[f"{x} m" for x in lever], **PERFECT_RECEIVER)
     initial = with_fields(scenario.initial, tilt="0 rad", heading="0 rad", position="0 m", velocity="0 m/s")
     matched = case(*settings)
-    belief = {
+    model = {
         "imu": _text(matched, "imu"), "receiver": _text(matched, "receiver"), "initial": _text(matched, "initial"),
     }  # fmt: skip
-    card = with_fields(scenario.filter, **belief)
+    card = with_fields(scenario.filter, **model)
     return scenario.model_copy(update={"imu": imu, "receiver": receiver, "initial": initial, "filter": card})
 
 
 def _text(prepared, which):
-    imu, receiver, initial = beliefs(prepared.scenario)
+    imu, receiver, initial = filter_models(prepared.scenario)
     return {"imu": imu, "receiver": receiver, "initial": initial}[which].model_dump(mode="json")
 
 

@@ -16,7 +16,7 @@ RUNS = 16
 @pytest.mark.parametrize("coupling", ["loose", "tight"])
 def test_a_latency_of_300_ms_at_orbital_speed_displaces_the_estimate_by_two_kilometres(coupling):
     # Published for this vehicle class, uncompensated: 2150 to 2350 m and about 15 m/s (Cánepa and Servidia, section
-    # 6.2.1 and table 5); 0.3 s at 7.7 km/s inertial speed, less what the filter believes of its own drift, is 2300 m.
+    # 6.2.1 and table 5); 0.3 s at 7.7 km/s inertial speed, less what the filter assumes of its own drift, is 2300 m.
     case = ascent(MATCHED, LATENCY, f"base.filter=filters/{coupling}")
     runs, history = run_block(case, 5, 0, RUNS), covariance(case)
     at = int(np.argmin(np.abs(case.t_hist - case.trajectory.events["injection"])))
@@ -29,4 +29,4 @@ def test_a_latency_of_300_ms_at_orbital_speed_displaces_the_estimate_by_two_kilo
 
 def test_without_latency_the_nominal_innovations_are_nothing():
     history = covariance(ascent(MATCHED))
-    assert np.max(np.abs(history.mean[:, 6:9])) < 1e-3  # m: rounding of ranges of 2.5e7 m, absorbed 600 times
+    assert np.max(np.abs(history.mean[:, 6:9])) < 1e-3  # m: rounding of ranges of 2.5e7 m, processed 600 times

@@ -1,4 +1,4 @@
-"""Blocks of runs: the same numbers however they are cut, consistent statistics, failures told apart."""
+"""Blocks of runs: the same numbers however they are cut, consistent statistics, failures distinguished."""
 
 from __future__ import annotations
 

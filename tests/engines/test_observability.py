@@ -12,7 +12,7 @@ from lvnav_trade.frames import matrices
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.kernels.transition import ATT
 from lvnav_trade.records import Asked
-from lvnav_trade.scenario import beliefs
+from lvnav_trade.scenario import filter_models
 from tests.building import INERTIAL, LOOSE, MATCHED, ascent, case, loaded, prepare_hop
 from tests.engines.modelled import BASELINE, modelled
 
@@ -26,7 +26,7 @@ def test_without_a_measurement_nothing_is_observable():
 
 
 def test_on_the_pad_three_directions_are_unobservable_and_heading_takes_longer_than_a_minute():
-    """Three states of a stationary unit cannot be told, whatever the time (Bar-Itzhack and Berman, Control Theoretic
+    """Three states of a stationary unit are unobservable, whatever the time (Bar-Itzhack and Berman, Control Theoretic
     Approach to Inertial Navigation Systems, 1988): both tilts from level accelerometer biases, heading from the east
     gyro's. Heading itself shows as the tilt that Earth's rate turns it into: 3e-3 of it in a minute.
     """
@@ -64,7 +64,7 @@ def test_the_singular_values_say_how_far_the_filter_s_own_covariance_shrinks(set
     product of 1 + s^2: the forward filter and the stacked rows reach it by different ways.
     """
     scenario = loaded(*settings)
-    imu, receiver, initial = beliefs(scenario)
+    imu, receiver, initial = filter_models(scenario)
     quiet = dict.fromkeys(("gyro_random_walk", "accel_random_walk", "gyro_bias_walk", "accel_bias_walk"), 0.0)
     update = {
         "imu": imu.model_copy(update=quiet),
@@ -135,24 +135,24 @@ def test_rate_and_acceleration_add_six_observable_directions_to_the_baseline():
     assert ours[0].rows == 20 * (200 * 6 + 9)
 
 
-def test_a_position_bias_without_a_time_constant_cannot_be_told_from_position():
+def test_a_position_bias_without_a_time_constant_cannot_be_reported_from_position():
     # What is left are the gradient of gravity and the rounding of a position's own drift: next to nothing in 20 s.
-    told = [_apart(modelled(**{"receiver__solution__bias_time": time})) for time in ("60 s", "1e15 s")]
-    assert told[0] > 0.1
-    assert told[1] < 0.02 * told[0]
+    reported = [_apart(modelled(**{"receiver__solution__bias_time": time})) for time in ("60 s", "1e15 s")]
+    assert reported[0] > 0.1
+    assert reported[1] < 0.02 * reported[0]
 
 
 def _apart(prepared):
     """The largest singular value among directions in which a position's bias replaces the position."""
     found = observability(prepared, np.array([0.0, 20.0]))[0]
     position, bias = slice(6, 9), slice(15, 18)
-    told = [
+    reported = [
         value
         for value, d in zip(found.singular, found.directions, strict=True)
         if np.abs(d[position]).max() > 0.5 and np.abs(d[bias]).max() > 0.5 and d[position] @ d[bias] < 0.0
     ]
-    assert len(told) == 3
-    return max(told)
+    assert len(reported) == 3
+    return max(reported)
 
 
 def test_an_explanation_holds_the_windows_that_were_asked_for():

@@ -14,8 +14,8 @@ from lvnav_trade.engines.options import (
     late_of,
     solver_of,
 )
-from lvnav_trade.filters.base import ReceiverBelief
-from lvnav_trade.scenario import beliefs, epoch_interval, judged, solves
+from lvnav_trade.filters.base import ReceiverModel
+from lvnav_trade.scenario import epoch_interval, filter_models, has_covariance, solves
 from lvnav_trade.world.receiver.solutions import BancroftSolution, DirectSolution, FilteredSolution
 from tests.building import loaded, with_fields
 
@@ -38,7 +38,7 @@ def test_only_a_loose_filter_takes_the_solution_of_a_receiver_that_solves():
     assert direct(tight).position_sigma == 0.0  # nobody takes it
     assert isinstance(loaded().receiver.solution, DirectSolution)
     assert direct(loaded()) == loaded().receiver.solution
-    assert solver_of(tight, beliefs(tight)[1], 12) is None
+    assert solver_of(tight, filter_models(tight)[1], 12) is None
 
 
 def test_a_solving_receiver_works_at_its_own_rate_and_the_filter_takes_every_nth():
@@ -52,29 +52,29 @@ def test_a_solving_receiver_works_at_its_own_rate_and_the_filter_takes_every_nth
 
 def test_the_receiver_tells_its_own_covariance_unless_the_filter_has_numbers_of_its_own():
     scenario = solving({**POINT, "reported_covariance": {"kind": "own", "factor": 10.0}})
-    told = solver_of(scenario, beliefs(scenario)[1], 12).point.told
-    assert (told.own, told.correlated, told.factor) == (True, True, 10.0)
+    reported = solver_of(scenario, filter_models(scenario)[1], 12).point.reported
+    assert (reported.own, reported.correlated, reported.factor) == (True, True, 10.0)
     constant = solving(
         {**FILTERED, "reported_covariance": {"kind": "constant", "position_sigma": "3 m", "velocity_sigma": "1 m/s"}}
     )
-    told = solver_of(constant, beliefs(constant)[1], 12).filter.told
-    assert (told.own, told.position_variance, told.velocity_variance) == (False, 9.0, 1.0)
-    numbers = ReceiverBelief.model_validate({
+    reported = solver_of(constant, filter_models(constant)[1], 12).filter.reported
+    assert (reported.own, reported.position_variance, reported.velocity_variance) == (False, 9.0, 1.0)
+    numbers = ReceiverModel.model_validate({
         "pseudorange_sigma": "2 m", "range_rate_sigma": "0.1 m/s", "position_sigma": "5 m", "velocity_sigma": "0.5 m/s",
         "clock_h0": 0.0, "clock_h_minus2": 0.0,
     })  # fmt: skip
     stated = scenario.model_copy(update={"filter": scenario.filter.model_copy(update={"receiver": numbers})})
-    told = solver_of(stated, numbers, 12).point.told
-    assert (told.own, told.position_variance) == (False, 25.0)
+    reported = solver_of(stated, numbers, 12).point.reported
+    assert (reported.own, reported.position_variance) == (False, 25.0)
 
 
 def test_the_filter_of_the_receiver_steps_by_the_interval_of_its_epochs():
     scenario = solving(FILTERED)
     fast = scenario.model_copy(update={"receiver": scenario.receiver.model_copy(update={"rate": 2.0})})
-    solver = solver_of(fast, beliefs(fast)[1], 12)
+    solver = solver_of(fast, filter_models(fast)[1], 12)
     assert solver.filter.interval == 0.5
     assert np.isinf(solver.point.limits[4])
-    assert solver_of(solving(POINT), beliefs(scenario)[1], 12).filter is None
+    assert solver_of(solving(POINT), filter_models(scenario)[1], 12).filter is None
 
 
 def compensating(kind="buffered", coupling="tight", **fields):
@@ -130,5 +130,5 @@ def test_windows_know_which_epochs_state_is_kept_at_their_end():
     assert late.n_ring == 1
     assert not late.extrapolated
     assert late_of(loaded(), None, None, schedule) is None
-    assert judged(compensating("extrapolated", "loose"))
-    assert not judged(scenario)
+    assert has_covariance(compensating("extrapolated", "loose"))
+    assert not has_covariance(scenario)

@@ -27,7 +27,7 @@ SEED = 7
 
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
-    """A recording of 40 s, 2 Hz: a wandering error of metres and centimetres per second."""
+    """A recording of 40 s, 2 Hz: a drifting error of metres and centimetres per second."""
     path, draw = tmp_path_factory.mktemp("recording") / "errors.csv", np.random.default_rng(3)
     walk = np.cumsum(draw.standard_normal((80, 6)), axis=0) * np.array([0.7, 0.7, 1.5, 0.02, 0.02, 0.05])
     lines = [",".join(f"{x:.6f}" for x in (0.5 * k, *row)) for k, row in enumerate(walk - walk[0])]
@@ -41,13 +41,13 @@ def recorded_case(file, quiet=True, **fields):
     scenario = loaded(MATCHED, LOOSE)
     small = {"solution.position_sigma": "1e-6 m", "solution.velocity_sigma": "1e-6 m/s"} if quiet else {}
     receiver = with_fields(scenario.receiver, **{"solution.error_table": {**TABLE, "file": file, **fields}}, **small)
-    belief = {
+    model = {
         "position_sigma": "3 m", "velocity_sigma": "0.1 m/s", "pseudorange_sigma": "2 m", "range_rate_sigma": "0.1 m/s",
         "clock_h0": 2e-21, "clock_h_minus2": 3e-24,
     }  # fmt: skip
     own = {"tilt": "0.1 deg", "heading": "0.1 deg", "position": "3 m", "velocity": "0.1 m/s", "clock_bias": "1 m",
            "clock_drift": "1 m/s"}  # fmt: skip
-    update = {"receiver": receiver, "filter": with_fields(scenario.filter, receiver=belief, initial=own)}
+    update = {"receiver": receiver, "filter": with_fields(scenario.filter, receiver=model, initial=own)}
     if quiet:
         nothing = {"tilt": "0 deg", "heading": "0 deg", "position": "0 m", "velocity": "0 m/s"}
         update["initial"] = with_fields(scenario.initial, **nothing)
@@ -60,12 +60,12 @@ def recorded_case(file, quiet=True, **fields):
             for name, unit in zip(("random_walk", "bias_repeatability", "rate_random_walk"), units, strict=True)
         }
         noisy = {**sensors, "gyro.bias_instability": "0 deg/h", "accel.bias_instability": "0 mg"}
-        update["filter"] = with_fields(update["filter"], imu=IMU_BELIEF)
+        update["filter"] = with_fields(update["filter"], imu=IMU_MODEL)
         update["imu"] = with_fields(scenario.imu, **noisy)
     return prepare_hop(scenario.model_copy(update=update))
 
 
-IMU_BELIEF = {
+IMU_MODEL = {
     "gyro_random_walk": "0.05 deg/sqrt(h)", "accel_random_walk": "0.1 mg/sqrt(Hz)", "gyro_bias": "2 deg/h",
     "gyro_bias_walk": "1 deg/h/sqrt(h)", "accel_bias": "3 mg", "accel_bias_walk": "1 mg/sqrt(h)",
 }  # fmt: skip

@@ -21,19 +21,19 @@ from tests.engines.test_flight import scene
 
 def recorded(work, prepared, history, hist):
     """Record a run of a case without options."""
-    record(work, work.aside, None, None, None, None, history, prepared.signals.shared, prepared.belief, 0, hist)
+    record(work, work.open_loop, None, None, None, None, history, prepared.signals.shared, prepared.model, 0, hist)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_an_error_that_is_injected_computed_and_fed_back_leaves_nothing(seed):
     """Error definition: inject by the start, compute by the record, feed back by the filter, compute again: 1e-12."""
     prepared, work = scene()
-    belief, start = prepared.belief, prepared.start
+    model, start = prepared.model, prepared.start
     k0, k1 = seed_words(seed)
     q = from_errors(work, start, k0, k1, np.uint64(seed))
     work.nav[:4] = q
     at_start = prepared.record._replace(axes=np.tile(np.eye(3), (prepared.t_hist.size, 1, 1)))
-    work.P[:] = np.eye(belief.n_state)
+    work.P[:] = np.eye(model.n_state)
     work.par[:] = [[1e-6, -2e-6, 3e-6], [1e-2, -2e-2, 3e-2]]
     work.clock[:] = [300.0, -3.0]
     recorded(work, prepared, at_start, 0)
@@ -42,7 +42,7 @@ def test_an_error_that_is_injected_computed_and_fed_back_leaves_nothing(seed):
     work.x[:] = error
     work.x[:3] = C @ error[:3]  # reported in body axes, fed back in frame i
     assert np.abs(error[:9]).min() > 0.0
-    correct(work, None, belief)
+    correct(work, None, model)
     np.testing.assert_array_equal(work.x, 0.0)
     recorded(work, prepared, at_start, 0)
     left = work.err[0]
@@ -69,8 +69,8 @@ def test_of_an_open_loop_the_sum_is_recorded_and_the_inertial_system_stays_as_it
     scenario = scenario.model_copy(update={"filter": with_fields(scenario.filter, feedback="open")})
     prepared = prepare_hop(scenario)
     work = new_work(prepared, lanes=False)
-    work.nav[:], work.P[:] = prepared.start.nav, np.eye(prepared.belief.n_state)
-    x = 1e-3 * np.arange(1.0, prepared.belief.n_state + 1.0)
+    work.nav[:], work.P[:] = prepared.start.nav, np.eye(prepared.model.n_state)
+    x = 1e-3 * np.arange(1.0, prepared.model.n_state + 1.0)
     axes = np.tile(np.eye(3), (prepared.t_hist.size, 1, 1))
     history = prepared.record._replace(axes=axes)
     recorded(work, prepared, history, 0)
@@ -87,7 +87,7 @@ def test_of_an_open_loop_the_sum_is_recorded_and_the_inertial_system_stays_as_it
 
 def test_samples_are_recorded_raw_and_less_the_estimated_bias():
     prepared = modelled(BASELINE)
-    block, samples, n = run_block(prepared, 5, 0, 8), prepared.options.samples, prepared.belief.n_state
+    block, samples, n = run_block(prepared, 5, 0, 8), prepared.options.samples, prepared.model.n_state
     assert block.err.shape[2] == n + N_SAMPLE_OUTPUT
     np.testing.assert_allclose(block.sigma[:, 1:, n : n + 6], np.broadcast_to(np.sqrt(samples.raw), (8, 30, 6)))
     raw, corrected = block.err[:, 1:, n : n + 6], block.err[:, 1:, n + 6 :]
@@ -98,4 +98,4 @@ def test_samples_are_recorded_raw_and_less_the_estimated_bias():
 
 def test_a_case_without_an_attitude_reference_reports_no_samples():
     assert case(LOOSE).options.samples is None
-    assert len(case(LOOSE).outputs) == case(LOOSE).belief.n_state
+    assert len(case(LOOSE).outputs) == case(LOOSE).model.n_state

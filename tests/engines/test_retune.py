@@ -11,7 +11,7 @@ import pytest
 from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.lincov.sources import source_names
 from lvnav_trade.engines.retune import FACTORS, scaled, sensitivity
-from lvnav_trade.scenario import Scenario, beliefs
+from lvnav_trade.scenario import Scenario, filter_models
 from lvnav_trade.sources import SOURCES
 from tests.building import INERTIAL, LOOSE, MATCHED, flying, hop, loaded, prepare_hop, with_fields
 
@@ -74,8 +74,8 @@ def test_scaling_a_source_multiplies_its_own_fields_and_nothing_else(source: str
 
 
 def with_frozen_gains(scenario: Scenario) -> Scenario:
-    """Return the scenario with the filter's beliefs as numbers of its own: it does not follow the truth any more."""
-    imu, receiver, initial = beliefs(scenario)
+    """Return the scenario with the filter models as numbers of their own: they do not follow the truth any more."""
+    imu, receiver, initial = filter_models(scenario)
     update = {"imu": imu, "receiver": receiver, "initial": initial}
     return scenario.model_copy(update={"filter": scenario.filter.model_copy(update=update)})
 

@@ -141,7 +141,7 @@ def test_both_engines_agree_on_what_an_altimeter_does_bias_and_all(settings):
     assert prepared.channel_names[-1] == "altitude"
 
 
-def test_a_good_one_improves_the_height_and_a_bad_one_is_told_by_linear_covariance():
+def test_a_good_one_improves_the_height_and_a_bad_one_is_reported_by_linear_covariance():
     without = sigma_down(without_radar())
     assert sigma_down(radar(bias="0 m", sigma="0.1 m")) < 0.3 * without
     assert sigma_down(radar(bias="5 m")) > 2.0 * without
@@ -149,7 +149,7 @@ def test_a_good_one_improves_the_height_and_a_bad_one_is_told_by_linear_covarian
     assert sigma_down(unknown) == pytest.approx(without, rel=0.1)  # a filter that does not trust it
 
 
-def test_what_the_filter_believes_of_it_decides_how_it_is_weighed():
+def test_what_the_filter_assumes_of_it_decides_how_it_is_weighed():
     trusted, doubted = (
         sigma_down(radar(model={"sigma": sigma, "share": share}))
         for sigma, share in (("0.3 m", "0 percent"), ("0.3 m", "1 percent"))

@@ -1,4 +1,4 @@
-"""Lines of sight of several antennas, what ranges put into a solution, and what the filter is told."""
+"""Lines of sight of several antennas, what ranges put into a solution, and what the filter is reported."""
 
 from __future__ import annotations
 
@@ -47,10 +47,10 @@ def test_every_range_is_that_of_the_antenna_that_hears_the_satellite():
 
 def test_the_filter_knows_which_antenna_it_was():
     prepared = prepare_hop(with_patches())
-    assert prepared.belief.levers.shape == (2, 3)
+    assert prepared.model.lever_arms.shape == (2, 3)
     np.testing.assert_array_equal(prepared.signals.antenna, prepared.sky.antenna)
     loose = prepare_hop(with_patches(LOOSE))
-    assert loose.belief.levers.shape == (1, 3)
+    assert loose.model.lever_arms.shape == (1, 3)
 
 
 def test_a_common_error_of_all_ranges_is_the_clocks_and_moves_no_solution():
@@ -75,22 +75,22 @@ def test_latency_that_grows_with_satellites_makes_the_measurement_older():
     np.testing.assert_allclose(age, 0.02 + 0.005 * case(MATCHED).sky.tracked.sum(axis=1), atol=1e-9)
 
 
-def test_the_variances_of_rows_are_the_squares_of_the_believed_sigmas():
+def test_the_variances_of_rows_are_the_squares_of_the_assumed_sigmas():
     matched, own = loaded(MATCHED), loaded(MATCHED)
-    belief = {
+    model = {
         "pseudorange_sigma": "3 m", "range_rate_sigma": "0.2 m/s", "position_sigma": "5 m", "velocity_sigma": "0.4 m/s",
         "clock_h0": 2e-20, "clock_h_minus2": 3e-23,
     }  # fmt: skip
-    own = own.model_copy(update={"filter": with_fields(own.filter, receiver=belief)})
-    told, stated = prepare_hop(matched).signals.variance, prepare_hop(own).signals.variance
-    np.testing.assert_allclose(told[:, 0::2], matched.receiver.pseudorange_sigma**2)
-    np.testing.assert_allclose(told[:, 1::2], matched.receiver.range_rate_sigma**2)
+    own = own.model_copy(update={"filter": with_fields(own.filter, receiver=model)})
+    reported, stated = prepare_hop(matched).signals.variance, prepare_hop(own).signals.variance
+    np.testing.assert_allclose(reported[:, 0::2], matched.receiver.pseudorange_sigma**2)
+    np.testing.assert_allclose(reported[:, 1::2], matched.receiver.range_rate_sigma**2)
     np.testing.assert_allclose(stated[:, 0::2], 9.0)
     np.testing.assert_allclose(stated[:, 1::2], 0.04)
 
 
 @pytest.mark.parametrize("settings", [(MATCHED,), (MATCHED, LOOSE)], ids=["tight", "loose"])
-def test_noise_that_a_fault_has_grown_is_true_and_not_believed(settings):
+def test_noise_that_a_fault_has_grown_is_true_and_not_assumed(settings):
     fault = DegradedNoise(factor=5.0, start="5 s", duration="10 s")
     healthy = prepare_hop(loaded(*settings)).signals
     ill = prepare_hop(loaded(*settings).model_copy(update={"faults": (fault,)})).signals

@@ -65,10 +65,10 @@ def test_runs_lie_within_the_interval_of_the_true_sigma_and_about_its_mean(solut
 
 
 @each
-def test_the_filter_believes_in_the_runs_what_it_believes_on_the_nominal_flight(solution, coupling, compensation):
+def test_the_filter_assumes_in_the_runs_what_it_assumes_on_the_nominal_flight(solution, coupling, compensation):
     _, history, runs = flown(solution, coupling, compensation)
-    believed = np.sqrt(np.mean(runs.sigma[:, 5:, :9] ** 2, axis=0))
-    np.testing.assert_allclose(believed, history.formal[5:, :9], rtol=2e-3)
+    assumed = np.sqrt(np.mean(runs.sigma[:, 5:, :9] ** 2, axis=0))
+    np.testing.assert_allclose(assumed, history.formal[5:, :9], rtol=2e-3)
     with np.errstate(invalid="ignore"):
         nis = runs.nis.mean(axis=0) / np.maximum(1, history.n_row)
     expected = history.expected_nis / np.maximum(1, history.n_row)
@@ -104,5 +104,5 @@ def test_a_simulated_solution_has_no_memory_and_its_axes_their_own_noise():
     chain = simulated(case.signals)
     assert not chain.move.any()
     np.testing.assert_array_equal(chain.white[3], -np.eye(6))
-    np.testing.assert_allclose(chain.told[3], np.diag([2.2**2] * 3 + [0.11**2] * 3))
+    np.testing.assert_allclose(chain.reported[3], np.diag([2.2**2] * 3 + [0.11**2] * 3))
     assert chain.kind.min() > RANGE

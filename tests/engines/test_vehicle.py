@@ -65,15 +65,15 @@ def test_other_filters_have_no_such_settings_and_the_baseline_has_no_steps():
 
 
 @pytest.mark.parametrize(
-    ("fields", "told"),
+    ("fields", "reported"),
     [
         ({"sensors": {}}, "filter.measurements: no sensor of the scenario measures attitude"),
         ({"imu.accel.quantisation": "1 mm/s"}, "imu: quantisation correlates a sample with the next one"),
     ],
 )
-def test_a_scenario_that_the_filter_does_not_know_is_refused(fields, told):
+def test_a_scenario_that_the_filter_does_not_know_is_refused(fields, reported):
     scenario = loaded(*SETTINGS, "base.imu=imu/kvh1750_003", "base.filter=filters/vehicle_model_003")
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=reported):
         with_fields(scenario, **fields)
 
 
@@ -86,7 +86,7 @@ START = {"start_rate", "start_acceleration"}
 
 
 def steps(card):
-    """Return what a filter with this envelope believes around a cut-off while it turns and moves its nozzle."""
+    """Return what a filter with this envelope assumes around a cut-off while it turns and moves its nozzle."""
     t = np.arange(0.0, 20.0, 0.005)
     turn, nozzle = (np.column_stack([scale * np.sin(t), scale * np.cos(t)]) for scale in (0.1, 0.02))
     return np.hstack(envelopes(card, t, t < 10.0, np.array([10.0]), turn, nozzle))
@@ -97,7 +97,7 @@ def test_another_value_is_known_for_every_field():
 
 
 @pytest.mark.parametrize("name", sorted(set(OTHER) - START))
-def test_a_field_of_the_envelope_changes_what_the_filter_believes(name):
+def test_a_field_of_the_envelope_changes_what_the_filter_assumes(name):
     assert not np.array_equal(steps(EnvelopeCard()), steps(EnvelopeCard().model_copy(update={name: OTHER[name]})))
 
 
@@ -107,7 +107,7 @@ def test_a_field_of_the_envelope_changes_what_the_filter_believes(name):
      {"filter__sensor_models": {"attitude": {"sigma": "3 deg"}}}],
     ids=["start_rate", "start_acceleration", "reference"],
 )  # fmt: skip
-def test_the_start_and_the_attitude_reference_that_are_believed_change_a_run(fields):
+def test_the_start_and_the_attitude_reference_that_are_assumed_change_a_run(fields):
     scenario = loaded(*SETTINGS, "base.imu=imu/kvh1750_003_published", "base.filter=filters/vehicle_model_003")
     changed = with_fields(scenario, **{name.replace("__", "."): value for name, value in fields.items()})
     one, two = (run_block(prepare_hop(s, named()), 1, 0, 8).sigma for s in (scenario, changed))

@@ -25,7 +25,7 @@ def test_feedback_adds_the_error_to_the_estimate():
     work, x = work_of(prepared), np.arange(1.0, 18.0) * 1e-4
     work.x[:] = x
     before = work.nav.copy()
-    correct(work, None, prepared.belief)
+    correct(work, None, prepared.model)
     np.testing.assert_allclose(small_rotation(*work.nav[Q : Q + 4], *before[Q : Q + 4]), x[ATT : ATT + 3], atol=1e-15)
     np.testing.assert_allclose(work.nav[V : V + 3] - before[V : V + 3], x[VEL : VEL + 3], atol=1e-12)
     np.testing.assert_allclose(work.nav[R : R + 3] - before[R : R + 3], x[POS : POS + 3], atol=2e-9)
@@ -43,7 +43,7 @@ def test_the_antenna_swings_with_the_rate_of_the_last_tick():
     prepared = prepare_hop(scenario.model_copy(update={"receiver": receiver}))
     work = work_of(prepared)
     work.previous[:3] = 0.005 * np.array([0.1, -0.2, 0.3])
-    place_antenna(work, None, prepared.belief, 0.005, 0)
+    place_antenna(work, None, prepared.model, 0.005, 0)
     C = np.reshape(np.array(matrix(*work.nav[Q : Q + 4])), (3, 3))
     lever = np.array([1.0, 2.0, -1.0])
     np.testing.assert_allclose(work.antenna[0, :3], work.nav[R : R + 3] + C @ lever, rtol=1e-14)
@@ -61,18 +61,18 @@ def test_an_epoch_starts_with_no_rows_and_no_innovations():
     assert np.isnan(work.innovation[2]).all()
 
 
-def test_a_clock_estimate_runs_on_by_its_drift_and_a_gauss_markov_estimate_fades():
+def test_a_clock_estimate_runs_on_by_its_drift_and_a_gauss_markov_estimate_decays():
     scenario = loaded()
-    belief = {
+    model = {
         "gyro_random_walk": "0.03 deg/sqrt(h)", "accel_random_walk": "50 ug/sqrt(Hz)", "gyro_bias": "1 deg/h",
         "gyro_bias_time": "2 s", "accel_bias": "2 mg",
     }  # fmt: skip
-    prepared = prepare_hop(scenario.model_copy(update={"filter": with_fields(scenario.filter, imu=belief)}))
+    prepared = prepare_hop(scenario.model_copy(update={"filter": with_fields(scenario.filter, imu=model)}))
     work = work_of(prepared)
     work.clock_hat[:], work.par[:] = [100.0, -3.0], 1.0
     length = int(np.argmax(prepared.lengths))
     seconds = prepared.lengths[length]
-    predict_window(work, prepared.belief, length)
+    predict_window(work, prepared.model, length)
     np.testing.assert_allclose(work.clock_hat, [100.0 - 3.0 * seconds, -3.0], rtol=1e-15)
     np.testing.assert_allclose(work.par[0], np.exp(-seconds / 2.0), rtol=1e-14)
     np.testing.assert_array_equal(work.par[1], 1.0)

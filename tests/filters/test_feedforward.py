@@ -113,12 +113,12 @@ def story(*, fault=None, **changed):
     """Return the first run's changes as (t, after, reason), all runs having the same, and the block."""
     prepared = flown(LOOSE, faults=[dict(fault)] if fault else [], **OPEN, logic={**LOGIC, **changed})
     block = run_block(prepared, 3, 0, 16)
-    told = [
+    reported = [
         [(t, MODES[int(after)], REASONS[int(why)]) for run, t, _, after, why in block.changes if run == k]
         for k in range(16)
     ]
-    assert all(one == told[0] for one in told)
-    return told[0], block
+    assert all(one == reported[0] for one in reported)
+    return reported[0], block
 
 
 def fault(kind, start=12, duration=3, **more):
@@ -136,7 +136,7 @@ def test_undisturbed_it_starts_converges_and_aids():
 
 
 @pytest.mark.parametrize("kind", ["invalid_output", "frozen_output"])
-def test_flags_and_stale_samples_are_left_out_and_without_the_rule_believed(kind):
+def test_flags_and_stale_samples_are_left_out_and_without_the_rule_assumed(kind):
     changes, block = story(fault=fault(kind), wild_position=None, wild_velocity=None)
     assert changes[2:] == [(12.0, "predicting", "data lost"), (15.0, "aiding", "data again")]
     assert np.all(block.n_row[:, 11:14] == 0)
@@ -145,7 +145,7 @@ def test_flags_and_stale_samples_are_left_out_and_without_the_rule_believed(kind
     assert np.all(block.n_row[:, 11:14] == 6)
 
 
-def test_bad_geometry_is_left_out_and_without_the_rule_believed():
+def test_bad_geometry_is_left_out_and_without_the_rule_assumed():
     """Four satellites that are the highest: a greater dilution of precision than with all."""
     few = fault("satellite_outage", keep=4)
     assert story(fault=few, pdop_below=2.0)[0][2:] == [
@@ -163,9 +163,9 @@ def test_wild_samples_are_left_out_and_without_the_rule_ruin_the_estimate():
     changes, block = story(fault=wild)
     assert changes == NORMAL
     assert np.all(block.n_row[:, 11:14] == 0)
-    believed = story(fault=wild, wild_position=None, wild_velocity=None)[1]
+    accepted = story(fault=wild, wild_position=None, wild_velocity=None)[1]
     at = int(np.argmin(np.abs(block.t - 14.0)))
-    size = [np.abs(b.err[:, at, 6:9]).max() for b in (block, believed)]
+    size = [np.abs(b.err[:, at, 6:9]).max() for b in (block, accepted)]
     assert size[0] < 10.0 < 100.0 < size[1]
 
 
@@ -210,13 +210,13 @@ def test_intermittent_loss_is_bridged():
 def test_started_from_the_receiver_a_bad_start_is_forgotten_at_once():
     """A position known to 10 km at the start, which the filter's own card takes for 1 m."""
     bad = {"position": "10 km", "velocity": "30 m/s"}
-    belief = {
+    model = {
         "tilt": "0.1 deg", "heading": "0.05 deg", "position": "1 m", "velocity": "0.01 m/s", "clock_bias": "1 m",
         "clock_drift": "1 m/s",
     }  # fmt: skip
     for feedback in ("open", "closed"):
         scenario = flown(LOOSE, initial=bad, init="from_gnss", feedback=feedback).scenario
-        card = with_fields(scenario.filter, initial=belief)
+        card = with_fields(scenario.filter, initial=model)
         known = prepare_hop(scenario.model_copy(update={"filter": card}))
         trusted = prepare_hop(scenario.model_copy(update={"filter": with_fields(card, init="from_card")}))
         good, poor = errors(known, 16), errors(trusted, 16)
@@ -225,16 +225,16 @@ def test_started_from_the_receiver_a_bad_start_is_forgotten_at_once():
         assert np.abs(poor[:, at, 6:9]).max() > 1000.0
 
 
-def test_a_tight_filter_judges_ranges_and_bridges_a_loss():
-    """Ranges of every satellite are judged: a wild one leaves the epoch's sample out; a loss is predicted through."""
+def test_a_tight_filter_checks_ranges_and_bridges_a_loss():
+    """Ranges of every satellite are checked: a wild one leaves the epoch's sample out; a loss is predicted through."""
     loss = fault("satellite_outage", duration=3)
     prepared = flown(TIGHT, faults=[dict(loss)], **OPEN, logic=LOGIC)
     block, alone = run_block(prepared, 3, 0, 8), run_block(prepared, 3, 5, 1, lanes=False)
-    told = [
+    reported = [
         [(t, MODES[int(after)], REASONS[int(why)]) for run, t, _, after, why in block.changes if run == k]
         for k in range(8)
     ]
-    assert told == [[*NORMAL, (12.0, "predicting", "data lost"), (15.0, "aiding", "data again")]] * 8
+    assert reported == [[*NORMAL, (12.0, "predicting", "data lost"), (15.0, "aiding", "data again")]] * 8
     assert np.all(block.n_row[:, [0, 1, 11, 12, 13]] == 0)
     np.testing.assert_array_equal(block.n_row[:, 4], 2 * prepared.signals.n_used[4])
     np.testing.assert_allclose(alone.err[0], block.err[5], rtol=1e-7, atol=1e-9)
@@ -260,7 +260,7 @@ def test_of_late_measurements_open_and_closed_loop_make_the_same_and_one_run_is_
 
 def test_what_is_asked_of_the_logic_must_make_sense():
     tight, loose = loaded(TIGHT), loaded(LOOSE)
-    for scenario, fields, told in (
+    for scenario, fields, reported in (
         (tight, {"init": "from_gnss"}, "filter.init: a start from GNSS takes position and velocity"),
         (loaded(INERTIAL), {"logic": {}}, "filter.logic: a mode logic checks what the receiver measures"),
         (loose, {"logic": {"correct_after": "10 s"}}, "needs feedback: open"),
@@ -268,6 +268,6 @@ def test_what_is_asked_of_the_logic_must_make_sense():
         (loose, {"logic": {"wild_position": "0 m"}}, "greater than 0"),
         (loose, {"logic": {"restart_after": ["boredom"]}}, "data_loss"),
     ):
-        with pytest.raises(ValueError, match=told):
+        with pytest.raises(ValueError, match=reported):
             with_fields(scenario, **{f"filter.{name}": value for name, value in fields.items()})
     assert with_fields(tight, **{"filter.logic": {}}).filter.logic is not None

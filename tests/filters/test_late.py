@@ -85,25 +85,25 @@ def test_a_solution_carried_on_is_an_euler_step_with_the_covariance_of_equation_
     kept, last = past
     kept[NAV + V : NAV + V + 3], kept[EARLY : EARLY + 3] = V_I, V_I - 0.1 * slope
     last[:3], last[KNOWN] = before, 1.0
-    z, told = np.zeros(6), base.copy()
-    carry_on(z, told, past, P, late(jitter=1e-6, acceleration=0.04), 0)
+    z, reported = np.zeros(6), base.copy()
+    carry_on(z, reported, past, P, late(jitter=1e-6, acceleration=0.04), 0)
     moves = np.concatenate([V_I, slope])
     np.testing.assert_allclose(z, 0.3 * moves, rtol=1e-10)
     left = 0.5 * 0.3**2 * np.concatenate([slope, slope - before])
     expected = base + 1e-6 * np.outer(moves, moves) + np.outer(left, left)
     expected[:3, :3] += 0.09 * P[VEL : VEL + 3, VEL : VEL + 3]
     expected[3:, 3:] += 0.09 * 0.04 * np.eye(3)
-    np.testing.assert_allclose(told, expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(reported, expected, rtol=1e-9, atol=1e-9)
     np.testing.assert_allclose(last[:3], slope, rtol=1e-10)
 
 
 def test_the_first_epoch_knows_no_change_of_the_acceleration():
     past = np.zeros((2, N_PAST))
     past[0, NAV + V : NAV + V + 3], past[0, EARLY : EARLY + 3] = V_I, V_I - 3.0
-    told = np.zeros((6, 6))
-    carry_on(np.zeros(6), told, past, np.zeros((9, 9)), late(), 0)
-    assert not told[3:, :].any()
-    assert told[0, 0] == pytest.approx((0.5 * 0.09 * 30.0) ** 2)
+    reported = np.zeros((6, 6))
+    carry_on(np.zeros(6), reported, past, np.zeros((9, 9)), late(), 0)
+    assert not reported[3:, :].any()
+    assert reported[0, 0] == pytest.approx((0.5 * 0.09 * 30.0) ** 2)
     assert past[1, KNOWN] == 1.0
 
 

@@ -20,13 +20,13 @@ from lvnav_trade.filters.monitor import (
     Rules,
     Watch,
     begin_watch,
+    check_measurements,
     gate_of,
     is_correcting,
     is_running,
-    judge,
     new_watch,
-    settle,
     start_filter,
+    update_mode,
 )
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import WIDTH, like, view
@@ -35,12 +35,12 @@ from lvnav_trade.records import AIDING, CONVERGING, MODES, PREDICTING, REASONS, 
 
 N_EPOCH, N = 60, 9
 # As much of the filter and of the measurements as says which channel a row is of.
-Belief = namedtuple("Belief", "tight measured")
+FilterModel = namedtuple("FilterModel", "tight measured")
 Signals = namedtuple("Signals", "used")
 P0 = np.diag([1e-6] * 3 + [4.0] * 3 + [100.0] * 3)
 SIGMA = 5.0
 VARIANCE = np.array([SIGMA**2] * 3 + [0.01] * 3)
-LOOSE, NO_RANGES = Belief(False, np.ones(6, dtype=bool)), Signals(np.zeros((N_EPOCH, 0), dtype=np.int64))
+LOOSE, NO_RANGES = FilterModel(False, np.ones(6, dtype=bool)), Signals(np.zeros((N_EPOCH, 0), dtype=np.int64))
 
 
 def rules(**changed):
@@ -61,18 +61,18 @@ def rules(**changed):
 
 
 @jit
-def epoch_of(watch, rules, belief, signals, epoch, P, x, z, grown, variance):
-    """One epoch as the filter goes through it; absorbing is left out: the error state stays, the covariance is told."""
+def epoch_of(watch, rules, model, signals, epoch, P, x, z, grown, variance):
+    """One epoch as the filter goes through it; without an update: the error state stays, the covariance is given."""
     for i in range(P.shape[0]):
         P[i, i] = P[i, i] + grown
     for row in range(6):
         watch.predicted[row] = x[6 + row] if row < 3 else x[row]
-    judge(watch, rules, belief, signals, epoch, z, 6)
+    check_measurements(watch, rules, model, signals, epoch, z, 6)
     if rules.good[epoch]:
         for row in range(6):
             watch.predicted[row] = variance[row]
         start_filter(P, x, watch, rules, z)
-    settle(watch, rules, epoch, P)
+    update_mode(watch, rules, epoch, P)
 
 
 def run(settings, z=None, broken=()):
@@ -194,7 +194,7 @@ def test_one_wild_axis_is_enough(row):
     assert run(rules(), z)[1][20]
 
 
-def test_without_a_limit_a_wild_sample_is_believed():
+def test_without_a_limit_a_wild_sample_is_assumed():
     assert run(rules(limits=np.full(6, np.inf)), wild((20, 23)))[1][4:].all()
 
 
@@ -220,7 +220,7 @@ def test_a_covariance_error_that_persists_stops_it_whatever_its_kind():
 def test_a_start_sets_error_state_and_covariance_and_from_gnss_takes_the_sample():
     z = np.tile([3.0, -2.0, 1.0, 0.1, 0.2, 0.3], (N_EPOCH, 1))
     _, used, P, x = run(rules(), z)
-    np.testing.assert_array_equal(x, 0.0)  # nothing is absorbed in this test
+    np.testing.assert_array_equal(x, 0.0)  # nothing is processed in this test
     assert used[4]
     _, used, P, x = run(rules(from_gnss=True), z)
     assert not used[4]  # the sample is not used twice
@@ -232,29 +232,29 @@ def test_a_start_sets_error_state_and_covariance_and_from_gnss_takes_the_sample(
 
 
 @jit
-def judged(watch, rules, belief, signals, epoch, z, n_row):
-    judge(watch, rules, belief, signals, epoch, z, n_row)
+def has_covariance(watch, rules, model, signals, epoch, z, n_row):
+    check_measurements(watch, rules, model, signals, epoch, z, n_row)
 
 
-def test_ranges_are_judged_by_the_channels_of_their_satellites():
+def test_ranges_are_checked_by_the_channels_of_their_satellites():
     """Three satellites, two in use, another order in the second epoch: each row has the limit of its own channel and is
     compared with that channel's sample before; a channel that the filter does not process is not looked at.
     """
     taken = np.ones(6, dtype=bool)
     taken[5] = False  # the range rate of the third satellite
-    belief, signals = Belief(True, taken), Signals(np.array([[0, 2, 0], [2, 0, 0], [0, 1, 0]]))
+    model, signals = FilterModel(True, taken), Signals(np.array([[0, 2, 0], [2, 0, 0], [0, 1, 0]]))
     limits = np.array([10.0, 1.0, 10.0, 1.0, 10.0, 1.0])
     settings, watch = rules(limits=limits, start_after=2.0), new_watch(3, 6, 6)
     begin_watch(watch)
     samples = [[100.0, 5.0, 300.0, 7.0], [301.0, 99.0, 101.0, 5.5], [102.0, 5.0, 50.0, 2.0]]
     for epoch, values in enumerate(samples):
         z = np.array([*values, 0.0, 0.0])
-        judged(watch, settings, belief, signals, epoch, z, 4)
+        has_covariance(watch, settings, model, signals, epoch, z, 4)
         assert watch.state[COUNT] == epoch + 1.0
         assert watch.sample[1] == (1.0 if epoch else 0.0)
     np.testing.assert_array_equal(watch.before, [102.0, 5.0, 50.0, 2.0, 301.0, np.nan])
     apart = np.array([113.0, 5.0, 50.0, 2.0, 0.0, 0.0])
-    judged(watch, settings, belief, signals, 2, apart, 4)
+    has_covariance(watch, settings, model, signals, 2, apart, 4)
     assert watch.state[COUNT] == 1.0
 
 
@@ -268,7 +268,7 @@ def test_it_runs_and_corrects_in_the_modes_that_are_named_so():
 
 
 @jit
-def eight(w, rules, belief, signals, P, x, z, gates, variance):
+def eight(w, rules, model, signals, P, x, z, gates, variance):
     watch = Watch(
         view(w.state), view(w.before), view(w.predicted), view(w.sample), view(w.mode), view(w.reason)
     )  # fmt: skip
@@ -278,13 +278,13 @@ def eight(w, rules, belief, signals, P, x, z, gates, variance):
         sample = zv[epoch]
         for row in range(6):
             watch.predicted[row] = xv[6 + row] if row < 3 else xv[row]
-        judge(watch, rules, belief, signals, epoch, sample, 6)
+        check_measurements(watch, rules, model, signals, epoch, sample, 6)
         if rules.good[epoch]:
             for row in range(6):
                 watch.predicted[row] = like(xv[0], variance[row])
             start_filter(Pv, xv, watch, rules, sample)
         gv[epoch] = gate_of(watch, np.inf)
-        settle(watch, rules, epoch, Pv)
+        update_mode(watch, rules, epoch, Pv)
 
 
 def test_eight_runs_go_their_own_ways():

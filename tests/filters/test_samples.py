@@ -54,7 +54,7 @@ def test_the_filters_sigma_of_rate_and_acceleration_is_the_steady_closed_form(ru
 
 def test_the_errors_are_as_large_as_the_gain_makes_the_samples_noise(runs):
     # The true rate hardly changes: through the gain K the noise alone leaves K / (2 - K) of its variance, and the error
-    # lies below the filter's sigma, which has the wandering in it. 64 runs at 15 times, 1 s apart: 4 sigma are 9 %.
+    # lies below the filter's sigma, which has the drifting in it. 64 runs at 15 times, 1 s apart: 4 sigma are 9 %.
     prepared = modelled()
     noise = math.sqrt(prepared.options.vehicle.variance[0])
     K = steady_ratio((0.002 / 200.0) ** 2, noise**2)

@@ -14,7 +14,7 @@ T = np.arange(-20.0, 200.0, 1.0)
 
 
 def table():
-    """Gains that settle, jump at the cut-off, and drift from the ignition on."""
+    """Gains that ends, jump at the cut-off, and drift from the ignition on."""
     level = 0.1 + 0.9 * np.exp(-(T + 20.0) / 8.0)
     level[T >= 100.0] = 0.05
     level[T >= 130.0] = 0.05 + 0.001 * (T[T >= 130.0] - 130.0)
@@ -59,7 +59,7 @@ def test_it_is_read_again_from_its_own_text_and_one_changed_number_is_refused():
         GainSchedule.model_validate(text)
 
 
-def test_a_flight_without_the_event_is_told_so():
+def test_a_flight_without_the_event_is_reported_so():
     with pytest.raises(ValueError, match="needs the event 'ignition'"):
         gains_at(made(), T, {"liftoff": 0.0, "cutoff": 100.0})
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.kernels.covariance import absorb, normalised_square, predict
+from lvnav_trade.kernels.covariance import normalised_square, predict, update_scalar
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import WIDTH, view
 
@@ -91,7 +91,7 @@ def row(seed=3):
 
 def take(P, x, h, innovation, variance=0.7, gate_squared=np.inf, n_estimated=N, joseph=False):
     K = np.empty(N)
-    return absorb(P, x, K, h, H_ENTRIES, H_COLUMNS, innovation, variance, gate_squared, n_estimated, joseph)
+    return update_scalar(P, x, K, h, H_ENTRIES, H_COLUMNS, innovation, variance, gate_squared, n_estimated, joseph)
 
 
 @pytest.mark.parametrize("joseph", [False, True])
@@ -176,9 +176,9 @@ def test_an_innovation_that_is_not_a_number_is_rejected_by_any_gate():
 
 
 @jit
-def absorb_lanes(P, x, K, h, entries, columns, z, variance, gate_squared, n_estimated, joseph, out):
+def update_lanes(P, x, K, h, entries, columns, z, variance, gate_squared, n_estimated, joseph, out):
     o, zv = view(out), view(z)
-    o[0], o[1] = absorb(
+    o[0], o[1] = update_scalar(
         view(P), view(x), view(K), view(h), entries, columns, zv[0], variance, gate_squared, n_estimated, joseph
     )
 
@@ -190,7 +190,7 @@ def test_lanes_may_differ_in_what_their_gates_decide(joseph):
     z = np.array([[0.1, 50.0, -0.2, 0.3, -80.0, np.nan, 1.0, 0.0]])
     together, x, out = P.copy(), np.zeros((N, WIDTH)), np.empty((2, WIDTH))
     K = np.empty((N, WIDTH))
-    absorb_lanes(together, x, K, h, H_ENTRIES, H_COLUMNS, z, 0.7, 9.0, N_ESTIMATED, joseph, out)
+    update_lanes(together, x, K, h, H_ENTRIES, H_COLUMNS, z, 0.7, 9.0, N_ESTIMATED, joseph, out)
     assert list(out[1] > 0.0) == [True, False, True, True, False, False, True, True]
     for s in range(WIDTH):
         alone, x_alone = P[..., s].copy(), np.zeros(N)

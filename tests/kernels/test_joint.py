@@ -7,7 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from lvnav_trade.kernels.covariance import absorb, predict
+from lvnav_trade.kernels.covariance import predict, update_scalar
 from lvnav_trade.kernels.jit import making_arrays
 from lvnav_trade.kernels.joint import apply_phi, apply_phi_transposed, update_covariance, update_vector
 
@@ -59,11 +59,11 @@ def test_the_true_update_is_josephs_form_for_any_gain():
 
 @making_arrays
 def take_rows(formal, sources, h, entries, columns, variance, true_variance, noise_source, n_estimated):
-    """Absorb rows in the formal covariance, and with their gains in every source; `sources` (n_source, n, n)."""
+    """Process rows in the formal covariance, and with their gains in every source; `sources` (n_source, n, n)."""
     n = formal.shape[0]
     K, x, gain, work = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
     for row in range(h.shape[0]):
-        _, weight = absorb(formal, x, K, h[row], entries, columns[row], 0.0, variance, np.inf, n_estimated, True)
+        _, weight = update_scalar(formal, x, K, h[row], entries, columns[row], 0.0, variance, np.inf, n_estimated, True)
         for i in range(n):
             gain[i] = K[i] * weight if i < n_estimated else 0.0
         for s in range(sources.shape[0]):
@@ -81,23 +81,23 @@ def advance(P, blocks, rows, columns, noise, clock, seconds, n_step):
 
 
 def test_a_random_walk_that_the_filter_takes_for_a_constant_grows_as_in_odtbx_case_1():
-    """Exercised: absorb, predict, update_covariance by source (start, measurement noise, process noise)."""
+    """Exercised: process, predict, update_covariance by source (start, measurement noise, process noise)."""
     n, no_blocks = 9, np.zeros((0, 9))
     formal, sources = np.zeros((n, n)), np.zeros((3, n, n))
     formal[0, 0] = sources[0, 0, 0] = 10.0
     walk = np.zeros(n)
     walk[0] = 1.0
     h, entries, columns = np.ones((1, 10)), np.array([0]), np.array([[0]])
-    truth, believed = [], []
+    truth, accepted = [], []
     for epoch in range(5):
         if epoch:
             advance(sources[2], no_blocks, NONE, NONE, walk, -1, 1.0, 1)
         take_rows(formal, sources, h, entries, columns, 1.0, 1.0, 1, n)
         truth.append(sources[:, 0, 0].sum())
-        believed.append(formal[0, 0])
+        accepted.append(formal[0, 0])
     # half a unit of the sixth printed digit
     np.testing.assert_allclose(truth, [0.909091, 0.750567, 0.907388, 1.149911, 1.427912], rtol=0, atol=5.1e-7)
-    np.testing.assert_allclose(believed, [0.909091, 0.476190, 0.322581, 0.243902, 0.196078], rtol=0, atol=5.1e-7)
+    np.testing.assert_allclose(accepted, [0.909091, 0.476190, 0.322581, 0.243902, 0.196078], rtol=0, atol=5.1e-7)
     np.testing.assert_allclose(sources[:, 0, 0], [0.003845, 0.192234, 1.231834], rtol=0, atol=5.1e-7)
 
 
@@ -170,7 +170,7 @@ def test_a_bias_that_the_filter_ignores_grows_as_in_odtbx_case_2():
 
 
 def test_a_bias_that_the_filter_considers_behaves_as_in_odtbx_case_3():
-    """Exercised: as case 2, with bias and rate as considered (Schmidt) states of `absorb`."""
+    """Exercised: as case 2, with bias and rate as considered (Schmidt) states of `update_scalar`."""
     start = np.array([0.0] * 3 + [2.0] * 8)
     noise = np.array([0.0] * 3 + [1e-2] * 3 + [0.0] * 4 + [1e-2])
     formal, true = three_axis_case(BIAS, start, noise)

@@ -1,7 +1,7 @@
 """A one-dimensional INS/GNSS toy: true covariance by source against 40 000 runs, and what a dropped mismatch costs.
 
-Boost, coast, boost over 300 s. The filter neglects the scale factor and the bias of the fixes, and believes that the
-bias of the accelerometer fades with 10 000 s where it does with 50 s.
+Boost, coast, boost over 300 s. The filter neglects the scale factor and the bias of the fixes, and assumes that the
+bias of the accelerometer decays with 10 000 s where it does with 50 s.
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from lvnav_trade.kernels.covariance import absorb, predict
+from lvnav_trade.kernels.covariance import predict, update_scalar
 from lvnav_trade.kernels.groups import GROUP
 from lvnav_trade.kernels.transition import POS, VEL
 from tests.engines.lincov.small import of_lanes, propagate, small, update
 
 RUNS, DT, N, BIAS = 40_000, 1.0, 12, 9
 FORCE = np.where((np.arange(300) < 100) | (np.arange(300) >= 200), 30.0, 0.0)  # m/s^2
-SIGMA_BIAS, TRUE_TIME, BELIEVED_TIME = 5e-3, 50.0, 1e4
+SIGMA_BIAS, TRUE_TIME, MODEL_TIME = 5e-3, 50.0, 1e4
 SCALE, WALK, FIX, FIX_BIAS, START_VEL, START_POS = 1e-3, 2e-3, 3.0, 2.0, 0.1, 5.0
 ROWS, COLUMNS = np.array([POS, VEL, POS]), np.array([VEL, BIAS, VEL])
 BLOCKS = np.array([scale * np.eye(3).ravel() for scale in (0.5 * DT, -DT, 0.5 * DT)])
-FADE, FADE_HAT = np.exp(-DT / TRUE_TIME), np.exp(-DT / BELIEVED_TIME)
-WANDER = SIGMA_BIAS**2 * (1.0 - FADE**2)
+DECAY, DECAY_HAT = np.exp(-DT / TRUE_TIME), np.exp(-DT / MODEL_TIME)
+DRIFT = SIGMA_BIAS**2 * (1.0 - DECAY**2)
 ENTRIES, STATES = np.array([0]), np.array([POS])
 SOURCES = ("bias", "scale factor", "velocity random walk", "fix bias", "fix noise", "start")
 BIASED, SCALED, WALKED, FIXED, NOISY, STARTED = range(len(SOURCES))
@@ -35,7 +35,7 @@ X = np.array([VEL, POS, BIAS])  # the states of the one axis that counts
 
 
 def noise_of(bias, walk):
-    """Noise of each state over a window; the filter's bias is held at its believed sigma."""
+    """Noise of each state over a window; the filter's bias is held at its assumed sigma."""
     noise = np.zeros(N)
     noise[VEL : VEL + 3], noise[BIAS : BIAS + 3] = walk**2 * DT, bias
     return noise
@@ -52,30 +52,35 @@ def gains():
     """The filter's own pass: gains (300, N) and formal variances (300, N)."""
     P, K, x = start(), np.zeros(N), np.zeros(N)
     decay = np.ones(N)
-    decay[BIAS:] = FADE_HAT
-    noise = noise_of(2.0 * SIGMA_BIAS**2 * np.tanh(DT / BELIEVED_TIME), WALK)
+    decay[BIAS:] = DECAY_HAT
+    noise = noise_of(2.0 * SIGMA_BIAS**2 * np.tanh(DT / MODEL_TIME), WALK)
     found, formal = [], []
     for _ in FORCE:
         predict(P, BLOCKS, ROWS, COLUMNS, decay, noise, -1, DT)
-        _, weight = absorb(P, x, K, np.ones(1), ENTRIES, STATES, 0.0, FIX**2, np.inf, N, False)
+        _, weight = update_scalar(P, x, K, np.ones(1), ENTRIES, STATES, 0.0, FIX**2, np.inf, N, False)
         found.append(K * weight)
         formal.append(np.diag(P).copy())
     return np.array(found), np.array(formal)
 
 
 def linear(gain, mismatch=True):
-    """True variances by source, (300, n_source, N), through the joint recursion; without the bias' mismatch if told."""
+    """True variances by source, (300, n_source, N), through the joint recursion; if asked without the mismatch."""
     n_source = len(SOURCES)
-    P, variance, fade, noise = np.zeros((n_source, N, N)), np.zeros(n_source), np.ones(n_source), np.zeros(n_source)
+    P, variance, factors, noise = (
+        np.zeros((n_source, N, N)),
+        np.zeros(n_source),
+        np.ones(n_source),
+        np.zeros(n_source),
+    )
     P[BIASED, BIAS, BIAS] = SIGMA_BIAS**2
     P[STARTED, VEL, VEL], P[STARTED, POS, POS] = START_VEL**2, START_POS**2
     variance[[BIASED, SCALED, FIXED]] = SIGMA_BIAS**2, SCALE**2, FIX_BIAS**2
-    fade[BIASED], noise[BIASED] = FADE if mismatch else FADE_HAT, WANDER
+    factors[BIASED], noise[BIASED] = DECAY if mismatch else DECAY_HAT, DRIFT
     decay, white, number = np.ones(N), np.zeros((n_source, N)), np.array
-    decay[BIAS:], white[WALKED, VEL] = FADE_HAT, WALK**2 * DT
-    joint, scratch, true, belief = small(
-        P, variance, fade=fade, noise=noise, decay=decay, white=white, blocks=BLOCKS, rows=ROWS, columns=COLUMNS,
-        seconds=DT, state_source=number([BIASED]), state_slot=number([0]), state_at=number([BIAS]),
+    decay[BIAS:], white[WALKED, VEL] = DECAY_HAT, WALK**2 * DT
+    joint, scratch, true, model = small(
+        P, variance, factor=factors, noise=noise, decay=decay, white=white, blocks=BLOCKS, rows=ROWS,
+        columns=COLUMNS, seconds=DT, state_source=number([BIASED]), state_slot=number([0]), state_at=number([BIAS]),
         shared_source=number([FIXED]), shared_slot=number([0]), shared_family=number([-1]),
     )  # fmt: skip
     of_lanes(joint.cross, BIASED)[0, BIAS] = SIGMA_BIAS**2
@@ -84,7 +89,7 @@ def linear(gain, mismatch=True):
     for force, k in zip(FORCE, gain, strict=True):
         enters = scratch.b if GROUP == 1 else scratch.b[..., SCALED]
         enters[SCALED if GROUP == 1 else 0, 0, [VEL, POS]] = -force * DT, -0.5 * force * DT**2
-        propagate(joint, scratch, true, belief)
+        propagate(joint, scratch, true, model)
         update(joint, scratch, true, k, np.ones(1), ENTRIES, STATES, NOISY, FIX**2, signals)
         out.append([np.diag(of_lanes(joint.sources, source)).copy() for source in range(n_source)])
     return np.array(out)
@@ -102,8 +107,8 @@ def flown(gain):
         v = v + WALK * np.sqrt(0.5 * DT) * rng.standard_normal(RUNS)
         p, v = p + DT * v - 0.5 * DT**2 * felt, v - DT * felt
         v = v + WALK * np.sqrt(0.5 * DT) * rng.standard_normal(RUNS)
-        bias = FADE * bias + np.sqrt(WANDER) * rng.standard_normal(RUNS)
-        estimate = FADE_HAT * estimate
+        bias = DECAY * bias + np.sqrt(DRIFT) * rng.standard_normal(RUNS)
+        estimate = DECAY_HAT * estimate
         innovation = p + fixed + FIX * rng.standard_normal(RUNS)
         v, p, estimate = v - k[VEL] * innovation, p - k[POS] * innovation, estimate + k[BIAS] * innovation
         out.append(np.stack([v, p, bias - estimate], axis=1))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.filters.belief import transition_blocks
+from lvnav_trade.filters.model import transition_blocks
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.attitude import from_rotation, multiply, small_rotation
 from lvnav_trade.kernels.earth import gravity_gradient

@@ -45,7 +45,7 @@ def test_an_operation_that_lanes_do_not_have_does_not_compile():
         takes_a_power(np.zeros((1, WIDTH)))
 
 
-def test_lane_types_are_told_apart_by_item_and_dimension():
+def test_lane_types_are_distinguished_by_item_and_dimension():
     assert LaneView(f64x8, 2) == LaneView(f64x8, 2)
     assert LaneView(f64x8, 2) != LaneView(f64x8, 1)
     assert LaneView(f64x8, 1) != LaneView(u64x8, 1)

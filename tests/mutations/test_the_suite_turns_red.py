@@ -38,16 +38,16 @@ MUTATIONS = {
     "lever arm of a position with the wrong sign": Mutation(
         "observables/position.py", "= at[6 + (axis + 2) % 3]", "= -at[6 + (axis + 2) % 3]", OBSERVABLE
     ),
-    "believed variance four times too large, seen in the numbers": Mutation(
+    "assumed variance four times too large, seen in the numbers": Mutation(
         "engines/signals.py", "variance, n = sigma**2, channels", "variance, n = 4.0 * sigma**2, channels",
-        "tests/engines/test_signals.py::test_the_variances_of_rows_are_the_squares_of_the_believed_sigmas",
+        "tests/engines/test_signals.py::test_the_variances_of_rows_are_the_squares_of_the_assumed_sigmas",
     ),
-    "believed variance four times too large, seen in the statistics": Mutation(
+    "assumed variance four times too large, seen in the statistics": Mutation(
         "engines/signals.py", "variance, n = sigma**2, channels", "variance, n = 4.0 * sigma**2, channels",
         "tests/engines/test_montecarlo.py::test_a_matched_filter_is_consistent",
     ),
     "weight of a row its variance instead of the inverse": Mutation(
-        "kernels/covariance.py", "weight = where(believed, inverse, 0.0)", "weight = where(believed, s, 0.0)",
+        "kernels/covariance.py", "weight = where(accepted, inverse, 0.0)", "weight = where(accepted, s, 0.0)",
         "tests/kernels/test_covariance.py::test_a_row_is_the_update_of_kalman",
     ),
     "residual that forgets what earlier rows have moved": Mutation(
@@ -63,8 +63,8 @@ MUTATIONS = {
         "tests/world/sensors/test_imu.py::test_bias_instability_is_a_stationary_gauss_markov_process",
     ),
     "noise of the filter's Gauss-Markov state scaled wrongly": Mutation(
-        "filters/belief.py", "2.0 * block.sigma**2 * np.tanh", "block.sigma**2 * np.tanh",
-        "tests/filters/test_belief.py::test_a_gauss_markov_state_keeps_its_sigma_whatever_the_window",
+        "filters/model.py", "2.0 * block.sigma**2 * np.tanh", "block.sigma**2 * np.tanh",
+        "tests/filters/test_model.py::test_a_gauss_markov_state_keeps_its_sigma_whatever_the_window",
     ),
     "measurement tagged half a tick early": Mutation(
         "engines/signals.py", "at = motion(trajectory, seen.t)", "at = motion(trajectory, seen.t - 0.0025)",

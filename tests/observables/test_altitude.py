@@ -54,11 +54,11 @@ def test_units_are_read_and_what_is_not_said_is_zero():
 
 
 @pytest.mark.parametrize(
-    ("field", "value", "told"),
+    ("field", "value", "reported"),
     [("sigma", "0 m", "greater than 0"), ("lowest", "6 km", "below highest"), ("highest", "0 m", "greater than 0")],
 )
-def test_what_cannot_be_is_refused(field, value, told):
-    with pytest.raises(ValidationError, match=told):
+def test_what_cannot_be_is_refused(field, value, reported):
+    with pytest.raises(ValidationError, match=reported):
         AltimeterCard.model_validate({**CARD, field: value})
 
 

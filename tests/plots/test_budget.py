@@ -60,8 +60,8 @@ def many(good):
 
 def test_of_many_sources_the_smallest_are_summed(many):
     figure = PLOTS["budget"](many, CASE, "velocity")
-    told = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert told == [
+    reported = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert reported == [
         "gyro bias 00", "gyro bias 01", "range noise 00", "gyro bias 02", "range noise 01", "gyro bias 03",
         "range noise 02", "all others", "mean, the same in every flight", "filter's own sigma",
     ]  # fmt: skip

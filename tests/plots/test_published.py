@@ -22,7 +22,7 @@ def tables(tmp_path_factory):
     return load(synthetic.results(tmp_path_factory.mktemp("published"), n_run=40))
 
 
-def test_every_ratio_is_a_mark_and_those_out_of_band_are_told_apart(tables):
+def test_every_ratio_is_a_mark_and_those_out_of_band_are_distinguished(tables):
     frame = references(tables)
     ax = ratios(frame).axes[0]
     drawn = {line.get_label(): line.get_xdata() for line in ax.get_lines()}

@@ -63,7 +63,7 @@ def test_rates_and_accelerations_are_better_than_the_samples_and_the_navigation_
     assert "Rate and acceleration" in build(tables.folder).read_text(encoding="utf-8")
 
 
-def test_twenty_launches_say_whether_errors_are_as_the_filter_believes(tmp_path):
+def test_twenty_launches_say_whether_errors_are_as_the_filter_assumes(tmp_path):
     found = METRICS["motion"](flown("twenty_launches", tmp_path))
     assert set(found.as_modelled) <= {"as modelled", "smaller"}
 

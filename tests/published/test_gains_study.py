@@ -114,8 +114,8 @@ def _every_rule_does_its_work(results: api.Results) -> None:
     rows = {tables.labels[case]: group for case, group in tables.logic.groupby("case")}
     for label, wanted in DONE.items():
         runs = rows[label].sort_values("t_s", kind="stable").groupby("run_number")
-        told = [list(zip(run.from_mode, run.to_mode, strict=True)) for _, run in runs]
-        assert told.count(wanted) >= 6, label  # of 8; a wild sample may be small by chance
+        reported = [list(zip(run.from_mode, run.to_mode, strict=True)) for _, run in runs]
+        assert reported.count(wanted) >= 6, label  # of 8; a wild sample may be small by chance
     for rule, (first, last, count) in WITHOUT.items():
         found, ruled = (int(rows[label].t_s.between(first, last).sum()) for label in (f"logic={rule}", "base"))
         assert found == count < ruled, rule
@@ -142,9 +142,9 @@ def test_every_cell_of_the_design_validation_has_a_verdict(tmp_path: Path) -> No
     assert len(verdicts) == 3
     assert set(verdicts.verdict) <= {"met", "violated", "undecided"}
     matrix = load(FOLDER / "design_validation.yaml")
-    told = " ".join(label for axis in matrix.axes for label in axis.labels or axis.cards or ())
+    reported = " ".join(label for axis in matrix.axes for label in axis.labels or axis.cards or ())
     for condition in CONDITIONS:
-        assert condition in told
+        assert condition in reported
 
 
 def test_the_stored_gains_are_those_that_are_computed_again(tmp_path: Path) -> None:

@@ -239,23 +239,23 @@ def test_eight_runs_with_different_satellites_missing_are_to_the_bit_those_of_ea
             np.testing.assert_array_equal(getattr(together, name)[..., run], getattr(alone, name))
 
 
-def test_what_is_told_is_the_covariance_a_multiple_its_diagonal_or_a_constant():
+def test_what_is_reported_is_the_covariance_a_multiple_its_diagonal_or_a_constant():
     at = scene(np.zeros(1), standing, n_sat=6)
 
-    def told(kind):
+    def reported(kind):
         rx = new_receiver()
         rx.near[:] = at.r_i[0]
         solution(rx, point_model(kind, 2.0, 0.1), at.satellite[0], at.moving[0], at.used[0], 6, true_ranges(at)[0])
         return rx
 
-    own = told(OWN)
+    own = reported(OWN)
     np.testing.assert_array_equal(own.covariance[:3, :3], 4.0 * own.inverse[:3, :3])
     np.testing.assert_allclose(own.covariance[3:, 3:], 0.01 * own.inverse[:3, :3], rtol=1e-15)
-    np.testing.assert_allclose(told(own_covariance(10.0)).covariance, 10.0 * own.covariance, rtol=1e-15)
+    np.testing.assert_allclose(reported(own_covariance(10.0)).covariance, 10.0 * own.covariance, rtol=1e-15)
     np.testing.assert_array_equal(
-        told(own_covariance(correlated=False)).covariance, np.diag(np.diag(own.covariance))
+        reported(own_covariance(correlated=False)).covariance, np.diag(np.diag(own.covariance))
     )  # fmt: skip
-    constant = told(constant_covariance(3.0, 0.2)).covariance
+    constant = reported(constant_covariance(3.0, 0.2)).covariance
     np.testing.assert_allclose(constant, np.diag([9.0] * 3 + [0.04] * 3), rtol=1e-15)
 
 

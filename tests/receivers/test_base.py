@@ -62,7 +62,7 @@ def test_a_slowly_fading_acceleration_is_a_random_walk_in_the_limit():
     assert quick[3, 0] == pytest.approx(0.5 * (1.0 - np.exp(-2.0)))
 
 
-def test_what_is_told_holds_variances():
+def test_what_is_reported_holds_variances():
     assert own_covariance(10.0)[:3] == (True, True, 10.0)
     assert constant_covariance(3.0, 0.2)[3:] == (9.0, pytest.approx(0.04))
 

@@ -17,8 +17,8 @@ from lvnav_trade.receivers.cascade import (
     nominal_acceleration,
     point_gain,
     propagate,
+    reported_covariance,
     started,
-    told_covariance,
 )
 from lvnav_trade.receivers.ekf_gnss import step
 from tests.receivers.scenes import ascending, clocks, errors, filter_runs, measure, scene, standing, true_ranges
@@ -79,7 +79,7 @@ def test_gains_and_covariance_are_those_of_the_compiled_filter(settings):
     scale = np.sqrt(np.diag(gains[-1].P))
     # the filter linearises where it takes itself to be; during the failure that is some ten metres off
     np.testing.assert_allclose(rx.P / np.outer(scale, scale), gains[-1].P / np.outer(scale, scale), rtol=0, atol=1e-5)
-    np.testing.assert_allclose(told_covariance(gains[-1], settings), rx.covariance, rtol=0, atol=1e-4)
+    np.testing.assert_allclose(reported_covariance(gains[-1], settings), rx.covariance, rtol=0, atol=1e-4)
     if settings.drive_gain == 0.0:  # else the fix moves the noise as well
         for slot, column, size in ((0, 0, 5.0), (3, 1, 0.5)):
             moved = z.copy()
@@ -119,7 +119,7 @@ START = np.diag([100.0] * 3 + [1.0] * 3)
 
 
 def shared_errors(n_sat):
-    """A Gauss-Markov error of every satellite's range: covariance, fade, partials."""
+    """A Gauss-Markov error of every satellite's range: covariance, decay, partials."""
     partial = np.zeros((2 * n_sat, n_sat))
     partial[range(0, 2 * n_sat, 2), range(n_sat)] = 1.0
     return 1.5**2 * np.eye(n_sat), np.full(n_sat, np.exp(-1.0 / 60.0)), partial
@@ -127,25 +127,25 @@ def shared_errors(n_sat):
 
 def predicted(at, settings):
     n_sat = at.satellite.shape[1]
-    shared, fade, partial = shared_errors(n_sat)
+    shared, decay, partial = shared_errors(n_sat)
     used = [at.used[k, : at.n_used[k]] for k in range(len(at.t))]
     partials = [partial[np.stack([2 * use, 2 * use + 1], axis=1).ravel()] for use in used]
     pushes = mismatch(settings, np.gradient(at.v_i, axis=0), at.v_i, at.r_i)
     clock = 0.005**2 * np.array([[0.25, 0.5], [0.5, 1.0]])
     variances = [np.tile([4.0, 0.01], len(use)) for use in used]
     return propagate(
-        gains_of(at, settings), pushes, clock, variances, settings, outer(), START, shared, fade, partials
+        gains_of(at, settings), pushes, clock, variances, settings, outer(), START, shared, decay, partials
     )  # fmt: skip
 
 
 def runs(at, settings, n_run=N_RUN):
     """Errors (n_epoch, 12, n_run) of the navigation filter and of the receiver's solution, by the compiled receiver."""
     rng, n_sat, n = np.random.default_rng(21), at.satellite.shape[1], len(at.t)
-    _, fade, _ = shared_errors(n_sat)
+    _, decay, _ = shared_errors(n_sat)
     z, bias = measure(at, clocks(rng, n, n_run, 1.0), rng), 1.5 * rng.standard_normal((n_sat, n_run))
     for k in range(n):
         z[k, :, 0] += bias
-        bias = fade[:, None] * bias + 1.5 * np.sqrt(1.0 - fade[0] ** 2) * rng.standard_normal(bias.shape)
+        bias = decay[:, None] * bias + 1.5 * np.sqrt(1.0 - decay[0] ** 2) * rng.standard_normal(bias.shape)
     solution = errors(at, filter_runs(at, settings, POINT, z)[0])
     filter_, gains = outer(), gains_of(at, settings)
     drive, P = np.linalg.cholesky(filter_.noise), START.copy()
@@ -153,9 +153,9 @@ def runs(at, settings, n_run=N_RUN):
     for k in range(n):
         if k:
             e = filter_.phi @ e + drive @ rng.standard_normal((6, n_run))
-            P = filter_.phi @ P @ filter_.phi.T + filter_.believed
-        told = told_covariance(gains[k], settings)
-        gain = P @ np.linalg.inv(P + told)
+            P = filter_.phi @ P @ filter_.phi.T + filter_.assumed
+        reported = reported_covariance(gains[k], settings)
+        gain = P @ np.linalg.inv(P + reported)
         e = e - gain @ (e - solution[k])
         P = P - gain @ P
         found[k, :6], found[k, 6:] = e, solution[k]
@@ -205,7 +205,7 @@ def test_with_a_white_solution_the_shortcut_is_exact():
         np.zeros(0), [np.zeros((16, 0))] * 20,
     )  # fmt: skip
     np.testing.assert_allclose(history.covariance[:, :6, :6], history.white, rtol=0, atol=1e-9)
-    # and the navigation filter, told the truth but for the turning of lines of sight by a wrong position, knows it
+    # and the navigation filter, reported the truth but for the turning of lines of sight by a wrong position, knows it
     scale = np.sqrt(np.diagonal(history.white[-1]))
     np.testing.assert_allclose(
         history.formal[-1] / np.outer(scale, scale), history.white[-1] / np.outer(scale, scale), rtol=0, atol=0.005

@@ -10,11 +10,11 @@ from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import view
 from lvnav_trade.kernels.vector import WIDTH
 from lvnav_trade.receivers.base import (
-    CARRIED,
     FULL,
     N_STATE,
     NO_FIX,
     PARTIAL,
+    PROPAGATED,
     as_lanes,
     constant_covariance,
     filter_model,
@@ -90,7 +90,7 @@ def test_state_and_covariance_are_propagated_as_the_printed_matrices_say(dt, acc
     np.testing.assert_array_equal(rx.P, rx.P.T)
 
 
-def test_an_acceleration_that_fades_is_integrated_exactly():
+def test_an_acceleration_that_decays_is_integrated_exactly():
     """Against many short steps of a' = -a / tau."""
     tau, short = 3.0, 1e-4
     model = filter_model(OWN, 1.0, 2.0, 0.1, 0.5, 0.005, acceleration_time=tau)
@@ -194,7 +194,7 @@ def test_eight_runs_that_miss_different_satellites_are_to_the_bit_those_of_each_
     places = np.ascontiguousarray(at.r_i[0][:, None] + 1e4 * rng.standard_normal((3, WIDTH)))
     switch_on_lanes(together, places)
     step_lanes(together, GATED, POINT, at.satellite, at.moving, at.used, at.n_used, z, quality)
-    assert set(np.unique(quality)) == {NO_FIX, CARRIED, PARTIAL, FULL}
+    assert set(np.unique(quality)) == {NO_FIX, PROPAGATED, PARTIAL, FULL}
     for run in range(WIDTH):
         alone = run_alone(at, np.ascontiguousarray(z[..., run]), GATED, near=places[:, run])
         for name in ("nav", "P", "solution", "covariance", "memory", "used"):
@@ -225,9 +225,9 @@ def test_on_the_pad_the_filter_is_better_than_the_fix_and_knows_how_good_it_is(s
     assert np.all(rms[1][3:] < 0.95 * rms[0][3:])
     # it takes the pad for a vehicle with 0.5 m/s^3 of jerk: never better than it says, and not much worse; errors last
     # some epochs, so 64 runs of 180 epochs are some thousand draws, whose RMS is known to 10 % at 4.5 sigma
-    told = np.sqrt(np.mean(sigma**2, axis=(0, 2)))
-    assert np.all(rms[1] < 1.1 * told)
-    assert np.all(rms[1] > 0.5 * told)
+    reported = np.sqrt(np.mean(sigma**2, axis=(0, 2)))
+    assert np.all(rms[1] < 1.1 * reported)
+    assert np.all(rms[1] > 0.5 * reported)
 
 
 def test_errors_of_fixes_are_white_and_those_of_the_filter_are_not(stand):
@@ -265,7 +265,7 @@ def test_a_filter_whose_model_is_true_is_consistent():
     assert stats.kstest(nees, stats.chi2(6).cdf).pvalue > 0.001
 
 
-def test_in_ascent_adapted_noise_lets_the_told_covariance_follow_and_constant_noise_does_not(record_property):
+def test_in_ascent_adapted_noise_lets_the_reported_covariance_follow_and_constant_noise_does_not(record_property):
     """64 runs of 30 s on the pad, 150 s of burn to 6 g, then coast."""
     at, rng, rows = scene(np.arange(-30.0, 200.0), ascending), np.random.default_rng(12), {}
     z = measure(at, clocks(rng, 230, 64, 1.0), rng)
@@ -279,7 +279,7 @@ def test_in_ascent_adapted_noise_lets_the_told_covariance_follow_and_constant_no
     fixes = np.sqrt(np.mean(errors(at, point)[31:] ** 2, axis=(0, 2)))
     record_property("ascent: RMS of point solutions", fixes.round(3).tolist())
     record_property("ascent: RMS by variant", {k: v[0].round(3).tolist() for k, v in rows.items()})
-    record_property("ascent: told", {k: v[1].round(3).tolist() for k, v in rows.items()})
+    record_property("ascent: reported", {k: v[1].round(3).tolist() for k, v in rows.items()})
     assert rows["1"][2] > 2.0
     assert rows["3"][2] > 2.0
     assert rows["2"][2] == pytest.approx(1.0, abs=0.05)
@@ -309,9 +309,9 @@ def test_at_an_antenna_failure_fixes_end_and_the_filter_carries_on_with_growing_
     assert np.all(width[90:100] < 0.1 * width[89])  # a third satellite and the clock make do
     assert width[-1] < 2.0 * width[59]
     error = np.sqrt(np.mean(np.sum(errors(at, out)[:, :3] ** 2, axis=1), axis=1))
-    record_property("failure: told sigma and RMS of position at 59, 89, 99 and 129 s",
+    record_property("failure: reported sigma and RMS of position at 59, 89, 99 and 129 s",
                     [np.round([width[k], error[k]], 2).tolist() for k in (59, 89, 99, 129)])  # fmt: skip
-    # two satellites leave the way along which the growing thrust was not foreseen: inside of what is told
+    # two satellites leave the way along which the growing thrust was not foreseen: inside of what is reported
     assert np.all(error[60:100] < 1.5 * width[60:100])
     assert error[-1] < 1.5 * width[-1]
 
@@ -321,7 +321,7 @@ def test_without_any_satellite_it_carries_on_and_is_withdrawn_when_it_has_coaste
     z = measure(at, clocks(rng, 40, WIDTH, 1.0), rng)
     coasting, sigma, quality = filter_runs(at, SECOND, POINT, z)
     assert np.all(np.isfinite(coasting))
-    assert np.all(quality[20:] == CARRIED)
+    assert np.all(quality[20:] == PROPAGATED)
     assert np.all(np.diff(sigma[19:], axis=0) > 0.0)
     limited = SECOND._replace(coast=5.0)
     out, _, quality = filter_runs(at, limited, POINT, z)
@@ -378,9 +378,9 @@ def test_a_constant_covariance_or_a_multiple_goes_out_in_place_of_the_filters_ow
     at, rng = scene(np.arange(0.0, 10.0), standing), np.random.default_rng(20)
     z = measure(at, clocks(rng, 10, 1, 1.0), rng)[..., 0]
     own = run_alone(at, z, SECOND)
-    scaled = run_alone(at, z, SECOND._replace(told=own_covariance(10.0)))
-    plain = run_alone(at, z, SECOND._replace(told=own_covariance(10.0, correlated=False)))
-    constant = run_alone(at, z, SECOND._replace(told=constant_covariance(2.2, 0.11)))
+    scaled = run_alone(at, z, SECOND._replace(reported=own_covariance(10.0)))
+    plain = run_alone(at, z, SECOND._replace(reported=own_covariance(10.0, correlated=False)))
+    constant = run_alone(at, z, SECOND._replace(reported=constant_covariance(2.2, 0.11)))
     np.testing.assert_allclose(scaled.covariance, 10.0 * own.covariance, rtol=1e-15)
     np.testing.assert_allclose(plain.covariance, np.diag(10.0 * np.diag(own.covariance)), rtol=1e-15)
     np.testing.assert_allclose(constant.covariance, np.diag([4.84] * 3 + [0.0121] * 3), rtol=1e-14)

@@ -1,11 +1,11 @@
-"""Whitened rows, absorbed one by one, are the joint update with a full covariance."""
+"""Whitened rows, processed one by one, are the joint update with a full covariance."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from lvnav_trade.kernels.covariance import absorb
+from lvnav_trade.kernels.covariance import update_scalar
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import view
 from lvnav_trade.kernels.vector import WIDTH
@@ -34,7 +34,7 @@ def test_the_errors_of_whitened_rows_are_independent_with_variance_one():
     np.testing.assert_allclose(residual, np.linalg.solve(root, z), rtol=0, atol=1e-12)
 
 
-def test_absorbed_one_after_another_they_are_the_joint_update():
+def test_processed_one_after_another_they_are_the_joint_update():
     R, z, H, P0 = case(2)
     dense = np.zeros((6, N))
     dense[:, COLUMNS] = H
@@ -44,7 +44,7 @@ def test_absorbed_one_after_another_they_are_the_joint_update():
     rows, residual, work = H.copy(), z.copy(), R.copy()
     whiten(work, residual, rows, 6, 9)
     for i in range(6):
-        normalised, _ = absorb(P, x, K, rows[i], ENTRIES, COLUMNS, residual[i], 1.0, np.inf, N, False)
+        normalised, _ = update_scalar(P, x, K, rows[i], ENTRIES, COLUMNS, residual[i], 1.0, np.inf, N, False)
         nis += normalised**2
     np.testing.assert_allclose(x, gain @ z, rtol=0, atol=1e-11)
     np.testing.assert_allclose(P, P0 - gain @ dense @ P0, rtol=0, atol=1e-10)
@@ -70,11 +70,11 @@ def test_eight_runs_are_whitened_to_the_bit_as_each_alone():
         np.testing.assert_array_equal(H[..., run], alone_H)
 
 
-def test_a_covariance_that_is_not_positive_leaves_rows_that_no_update_believes():
+def test_a_covariance_that_is_not_positive_leaves_rows_that_no_update_assumes():
     R, z, H, P0 = case(3)
     R[3, 3] = -1.0
     whiten(R, z, H, 6, 9)
     assert np.all(np.isfinite(z[:3]))
     assert np.isnan(z[3])
-    _, weight = absorb(P0, np.zeros(N), np.empty(N), H[3], ENTRIES, COLUMNS, z[3], 1.0, np.inf, N, False)
+    _, weight = update_scalar(P0, np.zeros(N), np.empty(N), H[3], ENTRIES, COLUMNS, z[3], 1.0, np.inf, N, False)
     assert weight == 0.0

@@ -9,7 +9,7 @@ import pytest
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.metrics.comparison.comparison import compare, parse_effects
-from lvnav_trade.report import compare as told
+from lvnav_trade.report import compare as reported
 from lvnav_trade.store import load
 from tests import synthetic
 from tests.metrics.variants import variant, worse
@@ -31,32 +31,34 @@ def candidates(base, tmp_path_factory):
 
 @pytest.mark.parametrize(("word", "code"), [("not worse", 0), ("worse", 1), ("undecided", 3)])
 def test_three_candidates_give_three_exit_codes(candidates, word, code):
-    assert told.exit_code(candidates[word]) == code
+    assert reported.exit_code(candidates[word]) == code
 
 
 def test_the_answer_counts_the_verdicts(candidates):
-    assert told.answer(candidates["worse"]) == "Worse: of 6 comparisons 6 worse, at 95 % confidence."
-    assert told.answer(candidates["not worse"]) == "Nothing worse: of 6 comparisons 6 not worse, at 95 % confidence."
+    assert reported.answer(candidates["worse"]) == "Worse: of 6 comparisons 6 worse, at 95 % confidence."
+    assert (
+        reported.answer(candidates["not worse"]) == "Nothing worse: of 6 comparisons 6 not worse, at 95 % confidence."
+    )
 
 
 def test_the_page_is_a_table_with_as_many_cells_in_every_row(candidates):
-    page = told.markdown(candidates["worse"])
+    page = reported.markdown(candidates["worse"])
     lines = [line for line in page.splitlines() if line.startswith("|")]
     assert len(lines) == 2 + 6
-    assert {line.count("|") for line in lines} == {len(told.HEAD) + 1}
+    assert {line.count("|") for line in lines} == {len(reported.HEAD) + 1}
     assert "| worse | imu=fine | velocity error 3d at injection |" in page
     assert "+30.0 %" in page
     assert page.endswith(".\n")
 
 
 def test_what_is_worse_stands_first(candidates):
-    words = [cells[0].partition(" (")[0] for cells in told.rows(candidates["undecided"])]
-    assert words == sorted(words, key=told.ORDER.index)
+    words = [cells[0].partition(" (")[0] for cells in reported.rows(candidates["undecided"])]
+    assert words == sorted(words, key=reported.ORDER.index)
 
 
 def test_junit_holds_a_failure_for_worse_and_a_skip_for_undecided(candidates):
     for word, kind in (("worse", "failure"), ("undecided", "skipped")):
-        root = ElementTree.fromstring(told.junit(candidates[word]).encode())
+        root = ElementTree.fromstring(reported.junit(candidates[word]).encode())
         cases = root.findall("testsuite/testcase")
         assert len(cases) == int(root.get("tests")) == 6
         found = [case.find(kind) for case in cases if case.find(kind) is not None]
@@ -66,11 +68,11 @@ def test_junit_holds_a_failure_for_worse_and_a_skip_for_undecided(candidates):
 
 
 def test_data_holds_numbers_and_null_where_there_is_none(candidates):
-    content = json.loads(json.dumps(told.content(candidates["not worse"]), allow_nan=False))
+    content = json.loads(json.dumps(reported.content(candidates["not worse"]), allow_nan=False))
     assert content["verdict"] == "not worse"
     assert content["rows"][0]["effective_runs"] is None
     assert content["rows"][0]["change"] == 0.0
-    assert json.dumps(told.content(candidates["worse"]), allow_nan=False)
+    assert json.dumps(reported.content(candidates["worse"]), allow_nan=False)
 
 
 def test_files_are_written_and_the_summary_of_a_job_is_appended_to(candidates, tmp_path, monkeypatch):
@@ -78,20 +80,20 @@ def test_files_are_written_and_the_summary_of_a_job_is_appended_to(candidates, t
     summary.write_text("before\n")
     monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(summary))
     md, xml = tmp_path / "new" / "page.md", tmp_path / "new" / "junit.xml"
-    assert told.write(candidates["worse"], md, xml) == [md, xml, summary]
-    assert md.read_text() == told.markdown(candidates["worse"])
+    assert reported.write(candidates["worse"], md, xml) == [md, xml, summary]
+    assert md.read_text() == reported.markdown(candidates["worse"])
     assert summary.read_text() == "before\n" + md.read_text() + "\n"
     monkeypatch.delenv("GITHUB_STEP_SUMMARY")
-    assert told.write(candidates["worse"]) == []
+    assert reported.write(candidates["worse"]) == []
 
 
 def test_a_file_that_cannot_be_written_is_refused_in_one_line(candidates, tmp_path):
     with pytest.raises(InputError, match="cannot be written: Is a directory"):
-        told.write(candidates["worse"], tmp_path)
+        reported.write(candidates["worse"], tmp_path)
 
 
 def test_what_is_kept_of_a_base_is_small_and_compares_as_the_whole(base, tmp_path):
-    kept = told.keep_base(base, tmp_path / "kept")
+    kept = reported.keep_base(base, tmp_path / "kept")
     assert sum(path.stat().st_size for path in kept.iterdir()) < 200_000
     assert compare(kept, base).verdict == "not worse"
     assert compare(kept, base).frame.equals(compare(base, base).frame)
@@ -99,17 +101,17 @@ def test_what_is_kept_of_a_base_is_small_and_compares_as_the_whole(base, tmp_pat
 
 def test_without_runs_the_kept_base_still_compares(tmp_path):
     alone = load(synthetic.results(tmp_path / "alone", n_run=0))
-    kept = told.keep_base(alone, tmp_path / "kept")
+    kept = reported.keep_base(alone, tmp_path / "kept")
     assert compare(kept, alone).verdict == "not worse"
 
 
 def test_a_mapping_is_read_from_words_with_a_colon():
-    assert told.parse_map(["fog:fog_worse", "imu=a, filter=b : imu=c"]) == {
+    assert reported.parse_map(["fog:fog_worse", "imu=a, filter=b : imu=c"]) == {
         "fog": "fog_worse",
         "imu=a, filter=b": "imu=c",
     }
     with pytest.raises(InputError, match="--map fog: write BASE:CANDIDATE"):
-        told.parse_map(["fog"])
+        reported.parse_map(["fog"])
 
 
 @pytest.mark.parametrize(
@@ -118,4 +120,4 @@ def test_a_mapping_is_read_from_words_with_a_colon():
      (0.0, "ratio", "0 %"), (float("nan"), "ratio", "–")],
 )  # fmt: skip
 def test_a_change_is_written_with_sign_and_unit(value, scale, text):
-    assert told._change(value, scale) == text
+    assert reported._change(value, scale) == text

@@ -35,7 +35,7 @@ def test_linear_covariance_alone_makes_a_report(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "told"),
+    ("name", "value", "reported"),
     [
         ("perigee_m", 2.0e5, ("perigee (km)", "200")),
         ("record_speed_rms_m_s", 12.5, ("record speed rms (m/s)", "12.5")),
@@ -47,11 +47,11 @@ def test_linear_covariance_alone_makes_a_report(tmp_path):
         ("compared_with", "a record", ("compared with", "a record")),
     ],
 )
-def test_a_fact_is_told_in_the_unit_of_its_name(name, value, told):
-    assert _fact(name, value) == told
+def test_a_fact_is_reported_in_the_unit_of_its_name(name, value, reported):
+    assert _fact(name, value) == reported
 
 
-def test_what_linear_covariance_bounds_from_above_only_is_told_as_such():
+def test_what_linear_covariance_bounds_from_above_only_is_reported_as_such():
     frame = pd.DataFrame({"expected_probability": [0.5, 0.999], "reason": ["", ABOVE_ONLY]})
     assert list(_expectation(frame)) == ["50.0", "at most 99.9"]
     assert list(_expectation(frame[:1])) == [50.0]

@@ -79,8 +79,8 @@ def test_an_ellipse_is_the_outline_of_the_three_sigma_ellipsoid(tmp_path):
     far = offsets[np.argmax(size)]
     east = np.array([-math.sin(math.radians(lon)), math.cos(math.radians(lon)), 0.0])
     assert abs(far @ east) / size.max() == pytest.approx(math.sin(math.radians(30.0)), abs=1e-3)
-    told = place.find("k:description", NS).text
-    assert "half axes of the ellipsoid 300, 60, 30 m; drawn 2 times as large" in told
+    reported = place.find("k:description", NS).text
+    assert "half axes of the ellipsoid 300, 60, 30 m; drawn 2 times as large" in reported
 
 
 def test_results_give_a_folder_per_case_with_ellipses_of_their_own_sigma(tmp_path):

@@ -48,6 +48,6 @@ def test_a_fall_has_points_of_impact_and_a_verdict_on_the_corridor(tmp_path):
 
 def test_a_circular_orbit_says_why_there_is_no_sigma(tmp_path):
     tables = load(flights.results(tmp_path, flights.CIRCULAR, n_run=0, factor=40.0))
-    told = [block for block in mission.orbit(tables) if getattr(block, "lead", "") == "Not applicable."]
-    assert len(told) >= 1
-    assert told[0].text.startswith("the orbit is circular to within 3 sigma")
+    reported = [block for block in mission.orbit(tables) if getattr(block, "lead", "") == "Not applicable."]
+    assert len(reported) >= 1
+    assert reported[0].text.startswith("the orbit is circular to within 3 sigma")

@@ -45,20 +45,20 @@ def test_latency_alone_is_shown_without_delays(tables):
     assert [block.name for block in blocks if isinstance(block, Picture)] == ["latency-1"]
 
 
-def test_recovery_and_losses_are_told_in_tables(tables):
+def test_recovery_and_losses_are_reported_in_tables(tables):
     fixes, losses, recovery = [block for block in tracking(tables) if isinstance(block, Table)]
     assert losses.rows[0] == ("all 2 cases", "fault", "8", "8", "60.0", "60.0")
     assert recovery.rows[0] == ("all 2 cases", "satellite outage 1", "60.0", "75.0", "8", "0", "8", "3", "7", "0")
     assert fixes.rows[0][-2:] == ("18", "8")
 
 
-def test_delays_are_told_with_what_is_left(tables):
+def test_delays_are_reported_with_what_is_left(tables):
     rows = {row[1]: row for row in next(block for block in delays(tables) if isinstance(block, Table)).rows}
     assert rows["ionosphere"][2:7] == ("5.00 to 5.00", "5.00", "2.50", "2.50", "2.50")
     assert rows["troposphere"][7].startswith("G01 at 1 s")
 
 
-def test_satellites_are_told_with_noise_and_antennas(tables):
+def test_satellites_are_reported_with_noise_and_antennas(tables):
     shown = next(block for block in satellites(tables) if isinstance(block, Table))
     assert shown.rows[1][0] == "G02"
     assert shown.rows[1][4:] == ("2", "39.0", "2.00", "0.100")

@@ -1,4 +1,4 @@
-"""The page of a study: every number traceable, what is out of band told first."""
+"""The page of a study: every number traceable, what is out of band reported first."""
 
 from __future__ import annotations
 
@@ -111,6 +111,6 @@ def test_a_figure_of_a_case_that_is_not_there_is_refused(answered, tmp_path):
         build(STUDY, [answered[0]._replace(part=part)], tmp_path)
 
 
-def test_a_folder_that_cannot_be_written_is_told(answered):
+def test_a_folder_that_cannot_be_written_is_reported(answered):
     with pytest.raises(InputError, match="cannot be kept there"):
         build(STUDY, answered, Path("/proc/nowhere"))

@@ -36,7 +36,7 @@ def test_requirements_are_a_cell_each_that_passes_or_fails(tables):
     assert len(cells(blocks, "case")) == len(tables.campaign["requirements"]) * len(tables.labels)
 
 
-def test_a_bounded_noise_is_told_by_case_with_its_weakest_direction():
+def test_a_bounded_noise_is_reported_by_case_with_its_weakest_direction():
     row = {
         "case": "a",
         "rank_count": 15,
@@ -81,7 +81,7 @@ def test_missions_stand_in_rows_and_ours_below_them(tables):
     assert missions_table(tables, []) == []
 
 
-def test_process_noise_is_told_in_the_units_of_people():
+def test_process_noise_is_reported_in_the_units_of_people():
     noise = SimpleNamespace(attitude=2.9088820866572158e-06, velocity=0.001, position=0.0)
     found = SimpleNamespace(whole=noise, phases=(("liftoff to stage1_cutoff", 0.0, 1.0, noise),), steps=pd.DataFrame())
     block = noise_table(found, 10.0)

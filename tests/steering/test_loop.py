@@ -95,7 +95,7 @@ def test_the_filtered_rate_has_the_error_of_the_closed_form_and_moves_the_nozzle
     noise = rate_noise(launch.imu, "published")
     ratio = steady_ratio((0.02 / 200.0) ** 2, noise**2)
     assert mission.history[0, -1, 0, FORMAL] == pytest.approx(math.sqrt(ratio) * noise, rel=1e-9)
-    # The rate does not wander here: white noise through the gain K alone has variance K / (2 - K).
+    # The rate does not drift here: white noise through the gain K alone has variance K / (2 - K).
     error = mission.history[:, 2000:, :, RATE_ERROR].std()
     assert error == pytest.approx(noise * math.sqrt(ratio / (2.0 - ratio)), rel=0.05)
     # Two lags in a row, poles a and b: the nozzle's steps are white noise through K (1-a) (1 - z) / ((1-az)(1-bz)).

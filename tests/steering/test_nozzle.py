@@ -43,7 +43,7 @@ def test_missions_are_those_of_the_loop_on_the_campaigns_draws(scenario, found):
     assert (missions.total[:, :, 1] <= missions.total[:, :, 0]).all()
 
 
-def test_the_filtered_rate_errs_as_little_as_its_filter_believes_and_moves_the_nozzle_less(found):
+def test_the_filtered_rate_errs_as_little_as_its_filter_assumes_and_moves_the_nozzle_less(found):
     missions, _ = found
     raw, filtered = (missions.turning[FEEDS.index(feed), :, 0] for feed in ("raw", "filtered"))
     # the error of the raw rate is the noise of a sample, and what the vehicle turns in the half tick that it is late
@@ -60,7 +60,7 @@ def test_a_scenario_without_a_vehicle_under_control_has_none(scenario):
 
 
 @pytest.mark.parametrize(
-    ("setting", "told"),
+    ("setting", "reported"),
     [
         ("base.trajectory=trajectories/falcon9_formosat5", "is steered, not a trajectory of kind"),
         ("base.control.rate_gain=-1", "rate_gain"),
@@ -70,6 +70,6 @@ def test_a_scenario_without_a_vehicle_under_control_has_none(scenario):
         ),
     ],
 )
-def test_what_cannot_be_steered_is_refused(setting, told):
-    with pytest.raises(InputError, match=told):
+def test_what_cannot_be_steered_is_refused(setting, reported):
+    with pytest.raises(InputError, match=reported):
         load(campaign_file("campaigns/drdc/nozzle.yaml"), [setting])

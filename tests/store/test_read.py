@@ -59,13 +59,13 @@ def test_no_flipped_byte_among_the_numbers_of_a_table_gives_others(tmp_path):
     assert refused > 75
 
 
-def test_a_torn_manifest_is_told(tmp_path):
+def test_a_torn_manifest_is_reported(tmp_path):
     folder = synthetic.results(tmp_path, n_run=8)
     (folder / "manifest.json").write_text('{"created":')
     with pytest.raises(InputError, match=r"manifest\.json: damaged: "):
         load(folder)
 
 
-def test_a_table_that_a_kept_base_does_not_have_is_told_as_such(tmp_path):
+def test_a_table_that_a_kept_base_does_not_have_is_reported_as_such(tmp_path):
     with pytest.raises(InputError, match=r"history.parquet: this table is missing; a kept base has none, and of other"):
         read_table(tmp_path / "history.parquet")

@@ -42,7 +42,7 @@ def test_a_fault_is_an_interval_among_the_events(written):
     assert (fault.t_s, fault.t_end_s) == (60.0, 75.0)
 
 
-def test_the_reference_climbs_as_it_was_told(written):
+def test_the_reference_climbs_as_it_was_reported(written):
     reference = load(written).reference
     row = reference[(reference.case == "aaaaaaaaaaaa") & (reference.t_s.round(6) == 50.0)].iloc[0]
     assert row.altitude_m == pytest.approx(25000.0, abs=1e-3)

@@ -14,8 +14,8 @@ from lvnav_trade.world.truth import motion
 def antenna_states(trajectory: Trajectory, receiver: ReceiverCard, t: Floats) -> tuple[Floats, Floats]:
     """Return true position (m) and velocity (m/s) of the phase centres in frame i, (n_epoch, n_antenna, 3) each."""
     at = motion(trajectory, t)
-    levers_b = np.array(receiver.levers)
+    lever_arms_b = np.array(receiver.lever_arms)
     C_b_i = matrices(at.q_b_i)
-    arms = np.einsum("nij,aj->nai", C_b_i, levers_b)
-    swing = np.einsum("nij,naj->nai", C_b_i, np.cross(at.w_ib_b[:, None, :], levers_b))
+    arms = np.einsum("nij,aj->nai", C_b_i, lever_arms_b)
+    swing = np.einsum("nij,naj->nai", C_b_i, np.cross(at.w_ib_b[:, None, :], lever_arms_b))
     return at.r_i[:, None, :] + arms, at.v_i[:, None, :] + swing

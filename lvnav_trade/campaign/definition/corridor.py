@@ -10,7 +10,7 @@ from lvnav_trade.units import Angle, Card
 
 
 class Corridor(Card):
-    """A polygon of latitudes and longitudes; the believed point of impact must stay inside with a probability."""
+    """A polygon of latitudes and longitudes; the estimated point of impact must stay inside with a probability."""
 
     polygon: tuple[tuple[Angle, Angle], ...] = Field(
         description="corners in order, each [latitude, longitude] with units; edges are straight in both angles"

@@ -174,7 +174,7 @@ class Requirement(Card):
     @classmethod
     def _quantity(cls, value: Any, info: ValidationInfo) -> float:
         if "metric" not in info.data:
-            return 0.0  # the metric's own mistake is told; its unit is unknown here
+            return 0.0  # the metric's own mistake is reported; its unit is unknown here
         unit = metric(info.data["metric"]).unit
         if not isinstance(value, str):
             raise ValueError(f"{quoted(value)} has no unit; write it with a unit, such as '0.3 {unit}'")
@@ -207,7 +207,7 @@ class Covariance(Card):
     )
     error_bound: bool = Field(
         default=False,
-        description="whether the noise that the filter believes keeps its error bounded (q I <= Q, r I <= R)",
+        description="whether the noise that the filter assumes keeps its error bounded (q I <= Q, r I <= R)",
     )
 
 

@@ -17,7 +17,7 @@ from lvnav_trade.engines.prepare import Prepared, prepare
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.base import FilterCard
 from lvnav_trade.kernels.transition import ATT, POS, VEL
-from lvnav_trade.scenario import beliefs
+from lvnav_trade.scenario import filter_models
 
 _SHORTEST = 5.0
 """Seconds: a shorter phase is joined to the one after it."""
@@ -64,8 +64,8 @@ def estimate(campaign: Campaign, case: Case, runs: int, step: float | None = Non
         for (first, start), (second, end) in pairwise(marks)
     )
     whole = densities(found, prepared)
-    told = f"estimate-q of {campaign.name}{f', {case.label}' if case.axes else ''}: {runs} runs, steps of {length:g} s"
-    return Estimate(whole, phases, steps_table(found), _card(case, whole, told))
+    words = f"estimate-q of {campaign.name}{f', {case.label}' if case.axes else ''}: {runs} runs, steps of {length:g} s"
+    return Estimate(whole, phases, steps_table(found), _card(case, whole, words))
 
 
 def _marks(prepared: Prepared) -> list[tuple[str, float]]:
@@ -79,15 +79,15 @@ def _marks(prepared: Prepared) -> list[tuple[str, float]]:
     return marks
 
 
-def _card(case: Case, noise: Densities, told: str) -> FilterCard:
+def _card(case: Case, noise: Densities, words: str) -> FilterCard:
     """Return the case's filter with the noise that its inertial unit does not stand for already."""
-    imu, _, _ = beliefs(case.scenario)
+    imu, _, _ = filter_models(case.scenario)
     card = case.scenario.filter
     beyond = {
         "attitude_noise": math.sqrt(max(0.0, noise.attitude**2 - imu.gyro_random_walk**2)),
         "velocity_noise": math.sqrt(max(0.0, noise.velocity**2 - imu.accel_random_walk**2)),
     }
-    return card.model_copy(update={**beyond, "name": f"{card.name}, process noise of an ensemble", "source": told})
+    return card.model_copy(update={**beyond, "name": f"{card.name}, process noise of an ensemble", "source": words})
 
 
 def steps_table(found: StepErrors) -> pd.DataFrame:

@@ -16,7 +16,7 @@ from lvnav_trade.engines.prepare import prepare
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.scheduled import GainSchedule, schedule_of
 from lvnav_trade.layout import state_names
-from lvnav_trade.scenario import judged
+from lvnav_trade.scenario import has_covariance
 from lvnav_trade.world.flight.trajectory import identity
 
 
@@ -28,7 +28,7 @@ def gain_schedule(
 
     InputError for a filter without measurements, or with solutions whose own covariance decides the gains.
     """
-    if judged(case.scenario):
+    if has_covariance(case.scenario):
         raise InputError(f"case {case.label}: the covariance that comes with each solution decides the gains")
     if not 0.0 < tolerance < 1.0:
         raise InputError(f"a tolerance of {tolerance:g} is no share between 0 and 1")

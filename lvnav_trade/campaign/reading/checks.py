@@ -9,7 +9,7 @@ from lvnav_trade.campaign.definition.schema import FRAME_AXES, Campaign, metric
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.tree import Node, mistake
 from lvnav_trade.errors import InputError, Mistake
-from lvnav_trade.scenario import Scenario, beliefs, measured, solves
+from lvnav_trade.scenario import Scenario, filter_models, measured, solves
 from lvnav_trade.world.events import resolve
 from lvnav_trade.world.faults import AnyFault, missing_antenna, missing_satellite
 from lvnav_trade.world.sky.satellites import satellites
@@ -64,7 +64,7 @@ def rates(scenario: Scenario, node: Node) -> list[Mistake]:
 def measurements(scenario: Scenario, node: Node) -> list[Mistake]:
     """Return the measurements that the filter would model without noise: its covariance would lose its rank."""
     card = scenario.filter
-    _, receiver, _ = beliefs(scenario)
+    _, receiver, _ = filter_models(scenario)
     if solves(scenario) and isinstance(card.receiver, str):
         return []  # the receiver reports the covariance of its solutions, which is never zero
     found = []

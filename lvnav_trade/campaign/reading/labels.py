@@ -57,7 +57,7 @@ def equal_levels(
 
 
 def bad_labels(kind: str, labels: Sequence[str], node: Node, path: str) -> Iterator[Mistake]:
-    """Yield the labels that cannot be told from others: empty, too long, not printable, or that of the base."""
+    """Yield the labels that are no labels: empty, too long, not printable, or that of the base."""
     place = node.value["labels"].place if "labels" in node.value else node.place
     for label in labels:
         if not label.strip() or len(label) > _LONGEST or not label.isprintable():

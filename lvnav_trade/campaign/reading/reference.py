@@ -81,10 +81,10 @@ def _annotated(info: FieldInfo) -> Kind:
 
 def type_of(kind: Kind) -> str:
     """Say in words what a field takes: a quantity by its units, words, settings, a list of any."""
-    told: dict[str, None] = {}
+    words: dict[str, None] = {}
     for option in _options(kind):
-        told.setdefault(_one(option))
-    return " or ".join(told)
+        words.setdefault(_one(option))
+    return " or ".join(words)
 
 
 def _options(kind: Kind) -> Sequence[Kind]:

@@ -26,7 +26,7 @@ def splice(root: Node, shelf: Shelf) -> tuple[Node, list[Mistake]]:
 
     ``requirements: [requirements/ariane5_hybrid, {card: requirements/ariane5_hybrid, at: stage1_cutoff}, {...}]``: a
     set by its name, one of which every requirement is changed in some fields, and a requirement written out. Whatever
-    comes from a card keeps its place there, so that a mistake is told where it can be mended.
+    comes from a card keeps its place there, so that a mistake is reported where it can be mended.
     """
     node = tree.find(root, ["requirements"])
     if node is None or not node.is_list:

@@ -163,7 +163,7 @@ def _refuse_unknown(file: Path, questions: list[Question]) -> None:
     if wrong:
         root = tree.read_mapping(file)
         raise InputError(
-            records=[tree.mistake(tree.nearest(root, path.split(".")), path, told) for path, told in wrong]
+            records=[tree.mistake(tree.nearest(root, path.split(".")), path, words) for path, words in wrong]
         )
 
 

@@ -1,4 +1,4 @@
-"""A campaign carried out: linear covariance of all cases first, then blocks of runs, then the tables."""
+"""Run a campaign: linear covariance of all cases first, then blocks of runs, then the tables."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from lvnav_trade.campaign.running.lock import locked
 from lvnav_trade.campaign.running.plan import Block, blocks
 from lvnav_trade.campaign.running.progress import Progress, Silent
 from lvnav_trade.campaign.running.provenance import manifest, without_folders
-from lvnav_trade.campaign.running.stopping import Judged, Stopping
+from lvnav_trade.campaign.running.stopping import BlockResult, Stopping
 from lvnav_trade.campaign.running.work import Answer, Done, Job
 from lvnav_trade.errors import InputError, system_message
 from lvnav_trade.store import scratch
@@ -91,8 +91,8 @@ def check_flight(campaign: Campaign, found: Sequence[Case], job: Job, jobs: int)
 def _flight_of(case: Case) -> str:
     """Return what a case's events depend on, and whether it can be flown."""
     scenario = case.scenario
-    judged_by = scenario.imu.model_dump_json() if scenario.trajectory.kind == "table" else ""  # see its residual
-    return scenario.trajectory.model_dump_json() + scenario.constellation.model_dump_json() + judged_by
+    checked_against = scenario.imu.model_dump_json() if scenario.trajectory.kind == "table" else ""  # see its residual
+    return scenario.trajectory.model_dump_json() + scenario.constellation.model_dump_json() + checked_against
 
 
 def run(
@@ -166,8 +166,8 @@ class _Run:
         self.lost: list[str] = []
         self.timings: dict[str, float] = {}
         self.deaths = 0
-        asked, judged = work.asked_of(campaign), work.judged_of(campaign)
-        self.job = Job(engine, None, campaign.seed, campaign.keep.history, asked, folder / scratch.FOLDER, judged)
+        asked, requirements = work.asked_of(campaign), work.requirements_of(campaign)
+        self.job = Job(engine, None, campaign.seed, campaign.keep.history, asked, folder / scratch.FOLDER, requirements)
         self.stopping = Stopping.of(campaign)
         check_flight(campaign, self.cases, self.job, jobs)
 
@@ -191,14 +191,14 @@ class _Run:
         seconds = time.monotonic() - start
         _end_workers(self.jobs)  # the page is made by this process alone: their memory is of no use to it
         # The order of the plan, not that in which the workers finished: the tables' bytes must not depend on it.
-        told = {
+        reported = {
             "warnings": provided.warnings(self.cases),
             "timings_s": self.timings,
             "lost": [*map(without_folders, self.lost)],
             "workers_died": self.deaths,
             "cases": whole,
         }
-        self.job.results.finish(told)
+        self.job.results.finish(reported)
         if not self.lost:
             self._remove_scratch()
         return Outcome(self.folder, tuple(self.cases), tuple(answers), tuple(self.failures), seconds)
@@ -291,7 +291,7 @@ class _Run:
     def _look(self, one: Done) -> None:
         """Take a block in where blocks decide when their case ends."""
         if self.stopping is not None and not one.error:
-            self.stopping.note(one.case, Judged(one.first_run, one.n_run, one.beyond))
+            self.stopping.note(one.case, BlockResult(one.first_run, one.n_run, one.beyond))
 
     def _counts(self, one: Done) -> bool:
         """Whether a block is among the runs of its case: it may have been flown ahead of a decision."""
@@ -382,14 +382,18 @@ def each(jobs: int, function: Callable[..., Any], units: Iterable[tuple[Any, ...
     if _count(jobs) == 1:
         return (function(*unit) for unit in units)
     how = {"return_as": "generator_unordered", "batch_size": 1, "pre_dispatch": "2 * n_jobs"}
-    return Parallel(n_jobs=_count(jobs), initializer=work.settle, **how)(delayed(function)(*unit) for unit in units)
+    return Parallel(n_jobs=_count(jobs), initializer=work.limit_threads, **how)(
+        delayed(function)(*unit) for unit in units
+    )
 
 
 def _all(jobs: int, function: Callable[..., Any], units: Sequence[tuple[Any, ...]]) -> list[Any]:
     """Return function(*unit) of all units in their order."""
     if _count(jobs) == 1:
         return [function(*unit) for unit in units]
-    return list(Parallel(n_jobs=_count(jobs), initializer=work.settle)(delayed(function)(*unit) for unit in units))
+    return list(
+        Parallel(n_jobs=_count(jobs), initializer=work.limit_threads)(delayed(function)(*unit) for unit in units)
+    )
 
 
 def _end_workers(jobs: int) -> None:

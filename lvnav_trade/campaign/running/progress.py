@@ -50,12 +50,12 @@ class Plain:
     """One line per tenth of a stage, for logs."""
 
     def __init__(self) -> None:
-        self.name, self.total, self.done, self.told = "", 0, 0, 0
+        self.name, self.total, self.done, self.reported = "", 0, 0, 0
         self.start = time.monotonic()
 
     def stage(self, name: str, total: int) -> None:
         """Begin a stage and say so."""
-        self.name, self.total, self.done, self.told = name, total, 0, 0
+        self.name, self.total, self.done, self.reported = name, total, 0, 0
         self.start = time.monotonic()
         self.note(f"{name}: {total}")
 
@@ -63,8 +63,8 @@ class Plain:
         """Count, and say every tenth with the time left."""
         self.done += count
         tenth = 10 * self.done // max(self.total, 1)
-        if tenth > self.told:
-            self.told = tenth
+        if tenth > self.reported:
+            self.reported = tenth
             spent = time.monotonic() - self.start
             left = spent * (self.total - self.done) / max(self.done, 1)
             self.note(f"{self.name}: {self.done}/{self.total}, {left:.0f} s left")

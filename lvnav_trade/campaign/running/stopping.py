@@ -11,7 +11,7 @@ Counts = tuple[int | None, ...]
 """Runs of a block beyond each requirement's bound; None where the case does not hold its metric."""
 
 
-class Judged(NamedTuple):
+class BlockResult(NamedTuple):
     """A stored block: its first run, how many, and the runs beyond each requirement's bound."""
 
     first_run: int
@@ -39,7 +39,7 @@ class Stopping:
         card = campaign.monte_carlo
         return cls(campaign) if card is not None and card.stop is not None else None
 
-    def note(self, case: str, block: Judged) -> None:
+    def note(self, case: str, block: BlockResult) -> None:
         """Take in a block of a case; one that is not whole is not looked at."""
         if block.n_run == self.block and case not in self._runs:
             self._counts.setdefault(case, {})[block.first_run] = block.counts

@@ -98,7 +98,7 @@ def _about(path: str) -> Iterator[None]:
 
 
 class Job(NamedTuple):
-    """What all units of work of a campaign share. asked: what linear covariance leaves of each case; judged: the
+    """What all units of work of a campaign share. asked: what linear covariance leaves of each case; requirements: the
     requirements that decide when it stops.
     """
 
@@ -108,10 +108,10 @@ class Job(NamedTuple):
     history: float
     asked: Asked
     scratch: Path
-    judged: tuple[dict[str, Any], ...] = ()
+    requirements: tuple[dict[str, Any], ...] = ()
 
 
-def judged_of(campaign: Campaign) -> tuple[dict[str, Any], ...]:
+def requirements_of(campaign: Campaign) -> tuple[dict[str, Any], ...]:
     """Return the requirements that every block of runs is held against: those of a campaign that stops by them."""
     if campaign.monte_carlo is None or campaign.monte_carlo.stop is None:
         return ()
@@ -128,7 +128,7 @@ def asked_of(campaign: Campaign) -> Asked:
 
 class Answer(NamedTuple):
     """Linear covariance's answer for a case at an event: norms of the true error (root mean square, so with its mean)
-    and of what the filter believes (one sigma); or why there is none.
+    and of what the filter assumes (one sigma); or why there is none.
     """
 
     case: str
@@ -153,7 +153,7 @@ class Done(NamedTuple):
 
 def events_of(job: Job, case: Case) -> dict[str, float] | InputError:
     """Return the event times of a case's trajectory, or why it cannot be flown."""
-    settle()
+    limit_threads()
     try:
         return job.engine.events(case.scenario)
     except InputError as error:
@@ -162,7 +162,7 @@ def events_of(job: Job, case: Case) -> dict[str, float] | InputError:
 
 def answer(job: Job, case: Case) -> Answer:
     """Compute a case's linear covariance and leave it on the scratch disk for the workers that need it."""
-    settle()
+    limit_threads()
     try:
         prepared = _prepared(job.engine, case, job.history)
         file = _scratch_file(job, case)
@@ -172,7 +172,7 @@ def answer(job: Job, case: Case) -> Answer:
     except InputError as error:
         return Answer(case.id, "", mistakes=error.records)
     except Exception as error:
-        return Answer(case.id, "", error=_told(error))
+        return Answer(case.id, "", error=_message(error))
 
 
 def answer_or_ahead(job: Job, case: Case, ahead: Callable[[Job, Case], Any] | None) -> Answer | None:
@@ -188,14 +188,14 @@ def answer_or_ahead(job: Job, case: Case, ahead: Callable[[Job, Case], Any] | No
 
 def compile_flight(job: Job, case: Case) -> None:
     """Compile what will fly a case."""
-    settle()
+    limit_threads()
     if job.engine.compile_kernels is not None:
         job.engine.compile_kernels(_prepared(job.engine, case, job.history))
 
 
 def explain(job: Job, case: Case) -> Done:
     """Leave on the scratch disk what is behind a case's linear covariance."""
-    settle()
+    limit_threads()
     try:
         file, identity = _explained_file(job, case)
         if job.engine.explain is not None and not scratch.is_sound(file, _explanation(), identity):
@@ -204,12 +204,12 @@ def explain(job: Job, case: Case) -> Done:
             scratch.write(file, job.engine.explain(case.scenario, prepared, covariance, job.asked), identity)
         return Done(case.id, 0, 0)
     except Exception as error:
-        return Done(case.id, 0, 0, error=_told(error))
+        return Done(case.id, 0, 0, error=_message(error))
 
 
 def fly(job: Job, block: Block) -> Done:
     """Fly a block of runs and store its statistics."""
-    settle()
+    limit_threads()
     what = (block.case.id, block.first_run, block.n_run)
     try:
         prepared = _prepared(job.engine, block.case, job.history)
@@ -217,18 +217,22 @@ def fly(job: Job, block: Block) -> Done:
         runs = job.engine.run_block(prepared, job.seed, block.first_run, block.n_run)
         summary = job.engine.summarise(runs, _flown_events(prepared), covariance.true_sigma, prepared.outputs)
         job.results.write_part(block.case.id, summary)
-        beyond = job.engine.beyond(job.judged, block.case.id, prepared, covariance, summary) if job.judged else ()
+        beyond = (
+            job.engine.beyond(job.requirements, block.case.id, prepared, covariance, summary)
+            if job.requirements
+            else ()
+        )
         failures = tuple(
             (block.first_run + int(index), _why(runs, int(index))) for index in np.flatnonzero(np.asarray(runs.failed))
         )
         return Done(*what, failures, beyond=beyond)
     except Exception as error:
-        return Done(*what, error=_told(error))
+        return Done(*what, error=_message(error))
 
 
 def tally(job: Job, case: Case) -> list[Done]:
     """Hold the blocks that are stored of a case against the requirements, one at a time."""
-    settle()
+    limit_threads()
     prepared = _prepared(job.engine, case, job.history)
     covariance = _covariance(job, case)
     return [
@@ -236,7 +240,7 @@ def tally(job: Job, case: Case) -> list[Done]:
             case.id,
             part.first_run,
             part.n_run,
-            beyond=job.engine.beyond(job.judged, case.id, prepared, covariance, part),
+            beyond=job.engine.beyond(job.requirements, case.id, prepared, covariance, part),
         )
         for part in job.results.parts(case.id)
     ]
@@ -244,7 +248,7 @@ def tally(job: Job, case: Case) -> list[Done]:
 
 def close(job: Job, case: Case, info: Any, runs: int) -> Done:
     """Merge the blocks of a case's first `runs` runs and write its tables."""
-    settle()
+    limit_threads()
     try:
         prepared = _prepared(job.engine, case, job.history)
         covariance = _covariance(job, case)
@@ -259,7 +263,7 @@ def close(job: Job, case: Case, info: Any, runs: int) -> Done:
         job.results.write_case(info, prepared, covariance, parts, explained, **drawn)
         return Done(case.id, 0, runs)
     except Exception as error:
-        return Done(case.id, 0, runs, error=_told(error))
+        return Done(case.id, 0, runs, error=_message(error))
 
 
 def _flown_events(prepared: Any) -> dict[str, float]:
@@ -336,7 +340,7 @@ def _why(runs: Any, index: int) -> str:
     return why if math.isnan(when) else f"{why} at {when:g} s"
 
 
-def _told(error: Exception) -> str:
+def _message(error: Exception) -> str:
     """Return the error of a unit of work in one line; a user's mistake stops the campaign instead, and so does what the
     operating system refuses: no other unit would fare better on a full disk or a folder that went away.
     """
@@ -351,7 +355,7 @@ _begun = itertools.count()
 """Units of work that this process has begun."""
 
 
-def settle() -> None:
+def limit_threads() -> None:
     """Let a worker process leave Ctrl-C to its parent, which ends the work in order, and end where that was killed.
 
     What it has loaded (200,000 objects, most of them numba's) is no longer searched for garbage: the pool of workers

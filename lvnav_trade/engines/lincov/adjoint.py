@@ -53,7 +53,7 @@ def _dot(a, b):
 
 
 @jit
-def _update_back(back, gain, h, epoch, channel, time_bin, mixed, ring, signals, true, belief):
+def _update_back(back, gain, h, epoch, channel, time_bin, mixed, ring, signals, true, model):
     """Go back through one update: what its noise put in, and the multipliers before it."""
     n, source = true.n_entry[channel], true.noise_source[channel]
     # what is in a decorrelated solution went in with the solution's own error
@@ -87,14 +87,14 @@ def _drive_back(back, true, length, time_bin):
             # the component and the filter's error in it are driven by the same noise
             through = back.c[m, source, k] + back.e[m, at]
             back.contribution[m, source, time_bin] += through * through * noise
-            fade = get_one(true.fade[length], g, k, 0, lane)
-            back.c[m, source, k] = fade * back.c[m, source, k] + (fade - true.decay[length, at]) * back.e[m, at]
+            factor = get_one(true.factor[length], g, k, 0, lane)
+            back.c[m, source, k] = factor * back.c[m, source, k] + (factor - true.decay[length, at]) * back.e[m, at]
 
 
 @jit
-def _blocks_back(back, scratch, sums, true, belief, length, time_bin):
+def _blocks_back(back, scratch, sums, true, model, length, time_bin):
     """Go back through a window for the components of the IMU and of gravity that no state stands for."""
-    seconds = belief.seconds[length]
+    seconds = model.seconds[length]
     for j in range(true.sensor.shape[0]):
         if true.profile[j] >= 0 or true.matched[j] >= 0:
             continue
@@ -104,7 +104,10 @@ def _blocks_back(back, scratch, sums, true, belief, length, time_bin):
             input_matrix(scratch.input, scratch.block, j, true, sums, seconds)
         for axis in range(3):
             k = true.slot[j, axis]
-            fade, noise = get_one(true.fade[length], g, k, 0, lane), get_one(true.noise[length], g, k, 0, lane)
+            factor, noise = (
+                get_one(true.factor[length], g, k, 0, lane),
+                get_one(true.noise[length], g, k, 0, lane),
+            )
             echo = 1.0 if get_one(true.echo[length], g, k, 0, lane) > 0.0 else 0.0
             for m in range(back.e.shape[0]):
                 entered = 0.0
@@ -114,7 +117,7 @@ def _blocks_back(back, scratch, sums, true, belief, length, time_bin):
                 if noise > 0.0:
                     through = back.c[m, source, k] - echo * entered
                     back.contribution[m, source, time_bin] += through * through * noise
-                back.c[m, source, k] = fade * back.c[m, source, k] + entered
+                back.c[m, source, k] = factor * back.c[m, source, k] + entered
 
 
 @jit
@@ -125,11 +128,14 @@ def _shared_back(back, true, length, time_bin):
             continue
         source, k = true.shared_source[c], true.shared_slot[c]
         g, lane = true.group[source], true.lane[source]
-        fade, noise = get_one(true.fade[length], g, k, 0, lane), get_one(true.noise[length], g, k, 0, lane)
+        factor, noise = (
+            get_one(true.factor[length], g, k, 0, lane),
+            get_one(true.noise[length], g, k, 0, lane),
+        )
         for m in range(back.e.shape[0]):
             through = back.c[m, source, k]
             back.contribution[m, source, time_bin] += through * through * noise
-            back.c[m, source, k] = fade * through
+            back.c[m, source, k] = factor * through
 
 
 @jit
@@ -191,24 +197,24 @@ def _samples_back(back, scratch, tape, true, unit, vehicle, reference, tick, tim
 
 
 @inlined
-def _window_back(back, scratch, tape, w, true, belief, length, time_bin):
+def _window_back(back, scratch, tape, w, true, model, length, time_bin):
     """Go back through the propagation of a window."""
-    sums, at, seconds = tape.sums[w], tape.position[w], belief.seconds[length]
+    sums, at, seconds = tape.sums[w], tape.position[w], model.seconds[length]
     transition.fill(scratch.D, true.nav_kinds, true.nav_drivers, sums, at[0], at[1], at[2], seconds)
     _white_back(back, true, length, time_bin)
     _drive_back(back, true, length, time_bin)
-    _blocks_back(back, scratch, sums, true, belief, length, time_bin)
+    _blocks_back(back, scratch, sums, true, model, length, time_bin)
     _shared_back(back, true, length, time_bin)
     for m in range(back.e.shape[0]):
         apply_phi_transposed(
-            back.e[m], scratch.D, true.nav_rows, true.nav_columns, true.decay[length], belief.clock, seconds
+            back.e[m], scratch.D, true.nav_rows, true.nav_columns, true.decay[length], model.clock, seconds
         )
     _white_back(back, true, length, time_bin)
 
 
 @jit
 def go_back(
-    back, scratch, tape, last_window, time_bins, schedule, unit, signals, true, belief, chain, late, vehicle, reference
+    back, scratch, tape, last_window, time_bins, schedule, unit, signals, true, model, chain, late, vehicle, reference
 ):
     """Carry the multipliers from the end of a window back to the start of the flight; `back` is filled.
 
@@ -216,7 +222,7 @@ def go_back(
     ----------
     back : Backward, with e set to the metrics' rows; scratch : BackScratch; tape : Tape of the forward pass
     last_window : the metric stands at its end; time_bins (n_window,) bin of each window
-    schedule : Schedule; unit : Unit; signals : Signals; true : Components; belief : Belief
+    schedule : Schedule; unit : Unit; signals : Signals; true : Components; model : FilterModel
     chain : Chain; late : Late; vehicle : VehicleModel; or None; reference : Reference
     """
     for w in range(last_window, -1, -1):
@@ -226,15 +232,13 @@ def go_back(
             mixed, ring = chain is not None and channel < signals.n_receiver, 0
             if late is not None:
                 ring = epoch % late.n_ring
-            _update_back(
-                back, tape.gain[row], tape.h[row], epoch, channel, time_bin, mixed, ring, signals, true, belief
-            )
+            _update_back(back, tape.gain[row], tape.h[row], epoch, channel, time_bin, mixed, ring, signals, true, model)
         if chain is not None and schedule.epoch[w] >= 0:
             solution_back(back, scratch.y, chain, true, schedule.epoch[w], time_bin)
         if schedule.n_tick[w] == 0:
             continue
         clone_back(back, true, late, w)
-        _window_back(back, scratch, tape, w, true, belief, schedule.length[w], time_bin)
+        _window_back(back, scratch, tape, w, true, model, schedule.length[w], time_bin)
         if vehicle is not None:
             for tick in range(schedule.first_tick[w] + schedule.n_tick[w] - 1, schedule.first_tick[w] - 1, -1):
                 _samples_back(back, scratch, tape, true, unit, vehicle, reference, tick, time_bin)

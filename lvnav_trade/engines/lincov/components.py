@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from lvnav_trade.engines.lincov.slots import Slots, aligned, as_lanes, places_of, slot_tables
 from lvnav_trade.engines.lincov.sources import measurement_tables, n_joint, noise_sources
 from lvnav_trade.engines.prepare import Prepared
-from lvnav_trade.filters.belief import transition_blocks
+from lvnav_trade.filters.model import transition_blocks
 from lvnav_trade.kernels.clock import spectral_densities
 from lvnav_trade.kernels.transition import ACCEL, ATT, CONSTANT, GYRO, POS, VEL
 from lvnav_trade.records import Floats
@@ -28,8 +28,8 @@ class Components(NamedTuple):
     """True error components of a case. A source owns slots of its lane; a component is one slot of one lane.
 
     group, lane (n_source,) place of each source; n_slot (n_group,); followed (n_group, n_slot): the covariance with the
-    states is carried; moves: enters attitude, velocity or position while they are propagated. samples: enters the
-    samples of the IMU, where they are measurements. fade, noise (n_length, n_group, n_slot, 1[, 8]) decay and driving
+    states is followed; moves: enters attitude, velocity or position while they are propagated. samples: enters the
+    samples of the IMU, as measurements. factor, noise (n_length, n_group, n_slot, 1[, 8]) decay and driving
     variance over a window, echo the part of the noise that enters the states with the opposite sign (quantisation);
     start (n_source, n_slot) variance.
 
@@ -54,7 +54,7 @@ class Components(NamedTuple):
     followed: Flags
     moves: Flags
     samples: Flags
-    fade: Floats
+    factor: Floats
     noise: Floats
     echo: Floats
     start: Floats
@@ -127,16 +127,16 @@ def _block_tables(block: _Block, seconds: Floats) -> tuple[Floats, Floats]:
     if block.driver == REMAINDER:
         # a new remainder at the end of every window, uniform over a step; a window of no ticks leaves it as it was
         return np.where(seconds > 0.0, 0.0, 1.0), np.where(seconds > 0.0, block.walk, 0.0)
-    fade = np.exp(-seconds / block.time_constant)
-    return fade, block.walk * seconds - block.variance * np.expm1(-2.0 * seconds / block.time_constant)
+    factor = np.exp(-seconds / block.time_constant)
+    return factor, block.walk * seconds - block.variance * np.expm1(-2.0 * seconds / block.time_constant)
 
 
 def _shared_tables(sigma: float, time_constant: float, seconds: Floats) -> tuple[Floats, Floats]:
     """Return decay and driving variance (n_length,) of an error that measurements share."""
     # an error without memory is a new one at every epoch; a window of no ticks leaves it as it was
     still = 1.0 if math.isinf(time_constant) else 0.0
-    fade = np.exp(-seconds / time_constant) if time_constant > 0.0 else np.where(seconds > 0.0, still, 1.0)
-    return fade, sigma**2 * (1.0 - fade**2)
+    factor = np.exp(-seconds / time_constant) if time_constant > 0.0 else np.where(seconds > 0.0, still, 1.0)
+    return factor, sigma**2 * (1.0 - factor**2)
 
 
 def _partial_differs(prepared: Prepared, family: int, own: int) -> bool:
@@ -160,18 +160,18 @@ def _sampled(block: _Block, modelled: bool) -> bool:
 
 def _take_blocks(prepared: Prepared, blocks: list[_Block], slots: Slots, states: list[tuple[int, int, int]]) -> Ints:
     """Give every component of the blocks a slot, (n_block, 3); -1 for profiles, which every run has alike."""
-    decay, modelled = prepared.belief.decay, prepared.layout.motion >= 0
+    decay, modelled = prepared.model.decay, prepared.layout.motion >= 0
     found = np.full((len(blocks), 3), -1, dtype=np.int64)
     for j, block in enumerate(blocks):
         if block.profile >= 0:
             continue
-        fade, noise = _block_tables(block, slots.seconds)
-        alike = block.matched >= 0 and np.array_equal(fade, decay[:, block.matched])
+        factor, noise = _block_tables(block, slots.seconds)
+        alike = block.matched >= 0 and np.array_equal(factor, decay[:, block.matched])
         moves = _moves(block, modelled)
         sampled = _sampled(block, modelled)
         for axis in range(3):
             found[j, axis] = slots.take(
-                block.source, fade, noise, block.variance, followed=not alike, moves=moves, samples=sampled,
+                block.source, factor, noise, block.variance, followed=not alike, moves=moves, samples=sampled,
                 echoes=block.driver == REMAINDER,
             )  # fmt: skip
             if block.matched >= 0:
@@ -183,21 +183,21 @@ def _take_shared(
     prepared: Prepared, names: list[str], slots: Slots, states: list[tuple[int, int, int]]
 ) -> dict[str, Any]:
     """Give every component of the errors that measurements share a slot; see Components."""
-    belief, seconds = prepared.belief, slots.seconds
+    model, seconds = prepared.model, slots.seconds
     by_name = {block.name: f for f, block in enumerate(prepared.layout.extras)}
-    families = list(prepared.families) if belief.aided else []
+    families = list(prepared.families) if model.aided else []
     source, slot, matched = list[int](), list[int](), list[int]()
     own = [by_name.get(family.state, -1) for family in families]
     for number, family in enumerate(families):
-        fade, noise = _shared_tables(family.sigma, family.time_constant, seconds)
+        factor, noise = _shared_tables(family.sigma, family.time_constant, seconds)
         differs = prepared.chain is not None or _partial_differs(prepared, number, own[number])
         for _ in family.labels:
             extra = prepared.signals.shared.extra[len(source)]
-            at = int(belief.extra_offset[extra]) if extra >= 0 else -1
-            follow = differs or not np.array_equal(fade, belief.decay[:, at])
+            at = int(model.extra_offset[extra]) if extra >= 0 else -1
+            follow = differs or not np.array_equal(factor, model.decay[:, at])
             source.append(names.index(family.source))
             matched.append(at)
-            slot.append(slots.take(source[-1], fade, noise, family.sigma**2, followed=follow))
+            slot.append(slots.take(source[-1], factor, noise, family.sigma**2, followed=follow))
             if at >= 0:
                 states.append((source[-1], slot[-1], at))
     return {
@@ -243,7 +243,7 @@ def _initial(prepared: Prepared, names: list[str]) -> Floats:
 
 def components(prepared: Prepared, names: list[str]) -> Components:
     """Turn the truth's cards into numbers; the filter's card is asked only which states it has."""
-    blocks, seconds, belief, n = _blocks(prepared, names), prepared.lengths, prepared.belief, n_joint(prepared)
+    blocks, seconds, model, n = _blocks(prepared, names), prepared.lengths, prepared.model, n_joint(prepared)
     slots, states = Slots(len(names), seconds), list[tuple[int, int, int]]()
     slot = _take_blocks(prepared, blocks, slots, states)
     shared = _take_shared(prepared, names, slots, states)
@@ -252,10 +252,10 @@ def components(prepared: Prepared, names: list[str]) -> Components:
     by_samples = prepared.layout.motion >= 0
     if by_samples:  # all but the gradient of gravity is propagated sample by sample
         rows, columns, kinds, drivers = (
-            belief.block_rows,
-            belief.block_columns,
-            belief.block_kinds,
-            belief.block_drivers,
+            model.block_rows,
+            model.block_columns,
+            model.block_kinds,
+            model.block_drivers,
         )
     white = as_lanes(_white_noise(prepared, names), group, lane)
     number = np.array(states, dtype=np.int64).reshape(-1, 3)
@@ -288,7 +288,7 @@ def components(prepared: Prepared, names: list[str]) -> Components:
         white=aligned(np.swapaxes(white, 0, 1)),
         initial=_initial(prepared, names),
         noise_source=noise_sources(prepared, names),
-        decay=np.pad(belief.decay, ((0, 0), (0, n - prepared.layout.n_state)), constant_values=1.0),
+        decay=np.pad(model.decay, ((0, 0), (0, n - prepared.layout.n_state)), constant_values=1.0),
         **measurement_tables(prepared, names),
         sample_noise=_sample_noise(prepared, names),
     )

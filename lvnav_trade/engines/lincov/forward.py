@@ -22,7 +22,7 @@ from lvnav_trade.filters.ekf import (
     row_of,
 )
 from lvnav_trade.filters.late import keep
-from lvnav_trade.filters.monitor import MODE, begin_watch, is_running, judge, settle, start_filter
+from lvnav_trade.filters.monitor import MODE, begin_watch, check_measurements, is_running, start_filter, update_mode
 from lvnav_trade.kernels.groups import get_one, group, total_of, whole
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.strapdown import place
@@ -56,26 +56,26 @@ def _measure(nominal, signals, sensors, tight, epoch):
 
 
 @inlined
-def _fill(nominal, formal, signals, belief, chain, late, epoch):
+def _fill(nominal, formal, signals, model, chain, late, epoch):
     """Fill what the filter compares the receiver's measurements with."""
-    if belief.tight:
-        fill_tight(nominal, belief, signals, epoch)
+    if model.tight:
+        fill_tight(nominal, model, signals, epoch)
     elif chain is None:
-        fill_loose(nominal, belief, signals, epoch)
+        fill_loose(nominal, model, signals, epoch)
     else:
         for i in range(6):
             nominal.solution[i] = chain.point[epoch, i]
-        fill_loose(nominal, belief, signals, epoch)
+        fill_loose(nominal, model, signals, epoch)
         complete_rows(nominal, chain, late, epoch)
 
 
 @inlined
-def _weight(nominal, formal, belief, chain, late, gains, epoch):
+def _weight(nominal, formal, model, chain, late, gains, epoch):
     """Decorrelate the rows of a solution that comes with a covariance; with stored gains they stay as they are."""
     if chain is not None:
         extrapolate(nominal, formal, late, epoch)
         if gains is None:
-            decorrelate(nominal, belief)
+            decorrelate(nominal, model)
 
 
 @inlined
@@ -86,40 +86,40 @@ def _count(out, epoch, square):
 
 
 @inlined
-def _update_receiver(out, joint, scratch, tape, nominal, signals, true, belief, chain, late, gains, epoch):
+def _update_receiver(out, joint, scratch, tape, nominal, signals, true, model, chain, late, gains, epoch):
     """Update by what the receiver measures at an epoch."""
     mixed = chain is not None
-    for row in range(n_measured(belief, signals, epoch)):
-        channel = channel_of(belief, signals, epoch, row)
-        if belief.measured[channel]:
+    for row in range(n_measured(model, signals, epoch)):
+        channel = channel_of(model, signals, epoch, row)
+        if model.measured[channel]:
             variance = signals.variance[epoch, channel]
             if mixed:
-                variance = 1.0 if gains is None else nominal.told[row, row]
+                variance = 1.0 if gains is None else nominal.reported[row, row]
             square = update_joint(
                 joint, scratch, tape, late, gains, nominal.H[row], nominal.z[row], epoch, channel, variance, mixed,
-                signals, true, belief,
+                signals, true, model,
             )  # fmt: skip
             _count(out, epoch, square)
 
 
 @inlined
-def _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, belief, gains, epoch):
+def _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, model, gains, epoch):
     """Update by what the other sensors measure at an epoch."""
     for k in range(sensors.code.shape[0]):
-        if sensors.on[k, epoch] and belief.measured[sensors.channel[k]]:
-            at = row_of(belief, nominal, sensors.channel[k])
-            fill_sensor(nominal, belief, signals, sensors, k, at, epoch)
+        if sensors.on[k, epoch] and model.measured[sensors.channel[k]]:
+            at = row_of(model, nominal, sensors.channel[k])
+            fill_sensor(nominal, model, signals, sensors, k, at, epoch)
             for i in range(sensors.scalars[k]):
                 channel = sensors.channel[k] + i
                 square = update_joint(
                     joint, scratch, tape, None, gains, nominal.H[at + i], nominal.z[at + i], epoch, channel,
-                    signals.variance[epoch, channel], False, signals, true, belief,
+                    signals.variance[epoch, channel], False, signals, true, model,
                 )  # fmt: skip
                 _count(out, epoch, square)
 
 
 @inlined
-def _start(joint, scratch, tape, nominal, watch, rules, signals, true, belief, chain, late, epoch):
+def _start(joint, scratch, tape, nominal, watch, rules, signals, true, model, chain, late, epoch):
     """Start the filter on the nominal flight: its covariance as the mode logic sets it, and the error that it starts
     with, that of the sample if it starts from one.
     """
@@ -128,27 +128,27 @@ def _start(joint, scratch, tape, nominal, watch, rules, signals, true, belief, c
             if chain is None:
                 watch.predicted[row] = signals.variance[epoch, row]
             else:
-                watch.predicted[row] = nominal.told[row, row]
+                watch.predicted[row] = nominal.reported[row, row]
         start_filter(joint.formal, scratch.x, watch, rules, nominal.z)
-        for i in range(belief.n_state):
+        for i in range(model.n_state):
             scratch.x[i] = 0.0
         if rules.from_gnss:
             for row in range(6):
                 at = POS + row if row < 3 else VEL + row - 3
                 replace_state(
                     joint, scratch, tape, late, at, nominal.H[row], nominal.z[row], epoch, row, chain is not None,
-                    signals, true, belief,
+                    signals, true, model,
                 )  # fmt: skip
 
 
 @inlined
-def _expect(joint, nominal, true, belief, signals, late, watch, epoch):
+def _expect(joint, nominal, true, model, signals, late, watch, epoch):
     """Set the mean of every innovation of the receiver: what the mode logic sees in a run without noise."""
     ring = 0
     if late is not None:
         ring = epoch % late.n_ring
-    for row in range(n_measured(belief, signals, epoch)):
-        channel = channel_of(belief, signals, epoch, row)
+    for row in range(n_measured(model, signals, epoch)):
+        channel = channel_of(model, signals, epoch, row)
         total = nominal.z[row]
         for k in range(true.n_entry[channel]):
             total += nominal.H[row, true.entry[ring, channel, k]] * joint.mean[true.column[ring, channel, k]]
@@ -157,57 +157,57 @@ def _expect(joint, nominal, true, belief, signals, late, watch, epoch):
 
 @inlined
 def _process_permitted(
-    out, joint, scratch, tape, nominal, signals, true, belief, chain, late, gains, rules, watch, epoch
+    out, joint, scratch, tape, nominal, signals, true, model, chain, late, gains, rules, watch, epoch
 ):
     """Update by what the receiver measures if the mode logic permits on the nominal flight; make its transitions."""
     solved = chain is None or chain.solved[epoch]
     good = rules.good[epoch] and solved
     if good:
-        _fill(nominal, joint.formal, signals, belief, chain, late, epoch)
-        _expect(joint, nominal, true, belief, signals, late, watch, epoch)
-    judge(watch, rules, belief, signals, epoch, nominal.expected, n_measured(belief, signals, epoch))
+        _fill(nominal, joint.formal, signals, model, chain, late, epoch)
+        _expect(joint, nominal, true, model, signals, late, watch, epoch)
+    check_measurements(watch, rules, model, signals, epoch, nominal.expected, n_measured(model, signals, epoch))
     if good:
-        _start(joint, scratch, tape, nominal, watch, rules, signals, true, belief, chain, late, epoch)
-        _weight(nominal, joint.formal, belief, chain, late, gains, epoch)
+        _start(joint, scratch, tape, nominal, watch, rules, signals, true, model, chain, late, epoch)
+        _weight(nominal, joint.formal, model, chain, late, gains, epoch)
         if watch.sample[0] > 0.0:
-            _update_receiver(out, joint, scratch, tape, nominal, signals, true, belief, chain, late, gains, epoch)
-    settle(watch, rules, epoch, joint.formal)
+            _update_receiver(out, joint, scratch, tape, nominal, signals, true, model, chain, late, gains, epoch)
+    update_mode(watch, rules, epoch, joint.formal)
 
 
 @inlined
-def _epoch(out, joint, scratch, work, tape, nominal, signals, sensors, true, belief, dt, chain, late, gains, rules,
+def _epoch(out, joint, scratch, work, tape, nominal, signals, sensors, true, model, dt, chain, late, gains, rules,
            watch, vehicle, epoch):  # fmt: skip
     """Update by what the filter would process at an epoch."""
     if vehicle is not None:
         out.expected_nis[epoch] += expected_of_samples(work, true, vehicle)
         out.n_row[epoch] += N_SAMPLE
-    if belief.clock >= 0:
-        joint.mean[belief.clock] += signals.clock_jump[epoch]
+    if model.clock >= 0:
+        joint.mean[model.clock] += signals.clock_jump[epoch]
     if chain is not None:
         advance_solution(joint, scratch, chain, true, epoch)
-    place_antenna(nominal, late, belief, dt, epoch)
-    _measure(nominal, signals, sensors, belief.tight, epoch)
+    place_antenna(nominal, late, model, dt, epoch)
+    _measure(nominal, signals, sensors, model.tight, epoch)
     if rules is None:
         solved = chain is None or chain.solved[epoch]
-        if n_measured(belief, signals, epoch) > 0 and solved:
-            _fill(nominal, joint.formal, signals, belief, chain, late, epoch)
-            _weight(nominal, joint.formal, belief, chain, late, gains, epoch)
-            _update_receiver(out, joint, scratch, tape, nominal, signals, true, belief, chain, late, gains, epoch)
-        _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, belief, gains, epoch)
-    elif (epoch + 1) % belief.every == 0:
+        if n_measured(model, signals, epoch) > 0 and solved:
+            _fill(nominal, joint.formal, signals, model, chain, late, epoch)
+            _weight(nominal, joint.formal, model, chain, late, gains, epoch)
+            _update_receiver(out, joint, scratch, tape, nominal, signals, true, model, chain, late, gains, epoch)
+        _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, model, gains, epoch)
+    elif (epoch + 1) % model.every == 0:
         _process_permitted(
-            out, joint, scratch, tape, nominal, signals, true, belief, chain, late, gains, rules, watch, epoch
+            out, joint, scratch, tape, nominal, signals, true, model, chain, late, gains, rules, watch, epoch
         )
         if is_running(watch.state[MODE]) > 0.0:
-            _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, belief, gains, epoch)
+            _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, model, gains, epoch)
 
 
 @inlined
-def _clone(joint, nominal, true, belief, reference, tick, dt, late, window):
+def _clone(joint, nominal, true, model, reference, tick, dt, late, window):
     """Store the state and clone its error, for a measurement that is on its way."""
     if late is not None:
         place(nominal.nav, reference, tick)
-        keep(nominal.past, nominal.nav, nominal.previous, nominal.x, late, window, dt, belief.gravity)
+        keep(nominal.past, nominal.nav, nominal.previous, nominal.x, late, window, dt, model.gravity)
         clone_error(joint, true, late, window)
 
 
@@ -301,7 +301,7 @@ def _hold_solution(held, held_mean, joint, true):
 
 @jit
 def forward(
-    out, joint, scratch, work, tape, nominal, schedule, unit, signals, sensors, record, axes_att, belief, true,
+    out, joint, scratch, work, tape, nominal, schedule, unit, signals, sensors, record, axes_att, model, true,
     reference, chain, late, gains, rules, watch, vehicle, samples, held,
 ):  # fmt: skip
     """Propagate and update the filter's covariance and the true one, by source, over the nominal flight; fill `out`.
@@ -310,7 +310,7 @@ def forward(
     ----------
     out : Recorded, joint : JointCovariance at the start, scratch : Scratch, work : SampleScratch, tape : Tape,
     nominal : Nominal; all updated
-    schedule : Schedule, unit : Unit, signals : Signals, sensors : Sensors, record : Record, belief : Belief,
+    schedule : Schedule, unit : Unit, signals : Signals, sensors : Sensors, record : Record, model : FilterModel,
     true : Components, axes_att : (n_hist, 3, 3) from frame i to body axes at the history times
     reference : Reference, the true motion; chain : Chain, late : Late, gains : Gains, rules : Rules, watch : Watch of
     the nominal flight, vehicle : VehicleModel, samples : Samples, held : (covariance (n_source, 11, 11), mean (11,)) of
@@ -321,17 +321,17 @@ def forward(
         first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
         if n_tick > 0:
             if vehicle is not None:
-                sample_window(joint, scratch, work, tape, true, unit, belief, vehicle, reference, first, n_tick)
-            nominal_window(nominal, reference, first, n_tick, unit.dt, belief.gravity)
-            propagate(joint, scratch, nominal, true, unit, belief, schedule.length[w], first, n_tick, reference)
+                sample_window(joint, scratch, work, tape, true, unit, model, vehicle, reference, first, n_tick)
+            nominal_window(nominal, reference, first, n_tick, unit.dt, model.gravity)
+            propagate(joint, scratch, nominal, true, unit, model, schedule.length[w], first, n_tick, reference)
             if tape.channel.shape[0] > 0:
                 record_window(tape, w, nominal)
-            _clone(joint, nominal, true, belief, reference, first + n_tick, unit.dt, late, w)
+            _clone(joint, nominal, true, model, reference, first + n_tick, unit.dt, late, w)
         epoch, hist = schedule.epoch[w], schedule.hist[w]
-        if epoch >= 0 and belief.aided:
+        if epoch >= 0 and model.aided:
             place(nominal.nav, reference, first + n_tick)
             _epoch(
-                out, joint, scratch, work, tape, nominal, signals, sensors, true, belief, unit.dt, chain, late, gains,
+                out, joint, scratch, work, tape, nominal, signals, sensors, true, model, unit.dt, chain, late, gains,
                 rules, watch, vehicle, epoch,
             )  # fmt: skip
             if held is not None and chain.solved[epoch]:

@@ -37,19 +37,19 @@ from lvnav_trade.sources import label_of
 
 def _width(prepared: Prepared) -> int:
     """Return how many entries a Jacobian row has."""
-    return prepared.belief.n_row_entry + (0 if prepared.chain is None else N_SOLUTION_ENTRY)
+    return prepared.model.n_row_entry + (0 if prepared.chain is None else N_SOLUTION_ENTRY)
 
 
 def nominal(prepared: Prepared) -> Nominal:
     """Return the work arrays of the nominal run, empty."""
-    belief, late, signals = prepared.belief, prepared.options.late, prepared.signals
+    model, late, signals = prepared.model, prepared.options.late, prepared.signals
     shapes = {
         "nav": (10,), "sums": (N_SUM,), "previous": (6,),
-        "increments": (int(prepared.schedule.n_tick.max()), 6), "antenna": (len(belief.levers), 21),
+        "increments": (int(prepared.schedule.n_tick.max()), 6), "antenna": (len(model.lever_arms), 21),
         "rate": (3,), "H": (prepared.n_row, _width(prepared)), "z": (prepared.n_row,), "expected": (prepared.n_row,),
         "ranges": (signals.used.shape[1], 2), "solution": (6,), "observed": (max(1, len(prepared.devices)), 4),
-        "clock_hat": (2,), "par": (max(1, len(prepared.layout.parameters)), 3), "x": (belief.n_state,),
-        "extra": (max(1, belief.extra_offset.size),), "told": (6, 6),
+        "clock_hat": (2,), "par": (max(1, len(prepared.layout.parameters)), 3), "x": (model.n_state,),
+        "extra": (max(1, model.extra_offset.size),), "reported": (6, 6),
         "past": (1 + (0 if late is None else late.n_ring), N_PAST), "P": (1, 1),
     }  # fmt: skip
     return Nominal(**{name: np.zeros(shape) for name, shape in shapes.items()})
@@ -69,7 +69,7 @@ def _scratch(prepared: Prepared, true: Components) -> Scratch:
     n, n_state, n_group = n_joint(prepared), prepared.layout.n_state, true.n_slot.size
     n_slot = true.followed.shape[1]
     shapes = {
-        "D": (prepared.belief.block_rows.size, 9), "D_true": (true.nav_rows.size, 9), "block": (9,), "input": (9, 3),
+        "D": (prepared.model.block_rows.size, 9), "D_true": (true.nav_rows.size, 9), "block": (9,), "input": (9, 3),
         "shift": (n,), "K": (n_state,), "x": (n_state,), "gain": (n,), "deviation": (9,), "receiver": (N_STATE + 6,),
     }  # fmt: skip
     lanes = {
@@ -127,7 +127,7 @@ def _pass(prepared: Prepared, names: list[str], true: Components, tape: Tape) ->
     forward(
         out, _joint(prepared, true), _scratch(prepared, true), _sample_scratch(prepared, true), tape,
         nominal(prepared), prepared.schedule, prepared.unit, prepared.signals, prepared.sensors, prepared.record,
-        axes_att, prepared.belief, true, prepared.reference, prepared.chain, options.late, options.gains,
+        axes_att, prepared.model, true, prepared.reference, prepared.chain, options.late, options.gains,
         options.rules, watch, options.vehicle, options.samples, held,
     )  # fmt: skip
     return out
@@ -144,7 +144,7 @@ def covariance(prepared: Prepared) -> CovHistory:
 
 def forward_tape(prepared: Prepared, true: Components) -> Tape:
     """Return what a backward pass, or an observability analysis, needs of a forward one."""
-    per_satellite = 2 if prepared.belief.tight else 0
+    per_satellite = 2 if prepared.model.tight else 0
     n_sensor = sum(len(device.channels.labels) for device in prepared.devices)
     n_update = int(np.sum(np.maximum(6, per_satellite * prepared.signals.n_used) + n_sensor + 6)) + 1
     sampled = prepared.reference.dtheta.shape[0] if prepared.options.vehicle is not None else 0
@@ -225,7 +225,7 @@ def _go_back(
     scratch = BackScratch(*arrays, a=grouped_zeros((true.n_slot.size * n_slot, N_SAMPLE, 1)))  # type: ignore[misc]
     go_back(
         back, scratch, tape, last, bins, schedule, prepared.unit,
-        prepared.signals, true, prepared.belief, prepared.chain, prepared.options.late, vehicle, prepared.reference,
+        prepared.signals, true, prepared.model, prepared.chain, prepared.options.late, vehicle, prepared.reference,
     )  # fmt: skip
     return edges, back.contribution
 
@@ -262,7 +262,7 @@ def _history(prepared: Prepared, names: list[str], out: Recorded) -> CovHistory:
         n_row=out.n_row.astype(np.int32),
         expected_nees=expected_nees(out.formal[:, :m, :m], total[:, :m, :m]),
         expected_nis=out.expected_nis,
-        false_rejection=false_rejection(prepared.belief.gate_squared, out.worst_ratio),
+        false_rejection=false_rejection(prepared.model.gate_squared, out.worst_ratio),
     )
 
 

@@ -70,7 +70,7 @@ def _fill_inputs(scratch, true, sums, seconds):
 
 @inlined
 def _enter(P, y, b, variance, echo):
-    """Let components c of one group, a lane each, enter P and y = Cov(x, c) by b (9,), before c fades.
+    """Let components c of one group, a lane each, enter P and y = Cov(x, c) by b (9,), before c decays.
 
     echo: variance of the part of c's driving noise that enters the states with the opposite sign of b.
     """
@@ -92,33 +92,33 @@ def _enter(P, y, b, variance, echo):
 
 @inlined
 def _advance_components(joint, scratch, true, length, g):
-    """Let the components of one group act over a window, then fade and be driven."""
-    fades, noises = group(true.fade[length], g), group(true.noise[length], g)
+    """Let the components of one group act over a window, then decay and be driven."""
+    factors, noises = group(true.factor[length], g), group(true.noise[length], g)
     echoes, variances = group(true.echo[length], g), group(joint.variance, g)
     cross, b, P = group(joint.cross, g), group(scratch.b, g), group(joint.sources, g)
     for k in range(true.n_slot[g]):
-        fade, y = fades[k, 0], cross[k]
+        factor, y = factors[k, 0], cross[k]
         if true.followed[g, k]:
             if true.moves[g, k]:
                 _enter(P, y, b[k], variances[k, 0], echoes[k, 0])
             for i in range(size(y, 0)):
-                y[i] = fade * y[i]
+                y[i] = factor * y[i]
             if true.moves[g, k]:
                 for i in range(N_NAV):
                     y[i] = y[i] - echoes[k, 0] * b[k, i]
-        variances[k, 0] = fade * fade * variances[k, 0] + noises[k, 0]
+        variances[k, 0] = factor * factor * variances[k, 0] + noises[k, 0]
 
 
 @jit
 def _enter_states(joint, true, decay, length):
-    """Let components enter the states that the filter has for them by what fades otherwise in truth than in the filter.
+    """Let components enter the states that the filter has for them by the difference between true and modelled decay.
 
     The filter takes off its estimate by the same blocks, so only what the estimate misses remains: in e already.
     """
     for p in range(true.state_at.shape[0]):
         source, k, at = true.state_source[p], true.state_slot[p], true.state_at[p]
         g, lane = true.group[source], true.lane[source]
-        extra = get_one(true.fade[length], g, k, 0, lane) - decay[at]
+        extra = get_one(true.factor[length], g, k, 0, lane) - decay[at]
         if extra != 0.0:
             variance = get_one(joint.variance, g, k, 0, lane)
             for i in range(joint.mean.shape[0]):
@@ -143,30 +143,30 @@ def _drive_states(joint, true, length):
 
 
 @inlined
-def propagate_sources(joint, scratch, true, belief, sums, length):
+def propagate_sources(joint, scratch, true, model, sums, length):
     """Propagate what is true over a window, source by source, and the mean; scratch.D_true holds the transition."""
-    seconds, decay, D = belief.seconds[length], true.decay[length], scratch.D_true
+    seconds, decay, D = model.seconds[length], true.decay[length], scratch.D_true
     rows, columns = true.nav_rows, true.nav_columns
     _fill_inputs(scratch, true, sums, seconds)
     for g in range(true.n_slot.shape[0]):
-        predict(group(joint.sources, g), D, rows, columns, decay, group(true.white[length], g), belief.clock, seconds)
+        predict(group(joint.sources, g), D, rows, columns, decay, group(true.white[length], g), model.clock, seconds)
         cross = group(joint.cross, g)
         for k in range(true.n_slot[g]):
             if true.followed[g, k]:
-                apply_phi(cross[k], D, rows, columns, decay, belief.clock, seconds)
+                apply_phi(cross[k], D, rows, columns, decay, model.clock, seconds)
     _enter_states(joint, true, decay, length)
     for g in range(true.n_slot.shape[0]):
         _advance_components(joint, scratch, true, length, g)
     _drive_states(joint, true, length)
-    apply_phi(joint.mean, D, rows, columns, decay, belief.clock, seconds)
+    apply_phi(joint.mean, D, rows, columns, decay, model.clock, seconds)
 
 
 @jit
-def _advance_profiles(joint, scratch, true, unit, belief, sums, length, middle):
+def _advance_profiles(joint, scratch, true, unit, model, sums, length, middle):
     """Let biases that are the same in every run act over a window, in the mean. Where the filter has a state for the
     bias only its change acts; where samples are measurements and there is no state, the samples hold it.
     """
-    seconds, decay, g = belief.seconds[length], true.decay[length], scratch.shift
+    seconds, decay, g = model.seconds[length], true.decay[length], scratch.shift
     for j in range(true.sensor.shape[0]):
         profile, matched = true.profile[j], true.matched[j]
         if profile < 0:
@@ -182,7 +182,7 @@ def _advance_profiles(joint, scratch, true, unit, belief, sums, length, middle):
                     g[i] = 0.0
                 g[matched + axis] = 1.0
                 # the value is the window's mean, so a change acts from the window's start
-                apply_phi(g, scratch.D_true, true.nav_rows, true.nav_columns, decay, belief.clock, seconds)
+                apply_phi(g, scratch.D_true, true.nav_rows, true.nav_columns, decay, model.clock, seconds)
                 extra = 1.0 - decay[matched + axis]
                 for i in range(g.shape[0]):
                     joint.mean[i] += g[i] * change
@@ -193,7 +193,7 @@ def _advance_profiles(joint, scratch, true, unit, belief, sums, length, middle):
 
 
 @jit
-def _set_deviation(deviation, unit, nav, belief, first, n_tick, reference):
+def _set_deviation(deviation, unit, nav, model, first, n_tick, reference):
     """Set what the window holds in every run: sensed minus true increments (6), error of the filter's gravity (3)."""
     for i in range(6):
         deviation[i] = 0.0
@@ -203,7 +203,7 @@ def _set_deviation(deviation, unit, nav, belief, first, n_tick, reference):
             deviation[3 + axis] += unit.dvel[k, axis] - reference.dvel[k, axis]
     x, y, z = nav[R], nav[R + 1], nav[R + 2]
     tx, ty, tz = gravity(J4, x, y, z)
-    ox, oy, oz = gravity(belief.gravity, x, y, z)
+    ox, oy, oz = gravity(model.gravity, x, y, z)
     deviation[6], deviation[7], deviation[8] = tx - ox, ty - oy, tz - oz
 
 
@@ -224,21 +224,21 @@ def _add_deviation(mean, deviation, sums, seconds, sensed):
 
 
 @inlined
-def propagate(joint, scratch, nominal, true, unit, belief, length, first, n_tick, reference):
+def propagate(joint, scratch, nominal, true, unit, model, length, first, n_tick, reference):
     """Propagate everything over one window: the filter's own covariance by its model, each source's by the truth's.
 
     Where the samples of the IMU are measurements, what they propagate is propagated already, tick by tick.
     """
-    seconds, sums, nav = belief.seconds[length], nominal.sums, nominal.nav
+    seconds, sums, nav = model.seconds[length], nominal.sums, nominal.nav
     x, y, z = nav[R], nav[R + 1], nav[R + 2]
-    transition.fill(scratch.D, belief.block_kinds, belief.block_drivers, sums, x, y, z, seconds)
+    transition.fill(scratch.D, model.block_kinds, model.block_drivers, sums, x, y, z, seconds)
     predict(
-        joint.formal, scratch.D, belief.block_rows, belief.block_columns, belief.decay[length],
-        belief.noise[length], belief.clock, seconds,
+        joint.formal, scratch.D, model.block_rows, model.block_columns, model.decay[length],
+        model.noise[length], model.clock, seconds,
     )  # fmt: skip
     transition.fill(scratch.D_true, true.nav_kinds, true.nav_drivers, sums, x, y, z, seconds)
-    propagate_sources(joint, scratch, true, belief, sums, length)
+    propagate_sources(joint, scratch, true, model, sums, length)
     middle = unit.start + unit.dt * (first + 0.5 * n_tick)
-    _advance_profiles(joint, scratch, true, unit, belief, sums, length, middle)
-    _set_deviation(scratch.deviation, unit, nav, belief, first, n_tick, reference)
+    _advance_profiles(joint, scratch, true, unit, model, sums, length, middle)
+    _set_deviation(scratch.deviation, unit, nav, model, first, n_tick, reference)
     _add_deviation(joint.mean, scratch.deviation, sums, seconds, not true.by_samples)

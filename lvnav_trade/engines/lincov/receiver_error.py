@@ -180,12 +180,12 @@ def complete_rows(nominal, chain, late, epoch):
     """Complete the Jacobian rows of a solution with what of its own error and of clones is in them, and set the
     covariance that is reported with it.
     """
-    H, told = nominal.H, nominal.told
+    H, reported = nominal.H, nominal.reported
     solution = H.shape[1] - N_SOLUTION_ENTRY
     velocity = solution + 6
     for i in range(6):
         for j in range(6):
-            told[i, j] = chain.told[epoch, i, j]
+            reported[i, j] = chain.reported[epoch, i, j]
             H[i, solution + j] = -1.0 if i == j else 0.0
             H[i, velocity + j] = 0.0
     if late is not None and late.extrapolated:
@@ -199,11 +199,11 @@ def complete_rows(nominal, chain, late, epoch):
 def extrapolate(nominal, formal, late, epoch):
     """Extrapolate a late solution to the present as the filter does, if it does."""
     if late is not None and late.extrapolated:
-        carry_on(nominal.z, nominal.told, nominal.past, formal, late, epoch)
+        carry_on(nominal.z, nominal.reported, nominal.past, formal, late, epoch)
 
 
 @jit
-def decorrelate(nominal, belief):
+def decorrelate(nominal, model):
     """Decorrelate the rows of a solution as the filter does."""
-    separate(nominal.told, belief)
-    whiten(nominal.told, nominal.z, nominal.H, 6, nominal.H.shape[1])
+    separate(nominal.reported, model)
+    whiten(nominal.reported, nominal.z, nominal.H, 6, nominal.H.shape[1])

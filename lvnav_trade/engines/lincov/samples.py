@@ -100,9 +100,9 @@ def _update_sources(joint, work, true, columns):
 
 
 @inlined
-def update_tick(joint, scratch, work, tape, true, unit, belief, vehicle, reference, tick):
+def update_tick(joint, scratch, work, tape, true, unit, model, vehicle, reference, tick):
     """Update by the samples of a tick: the filter's covariance, and with those gains every source and the mean."""
-    m, mean, n = vehicle.motion, joint.mean, belief.n_state
+    m, mean, n = vehicle.motion, joint.mean, model.n_state
     for i in range(3):
         if tick > 0:
             mean[m + i] += vehicle.rate[tick, i] - vehicle.rate[tick - 1, i]
@@ -113,9 +113,9 @@ def update_tick(joint, scratch, work, tape, true, unit, belief, vehicle, referen
     fill_samples(work.h, vehicle.blocks, vehicle.rate[tick], vehicle.force[tick])
     update_samples(
         joint.formal, scratch.x, work.K, work.weight, work.residual, work.still, vehicle.variance, work.h,
-        vehicle.columns, belief.n_estimated,
+        vehicle.columns, model.n_estimated,
     )  # fmt: skip
-    joint_gain(work.gain, work.K, work.weight, work.h, vehicle.columns, belief.n_estimated)
+    joint_gain(work.gain, work.K, work.weight, work.h, vehicle.columns, model.n_estimated)
     if tape.sample_gain.shape[0] > 0:
         for r in range(N_SAMPLE):
             for i in range(n):
@@ -144,10 +144,10 @@ def propagate_tick(joint, work, true, vehicle, reference, tick, dt):
 
 
 @inlined
-def sample_window(joint, scratch, work, tape, true, unit, belief, vehicle, reference, first, n_tick):
+def sample_window(joint, scratch, work, tape, true, unit, model, vehicle, reference, first, n_tick):
     """Process the samples of a window, tick by tick; the covariances are whole again at its end."""
     for tick in range(first, first + n_tick):
-        update_tick(joint, scratch, work, tape, true, unit, belief, vehicle, reference, tick)
+        update_tick(joint, scratch, work, tape, true, unit, model, vehicle, reference, tick)
         propagate_tick(joint, work, true, vehicle, reference, tick, unit.dt)
     mirror(joint.formal)
     for g in range(true.n_slot.shape[0]):

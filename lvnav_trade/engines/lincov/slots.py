@@ -18,7 +18,7 @@ class Slot(NamedTuple):
 
     source: int
     slot: int
-    fade: Floats
+    factor: Floats
     noise: Floats
     start: float
     followed: bool = False
@@ -34,11 +34,11 @@ class Slots:
         self.seconds, self.count = seconds, [0] * n_source
         self.entries: list[Slot] = []
 
-    def take(self, source: int, fade: Floats, noise: Floats, start: float, **flags: bool) -> int:
+    def take(self, source: int, factor: Floats, noise: Floats, start: float, **flags: bool) -> int:
         """Return the slot of a new component of a source; flags as of `Slot`."""
         slot = self.count[source]
         self.count[source] += 1
-        self.entries.append(Slot(source, slot, fade, noise, start, **flags))
+        self.entries.append(Slot(source, slot, factor, noise, start, **flags))
         return slot
 
 
@@ -68,12 +68,12 @@ def slot_tables(slots: Slots, group: Ints, lane: Ints, n_slot: Ints) -> dict[str
     """Return flags, decay, noise and start of all slots, by the names of Components' fields."""
     n_length, n_source = slots.seconds.size, len(slots.count)
     most = max(1, int(n_slot.max(initial=0)))
-    fade, noise, echo = (np.zeros((n_source, n_length, most, 1)) for _ in range(3))
+    factor, noise, echo = (np.zeros((n_source, n_length, most, 1)) for _ in range(3))
     start = np.zeros((n_source, most))
     followed, moves, samples = (np.zeros((n_slot.size, most), dtype=np.bool_) for _ in range(3))
     for one in slots.entries:
         at = (one.source, slice(None), one.slot, 0)
-        fade[at], noise[at], start[one.source, one.slot] = one.fade, one.noise, one.start
+        factor[at], noise[at], start[one.source, one.slot] = one.factor, one.noise, one.start
         echo[at] = one.noise if one.echoes else 0.0
         place = (group[one.source], one.slot)
         followed[place] |= one.followed
@@ -85,8 +85,8 @@ def slot_tables(slots: Slots, group: Ints, lane: Ints, n_slot: Ints) -> dict[str
         return aligned(np.swapaxes(lanes, 0, 1))
 
     return {
-        "followed": followed, "moves": moves, "samples": samples, "fade": by_length(fade), "noise": by_length(noise),
-        "echo": by_length(echo), "start": start,
+        "followed": followed, "moves": moves, "samples": samples, "start": start,
+        "factor": by_length(factor), "noise": by_length(noise), "echo": by_length(echo),
     }  # fmt: skip
 
 

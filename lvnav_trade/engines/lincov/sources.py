@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lvnav_trade.engines.lincov.receiver_error import N_CLONE, N_NAV
 from lvnav_trade.engines.prepare import Prepared
-from lvnav_trade.filters.belief import POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY
+from lvnav_trade.filters.model import POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY
 from lvnav_trade.kernels.transition import VEL
 
 Ints = NDArray[np.int64]
@@ -17,7 +17,7 @@ Ints = NDArray[np.int64]
 
 def source_names(prepared: Prepared) -> list[str]:
     """Return every physical source of error of a case, in the order of the budget."""
-    scenario, belief = prepared.scenario, prepared.belief
+    scenario, model = prepared.scenario, prepared.model
     names = [
         "initial attitude",
         "initial velocity",
@@ -30,13 +30,13 @@ def source_names(prepared: Prepared) -> list[str]:
         names.append("gyro quantisation")
     if scenario.imu.accel.quantisation > 0.0:
         names.append("accelerometer quantisation")
-    if belief.aided:
+    if model.aided:
         names += list(dict.fromkeys(family.source for family in prepared.families))
-    if belief.tight:
+    if model.tight:
         names += ["receiver clock start", "receiver clock", "pseudorange noise", "range-rate noise"]
     elif prepared.options.solver is not None:
         names += ["receiver clock", "pseudorange noise", "range-rate noise"]
-    elif belief.n_receiver:
+    elif model.n_receiver:
         names += ["position solution noise", "velocity solution noise"]
     return names + [device.noise for device in prepared.devices]
 
@@ -61,17 +61,17 @@ _WHITE = (
 
 def measurement_tables(prepared: Prepared, names: list[str]) -> dict[str, Any]:
     """Return the measurements with respect to the whole joint vector, and where the states behind e stand."""
-    belief, chain, late, n = prepared.belief, prepared.chain, prepared.options.late, prepared.layout.n_state
+    model, chain, late, n = prepared.model, prepared.chain, prepared.options.late, prepared.layout.n_state
     solution = -1 if chain is None else n
     clone = -1 if late is None else n + (0 if chain is None else chain.move.shape[1])
     buffered = late is not None and not late.extrapolated
     n_ring, n_receiver = 1 if late is None else late.n_ring, prepared.channels.n_receiver
     table = [
         [_pairs(prepared, channel, solution, clone + N_CLONE * ring, buffered, channel < n_receiver)
-         for channel in range(len(belief.n_entry))] for ring in range(n_ring)
+         for channel in range(len(model.n_entry))] for ring in range(n_ring)
     ]  # fmt: skip
     width = max((len(pairs) for rows in table for pairs in rows), default=0)
-    shape = (n_ring, len(belief.n_entry), width)
+    shape = (n_ring, len(model.n_entry), width)
     entry, column = np.zeros(shape, dtype=np.int64), np.zeros(shape, dtype=np.int64)
     for ring, rows in enumerate(table):
         for channel, pairs in enumerate(rows):
@@ -93,13 +93,13 @@ def _pairs(
     prepared: Prepared, channel: int, solution: int, clone: int, buffered: bool, of_receiver: bool
 ) -> list[tuple[int, int]]:
     """List entry and state of a channel's Jacobian row; a late measurement is of the errors of a clone."""
-    belief, chain, late = prepared.belief, prepared.chain, prepared.options.late
-    n = belief.n_entry[channel]
+    model, chain, late = prepared.model, prepared.chain, prepared.options.late
+    n = model.n_entry[channel]
     pairs = []
-    for e, c in zip(belief.entry[channel, :n].tolist(), belief.column[channel, :n].tolist(), strict=True):
+    for e, c in zip(model.entry[channel, :n].tolist(), model.column[channel, :n].tolist(), strict=True):
         pairs.append((e, clone + c if of_receiver and buffered and c < N_NAV else c))
     if chain is not None and of_receiver:
-        own = belief.n_row_entry
+        own = model.n_row_entry
         pairs += [(own + i, solution + int(chain.pick[i])) for i in range(6)]
         if late is not None and not buffered:
             pairs += [(own + 6 + i, clone + VEL + i) for i in range(3)]
@@ -116,7 +116,7 @@ _ROWS = {
 def noise_sources(prepared: Prepared, names: list[str]) -> Ints:
     """Return the source of the noise of each channel, (n_channel,), -1 none."""
     found = [names.index(_ROWS[kind]) if kind in _ROWS and _ROWS[kind] in names else -1
-             for kind in prepared.belief.row_type.tolist()]  # fmt: skip
+             for kind in prepared.model.row_type.tolist()]  # fmt: skip
     for first, device in zip(prepared.channels.first, prepared.devices, strict=True):
         for scalar in range(len(device.channels.labels)):
             found[first + scalar] = names.index(device.noise)

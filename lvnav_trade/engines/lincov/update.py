@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lvnav_trade.engines.lincov.receiver_error import N_CLONE, N_NAV
-from lvnav_trade.kernels.covariance import absorb, absorb_with
+from lvnav_trade.kernels.covariance import update_scalar, update_with_gain
 from lvnav_trade.kernels.groups import add_one, get_one, group, set_one, total_of, whole
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.joint import update_covariance, update_vector
@@ -105,7 +105,7 @@ def _set_gain(gain, K, weight, n_estimated, true, late, epoch):
 
 
 @inlined
-def replace_state(joint, scratch, tape, late, at, h, surprise, epoch, channel, mixed, signals, true, belief):
+def replace_state(joint, scratch, tape, late, at, h, innovation, epoch, channel, mixed, signals, true, model):
     """Replace the error of one state by that of a measurement of it: an update with the gain one, in every source and
     in the mean. The filter's own covariance is set elsewhere.
     """
@@ -124,25 +124,25 @@ def replace_state(joint, scratch, tape, late, at, h, surprise, epoch, channel, m
     else:
         _update_shared(joint, scratch, gain, signals, true, epoch, channel)
     update_vector(joint.mean, gain, h, entries, columns)
-    joint.mean[at] -= surprise
+    joint.mean[at] -= innovation
 
 
 @inlined
-def _update_formal(joint, scratch, gains, h, entries, columns, epoch, channel, variance, belief):
+def _update_formal(joint, scratch, gains, h, entries, columns, epoch, channel, variance, model):
     """Update the filter's own covariance; return the weight. The gain, `scratch.K` times weight, is its own, or stored
     (Gains).
     """
     if gains is None:
-        _, weight = absorb(
-            joint.formal, scratch.x, scratch.K, h, entries, columns, 0.0, variance, np.inf, belief.n_estimated,
-            belief.joseph,
+        _, weight = update_scalar(
+            joint.formal, scratch.x, scratch.K, h, entries, columns, 0.0, variance, np.inf, model.n_estimated,
+            model.joseph,
         )  # fmt: skip
         return weight
     gain = gains.gain[epoch, channel]
-    _, weight = absorb_with(
-        joint.formal, scratch.x, scratch.K, h, entries, columns, gain, 0.0, variance, np.inf, belief.n_estimated
+    _, weight = update_with_gain(
+        joint.formal, scratch.x, scratch.K, h, entries, columns, gain, 0.0, variance, np.inf, model.n_estimated
     )
-    for i in range(belief.n_estimated):
+    for i in range(model.n_estimated):
         scratch.K[i] = gain[i] / weight
     return weight
 
@@ -168,20 +168,20 @@ def _update_sources(joint, scratch, true, gain, h, entries, columns, source, noi
 
 @inlined
 def update_joint(
-    joint, scratch, tape, late, gains, h, surprise, epoch, channel, variance, mixed, signals, true, belief
+    joint, scratch, tape, late, gains, h, innovation, epoch, channel, variance, mixed, signals, true, model
 ):
     """Update the filter's covariance by one scalar measurement, and with that gain every source and the mean.
 
-    surprise: innovation on the nominal flight, what the truth's measurement holds in every run and the filter's model
+    innovation: that of the nominal flight, what the truth's measurement holds in every run and the filter's model
     of it does not (an uncompensated latency). variance: that the filter assumes of its noise. mixed: one of a
     decorrelated solution, whose errors are states already. Returns the expected square of the normalised innovation.
     """
-    n, source, gain = belief.n_entry[channel], true.noise_source[channel], scratch.gain
+    n, source, gain = model.n_entry[channel], true.noise_source[channel], scratch.gain
     weight = _update_formal(
-        joint, scratch, gains, h, belief.entry[channel, :n], belief.column[channel, :n], epoch, channel, variance,
-        belief,
+        joint, scratch, gains, h, model.entry[channel, :n], model.column[channel, :n], epoch, channel, variance,
+        model,
     )  # fmt: skip
-    _set_gain(gain, scratch.K, weight, belief.n_estimated, true, late, epoch)
+    _set_gain(gain, scratch.K, weight, model.n_estimated, true, late, epoch)
     ring, m = 0, true.n_entry[channel]
     if late is not None:
         ring = epoch % late.n_ring
@@ -194,7 +194,7 @@ def update_joint(
         total += _update_known(joint, scratch, gain, h, signals, true)
     else:
         total += _update_shared(joint, scratch, gain, signals, true, epoch, channel)
-    offset = update_vector(joint.mean, gain, h, entries, columns) + surprise
+    offset = update_vector(joint.mean, gain, h, entries, columns) + innovation
     for i in range(gain.shape[0]):
-        joint.mean[i] -= gain[i] * surprise
+        joint.mean[i] -= gain[i] * innovation
     return (total + offset * offset) * weight

@@ -32,7 +32,7 @@ class Nominal(NamedTuple):
     par: Floats
     x: Floats
     extra: Floats
-    told: Floats
+    reported: Floats
     past: Floats
     P: Floats
 
@@ -85,7 +85,7 @@ class SampleScratch(NamedTuple):
     weight, residual, still (6,) zeros, seen (6,), deviation (6,); moved (9, N); expected, turned (6, 6).
 
     In lanes: moved_source (9, N), Y (6, N), S (n_group, 6, 6), noise (n_group, 6) of the samples by source, a (n_group,
-    n_slot, 6) partials of the samples with respect to components, seen_source (6,), carried (N,).
+    n_slot, 6) partials of the samples with respect to components, seen_source (6,), propagated (N,).
     """
 
     sums: Floats

@@ -69,6 +69,6 @@ class ReceiverCard(Card):
         return self
 
     @property
-    def levers(self) -> tuple[tuple[float, float, float], ...]:
+    def lever_arms(self) -> tuple[tuple[float, float, float], ...]:
         """Phase centres of the antennas from the inertial unit, m, body axes; `lever_b` where there are none."""
         return tuple(antenna.lever_b for antenna in self.antennas) or (self.lever_b,)

@@ -199,8 +199,8 @@ def _dynamics(
     acceleration, jerk = np.zeros(shape), np.zeros(shape)
     towards = np.swapaxes(arrival.direction_i[1:], 1, 2)
     n_interval = arrival.t.size - 1
-    levers = np.array(receiver.levers)
-    unique, which = np.unique(levers, axis=0, return_inverse=True)
+    lever_arms = np.array(receiver.lever_arms)
+    unique, which = np.unique(lever_arms, axis=0, return_inverse=True)
     for number, lever_b in enumerate(unique):
         v_i = at.v_i + np.einsum("nij,nj->ni", C_b_i, np.cross(at.w_ib_b, lever_b))
         # Without a span there is no motion: epochs that latency pushes before the start of the flight coincide.

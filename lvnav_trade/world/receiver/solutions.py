@@ -114,7 +114,7 @@ class FilteredSolution(_Solver):
     acceleration_noise: AccelerationSigma | None = Field(None, description="constant over an interval, per axis")
     acceleration_gain: Fraction = 0.0
     acceleration_time: TimeConstant | None = Field(
-        None, description="in which the acceleration fades; none: a random walk"
+        None, description="in which the acceleration decays; none: a random walk"
     )
     range_gain: RangeGain = 0.0
     rate_gain: LengthSigma = 0.0
@@ -146,7 +146,7 @@ class FilteredSolution(_Solver):
         if other:
             raise ValueError("jerk_gain goes with jerk, acceleration_gain with acceleration_noise")
         if self.acceleration_noise is not None and self.acceleration_time is not None:
-            raise ValueError("acceleration_time: there is no acceleration to fade, state jerk for it")
+            raise ValueError("acceleration_time: there is no acceleration to decay, state jerk for it")
         return self
 
     def numbers(self) -> dict[str, Any]:

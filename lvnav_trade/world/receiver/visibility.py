@@ -95,7 +95,7 @@ def sky(
         v_i=sent.v_i * received[..., None],
         azimuth=azimuth,
         elevation=elevation,
-        levers=np.array(receiver.levers),
+        lever_arms=np.array(receiver.lever_arms),
         **found._asdict(),
     )
 

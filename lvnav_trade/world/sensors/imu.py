@@ -150,8 +150,8 @@ def lag(increments: Floats, bandwidth: float | None, dt: float) -> Floats:
     from scipy.signal import lfilter  # with it comes scipy.stats: 30 MiB and 0.5 s of every worker, for few units
 
     time_constant = 1.0 / (2.0 * math.pi * bandwidth)
-    fade = math.exp(-dt / time_constant)
+    decay = math.exp(-dt / time_constant)
     level = increments / dt
     # the sensor's output at the start of each tick trails the level of the tick before
-    trail, _ = lfilter([0.0, 1.0 - fade], [1.0, -fade], level, axis=0, zi=level[:1])
-    return increments + (trail - level) * (time_constant * (1.0 - fade))
+    trail, _ = lfilter([0.0, 1.0 - decay], [1.0, -decay], level, axis=0, zi=level[:1])
+    return increments + (trail - level) * (time_constant * (1.0 - decay))

@@ -29,7 +29,7 @@ def test_corners_are_held_in_radians_and_written_with_their_unit(study) -> None:
         ("[[-62 deg, -35 deg], [-62 deg, 10 deg], [-120 deg, 10 deg]]", "a latitude of -120 deg"),
     ],
 )
-def test_a_mistake_in_a_corner_is_told(study, polygon: str, message: str) -> None:
+def test_a_mistake_in_a_corner_is_reported(study, polygon: str, message: str) -> None:
     study.append(f"corridor: {{polygon: {polygon}}}\n")
     with pytest.raises(InputError, match=message):
         load(study.path)

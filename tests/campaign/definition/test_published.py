@@ -25,7 +25,7 @@ def test_a_number_of_a_phase_names_both_events_and_survives_being_written():
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "reported"),
     [
         ({"metric": "velocity_eror_3d"}, "did you mean 'velocity_error_3d'"),
         ({"during": "liftoff until injection"}, "'liftoff until injection' is no phase"),
@@ -39,8 +39,8 @@ def test_a_number_of_a_phase_names_both_events_and_survives_being_written():
         ({"at": "7"}, "no instant"),
     ],
 )
-def test_a_statement_that_cannot_be_judged_is_refused(change, told):
-    with pytest.raises(ValidationError, match=told):
+def test_a_statement_that_cannot_be_checked_is_refused(change, reported):
+    with pytest.raises(ValidationError, match=reported):
         Published(**NUMBER | change)
 
 

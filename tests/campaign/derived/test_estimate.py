@@ -1,4 +1,4 @@
-"""Process noise from an ensemble becomes a filter card; what cannot be estimated is told in one line."""
+"""Process noise from an ensemble becomes a filter card; what cannot be estimated is reported in one line."""
 
 from __future__ import annotations
 
@@ -41,8 +41,8 @@ def test_the_table_covers_the_flight_and_phases_lie_between_its_events():
 
 
 @pytest.mark.parametrize(
-    ("runs", "step", "told"), [(5, None, "too few"), (20, 0.0, "no length"), (20, -1.0, "no length")]
+    ("runs", "step", "reported"), [(5, None, "too few"), (20, 0.0, "no length"), (20, -1.0, "no length")]
 )
-def test_what_gives_no_covariance_is_refused(runs, step, told):
-    with pytest.raises(InputError, match=told):
+def test_what_gives_no_covariance_is_refused(runs, step, reported):
+    with pytest.raises(InputError, match=reported):
         estimated(runs=runs, step=step)

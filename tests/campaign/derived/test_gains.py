@@ -76,13 +76,13 @@ POINT = "base.receiver.solution={kind: bancroft, range_sigma: 2 m, rate_sigma: 0
 
 
 @pytest.mark.parametrize(
-    ("settings", "tolerance", "told"),
+    ("settings", "tolerance", "reported"),
     [
         ((MATCHED, LOOSE, POINT), 0.02, "the covariance that comes with each solution decides the gains"),
         ((MATCHED, LOOSE), 0.0, "no share"),
         ((MATCHED, LOOSE), 1.0, "no share"),
     ],
 )
-def test_what_has_no_schedule_is_told(settings, tolerance, told):
-    with pytest.raises(InputError, match=told):
+def test_what_has_no_schedule_is_reported(settings, tolerance, reported):
+    with pytest.raises(InputError, match=reported):
         scheduled(tolerance=tolerance, settings=settings)

@@ -44,6 +44,6 @@ def test_noise_is_estimated_of_the_first_case_for_every_length_of_a_step():
     assert cases(campaign)[0].label in noise.noise[0][1].card.source
 
 
-def test_a_case_that_is_not_there_is_told():
+def test_a_case_that_is_not_there_is_reported():
     with pytest.raises(InputError, match="no case"):
         found(single={"aided": {"filter": "tight"}, "unaided": {"filter": "inertial"}})

@@ -16,7 +16,7 @@ RANGES, SOLUTION = "[pseudorange, range_rate]", "[position, velocity]"
 EVENTS = {"liftoff": 0.0, "stage1_cutoff": 150.0, "injection": 540.0}  # the climb holds 60 s and coasts 20 s
 
 
-def told(study: Any, sets: tuple[str, ...] = (), name: str = "campaign.yaml") -> list[str]:
+def reported(study: Any, sets: tuple[str, ...] = (), name: str = "campaign.yaml") -> list[str]:
     """Return what is wrong with the study's campaign in a flight of these events."""
     campaign = load(name, sets)
     found = cases(campaign)
@@ -38,63 +38,63 @@ def with_fault(study: Any, start: str, duration: str = "5 s") -> None:
         ("liftoff - 100 s", "'liftoff - 100 s' is -100 s: the fault is over before the flight begins (-60 s)"),
     ],
 )  # fmt: skip
-def test_a_fault_that_does_not_fit_the_flight_is_told_at_its_start(study, start: str, message: str) -> None:
+def test_a_fault_that_does_not_fit_the_flight_is_reported_at_its_start(study, start: str, message: str) -> None:
     with_fault(study, start)
-    assert told(study) == [f"campaign.yaml:6:20: base.faults.0.start: {message}"]
+    assert reported(study) == [f"campaign.yaml:6:20: base.faults.0.start: {message}"]
 
 
 @pytest.mark.parametrize("start", ["liftoff - 60 s", "stage1_cutoff + 20 s", "injection + 10 s", "100 s"])
 def test_a_fault_on_the_pad_in_flight_or_in_the_coast_is_good(study, start: str) -> None:
     with_fault(study, start)
-    assert told(study) == []
+    assert reported(study) == []
 
 
 def test_an_outage_of_no_length_is_a_level_like_any_other(study) -> None:
     with_fault(study, "100 s")
     text = "axes: [{path: faults.0.duration, values: [0 s, 30 s]}]\n"
     study.path.write_text(study.path.read_text() + text)
-    assert told(study) == []
+    assert reported(study) == []
 
 
-def test_a_fault_that_an_axis_brings_is_told_in_the_axis(study) -> None:
+def test_a_fault_that_an_axis_brings_is_reported_in_the_axis(study) -> None:
     study.append(
         "axes:\n  - path: faults\n    values:\n      - []\n      - [{start: 100 s, "
         "duration: 5 s, kind: satellite_outage}]\n"
         "      - [{start: 100 min, duration: 5 s, kind: satellite_outage}]\n"
     )
     place = "campaign.yaml:15:18: base.faults.0.start"
-    assert told(study) == [f"{place}: '100 min' is 6000 s, at or after the end of the flight (560 s)"]
+    assert reported(study) == [f"{place}: '100 min' is 6000 s, at or after the end of the flight (560 s)"]
 
 
-def test_a_field_of_a_fault_that_an_axis_varies_is_told_in_the_axis(study) -> None:
+def test_a_field_of_a_fault_that_an_axis_varies_is_reported_in_the_axis(study) -> None:
     with_fault(study, "100 s")
     text = "axes: [{path: faults.0.start, values: [150 s, 600 s]}]\n"
     study.path.write_text(study.path.read_text() + text)
-    assert told(study) == [
+    assert reported(study) == [
         "campaign.yaml:11:47: base.faults.0.start: '600 s' is 600 s, at or after the end of the flight (560 s)"
     ]
 
 
-def test_a_fault_given_on_the_command_line_is_told_there(study) -> None:
-    assert told(study, ("faults=[{start: 600 s, duration: 5 s, kind: satellite_outage}]",)) == [
+def test_a_fault_given_on_the_command_line_is_reported_there(study) -> None:
+    assert reported(study, ("faults=[{start: 600 s, duration: 5 s, kind: satellite_outage}]",)) == [
         "--set: base.faults.0.start: '600 s' is 600 s, at or after the end of the flight (560 s)"
     ]
 
 
-def test_what_a_fault_takes_and_a_case_does_not_have_is_told_where_it_was_named(study) -> None:
+def test_what_a_fault_takes_and_a_case_does_not_have_is_reported_where_it_was_named(study) -> None:
     text = "  imu: imu/good\n  faults:\n" + "".join(
         f"    - {{start: 100 s, duration: 5 s, {what}}}\n"
         for what in ("kind: range_bias, size: 5 m, satellites: [A1, G05]", "kind: antenna_failure, antennas: [2]")
     )
     study.edit("campaign.yaml", "  imu: imu/good\n", text)
-    assert told(study) == [
+    assert reported(study) == [
         "campaign.yaml:7:78: base.faults.0.satellites: 'G05' is not in the constellation (it has A1, A2)",
         "campaign.yaml:8:70: base.faults.1.antennas: the receiver has no antennas; it sees all satellites above its"
         " mask",
     ]
 
 
-def test_a_mistake_that_shows_when_a_case_is_put_together_is_told_where_it_was_written(study) -> None:
+def test_a_mistake_that_shows_when_a_case_is_put_together_is_reported_where_it_was_written(study) -> None:
     campaign = load("campaign.yaml")
     (case,) = cases(campaign)
     shown = checks.located(campaign, case, [Mistake("too late", "filter.gate"), Mistake("broken", "", "my.csv", 3, 1)])
@@ -104,17 +104,17 @@ def test_a_mistake_that_shows_when_a_case_is_put_together_is_told_where_it_was_w
     ]
 
 
-def test_a_requirement_at_an_unknown_event_is_told_at_the_word(study) -> None:
+def test_a_requirement_at_an_unknown_event_is_reported_at_the_word(study) -> None:
     study.append(
         "requirements:\n  - {name: a, metric: position_error_3d, at: injektion, probability: 0.5, below: 1 m}\n"
     )
-    assert told(study) == [
+    assert reported(study) == [
         "campaign.yaml:11:46: requirements.0.at: 'injektion' is not an event of the trajectory"
         " (did you mean 'injection'?)"
     ]
 
 
-def test_a_phase_that_does_not_fit_is_told_at_the_word(study) -> None:
+def test_a_phase_that_does_not_fit_is_reported_at_the_word(study) -> None:
     bound = "metric: position_error_3d, probability: 0.5, below: 1 m}\n"
     study.append(
         "requirements:\n"
@@ -122,14 +122,14 @@ def test_a_phase_that_does_not_fit_is_told_at_the_word(study) -> None:
         f"  - {{name: b, during: injection to liftoff, {bound}"
         f"  - {{name: c, during: start to end, {bound}"
     )
-    assert told(study) == [
+    assert reported(study) == [
         "campaign.yaml:11:23: requirements.0.during: 'injektion' is not an event of the trajectory"
         " (did you mean 'injection'?)",
         "campaign.yaml:12:23: requirements.1.during: the phase from injection (540 s) to liftoff (0 s) has no length",
     ]
 
 
-def test_a_default_that_does_not_fit_is_told_where_it_was_left_out(study) -> None:
+def test_a_default_that_does_not_fit_is_reported_where_it_was_left_out(study) -> None:
     study.append("requirements:\n  - {name: a, metric: position_error_3d, probability: 0.5, below: 1 m}\n")
     campaign = load("campaign.yaml")
     found = cases(campaign)
@@ -139,22 +139,22 @@ def test_a_default_that_does_not_fit_is_told_where_it_was_left_out(study) -> Non
     ]
 
 
-def test_the_same_mistake_in_many_cases_is_told_once(study) -> None:
+def test_the_same_mistake_in_many_cases_is_reported_once(study) -> None:
     with_fault(study, "600 s")
     text = "axes: [{path: imu, cards: [imu/good, imu/poor]}, {path: filter.gate, values: [4, 5]}]\n"
     study.path.write_text(study.path.read_text() + text)
-    assert len(told(study)) == 1
+    assert len(reported(study)) == 1
 
 
 def test_a_mistake_in_a_resolved_campaign_stands_in_that_file(study) -> None:
     with_fault(study, "600 s")
     study.write("frozen.yaml", resolved(load("campaign.yaml")))
-    (line,) = told(study, name="frozen.yaml")
+    (line,) = reported(study, name="frozen.yaml")
     assert line.startswith("frozen.yaml:")
     assert line.endswith("base.faults.0.start: '600 s' is 600 s, at or after the end of the flight (560 s)")
 
 
-def test_a_rule_between_rates_is_told_at_the_mapping_where_the_slower_one_has_its_default(study) -> None:
+def test_a_rule_between_rates_is_reported_at_the_mapping_where_the_slower_one_has_its_default(study) -> None:
     study.edit("configs/imu/good.yaml", '"200 Hz"', "125 Hz")
     with pytest.raises(InputError) as caught:
         load("campaign.yaml")
@@ -201,8 +201,8 @@ def test_a_measurement_that_is_not_used_may_be_perfect(study) -> None:
 @pytest.mark.parametrize(
     ("listed", "message"), [("[]", "the filter has no measurement; an error bound needs some"), (RANGES, "")]
 )
-def test_a_filter_that_has_no_bound_to_tell_is_told_where_it_was_asked(study, listed: str, message: str) -> None:
-    found = told(study, ("covariance.error_bound=true", f"base.filter.measurements={listed}"))
+def test_a_filter_that_has_no_bound_to_tell_is_reported_where_it_was_asked(study, listed: str, message: str) -> None:
+    found = reported(study, ("covariance.error_bound=true", f"base.filter.measurements={listed}"))
     assert [message in line and "covariance.error_bound" in line for line in found] == [True] * bool(message)
 
 

@@ -70,7 +70,7 @@ def test_the_kind_is_inferred_from_a_key_that_only_one_kind_has(study) -> None:
     assert load(study.path).base.constellation.kind == "almanac"
 
 
-def test_files_in_a_list_are_found_and_the_one_that_is_not_is_told_by_its_place(study) -> None:
+def test_files_in_a_list_are_found_and_the_one_that_is_not_is_reported_by_its_place(study) -> None:
     study.write("one.rnx", "one\n")
     study.write("two.rnx", "two\n")
     study.edit("campaign.yaml", "constellations/two", "{rinex: [one.rnx, two.rnx]}")
@@ -123,7 +123,7 @@ def test_a_card_that_is_named_by_a_number_is_refused(study) -> None:
         load(study.path.name)
 
 
-def test_a_folder_in_place_of_a_file_is_told_as_one(study) -> None:
+def test_a_folder_in_place_of_a_file_is_reported_as_one(study) -> None:
     study.edit("campaign.yaml", "constellations/two", "{almanac: configs}")
     with pytest.raises(InputError, match=r"base\.constellation\.almanac: is a folder, not a file: 'configs'$"):
         load(study.path.name)

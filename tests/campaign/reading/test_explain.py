@@ -27,7 +27,7 @@ class Sheet(Card):
     name: str = ""
     count: int = 1
     shape: Annotated[Square | Circle, Field(discriminator="kind")] = Circle(radius="1 m")  # type: ignore[arg-type]
-    belief: Literal["matched", "none"] | Square = "matched"
+    model: Literal["matched", "none"] | Square = "matched"
     corners: tuple[Length, Length] = (0.0, 0.0)
     words: tuple[Literal["red", "green"], ...] = ()
 
@@ -38,7 +38,7 @@ class Sheet(Card):
         return self
 
 
-def told(text: str) -> list[str]:
+def reported(text: str) -> list[str]:
     root = tree.parse(text, "f.yaml", Path())
     try:
         Sheet.model_validate(tree.plain(root))
@@ -58,9 +58,9 @@ def told(text: str) -> list[str]:
                                    " (did you mean 'circle'?)"]),
         ("shape: {raduis: 1 m}", ["f.yaml:1:8: base.shape: needs a kind: square, circle (did you mean 'radius'?)"]),
         ("shape: 3", ["f.yaml:1:8: base.shape: should be a mapping or the name of a card"]),
-        ("belief: matchd", ["f.yaml:1:9: base.belief: 'matchd' is not one of matched, none (did you mean 'matched'?)"]),
-        ("belief: {sied: 1 m}", ["f.yaml:1:9: base.belief.side: is missing",
-                                 "f.yaml:1:10: base.belief.sied: unknown key (did you mean 'side'?)"]),
+        ("model: matchd", ["f.yaml:1:9: base.model: 'matchd' is not one of matched, none (did you mean 'matched'?)"]),
+        ("model: {sied: 1 m}", ["f.yaml:1:9: base.model.side: is missing",
+                                 "f.yaml:1:10: base.model.sied: unknown key (did you mean 'side'?)"]),
         ("corners: 1 m", ["f.yaml:1:10: base.corners: should be a list"]),
         ("corners: [1 m]", ["f.yaml:1:10: base.corners.1: is missing"]),
         ("corners: [1 m, 2]", ["f.yaml:1:16: base.corners.1: 2 has no unit; write it as a quantity in a unit of length"
@@ -72,15 +72,15 @@ def told(text: str) -> list[str]:
                                  "f.yaml:1:9: base.count: should be a valid integer, not 'x'"]),
     ],
 )  # fmt: skip
-def test_a_mistake_is_told_in_our_words_at_its_place(text: str, lines: list[str]) -> None:
-    assert sorted(told(text)) == sorted(lines)
+def test_a_mistake_is_reported_in_our_words_at_its_place(text: str, lines: list[str]) -> None:
+    assert sorted(reported(text)) == sorted(lines)
 
 
 def test_no_message_speaks_of_pydantic() -> None:
     texts: list[Any] = ["3", "[1]", "{a: 1}", "null", "true", "x"]
     for key in Sheet.model_fields:
         for value in texts:
-            for line in told(f"{key}: {value}"):
+            for line in reported(f"{key}: {value}"):
                 assert "Input" not in line
                 assert "pydantic" not in line
                 assert "\n" not in line

@@ -15,7 +15,7 @@ TILT = '  - {path: initial.tilt, values: ["0.1 deg", "0.2 deg"]}\n'
 WHOLE = f"  - {{path: initial, values: [{START}], labels: [far]}}\n"
 
 
-def told(study, text: str) -> str:
+def reported(study, text: str) -> str:
     study.append(text)
     with pytest.raises(InputError) as caught:
         load(study.path)
@@ -23,7 +23,7 @@ def told(study, text: str) -> str:
 
 
 def test_a_field_under_a_later_axis_is_refused(study) -> None:
-    assert told(study, f"axes:\n{TILT}{WHOLE}") == (
+    assert reported(study, f"axes:\n{TILT}{WHOLE}") == (
         "campaign.yaml:11:12: axes.0.path: 'initial.tilt': the later axis 'initial' replaces it; put that axis first"
     )
 
@@ -31,7 +31,7 @@ def test_a_field_under_a_later_axis_is_refused(study) -> None:
 @pytest.mark.parametrize("path", ["filter.corrections.troposphere", "base.filter.corrections.troposphere"])
 def test_a_field_deep_under_a_later_axis_is_refused_however_the_path_is_written(study, path: str) -> None:
     axes = f"axes:\n  - {{path: {path}, values: [{{kind: none}}]}}\n  - {{path: filter, cards: [filters/near]}}\n"
-    assert f"{path!r}: the later axis 'filter' replaces it" in told(study, axes)
+    assert f"{path!r}: the later axis 'filter' replaces it" in reported(study, axes)
 
 
 def test_a_field_after_its_settings_is_varied_in_them_and_has_what_its_label_says(study) -> None:
@@ -50,7 +50,7 @@ def test_where_one_axis_is_varied_at_a_time_a_field_and_its_settings_do_not_meet
 def test_the_same_field_twice_is_refused(study, design: str) -> None:
     axes = "axes:\n  - {path: filter.gate, values: [4]}\n  - {path: base.filter.gate, values: [5]}\n"
     wanted = "'filter.gate': the later axis 'base.filter.gate' varies the same field"
-    assert wanted in told(study, f"{axes}design: {design}\n")
+    assert wanted in reported(study, f"{axes}design: {design}\n")
 
 
 @pytest.mark.parametrize(
@@ -65,7 +65,7 @@ def test_the_same_field_twice_is_refused(study, design: str) -> None:
 )
 def test_the_same_level_twice_is_refused(study, axis: str) -> None:
     study.write("good.yaml", (study.folder / "configs/imu/good.yaml").read_text())
-    assert "the same as level 0 of the axis" in told(study, f"axes: [{axis}]\n")
+    assert "the same as level 0 of the axis" in reported(study, f"axes: [{axis}]\n")
 
 
 def test_a_zip_may_repeat_a_level_but_not_a_pair(study) -> None:
@@ -73,7 +73,7 @@ def test_a_zip_may_repeat_a_level_but_not_a_pair(study) -> None:
     study.append(f"axes:\n{imu}  - {{path: filter.gate, values: [4, 5]}}\ndesign: zip\n")
     assert len(cases(load(study.path))) == 2
     same = f"axes:\n{imu}  - {{path: filter.gate, values: [4, 4], labels: [c, d]}}\ndesign: zip\n"
-    assert "level 1 of every axis is the same as level 0" in told(study, same)
+    assert "level 1 of every axis is the same as level 0" in reported(study, same)
 
 
 @pytest.mark.parametrize(
@@ -85,12 +85,12 @@ def test_a_zip_may_repeat_a_level_but_not_a_pair(study) -> None:
     ],
 )
 def test_a_label_that_cannot_be_read_is_refused(study, labels: str, message: str) -> None:
-    assert message in told(study, f"axes: [{{path: filter.gate, values: [4, 5], labels: {labels}}}]\n")
+    assert message in reported(study, f"axes: [{{path: filter.gate, values: [4, 5], labels: {labels}}}]\n")
 
 
 def test_the_label_of_the_base_is_the_bases_own(study) -> None:
     axes = "axes: [{path: filter.gate, values: [4, 5], labels: [base, wide]}]\n"
-    assert "'base' is the label of the base" in told(study, f"{axes}design: one_at_a_time\n")
+    assert "'base' is the label of the base" in reported(study, f"{axes}design: one_at_a_time\n")
 
 
 def test_two_cases_of_the_same_label_are_refused(study) -> None:
@@ -98,22 +98,22 @@ def test_two_cases_of_the_same_label_are_refused(study) -> None:
         "axes:\n  - {path: filter.gate, values: [4, 5], labels: [x, 'x, rate=y']}\n"
         "  - {path: imu.rate, values: [100 Hz, 200 Hz], labels: [y, 'y, rate=y']}\n"
     )
-    assert "two cases have the label 'gate=x, rate=y, rate=y'" in told(study, axes)
+    assert "two cases have the label 'gate=x, rate=y, rate=y'" in reported(study, axes)
 
 
 def test_more_cases_than_are_computed_are_refused_before_any_is_built(study) -> None:
     paths = ("filter.gate", "initial.tilt", "initial.heading", "initial.position", "initial.velocity")
     levels = ", ".join(map(str, range(1, 61)))
     axes = "".join(f"  - {{path: {path}, values: [{levels}]}}\n" for path in paths)
-    assert "axes: 777600000 cases; at most 500 are computed" in told(study, f"axes:\n{axes}")
+    assert "axes: 777600000 cases; at most 500 are computed" in reported(study, f"axes:\n{axes}")
 
 
 def test_more_axes_than_are_varied_are_refused(study) -> None:
     axes = "  - {path: filter.gate, values: [4]}\n" * 30
-    assert "axes: 30 axes; at most 20 are varied" in told(study, f"axes:\n{axes}")
+    assert "axes: 30 axes; at most 20 are varied" in reported(study, f"axes:\n{axes}")
 
 
-def test_an_axis_into_a_list_that_another_level_does_not_have_is_told(study) -> None:
+def test_an_axis_into_a_list_that_another_level_does_not_have_is_reported(study) -> None:
     fault = "{kind: satellite_outage, start: 100 s, duration: 30 s}"
     axes = (
         f"axes:\n  - {{path: faults, values: [[], [{fault}]], labels: [none, one]}}\n"

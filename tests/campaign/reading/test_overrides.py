@@ -61,7 +61,7 @@ def test_set_reaches_an_axis_by_its_index(study) -> None:
         ("constellation.almanac=my.alm", "--set: base.constellation.almanac: no such file: 'my.alm'"),
     ],
 )  # fmt: skip
-def test_a_bad_assignment_is_told_in_one_line(study, assignment: str, message: str) -> None:
+def test_a_bad_assignment_is_reported_in_one_line(study, assignment: str, message: str) -> None:
     with pytest.raises(InputError) as caught:
         load(study.path, [assignment])
     assert str(caught.value) == message

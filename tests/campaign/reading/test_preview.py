@@ -27,7 +27,7 @@ def test_a_card_of_the_users_own_may_be_a_path(tmp_path, root):
     assert read_card(str(tmp_path / "mine.yaml"), tmp_path).name == "example_table"
 
 
-def test_a_card_that_is_wrong_or_not_there_is_told_in_its_line(tmp_path, root):
+def test_a_card_that_is_wrong_or_not_there_is_reported_in_its_line(tmp_path, root):
     with pytest.raises(
         InputError, match=r"no card 'trajectories/two_stage' \(did you mean 'trajectories/two_stage_leo'"
     ):

@@ -15,7 +15,7 @@ LISTED = "filter.measurements=[pseudorange, range_rate, altitude]"
 SOLUTION = "filter.measurements=[position, velocity]"
 
 
-def told(*sets: str) -> list[str]:
+def reported(*sets: str) -> list[str]:
     campaign = load("campaign.yaml", sets)
     found = cases(campaign)
     return [str(one) for one in provided.mistakes(campaign, found, {case.id: EVENTS for case in found})]
@@ -26,21 +26,23 @@ def warned(*sets: str) -> list[str]:
 
 
 def test_a_sensor_that_no_filter_uses_is_refused(study) -> None:
-    assert told() == []
-    assert told(STAR) == ["--set: base.sensors.star: no effect: attitude is not among the measurements of any filter"]
-    assert told(RADAR, LISTED) == []
+    assert reported() == []
+    assert reported(STAR) == [
+        "--set: base.sensors.star: no effect: attitude is not among the measurements of any filter"
+    ]
+    assert reported(RADAR, LISTED) == []
 
 
 def test_a_sensor_that_some_cases_use_is_a_warning(study) -> None:
     study.append("axes:\n  - {path: filter, cards: [filters/near, filters/low]}\n")
     study.edit("campaign.yaml", "  imu: imu/good", "  imu: imu/good\n  sensors: {radar: altimeters/radar_004}")
     study.write("configs/filters/low.yaml", "name: low\nsource: test\nmeasurements: [position, velocity, altitude]\n")
-    assert told() == []
+    assert reported() == []
     assert warned() == ["sensors.radar: no measurement of the filter uses it in filter=near"]
 
 
 def test_a_measurement_whose_sensor_is_null_in_every_case_is_refused(study) -> None:
-    (line,) = told("sensors={radar: null}", LISTED)
+    (line,) = reported("sensors={radar: null}", LISTED)
     assert line.endswith("base.filter.measurements: no sensor of the scenario measures altitude in any case")
 
 
@@ -55,7 +57,7 @@ def test_a_measurement_whose_sensor_is_null_in_every_case_is_refused(study) -> N
     ],
 )
 def test_a_state_that_no_measurement_depends_on_is_refused(study, sets: tuple[str, ...], path: str) -> None:
-    assert told(*sets) == [f"--set: base.filter.{path}: no measurement of the filter depends on it"]
+    assert reported(*sets) == [f"--set: base.filter.{path}: no measurement of the filter depends on it"]
 
 
 @pytest.mark.parametrize(
@@ -67,7 +69,7 @@ def test_a_state_that_no_measurement_depends_on_is_refused(study, sets: tuple[st
     ],
 )
 def test_a_state_with_an_effect_is_accepted(study, sets: tuple[str, ...]) -> None:
-    assert told(*sets) == []
+    assert reported(*sets) == []
 
 
 @pytest.mark.parametrize(
@@ -81,7 +83,7 @@ def test_a_state_with_an_effect_is_accepted(study, sets: tuple[str, ...]) -> Non
 )
 def test_a_window_outside_the_flight_is_refused(study, setting: str, message: str) -> None:
     study.edit("campaign.yaml", "  imu: imu/good", "  imu: imu/good\n  sensors: {radar: altimeters/radar_004}")
-    assert told(LISTED, f"sensors.radar.{setting}") == [f"--set: base.sensors.radar.{message}"] * bool(message)
+    assert reported(LISTED, f"sensors.radar.{setting}") == [f"--set: base.sensors.radar.{message}"] * bool(message)
 
 
 def test_stored_gains_of_another_flight_are_a_warning(study) -> None:

@@ -1,4 +1,4 @@
-"""What a campaign can say is told field by field, for people."""
+"""What a campaign can say is reported field by field, for people."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_a_field_has_its_units_its_default_and_its_meaning() -> None:
     assert row("", "axes")[:2] == ("list of settings", "[]")
 
 
-def test_settings_of_several_kinds_are_told_kind_by_kind_without_the_kind_itself() -> None:
+def test_settings_of_several_kinds_are_reported_kind_by_kind_without_the_kind_itself() -> None:
     parts = {part.kind: part for part in reference("faults")}
     assert parts["clock_jump"].title == "The receiver's clock jumps by so much range, once."
     assert [one.field for one in parts["clock_jump"].rows] == ["start", "size"]
@@ -56,7 +56,7 @@ def test_a_type_is_said_in_words() -> None:
         ("filter.gate", "fields: filter.gate: has no fields of its own; it is number or none"),
     ],
 )
-def test_a_path_that_leads_nowhere_is_told(path: str, message: str) -> None:
+def test_a_path_that_leads_nowhere_is_reported(path: str, message: str) -> None:
     with pytest.raises(InputError) as caught:
         reference(path)
     assert str(caught.value).startswith(message)
@@ -69,8 +69,8 @@ def test_every_settings_of_a_campaign_can_be_asked_for() -> None:
         for model in fields.models(kind) or fields.models(fields.item(kind, 0)):
             if model not in seen:
                 seen.add(model)
-                told = reference(path)
-                assert all(one.type and one.default for part in told for one in part.rows), path
+                reported = reference(path)
+                assert all(one.type and one.default for part in reported for one in part.rows), path
                 for name, info in model.model_fields.items():
                     walk(f"{path}.{name}".strip("."), info.annotation)
 

@@ -1,5 +1,5 @@
 # ruff: noqa: E501 - a message stands in one line, as the user sees it
-"""A word in the list of requirements is a set of them; what is wrong is told where it can be mended."""
+"""A word in the list of requirements is a set of them; what is wrong is reported where it can be mended."""
 
 from __future__ import annotations
 
@@ -71,13 +71,13 @@ def test_fields_beside_the_name_change_every_requirement_of_the_set(asked):
          "campaign.yaml:11:48: requirements.0.during: perigee_error is a number of the orbit at an event; give at in place of during"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_told_in_one_line(asked, items, message):
+def test_what_is_wrong_is_reported_in_one_line(asked, items, message):
     with pytest.raises(InputError) as caught:
         asked(*items)
     assert str(caught.value) == message
 
 
-def test_a_mistake_in_a_set_is_told_in_its_card(asked, study):
+def test_a_mistake_in_a_set_is_reported_in_its_card(asked, study):
     study.edit("configs/requirements/two.yaml", "9 m", "9 kg")
     with pytest.raises(InputError) as caught:
         asked("requirements/two")

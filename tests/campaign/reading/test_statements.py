@@ -18,7 +18,7 @@ ORDER = (
 WHITE = "innovations:\n  - {source: x, case: {imu: good}}\n"
 
 
-def told(study, text: str) -> str:
+def reported(study, text: str) -> str:
     study.append(AXES + text)
     with pytest.raises(InputError) as caught:
         load(study.path)
@@ -56,13 +56,13 @@ def test_statements_on_cases_that_are_there_are_read(study) -> None:
          "than: position_error_3d is in m, velocity_error_3d in m/s"),
     ],
 )  # fmt: skip
-def test_what_is_not_there_is_told(study, text: str, message: str) -> None:
-    assert message in told(study, text)
+def test_what_is_not_there_is_reported(study, text: str, message: str) -> None:
+    assert message in reported(study, text)
 
 
-def test_a_pair_of_a_zip_that_is_no_case_is_told(study) -> None:
+def test_a_pair_of_a_zip_that_is_no_case_is_reported(study) -> None:
     text = PUBLISHED.replace("imu: good", "imu: good, gate: '5'")
-    assert "references.0.case: no case has these levels together" in told(study, f"design: zip\n{text}")
+    assert "references.0.case: no case has these levels together" in reported(study, f"design: zip\n{text}")
 
 
 def test_the_bases_own_value_is_no_case_beside_the_base(study) -> None:
@@ -73,7 +73,7 @@ def test_the_bases_own_value_is_no_case_beside_the_base(study) -> None:
     assert unknown_case({"imu": "poor"}, cases, single=True) == ""
 
 
-def test_a_study_is_told_the_cases_and_axes_that_its_campaigns_do_not_have(study) -> None:
+def test_a_study_is_reported_the_cases_and_axes_that_its_campaigns_do_not_have(study) -> None:
     study.append(AXES)
     study.write(
         "study.yaml",

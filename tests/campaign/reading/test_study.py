@@ -61,7 +61,7 @@ def test_the_runs_asked_for_take_the_place_of_the_campaigns_own(folder: Path) ->
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "reported"),
     [
         (
             ("campaign: second", "campaign: secnd"),
@@ -72,9 +72,9 @@ def test_the_runs_asked_for_take_the_place_of_the_campaigns_own(folder: Path) ->
         (("campaign: second", "campaign: first"), "a campaign stands twice"),
     ],
 )
-def test_a_mistake_in_the_file_is_told_with_its_place(folder: Path, change: tuple[str, str], told: str) -> None:
+def test_a_mistake_in_the_file_is_reported_with_its_place(folder: Path, change: tuple[str, str], reported: str) -> None:
     (folder / "study.yaml").write_text(STUDY.replace(*change))
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=reported):
         load_study(folder)
 
 

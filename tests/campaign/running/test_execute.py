@@ -1,4 +1,4 @@
-"""A campaign is carried out, interrupted, resumed; what fails is told and counted."""
+"""A campaign is run, interrupted, resumed; what fails is reported and counted."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_runs_are_flown_in_blocks_of_forty_case_by_case(run) -> None:
     assert outcome.failures == ()
 
 
-def test_a_mistake_that_shows_late_is_told_at_its_place_before_anything_is_flown(run, fakes) -> None:
+def test_a_mistake_that_shows_late_is_reported_at_its_place_before_anything_is_flown(run, fakes) -> None:
     def refuse(prepared) -> None:
         raise InputError(records=[Mistake("too late", "receiver.latency")])
 
@@ -263,7 +263,7 @@ def test_a_disk_that_is_full_from_the_start_ends_in_the_same_line(study, fakes) 
         )
 
 
-def test_a_failed_run_is_told_with_the_command_that_shows_it(run, study, fakes) -> None:
+def test_a_failed_run_is_reported_with_the_command_that_shows_it(run, study, fakes) -> None:
     def one_bad(first: int, n: int) -> list[int]:
         return [57] if first == 40 else []
 
@@ -295,7 +295,7 @@ def test_an_error_in_one_block_loses_its_case_and_not_the_campaign(run, fakes) -
     assert sorted(fakes.tables(Path("results"))) == ["imu=poor"]
 
 
-def test_a_case_whose_covariance_fails_is_told_and_the_others_go_on(run, fakes) -> None:
+def test_a_case_whose_covariance_fails_is_reported_and_the_others_go_on(run, fakes) -> None:
     def broken(prepared) -> None:
         if prepared.name == "good near":
             raise ValueError("not positive")
@@ -320,7 +320,7 @@ def test_an_event_that_is_not_in_the_flight_is_refused_before_anything_is_comput
     assert not Path("results").exists()
 
 
-def test_a_trajectory_that_cannot_be_flown_is_told_where_the_campaign_asks_for_it(study, fakes) -> None:
+def test_a_trajectory_that_cannot_be_flown_is_reported_where_the_campaign_asks_for_it(study, fakes) -> None:
     study.edit("campaign.yaml", "trajectories/climb", "{card: trajectories/climb, vehicle: {payload: 60 t}}")
     with pytest.raises(InputError) as caught:
         execute.run(load("campaign.yaml"), Path("results"), jobs=1, keep=fakes.store())
@@ -328,7 +328,7 @@ def test_a_trajectory_that_cannot_be_flown_is_told_where_the_campaign_asks_for_i
     assert line.startswith("campaign.yaml:4:3: base.trajectory: climb: the first stage does not lift off: ")
 
 
-def test_a_trajectory_of_an_axis_that_cannot_be_flown_is_told_in_the_axis(study, fakes) -> None:
+def test_a_trajectory_of_an_axis_that_cannot_be_flown_is_reported_in_the_axis(study, fakes) -> None:
     study.append("axes: [{path: trajectory.vehicle.payload, values: [300 kg, 60 t]}]\n")
     with pytest.raises(InputError) as caught:
         execute.run(load("campaign.yaml"), Path("results"), jobs=1, keep=fakes.store())

@@ -50,7 +50,7 @@ def test_who_holds_the_lock_is_known_to_whoever_asks(tmp_path: Path) -> None:
     assert holder(tmp_path) == ""
 
 
-def test_a_file_system_without_locks_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_system_without_locks_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object) -> None:
         raise OSError(37, "No locks available")
 
@@ -120,8 +120,8 @@ def test_a_full_disk_is_no_mistake_of_the_user(tmp_path: Path, monkeypatch: pyte
 
 def test_a_file_of_another_tool_is_not_taken_for_a_lock(tmp_path: Path) -> None:
     (tmp_path / ".lock").write_text("mine\n")
-    told = r"\.lock: is no lock of lvnav-trade; move it, or give another folder$"
-    with pytest.raises(InputError, match=told), locked(tmp_path):
+    reported = r"\.lock: is no lock of lvnav-trade; move it, or give another folder$"
+    with pytest.raises(InputError, match=reported), locked(tmp_path):
         pass
     assert (tmp_path / ".lock").read_text() == "mine\n"
 

@@ -1,4 +1,4 @@
-"""The run that is asked for is found, or the mistake told; what it leaves is a table with units."""
+"""The run that is asked for is found, or the mistake reported; what it leaves is a table with units."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_the_trace_is_kept_beside_the_results(again: replay.Replay, found: list[
     pd.testing.assert_frame_equal(pd.read_parquet(path), again.trace)
 
 
-def test_a_trace_that_cannot_be_written_is_told(again: replay.Replay, found: list[Case], tmp_path: Path) -> None:
+def test_a_trace_that_cannot_be_written_is_reported(again: replay.Replay, found: list[Case], tmp_path: Path) -> None:
     (tmp_path / "traces").write_text("")
     with pytest.raises(InputError, match="cannot be written: "):
         replay.write_trace(again, tmp_path, found[0], 3)

@@ -98,7 +98,7 @@ def test_a_damaged_or_missing_table_is_named(folder: Path) -> None:
     assert sorted(Path(line.partition(": ")[0]).name for line in found.damaged) == ["budget.parquet", "history.parquet"]
 
 
-def test_what_was_lost_is_told(folder: Path) -> None:
+def test_what_was_lost_is_reported(folder: Path) -> None:
     path = folder / "manifest.json"
     lost = {"lost": ["imu=fine, runs 0 to 39: ZeroDivisionError: x"], "workers_died": 1}
     path.write_text(json.dumps(json.loads(path.read_text()) | lost))

@@ -13,7 +13,7 @@ import pytest
 
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import execute
-from lvnav_trade.campaign.running.stopping import Judged, Stopping, beyond
+from lvnav_trade.campaign.running.stopping import BlockResult, Stopping, beyond
 from lvnav_trade.engines.statistics import summarise
 from lvnav_trade.errors import InputError
 from lvnav_trade.metrics.requirements.requirements import errors_of
@@ -93,7 +93,7 @@ def test_more_runs_may_be_allowed_later_and_change_nothing_that_was_decided(fake
 
 
 def test_blocks_may_come_in_any_order(campaign):
-    blocks = [Judged(first, 40, (0, 0)) for first in (0, 40, 80, 120)]
+    blocks = [BlockResult(first, 40, (0, 0)) for first in (0, 40, 80, 120)]
     ends = set()
     for order in itertools.permutations(blocks):
         rule = Stopping(campaign)
@@ -105,9 +105,9 @@ def test_blocks_may_come_in_any_order(campaign):
 
 def test_a_block_that_is_not_whole_or_whose_metric_is_unknown_decides_nothing(campaign):
     rule = Stopping(campaign)
-    rule.note("a", Judged(0, 24, (24, 24)))
+    rule.note("a", BlockResult(0, 24, (24, 24)))
     for first in range(0, 2000, 40):
-        rule.note("b", Judged(first, 40, (0, None)))
+        rule.note("b", BlockResult(first, 40, (0, None)))
     assert (rule.runs("a"), rule.runs("b")) == (2000, 2000)
     assert rule.wants("b", 1960)
 

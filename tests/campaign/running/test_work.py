@@ -55,7 +55,7 @@ def test_linear_covariance_is_computed_once_and_left_for_all_workers(job, case: 
     assert [file.name for file in Path("scratch").iterdir()] == [f"{case.id}.1.0.covariance"]
 
 
-def test_an_answer_that_fails_is_told_in_one_line(job, case: Case) -> None:
+def test_an_answer_that_fails_is_reported_in_one_line(job, case: Case) -> None:
     def broken(prepared: Any) -> None:
         raise ValueError("first line\nsecond line")
 
@@ -64,7 +64,7 @@ def test_an_answer_that_fails_is_told_in_one_line(job, case: Case) -> None:
     assert not list(Path().glob("scratch/*"))  # nothing half written
 
 
-def test_an_error_without_words_is_told_by_its_name(job, case: Case) -> None:
+def test_an_error_without_words_is_reported_by_its_name(job, case: Case) -> None:
     def broken(prepared: Any) -> None:
         raise KeyError
 
@@ -98,7 +98,7 @@ def test_an_answer_holds_the_mean_error_too(job, case: Case) -> None:
     assert biased["position"][1] == still["position"][1]
 
 
-def test_a_block_is_flown_stored_and_its_failed_runs_are_told(job, case: Case) -> None:
+def test_a_block_is_flown_stored_and_its_failed_runs_are_reported(job, case: Case) -> None:
     _, todo = job(on_block=lambda first, n: [first + 3])
     work.answer(todo, case)
     done = work.fly(todo, Block(case, 40, 20))
@@ -146,7 +146,7 @@ def test_an_almanac_that_cannot_be_read_is_found_before_anything_is_flown(study)
     assert "broken.alm" in str(caught.value)
 
 
-def test_an_orbit_out_of_reach_is_told_with_the_field_that_asks_for_it(study) -> None:
+def test_an_orbit_out_of_reach_is_reported_with_the_field_that_asks_for_it(study) -> None:
     case = cases(load(study.path, ["trajectory.vehicle.payload=60 t"]))[0]
     with pytest.raises(InputError) as caught:
         work.engine().events(case.scenario)
@@ -155,7 +155,7 @@ def test_an_orbit_out_of_reach_is_told_with_the_field_that_asks_for_it(study) ->
     assert "\n" not in record.message
 
 
-def test_what_is_behind_a_covariance_is_found_once_and_told_to_the_store(job, case: Case, fakes) -> None:
+def test_what_is_behind_a_covariance_is_found_once_and_reported_to_the_store(job, case: Case, fakes) -> None:
     fake, todo = job()
     work.answer(todo, case)
     assert work.explain(todo, case).error == ""
@@ -198,6 +198,6 @@ def test_a_worker_that_computes_and_stores_holds_neither_pandas_nor_figures_nor_
 
 def test_a_worker_does_not_search_what_it_has_loaded_for_garbage_and_a_process_of_the_users_own_does() -> None:
     before = gc.get_freeze_count()
-    work.settle()
+    work.limit_threads()
     assert gc.get_freeze_count() == before
     assert min(each(2, gc.get_freeze_count, [()] * 4)) > 50_000

@@ -1,4 +1,4 @@
-"""YAML is read with positions and without surprises, and written so that it reads back."""
+"""YAML is read with positions and without innovations, and written so that it reads back."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_rows_of_a_table_are_lines() -> None:
         (b"? [a, b]\n: 1\n", "odd.yaml:1:3: a key should be a word"),
     ],
 )
-def test_a_file_that_is_no_campaign_is_told_in_one_line(
+def test_a_file_that_is_no_campaign_is_reported_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: bytes, message: str
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -18,10 +18,10 @@ Joint = namedtuple("Joint", "mean sources cross variance")
 Work = namedtuple("Work", "D_true block input y b seen noise spread")
 Truth = namedtuple(
     "Truth",
-    "group lane n_slot followed moves fade noise echo sensor driver source profile slot moving state_source state_slot "
-    "state_at nav_rows nav_columns white decay shared_source shared_slot shared_family",
+    "group lane n_slot followed moves factor noise echo sensor driver source profile slot moving state_source "
+    "state_slot state_at nav_rows nav_columns white decay shared_source shared_slot shared_family",
 )
-Belief = namedtuple("Belief", "seconds clock")
+FilterModel = namedtuple("FilterModel", "seconds clock")
 
 
 def of_lanes(array, source):
@@ -29,10 +29,10 @@ def of_lanes(array, source):
     return array[source] if GROUP == 1 else array[source // GROUP, ..., source % GROUP]
 
 
-def small(starts, variances, *, fade, noise, decay, white, blocks, rows, columns, seconds, clock=-1, **more):
-    """Return (joint, scratch, true, belief) of sources with one component each.
+def small(starts, variances, *, factor, noise, decay, white, blocks, rows, columns, seconds, clock=-1, **more):
+    """Return (joint, scratch, true, model) of sources with one component each.
 
-    starts : (n_source, n, n) covariances; variances, fade, noise : (n_source,) of the components; decay : (n,);
+    starts : (n_source, n, n) covariances; variances, decay, noise : (n_source,) of the components; decay : (n,);
     white : (n_source, n) noise of a window; blocks, rows, columns : of the transition; more : fields of Truth
     """
     n_source, n = white.shape
@@ -46,7 +46,8 @@ def small(starts, variances, *, fade, noise, decay, white, blocks, rows, columns
     none, ones = np.zeros(0, dtype=np.int64), np.ones((n_group, 1), dtype=np.bool_)
     fields = {
         "group": group, "lane": lane, "n_slot": np.ones(n_group, dtype=np.int64), "followed": ones, "moves": ones,
-        "fade": table(np.reshape(fade, (n_source, 1, 1, 1))), "noise": table(np.reshape(noise, (n_source, 1, 1, 1))),
+        "factor": table(np.reshape(factor, (n_source, 1, 1, 1))),
+        "noise": table(np.reshape(noise, (n_source, 1, 1, 1))),
         "echo": table(np.zeros((n_source, 1, 1, 1))), "sensor": none, "driver": none, "source": none, "profile": none,
         "slot": np.zeros((0, 3), dtype=np.int64), "moving": np.zeros(0, dtype=np.bool_), "state_source": none,
         "state_slot": none, "state_at": none, "nav_rows": rows, "nav_columns": columns,
@@ -64,17 +65,17 @@ def small(starts, variances, *, fade, noise, decay, white, blocks, rows, columns
         blocks, np.zeros(9), np.zeros((9, 3)), grouped_zeros((n,)), grouped_zeros((n_group, 1, 9)),
         grouped_zeros((n_group, 1, 1)), grouped_zeros((n_group, 1, 1)), grouped_zeros((1,)),
     )  # fmt: skip
-    return joint, scratch, true, Belief(np.array([seconds]), clock)
+    return joint, scratch, true, FilterModel(np.array([seconds]), clock)
 
 
 @jit
-def _propagate(joint, scratch, true, belief, sums):
-    propagate_sources(joint, scratch, true, belief, sums, 0)
+def _propagate(joint, scratch, true, model, sums):
+    propagate_sources(joint, scratch, true, model, sums, 0)
 
 
-def propagate(joint, scratch, true, belief):
+def propagate(joint, scratch, true, model):
     """Propagate every source over the one window; how components enter stands in scratch.b."""
-    _propagate(joint, scratch, true, belief, np.zeros(N_SUM))
+    _propagate(joint, scratch, true, model, np.zeros(N_SUM))
 
 
 @jit

@@ -72,7 +72,7 @@ def test_the_estimate_starts_at_zero_so_error_and_component_are_the_same_thing()
         assert own == true.start[source, slot]
         assert of_lanes(cross, place(true, source))[slot, at] == own
         assert total[at, at] >= own
-    # a matched filter believes just that
+    # a matched filter assumes just that
     np.testing.assert_allclose(np.diag(total), np.diag(prepared.start.P), rtol=1e-12)
 
 
@@ -84,10 +84,10 @@ def test_a_true_process_keeps_its_variance_over_windows(seconds):
     prepared = prepare_hop(scenario.model_copy(update={"imu": imu, "filter": card}))
     true, length = model(prepared), int(np.argmin(np.abs(prepared.lengths - seconds)))
     j = [b.source for b in prepared.sources].index("gyro bias instability")
-    sigma2, fade = (2.0 * math.radians(1.0) / 3600.0) ** 2, table_of(true, "fade", j)[length]
+    sigma2, factor = (2.0 * math.radians(1.0) / 3600.0) ** 2, table_of(true, "factor", j)[length]
     assert true.start[true.source[j], true.slot[j, 0]] == pytest.approx(sigma2, rel=1e-12)
-    assert fade == pytest.approx(math.exp(-seconds / 3.0), rel=1e-12)
-    assert fade**2 * sigma2 + table_of(true, "noise", j)[length] == pytest.approx(sigma2, rel=1e-12)
+    assert factor == pytest.approx(math.exp(-seconds / 3.0), rel=1e-12)
+    assert factor**2 * sigma2 + table_of(true, "noise", j)[length] == pytest.approx(sigma2, rel=1e-12)
 
 
 def test_what_quantisation_holds_back_is_drawn_anew_in_every_window():
@@ -97,7 +97,7 @@ def test_what_quantisation_holds_back_is_drawn_anew_in_every_window():
     true = model(prepared)
     j = int(np.flatnonzero(true.driver == REMAINDER)[0])
     moving = prepared.lengths > 0.0
-    np.testing.assert_array_equal(table_of(true, "fade", j), np.where(moving, 0.0, 1.0))
+    np.testing.assert_array_equal(table_of(true, "factor", j), np.where(moving, 0.0, 1.0))
     np.testing.assert_allclose(table_of(true, "noise", j)[moving], 1e-10 / 12.0, rtol=1e-12)
     np.testing.assert_array_equal(table_of(true, "echo", j), table_of(true, "noise", j))
 

@@ -19,7 +19,7 @@ def test_covariances_are_symmetric_and_positive_all_along():
         assert np.linalg.eigvalsh(correlation).min() > -1e-9
 
 
-def test_a_filter_that_expects_more_than_comes_believes_no_less_than_is_true():
+def test_a_filter_that_expects_more_than_comes_assumes_no_less_than_is_true():
     history = covariance(modelled())
     late = history.t > 5.0
     assert (history.formal[late] > 0.999 * history.true_sigma[late]).all()
@@ -42,5 +42,5 @@ def test_on_the_nominal_flight_the_mode_logic_waits_and_predicts_as_in_the_runs(
     assert np.all(history.n_row[:2] == 0)
     np.testing.assert_array_equal(history.n_row[11:14], 0)
     assert history.n_row.max() == 6
-    believed = np.sqrt(np.mean(block.sigma[:, :, :9] ** 2, axis=0))
-    np.testing.assert_allclose(believed, history.formal[:, :9], rtol=5e-3)
+    accepted = np.sqrt(np.mean(block.sigma[:, :, :9] ** 2, axis=0))
+    np.testing.assert_allclose(accepted, history.formal[:, :9], rtol=5e-3)

@@ -88,7 +88,7 @@ def test_a_matched_filter_knows_its_own_error(settings):
 
 
 def test_a_filter_that_carries_all_that_is_wrong_knows_its_error_but_for_what_it_leaves_out():
-    """With every excited state carried: bandwidth, drift, nonlinearity and instability are left, a few per cent."""
+    """With every excited state propagated: bandwidth, drift, nonlinearity and instability are left, a few per cent."""
     cov = covariance(case(FULL))
     assert np.all(cov.true_sigma[1:] / cov.formal[1:] < 1.05)
 
@@ -135,7 +135,7 @@ def test_a_noisier_receiver_puts_more_into_the_budget_and_nothing_else_grows_by_
     quiet = covariance(changed(MATCHED, filter=_own_receiver(), receiver={"pseudorange_sigma": "2 m"}))
     noisy = covariance(changed(MATCHED, filter=_own_receiver(), receiver={"pseudorange_sigma": "4 m"}))
     at = quiet.sources.index("pseudorange noise")
-    # gains are the belief's, and so the same: the source's variance is four times, the others' as they were
+    # gains are the filter model's, and so the same: the source's variance is four times, the others' as they were
     np.testing.assert_allclose(noisy.budget[:, at], 4.0 * quiet.budget[:, at], rtol=1e-10)
     others = [s for s in range(len(quiet.sources)) if s != at]
     np.testing.assert_allclose(noisy.budget[:, others], quiet.budget[:, others], rtol=1e-12)
@@ -143,7 +143,7 @@ def test_a_noisier_receiver_puts_more_into_the_budget_and_nothing_else_grows_by_
 
 
 def _own_receiver():
-    """A filter card with a belief of its own about the receiver."""
+    """A filter card with a filter model of its own about the receiver."""
     return {"receiver": {
         "pseudorange_sigma": "2 m", "range_rate_sigma": "0.1 m/s", "position_sigma": "2.2 m",
         "velocity_sigma": "0.11 m/s", "clock_h0": 2e-21, "clock_h_minus2": 3e-24,
@@ -180,11 +180,11 @@ MISMATCHES = {
         "gyro_random_walk": "0.03 deg/sqrt(h)", "accel_random_walk": "0.05 mg/sqrt(Hz)", "gyro_bias": "1 deg/h",
         "accel_bias": "2 mg", "gyro_bias_time": "5 s", "accel_bias_time": "5 s",
     }},
-    "noise believed twice too small": {"receiver": {
+    "noise accepted twice too small": {"receiver": {
         "pseudorange_sigma": "1 m", "range_rate_sigma": "0.05 m/s", "position_sigma": "1.1 m",
         "velocity_sigma": "0.06 m/s", "clock_h0": 2e-21, "clock_h_minus2": 3e-24,
     }},
-    "start believed ten times too good": {"initial": {
+    "start accepted ten times too good": {"initial": {
         "tilt": "0.01 deg", "heading": "0.005 deg", "position": "0.1 m", "velocity": "1 mm/s", "clock_bias": "30 m",
         "clock_drift": "0.3 m/s",
     }},

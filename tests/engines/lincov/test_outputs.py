@@ -51,13 +51,13 @@ def test_errors_of_the_solution_lie_within_the_interval_of_the_true_sigma_and_ab
 
 
 @each
-def test_the_receiver_believes_in_the_runs_what_it_believes_on_the_nominal_flight(kind):
+def test_the_receiver_assumes_in_the_runs_what_it_assumes_on_the_nominal_flight(kind):
     _, history, runs = flown(kind)
-    believed = np.sqrt(np.mean(runs.sigma[:, 5:, N_STATE:] ** 2, axis=0))
-    np.testing.assert_allclose(believed, history.formal[5:, N_STATE:], rtol=5e-3)
+    accepted = np.sqrt(np.mean(runs.sigma[:, 5:, N_STATE:] ** 2, axis=0))
+    np.testing.assert_allclose(accepted, history.formal[5:, N_STATE:], rtol=5e-3)
 
 
-def test_innovations_are_told_of_the_satellites_in_use_by_a_filter_alone():
+def test_innovations_are_reported_of_the_satellites_in_use_by_a_filter_alone():
     prepared, _, runs = flown("filtered")
     n = 2 * len(prepared.sky.names)
     assert runs.innovation.shape[2] == 6 + n

@@ -8,7 +8,7 @@ import pytest
 from lvnav_trade.engines.lincov.components import components
 from lvnav_trade.engines.lincov.propagate import input_matrix
 from lvnav_trade.engines.lincov.sources import source_names
-from lvnav_trade.filters.belief import transition_blocks
+from lvnav_trade.filters.model import transition_blocks
 from lvnav_trade.kernels.strapdown import N_SUM, SUM_C, SUM_F, SUM_TH, SUM_V
 from lvnav_trade.kernels.transition import fill
 from lvnav_trade.layout import ParameterBlock
@@ -54,7 +54,7 @@ def test_components_act_as_in_the_dense_joint_covariance(variance, noise):
     """[e; c] with e+ = Phi e + b c + g w, c+ = f c + w, as one matrix; b of the nine states of motion or, where the
     filter has a state for c, the difference of the two decays there, with g one.
     """
-    rng, fade, decay = np.random.default_rng(2), 0.8, np.ones(N)
+    rng, factor, decay = np.random.default_rng(2), 0.8, np.ones(N)
     decay[9:] = 0.9
     blocks, entering = 0.2 * rng.standard_normal((2, 9)), np.zeros(N)
     blocks[1] = 0.4 * np.eye(3).ravel()  # position takes velocity times a number of seconds
@@ -71,19 +71,19 @@ def test_components_act_as_in_the_dense_joint_covariance(variance, noise):
         one = root @ root.T
         scale = np.append(np.ones(N), np.sqrt(variance / one[N, N]))
         full.append(one * np.outer(scale, scale))
-    joint, scratch, true, belief = small(
-        [one[:N, :N] for one in full], [variance] * 2, fade=[fade] * 2, noise=[noise] * 2, decay=decay,
+    joint, scratch, true, model = small(
+        [one[:N, :N] for one in full], [variance] * 2, factor=[factor] * 2, noise=[noise] * 2, decay=decay,
         white=np.zeros((2, N)), blocks=blocks, rows=ROWS, columns=COLUMNS, seconds=0.1,
         state_source=np.array([1]), state_slot=np.array([0]), state_at=np.array([STATE]),
     )  # fmt: skip
     for source, one in enumerate(full):
         of_lanes(joint.cross, source)[0] = one[:N, N]
     of_lanes(scratch.b, 0)[0] = entering[:9]
-    propagate(joint, scratch, true, belief)
+    propagate(joint, scratch, true, model)
     inside, driven = np.zeros(N), np.zeros(N)
-    inside[STATE], driven[STATE] = fade - decay[STATE], 1.0
+    inside[STATE], driven[STATE] = factor - decay[STATE], 1.0
     for source, (b, g) in enumerate([(entering, np.zeros(N)), (inside, driven)]):
-        A, drive = np.block([[phi, b[:, None]], [np.zeros(N), fade]]), np.append(g, 1.0)
+        A, drive = np.block([[phi, b[:, None]], [np.zeros(N), factor]]), np.append(g, 1.0)
         expected = A @ full[source] @ A.T + noise * np.outer(drive, drive)
         np.testing.assert_allclose(of_lanes(joint.sources, source), expected[:N, :N], rtol=0, atol=1e-12)
         np.testing.assert_allclose(of_lanes(joint.cross, source)[0], expected[:N, N], rtol=0, atol=1e-12)

@@ -197,12 +197,12 @@ def tables(kind, **settings):
 
 def test_only_navigation_errors_of_a_buffered_measurement_are_those_of_its_time():
     prepared, true = tables("buffered")
-    belief = prepared.belief
+    model = prepared.model
     assert true.buffered
     assert true.clone == prepared.layout.n_state
     for channel in range(6):
-        n = belief.n_entry[channel]
-        own, found = belief.column[channel, :n], true.column[0, channel, :n]
+        n = model.n_entry[channel]
+        own, found = model.column[channel, :n], true.column[0, channel, :n]
         np.testing.assert_array_equal(found, np.where(own < N_NAV, true.clone + own, own))
         assert {ATT, VEL, POS} & set(own.tolist())
     _, other = tables("extrapolated")
@@ -217,7 +217,7 @@ def test_a_late_solutions_rows_take_its_own_error_off_and_the_velocities_that_it
 
     class Nominal(NamedTuple):
         H: np.ndarray
-        told: np.ndarray
+        reported: np.ndarray
 
     nominal = Nominal(np.zeros((6, 10 + N_SOLUTION_ENTRY)), np.zeros((6, 6)))
     complete_rows(nominal, chain, late, 0)
@@ -229,4 +229,4 @@ def test_a_late_solutions_rows_take_its_own_error_off_and_the_velocities_that_it
         3.0 * np.eye(3),
     )  # velocity by the difference to the one before
     np.testing.assert_allclose(nominal.H[:, 16:], expected)
-    np.testing.assert_array_equal(nominal.told, chain.told[0])
+    np.testing.assert_array_equal(nominal.reported, chain.reported[0])

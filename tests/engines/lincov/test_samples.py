@@ -26,7 +26,7 @@ def test_monte_carlo_and_linear_covariance_agree(card, unit, record_property):
     _agree(modelled(card, unit), record_property)
 
 
-def test_they_agree_where_the_filter_believes_another_time_constant(record_property):
+def test_they_agree_where_the_filter_assumes_another_time_constant(record_property):
     scenario = {**OTHER_TIMES, "imu__gyro__bias_instability": "5 deg/h", "imu__gyro__instability_time": "10 s"}
     prepared = modelled(MODEL, PUBLISHED, **{k: _frozen(v) for k, v in scenario.items()})
     _agree(prepared, record_property)

@@ -35,7 +35,7 @@ def test_a_component_keeps_its_decay_noise_and_flags():
     group, lane, n_slot = places_of(slots.count)
     table = slot_tables(slots, group, lane, n_slot)
     assert table["start"][1].tolist() == [4.0, 9.0]
-    assert table["fade"][1, group[1], 0, 0, lane[1]] == 0.9
+    assert table["factor"][1, group[1], 0, 0, lane[1]] == 0.9
     assert table["noise"][1, group[1], 0, 0, lane[1]] == 0.2
     assert table["followed"][group[1]].tolist() == [True, False]
     assert table["moves"][group[1]].tolist() == [False, True]

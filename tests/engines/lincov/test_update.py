@@ -7,7 +7,7 @@ from collections import namedtuple
 import numpy as np
 import pytest
 
-from lvnav_trade.kernels.covariance import absorb, absorb_with
+from lvnav_trade.kernels.covariance import update_scalar, update_with_gain
 from tests.engines.lincov.small import of_lanes, small, update
 
 N = 5
@@ -20,12 +20,12 @@ def spread():
     return root @ root.T
 
 
-def test_with_the_covariance_s_own_gain_a_row_is_absorbed_as_ever():
+def test_with_the_covariance_s_own_gain_a_row_is_processed_as_ever():
     P, other = spread(), spread()
     x, y, K = np.zeros(N), np.zeros(N), np.zeros(N)
-    normalised, weight = absorb(P, x, K, ROW, ALL, ALL, 1.3, 0.7, np.inf, N, False)
+    normalised, weight = update_scalar(P, x, K, ROW, ALL, ALL, 1.3, 0.7, np.inf, N, False)
     gain = K * weight
-    same = absorb_with(other, y, K, ROW, ALL, ALL, gain, 1.3, 0.7, np.inf, N)
+    same = update_with_gain(other, y, K, ROW, ALL, ALL, gain, 1.3, 0.7, np.inf, N)
     assert same == pytest.approx((normalised, weight), rel=1e-12)
     np.testing.assert_allclose(other, P, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(y, x, rtol=1e-12)
@@ -34,7 +34,7 @@ def test_with_the_covariance_s_own_gain_a_row_is_absorbed_as_ever():
 def test_with_another_gain_the_covariance_is_that_of_joseph_s_form():
     P, x, K = spread(), np.zeros(N), np.zeros(N)
     gain = np.array([0.1, -0.2, 0.05, 0.3, 0.0])
-    absorb_with(P, x, K, ROW, ALL, ALL, gain, 1.3, 0.7, np.inf, N)
+    update_with_gain(P, x, K, ROW, ALL, ALL, gain, 1.3, 0.7, np.inf, N)
     left = np.eye(N) - np.outer(gain, ROW)
     np.testing.assert_allclose(P, left @ spread() @ left.T + 0.7 * np.outer(gain, gain), rtol=1e-12, atol=1e-14)
     np.testing.assert_allclose(x, 1.3 * gain)
@@ -42,7 +42,7 @@ def test_with_another_gain_the_covariance_is_that_of_joseph_s_form():
 
 def test_a_row_beyond_the_gate_changes_nothing():
     P, x, K = spread(), np.zeros(N), np.zeros(N)
-    _, weight = absorb_with(P, x, K, ROW, ALL, ALL, np.ones(N), 1e6, 0.7, 9.0, N)
+    _, weight = update_with_gain(P, x, K, ROW, ALL, ALL, np.ones(N), 1e6, 0.7, 9.0, N)
     assert weight == 0.0
     np.testing.assert_array_equal(P, spread())
     np.testing.assert_array_equal(x, 0.0)
@@ -59,7 +59,7 @@ def test_every_source_has_its_own_joseph_form_and_one_the_noise(n_source):
     roots = rng.standard_normal((n_source, N, N))
     starts, none = roots @ np.swapaxes(roots, 1, 2), np.zeros(n_source)
     joint, scratch, true, _ = small(
-        starts, none, fade=none + 1.0, noise=none, decay=np.ones(N), white=np.zeros((n_source, N)),
+        starts, none, factor=none + 1.0, noise=none, decay=np.ones(N), white=np.zeros((n_source, N)),
         blocks=np.zeros((0, 9)), rows=ALL[:0], columns=ALL[:0], seconds=0.1,
     )  # fmt: skip
     y = rng.standard_normal(N)
@@ -80,7 +80,7 @@ def test_an_error_that_measurements_share_enters_as_in_the_dense_joint_covarianc
     root = rng.standard_normal((N + 1, N + 1))
     full = root @ root.T
     joint, scratch, true, _ = small(
-        np.stack([np.eye(N), full[:N, :N]]), [1.0, full[N, N]], fade=np.ones(2), noise=np.zeros(2), decay=np.ones(N),
+        np.stack([np.eye(N), full[:N, :N]]), [1.0, full[N, N]], factor=np.ones(2), noise=np.zeros(2), decay=np.ones(N),
         white=np.zeros((2, N)), blocks=np.zeros((0, 9)), rows=ALL[:0], columns=ALL[:0], seconds=0.1,
         shared_source=np.array([1]), shared_slot=np.array([0]), shared_family=np.array([-1]),
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""What is asked for again is not worked out again, and nobody spoils what another one is told."""
+"""What is asked for again is not worked out again, and nobody spoils what another one is reported."""
 
 from __future__ import annotations
 

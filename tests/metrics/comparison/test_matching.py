@@ -20,8 +20,8 @@ def test_a_level_of_another_name_is_found_by_the_mapping(good, tmp_path):
     other = variant(good, tmp_path / "b", cases=relabelled(fine="finer"))
     pairs = match(good, other)
     assert [pair.base for pair in pairs] == [COARSE]
-    told = left_out(good, other, pairs)
-    assert [line.partition(": ")[2] for line in told] == ["imu=fine.", "imu=finer."]
+    reported = left_out(good, other, pairs)
+    assert [line.partition(": ")[2] for line in reported] == ["imu=fine.", "imu=finer."]
     assert match(good, other, {"fine": "finer"})[0] == (FINE, FINE, "imu=fine → imu=finer")
     assert match(good, other, {"imu=fine": "imu=finer"})[0] == match(good, other, {FINE: FINE})[0]
 

@@ -1,4 +1,4 @@
-"""Two levels on the same draws: what they have in common cancels, what differs is told."""
+"""Two levels on the same draws: what they have in common cancels, what differs is reported."""
 
 from __future__ import annotations
 

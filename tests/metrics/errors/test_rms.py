@@ -27,7 +27,7 @@ def test_rms_at_an_event_is_that_of_the_good_runs(good):
     assert row.lincov_true_sigma == pytest.approx(np.hypot(row.formal_sigma, 0.05 * 1.995), rel=1e-12)
 
 
-def test_angles_are_told_in_the_units_of_people(good):
+def test_angles_are_reported_in_the_units_of_people(good):
     frame = METRICS["rms"](good)
     row = frame[(frame.metric == "attitude_error") & (frame.axis == "roll") & (frame.phase_or_event == "liftoff")]
     assert row.unit.iloc[0] == "mrad"

@@ -1,4 +1,4 @@
-"""What is told of filters with a logic, of runs whose story is known."""
+"""What is reported of filters with a logic, of runs whose story is known."""
 
 from __future__ import annotations
 

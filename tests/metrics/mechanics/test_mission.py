@@ -147,8 +147,8 @@ def test_runs_have_errors_of_every_metric_and_a_failed_one_is_infinite(orbit, me
     assert found.unit == MISSION[metric].unit
 
 
-def test_the_errors_of_runs_are_those_of_the_believed_orbit(orbit):
-    """Truth minus estimate, so the believed state is truth minus error: energy by hand for one run."""
+def test_the_errors_of_runs_are_those_of_the_assumed_orbit(orbit):
+    """Truth minus estimate, so the assumed state is truth minus error: energy by hand for one run."""
     state = state_of(orbit)
     error, _ = mission.run_errors(orbit, flights.CASE, state)
     row = orbit.runs[(orbit.runs.event == "injection") & (orbit.runs.run_number == 7)].iloc[0]

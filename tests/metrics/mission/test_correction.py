@@ -12,13 +12,13 @@ from tests import mission as flights
 
 
 @pytest.fixture(scope="module")
-def told(tmp_path_factory):
+def reported(tmp_path_factory):
     tables = load(flights.results(tmp_path_factory.mktemp("cost"), failing=(3,)))
     return tables, METRICS["correction"](tables).set_index("by")
 
 
-def test_runs_and_linear_covariance_agree_on_the_quantiles(told):
-    _, found = told
+def test_runs_and_linear_covariance_agree_on_the_quantiles(reported):
+    _, found = reported
     runs, lincov = found.loc["Monte Carlo"], found.loc["linear covariance"]
     assert runs["count"] == 199
     assert runs.q50 == pytest.approx(lincov.q50, rel=0.15)
@@ -26,15 +26,15 @@ def test_runs_and_linear_covariance_agree_on_the_quantiles(told):
     assert lincov.q50 < lincov.q95 < lincov.q99
 
 
-def test_the_quantiles_are_those_of_the_runs_errors(told):
-    tables, found = told
+def test_the_quantiles_are_those_of_the_runs_errors(reported):
+    tables, found = reported
     size = errors_at(tables, flights.CASE, "injection", "correction_delta_v").size
     assert found.loc["Monte Carlo", "q99"] == pytest.approx(np.quantile(size[np.isfinite(size)], 0.99), rel=1e-12)
 
 
-def test_the_parts_stand_beside_the_whole(told):
+def test_the_parts_stand_beside_the_whole(reported):
     """A norm is at most the sum of its parts', draw by draw; here velocity makes nearly all of it."""
-    _, found = told
+    _, found = reported
     assert (found.velocity_q99 > 0.9 * found.q99).all()
     assert (found.position_q99 < 0.2 * found.q99).all()
 

@@ -80,15 +80,17 @@ def test_beside_a_corridor_the_verdict_is_violated_by_both(tmp_path):
 
 
 def test_an_edge_through_the_error_leaves_the_part_of_the_runs_that_is_said(tmp_path, fall):
-    """An edge one sigma of latitude north of the point: 84 % of the believed points stay south of it."""
+    """An edge one sigma of latitude north of the point: 84 % of the assumed points stay south of it."""
     row = METRICS["impact"](fall).set_index("event").loc["injection"]
     sample = np.degrees(ellipse_north(row))
     edge = row.latitude_deg + sample
     polygon = f"[['28 deg', '25 deg'], ['{edge} deg', '25 deg'], ['{edge} deg', '35 deg'], ['28 deg', '35 deg']]"
     tables = load(flights.results(tmp_path, falling(), campaign=with_corridor(polygon)))
-    told = METRICS["impact"](tables).set_index("event").loc["injection"]
-    assert 1.0 - told.mc_outside / told.runs == pytest.approx(told.corridor_probability, abs=4.0 * np.sqrt(0.14 / 200))
-    assert 0.7 < told.corridor_probability < 0.95
+    reported = METRICS["impact"](tables).set_index("event").loc["injection"]
+    assert 1.0 - reported.mc_outside / reported.runs == pytest.approx(
+        reported.corridor_probability, abs=4.0 * np.sqrt(0.14 / 200)
+    )
+    assert 0.7 < reported.corridor_probability < 0.95
 
 
 def ellipse_north(row):

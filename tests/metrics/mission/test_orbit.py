@@ -24,7 +24,7 @@ def at_injection(tables):
     return frame[frame.event == "injection"].set_index("quantity")
 
 
-def test_the_orbit_is_told_osculating_and_averaged_in_units_of_people(reached):
+def test_the_orbit_is_reported_osculating_and_averaged_in_units_of_people(reached):
     found = at_injection(reached)
     assert found.loc["semi-major axis", "osculating"] == pytest.approx(6900.0, abs=1e-3)
     assert found.loc["perigee height", "osculating"] == pytest.approx((6.9e6 * 0.988 - SEMI_MAJOR) / 1e3, abs=1e-2)

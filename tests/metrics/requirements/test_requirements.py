@@ -28,7 +28,7 @@ def test_requirements_have_the_columns_that_users_rely_on(good):
     ]  # fmt: skip
 
 
-def test_requirements_are_judged_on_the_runs_and_failed_runs_fail(good):
+def test_requirements_are_checked_on_the_runs_and_failed_runs_fail(good):
     found = METRICS["requirements"](good).set_index(["requirement", "case"])
     assert found.loc[("loose bound", "imu=fine"), "verdict"] == "met"
     assert found.loc[("loose bound", "imu=fine"), "failures"] == 1
@@ -54,7 +54,7 @@ PHASE = {"name": "x", "metric": "velocity_error_3d", "probability": 0.9, "below"
         ("start to liftoff", -5.0, 0.0), ("start to end", -5.0, 99.5),
     ],
 )  # fmt: skip
-def test_a_phase_is_judged_on_the_largest_error_of_each_run_within(good, during, first, last):
+def test_a_phase_is_checked_on_the_largest_error_of_each_run_within(good, during, first, last):
     assert phase_of(good, "aaaaaaaaaaaa", during) == (first, last)
     cov = synthetic.covariance()
     runs = synthetic.block(cov, 0, 200)
@@ -78,5 +78,5 @@ def test_a_phase_between_unknown_events_has_no_run(good):
     assert errors_of(good, "aaaaaaaaaaaa", PHASE | {"metric": "heading_error_3d", "during": "flight"}) is None
 
 
-def test_an_estimate_beyond_all_runs_is_told_as_one():
+def test_an_estimate_beyond_all_runs_is_reported_as_one():
     assert [with_unit(value, "m") for value in (0.30004, np.inf, np.nan)] == ["0.3 m", "∞ m", ""]

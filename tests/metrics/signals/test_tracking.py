@@ -49,7 +49,7 @@ def sky():
     return wide
 
 
-def test_who_sets_meanwhile_is_told_apart_from_who_comes_back(sky):
+def test_who_sets_meanwhile_is_distinguished_from_who_comes_back(sky):
     assert _recovered(sky, 3.0, 6.0) == {
         "before_count": 4, "least_count": 1, "lost_count": 3, "to_fix_s": 2.0, "to_all_s": 2.0, "gone_count": 1,
     }  # fmt: skip

@@ -58,9 +58,9 @@ def test_a_far_too_heavy_payload_is_refused_with_the_missing_delta_v_and_what_ca
     with pytest.raises(InputError) as refused:
         solve(ascent_card(vehicle={**settings, "payload": "9 t"}))
     pattern = r"lacks about (\d+) m/s of delta-v .* carries about (\d+) kg there, the payload is 9000 kg"
-    told = re.search(pattern, str(refused.value))
-    assert told
-    lacking, carried = (float(text) for text in told.groups())
+    reported = re.search(pattern, str(refused.value))
+    assert reported
+    lacking, carried = (float(text) for text in reported.groups())
     # The tests above fly 700 kg and refuse 1600 kg to the same orbit.
     assert 700.0 < carried < 1600.0
 

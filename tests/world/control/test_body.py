@@ -45,7 +45,7 @@ def test_the_shipped_nozzle_has_the_published_time_constant():
         (("thrusters", "dead_band"), "0 deg", "greater than 0"),
     ],
 )
-def test_a_card_that_cannot_be_is_told_where(where, value, message):
+def test_a_card_that_cannot_be_is_reported_where(where, value, message):
     given = settings()
     given[where[0]][where[1]] = value
     with pytest.raises(ValidationError, match=message):

@@ -39,7 +39,7 @@ def test_noise_per_sample_is_density_by_root_of_rate_and_the_publication_multipl
         ({"guidance": {"period": "0 s"}}, "greater than 0"),
     ],
 )
-def test_a_controller_that_cannot_be_is_told_where(changes, message):
+def test_a_controller_that_cannot_be_is_reported_where(changes, message):
     with pytest.raises(ValidationError, match=message):
         ControllerCard.model_validate({**_load("controllers/three_motor"), **changes})
 

@@ -44,7 +44,7 @@ def test_a_west_wind_blows_to_the_east_and_grows_straight_between_heights():
         ({"speed": ["1 m", "1 m"]}, "wrong unit"),
     ],
 )
-def test_a_card_that_contradicts_itself_is_told_where(changes, message):
+def test_a_card_that_contradicts_itself_is_reported_where(changes, message):
     with pytest.raises(ValidationError, match=message):
         card(**changes)
 

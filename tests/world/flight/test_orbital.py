@@ -185,7 +185,7 @@ def test_a_card_that_cannot_be_meant_is_refused(change, message):
         OrbitalFlight.model_validate(copy.deepcopy(orbital_settings()) | change)
 
 
-def test_what_cannot_be_flown_is_told_in_one_line():
+def test_what_cannot_be_flown_is_reported_in_one_line():
     coast, low = {"name": "coast", "duration": "10 s"}, ORBIT | {"perigee": "-900 km", "apogee": "120 km"}
     with pytest.raises(InputError, match="does not come down to 50 km"):
         fly([coast], descent={"altitude": "50 km"})

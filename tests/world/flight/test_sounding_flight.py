@@ -154,6 +154,6 @@ def test_a_rocket_without_a_turn_of_its_last_stage_flies_on_as_it_points():
         ({"apogee": None, "rail__elevation": "20 deg"}, "past its apogee before its last stage is done"),
     ],
 )
-def test_what_cannot_be_flown_is_told_in_one_line(change, message):
+def test_what_cannot_be_flown_is_reported_in_one_line(change, message):
     with pytest.raises(InputError, match=message):
         fly(**change)

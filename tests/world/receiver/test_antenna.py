@@ -48,7 +48,7 @@ def test_what_lies_beyond_the_cutoff_is_not_heard():
     assert np.isneginf(gain(card, np.radians([79.9, 80.1]))).tolist() == [False, True]
 
 
-def test_every_antenna_is_judged_by_its_own_boresight_whatever_its_length():
+def test_every_antenna_is_checked_by_its_own_boresight_whatever_its_length():
     cards = [antenna(boresight=(0.0, 2.0, 0.0)), antenna(boresight=(0.0, -0.5, 0.0))]
     sideways = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
     np.testing.assert_allclose(gains(cards, sideways), [[5.0, -10.0], [-10.0, 5.0]])

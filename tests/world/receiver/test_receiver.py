@@ -41,10 +41,10 @@ def test_the_four_patches_stand_across_the_axis_a_right_angle_apart():
 
 
 def test_without_antennas_the_one_lever_is_the_receivers():
-    assert ReceiverCard(**BARE, lever_b=("1 m", "0 m", "2 m")).levers == ((1.0, 0.0, 2.0),)
+    assert ReceiverCard(**BARE, lever_b=("1 m", "0 m", "2 m")).lever_arms == ((1.0, 0.0, 2.0),)
     antenna = {"name": "a", "lever_b": ["3 m", "0 m", "0 m"], "pattern": {"kind": "cosine", "peak": "5 dBi"}}
     card = ReceiverCard(**BARE, lever_b=("1 m", "0 m", "2 m"), antennas=[antenna, antenna | {"name": "b"}])
-    assert card.levers == ((3.0, 0.0, 0.0),) * 2
+    assert card.lever_arms == ((3.0, 0.0, 0.0),) * 2
 
 
 @pytest.mark.parametrize(

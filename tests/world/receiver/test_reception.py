@@ -44,9 +44,9 @@ def receiver(**changes):
 
 
 def patches(lever="0 m", **changes):
-    levers = {name: [f"{x} m" for x in np.array(side) * float(lever.split()[0])] for name, side in SIDES.items()}
+    lever_arms = {name: [f"{x} m" for x in np.array(side) * float(lever.split()[0])] for name, side in SIDES.items()}
     return [
-        {"name": name, "boresight": side, "lever_b": levers[name], "pattern": PATCH} | changes
+        {"name": name, "boresight": side, "lever_b": lever_arms[name], "pattern": PATCH} | changes
         for name, side in SIDES.items()
     ]
 
@@ -132,7 +132,7 @@ def test_a_receiver_without_antennas_link_or_tracking_is_what_it_was():
     assert np.array_equal(seen.state == TRACK, seen.tracked)
     assert np.all((seen.range_sigma == 2.0) & (seen.rate_sigma == 0.1) & (seen.antenna == 0) & np.isnan(seen.cn0))
     assert seen.transitions == ()
-    assert seen.levers.tolist() == [[0.0, 0.0, 0.0]]
+    assert seen.lever_arms.tolist() == [[0.0, 0.0, 0.0]]
 
 
 def test_an_isotropic_antenna_and_no_losses_give_the_link_budget_and_nothing_else():
@@ -257,10 +257,10 @@ def test_phase_centres_stand_on_their_levers_and_move_with_the_spin():
     card = four(antennas=patches("0.6 m"))
     r_i, v_i = antenna_states(flight, card, t)
     at = motion(flight, t)
-    levers = np.array(card.levers)
-    assert levers.shape == (4, 3)
+    lever_arms = np.array(card.lever_arms)
+    assert lever_arms.shape == (4, 3)
     np.testing.assert_allclose(
-        r_i - at.r_i[:, None, :], np.einsum("nij,aj->nai", matrices(at.q_b_i), levers), rtol=0.0, atol=1e-8
+        r_i - at.r_i[:, None, :], np.einsum("nij,aj->nai", matrices(at.q_b_i), lever_arms), rtol=0.0, atol=1e-8
     )
     later, earlier = (antenna_states(flight, card, t + side)[0] for side in (step, -step))
     np.testing.assert_allclose(v_i, (later - earlier) / (2.0 * step), rtol=0.0, atol=1e-4)
@@ -302,7 +302,7 @@ def test_latency_that_pushes_epochs_before_the_start_does_no_harm():
 def test_no_epoch_or_a_single_one_is_a_flight_too(t):
     seen = sky(gps(), four(), vertical(), t)
     assert seen.tracked.shape == seen.cn0.shape == seen.state.shape == (t.size, 24)
-    assert seen.levers.shape == (4, 3)
+    assert seen.lever_arms.shape == (4, 3)
     assert np.all((seen.state == TRACK) | (seen.state == IDLE))
 
 
@@ -350,7 +350,7 @@ OTHER = {
 
 
 @cache
-def told(text=None):
+def reported(text=None):
     """Return all that the sky says of a receiver with everything, on a flight with a jolt, a spin and an outage."""
     card = receiver(**ALL) if text is None else ReceiverCard.model_validate_json(text)
     fault = SatelliteOutage(start="-12 s", duration="3 s", keep=3)
@@ -372,7 +372,7 @@ def test_every_field_of_hearing_and_tracking_changes_the_sky_or_is_refused(part,
         card = ReceiverCard.model_validate(text)
     except ValueError:
         return
-    changes = told(card.model_dump_json()) != told()  # not in the assertion: the bytes are long
+    changes = reported(card.model_dump_json()) != reported()  # not in the assertion: the bytes are long
     assert changes
 
 

@@ -50,22 +50,22 @@ def same(a, b):
     ],
 )  # fmt: skip
 def test_the_published_variants_become_the_filters_numbers(card, arguments):
-    read, told = READ.validate_python(card), own_covariance()
+    read, reported = READ.validate_python(card), own_covariance()
     assert isinstance(read, FilteredSolution)
-    expected = filter_model(told, 1.0, start_acceleration=10.0, **arguments)
-    assert same(filter_model(told, 1.0, **read.numbers()), expected)
+    expected = filter_model(reported, 1.0, start_acceleration=10.0, **arguments)
+    assert same(filter_model(reported, 1.0, **read.numbers()), expected)
 
 
 def test_a_point_solution_becomes_the_solvers_numbers_and_starts_the_filter():
-    told = own_covariance()
+    reported = own_covariance()
     read = READ.validate_python(POINT)
-    assert same(point_model(told, **read.numbers()), point_model(told, 2.0, 0.1))
+    assert same(point_model(reported, **read.numbers()), point_model(reported, 2.0, 0.1))
     assert READ.validate_python(PUBLISHED).fix == read
     chosen = READ.validate_python(PUBLISHED | {"point": POINT | {"refinements": 0, "least_quality": 3}}).fix
     assert (chosen.refinements, chosen.least_quality) == (0, 3)
 
 
-def test_what_is_told_is_chosen_by_kind():
+def test_what_is_reported_is_chosen_by_kind():
     assert READ.validate_python(PUBLISHED).reported_covariance == OwnCovariance(factor=10.0)
     assert READ.validate_python(SECOND).reported_covariance == ConstantCovariance(
         kind="constant", position_sigma="2.2 m", velocity_sigma="0.11 m/s"
@@ -103,17 +103,17 @@ def test_what_makes_no_filter_is_refused(change, message):
         READ.validate_python(PUBLISHED | change)
 
 
-def test_a_filter_without_acceleration_has_none_to_fade():
-    with pytest.raises(ValidationError, match="no acceleration to fade"):
+def test_a_filter_without_acceleration_has_none_to_decay():
+    with pytest.raises(ValidationError, match="no acceleration to decay"):
         READ.validate_python(THIRD | {"acceleration_time": "10 s"})
 
 
-def test_a_point_solution_needs_to_believe_some_noise():
+def test_a_point_solution_needs_to_assume_some_noise():
     with pytest.raises(ValidationError, match="greater than 0"):
         BancroftSolution(kind="bancroft", range_sigma="2 m", rate_sigma="0 m/s")
 
 
 @pytest.mark.parametrize("card", [POINT, SECOND])
 def test_the_old_key_of_the_reported_covariance_names_the_new_one(card):
-    with pytest.raises(ValidationError, match="told: replaced by reported_covariance"):
-        READ.validate_python({**card, "told": {"kind": "own"}})
+    with pytest.raises(ValidationError, match="reported: replaced by reported_covariance"):
+        READ.validate_python({**card, "reported": {"kind": "own"}})

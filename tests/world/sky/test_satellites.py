@@ -100,7 +100,7 @@ def test_an_almanac_far_from_the_lift_off_is_refused_and_a_longer_age_allows_it(
     assert len(satellites(longer, "2016-05-06T16:44:32Z").names) > 28
 
 
-def test_a_navigation_file_named_as_almanac_is_told_apart(tmp_path):
+def test_a_navigation_file_named_as_almanac_is_distinguished(tmp_path):
     path = Path(own(tmp_path, HEAD_3 + GALILEO_3).rinex)
     with pytest.raises(InputError, match=r"own\.rnx:1: a RINEX file; name it by \{rinex: \.\.\.\}, not \{almanac"):
         satellites(AlmanacConstellation(almanac=str(path)), NOON)

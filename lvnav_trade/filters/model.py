@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.filters.base import FilterCard, ImuBelief, InitialBelief, ReceiverBelief
+from lvnav_trade.filters.base import FilterCard, ImuModel, InitialModel, ReceiverModel
 from lvnav_trade.filters.envelope import EnvelopeCard
 from lvnav_trade.kernels import strapdown, transition
 from lvnav_trade.kernels.clock import spectral_densities
@@ -28,19 +28,19 @@ TYPES = {"pseudorange": PSEUDORANGE, "range_rate": RANGE_RATE, "position": POSIT
 """The number of each type of measurement in the kernels, by name."""
 
 
-class Belief(NamedTuple):
+class FilterModel(NamedTuple):
     """A filter in numbers, for the kernels. Index arrays int64; per-window tables by window length.
 
     aided: it has measurements; tight: ranges are among them; solves: the receiver solves for itself; measured
     (n_channel,): the channel is processed; n_receiver of them are the receiver's (0: none is processed); n_row_entry
     entries of a Jacobian row; rate_sign: see `observables.base.antenna`; gravity code; block_rows, block_columns,
     block_kinds, block_drivers (n_block,); seconds (n_length,) distinct window lengths, decay and noise (n_length,
-    n_state) per length; clock index; n_estimated, n_state; par_sensor, par_driver, par_offset (n_par,); lean (only
-    biases are carried); fading (any decay); gate_squared; joseph; group (ticks to a strapdown step); row_type, n_entry
-    (n_channel,), entry and column (n_channel, n) by channel; levers (n_antenna, 3) m; extra_offset (n_extra,) state of
-    each extra one, extra_member (n_extra_family, n_channel) extra state in a channel, -1 none; every: of how many
-    epochs the filter takes the last; judged: solutions come with a covariance of their own, so rows are taken as
-    independent mixtures of variance one.
+    n_state) per length; clock index; n_estimated, n_state; par_sensor, par_driver, par_offset (n_par,); constant_only
+    (biases without a time constant); fading (any decay); gate_squared; joseph; group (ticks to a strapdown step);
+    row_type, n_entry (n_channel,), entry and column (n_channel, n) by channel; lever_arms (n_antenna, 3) m;
+    extra_offset (n_extra,) state of each extra one, extra_member (n_extra_family, n_channel) extra state in a channel,
+    -1 none; every: of how many epochs the filter takes the last; has_covariance: solutions come with a covariance of
+    their own and are decorrelated.
     """
 
     aided: bool
@@ -64,7 +64,7 @@ class Belief(NamedTuple):
     par_sensor: Ints
     par_driver: Ints
     par_offset: Ints
-    lean: bool
+    constant_only: bool
     fading: bool
     gate_squared: float
     joseph: bool
@@ -73,14 +73,14 @@ class Belief(NamedTuple):
     n_entry: Ints
     entry: Ints
     column: Ints
-    levers: Floats
+    lever_arms: Floats
     extra_offset: Ints
     extra_member: Ints
     every: int
-    judged: bool
+    has_covariance: bool
 
 
-def _parameter_numbers(imu: ImuBelief, name: str) -> tuple[float, float, float]:
+def _parameter_numbers(imu: ImuModel, name: str) -> tuple[float, float, float]:
     """Return sigma, walk and time constant (inf: none) of a kind of parameter."""
     if name == "gyro_bias":
         return imu.gyro_bias, imu.gyro_bias_walk, imu.gyro_bias_time or math.inf
@@ -89,7 +89,7 @@ def _parameter_numbers(imu: ImuBelief, name: str) -> tuple[float, float, float]:
     return getattr(imu, name), 0.0, math.inf
 
 
-def _parameter_blocks(names: list[str], imu: ImuBelief, offset: int) -> list[ParameterBlock]:
+def _parameter_blocks(names: list[str], imu: ImuModel, offset: int) -> list[ParameterBlock]:
     blocks: list[ParameterBlock] = []
     for name in names:
         sigma, walk, time_constant = _parameter_numbers(imu, name)
@@ -100,7 +100,7 @@ def _parameter_blocks(names: list[str], imu: ImuBelief, offset: int) -> list[Par
     return blocks
 
 
-def _extra_blocks(names: list[str], receiver: ReceiverBelief, channels: Channels, offset: int) -> list[ExtraBlock]:
+def _extra_blocks(names: list[str], receiver: ReceiverModel, channels: Channels, offset: int) -> list[ExtraBlock]:
     blocks = []
     for name in names:
         labels, member = members(name, channels)
@@ -112,7 +112,7 @@ def _extra_blocks(names: list[str], receiver: ReceiverBelief, channels: Channels
 
 
 def state_layout(
-    card: FilterCard, imu: ImuBelief, receiver: ReceiverBelief, channels: Channels, measurements: tuple[str, ...] = ()
+    card: FilterCard, imu: ImuModel, receiver: ReceiverModel, channels: Channels, measurements: tuple[str, ...] = ()
 ) -> StateLayout:
     """Lay out the states of a filter: navigation, estimated parameters, clock, estimated extra states, and then what
     is considered.
@@ -183,7 +183,7 @@ def window_tables(layout: StateLayout, densities: Floats, seconds: Floats) -> tu
     return decay, noise
 
 
-def _densities(card: FilterCard, layout: StateLayout, imu: ImuBelief, receiver: ReceiverBelief) -> Floats:
+def _densities(card: FilterCard, layout: StateLayout, imu: ImuModel, receiver: ReceiverModel) -> Floats:
     found = np.zeros(layout.n_state)
     # with a model of the vehicle the noise of samples enters by their rows, and nowhere else
     by_window = layout.motion < 0
@@ -262,24 +262,25 @@ def _extra_tables(layout: StateLayout, n_channel: int) -> tuple[Ints, Ints]:
     return np.array(offsets, dtype=np.int64), member
 
 
-def believe(
+def build_filter_model(
     card: FilterCard,
-    imu: ImuBelief,
-    receiver: ReceiverBelief,
-    levers: Floats,
+    imu: ImuModel,
+    receiver: ReceiverModel,
+    lever_arms: Floats,
     seconds: Floats,
     channels: Channels,
     group: int = 1,
     every: int = 1,
-    judged: bool = False,
+    has_covariance: bool = False,
     solves: bool = False,
     measurements: tuple[str, ...] = (),
-) -> tuple[StateLayout, Belief]:
-    """Turn a filter card and its beliefs into numbers.
+) -> tuple[StateLayout, FilterModel]:
+    """Turn a filter card and its filter models into numbers.
 
-    levers (n_antenna, 3) m of the antennas; seconds (n_length,) are the window lengths that will occur; group the
-    ticks of the unit to a strapdown step; every: of how many epochs one is taken; judged: rows come with a covariance
-    of their own and are mixed. Long because a record of 33 numbers is filled here, each by an expression of its own.
+    lever_arms (n_antenna, 3) m of the antennas; seconds (n_length,) are the window lengths that will occur; group the
+    ticks of the unit to a strapdown step; every: of how many epochs one is taken; has_covariance: solutions come with a
+    covariance of their own and are decorrelated. Long because a record of 33 numbers is filled here, each by an
+    expression of its own.
     """
     layout = state_layout(card, imu, receiver, channels, measurements)
     rows, columns, kinds, drivers = transition_blocks(layout.parameters, card.transition_order)
@@ -289,9 +290,9 @@ def believe(
     decay, noise = window_tables(layout, _densities(card, layout, imu, receiver), seconds)
     row_type = _row_types(channels)
     taken = [kind for name, kind in TYPES.items() if name in measurements]
-    count, entry, column = _row_tables(layout, row_type, bool(np.any(levers)), judged)
+    count, entry, column = _row_tables(layout, row_type, bool(np.any(lever_arms)), has_covariance)
     extra_offset, extra_member = _extra_tables(layout, channels.n_channel)
-    belief = Belief(
+    model = FilterModel(
         aided=any(name in TYPES for name in measurements),
         tight=channels.tight,
         solves=solves,
@@ -313,7 +314,7 @@ def believe(
         par_sensor=np.array([b.sensor for b in layout.parameters], dtype=np.int64),
         par_driver=np.array([b.driver for b in layout.parameters], dtype=np.int64),
         par_offset=np.array([b.offset for b in layout.parameters], dtype=np.int64),
-        lean=all(b.driver == transition.CONSTANT for b in layout.parameters),
+        constant_only=all(b.driver == transition.CONSTANT for b in layout.parameters),
         fading=bool(np.any(decay != 1.0)),
         gate_squared=math.inf if card.gate is None else card.gate**2,
         joseph=card.update == "joseph",
@@ -322,17 +323,17 @@ def believe(
         n_entry=count,
         entry=entry,
         column=column,
-        levers=np.array(levers, dtype=float),
+        lever_arms=np.array(lever_arms, dtype=float),
         extra_offset=extra_offset,
         extra_member=extra_member,
         every=every,
-        judged=judged,
+        has_covariance=has_covariance,
     )
-    return layout, belief
+    return layout, model
 
 
 def initial_covariance(
-    layout: StateLayout, initial: InitialBelief, C_n_i: Floats, envelope: EnvelopeCard | None = None
+    layout: StateLayout, initial: InitialModel, C_n_i: Floats, envelope: EnvelopeCard | None = None
 ) -> Floats:
     """Return the filter's covariance (n_state, n_state) at the start; C_n_i (3, 3) of the starting point; envelope of a
     filter that models the vehicle.

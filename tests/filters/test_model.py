@@ -7,14 +7,14 @@ import math
 import numpy as np
 import pytest
 
-from lvnav_trade.filters import belief as room
-from lvnav_trade.filters.base import FilterCard, ImuBelief, InitialBelief, ReceiverBelief
-from lvnav_trade.filters.belief import (
+from lvnav_trade.filters import model as room
+from lvnav_trade.filters.base import FilterCard, ImuModel, InitialModel, ReceiverModel
+from lvnav_trade.filters.model import (
     POSITION,
     PSEUDORANGE,
     RANGE_RATE,
     VELOCITY,
-    believe,
+    build_filter_model,
     initial_covariance,
     window_tables,
 )
@@ -23,16 +23,16 @@ from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.layout import StateLayout
 from lvnav_trade.observables.partials import Channels
 
-IMU = ImuBelief(
+IMU = ImuModel(
     gyro_random_walk="0.03 deg/sqrt(h)", accel_random_walk="50 ug/sqrt(Hz)",
     gyro_bias="1 deg/h", gyro_bias_walk="0.1 deg/h/sqrt(h)", accel_bias="2 mg", accel_bias_time="60 s",
     gyro_scale_factor="300 ppm", gyro_misalignment="0.5 mrad", gyro_g_sensitivity="1 deg/h/g",
 )  # fmt: skip
-RECEIVER = ReceiverBelief(
+RECEIVER = ReceiverModel(
     pseudorange_sigma="2 m", range_rate_sigma="0.1 m/s", position_sigma="3 m", velocity_sigma="0.2 m/s",
     clock_h0=2e-21, clock_h_minus2=3e-24,
 )  # fmt: skip
-INITIAL = InitialBelief(
+INITIAL = InitialModel(
     tilt="1 mrad", heading="10 mrad", position="5 m", velocity="0.1 m/s", clock_bias="100 m", clock_drift="1 m/s"
 )
 SECONDS = np.array([0.0, 0.1])
@@ -51,31 +51,31 @@ def channels(listed=RANGES):
     return Channels(listed == RANGES, SATELLITES, ("G", "G", "E"), SEEN)
 
 
-def believed(lever=(0.0, 0.0, 0.0), **fields):
-    return believe(
+def accepted(lever=(0.0, 0.0, 0.0), **fields):
+    return build_filter_model(
         card(**fields), IMU, RECEIVER, np.array([lever]), SECONDS, channels(fields.get("measurements", RANGES))
     )
 
 
 def test_a_tight_filter_has_17_states_and_a_loose_one_no_clock():
-    tight, _ = believed()
-    loose, _ = believed(measurements=SOLUTION)
+    tight, _ = accepted()
+    loose, _ = accepted(measurements=SOLUTION)
     assert (tight.n_state, tight.clock, tight.n_estimated) == (17, 15, 17)
     assert (loose.n_state, loose.clock) == (15, -1)
     assert [(b.name, b.offset) for b in tight.parameters] == [("gyro_bias", 9), ("accel_bias", 12)]
 
 
 def test_extra_states_take_one_block_for_each_driver():
-    layout, belief = believed(extra_states=("gyro_scale_factor", "gyro_misalignment", "gyro_g_sensitivity"))
+    layout, model = accepted(extra_states=("gyro_scale_factor", "gyro_misalignment", "gyro_g_sensitivity"))
     assert layout.n_state == 17 + 3 * (1 + 2 + 3)
-    assert not belief.lean
+    assert not model.constant_only
     offsets = [b.offset for b in layout.parameters]
     assert offsets == sorted(set(offsets))
     assert layout.clock == max(offsets) + 3
 
 
 def test_considered_states_stand_behind_all_estimated_ones():
-    layout, _ = believed(extra_states=("gyro_scale_factor",), consider=("gyro_bias", "gyro_scale_factor"))
+    layout, _ = accepted(extra_states=("gyro_scale_factor",), consider=("gyro_bias", "gyro_scale_factor"))
     by_name = {b.name: b.offset for b in layout.parameters}
     assert layout.n_estimated == 9 + 3 + 2  # accelerometer bias and clock
     assert min(by_name["gyro_bias"], by_name["gyro_scale_factor"]) == layout.n_estimated
@@ -83,22 +83,22 @@ def test_considered_states_stand_behind_all_estimated_ones():
 
 
 def test_a_state_may_be_considered_without_being_named_among_the_extra_ones():
-    layout, _ = believed(consider=("gyro_scale_factor",))
+    layout, _ = accepted(consider=("gyro_scale_factor",))
     assert [b.name for b in layout.parameters] == ["gyro_bias", "accel_bias", "gyro_scale_factor"]
     assert layout.n_state == layout.n_estimated + 3
 
 
 def test_neglected_biases_are_left_out():
-    layout, _ = believed(neglect=("gyro_bias", "accel_bias"))
+    layout, _ = accepted(neglect=("gyro_bias", "accel_bias"))
     assert layout.parameters == ()
     assert layout.n_state == 11
 
 
 def test_rows_stand_for_the_states_they_depend_on():
-    layout, with_lever = believed(lever=(1.0, 0.0, 0.0))
-    _, without = believed()
-    _, loose = believed(lever=(1.0, 0.0, 0.0), measurements=SOLUTION)
-    no_bias, unbiased = believed(lever=(1.0, 0.0, 0.0), neglect=("gyro_bias",))
+    layout, with_lever = accepted(lever=(1.0, 0.0, 0.0))
+    _, without = accepted()
+    _, loose = accepted(lever=(1.0, 0.0, 0.0), measurements=SOLUTION)
+    no_bias, unbiased = accepted(lever=(1.0, 0.0, 0.0), neglect=("gyro_bias",))
     assert list(without.n_entry) == [4, 7] * 3
     assert list(with_lever.n_entry) == [7, 13] * 3
     assert list(unbiased.n_entry) == [7, 10] * 3
@@ -113,55 +113,55 @@ def test_rows_stand_for_the_states_they_depend_on():
     assert columns(loose, 5) == velocity | attitude | rate
 
 
-def columns(belief, channel):
-    return set(belief.column[channel, : belief.n_entry[channel]].tolist())
+def columns(model, channel):
+    return set(model.column[channel, : model.n_entry[channel]].tolist())
 
 
 def test_a_range_bias_has_a_state_for_each_satellite_that_is_ever_seen():
-    layout, belief = believed(extra_states=("range_bias", "timing"))
+    layout, model = accepted(extra_states=("range_bias", "timing"))
     biases, timing = layout.extras
     assert (biases.labels, timing.labels) == (("G01", "E05"), ("",))
     assert layout.n_estimated == layout.n_state == 17 + 3
-    assert columns(belief, 0) == {POS, POS + 1, POS + 2, layout.clock, biases.offset, timing.offset}
-    assert biases.offset not in columns(belief, 1)  # a bias of the range is none of its rate
-    assert columns(belief, 2) == {POS, POS + 1, POS + 2, layout.clock, timing.offset}
-    assert list(belief.extra_offset) == [17, 18, 19]
-    assert list(belief.extra_member[0]) == [0, -1, -1, -1, 1, -1]
+    assert columns(model, 0) == {POS, POS + 1, POS + 2, layout.clock, biases.offset, timing.offset}
+    assert biases.offset not in columns(model, 1)  # a bias of the range is none of its rate
+    assert columns(model, 2) == {POS, POS + 1, POS + 2, layout.clock, timing.offset}
+    assert list(model.extra_offset) == [17, 18, 19]
+    assert list(model.extra_member[0]) == [0, -1, -1, -1, 1, -1]
 
 
 def test_the_time_of_a_further_system_is_a_state_of_its_satellites_only():
-    layout, belief = believed(extra_states=("time_offset",))
+    layout, model = accepted(extra_states=("time_offset",))
     (block,) = layout.extras
     assert block.labels == ("E",)
-    assert [block.offset in columns(belief, channel) for channel in range(6)] == [False] * 4 + [True, False]
+    assert [block.offset in columns(model, channel) for channel in range(6)] == [False] * 4 + [True, False]
 
 
 def test_a_considered_extra_state_stands_behind_all_estimated_ones():
-    layout, _ = believed(extra_states=("range_bias",), consider=("range_bias", "gyro_bias"))
+    layout, _ = accepted(extra_states=("range_bias",), consider=("range_bias", "gyro_bias"))
     assert layout.n_estimated == 9 + 3 + 2
     assert min(layout.extras[0].offset, *(p.offset for p in layout.parameters if p.name == "gyro_bias")) == 14
 
 
 def test_states_of_a_solution_are_none_of_a_tight_filter():
-    tight, _ = believed(extra_states=("position_bias",))
-    loose, _ = believed(extra_states=("position_bias",), measurements=SOLUTION)
+    tight, _ = accepted(extra_states=("position_bias",))
+    loose, _ = accepted(extra_states=("position_bias",), measurements=SOLUTION)
     assert tight.extras == ()
     assert loose.extras[0].labels == ("x", "y", "z")
     assert loose.n_state == 18
 
 
 def test_noise_densities_are_the_cards_own_and_add_in_square():
-    layout, belief = believed(attitude_noise="0.04 deg/sqrt(h)", velocity_noise="0 ug/sqrt(Hz)")
+    layout, model = accepted(attitude_noise="0.04 deg/sqrt(h)", velocity_noise="0 ug/sqrt(Hz)")
     unit = math.radians(0.01) / 60.0
-    np.testing.assert_allclose(belief.noise[1, ATT : ATT + 3], 0.1 * (5.0 * unit) ** 2)  # 3, 4, 5
-    np.testing.assert_allclose(belief.noise[1, VEL : VEL + 3], 0.1 * (50e-6 * 9.80665) ** 2)
-    np.testing.assert_array_equal(belief.noise[1, POS : POS + 3], 0.0)
+    np.testing.assert_allclose(model.noise[1, ATT : ATT + 3], 0.1 * (5.0 * unit) ** 2)  # 3, 4, 5
+    np.testing.assert_allclose(model.noise[1, VEL : VEL + 3], 0.1 * (50e-6 * 9.80665) ** 2)
+    np.testing.assert_array_equal(model.noise[1, POS : POS + 3], 0.0)
     walk = math.radians(0.1) / 3600.0 / 60.0
-    np.testing.assert_allclose(belief.noise[1, 9:12], 0.1 * walk**2)
-    np.testing.assert_array_equal(belief.noise[0], 0.0)  # a window of no ticks changes nothing
-    np.testing.assert_array_equal(belief.decay[0], 1.0)
+    np.testing.assert_allclose(model.noise[1, 9:12], 0.1 * walk**2)
+    np.testing.assert_array_equal(model.noise[0], 0.0)  # a window of no ticks changes nothing
+    np.testing.assert_array_equal(model.decay[0], 1.0)
     clock = np.array([299792458.0**2 * 1e-21, 299792458.0**2 * 2.0 * math.pi**2 * 3e-24])
-    np.testing.assert_allclose(belief.noise[1, layout.clock :], 0.1 * clock)
+    np.testing.assert_allclose(model.noise[1, layout.clock :], 0.1 * clock)
 
 
 def _carried(seconds, total, tau=2.0, sigma=3.0):
@@ -182,8 +182,8 @@ def test_a_gauss_markov_state_keeps_its_sigma_whatever_the_window(seconds):
     assert _carried(seconds, total=100.0) == pytest.approx(9.0, rel=1e-9)
 
 
-def test_the_first_covariance_is_the_belief_in_the_axes_of_the_start():
-    layout, _ = believed()
+def test_the_first_covariance_is_the_filter_model_in_the_axes_of_the_start():
+    layout, _ = accepted()
     C_n_i = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
     P = initial_covariance(layout, INITIAL, C_n_i)
     expected = np.diag([1e-3, 1e-3, 1e-2]) ** 2
@@ -198,8 +198,8 @@ def test_the_first_covariance_is_the_belief_in_the_axes_of_the_start():
 
 
 def test_settings_reach_the_numbers_of_the_kernels():
-    _, plain = believed()
-    _, other = believed(gate=3.0, update="joseph", gravity="j2", transition_order=1)
+    _, plain = accepted()
+    _, other = accepted(gate=3.0, update="joseph", gravity="j2", transition_order=1)
     assert math.isinf(plain.gate_squared)
     assert other.gate_squared == 9.0
     assert (plain.joseph, other.joseph) == (False, True)
@@ -209,7 +209,7 @@ def test_settings_reach_the_numbers_of_the_kernels():
 
 
 def test_the_layout_does_not_depend_on_how_extra_states_are_ordered_in_the_card():
-    one, _ = believed(extra_states=("gyro_scale_factor", "accel_scale_factor"))
-    two, _ = believed(extra_states=("accel_scale_factor", "gyro_scale_factor"))
+    one, _ = accepted(extra_states=("gyro_scale_factor", "accel_scale_factor"))
+    two, _ = accepted(extra_states=("accel_scale_factor", "gyro_scale_factor"))
     assert {b.name for b in one.parameters} == {b.name for b in two.parameters}
     assert one.n_state == two.n_state
