@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from benchmarks.common import best, scenario
-from lvnav_trade.engines.montecarlo import run_block
-from lvnav_trade.engines.prepare import Prepared, prepare
+from lvnav_trade.engines.setup.prepare import Prepared, prepare
+from lvnav_trade.engines.simulate.montecarlo import run_block
 
 RUNS = 16
 

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from benchmarks import fma
 from benchmarks.common import best, scenario
-from lvnav_trade.engines.prepare import Prepared, prepare
+from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.kernels import processes, transition
 from lvnav_trade.kernels.covariance import N_NAV_ERROR, predict, update_scalar
 from lvnav_trade.kernels.jit import jit

@@ -10,7 +10,7 @@ from joblib import Parallel, delayed
 
 from benchmarks.common import best, scenario
 from lvnav_trade.engines.lincov.history import adjoint, covariance
-from lvnav_trade.engines.prepare import prepare
+from lvnav_trade.engines.setup.prepare import prepare
 from lvnav_trade.scenario import Scenario
 
 CASES = 100

@@ -10,7 +10,7 @@ from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax.cards import campaign_file
 from lvnav_trade.engines.lincov.history import covariance
-from lvnav_trade.engines.prepare import prepare
+from lvnav_trade.engines.setup.prepare import prepare
 
 
 def measure() -> dict[str, float]:

@@ -17,8 +17,8 @@ from scipy.integrate import solve_ivp
 
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax.cards import campaign_file
-from lvnav_trade.engines import prepare as room
-from lvnav_trade.engines.prepare import Prepared
+from lvnav_trade.engines.setup import prepare as room
+from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.frames import quaternions
 from lvnav_trade.kernels.earth import gravity_j4
 from lvnav_trade.scenario import Scenario

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from lvnav_trade.engines.statistics import summarise
+from lvnav_trade.engines.simulate.statistics import summarise
 from lvnav_trade.frames import Elements, state_from_elements
 from lvnav_trade.kernels.earth import GM, J2, SEMI_MAJOR
 from lvnav_trade.store import CaseInfo, open_results

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from lvnav_trade.engines.atmosphere import Delays
-from lvnav_trade.engines.error_bound import ErrorBound
-from lvnav_trade.engines.explain import Explanation, PhaseView, SourceCovariance
-from lvnav_trade.engines.nonlinearity import Nonlinearity
-from lvnav_trade.engines.retune import FACTORS, Sensitivity
-from lvnav_trade.engines.starts import StartDraws
-from lvnav_trade.engines.statistics import summarise
+from lvnav_trade.engines.analysis.error_bound import ErrorBound
+from lvnav_trade.engines.analysis.explain import Explanation, PhaseView, SourceCovariance
+from lvnav_trade.engines.analysis.nonlinearity import Nonlinearity
+from lvnav_trade.engines.analysis.retune import FACTORS, Sensitivity
+from lvnav_trade.engines.setup.atmosphere import Delays
+from lvnav_trade.engines.setup.starts import StartDraws
+from lvnav_trade.engines.simulate.statistics import summarise
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.records import LOST, TRACK, AdjointBudget, CovHistory, Output, Reference, RunBlock, Sky, Transition
 from lvnav_trade.store import CaseInfo, open_results

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lvnav_trade.engines.statistics import merge, quantiles, summarise
+from lvnav_trade.engines.simulate.statistics import merge, quantiles, summarise
 from lvnav_trade.records import Output, RunBlock
 from lvnav_trade.store import parts
 

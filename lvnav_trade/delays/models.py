@@ -19,10 +19,10 @@ from lvnav_trade.delays.cards import (
     TroposphereModel,
 )
 from lvnav_trade.delays.table import interpolated
-from lvnav_trade.kernels import ionosphere, troposphere
 from lvnav_trade.kernels.earth import ECCENTRICITY_2, SEMI_MINOR
-from lvnav_trade.kernels.ionosphere import DISPERSION, L1
-from lvnav_trade.kernels.refractivity import lowest_height
+from lvnav_trade.kernels.media import ionosphere, troposphere
+from lvnav_trade.kernels.media.ionosphere import DISPERSION, L1
+from lvnav_trade.kernels.media.refractivity import lowest_height
 
 Floats = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import RectBivariateSpline
 
 from lvnav_trade.delays.cards import RayTracedTroposphere, RefractivityProfile
-from lvnav_trade.kernels.refractivity import (
+from lvnav_trade.kernels.media.refractivity import (
     EARTH_RADIUS,
     Profile,
     bean_thayer_refractivity,

@@ -1,1 +1,1 @@
-"""The two ways to ask: Monte Carlo and linear covariance, on the same kernels."""
+"""Two engines on the same kernels: `setup` prepares a case, `simulate` runs it, `lincov` propagates its covariance."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.engines.envelopes import changing, steady_ratio
+from lvnav_trade.engines.setup.envelopes import changing, steady_ratio
 from lvnav_trade.filters.envelope import EnvelopeCard
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.steering.loop import (

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lvnav_trade.engines.statistics import NORM
+from lvnav_trade.engines.simulate.statistics import NORM
 from lvnav_trade.records import AdjointBudget, CovHistory, Floats
 from lvnav_trade.store.schema import TABLES
 
 if TYPE_CHECKING:
-    from lvnav_trade.engines.explain import Explanation
-    from lvnav_trade.engines.prepare import Prepared
+    from lvnav_trade.engines.analysis.explain import Explanation
+    from lvnav_trade.engines.setup.prepare import Prepared
 
 _QUANTITIES = ("attitude", "velocity", "position")
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))

@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from lvnav_trade.engines.statistics import BlockSummary
+from lvnav_trade.engines.simulate.statistics import BlockSummary
 from lvnav_trade.store.columns import binaries, integers, texts
 
 _LOG = logging.getLogger("lvnav_trade.store")

@@ -10,7 +10,7 @@ from lvnav_trade.records import IDLE, TRACKING
 from lvnav_trade.scenario import Scenario
 
 if TYPE_CHECKING:
-    from lvnav_trade.engines.prepare import Prepared
+    from lvnav_trade.engines.setup.prepare import Prepared
 
 STEP = 1.0
 """Seconds between the stored skies at least: a receiver at 10 Hz adds nothing that a figure could show."""

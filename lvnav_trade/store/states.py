@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from lvnav_trade import frames
-from lvnav_trade.engines.prepare import reporting_axes
+from lvnav_trade.engines.setup.prepare import reporting_axes
 from lvnav_trade.records import CovHistory, Floats
 from lvnav_trade.store.schema import TABLES
 
 if TYPE_CHECKING:
-    from lvnav_trade.engines.prepare import Prepared
+    from lvnav_trade.engines.setup.prepare import Prepared
 
 STEP = 5.0
 """Seconds between the stored states, or the step of the history where that is longer; events are stored too."""

@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from lvnav_trade import frames
-from lvnav_trade.engines.statistics import NORM, BlockSummary, add_norms, columns, norm_groups, quantiles
+from lvnav_trade.engines.simulate.statistics import NORM, BlockSummary, add_norms, columns, norm_groups, quantiles
 from lvnav_trade.records import MODES, NO_CHANGES, REASONS, CovHistory, Floats, Output
 from lvnav_trade.store.columns import column, repeated
 from lvnav_trade.store.controlled import controlled_tables
@@ -21,9 +21,9 @@ from lvnav_trade.store.worst import worst_table
 from lvnav_trade.world.events import resolve
 
 if TYPE_CHECKING:
-    from lvnav_trade.engines.explain import Explanation
-    from lvnav_trade.engines.prepare import Prepared
-    from lvnav_trade.engines.starts import StartDraws
+    from lvnav_trade.engines.analysis.explain import Explanation
+    from lvnav_trade.engines.setup.prepare import Prepared
+    from lvnav_trade.engines.setup.starts import StartDraws
     from lvnav_trade.steering.nozzle import Controlled
 
 FAILURES = {0: "", 1: "not finite", 2: "diverged"}

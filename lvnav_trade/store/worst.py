@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lvnav_trade.engines.statistics import BlockSummary, columns
+from lvnav_trade.engines.simulate.statistics import BlockSummary, columns
 from lvnav_trade.records import Output
 from lvnav_trade.store.schema import error_column, rms_column
 

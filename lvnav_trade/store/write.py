@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from lvnav_trade.engines.statistics import BlockSummary, merge
+from lvnav_trade.engines.simulate.statistics import BlockSummary, merge
 from lvnav_trade.errors import InputError, is_full_disk
 from lvnav_trade.records import CovHistory
 from lvnav_trade.store import parts as part_files
@@ -26,9 +26,9 @@ from lvnav_trade.store.tables import CaseInfo, case_tables, row_tables, starts_t
 from lvnav_trade.store.versions import RESULTS_VERSION, campaign_digest, environment
 
 if TYPE_CHECKING:
-    from lvnav_trade.engines.explain import Explanation
-    from lvnav_trade.engines.prepare import Prepared
-    from lvnav_trade.engines.starts import StartDraws
+    from lvnav_trade.engines.analysis.explain import Explanation
+    from lvnav_trade.engines.setup.prepare import Prepared
+    from lvnav_trade.engines.setup.starts import StartDraws
     from lvnav_trade.steering.nozzle import Controlled
 
 __all__ = ["CaseInfo", "Results", "open_results"]

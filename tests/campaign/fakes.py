@@ -14,7 +14,7 @@ import numpy as np
 
 from lvnav_trade.campaign.running.execute import Store
 from lvnav_trade.campaign.running.work import Engine
-from lvnav_trade.engines.explain import Explanation
+from lvnav_trade.engines.analysis.explain import Explanation
 from lvnav_trade.errors import InputError
 from lvnav_trade.records import CovHistory, Output
 

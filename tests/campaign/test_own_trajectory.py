@@ -12,7 +12,7 @@ from lvnav_trade import api
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.cli import app
-from lvnav_trade.engines.prepare import trajectory_of
+from lvnav_trade.engines.setup.prepare import trajectory_of
 from lvnav_trade.errors import InputError
 from lvnav_trade.report.kml import NAMESPACE
 

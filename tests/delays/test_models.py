@@ -18,7 +18,7 @@ from lvnav_trade.delays.cards import (
     SaastamoinenTroposphere,
     SpilkerTroposphere,
 )
-from lvnav_trade.kernels.ionosphere import L1
+from lvnav_trade.kernels.media.ionosphere import L1
 
 TROPOSPHERES = [
     RayTracedTroposphere(),

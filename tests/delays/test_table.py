@@ -7,7 +7,7 @@ import pytest
 
 from lvnav_trade.delays.cards import BeanThayerProfile, ExponentialProfile, RayTracedTroposphere, StandardProfile
 from lvnav_trade.delays.table import TOP, interpolated, profile, table
-from lvnav_trade.kernels.refractivity import EARTH_RADIUS, ray
+from lvnav_trade.kernels.media.refractivity import EARTH_RADIUS, ray
 
 PROFILES = [StandardProfile(), BeanThayerProfile(), ExponentialProfile()]
 

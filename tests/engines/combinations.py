@@ -17,12 +17,12 @@ import numpy as np
 from pydantic import ValidationError
 from scipy.stats import chi2
 
-from lvnav_trade.engines.explain import flown_events
+from lvnav_trade.engines.analysis.explain import flown_events
 from lvnav_trade.engines.lincov.components import components
 from lvnav_trade.engines.lincov.history import covariance, forward_tape
 from lvnav_trade.engines.lincov.sources import source_names
-from lvnav_trade.engines.montecarlo import run_block
-from lvnav_trade.engines.prepare import Prepared
+from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.filters.scheduled import schedule_of
 from lvnav_trade.frames import quaternions
 from lvnav_trade.layout import state_names

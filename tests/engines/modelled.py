@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
-from lvnav_trade.engines.prepare import Prepared
+from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.world.flight.trajectory import Trajectory
 from tests.building import hop, loaded, prepare_hop, with_fields
 

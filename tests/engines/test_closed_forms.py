@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.engines.lincov.history import covariance
-from lvnav_trade.engines.montecarlo import run_block
+from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.kernels.earth import GM, J2, SEMI_MAJOR, gravity_gradient, gravity_j4
 from tests.building import INERTIAL, flight, loaded, prepare_hop, with_fields
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import chi2
 
 from lvnav_trade.engines.lincov.history import covariance
-from lvnav_trade.engines.montecarlo import run_block
+from lvnav_trade.engines.simulate.montecarlo import run_block
 from tests.building import LOOSE, MATCHED, loaded, prepare_hop, with_fields
 
 RUNS, ALPHA = 400, 1e-3

@@ -11,7 +11,7 @@ from pydantic import BaseModel
 
 from lvnav_trade.delays import AtmosphereCard
 from lvnav_trade.engines.lincov.history import covariance
-from lvnav_trade.engines.montecarlo import run_block
+from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.base import FilterCard
 from lvnav_trade.scenario import InitialErrors, Scenario
@@ -25,13 +25,13 @@ LABELS = {"name", "source"}
 
 # Hearing and tracking: tests/world/receiver/test_reception.py walks these cards, the sky shows all that they do.
 HEARING = {"antennas", "link", "loops", "tracking"}
-# Models of delays: tests/delays walks their fields, tests/engines/test_atmosphere.py what the engines make of them.
+# Models of delays: tests/delays walks their fields, tests/engines/setup/test_atmosphere.py what engines make of them.
 DELAYS = {"corrections"}
 # A recording in a file: tests/world/user_file/test_error_table.py walks its fields.
 RECORDED = {"error_table"}
-# A model of the vehicle and its attitude reference: tests/engines/test_vehicle.py walks them on such a filter.
+# A model of the vehicle and its attitude reference: tests/engines/setup/test_vehicle.py walks them on such a filter.
 MODELLED = {"envelope", "report_imu_samples"}
-# Models of sensors: tests/engines/test_altimeter.py, tests/engines/test_vehicle.py.
+# Models of sensors: tests/engines/test_altimeter.py, tests/engines/setup/test_vehicle.py.
 SENSORS = {"sensor_models"}
 # Policies: walked in tests/filters/test_{late,feedforward,monitor}.py, tests/campaign/derived/test_gains.py.
 POLICIES = {"delay_compensation", "feedback", "logic", "init", "gains"}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.engines.lincov.history import covariance
-from lvnav_trade.engines.montecarlo import run_block
+from lvnav_trade.engines.simulate.montecarlo import run_block
 from tests.building import MATCHED, ascent
 
 LATENCY = "base.receiver.latency=300 ms"

@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import chi2
 
 from lvnav_trade.engines.lincov.history import covariance
-from lvnav_trade.engines.montecarlo import run_block
+from lvnav_trade.engines.simulate.montecarlo import run_block
 from tests.building import ascent
 
 RUNS, BLOCK, ALPHA = 2000, 200, 0.01

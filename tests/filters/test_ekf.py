@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.montecarlo import new_work, run_block
+from lvnav_trade.engines.simulate.montecarlo import new_work, run_block
 from lvnav_trade.filters.ekf import clear_epoch, correct, place_antenna, predict_window
 from lvnav_trade.kernels.attitude import matrix, small_rotation
 from lvnav_trade.kernels.strapdown import Q, R, V

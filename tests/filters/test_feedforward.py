@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import chi2
 
 from lvnav_trade.engines.lincov.history import covariance
-from lvnav_trade.engines.montecarlo import run_block
+from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.joint import apply_phi
 from lvnav_trade.kernels.lanes import WIDTH, view

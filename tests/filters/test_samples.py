@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.envelopes import steady_ratio
-from lvnav_trade.engines.montecarlo import run_block
-from lvnav_trade.engines.recording import N_SAMPLE_OUTPUT
+from lvnav_trade.engines.setup.envelopes import steady_ratio
+from lvnav_trade.engines.simulate.montecarlo import run_block
+from lvnav_trade.engines.simulate.recording import N_SAMPLE_OUTPUT
 from lvnav_trade.steering.axis import filter_gain
 from tests.engines.modelled import BASELINE, MODEL, UNKNOWN, modelled
 

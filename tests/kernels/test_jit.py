@@ -22,7 +22,7 @@ def package(tmp_path: Path) -> Path:
     """Return a small package: a kernel, a module that holds one, and one that holds none."""
     for name, text in {
         "kernels/earth.py": "a = 1\n",
-        "engines/flight.py": "from lvnav_trade.kernels.jit import jit\n",
+        "engines/simulate/flight.py": "from lvnav_trade.kernels.jit import jit\n",
         "report/page.py": "b = 2\n",
     }.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
@@ -30,7 +30,7 @@ def package(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("name", ["kernels/earth.py", "engines/flight.py"])
+@pytest.mark.parametrize("name", ["kernels/earth.py", "engines/simulate/flight.py"])
 def test_an_edit_of_any_module_that_holds_a_kernel_gives_another_folder(package: Path, name: str) -> None:
     before = room._source_digest(package)
     (package / name).write_text((package / name).read_text() + "\n")

@@ -39,12 +39,12 @@ MUTATIONS = {
         "observables/position.py", "= at[6 + (axis + 2) % 3]", "= -at[6 + (axis + 2) % 3]", OBSERVABLE
     ),
     "assumed variance four times too large, seen in the numbers": Mutation(
-        "engines/signals.py", "variance, n = sigma**2, channels", "variance, n = 4.0 * sigma**2, channels",
-        "tests/engines/test_signals.py::test_the_variances_of_rows_are_the_squares_of_the_assumed_sigmas",
+        "engines/setup/signals.py", "variance, n = sigma**2, channels", "variance, n = 4.0 * sigma**2, channels",
+        "tests/engines/setup/test_signals.py::test_the_variances_of_rows_are_the_squares_of_the_assumed_sigmas",
     ),
     "assumed variance four times too large, seen in the statistics": Mutation(
-        "engines/signals.py", "variance, n = sigma**2, channels", "variance, n = 4.0 * sigma**2, channels",
-        "tests/engines/test_montecarlo.py::test_a_matched_filter_is_consistent",
+        "engines/setup/signals.py", "variance, n = sigma**2, channels", "variance, n = 4.0 * sigma**2, channels",
+        "tests/engines/simulate/test_montecarlo.py::test_a_matched_filter_is_consistent",
     ),
     "weight of a row its variance instead of the inverse": Mutation(
         "kernels/covariance.py", "weight = where(accepted, inverse, 0.0)", "weight = where(accepted, s, 0.0)",
@@ -55,11 +55,11 @@ MUTATIONS = {
         "tests/kernels/test_covariance.py::test_rows_of_an_epoch_may_come_in_any_order",
     ),
     "time constant of the truth twice too long": Mutation(
-        "engines/prepare.py", "math.exp(-step / b.time_constant)", "math.exp(-0.5 * step / b.time_constant)",
+        "engines/setup/prepare.py", "math.exp(-step / b.time_constant)", "math.exp(-0.5 * step / b.time_constant)",
         "tests/world/sensors/test_imu.py::test_bias_instability_is_a_stationary_gauss_markov_process",
     ),
     "noise of a Gauss-Markov process scaled wrongly": Mutation(
-        "engines/prepare.py", "-math.expm1(-2.0 * step / b.time_constant)", "-math.expm1(-step / b.time_constant)",
+        "engines/setup/prepare.py", "expm1(-2.0 * step / b.time_constant)", "expm1(-step / b.time_constant)",
         "tests/world/sensors/test_imu.py::test_bias_instability_is_a_stationary_gauss_markov_process",
     ),
     "noise of the filter's Gauss-Markov state scaled wrongly": Mutation(
@@ -67,13 +67,13 @@ MUTATIONS = {
         "tests/filters/test_model.py::test_a_gauss_markov_state_keeps_its_sigma_whatever_the_window",
     ),
     "measurement tagged half a tick early": Mutation(
-        "engines/signals.py", "at = motion(trajectory, seen.t)", "at = motion(trajectory, seen.t - 0.0025)",
-        "tests/engines/test_prepare.py::test_measurements_are_taken_on_ticks_where_the_increments_end",
+        "engines/setup/signals.py", "at = motion(trajectory, seen.t)", "at = motion(trajectory, seen.t - 0.0025)",
+        "tests/engines/setup/test_prepare.py::test_measurements_are_taken_on_ticks_where_the_increments_end",
     ),
     "attitude correction with the wrong sign": Mutation(
         "filters/ekf.py", "from_rotation(x[ATT], x[ATT + 1], x[ATT + 2])",
         "from_rotation(-x[ATT], -x[ATT + 1], -x[ATT + 2])",
-        "tests/engines/test_flight.py::test_an_error_that_is_injected_computed_and_fed_back_leaves_nothing",
+        "tests/engines/simulate/test_flight.py::test_an_error_that_is_injected_computed_and_fed_back_leaves_nothing",
     ),
     "true parameters that start without correlation to the filter's error": Mutation(
         "engines/lincov.py", "start_sources(true, cross), cross,", "start_sources(true, cross), 0.0 * cross,",

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from lvnav_trade.frames import earth_angle, earth_velocity, ecef_from_eci, geodetic_from_ecef
-from lvnav_trade.kernels.atmosphere import atmosphere
 from lvnav_trade.kernels.earth import gravity_along
+from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.world.ascent.legs import lift_off_mass
 from lvnav_trade.world.ascent.vehicle import VehicleAscent, sun_synchronous
 from lvnav_trade.world.truth import motion

@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from lvnav_trade.engines.statistics import summarise
+from lvnav_trade.engines.simulate.statistics import summarise
 from lvnav_trade.store import parts as part_files
 from tests.synthetic import EVENTS, OUTPUTS, block, covariance
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.explain import Explanation
+from lvnav_trade.engines.analysis.explain import Explanation
 from lvnav_trade.records import CovHistory
 from lvnav_trade.store import scratch
 from tests import synthetic

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.atmosphere import Delays
+from lvnav_trade.engines.setup.atmosphere import Delays
 from lvnav_trade.records import IDLE, LOST
 from lvnav_trade.store import load
 from lvnav_trade.store.sky import sky_tables, thresholds

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lvnav_trade.engines.statistics import merge, summarise
+from lvnav_trade.engines.simulate.statistics import merge, summarise
 from lvnav_trade.store import load
 from lvnav_trade.store.worst import worst_table
 from tests import synthetic

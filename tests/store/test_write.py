@@ -9,7 +9,7 @@ import shutil
 import pyarrow.parquet as pq
 import pytest
 
-from lvnav_trade.engines.statistics import merge, summarise
+from lvnav_trade.engines.simulate.statistics import merge, summarise
 from lvnav_trade.errors import InputError
 from lvnav_trade.store import TABLES, CaseInfo, load, open_results, write
 from lvnav_trade.store.versions import RESULTS_VERSION, campaign_digest

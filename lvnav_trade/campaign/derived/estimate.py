@@ -11,9 +11,9 @@ import pandas as pd
 
 from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.engines.ensemble import Densities, StepErrors, densities, step_errors
-from lvnav_trade.engines.explain import flown_events
-from lvnav_trade.engines.prepare import Prepared, prepare
+from lvnav_trade.engines.analysis.ensemble import Densities, StepErrors, densities, step_errors
+from lvnav_trade.engines.analysis.explain import flown_events
+from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.base import FilterCard
 from lvnav_trade.kernels.transition import ATT, POS, VEL

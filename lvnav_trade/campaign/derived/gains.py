@@ -8,11 +8,11 @@ import numpy as np
 
 from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.engines.explain import flown_events
+from lvnav_trade.engines.analysis.explain import flown_events
 from lvnav_trade.engines.lincov.components import components
 from lvnav_trade.engines.lincov.history import forward_tape
 from lvnav_trade.engines.lincov.sources import source_names
-from lvnav_trade.engines.prepare import prepare
+from lvnav_trade.engines.setup.prepare import prepare
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.scheduled import GainSchedule, schedule_of
 from lvnav_trade.layout import state_names

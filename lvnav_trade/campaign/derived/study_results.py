@@ -12,8 +12,8 @@ from lvnav_trade.campaign.definition.published import Case as Levels
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.derived.estimate import Estimate, estimate
 from lvnav_trade.campaign.reading.study import Part
-from lvnav_trade.engines.montecarlo import run_block
-from lvnav_trade.engines.prepare import prepare
+from lvnav_trade.engines.setup.prepare import prepare
+from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.errors import InputError
 
 

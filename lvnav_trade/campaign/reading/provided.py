@@ -8,7 +8,7 @@ from itertools import chain
 from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.checks import span, written
-from lvnav_trade.engines.sensors import window
+from lvnav_trade.engines.setup.sensors import window
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.layout import EXTRAS
 from lvnav_trade.observables.partials import Channels, members

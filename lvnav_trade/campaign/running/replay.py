@@ -44,8 +44,8 @@ def find(found: Sequence[Case], wanted: str) -> Case:
 
 def replay(campaign: Campaign, case: Case, run: int) -> Replay:
     """Fly run number `run` (from 0) of a case again."""
-    from lvnav_trade.engines import montecarlo
-    from lvnav_trade.engines.prepare import prepare
+    from lvnav_trade.engines.setup.prepare import prepare
+    from lvnav_trade.engines.simulate import montecarlo
 
     if run < 0:
         raise InputError(f"run {run}: runs are counted from 0")

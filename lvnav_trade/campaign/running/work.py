@@ -59,9 +59,11 @@ class Engine(NamedTuple):
 
 def engine() -> Engine:
     """Return the real engines; imported here because compiled code takes a second to load."""
-    from lvnav_trade.engines import explain, montecarlo, starts, statistics
+    from lvnav_trade.engines.analysis import explain
     from lvnav_trade.engines.lincov.history import covariance
-    from lvnav_trade.engines.prepare import prepare
+    from lvnav_trade.engines.setup import starts
+    from lvnav_trade.engines.setup.prepare import prepare
+    from lvnav_trade.engines.simulate import montecarlo, statistics
     from lvnav_trade.steering import nozzle as controlled
 
     return Engine(
@@ -72,8 +74,8 @@ def engine() -> Engine:
 
 def _events(scenario: Scenario) -> dict[str, float]:
     """Return the event times of a flight; InputError where it, the satellites or a recording cannot be."""
-    from lvnav_trade.engines.prepare import trajectory_of
-    from lvnav_trade.engines.recorded import table_of
+    from lvnav_trade.engines.setup.prepare import trajectory_of
+    from lvnav_trade.engines.setup.recorded import table_of
     from lvnav_trade.world.sky.satellites import satellites
     from lvnav_trade.world.user_file.error_table import refuse_short
 
@@ -303,7 +305,7 @@ def _identity(job: Job, case: Case, question: str = "") -> str:
 
 def _explanation() -> type:
     """Return the type of an explanation; imported here because compiled code takes a second to load."""
-    from lvnav_trade.engines.explain import Explanation
+    from lvnav_trade.engines.analysis.explain import Explanation
 
     return Explanation
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lvnav_trade.engines.lincov.slots import Slots, aligned, as_lanes, places_of, slot_tables
 from lvnav_trade.engines.lincov.sources import measurement_tables, n_joint, noise_sources
-from lvnav_trade.engines.prepare import Prepared
+from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.filters.model import transition_blocks
 from lvnav_trade.kernels.clock import spectral_densities
 from lvnav_trade.kernels.transition import ACCEL, ATT, CONSTANT, GYRO, POS, VEL

@@ -22,7 +22,7 @@ from lvnav_trade.engines.lincov.workspace import (
     Tape,
     new_tape,
 )
-from lvnav_trade.engines.prepare import Prepared
+from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.filters.late import N_PAST
 from lvnav_trade.filters.monitor import new_watch
 from lvnav_trade.frames import matrices

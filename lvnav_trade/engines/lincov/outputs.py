@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from lvnav_trade.engines.lincov.workspace import Recorded
-from lvnav_trade.engines.prepare import Prepared
-from lvnav_trade.engines.sensing import profile_value
-from lvnav_trade.engines.solution import own_covariance
+from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.engines.setup.solution import own_covariance
+from lvnav_trade.engines.simulate.sensing import profile_value
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.receivers.base import BIAS, DRIFT, N_STATE, POS, VEL
 from lvnav_trade.records import CovHistory, Floats

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lvnav_trade.engines.lincov.components import GRAVITY, REMAINDER
-from lvnav_trade.engines.sensing import profile_value
+from lvnav_trade.engines.simulate.sensing import profile_value
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import predict
 from lvnav_trade.kernels.groups import add_one, get_one, group, set_one

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lvnav_trade.engines.sensing import profile_value
+from lvnav_trade.engines.simulate.sensing import profile_value
 from lvnav_trade.kernels.attitude import cross, matrix
 from lvnav_trade.kernels.groups import get_one, group, set_one, whole
 from lvnav_trade.kernels.jit import inlined, jit

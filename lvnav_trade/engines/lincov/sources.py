@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.engines.lincov.receiver_error import N_CLONE, N_NAV
-from lvnav_trade.engines.prepare import Prepared
+from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.filters.model import POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY
 from lvnav_trade.kernels.transition import VEL
 

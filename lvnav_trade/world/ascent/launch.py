@@ -17,8 +17,8 @@ from lvnav_trade.frames import (
     elements_from_state,
     geodetic_from_ecef,
 )
-from lvnav_trade.kernels.atmosphere import atmosphere
 from lvnav_trade.kernels.earth import OMEGA, SEMI_MAJOR, gravity_along
+from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.world.ascent.attitude import ascent_attitude
 from lvnav_trade.world.ascent.comparison import differences
 from lvnav_trade.world.ascent.dynamics import accelerations

@@ -17,7 +17,7 @@ from lvnav_trade.frames import (
     geodetic_from_ecef,
     matrices,
 )
-from lvnav_trade.kernels.atmosphere import atmosphere
+from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.records import Motion
 from lvnav_trade.world.ascent.attitude import smoothsteps
 from lvnav_trade.world.ascent.dynamics import thrust_beside, thrust_of

@@ -11,8 +11,8 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import BSpline, PPoly
 
 from lvnav_trade.frames import earth_angle, earth_velocity, ecef_from_eci, geodetic_from_ecef
-from lvnav_trade.kernels.atmosphere import atmosphere
 from lvnav_trade.kernels.earth import gravity_along, gravity_j4
+from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.world.truth import Phase, position_spline
 
 Floats = NDArray[np.float64]

@@ -20,8 +20,8 @@ from lvnav_trade.frames import (
     rotation_i_n,
     unit,
 )
-from lvnav_trade.kernels.atmosphere import atmosphere
 from lvnav_trade.kernels.earth import OMEGA, SEMI_MAJOR
+from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.world.ascent.launch import pad_knots, pad_track
 from lvnav_trade.world.ascent.legs import pad_state, site_axes
 from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY

@@ -9,7 +9,7 @@ from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.derived.gains import gain_schedule
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.engines.lincov.history import covariance
-from lvnav_trade.engines.montecarlo import run_block
+from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.scheduled import GainKnot, GainSegment, digest_of
 from lvnav_trade.world.flight.trajectory import identity

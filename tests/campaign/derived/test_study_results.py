@@ -10,7 +10,7 @@ from lvnav_trade.campaign.derived.study_results import behind
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.reading.study import Part
 from lvnav_trade.campaign.syntax.cards import campaign_file
-from lvnav_trade.engines.montecarlo import run_block
+from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.errors import InputError
 from tests.building import INERTIAL, LOOSE, MATCHED, case, flying, hop
 

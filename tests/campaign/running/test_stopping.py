@@ -14,7 +14,7 @@ import pytest
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import execute
 from lvnav_trade.campaign.running.stopping import BlockResult, Stopping, beyond
-from lvnav_trade.engines.statistics import summarise
+from lvnav_trade.engines.simulate.statistics import summarise
 from lvnav_trade.errors import InputError
 from lvnav_trade.metrics.requirements.requirements import errors_of
 from lvnav_trade.metrics.requirements.sequential import decide

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lvnav_trade.engines.lincov.history import covariance
-from lvnav_trade.engines.montecarlo import run_block
+from lvnav_trade.engines.simulate.montecarlo import run_block
 from tests.building import LOOSE, MATCHED, case, loaded, prepare_hop, with_fields
 from tests.engines.modelled import modelled
 

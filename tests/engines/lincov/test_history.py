@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from lvnav_trade.engines.lincov.history import adjoint, covariance
-from lvnav_trade.engines.montecarlo import run_block
+from lvnav_trade.engines.simulate.montecarlo import run_block
 from tests.building import INERTIAL, LOOSE, MATCHED, ascent, case, loaded, prepare_hop, with_fields
 
 SEED, ALPHA = 20260802, 1e-3

@@ -10,7 +10,7 @@ from scipy.stats import chi2, norm
 
 from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.lincov.outputs import sample_outputs, solution_outputs_of
-from lvnav_trade.engines.montecarlo import run_block
+from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.layout import solution_outputs
 from lvnav_trade.scenario import Scenario
 from tests.building import LOOSE, MATCHED, case, loaded, prepare_hop

@@ -20,7 +20,7 @@ from lvnav_trade.engines.lincov.receiver_error import (
 )
 from lvnav_trade.engines.lincov.slots import as_lanes
 from lvnav_trade.engines.lincov.sources import source_names
-from lvnav_trade.engines.solution import Chain
+from lvnav_trade.engines.setup.solution import Chain
 from lvnav_trade.filters.late import Late
 from lvnav_trade.kernels.groups import GROUP, grouped_zeros
 from lvnav_trade.kernels.jit import jit

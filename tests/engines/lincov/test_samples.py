@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from lvnav_trade.engines.lincov.history import adjoint, covariance
 from lvnav_trade.engines.lincov.samples import nominal_tick
-from lvnav_trade.engines.montecarlo import run_block
+from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.frames import matrices
 from tests.engines.modelled import BASELINE, DATASHEET, MODEL, PUBLISHED, modelled
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.engines.prepare import _unit
-from lvnav_trade.engines.sensing import sense
+from lvnav_trade.engines.setup.prepare import _unit
+from lvnav_trade.engines.simulate.sensing import sense
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.jit import making_arrays
 from lvnav_trade.kernels.random import seed_words

@@ -1,0 +1,1 @@
+"""Diagnostics of a covariance analysis: start with `explain.py`, which calls the others."""

@@ -1,0 +1,201 @@
+"""How far from linear the navigation is at the errors that linear covariance predicts."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.engines.lincov.history import nominal, turns
+from lvnav_trade.engines.lincov.workspace import Nominal
+from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.filters.ekf import fill_loose, fill_tight, place_antenna
+from lvnav_trade.kernels import transition
+from lvnav_trade.kernels.attitude import from_rotation, multiply, small_rotation
+from lvnav_trade.kernels.joint import apply_phi
+from lvnav_trade.kernels.strapdown import N_SUM, Q, R, V, mechanise
+from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL
+from lvnav_trade.records import CovHistory, Floats
+
+_driver = getattr(transition.driver, "py_func", transition.driver)  # the formula itself, for arrays of ticks
+
+
+class Nonlinearity(NamedTuple):
+    """How far from linear one update interval is at one-sigma true errors; 0 where all is linear.
+
+    time s; motion: largest second-order part of the propagated error, in the filter's own sigma of that state; state:
+    its index; transition: largest difference of the first-order part to the filter's transition, in the same unit;
+    rows: largest second-order part of a predicted measurement, in the sigma of its innovation (NaN without rows).
+    """
+
+    time: float
+    motion: float
+    state: int
+    transition: float
+    rows: float
+
+
+def nonlinearity(prepared: Prepared, history: CovHistory, time: float, scale: float = 1.0) -> Nonlinearity:
+    """Return the nonlinearity at the history time nearest to `time` (s since lift-off).
+
+    The directions are the columns of the Cholesky factor of the true covariance. Each is flown plus and minus: half the
+    sum of the two outcomes is the second-order part, half the difference the first-order one.
+
+    Parameters
+    ----------
+    history
+        The case's linear covariance.
+    scale
+        Size of the errors in sigmas; the second-order part per sigma grows with it.
+    """
+    hist = int(np.argmin(np.abs(prepared.t_hist - time)))
+    turn = turns(prepared)[hist]
+    states = slice(0, len(turn))  # what is reported beside them is no state
+    formal, true = (turn.T @ cov[hist, states, states] @ turn for cov in (history.formal_cov, history.true_cov))
+    directions = scale * _factor(true)
+    start = _start_tick(prepared, float(prepared.t_hist[hist]))
+    linear = np.array([_linear(prepared, start, d) for d in directions])
+    plus, minus = (np.array([_flown(prepared, start, sign * d) for d in directions]) for sign in (1.0, -1.0))
+    sigma = np.sqrt(np.diag(formal))[:9]
+    sound = np.where(sigma > 0.0, sigma, np.inf)
+    second = np.abs(plus + minus) / 2.0 / sound
+    first = np.abs((plus - minus) / 2.0 - linear[:, :9]) / sound
+    worst = np.unravel_index(int(np.argmax(second)), second.shape)
+    rows = _rows(prepared, float(prepared.t_hist[hist]), directions, formal)
+    return Nonlinearity(
+        float(prepared.t_hist[hist]),
+        float(second.max()) / scale,
+        int(worst[1]),
+        float(first.max()) / scale,
+        rows / scale,
+    )
+
+
+def _factor(covariance: Floats) -> Floats:
+    """Return the columns of a Cholesky factor as rows; a state without variance has none."""
+    sigma = np.sqrt(np.maximum(0.0, np.diag(covariance)))
+    safe = np.where(sigma > 0.0, sigma, 1.0)
+    correlation = covariance / safe[:, None] / safe[None, :]
+    # states differ by ten orders of magnitude; errors in the last bits must not make it indefinite
+    correlation[range(len(sigma)), range(len(sigma))] = 1.0 + 1e-9
+    factor = np.linalg.cholesky(correlation) * sigma[:, None]
+    return np.array(factor.T, dtype=np.float64, order="C")
+
+
+def _ticks(prepared: Prepared) -> tuple[int, int]:
+    """Return the ticks of one update interval and of one covariance step."""
+    card, rate = prepared.scenario.filter, prepared.scenario.imu.rate
+    return max(1, round(rate / card.update_rate)), max(1, round(rate / card.covariance_rate))
+
+
+def _start_tick(prepared: Prepared, time: float) -> int:
+    """Return the tick at a time, or the last from which an update interval remains."""
+    t = prepared.reference.t
+    tick = int(np.argmin(np.abs(t - time)))
+    return max(0, min(tick, t.size - 1 - _ticks(prepared)[0]))
+
+
+def _nav(prepared: Prepared, tick: int, d: Floats) -> Floats:
+    """Return the estimated navigation state (10,) that is in error by d (truth minus estimate) at a tick."""
+    reference = prepared.reference
+    q = multiply(*from_rotation(-d[ATT], -d[ATT + 1], -d[ATT + 2]), *reference.q_b_i[tick])
+    return np.concatenate([q, reference.v_i[tick] - d[VEL : VEL + 3], reference.r_i[tick] - d[POS : POS + 3]])
+
+
+def _increments(prepared: Prepared, first: int, n_tick: int, d: Floats) -> Floats:
+    """Return increments (n_tick, 6) compensated with parameters in error by d: what is left of them is added."""
+    ticks = slice(first, first + n_tick)
+    true = np.hstack([prepared.reference.dtheta[ticks], prepared.reference.dvel[ticks]])
+    found = true.copy()
+    dt = prepared.unit.dt
+    for block in prepared.layout.parameters:
+        own, other = (slice(0, 3), slice(3, 6)) if block.sensor == GYRO else (slice(3, 6), slice(0, 3))
+        inputs = _driver(block.driver, *(true[:, own] / dt).T, *(true[:, other] / dt).T)
+        found[:, own] += np.stack(inputs, axis=1) * d[block.offset : block.offset + 3] * dt
+    return found
+
+
+def _windows(prepared: Prepared, start: int) -> list[tuple[int, int, Floats]]:
+    """Return (first tick, ticks, decay of every state) of the covariance steps of one update interval."""
+    interval, step = _ticks(prepared)
+    length = int(np.argmin(np.abs(prepared.lengths - step * prepared.unit.dt)))
+    decay = prepared.model.decay[length]
+    return [(first, step, decay) for first in range(start, start + interval - step + 1, step)]
+
+
+def _flown(prepared: Prepared, start: int, d: Floats) -> Floats:
+    """Return the navigation error (9,) one update interval after an error d, by the strapdown itself."""
+    nav, exact = _nav(prepared, start, d), _nav(prepared, start, np.zeros_like(d))
+    left = d.copy()
+    sums, none = np.zeros(N_SUM), np.zeros_like(d)
+    before = _increments(prepared, max(0, start - 1), 1, none)[0]
+    previous, previous_exact = before.copy(), before.copy()
+    kind, dt = prepared.model.gravity, prepared.unit.dt
+    for first, n_tick, decay in _windows(prepared, start):
+        mechanise(nav, sums, previous, _increments(prepared, first, n_tick, left), n_tick, dt, kind)
+        mechanise(exact, sums, previous_exact, _increments(prepared, first, n_tick, none), n_tick, dt, kind)
+        left = decay * left
+    turned = small_rotation(*exact[Q : Q + 4], *nav[Q : Q + 4])
+    return np.concatenate([turned, exact[V : V + 3] - nav[V : V + 3], exact[R : R + 3] - nav[R : R + 3]])
+
+
+def _linear(prepared: Prepared, start: int, d: Floats) -> Floats:
+    """Return the error (n_state,) one update interval after an error d, by the filter's own transition."""
+    model, dt = prepared.model, prepared.unit.dt
+    nav, sums, none = _nav(prepared, start, np.zeros_like(d)), np.zeros(N_SUM), np.zeros_like(d)
+    previous, error = np.zeros(6), d.copy()
+    blocks = np.zeros((model.block_rows.size, 9))
+    for first, n_tick, decay in _windows(prepared, start):
+        mechanise(nav, sums, previous, _increments(prepared, first, n_tick, none), n_tick, dt, model.gravity)
+        seconds = n_tick * dt
+        transition.fill(blocks, model.block_kinds, model.block_drivers, sums, nav[R], nav[R + 1], nav[R + 2], seconds)
+        apply_phi(error, blocks, model.block_rows, model.block_columns, decay, model.clock, seconds)
+    return error
+
+
+def _rows(prepared: Prepared, time: float, directions: Floats, formal: Floats) -> float:
+    """Return the largest second-order part of a row of the nearest epoch, in sigmas of its innovation."""
+    model = prepared.model
+    if not model.n_receiver or not prepared.t_epoch.size:
+        return float("nan")
+    epoch = int(np.argmin(np.abs(prepared.t_epoch - time)))
+    used = int(prepared.signals.n_used[epoch])
+    if used == 0 or (not model.tight and used < 4):
+        return float("nan")
+    work = nominal(prepared)
+    expected = _predicted(prepared, work, epoch, np.zeros(directions.shape[1]))
+    sigma = _innovation_sigma(prepared, work, epoch, len(expected), formal)
+    bent = [
+        _predicted(prepared, work, epoch, d) + _predicted(prepared, work, epoch, -d) - 2.0 * expected
+        for d in directions
+    ]
+    return float(np.max(np.abs(bent) / 2.0 / sigma))
+
+
+def _predicted(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Floats:
+    """Return the predicted measurements of an epoch by an estimate in error by d, up to their sign."""
+    model, t = prepared.model, prepared.reference.t
+    tick = int(np.argmin(np.abs(t - prepared.t_epoch[epoch])))
+    work.nav[:] = _nav(prepared, tick, d)
+    work.previous[:] = _increments(prepared, max(0, tick - 1), 1, d)[0]
+    work.clock_hat[:] = -d[model.clock : model.clock + 2] if model.clock >= 0 else 0.0
+    for extra, offset in enumerate(model.extra_offset):
+        work.extra[extra] = -d[offset]
+    place_antenna(work, None, model, prepared.unit.dt, epoch)
+    if model.tight:
+        fill_tight(work, model, prepared.signals, epoch)
+        return work.z[: 2 * prepared.signals.n_used[epoch]].copy()
+    fill_loose(work, model, prepared.signals, epoch)
+    return work.z[:6].copy()
+
+
+def _innovation_sigma(prepared: Prepared, work: Nominal, epoch: int, n_row: int, formal: Floats) -> Floats:
+    """Return the filter's sigma of the innovations of the rows that `work` holds."""
+    model, signals, sigma = prepared.model, prepared.signals, np.empty(n_row)
+    for row in range(n_row):
+        channel = 2 * signals.used[epoch, row // 2] + row % 2 if model.tight else row
+        n = model.n_entry[channel]
+        h = np.zeros(prepared.layout.n_state)
+        h[model.column[channel, :n]] = work.H[row, model.entry[channel, :n]]
+        sigma[row] = np.sqrt(h @ formal @ h + signals.variance[epoch, channel])
+    return sigma

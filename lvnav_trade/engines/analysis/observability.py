@@ -1,0 +1,174 @@
+"""What the filter's rows can tell of its states over a stretch of the nominal flight."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.engines.lincov.components import Components, components
+from lvnav_trade.engines.lincov.history import forward_tape
+from lvnav_trade.engines.lincov.samples import nominal_tick
+from lvnav_trade.engines.lincov.sources import source_names
+from lvnav_trade.engines.lincov.workspace import Tape
+from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.kernels import transition
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.joint import apply_phi
+from lvnav_trade.kernels.strapdown import N_SUM
+from lvnav_trade.kernels.vehicle import N_SAMPLE, advance_vector, fill_samples
+from lvnav_trade.records import Floats
+
+TOLERANCE = 1e-2
+
+
+class Stretch(NamedTuple):
+    """Observability over one stretch: start, end s since lift-off; rank; singular (n_asked,) values, falling, of the
+    states that have an initial sigma; weakest (n,) direction, entries in initial sigmas, largest of size 1; rows that
+    were used; directions (n_asked, n) of all singular values, as the weakest.
+
+    The singular values are those of the stacked rows H Phi, each row in sigmas of its noise and each direction in its
+    initial sigma: a value of 1 means that the stretch alone halves the variance of that direction. The rank counts
+    values above `TOLERANCE`.
+    """
+
+    start: float
+    end: float
+    rank: int
+    singular: Floats
+    weakest: Floats
+    rows: int
+    directions: Floats
+
+
+@jit
+def fold(triangle, row):
+    """Fold a row (n,) into the triangle (n, n) of the rows so far, by rotations; triangle updated, row used up.
+
+    Not LAPACK's: the last bit of a long factorisation depends on how many threads the process has.
+    """
+    n = row.shape[0]
+    for k in range(n):
+        if row[k] == 0.0:
+            continue
+        size = np.sqrt(triangle[k, k] ** 2 + row[k] ** 2)
+        c, s = triangle[k, k] / size, row[k] / size
+        for j in range(k, n):
+            above = triangle[k, j]
+            triangle[k, j] = c * above + s * row[j]
+            row[j] = c * row[j] - s * above
+
+
+@jit
+def _fold_samples(triangle, phi, row_of, sums, h, unit, vehicle, reference, first, n_tick):
+    """Fold in the samples of a window's ticks, and carry the transition over them; return how many rows."""
+    n = phi.shape[0]
+    for tick in range(first, first + n_tick):
+        fill_samples(h, vehicle.blocks, vehicle.rate[tick], vehicle.force[tick])
+        for r in range(N_SAMPLE):
+            weight = 1.0 / np.sqrt(vehicle.variance[r])
+            for j in range(n):
+                total = 0.0
+                for k in range(vehicle.columns.shape[1]):
+                    total += h[r, k] * phi[j, vehicle.columns[r, k]]
+                row_of[j] = weight * total
+            fold(triangle, row_of)
+        nominal_tick(sums, reference, tick, unit.dt)
+        for j in range(n):
+            advance_vector(phi[j], sums, unit.dt, vehicle.motion)
+    return N_SAMPLE * n_tick
+
+
+@jit
+def _gather(triangle, phi, D, row_of, sums, h, tape, schedule, unit, signals, true, model, vehicle, reference,
+            first_window, last_window):  # fmt: skip
+    """Fold in every row of a stretch, times the transition since its start, in sigmas of its noise; return how many.
+
+    triangle (n, n) and phi (n, n), the columns of the transition, updated; D (n_block, 9), row_of (n,), sums (18,) and
+    h (6, n_entry) work. Where samples of the IMU are measurements, rate and specific force are taken for constant over
+    a stretch, which asks most of the other states.
+    """
+    n, count = phi.shape[0], 0
+    for w in range(first_window, last_window + 1):
+        if schedule.n_tick[w] > 0:
+            if vehicle is not None:
+                first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
+                count += _fold_samples(triangle, phi, row_of, sums, h, unit, vehicle, reference, first, n_tick)
+            length, at = schedule.length[w], tape.position[w]
+            seconds, decay = model.seconds[length], model.decay[length]
+            transition.fill(D, true.nav_kinds, true.nav_drivers, tape.sums[w], at[0], at[1], at[2], seconds)
+            for j in range(n):
+                apply_phi(phi[j], D, true.nav_rows, true.nav_columns, decay, model.clock, seconds)
+        for row in range(tape.first[w], tape.first[w + 1]):
+            channel = tape.channel[row]
+            mixed = model.has_covariance and channel < signals.n_receiver
+            variance = 1.0 if mixed else signals.variance[tape.epoch[row], channel]
+            weight = 1.0 / np.sqrt(variance)
+            for j in range(n):
+                total = 0.0
+                for k in range(model.n_entry[channel]):
+                    total += tape.h[row, model.entry[channel, k]] * phi[j, model.column[channel, k]]
+                row_of[j] = weight * total
+            fold(triangle, row_of)
+            count += 1
+    return count
+
+
+def _stretch(prepared: Prepared, true: Components, tape: Tape, start: float, end: float) -> Stretch:
+    schedule, n = prepared.schedule, prepared.layout.n_state
+    ends = prepared.reference.t[schedule.first_tick + schedule.n_tick]
+    inside = np.flatnonzero((ends > start + 1e-9) & (ends <= end + 1e-9))
+    first, last = int(inside[0]), int(inside[-1])
+    vehicle = prepared.options.vehicle
+    n_entry = 1 if vehicle is None else vehicle.columns.shape[1]
+    triangle, phi = np.zeros((n, n)), np.eye(n)  # row j of phi is the column of Phi that belongs to state j
+    count = _gather(
+        triangle, phi, np.zeros((true.nav_rows.size, 9)), np.zeros(n), np.zeros(N_SUM), np.zeros((N_SAMPLE, n_entry)),
+        tape, schedule, prepared.unit, prepared.signals, true, prepared.model, vehicle, prepared.reference, first,
+        last,
+    )  # fmt: skip
+    scale, root = initial_spread(prepared.start.P)
+    asked = scale > 0.0  # a state of no initial sigma is known, not unobservable
+    root = root[np.ix_(asked, asked)]
+    singular, found = decompose((triangle * scale)[:, asked] @ root, root)
+    directions = np.zeros((singular.size, n))
+    directions[:, asked] = found
+    return Stretch(start, end, int(np.sum(singular > TOLERANCE)), singular, directions[-1], count, directions)
+
+
+def initial_spread(P: Floats) -> tuple[Floats, Floats]:
+    """Return the initial sigmas (n,) and a square root (n, n) of the initial correlation: a direction y that spreads
+    evenly is the error scale * (root @ y). Tilts and heading are correlated in the axes of frame i.
+    """
+    scale = np.sqrt(np.diag(P))
+    safe = np.where(scale > 0.0, scale, 1.0)
+    values, vectors = np.linalg.eigh(P / np.outer(safe, safe))
+    return scale, vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T
+
+
+def decompose(scaled: Floats, root: Floats) -> tuple[Floats, Floats]:
+    """Return the singular values (n,), falling, and their directions (n, n) in sigmas of the states, each at size 1."""
+    _, singular, turned = np.linalg.svd(scaled)
+    directions = turned @ root.T
+    return singular, directions / np.take_along_axis(directions, np.argmax(np.abs(directions), axis=1)[:, None], 1)
+
+
+def observability(prepared: Prepared, edges: Floats, tape: Tape | None = None) -> list[Stretch]:
+    """Return the observability of the filter's states over the stretches between edges (s since lift-off).
+
+    Evaluated on the nominal flight with the filter's measurements there; edges outside it are moved to its ends.
+    `tape` is the forward pass where it is known already.
+    """
+    true = components(prepared, source_names(prepared))
+    tape = tape or forward_tape(prepared, true)
+    t = prepared.reference.t
+    marks = np.unique(np.clip(edges, t[0], t[-1]))
+    return [_stretch(prepared, true, tape, float(a), float(b)) for a, b in pairwise(marks)]
+
+
+def in_words(direction: Floats, names: tuple[str, ...], threshold: float = 0.3) -> str:
+    """Say a direction of the state space in words: the states that make up most of it, largest first."""
+    order = np.argsort(-np.abs(direction))
+    parts = [f"{direction[i]:+.2f} {names[i]}" for i in order if abs(direction[i]) >= threshold]
+    return ", ".join(parts)

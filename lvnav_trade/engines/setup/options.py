@@ -1,0 +1,176 @@
+"""Parts of a flight that not every case has, from the cards: a receiver that solves itself, late measurements."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.engines.setup.inputs import Schedule
+from lvnav_trade.errors import InputError, Mistake
+from lvnav_trade.filters.base import ReceiverModel
+from lvnav_trade.filters.late import Late
+from lvnav_trade.filters.scheduled import Gains, gains_at
+from lvnav_trade.layout import StateLayout, state_names
+from lvnav_trade.observables.partials import Channels
+from lvnav_trade.receivers.base import (
+    ReportedCovariance,
+    Solver,
+    constant_covariance,
+    filter_model,
+    own_covariance,
+    point_model,
+)
+from lvnav_trade.records import Floats
+from lvnav_trade.scenario import Scenario, epoch_interval, solves
+from lvnav_trade.world.receiver.solutions import BancroftSolution, DirectSolution, FilteredSolution, OwnCovariance
+
+Ints = NDArray[np.int64]
+
+
+def direct(scenario: Scenario) -> DirectSolution:
+    """Return what is true of a simulated solution; a tight filter behind a solving receiver takes none."""
+    card = scenario.receiver.solution
+    if isinstance(card, DirectSolution):
+        return card
+    return DirectSolution.model_construct(position_sigma=0.0, velocity_sigma=0.0)
+
+
+def every(scenario: Scenario) -> int:
+    """Return of how many epochs the filter takes the last."""
+    return round(scenario.receiver.rate / scenario.filter.update_rate) if solves(scenario) else 1
+
+
+def gains_of(
+    scenario: Scenario, layout: StateLayout, channels: Channels, t_epoch: Floats, events: Mapping[str, float]
+) -> Gains | None:
+    """Return the gains of a filter with a schedule at the epochs (s), None without.
+
+    InputError where the schedule is of other states than the filter's, or of an event that the flight lacks.
+    """
+    schedule = scenario.filter.gains
+    if schedule is None:
+        return None
+    names = state_names(layout)
+    if tuple(schedule.states) != names:
+        raise _about(
+            "filter.gains",
+            f"the schedule {schedule.name!r} is of the states {', '.join(schedule.states)}; the filter has "
+            f"{', '.join(names)}",
+        )
+    try:
+        found = gains_at(schedule, t_epoch, events)
+    except ValueError as error:
+        raise _about("filter.gains", str(error)) from None
+    gain, stored = (
+        np.zeros((t_epoch.size, channels.n_channel, len(names))),
+        np.zeros(channels.n_channel, dtype=np.bool_),
+    )
+    for k, name in enumerate(schedule.measurements):
+        if name in channels.names:
+            at = channels.names.index(name)
+            gain[:, at], stored[at] = found[:, k], True
+    if not stored.any():
+        raise _about("filter.gains", f"the schedule {schedule.name!r} has no gains for {', '.join(channels.names[:6])}")
+    return Gains(np.ascontiguousarray(gain), stored)
+
+
+def _about(path: str, message: str) -> InputError:
+    """Return the mistake in a field of the scenario."""
+    return InputError(records=[Mistake(message, path)])
+
+
+def _reported(
+    card: BancroftSolution | FilteredSolution, scenario: Scenario, model: ReceiverModel
+) -> ReportedCovariance:
+    """Return the covariance that goes out with a solution; a filter that has numbers of its own assumes those."""
+    if not isinstance(scenario.filter.receiver, str):
+        return constant_covariance(model.position_sigma, model.velocity_sigma)
+    reported = card.reported_covariance
+    if isinstance(reported, OwnCovariance):
+        return own_covariance(reported.factor, reported.correlated)
+    return constant_covariance(reported.position_sigma, reported.velocity_sigma)
+
+
+def solver_of(scenario: Scenario, model: ReceiverModel, most: int) -> Solver | None:
+    """Return how the receiver of a case solves, None where it does not; `most` satellites at once."""
+    card = scenario.receiver.solution
+    if isinstance(card, DirectSolution) or not solves(scenario):
+        return None
+    reported = _reported(card, scenario, model)
+    if isinstance(card, BancroftSolution):
+        return Solver(point_model(reported, **card.numbers(), most=most))
+    point = point_model(reported, **card.fix.numbers(), most=most)
+    return Solver(point, filter_model(reported, epoch_interval(scenario), **card.numbers()))
+
+
+def delay_taken(scenario: Scenario, t_epoch: Floats, t_valid: Floats) -> Floats | None:
+    """Return the delay (n_epoch,) that the filter compensates; None where it does not.
+
+    t_valid (n_epoch,): when the measurements of the epochs are of, as the receiver stamps them.
+    """
+    card = scenario.filter.delay_compensation
+    if card is None or not scenario.filter.aided:
+        return None
+    return t_epoch - t_valid if isinstance(card.delay, str) else np.full(t_epoch.size, card.delay)
+
+
+def late_of(scenario: Scenario, delay: Floats | None, at: Kept | None, schedule: Schedule) -> Late | None:
+    """Return how late measurements are compensated; None where they are not."""
+    card = scenario.filter.delay_compensation
+    if card is None or delay is None or at is None:
+        return None
+    ends = np.where(schedule.n_tick > 0, schedule.first_tick + schedule.n_tick, -1)
+    return Late(
+        extrapolated=card.kind == "extrapolated",
+        n_ring=_stored_at_once(at, scenario.imu.rate * epoch_interval(scenario)),
+        valid=_epochs_at(ends, at.valid),
+        early=_epochs_at(ends, at.early),
+        delay=delay,
+        offset=at.offset,
+        base=at.base,
+        interval=epoch_interval(scenario),
+        jitter=card.delay_sigma**2,
+        acceleration=card.acceleration_sigma**2,
+    )
+
+
+def _stored_at_once(at: Kept, ticks: float) -> int:
+    """Return how many states are stored at once; `ticks` between epochs. A state is stored until its epoch is over."""
+    epochs = np.arange(1, at.valid.size + 1)
+    ahead = np.floor(epochs - np.minimum(at.valid, at.early) / ticks + 1e-9) + 1
+    return max(1, int(ahead.max(initial=1)))
+
+
+def _epochs_at(ends: Ints, ticks: Ints) -> Ints:
+    """Return the first epoch whose tick a window ends at, and the one after the last, (n_window, 2); ticks rise."""
+    return np.stack([np.searchsorted(ticks, ends, side) for side in ("left", "right")], axis=1).astype(np.int64)
+
+
+class Kept(NamedTuple):
+    """Ticks at whose end the state of an epoch's measurement is kept, and its velocity before; offset (n_epoch,) s from
+    the tick to the time of validity, base (n_epoch,) s from the earlier tick to it.
+    """
+
+    valid: Ints
+    early: Ints
+    offset: Floats
+    base: Floats
+
+
+def kept_at(scenario: Scenario, t_epoch: Floats, delay: Floats | None, t: Floats, group: int) -> Kept | None:
+    """Return when states are kept; t (n_tick + 1,) s of the ticks, a step of the strapdown is `group` of them."""
+    card = scenario.filter.delay_compensation
+    if card is None or delay is None:
+        return None
+    dt, wanted = float(t[1] - t[0]), t_epoch - delay
+    # a state is stored at the end of a step: the first ones are those of the first two steps
+    valid = np.maximum(2 * group, np.rint((wanted - t[0]) / (dt * group)).astype(np.int64) * group)
+    early = np.maximum(group, valid - max(1, round(card.base / (dt * group))) * group)
+    offset = wanted - t[valid]
+    # what is left of rounding is not worth a step
+    offset = np.where(np.abs(offset) < 1e-6 * dt, 0.0, offset)
+    base = wanted - t[early]
+    return Kept(valid, early, offset, np.where(base < 0.5 * dt * group, t[valid] - t[early], base))

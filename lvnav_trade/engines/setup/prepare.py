@@ -1,0 +1,374 @@
+"""A scenario made ready for both engines: everything that is the same for all runs, computed once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.engines.setup.atmosphere import Delays, delays
+from lvnav_trade.engines.setup.families import ErrorFamily, shared_of
+from lvnav_trade.engines.setup.inputs import Options, Record, Report, Schedule, Sensors, Signals, Start, Unit
+from lvnav_trade.engines.setup.options import (
+    delay_taken,
+    every,
+    gains_of,
+    kept_at,
+    late_of,
+    solver_of,
+)
+from lvnav_trade.engines.setup.recorded import Recorded, recorded
+from lvnav_trade.engines.setup.sensors import Sensor, for_kernels, sensors_of
+from lvnav_trade.engines.setup.signals import Line, channels_of, families, geometry_of, signals
+from lvnav_trade.engines.setup.solution import Chain, chain_of
+from lvnav_trade.engines.setup.times import epochs_of, times_of
+from lvnav_trade.engines.setup.vehicle import samples_of, vehicle_of
+from lvnav_trade.engines.setup.watching import left_out, pdop, watched
+from lvnav_trade.filters.envelope import EnvelopeCard
+from lvnav_trade.filters.model import FilterModel, build_filter_model, initial_covariance
+from lvnav_trade.frames import earth_angle, rotation_i_e, rotation_i_n, rotation_i_o
+from lvnav_trade.kernels.random import source_word
+from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
+from lvnav_trade.kernels.vehicle import N_SAMPLE
+from lvnav_trade.layout import StateLayout, outputs, solution_outputs
+from lvnav_trade.observables.partials import Channels
+from lvnav_trade.records import Floats, Output, Reference, Sky
+from lvnav_trade.scenario import Scenario, epoch_interval, filter_models, has_covariance, reported, solves
+from lvnav_trade.scenario import measured as measured_by
+from lvnav_trade.sources import IMU_NOISE
+from lvnav_trade.world.faults import (
+    AccelBiasStep,
+    AnyFault,
+    DroppedSamples,
+    GyroBiasStep,
+    delay,
+    failures,
+    span,
+)
+from lvnav_trade.world.flight.trajectory import (
+    Trajectory,
+    TrajectoryCard,
+    build,
+    content,
+    reference,
+)
+from lvnav_trade.world.flight.trajectory import refuse_contradiction as trajectory_contradiction
+from lvnav_trade.world.gravity import disturbance
+from lvnav_trade.world.receiver.visibility import sky
+from lvnav_trade.world.sensors.imu import ErrorBlock, ImuCard, error_blocks, lag
+from lvnav_trade.world.sky.satellites import time_offsets
+
+Ints = NDArray[np.int64]
+# Sensor, start and end (s) of its growth, amplitude (SI): a bias that is the same in every run.
+Profile = tuple[int, float, float, tuple[float, float, float]]
+# What begins with a step is a profile that grows within this time (s), far less than an IMU tick.
+STEP = 1e-6
+
+
+class Prepared(NamedTuple):
+    """A scenario and all that its runs share. sources: true error blocks of the unit; families: errors that
+    measurements share; recorded: of a receiver; t_hist, t_epoch: s since lift-off of history and epochs; devices: the
+    sensors beside the receiver, sensors the same in numbers; channels: of the filter; channel_names: of all
+    innovations.
+    """
+
+    scenario: Scenario
+    trajectory: Trajectory
+    reference: Reference
+    sky: Sky
+    outputs: tuple[Output, ...]
+    layout: StateLayout
+    model: FilterModel
+    sources: tuple[ErrorBlock, ...]
+    families: tuple[ErrorFamily, ...]
+    schedule: Schedule
+    unit: Unit
+    signals: Signals
+    start: Start
+    record: Record
+    t_hist: Floats
+    t_epoch: Floats
+    lengths: Floats
+    delays: Delays
+    recorded: Recorded
+    options: Options
+    chain: Chain | None
+    devices: tuple[Sensor, ...]
+    sensors: Sensors
+    channels: Channels
+    channel_names: tuple[str, ...]
+
+    @property
+    def n_row(self) -> int:
+        """How many Jacobian rows an epoch has at most: the receiver's, then those of the sensors."""
+        return max(6, 2 * self.signals.used.shape[1]) + self.channels.n_channel - self.channels.n_receiver
+
+
+@lru_cache(maxsize=4)
+def _built(identity: str, kind: type[TrajectoryCard]) -> Trajectory:
+    return build(kind.model_validate_json(identity.partition("\n")[0]))
+
+
+def _identity(card: TrajectoryCard) -> str:
+    """Return a card as a line of JSON, and in a second line the digest of the file it names: a changed one is read."""
+    return f"{card.model_dump_json()}\n{content(card)}"
+
+
+def trajectory_of(scenario: Scenario) -> Trajectory:
+    """Return the scenario's trajectory; the last few that were built are kept.
+
+    InputError where it cannot be flown, or where a user's own file contradicts itself.
+    """
+    card = scenario.trajectory
+    flight = _built(_identity(card), type(card))
+    trajectory_contradiction(card, scenario.imu)
+    return flight
+
+
+@lru_cache(maxsize=4)
+def _sampled(identity: str, kind: type[TrajectoryCard], rate: float) -> Reference:
+    return reference(_built(identity, kind), rate)
+
+
+def _profiles(card: ImuCard, faults: Sequence[AnyFault], events: dict[str, float]) -> list[Profile]:
+    """List the profiles of bias that are the same in every run: warming, and faults that begin and end with a step."""
+    found: list[Profile] = []
+    for sensor, ramp in ((GYRO, card.gyro.temperature), (ACCEL, card.accel.temperature)):
+        if ramp is not None:
+            found.append((sensor, ramp.start, ramp.end, ramp.amplitude))
+    for number, fault in enumerate(faults):
+        if isinstance(fault, GyroBiasStep | AccelBiasStep):
+            sensor = GYRO if isinstance(fault, GyroBiasStep) else ACCEL
+            start, end = span(number, fault, events)
+            x, y, z = fault.size
+            found += [(sensor, start, start + STEP, (x, y, z)), (sensor, end, end + STEP, (-x, -y, -z))]
+    return found
+
+
+def _arriving(ref: Reference, card: ImuCard, faults: Sequence[AnyFault], events: dict[str, float]) -> list[Floats]:
+    """Return increments (n_imu, 3) of angle and velocity as an ideal unit of this bandwidth puts them out, where
+    samples are dropped without them.
+    """
+    dt = 1.0 / card.rate
+    sensed = ((ref.dtheta, card.gyro.bandwidth), (ref.dvel, card.accel.bandwidth))
+    out = [np.ascontiguousarray(lag(increments, bandwidth, dt)) for increments, bandwidth in sensed]
+    if any(isinstance(fault, DroppedSamples) for fault in faults):
+        out = [array.copy() for array in out]  # those of the reference are other cases' too
+    for number, fault in enumerate(faults):
+        if isinstance(fault, DroppedSamples):
+            start, end = span(number, fault, events)
+            gone = np.flatnonzero((ref.t[1:] > start + 1e-9) & (ref.t[1:] <= end + 1e-9))
+            for array in out:
+                array[gone] = array[max(0, gone[0] - 1)] if gone.size and fault.instead == "last" else 0.0
+    return out
+
+
+def _unit(scenario: Scenario, ref: Reference, blocks: tuple[ErrorBlock, ...], events: dict[str, float]) -> Unit:
+    card = scenario.imu
+    inertial = [block for block in blocks if block.sensor >= 0]
+    dt = 1.0 / card.rate
+    process_ticks = max(1, round(card.rate / card.process_rate))
+    step = process_ticks * dt
+    decay = np.array([math.exp(-step / b.time_constant) for b in blocks])
+    walk = np.array(
+        [
+            math.hypot(b.walk * math.sqrt(step), b.sigma * math.sqrt(-math.expm1(-2.0 * step / b.time_constant)))
+            for b in blocks
+        ]
+    )
+    profiles = _profiles(card, scenario.faults, events)
+    dtheta, dvel = _arriving(ref, card, scenario.faults, events)
+    return Unit(
+        dt=dt,
+        noise_source=source_word(IMU_NOISE),
+        constant_only=all(b.driver == CONSTANT for b in inertial),
+        dtheta=dtheta,
+        dvel=dvel,
+        white=np.array([
+            card.gyro.random_walk * math.sqrt(dt), card.accel.random_walk * math.sqrt(dt),
+            card.gyro.quantisation, card.accel.quantisation,
+        ]),
+        process_ticks=process_ticks,
+        drifting=bool(np.any(walk > 0.0)) or bool(profiles),
+        sigma=np.array([b.sigma for b in blocks], dtype=float),
+        decay=decay,
+        walk=walk,
+        sources=np.array([source_word(f"{b.source} {b.part}") for b in blocks], dtype=np.uint64),
+        sensors=np.array([b.sensor for b in inertial], dtype=np.int64),
+        drivers=np.array([b.driver for b in inertial], dtype=np.int64),
+        profile_sensor=np.array([p[0] for p in profiles], dtype=np.int64),
+        profile_start=np.array([p[1] for p in profiles], dtype=float),
+        profile_end=np.array([p[2] for p in profiles], dtype=float),
+        profile=np.array([p[3] for p in profiles], dtype=float).reshape(len(profiles), 3),
+        gravity=len(inertial) if len(blocks) > len(inertial) else -1,
+        start=float(ref.t[0]),
+    )  # fmt: skip
+
+
+def reporting_axes(frame: str, t: Floats, r_i: Floats, v_i: Floats, theta0: float) -> Floats:
+    """Return the matrices (n, 3, 3) from frame i to the frame that errors are reported in, at the true state.
+
+    Velocity errors are errors of inertial velocity resolved in these axes.
+    """
+    if frame == "inertial":
+        return np.tile(np.eye(3), (t.size, 1, 1))
+    if frame == "orbital":
+        return rotation_i_o(r_i, v_i)
+    theta = earth_angle(theta0, t)
+    return rotation_i_e(theta) if frame == "ecef" else rotation_i_n(r_i, theta)
+
+
+def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats | None = None) -> Prepared:
+    """Make a scenario ready: trajectory, increments, satellites, filter models, and the windows of the flight.
+
+    Long because all that runs share is put together here, once, each part by a function of its own.
+
+    Parameters
+    ----------
+    history
+        Interval of the history in s; every event time is added to it.
+    every_step_beside
+        History times (s) of a block; they are kept, and every covariance step is recorded beside them (for a replay:
+        where windows are cut, and so the last bit of every number, is as in the block).
+    """
+    kind, text = type(scenario.trajectory), _identity(scenario.trajectory)
+    trajectory, card = _built(text, kind), scenario.filter
+    ref = _sampled(text, kind, scenario.imu.rate)
+    epochs = epochs_of(scenario, ref)
+    t_epoch = epochs.t
+    seen = _seen(scenario, trajectory, t_epoch, float(ref.t[0]))
+    unstamped = delay(scenario.faults, trajectory.instants, t_epoch)
+    delayed = delay_taken(scenario, t_epoch, np.minimum(t_epoch, seen.t + unstamped))
+    kept = kept_at(scenario, t_epoch, delayed, ref.t, epochs.group)
+    at = times_of(scenario, trajectory, ref, epochs, kept, history, every_step_beside)
+    imu, receiver, initial = filter_models(scenario)
+    devices = sensors_of(scenario, trajectory, t_epoch)
+    channels, lever_b = channels_of(scenario, seen, devices), np.array(scenario.receiver.lever_b)
+    measured = channels._replace(tight=True) if solves(scenario) else channels
+    lever_arms = seen.lever_arms if channels.tight else lever_b[None, :]
+    layout, model = build_filter_model(
+        card, imu, receiver, lever_arms, at.lengths, channels, epochs.group, every(scenario), has_covariance(scenario),
+        solves(scenario), measured_by(scenario),
+    )  # fmt: skip
+    gains = gains_of(scenario, layout, channels, t_epoch, trajectory.events)
+    if gains is not None:
+        model = model._replace(measured=model.measured & gains.stored)
+    line = Line(trajectory, lever_b, seen)
+    late_by = delays(trajectory, scenario.receiver, seen, scenario.atmosphere, card.corrections)
+    geometry = geometry_of(line, seen.tracked, late_by.troposphere, late_by.ionosphere)
+    modelled = geometry_of(line, seen.tracked, late_by.modelled_troposphere, late_by.modelled_ionosphere)
+    failed = failures(scenario.faults, trajectory.instants, t_epoch, seen.names, seen.elevation, seen.tracked)
+    tabled = recorded(scenario, trajectory.theta0, line, seen, measured, failed.frozen)
+    shared_errors = (*families(scenario, geometry, measured, failed, devices), *tabled.families)
+    shared = shared_of(shared_errors, layout, epoch_interval(scenario), (t_epoch.size, measured.n_channel))
+    left = late_by.left + time_offsets(scenario.constellation, seen.systems, trajectory.epoch, seen.t)
+    truth = signals(
+        scenario, seen, line, receiver, layout, modelled, channels, measured, shared, failed, left, tabled.mean, devices
+    )  # fmt: skip
+    blocks = (*error_blocks(scenario.imu), *disturbance(scenario.gravity))
+    C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], trajectory.theta0)[0].T
+    P = initial_covariance(layout, initial, C_n_i, card.envelope or EnvelopeCard())
+    rules = watched(card, failed, truth, channels, lambda: pdop(line.direction, seen.tracked), P)
+    solver = solver_of(scenario, receiver, truth.used.shape[1])
+    chain = chain_of(solver, has_covariance(scenario), truth, line)
+    truth, chain = left_out(rules, truth, chain)
+    if chain is not None and solver is not None:
+        truth = truth._replace(variance=np.diagonal(chain.reported, axis1=1, axis2=2).copy())
+    return Prepared(
+        scenario=scenario,
+        trajectory=trajectory,
+        reference=ref,
+        sky=seen,
+        outputs=(*outputs(layout, scenario.frame), *(solution_outputs(scenario.frame) if reported(scenario) else ())),
+        layout=layout,
+        model=model,
+        sources=blocks,
+        families=shared_errors,
+        schedule=at.schedule,
+        unit=_unit(scenario, ref, blocks, trajectory.events),
+        signals=truth,
+        start=_start(scenario, ref, C_n_i, P),
+        record=_record(scenario, trajectory, ref, at.hist_tick, at.t_hist, epochs.tick),
+        t_hist=at.t_hist,
+        t_epoch=t_epoch,
+        lengths=at.lengths,
+        delays=late_by,
+        recorded=tabled,
+        options=Options(
+            solver,
+            rules,
+            late_of(scenario, delayed, kept, at.schedule),
+            gains,
+            vehicle_of(scenario, trajectory, ref, layout, imu),
+            samples_of(scenario, ref, layout, imu),
+            _report(scenario, chain, channels, layout, solver),
+        ),
+        chain=chain,
+        devices=devices,
+        sensors=for_kernels(devices, channels, np.asarray(earth_angle(trajectory.theta0, t_epoch))),
+        channels=channels,
+        channel_names=_channel_names(scenario, channels, solver),
+    )
+
+
+def _seen(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: float) -> Sky:
+    """Return the sky that the measurements of each epoch are of: that of a latency before."""
+    receiver, above = scenario.receiver, scenario.constellation
+    late = receiver.latency + delay(scenario.faults, trajectory.instants, t_epoch)
+    if receiver.latency_per_satellite > 0.0:
+        now = sky(above, receiver, trajectory, t_epoch, scenario.faults)
+        late = late + receiver.latency_per_satellite * now.tracked.sum(axis=1)
+    # where the latency falls, a later epoch still measures no earlier
+    measured = np.maximum.accumulate(np.maximum(start, t_epoch - late))
+    return sky(above, receiver, trajectory, measured, scenario.faults)
+
+
+def _own_channels(scenario: Scenario, solver: Any) -> bool:
+    return solver is not None and reported(scenario) and solver.filter is not None
+
+
+def _report(
+    scenario: Scenario, chain: Chain | None, channels: Channels, layout: StateLayout, solver: Any
+) -> Report | None:
+    """Return what is reported of the receiver's own solution; None where nothing is."""
+    if chain is None or not reported(scenario):
+        return None
+    own = _own_channels(scenario, solver)
+    first = channels.n_channel + N_SAMPLE * (layout.motion >= 0)
+    n_own = 2 * len(channels.satellites) if own else 0
+    return Report(chain.point, len(outputs(layout, scenario.frame)), own, first, n_own)
+
+
+def _channel_names(scenario: Scenario, channels: Channels, solver: Any) -> tuple[str, ...]:
+    """Return the names of all innovations: of the filter's channels, of the IMU's samples, of the receiver's own."""
+    if not measured_by(scenario):
+        return ("none",)
+    names = list(channels.names)
+    if "imu" in scenario.filter.measurements:
+        names += [f"{sensor} {axis}" for sensor in ("gyro", "accelerometer") for axis in "xyz"]
+    if _own_channels(scenario, solver):
+        names += [f"receiver {name} {what}" for name in channels.satellites for what in ("range", "range rate")]
+    return tuple(names)
+
+
+def _start(scenario: Scenario, ref: Reference, C_n_i: Floats, P: Floats) -> Start:
+    initial = scenario.initial
+    attitude = C_n_i @ np.diag([initial.tilt, initial.tilt, initial.heading])
+    roots = np.array([attitude, np.eye(3) * initial.velocity, np.eye(3) * initial.position])
+    names = ("initial attitude", "initial velocity", "initial position")
+    words = np.array([source_word(name) for name in names], dtype=np.uint64)
+    return Start(np.concatenate([ref.q_b_i[0], ref.v_i[0], ref.r_i[0]]), roots, words, P)
+
+
+def _record(
+    scenario: Scenario, trajectory: Trajectory, ref: Reference, ticks: Ints, t_hist: Floats, epoch_tick: Ints
+) -> Record:
+    r, v, q = (np.ascontiguousarray(a[ticks]) for a in (ref.r_i, ref.v_i, ref.q_b_i))
+    axes = reporting_axes(scenario.frame, t_hist, r, v, trajectory.theta0)
+    marks = np.concatenate([[0], epoch_tick])
+    since = (ticks - marks[np.searchsorted(marks, ticks, side="right") - 1]) / scenario.imu.rate
+    return Record(r, v, q, np.ascontiguousarray(axes), t_hist, since, scenario.diverged)

@@ -1,0 +1,82 @@
+"""A recording of a receiver's errors on a flight: what every run sees alike, and what a run's start chooses."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.engines.setup.families import RECORDED, ErrorFamily
+from lvnav_trade.engines.setup.signals import Line
+from lvnav_trade.frames import earth_angle
+from lvnav_trade.kernels.random import philox, seed_words, source_word
+from lvnav_trade.observables.partials import Channels
+from lvnav_trade.records import Floats, Sky
+from lvnav_trade.scenario import Scenario
+from lvnav_trade.world.receiver.solutions import DirectSolution
+from lvnav_trade.world.user_file.error_table import ErrorTable, in_frame_i, sampled
+
+SOURCE = "recorded receiver error"
+_NEGLIGIBLE = 1e-12  # of the largest singular value
+
+
+class Recorded(NamedTuple):
+    """mean (n_epoch, 6) over the starts, frame i (m, m/s); families, one for each way in which starts differ; values
+    (n_component, n_start) of these: mean 0, variance 1, uncorrelated.
+    """
+
+    mean: Floats
+    families: tuple[ErrorFamily, ...]
+    values: Floats
+
+
+def table_of(scenario: Scenario) -> ErrorTable | None:
+    """Return the card of the recording that a scenario's receiver has, if any."""
+    solution = scenario.receiver.solution
+    return solution.error_table if isinstance(solution, DirectSolution) else None
+
+
+def recorded(
+    scenario: Scenario, theta0: float, line: Line, seen: Sky, channels: Channels, frozen: NDArray[np.bool_]
+) -> Recorded:
+    """Return the recorded errors of the receiver's solution at the epochs of a flight; zeros where there are none.
+
+    A frozen epoch (n_epoch,) has the errors of the one before.
+
+    The deviations of the starts from their mean are split into singular vectors: their sum with a run's values is that
+    run's recording again, to rounding, and values of unit variance without correlation are what linear covariance
+    carries. So both engines have the same mean and covariance, and no source more than starts less one is needed.
+    """
+    card, n_epoch = table_of(scenario), seen.t.size
+    if card is None or channels.tight:
+        return Recorded(np.zeros((n_epoch, 6)), (), np.zeros((0, 1)))
+    errors = in_frame_i(sampled(card, seen.t), card.frame, line.position, earth_angle(theta0, seen.t))
+    for epoch in np.flatnonzero(frozen):
+        errors[:, epoch] = errors[:, epoch - 1]
+    mean = errors.mean(axis=0)
+    flat = (errors - mean).reshape(card.starts, -1)
+    left, size, shapes = np.linalg.svd(flat, full_matrices=False)
+    count = int(np.count_nonzero(size > _NEGLIGIBLE * max(float(size[0]), float(np.max(np.abs(errors))))))
+    values = left[:, :count].T * np.sqrt(card.starts)
+    entering = (size[:count, None] * shapes[:count] / np.sqrt(card.starts)).reshape(count, n_epoch, 6)
+    everywhere = np.where(np.arange(channels.n_channel) < 6, 0, -1)
+    entering = np.pad(entering, ((0, 0), (0, 0), (0, channels.n_channel - 6)))
+    families = tuple(
+        ErrorFamily(SOURCE, RECORDED, "", (str(number),), everywhere, shape, 1.0, float("inf"))
+        for number, shape in enumerate(entering)
+    )
+    return Recorded(mean, families, values)
+
+
+def values_of(found: Recorded, seed: int, runs: NDArray[Any]) -> Floats:
+    """Return the values (n_component, n_run) that runs have by the starts they draw."""
+    starts = [start_of(seed, int(run), found.values.shape[1]) for run in runs]
+    return found.values[:, starts]
+
+
+def start_of(seed: int, run: int, n_start: int) -> int:
+    """Return the start that a run draws, 0 to n_start - 1: a matter of seed and run alone."""
+    k0, k1 = seed_words(seed)
+    word = philox(np.uint64(0), np.uint64(run), source_word(f"{SOURCE} start"), np.uint64(0), k0, k1)[0]
+    return int(word) * n_start >> 32

@@ -1,0 +1,100 @@
+"""What the sensors beside the receiver measure on the nominal flight, when, and what the filter assumes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.engines.setup.inputs import Sensors
+from lvnav_trade.frames import earth_angle, geodetic_from_ecef
+from lvnav_trade.kernels.random import source_word
+from lvnav_trade.observables.partials import Channels, SensorChannels
+from lvnav_trade.observables.sensor import N_TRUTH, FlightView, SensorCard
+from lvnav_trade.observables.sensors import SENSORS
+from lvnav_trade.records import Floats
+from lvnav_trade.scenario import Scenario, sensor_model, sensors_used
+from lvnav_trade.world.events import resolve
+from lvnav_trade.world.faults import ROUNDING
+from lvnav_trade.world.flight.trajectory import Trajectory, motion
+
+
+class Sensor(NamedTuple):
+    """A sensor at the epochs: its name in the scenario and its card; its channels; noise, the name of that source; on
+    (n_epoch,); truth (n_epoch, 4); sigma and variance (n_epoch, n_scalar) of its noise, true and as the filter assumes.
+    """
+
+    name: str
+    card: SensorCard
+    channels: SensorChannels
+    noise: str
+    on: NDArray[np.bool_]
+    truth: Floats
+    sigma: Floats
+    variance: Floats
+
+
+def window(card: SensorCard, events: Mapping[str, float]) -> tuple[float, float]:
+    """Return start (included) and end (excluded) of a sensor's measurements, s; infinite where the card states none.
+
+    InputError names an event that the flight does not have.
+    """
+    start = -np.inf if card.from_ is None else resolve(card.from_, events)
+    return float(start), float(np.inf if card.until is None else resolve(card.until, events))
+
+
+def measures(scenario: Scenario, card: SensorCard, events: Mapping[str, float], t_epoch: Floats) -> NDArray[np.bool_]:
+    """Return at which epochs (n_epoch,) s a sensor measures, (n_epoch,) bool.
+
+    Its measurements stand at multiples of its interval since lift-off, on epochs of the filter.
+    """
+    start, end = window(card, events)
+    on: NDArray[np.bool_] = (t_epoch >= start - ROUNDING) & (t_epoch < end - ROUNDING)
+    rate = card.rate or scenario.filter.update_rate
+    ticks = t_epoch * rate
+    return on & (np.abs(ticks - np.rint(ticks)) < 1e-6 * max(1.0, rate))
+
+
+def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats) -> tuple[Sensor, ...]:
+    """Return the sensors that the filter of a scenario uses, at the epochs (s)."""
+    used = sensors_used(scenario)
+    if not used:
+        return ()
+    at = motion(trajectory, t_epoch)
+    # heights are the same in frame i: it turns about the ellipsoid's axis
+    theta = earth_angle(trajectory.theta0, t_epoch)
+    view = FlightView(t_epoch, at.r_i, at.v_i, at.q_b_i, geodetic_from_ecef(at.r_i)[2], theta)
+    kinds = [card.measurement for card in used.values()]
+    found = []
+    for name, card in used.items():
+        alone = kinds.count(card.measurement) == 1
+        truth = card.truth(view)
+        found.append(
+            Sensor(
+                name,
+                card,
+                SensorChannels(card.measurement if alone else name, card.measurement, card.labels),
+                card.noise if alone else f"{card.noise} {name}",
+                measures(scenario, card, trajectory.events, t_epoch) & card.available(view),
+                np.ascontiguousarray(np.pad(truth, ((0, 0), (0, N_TRUTH - truth.shape[1])))),
+                card.noise_sigma(view),
+                sensor_model(scenario, card).variance(view),
+            )
+        )
+    return tuple(found)
+
+
+def for_kernels(sensors: tuple[Sensor, ...], channels: Channels, theta: Floats) -> Sensors:
+    """Return the sensors in numbers for the kernels; theta (n_epoch,) rad of the Earth."""
+    n, n_epoch = len(sensors), theta.size
+    return Sensors(
+        code=np.array([SENSORS.index(type(sensor.card)) for sensor in sensors], dtype=np.int64),
+        channel=np.array(channels.first, dtype=np.int64),
+        scalars=np.array([len(sensor.channels.labels) for sensor in sensors], dtype=np.int64),
+        on=np.array([sensor.on for sensor in sensors], dtype=np.bool_).reshape(n, n_epoch),
+        truth=np.array([sensor.truth for sensor in sensors], dtype=float).reshape(n, n_epoch, N_TRUTH),
+        theta=theta,
+        sources=np.array([source_word(sensor.noise) for sensor in sensors], dtype=np.uint64),
+    )

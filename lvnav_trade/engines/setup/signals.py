@@ -1,0 +1,320 @@
+"""What a receiver measures on the nominal flight, and what is common to all runs of it: Signals for the kernels."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.engines.setup.families import Cause, ErrorFamily, families_of, lever_causes
+from lvnav_trade.engines.setup.inputs import Shared, Signals
+from lvnav_trade.engines.setup.options import direct
+from lvnav_trade.engines.setup.sensors import Sensor
+from lvnav_trade.filters.base import ReceiverModel
+from lvnav_trade.frames import matrices
+from lvnav_trade.kernels.clock import clock_step
+from lvnav_trade.kernels.earth import GM
+from lvnav_trade.kernels.random import source_word
+from lvnav_trade.layout import StateLayout
+from lvnav_trade.observables.partials import Channels, Geometry, partial
+from lvnav_trade.records import Floats, Sky
+from lvnav_trade.scenario import Scenario, epoch_interval, solves
+from lvnav_trade.sources import CLOCK_START, CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE
+from lvnav_trade.world.faults import Failures
+from lvnav_trade.world.flight.trajectory import Trajectory, motion
+from lvnav_trade.world.sky.constellation import (
+    LETTERS,
+    AlmanacConstellation,
+    Part,
+    RinexConstellation,
+    parts_of,
+)
+
+
+def channels_of(scenario: Scenario, seen: Sky, devices: tuple[Sensor, ...] = ()) -> Channels:
+    """Return the channels of a case."""
+    ever = tuple(bool(np.any(seen.tracked[:, s])) for s in range(len(seen.names)))
+    sensors = tuple(device.channels for device in devices)
+    receiver = scenario.filter.tight or scenario.filter.loose
+    return Channels(scenario.filter.tight, seen.names, seen.systems, ever, receiver, sensors)
+
+
+class Line:
+    """The lines of sight at the epochs: antenna and satellites, their distance and its first two derivatives.
+
+    at: Motion of the vehicle; C_b_i (n_epoch, 3, 3); position, velocity, push (n_epoch, 3) of the point that the
+    receiver's solution is for, frame i (push without the swing of the lever arm); from the antenna that hears the
+    satellite: direction (n_epoch, n_sat, 3) and its rate of change, drift; distance,
+    rate, acceleration (n_epoch, n_sat).
+    """
+
+    def __init__(self, trajectory: Trajectory, lever_b: Floats, seen: Sky) -> None:
+        at = motion(trajectory, seen.t)
+        self.at, self.C_b_i = at, matrices(at.q_b_i)
+        self.position, self.velocity = self._point(lever_b)
+        self.push = _pull(at.r_i) + np.einsum("nij,nj->ni", self.C_b_i, at.f_b)
+        points = [self._point(lever) for lever in seen.lever_arms]
+        places, speeds = (np.stack(arrays, axis=1) for arrays in zip(*points, strict=True))
+        line = seen.r_i - np.take_along_axis(places, seen.antenna[:, :, None], axis=1)
+        moving = seen.v_i - np.take_along_axis(speeds, seen.antenna[:, :, None], axis=1)
+        self.distance = np.linalg.norm(line, axis=2)
+        self.direction = line / self.distance[:, :, None]
+        self.rate = np.einsum("esi,esi->es", self.direction, moving)
+        across = np.sum(moving**2, axis=2) - self.rate**2
+        self.drift = (moving - self.rate[:, :, None] * self.direction) / self.distance[:, :, None]
+        pulled = np.einsum("esi,esi->es", self.direction, _pull(seen.r_i) - self.push[:, None, :])
+        self.acceleration = across / self.distance + pulled
+
+    def _point(self, lever_b: Floats) -> tuple[Floats, Floats]:
+        """Return position and velocity (n_epoch, 3) of a point of the vehicle, frame i."""
+        swing = np.einsum("nij,nj->ni", self.C_b_i, np.cross(self.at.w_ib_b, lever_b))
+        return self.at.r_i + self.C_b_i @ lever_b, self.at.v_i + swing
+
+    @property
+    def lever(self) -> Floats:
+        """Range and range rate with respect to the lever arm in body axes, (n_epoch, n_sat, 2, 3)."""
+        towards = np.einsum("esi,eij->esj", self.direction, self.C_b_i)  # u in body axes
+        swinging = np.cross(towards, self.at.w_ib_b[:, None, :])  # u . (w x l) = l . (u x w)
+        drifting = np.einsum("esi,eij->esj", self.drift, self.C_b_i)
+        return np.stack([-towards, -swinging - drifting], axis=2)
+
+
+def _pull(r_i: Floats) -> Floats:
+    """Return point-mass gravity (m/s^2) at positions (..., 3): enough for the curvature of a range."""
+    return -GM * r_i / np.linalg.norm(r_i, axis=-1, keepdims=True) ** 3
+
+
+def _in_solution(line: Line, tracked: NDArray[np.bool_], errors: Floats) -> Floats:
+    """Return what errors of ranges and rates (n_epoch, n_sat, 2) put into a least-squares solution, (n_epoch, 6)."""
+    return np.hstack([_shifts(line, tracked, errors[:, :, 0]), _shifts(line, tracked, errors[:, :, 1])])
+
+
+def geometry_of(line: Line, tracked: NDArray[np.bool_], troposphere: Floats, ionosphere: Floats) -> Geometry:
+    """Return what partials of measurements are made of; delays (n_epoch, n_sat, 2) with their rates."""
+    return Geometry(
+        rate=line.rate,
+        acceleration=line.acceleration,
+        velocity=line.velocity,
+        push=line.push,
+        troposphere=troposphere,
+        ionosphere=ionosphere,
+        solution_troposphere=_in_solution(line, tracked, troposphere),
+        solution_ionosphere=_in_solution(line, tracked, ionosphere),
+        lever=line.lever,
+    )
+
+
+def _scale(layer: str, sigma: float, time: float | None) -> Cause:
+    kind = f"{layer}_scale"
+    return Cause(f"{layer} scale", kind, kind, sigma, time or math.inf)
+
+
+def letters(part: Part) -> tuple[str, ...]:
+    """Return the letters of the systems of a part."""
+    if isinstance(part, AlmanacConstellation):
+        return ("G",)
+    if isinstance(part, RinexConstellation):
+        return tuple(LETTERS[system] for system in part.systems or LETTERS)
+    return (LETTERS[part.system],)
+
+
+def causes_of(scenario: Scenario) -> list[Cause]:
+    """Return the causes of errors that measurements share, as the cards of the truth state them."""
+    receiver = scenario.receiver
+    found = [
+        Cause("multipath", "range_bias", "range_bias", receiver.multipath, receiver.multipath_time),
+        Cause("latency error", "timing", "timing", receiver.latency_error),
+        Cause("latency jitter", "timing", "", receiver.latency_sigma, 0.0),
+        *lever_causes(receiver.lever_error),
+    ]
+    if not solves(scenario):
+        solution = direct(scenario)
+        position, time_constant = solution.position_bias, solution.bias_time
+        found.append(Cause("solution position bias", "position_bias", "position_bias", position, time_constant))
+    air = scenario.atmosphere
+    found += [
+        _scale("troposphere", air.troposphere_scale, air.troposphere_scale_time),
+        _scale("ionosphere", air.ionosphere_scale, air.ionosphere_scale_time),
+    ]
+    for part in parts_of(scenario.constellation):
+        systems = letters(part)
+        residual, time_constant = part.range_error, part.range_error_time or math.inf
+        found.append(
+            Cause("satellite clock and ephemeris", "range_bias", "range_bias", residual, time_constant, systems)
+        )
+        if not isinstance(part, AlmanacConstellation):
+            offset, time_constant = part.time_offset, part.time_offset_time or math.inf
+            found.append(Cause("system time offset", "time_offset", "time_offset", offset, time_constant, systems))
+    if not solves(scenario):
+        velocity, time_constant = direct(scenario).velocity_bias, direct(scenario).bias_time
+        found.append(Cause("solution velocity bias", "velocity_bias", "velocity_bias", velocity, time_constant))
+    return found
+
+
+def lasting_errors(devices: tuple[Sensor, ...], channels: Channels, n_epoch: int) -> tuple[ErrorFamily, ...]:
+    """Return the lasting errors of the sensors beside the receiver."""
+    found = []
+    for at, device in zip(channels.first, devices, strict=True):
+        member, partials = np.full(channels.n_channel, -1, dtype=np.int64), np.zeros((n_epoch, channels.n_channel))
+        own = slice(at, at + len(device.channels.labels))
+        member[own], partials[:, own] = 0, 1.0
+        for error in device.card.lasting():
+            if error.sigma > 0.0:
+                names = (error.source, error.kind, "", ("",))
+                found.append(ErrorFamily(*names, member, partials, error.sigma, error.time_constant))
+    return tuple(found)
+
+
+def families(
+    scenario: Scenario, geometry: Geometry, channels: Channels, failed: Failures, devices: tuple[Sensor, ...] = ()
+) -> tuple[ErrorFamily, ...]:
+    """Return the errors that the measurements of a case share, wild samples of a fault among them."""
+    found = families_of(causes_of(scenario), geometry, channels)
+    found += lasting_errors(devices, channels, len(failed.jump))
+    partial_of_wild = np.zeros((len(failed.jump), channels.n_channel))
+    if channels.tight:
+        partial_of_wild[:, 0 : channels.n_receiver : 2] = failed.wild
+    else:
+        partial_of_wild[:, :3] = failed.solution_wild[:, None]
+    hit = np.flatnonzero(np.any(partial_of_wild > 0.0, axis=0))
+    if not hit.size:
+        return found
+    member = np.full(channels.n_channel, -1, dtype=np.int64)
+    member[hit] = range(hit.size)
+    labels = tuple(channels.satellites[c // 2] if channels.tight else "xyz"[c] for c in hit.tolist())
+    return (*found, ErrorFamily("wild samples", "wild", "", labels, member, partial_of_wild, 1.0, 0.0))
+
+
+def _slots(seen: Sky) -> tuple[np.ndarray, np.ndarray]:
+    """Return (n_epoch, n_slot) satellite in each slot, -1 none, and how many there are, (n_epoch,)."""
+    n_used = seen.tracked.sum(axis=1).astype(np.int64)
+    used = np.full((seen.t.size, max(1, int(n_used.max(initial=0)))), -1, dtype=np.int64)
+    for epoch in range(seen.t.size):
+        found = np.flatnonzero(seen.tracked[epoch])
+        used[epoch, : found.size] = found
+    return used, n_used
+
+
+def _noise(scenario: Scenario, seen: Sky, channels: Channels, devices: tuple[Sensor, ...]) -> Floats:
+    """Return the sigma (n_epoch, n_channel) of white noise of sensors in which nothing has failed."""
+    sigma, n = np.empty((seen.t.size, channels.n_channel)), channels.n_receiver
+    if channels.tight:
+        sigma[:, 0:n:2], sigma[:, 1:n:2] = seen.range_sigma, seen.rate_sigma
+    else:
+        solution = direct(scenario)
+        sigma[:, :3], sigma[:, 3:n] = solution.position_sigma, solution.velocity_sigma
+    for at, device in zip(channels.first, devices, strict=True):
+        sigma[:, at : at + device.sigma.shape[1]] = device.sigma
+    return sigma
+
+
+def _grown(sigma: Floats, channels: Channels, failed: Failures) -> Floats:
+    """Return the true sigma, grown by what has failed; `sigma`, which the filter may assume, stays as it is."""
+    n, grown = channels.n_receiver, sigma.copy()
+    factor = np.repeat(failed.noise, 2, axis=1) if channels.tight else failed.solution_noise[:, None]
+    grown[:, :n] = sigma[:, :n] * factor
+    return grown
+
+
+def _shifts(line: Line, tracked: NDArray[np.bool_], errors: Floats) -> Floats:
+    """Return what errors of ranges or rates (n_epoch, n_sat) put into a least-squares solution, (n_epoch, 3)."""
+    shift = np.zeros((len(errors), 3))
+    for epoch in np.flatnonzero(np.any(np.where(tracked, errors, 0.0) != 0.0, axis=1)):
+        on = tracked[epoch]
+        if np.count_nonzero(on) >= 4:
+            design = np.column_stack([-line.direction[epoch, on], np.ones(np.count_nonzero(on))])
+            shift[epoch] = np.linalg.lstsq(design, errors[epoch, on])[0][:3]
+    return shift
+
+
+def _hold(frozen: NDArray[np.bool_], *tables: NDArray[Any]) -> None:
+    """Let every frozen epoch repeat the one before, in place: tables (n_epoch, ...) updated."""
+    for epoch in np.flatnonzero(frozen):
+        for table in tables:
+            table[epoch] = table[epoch - 1]
+
+
+def _assumed_variance(
+    scenario: Scenario,
+    model: ReceiverModel,
+    channels: Channels,
+    sigma: Floats,
+    devices: tuple[Sensor, ...],
+) -> Floats:
+    """Return the variance (n_epoch, n_channel) that the filter gives rows: its own numbers, or what the receiver tells
+    of its noise where the card says so.
+    """
+    variance, n = sigma**2, channels.n_receiver
+    for at, device in zip(channels.first, devices, strict=True):
+        variance[:, at : at + device.variance.shape[1]] = device.variance
+    if solves(scenario):  # the receiver reports the covariance with every solution
+        variance[:, :n] = 1.0
+        return variance
+    if isinstance(scenario.filter.receiver, str):
+        return variance
+    if channels.tight:
+        variance[:, 0:n:2], variance[:, 1:n:2] = model.pseudorange_sigma**2, model.range_rate_sigma**2
+    else:
+        variance[:, :3], variance[:, 3:n] = model.position_sigma**2, model.velocity_sigma**2
+    return variance
+
+
+def signals(
+    scenario: Scenario,
+    seen: Sky,
+    line: Line,
+    model: ReceiverModel,
+    layout: StateLayout,
+    geometry: Geometry,
+    channels: Channels,
+    measured: Channels,
+    shared: Shared,
+    failed: Failures,
+    left: Floats,
+    tabled: Floats,
+    devices: tuple[Sensor, ...] = (),
+) -> Signals:
+    """Return what is true of satellites and receiver at the epochs, and what the filter knows of it.
+
+    channels are those of the filter's rows, `measured` those of what the receiver measures, which solves perhaps; left
+    (n_epoch, n_sat, 2): what corrections leave of delays and of systems' times, in ranges and rates; tabled (n_epoch,
+    6): errors of the solution that are the same in every run, frame i; devices: sensors beside the receiver.
+    """
+    receiver, clock = scenario.receiver, scenario.receiver.clock
+    used, n_used = _slots(seen)
+    sigma = _noise(scenario, seen, measured, devices)
+    extra = [partial(block.name, geometry, channels) for block in layout.extras]
+    interval = epoch_interval(scenario)
+    off, off_rate = failed.bias + left[:, :, 0], failed.drift + left[:, :, 1]
+    ranges, rates = np.asarray(line.distance + off), np.asarray(line.rate + off_rate)
+    position = line.position + _shifts(line, seen.tracked, off) + tabled[:, :3]
+    velocity = line.velocity + _shifts(line, seen.tracked, off_rate) + tabled[:, 3:]
+    if not solves(scenario):  # else the receiver goes on behind a frozen output
+        _hold(failed.frozen, used, n_used, ranges, rates, position, velocity)
+    names = (CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE, CLOCK_START)
+    return Signals(
+        used=used,
+        n_used=n_used,
+        words=np.array([source_word(name) for name in seen.names], dtype=np.uint64),
+        range=ranges,
+        rate=rates,
+        position=position,
+        velocity=velocity,
+        satellite=np.ascontiguousarray(seen.r_i),
+        satellite_velocity=np.ascontiguousarray(seen.v_i),
+        antenna=seen.antenna if channels.tight else np.zeros_like(seen.antenna),
+        sigma=_grown(sigma, measured, failed),
+        variance=_assumed_variance(scenario, model, channels, sigma, devices),
+        partial=np.array(extra).reshape(len(extra), seen.t.size, channels.n_channel),
+        clock_step=np.array(clock_step(interval, receiver.clock.h0, receiver.clock.h_minus2)),
+        clock_start=np.array([clock.initial_bias, clock.initial_drift]),
+        clock_jump=failed.jump,
+        frozen=failed.frozen,
+        interval=interval,
+        n_receiver=channels.n_receiver,
+        shift=measured.n_receiver - channels.n_receiver,
+        sources=np.array([source_word(name) for name in names], dtype=np.uint64),
+        shared=shared,
+    )

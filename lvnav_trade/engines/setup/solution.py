@@ -1,0 +1,264 @@
+"""A receiver's solution on the nominal flight: how its error, truth minus estimate, goes from one epoch to the next.
+
+Over an epoch the error s of what the receiver has estimated follows s+ = A s + W w + B c + d: A what is left of the one
+before, w white errors of ranges, rates and clock, c errors that measurements share, d what is the same in every run. A
+simulated solution is the case without memory: s+ = -w - c. See `receivers.cascade` for the receiver's own filter.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.engines.setup.inputs import Signals
+from lvnav_trade.engines.setup.signals import Line
+from lvnav_trade.receivers.base import (
+    BIAS,
+    DRIFT,
+    N_STATE,
+    POS,
+    VEL,
+    FilterModel,
+    PointModel,
+    ReportedCovariance,
+    Solver,
+)
+from lvnav_trade.receivers.cascade import (
+    FIX_STATES,
+    SOLUTION,
+    Gains,
+    design,
+    filtered,
+    mismatch,
+    nominal_acceleration,
+    point_gain,
+    started,
+)
+from lvnav_trade.records import Floats
+
+Ints = NDArray[np.int64]
+
+# Where a white error comes from.
+RANGE, RATE, CLOCK, PLACE, SPEED = 0, 1, 2, 3, 4
+
+
+class Chain(NamedTuple):
+    """The error of a receiver's solution by epochs; m states, of which `pick` (6,) are position and velocity.
+
+    move (n_epoch, m, m) A; white (n_epoch, m, n_in) W, variance (n_epoch, n_in) of w and kind (n_in,) of its source;
+    shared (n_epoch, m, n_component) B; push (n_epoch, m) d; reported (n_epoch, 6, 6) covariance that comes with the
+    solution; solved (n_epoch,) whether there is one; point (n_epoch, 6) the solution of an error of zero, frame i.
+    """
+
+    move: Floats
+    white: Floats
+    variance: Floats
+    kind: Ints
+    shared: Floats
+    push: Floats
+    pick: Ints
+    reported: Floats
+    solved: NDArray[np.bool_]
+    point: Floats
+
+
+def _shared(signals: Signals, epoch: int, channels: Ints) -> Floats:
+    """Return the partials (n_channel, n_component) of channels at an epoch with respect to what measurements share."""
+    shared = signals.shared
+    found = np.zeros((channels.size, shared.start.size))
+    for family in range(len(shared.member)):
+        member = shared.member[family, channels]
+        rows = np.flatnonzero(member >= 0)
+        found[rows, member[rows]] += shared.partial[family, epoch, channels[rows]]
+    return found
+
+
+def simulated(signals: Signals) -> Chain:
+    """Return the chain of a simulated solution: white noise and what its axes share, new at every epoch."""
+    n_epoch, axes = len(signals.n_used), np.arange(6)
+    return Chain(
+        move=np.zeros((n_epoch, 6, 6)),
+        white=np.tile(-np.eye(6), (n_epoch, 1, 1)),
+        variance=signals.sigma**2,
+        kind=np.repeat(np.array([PLACE, SPEED]), 3),
+        shared=-np.array([_shared(signals, k, axes) for k in range(n_epoch)]).reshape(n_epoch, 6, -1),
+        push=np.zeros((n_epoch, 6)),
+        pick=axes,
+        reported=np.einsum("ki,ij->kij", signals.variance, np.eye(6)),
+        solved=signals.n_used >= 4,
+        point=np.hstack([signals.position, signals.velocity]),
+    )
+
+
+class _Nominal(NamedTuple):
+    """What a solving receiver sees on the nominal flight: gains, innovation and channels by epoch."""
+
+    gains: list[Gains]
+    innovation: list[Floats]
+    channels: list[Ints]
+    solved: NDArray[np.bool_]
+
+
+def _epoch(point: Floats, signals: Signals, epoch: int) -> tuple[Floats, Floats, Ints]:
+    """Return rows (n_row, 11) at the true point, what is measured beyond them (n_row,), and channels (n_row,)."""
+    use = signals.used[epoch, : signals.n_used[epoch]]
+    r_i, v_i = point[epoch, :3], point[epoch, 3:]
+    rows = design(r_i, v_i, signals.satellite[epoch, use], signals.satellite_velocity[epoch, use])
+    line = signals.satellite[epoch, use] - r_i
+    distance = np.linalg.norm(line, axis=1)
+    rate = np.sum(line * (signals.satellite_velocity[epoch, use] - v_i), axis=1) / distance
+    innovation, channels = np.empty(2 * use.size), np.empty(2 * use.size, dtype=np.int64)
+    innovation[0::2], innovation[1::2] = signals.range[epoch, use] - distance, signals.rate[epoch, use] - rate
+    channels[0::2], channels[1::2] = 2 * use, 2 * use + 1
+    return rows, innovation, channels
+
+
+_NOTHING = Gains(
+    np.zeros((N_STATE, N_STATE)), np.zeros((N_STATE, N_STATE)), np.zeros((N_STATE, 0)), np.zeros((N_STATE, N_STATE))
+)
+
+
+def _fixed(model: PointModel, rows: Floats) -> Gains:
+    """Return an epoch of the point solution, which keeps nothing of the one before."""
+    gain = np.zeros((N_STATE, len(rows)))
+    gain[FIX_STATES] = point_gain(rows)
+    P = np.zeros((N_STATE, N_STATE))
+    for at, variance, part in (
+        ([*range(POS, POS + 3), BIAS], model.range_variance, rows[0::2]),
+        ([*range(VEL, VEL + 3), DRIFT], model.rate_variance, rows[1::2]),
+    ):
+        P[np.ix_(at, at)] = variance * np.linalg.inv(part[:, at].T @ part[:, at])
+    return _NOTHING._replace(gain=gain, P=P)
+
+
+def _coasts(model: FilterModel, n_used: Ints, begun: int) -> NDArray[np.bool_]:
+    """Return whether the receiver's filter hands out a solution at each epoch: begun, not coasted too long."""
+    found, idle = np.zeros(n_used.size, dtype=bool), 0.0
+    for k in range(begun, n_used.size):
+        idle = 0.0 if n_used[k] > 0 else idle + model.interval
+        found[k] = idle <= model.coast
+    return found
+
+
+def _run(solver: Solver, point: Floats, signals: Signals) -> _Nominal:
+    """Return gains and innovations of every epoch on the nominal flight, with noise adapted to the nominal motion."""
+    fixed = signals.n_used >= 4
+    model: FilterModel | None = solver.filter
+    begun = int(np.argmax(fixed)) if fixed.any() else fixed.size
+    gains: list[Gains] = []
+    innovations, channels = [], []
+    slope = nominal_acceleration(point[:, 3:], fixed, signals.interval)
+    for k in range(fixed.size):
+        rows, innovation, which = _epoch(point, signals, k)
+        if model is None:
+            found = _fixed(solver.point, rows) if fixed[k] else _NOTHING
+        elif k > begun:
+            found = filtered(gains[-1].P, model, rows, slope[k])
+        else:
+            found = started(model, solver.point, rows) if k == begun else _NOTHING
+        if not found.gain.shape[1]:
+            innovation, which = innovation[:0], which[:0]
+        gains.append(found)
+        innovations.append(innovation)
+        channels.append(which)
+    solved = fixed if model is None else _coasts(model, signals.n_used, begun)
+    return _Nominal(gains, innovations, channels, solved)
+
+
+def _reported(reported: ReportedCovariance, P: Floats) -> Floats:
+    """Return the covariance (6, 6) that goes out."""
+    if not reported.own:
+        return np.diag([reported.position_variance] * 3 + [reported.velocity_variance] * 3)
+    R: Floats = reported.factor * P[np.ix_(SOLUTION, SOLUTION)]
+    return R if reported.correlated else np.diag(np.diag(R))
+
+
+def _pushes(solver: Solver, seen: _Nominal, point: Floats, acceleration: Floats, signals: Signals) -> Floats:
+    """Return d (n_epoch, m): what true motion, clock jumps and innovations of the ranges do in every run."""
+    model: FilterModel | None = solver.filter
+    pushes = np.zeros((len(point), N_STATE))
+    if model is not None:
+        known = acceleration if len(model.rows) > 1 else np.zeros_like(acceleration)
+        moved = mismatch(model, known, point[:, 3:], point[:, :3])
+        moved[:, BIAS] += signals.clock_jump
+        begun = int(np.argmax(signals.n_used >= 4))
+        # before it starts the filter knows nothing, so all of the acceleration is its error then
+        moved[begun, :3] = known[begun]
+        pushes = np.einsum("kij,kj->ki", np.array([g.keep for g in seen.gains]), moved)
+    for k, gains in enumerate(seen.gains):
+        pushes[k] -= gains.gain @ seen.innovation[k]
+    return pushes
+
+
+def own_covariance(solver: Solver, signals: Signals, point: Floats) -> Floats:
+    """Return what a solver assumes of its own error on the nominal flight, (n_epoch, 11, 11); see `solved`."""
+    return np.array([gains.P for gains in _run(solver, point, signals).gains])
+
+
+def chain_of(solver: Solver | None, has_covariance: bool, truth: Signals, line: Line) -> Chain | None:
+    """Return how a solution's error goes on, where solutions come with a covariance of their own."""
+    if solver is not None:
+        return solved(solver, truth, np.hstack([line.position, line.velocity]), line.push)
+    return simulated(truth) if has_covariance else None
+
+
+def solved(solver: Solver, signals: Signals, point: Floats, acceleration: Floats) -> Chain:
+    """Return the chain of a receiver that solves for position and velocity itself.
+
+    Parameters
+    ----------
+    point : (n_epoch, 6) position and velocity of the point that is solved for, frame i, at the times of validity
+    acceleration : (n_epoch, 3) of it (m/s^2)
+    """
+    seen = _run(solver, point, signals)
+    n_epoch, n_in = len(point), 2 * signals.used.shape[1] + 2
+    move, white = np.zeros((n_epoch, N_STATE, N_STATE)), np.zeros((n_epoch, N_STATE, n_in))
+    variance, shared = np.zeros((n_epoch, n_in)), np.zeros((n_epoch, N_STATE, signals.shared.start.size))
+    reported = np.tile(np.eye(6), (n_epoch, 1, 1))
+    model: FilterModel | None = solver.filter
+    step = signals.clock_step
+    clock = np.array([[step[0], 0.0], [step[1], step[2]]])
+    out = solver.point.reported if model is None else model.reported
+    for k, gains in enumerate(seen.gains):
+        n_row = seen.channels[k].size
+        move[k] = gains.keep @ gains.phi
+        white[k, :, :n_row], variance[k, :n_row] = -gains.gain, signals.sigma[k, seen.channels[k]] ** 2
+        white[k, :, -2:], variance[k, -2:] = gains.keep[:, [BIAS, DRIFT]] @ clock, 1.0
+        shared[k] = -gains.gain @ _shared(signals, k, seen.channels[k])
+        reported[k] = _reported(out, gains.P) if seen.solved[k] else reported[k]
+    chain = Chain(
+        move=move,
+        white=white,
+        variance=variance,
+        kind=np.array([*np.tile([RANGE, RATE], signals.used.shape[1]), CLOCK, CLOCK], dtype=np.int64),
+        shared=shared,
+        push=_pushes(solver, seen, point, acceleration, signals),
+        pick=SOLUTION.astype(np.int64),
+        reported=reported,
+        solved=seen.solved,
+        point=point,
+    )
+    return _with_output(chain, signals.frozen) if signals.frozen.any() else chain
+
+
+def _with_output(chain: Chain, frozen: NDArray[np.bool_]) -> Chain:
+    """Return the chain with six states more, the error of what the receiver puts out: that of its estimate, or while
+    its output is frozen the one before and what the true motion adds.
+    """
+    n_epoch, m = chain.push.shape
+    move = np.zeros((n_epoch, m + 6, m + 6))
+    white, shared, push = (
+        np.pad(a, [(0, 0), (0, 6), (0, 0)][: a.ndim]) for a in (chain.white, chain.shared, chain.push)
+    )
+    move[:, :m, :m] = chain.move
+    for k in range(n_epoch):
+        if frozen[k] and k:
+            move[k, m:, m:] = np.eye(6)
+            push[k, m:] = chain.point[k] - chain.point[k - 1]
+        else:
+            move[k, m:, :m] = chain.move[k, chain.pick]
+            white[k, m:], shared[k, m:] = chain.white[k, chain.pick], chain.shared[k, chain.pick]
+            push[k, m:] = chain.push[k, chain.pick]
+    return chain._replace(move=move, white=white, shared=shared, push=push, pick=np.arange(m, m + 6))

@@ -1,0 +1,65 @@
+"""What every run draws once, at its start: turn-on errors of the unit and initial errors, as standard normals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.random import normals, seed_words
+
+if TYPE_CHECKING:
+    from lvnav_trade.engines.setup.prepare import Prepared
+
+_ZERO = np.uint64(0)
+INITIAL = ("initial attitude", "initial velocity", "initial position")
+
+
+class StartDraws(NamedTuple):
+    """runs (n_run,) numbers; sources (n_draw,) names, axes (n_draw,) of x, y, z; values (n_run, n_draw) in sigmas."""
+
+    runs: NDArray[np.int64]
+    sources: tuple[str, ...]
+    axes: tuple[str, ...]
+    values: NDArray[np.float64]
+
+    def pieces(self, n_run: int = 500) -> Iterator[StartDraws]:
+        """Yield the draws of so many runs after another."""
+        for first in range(0, len(self.runs), n_run):
+            here = slice(first, first + n_run)
+            yield self._replace(runs=self.runs[here], values=self.values[here])
+
+
+def start_draws(prepared: Prepared, seed: int, n_run: int) -> StartDraws:
+    """Return the draws that runs 0 to n_run - 1 of a campaign begin with; those that have no effect are left out.
+
+    A draw is addressed, not ordered: these are the numbers that the runs flew with, found again without flying.
+    """
+    found = [
+        (block.source if block.part == 0 else f"{block.source} {block.part + 1}", word)
+        for block, word in zip(prepared.sources, prepared.unit.sources, strict=True)
+        if block.sigma > 0.0
+    ]
+    found += [
+        (name, word)
+        for name, root, word in zip(INITIAL, prepared.start.roots, prepared.start.sources, strict=True)
+        if np.any(root)
+    ]
+    words = np.array([word for _, word in found], dtype=np.uint64)
+    k0, k1 = seed_words(seed)
+    values = np.empty((n_run, len(words), 3))
+    _fill(values, words, k0, k1)
+    names = tuple(name for name, _ in found for _ in "xyz")
+    return StartDraws(np.arange(n_run), names, ("x", "y", "z") * len(found), values.reshape(n_run, -1))
+
+
+@jit
+def _fill(values: NDArray[np.float64], words: NDArray[np.uint64], k0: np.uint64, k1: np.uint64) -> None:
+    """Draw three normals of every source for every run; values (n_run, n_source, 3) set."""
+    for run in range(values.shape[0]):
+        for k in range(words.shape[0]):
+            n0, n1, n2, _ = normals(k0, k1, words[k], np.uint64(run), _ZERO, _ZERO)
+            values[run, k, 0], values[run, k, 1], values[run, k, 2] = n0, n1, n2

@@ -1,0 +1,86 @@
+"""The rules of a filter's logic in numbers, and what the receiver's own checks say of every sample."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lvnav_trade.engines.setup.inputs import Signals
+from lvnav_trade.engines.setup.solution import Chain
+from lvnav_trade.filters.base import FilterCard, LogicCard
+from lvnav_trade.filters.monitor import Rules
+from lvnav_trade.observables.partials import Channels
+from lvnav_trade.records import Floats
+from lvnav_trade.world.faults import Failures
+
+Mask = NDArray[np.bool_]
+_ERRORS = ("data_loss", "residual", "covariance")
+_UNGUARDED = LogicCard(check_flags=False)
+
+
+def pdop(direction: Floats, tracked: Mask) -> Floats:
+    """Return the dilution of precision of position, (n_epoch,): inf without four satellites, or all in one cone.
+
+    direction (n_epoch, n_sat, 3) unit vectors to the satellites; tracked (n_epoch, n_sat).
+    """
+    found = np.full(len(tracked), np.inf)
+    for epoch in np.flatnonzero(tracked.sum(axis=1) >= 4):
+        on = tracked[epoch]
+        design = np.column_stack([-direction[epoch, on], np.ones(np.count_nonzero(on))])
+        normal = design.T @ design
+        if np.linalg.cond(normal) < 1e12:
+            found[epoch] = math.sqrt(np.trace(np.linalg.inv(normal)[:3, :3]))
+    return found
+
+
+def watched(
+    card: FilterCard, failed: Failures, signals: Signals, channels: Channels, dilution: Callable[[], Floats], P: Floats
+) -> Rules | None:
+    """Return the rules of a filter card, None where it has no logic and starts as its card says.
+
+    Parameters
+    ----------
+    failed : what faults do to flags and freshness
+    dilution : of precision (n_epoch,); called where a rule is about it
+    P : (n_state, n_state) the filter's covariance at a start
+    """
+    if card.logic is None and card.init == "from_card":
+        return None
+    logic = card.logic or _UNGUARDED
+    good = signals.n_used >= (1 if channels.tight else 4)
+    if logic.check_flags:
+        good &= ~failed.frozen & ~failed.invalid
+    if logic.pdop_below is not None:
+        good &= dilution() < logic.pdop_below
+    position, velocity = logic.wild_position or math.inf, logic.wild_velocity or math.inf
+    spread = (logic.covariance_position or math.inf, logic.covariance_velocity or math.inf)
+    return Rules(
+        interval=1.0 / card.update_rate,
+        good=good,
+        limits=np.tile([position, velocity], len(channels.satellites))
+        if channels.tight
+        else np.repeat([position, velocity], 3),
+        spread=np.repeat(np.square(spread), 3),
+        start_after=float(logic.start_after),
+        correct_after=logic.correct_after,
+        stop_after=logic.stop_after or math.inf,
+        restarts=np.array([float(error in logic.restart_after) for error in _ERRORS]),
+        from_gnss=card.init == "from_gnss",
+        P=P,
+    )
+
+
+def left_out(rules: Rules | None, signals: Signals, chain: Chain | None) -> tuple[Signals, Chain | None]:
+    """Return signals and chain with no solution where a sample fails the checks at the input.
+
+    Linear covariance then has no row there either. A receiver that solves itself keeps its satellites: it goes on,
+    whatever the filter leaves out.
+    """
+    if rules is None:
+        return signals, chain
+    if chain is not None:
+        return signals, chain._replace(solved=chain.solved & rules.good)
+    return signals._replace(n_used=np.where(rules.good, signals.n_used, 0)), None

@@ -1,0 +1,87 @@
+"""One simulated flight, of one run or of eight at once: truth and filter meet in measurements only."""
+
+from __future__ import annotations
+
+from lvnav_trade.engines.simulate.recording import hold_solution, record
+from lvnav_trade.engines.simulate.sensing import begin, begin_solver, measure_sensors, observe, sense
+from lvnav_trade.filters.ekf import clear_epoch, predict_window
+from lvnav_trade.filters.feedforward import apply_feedback, carry, process_measurements
+from lvnav_trade.filters.late import keep
+from lvnav_trade.filters.monitor import begin_watch
+from lvnav_trade.filters.samples import begin_motion, correct_vehicle, last_sample, sample_window
+from lvnav_trade.kernels import processes
+from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.lanes import sqrt
+from lvnav_trade.kernels.strapdown import mechanise
+from lvnav_trade.kernels.vehicle import N_SAMPLE
+
+
+@inlined
+def _advance(work, unit, model, vehicle, samples, first, n_tick, dt):
+    """Let the filter propagate its motion over a window: by the compensated increments, or by its model of the vehicle
+    with every sample as a measurement.
+    """
+    last_sample(work, samples, n_tick, unit.dt)
+    if vehicle is not None:
+        sample_window(work, work.open_loop, unit, model, vehicle, first, n_tick)
+    else:
+        processes.compensate(work.increments, n_tick, work.tables[0], work.tables[1], model.constant_only, unit.dt)
+        if model.group > 1:
+            processes.combine(work.increments, n_tick, model.group)
+        mechanise(work.nav, work.sums, work.previous, work.increments, n_tick // model.group, dt, model.gravity)
+
+
+@jit
+def _count_samples(work, vehicle, model, epoch):
+    """Count the samples of the last tick before an epoch among its innovations, behind the channels of sensors."""
+    if vehicle is not None:
+        motion, at = work.motion, model.n_entry.shape[0]
+        for i in range(N_SAMPLE):
+            normalised = motion.residual[i] * sqrt(motion.weight[i])
+            work.innovation[epoch, at + i] = normalised
+            work.nis[epoch] = work.nis[epoch] + normalised * normalised
+            work.n_row[epoch] = work.n_row[epoch] + 1.0
+
+
+@inlined
+def fly(work, schedule, unit, signals, sensors, start, history, model, options, k0, k1):
+    """Simulate one run (float64 arrays) or eight (lane views) from start to end; `work` is filled.
+
+    Parameters
+    ----------
+    work : Work; schedule : Schedule; unit : Unit; signals : Signals; sensors : Sensors; start : Start
+    history : Record; model : FilterModel; options : Options
+    k0, k1 : key words of the campaign's seed
+    """
+    begin(work, unit, signals, start, model, k0, k1)
+    begin_solver(work, options.solver)
+    begin_watch(work.watch)
+    begin_motion(work.motion, options.samples)
+    dt = unit.dt * model.group
+    for w in range(schedule.n_tick.shape[0]):
+        first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
+        if n_tick > 0:
+            sense(work, unit, first, n_tick, k0, k1)
+            _advance(work, unit, model, options.vehicle, options.samples, first, n_tick, dt)
+            predict_window(work, model, schedule.length[w])
+            carry(work, work.open_loop, model, schedule.length[w])
+            keep(work.past, work.nav, work.previous, work.x, options.late, w, dt, model.gravity)
+        epoch = schedule.epoch[w]
+        if epoch >= 0:
+            clear_epoch(work, epoch)
+            _count_samples(work, options.vehicle, model, epoch)
+        if epoch >= 0 and model.aided:
+            observe(work, options.solver, signals, model.tight, epoch, k0, k1)
+            hold_solution(work, options.solver, options.report, epoch)
+            measure_sensors(work, sensors, signals, epoch, k0, k1)
+            process_measurements(
+                work, work.open_loop, options.rules, options.late, options.gains, sensors, model, signals, epoch, dt
+            )
+            correct_vehicle(work, model, options.vehicle)
+            apply_feedback(work, work.open_loop, options.late, model)
+        if schedule.hist[w] >= 0:
+            tick = max(0, first + n_tick - 1)
+            record(
+                work, work.open_loop, options.vehicle, options.samples, options.report, options.misses, history,
+                signals.shared, model, tick, schedule.hist[w],
+            )  # fmt: skip

@@ -1,0 +1,1 @@
+"""Air and plasma: standard atmosphere, refraction, tropospheric and ionospheric delay."""

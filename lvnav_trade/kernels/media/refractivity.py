@@ -1,0 +1,219 @@
+"""Rays through a spherically layered atmosphere: bending and excess path for any height and elevation.
+
+With X = n r, the refractive index times the radius, a ray keeps a = X cos(elevation) (Bouguer). In the variable
+l = sqrt(X^2 - a^2), negative before the ray's lowest point, both integrals are smooth, turning point or not:
+
+    optical path  = l_far - l_0 + integral of f dl
+    central angle = acos(a / far) - elevation_0 + integral of f a / X^2 dl,    f = -r n' / (n + r n')
+
+so that only what the air adds is integrated, and rays that dip below the receiver need no case of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lvnav_trade.kernels.earth import ECCENTRICITY_2, SEMI_MAJOR, SEMI_MINOR
+from lvnav_trade.kernels.media.atmosphere import atmosphere
+
+Floats = NDArray[np.float64]
+
+EARTH_RADIUS = 6371e3  # m, of the layered sphere
+BOTTOM, TOP = -1e3, 130e3  # m, of a sampled profile; beyond the top there is vacuum
+_SPACING = 5.0  # m, of the samples
+_ROUNDING = 1000.0  # m, see `sampled`
+_PANELS = 1e3 * np.array([-1, 0.5, 2, 4, 6, 8, 10, 12, 14, 17, 20, 24, 29, 35, 42, 50, 60, 70, 80, 90, 110, 130])  # m
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+_ROUNDS = 30  # of Newton's iteration at most; three to eight are needed
+_TOP_OF_STANDARD = 86e3  # m
+_TAIL_SCALE = 5630.0  # m, isothermal scale height there: 287.05 x 186.87 / 9.53
+
+
+class Profile(NamedTuple):
+    """A sampled atmosphere, from BOTTOM to TOP.
+
+    height (n,) m, rising; radius (n,) m: X = n r; log_f (n,): ln of f, what the integrals need; log_n (n,): ln of
+    n - 1; panels (m,) m: X between which the integrals take their nodes, bottom and top included.
+    """
+
+    height: Floats
+    radius: Floats
+    log_f: Floats
+    log_n: Floats
+    panels: Floats
+
+
+class Ray(NamedTuple):
+    """What a ray does: delay (m), excess of the optical path over the straight distance; apparent elevation (rad)."""
+
+    delay: Floats
+    apparent: Floats
+
+
+# --- refractivity against height, (n - 1) x 1e6 ----------------------------------------------------------------------
+
+
+def standard_refractivity(height: ArrayLike, wet: float = 44.8, wet_scale: float = 2000.0) -> Floats:
+    """Return the refractivity (...,) of the US Standard Atmosphere 1976 with vapour that falls off exponentially.
+
+    Parameters
+    ----------
+    height
+        (...,) m above sea level, from -5 km; exponential above 86 km.
+    wet, wet_scale
+        Wet refractivity at sea level, and its scale height (m). The default is the reference atmosphere of ITU-R P.835:
+        7.5 g/m^3 at 288.15 K, which is 9.97 hPa, over 2 km.
+
+    Notes
+    -----
+    Dry 77.6 p/T and wet 3.73e5 e/T^2, p and e in hPa (Smith and Weintraub 1953; ITU-R P.453).
+    """
+    height = np.asarray(height, dtype=float)
+    below = np.minimum(height, _TOP_OF_STANDARD)
+    dry = np.empty(below.shape)
+    for k, metres in np.ndenumerate(below):
+        _, pressure, temperature, _ = atmosphere(float(metres))
+        dry[k] = 0.776 * pressure / temperature
+    return np.asarray(dry * np.exp((below - height) / _TAIL_SCALE) + wet * np.exp(-height / wet_scale))
+
+
+def bean_thayer_refractivity(height: ArrayLike, surface: float = 324.8) -> Floats:
+    """Return the refractivity (...,) of the exponential reference atmosphere from its value at sea level.
+
+    Linear to 1 km, with slope -7.32 exp(0.005577 surface) per km; exponential to 105 at 9 km; with 0.1424 per km above
+    (Bean and Thayer 1959). With 324.8 it is the model of NATO STANAG 4294, which signal simulators use.
+    """
+    height = np.asarray(height, dtype=float)
+    slope = -7.32e-3 * np.exp(0.005577 * surface)
+    first = surface + 1e3 * slope
+    rate = np.log(first / 105.0) / 8e3
+    middle = first * np.exp(-rate * (height - 1e3))
+    upper = 105.0 * np.exp(-0.1424e-3 * (height - 9e3))
+    return np.asarray(np.where(height < 1e3, surface + slope * height, np.where(height < 9e3, middle, upper)))
+
+
+def exponential_refractivity(height: ArrayLike, surface: float = 315.0, scale: float = 7350.0) -> Floats:
+    """Return the refractivity (...,) that falls exponentially; the default is the mean of the world of ITU-R P.453."""
+    return np.asarray(surface * np.exp(-np.asarray(height, dtype=float) / scale))
+
+
+def sampled(refractivity: Callable[[Floats], Floats]) -> Profile:
+    """Return the profile of a refractivity (n - 1) x 1e6 that is a function of height (n,) in m.
+
+    Its logarithm is smoothed over a kilometre (one sigma of a Gaussian): at a sharp corner, such as the tropopause of
+    the standard atmosphere, a grazing ray seen from orbit would arrive by three ways, which real air rounds off too.
+
+    Raises
+    ------
+    ValueError
+        Where refractivity rises with height, or falls so fast (157 per km) that rays are trapped: then no path leads
+        out.
+    """
+    wings = np.arange(-3.0 * _ROUNDING, 3.0 * _ROUNDING + 1.0, _SPACING)
+    weight = np.exp(-0.5 * (wings / _ROUNDING) ** 2)
+    height = np.arange(BOTTOM, TOP + 1.0, _SPACING)
+    wider = np.arange(BOTTOM + wings[0], TOP + wings[-1] + 1.0, _SPACING)
+    log_n = np.convolve(np.log(1e-6 * refractivity(wider)), weight / np.sum(weight), "valid")
+    excess = np.exp(log_n)
+    slope = excess * np.gradient(log_n, _SPACING, edge_order=2)
+    r = EARTH_RADIUS + height
+    stretch = 1.0 + excess + r * slope
+    if np.any(stretch <= 0.0) or np.any(slope >= 0.0):
+        raise ValueError("refractivity should fall with height, and by less than 157 per km: rays would be trapped")
+    radius = r * (1.0 + excess)
+    return Profile(height, radius, np.log(-r * slope / stretch), log_n, np.interp(_PANELS, height, radius))
+
+
+# --- rays -------------------------------------------------------------------------------------------------------------
+
+
+def ray(profile: Profile, height: ArrayLike, elevation: ArrayLike, far: float) -> Ray:
+    """Trace the rays from receivers to satellites; straight elevation in, delay and apparent elevation out.
+
+    Parameters
+    ----------
+    profile
+        The layered atmosphere on a sphere of EARTH_RADIUS.
+    height, elevation
+        (...,) m of the receiver; rad above its horizon, of the straight line to the satellite, negative too.
+    far
+        Radius (m) of the satellite from the Earth's centre; beyond the receiver and the top of the profile.
+
+    Returns
+    -------
+    Ray
+        (...,) each. A ray whose lowest point would lie below BOTTOM is continued with the air of the bottom: finite,
+        without meaning.
+    """
+    height, elevation = np.broadcast_arrays(np.asarray(height, dtype=float), np.asarray(elevation, dtype=float))
+    start = EARTH_RADIUS + height
+    inside = height <= TOP
+    start_radius = start * (1.0 + inside * np.exp(np.interp(height, profile.height, profile.log_n)))
+    straight = start * np.cos(elevation)
+    target = np.arccos(straight / far) - elevation
+
+    def miss(apparent: Floats) -> tuple[Floats, Floats]:
+        excess, bending = _added(profile, start_radius, apparent)
+        angle = np.arccos(start_radius * np.cos(apparent) / far) - apparent + bending
+        return angle - target, excess
+
+    apparent = np.array(elevation)
+    for _ in range(_ROUNDS):  # Newton from below, where the miss is convex: no step goes too far
+        missed, excess = miss(apparent)
+        step = 1e-5
+        correction = -missed * step / np.minimum(miss(apparent + step)[0] - missed, -1e-3 * step)
+        apparent = apparent + correction
+        if np.all(np.abs(correction) < 1e-9):  # then the next is as good as zero
+            break
+    missed, excess = miss(apparent)
+    impact = start_radius * np.cos(apparent)  # the optical path grows by it for each radian of central angle
+    flown = np.sqrt(far**2 - impact**2) - start_radius * np.sin(apparent) + excess - impact * missed
+    distance = np.sqrt(far**2 - straight**2) - start * np.sin(elevation)
+    return Ray(np.asarray(flown - distance), np.asarray(apparent))
+
+
+def _added(profile: Profile, start_radius: Floats, apparent: Floats) -> tuple[Floats, Floats]:
+    """Return what the air adds to optical path (m) and to central angle (rad) of rays to the outside, (...,) each."""
+    impact = start_radius * np.cos(apparent)
+    start = start_radius * np.sin(apparent)  # l where the ray begins
+    bounds = np.sqrt(np.maximum(profile.panels**2 - impact[..., None] ** 2, 0.0))
+    bounds[..., 0] = 0.0  # below the bottom the air goes on as it is there
+    up = _integrals(profile, impact, np.maximum(bounds, np.maximum(start, 0.0)[..., None]))
+    if np.any(start < 0.0):
+        down = _integrals(profile, impact, np.minimum(bounds, np.maximum(-start, 0.0)[..., None]))
+        return up[0] + down[0], up[1] + down[1]
+    return up
+
+
+def _integrals(profile: Profile, impact: Floats, bounds: Floats) -> tuple[Floats, Floats]:
+    """Return the integrals of f dl and of f a / X^2 dl over panels between the bounds (..., m), l in m."""
+    half = 0.5 * np.diff(bounds, axis=-1)[..., None]
+    along = bounds[..., :-1, None] + half * (1.0 + _NODES)
+    square = impact[..., None, None] ** 2 + along**2
+    weight = half * _WEIGHTS * np.exp(np.interp(np.sqrt(square), profile.radius, profile.log_f))
+    angle = impact * np.sum(weight / square, axis=(-2, -1))
+    return np.asarray(np.sum(weight, axis=(-2, -1))), np.asarray(angle)
+
+
+def lowest_height(latitude: ArrayLike, height: ArrayLike, azimuth: ArrayLike, elevation: ArrayLike) -> Floats:
+    """Return the height (...,) m above the ellipsoid of the lowest point of a straight line that points downwards.
+
+    latitude, azimuth, elevation (...,) rad, geodetic axes at the receiver; height (...,) m. A line that points upwards
+    is lowest at the receiver. Stretching z makes the ellipsoid a sphere; the error is 0.4 % of how far the line falls,
+    and some decimetres.
+    """
+    lat, h, az, el = (np.asarray(value, dtype=float) for value in (latitude, height, azimuth, elevation))
+    normal = SEMI_MAJOR / np.sqrt(1.0 - ECCENTRICITY_2 * np.sin(lat) ** 2)
+    stretch = SEMI_MAJOR / SEMI_MINOR
+    flat, polar = (normal + h) * np.cos(lat), ((1.0 - ECCENTRICITY_2) * normal + h) * np.sin(lat) * stretch
+    north, east, up = np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)
+    outwards, polewards = up * np.cos(lat) - north * np.sin(lat), (up * np.sin(lat) + north * np.cos(lat)) * stretch
+    towards = flat * outwards + polar * polewards
+    start = np.hypot(flat, polar)
+    square = outwards**2 + east**2 + polewards**2
+    lowest = np.sqrt(np.maximum(start**2 - np.minimum(towards, 0.0) ** 2 / square, 0.0))
+    return np.asarray(np.where(el < 0.0, h - (start - lowest), h))

@@ -1,0 +1,98 @@
+"""The rules in numbers: dilution of precision, and which samples pass the checks at the input."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from lvnav_trade.engines.setup.watching import left_out, pdop, watched
+from tests.building import LOOSE, case, loaded, prepare_hop, with_fields
+
+
+def towards(azimuth, elevation):
+    a, e = np.radians(azimuth), np.radians(elevation)
+    return np.stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)], axis=-1)
+
+
+def test_the_dilution_of_precision_of_a_worked_geometry():
+    """Elevations 0, 0, 45, 45, 90 deg: PDOP = sqrt(77/3) / 2, in closed form."""
+    direction = towards([0.0, 90.0, 180.0, 270.0, 0.0], [0.0, 0.0, 45.0, 45.0, 90.0])[None]
+    assert pdop(direction, np.ones((1, 5), dtype=bool))[0] == pytest.approx(math.sqrt(77.0 / 3.0) / 2.0, rel=1e-12)
+
+
+def test_without_four_satellites_or_with_all_in_one_cone_there_is_none():
+    cone = towards(np.arange(5) * 72.0, np.full(5, 30.0))[None]
+    assert pdop(cone, np.ones((1, 5), dtype=bool))[0] == math.inf
+    four = np.array([[True, True, True, False, False]])
+    assert pdop(towards([0.0, 90.0, 180.0, 270.0, 0.0], [0.0, 0.0, 45.0, 45.0, 90.0])[None], four)[0] == math.inf
+
+
+def test_a_card_without_logic_has_no_rules_and_its_signals_stay():
+    prepared = case(LOOSE)
+    assert prepared.options.rules is None
+    assert case().options.rules is None
+
+
+def test_a_card_is_turned_into_numbers_and_rules_left_out_let_everything_pass():
+    scenario = loaded(LOOSE)
+    logic = {"wild_position": "150 m", "start_after": 5, "correct_after": "0 s", "restart_after": ["residual"]}
+    card = with_fields(scenario.filter, logic=logic)
+    faults = [{"kind": "satellite_outage", "start": "12 s", "duration": "3 s"}]
+    prepared = prepare_hop(with_fields(scenario.model_copy(update={"filter": card}), faults=faults))
+    rules = prepared.options.rules
+    np.testing.assert_array_equal(rules.limits, [150.0] * 3 + [math.inf] * 3)
+    np.testing.assert_array_equal(rules.spread, math.inf)
+    np.testing.assert_array_equal(rules.restarts, [0.0, 1.0, 0.0])
+    assert (rules.start_after, rules.stop_after, rules.from_gnss) == (5.0, math.inf, False)
+    assert prepared.t_epoch[~rules.good].tolist() == [12.0, 13.0, 14.0]
+    np.testing.assert_array_equal(rules.P, prepared.start.P)
+
+
+def test_a_start_from_the_receiver_is_a_logic_that_lets_everything_pass():
+    scenario = loaded(LOOSE)
+    card = with_fields(scenario.filter, init="from_gnss")
+    faults = [{"kind": "invalid_output", "start": "12 s", "duration": "3 s"}]
+    prepared = prepare_hop(with_fields(scenario.model_copy(update={"filter": card}), faults=faults))
+    assert prepared.options.rules.good.all()
+    assert prepared.options.rules.from_gnss
+
+
+def test_where_a_sample_fails_the_checks_linear_covariance_has_no_row():
+    prepared = case(LOOSE)
+    card = with_fields(prepared.scenario.filter, logic={"pdop_below": 2.0})
+    dilution = np.where(np.arange(prepared.t_epoch.size) % 2, 1.5, 3.0)
+    failed = type("Failed", (), {"frozen": np.zeros(30, dtype=bool), "invalid": np.zeros(30, dtype=bool)})
+    rules = watched(card, failed, prepared.signals, prepared.channels, lambda: dilution, prepared.start.P)
+    signals, chain = left_out(rules, prepared.signals, None)
+    assert chain is None
+    np.testing.assert_array_equal(rules.good, dilution < 2.0)
+    np.testing.assert_array_equal(signals.n_used > 0, dilution < 2.0)
+
+
+def test_a_receiver_that_solves_itself_keeps_its_satellites_where_its_solution_is_left_out():
+    scenario = loaded(LOOSE)
+    point = {"kind": "bancroft", "range_sigma": "2 m", "rate_sigma": "0.1 m/s"}
+    solving = with_fields(scenario, **{"receiver.solution": point})
+    faults = [{"kind": "invalid_output", "start": "12 s", "duration": "3 s"}]
+    plain, watching = (
+        prepare_hop(with_fields(solving, **{"filter.logic": logic, "faults": faults})) for logic in (None, {})
+    )
+    np.testing.assert_array_equal(watching.signals.n_used, plain.signals.n_used)
+    left = plain.t_epoch[plain.chain.solved & ~watching.chain.solved]
+    assert left.tolist() == [12.0, 13.0, 14.0]
+
+
+def test_of_ranges_the_limits_stand_by_channel_and_one_satellite_is_a_sample():
+    scenario = loaded("base.filter=filters/tight")
+    logic = {"wild_position": "150 m", "wild_velocity": "3 m/s"}
+    card = with_fields(scenario.filter, logic=logic)
+    faults = [
+        {"kind": "satellite_outage", "start": "12 s", "duration": "3 s"},
+        {"kind": "satellite_outage", "start": "18 s", "duration": "2 s", "keep": 1},
+    ]
+    prepared = prepare_hop(with_fields(scenario.model_copy(update={"filter": card}), faults=faults))
+    rules = prepared.options.rules
+    np.testing.assert_array_equal(rules.limits, [150.0, 3.0] * len(prepared.sky.names))
+    assert prepared.t_epoch[~rules.good].tolist() == [12.0, 13.0, 14.0]
