@@ -23,6 +23,7 @@ from lvnav_trade.engines.lincov.history import covariance, forward_tape
 from lvnav_trade.engines.lincov.sources import source_names
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.simulate.montecarlo import run_block
+from lvnav_trade.errors import InputError
 from lvnav_trade.filters.scheduled import schedule_of
 from lvnav_trade.frames import quaternions
 from lvnav_trade.layout import state_names
@@ -232,7 +233,7 @@ def evaluate(case: Case, runs: int = RUNS) -> Verdict:
         prepared = prepare_hop(scenario, flight(kind))
     except ValidationError as error:
         return Verdict(refused=str(error.errors()[0]["msg"]).removeprefix("Value error, "))
-    except ValueError as error:
+    except InputError as error:
         return Verdict(refused=str(error))
     low, high, bounds, worst = compare(prepared, runs)
     return Verdict("", low, high, bounds, worst, time.perf_counter() - start)
@@ -248,7 +249,7 @@ def with_stored_gains(case: Case, scenario: Scenario) -> Scenario:
     gains[tape.epoch[:used], tape.channel[:used]] = tape.gain[:used, :n]
     taken = np.unique(tape.channel[:used])
     if not taken.size:
-        raise ValueError("filter.gains: the filter has no measurement that a gain could be for")
+        raise InputError("filter.gains: the filter has no measurement that a gain could be for")
     schedule = schedule_of(
         "stored", "test", "time", state_names(prepared.layout), prepared.t_epoch, gains[:, taken],
         flown_events(prepared), tolerance=1e-6, digits=9, measurements=[names[k] for k in taken],

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import itertools
 
+import numpy as np
 import pytest
 from pydantic import ValidationError
 
 from lvnav_trade.refusals import REFUSALS
-from tests.engines.combinations import DIMENSIONS, covering, evaluate, refusal, scenario_of
+from tests.building import prepare_hop
+from tests.engines.combinations import DIMENSIONS, covering, evaluate, flight, refusal, scenario_of
 
 FIRST = {name: next(iter(levels)) for name, levels in DIMENSIONS.items()}
 SAMPLE = [
@@ -51,6 +53,16 @@ def test_refusals_are_few_and_each_gives_a_reason():
 def test_both_engines_agree(levels):
     verdict = evaluate(FIRST | levels)
     assert verdict.agrees, verdict
+
+
+@pytest.mark.parametrize("levels", [{"receiver": "point"}, {"receiver": "filtered"}, {"latency": "extrapolated"}])
+def test_a_sensor_keeps_its_variance_beside_a_solution_with_a_covariance(levels):
+    scenario, kind, _ = scenario_of(FIRST | {"measurements": "solution, attitude"} | levels)
+    prepared = prepare_hop(scenario, flight(kind))
+    variance = prepared.signals.variance[:, : prepared.channels.n_channel]
+    assert variance.shape == (prepared.t_epoch.size, 9)
+    assert variance[:, 6:] == pytest.approx(5e-3**2)
+    assert np.all(variance[:, :6] > 1e-4)
 
 
 @pytest.mark.slow

@@ -277,7 +277,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     chain = chain_of(solver, has_covariance(scenario), truth, line)
     truth, chain = left_out(rules, truth, chain)
     if chain is not None and solver is not None:
-        truth = truth._replace(variance=np.diagonal(chain.reported, axis1=1, axis2=2).copy())
+        truth.variance[:, :6] = np.diagonal(chain.reported, axis1=1, axis2=2)
     return Prepared(
         scenario=scenario,
         trajectory=trajectory,

@@ -81,12 +81,12 @@ def simulated(signals: Signals) -> Chain:
     return Chain(
         move=np.zeros((n_epoch, 6, 6)),
         white=np.tile(-np.eye(6), (n_epoch, 1, 1)),
-        variance=signals.sigma**2,
+        variance=signals.sigma[:, axes] ** 2,
         kind=np.repeat(np.array([PLACE, SPEED]), 3),
         shared=-np.array([_shared(signals, k, axes) for k in range(n_epoch)]).reshape(n_epoch, 6, -1),
         push=np.zeros((n_epoch, 6)),
         pick=axes,
-        reported=np.einsum("ki,ij->kij", signals.variance, np.eye(6)),
+        reported=np.einsum("ki,ij->kij", signals.variance[:, axes], np.eye(6)),
         solved=signals.n_used >= 4,
         point=np.hstack([signals.position, signals.velocity]),
     )
