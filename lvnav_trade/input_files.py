@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from lvnav_trade.errors import InputError, quoted
@@ -37,6 +37,20 @@ def read_bytes(path: str | Path, most: int) -> bytes:
     if len(data) > most:
         raise InputError(f"{_shown(path)}: more than {most} bytes")
     return data
+
+
+def text_lines(path: str | Path, most: int) -> Iterator[tuple[int, str]]:
+    """Yield the numbered lines of a text file of at most `most` bytes that say something; # begins a comment line.
+
+    InputError as of `read_bytes`, and where the file is not text.
+    """
+    try:
+        text = read_bytes(path, most).decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: is not a text file") from None
+    for number, line in enumerate(text.splitlines(), start=1):
+        if line.strip() and not line.lstrip().startswith("#"):
+            yield number, line
 
 
 def is_file(path: Path) -> bool:

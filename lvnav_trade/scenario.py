@@ -16,12 +16,11 @@ from lvnav_trade.observables.sensor import SensorCard, SensorModel
 from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS, Sensor, model_of
 from lvnav_trade.refusals import refused
 from lvnav_trade.units import AngleSigma, Card, Length, LengthSigma, SpeedSigma
-from lvnav_trade.world.control.controlled import ControlledCard
+from lvnav_trade.world.control.cards import ControlledCard
 from lvnav_trade.world.faults import Fault
 from lvnav_trade.world.flight.trajectory import TrajectoryCard
 from lvnav_trade.world.gravity import GravityCard
-from lvnav_trade.world.receiver.receiver import ReceiverCard
-from lvnav_trade.world.receiver.solutions import DirectSolution
+from lvnav_trade.world.receiver.receiver import DirectSolution, ReceiverCard
 from lvnav_trade.world.sensors.imu import ImuCard
 from lvnav_trade.world.sky.constellation import AlmanacConstellation, Constellation, parts_of
 

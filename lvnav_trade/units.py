@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from datetime import datetime
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import pint
 from pydantic import (
@@ -20,6 +21,7 @@ from pydantic import (
     GetCoreSchemaHandler,
     PlainSerializer,
     WithJsonSchema,
+    model_validator,
 )
 from pydantic_core import CoreSchema, core_schema
 
@@ -283,6 +285,12 @@ def distinct(values: Sequence[Any]) -> Sequence[Any]:
     return values
 
 
+def require_rising(name: str, values: Sequence[float]) -> None:
+    """ValueError where a column of a card does not rise from entry to entry."""
+    if any(later <= earlier for earlier, later in pairwise(values)):
+        raise ValueError(f"{name} must rise from entry to entry")
+
+
 class Card(BaseModel):
     """Base of every settings object: frozen, and a key that it does not know is an error.
 
@@ -291,6 +299,16 @@ class Card(BaseModel):
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    def _faults(self) -> Iterable[str]:
+        """Return what makes these settings impossible, in words; the first is the error."""
+        return ()
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        for fault in self._faults():
+            raise ValueError(fault)
+        return self
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lvnav_trade.errors import InputError
-from lvnav_trade.input_files import exists, is_file, is_folder, read_bytes
+from lvnav_trade.input_files import exists, is_file, is_folder, read_bytes, text_lines
 
 
 def test_a_regular_file_is_read_whole(tmp_path: Path) -> None:
@@ -50,3 +50,11 @@ def test_a_name_that_no_file_can_have_is_no_file_and_no_error(tmp_path: Path) ->
     assert exists(tmp_path)
     for name in ("x" * 300, "a\0b", "missing"):
         assert not any(question(tmp_path / name) for question in (is_file, is_folder, exists))
+
+
+def test_lines_that_say_something_come_with_their_numbers(tmp_path: Path) -> None:
+    (tmp_path / "data").write_bytes(b"\xef\xbb\xbf# a comment\n\na,b\n  # another\n1,2\r\n")
+    assert list(text_lines(tmp_path / "data", 100)) == [(3, "a,b"), (5, "1,2")]
+    (tmp_path / "data").write_bytes(b"\xff\xfe")
+    with pytest.raises(InputError, match="is not a text file"):
+        list(text_lines(tmp_path / "data", 100))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Literal
 
 import pytest
@@ -12,7 +13,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from lvnav_trade import units
 from lvnav_trade.limits import LARGEST
-from lvnav_trade.units import Card, parse
+from lvnav_trade.units import Card, parse, require_rising
 
 DEG, HOUR, G = math.pi / 180.0, 3600.0, 9.80665
 
@@ -189,3 +190,30 @@ def test_a_key_that_a_card_does_not_know_is_an_error_and_a_card_cannot_be_change
         Sample.model_validate({"amr": "1 m"})
     with pytest.raises(ValidationError, match="frozen"):
         Sample().arm = 1.0
+
+
+class Span(Card):
+    """A card with two rules of its own."""
+
+    start: float = 0.0
+    end: float = 1.0
+
+    def _faults(self) -> Iterator[str]:
+        if self.start < 0.0:
+            yield "start lies before zero"
+        if self.end < self.start:
+            yield "end lies before start"
+
+
+def test_the_first_fault_that_a_card_finds_in_itself_is_the_error() -> None:
+    assert Span(start=0.5).end == 1.0
+    with pytest.raises(ValidationError, match="Value error, end lies before start"):
+        Span(start=2.0)
+    with pytest.raises(ValidationError, match="Value error, start lies before zero"):
+        Span(start=-1.0, end=-2.0)
+
+
+def test_a_column_that_does_not_rise_is_refused_by_its_name() -> None:
+    require_rising("mach", (0.0, 0.5, 2.0))
+    with pytest.raises(ValueError, match="mach must rise from entry to entry"):
+        require_rising("mach", (0.0, 0.5, 0.5))

@@ -28,9 +28,7 @@ from lvnav_trade.steering.loop import (
     fly_run,
 )
 from lvnav_trade.world.control.ascent import Ascent, Body, body_along, changes
-from lvnav_trade.world.control.body import RotationCard
-from lvnav_trade.world.control.controller import ControllerCard, FeedbackCard, rate_noise
-from lvnav_trade.world.control.wind import WindCard
+from lvnav_trade.world.control.cards import ControllerCard, FeedbackCard, RotationCard, WindCard, rate_noise
 from lvnav_trade.world.sensors.imu import ImuCard
 
 Floats = NDArray[np.float64]

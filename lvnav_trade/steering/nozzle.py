@@ -31,7 +31,7 @@ from lvnav_trade.steering.loop import (
 from lvnav_trade.steering.missions import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
 from lvnav_trade.world.control.ascent import Ascent, ascend
-from lvnav_trade.world.control.controller import FeedbackCard
+from lvnav_trade.world.control.cards import FeedbackCard
 
 FEEDS = ("raw", "filtered", "true")
 """Rates that the controller is fed, a mission each."""

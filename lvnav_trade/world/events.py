@@ -13,17 +13,11 @@ _TIMED = re.compile(r"\s*(?P<name>[A-Za-z_]\w*)\s*(?:(?P<sign>[+-])\s*(?P<offset
 
 
 def resolve(text: str, events: Mapping[str, float]) -> float:
-    """Return the time in s since lift-off that a text states.
+    """Return the time in s since lift-off that a text states: an event's name, with a duration added or taken away
+    (``"stage1_cutoff + 20 s"``), or a time (``"100 s"``).
 
-    Parameters
-    ----------
-    text : an event's name, with a duration added or taken away (``"stage1_cutoff + 20 s"``), or a time (``"100 s"``).
-    events : times of the events of the flight, s.
-
-    Raises
-    ------
-    InputError
-        Where the event is not one of the flight (the nearest name is offered), or the duration has no unit.
+    events: times of the events of the flight, s. InputError where the event is not one of the flight (the nearest name
+    is offered), or the duration has no unit.
     """
     match = _TIMED.match(text)
     if match is None:
@@ -33,10 +27,8 @@ def resolve(text: str, events: Mapping[str, float]) -> float:
         near = difflib.get_close_matches(name, list(events), n=1, cutoff=0.5)
         hint = f"did you mean {near[0]!r}?" if near else f"the flight has {', '.join(events)}"
         raise InputError(f"{text!r}: no event {name!r} ({hint})")
-    if match["offset"] is None:
-        return events[name]
-    offset = _seconds(match["offset"], text)
-    return events[name] + (offset if match["sign"] == "+" else -offset)
+    offset = _seconds(match["offset"], text) if match["offset"] else 0.0
+    return events[name] + (-offset if match["sign"] == "-" else offset)
 
 
 def _seconds(part: str, text: str) -> float:

@@ -123,21 +123,6 @@ class DroppedSamples(Timed):
     instead: Literal["nothing", "last"] = "nothing"
 
 
-Fault = Annotated[
-    SatelliteOutage
-    | AntennaFailure
-    | DegradedNoise
-    | RangeBias
-    | ClockJump
-    | WildSamples
-    | FrozenOutput
-    | InvalidOutput
-    | LatencyChange
-    | GyroBiasStep
-    | AccelBiasStep
-    | DroppedSamples,
-    Field(discriminator="kind"),
-]
 AnyFault = (
     SatelliteOutage
     | AntennaFailure
@@ -152,6 +137,7 @@ AnyFault = (
     | AccelBiasStep
     | DroppedSamples
 )
+Fault = Annotated[AnyFault, Field(discriminator="kind")]
 
 
 class Failures(NamedTuple):
@@ -172,7 +158,6 @@ class Failures(NamedTuple):
 
 
 def _about(number: int, field: str, message: str) -> InputError:
-    """Return the mistake in a field of a fault, counted from 0."""
     return InputError(records=[Mistake(message, f"faults.{number}.{field}")])
 
 
@@ -199,12 +184,9 @@ def span(number: int, fault: AnyFault, events: dict[str, float]) -> tuple[float,
 
 
 def active(faults: Sequence[AnyFault], kind: type[Card], events: dict[str, float], t: Floats) -> Iterable[Any]:
-    """Yield every fault of a kind with the mask (n_epoch,) of the epochs at which it holds.
+    """Yield number (from 0), card, mask (n_epoch,) of the epochs at which it holds, and start (s) of faults of a kind.
 
-    Raises
-    ------
-    InputError
-        Where a start cannot be resolved, or the fault lies wholly before or after the epochs.
+    InputError where a start cannot be resolved, or a fault lies wholly before or after the epochs.
     """
     for number, fault in enumerate(faults):
         start, end = span(number, fault, events)
@@ -213,30 +195,18 @@ def active(faults: Sequence[AnyFault], kind: type[Card], events: dict[str, float
             where = f"lies outside the flight ({t[0]:g} s to {t[-1]:g} s)"
             raise _about(number, "start", f"the {what} from {start:g} s to {end:g} s {where}")
         if isinstance(fault, kind):
-            yield fault, (t >= start - ROUNDING) & (t < end - ROUNDING), start
+            yield number, fault, (t >= start - ROUNDING) & (t < end - ROUNDING), start
 
 
 def lost(faults: Sequence[AnyFault], events: dict[str, float], t: Floats, elevation: Floats, visible: Mask) -> Mask:
     """Return which satellites outages take away, (n_epoch, n_sat) bool.
 
-    Parameters
-    ----------
-    faults
-        Each holds from its start (included) to its end (excluded); where several hold, each takes its share.
-    events
-        Event times of the flight (s), that a fault's start may refer to.
-    t
-        (n_epoch,) s, rising.
-    elevation, visible
-        (n_epoch, n_sat) rad; and whether the satellite could be tracked without any fault.
-
-    Raises
-    ------
-    InputError
-        Where a start cannot be resolved, or a fault lies wholly before or after the epochs.
+    A fault holds from its start (included) to its end (excluded); where several hold, each takes its share. events:
+    times (s) that a start may refer to; t (n_epoch,) s, rising; elevation (n_epoch, n_sat) rad; visible: whether the
+    satellite could be tracked without any fault. InputError as of `active`.
     """
     gone = np.zeros_like(visible)
-    for fault, within, _ in active(faults, SatelliteOutage, events, t):
+    for _, fault, within, _ in active(faults, SatelliteOutage, events, t):
         if np.any(within):
             first = int(np.argmax(within))
             gone |= within[:, None] & ~highest(elevation[first], visible[first], fault.keep)
@@ -246,12 +216,11 @@ def lost(faults: Sequence[AnyFault], events: dict[str, float], t: Floats, elevat
 def antennas_alive(faults: Sequence[AnyFault], events: dict[str, float], t: Floats, n_antenna: int) -> Mask:
     """Return which antennas receive, (n_epoch, n_antenna) bool; InputError where a fault names one that is none."""
     alive = np.ones((t.size, n_antenna), dtype=bool)
-    for fault, _, start in active(faults, AntennaFailure, events, t):
+    for number, fault, _, start in active(faults, AntennaFailure, events, t):
         # what is said of an epoch holds since the epoch before, so the one that the failure begins with still has all
         within = (t > start + ROUNDING) & (t <= start + fault.duration + ROUNDING)
         for antenna in fault.antennas:
             if antenna > n_antenna:
-                number = [f is fault for f in faults].index(True)
                 raise _about(number, "antennas", missing_antenna(antenna, n_antenna))
             alive[within, antenna - 1] = False
     return alive
@@ -260,7 +229,7 @@ def antennas_alive(faults: Sequence[AnyFault], events: dict[str, float], t: Floa
 def delay(faults: Sequence[AnyFault], events: dict[str, float], t: Floats) -> Floats:
     """Return by how much later than the filter knows measurements arrive, (n_epoch,) s."""
     late = np.zeros(t.size)
-    for fault, within, _ in active(faults, LatencyChange, events, t):
+    for _, fault, within, _ in active(faults, LatencyChange, events, t):
         late[within] += fault.by
     return late
 
@@ -280,41 +249,34 @@ def failures(
     elevation: Floats,
     tracked: Mask,
 ) -> Failures:
-    """Return what faults do to the measurements at the epochs.
-
-    Parameters
-    ----------
-    t
-        (n_epoch,) s, rising; names (n_sat,); elevation, tracked (n_epoch, n_sat).
+    """Return what faults do to the measurements at the epochs t (n_epoch,) s, rising; names (n_sat,); elevation (rad)
+    and tracked (n_epoch, n_sat).
     """
-    shape = (t.size, len(names))
-    out = Failures(
-        np.ones(shape), np.ones(t.size), np.zeros(shape), np.zeros(shape), np.zeros(t.size), np.zeros(shape),
-        np.zeros(t.size), np.zeros(t.size, dtype=bool), np.zeros(t.size, dtype=bool),
-    )  # fmt: skip
-    place = {id(fault): number for number, fault in enumerate(faults)}
-    for fault, within, _ in active(faults, DegradedNoise, events, t):
-        out.noise[np.ix_(within, _named(place[id(fault)], fault.satellites, names))] *= fault.factor
+    n, shape = t.size, (t.size, len(names))
+    bias, drift, jump, wild, solution_wild = (np.zeros(size) for size in (shape, shape, n, shape, n))
+    frozen, invalid = np.zeros((2, n), dtype=bool)
+    out = Failures(np.ones(shape), np.ones(n), bias, drift, jump, wild, solution_wild, frozen, invalid)
+    for number, fault, within, _ in active(faults, DegradedNoise, events, t):
+        out.noise[np.ix_(within, _named(number, fault.satellites, names))] *= fault.factor
         out.solution_noise[within] *= 1.0 if fault.satellites else fault.factor
-    for fault, within, start in active(faults, RangeBias, events, t):
-        hit = _named(place[id(fault)], fault.satellites, names)
+    for number, fault, within, start in active(faults, RangeBias, events, t):
+        hit = _named(number, fault.satellites, names)
         if not fault.satellites and np.any(within):
             first = int(np.argmax(within))
             hit = np.asarray(highest(elevation[first], tracked[first], 1))
-        out.bias[np.ix_(within, hit)] += (fault.size + fault.drift * (t[within] - start))[:, None]
-        out.drift[np.ix_(within, hit)] += fault.drift
-    for fault, _, start in active(faults, ClockJump, events, t):
-        out.jump[min(int(np.searchsorted(t, start - ROUNDING)), t.size - 1)] += fault.size
-    for fault, within, _ in active(faults, WildSamples, events, t):
-        hit = _named(place[id(fault)], fault.satellites, names)
-        out.wild[np.ix_(within, hit)] = np.hypot(out.wild[np.ix_(within, hit)], fault.sigma)
-        out.solution_wild[within] = np.hypot(out.solution_wild[within], fault.sigma)
-    for _, within, _ in active(faults, FrozenOutput, events, t):
-        out.frozen[within] = True
-        if out.frozen.size:
-            out.frozen[0] = False  # there is nothing yet to be held
-    for _, within, _ in active(faults, InvalidOutput, events, t):
-        out.invalid[within] = True
+        bias[np.ix_(within, hit)] += (fault.size + fault.drift * (t[within] - start))[:, None]
+        drift[np.ix_(within, hit)] += fault.drift
+    for _, fault, _, start in active(faults, ClockJump, events, t):
+        jump[min(int(np.searchsorted(t, start - ROUNDING)), n - 1)] += fault.size
+    for number, fault, within, _ in active(faults, WildSamples, events, t):
+        struck = np.ix_(within, _named(number, fault.satellites, names))
+        wild[struck] = np.hypot(wild[struck], fault.sigma)
+        solution_wild[within] = np.hypot(solution_wild[within], fault.sigma)
+    for _, _, within, _ in active(faults, FrozenOutput, events, t):
+        frozen |= within
+    frozen[:1] = False  # there is nothing yet to be held
+    for _, _, within, _ in active(faults, InvalidOutput, events, t):
+        invalid |= within
     return out
 
 

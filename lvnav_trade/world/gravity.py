@@ -26,5 +26,4 @@ def disturbance(card: GravityCard | None) -> tuple[ErrorBlock, ...]:
     """Return the disturbance as a block of true parameters; none where the card names none."""
     if card is None or card.sigma == 0.0:
         return ()
-    time_constant = card.time if card.time is not None else math.inf
-    return (ErrorBlock("gravity disturbance", 0, NO_SENSOR, GRAVITY, card.sigma, 0.0, time_constant),)
+    return (ErrorBlock("gravity disturbance", 0, NO_SENSOR, GRAVITY, card.sigma, 0.0, card.time or math.inf),)

@@ -3,29 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from typing import Annotated, Literal, NamedTuple, Self
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field
 
+from lvnav_trade import units
 from lvnav_trade.errors import InputError
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.waves import sum_of_waves
-from lvnav_trade.units import (
-    AccelerationDensity,
-    AccelerationSigma,
-    Angle,
-    AngleSigma,
-    Card,
-    Frequency,
-    RateDensity,
-    TimeConstant,
-)
+from lvnav_trade.records import Floats
+from lvnav_trade.units import Card, require_rising
 from lvnav_trade.world.events import resolve
 
-Floats = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Axis = Literal["x", "y", "z"]
 
@@ -33,26 +25,24 @@ Axis = Literal["x", "y", "z"]
 class Coning(Card):
     """A motion in which `axis` describes a cone: a rotation vector of constant length, across it, turns about it."""
 
-    angle: Annotated[Angle, Field(gt=0.0, lt=0.5)] = Field(description="half-angle of the cone")
-    frequency: Frequency
+    angle: Annotated[units.Angle, Field(gt=0.0, lt=0.5)] = Field(description="half-angle of the cone")
+    frequency: units.Frequency
     axis: Axis = "x"
-    phase: Angle = 0.0
+    phase: units.Angle = 0.0
 
 
 class Tone(Card):
     """One sinusoid along or about a body axis: a thrust oscillation, a bending mode. The value given is its peak."""
 
-    frequency: Frequency
+    frequency: units.Frequency
     axis: Axis
-    phase: Angle = 0.0
-    acceleration: AccelerationSigma | None = Field(None, description="peak acceleration along the axis")
-    angle: AngleSigma | None = Field(None, description="peak angle about the axis")
+    phase: units.Angle = 0.0
+    acceleration: units.AccelerationSigma | None = Field(None, description="peak acceleration along the axis")
+    angle: units.AngleSigma | None = Field(None, description="peak angle about the axis")
 
-    @model_validator(mode="after")
-    def _one(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         if (self.acceleration is None) == (self.angle is None):
-            raise ValueError("give acceleration or angle, one of the two")
-        return self
+            yield "give acceleration or angle, one of the two"
 
 
 class Noise(Card):
@@ -63,24 +53,21 @@ class Noise(Card):
     """
 
     name: str = "vibration"
-    frequency: tuple[Frequency, ...] = Field(min_length=2, description="breakpoints of the density, rising")
-    acceleration: tuple[AccelerationDensity, ...] | None = Field(None, description="along each axis")
-    rate: tuple[RateDensity, ...] | None = Field(None, description="of the body rate about each axis")
+    frequency: tuple[units.Frequency, ...] = Field(min_length=2, description="breakpoints of the density, rising")
+    acceleration: tuple[units.AccelerationDensity, ...] | None = Field(None, description="along each axis")
+    rate: tuple[units.RateDensity, ...] | None = Field(None, description="of the body rate about each axis")
     axes: tuple[Axis, ...] = ("x", "y", "z")
     lines: int = Field(64, ge=4, le=1024)
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         if (self.acceleration is None) == (self.rate is None):
-            raise ValueError("give acceleration or rate, one of the two")
+            yield "give acceleration or rate, one of the two"
         density = self.acceleration or self.rate or ()
         if len(density) != len(self.frequency):
-            raise ValueError(f"{len(self.frequency)} frequencies but {len(density)} densities")
+            yield f"{len(self.frequency)} frequencies but {len(density)} densities"
         if any(value <= 0.0 for value in density):
-            raise ValueError("a density on logarithmic axes is greater than zero")
-        if any(later <= earlier for earlier, later in zip(self.frequency, self.frequency[1:], strict=False)):
-            raise ValueError("frequency must rise from entry to entry")
-        return self
+            yield "a density on logarithmic axes is greater than zero"
+        require_rising("frequency", self.frequency)
 
 
 class OscillationCard(Card):
@@ -91,16 +78,14 @@ class OscillationCard(Card):
 
     start: str = Field(description="event of the flight, with a duration added or not, or a time since lift-off")
     end: str
-    ramp: TimeConstant = 0.5
+    ramp: units.TimeConstant = 0.5
     coning: tuple[Coning, ...] = ()
     tones: tuple[Tone, ...] = ()
     noise: tuple[Noise, ...] = ()
 
-    @model_validator(mode="after")
-    def _moves(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         if not (self.coning or self.tones or self.noise):
-            raise ValueError("an oscillation needs coning, tones or noise")
-        return self
+            yield "an oscillation needs coning, tones or noise"
 
 
 class Oscillation(NamedTuple):
@@ -186,8 +171,7 @@ def _placed(card: OscillationCard, name: str, events: Mapping[str, float], span:
     if start < span[0] or end > span[1]:
         raise InputError(f"{name}: {start:g} to {end:g} s is not within the flight, {span[0]:g} to {span[1]:g} s")
     rows = [*map(_cone, card.coning), *map(_tone, card.tones), *(row for noise in card.noise for row in _lines(noise))]
-    omega = np.array([row[0] for row in rows])
-    turn, shift = (np.array([row[k] for row in rows], dtype=complex) for k in (1, 2))
+    omega, turn, shift = map(np.array, zip(*rows, strict=True))
     return Oscillation(start, end, card.ramp, omega, turn, shift)
 
 
@@ -235,13 +219,8 @@ def _cumulated(f: Floats, density: Floats, at: Floats) -> Floats:
     """Return the power (n,) from f[0] to `at` (n,) of a density given at f, straight on logarithmic axes between."""
     slope = np.diff(np.log(density)) / np.diff(np.log(f))
 
-    def part(k: int, upper: Floats | float) -> Floats:
-        p = slope[k] + 1.0
-        if abs(p) < 1e-12:
-            return np.asarray(density[k] * f[k] * np.log(upper / f[k]))
-        return np.asarray(density[k] * f[k] / p * ((upper / f[k]) ** p - 1.0))
-
     total = np.zeros_like(at)
-    for k in range(slope.size):
-        total += part(k, np.clip(at, f[k], f[k + 1]))
+    for k, p in enumerate(slope + 1.0):
+        upper = np.clip(at, f[k], f[k + 1]) / f[k]
+        total += density[k] * f[k] * np.log(upper) if abs(p) < 1e-12 else density[k] * f[k] / p * (upper**p - 1.0)
     return total

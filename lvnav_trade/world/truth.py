@@ -13,19 +13,18 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline, PPoly, make_interp_spline
 
-from lvnav_trade.frames import matrices, unit
-from lvnav_trade.kernels.earth import gravity_along
-from lvnav_trade.records import Motion, Reference
+from lvnav_trade.frames import earth_angle, eci_from_ecef, matrices, unit
+from lvnav_trade.kernels.earth import OMEGA, gravity_along
+from lvnav_trade.records import Floats, Motion, Reference
 from lvnav_trade.world.oscillation import Oscillation, small_motion
-
-Floats = NDArray[np.float64]
 
 _AT_ONCE = 4096
 """Times whose motion is worked out together: what is needed meanwhile (3 KB a time) stays in the processor's cache and
 does not become part of the process."""
+_PAD_STEP = 2.5  # s between knots on the pad; the Earth's turn is so slow that rounding is the only error
 _SLIVER = 1e-9  # s; a piece of a tick shorter than this is rounding of the grid, not a piece
 
 
@@ -71,6 +70,36 @@ class Trajectory:
         return {"start": self.start, "end": self.end, **self.events}
 
 
+def splined(
+    name: str, t: Floats, r: Floats, v_ends: ArrayLike, a_ends: ArrayLike, attitude: BSpline, spin: PPoly | None = None
+) -> Phase:
+    """Return the phase through positions r (n, 3) at t (n,), with velocity and acceleration (2, 3) at both ends."""
+    return Phase(name, float(t[0]), float(t[-1]), position_spline(t, r, v_ends, a_ends), attitude, spin)
+
+
+def pad_times(start: float, hold: float) -> Floats:
+    """Return times (n,) s of a rest of `hold` seconds on the pad that ends at `start`, knots of its splines."""
+    return start + np.linspace(-hold, 0.0, max(8, int(np.ceil(hold / _PAD_STEP))) + 1)
+
+
+def pad_phase(
+    r_e: Floats, theta0: float, start: float, hold: float, attitude: BSpline, spin: PPoly | None = None,
+    v_end: Floats | None = None,
+) -> tuple[Phase, ...]:  # fmt: skip
+    """Return the rest at r_e (3,) on the Earth for `hold` seconds before `start`; nothing where there is no hold.
+
+    v_end (3,) is the velocity (m/s, frame i) that it ends with; none: that of the Earth there.
+    """
+    if hold <= 0.0:
+        return ()
+    t = pad_times(start, hold)
+    r = eci_from_ecef(r_e, earth_angle(theta0, t))
+    v = np.cross([0.0, 0.0, OMEGA], r[[0, -1]])
+    a = np.cross([0.0, 0.0, OMEGA], v)
+    v[1] = v[1] if v_end is None else v_end
+    return (splined("pad", t, r, v, a, attitude, spin),)
+
+
 def position_spline(t: Floats, r: Floats, v_ends: ArrayLike, a_ends: ArrayLike) -> BSpline:
     """Return the quintic through r (n, 3) at t (n,), with given velocity and acceleration (2, 3) at both ends."""
     v, a = np.asarray(v_ends), np.asarray(a_ends)
@@ -89,8 +118,8 @@ def motion(trajectory: Trajectory, t: ArrayLike) -> Motion:
     """
     t = np.atleast_1d(np.asarray(t, dtype=float))
     if t.size and not (trajectory.start <= t.min() and t.max() <= trajectory.end):
-        raise ValueError(f"times {t.min():g} to {t.max():g} s, the trajectory has {trajectory.start:g} to "
-                         f"{trajectory.end:g} s")  # fmt: skip
+        span = f"{trajectory.start:g} to {trajectory.end:g} s"
+        raise ValueError(f"times {t.min():g} to {t.max():g} s, the trajectory has {span}")
     parts = Motion(t, *(np.empty((t.size, width)) for width in (3, 3, 4, 3, 3)))
     starts = np.array([phase.start for phase in trajectory.phases[1:]])
     index = np.searchsorted(starts, t, side="right")
@@ -103,18 +132,15 @@ def motion(trajectory: Trajectory, t: ArrayLike) -> Motion:
 
 
 def _stretches(n: int) -> Iterator[slice]:
-    """Yield slices of at most `_AT_ONCE` that make up n places."""
-    for first in range(0, n, _AT_ONCE):
-        yield slice(first, min(first + _AT_ONCE, n))
+    """Return slices of at most `_AT_ONCE` that make up n places."""
+    return (slice(first, min(first + _AT_ONCE, n)) for first in range(0, n, _AT_ONCE))
 
 
 def _in_phase(phase: Phase, t: Floats) -> Motion:
-    """Return the motion at times t (n,) of one phase."""
     r = phase.position(t)
     if phase.oscillations:
         return _shaken(phase, t, r)
-    q, f_b, w_ib_b = _sensed(phase, t, r)
-    return Motion(t, r, phase.position(t, 1), q, f_b, w_ib_b)
+    return Motion(t, r, phase.position(t, 1), *_sensed(phase, t, r))
 
 
 def _sensed(phase: Phase, t: Floats, r: Floats) -> tuple[Floats, Floats, Floats]:
@@ -122,9 +148,7 @@ def _sensed(phase: Phase, t: Floats, r: Floats) -> tuple[Floats, Floats, Floats]
     if phase.oscillations:
         return _shaken(phase, t, r)[3:]
     q, w_ib_b = _turning(phase, t)
-    f_i = phase.position(t, 2) - gravity_along(r)
-    f_b = np.einsum("kji,kj->ki", matrices(q), f_i)
-    return q, f_b, w_ib_b
+    return q, np.einsum("kji,kj->ki", matrices(q), phase.position(t, 2) - gravity_along(r)), w_ib_b
 
 
 def _turning(phase: Phase, t: Floats) -> tuple[Floats, Floats]:
@@ -248,9 +272,9 @@ def _pieces(t: Floats, phase: Phase) -> Iterator[tuple[slice, Floats, Floats]]:
         return
     begin = np.maximum(t[first:last], phase.start)
     end = np.minimum(t[first + 1 : last + 1], phase.end)
-    keep = end - begin > _SLIVER
-    if np.any(keep):
-        a, b = int(np.argmax(keep)), len(keep) - int(np.argmax(keep[::-1]))
+    keep = np.flatnonzero(end - begin > _SLIVER)
+    if keep.size:
+        a, b = int(keep[0]), int(keep[-1]) + 1
         yield slice(first + a, first + b), begin[a:b], end[a:b]
 
 

@@ -17,7 +17,7 @@ from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.errors import InputError
-from lvnav_trade.world.user_file.tabular import read_columns, refuse_bad_times
+from lvnav_trade.world.user_file.rows import read_columns, refuse_bad_times
 
 CAMPAIGN = """\
   faults:

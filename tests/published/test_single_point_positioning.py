@@ -49,7 +49,7 @@ def position(time, ranges, navigation):
     ]
     above, measured = broadcast([near[name] for name in names], time), np.array([ranges[name] for name in names])
     sent = -measured / SPEED_OF_LIGHT  # s since `time`, by the satellites' clocks
-    ahead = above.clock(sent) + above.relativity(sent) - above.group_delay
+    ahead = above.clock(sent) + above.relativity(sent) - above.elements["group_delay"]
     sent = sent - ahead
     r_sat, _ = above.ecef(sent)
     state = np.zeros(4)

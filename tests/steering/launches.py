@@ -12,9 +12,7 @@ from lvnav_trade.filters.envelope import EnvelopeCard
 from lvnav_trade.steering.loop import BURN, COAST
 from lvnav_trade.steering.missions import Launch
 from lvnav_trade.world.control.ascent import Body
-from lvnav_trade.world.control.body import RotationCard
-from lvnav_trade.world.control.controller import ControllerCard
-from lvnav_trade.world.control.wind import WindCard
+from lvnav_trade.world.control.cards import ControllerCard, RotationCard, WindCard
 from lvnav_trade.world.sensors.imu import ImuCard
 
 EFFECTIVENESS = 10.0  # 1/s^2

@@ -24,7 +24,7 @@ from lvnav_trade.steering.loop import (
     TURNING_BOUND,
 )
 from lvnav_trade.steering.missions import fly_missions
-from lvnav_trade.world.control.controller import FeedbackCard, design, rate_noise
+from lvnav_trade.world.control.cards import FeedbackCard, design, rate_noise
 from tests.steering.launches import EFFECTIVENESS, steady_launch
 
 IDEAL = {"time_constant": "0.0001 s", "rate_limit": "100000 deg/s", "deflection_limit": "50 deg"}

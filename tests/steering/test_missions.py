@@ -22,9 +22,7 @@ from lvnav_trade.steering.loop import (
 from lvnav_trade.steering.missions import fly_missions, prepare_launch, with_rate_gain
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
 from lvnav_trade.world.control.ascent import ascend
-from lvnav_trade.world.control.body import RotationCard
-from lvnav_trade.world.control.controller import ControllerCard, FeedbackCard
-from lvnav_trade.world.control.wind import WindCard
+from lvnav_trade.world.control.cards import ControllerCard, FeedbackCard, RotationCard, WindCard
 from lvnav_trade.world.sensors.imu import ImuCard
 from tests.steering.launches import settings, steady_launch
 

@@ -25,7 +25,7 @@ from lvnav_trade.receivers.base import (
 )
 from lvnav_trade.records import Floats
 from lvnav_trade.scenario import Scenario, epoch_interval, solves
-from lvnav_trade.world.receiver.solutions import BancroftSolution, DirectSolution, FilteredSolution, OwnCovariance
+from lvnav_trade.world.receiver.receiver import BancroftSolution, DirectSolution, FilteredSolution, OwnCovariance
 
 Ints = NDArray[np.int64]
 

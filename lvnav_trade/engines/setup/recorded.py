@@ -14,7 +14,7 @@ from lvnav_trade.kernels.random import philox, seed_words, source_word
 from lvnav_trade.observables.partials import Channels
 from lvnav_trade.records import Floats, Sky
 from lvnav_trade.scenario import Scenario
-from lvnav_trade.world.receiver.solutions import DirectSolution
+from lvnav_trade.world.receiver.receiver import DirectSolution
 from lvnav_trade.world.user_file.error_table import ErrorTable, in_frame_i, sampled
 
 SOURCE = "recorded receiver error"

@@ -6,14 +6,13 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lvnav_trade.kernels.earth import ECCENTRICITY_2, OMEGA, SEMI_MAJOR, gravity_j4
 from lvnav_trade.kernels.jit import jit, making_arrays
 from lvnav_trade.kernels.media.atmosphere import atmosphere
+from lvnav_trade.records import Floats
 from lvnav_trade.world.ascent.steering_law import Steering, direction
 
-Floats = NDArray[np.float64]
 Rates = tuple[float, float, float, float, float, float, float]
 
 

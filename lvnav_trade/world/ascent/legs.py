@@ -1,4 +1,4 @@
-"""Staged ascent from a vehicle card: the legs flown for given steering, from the pad to the final coast."""
+"""Staged ascent from a vehicle card: motors and legs, simulated for given steering from the pad to the final coast."""
 
 from __future__ import annotations
 
@@ -6,20 +6,121 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lvnav_trade.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, gmst, rotation_e_n, unit
 from lvnav_trade.kernels.earth import OMEGA
-from lvnav_trade.world.ascent.dynamics import Drag, Engine, fly, time_to_mass
-from lvnav_trade.world.ascent.motors import cuts, engine, throttled
+from lvnav_trade.records import Floats
+from lvnav_trade.world.ascent.dynamics import NOTHING, Drag, Engine, Unthrottled, fly, time_to_mass
 from lvnav_trade.world.ascent.steering_law import Steering
-from lvnav_trade.world.ascent.vehicle import Site, Stage, VehicleAscent
+from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY, Boosters, Motor, Site, Stage, VehicleAscent, VehicleCard
 
-Floats = NDArray[np.float64]
-
+_Burning = tuple[Motor, int, float]  # motor, how many, time of ignition
 STEP = 0.25  # s, of integration and of the truth's knots; halving it moves injection by 0.3 m
 COASTING = Engine(0.0, 0.0, 0.0, 1.0)
 _SLIVER = 1e-9  # s; a piece of a burn shorter than this is rounding
+
+
+class Cut(NamedTuple):
+    """A point of a stage's burn, `after` s from its ignition: mass (kg) dropped there, and the event's name."""
+
+    after: float
+    drop: float = 0.0
+    event: str = ""
+
+
+def exhaust_speed(motor: Motor) -> float:
+    """Return the effective exhaust speed in vacuum, m/s."""
+    return STANDARD_GRAVITY * motor.specific_impulse
+
+
+def cuts(vehicle: VehicleCard, number: int) -> list[Cut]:
+    """Return the points of stage `number`'s first burn at which thrust jumps or bends, or mass is dropped, in order."""
+    stage, fairing = vehicle.stages[number - 1], vehicle.fairing
+    found = [Cut(after) for after in _bends(stage)]
+    if fairing is not None and fairing.stage == number:
+        found.append(Cut(fairing.after_ignition, fairing.mass, "fairing_separation"))
+    for group in vehicle.boosters if number == 1 else ():
+        found += [Cut(group.ignition + after) for after in _bends(group)]
+        if group.ignition > 0.0:
+            found.append(Cut(group.ignition, event=f"{group.name}_ignition"))
+        found.append(Cut(group.ignition + group.full_burn, event=f"{group.name}_cutoff"))
+        found.append(Cut(group.gone, group.number * group.dry, f"{group.name}_separation"))
+    return sorted(found, key=lambda cut: cut.after)
+
+
+def engine(vehicle: VehicleCard, number: int, ignition: float, begin: float, end: float) -> Engine:
+    """Return what pushes between begin and end, s since lift-off, with stage `number` lit at `ignition`.
+
+    Between two neighbouring `cuts` every thrust is straight. An end at infinity is for a stage without bends.
+    """
+    stage = vehicle.stages[number - 1]
+    middle = 0.5 * (begin + end)
+    burning: list[_Burning] = [
+        (group, group.number, group.ignition)
+        for group in vehicle.boosters
+        if number == 1 and group.ignition < middle < group.ignition + group.full_burn
+    ]
+    if stage.profile is not None:
+        return Engine(0.0, 0.0, 0.0, math.inf, _together([(stage, 1, ignition), *burning], begin, end))
+    limit = math.inf if stage.thrust is None or vehicle.max_load is None else vehicle.max_load
+    beside = _together(burning, begin, end) if burning else NOTHING
+    return Engine(stage.full_thrust, stage.full_thrust / exhaust_speed(stage), stage.exit_area, limit, beside)
+
+
+def impulse_speed(vehicle: VehicleCard, payload: float) -> float:
+    """Return the speed in m/s that the vehicle gains in empty space with a payload in kg, all propellant burnt.
+
+    Boosters burn together with as much of the first stage's propellant as flows meanwhile; the fairing stays until
+    the end of the burn in which it is released.
+    """
+    mass, gain = payload, 0.0
+    for number in range(len(vehicle.stages), 0, -1):
+        stage = vehicle.stages[number - 1]
+        if vehicle.fairing is not None and vehicle.fairing.stage == number:
+            mass += vehicle.fairing.mass
+        boosters = vehicle.boosters if number == 1 else ()
+        beside = stage.propellant * max((group.gone for group in boosters), default=0.0) / stage.full_burn
+        alone = stage.propellant - beside
+        gain += exhaust_speed(stage) * math.log1p(alone / (mass + stage.dry))
+        if boosters:
+            gain += _joint_gain(boosters, stage, stage.propellant - alone, mass + stage.dry + alone)
+        mass += stage.dry + stage.propellant
+    return gain
+
+
+def _joint_gain(groups: tuple[Boosters, ...], stage: Stage, beside: float, mass: float) -> float:
+    """Return the speed gained while the boosters burn beside a part (kg) of the stage; mass (kg) is what remains."""
+    parts = [(group.number * group.propellant, exhaust_speed(group)) for group in groups]
+    parts.append((beside, exhaust_speed(stage)))
+    total = sum(propellant for propellant, _ in parts)
+    mean = sum(propellant * speed for propellant, speed in parts) / total
+    return mean * math.log1p(total / (mass + sum(group.number * group.dry for group in groups)))
+
+
+def _bends(motor: Motor) -> list[float]:
+    """Return the points of a motor's thrust profile, s after its ignition: guidance may let it burn beyond the last."""
+    return [] if motor.profile is None else [part * motor.full_burn for part in motor.profile.part[1:]]
+
+
+def _thrust_at(motor: Motor, after: float) -> float:
+    """Return the vacuum thrust in N of a motor `after` s from its ignition; beyond its burn time that of the end."""
+    if motor.profile is None:
+        return motor.full_thrust
+    part, level = motor.profile.part, motor.profile.thrust
+    mean = sum(0.5 * (level[k] + level[k + 1]) * (part[k + 1] - part[k]) for k in range(len(part) - 1))
+    x = min(max(after / motor.full_burn, 0.0), 1.0)
+    k = next(k for k in range(len(part) - 1) if x <= part[k + 1])
+    return motor.full_thrust * (level[k] + (level[k + 1] - level[k]) * (x - part[k]) / (part[k + 1] - part[k])) / mean
+
+
+def _together(burning: list[_Burning], begin: float, end: float) -> Unthrottled:
+    """Return the sum of motors over a stretch where each is straight."""
+    total = np.zeros(5)
+    for motor, number, ignition in burning:
+        first, last = (_thrust_at(motor, t - ignition) for t in (begin, end))
+        push, rise, speed = number * first, number * ((last - first) / (end - begin)), exhaust_speed(motor)
+        total += [push, rise, push / speed, rise / speed, number * motor.exit_area]
+    return Unthrottled(begin, *total.tolist())
 
 
 class Aim(NamedTuple):
@@ -73,21 +174,15 @@ def site_axes(site: Site, azimuth: float) -> tuple[Floats, Floats, Floats]:
 
 def lift_off_mass(card: VehicleAscent) -> float:
     """Return the mass in kg at ignition."""
-    vehicle = card.vehicle
-    fairing = vehicle.fairing.mass if vehicle.fairing else 0.0
-    boosters = sum(group.number * (group.propellant + group.dry) for group in vehicle.boosters)
-    return float(sum(stage.propellant + stage.dry for stage in vehicle.stages) + vehicle.payload + fairing + boosters)
+    fairing = card.vehicle.fairing.mass if card.vehicle.fairing else 0.0
+    boosters = sum(group.number * (group.propellant + group.dry) for group in card.vehicle.boosters)
+    return mass_above(card, 0) + fairing + boosters
 
 
 def mass_above(card: VehicleAscent, number: int) -> float:
     """Return the mass in kg that stage `number` carries in orbit: full stages above it and the payload."""
     above = card.vehicle.stages[number:]
     return float(sum(stage.propellant + stage.dry for stage in above) + card.vehicle.payload)
-
-
-def turned(vector: Floats, axis: Floats, angle: float) -> Floats:
-    """Return a vector (3,) turned by an angle in rad about a unit axis (3,) at right angles to it, right-handed."""
-    return np.asarray(math.cos(angle) * vector + math.sin(angle) * np.cross(axis, vector))
 
 
 class _Pilot:
@@ -110,7 +205,6 @@ class _Pilot:
         self.events = {"liftoff": 0.0, "kick": card.vertical_rise}
 
     def leg(self, name: str, duration: float, engine: Engine = COASTING) -> None:
-        """Fly one leg; a leg without duration is none."""
         if duration <= 0.0:
             return
         n_step = max(8, math.ceil(duration / STEP))
@@ -123,7 +217,7 @@ class _Pilot:
         s = self.steering
         s.law_start[k], s.tangent[k], s.rate[k] = self.t, tangent, rate
         normal = unit(np.cross(self.y[:3], self.y[3:6]))
-        s.normal_i[k] = normal if yaw == 0.0 else turned(normal, unit(self.y[:3]), -yaw)
+        s.normal_i[k] = math.cos(yaw) * normal - math.sin(yaw) * np.cross(unit(self.y[:3]), normal)
 
     def burn(self, number: int, duration: float | None, again: bool = False) -> None:
         """Burn for a duration, or until the propellant is gone, from cut to cut; a second burn has no cuts."""
@@ -132,9 +226,9 @@ class _Pilot:
         begin, elapsed = self.t, 0.0
         self.events[f"stage{number}_ignition{mark}"] = begin
         left = self.y[6] - stage.propellant
-        if number == 1:
-            left -= sum(group.number * group.propellant for group in vehicle.boosters)
-        if duration is None and not throttled(vehicle, stage):
+        left -= sum(group.number * group.propellant for group in vehicle.boosters if number == 1)
+        # a stage that may be throttled burns until it is empty, which is not known before it is flown
+        if duration is None and (stage.thrust is None or vehicle.max_load is None):
             duration = stage.full_burn
         name = f"stage {number} burn{mark.replace('_', ' ')}"
         ends = math.inf if duration is None else begin + duration
@@ -143,8 +237,10 @@ class _Pilot:
                 break
             piece = cut.after - elapsed
             if piece > _SLIVER:
-                with_fairing = " with fairing" if self.carries_fairing(number) else ""
-                self.leg(name + with_fairing, piece, engine(vehicle, number, begin, self.t, self.t + piece))
+                awaits = vehicle.fairing is not None and vehicle.fairing.stage == number
+                held = awaits and "fairing_separation" not in self.events
+                push = engine(vehicle, number, begin, self.t, self.t + piece)
+                self.leg(f"{name} with fairing" if held else name, piece, push)
             if cut.event:
                 self.events[cut.event] = self.t
             self.y[6] -= cut.drop
@@ -156,51 +252,45 @@ class _Pilot:
         self.leg(name, ends - self.t, push)
         self.events[f"stage{number}_cutoff{mark}"] = self.t
 
-    def carries_fairing(self, number: int) -> bool:
-        """Whether the fairing is still there, and goes during the burn of stage `number`."""
-        fairing = self.card.vehicle.fairing
-        return fairing is not None and fairing.stage == number and "fairing_separation" not in self.events
-
     def stage(self, number: int) -> None:
-        """Fly a stage that burns out and is dropped."""
-        stage = self.card.vehicle.stages[number - 1]
-        self.ignite_after(number, stage)
+        self.ignite_after(number)
         self.burn(number, None)
-        self.leg(f"stage {number} coast", stage.separation_delay)
-        self.events[f"stage{number}_separation"] = self.t
-        self.y[6] -= stage.dry
+        self.separate(number)
+        self.y[6] -= self.card.vehicle.stages[number - 1].dry
 
-    def ignite_after(self, number: int, stage: Stage) -> None:
+    def separate(self, number: int) -> None:
+        """Coast to the separation of a stage, whose mass the caller takes off."""
+        self.leg(f"stage {number} coast", self.card.vehicle.stages[number - 1].separation_delay)
+        self.events[f"stage{number}_separation"] = self.t
+
+    def ignite_after(self, number: int) -> None:
         """Coast to the ignition of a stage, beginning the linear-tangent law with the first steered one."""
         if number == self.card.steered_from:
             span = self.time_to_last_cutoff(number)
             rate = (self.aim.tangent_end - self.aim.tangent) / span
             self.begin_law(0, self.aim.tangent, rate, self.aim.yaw)
-        self.leg(f"coast before stage {number}", stage.ignition_delay)
+        self.leg(f"coast before stage {number}", self.card.vehicle.stages[number - 1].ignition_delay)
 
     def time_to_last_cutoff(self, number: int) -> float:
         """Return about how long it is from now to the (first) cut-off in orbit; only scales the law."""
-        span, inserting = self.aim.burn, self.card.inserting
-        for stage in self.card.vehicle.stages[number - 1 : inserting - 1]:
-            span += stage.full_burn + stage.separation_delay
-        span += sum(stage.ignition_delay for stage in self.card.vehicle.stages[number - 1 : inserting])
+        stages = self.card.vehicle.stages[number - 1 : self.card.inserting]
+        span = sum((stage.full_burn + stage.separation_delay for stage in stages[:-1]), start=self.aim.burn)
+        span += sum(stage.ignition_delay for stage in stages)
         return max(1.0, float(span))  # a solver on its way may ask for no burn at all
 
     def into_orbit(self) -> None:
         """Fly the stage that is cut off in orbit, and the last burn where that orbit is a parking orbit."""
         number, last = self.card.inserting, len(self.card.vehicle.stages)
-        stage = self.card.vehicle.stages[number - 1]
-        self.ignite_after(number, stage)
+        self.ignite_after(number)
         self.burn(number, self.aim.burn)
         if self.card.parking is None or self.aim.burn_2 <= 0.0:
             return
         self.begin_law(1, 0.0, 0.0)
         coast = self.aim.coast
         if number < last:
-            self.leg(f"stage {number} coast", stage.separation_delay)
-            self.events[f"stage{number}_separation"] = self.t
+            self.separate(number)
             self.y[6] = mass_above(self.card, number)
-            coast -= stage.separation_delay
+            coast -= self.card.vehicle.stages[number - 1].separation_delay
         self.leg("parking coast", coast)
         self.burn(last, self.aim.burn_2, again=number == last)
 

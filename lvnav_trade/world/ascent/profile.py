@@ -1,30 +1,173 @@
-"""A reference from a speed and altitude record: the card, and the flight rebuilt from it."""
+"""An ascent from a speed and altitude record: the card, and the flight rebuilt over the great circle of its track."""
 
 from __future__ import annotations
 
 import math
 import re
-from typing import Annotated, Literal, Self
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field
+from scipy.interpolate import BSpline, make_interp_spline
 from scipy.optimize import root_scalar
 
 from lvnav_trade.errors import InputError
-from lvnav_trade.frames import gmst
-from lvnav_trade.units import Angle, Card, Duration, Epoch, Length, Pause, Speed
-from lvnav_trade.world.ascent.groundtrack import Course, course, end_state, pointing, tracks_of
-from lvnav_trade.world.ascent.launch import achieved, pad_track, phases_of
-from lvnav_trade.world.ascent.record import Record, read
-from lvnav_trade.world.ascent.smoothing import Climb, smooth
+from lvnav_trade.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, gmst, rotation_e_n, unit
+from lvnav_trade.kernels.earth import ECCENTRICITY_2, OMEGA, SEMI_MAJOR, gravity_along
+from lvnav_trade.records import Floats
+from lvnav_trade.units import Angle, Card, Duration, Epoch, Length, Pause, Speed, TimeConstant
+from lvnav_trade.world.ascent.dynamics import Drag, accelerations, fly
+from lvnav_trade.world.ascent.launch import achieved, pad_knots, site_phase
+from lvnav_trade.world.ascent.legs import COASTING, site_axes
+from lvnav_trade.world.ascent.record import Climb, Record, read, residual_facts, smooth
+from lvnav_trade.world.ascent.steering_law import (
+    Steering,
+    ascent_attitude,
+    smoothsteps,
+    stretch_knots,
+    thrust_directions,
+)
 from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY, Roll, Site
 from lvnav_trade.world.oscillation import OscillationCard
-from lvnav_trade.world.truth import Phase, Trajectory, motion
+from lvnav_trade.world.truth import Phase, Trajectory, motion, position_spline
 
-Floats = NDArray[np.float64]
+_STEP = 0.5  # s between knots
+_UPRIGHT = (4.0, 12.0)  # s; thrust is vertical before, along the specific force after, blended between
+
 
 _BREAK = re.compile(r"stage\d+_(ignition|cutoff)(_\d+)?$")
+
+
+class Course(NamedTuple):
+    """A flight to injection as samples, one entry for each stretch between breaks: t (n,), r_i and v_i (n, 3)."""
+
+    azimuth: float
+    theta0: float
+    t: list[Floats]
+    r: list[Floats]
+    v: list[Floats]
+
+
+class Stretch(NamedTuple):
+    """A stretch of a rebuilt flight and its position spline, frame i."""
+
+    name: str
+    start: float
+    end: float
+    position: BSpline
+
+
+def course(site: Site, azimuth: float, climb: Climb, breaks: list[float], theta0: float) -> Course:
+    """Return the flight over the great circle of normals that leaves the site by the azimuth (rad)."""
+    edges = [0.0, *breaks, float(climb.altitude.t[-1])]
+    angle = 0.0
+    way = Course(azimuth, theta0, [], [], [])
+    for begin, end in pairwise(edges):
+        t = stretch_knots(begin, end)
+        inside = np.clip(t, begin + 1e-9, end - 1e-9)  # one-sided values at the breaks
+        psi = _range_angle(site, azimuth, t, climb, inside, angle)
+        angle = float(psi[-1])
+        r_e, v_e = _on_the_way(site, azimuth, psi, climb, inside)
+        theta = earth_angle(theta0, t)
+        way.t.append(t)
+        way.r.append(eci_from_ecef(r_e, theta))
+        way.v.append(eci_from_ecef(v_e + np.cross([0.0, 0.0, OMEGA], r_e), theta))
+    return way
+
+
+def _on_circle(site: Site, azimuth: float, psi: Floats, height: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return latitude and longitude (n,) along the circle, and the way north and east (n, 2) in m per rad of it, at
+    angles psi (n,) from the site and heights (n,) in m.
+    """
+    sine = math.sin(site.latitude)
+    ratio = (1.0 - ECCENTRICITY_2) / (1.0 - ECCENTRICITY_2 * sine * sine)  # of the radii of meridian and prime vertical
+    up, downrange, _ = site_axes(site, math.atan2(ratio * math.sin(azimuth), math.cos(azimuth)))
+    normal = np.cos(psi)[:, None] * up + np.sin(psi)[:, None] * downrange
+    tangent = np.cos(psi)[:, None] * downrange - np.sin(psi)[:, None] * up
+    latitude, longitude = np.arcsin(normal[:, 2]), np.arctan2(normal[:, 1], normal[:, 0])
+    north, east, _ = np.einsum("kij,kj->ik", rotation_e_n(latitude, longitude), tangent)
+    across = SEMI_MAJOR / np.sqrt(1.0 - ECCENTRICITY_2 * normal[:, 2] ** 2)
+    meridian = across**3 * (1.0 - ECCENTRICITY_2) / SEMI_MAJOR**2
+    return latitude, longitude, np.stack([(meridian + height) * north, (across + height) * east], axis=1)
+
+
+def _range_angle(site: Site, azimuth: float, t: Floats, climb: Climb, inside: Floats, first: float) -> Floats:
+    """Return the angle (n,) flown along the circle at times t (n,), `first` at the start.
+
+    The rate is level speed over the radius of curvature, which hardly depends on the angle: four rounds of quadrature
+    leave 1e-11 rad.
+    """
+    level, height = climb.level(inside), site.height + climb.altitude(inside)
+    psi = np.full_like(t, first)
+    for _ in range(4):
+        rate = level / np.hypot(*_on_circle(site, azimuth, psi, height)[2].T)
+        psi = first + make_interp_spline(t, rate, k=5).antiderivative()(t)
+    return np.asarray(psi)
+
+
+def _on_the_way(site: Site, azimuth: float, psi: Floats, climb: Climb, t: Floats) -> tuple[Floats, Floats]:
+    """Return position (m) and Earth-relative velocity (m/s), each (n, 3) in frame e."""
+    height = site.height + climb.altitude(t)
+    latitude, longitude, heading = _on_circle(site, azimuth, psi, height)
+    v_n = np.column_stack([climb.level(t)[:, None] * unit(heading), -climb.altitude(t, 1)])
+    v_e = np.einsum("kji,kj->ki", rotation_e_n(latitude, longitude), v_n)
+    return ecef_from_geodetic(latitude, longitude, height), v_e
+
+
+def end_state(way: Course) -> Floats:
+    """Return inertial position (m) and velocity (m/s) at injection, (6,)."""
+    return np.concatenate([way.r[-1][-1], way.v[-1][-1]])
+
+
+def tracks_of(way: Course, coast: float) -> list[Stretch]:
+    """Return the stretches to injection and the final coast of `coast` seconds.
+
+    Velocity is interpolated and integrated to position, each stretch from the end of the one before: both are
+    continuous; position leaves the fitted altitude by less than a millimetre.
+    """
+    stretches = []
+    r = way.r[0][0]
+    for number, (t, v) in enumerate(zip(way.t, way.v, strict=True), start=1):
+        position = make_interp_spline(t, v, k=5).antiderivative()
+        position.c += r
+        r = position(t[-1])
+        stretches.append(Stretch(f"stretch {number}", float(t[0]), float(t[-1]), position))
+    return [*stretches, _final_coast(stretches[-1], coast)]
+
+
+def _final_coast(last: Stretch, duration: float) -> Stretch:
+    state = np.concatenate([last.position(last.end), last.position(last.end, 1), [1.0]])
+    none, no_vectors = np.zeros(0), np.zeros((0, 3))
+    # Without thrust and drag nothing of the steering acts.
+    idle = Steering(np.eye(3)[2], np.eye(3)[0], 0.0, np.inf, 1.0, 0.0, np.inf, 1.0, none, no_vectors, none, none)
+    vacuum = Drag(0.0, np.array([0.0, 1.0]), np.zeros(2))
+    t, y = fly(last.end, duration, max(8, int(np.ceil(duration / _STEP))), state, idle, COASTING, vacuum)
+    ends = accelerations(t[[0, -1]], y[[0, -1]], idle, COASTING, vacuum)
+    return Stretch("final coast", last.end, float(t[-1]), position_spline(t, y[:, :3], y[[0, -1], 3:6], ends))
+
+
+def pointing(
+    site: Site, way: Course, stretches: list[Stretch], coasts: list[tuple[float, float]], roll: Roll, hold: float
+) -> BSpline:
+    """Return the attitude spline over pad and flight, x along the specific force of the powered stretches."""
+    up_e, _, right_e = site_axes(site, way.azimuth)
+    free = [begin for begin, _ in coasts] + [stretches[-1].start]
+    times = [stretch_knots(stretch.start, stretch.end) for stretch in stretches]
+    thrusts = [None if s.start in free else _thrust(s, t) for s, t in zip(stretches, times, strict=True)]
+    before = pad_knots(hold, _STEP)
+    t = np.concatenate([before, *(part[:-1] for part in times), times[-1][-1:]])
+    along = np.concatenate([np.zeros((before.size, 3)), *thrust_directions(times, thrusts)])
+    upright = eci_from_ecef(up_e, earth_angle(way.theta0, t))
+    weight = smoothsteps((t - _UPRIGHT[0]) / (_UPRIGHT[1] - _UPRIGHT[0]))[:, None]
+    x = unit((1.0 - weight) * upright + weight * along)
+    return ascent_attitude(t, x, right_e, way.theta0, roll)
+
+
+def _thrust(stretch: Stretch, t: Floats) -> BSpline:
+    """Return the spline of the direction of the specific force over a powered stretch with knots t (n,)."""
+    return make_interp_spline(t, unit(stretch.position(t, 2) - gravity_along(stretch.position(t))), k=5)
 
 
 class RecordedAscent(Card):
@@ -49,16 +192,14 @@ class RecordedAscent(Card):
     altitude_noise: Annotated[Length, Field(gt=0.0)] = Field(description="one-sigma error of a recorded altitude")
     pad_hold: Pause = 60.0
     roll: Roll = Roll()
-    coast_after_injection: Annotated[Duration, Field(gt=0.0)] = 20.0
+    coast_after_injection: TimeConstant = 20.0
     oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
 
-    @model_validator(mode="after")
-    def _aimed(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         if (self.azimuth is None) == (self.inclination is None):
-            raise ValueError("give the azimuth or the inclination, one of the two")
+            yield "give the azimuth or the inclination, one of the two"
         if "injection" not in self.events:
-            raise ValueError("events must name injection")
-        return self
+            yield "events must name injection"
 
 
 def rebuild(card: RecordedAscent) -> Trajectory:
@@ -75,10 +216,9 @@ def rebuild(card: RecordedAscent) -> Trajectory:
     climb = smooth(record, breaks, coasts, card.speed_noise, card.altitude_noise)
     way = course(card.site, _azimuth(card, climb, breaks), climb, breaks, gmst(card.epoch))
     tracks = tracks_of(way, card.coast_after_injection)
-    pad = [pad_track(card.site, way.theta0, card.pad_hold)] if card.pad_hold > 0.0 else []
     attitude = pointing(card.site, way, tracks, coasts, card.roll, card.pad_hold)
-    ground = phases_of(pad, attitude)
-    phases = (*ground, *(Phase(k.name, k.start, k.end, k.position, attitude) for k in tracks))
+    pad = site_phase(card.site, way.theta0, card.pad_hold, attitude)
+    phases = (*pad, *(Phase(*track, attitude) for track in tracks))
     events = dict(sorted({"liftoff": 0.0, **card.events}.items(), key=lambda item: item[1]))
     flight = Trajectory(phases, events, way.theta0, card.epoch)
     flight.facts.update(_facts(card, record, climb, way, flight))
@@ -86,7 +226,6 @@ def rebuild(card: RecordedAscent) -> Trajectory:
 
 
 def _until_injection(card: RecordedAscent, record: Record) -> Record:
-    """Return the record from lift-off to injection, both included."""
     injection = card.events["injection"]
     usual = float(np.median(np.diff(record.t)))
     for name, time in card.events.items():
@@ -97,25 +236,20 @@ def _until_injection(card: RecordedAscent, record: Record) -> Record:
             f"{card.file}: the record goes from {record.t[0]:g} to {record.t[-1]:g} s, lift-off to injection at "
             f"{injection:g} s is needed"
         )
-    keep = (record.t > 0.0) & (record.t < injection)
-    t = np.concatenate([[0.0], record.t[keep], [injection]])
-    speed, altitude = (np.interp(t, record.t, column) for column in record[1:])
-    return Record(t, speed, altitude)
+    t = np.concatenate([[0.0], record.t[(record.t > 0.0) & (record.t < injection)], [injection]])
+    return Record(t, *(np.interp(t, record.t, column) for column in record[1:]))
 
 
 def _coasts(card: RecordedAscent, breaks: list[float]) -> list[tuple[float, float]]:
-    """Return the coasts, each from a cut-off to the next ignition, or to injection."""
-    cutoffs = sorted(time for name, time in card.events.items() if _BREAK.match(name) and "cutoff" in name)
-    ends = [*breaks[1:], card.events["injection"]]
-    return [(begin, end) for begin, end in zip(breaks, ends, strict=False) if begin in cutoffs]
+    cutoffs = [time for name, time in card.events.items() if _BREAK.match(name) and "cutoff" in name]
+    return [(begin, end) for begin, end in pairwise([*breaks, card.events["injection"]]) if begin in cutoffs]
 
 
 def _azimuth(card: RecordedAscent, climb: Climb, breaks: list[float]) -> float:
     """Return the azimuth of the card, or the one that ends in the card's inclination."""
     if card.azimuth is not None:
         return card.azimuth
-    assert card.inclination is not None
-    inclination = card.inclination
+    inclination = card.inclination or 0.0
     sine = math.cos(inclination) / math.cos(card.site.latitude)
     if abs(sine) >= 1.0:
         raise InputError(
@@ -136,12 +270,10 @@ def _azimuth(card: RecordedAscent, climb: Climb, breaks: list[float]) -> float:
 def _facts(
     card: RecordedAscent, record: Record, climb: Climb, way: Course, flight: Trajectory
 ) -> dict[str, float | str]:
-    """Return what the report says of the flight and of the smoothing, SI."""
-    speed = climb.speed(record.t) - record.speed
-    altitude = climb.altitude(record.t) - record.altitude
     low, high, inclination = achieved(end_state(way))
     powered = motion(flight, np.linspace(0.0, flight.end, 4000))
-    facts: dict[str, float | str] = {
+    misfit = climb.speed(record.t) - record.speed, climb.altitude(record.t) - record.altitude
+    return {
         "record": card.source,
         "perigee_m": low,
         "apogee_m": high,
@@ -149,10 +281,5 @@ def _facts(
         "azimuth_rad": way.azimuth,
         "max_load_g": float(np.max(np.linalg.norm(powered.f_b, axis=1))) / STANDARD_GRAVITY,
         "smoothing_misfit": climb.misfit,
+        **residual_facts("smoothing", record.t, *misfit),
     }
-    for name, unit, residual in (("speed", "m_s", speed), ("altitude", "m", altitude)):
-        worst = int(np.argmax(np.abs(residual)))
-        facts[f"smoothing_{name}_rms_{unit}"] = float(np.sqrt(np.mean(residual**2)))
-        facts[f"smoothing_{name}_worst_{unit}"] = float(residual[worst])
-        facts[f"smoothing_{name}_worst_at_s"] = float(record.t[worst])
-    return facts

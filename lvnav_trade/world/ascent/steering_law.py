@@ -1,18 +1,25 @@
-"""Where the thrust points: vertical rise, kick, gravity turn and linear-tangent laws, blended without a jump."""
+"""Where thrust and body point: laws of steering blended without a jump, and the attitude spline with its roll."""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.interpolate import BSpline
 
+from lvnav_trade.frames import earth_angle, eci_from_ecef, quaternions, unit
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.kernels.jit import jit, making_arrays
+from lvnav_trade.records import Floats
+from lvnav_trade.world.ascent.vehicle import Roll
+from lvnav_trade.world.truth import attitude_spline, body_axes
 
-Floats = NDArray[np.float64]
 Direction = tuple[float, float, float]
+_STEP = 0.5  # s between knots of the attitude
+_DAMPING = 5.0  # s, in which the turn of the body dies away where no thrust follows
+_PEAK = 1.875  # peak slope of the quintic smoothstep
 
 
 class Steering(NamedTuple):
@@ -107,3 +114,71 @@ def directions(t: Floats, y: Floats, s: Steering) -> Floats:
         u = direction(t[k], (y[k, 0], y[k, 1], y[k, 2]), (y[k, 3], y[k, 4], y[k, 5]), s)
         out[k, 0], out[k, 1], out[k, 2] = u
     return out
+
+
+def roll_angle(roll: Roll, t: Floats) -> Floats:
+    """Return the roll angle (n,) in rad at times t (n,): quintic between the card's angles, at most at its rate."""
+    change = roll.flight - roll.pad
+    if change == 0.0:
+        return np.full_like(t, roll.pad)
+    return np.asarray(roll.pad + change * smoothsteps((t - roll.start) * roll.rate / (_PEAK * abs(change))))
+
+
+def smoothsteps(x: Floats) -> Floats:
+    """Return the quintic step of `smoothstep` at every x (n,)."""
+    x = np.clip(x, 0.0, 1.0)
+    return np.asarray(x**3 * (10.0 + x * (6.0 * x - 15.0)))
+
+
+def ascent_attitude(t: Floats, x: Floats, right_e: Floats, theta0: float, roll: Roll) -> BSpline:
+    """Return the quaternion spline of a body whose x axis is x (n, 3), frame i, at times t (n,).
+
+    `right_e` (3,), fixed to the Earth, is the right-hand side of the launch plane, which zero roll refers to. One
+    spline serves all phases, so attitude and body rate are continuous across them.
+    """
+    right = eci_from_ecef(right_e, earth_angle(theta0, t))
+    return attitude_spline(t, quaternions(body_axes(x, right, roll_angle(roll, t))))
+
+
+def stretch_knots(begin: float, end: float) -> Floats:
+    """Return the knots (n,) of the attitude over a stretch (s), both ends included, at least nine."""
+    return np.linspace(begin, end, max(8, int(np.ceil((end - begin) / _STEP))) + 1)
+
+
+def thrust_directions(times: Sequence[Floats], thrusts: Sequence[BSpline | None]) -> list[Floats]:
+    """Return the directions (n, 3) at the knots of successive stretches, those where two stretches meet once.
+
+    thrusts: spline of the direction of the specific force over a stretch, of length one at its knots; None in a coast,
+    where the body turns from the thrust before it to the one after it. At least one stretch is powered.
+    """
+    powered = [k for k, thrust in enumerate(thrusts) if thrust is not None]
+    found = []
+    for k, (t, thrust) in enumerate(zip(times, thrusts, strict=True)):
+        part = t if k == len(times) - 1 else t[:-1]
+        if thrust is not None:
+            found.append(thrust(part))
+            continue
+        earlier = max((i for i in powered if i < k), default=None)
+        later = min((i for i in powered if i > k), default=None)
+        before = None if earlier is None else (thrusts[earlier], float(times[earlier][-1]))
+        after = None if later is None else (thrusts[later], float(times[later][0]))
+        found.append(_through_coast(part, before, after))
+    return found
+
+
+def _through_coast(t: Floats, before: tuple[Any, float] | None, after: tuple[Any, float] | None) -> Floats:
+    """Return the directions (n, 3) from the thrust `before` (spline and end in s) to the one `after` (and its start).
+
+    Both go on at the rate they have there and are blended by a quintic; where one is missing, the rate of the other
+    dies away.
+    """
+    known = [one for one in (before, after) if one is not None]
+    if len(known) == 1:
+        (thrust, edge), sign = known[0], -1.0 if before is None else 1.0
+        faded = sign * _DAMPING * -np.expm1(-sign * (t - edge)[:, None] / _DAMPING)
+        return unit(thrust(edge) + faded * thrust(edge, 1))
+    (leaving, begin), (arriving, end) = known
+    weight = smoothsteps((t - begin) / (end - begin))[:, None]
+    from_before = leaving(begin) + (t - begin)[:, None] * leaving(begin, 1)
+    to_after = arriving(end) + (t - end)[:, None] * arriving(end, 1)
+    return unit((1.0 - weight) * from_before + weight * to_after)

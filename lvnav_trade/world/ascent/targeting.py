@@ -6,18 +6,24 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, brentq, minimize_scalar, root
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.frames import earth_velocity, elements_from_state
 from lvnav_trade.kernels.earth import GM, OMEGA, SEMI_MAJOR
-from lvnav_trade.world.ascent.dynamics import Engine, thrust_beside
-from lvnav_trade.world.ascent.legs import Aim, Flight, fly_ascent, lift_off_mass, mass_above
-from lvnav_trade.world.ascent.motors import engine, exhaust_speed, impulse_speed
+from lvnav_trade.records import Floats
+from lvnav_trade.world.ascent.dynamics import thrust_beside
+from lvnav_trade.world.ascent.legs import (
+    Aim,
+    Flight,
+    engine,
+    exhaust_speed,
+    fly_ascent,
+    impulse_speed,
+    lift_off_mass,
+    mass_above,
+)
 from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY, VehicleAscent
-
-Floats = NDArray[np.float64]
 
 _CLIMB_AT_SEPARATION = math.radians(30.0)  # where the search for the kick starts
 _SMALL = 1e-6  # norm of the scaled residuals that counts as solved: 10 mm, 1e-5 m/s, 1e-9 rad
@@ -38,9 +44,7 @@ def solve(card: VehicleAscent) -> Aim:
     _check(card)
     if impulse_speed(card.vehicle, card.vehicle.payload) < _least_speed(card):
         _refuse_too_heavy(card)
-    kick = card.kick_angle
-    if kick is None:
-        kick = _best_kick(card)
+    kick = _best_kick(card) if card.kick_angle is None else card.kick_angle
     solution = _reach(card, kick, _first_guess(card))
     aim = _aim(card, solution.x, kick)
     if np.linalg.norm(solution.fun) > _SMALL:
@@ -53,26 +57,20 @@ def solve(card: VehicleAscent) -> Aim:
 
 
 def _check(card: VehicleAscent) -> None:
-    """Refuse what no steering can mend."""
-    weight = lift_off_mass(card) * STANDARD_GRAVITY
-    thrust = _pad_thrust(engine(card.vehicle, 1, 0.0, 0.0, 1.0))
+    weight, push = lift_off_mass(card) * STANDARD_GRAVITY, engine(card.vehicle, 1, 0.0, 0.0, 1.0)
+    thrust = push.thrust - 101325.0 * push.exit_area + thrust_beside(push.beside.since, 101325.0, push.beside)[0]
     if thrust <= weight:
         raise InputError(
             f"{card.name}: the first stage does not lift off: {thrust / 1e3:.0f} kN of thrust at sea level, "
             f"{(weight - thrust) / 1e3:.0f} kN less than the weight"
         )
     if abs(math.cos(card.target.inclination)) >= math.cos(card.site.latitude):
+        inclination, latitude = math.degrees(card.target.inclination), math.degrees(card.site.latitude)
         short = math.acos(min(1.0, abs(math.cos(card.target.inclination))))
         raise InputError(
-            f"{card.name}: an inclination of {math.degrees(card.target.inclination):.2f} deg cannot be reached from a "
-            f"latitude of {math.degrees(card.site.latitude):.2f} deg without a turn of the plane: it misses by "
-            f"{math.degrees(abs(card.site.latitude) - short):.2f} deg"
+            f"{card.name}: an inclination of {inclination:.2f} deg cannot be reached from a latitude of {latitude:.2f} "
+            f"deg without a turn of the plane: it misses by {math.degrees(abs(card.site.latitude) - short):.2f} deg"
         )
-
-
-def _pad_thrust(push: Engine) -> float:
-    """Return the thrust in N at sea level, all motors lit."""
-    return push.thrust - 101325.0 * push.exit_area + thrust_beside(push.beside.since, 101325.0, push.beside)[0]
 
 
 def _first_guess(card: VehicleAscent) -> Floats:
@@ -80,8 +78,7 @@ def _first_guess(card: VehicleAscent) -> Floats:
     azimuth = math.asin(math.cos(card.target.inclination) / math.cos(card.site.latitude))
     if card.target.direction == "descending":
         azimuth = math.pi - azimuth
-    if card.azimuth is not None:
-        azimuth -= card.azimuth
+    azimuth -= card.azimuth or 0.0
     stage = card.vehicle.stages[card.inserting - 1]
     burn = 0.95 * stage.propellant * STANDARD_GRAVITY * stage.specific_impulse / stage.full_thrust
     twice = card.parking is not None and card.inserting == len(card.vehicle.stages)
@@ -89,11 +86,9 @@ def _first_guess(card: VehicleAscent) -> Floats:
 
 
 def _aim(card: VehicleAscent, x: Floats, kick: float) -> Aim:
-    """Return the aim of unknowns x (4,): azimuth or yaw, tangent at both ends of the law, burn."""
-    law = (kick, float(x[1]), float(x[2]), float(x[3]))
-    if card.azimuth is None:
-        return Aim(float(x[0]), *law)
-    return Aim(card.azimuth, *law, yaw=float(x[0]))
+    first, tangent, tangent_end, burn = x.tolist()
+    aim = Aim(first, kick, tangent, tangent_end, burn)
+    return aim if card.azimuth is None else aim._replace(azimuth=card.azimuth, yaw=first)
 
 
 class _Point(NamedTuple):
@@ -106,11 +101,14 @@ class _Point(NamedTuple):
 
 def _residuals(y: Floats, at: _Point, inclination: float) -> Floats:
     """Return what a state y (7,) has too much of radius, speed, flight-path angle and inclination, (4,)."""
-    r, v = y[:3], y[3:6]
-    length, pace = float(np.linalg.norm(r)), float(np.linalg.norm(v))
-    climb = math.asin(max(-1.0, min(1.0, float(r @ v) / (length * pace))))
-    turn = float(elements_from_state(r, v).inclination) - inclination
-    return np.array([length - at.radius, pace - at.speed, climb - at.climb, turn])
+    length, pace = (float(np.linalg.norm(part)) for part in (y[:3], y[3:6]))
+    turn = float(elements_from_state(y[:3], y[3:6]).inclination) - inclination
+    return np.array([length - at.radius, pace - at.speed, _climb(y[:3], y[3:6]) - at.climb, turn])
+
+
+def _climb(r_i: Floats, v: Floats) -> float:
+    """Return the angle (rad) of a velocity over the horizontal, at a position."""
+    return math.asin(max(-1.0, min(1.0, float(r_i @ v) / float(np.linalg.norm(r_i) * np.linalg.norm(v)))))
 
 
 def _apse(perigee: float, apogee: float, at_apogee: bool = False) -> _Point:
@@ -180,18 +178,15 @@ def _kick_for_climb(card: VehicleAscent, guess: Floats) -> float:
 
     def climb(kick: float) -> float:
         flight = fly_ascent(card, _aim(card, np.array([*guess[:3], 0.0]), kick), final_coast=False)
-        t = flight.events["stage1_separation"]
-        y = _state_at(flight, t)
-        r, v = y[:3], earth_velocity(y[:3], y[3:6])
-        sine = float(r @ v / (np.linalg.norm(r) * np.linalg.norm(v)))
-        return math.asin(max(-1.0, min(1.0, sine))) - _CLIMB_AT_SEPARATION
+        y = _state_at(flight, flight.events["stage1_separation"])
+        return _climb(y[:3], earth_velocity(y[:3], y[3:6])) - _CLIMB_AT_SEPARATION
 
     angles = np.radians([0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
     climbs = [climb(float(angle)) for angle in angles]
-    for k in range(len(angles) - 1):
-        if climbs[k] > 0.0 >= climbs[k + 1]:
-            return float(brentq(climb, angles[k], angles[k + 1], xtol=1e-4))
-    return float(angles[np.argmin(np.abs(climbs))])
+    k = next((k for k in range(len(angles) - 1) if climbs[k] > 0.0 >= climbs[k + 1]), None)
+    if k is None:
+        return float(angles[np.argmin(np.abs(climbs))])
+    return float(brentq(climb, angles[k], angles[k + 1], xtol=1e-4))
 
 
 def _raise_orbit(card: VehicleAscent, aim: Aim) -> Aim:
@@ -205,10 +200,8 @@ def _raise_orbit(card: VehicleAscent, aim: Aim) -> Aim:
     start = _second_burn(card, aim)
     first = start.azimuth if card.azimuth is None else start.yaw
     begin = np.array([first, start.tangent, start.tangent_end, start.burn])
-    low, high = (
-        _Point(SEMI_MAJOR + card.parking.perigee, 0.0),
-        _apse(card.target.perigee, card.target.apogee, at_apogee=True),
-    )
+    low = _Point(SEMI_MAJOR + card.parking.perigee, 0.0)
+    high = _apse(card.target.perigee, card.target.apogee, at_apogee=True)
 
     def full(z: Floats) -> Aim:
         changed = _aim(card, begin + z[:4] * _UNKNOWN, aim.kick)
@@ -217,10 +210,8 @@ def _raise_orbit(card: VehicleAscent, aim: Aim) -> Aim:
     def miss(z: Floats) -> Floats:
         flight = fly_ascent(card, full(z), final_coast=False)
         y = _state_at(flight, flight.events[f"stage{card.inserting}_cutoff"])
-        return np.append(
-            _residuals(flight.legs[-1].y[-1], high, card.target.inclination) / _RESIDUAL,
-            _residuals(y, low, 0.0)[[0, 2]] / _RESIDUAL[[0, 2]],
-        )
+        last = _residuals(flight.legs[-1].y[-1], high, card.target.inclination) / _RESIDUAL
+        return np.append(last, (_residuals(y, low, 0.0) / _RESIDUAL)[[0, 2]])
 
     result = root(miss, np.zeros(6), method="hybr", options={"xtol": 1e-12, "maxfev": 100})
     _require_converged(card, full(result.x), result)
@@ -230,21 +221,18 @@ def _raise_orbit(card: VehicleAscent, aim: Aim) -> Aim:
 def _second_burn(card: VehicleAscent, aim: Aim) -> Aim:
     """Return the aim with coast and second burn of a Hohmann transfer, to start from."""
     assert card.parking is not None
-    stage = card.vehicle.stages[-1]
+    stage, mass = card.vehicle.stages[-1], mass_above(card, card.inserting)
     exhaust = exhaust_speed(stage)
-    mass = mass_above(card, card.inserting)
     if card.inserting == len(card.vehicle.stages):
         mass = float(fly_ascent(card, aim, final_coast=False).legs[-1].y[-1, 6])
     high = card.target.apogee
     there, before = (_apse(low, high, at_apogee=True).speed for low in (card.target.perigee, card.parking.perigee))
-    gain = there - before
-    burn = mass * exhaust / stage.full_thrust * -math.expm1(-gain / exhaust)
+    burn = mass * exhaust / stage.full_thrust * -math.expm1(-(there - before) / exhaust)
     a = SEMI_MAJOR + 0.5 * (card.parking.perigee + high)
     return aim._replace(coast=math.pi * math.sqrt(a**3 / GM) - 0.5 * burn, burn_2=burn)
 
 
 def _require_converged(card: VehicleAscent, aim: Aim, result: OptimizeResult) -> None:
-    """Refuse an aim that misses the orbit."""
     if np.linalg.norm(result.fun) <= _SMALL:
         return
     missed = np.asarray(result.fun) * _RESIDUAL[: len(result.fun)]
@@ -271,11 +259,10 @@ def _left(card: VehicleAscent, aim: Aim, number: int) -> float:
 
 def _require_propellant(card: VehicleAscent, aim: Aim) -> None:
     """Refuse an aim that burns more propellant than there is, with the missing delta-v."""
-    for number in range(card.inserting, len(card.vehicle.stages) + 1):
+    for number, stage in enumerate(card.vehicle.stages[card.inserting - 1 :], start=card.inserting):
         left = _left(card, aim, number)
         if left >= 0.0:
             continue
-        stage = card.vehicle.stages[number - 1]
         empty = stage.dry + mass_above(card, number)
         if empty + left <= 0.5 * empty:  # it would burn itself: no measure of what is missing
             _refuse_too_heavy(card)
@@ -309,10 +296,7 @@ def _refuse_too_heavy(card: VehicleAscent) -> None:
     above = min(part * payload for part in (1.0, *_PARTS) if part * payload > possible)
     for _ in range(5):
         middle = 0.5 * (possible + above)
-        if _reaches(card, middle):
-            possible = middle
-        else:
-            above = middle
+        possible, above = (middle, above) if _reaches(card, middle) else (possible, middle)
     lacking = impulse_speed(vehicle, possible) - gain
     raise InputError(
         f"{say}about {lacking:.0f} m/s of delta-v for the target orbit: it carries about {possible:.0f} kg there, the "

@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from itertools import pairwise
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from lvnav_trade import units
 from lvnav_trade.kernels.earth import GM, J2, SEMI_MAJOR
-from lvnav_trade.units import (
-    Acceleration,
-    Angle,
-    AngularRate,
-    Area,
-    Card,
-    Duration,
-    Epoch,
-    Force,
-    Length,
-    Mass,
-    Pause,
-    parse,
-)
+from lvnav_trade.units import Card, parse, require_rising
 from lvnav_trade.world.oscillation import OscillationCard
 
 STANDARD_GRAVITY = 9.80665  # m/s^2, converts specific impulse in seconds to exhaust speed
+
+
+def refuse_drag_table(mach: tuple[float, ...], coefficient: tuple[float, ...]) -> None:
+    """ValueError where Mach numbers and drag coefficients do not make a table."""
+    if len(mach) != len(coefficient):
+        raise ValueError(f"{len(mach)} Mach numbers but {len(coefficient)} drag coefficients")
+    require_rising("mach", mach)
 
 
 class Profile(Card):
@@ -37,13 +33,11 @@ class Profile(Card):
     part: tuple[float, ...] = Field(min_length=2, description="parts of the burn time, from 0 to 1, rising")
     thrust: tuple[Annotated[float, Field(gt=0.0)], ...] = Field(description="vacuum thrust there, in any measure")
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         if len(self.part) != len(self.thrust):
-            raise ValueError(f"{len(self.part)} parts of the burn but {len(self.thrust)} thrusts")
+            yield f"{len(self.part)} parts of the burn but {len(self.thrust)} thrusts"
         if self.part[0] != 0.0 or self.part[-1] != 1.0 or any(b <= a for a, b in pairwise(self.part)):
-            raise ValueError("part must rise from 0 to 1")
-        return self
+            yield "part must rise from 0 to 1"
 
 
 class Motor(Card):
@@ -54,22 +48,20 @@ class Motor(Card):
     """
 
     name: str
-    propellant: Annotated[Mass, Field(gt=0.0)] = Field(description="usable propellant")
-    dry: Annotated[Mass, Field(gt=0.0)] = Field(description="mass that stays behind when it is dropped")
-    thrust: Force | None = Field(None, description="vacuum thrust at full throttle")
-    burn_time: Annotated[Duration, Field(gt=0.0)] | None = Field(None, description="of all the propellant")
-    specific_impulse: Annotated[Duration, Field(gt=0.0)] = Field(description="vacuum specific impulse")
-    exit_area: Area = 0.0
+    propellant: Annotated[units.Mass, Field(gt=0.0)] = Field(description="usable propellant")
+    dry: Annotated[units.Mass, Field(gt=0.0)] = Field(description="mass that stays behind when it is dropped")
+    thrust: units.Force | None = Field(None, description="vacuum thrust at full throttle")
+    burn_time: units.TimeConstant | None = Field(None, description="of all the propellant")
+    specific_impulse: units.TimeConstant = Field(description="vacuum specific impulse")
+    exit_area: units.Area = 0.0
     profile: Profile | None = Field(None, description="none: constant thrust")
-    separation_delay: Pause = Field(0.0, description="coast between cut-off and separation")
+    separation_delay: units.Pause = Field(0.0, description="coast between cut-off and separation")
 
-    @model_validator(mode="after")
-    def _one_of_two(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         if (self.thrust is None) == (self.burn_time is None):
-            raise ValueError("give the thrust or the burn time, one of the two")
+            yield "give the thrust or the burn time, one of the two"
         if self.profile is not None and self.burn_time is None:
-            raise ValueError("a thrust profile needs the burn time: a motor that is throttled has none")
-        return self
+            yield "a thrust profile needs the burn time: a motor that is throttled has none"
 
     @property
     def full_thrust(self) -> float:
@@ -88,7 +80,7 @@ class Motor(Card):
 class Stage(Motor):
     """One stage, and the coast before it lights."""
 
-    ignition_delay: Pause = Field(0.0, description="coast between separation of the stage below and ignition")
+    ignition_delay: units.Pause = Field(0.0, description="coast between separation of the stage below and ignition")
 
 
 class Boosters(Motor):
@@ -96,7 +88,7 @@ class Boosters(Motor):
 
     name: str = Field(pattern="^[a-z][a-z0-9_]*$", description="begins the names of its events")
     number: int = Field(ge=1, description="how many")
-    ignition: Pause = Field(0.0, description="time between lift-off and ignition")
+    ignition: units.Pause = Field(0.0, description="time between lift-off and ignition")
 
     @property
     def gone(self) -> float:
@@ -107,9 +99,9 @@ class Boosters(Motor):
 class Fairing(Card):
     """Payload fairing, released a while after a stage has lit."""
 
-    mass: Mass
+    mass: units.Mass
     stage: int = Field(2, ge=1, description="number of the stage that burns when it is released")
-    after_ignition: Pause = Field(description="time between that ignition and the release")
+    after_ignition: units.Pause = Field(description="time between that ignition and the release")
 
 
 class VehicleCard(Card):
@@ -119,40 +111,29 @@ class VehicleCard(Card):
     source: str
     stages: tuple[Stage, ...] = Field(min_length=1)
     boosters: tuple[Boosters, ...] = Field((), description="groups of strap-on boosters of the first stage")
-    payload: Mass
+    payload: units.Mass
     fairing: Fairing | None = None
-    reference_area: Annotated[Area, Field(gt=0.0)] = Field(description="area that the drag coefficients refer to")
+    reference_area: Annotated[units.Area, Field(gt=0.0)] = Field(description="area that the drag coefficients refer to")
     mach: tuple[float, ...] = Field(min_length=2, description="Mach numbers of the drag table, rising")
     drag_coefficient: tuple[float, ...] = Field(min_length=2)
-    max_load: Annotated[Acceleration, Field(gt=0.0)] | None = Field(
+    max_load: Annotated[units.Acceleration, Field(gt=0.0)] | None = Field(
         None, description="what can be throttled is, to stay below this specific force; none: no throttling"
     )
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        if len(self.mach) != len(self.drag_coefficient):
-            raise ValueError(f"{len(self.mach)} Mach numbers but {len(self.drag_coefficient)} drag coefficients")
-        if any(later <= earlier for earlier, later in pairwise(self.mach)):
-            raise ValueError("mach must rise from entry to entry")
+    def _faults(self) -> Iterator[str]:
+        refuse_drag_table(self.mach, self.drag_coefficient)
         if self.fairing is not None and self.fairing.stage > len(self.stages):
-            raise ValueError(f"the fairing is released in stage {self.fairing.stage} of {len(self.stages)}")
-        self._released_in_time()
-        return self
-
-    def _released_in_time(self) -> None:
-        """Refuse a fairing or boosters that the stage below them would burn out before releasing."""
+            yield f"the fairing is released in stage {self.fairing.stage} of {len(self.stages)}"
         if self.fairing is not None and self.fairing.stage < len(self.stages):
             below = self.stages[self.fairing.stage - 1]
             if self.fairing.after_ignition >= below.full_burn:
-                raise ValueError(
-                    f"stage {below.name!r} burns out after {below.full_burn:.1f} s, before the fairing goes"
-                )
+                yield f"stage {below.name!r} burns out after {below.full_burn:.1f} s, before the fairing goes"
         names = [group.name for group in self.boosters]
         if len(set(names)) < len(names):
-            raise ValueError(f"two groups of boosters share a name: {', '.join(names)}")
+            yield f"two groups of boosters share a name: {', '.join(names)}"
         for group in self.boosters:
             if group.gone >= self.stages[0].full_burn:
-                raise ValueError(
+                yield (
                     f"boosters {group.name!r} are dropped {group.gone:.1f} s after lift-off, the first stage burns out "
                     f"after {self.stages[0].full_burn:.1f} s"
                 )
@@ -161,26 +142,25 @@ class VehicleCard(Card):
 class Site(Card):
     """Launch site: geodetic latitude, longitude and height of the IMU on the pad, WGS-84."""
 
-    latitude: Annotated[Angle, Field(ge=-1.5707963267948966, le=1.5707963267948966)]
-    longitude: Angle
-    height: Length = 0.0
+    latitude: Annotated[units.Angle, Field(ge=-1.5707963267948966, le=1.5707963267948966)]
+    longitude: units.Angle
+    height: units.Length = 0.0
 
 
 class Orbit(Card):
     """Osculating orbit: altitudes above the equatorial radius, and inclination to the true equator."""
 
-    perigee: Length
-    apogee: Length
-    inclination: Angle = Field(description="an angle, or the word sun-synchronous")
+    perigee: units.Length
+    apogee: units.Length
+    inclination: units.Angle = Field(description="an angle, or the word sun-synchronous")
     direction: Literal["ascending", "descending"] = Field("ascending", description="sense of the pass over the site")
-    anomaly: Annotated[Angle, Field(ge=0.0, lt=1.5707963267948966)] = Field(
+    anomaly: Annotated[units.Angle, Field(ge=0.0, lt=1.5707963267948966)] = Field(
         0.0, description="true anomaly of injection; zero: at perigee. A weak last stage gets there past it for less"
     )
 
     @model_validator(mode="before")
     @classmethod
     def _sun_synchronous(cls, given: Any) -> Any:
-        """Put the angle in the place of the word."""
         if not isinstance(given, dict) or given.get("inclination") != "sun-synchronous":
             return given
         try:
@@ -189,11 +169,9 @@ class Orbit(Card):
             return given  # the error is reported for that field
         return {**given, "inclination": f"{sun_synchronous(low, high)!r} rad"}
 
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         if self.apogee < self.perigee:
-            raise ValueError("apogee lies below perigee")
-        return self
+            yield "apogee lies below perigee"
 
 
 def sun_synchronous(perigee: float, apogee: float) -> float:
@@ -217,7 +195,7 @@ class Parking(Card):
     That stage is the last one, which then lights a second time, or the one below it, which is dropped before the coast.
     """
 
-    perigee: Length
+    perigee: units.Length
     stage: int | None = Field(None, ge=2, description="number of the stage that reaches it; none: the last")
 
 
@@ -228,7 +206,7 @@ class Recorded(Card):
     file: str | None = Field(
         None, description="CSV of time, Earth-relative speed and altitude", json_schema_extra={"path": True}
     )
-    events: dict[str, Duration] = Field(default={}, description="times of the trajectory's events, from lift-off")
+    events: dict[str, units.Duration] = Field(default={}, description="times of the trajectory's events, from lift-off")
 
 
 class Roll(Card):
@@ -237,10 +215,10 @@ class Roll(Card):
     Zero roll: y axis to the right of the flight plane, hence z downrange on the pad and down in level flight.
     """
 
-    pad: Angle = 0.0
-    flight: Angle = 0.0
-    start: Duration = 5.0
-    rate: AngularRate = Field(0.05235987755982988, gt=0.0, description="greatest roll rate")  # 3 deg/s
+    pad: units.Angle = 0.0
+    flight: units.Angle = 0.0
+    start: units.Duration = 5.0
+    rate: units.AngularRate = Field(0.05235987755982988, gt=0.0, description="greatest roll rate")  # 3 deg/s
 
 
 class VehicleAscent(Card):
@@ -249,47 +227,45 @@ class VehicleAscent(Card):
     kind: Literal["vehicle"] = "vehicle"
     name: str
     source: str
-    epoch: Epoch = Field(description="lift-off, ISO 8601 UTC")
+    epoch: units.Epoch = Field(description="lift-off, ISO 8601 UTC")
     vehicle: VehicleCard
     site: Site
     target: Orbit
     parking: Parking | None = Field(None, description="none: one burn of the last stage straight into the target")
-    azimuth: Angle | None = Field(
+    azimuth: units.Angle | None = Field(
         None, description="of the launch, where it is prescribed; the steered stages then turn the plane"
     )
     recorded: Recorded | None = Field(None, description="a flight to compare with")
-    pad_hold: Pause = 60.0
-    vertical_rise: Annotated[Duration, Field(gt=0.0)] = 8.0
-    kick_duration: Annotated[Duration, Field(gt=0.0)] = 8.0
-    kick_angle: Annotated[Angle, Field(gt=0.0)] | None = Field(
+    pad_hold: units.Pause = 60.0
+    vertical_rise: units.TimeConstant = 8.0
+    kick_duration: units.TimeConstant = 8.0
+    kick_angle: Annotated[units.Angle, Field(gt=0.0)] | None = Field(
         None, description="none: chosen for the least propellant"
     )
     steered_from: int = Field(2, ge=2, description="number of the first stage that follows the linear-tangent law")
-    slew: Annotated[Duration, Field(gt=0.0)] = Field(12.0, description="time to turn from one steering law to the next")
+    slew: units.TimeConstant = Field(12.0, description="time to turn from one steering law to the next")
     roll: Roll = Roll()
-    coast_after_injection: Annotated[Duration, Field(gt=0.0)] = 20.0
+    coast_after_injection: units.TimeConstant = 20.0
     oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         if len(self.vehicle.stages) < 2:
-            raise ValueError("an ascent to orbit is built for two stages or more")
+            yield "an ascent to orbit is built for two stages or more"
         if self.steered_from > len(self.vehicle.stages):
-            raise ValueError(f"steered_from is {self.steered_from}, the vehicle has {len(self.vehicle.stages)} stages")
+            yield f"steered_from is {self.steered_from}, the vehicle has {len(self.vehicle.stages)} stages"
         if self.parking is not None and self.parking.perigee > self.target.perigee:
-            raise ValueError("the perigee of the parking orbit lies above that of the target")
+            yield "the perigee of the parking orbit lies above that of the target"
         if self.parking is not None and self.target.anomaly != 0.0:
-            raise ValueError("by a parking orbit the target is reached at its apogee: its anomaly cannot be chosen")
+            yield "by a parking orbit the target is reached at its apogee: its anomaly cannot be chosen"
         n_stage = len(self.vehicle.stages)
         if self.inserting not in (n_stage - 1, n_stage) or self.inserting < self.steered_from:
-            raise ValueError(
+            yield (
                 f"the parking orbit is reached by stage {self.inserting}; of {n_stage} stages it must be one of the "
                 f"last two, and steered (from {self.steered_from})"
             )
         last = self.vehicle.stages[-1]
         if self.parking is not None and last.profile is not None:
-            raise ValueError(f"stage {last.name!r} burns as long as guidance asks: it cannot have a thrust profile")
-        return self
+            yield f"stage {last.name!r} burns as long as guidance asks: it cannot have a thrust profile"
 
     @property
     def inserting(self) -> int:

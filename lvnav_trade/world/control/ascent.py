@@ -8,30 +8,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from lvnav_trade import frames
 from lvnav_trade.errors import InputError
-from lvnav_trade.frames import (
-    earth_angle,
-    earth_velocity,
-    ecef_from_eci,
-    eci_from_ecef,
-    geodetic_from_ecef,
-    matrices,
-)
 from lvnav_trade.kernels.media.atmosphere import atmosphere
-from lvnav_trade.records import Motion
-from lvnav_trade.world.ascent.attitude import smoothsteps
+from lvnav_trade.records import Floats, Motion
 from lvnav_trade.world.ascent.dynamics import thrust_beside, thrust_of
 from lvnav_trade.world.ascent.launch import build_ascent
 from lvnav_trade.world.ascent.legs import Leg, fly_ascent
+from lvnav_trade.world.ascent.steering_law import smoothsteps
 from lvnav_trade.world.ascent.targeting import solve
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
-from lvnav_trade.world.control.body import RotationCard
-from lvnav_trade.world.control.controller import ControllerCard
-from lvnav_trade.world.control.wind import WindCard, air
+from lvnav_trade.world.control.cards import ControllerCard, RotationCard, WindCard, air
 from lvnav_trade.world.events import resolve
 from lvnav_trade.world.truth import Trajectory, motion
 
-Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 PITCH, YAW = 0, 1
@@ -94,22 +84,21 @@ def body_along(ascent: Ascent, rotation: RotationCard, controller: ControllerCar
     InputError where a card has not as many stacks or gains as the vehicle has stages, or a turn starts at no event.
     """
     n_stage = len(ascent.card.vehicle.stages)
-    for name, held in (("stacks", rotation.stacks), ("gains", controller.gains)):
+    for owner, name, held in ((rotation, "stacks", rotation.stacks), (controller, "gains", controller.gains)):
         if len(held) != n_stage:
-            owner = rotation.name if name == "stacks" else controller.name
-            raise InputError(f"{owner}: {len(held)} {name}, {ascent.card.vehicle.name} has {n_stage} stages")
+            raise InputError(f"{owner.name}: {len(held)} {name}, {ascent.card.vehicle.name} has {n_stage} stages")
     n_tick = int(np.floor(ascent.trajectory.end * rate + 1e-6))
     t = np.minimum(np.arange(n_tick + 1) / rate, ascent.trajectory.end)
     motor, stack, mass, thrust = _propulsion(ascent, t)
     flown = motion(ascent.trajectory, t)
-    theta = earth_angle(ascent.trajectory.theta0, t)
-    latitude, longitude, height = geodetic_from_ecef(ecef_from_eci(flown.r_i, theta))
-    v_i = earth_velocity(flown.r_i, flown.v_i)
+    theta = frames.earth_angle(ascent.trajectory.theta0, t)
+    latitude, longitude, height = frames.geodetic_from_ecef(frames.ecef_from_eci(flown.r_i, theta))
+    v_i = frames.earth_velocity(flown.r_i, flown.v_i)
     airspeed = np.linalg.norm(v_i, axis=1)
     density = np.array([atmosphere(h)[0] for h in height])
     around = air(wind, latitude, longitude, height)
     sides = _lateral(flown)
-    steady_i = np.stack([eci_from_ecef(around.steady_e[:, k], theta) for k in range(2)], axis=2)
+    steady_i = np.stack([frames.eci_from_ecef(around.steady_e[:, k], theta) for k in range(2)], axis=2)
     inertia, nozzle, normal, pressure = _of_stacks(rotation, stack, mass)
     per_speed = 0.5 * density * airspeed * ascent.card.vehicle.reference_area * normal
     turn, turn_rate = _turns(controller, ascent.trajectory, t)
@@ -135,7 +124,7 @@ def body_along(ascent: Ascent, rotation: RotationCard, controller: ControllerCar
 
 def _lateral(flown: Motion) -> Floats:
     """Return the unit vectors (n, 2, 3), frame i, that the nose moves along, pitching up and yawing to the right."""
-    C_b_i = matrices(flown.q_b_i)
+    C_b_i = frames.matrices(flown.q_b_i)
     return np.stack([-C_b_i[:, :, 2], C_b_i[:, :, 1]], axis=1)
 
 
@@ -158,8 +147,7 @@ def _propulsion(ascent: Ascent, t: Floats) -> tuple[Ints, Ints, Floats, Floats]:
 
 
 def _thrusts(leg: Leg, theta0: float) -> Floats:
-    """Return the thrust (n,) in N at the samples of a leg."""
-    height = geodetic_from_ecef(ecef_from_eci(leg.y[:, :3], earth_angle(theta0, leg.t)))[2]
+    height = frames.geodetic_from_ecef(frames.ecef_from_eci(leg.y[:, :3], frames.earth_angle(theta0, leg.t)))[2]
     out = np.empty(leg.t.size)
     for k, t in enumerate(leg.t):
         pressure = atmosphere(height[k])[1]
@@ -180,7 +168,6 @@ def _of_stacks(rotation: RotationCard, stack: Ints, mass: Floats) -> tuple[Float
 
 
 def _turns(controller: ControllerCard, trajectory: Trajectory, t: Floats) -> tuple[Floats, Floats]:
-    """Return angle and rate (n, 2) of the commanded manoeuvres."""
     angle, rate = np.zeros((t.size, 2)), np.zeros((t.size, 2))
     for turn in controller.turns:
         axis = PITCH if turn.axis == "pitch" else YAW

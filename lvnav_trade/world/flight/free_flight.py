@@ -1,4 +1,4 @@
-"""Flight of a point mass through stretches that end at a time or on a condition, and the splines of what was flown."""
+"""Flight of a point mass through stretches, the laws by which its body points, and the splines of both."""
 
 from __future__ import annotations
 
@@ -6,22 +6,115 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.interpolate import BSpline, PPoly
 
-from lvnav_trade.frames import earth_angle, earth_velocity, ecef_from_eci, geodetic_from_ecef
+from lvnav_trade import frames
 from lvnav_trade.kernels.earth import gravity_along, gravity_j4
 from lvnav_trade.kernels.media.atmosphere import atmosphere
-from lvnav_trade.world.truth import Phase, position_spline
+from lvnav_trade.records import Floats
+from lvnav_trade.world.ascent.dynamics import Drag
+from lvnav_trade.world.ascent.steering_law import smoothsteps
+from lvnav_trade.world.truth import Phase, body_axes, product, rotation_quaternions, splined
 
-Floats = NDArray[np.float64]
+Axes = Callable[[Floats, Floats], Floats]  # times (n,) and states (n, 6 or more) to C_b_i (n, 3, 3)
+_TOLERANCE = 1e-11  # relative, of the integration; 1e-12 moves the end of an orbit by millimetres
+_LONGEST_STEP = 20.0  # s; a thin layer of air must not be stepped over
+
+
+class Mode(NamedTuple):
+    """A law of attitude that holds from `start` (s) on, turned to within `slew` seconds."""
+
+    start: float
+    slew: float
+    axes: Axes
+
+
+def attitude(modes: Sequence[Mode], t: Floats, y: Floats) -> Floats:
+    """Return quaternions q_b_i (n, 4), of continuous sign, at rising times t (n,) and states y (n, 6 or more).
+
+    A turn goes about the axis that leads from one law's attitude to the other's, the angle by a quintic in time. Turns
+    of more than half a circle do not come up, but one of exactly half a circle is as good either way; over successive
+    times it keeps to one.
+    """
+    q = frames.quaternions(modes[0].axes(t, y))
+    for mode in modes[1:]:
+        first = int(np.searchsorted(t, mode.start, side="right"))
+        if first == t.size:
+            continue
+        here = slice(first, None)
+        goal = frames.quaternions(mode.axes(t[here], y[here]))
+        way = product(q[here] * [1.0, -1.0, -1.0, -1.0], goal)
+        way *= np.where(way[0, 0] < 0.0, -1.0, 1.0)
+        length = np.linalg.norm(way[:, 1:], axis=1)
+        angle = 2.0 * np.arctan2(length, way[:, 0])
+        done = smoothsteps((t[here] - mode.start) / mode.slew) if mode.slew > 0.0 else np.ones(t.size - first)
+        axis = way[:, 1:] / np.where(length > 0.0, length, 1.0)[:, None]
+        q[here] = product(q[here], rotation_quaternions((done * angle)[:, None] * axis))
+    return q
+
+
+def nose(modes: Sequence[Mode], t: float, y: Floats) -> Floats:
+    """Return the direction (3,) of the body's x axis, frame i, at a time and state (6 or more)."""
+    at, state = np.array([t]), y[None]
+    begun = [modes[0], *(mode for mode in modes[1:] if mode.start < t)]
+    turned_to = len(begun) == 1 or t >= begun[-1].start + begun[-1].slew
+    axes = begun[-1].axes(at, state) if turned_to else frames.matrices(attitude(begun, at, state))
+    return np.asarray(axes[0, :, 0])
+
+
+def fixed_to_earth(x_e: Floats, right_e: Floats, theta0: float) -> Axes:
+    """Return the law of a body at rest on the Earth: x axis and right-hand side, each (3,) in frame e."""
+
+    def axes(t: Floats, y: Floats) -> Floats:
+        x, right = (frames.eci_from_ecef(side, frames.earth_angle(theta0, t)) for side in (x_e, right_e))
+        return body_axes(x, right, np.zeros(t.size))
+
+    return axes
+
+
+def along_airspeed(right_e: Floats, theta0: float) -> Axes:
+    """Return the law of a body that flies nose first through air that turns with the Earth."""
+
+    def axes(t: Floats, y: Floats) -> Floats:
+        right = frames.eci_from_ecef(right_e, frames.earth_angle(theta0, t))
+        return body_axes(frames.unit(frames.earth_velocity(y[:, :3], y[:, 3:6])), right, np.zeros(t.size))
+
+    return axes
+
+
+def fixed_to_stars(C_b_i: Floats) -> Axes:
+    """Return the law of a body that keeps its attitude C_b_i (3, 3)."""
+    return lambda t, y: np.broadcast_to(C_b_i, (t.size, 3, 3)).copy()
+
+
+def along_velocity(sign: float = 1.0) -> Axes:
+    """Return the law of a body whose x axis is along (sign 1) or against (-1) the inertial velocity, z axis down."""
+
+    def axes(t: Floats, y: Floats) -> Floats:
+        across = frames.unit(np.cross(y[:, 3:6], y[:, :3]))  # to the right of one that flies forward, upright
+        return body_axes(sign * frames.unit(y[:, 3:6]), sign * across, np.zeros(t.size))
+
+    return axes
+
+
+def level(t: Floats, y: Floats) -> Floats:
+    """Return the axes (n, 3, 3) of a body whose x axis is horizontal in its orbital plane, forward, z to the centre."""
+    across = frames.unit(np.cross(y[:, 3:6], y[:, :3]))
+    return body_axes(frames.unit(np.cross(y[:, :3], across)), across, np.zeros(t.size))
+
+
+def turned(axes: Axes, pitch: float, yaw: float) -> Axes:
+    """Return a law whose attitude stands off another's by a yaw to the right, then a pitch up (rad), body axes."""
+    if pitch == 0.0 and yaw == 0.0:
+        return axes
+    first, second = (rotation_quaternions(np.array([turn])) for turn in ([0.0, 0.0, yaw], [0.0, pitch, 0.0]))
+    offset = frames.matrices(product(first, second))[0]
+    return lambda t, y: axes(t, y) @ offset
+
+
 Law = Callable[[float, Floats], Floats]  # time and state (7,) to the unit vector of the thrust, or to a rate (7,)
 Condition = Callable[[float, Floats], float]
-
-_TOLERANCE = 1e-11  # relative, of the integration; 1e-12 moves the end of an orbit by millimetres
-
-_LONGEST_STEP = 20.0  # s; a thin layer of air must not be stepped over
 
 
 class Thrust(NamedTuple):
@@ -31,14 +124,6 @@ class Thrust(NamedTuple):
     flow: float
     exit_area: float
     direction: Law
-
-
-class Aerodynamics(NamedTuple):
-    """Reference area (m^2) and drag coefficient over Mach number, held constant outside the table."""
-
-    area: float
-    mach: Floats
-    coefficient: Floats
 
 
 class Stretch(NamedTuple):
@@ -53,7 +138,7 @@ class Stretch(NamedTuple):
     rate: Law
 
 
-def newton(aerodynamics: Aerodynamics | None, thrust: Thrust | None, theta0: float) -> Law:
+def newton(air: Drag | None, thrust: Thrust | None, theta0: float) -> Law:
     """Return the rate (7,) of position, velocity and mass as a function of time and state: gravitation to J4, drag in
     air that turns with the Earth, thrust.
     """
@@ -63,10 +148,10 @@ def newton(aerodynamics: Aerodynamics | None, thrust: Thrust | None, theta0: flo
         out[:3], out[6] = y[3:6], 0.0
         a = np.array(gravity_j4(y[0], y[1], y[2]))
         pressure = 0.0
-        if aerodynamics is not None or (thrust is not None and thrust.exit_area > 0.0):
+        if air is not None or (thrust is not None and thrust.exit_area > 0.0):
             density, pressure, _, sound = atmosphere(height(t, y, theta0))
-            if aerodynamics is not None and density > 0.0:
-                a += drag(aerodynamics, density, sound, y)
+            if air is not None and density > 0.0:
+                a += drag_acceleration(air, density, sound, y)
         if thrust is not None:
             a += (thrust.vacuum - pressure * thrust.exit_area) / y[6] * thrust.direction(t, y)
             out[6] = -thrust.flow
@@ -76,17 +161,17 @@ def newton(aerodynamics: Aerodynamics | None, thrust: Thrust | None, theta0: flo
     return rate
 
 
-def drag(aerodynamics: Aerodynamics, density: float, sound: float, y: Floats) -> Floats:
+def drag_acceleration(air: Drag, density: float, sound: float, y: Floats) -> Floats:
     """Return the acceleration (3,) by drag at a density (kg/m^3), speed of sound (m/s) and state."""
-    wind = earth_velocity(y[:3], y[3:6])
+    wind = frames.earth_velocity(y[:3], y[3:6])
     speed = float(np.linalg.norm(wind))
-    coefficient = np.interp(speed / sound, aerodynamics.mach, aerodynamics.coefficient)
-    return np.asarray(-0.5 * density * speed * coefficient * aerodynamics.area / y[6] * wind)
+    coefficient = np.interp(speed / sound, air.mach, air.coefficient)
+    return np.asarray(-0.5 * density * speed * coefficient * air.area / y[6] * wind)
 
 
 def height(t: float, y: Floats, theta0: float) -> float:
     """Return the height (m) over the ellipsoid at time t, state y."""
-    return float(geodetic_from_ecef(ecef_from_eci(y[:3], earth_angle(theta0, t)))[2])
+    return float(frames.geodetic_from_ecef(frames.ecef_from_eci(y[:3], frames.earth_angle(theta0, t)))[2])
 
 
 def climb(y: Floats) -> float:
@@ -102,13 +187,11 @@ def fly(
     Knots stand `step` s apart or a little less, at least eight; where the condition is not met the stretch lasts as
     long as it may.
     """
-    span = (t0, t0 + longest)
-    events = None
-    if until is not None:
-        events = [lambda t, y: until(t, y)]
+    events = None if until is None else [lambda t, y: until(t, y)]
+    if events is not None:
         events[0].terminal = True  # type: ignore[attr-defined]
-    found = solve_ivp(rate, span, y0, "DOP853", dense_output=True, rtol=_TOLERANCE, atol=1e-9, events=events,
-                      max_step=_LONGEST_STEP)  # fmt: skip
+    found = solve_ivp(rate, (t0, t0 + longest), y0, "DOP853", dense_output=True, rtol=_TOLERANCE, atol=1e-9,
+                      events=events, max_step=_LONGEST_STEP)  # fmt: skip
     end = float(found.t[-1])
     t = np.linspace(t0, end, max(8, int(np.ceil((end - t0) / step - 1e-9))) + 1)
     y = found.sol(t).T
@@ -119,11 +202,7 @@ def fly(
 
 def phases(stretches: Sequence[Stretch], attitude: BSpline, spin: PPoly | None = None) -> list[Phase]:
     """Return the phases of truth: a spline of position for each stretch, attitude and roll angle in all."""
-    found = []
-    for s in stretches:
-        position = position_spline(s.t, s.y[:, :3], s.y[[0, -1], 3:6], s.a_ends)
-        found.append(Phase(s.name, float(s.t[0]), float(s.t[-1]), position, attitude, spin))
-    return found
+    return [splined(s.name, s.t, s.y[:, :3], s.y[[0, -1], 3:6], s.a_ends, attitude, spin) for s in stretches]
 
 
 def knots(stretches: Sequence[Stretch]) -> tuple[Floats, Floats]:
@@ -134,8 +213,44 @@ def knots(stretches: Sequence[Stretch]) -> tuple[Floats, Floats]:
 
 def greatest_load(stretches: Sequence[Stretch]) -> float:
     """Return the greatest specific force (m/s^2) of a flight, at its knots."""
-    greatest = 0.0
-    for s in stretches:
-        a = np.array([s.rate(t, y)[3:6] for t, y in zip(s.t.tolist(), s.y, strict=True)])
-        greatest = max(greatest, float(np.max(np.linalg.norm(a - gravity_along(s.y[:, :3].copy()), axis=1))))
-    return greatest
+    flown = [(s.rate(t, y)[3:6], y[:3]) for s in stretches for t, y in zip(s.t.tolist(), s.y, strict=True)]
+    a, r = np.swapaxes(np.array(flown), 0, 1)
+    return float(np.max(np.linalg.norm(a - gravity_along(r.copy()), axis=1)))
+
+
+class Flown:
+    """A flight so far, stretch after stretch: time (s), state y (7,), laws of attitude (`modes`) and events (s)."""
+
+    def __init__(self, theta0: float, y: Floats, air: Drag | None) -> None:
+        self.t, self.theta0, self.y, self.air = 0.0, theta0, y, air
+        self.modes: list[Mode] = []
+        self.stretches: list[Stretch] = []
+        self.events: dict[str, float] = {}
+
+    @property
+    def height(self) -> float:
+        """Height of now, m."""
+        return height(self.t, self.y, self.theta0)
+
+    def above(self, mark: float) -> Condition:
+        """Return the height over a mark (m) as a condition."""
+        return lambda t, y: height(t, y, self.theta0) - mark
+
+    def axes(self, modes: Sequence[Mode] = ()) -> Floats:
+        """Return the attitude C_b_i (3, 3) of now, by the flight's laws or others."""
+        return np.asarray(frames.matrices(attitude(modes or self.modes, np.array([self.t]), self.y[None]))[0])
+
+    def ahead(
+        self, name: str, longest: float, step: float, thrust: Thrust | None = None, until: Condition | None = None
+    ) -> Stretch:
+        """Return the stretch from now on, as `fly` does."""
+        return fly(name, self.t, self.y, newton(self.air, thrust, self.theta0), longest, step, until)
+
+    def keep(self, stretch: Stretch) -> None:
+        """Go to the end of a stretch."""
+        self.stretches.append(stretch)
+        self.t, self.y = float(stretch.t[-1]), stretch.y[-1].copy()
+
+    def thrust(self, vacuum: float, flow: float, exit_area: float = 0.0) -> Thrust:
+        """Return a motor at work (N, kg/s, m^2) that pushes along the nose."""
+        return Thrust(vacuum, flow, exit_area, lambda t, y: nose(self.modes, t, y))

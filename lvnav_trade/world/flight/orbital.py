@@ -3,45 +3,37 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from itertools import pairwise
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from lvnav_trade.errors import InputError
-from lvnav_trade.frames import (
-    Elements,
-    earth_angle,
-    earth_velocity,
-    ecef_from_eci,
-    gmst,
-    matrices,
-    state_from_elements,
-    unit,
-)
+from lvnav_trade.frames import Elements, earth_angle, earth_velocity, ecef_from_eci, gmst, state_from_elements, unit
 from lvnav_trade.kernels.earth import SEMI_MAJOR
-from lvnav_trade.units import Angle, Area, Card, Duration, Epoch, Force, Length, Mass, TimeConstant
+from lvnav_trade.units import Angle, Area, Card, Epoch, Force, Length, Mass, TimeConstant
+from lvnav_trade.world.ascent.dynamics import Drag
 from lvnav_trade.world.ascent.launch import achieved
-from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY
-from lvnav_trade.world.flight import pointing
+from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY, refuse_drag_table
 from lvnav_trade.world.flight.free_flight import (
-    Aerodynamics,
-    Stretch,
-    Thrust,
-    fly,
+    Axes,
+    Flown,
+    Mode,
+    along_airspeed,
+    along_velocity,
+    attitude,
+    fixed_to_stars,
     greatest_load,
-    height,
     knots,
-    newton,
+    level,
     phases,
+    turned,
 )
-from lvnav_trade.world.flight.pointing import Axes, Mode
 from lvnav_trade.world.oscillation import OscillationCard
 from lvnav_trade.world.truth import Trajectory, attitude_spline
 
-Floats = NDArray[np.float64]
 Pointing = Literal["prograde", "retrograde", "horizontal", "airspeed", "inertial"]
 
 _COAST, _POWERED, _CANOPY = 2.0, 0.25, 0.05  # s between knots: where forces are smooth, in burns and air, at openings
@@ -61,11 +53,9 @@ class Start(Card):
     perigee_argument: Angle = 0.0
     latitude_argument: Angle = Field(0.0, description="angle from the ascending node to the place of the start")
 
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         if self.apogee < self.perigee:
-            raise ValueError("apogee lies below perigee")
-        return self
+            yield "apogee lies below perigee"
 
 
 class Leg(Card):
@@ -83,7 +73,7 @@ class Leg(Card):
     attitude: Pointing = "inertial"
     pitch: Angle = 0.0
     yaw: Angle = 0.0
-    slew: Annotated[Duration, Field(gt=0.0)] = Field(60.0, description="time of the turn to the law")
+    slew: TimeConstant = Field(60.0, description="time of the turn to the law")
 
     @property
     def flow(self) -> float:
@@ -92,16 +82,9 @@ class Leg(Card):
             return 0.0
         return self.thrust / (STANDARD_GRAVITY * self.specific_impulse)
 
-    @property
-    def burnt(self) -> float:
-        """Propellant used, kg."""
-        return self.flow * self.duration
-
-    @model_validator(mode="after")
-    def _whole(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         if (self.thrust is None) != (self.specific_impulse is None):
-            raise ValueError("a burn needs thrust and specific_impulse, a coast neither")
-        return self
+            yield "a burn needs thrust and specific_impulse, a coast neither"
 
 
 class Canopy(Card):
@@ -119,15 +102,13 @@ class Descent(Card):
     attitude: Pointing = "airspeed"
     pitch: Angle = 0.0
     yaw: Angle = 0.0
-    slew: Annotated[Duration, Field(gt=0.0)] = 60.0
+    slew: TimeConstant = 60.0
     parachutes: tuple[Canopy, ...] = ()
 
-    @model_validator(mode="after")
-    def _falling(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         marks = [canopy.below for canopy in self.parachutes] + [self.altitude]
         if any(later >= earlier for earlier, later in pairwise(marks)):
-            raise ValueError("parachutes open one below the other, above the altitude of the end")
-        return self
+            yield "parachutes open one below the other, above the altitude of the end"
 
 
 class OrbitalFlight(Card):
@@ -149,29 +130,17 @@ class OrbitalFlight(Card):
     descent: Descent | None = None
     oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
 
-    @property
-    def pad_hold(self) -> float:
-        """Time before the first event: the flight begins with it."""
-        return 0.0
+    pad_hold: ClassVar[float] = 0.0  # the flight begins with its first event
+    coast_after_injection: ClassVar[float] = 0.0  # and ends with the last one
 
-    @property
-    def coast_after_injection(self) -> float:
-        """Time between the last event and the end of the flight: the last event is the end."""
-        return 0.0
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        if len(self.mach) != len(self.drag_coefficient):
-            raise ValueError(f"{len(self.mach)} Mach numbers but {len(self.drag_coefficient)} drag coefficients")
-        if any(later <= earlier for earlier, later in pairwise(self.mach)):
-            raise ValueError("mach must rise from entry to entry")
+    def _faults(self) -> Iterator[str]:
+        refuse_drag_table(self.mach, self.drag_coefficient)
         names = [leg.name for leg in self.legs]
         if len(set(names)) < len(names):
-            raise ValueError("two legs have the same name")
-        burnt = sum(leg.burnt for leg in self.legs)
+            yield "two legs have the same name"
+        burnt = sum(leg.flow * leg.duration for leg in self.legs)
         if burnt >= self.mass:
-            raise ValueError(f"the burns use {burnt:g} kg, the mass is {self.mass:g} kg")
-        return self
+            yield f"the burns use {burnt:g} kg, the mass is {self.mass:g} kg"
 
 
 def orbit(card: OrbitalFlight) -> Trajectory:
@@ -183,54 +152,39 @@ def orbit(card: OrbitalFlight) -> Trajectory:
         flight.descend(card.descent)
     flight.events["end"] = flight.t
     t, y = knots(flight.stretches)
-    attitude = attitude_spline(t, pointing.attitude(flight.modes, t, y))
+    flown = phases(flight.stretches, attitude_spline(t, attitude(flight.modes, t, y)))
     events = dict(sorted(flight.events.items(), key=lambda item: item[1]))
-    return Trajectory(tuple(phases(flight.stretches, attitude)), events, flight.theta0, card.epoch, _facts(flight))
+    return Trajectory(tuple(flown), events, flight.theta0, card.epoch, _facts(flight))
 
 
-class _Flight:
-    """Flies leg after leg, keeping state, modes of attitude and events."""
+class _Flight(Flown):
+    """A flight of legs and a descent."""
 
     def __init__(self, card: OrbitalFlight) -> None:
-        self.card, self.t, self.theta0 = card, 0.0, gmst(card.epoch)
-        at = card.orbit
+        self.card, at, theta0 = card, card.orbit, gmst(card.epoch)
         a, e = SEMI_MAJOR + 0.5 * (at.apogee + at.perigee), 0.5 * (at.apogee - at.perigee)
-        node, anomaly = at.node + self.theta0, at.latitude_argument - at.perigee_argument
+        node, anomaly = at.node + theta0, at.latitude_argument - at.perigee_argument
         elements = Elements(*map(np.array, (a, e / a, at.inclination, node, at.perigee_argument, anomaly)))
-        self.y = np.concatenate([*state_from_elements(elements), [card.mass]])
-        self.modes: list[Mode] = []
-        self.stretches: list[Stretch] = []
-        self.events: dict[str, float] = {}
-        table = np.array(card.mach), np.array(card.drag_coefficient)
-        self.air = Aerodynamics(card.reference_area, *table) if card.reference_area > 0.0 else None
+        air = Drag(card.reference_area, np.array(card.mach), np.array(card.drag_coefficient))
+        start = np.concatenate([*state_from_elements(elements), [card.mass]])
+        super().__init__(theta0, start, air if card.reference_area > 0.0 else None)
 
-    def keep(self, stretch: Stretch) -> None:
-        """Take a stretch that was flown."""
-        self.stretches.append(stretch)
-        self.t, self.y = float(stretch.t[-1]), stretch.y[-1].copy()
-
-    def point(self, law: Pointing, pitch: float, yaw: float, slew: float) -> None:
+    def point(self, to: Leg | Descent) -> None:
         """Turn to a law of attitude from now on; the first one holds from the start."""
-        start, slew = (self.t, slew) if self.modes else (-math.inf, 0.0)
-        self.modes.append(Mode(start, slew, pointing.turned(self._axes(law), pitch, yaw)))
+        start, slew = (self.t, to.slew) if self.modes else (-math.inf, 0.0)
+        self.modes.append(Mode(start, slew, turned(self._law(to.attitude), to.pitch, to.yaw)))
 
-    def _axes(self, law: Pointing) -> Axes:
+    def _law(self, law: Pointing) -> Axes:
         if law == "inertial":
-            now = (np.array([self.t]), self.y[None])
-            if not self.modes:
-                return pointing.fixed_to_stars(pointing.along_velocity()(*now)[0])
-            return pointing.fixed_to_stars(matrices(pointing.attitude(self.modes, *now))[0])
+            first = along_velocity()(np.array([self.t]), self.y[None])[0]
+            return fixed_to_stars(self.axes() if self.modes else first)
         if law == "airspeed":
             across = unit(np.cross(self.y[3:6], self.y[:3]))
-            right_e = ecef_from_eci(across, earth_angle(self.theta0, self.t))
-            return pointing.along_airspeed(right_e, self.theta0)
-        if law == "horizontal":
-            return pointing.level
-        return pointing.along_velocity(1.0 if law == "prograde" else -1.0)
+            return along_airspeed(ecef_from_eci(across, earth_angle(self.theta0, self.t)), self.theta0)
+        return level if law == "horizontal" else along_velocity(1.0 if law == "prograde" else -1.0)
 
     def leg(self, leg: Leg) -> None:
-        """Fly a leg of a given duration."""
-        self.point(leg.attitude, leg.pitch, leg.yaw, leg.slew)
+        self.point(leg)
         burning = leg.thrust is not None
         if burning and self._turn() > _WIDEST:
             raise InputError(
@@ -239,8 +193,8 @@ class _Flight:
             )
         self.events[f"{leg.name}_ignition" if burning else leg.name] = self.t
         step = _POWERED if burning or leg.slew < 20.0 * _COAST or self.height < _AIR else _COAST
-        law = newton(self.air, self._thrust(leg), self.theta0)
-        self.keep(fly(leg.name, self.t, self.y, law, leg.duration, step, lambda t, y: height(t, y, self.theta0)))
+        thrust = self.thrust(leg.thrust, leg.flow) if leg.thrust is not None else None
+        self.keep(self.ahead(leg.name, leg.duration, step, thrust, self.above(0.0)))
         if self.height < 1.0:
             raise InputError(f"{self.card.name}: the leg {leg.name!r} ends on the ground")
         if burning:
@@ -248,64 +202,45 @@ class _Flight:
 
     def _turn(self) -> float:
         """Return the angle (rad) from the attitude of now to that of the latest law."""
-        now = (np.array([self.t]), self.y[None])
-        C_b_i, goal = (matrices(pointing.attitude(modes, *now))[0] for modes in (self.modes, [self.modes[-1]]))
-        return math.acos(min(1.0, max(-1.0, 0.5 * (float(np.trace(C_b_i.T @ goal)) - 1.0))))
-
-    def _thrust(self, leg: Leg) -> Thrust | None:
-        """Return the motor of a leg at work, None for a coast."""
-        if leg.thrust is None:
-            return None
-        return Thrust(leg.thrust, leg.flow, 0.0, lambda t, y: pointing.nose(self.modes, t, y))
-
-    @property
-    def height(self) -> float:
-        """Height of now, m."""
-        return height(self.t, self.y, self.theta0)
+        trace = float(np.trace(self.axes().T @ self.axes(self.modes[-1:])))
+        return math.acos(min(1.0, max(-1.0, 0.5 * (trace - 1.0))))
 
     def descend(self, card: Descent) -> None:
-        """Fall to the altitude of the end, opening parachutes on the way."""
-        self.point(card.attitude, card.pitch, card.yaw, card.slew)
+        self.point(card)
         self.events["descent"] = self.t
-        air, step = self.air, _COAST if self.height > _AIR and card.slew >= 20.0 * _COAST else _POWERED
+        step = _COAST if self.height > _AIR and card.slew >= 20.0 * _COAST else _POWERED
         marks: list[tuple[float, Canopy | None]] = [(canopy.below, canopy) for canopy in card.parachutes]
         if card.altitude < _AIR < self.height:
             marks.insert(0, (_AIR, None))
         if card.altitude < _ENTRY < self.height and all(canopy.below < _ENTRY for canopy in card.parachutes):
             marks.insert(1 if marks[:1] == [(_AIR, None)] else 0, (_ENTRY, None))
         for mark, canopy in [*marks, (card.altitude, None)]:
-            law = newton(air, None, self.theta0)
-
-            def above(t: float, y: Floats, mark: float = mark) -> float:
-                return height(t, y, self.theta0) - mark
-
+            above = self.above(mark)
             if above(self.t, self.y) <= 0.0:
                 raise InputError(f"{self.card.name}: the descent begins below {mark / 1e3:g} km")
-            found = fly("descent", self.t, self.y, law, _LONGEST, step, above)
+            found = self.ahead("descent", _LONGEST, step, until=above)
             if above(float(found.t[-1]), found.y[-1]) > 1.0:
                 raise InputError(f"{self.card.name}: does not come down to {card.altitude / 1e3:g} km")
             if mark == card.altitude:  # a whole second is the end of a tick at every rate
-                found = fly("descent", self.t, self.y, law, math.floor(found.t[-1]) - self.t, step)
+                found = self.ahead("descent", math.floor(found.t[-1]) - self.t, step)
             self.keep(found)
             step = _POWERED
             if mark == _ENTRY:
                 self.events["entry"] = self.t
             if canopy is not None:
                 self.events[canopy.name] = self.t
-                air = Aerodynamics(canopy.drag_area, np.array([0.0, 1.0]), np.ones(2))
-                self.keep(fly("opening", self.t, self.y, newton(air, None, self.theta0), 4.0, _CANOPY))
+                self.air = Drag(canopy.drag_area, np.array([0.0, 1.0]), np.ones(2))
+                self.keep(self.ahead("opening", 4.0, _CANOPY))
 
 
 def _facts(flight: _Flight) -> dict[str, float | str]:
-    """Return what the report says of the flight, SI."""
     low, high, inclination = achieved(flight.stretches[0].y[0])
-    speed = float(np.linalg.norm(earth_velocity(flight.y[:3], flight.y[3:6])))
     return {
         "perigee_at_start_m": low,
         "apogee_at_start_m": high,
         "inclination_rad": inclination,
         "mass_at_end_kg": float(flight.y[6]),
         "max_load_g": greatest_load(flight.stretches) / STANDARD_GRAVITY,
-        "altitude_at_end_m": height(flight.t, flight.y, flight.theta0),
-        "ground_speed_at_end_m_per_s": speed,
+        "altitude_at_end_m": flight.height,
+        "ground_speed_at_end_m_per_s": float(np.linalg.norm(earth_velocity(flight.y[:3], flight.y[3:6]))),
     }

@@ -1,20 +1,49 @@
-"""A spinning sounding rocket: its card, and how fast it spins when."""
+"""A spinning sounding rocket: its card, and its flight along the rail, nose first through the air, and down."""
 
 from __future__ import annotations
 
 import math
-from itertools import pairwise
-from typing import Annotated, Any, Literal, Self
+from collections.abc import Iterator
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 from scipy.interpolate import PPoly
+from scipy.optimize import brentq
 
+from lvnav_trade import frames
 from lvnav_trade.errors import InputError
+from lvnav_trade.kernels.earth import OMEGA, SEMI_MAJOR
+from lvnav_trade.kernels.media.atmosphere import atmosphere
+from lvnav_trade.records import Floats
 from lvnav_trade.units import Angle, Area, Card, Epoch, Length, Mass, Pause, TimeConstant, TurnRate
-from lvnav_trade.world.ascent.vehicle import Site
+from lvnav_trade.world.ascent.dynamics import Drag
+from lvnav_trade.world.ascent.launch import pad_knots, site_phase
+from lvnav_trade.world.ascent.legs import pad_state, site_axes
+from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY, Site, refuse_drag_table
 from lvnav_trade.world.events import resolve
+from lvnav_trade.world.flight.free_flight import (
+    Flown,
+    Law,
+    Mode,
+    Thrust,
+    along_airspeed,
+    attitude,
+    climb,
+    fixed_to_earth,
+    fixed_to_stars,
+    fly,
+    greatest_load,
+    height,
+    knots,
+    newton,
+    phases,
+)
 from lvnav_trade.world.oscillation import OscillationCard
+from lvnav_trade.world.truth import Trajectory, attitude_spline, body_axes
+
+_STEP = 0.25  # s between knots
+_LONGEST = 3600.0  # s of a coast; a rocket that is not down again by then has left for orbit
 
 
 def _turns(value: Any) -> Any:
@@ -90,32 +119,24 @@ class SoundingFlight(Card):
     pad_hold: Pause = 60.0
     oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
 
-    @property
-    def coast_after_injection(self) -> float:
-        """Time between the last event and the end of the flight: the last event is the end."""
-        return 0.0
+    coast_after_injection: ClassVar[float] = 0.0  # the last event is the end
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        if len(self.mach) != len(self.drag_coefficient):
-            raise ValueError(f"{len(self.mach)} Mach numbers but {len(self.drag_coefficient)} drag coefficients")
-        if any(later <= earlier for earlier, later in pairwise(self.mach)):
-            raise ValueError("mach must rise from entry to entry")
+    def _faults(self) -> Iterator[str]:
+        refuse_drag_table(self.mach, self.drag_coefficient)
         if self.rail.elevation is None and self.apogee is None:
-            raise ValueError("give the rail's elevation or the apogee that it is to be solved for")
+            yield "give the rail's elevation or the apogee that it is to be solved for"
         solved = self.rail.elevation is not None and self.apogee is not None
         if solved and (len(self.stages) < 2 or self.stages[-1].elevation is not None):
-            raise ValueError("the rail's elevation and the last stage's are stated: nothing is left for the apogee")
+            yield "the rail's elevation and the last stage's are stated: nothing is left for the apogee"
         if self.stages[0].elevation is not None:
-            raise ValueError("the first stage starts from the rail: its elevation is that of the rail")
+            yield "the first stage starts from the rail: its elevation is that of the rail"
         for stage in self.stages[:-1]:
             if stage.separation_delay is None:
-                raise ValueError(f"stage {stage.name!r} stays, but another burns above it: give its separation_delay")
+                yield f"stage {stage.name!r} stays, but another burns above it: give its separation_delay"
         for k, stage in enumerate(self.stages[1:], start=2):
             turned = stage.elevation is not None or (solved and k == len(self.stages))
             if turned and stage.ignition_delay < self.turn_time:
-                raise ValueError(f"stage {stage.name!r} is turned within turn_time, longer than its ignition_delay")
-        return self
+                yield f"stage {stage.name!r} is turned within turn_time, longer than its ignition_delay"
 
 
 def spin_angle(steps: tuple[SpinStep, ...], events: dict[str, float], start: float, end: float) -> PPoly | None:
@@ -137,3 +158,207 @@ def spin_angle(steps: tuple[SpinStep, ...], events: dict[str, float], start: flo
     rows.append([0.0] * 5 + [before])
     rate = PPoly(2.0 * math.pi * np.array(rows).T, np.array([*times, end + 1.0]))
     return rate.antiderivative()
+
+
+def launch(card: SoundingFlight) -> Trajectory:
+    """Return the flight of a sounding rocket; InputError where it does not rise, or its apogee is out of reach."""
+    flight = _fly(card, *_solve(card))
+    before = pad_knots(card.pad_hold, _STEP)
+    t, y = knots(flight.stretches)
+    t, y = np.concatenate([before, t]), np.concatenate([np.zeros((before.size, 7)), y])
+    q_b_i = attitude_spline(t, attitude(flight.modes, t, y))
+    flight.events["max_q"], pressure = _max_q(flight)
+    events = dict(sorted(flight.events.items(), key=lambda item: item[1]))
+    spin = spin_angle(card.spin, events, float(t[0]), float(t[-1]))
+    pad = site_phase(card.site, flight.theta0, card.pad_hold, q_b_i, spin)
+    flown = (*pad, *phases(flight.stretches, q_b_i, spin))
+    return Trajectory(flown, events, flight.theta0, card.epoch, _facts(card, flight, pressure))
+
+
+class _Flight(Flown):
+    """A flight from the rail over the apogee and down."""
+
+    def __init__(self, card: SoundingFlight, elevation: float) -> None:
+        up, downrange, right = site_axes(card.site, card.rail.azimuth)
+        self.card, self.elevation, self.right_e, self.held = card, elevation, right, False
+        self.rail_e = math.cos(elevation) * downrange + math.sin(elevation) * up
+        mass = card.payload + sum(stage.propellant + stage.dry for stage in card.stages)
+        theta0 = frames.gmst(card.epoch)
+        start = np.concatenate([*pad_state(card.site, float(frames.earth_angle(theta0, 0.0))), [mass]])
+        air = Drag(card.reference_area, np.array(card.mach), np.array(card.drag_coefficient))
+        super().__init__(theta0, start, air)
+        self.modes.append(Mode(-math.inf, 0.0, fixed_to_earth(self.rail_e, right, theta0)))
+        self.events["liftoff"] = 0.0
+
+    def motor(self, stage: SolidMotor) -> Thrust:
+        flow = stage.propellant / stage.burn_time
+        return self.thrust(flow * STANDARD_GRAVITY * stage.specific_impulse, flow, stage.exit_area)
+
+    def leave_rail(self, stage: SolidMotor) -> None:
+        """Fly the metres on the rail, whose force lets only the motion along it be."""
+        law = self._along_rail(newton(self.air, self.motor(stage), self.theta0))
+        start_e = frames.ecef_from_eci(self.y[:3], self.theta0)
+
+        def gone(t: float, y: Floats) -> float:
+            way = frames.ecef_from_eci(y[:3], frames.earth_angle(self.theta0, t)) - start_e
+            return float(self.rail_e @ way) - self.card.rail.length
+
+        push = frames.rotation_i_e(self.theta0) @ (law(0.0, self.y)[3:6] - _acceleration_at_rest(self.y))
+        if float(self.rail_e @ push) < 0.5:
+            raise InputError(f"{self.card.name}: the thrust of {stage.name!r} does not lift the rocket off its rail")
+        self.keep(fly("rail", 0.0, self.y, law, stage.burn_time, _STEP, gone))
+        self.events["rail_exit"] = self.t
+        self.nose_first(self.card.weathercock)
+
+    def _along_rail(self, free: Law) -> Law:
+        """Return the rate under the force of the rail, from that of free motion."""
+
+        def rate(t: float, y: Floats) -> Floats:
+            out = free(t, y)
+            rail = frames.eci_from_ecef(self.rail_e, frames.earth_angle(self.theta0, t))
+            at_rest = _acceleration_at_rest(y) + 2.0 * np.cross([0.0, 0.0, OMEGA], frames.earth_velocity(y[:3], y[3:6]))
+            out[3:6] = rail * (rail @ (out[3:6] - at_rest)) + at_rest
+            return out
+
+        return rate
+
+    def nose_first(self, slew: float) -> None:
+        """Turn into the airspeed from now on, within `slew` seconds."""
+        self.modes.append(Mode(self.t, slew, along_airspeed(self.right_e, self.theta0)))
+
+    def leg(self, name: str, duration: float, thrust: Thrust | None = None) -> None:
+        """Fly on for a duration; where the air lets go of the body the stretch is cut and the attitude kept."""
+        end, above = self.t + duration, self.above(self.card.held_above)
+        while end - self.t > 1e-9:
+            cut = None if self.held or above(self.t, self.y) >= 0.0 else above
+            self.keep(self.ahead(name, end - self.t, _STEP, thrust, cut))
+            if not self.held and above(self.t, self.y) >= -1e-6:
+                self.hold(self.axes())
+
+    def hold(self, C_b_i: Floats, start: float | None = None) -> None:
+        """Keep an attitude in inertial space from `start` or now on."""
+        self.held = True
+        self.modes.append(Mode(self.t if start is None else start, self.card.turn_time, fixed_to_stars(C_b_i)))
+
+    def turn(self, elevation: float, coast: float) -> None:
+        """Turn to an elevation (rad) over the horizontal of a place `coast` seconds ahead, to be there in time."""
+        there = self.ahead("", coast, _STEP)
+        C_i_n = frames.rotation_i_n(there.y[-1:, :3], np.array(frames.earth_angle(self.theta0, there.t[-1])))[0]
+        along = C_i_n @ frames.earth_velocity(there.y[-1, :3], there.y[-1, 3:6])
+        level = along[:2] / np.hypot(*along[:2]) * math.cos(elevation)
+        x = C_i_n.T @ np.array([*level, -math.sin(elevation)])
+        right = frames.eci_from_ecef(self.right_e, frames.earth_angle(self.theta0, there.t[-1]))
+        self.hold(body_axes(x[None], right[None], np.zeros(1))[0], float(there.t[-1]) - self.card.turn_time)
+
+    def burn(self, number: int, stage: SolidMotor) -> None:
+        thrust = self.motor(stage)
+        if number > 1:
+            self.events[f"stage{number}_ignition"] = self.t
+        left = stage.burn_time - (self.t if number == 1 else 0.0)
+        self.leg(f"stage {number} burn", left, thrust)
+        self.events[f"stage{number}_cutoff"] = self.t
+        if stage.separation_delay is not None:
+            self.leg(f"stage {number} coast", stage.separation_delay)
+            self.events[f"stage{number}_separation"] = self.t
+            self.y[6] -= stage.dry
+
+    def rise(self) -> None:
+        if climb(self.y) <= 0.0:
+            raise InputError(f"{self.card.name}: the rocket is past its apogee before its last stage is done")
+        if not self.held:
+            self.hold(self.axes())
+        self.keep(self.ahead("coast", _LONGEST, _STEP, until=lambda t, y: climb(y)))
+        if climb(self.y) > 1.0:
+            raise InputError(f"{self.card.name}: no apogee within {_LONGEST:g} s of the last stage")
+        self.events["apogee"] = self.t
+
+    def fall(self) -> None:
+        """Coast down to the end, nose first again where there is air."""
+        if self.height - self.card.end_altitude < 1.0:
+            raise InputError(f"{self.card.name}: the apogee is not above end_altitude")
+        marks = [self.card.held_above] if self.card.end_altitude < self.card.held_above < self.height else []
+        for mark in [*marks, self.card.end_altitude]:
+            last = mark == self.card.end_altitude
+            found = self.ahead("descent", _LONGEST, _STEP, until=self.above(mark))
+            if last:  # a whole second is the end of a tick at every rate
+                whole = max(math.floor(found.t[-1]), math.ceil(self.t + 1e-6))
+                found = self.ahead("descent", whole - self.t, _STEP)
+            self.keep(found)
+            if not last:
+                self.nose_first(self.card.turn_time)
+        self.events["end"] = self.t
+
+
+def _acceleration_at_rest(y: Floats) -> Floats:
+    """Return the acceleration (3,) of a point that rests on the Earth at a state's position."""
+    return np.array([-OMEGA * OMEGA * y[0], -OMEGA * OMEGA * y[1], 0.0])
+
+
+def _fly(card: SoundingFlight, elevation: float, turn: float | None, whole: bool = True) -> _Flight:
+    """Fly with the rail at `elevation` and the last stage turned to `turn` (rad); to the apogee alone if not whole."""
+    flight = _Flight(card, elevation)
+    flight.leave_rail(card.stages[0])
+    for number, stage in enumerate(card.stages, start=1):
+        goal = stage.elevation if number < len(card.stages) or turn is None else turn
+        if number > 1:
+            if goal is not None:
+                flight.turn(goal, stage.ignition_delay)
+            flight.leg(f"coast before stage {number}", stage.ignition_delay)
+        flight.burn(number, stage)
+    flight.rise()
+    if whole:
+        flight.fall()
+    return flight
+
+
+def _solve(card: SoundingFlight) -> tuple[float, float | None]:
+    """Return the rail's elevation and that of the last stage (rad; None: as it flies), solved for the apogee."""
+    rail, wanted = card.rail.elevation, card.apogee
+    if wanted is None:
+        assert rail is not None
+        return rail, None
+    _Flight(card, rail or math.radians(80.0)).leave_rail(card.stages[0])  # refuses what does not, before the search
+
+    def excess(elevation: float) -> float:
+        start, turn = (elevation, None) if rail is None else (rail, elevation)
+        try:
+            return _fly(card, start, turn, whole=False).height - wanted
+        except InputError:  # so low that it comes down before its last stage is done
+            return -wanted
+
+    low, high = (math.radians(60.0), math.radians(89.5)) if rail is None else (math.radians(-10.0), math.radians(80.0))
+    try:
+        found = float(brentq(excess, low, high, xtol=1e-7))
+    except ValueError:
+        raise InputError(
+            f"{card.name}: an apogee of {wanted / 1e3:g} km is out of reach with elevations of "
+            f"{math.degrees(low):g} to {math.degrees(high):g} deg"
+        ) from None
+    return (found, None) if rail is None else (rail, found)
+
+
+def _max_q(flight: _Flight) -> tuple[float, float]:
+    """Return time (s) and value (Pa) of the greatest dynamic pressure before the apogee."""
+    best = (0.0, 0.0)
+    for stretch in flight.stretches:
+        if stretch.name in ("rail", "descent"):
+            continue
+        for t, y in zip(stretch.t.tolist(), stretch.y, strict=True):
+            density = atmosphere(height(t, y, flight.theta0))[0]
+            q = 0.5 * density * float(np.sum(frames.earth_velocity(y[:3], y[3:6]) ** 2))
+            best = max(best, (q, t))
+    return best[1], best[0]
+
+
+def _facts(card: SoundingFlight, flight: _Flight, max_q: float) -> dict[str, float | str]:
+    apogee = next(s for s in flight.stretches if s.t[-1] == flight.events["apogee"])
+    ends = (0.0, flight.stretches[0].y[0]), (flight.t, flight.y)
+    begin_e, end_e = (frames.ecef_from_eci(y[:3], frames.earth_angle(flight.theta0, t)) for t, y in ends)
+    return {
+        "apogee_m": height(float(apogee.t[-1]), apogee.y[-1], flight.theta0),
+        "rail_elevation_rad": flight.elevation,
+        "azimuth_rad": card.rail.azimuth,
+        "downrange_m": SEMI_MAJOR * math.acos(float(frames.unit(begin_e) @ frames.unit(end_e))),
+        "max_load_g": greatest_load(flight.stretches) / STANDARD_GRAVITY,
+        "max_dynamic_pressure_pa": max_q,
+    }

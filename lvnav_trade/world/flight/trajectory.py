@@ -9,14 +9,12 @@ from lvnav_trade.world.ascent.launch import build_ascent
 from lvnav_trade.world.ascent.profile import RecordedAscent, rebuild
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
 from lvnav_trade.world.flight.orbital import OrbitalFlight, orbit
-from lvnav_trade.world.flight.sounding import SoundingFlight
-from lvnav_trade.world.flight.sounding_flight import launch
+from lvnav_trade.world.flight.sounding import SoundingFlight, launch
 from lvnav_trade.world.oscillation import oscillations
 from lvnav_trade.world.sensors.imu import ImuCard
 from lvnav_trade.world.truth import Phase, Trajectory, motion, oscillating, reference
 from lvnav_trade.world.user_file.columns import TableTrajectory
-from lvnav_trade.world.user_file.residual import require_consistent
-from lvnav_trade.world.user_file.table import content_of, from_table, residuals
+from lvnav_trade.world.user_file.table import content_of, from_table, require_consistent, residuals
 
 __all__ = [
     "Phase",

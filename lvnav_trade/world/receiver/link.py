@@ -1,19 +1,85 @@
-"""Link budget: from what a satellite radiates to the carrier-to-noise density that a receiver works with."""
+"""Antennas and link budget: from what a satellite radiates to the carrier-to-noise density of the receiver."""
 
 from __future__ import annotations
 
 import math
-from typing import Self
+from collections.abc import Iterator, Sequence
+from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.records import Floats
-from lvnav_trade.units import Angle, Card, Decibels, Frequency, Gain, Level, Temperature
+from lvnav_trade.units import Angle, Card, Decibels, Frequency, Gain, Length, Level, Temperature, require_rising
 
 BOLTZMANN_DB = -228.599167  # dBW/K/Hz: 10 log10 of 1.380649e-23 J/K, exact since 2019
 ROOM = 290.0  # K; the temperature that noise figures refer to
+
+
+class CosineGain(Card):
+    """Gain that falls with a power of the cosine of the angle off boresight, down to that of the back lobes."""
+
+    kind: Literal["cosine"] = "cosine"
+    peak: Gain = Field(description="on boresight, right-hand circular")
+    exponent: float = Field(1.0, ge=0, description="of the cosine, in power: 1 loses 3 dB at 60 deg")
+    front_to_back: Decibels = Field(15.0, description="the gain is never lower than the peak by more than this")
+
+
+class TableGain(Card):
+    """Gain over the angle off boresight, straight lines in dBi between the entries and level beyond them."""
+
+    kind: Literal["table"] = "table"
+    angle: tuple[Angle, ...] = Field(min_length=1, description="off boresight, rising")
+    gain: tuple[Gain, ...] = Field(min_length=1, description="at those angles")
+
+    def _faults(self) -> Iterator[str]:
+        if len(self.angle) != len(self.gain):
+            yield f"{len(self.angle)} angles but {len(self.gain)} gains"
+        require_rising("angle", self.angle)
+
+
+class AntennaCard(Card):
+    """An antenna on the body: where its phase centre is, which way it looks, its gain around that axis."""
+
+    name: str
+    source: str = ""
+    lever_b: tuple[Length, Length, Length] = Field(
+        (0.0, 0.0, 0.0), description="phase centre from the inertial unit, body axes"
+    )
+    boresight: tuple[float, float, float] = Field((1.0, 0.0, 0.0), description="direction in body axes, of any length")
+    pattern: Annotated[CosineGain | TableGain, Field(discriminator="kind")]
+    cutoff: Annotated[Angle, Field(gt=0.0)] = Field(
+        math.pi, description="off boresight; what lies further off is hidden by the body"
+    )
+
+    def _faults(self) -> Iterator[str]:
+        if not 0.0 < math.hypot(*self.boresight) < math.inf:
+            yield f"boresight {self.boresight} has no direction"
+
+
+def gain(card: AntennaCard, angle: Floats) -> Floats:
+    """Return the gain (dBi) at angles off boresight (rad, any shape); -inf beyond the cut-off."""
+    pattern = card.pattern
+    if isinstance(pattern, CosineGain):
+        ahead = np.clip(np.cos(angle), 1e-30, None)
+        fall = np.maximum(10.0 * pattern.exponent * np.log10(ahead), -pattern.front_to_back)
+        level = pattern.peak + np.where(angle < 0.5 * math.pi, fall, -pattern.front_to_back)
+    else:
+        level = np.interp(angle, pattern.angle, pattern.gain)
+    return np.asarray(np.where(angle <= card.cutoff, level, -np.inf))
+
+
+def gains(cards: Sequence[AntennaCard], direction_b: Floats) -> Floats:
+    """Return the gain (dBi) of every antenna towards unit vectors in body axes.
+
+    direction_b (..., 3); result (..., n_antenna). Without antennas there is one that hears all directions with 0 dBi.
+    """
+    if not cards:
+        return np.zeros((*direction_b.shape[:-1], 1))
+    axes = np.array([np.array(card.boresight) / math.hypot(*card.boresight) for card in cards])
+    angle = np.arccos(np.clip(direction_b @ axes.T, -1.0, 1.0))
+    return np.stack([gain(card, angle[..., k]) for k, card in enumerate(cards)], axis=-1)
 
 
 class LinkCard(Card):
@@ -39,15 +105,12 @@ class LinkCard(Card):
     noise_figure: Decibels = Field(2.0, description="of the receiver")
     implementation_loss: Decibels = Field(1.0, description="by quantisation and band limits")
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         if not 0 < len(self.transmit_angle) == len(self.transmit_gain):
-            raise ValueError(f"{len(self.transmit_angle)} transmit angles but {len(self.transmit_gain)} gains")
-        if any(later <= earlier for earlier, later in zip(self.transmit_angle, self.transmit_angle[1:], strict=False)):
-            raise ValueError("transmit_angle must rise from entry to entry")
+            yield f"{len(self.transmit_angle)} transmit angles but {len(self.transmit_gain)} gains"
+        require_rising("transmit_angle", self.transmit_angle)
         if self.system_temperature <= 0.0:
-            raise ValueError("antenna and receiver together have no noise: antenna_temperature or noise_figure is zero")
-        return self
+            yield "antenna and receiver together have no noise: antenna_temperature or noise_figure is zero"
 
     @property
     def system_temperature(self) -> float:

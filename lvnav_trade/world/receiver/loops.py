@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Literal, Self
+from collections.abc import Iterator
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.records import Floats
@@ -46,15 +47,13 @@ class LoopsCard(Card):
         0.0, description="phase jitter of the oscillator per specific force beyond one g: it shakes as the motor pushes"
     )
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         orders = (2, 3) if self.carrier == "pll" else (1, 2)
         if self.carrier_order not in orders:
-            raise ValueError(f"carrier_order of a {self.carrier} is {orders[0]} or {orders[1]}")
-        if self.carrier == "pll" and self.rate_interval < 0.5 / self.carrier_bandwidth:
-            shortest = 0.5 / self.carrier_bandwidth
-            raise ValueError(f"rate_interval is shorter than the loop's own memory of {shortest:.3g} s")
-        return self
+            yield f"carrier_order of a {self.carrier} is {orders[0]} or {orders[1]}"
+        shortest = 0.5 / self.carrier_bandwidth
+        if self.carrier == "pll" and self.rate_interval < shortest:
+            yield f"rate_interval is shorter than the loop's own memory of {shortest:.3g} s"
 
     @property
     def natural_frequency(self) -> float:

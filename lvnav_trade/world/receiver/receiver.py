@@ -1,17 +1,160 @@
-"""Receiver card; raw observables of a block of runs."""
+"""Cards of a receiver, its oscillator and its solutions: simulated, point by point, or its own filter's."""
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from lvnav_trade.units import Angle, Card, Frequency, Length, LengthSigma, Pause, SpeedSigma, TimeConstant
-from lvnav_trade.world.receiver.antenna import AntennaCard
-from lvnav_trade.world.receiver.link import LinkCard
+from lvnav_trade import units
+from lvnav_trade.units import Card
+from lvnav_trade.world.receiver.link import AntennaCard, LinkCard
 from lvnav_trade.world.receiver.loops import LoopsCard
-from lvnav_trade.world.receiver.solutions import SolutionCard
 from lvnav_trade.world.receiver.tracking import TrackingCard
+from lvnav_trade.world.user_file.error_table import ErrorTable
+
+
+class OwnCovariance(Card):
+    """The solver's own covariance of position and velocity goes out with every solution."""
+
+    kind: Literal["own"] = "own"
+    factor: float = Field(1.0, gt=0, description="that it is multiplied by")
+    correlated: bool = Field(True, description="whole; or its diagonal alone")
+
+
+class ConstantCovariance(Card):
+    """The same sigma per axis goes out with every solution."""
+
+    kind: Literal["constant"]
+    position_sigma: units.LengthSigma
+    velocity_sigma: units.SpeedSigma
+
+
+ReportedCovariance = Annotated[
+    OwnCovariance | ConstantCovariance,
+    Field(discriminator="kind", description="covariance that goes out with a solution"),
+]
+Reported = Annotated[
+    bool,
+    Field(description="errors of the solution and of the clock are reported beside those of the filter that uses it"),
+]
+RangeSigma = Annotated[units.LengthSigma, Field(gt=0.0, description="assumed by the receiver for its pseudoranges")]
+RateSigma = Annotated[units.SpeedSigma, Field(gt=0.0, description="and of its range rates")]
+
+
+class _Solver(Card):
+    """What the cards of receivers that solve for themselves have in common."""
+
+    OLD_KEYS: ClassVar[Mapping[str, str]] = {"told": "replaced by reported_covariance"}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _renamed(cls, data: Any) -> Any:
+        """Refuse the keys of earlier versions with the key that replaces them."""
+        for key, message in cls.OLD_KEYS.items():
+            if isinstance(data, Mapping) and key in data:
+                raise ValueError(f"{key}: {message}")
+        return data
+
+
+class DirectSolution(Card):
+    """No solver: true position and velocity plus white noise per axis, whatever satellites are seen."""
+
+    kind: Literal["direct"] = "direct"
+    position_sigma: units.LengthSigma
+    velocity_sigma: units.SpeedSigma
+    position_bias: units.LengthSigma = Field(0.0, description="Gauss-Markov error per axis beside the white noise")
+    velocity_bias: units.SpeedSigma = 0.0
+    bias_time: units.TimeConstant = Field(60.0, description="time constant of both")
+    error_table: ErrorTable | None = Field(None, description="errors of a recording, added to all of the above")
+
+
+class BancroftSolution(_Solver):
+    """A point solution of every epoch with four satellites or more, which knows nothing of the epoch before."""
+
+    kind: Literal["bancroft"]
+    range_sigma: RangeSigma
+    rate_sigma: RateSigma
+    refinements: int = Field(
+        2, ge=0, le=5, description="Newton steps to least squares after the closed form; 0: closed form alone"
+    )
+    false_alarm: float = Field(
+        1e-3, gt=0.0, lt=1.0, description="probability that residuals of good measurements are called inconsistent"
+    )
+    least_quality: Literal[1, 2, 3] = Field(
+        1, description="handed out from: 1 inconsistent residuals, 2 four satellites (no test), 3 consistent residuals"
+    )
+    reported_covariance: ReportedCovariance = OwnCovariance()
+    reported: Reported = False
+
+    def numbers(self) -> dict[str, Any]:
+        """Return the settings of the point solver, SI, by the names of its arguments."""
+        return self.model_dump(exclude={"kind", "reported_covariance", "reported"})
+
+
+class FilteredSolution(_Solver):
+    """The receiver's own Kalman filter of position, velocity, clock and, driven by jerk, acceleration.
+
+    State `jerk` for a filter with acceleration, `acceleration_noise` for one without. Noise is adapted to the
+    acceleration of the last two point solutions: its variance is the larger of the stated sigma squared and the gain
+    times acceleration squared (of range and rate: times its size); gains of zero leave it constant.
+    """
+
+    kind: Literal["filtered"]
+    range_sigma: RangeSigma
+    rate_sigma: RateSigma
+    jerk: units.JerkSigma | None = Field(None, description="constant over an interval, per axis")
+    jerk_gain: units.JerkGain = 0.0
+    acceleration_noise: units.AccelerationSigma | None = Field(None, description="constant over an interval, per axis")
+    acceleration_gain: units.Fraction = 0.0
+    acceleration_time: units.TimeConstant | None = Field(
+        None, description="in which the acceleration decays; none: a random walk"
+    )
+    range_gain: units.RangeGain = 0.0
+    rate_gain: units.LengthSigma = 0.0
+    clock_noise: units.AccelerationSigma = Field(
+        description="derivative of the clock's drift, constant over an interval"
+    )
+    start_acceleration: units.AccelerationSigma = Field(10.0, description="one-sigma when the filter starts")
+    gate: float | None = Field(None, gt=0.0, description="innovations beyond so many sigma are rejected")
+    range_limit: Annotated[units.Length, Field(gt=0.0)] | None = Field(None, description="and beyond so many metres")
+    rate_limit: Annotated[units.Speed, Field(gt=0.0)] | None = None
+    restart_after: int | None = Field(
+        None, ge=1, description="epochs in a row with most rows rejected; it starts again from a point solution"
+    )
+    longest_coast: units.Pause | None = Field(
+        None, description="no solution goes out when no measurement has been accepted for longer; none: it always does"
+    )
+    point: BancroftSolution | None = Field(None, description="that starts it; none: the default with its sigmas")
+    reported_covariance: ReportedCovariance = OwnCovariance()
+    reported: Reported = False
+
+    def _faults(self) -> Iterator[str]:
+        if (self.jerk is None) == (self.acceleration_noise is None):
+            yield "state jerk (a filter with acceleration) or acceleration_noise (one without), not both"
+        other = self.acceleration_gain if self.jerk is not None else self.jerk_gain
+        if other:
+            yield "jerk_gain goes with jerk, acceleration_gain with acceleration_noise"
+        if self.acceleration_noise is not None and self.acceleration_time is not None:
+            yield "acceleration_time: there is no acceleration to decay, state jerk for it"
+
+    def numbers(self) -> dict[str, Any]:
+        """Return the settings of the filter, SI, by the names of its arguments."""
+        driven = {"jerk", "jerk_gain", "acceleration_noise", "acceleration_gain"}
+        found = self.model_dump(exclude={"kind", "reported_covariance", "point", "reported", *driven})
+        drive = (self.acceleration_noise, self.acceleration_gain) if self.jerk is None else (self.jerk, self.jerk_gain)
+        return found | {"acceleration": self.jerk is not None, "drive_sigma": drive[0], "drive_gain": drive[1]}
+
+    @property
+    def fix(self) -> BancroftSolution:
+        """The point solution that the filter starts from and adapts by."""
+        return self.point or BancroftSolution.model_construct(
+            kind="bancroft", range_sigma=self.range_sigma, rate_sigma=self.rate_sigma
+        )
+
+
+SolutionCard = Annotated[DirectSolution | BancroftSolution | FilteredSolution, Field(discriminator="kind")]
 
 
 class ClockCard(Card):
@@ -19,8 +162,8 @@ class ClockCard(Card):
 
     h0: float = Field(ge=0)
     h_minus2: float = Field(ge=0)
-    initial_bias: LengthSigma = 0.0
-    initial_drift: SpeedSigma = 0.0
+    initial_bias: units.LengthSigma = 0.0
+    initial_drift: units.SpeedSigma = 0.0
 
 
 class ReceiverCard(Card):
@@ -33,28 +176,28 @@ class ReceiverCard(Card):
 
     name: str
     source: str
-    rate: Frequency = Field(1.0, description="of its measurements; a filter uses all of them or every n-th")
-    latency: Pause = Field(
+    rate: units.Frequency = Field(1.0, description="of its measurements; a filter uses all of them or every n-th")
+    latency: units.Pause = Field(
         0.0, description="age of a measurement when the filter takes it for present; not compensated"
     )
-    latency_per_satellite: Pause = Field(0.0, description="added to the latency for every satellite tracked")
-    latency_error: Pause = Field(0.0, description="one-sigma of what the latency differs by over a flight")
-    latency_sigma: Pause = Field(0.0, description="one-sigma of what is added to it at random, epoch by epoch")
-    multipath: LengthSigma = Field(0.0, description="Gauss-Markov error of every pseudorange of its own")
-    multipath_time: TimeConstant = 60.0
-    lever_error: LengthSigma = Field(0.0, description="of the antenna's place on the vehicle, per body axis")
-    mask: Angle = Field(0.0, description="elevation mask above the local horizontal")
-    mask_height: Annotated[Length, Field(gt=0.0)] | None = Field(
+    latency_per_satellite: units.Pause = Field(0.0, description="added to the latency for every satellite tracked")
+    latency_error: units.Pause = Field(0.0, description="one-sigma of what the latency differs by over a flight")
+    latency_sigma: units.Pause = Field(0.0, description="one-sigma of what is added to it at random, epoch by epoch")
+    multipath: units.LengthSigma = Field(0.0, description="Gauss-Markov error of every pseudorange of its own")
+    multipath_time: units.TimeConstant = 60.0
+    lever_error: units.LengthSigma = Field(0.0, description="of the antenna's place on the vehicle, per body axis")
+    mask: units.Angle = Field(0.0, description="elevation mask above the local horizontal")
+    mask_height: Annotated[units.Length, Field(gt=0.0)] | None = Field(
         None,
         description="the mask sinks to the horizontal at this height and then with the horizon of a shell this high; "
         "none: the same everywhere",
     )
-    lever_b: tuple[Length, Length, Length] = Field(
+    lever_b: tuple[units.Length, units.Length, units.Length] = Field(
         (0.0, 0.0, 0.0), description="from the inertial unit to the point that the solution is for"
     )
     channels: int = Field(16, ge=1, le=64, description="satellites tracked at most; the highest are kept")
-    pseudorange_sigma: LengthSigma = Field(description="with loops: what is there beside their thermal noise")
-    range_rate_sigma: SpeedSigma = Field(description="with loops: what is there beside their thermal noise")
+    pseudorange_sigma: units.LengthSigma = Field(description="with loops: what is there beside their thermal noise")
+    range_rate_sigma: units.SpeedSigma = Field(description="with loops: what is there beside their thermal noise")
     solution: SolutionCard
     clock: ClockCard
     antennas: tuple[AntennaCard, ...] = Field((), description="none: one at lever_b that hears all directions alike")
@@ -62,11 +205,9 @@ class ReceiverCard(Card):
     loops: LoopsCard | None = Field(None, description="none: constant noise, no loss of lock; they need a link")
     tracking: TrackingCard | None = Field(None, description="none: what can be held is tracked at once")
 
-    @model_validator(mode="after")
-    def _complete(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         if self.loops is not None and self.link is None:
-            raise ValueError("loops need a link: their noise follows from its C/N0")
-        return self
+            yield "loops need a link: their noise follows from its C/N0"
 
     @property
     def lever_arms(self) -> tuple[tuple[float, float, float], ...]:

@@ -12,11 +12,21 @@ from lvnav_trade.frames import matrices
 from lvnav_trade.records import IDLE, TRACK, Floats, Transition
 from lvnav_trade.world.faults import highest
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
-from lvnav_trade.world.receiver.antenna import gains
-from lvnav_trade.world.receiver.link import carrier_to_noise, received_power
+from lvnav_trade.world.receiver.link import carrier_to_noise, gains, received_power
 from lvnav_trade.world.receiver.loops import LoopsCard, code_sigma, coherence_loss, holds, lag, rate_sigma, shaking
 from lvnav_trade.world.receiver.receiver import ReceiverCard
-from lvnav_trade.world.receiver.tracking import DEAF, DYNAMICS, FAULT, HELD, HIDDEN, WEAK, Mask, Signals, track
+from lvnav_trade.world.receiver.tracking import (
+    DEAF,
+    DYNAMICS,
+    FAULT,
+    HELD,
+    HIDDEN,
+    WEAK,
+    Mask,
+    Signals,
+    TrackingCard,
+    track,
+)
 
 LONGEST_STEP = 0.1  # s; channels, and what they hear, are looked at no less often
 # No motion of the carrier matters that is over before a loop has answered it; this many samples per such time.
@@ -97,32 +107,22 @@ def receive(
         tracked = highest(arrival.elevation, available, receiver.channels)
         state = np.where(tracked, TRACK, IDLE).astype(np.int8)
     else:
-        states, transitions = track(
-            receiver.tracking, receiver.channels, arrival.names, _signals(receiver, arrival, steps, heard)
-        )
+        signals = _signals(receiver, receiver.tracking, arrival, steps, heard)
+        states, transitions = track(receiver.tracking, receiver.channels, arrival.names, signals)
         state = states[at]
         # A channel that waits for its signal to come back is still in track, but has nothing to measure.
         tracked = (state == TRACK) & heard.held[at] & ~arrival.faulty
-    range_sigma, range_rate_sigma = _noise(receiver, cn0)
     known = heard.heard[at] & (receiver.link is not None)
-    return Reception(
-        tracked, heard.antenna[at], np.where(known, cn0, np.nan), range_sigma, range_rate_sigma, state, transitions
-    )
+    shown = np.where(known, cn0, np.nan)
+    return Reception(tracked, heard.antenna[at], shown, *_noise(receiver, cn0), state, transitions)
 
 
 def _plain(receiver: ReceiverCard, arrival: Arrival) -> Reception:
     """Return the reception of a receiver that measures the highest satellites above its mask, whatever happens."""
     tracked = highest(arrival.elevation, arrival.expected & ~arrival.faulty, receiver.channels)
-    same = np.ones(tracked.shape)
-    return Reception(
-        tracked=tracked,
-        antenna=np.zeros(tracked.shape, dtype=np.int64),
-        cn0=np.nan * same,
-        range_sigma=receiver.pseudorange_sigma * same,
-        rate_sigma=receiver.range_rate_sigma * same,
-        state=np.where(tracked, TRACK, IDLE).astype(np.int8),
-        transitions=(),
-    )
+    antenna, state = np.zeros(tracked.shape, dtype=np.int64), np.where(tracked, TRACK, IDLE).astype(np.int8)
+    unknown = np.full(tracked.shape, np.nan)
+    return Reception(tracked, antenna, unknown, *_noise(receiver, unknown), state, ())
 
 
 def _steps(t: Floats, receiver: ReceiverCard) -> _Steps:
@@ -175,13 +175,9 @@ def _hear(
 
 
 def _dynamics(
-    receiver: ReceiverCard,
-    loops: LoopsCard,
-    trajectory: Trajectory,
-    arrival: Arrival,
-    steps: _Steps,
+    receiver: ReceiverCard, loops: LoopsCard, trajectory: Trajectory, arrival: Arrival, steps: _Steps,
     antenna: NDArray[np.int64],
-) -> tuple[Floats, Floats]:
+) -> tuple[Floats, Floats]:  # fmt: skip
     """Return the greatest acceleration (m/s^2) and jerk (m/s^3) of the range during each step, (n_step, n_sat) each.
 
     Means over the time in which the carrier loop answers: a jump of thrust is a jerk over that time, which is what the
@@ -198,15 +194,13 @@ def _dynamics(
     C_b_i = matrices(at.q_b_i)
     acceleration, jerk = np.zeros(shape), np.zeros(shape)
     towards = np.swapaxes(arrival.direction_i[1:], 1, 2)
-    n_interval = arrival.t.size - 1
-    lever_arms = np.array(receiver.lever_arms)
-    unique, which = np.unique(lever_arms, axis=0, return_inverse=True)
+    blocks = (arrival.t.size - 1, steps.each * part, 3)
+    unique, which = np.unique(np.array(receiver.lever_arms), axis=0, return_inverse=True)
     for number, lever_b in enumerate(unique):
         v_i = at.v_i + np.einsum("nij,nj->ni", C_b_i, np.cross(at.w_ib_b, lever_b))
         # Without a span there is no motion: epochs that latency pushes before the start of the flight coincide.
         mean = np.divide(np.diff(v_i, axis=0), span, out=np.zeros((span.size, 3)), where=span > 0.0)
         change = np.divide(np.diff(mean, axis=0, prepend=mean[:1]), span, out=np.zeros_like(mean), where=span > 0.0)
-        blocks = (n_interval, steps.each * part, 3)
         along = arrival.pull[1:, None, :] - mean.reshape(blocks) @ towards
         most = _most(along, steps.each, part), _most(change.reshape(blocks) @ towards, steps.each, part)
         mine = which.ravel()[antenna] == number
@@ -222,20 +216,12 @@ def _most(values: Floats, count: int, part: int) -> Floats:
     return np.asarray(steps.max(axis=1))
 
 
-def _signals(receiver: ReceiverCard, arrival: Arrival, steps: _Steps, heard: _Heard) -> Signals:
+def _signals(receiver: ReceiverCard, tracking: TrackingCard, arrival: Arrival, steps: _Steps, heard: _Heard) -> Signals:
     """Return what the channels see; of several causes the one that hides the others is named."""
-    assert receiver.tracking is not None
     expected, faulty = arrival.expected[steps.owner], arrival.faulty[steps.owner]
-    cause = np.full(expected.shape, HELD, dtype=np.int8)
-    cause[~heard.held] = DYNAMICS
-    cause[~heard.calm] = WEAK
-    cause[heard.held] = HELD
-    cause[~heard.heard] = DEAF
-    cause[faulty] = FAULT
-    cause[~expected] = HIDDEN
-    strong = cause == HELD
-    if receiver.link is not None:
-        strong &= heard.cn0 >= receiver.tracking.acquire_above
+    causes = ((~expected, HIDDEN), (faulty, FAULT), (~heard.heard, DEAF), (heard.held, HELD), (~heard.calm, WEAK))
+    cause = np.select([mask for mask, _ in causes], [code for _, code in causes], DYNAMICS).astype(np.int8)
+    strong = (cause == HELD) & (receiver.link is None or heard.cn0 >= tracking.acquire_above)
     return Signals(steps.t, expected, cause, strong, arrival.elevation[steps.owner])
 
 
@@ -245,9 +231,6 @@ def _noise(receiver: ReceiverCard, cn0: Floats) -> tuple[Floats, Floats]:
     same = np.ones(cn0.shape)
     if loops is None or link is None:
         return receiver.pseudorange_sigma * same, receiver.range_rate_sigma * same
-    # What is fainter than any loop can hold is not measured; bounding it keeps the tables finite.
-    bounded = np.maximum(cn0, 0.0)
-    return (
-        np.hypot(receiver.pseudorange_sigma, code_sigma(loops, bounded)),
-        np.hypot(receiver.range_rate_sigma, rate_sigma(loops, bounded, link.wavelength)),
-    )
+    bounded = np.maximum(cn0, 0.0)  # what is fainter than any loop can hold is not measured: the tables stay finite
+    code, rate = code_sigma(loops, bounded), rate_sigma(loops, bounded, link.wavelength)
+    return np.hypot(receiver.pseudorange_sigma, code), np.hypot(receiver.range_rate_sigma, rate)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple, Self
+from collections.abc import Iterator
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from lvnav_trade.kernels.random import philox, seed_words, source_word
 from lvnav_trade.records import ACQUIRE, IDLE, LOST, SEARCH, TRACK, TRACKING, Floats, Transition
@@ -46,11 +47,9 @@ class TrackingCard(Card):
     start: Literal["tracking", "searching"] = Field("tracking", description="at the first epoch")
     realisation: int = Field(0, ge=0, lt=2**32, description="which draw of search times; the same for all runs")
 
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         if self.acquire_above < self.track_above:
-            raise ValueError("acquire_above lies below track_above: what is found would be lost at once")
-        return self
+            yield "acquire_above lies below track_above: what is found would be lost at once"
 
 
 class Signals(NamedTuple):
@@ -72,10 +71,8 @@ def share(card: TrackingCard, satellite: str, t: float) -> float:
 
     It depends on realisation, satellite and time alone (in milliseconds), never on what else is searched.
     """
-    moment = np.uint64(round(1e3 * t) & 0xFFFFFFFF)
-    word, _, _, _ = philox(
-        moment, np.uint64(card.realisation), source_word("acquisition"), source_word(satellite), *seed_words(0)
-    )
+    moment, sources = np.uint64(round(1e3 * t) & 0xFFFFFFFF), (source_word("acquisition"), source_word(satellite))
+    word, _, _, _ = philox(moment, np.uint64(card.realisation), *sources, *seed_words(0))
     return (float(word) + 0.5) / 2.0**32
 
 
@@ -84,19 +81,15 @@ def track(
 ) -> tuple[NDArray[np.int8], tuple[Transition, ...]]:
     """Return the state of every satellite at every step, (n_step, n_sat), and all transitions in order of time.
 
-    Parameters
-    ----------
-    channels
-        Satellites that are searched for, acquired and tracked together at most. Who has a channel keeps it until the
-        signal is lost; a free one goes to the highest satellite, those that were searched in vain after the others.
-    names
-        (n_sat,) names of the satellites.
+    channels: satellites (n_sat,) that are searched for, acquired and tracked together at most. Who has a channel keeps
+    it until the signal is lost; a free one goes to the highest satellite, those that were searched in vain after the
+    others.
     """
     receiver = _Channels(card, channels, names, signals)
     states = np.zeros(signals.expected.shape, dtype=np.int8)
+    if card.start == "tracking" and signals.t.size:
+        receiver.begin()
     for step in range(signals.t.size):
-        if step == 0 and card.start == "tracking":
-            receiver.begin()
         receiver.advance(step)
         states[step] = receiver.state
     return states, tuple(receiver.transitions)
@@ -110,16 +103,14 @@ class _Channels:
         self.card, self.channels, self.names, self.signals = card, channels, names, signals
         self.state = np.zeros(count, dtype=np.int8)
         self.gone = signals.cause != HELD
-        self.failing = np.full(count, np.nan)  # since when the loops of a busy channel do not hold
-        self.found = np.full(count, np.nan)  # when the pass reaches the signal
-        self.due = np.full(count, np.nan)  # when the pass, or the pull-in, ends
-        self.lost = np.full(count, np.nan)  # when lock was lost
+        # since when the loops of a busy channel do not hold; when the pass reaches the signal; when the pass, or the
+        # pull-in, ends; when lock was lost
+        self.failing, self.found, self.due, self.lost = np.full((4, count), np.nan)
         self.vain = np.zeros(count, dtype=int)  # passes in vain since the last success
         self.next = np.inf  # the earliest of all that is found or due
         self.transitions: list[Transition] = []
 
     def begin(self) -> None:
-        """Track from the start what can be tracked, the highest first."""
         up = self.signals.expected[0] & ~self.gone[0]
         order = np.argsort(-np.where(up, self.signals.elevation[0], -np.inf), kind="stable")
         for sat in order[: min(self.channels, int(up.sum()))]:
@@ -128,15 +119,13 @@ class _Channels:
     def advance(self, step: int) -> None:
         """Carry all channels to a step: losses, then what has ended, then new searches."""
         t = float(self.signals.t[step])
-        hidden = ~self.signals.expected[step] & (self.state != IDLE)
-        for sat in np.flatnonzero(hidden):
+        for sat in np.flatnonzero(~self.signals.expected[step] & (self.state != IDLE)):
             self.lost[sat], self.vain[sat] = np.nan, 0
             self._turn(step, int(sat), IDLE, CAUSES[HIDDEN])
         held = (self.state == TRACK) | (self.state == ACQUIRE)
         bad = self.gone[step]
-        if np.any(held & (bad | ~np.isnan(self.failing))):
-            for sat in np.flatnonzero(held):
-                self._watch(step, t, int(sat), bool(bad[sat]))
+        for sat in np.flatnonzero(held) if np.any(held & (bad | ~np.isnan(self.failing))) else ():
+            self._watch(step, t, int(sat), bool(bad[sat]))
         if t >= self.next:
             for sat in np.flatnonzero((self.state == SEARCH) | (self.state == ACQUIRE)):
                 self._end(step, t, int(sat))
@@ -151,8 +140,7 @@ class _Channels:
         if np.isnan(self.failing[sat]):
             self.failing[sat] = t
         if t - self.failing[sat] >= self.card.coast or self.state[sat] == ACQUIRE:
-            if self.state[sat] == TRACK:
-                self.lost[sat] = t
+            self.lost[sat] = t if self.state[sat] == TRACK else self.lost[sat]
             self._rest(step, sat, CAUSES[int(self.signals.cause[step, sat])])
 
     def _rest(self, step: int, sat: int, reason: str) -> None:
@@ -180,12 +168,10 @@ class _Channels:
         waiting = self.signals.expected[step] & ((self.state == IDLE) | (self.state == LOST))
         if not np.any(waiting):
             return
-        searching = int(np.sum(self.state == SEARCH))
-        busy = searching + int(np.sum((self.state == ACQUIRE) | (self.state == TRACK)))
-        free = min(self.card.searchers - searching, self.channels - busy)
+        searching, acquiring, tracked = (int(np.sum(self.state == state)) for state in (SEARCH, ACQUIRE, TRACK))
+        free = min(self.card.searchers - searching, self.channels - searching - acquiring - tracked)
         if free <= 0:
             return
-        tracked = int(np.sum(self.state == TRACK))
         aided = self.card.aiding == "fused" or (self.card.aiding == "own" and tracked >= FIX)
         order = sorted(np.flatnonzero(waiting), key=lambda s: (self.vain[s], -self.signals.elevation[step, s]))
         for sat in map(int, order[:free]):
@@ -204,5 +190,4 @@ class _Channels:
         self.failing[sat] = self.found[sat] = self.due[sat] = np.nan
 
     def _schedule(self) -> None:
-        soonest = np.fmin(self.found, self.due)
-        self.next = float(np.nanmin(soonest)) if np.any(~np.isnan(soonest)) else np.inf
+        self.next = float(np.fmin(np.fmin(self.found, self.due), np.inf).min(initial=np.inf))

@@ -7,14 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lvnav_trade.frames import (
-    earth_angle,
-    ecef_from_eci,
-    eci_from_ecef,
-    geodetic_from_ecef,
-    matrices,
-    rotation_e_n,
-)
+from lvnav_trade import frames
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.kernels.earth import OMEGA, SEMI_MAJOR, SEMI_MINOR
 from lvnav_trade.records import Floats, Sky
@@ -49,26 +42,13 @@ def sky(
     faults: Sequence[AnyFault] = (),
     antenna_alive: Mask | None = None,
 ) -> Sky:
-    """Return all usable satellites at the GNSS epochs, as seen from the true antenna; the same for all runs.
+    """Return all usable satellites at the times of reception t_epoch (n_epoch,), s since lift-off, rising, as seen from
+    the true antenna; the same for all runs.
 
-    Parameters
-    ----------
-    t_epoch
-        (n_epoch,) s since lift-off, rising: times of reception.
-    antenna_alive
-        (n_epoch, n_antenna) bool: which antennas work at the epoch and since the one before. None: as the faults
-        say.
-
-    Returns
-    -------
-    Sky
-        Positions at transmission in frame i (no Earth-rotation term is left to apply), velocities with respect to
-        reception time, azimuth and elevation at the antenna, and what the receiver hears, tracks and measures.
-
-    Raises
-    ------
-    InputError
-        Where the almanac is broken, or a fault's start cannot be resolved.
+    Positions are those at transmission in frame i (no Earth-rotation term is left to apply), velocities with respect to
+    reception time, azimuth and elevation at the antenna. antenna_alive (n_epoch, n_antenna) bool: which antennas work
+    at the epoch and since the one before; None: as the faults say. InputError where the almanac is broken, or a fault's
+    start cannot be resolved.
     """
     above = satellites(constellation, trajectory.epoch)
     antenna_r, antenna_v = antenna(trajectory, receiver, t_epoch)
@@ -109,7 +89,7 @@ def mask(receiver: ReceiverCard, theta0: float, t: Floats, antenna_r: Floats) ->
     shell = receiver.mask_height
     if shell is None:
         return receiver.mask
-    height = geodetic_from_ecef(ecef_from_eci(antenna_r, earth_angle(theta0, t)))[2]
+    height = frames.geodetic_from_ecef(frames.ecef_from_eci(antenna_r, frames.earth_angle(theta0, t)))[2]
     radius = np.linalg.norm(antenna_r, axis=-1) - height
     dip = -np.arccos(np.clip((radius + shell) / (radius + np.maximum(height, shell)), -1.0, 1.0))
     return np.asarray(np.where(height > shell, dip, receiver.mask * (1.0 - height / shell)))[:, None]
@@ -131,23 +111,15 @@ def range_pull(direction: Floats, distance: Floats, sent: Transmission, antenna_
 def antenna(trajectory: Trajectory, receiver: ReceiverCard, t: Floats) -> tuple[Floats, Floats]:
     """Return true position (m) and velocity (m/s) of the antenna in frame i, (n_epoch, 3) each, lever arm included."""
     at = motion(trajectory, t)
-    lever_b = np.array(receiver.lever_b)
-    C_b_i = matrices(at.q_b_i)
-    swing = np.einsum("nij,nj->ni", C_b_i, np.cross(at.w_ib_b, lever_b))
-    return at.r_i + C_b_i @ lever_b, at.v_i + swing
+    lever_b, C_b_i = np.array(receiver.lever_b), frames.matrices(at.q_b_i)
+    return at.r_i + C_b_i @ lever_b, at.v_i + np.einsum("nij,nj->ni", C_b_i, np.cross(at.w_ib_b, lever_b))
 
 
 def transmission(above: Satellites, theta0: float, t: Floats, antenna_r: Floats) -> Transmission:
     """Solve the light-time equation |r_sat(t - travel) - r_antenna(t)| = c travel for all epochs and satellites.
 
-    Parameters
-    ----------
-    above
-        The satellites, (n_sat,), around the same lift-off as `t`.
-    theta0
-        Earth angle at lift-off (rad).
-    t, antenna_r
-        (n_epoch,) s and (n_epoch, 3) m, frame i: reception.
+    theta0: Earth angle (rad) at the lift-off that t counts from; t (n_epoch,) s and antenna_r (n_epoch, 3) m, frame i:
+    reception.
     """
     travel = np.full((t.size, len(above.names)), 0.075)
     for _ in range(LIGHT_TIME_ROUNDS):
@@ -159,9 +131,9 @@ def transmission(above: Satellites, theta0: float, t: Floats, antenna_r: Floats)
 def satellite_inertial(above: Satellites, theta0: float, t: Floats) -> tuple[Floats, Floats]:
     """Return position and velocity of the satellites in frame i, (..., n_sat, 3), at times t (..., n_sat) in s."""
     r_e, v_e = above.ecef(t)
-    theta = earth_angle(theta0, t)
+    theta = frames.earth_angle(theta0, t)
     turning = OMEGA * np.stack([-r_e[..., 1], r_e[..., 0], np.zeros_like(r_e[..., 0])], axis=-1)
-    return eci_from_ecef(r_e, theta), eci_from_ecef(v_e + turning, theta)
+    return frames.eci_from_ecef(r_e, theta), frames.eci_from_ecef(v_e + turning, theta)
 
 
 def range_rate(direction: Floats, v_sat: Floats, v_antenna: Floats) -> Floats:
@@ -180,28 +152,23 @@ def look_angles(theta0: float, t: Floats, antenna_r: Floats, direction: Floats) 
 
     The angles are those of the geodetic north-east-down axes below the antenna; direction (n_epoch, n_sat, 3), frame i.
     """
-    theta = earth_angle(theta0, t)
-    latitude, longitude, _ = geodetic_from_ecef(ecef_from_eci(antenna_r, theta))
-    direction_e = ecef_from_eci(direction, theta[:, None])
-    north, east, down = np.moveaxis(np.einsum("nij,nsj->nsi", rotation_e_n(latitude, longitude), direction_e), -1, 0)
+    theta = frames.earth_angle(theta0, t)
+    latitude, longitude, _ = frames.geodetic_from_ecef(frames.ecef_from_eci(antenna_r, theta))
+    direction_e = frames.ecef_from_eci(direction, theta[:, None])
+    north, east, down = np.moveaxis(
+        np.einsum("nij,nsj->nsi", frames.rotation_e_n(latitude, longitude), direction_e), -1, 0
+    )
     return np.mod(np.arctan2(east, north), 2.0 * np.pi), np.arcsin(np.clip(-down, -1.0, 1.0))
 
 
 def occluded(antenna_r: Floats, satellite_r: Floats, grazing: float = GRAZING_HEIGHT) -> Mask:
     """Return whether the straight ray from antenna to satellite meets the Earth, (...,) bool.
 
-    Parameters
-    ----------
-    antenna_r, satellite_r
-        (..., 3) m, any axes with z along the pole.
-    grazing
-        Height (m) by which the ray must clear the ellipsoid at its lowest point between the two. An antenna below that
-        height loses what it would see by looking downwards, and nothing else.
-
-    Notes
-    -----
-    Stretching z turns the ellipsoid into a sphere and keeps straight lines straight.
+    antenna_r, satellite_r: (..., 3) m, any axes with z along the pole; grazing: height (m) by which the ray must clear
+    the ellipsoid at its lowest point between the two. An antenna below that height loses what it would see by looking
+    downwards, and nothing else.
     """
+    # stretching z turns the ellipsoid into a sphere and keeps straight lines straight
     stretch = np.array([1.0, 1.0, SEMI_MAJOR / SEMI_MINOR])
     near, far = antenna_r * stretch, satellite_r * stretch
     ray: Any = far - near

@@ -3,92 +3,76 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple, Self
+from collections.abc import Iterator
+from typing import Annotated, NamedTuple
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
+from lvnav_trade import units
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OTHER_0, OWN_0, OWN_1, SQUARE
 from lvnav_trade.records import Floats
-from lvnav_trade.units import (
-    Acceleration,
-    AccelerationRandomWalk,
-    AccelerationSigma,
-    AngleRandomWalk,
-    AngleSigma,
-    AngularRate,
-    AngularRateSigma,
-    Card,
-    Duration,
-    Fraction,
-    Frequency,
-    GSensitivity,
-    RateRandomWalk,
-    ScaleDrift,
-    SpeedSigma,
-    TimeConstant,
-    VelocityRandomWalk,
-)
+from lvnav_trade.units import Card
 
 
 class Ramp(Card):
     """When a bias grows linearly before it stays as it is."""
 
-    start: Duration = 0.0
-    end: Duration
+    start: units.Duration = 0.0
+    end: units.Duration
 
-    @model_validator(mode="after")
-    def _forwards(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         if self.end <= self.start:
-            raise ValueError("the ramp's end should come after its start")
-        return self
+            yield "the ramp's end should come after its start"
 
 
 class GyroRamp(Ramp):
     """A bias that grows linearly between two times and then stays (warming during the burn); same in every run."""
 
-    amplitude: tuple[AngularRate, AngularRate, AngularRate]
+    amplitude: tuple[units.AngularRate, units.AngularRate, units.AngularRate]
 
 
 class AccelRamp(Ramp):
     """The accelerometers' bias ramp; same in every run."""
 
-    amplitude: tuple[Acceleration, Acceleration, Acceleration]
+    amplitude: tuple[units.Acceleration, units.Acceleration, units.Acceleration]
 
 
 class GyroCard(Card):
     """Errors of the gyro triad, one sigma per axis (rows of table 1 of Trigo and Theil)."""
 
-    bandwidth: Frequency | None = Field(None, description="first-order bandwidth; none: ideal")
-    misalignment: AngleSigma = 0.0
-    random_walk: AngleRandomWalk = 0.0
-    rate_random_walk: RateRandomWalk = 0.0
-    bias_repeatability: AngularRateSigma = 0.0
-    bias_instability: AngularRateSigma = 0.0
-    instability_time: TimeConstant = 100.0
-    g_sensitivity: GSensitivity = 0.0
-    scale_factor: Fraction = Field(0.0, description="repeatability")
-    scale_factor_drift: ScaleDrift = 0.0
-    nonlinearity: Fraction = Field(0.0, description="scale-factor error at full scale, growing with the rate")
-    full_scale: Annotated[AngularRate, Field(gt=0.0)] = 8.7266462599716477  # 500 deg/s
-    quantisation: AngleSigma = 0.0
+    bandwidth: units.Frequency | None = Field(None, description="first-order bandwidth; none: ideal")
+    misalignment: units.AngleSigma = 0.0
+    random_walk: units.AngleRandomWalk = 0.0
+    rate_random_walk: units.RateRandomWalk = 0.0
+    bias_repeatability: units.AngularRateSigma = 0.0
+    bias_instability: units.AngularRateSigma = 0.0
+    instability_time: units.TimeConstant = 100.0
+    g_sensitivity: units.GSensitivity = 0.0
+    scale_factor: units.Fraction = Field(0.0, description="repeatability")
+    scale_factor_drift: units.ScaleDrift = 0.0
+    nonlinearity: units.Fraction = Field(0.0, description="scale-factor error at full scale, growing with the rate")
+    full_scale: Annotated[units.AngularRate, Field(gt=0.0)] = 8.7266462599716477  # 500 deg/s
+    quantisation: units.AngleSigma = 0.0
     temperature: GyroRamp | None = None
 
 
 class AccelCard(Card):
     """Errors of the accelerometer triad, one sigma per axis."""
 
-    bandwidth: Frequency | None = Field(None, description="first-order bandwidth; none: ideal")
-    misalignment: AngleSigma = 0.0
-    random_walk: VelocityRandomWalk = 0.0
-    rate_random_walk: AccelerationRandomWalk = 0.0
-    bias_repeatability: AccelerationSigma = 0.0
-    bias_instability: AccelerationSigma = 0.0
-    instability_time: TimeConstant = 100.0
-    scale_factor: Fraction = Field(0.0, description="repeatability")
-    scale_factor_drift: ScaleDrift = 0.0
-    nonlinearity: Fraction = Field(0.0, description="scale-factor error at full scale, growing with specific force")
-    full_scale: Annotated[Acceleration, Field(gt=0.0)] = 294.1995  # 30 g
-    quantisation: SpeedSigma = 0.0
+    bandwidth: units.Frequency | None = Field(None, description="first-order bandwidth; none: ideal")
+    misalignment: units.AngleSigma = 0.0
+    random_walk: units.VelocityRandomWalk = 0.0
+    rate_random_walk: units.AccelerationRandomWalk = 0.0
+    bias_repeatability: units.AccelerationSigma = 0.0
+    bias_instability: units.AccelerationSigma = 0.0
+    instability_time: units.TimeConstant = 100.0
+    scale_factor: units.Fraction = Field(0.0, description="repeatability")
+    scale_factor_drift: units.ScaleDrift = 0.0
+    nonlinearity: units.Fraction = Field(
+        0.0, description="scale-factor error at full scale, growing with specific force"
+    )
+    full_scale: Annotated[units.Acceleration, Field(gt=0.0)] = 294.1995  # 30 g
+    quantisation: units.SpeedSigma = 0.0
     temperature: AccelRamp | None = None
 
 
@@ -97,8 +81,8 @@ class ImuCard(Card):
 
     name: str
     source: str = Field(description="where each number is from")
-    rate: Frequency = 200.0
-    process_rate: Frequency = Field(10.0, description="how often time-varying errors take a step")
+    rate: units.Frequency = 200.0
+    process_rate: units.Frequency = Field(10.0, description="how often time-varying errors take a step")
     gyro: GyroCard
     accel: AccelCard
 

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, field_validator
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.kernels.earth import J2, SEMI_MAJOR
 from lvnav_trade.records import Floats
 from lvnav_trade.units import Angle, AngularRate, Card, Epoch, Length, LengthSigma, TimeConstant
-from lvnav_trade.world.sky.almanac import AlmanacRecord, read_yuma
+from lvnav_trade.world.sky.almanac import AlmanacRecord, read_almanac
 from lvnav_trade.world.sky.gps_time import gps_seconds, resolve_week
-from lvnav_trade.world.sky.numbers import read_lines
-from lvnav_trade.world.sky.sem import read_sem
 
 System = Literal["GPS", "Galileo", "GLONASS"]
 LETTERS: dict[str, str] = {"GPS": "G", "Galileo": "E", "GLONASS": "R"}  # as in RINEX
@@ -75,11 +74,9 @@ class NominalConstellation(SystemErrors):
     )
     slots: tuple[Slot, ...] = Field(min_length=1)
 
-    @model_validator(mode="after")
-    def _reference_time(self) -> NominalConstellation:
+    def _faults(self) -> Iterator[str]:
         if self.system == "GPS" and self.time_offset > 0.0:
-            raise ValueError("time_offset counts from GPS time, so a constellation of GPS has none")
-        return self
+            yield "time_offset counts from GPS time, so a constellation of GPS has none"
 
     @field_validator("slots")
     @classmethod
@@ -173,9 +170,22 @@ class Orbits(NamedTuple):
     clock_drift: Floats  # s/s
     systems: tuple[str, ...]
 
-    def ecef(self, t: Floats) -> tuple[Floats, Floats]:
-        """Return position and Earth-relative velocity as `satellite_ecef` does."""
-        return satellite_ecef(self, t)
+    def ecef(self, t: Floats | float) -> tuple[Floats, Floats]:
+        """Return position (m) and Earth-relative velocity (m/s), (..., n_sat, 3) each, in the Earth-fixed axes of t.
+
+        t, (..., n_sat) or (..., 1): s since the reference time of the elements. The user algorithm of IS-GPS-200,
+        table 20-IV, with the terms that an almanac carries (no harmonic corrections), and its derivative.
+        """
+        a, e = self.semi_major_axis, self.eccentricity
+        anomaly = eccentric_anomaly(self.mean_anomaly + self.mean_motion * t, e)
+        cos_e, sin_e, root = np.cos(anomaly), np.sin(anomaly), np.sqrt(1.0 - e * e)
+        speed = a * self.mean_motion / (1.0 - e * cos_e)
+        cos_w, sin_w = np.cos(self.perigee), np.sin(self.perigee)
+        turn = np.array([[cos_w, -sin_w], [sin_w, cos_w]])
+        own_axes = np.stack([a * (cos_e - e), a * root * sin_e]), np.stack([-speed * sin_e, speed * root * cos_e])
+        flat, flat_rate = (np.einsum("ijs,j...s->i...s", turn, part) for part in own_axes)
+        node_rate = self.node_rate - EARTH_RATE_GPS
+        return earth_fixed(flat, flat_rate, self.node + node_rate * t, node_rate, self.inclination)
 
     def clock(self, t: Floats) -> Floats:
         """Return what the satellites' clocks are ahead by their polynomials, (..., n_sat) s, relativity apart."""
@@ -190,11 +200,8 @@ class Orbits(NamedTuple):
 def orbits(constellation: NominalConstellation | AlmanacConstellation, epoch: str) -> Orbits:
     """Return the elements of all usable satellites with `epoch` (ISO 8601, UTC) as reference time.
 
-    Raises
-    ------
-    InputError
-        Where the almanac is broken (``file:line: what``), holds no healthy satellite, is too old or too young, or a
-        time cannot be read.
+    InputError where the almanac is broken (``file:line: what``), holds no healthy satellite, is too old or too young,
+    or a time cannot be read.
     """
     if isinstance(constellation, NominalConstellation):
         return _nominal_orbits(constellation, epoch)
@@ -211,21 +218,6 @@ def orbits(constellation: NominalConstellation | AlmanacConstellation, epoch: st
     return _almanac_orbits([record for record, usable in zip(records, recent, strict=True) if usable], lift_off)
 
 
-def read_almanac(path: str) -> tuple[AlmanacRecord, ...]:
-    """Read a YUMA or a SEM almanac, distinguished by its first word: a SEM file begins with the number of its records.
-
-    Raises
-    ------
-    InputError
-        As `read_yuma` and `read_sem` do, and where the file is one of another kind.
-    """
-    lines = read_lines(path, "YUMA or SEM almanac")
-    if lines and lines[0].rstrip().endswith("RINEX VERSION / TYPE"):
-        raise InputError(f"{path}:1: a RINEX file; name it by {{rinex: ...}}, not {{almanac: ...}}")
-    words = next((line.split() for line in lines if line.strip()), [""])
-    return read_sem(path) if words[0].isdigit() else read_yuma(path)
-
-
 def _nominal_orbits(card: NominalConstellation, epoch: str) -> Orbits:
     """Carry the slots to the epoch: two-body motion plus the secular J2 rates of a circular orbit.
 
@@ -235,11 +227,9 @@ def _nominal_orbits(card: NominalConstellation, epoch: str) -> Orbits:
     n = math.sqrt(GM_GPS / card.semi_major_axis**3)
     oblateness = 1.5 * n * J2 * (SEMI_MAJOR / card.semi_major_axis) ** 2
     sin2 = math.sin(card.inclination) ** 2
-    node_rate, latitude_rate = card.node_rate, card.latitude_rate
-    if node_rate is None:
-        node_rate = -oblateness * math.cos(card.inclination)
-    if latitude_rate is None:
-        latitude_rate = n + oblateness * ((2.0 - 2.5 * sin2) + (1.0 - 1.5 * sin2))
+    turning, running = -oblateness * math.cos(card.inclination), (2.0 - 2.5 * sin2) + (1.0 - 1.5 * sin2)
+    node_rate = turning if card.node_rate is None else card.node_rate
+    latitude_rate = n + oblateness * running if card.latitude_rate is None else card.latitude_rate
     node = np.array([slot.node for slot in card.slots]) - card.greenwich + (node_rate - EARTH_RATE_GPS) * elapsed
     latitude = np.array([slot.latitude_argument for slot in card.slots]) + latitude_rate * elapsed
     same = np.ones(len(card.slots))
@@ -261,67 +251,42 @@ def _nominal_orbits(card: NominalConstellation, epoch: str) -> Orbits:
 
 def _almanac_orbits(records: list[AlmanacRecord], reference: float) -> Orbits:
     """Carry broadcast elements to the reference time (s, GPS time); their node counts from Greenwich at week start."""
-    applicability = np.array([record.applicability for record in records])
     elapsed = reference - np.array([resolve_week(r.week, r.applicability, reference) for r in records])
-    axis = np.array([record.root_axis for record in records]) ** 2
-    node_rate = np.array([record.node_rate for record in records])
+    of = dict(zip(AlmanacRecord._fields, np.array(records, dtype=float).T, strict=True))
+    axis = of["root_axis"] ** 2
     mean_motion = np.sqrt(GM_GPS / axis**3)
-    node = np.array([record.node for record in records]) - EARTH_RATE_GPS * applicability
-    mean_anomaly = np.array([record.mean_anomaly for record in records])
-    clock_drift = np.array([record.clock_drift for record in records])
+    node = of["node"] - EARTH_RATE_GPS * of["applicability"] + (of["node_rate"] - EARTH_RATE_GPS) * elapsed
     return Orbits(
         names=tuple(f"G{record.prn:02d}" for record in records),
         semi_major_axis=axis,
-        eccentricity=np.array([record.eccentricity for record in records]),
-        inclination=np.array([record.inclination for record in records]),
-        node=np.mod(node + (node_rate - EARTH_RATE_GPS) * elapsed, 2.0 * math.pi),
-        node_rate=node_rate,
-        perigee=np.array([record.perigee for record in records]),
-        mean_anomaly=np.mod(mean_anomaly + mean_motion * elapsed, 2.0 * math.pi),
+        eccentricity=of["eccentricity"],
+        inclination=of["inclination"],
+        node=np.mod(node, 2.0 * math.pi),
+        node_rate=of["node_rate"],
+        perigee=of["perigee"],
+        mean_anomaly=np.mod(of["mean_anomaly"] + mean_motion * elapsed, 2.0 * math.pi),
         mean_motion=mean_motion,
-        clock_bias=np.array([record.clock_bias for record in records]) + clock_drift * elapsed,
-        clock_drift=clock_drift,
+        clock_bias=of["clock_bias"] + of["clock_drift"] * elapsed,
+        clock_drift=of["clock_drift"],
         systems=("G",) * len(records),
     )
 
 
-def satellite_ecef(orbit: Orbits, t: Floats | float) -> tuple[Floats, Floats]:
-    """Return position (m) and Earth-relative velocity (m/s) of all satellites, in the Earth-fixed axes of time t.
+def earth_fixed(
+    flat: Floats, flat_rate: Floats, node: Floats, node_rate: Floats, inclination: Floats, tilting: Floats | float = 0.0
+) -> tuple[Floats, Floats]:
+    """Return position (m) and Earth-relative velocity (m/s), (..., n_sat, 3) each, in the Earth-fixed axes of the time.
 
-    Parameters
-    ----------
-    orbit
-        Elements, (n_sat,).
-    t
-        Seconds since the reference time of the elements, any shape that broadcasts with a last axis of n_sat:
-        (n_epoch, n_sat), or (n_epoch, 1) for the same times for all.
-
-    Returns
-    -------
-    r_e, v_e
-        (..., n_sat, 3) each; v_e is the derivative of r_e.
-
-    Notes
-    -----
-    The user algorithm of IS-GPS-200, table 20-IV, with the terms that an almanac carries (no harmonic corrections).
+    flat, flat_rate (2, ..., n_sat): in the plane of the orbit, from its ascending node; node, its rate relative to the
+    Earth, inclination and its rate `tilting` (rad, rad/s).
     """
-    anomaly = eccentric_anomaly(orbit.mean_anomaly + orbit.mean_motion * t, orbit.eccentricity)
-    cos_e, sin_e, e = np.cos(anomaly), np.sin(anomaly), orbit.eccentricity
-    root = np.sqrt(1.0 - e * e)
-    flat = np.stack([orbit.semi_major_axis * (cos_e - e), orbit.semi_major_axis * root * sin_e])
-    speed = orbit.semi_major_axis * orbit.mean_motion / (1.0 - e * cos_e)
-    flat_rate = np.stack([-speed * sin_e, speed * root * cos_e])
-    cos_w, sin_w = np.cos(orbit.perigee), np.sin(orbit.perigee)
-    turn = np.array([[cos_w, -sin_w], [sin_w, cos_w]])
-    x, y = np.einsum("ijs,j...s->i...s", turn, flat)
-    vx, vy = np.einsum("ijs,j...s->i...s", turn, flat_rate)
-    node_rate = orbit.node_rate - EARTH_RATE_GPS
-    node = orbit.node + node_rate * t
-    cos_n, sin_n, cos_i, sin_i = np.cos(node), np.sin(node), np.cos(orbit.inclination), np.sin(orbit.inclination)
-    r_e = np.stack([x * cos_n - y * cos_i * sin_n, x * sin_n + y * cos_i * cos_n, y * sin_i], axis=-1)
-    in_plane = np.stack([vx * cos_n - vy * cos_i * sin_n, vx * sin_n + vy * cos_i * cos_n, vy * sin_i], axis=-1)
-    turning = np.stack([-node_rate * r_e[..., 1], node_rate * r_e[..., 0], np.zeros_like(x)], axis=-1)
-    return r_e, in_plane + turning
+    (x, y), (vx, vy) = flat, flat_rate
+    cos_n, sin_n, cos_i, sin_i = np.cos(node), np.sin(node), np.cos(inclination), np.sin(inclination)
+    across, across_rate = y * cos_i, vy * cos_i - y * sin_i * tilting  # in the equator, across the line of nodes
+    r_e = np.stack([x * cos_n - across * sin_n, x * sin_n + across * cos_n, y * sin_i], axis=-1)
+    v_x = vx * cos_n - across_rate * sin_n - node_rate * r_e[..., 1]
+    v_y = vx * sin_n + across_rate * cos_n + node_rate * r_e[..., 0]
+    return r_e, np.stack([v_x, v_y, vy * sin_i + y * cos_i * tilting], axis=-1)
 
 
 def eccentric_anomaly(mean_anomaly: Floats, eccentricity: Floats) -> Floats:

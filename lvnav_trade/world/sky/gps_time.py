@@ -31,12 +31,8 @@ def leap_seconds(utc: datetime) -> int:
 def gps_seconds(epoch: str) -> float:
     """Return the seconds of GPS time since 1980-01-06 00:00 at an ISO 8601 time in UTC.
 
-    A time without offset is UTC; a time with another offset is converted.
-
-    Raises
-    ------
-    InputError
-        Where the text is not a time, or lies before GPS time begins.
+    A time without offset is UTC; a time with another offset is converted. InputError where the text is not a time, or
+    lies before GPS time begins.
     """
     try:
         moment = datetime.fromisoformat(epoch)
@@ -49,19 +45,9 @@ def gps_seconds(epoch: str) -> float:
 
 
 def resolve_week(week: int, seconds: float, near: float) -> float:
-    """Return seconds of GPS time for a week number and seconds of week, in the 1024-week era closest to a known time.
+    """Return s of GPS time for a week number and seconds of week, in the 1024-week era closest to the time `near` (s).
 
-    Parameters
-    ----------
-    week
-        Week number, either counted on (1024 or more: taken as it is) or truncated to ten bits as satellites send it.
-    seconds
-        Seconds of that week.
-    near
-        Seconds of GPS time that tell which era is meant: the lift-off.
+    The week is either counted on (1024 or more: taken as it is) or truncated to ten bits as satellites send it.
     """
-    stated = week * SECONDS_PER_WEEK + seconds
-    if week >= WEEK_ROLLOVER:
-        return stated
-    era = WEEK_ROLLOVER * SECONDS_PER_WEEK
-    return stated + era * max(0, round((near - stated) / era))
+    stated, era = week * SECONDS_PER_WEEK + seconds, WEEK_ROLLOVER * SECONDS_PER_WEEK
+    return stated if week >= WEEK_ROLLOVER else stated + era * max(0, round((near - stated) / era))

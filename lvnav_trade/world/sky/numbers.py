@@ -28,10 +28,7 @@ class Bounds(NamedTuple):
 def number(where: str, text: str, bounds: Bounds) -> float:
     """Return the number that the text states, Fortran exponents included, within its bounds.
 
-    Raises
-    ------
-    InputError
-        ``where: what`` where the text is no such number or outside the bounds; nan and inf are outside all.
+    InputError ``where: what`` where the text is no such number or outside the bounds; nan and inf are outside all.
     """
     try:
         value = bounds.read(text.strip().upper().replace("D", "E"))
@@ -46,19 +43,12 @@ def number(where: str, text: str, bounds: Bounds) -> float:
 def read_lines(path: str | Path, what: str) -> list[str]:
     """Return the lines of a text file, unpacked where it is gzip; `what` it should be is named where it cannot be.
 
-    Raises
-    ------
-    InputError
-        Where the file cannot be read, is no whole gzip file or a .Z file, or is not text.
-
-    Notes
-    -----
-    Letters beyond ASCII stand in names and remarks only, so any encoding of them will do.
+    Letters beyond ASCII stand in names and remarks only, so any encoding of them will do. InputError where the file
+    cannot be read, is no whole gzip file or a .Z file, or is not text.
     """
+    data = read_bytes(path, DATA_BYTES)
     try:
-        data = read_bytes(path, DATA_BYTES)
-        if data.startswith(GZIP_MAGIC):
-            data = _unpacked(path, data)
+        data = _unpacked(path, data) if data.startswith(GZIP_MAGIC) else data
     except (EOFError, gzip.BadGzipFile, zlib.error):
         raise InputError(f"{path}: a broken or truncated gzip file") from None
     if data.startswith(COMPRESS_MAGIC):
@@ -69,7 +59,6 @@ def read_lines(path: str | Path, what: str) -> list[str]:
 
 
 def _unpacked(path: str | Path, data: bytes) -> bytes:
-    """Return what a gzip file holds, as far as it is no larger than a file of data may be."""
     with gzip.GzipFile(fileobj=io.BytesIO(data)) as packed:
         found = packed.read(DATA_BYTES + 1)
     if len(found) > DATA_BYTES:

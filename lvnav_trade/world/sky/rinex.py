@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
@@ -19,36 +19,16 @@ LABEL = 60  # column where the label of a header line begins
 class Ephemeris(NamedTuple):
     """Keplerian elements of one GPS or Galileo satellite as broadcast: SI and radians, times in s of GPS time.
 
-    toe is the reference time of the orbit and week_second the same in seconds of its week, from which the node counts;
-    toc is that of the clock. group_delay (s) is TGD, or BGD E5a/E1. data_source is the word by which a Galileo record
-    tells the message it comes from, 0 for GPS.
+    toe is the reference time of the orbit, toc that of the clock. elements: by the names in `_KEPLERIAN`, among them
+    week_second, toe in seconds of its week, from which the node counts; group_delay (s), TGD, or BGD E5a/E1; and
+    data_source, the word by which a Galileo record tells the message it comes from, 0 for GPS.
     """
 
     name: str
     toc: float
     toe: float
-    clock_bias: float
-    clock_drift: float
-    clock_drift_rate: float
-    radius_sin: float
-    mean_motion_difference: float
-    mean_anomaly: float
-    latitude_cos: float
-    eccentricity: float
-    latitude_sin: float
-    root_axis: float
-    week_second: float
-    inclination_cos: float
-    node: float
-    inclination_sin: float
-    inclination: float
-    radius_cos: float
-    perigee: float
-    node_rate: float
-    inclination_rate: float
-    data_source: float
     health: float
-    group_delay: float
+    elements: Mapping[str, float]
 
 
 class StateVector(NamedTuple):
@@ -162,16 +142,10 @@ class _Record(NamedTuple):
 def read_navigation(path: str | Path) -> Navigation:
     """Read all records of GPS, Galileo and GLONASS of a navigation file, gzip or plain; other systems are passed over.
 
-    Raises
-    ------
-    InputError
-        ``file:line: what`` where the file cannot be read, is not a RINEX navigation file of version 2 or 3, a record is
-        cut short, or a value is not a number or impossible.
-
-    Notes
-    -----
     RINEX 2.11, table A3 to A12; RINEX 3.04, table A5 to A11. The week of a reference time is the one that lies next to
-    the time of clock, because writers disagree about whether the stated week rolls over.
+    the time of clock, because writers disagree about whether the stated week rolls over. InputError ``file:line: what``
+    where the file cannot be read, is not a RINEX navigation file of version 2 or 3, a record is cut short, or a value
+    is not a number or impossible.
     """
     lines = read_lines(path, "RINEX navigation file")
     form = _format(path, lines)
@@ -187,13 +161,11 @@ def read_navigation(path: str | Path) -> Navigation:
             ephemerides.append(_ephemeris(record, form))
     if not ephemerides and not states:
         raise InputError(f"{path}: no record of GPS, Galileo or GLONASS")
-    return Navigation(
-        tuple(ephemerides), tuple(states), _klobuchar(path, lines[:end]), tuple(_offsets(path, lines[:end]))
-    )
+    alpha_beta, offsets = _klobuchar(path, lines[:end]), _offsets(path, lines[:end])
+    return Navigation(tuple(ephemerides), tuple(states), alpha_beta, tuple(offsets))
 
 
 def _format(path: str | Path, lines: list[str]) -> _Format:
-    """Return what the first line says."""
     first = lines[0] if lines else ""
     if first[LABEL:].strip() != "RINEX VERSION / TYPE":
         raise InputError(f"{path}:1: not a RINEX file (the first line should end with 'RINEX VERSION / TYPE')")
@@ -203,9 +175,7 @@ def _format(path: str | Path, lines: list[str]) -> _Format:
         raise InputError(f"{path}:1: RINEX version {first[:9].strip()}; versions 2 and 3 can be read")
     if kind != "N" and not (version == 2 and kind == "G"):
         raise InputError(f"{path}:1: {first[20:40].strip() or 'no type'!r} is not a RINEX navigation file")
-    if version == 2:
-        return _Format(2, "R" if kind == "G" else "G", 3)
-    return _Format(3, "", 4)
+    return _Format(3, "", 4) if version == 3 else _Format(2, "R" if kind == "G" else "G", 3)
 
 
 def _klobuchar(path: str | Path, header: list[str]) -> tuple[tuple[float, ...], tuple[float, ...]] | None:
@@ -264,7 +234,6 @@ def _name(path: str | Path, at: int, form: _Format, line: str) -> str:
 
 
 def _values(record: _Record, form: _Format, wanted: tuple[_Field, ...]) -> dict[str, float]:
-    """Read the fields of a record."""
     length = _LENGTH[record.name[0]]
     if len(record.lines) < length:
         last = record.first + len(record.lines) - 1
@@ -272,10 +241,9 @@ def _values(record: _Record, form: _Format, wanted: tuple[_Field, ...]) -> dict[
         raise InputError(f"{record.where}:{last}: the record of {record.name} has {lines}")
     values: dict[str, float] = {}
     for field in wanted:
-        line = record.lines[field.line]
         start = form.margin + WIDTH * field.column
         where = f"{record.where}:{record.first + field.line}: {record.name} {field.label}"
-        text = line[start : start + WIDTH]
+        text = record.lines[field.line][start : start + WIDTH]
         values[field.name] = 0.0 if field.bounds is _ANY and not text.strip() else number(where, text, field.bounds)
     return values
 
@@ -301,7 +269,7 @@ def _ephemeris(record: _Record, form: _Format) -> Ephemeris:
     ahead = math.remainder(values["week_second"] - toc, SECONDS_PER_WEEK)
     if record.name[0] == "G":
         values["data_source"] = 0.0  # for GPS the field tells codes on L2
-    return Ephemeris(name=record.name, toc=toc, toe=toc + ahead, **values)
+    return Ephemeris(record.name, toc, toc + ahead, values.pop("health"), values)
 
 
 def _state(record: _Record, form: _Format) -> StateVector:

@@ -10,19 +10,16 @@ import numpy as np
 from lvnav_trade.errors import InputError
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.records import Floats
-from lvnav_trade.world.sky.broadcast import broadcast
+from lvnav_trade.world.sky.broadcast import broadcast, integrated
 from lvnav_trade.world.sky.constellation import (
     LETTERS,
-    AlmanacConstellation,
     CombinedConstellation,
     Constellation,
-    NominalConstellation,
     Part,
     RinexConstellation,
     orbits,
     parts_of,
 )
-from lvnav_trade.world.sky.glonass import integrated
 from lvnav_trade.world.sky.gps_time import gps_seconds
 from lvnav_trade.world.sky.rinex import Ephemeris, Navigation, StateVector, read_navigation
 
@@ -36,17 +33,16 @@ _INAV_E1 = 1
 class Satellites(Protocol):
     """A set of satellites around one lift-off, whatever their orbits are computed from.
 
-    names (n_sat,) such as "G05"; systems (n_sat,) letters as in RINEX: G (GPS), E (Galileo), R (GLONASS).
     Times t, (..., n_sat) or (..., 1), are s of GPS time since the lift-off.
     """
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names, (n_sat,)."""
+        """Names such as "G05", (n_sat,)."""
 
     @property
     def systems(self) -> tuple[str, ...]:
-        """Letters of the systems, (n_sat,)."""
+        """Letters as in RINEX, (n_sat,): G (GPS), E (Galileo), R (GLONASS)."""
 
     def ecef(self, t: Floats) -> tuple[Floats, Floats]:
         """Return position (m) and Earth-relative velocity (m/s), (..., n_sat, 3) each, in the Earth-fixed axes of t."""
@@ -65,7 +61,7 @@ class Combined(NamedTuple):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names, (n_sat,)."""
+        """Names, part after part."""
         return tuple(name for part in self.parts for name in part.names)
 
     @property
@@ -75,8 +71,8 @@ class Combined(NamedTuple):
 
     def ecef(self, t: Floats) -> tuple[Floats, Floats]:
         """Return position (m) and Earth-relative velocity (m/s), (..., n_sat, 3) each, in the Earth-fixed axes of t."""
-        found = [part.ecef(own) for part, own in self._split(t)]
-        return np.concatenate([r for r, _ in found], axis=-2), np.concatenate([v for _, v in found], axis=-2)
+        r_e, v_e = zip(*(part.ecef(own) for part, own in self._split(t)), strict=True)
+        return np.concatenate(r_e, axis=-2), np.concatenate(v_e, axis=-2)
 
     def clock(self, t: Floats) -> Floats:
         """Return what the satellites' clocks are ahead of their system's time, (..., n_sat) s, relativity apart."""
@@ -87,7 +83,6 @@ class Combined(NamedTuple):
         return np.concatenate([part.relativity(own) for part, own in self._split(t)], axis=-1)
 
     def _split(self, t: Floats) -> list[tuple[Satellites, Floats]]:
-        """Return each part with its own times, (..., n) each."""
         sizes = [len(part.names) for part in self.parts]
         times = np.broadcast_to(t, np.broadcast_shapes(np.shape(t), (sum(sizes),)))
         return list(zip(self.parts, np.split(times, np.cumsum(sizes)[:-1], axis=-1), strict=True))
@@ -97,13 +92,9 @@ def satellites(constellation: Constellation, epoch: str) -> Satellites:
     """Return the usable satellites of a constellation around a lift-off at `epoch` (ISO 8601, UTC).
 
     A satellite keeps one set of elements over the flight, that of the reference time nearest to the lift-off: orbits
-    are smooth, and what broadcasts lack of the real ones is the range error of the card.
-
-    Raises
-    ------
-    InputError
-        Where a file is broken (``file:line: what``), holds no healthy satellite of a system asked for, or none with a
-        reference time near the lift-off; where two parts give the same system or name; where a time cannot be read.
+    are smooth, and what broadcasts lack of the real ones is the range error of the card. InputError where a file is
+    broken (``file:line: what``), holds no healthy satellite of a system asked for, or none with a reference time near
+    the lift-off; where two parts give the same system or name; where a time cannot be read.
     """
     if not isinstance(constellation, CombinedConstellation):
         return _part(constellation, epoch)
@@ -120,46 +111,43 @@ def satellites(constellation: Constellation, epoch: str) -> Satellites:
 
 
 def _part(card: Part, epoch: str) -> Satellites:
-    if isinstance(card, NominalConstellation | AlmanacConstellation):
-        return orbits(card, epoch)
-    return _broadcast_part(card, epoch)
+    return _broadcast_part(card, epoch) if isinstance(card, RinexConstellation) else orbits(card, epoch)
+
+
+def _contents(card: RinexConstellation) -> tuple[str, list[Navigation], list[Ephemeris | StateVector], list[str]]:
+    """Return the names of a card's files, what is in them, their records, and the letters of the systems to take."""
+    files = (card.rinex,) if isinstance(card.rinex, str) else card.rinex
+    navigation = [read_navigation(file) for file in files]
+    every: list[Ephemeris | StateVector] = []
+    for file in navigation:
+        every += [*file.ephemerides, *file.states]
+    known = sorted({item.name[0] for item in every})
+    letters = known if card.systems is None else [LETTERS[system] for system in card.systems]
+    return ", ".join(files), navigation, every, letters
 
 
 def _broadcast_part(card: RinexConstellation, epoch: str) -> Satellites:
     """Return the satellites of navigation files, GPS and Galileo before GLONASS, in the order of their names."""
-    files = (card.rinex,) if isinstance(card.rinex, str) else card.rinex
-    shown, lift_off = ", ".join(files), gps_seconds(epoch)
-    navigation = [read_navigation(file) for file in files]
-    every = _all(navigation)
-    known = {item.name[0] for item in every}
-    letters = sorted(known) if card.systems is None else [LETTERS[system] for system in card.systems]
-    chosen: dict[str, dict[str, Ephemeris | StateVector]] = {}
+    lift_off = gps_seconds(epoch)
+    shown, _, every, letters = _contents(card)
+    taken: list[Ephemeris | StateVector] = []
     for letter in letters:
         found = nearest((item for item in every if item.name[0] == letter), lift_off)
         healthy = {name: item for name, item in found.items() if item.health == 0.0}
         if not healthy:
             raise InputError(f"{shown}: no healthy satellite of {_NAMES[letter]}")
         limit = LONGEST_AGE[letter] if card.longest_age is None else card.longest_age
-        chosen[letter] = {name: item for name, item in healthy.items() if abs(_time(item) - lift_off) <= limit}
-        if not chosen[letter]:
+        recent = [item for item in healthy.values() if abs(_time(item) - lift_off) <= limit]
+        if not recent:
             ages = (lift_off - _time(item) for item in healthy.values())
             raise InputError(f"{shown}: {_too_far(min(ages, key=abs), epoch, _NAMES[letter], limit)}")
-    taken = [item for letter in sorted(letters) for _, item in sorted(chosen[letter].items())]
-    parts: list[Satellites] = []
+        taken += recent
+    taken.sort(key=lambda item: item.name)
     keplerian = [item for item in taken if isinstance(item, Ephemeris)]
     states = [item for item in taken if isinstance(item, StateVector)]
-    if keplerian:
-        parts.append(broadcast(keplerian, lift_off))
-    if states:
-        parts.append(integrated(states, lift_off))
-    return parts[0] if len(parts) == 1 else Combined(tuple(parts))
-
-
-def _all(navigation: Iterable[Navigation]) -> list[Ephemeris | StateVector]:
-    found: list[Ephemeris | StateVector] = []
-    for file in navigation:
-        found += [*file.ephemerides, *file.states]
-    return found
+    if keplerian and states:
+        return Combined((broadcast(keplerian, lift_off), integrated(states, lift_off)))
+    return broadcast(keplerian, lift_off) if keplerian else integrated(states, lift_off)
 
 
 _Item = TypeVar("_Item", bound=Ephemeris | StateVector)
@@ -172,7 +160,7 @@ def nearest(items: Iterable[_Item], time: float) -> dict[str, _Item]:
     """
     found: dict[str, tuple[tuple[float, bool], _Item]] = {}
     for item in items:
-        other = isinstance(item, Ephemeris) and item.name[0] == "E" and not int(item.data_source) & _INAV_E1
+        other = isinstance(item, Ephemeris) and item.name[0] == "E" and not int(item.elements["data_source"]) & _INAV_E1
         rank = (abs(_time(item) - time), other)
         if item.name not in found or rank < found[item.name][0]:
             found[item.name] = (rank, item)
@@ -195,26 +183,17 @@ def time_offsets(constellation: Constellation, systems: tuple[str, ...], epoch: 
     (n_sat,) letters of the satellites.
 
     A satellite whose system's time is ahead marks its signals as sent later, so that they seem to have come less far.
-
-    Raises
-    ------
-    InputError
-        Where the correction for a system is to be ignored, but no file states one.
+    InputError where the correction for a system is to be ignored, but no file states one.
     """
     found = np.zeros((t.size, len(systems), 2))
     for card in parts_of(constellation):
         if not isinstance(card, RinexConstellation) or card.time_correction == "applied":
             continue
-        files = (card.rinex,) if isinstance(card.rinex, str) else card.rinex
-        navigation = [read_navigation(file) for file in files]
-        held = {item.name[0] for item in _all(navigation)}
-        taken = held if card.systems is None else {LETTERS[system] for system in card.systems}
-        for letter in sorted(taken - {"G"}):
+        shown, navigation, _, letters = _contents(card)
+        for letter in sorted({*letters} - {"G"}):
             stated = [offset for file in navigation for offset in file.offsets if offset.system == letter]
             if not stated:
-                raise InputError(
-                    f"{', '.join(files)}: no TIME SYSTEM CORR between {_NAMES[letter]} and GPS time to ignore"
-                )
+                raise InputError(f"{shown}: no TIME SYSTEM CORR between {_NAMES[letter]} and GPS time to ignore")
             offset = min(stated, key=lambda one: abs(gps_seconds(epoch) - one.time))
             age = gps_seconds(epoch) + t - offset.time if offset.drift != 0.0 else np.zeros(t.size)
             of_letter = np.array(systems) == letter

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Literal, Self
+from collections.abc import Iterator
+from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field
 
 from lvnav_trade.units import Angle, AngleSigma, Card, Duration, Epoch, LengthSigma, Pause, SpeedSigma, parse
 from lvnav_trade.world.ascent.vehicle import Roll
@@ -46,13 +47,14 @@ class PositionColumns(Card):
     unit: str = Field(description="of the angles where the frame is geodetic, else of x, y and z")
     height_unit: LengthUnit | None = Field(None, description="of the height where the frame is geodetic")
 
-    @model_validator(mode="after")
-    def _whole(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         parse(f"1 {self.unit}", "rad" if self.frame == "geodetic" else "m")
         if (self.height_unit is None) == (self.frame == "geodetic"):
-            raise ValueError("height_unit is missing: the unit of the height" if self.height_unit is None
-                             else f"height_unit means nothing in frame {self.frame}")  # fmt: skip
-        return self
+            yield (
+                "height_unit is missing: the unit of the height"
+                if self.height_unit is None
+                else f"height_unit means nothing in frame {self.frame}"
+            )
 
 
 class VelocityColumns(Card):
@@ -79,18 +81,16 @@ class AttitudeColumns(Card):
     )
     unit: AngleUnit | None = Field(None, description="of Euler angles")
 
-    @model_validator(mode="after")
-    def _whole(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         wanted = {"quaternion": 4, "matrix": 9, "euler": 3}[self.form]
         if len(self.columns) != wanted:
-            raise ValueError(f"{self.form} takes {wanted} columns, not {len(self.columns)}")
+            yield f"{self.form} takes {wanted} columns, not {len(self.columns)}"
         if (self.scalar is None) == (self.form == "quaternion"):
-            raise ValueError("scalar is for a quaternion, and a quaternion needs it: first or last")
+            yield "scalar is for a quaternion, and a quaternion needs it: first or last"
         if (self.turns is None) == (self.form != "euler"):
-            raise ValueError("turns is for a quaternion or matrix, and they need it: body_to_frame or frame_to_body")
+            yield "turns is for a quaternion or matrix, and they need it: body_to_frame or frame_to_body"
         if (self.unit is None) == (self.form == "euler"):
-            raise ValueError("unit is for Euler angles, and they need it")
-        return self
+            yield "unit is for Euler angles, and they need it"
 
 
 class TableTrajectory(Card):
@@ -142,15 +142,13 @@ class TableTrajectory(Card):
         """Nothing is added behind the last row."""
         return 0.0
 
-    @model_validator(mode="after")
-    def _whole(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         for name in self.events:
             if not _NAME.match(name) or name in OWN_EVENTS:
-                raise ValueError(f"{name!r} cannot name an event" + (": it is one already" * (name in OWN_EVENTS)))
+                yield f"{name!r} cannot name an event" + (": it is one already" * (name in OWN_EVENTS))
         for name in (name for pair in self.moving_reference for name in pair):
             if name not in (*self.events, *OWN_EVENTS):
                 known = ", ".join((*self.events, *OWN_EVENTS))
                 raise ValueError(f"moving_reference names {name!r}, which is no event (there are {known})")
         if self.moving_reference and self.velocity is None:
-            raise ValueError("moving_reference needs a velocity: without it nothing tells how the point moves")
-        return self
+            yield "moving_reference needs a velocity: without it nothing tells how the point moves"

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import lru_cache
-from typing import Literal, NamedTuple, Self
+from typing import ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.frames import rotation_i_e, rotation_i_n
 from lvnav_trade.kernels.earth import OMEGA
-from lvnav_trade.units import Card, Fraction, Pause, parse
+from lvnav_trade.records import Floats
+from lvnav_trade.units import Card, Fraction, Pause
 from lvnav_trade.world.user_file.columns import LengthUnit, SpeedUnit, Three, TimeColumn
+from lvnav_trade.world.user_file.rows import read_columns, refuse_first, refuse_unordered, si
 from lvnav_trade.world.user_file.table import content_of
-from lvnav_trade.world.user_file.tabular import read_columns, refuse_unordered
-
-Floats = NDArray[np.float64]
 
 FEWEST = 2
 MOST_STARTS = 400
@@ -28,47 +27,45 @@ _SLACK = 1e-6  # s by which a flight may reach beyond the rows
 _ENDINGS = {"m": ("km", "cm", "mm", "m"), "m/s": ("km_s", "cm_s", "mm_s", "m_s")}
 
 
-def _unit_in(columns: tuple[str, ...], si: str) -> str:
-    """Return the unit that the names of columns end in; ValueError where they do not end in the same one."""
-    for ending in _ENDINGS[si]:
-        if all(name.endswith(f"_{ending}") for name in columns):
-            return ending.replace("_", "/")
-    known = ", ".join(f"_{ending}" for ending in _ENDINGS[si])
-    raise ValueError(f"unit is missing, and the columns {', '.join(columns)} do not all end in one of {known}")
+class _ErrorColumns(Card):
+    """Three columns of error, and the SI unit of what they hold."""
+
+    SI: ClassVar[str]
+
+    columns: Three = Field(description="north, east, down; or x, y, z")
+    unit: str | None
+
+    @model_validator(mode="after")
+    def _known(self) -> Self:
+        _ = self.factor
+        return self
+
+    @property
+    def factor(self) -> float:
+        """SI units in the columns' unit; ValueError where it is not stated and no unit ends the names of them all."""
+        endings = _ENDINGS[self.SI]
+        common = (ending for ending in endings if all(name.endswith(f"_{ending}") for name in self.columns))
+        unit = self.unit or next(common, "").replace("_", "/")
+        if not unit:
+            names, known = ", ".join(self.columns), ", ".join(f"_{ending}" for ending in endings)
+            raise ValueError(f"unit is missing, and the columns {names} do not all end in one of {known}")
+        return si(unit, self.SI)
 
 
-class PositionErrorColumns(Card):
+class PositionErrorColumns(_ErrorColumns):
     """Three columns of position error along the axes of the table's frame."""
 
-    columns: Three = Field(description="north, east, down; or x, y, z")
+    SI = "m"
+
     unit: LengthUnit | None = Field(None, description="none: the one that the columns' names end in, such as north_m")
 
-    @model_validator(mode="after")
-    def _known(self) -> Self:
-        _ = self.factor
-        return self
 
-    @property
-    def factor(self) -> float:
-        """Metres in the unit."""
-        return parse(f"1 {self.unit or _unit_in(self.columns, 'm')}", "m")
-
-
-class VelocityErrorColumns(Card):
+class VelocityErrorColumns(_ErrorColumns):
     """Three columns of velocity error along the axes of the table's frame."""
 
-    columns: Three = Field(description="north, east, down; or x, y, z")
+    SI = "m/s"
+
     unit: SpeedUnit | None = Field(None, description="none: the one that the columns' names end in, such as east_cm_s")
-
-    @model_validator(mode="after")
-    def _known(self) -> Self:
-        _ = self.factor
-        return self
-
-    @property
-    def factor(self) -> float:
-        """Metres per second in the unit."""
-        return parse(f"1 {self.unit or _unit_in(self.columns, 'm/s')}", "m/s")
 
 
 class ErrorTable(Card):
@@ -94,11 +91,9 @@ class ErrorTable(Card):
     )
     starts: int = Field(1, ge=1, le=MOST_STARTS, description="places of the recording where a run may begin")
 
-    @model_validator(mode="after")
-    def _repeated(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         if self.starts > 1 and self.outside != "repeat":
-            raise ValueError("starts: a recording that is begun anywhere goes on at its beginning: set outside: repeat")
-        return self
+            yield "starts: a recording that is begun anywhere goes on at its beginning: set outside: repeat"
 
 
 class Recording(NamedTuple):
@@ -120,31 +115,29 @@ def recording(card: ErrorTable) -> Recording:
 def _recording(card_json: str, content: str) -> Recording:
     """Return the rows of a card; `content` is the digest of its file, so that a changed one is read again."""
     card = ErrorTable.model_validate_json(card_json)
-    parts: list[PositionErrorColumns | VelocityErrorColumns] = [card.position]
-    parts += [card.velocity] if card.velocity is not None else []
+    parts = [part for part in (card.position, card.velocity) if part is not None]
     names = list(dict.fromkeys([card.time.column, *(name for part in parts for name in part.columns)]))
     table, places = read_columns(card.file, names, card.delimiter, FEWEST, "a recording")
-    t = (table[:, names.index(card.time.column)] - card.time.liftoff) * parse(f"1 {card.time.unit}", "s")
+    t = (table[:, names.index(card.time.column)] - card.time.liftoff) * si(card.time.unit, "s")
     interval = refuse_unordered(t, card.file, places)
     median = float(np.median(interval))
     largest = _GAP * median if card.largest_gap is None else card.largest_gap
-    for k in np.flatnonzero(interval > largest + 1e-9)[:1]:
-        raise InputError(
-            f"{card.file}:{places[k + 1]}: no rows between {t[k]:g} s and {t[k + 1]:g} s, a gap longer than "
-            f"{largest:g} s (state largest_gap if a straight line is good enough)"
-        )
+    refuse_first(
+        interval > largest + 1e-9, card.file, places[1:],
+        lambda k: f"no rows between {t[k]:g} s and {t[k + 1]:g} s, a gap longer than {largest:g} s (state largest_gap "
+        f"if a straight line is good enough)",
+    )  # fmt: skip
     errors = np.zeros((t.size, 6))
     for at, part in zip((0, 3), parts, strict=False):
         columns = table[:, [names.index(name) for name in part.columns]]
         errors[:, at : at + 3] = columns * part.factor * (-1.0 if card.truth_minus_solution else 1.0)
     with np.errstate(over="ignore"):  # an infinite size is refused as any other beyond the bound
         size, speed = np.linalg.norm(errors[:, :3], axis=1), np.linalg.norm(errors[:, 3:], axis=1)
-    for k in np.flatnonzero(size > _LARGEST)[:1]:
-        raise InputError(
-            f"{card.file}:{places[k]}: a position error of {size[k] * 1e-3:.6g} km; do the columns hold positions?"
-        )
-    for k in np.flatnonzero(speed > _FASTEST)[:1]:
-        raise InputError(f"{card.file}:{places[k]}: a velocity error of {speed[k] * 1e-3:.6g} km/s; is the unit right?")
+    for wrong, fault in (
+        (size > _LARGEST, lambda k: f"a position error of {size[k] * 1e-3:.6g} km; do the columns hold positions?"),
+        (speed > _FASTEST, lambda k: f"a velocity error of {speed[k] * 1e-3:.6g} km/s; is the unit right?"),
+    ):
+        refuse_first(wrong, card.file, places, fault)
     return Recording(t, errors * card.factor, float(t[-1] - t[0]) + median)
 
 

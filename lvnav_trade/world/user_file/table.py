@@ -1,9 +1,10 @@
-"""The true flight of a user's own file: splines through its rows, jumps of its reference point named and removed."""
+"""The true flight of a user's own file: splines through its rows, jumps of its reference point, contradictions."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
@@ -15,24 +16,81 @@ from scipy.interpolate import BSpline
 from lvnav_trade.errors import InputError
 from lvnav_trade.frames import earth_angle, earth_velocity, ecef_from_eci, eci_from_ecef, matrices, quaternions, unit
 from lvnav_trade.input_files import read_bytes
-from lvnav_trade.kernels.earth import OMEGA, gravity_along
+from lvnav_trade.kernels.earth import gravity_along
 from lvnav_trade.limits import DATA_BYTES
+from lvnav_trade.records import Floats
 from lvnav_trade.world.ascent.launch import achieved
 from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY
-from lvnav_trade.world.truth import Phase, Trajectory, motion, position_spline
+from lvnav_trade.world.sensors.imu import ImuCard
+from lvnav_trade.world.truth import Phase, Trajectory, motion, pad_phase, pad_times
 from lvnav_trade.world.user_file.columns import TableTrajectory
-from lvnav_trade.world.user_file.residual import Residual
-from lvnav_trade.world.user_file.roll_axis import along_path
 from lvnav_trade.world.user_file.rows import Rows, read_rows
-from lvnav_trade.world.user_file.stretches import fit
+from lvnav_trade.world.user_file.splines import along_path, fit
 
-Floats = NDArray[np.float64]
-
+ALLOWED = 0.1  # of the unit's one-sigma growth
+SHORTEST = 10.0  # s; a shorter interval counts as one of this length, rows know no better
+_ROUNDINGS = 5.0  # sigmas of a row's noise by which the worst of thousands may be off without meaning anything
+_UNITS = {"position": ("m", 1.0), "velocity": ("m/s", 1.0), "attitude": ("deg", 180.0 / math.pi)}
 _SAME = 1e-6  # s; two times closer than this are one
-_PAD_STEP = 2.5  # s between knots on the pad
 _REST = 1.0  # m/s relative to the Earth; more than this is no lift-off
 _MOST_LOAD = 100.0  # standard gravities; beyond, rows or events are wrong
 _COMPONENTS = 0.5 * np.sqrt(0.75)  # RMS of a quaternion's four components for one radian of rotation per axis
+
+
+class Residual(NamedTuple):
+    """The worst contradiction of one stretch between events.
+
+    what: position (integrated velocity minus rows, since the first row of the stretch), velocity or attitude (truth
+    minus rows). start, end s of the stretch, time s of the worst row, size of the vector there (m, m/s, rad), noise one
+    sigma of a component of a row.
+    """
+
+    what: str
+    start: float
+    end: float
+    time: float
+    size: float
+    noise: float
+
+
+def growth(imu: ImuCard, what: str, interval: float) -> float:
+    """Return one sigma per axis of what an inertial unit alone adds to an error over an interval (s), SI.
+
+    White noise of density n and a constant bias b (repeatability and instability) of the sensor that integrates into
+    it: attitude and velocity n^2 T + (b T)^2, position n^2 T^3 / 3 + (b T^2 / 2)^2. What else the card holds would only
+    widen it.
+    """
+    sensor = imu.gyro if what == "attitude" else imu.accel
+    bias = math.hypot(sensor.bias_repeatability, sensor.bias_instability)
+    if what == "position":
+        return math.hypot(sensor.random_walk * math.sqrt(interval**3 / 3.0), 0.5 * bias * interval**2)
+    return math.hypot(sensor.random_walk * math.sqrt(interval), bias * interval)
+
+
+def limit(residual: Residual, imu: ImuCard) -> float:
+    """Return the size (SI) up to which a residual is allowed: a tenth of the growth, and what the rows' noise makes."""
+    interval = max(residual.end - residual.start, SHORTEST)
+    return ALLOWED * growth(imu, residual.what, interval) + _ROUNDINGS * residual.noise
+
+
+def require_consistent(residuals: Sequence[Residual], imu: ImuCard, file: str) -> None:
+    """InputError with place and size of the worst residual, where one is beyond its limit for this unit."""
+    beyond = [one for one in residuals if one.size > limit(one, imu)]
+    if not beyond:
+        return
+    worst = max(beyond, key=lambda one: one.size / max(limit(one, imu), 1e-300))
+    unit, factor = _UNITS[worst.what]
+    text = {
+        "position": "its velocity, integrated, and its position part",
+        "velocity": "the spline and its velocity part",
+        "attitude": "the spline and its attitude part",
+    }[worst.what]
+    raise InputError(
+        f"{file}: {text} by {worst.size * factor:.3g} {unit} at {worst.time:.9g} s (from {worst.start:.9g} s on); "
+        f"allowed are {limit(worst, imu) * factor:.3g} {unit}, {ALLOWED:g} of what {imu.name!r} drifts from "
+        f"{worst.start:.9g} to {worst.end:.9g} s: is an event missing, a frame or unit wrong, does the reference point "
+        f"move?"
+    )
 
 
 class Jump(NamedTuple):
@@ -61,13 +119,19 @@ def from_table(card: TableTrajectory) -> Trajectory:
     lies outside it.
     """
     path = _path_of(card)
-    rows, edges = path.rows, path.edges
-    hold = _checked_hold(card, path)
+    rows, edges, hold = path.rows, path.edges, card.pad_hold
+    speed = float(np.linalg.norm(earth_velocity(path.position(edges[0]), path.position(edges[0], 1))))
+    if hold > 0.0 and speed > _REST:  # only a file that begins at rest can have a pad before it
+        raise InputError(
+            f"{card.file}: the first row moves at {speed:.3g} m/s over the Earth, so it is not on a pad: set pad_hold "
+            f"to 0 s"
+        )
     try:
         attitude = _attitude(card, path, hold)
     except InputError as error:
         raise InputError(f"{card.file}: {error}") from None
-    phases = [_pad(path, hold, attitude)] if hold > 0.0 else []
+    pad_e = ecef_from_eci(path.position(edges[0]), earth_angle(rows.theta0, edges[0]))
+    phases = [*pad_phase(pad_e, rows.theta0, edges[0], hold, attitude, v_end=path.position(edges[0], 1))]
     marks = _marks(card.events, rows.t)
     for begin, end in pairwise(edges):
         name = next((name for name, time in marks.items() if abs(time - begin) < _SAME), "start")
@@ -105,17 +169,26 @@ def _fitted(card_json: str, content: str) -> Fitted:
     breaks = sorted({time for time in marks.values() if rows.t[0] + _SAME < time < rows.t[-1] - _SAME})
     breaks = [time for k, time in enumerate(breaks) if k == 0 or time - breaks[k - 1] > _SAME]
     edges = [float(rows.t[0]), *breaks, float(rows.t[-1])]
-    path = _by_velocity(card, rows, edges, marks) if rows.v_i is not None else _by_position(card, rows, edges, marks)
-    _refuse_absurd_load(card, path)
+    if rows.v_i is None:
+        path = _by_position(card, rows, edges, marks)
+    else:
+        path = _by_velocity(card, rows, rows.v_i, edges, marks)
+    t, force = _force(path)
+    load = np.linalg.norm(force, axis=1) / STANDARD_GRAVITY
+    k = int(np.argmax(load))
+    if load[k] > _MOST_LOAD:
+        raise InputError(
+            f"{card.file}: the rows need a specific force of {load[k]:.3g} g at {t[k]:.6g} s: is an event missing "
+            f"there, or are the rows noisier than their digits (state position_noise or velocity_noise)?"
+        )
     return path._replace(residuals=(*path.residuals, *_of_attitude(rows, edges)))
 
 
 def _marks(events: Mapping[str, float], t: Floats) -> dict[str, float]:
     """Return the times of the events, the file's own among them: start, lift-off where it is in the rows, end."""
     own = {"start": float(t[0]), "end": float(t[-1])}
-    if t[0] <= _SAME <= t[-1]:
-        own["liftoff"] = max(0.0, float(t[0]))
-    return dict(sorted({**own, **events}.items(), key=lambda item: item[1]))
+    liftoff = {"liftoff": max(0.0, float(t[0]))} if t[0] <= _SAME <= t[-1] else {}
+    return dict(sorted({**own, **liftoff, **events}.items(), key=lambda item: item[1]))
 
 
 def _named_events(marks: Mapping[str, float], events: Mapping[str, float]) -> dict[str, float]:
@@ -129,39 +202,42 @@ def _names_at(marks: Mapping[str, float], begin: float, end: float) -> str:
     return ", ".join(name for name, time in marks.items() if begin < time <= end)
 
 
-def _by_velocity(card: TableTrajectory, rows: Rows, edges: list[float], marks: Mapping[str, float]) -> Fitted:
+def _by_velocity(
+    card: TableTrajectory, rows: Rows, v_i: Floats, edges: list[float], marks: Mapping[str, float]
+) -> Fitted:
     """Return the path whose velocity is a spline through the rows of velocity."""
-    assert rows.v_i is not None
-    velocity = fit(rows.t, rows.v_i, edges[1:-1], 4, rows.noise[1]).spline
+    velocity = fit(rows.t, v_i, edges[1:-1], 4, rows.noise[1]).spline
     position = velocity.antiderivative()
     position.c = position.c + (rows.r_i[0] - position(rows.t[0]))
     apart = position(rows.t) - rows.r_i
     change = np.diff(apart, axis=0)
     jumps = _moved(card, rows, change, marks) + _stepped(card, rows, change, marks)
     apart = np.concatenate([apart[:1], apart[:1] + np.cumsum(change, axis=0)])
-    found = []
-    for begin, end in pairwise(edges):
-        here = np.flatnonzero((rows.t >= begin - _SAME) & (rows.t <= end + _SAME))
-        if here.size < 2:
-            continue
-        sizes = {
-            "position": np.linalg.norm(apart[here] - apart[here[0]], axis=1),
-            "velocity": np.linalg.norm(velocity(rows.t[here]) - rows.v_i[here], axis=1),
-        }
-        found += [_worst(what, begin, end, rows, here, size) for what, size in sizes.items()]
+    far = {
+        "position": lambda here: np.linalg.norm(apart[here] - apart[here[0]], axis=1),
+        "velocity": lambda here: np.linalg.norm(velocity(rows.t[here]) - v_i[here], axis=1),
+    }
+    found = [one for what, size in far.items() for one in _worst(what, rows, edges, size)]
     return Fitted(rows, position, edges, tuple(sorted(jumps, key=lambda jump: jump.time)), _misfit(rows, apart),
                  tuple(found))  # fmt: skip
 
 
 def _of_attitude(rows: Rows, edges: list[float]) -> list[Residual]:
-    """Return the residuals of the attitude; none where there is none."""
     if rows.q_b_i is None:
         return []
-    size = _angles(fit(rows.t, rows.q_b_i, [], 5, rows.noise[2] * _COMPONENTS).spline(rows.t), rows.q_b_i)
-    found = []
+    size = _angles(_turning(rows, rows.t, rows.q_b_i)(rows.t), rows.q_b_i)
+    return _worst("attitude", rows, edges, lambda here: size[here])
+
+
+def _worst(what: str, rows: Rows, edges: list[float], size: Callable[[NDArray[np.int64]], Floats]) -> list[Residual]:
+    """Return the worst residual of each stretch with two rows or more; size: of the residuals at rows (n,)."""
+    noise, found = rows.noise[("position", "velocity", "attitude").index(what)], []
     for begin, end in pairwise(edges):
         here = np.flatnonzero((rows.t >= begin - _SAME) & (rows.t <= end + _SAME))
-        found += [_worst("attitude", begin, end, rows, here, size[here])] if here.size > 1 else []
+        if here.size > 1:
+            sizes = size(here)
+            k = int(np.argmax(sizes))
+            found.append(Residual(what, begin, end, float(rows.t[here[k]]), float(sizes[k]), noise))
     return found
 
 
@@ -169,12 +245,6 @@ def _angles(p: Floats, q: Floats) -> Floats:
     """Return the angles (n,) in rad between the attitudes p (n, 4), of any length, and q (n, 4)."""
     p = unit(p)
     return np.asarray(4.0 * np.arcsin(np.minimum(1.0, 0.5 * np.linalg.norm(p - q, axis=1))))
-
-
-def _worst(what: str, begin: float, end: float, rows: Rows, here: NDArray[np.int64], size: Floats) -> Residual:
-    k = int(np.argmax(size))
-    noise = rows.noise[("position", "velocity", "attitude").index(what)]
-    return Residual(what, begin, end, float(rows.t[here[k]]), float(size[k]), noise)
 
 
 def _moved(card: TableTrajectory, rows: Rows, change: Floats, marks: Mapping[str, float]) -> list[Jump]:
@@ -222,56 +292,21 @@ def _by_position(card: TableTrajectory, rows: Rows, edges: list[float], marks: M
 
 
 def _misfit(rows: Rows, apart: Floats) -> tuple[float, float, float]:
-    """Return RMS and worst length of `apart` (n, 3), and when it is worst."""
     size = np.linalg.norm(apart, axis=1)
     k = int(np.argmax(size))
     return float(np.sqrt(np.mean(size**2))), float(size[k]), float(rows.t[k])
 
 
-def _inner(edges: Sequence[float]) -> Floats:
-    """Return times within the stretches, close enough that no force between knots is missed."""
-    parts = [np.linspace(a, b, max(8, int((b - a) / 0.05)) + 2)[1:-1] for a, b in pairwise(edges)]
-    return np.concatenate(parts)
+def _force(path: Fitted) -> tuple[Floats, Floats]:
+    """Return times (n,) within the stretches, close enough that none is missed between knots, and the forces there."""
+    edges = path.edges
+    t = np.concatenate([np.linspace(a, b, max(8, int((b - a) / 0.05)) + 2)[1:-1] for a, b in pairwise(edges)])
+    return t, path.position(t, 2) - gravity_along(path.position(t))
 
 
-def _refuse_absurd_load(card: TableTrajectory, path: Fitted) -> None:
-    t = _inner(path.edges)
-    load = np.linalg.norm(path.position(t, 2) - gravity_along(path.position(t)), axis=1) / STANDARD_GRAVITY
-    k = int(np.argmax(load))
-    if load[k] > _MOST_LOAD:
-        raise InputError(
-            f"{card.file}: the rows need a specific force of {load[k]:.3g} g at {t[k]:.6g} s: is an event missing "
-            f"there, or are the rows noisier than their digits (state position_noise or velocity_noise)?"
-        )
-
-
-def _checked_hold(card: TableTrajectory, path: Fitted) -> float:
-    """Return the rest on the pad, which only a file that begins at rest can have before it."""
-    if card.pad_hold > 0.0:
-        start = path.edges[0]
-        speed = float(np.linalg.norm(earth_velocity(path.position(start), path.position(start, 1))))
-        if speed > _REST:
-            raise InputError(
-                f"{card.file}: the first row moves at {speed:.3g} m/s over the Earth, so it is not on a pad: set "
-                f"pad_hold to 0 s"
-            )
-    return card.pad_hold
-
-
-def _pad_times(start: float, hold: float) -> Floats:
-    return start + np.linspace(-hold, 0.0, max(8, int(np.ceil(hold / _PAD_STEP))) + 1)
-
-
-def _pad(path: Fitted, hold: float, attitude: BSpline) -> Phase:
-    """Return the phase before the first row, at rest on the Earth; it ends with the first row's velocity."""
-    start, spin = path.edges[0], np.array([0.0, 0.0, OMEGA])
-    t = _pad_times(start, hold)
-    r_e = ecef_from_eci(path.position(start), earth_angle(path.rows.theta0, start))
-    r = eci_from_ecef(np.tile(r_e, (t.size, 1)), earth_angle(path.rows.theta0, t))
-    v = np.cross(spin, r[[0, -1]])
-    a = np.cross(spin, v)
-    v[1] = path.position(start, 1)
-    return Phase("pad", float(t[0]), float(t[-1]), position_spline(t, r, v, a), attitude)
+def _turning(rows: Rows, t: Floats, q_b_i: Floats) -> BSpline:
+    """Return the quaternion spline through rows of attitude q_b_i (n, 4) at t (n,), as noisy as those of the file."""
+    return fit(t, q_b_i, [], 5, rows.noise[2] * _COMPONENTS).spline
 
 
 def _attitude(card: TableTrajectory, path: Fitted, hold: float) -> BSpline:
@@ -281,13 +316,12 @@ def _attitude(card: TableTrajectory, path: Fitted, hold: float) -> BSpline:
         return along_path(path.position, path.edges, rows.theta0, card.pointing, card.roll, hold)
     t, q = rows.t, rows.q_b_i
     if hold > 0.0:
-        before = _pad_times(rows.t[0], hold)[:-1]
+        before = pad_times(rows.t[0], hold)[:-1]
         axes_e = ecef_from_eci(matrices(q[0]).T, earth_angle(rows.theta0, rows.t[0]))  # the body's axes, by rows
-        axes = np.stack([eci_from_ecef(np.tile(axis, (before.size, 1)), earth_angle(rows.theta0, before))
-                         for axis in axes_e], axis=-1)  # fmt: skip
+        axes = np.stack([eci_from_ecef(axis, earth_angle(rows.theta0, before)) for axis in axes_e], axis=-1)
         t = np.concatenate([before, t])
         q = quaternions(np.concatenate([axes, matrices(q)]))
-    return fit(t, q, [], 5, rows.noise[2] * _COMPONENTS).spline
+    return _turning(rows, t, q)
 
 
 def _facts(card: TableTrajectory, path: Fitted, flight: Trajectory) -> dict[str, float | str]:
@@ -296,9 +330,8 @@ def _facts(card: TableTrajectory, path: Fitted, flight: Trajectory) -> dict[str,
     InputError where the forces do not lie along the roll axis at all.
     """
     low, high, inclination = achieved(np.concatenate([path.position(path.edges[-1]), path.position(path.edges[-1], 1)]))
-    t = _inner(path.edges)
+    t, force = _force(path)
     jerk = np.linalg.norm(path.position(t, 3), axis=1)
-    force = path.position(t, 2) - gravity_along(path.position(t))
     load = np.linalg.norm(force, axis=1)
     facts: dict[str, float | str] = {
         "file": card.source,
@@ -313,27 +346,26 @@ def _facts(card: TableTrajectory, path: Fitted, flight: Trajectory) -> dict[str,
         "position_misfit_worst_at_s": path.misfit[2],
     }
     for number, jump in enumerate(path.jumps, start=1):
-        facts[f"reference_change_{number}"] = jump.name
-        facts[f"reference_change_{number}_at_s"] = jump.time
-        facts[f"reference_change_{number}_m"] = float(np.linalg.norm(jump.shift))
-    for what, unit_ in (("position", "m"), ("velocity", "m_s"), ("attitude", "rad")):
-        of = [one for one in path.residuals if one.what == what]
-        if of:
-            worst = max(of, key=lambda one: one.size)
-            facts[f"residual_{what}_worst_{unit_}"] = worst.size
-            facts[f"residual_{what}_worst_at_s"] = worst.time
-    if path.rows.q_b_i is not None:
-        facts |= _attitude_facts(card, path, flight, t[load > STANDARD_GRAVITY], force[load > STANDARD_GRAVITY])
-    return facts
+        change = f"reference_change_{number}"
+        facts |= {change: jump.name, f"{change}_at_s": jump.time, f"{change}_m": float(np.linalg.norm(jump.shift))}
+    for what, si_unit in (("position", "m"), ("velocity", "m_s"), ("attitude", "rad")):
+        worst = max((one for one in path.residuals if one.what == what), key=lambda one: one.size, default=None)
+        if worst is not None:
+            facts |= {f"residual_{what}_worst_{si_unit}": worst.size, f"residual_{what}_worst_at_s": worst.time}
+    strong = load > STANDARD_GRAVITY
+    return facts | _attitude_facts(card, path, flight, t[strong], force[strong])
 
 
 def _attitude_facts(
     card: TableTrajectory, path: Fitted, flight: Trajectory, t: Floats, force: Floats
 ) -> dict[str, float]:
-    """Return how well the rows of attitude are spaced, and how far off the roll axis the forces (n, 3) at t lie."""
+    """Return how well the rows of attitude are spaced, and how far off the roll axis the forces (n, 3) at t lie;
+    nothing where there are none.
+    """
     rows = path.rows
-    assert rows.q_b_i is not None
-    coarse = fit(rows.t[::2], rows.q_b_i[::2], [], 5, rows.noise[2] * _COMPONENTS).spline
+    if rows.q_b_i is None:
+        return {}
+    coarse = _turning(rows, rows.t[::2], rows.q_b_i[::2])
     every = slice(1, None if rows.t.size % 2 else -1, 2)  # the rows left out, none beyond the last one kept
     worst = float(np.max(_angles(coarse(rows.t[every]), rows.q_b_i[every])))
     facts = {"attitude_from_half_the_rows_worst_rad": worst}

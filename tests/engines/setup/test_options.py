@@ -16,7 +16,7 @@ from lvnav_trade.engines.setup.options import (
 )
 from lvnav_trade.filters.base import ReceiverModel
 from lvnav_trade.scenario import epoch_interval, filter_models, has_covariance, solves
-from lvnav_trade.world.receiver.solutions import BancroftSolution, DirectSolution, FilteredSolution
+from lvnav_trade.world.receiver.receiver import BancroftSolution, DirectSolution, FilteredSolution
 from tests.building import loaded, with_fields
 
 POINT = {"kind": "bancroft", "range_sigma": "2 m", "rate_sigma": "0.1 m/s"}

@@ -10,8 +10,7 @@ from lvnav_trade.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, g
 from lvnav_trade.records import IDLE, TRACK
 from lvnav_trade.world.faults import SatelliteOutage
 from lvnav_trade.world.flight.trajectory import Phase, Trajectory, motion
-from lvnav_trade.world.receiver.antenna import AntennaCard, CosineGain, TableGain, gains
-from lvnav_trade.world.receiver.link import LinkCard, carrier_to_noise
+from lvnav_trade.world.receiver.link import AntennaCard, CosineGain, LinkCard, TableGain, carrier_to_noise, gains
 from lvnav_trade.world.receiver.loops import LoopsCard, code_sigma, rate_sigma
 from lvnav_trade.world.receiver.receiver import ReceiverCard
 from lvnav_trade.world.receiver.tracking import TrackingCard

@@ -31,7 +31,7 @@ from lvnav_trade.world.receiver.visibility import (
     sky,
     transmission,
 )
-from lvnav_trade.world.sky.constellation import NominalConstellation, orbits, satellite_ecef
+from lvnav_trade.world.sky.constellation import NominalConstellation, orbits
 
 EPOCH = "2026-08-01T12:00:00Z"
 T = np.arange(-60.0, 601.0, 20.0)
@@ -81,7 +81,7 @@ def test_the_range_equals_the_earth_fixed_formula_with_the_satellite_turned_by_t
     here_e = ecef_from_eci(here, earth_angle(flight.theta0, T))[:, None, :]
     orbit, travel = orbits(gps_24, EPOCH), np.full((T.size, 24), 0.08)
     for _ in range(6):
-        r_e, _ = satellite_ecef(orbit, T[:, None] - travel)
+        r_e, _ = orbit.ecef(T[:, None] - travel)
         turned = ecef_from_eci(r_e, OMEGA * travel)  # into the Earth's axes at reception
         travel = np.linalg.norm(turned - here_e, axis=-1) / SPEED_OF_LIGHT
     ours = np.linalg.norm(seen.r_i - here[:, None, :], axis=-1)

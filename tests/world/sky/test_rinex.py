@@ -78,23 +78,25 @@ def test_every_field_of_a_gps_record_is_read(tmp_path):
     (record,) = navigation.ephemerides
     assert navigation.states == ()
     assert navigation.klobuchar == ((1.118e-8, 1.49e-8, -5.96e-8, -5.96e-8), (88060.0, 16380.0, -196600.0, -131100.0))
-    assert record._asdict() == {
-        "name": "G02", "toc": gps_time(2010, 7, 1, 1, 59, 44), "toe": gps_time(2010, 7, 1, 1, 59, 44),
+    assert (record.name, record.health) == ("G02", 0.0)
+    assert record.toc == record.toe == gps_time(2010, 7, 1, 1, 59, 44)
+    assert record.elements == {
         "clock_bias": 0.269107520580e-3, "clock_drift": 0.250111042988e-11, "clock_drift_rate": 0.0,
         "radius_sin": 11.6875, "mean_motion_difference": 0.519200208378e-8, "mean_anomaly": -2.31457342120,
         "latitude_cos": 0.515580177307e-6, "eccentricity": 0.942399200517e-2, "latitude_sin": 0.743009150028e-5,
         "root_axis": 5153.60024033, "week_second": 352784.0, "inclination_cos": 0.173225998878e-6,
         "node": -1.55617706640, "inclination_sin": -0.223517417908e-7, "inclination": 0.941150154158,
         "radius_cos": 235.125, "perigee": -3.17107890920, "node_rate": -0.826248702224e-8,
-        "inclination_rate": -0.237152735568e-9, "data_source": 0.0, "health": 0.0, "group_delay": -0.172294676304e-7,
+        "inclination_rate": -0.237152735568e-9, "data_source": 0.0, "group_delay": -0.172294676304e-7,
     }  # fmt: skip
 
 
 def test_galileo_and_glonass_are_read_from_a_mixed_file_and_other_systems_passed_over(tmp_path):
     navigation = read_navigation(own(tmp_path, HEAD_3 + SBAS_3 + GALILEO_3 + GLONASS_3))
     (galileo,), (glonass,) = navigation.ephemerides, navigation.states
-    assert (galileo.name, galileo.root_axis, galileo.data_source) == ("E01", 5440.610132217, 517.0)
-    assert (galileo.inclination_rate, galileo.group_delay) == (-3.975165581602e-10, -4.889443516731e-9)
+    of = galileo.elements
+    assert (galileo.name, of["root_axis"], of["data_source"]) == ("E01", 5440.610132217, 517.0)
+    assert (of["inclination_rate"], of["group_delay"]) == (-3.975165581602e-10, -4.889443516731e-9)
     assert galileo.toc == galileo.toe == gps_time(2018, 6, 18, 15, 40, 0)
     assert glonass.name == "R01"
     assert glonass.time == gps_time(2018, 6, 18, 18, 15, 18)  # the file counts UTC, 18 s behind GPS time
@@ -127,7 +129,7 @@ def test_further_lines_and_blank_flags_of_other_versions_of_the_format_are_no_mi
     text = HEAD_3.replace("3.03", "3.05") + GLONASS_3 + more + GALILEO_3.replace("-4.889443516731E-09", " " * 19)
     navigation = read_navigation(own(tmp_path, text))
     assert [state.name for state in navigation.states] == ["R01"]
-    assert navigation.ephemerides[0].group_delay == 0.0
+    assert navigation.ephemerides[0].elements["group_delay"] == 0.0
 
 
 def test_a_packed_file_is_read_as_the_plain_one(tmp_path):

@@ -18,7 +18,6 @@ from lvnav_trade.world.sky.constellation import (
     NominalConstellation,
     RinexConstellation,
     orbits,
-    satellite_ecef,
 )
 from lvnav_trade.world.sky.rinex import read_navigation
 from lvnav_trade.world.sky.satellites import Combined, nearest, satellites, time_offsets
@@ -61,7 +60,7 @@ def test_nominal_satellites_stand_where_their_elements_say(card):
     above = satellites(gps_24, EPOCH)
     assert above.systems == ("G",) * 24
     assert above.names == tuple(slot.name for slot in gps_24.slots)
-    for ours, elements in zip(above.ecef(t), satellite_ecef(orbits(gps_24, EPOCH), t), strict=True):
+    for ours, elements in zip(above.ecef(t), orbits(gps_24, EPOCH).ecef(t), strict=True):
         np.testing.assert_array_equal(ours, elements)
     np.testing.assert_array_equal(above.clock(t), np.zeros((2, 24)))
 
@@ -138,7 +137,7 @@ def test_systems_are_chosen_by_the_card_and_lists_of_files_are_one_set(refdata):
 def test_of_galileos_two_messages_that_on_e1_is_taken(refdata):
     records = read_navigation(refdata / MIXED).ephemerides
     near = nearest((item for item in records if item.name[0] == "E"), gps_time(2018, 6, 19, 12, 0, 0))
-    assert {item.data_source for item in near.values()} == {517.0}
+    assert {item.elements["data_source"] for item in near.values()} == {517.0}
 
 
 def test_the_real_glonass_satellites_of_2018_stand_near_the_nominal_slots(refdata, card, record_property):

@@ -1,6 +1,8 @@
-"""A user's own file becomes the flight it was written from, and what contradicts itself is named."""
+"""The flight of a file of the user's own, and what is refused of it."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 import pandas as pd
@@ -11,8 +13,7 @@ from lvnav_trade.errors import InputError
 from lvnav_trade.frames import matrices
 from lvnav_trade.world.flight.trajectory import build, content, motion, refuse_contradiction
 from lvnav_trade.world.sensors.imu import ImuCard
-from lvnav_trade.world.user_file.residual import require_consistent
-from lvnav_trade.world.user_file.table import residuals
+from lvnav_trade.world.user_file.table import Residual, growth, limit, require_consistent, residuals
 from tests.world.flights import CONFIGS, ascent
 from tests.world.tables import BREAK, card, example_settings, path, write
 
@@ -222,3 +223,53 @@ def test_an_attitude_noisier_than_stated_is_a_residual(tmp_path):
     assert worst.time == pytest.approx(200.0, abs=1.0)
     with pytest.raises(InputError, match=r"the spline and its attitude part by .* deg at "):
         require_consistent(residuals(smooth), imu(), "bent.csv")
+
+
+IMU = ImuCard.model_validate(
+    {
+        "name": "unit",
+        "source": "test",
+        "gyro": {"random_walk": "0.1 deg/sqrt(h)", "bias_repeatability": "3 deg/h", "bias_instability": "4 deg/h"},
+        "accel": {"random_walk": "0.2 mg/sqrt(Hz)", "bias_repeatability": "1 mg"},
+    }
+)
+
+
+def test_growth_is_that_of_many_integrated_noises_and_biases():
+    # 4000 draws, 100 s at 10 Hz: the sampling error of a sigma is 1.1 %
+    rng, n, dt, steps = np.random.default_rng(3), 4000, 0.1, 1000
+    walk, bias = 0.2e-3 * 9.80665, 1e-3 * 9.80665
+    a = rng.normal(0.0, walk / math.sqrt(dt), (n, steps)) + rng.normal(0.0, bias, (n, 1))
+    v = np.cumsum(a, axis=1) * dt
+    assert np.std(v[:, -1]) == pytest.approx(growth(IMU, "velocity", 100.0), rel=0.04)
+    assert np.std(np.sum(v, axis=1) * dt) == pytest.approx(growth(IMU, "position", 100.0), rel=0.04)
+
+
+def test_growth_of_each_kind_is_the_closed_form():
+    assert growth(IMU, "attitude", 3600.0) == pytest.approx(math.radians(math.hypot(0.1, 5.0)))  # after an hour
+    bias, walk = 1e-3 * 9.80665, 0.2e-3 * 9.80665
+    assert growth(IMU, "velocity", 100.0) == pytest.approx(math.hypot(100.0 * bias, 10.0 * walk))
+    expected = math.hypot(5000.0 * bias, walk * math.sqrt(1e6 / 3.0))
+    assert growth(IMU, "position", 100.0) == pytest.approx(expected)
+
+
+def test_the_limit_is_a_tenth_of_the_growth_over_the_stretch_and_what_rounding_makes():
+    one = Residual("position", 20.0, 120.0, 50.0, 1.0, 0.01)
+    assert limit(one, IMU) == pytest.approx(0.1 * growth(IMU, "position", 100.0) + 0.05)
+    short = one._replace(end=20.5)  # a stretch of half a second counts as ten
+    assert limit(short, IMU) == pytest.approx(0.1 * growth(IMU, "position", 10.0) + 0.05)
+
+
+def test_the_worst_point_beyond_its_limit_is_named_with_place_and_size():
+    good = Residual("velocity", 0.0, 100.0, 30.0, 0.09, 0.0)
+    allowed = limit(good, IMU)
+    require_consistent([good._replace(size=0.999 * allowed)], IMU, "mine.csv")
+    bad = [good._replace(size=1.001 * allowed), Residual("position", 100.0, 200.0, 150.25, 60.0, 0.0)]
+    with pytest.raises(InputError, match=r"mine.csv: its velocity, .* by 60 m at 150.25 s .*allowed are 4\.9"):
+        require_consistent(bad, IMU, "mine.csv")
+    with pytest.raises(InputError, match=r"velocity part by 0\.0982 m/s at 30 s"):
+        require_consistent(bad[:1], IMU, "mine.csv")
+
+
+def test_a_file_without_residuals_passes():
+    require_consistent([], IMU, "mine.csv")

@@ -1,0 +1,224 @@
+"""The launch vehicle under attitude control: cards of its body, its controller and the wind, and their values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from lvnav_trade import units
+from lvnav_trade.frames import rotation_e_n
+from lvnav_trade.records import Floats
+from lvnav_trade.units import Card, require_rising
+from lvnav_trade.world.sensors.imu import ImuCard
+
+_UNIFORM = 0.28867513459481287  # radius of gyration of a uniform rod, in its lengths: 1 / sqrt(12)
+
+
+class Nozzle(Card):
+    """A thrust nozzle on two axes and its actuators: a first-order lag within limits of rate and deflection."""
+
+    time_constant: units.TimeConstant
+    rate_limit: Annotated[units.AngularRate, Field(gt=0.0)]
+    deflection_limit: Annotated[units.Angle, Field(gt=0.0, lt=1.0)]
+    misalignment: units.AngleSigma = Field(0.0, description="of the thrust, constant over a burn, per axis")
+
+
+class Thrusters(Card):
+    """Pairs of lateral thrusters that hold the attitude while no motor burns: on or off, with a dead band.
+
+    They open where attitude error plus `lead` times rate error leaves the dead band, and close within the part
+    `release` of it.
+    """
+
+    force: units.Force = Field(description="of a pair that turns the vehicle about one axis")
+    arm: Annotated[units.Length, Field(gt=0.0)] = Field(description="from the centre of mass, in every stack")
+    dead_band: Annotated[units.Angle, Field(gt=0.0)]
+    lead: units.TimeConstant
+    release: float = Field(0.5, ge=0.0, lt=1.0)
+
+
+class Stack(Card):
+    """The vehicle while one stage is the lowest: a body of a length, whose mass is that of the ascent."""
+
+    length: Annotated[units.Length, Field(gt=0.0)]
+    gyration: Annotated[units.Fraction, Field(gt=0.0)] = Field(
+        _UNIFORM, description="radius of gyration across the axis, in lengths; none: a uniform rod"
+    )
+    nozzle_arm: Annotated[units.Fraction, Field(gt=0.0, le=1.0)] = Field(
+        0.5, description="nozzle's throat behind the centre of mass, in lengths"
+    )
+    normal_force: float = Field(0.0, ge=0.0, description="slope of the normal-force coefficient, per rad")
+    pressure_arm: float = Field(
+        0.0, ge=-1.0, le=1.0, description="centre of pressure ahead of the centre of mass, in lengths: unstable above 0"
+    )
+
+
+class RotationCard(Card):
+    """How a launch vehicle turns in pitch and yaw, about the ascent of its vehicle card.
+
+    Roll is held; the axes do not couple. Bending, sloshing, jet damping and the nozzle's own inertia are left out.
+    """
+
+    name: str
+    source: str
+    stacks: tuple[Stack, ...] = Field(min_length=1, description="one for each stage, from the first")
+    nozzle: Nozzle
+    thrusters: Thrusters
+
+    def _faults(self) -> Iterator[str]:
+        if self.nozzle.misalignment > self.nozzle.deflection_limit:
+            yield "the misalignment of the thrust exceeds the limit of deflection"
+
+    def inertia(self, number: int, mass: Floats) -> Floats:
+        """Return moments of inertia (n,) in kg m^2 across the axis, of the stack of stage `number` (from 1), at masses
+        (n,) in kg.
+        """
+        stack = self.stacks[number - 1]
+        return np.asarray(mass * (stack.gyration * stack.length) ** 2)
+
+
+class Gains(Card):
+    """Nozzle angle commanded per attitude error (rad per rad), per rate error, and per integral of attitude error."""
+
+    attitude: float = Field(ge=0.0)
+    rate: units.Pause
+    integral: units.GainPerSecond = 0.0
+
+
+class Turn(Card):
+    """A turn manoeuvre laid over the ascent's attitude: by an angle, from an event on, along a quintic in time."""
+
+    start: str = Field(description="event of the flight, with a duration added or not, or a time since lift-off")
+    axis: Literal["pitch", "yaw"]
+    angle: units.Angle
+    duration: units.TimeConstant
+
+
+class Guidance(Card):
+    """Corrections of the commanded attitude while a motor burns: steps, one every period, against lateral speed.
+
+    The step asks for the angle at which the thrust takes the estimated lateral speed away within `time`.
+    """
+
+    from_stage: int = Field(2, ge=1, description="number of the first stage that is corrected; below: open loop")
+    period: units.TimeConstant = 1.0
+    time: units.TimeConstant = 20.0
+    limit: Annotated[units.Angle, Field(gt=0.0)] = 0.03490658503988659  # 2 deg
+    velocity_sigma: units.SpeedSigma = Field(
+        0.0, description="noise of the navigation's lateral speed, new at every step"
+    )
+
+
+class ControllerCard(Card):
+    """An attitude controller: proportional, rate and integral gains by stage, and how its commands come about.
+
+    Nozzle command = attitude gain x attitude error + rate gain x rate error + integral gain x integral. Errors are of
+    the navigation's attitude and of the rate that is fed, against the commanded attitude and rate. When a motor lights,
+    the command begins where the vehicle points and goes over to the ascent's attitude by the lag of `command_time`.
+    """
+
+    name: str
+    source: str
+    gains: tuple[Gains, ...] = Field(min_length=1, description="one for each stage, from the first")
+    command_time: units.TimeConstant = Field(2.0, description="critically damped lag that smooths steps of the command")
+    turns: tuple[Turn, ...] = ()
+    guidance: Guidance | None = Field(None, description="none: the ascent's attitude is not corrected")
+
+
+class FeedbackCard(Card):
+    """What feeds the controller: which rate, which attitude, and how large the gyro's noise per sample is taken.
+
+    `filtered` is the gyro through a filter that models the rate as a random walk. `navigation` attitude integrates the
+    gyro and is corrected by an attitude reference with the gain of its steady filter. `datasheet` noise per sample is
+    density x sqrt(rate), `published` density x rate.
+    """
+
+    rate: Literal["true", "raw", "filtered"] = "filtered"
+    attitude: Literal["true", "navigation"] = "navigation"
+    noise: Literal["datasheet", "published", "none"] = "datasheet"
+    reference_sigma: units.AngleSigma = 0.017453292519943295  # 1 deg
+    reference_rate: units.Frequency = 1.0
+
+
+class Design(NamedTuple):
+    """Gains that give a rigid vehicle in vacuum or air, with an ideal nozzle, a natural frequency and a damping."""
+
+    attitude: float
+    rate: float
+
+
+def design(frequency: float, damping: float, effectiveness: float, instability: float = 0.0) -> Design:
+    """Return attitude gain and rate gain (s) for a natural frequency (rad/s) and a damping ratio.
+
+    The body obeys angle'' = instability x angle - effectiveness x nozzle (both 1/s^2).
+    """
+    return Design((frequency**2 + instability) / effectiveness, 2.0 * damping * frequency / effectiveness)
+
+
+def rate_noise(imu: ImuCard, reading: str) -> float:
+    """Return the gyro's noise per sample, rad/s one sigma, by the reading of `FeedbackCard`."""
+    if reading == "none":
+        return 0.0
+    return float(imu.gyro.random_walk * (imu.rate if reading == "published" else math.sqrt(imu.rate)))
+
+
+class WindCard(Card):
+    """Horizontal wind and gusts across the path over geodetic height; straight between the heights, and none above.
+
+    A run's steady wind is the profile times 1 + spread n along its direction, and spread n' of it across, n and n'
+    standard normals of the run. Gusts have the Dryden spectrum across the path, alike in all directions, of sigma and
+    length that vary with height.
+    """
+
+    name: str
+    source: str
+    height: tuple[units.Length, ...] = Field(min_length=2, description="rising, of all tables")
+    speed: tuple[units.SpeedSigma, ...] = Field(description="of the steady wind")
+    direction: units.Angle = Field(description="from which it blows, clockwise from north")
+    spread: units.Fraction = 0.0
+    gust: tuple[units.SpeedSigma, ...] = Field(description="sigma of each component of a gust across the path")
+    gust_length: tuple[Annotated[units.Length, Field(gt=0.0)], ...] = Field(description="scale across the path")
+
+    def _faults(self) -> Iterator[str]:
+        for name in ("speed", "gust", "gust_length"):
+            if len(getattr(self, name)) != len(self.height):
+                yield f"{len(self.height)} heights but {len(getattr(self, name))} entries of {name}"
+        require_rising("height", self.height)
+
+
+class Air(NamedTuple):
+    """Wind along a path: steady (n, 2, 3) m/s, frame e, the profile along its direction and the same across it; sigma
+    (n,) m/s and length (n,) m of the gusts.
+    """
+
+    steady_e: Floats
+    gust: Floats
+    length: Floats
+
+
+def air(card: WindCard, latitude: Floats, longitude: Floats, height: Floats) -> Air:
+    """Return the wind at geodetic places (n,)."""
+    along = np.array([-np.cos(card.direction), -np.sin(card.direction), 0.0])
+    across = np.array([np.sin(card.direction), -np.cos(card.direction), 0.0])
+    speed = np.interp(height, card.height, card.speed, right=0.0)
+    C_e_n = rotation_e_n(latitude, longitude)
+    steady = np.einsum("kji,aj->kai", C_e_n, np.stack([along, across])) * speed[:, None, None]
+    gust = np.interp(height, card.height, card.gust, right=0.0)
+    return Air(steady, gust, np.interp(height, card.height, card.gust_length))
+
+
+class ControlledCard(Card):
+    """The vehicle of the ascent as a body that is steered in pitch and yaw, fed by its own navigation.
+
+    It is flown with the raw, the filtered and the true rate on the same draws. Unit, attitude reference and the
+    envelope of the filter are those of the scenario.
+    """
+
+    rotation: RotationCard
+    controller: ControllerCard
+    wind: WindCard
+    rate_gain: float = Field(1.0, gt=0.0, description="factor on the rate gain of every stage")
