@@ -58,9 +58,9 @@ def reported(text: str) -> list[str]:
                                    " (did you mean 'circle'?)"]),
         ("shape: {raduis: 1 m}", ["f.yaml:1:8: base.shape: needs a kind: square, circle (did you mean 'radius'?)"]),
         ("shape: 3", ["f.yaml:1:8: base.shape: should be a mapping or the name of a card"]),
-        ("model: matchd", ["f.yaml:1:9: base.model: 'matchd' is not one of matched, none (did you mean 'matched'?)"]),
-        ("model: {sied: 1 m}", ["f.yaml:1:9: base.model.side: is missing",
-                                 "f.yaml:1:10: base.model.sied: unknown key (did you mean 'side'?)"]),
+        ("model: matchd", ["f.yaml:1:8: base.model: 'matchd' is not one of matched, none (did you mean 'matched'?)"]),
+        ("model: {sied: 1 m}", ["f.yaml:1:8: base.model.side: is missing",
+                                 "f.yaml:1:9: base.model.sied: unknown key (did you mean 'side'?)"]),
         ("corners: 1 m", ["f.yaml:1:10: base.corners: should be a list"]),
         ("corners: [1 m]", ["f.yaml:1:10: base.corners.1: is missing"]),
         ("corners: [1 m, 2]", ["f.yaml:1:16: base.corners.1: 2 has no unit; write it as a quantity in a unit of length"
