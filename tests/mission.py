@@ -71,5 +71,5 @@ def results(
     written.write_case(
         info, prepared, reported, written.parts(CASE) if n_run else None, synthetic.explanation(reported)
     )
-    written.finish({"timings_s": {}})
+    written.finish({"timings_s": {}, "cases": [CASE]})
     return folder

@@ -174,6 +174,8 @@ def prepared(logic: bool = False) -> Any:
         delays=_delays(elevation, tracked, height[np.searchsorted(t, t_epoch)]),
         t_epoch=t_epoch + np.where(t_epoch < 50.0, 0.1, 0.3),
         outputs=OUTPUTS,
+        layout=SimpleNamespace(n_estimated=len(OUTPUTS)),
+        model=SimpleNamespace(gate_squared=np.inf),
         options=SimpleNamespace(rules=() if logic else None),
         channel_names=tuple(f"{name} {what}" for name in names for what in ("range", "range rate")),
     )
@@ -259,10 +261,12 @@ def results(
     campaign: str = CAMPAIGN,
     rejects: float = 0.0,
     logic: bool = False,
+    explained: bool = True,
 ) -> Path:
     """Write the results of two cases; the runs are drawn `wrong` times as large as the covariance history says.
 
-    rejects: probability that the gate rejects a good row at one epoch; logic: the filters start and stop by one.
+    rejects: probability that the gate rejects a good row at one epoch; logic: the filters start and stop by one;
+    explained: linear covariance is explained.
     """
     written = open_results(folder, "synthetic", campaign, {"seed": 7}, "resume")
     for case, factor in CASES:
@@ -277,6 +281,6 @@ def results(
                 written.write_part(case.id, summarise(runs, EVENTS, reported.true_sigma, OUTPUTS))
         parts = written.parts(case.id) if n_run else None
         drawn = starts(n_run) if n_run else None
-        written.write_case(case, prepared(logic), reported, parts, explanation(reported), drawn)
-    written.finish({"timings_s": {}})
+        written.write_case(case, prepared(logic), reported, parts, explanation(reported) if explained else None, drawn)
+    written.finish({"timings_s": {}, "cases": [case.id for case, _ in CASES]})
     return folder

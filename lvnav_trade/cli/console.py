@@ -1,16 +1,19 @@
-"""The console: the application, options that verbs share, and how every verb prints, fails and leaves."""
+"""The console: the application, options that verbs share, and how every verb answers, fails and leaves."""
 
 from __future__ import annotations
 
+import inspect
 import json
 import os
 import signal
 import sys
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, NoReturn
 
 import typer
 
@@ -58,8 +61,50 @@ def _options(
     pass
 
 
-def check_jobs(jobs: int) -> None:
-    """Refuse a number of workers that cannot be."""
+class Answer(NamedTuple):
+    """What a verb found: text for people, content for programs, and the exit code that it means."""
+
+    text: str
+    content: Mapping[str, Any] = MappingProxyType({})
+    code: int = 0
+
+
+def verb(with_json: bool = True) -> Callable[[Callable[..., Answer]], Callable[..., None]]:
+    """Add a command to the application: a function that returns its answer.
+
+    Its arguments are those of the command, which has the options ``--json`` and ``--debug`` too. A function that prints
+    before it answers takes the former as `as_json`.
+    """
+
+    def add(function: Callable[..., Answer]) -> Callable[..., None]:
+        name = function.__name__.replace("_", "-")
+        parameters = dict(inspect.signature(function, eval_str=True).parameters)
+        prints = "as_json" in parameters
+        for option, kind in (("as_json", Json), ("debug", Debug)) if with_json else (("debug", Debug),):
+            parameters[option] = inspect.Parameter(
+                option, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind
+            )
+
+        @app.command(name)
+        @wraps(function)
+        def command(*, debug: bool, as_json: bool = False, **given: Any) -> None:
+            with errors(as_json, debug):
+                _check_jobs(given.get("jobs", -1))
+                answer = function(**given, as_json=as_json) if prints else function(**given)
+                if as_json:
+                    _print_json(name, answer.code, **answer.content)
+                else:
+                    print(answer.text)
+                _leave_with_answer(answer.code)
+
+        command.__signature__ = inspect.Signature(list(parameters.values()))  # type: ignore[attr-defined]
+        command.__annotations__ = {option: parameter.annotation for option, parameter in parameters.items()}
+        return command
+
+    return add
+
+
+def _check_jobs(jobs: int) -> None:
     from lvnav_trade.errors import InputError
 
     if jobs == 0 or jobs < -1:
@@ -96,7 +141,7 @@ def errors(as_json: bool, debug: bool) -> Iterator[None]:
 def _leave(code: int, as_json: bool, message: str, records: Sequence[Mistake] = ()) -> NoReturn:
     """Print why and leave; as a note on the file's line too where a CI service reads those."""
     if as_json:
-        print_json("error", code, message=message, mistakes=[record._asdict() for record in records])
+        _print_json("error", code, message=message, mistakes=[record._asdict() for record in records])
     else:
         print(message, file=sys.stderr)
     if os.environ.get("GITHUB_ACTIONS"):
@@ -107,8 +152,8 @@ def _leave(code: int, as_json: bool, message: str, records: Sequence[Mistake] = 
     raise typer.Exit(code)
 
 
-def leave_with_answer(code: int) -> NoReturn:
-    """Leave with the exit code of a campaign's verdict: no other way leads to exit codes 1 and 3."""
+def _leave_with_answer(code: int) -> NoReturn:
+    """Leave with the exit code of an answer: no other way leads to exit codes 1 and 3."""
     global _answered
     _answered = True
     raise typer.Exit(code)
@@ -138,20 +183,5 @@ def main() -> NoReturn:
     sys.exit(code)
 
 
-def say(verb: str, as_json: bool, text: str, /, **content: Any) -> None:
-    """Print the result of a command that succeeded: the text for people, or the content for programs."""
-    if as_json:
-        print_json(verb, 0, **content)
-    else:
-        print(text)
-
-
-def print_json(verb: str, code: int, **content: Any) -> None:
-    """Print the one JSON object of a verb."""
+def _print_json(verb: str, code: int, **content: Any) -> None:
     print(json.dumps({"lvnav_trade_json": JSON_VERSION, "verb": verb, "exit_code": code, **content}, default=str))
-
-
-def records(frame: Any) -> list[dict[str, Any]]:
-    """Return the rows of a frame as JSON can hold them: what is not a number is null."""
-    records: list[dict[str, Any]] = json.loads(frame.to_json(orient="records"))
-    return records

@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 import typer
 
 from lvnav_trade.campaign.text import table
-from lvnav_trade.cli.console import CampaignFile, Debug, Json, Sets, app, errors, say
+from lvnav_trade.cli.console import Answer, CampaignFile, Sets, verb
 
 CaseOf = Annotated[
     str | None, typer.Option("--case", metavar="CASE", help="digest of a case, its beginning, or its label [the first]")
@@ -17,7 +17,7 @@ CaseOf = Annotated[
 Card = Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="card to write")]
 
 
-@app.command("estimate-q")
+@verb()
 def estimate_q(
     campaign: CampaignFile,
     out: Card,
@@ -27,24 +27,22 @@ def estimate_q(
     step: Annotated[
         float | None, typer.Option("--step", metavar="SECONDS", help="length of a step [time between updates]")
     ] = None,
-    as_json: Json = False,
-    debug: Debug = False,
-) -> None:
+) -> Answer:
     """Estimate process noise from runs; write a filter card.
 
     The runs are perturbed as the unit's errors say. Beside the card: the error per step as CSV and PNG.
     """
-    with errors(as_json, debug):
-        from lvnav_trade import api
+    from lvnav_trade import api
 
-        found, written = api.estimate_q(campaign, out, sets or (), case, runs, step)
-        beyond = found.whole._replace(attitude=found.card.attitude_noise, velocity=found.card.velocity_noise)
-        rows = [_row("whole flight", found.whole), *(_row(name, noise) for name, _, _, noise in found.phases)]
-        rows.append([*_row("the card: whole flight beyond the unit's own", beyond)[:3], "-"])
-        head = ["phase", "attitude (deg/sqrt(h))", "velocity (m/s/sqrt(s))", "position (m/sqrt(s))"]
-        text = f"{table(head, rows)}\ncard: {written[0]}\nerror per step: {written[1]}, {written[2]}"
-        densities = {"whole flight": found.whole._asdict(), **{name: q._asdict() for name, _, _, q in found.phases}}
-        say("estimate-q", as_json, text, card=str(written[0]), files=[*map(str, written[1:])], densities_si=densities)
+    found, (card, *files) = api.estimate_q(campaign, out, sets or (), case, runs, step)
+    noises = {"whole flight": found.whole, **{name: noise for name, _, _, noise in found.phases}}
+    beyond = found.whole._replace(attitude=found.card.attitude_noise, velocity=found.card.velocity_noise)
+    rows = [_row(name, noise) for name, noise in noises.items()]
+    rows.append([*_row("the card: whole flight beyond the unit's own", beyond)[:3], "-"])
+    head = ["phase", "attitude (deg/sqrt(h))", "velocity (m/s/sqrt(s))", "position (m/sqrt(s))"]
+    text = f"{table(head, rows)}\ncard: {card}\nerror per step: {files[0]}, {files[1]}"
+    densities = {name: noise._asdict() for name, noise in noises.items()}
+    return Answer(text, {"card": str(card), "files": [*map(str, files)], "densities_si": densities})
 
 
 def _row(name: str, noise: object) -> list[str]:
@@ -52,7 +50,7 @@ def _row(name: str, noise: object) -> list[str]:
     return [name, f"{math.degrees(attitude) * 60.0:.3g}", f"{velocity:.3g}", f"{position:.3g}"]
 
 
-@app.command("schedule-gains")
+@verb()
 def schedule_gains(
     campaign: CampaignFile,
     out: Card,
@@ -64,18 +62,14 @@ def schedule_gains(
     tolerance: Annotated[
         float, typer.Option("--tolerance", help="between knots, as a share of each gain's largest size")
     ] = 0.02,
-    as_json: Json = False,
-    debug: Debug = False,
-) -> None:
+) -> Answer:
     """Write a filter's gains on the nominal trajectory as a card.
 
     Another filter replays them: filter.gains.
     """
-    with errors(as_json, debug):
-        from lvnav_trade import api
+    from lvnav_trade import api
 
-        found = api.schedule_gains(campaign, out, sets or (), case, by, tolerance)
-        rows = [[segment.event, str(len(segment.knots))] for segment in found.segments]
-        text = f"{table(['from', 'knots'], rows)}\nstates: {', '.join(found.states)}\ncard: {out}"
-        knots = {segment.event: len(segment.knots) for segment in found.segments}
-        say("schedule-gains", as_json, text, card=str(out), states=list(found.states), knots=knots)
+    found = api.schedule_gains(campaign, out, sets or (), case, by, tolerance)
+    rows = [(segment.event, len(segment.knots)) for segment in found.segments]
+    text = f"{table(['from', 'knots'], rows)}\nstates: {', '.join(found.states)}\ncard: {out}"
+    return Answer(text, {"card": str(out), "states": list(found.states), "knots": dict(rows)})

@@ -8,34 +8,30 @@ from typing import Annotated
 import typer
 
 from lvnav_trade.campaign.text import table
-from lvnav_trade.cli.console import Debug, Jobs, Json, app, check_jobs, errors, leave_with_answer, print_json, say
+from lvnav_trade.cli.console import Answer, Jobs, verb
 
 
-@app.command()
+@verb()
 def report(
     folder: Annotated[Path, typer.Argument(metavar="RESULTS")],
     keep: Annotated[
         Path | None,
         typer.Option("--keep", metavar="FOLDER", help="copy the Markdown report, figures and CSV tables here"),
     ] = None,
-    as_json: Json = False,
-    debug: Debug = False,
-) -> None:
+) -> Answer:
     """Build the report again from results."""
-    with errors(as_json, debug):
-        from lvnav_trade import api
-        from lvnav_trade.store.contents import owned
+    from lvnav_trade import api
+    from lvnav_trade.store.contents import owned
 
-        api.load(folder)
-        if keep is not None:
-            owned(keep, "report")  # refused before the report is built
-        page = api.build_report(folder)
-        kept = api.keep_report(folder, keep) if keep is not None else None
-        text = f"report: {page}" + (f"\nkept: {kept}" if kept else "")
-        say("report", as_json, text, report=str(page), kept=str(kept) if kept else None)
+    api.load(folder)
+    if keep is not None:
+        owned(keep, "report")  # refused before the report is built
+    page = str(api.build_report(folder))
+    kept = str(api.keep_report(folder, keep)) if keep is not None else None
+    return Answer(f"report: {page}" + (f"\nkept: {kept}" if kept else ""), {"report": page, "kept": kept})
 
 
-@app.command()
+@verb()
 def compare(
     base: Annotated[str, typer.Argument(metavar="BASE", help="folder of results, or a campaign, which is run first")],
     candidate: Annotated[str, typer.Argument(metavar="CANDIDATE", help="the same")],
@@ -50,57 +46,44 @@ def compare(
     md: Annotated[Path | None, typer.Option("--md", metavar="FILE", help="write the comparison in Markdown")] = None,
     junit: Annotated[Path | None, typer.Option("--junit", metavar="FILE", help="write JUnit XML")] = None,
     jobs: Jobs = -1,
-    as_json: Json = False,
-    debug: Debug = False,
-) -> None:
+) -> Answer:
     """Compare two result sets run by run (paired).
 
     Exit code 0 nothing worse, 1 worse, 2 no comparison, 3 undecided.
     """
-    with errors(as_json, debug):
-        from lvnav_trade import api
-        from lvnav_trade.report import compare as comparison
+    from lvnav_trade import api
+    from lvnav_trade.report import compare as comparison
 
-        check_jobs(jobs)
-        found = api.compare(base, candidate, effect or (), confidence, comparison.parse_map(maps or ()), jobs)
-        written = comparison.write(found, md, junit)
-        code = comparison.exit_code(found)
-        if as_json:
-            print_json("compare", code, **comparison.content(found), written=written)
-        else:
-            print(table(comparison.HEAD, comparison.rows(found)), *found.notes, comparison.answer(found), sep="\n")
-        leave_with_answer(code)
+    found = api.compare(base, candidate, effect or (), confidence, comparison.parse_map(maps or ()), jobs)
+    content = {**comparison.content(found), "written": comparison.write(found, md, junit)}
+    lines = [table(comparison.HEAD, comparison.rows(found)), *found.notes, comparison.answer(found)]
+    return Answer("\n".join(lines), content, comparison.EXIT[found.verdict])
 
 
-@app.command("keep-base")
+@verb(with_json=False)
 def keep_base(
     folder: Annotated[Path, typer.Argument(metavar="RESULTS")],
     target: Annotated[Path, typer.Argument(metavar="FOLDER", help="where, such as a folder of the repository")],
-    debug: Debug = False,
-) -> None:
+) -> Answer:
     """Copy of results what `compare` needs of a base.
 
     Runs and events, some hundred kilobytes.
     """
-    with errors(False, debug):
-        from lvnav_trade import api
+    from lvnav_trade import api
 
-        print(f"base: {api.keep_base(folder, target)}")
+    return Answer(f"base: {api.keep_base(folder, target)}")
 
 
-@app.command()
+@verb()
 def kml(
     source: Annotated[str, typer.Argument(metavar="CARD|RESULTS", help="trajectory card, or folder of results")],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="file to write")],
     ellipses: Annotated[bool, typer.Option("--ellipses", help="draw 3-sigma position errors, of results")] = False,
     every: Annotated[float, typer.Option("--every", help="seconds between ellipses")] = 60.0,
     magnify: Annotated[float, typer.Option("--magnify", help="draw ellipses so many times as large")] = 1.0,
-    as_json: Json = False,
-    debug: Debug = False,
-) -> None:
+) -> Answer:
     """Write trajectories as KML, for viewers of the Earth."""
-    with errors(as_json, debug):
-        from lvnav_trade import api
+    from lvnav_trade import api
 
-        written = str(api.write_kml(source, output, ellipses, every, magnify))
-        say("kml", as_json, f"kml: {written}", kml=written)
+    written = str(api.write_kml(source, output, ellipses, every, magnify))
+    return Answer(f"kml: {written}", {"kml": written})

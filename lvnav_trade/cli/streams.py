@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import sys
+from collections.abc import Callable
 from typing import Any, TextIO, cast
 
 
@@ -20,34 +21,23 @@ class Stream:
 
     def write(self, text: str) -> int:
         """Write a text, or drop it where the stream takes no more."""
-        if not isinstance(text, str):
-            raise TypeError(f"a text stream takes no {type(text).__name__}")
-        if self.refused is None:
-            try:
-                self._stream.write(text)
-            except OSError as error:
-                self._refuse(error)
+        self._attempt(self._stream.write, text)
         return len(text)
-
-    def writelines(self, lines: list[str]) -> None:
-        """Write texts."""
-        for line in lines:
-            self.write(line)
 
     def flush(self) -> None:
         """Hand over what is buffered."""
+        self._attempt(self._stream.flush)
+
+    def _attempt(self, call: Callable[..., object], *text: str) -> None:
+        """Let what is buffered go to the null device after a refusal, or Python would complain of it when it ends."""
         if self.refused is None:
             try:
-                self._stream.flush()
+                call(*text)
             except OSError as error:
-                self._refuse(error)
-
-    def _refuse(self, error: OSError) -> None:
-        """Let what is buffered go to the null device, or Python would complain of it when it ends."""
-        self.refused = error
-        null = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(null, self._stream.fileno())
-        os.close(null)
+                self.refused = error
+                null = os.open(os.devnull, os.O_WRONLY)
+                os.dup2(null, self._stream.fileno())
+                os.close(null)
 
 
 def guard() -> Stream:

@@ -8,10 +8,10 @@ from typing import Annotated, Any
 import typer
 
 from lvnav_trade.campaign.text import table
-from lvnav_trade.cli.console import Debug, Jobs, Json, app, check_jobs, errors, print_json
+from lvnav_trade.cli.console import Answer, Jobs, Json, verb
 
 
-@app.command()
+@verb()
 def study(
     folder: Annotated[
         str, typer.Argument(metavar="FOLDER", help="folder of campaigns, or one of the tool's: conae, drdc, gains")
@@ -24,33 +24,24 @@ def study(
     jobs: Jobs = -1,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="no progress")] = False,
     as_json: Json = False,
-    debug: Debug = False,
-) -> None:
+) -> Answer:
     """Run every campaign of a folder and write one report.
 
     Published numbers stand beside ours. What a campaign answers (requirements violated or undecided) is no failure
     here; exit code 4 where runs failed.
     """
-    with errors(as_json, debug):
-        from lvnav_trade import api
-        from lvnav_trade.campaign.running.progress import choose
+    from lvnav_trade import api
+    from lvnav_trade.campaign.running.progress import choose
 
-        check_jobs(jobs)
+    def show(name: str, results: Any) -> None:
+        if not as_json and not quiet:
+            print(f"{name}: {len(results.tables.cases)} cases, {len(results.failures)} failed runs", flush=True)
 
-        def show(name: str, results: Any) -> None:
-            if not as_json and not quiet:
-                print(f"{name}: {len(results.tables.cases)} cases, {len(results.failures)} failed runs", flush=True)
-
-        place = out if out != Path() else None
-        found = api.study(folder, keep, runs, place, jobs, fresh, only_page, lambda: choose(quiet), show)
-        code = api.FAILED if found.failures else api.MET
-        if as_json:
-            content = {"page": str(found.page), "failures": found.failures, "campaigns": found.campaigns}
-            print_json("study", code, **content, published=found.published, in_band=found.in_band)
-        else:
-            for line in found.failures:
-                print(f"failed: {line}")
-            rows = [[name, *map(str, counts)] for name, counts in found.campaigns.items()]
-            print(table(["campaign", "stated", "as published"], rows))
-            print(f"kept: {found.page}")
-        raise typer.Exit(code)
+    place = out if out != Path() else None
+    found = api.study(folder, keep, runs, place, jobs, fresh, only_page, lambda: choose(quiet), show)
+    rows = [[name, *map(str, counts)] for name, counts in found.campaigns.items()]
+    failed = [f"failed: {line}" for line in found.failures]
+    text = "\n".join([*failed, table(["campaign", "stated", "as published"], rows), f"kept: {found.page}"])
+    content: dict[str, Any] = {"page": str(found.page), "failures": found.failures, "campaigns": found.campaigns}
+    content |= {"published": found.published, "in_band": found.in_band}
+    return Answer(text, content, api.FAILED if found.failures else api.MET)

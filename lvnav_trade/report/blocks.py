@@ -1,10 +1,10 @@
-"""What a page is made of: paragraphs, tables, pictures; and how numbers are written on it."""
+"""What a report is made of: paragraphs, tables, figures of cases; and how names and numbers are written in it."""
 
 from __future__ import annotations
 
-import base64
 import io
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,18 +24,11 @@ _EXACT = 24
 
 
 class Text(NamedTuple):
-    """A paragraph; its lead stands out."""
+    """A paragraph whose lead stands out, or lines to type (kind "code")."""
 
     text: str
     lead: str = ""
     kind: str = "text"
-
-
-class Code(NamedTuple):
-    """Lines to type."""
-
-    text: str
-    kind: str = "code"
 
 
 class Table(NamedTuple):
@@ -56,11 +49,6 @@ class Picture(NamedTuple):
     caption: str
     kind: str = "picture"
 
-    @property
-    def uri(self) -> str:
-        """The picture as text that a page can carry in itself."""
-        return "data:image/png;base64," + base64.b64encode(self.png).decode()
-
 
 class Grades(NamedTuple):
     """Data, as JSON, of a control that scales a source of error; shown by a script on the page, else not at all."""
@@ -69,11 +57,11 @@ class Grades(NamedTuple):
     kind: str = "grades"
 
 
-Block = Text | Code | Table | Picture | Grades
+Block = Text | Table | Picture | Grades
 
 
 class Section(NamedTuple):
-    """A part of the page."""
+    """A part of the report."""
 
     name: str
     title: str
@@ -82,9 +70,9 @@ class Section(NamedTuple):
 
 def number(value: float) -> str:
     """Write a number with three significant digits; a dash where there is none."""
-    if value is None or (isinstance(value, float) and math.isnan(value)):
+    if value is None or value != value:
         return "–"
-    if isinstance(value, int):
+    if isinstance(value, int | np.integer):
         return str(value)
     if math.isinf(value):
         return "∞" if value > 0 else "-∞"
@@ -101,11 +89,52 @@ def percent(value: float) -> str:
     return f"{100.0 * value:.6g} %"
 
 
-def table(frame: pd.DataFrame, caption: str = "") -> Table:
-    """Return a frame as a table; its column names are the headings."""
+def words(names: Any) -> Any:
+    """Return a name, or a column of names, with spaces for underscores."""
+    return names.str.replace("_", " ") if isinstance(names, pd.Series) else str(names).replace("_", " ")
+
+
+def shown(frame: pd.DataFrame, columns: str) -> pd.DataFrame:
+    """Return columns of a frame as they are shown.
+
+    columns : entries ``HEADING = COLUMN: FORM`` between bars. FORM is a format of Python (a number that is missing is
+        a dash), ``words``, ``number``, ``percent`` or ``time`` (s; "never" where it is missing); without it the column
+        stays what it is. ``COLUMN to OTHER: FORM`` are bounds. Without a heading the column's own name is it, in words.
+        Columns that the frame lacks are left out.
+    """
+    found = {}
+    for entry in columns.split(" | "):
+        heading, _, source = entry.rpartition(" = ")
+        name, _, form = source.partition(": ")
+        bounds = [_written(frame[bound], form) for bound in name.split(" to ") if bound in frame]
+        if bounds:
+            found[heading or words(name)] = bounds[0] if len(bounds) == 1 else bounds[0] + " to " + bounds[1]
+    return pd.DataFrame(found)
+
+
+def _written(values: pd.Series, form: str) -> pd.Series:
+    if form in ("", "words"):
+        return words(values) if form else values
+
+    def time(value: float) -> str:
+        return f"{value:.0f}" if value == value else "never"
+
+    named: dict[str, Callable[[float], str]] = {"number": number, "percent": percent, "time": time}
+    return values.map(named.get(form, lambda value: format(value, form) if value == value else "–"))
+
+
+def table(frame: pd.DataFrame, caption: str = "", columns: str = "") -> Table:
+    """Return a frame as a table, all of it under its own names, or the columns that are asked for (see `shown`)."""
+    frame = shown(frame, columns) if columns else frame
     numeric = tuple(pd.api.types.is_numeric_dtype(kind) and kind is not bool for kind in frame.dtypes)
     rows = tuple(tuple(_cell(value) for value in row) for row in frame.itertuples(index=False))
     return Table(tuple(map(str, frame.columns)), rows, numeric, caption)
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, bool | np.bool_):
+        return "yes" if value else "no"
+    return value if isinstance(value, str) else number(value)
 
 
 def alike(frame: pd.DataFrame) -> pd.DataFrame:
@@ -120,16 +149,6 @@ def alike(frame: pd.DataFrame) -> pd.DataFrame:
     every = len(groups) == 1
     names = {cases[0]: f"all {len(cases)} cases" if every else "; ".join(cases) for cases in groups.values()}
     return kept.assign(case=kept.case.map(names))
-
-
-def _cell(value: Any) -> str:
-    if isinstance(value, bool) or type(value).__name__ == "bool":
-        return "yes" if value else "no"
-    if isinstance(value, str):
-        return value
-    if type(value).__name__.startswith("int"):
-        return str(value)
-    return number(float(value)) if value is not None else "–"
 
 
 def picture(name: str, figure: Figure, caption: str) -> Picture:

@@ -5,13 +5,8 @@ from __future__ import annotations
 import base64
 import difflib
 import hashlib
-import re
-from collections.abc import Callable, Sequence
-from importlib import resources
+from collections.abc import Sequence
 from pathlib import Path
-
-import jinja2
-import pandas as pd
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.metrics import CSV, METRICS
@@ -19,17 +14,18 @@ from lvnav_trade.report import diagnostics as explained
 from lvnav_trade.report import evidence, mission, reception
 from lvnav_trade.report import vehicle as steered
 from lvnav_trade.report.blocks import Block, Picture, Section, Text
-from lvnav_trade.report.escape import MARKDOWN, csv_text
+from lvnav_trade.report.escape import csv_text, render, source
+from lvnav_trade.report.sections import Blocks
 from lvnav_trade.report.summary import summary
 from lvnav_trade.store import Tables, load
-from lvnav_trade.store.contents import OwnedFolder, owned
+from lvnav_trade.store.contents import owned, writing
 
 
 def _agreement(tables: Tables) -> list[Block]:
     return evidence.agreement(tables) + explained.nonlinearity(tables)
 
 
-SECTIONS: dict[str, tuple[str, Callable[[Tables], list[Block]]]] = {
+SECTIONS: dict[str, tuple[str, Blocks]] = {
     "summary": ("Answer", summary),
     "requirements": ("Requirements", evidence.requirements),
     "trajectory": ("Trajectory", evidence.trajectory),
@@ -54,7 +50,6 @@ SECTIONS: dict[str, tuple[str, Callable[[Tables], list[Block]]]] = {
 """Every section by name, in the order in which they stand unless the campaign says otherwise; one that has nothing to
 show stands on the page only where it was asked for by name.
 """
-PAGES = ("report.html", "report.md")
 _WHERE_ANY = ("transitions", "logic", "motion", "nozzle", "turning")
 """CSV tables that are written only where they have rows."""
 
@@ -74,32 +69,25 @@ def build(folder: Path | str, sections: Sequence[str] | None = None) -> Path:
     if sections or stated:
         made = [section._replace(blocks=section.blocks or [Text("Nothing to show.")]) for section in made]
     made = [section for section in made if section.blocks]
-    figures, csv = pictures(made), {name: f"{name}.csv" for name in CSV}
-    place.claim("report", (*PAGES, *csv.values(), *figures))
-    for name, file in list(csv.items()):
-        if not _write_csv(place, file, METRICS[name](tables), name in _WHERE_ANY):
-            del csv[name]
-    for file, png in figures.items():
-        place.write(file, png)
     title = str(tables.manifest.get("campaign") or tables.campaign.get("name"))
     asked = str(tables.campaign.get("description") or "")
-    place.write("report.html", render("page.html.j2", title, asked, made))
-    place.write("report.md", markdown_page(title, asked, made))
-    place.replace("report", (*PAGES, *csv.values(), *figures))
+    frames = {name: METRICS[name](tables) for name in CSV}
+    csv = {f"{name}.csv": csv_text(frame) for name, frame in frames.items() if len(frame) or name not in _WHERE_ANY}
+    pages = {"report.html": _html_page(title, asked, made), "report.md": markdown_page(title, asked, made)}
+    place.publish("report", {**csv, **pictures(made), **pages})
     return tables.folder / "report.html"
+
+
+def _html_page(title: str, asked: str, sections: Sequence[Section]) -> str:
+    style, script = source("page.css"), source("grades.js")
+    allowed = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    page = {"title": title, "asked": asked, "sections": sections}
+    return render("page.html.j2", **page, style=style, script=script, allowed=allowed)
 
 
 def markdown_page(title: str, asked: str, sections: Sequence[Section]) -> str:
     """Return the Markdown page of a title, the question and sections."""
-    return re.sub(r"\n{3,}", "\n\n", render("page.md.j2", title, asked, sections)).strip() + "\n"
-
-
-def _write_csv(place: OwnedFolder, file: str, frame: pd.DataFrame, where_any: bool) -> bool:
-    """Write a table unless it is one of those that are written only where they have rows; return whether."""
-    if frame.empty and where_any:
-        return False
-    place.write(file, csv_text(frame))
-    return True
+    return render("page.md.j2", title=title, asked=asked, sections=sections)
 
 
 def keep(results: Path | str, folder: Path | str) -> Path:
@@ -107,17 +95,12 @@ def keep(results: Path | str, folder: Path | str) -> Path:
 
     What an earlier report left there is replaced, and no other file; the HTML page is remade from results, not kept.
     """
-    source, target = owned(load(results).folder, "results"), owned(folder, "report")
-    names = [name for name in source.listed("report") if name != "report.html"]
+    built, target = owned(load(results).folder, "results"), owned(folder, "report")
+    names = [name for name in built.listed("report") if name != "report.html"]
     if "report.md" not in names:
-        raise InputError(f"{source.folder}: no report here; lvnav-trade report {source.folder} builds it")
-    try:
-        target.claim("report", names)
-        for name in names:
-            target.write(name, source.place(name).read_bytes())
-        target.replace("report", names)
-    except OSError as error:
-        raise InputError(f"{folder}: the report cannot be kept there: {error.strerror or error}") from error
+        raise InputError(f"{built.folder}: no report here; lvnav-trade report {built.folder} builds it")
+    with writing(folder, "the report cannot be kept there"):
+        target.publish("report", {name: built.place(name).read_bytes() for name in names})
     return target.folder / "report.md"
 
 
@@ -133,25 +116,3 @@ def pictures(sections: Sequence[Section]) -> dict[str, bytes]:
     """Return the pictures of a Markdown page: file name and PNG."""
     blocks = [block for section in sections for block in section.blocks]
     return {f"figures/{block.name}.png": block.png for block in blocks if isinstance(block, Picture)}
-
-
-def render(template: str, title: str, asked: str, sections: Sequence[Section]) -> str:
-    """Return a page: its template filled with a title, the question and the sections."""
-    folder = resources.files("lvnav_trade.report") / "templates"
-
-    def source(name: str) -> str:
-        return (folder / name).read_text(encoding="utf-8")
-
-    environment = jinja2.Environment(
-        loader=jinja2.FunctionLoader(source),
-        autoescape=lambda name: bool(name and name.endswith(".html.j2")),
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )
-    environment.filters |= MARKDOWN
-    script = source("grades.js")
-    allowed = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    return environment.get_template(template).render(
-        title=title, asked=asked, sections=sections, style=source("page.css"), script=script, allowed=allowed
-    )

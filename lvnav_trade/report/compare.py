@@ -6,25 +6,20 @@ import io
 import json
 import math
 import os
-import re
 from collections import Counter
 from collections.abc import Sequence
-from importlib import resources
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-import jinja2
-
 from lvnav_trade.errors import InputError
 from lvnav_trade.metrics.comparison.comparison import Comparison
 from lvnav_trade.report.blocks import number, percent
-from lvnav_trade.report.escape import MARKDOWN, xml_text
+from lvnav_trade.report.escape import render, xml_text
 from lvnav_trade.store import Tables, load
-from lvnav_trade.store.contents import MANIFEST, RESOLVED, owned
+from lvnav_trade.store.contents import MANIFEST, RESOLVED, owned, writing
 
-MET, WORSE, UNDECIDED = 0, 1, 3
-EXIT = {"not worse": MET, "worse": WORSE, "undecided": UNDECIDED}
+EXIT = {"not worse": 0, "worse": 1, "undecided": 3}
 """Exit codes of the verdicts."""
 ORDER = ("worse", "undecided", "not worse")
 HEAD = ("verdict", "case", "metric", "base", "candidate", "change", "bounds", "effect", "runs", "effective runs")
@@ -33,11 +28,6 @@ KEPT_WITHOUT_RUNS = ("history", "consistency", "covariances", "joint", "innovati
 """Tables that a comparison reads; `reference` at fewer times, to know the flight again."""
 _KEPT_EVERY = 20
 _OF_ONE_MACHINE = ("command", "cpu", "folder", "host", "system", "timings_s", "created", "finished")
-
-
-def exit_code(found: Comparison) -> int:
-    """Return 0 where nothing is worse, 1 where something is, 3 where the runs do not tell."""
-    return EXIT[found.verdict]
 
 
 def answer(found: Comparison) -> str:
@@ -82,14 +72,9 @@ def _change(value: float, scale: str, form: str = "") -> str:
 
 def markdown(found: Comparison) -> str:
     """Return the comparison as a page."""
-    source = (resources.files("lvnav_trade.report") / "templates" / "compare.md.j2").read_text(encoding="utf-8")
-    environment = jinja2.Environment(trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined)
-    environment.filters |= MARKDOWN
-    text = environment.from_string(source).render(
-        base=found.base, candidate=found.candidate, answer=answer(found), head=HEAD, rows=rows(found),
-        notes=found.notes, confidence=percent(found.confidence),
-    )  # fmt: skip
-    return re.sub(r"\n{3,}", "\n\n", text).strip() + "\n"
+    sides = {"base": found.base, "candidate": found.candidate, "notes": found.notes}
+    confidence = percent(found.confidence)
+    return render("compare.md.j2", **sides, answer=answer(found), head=HEAD, rows=rows(found), confidence=confidence)
 
 
 def content(found: Comparison) -> dict[str, Any]:
@@ -147,25 +132,21 @@ def parse_map(assignments: Sequence[str]) -> dict[str, str]:
 
 def write(found: Comparison, md: Path | None = None, xml: Path | None = None) -> list[Path]:
     """Write the files asked for, and append the page to the summary of a CI job where there is one; return them."""
-    written = []
-    for path, text in ((md, markdown), (xml, junit)):
-        if path is not None:
-            _write(path, text(found), "w")
-            written.append(path)
     summary = os.environ.get("GITHUB_STEP_SUMMARY")
-    if summary:
-        _write(Path(summary), markdown(found) + "\n", "a")
-        written.append(Path(summary))
+    files = [
+        (md, "w", markdown),
+        (xml, "w", junit),
+        (Path(summary) if summary else None, "a", lambda found: markdown(found) + "\n"),
+    ]
+    written = []
+    for path, mode, text in files:
+        if path is not None:
+            with writing(path, "cannot be written"):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                with path.open(mode, encoding="utf-8") as file:
+                    file.write(text(found))
+            written.append(path)
     return written
-
-
-def _write(path: Path, text: str, mode: str) -> None:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open(mode, encoding="utf-8") as file:
-            file.write(text)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
 def keep_base(results: Path | str | Tables, folder: Path | str) -> Path:
@@ -173,25 +154,27 @@ def keep_base(results: Path | str | Tables, folder: Path | str) -> Path:
 
     Without Monte-Carlo runs the history and the covariances go along: then they are what is compared.
     """
-    import pyarrow.parquet as pq
-
     tables, target = load(results), owned(folder, "base")
     names = KEPT if int(tables.cases.run_count.sum()) else (*KEPT, *KEPT_WITHOUT_RUNS)
-    try:
-        # a table of an older version may lack; a comparison that needs it says so
-        files = {name: f"{name}.parquet" for name in names if (tables.folder / f"{name}.parquet").exists()}
-        target.claim("base", (RESOLVED, MANIFEST, *files.values()))
-        target.write(RESOLVED, (tables.folder / RESOLVED).read_bytes())
-        manifest = {name: value for name, value in tables.manifest.items() if name not in _OF_ONE_MACHINE}
-        target.write(MANIFEST, json.dumps(manifest, indent=2, sort_keys=True) + "\n")
-        for name, file in files.items():
-            table = pq.read_table(tables.folder / file)
-            if name == "reference":
-                table = table.take(list(range(0, table.num_rows, _KEPT_EVERY)))
-            content = io.BytesIO()
-            pq.write_table(table, content, compression="zstd")
-            target.write(file, content.getvalue())
-        target.replace("base", (RESOLVED, MANIFEST, *files.values()))
-    except OSError as error:
-        raise InputError(f"{folder}: the base cannot be kept there: {error.strerror or error}") from error
+    manifest = {name: value for name, value in tables.manifest.items() if name not in _OF_ONE_MACHINE}
+    with writing(folder, "the base cannot be kept there"):
+        files = {
+            RESOLVED: (tables.folder / RESOLVED).read_bytes(),
+            MANIFEST: (json.dumps(manifest, indent=2, sort_keys=True) + "\n").encode(),
+        }
+        for path in (tables.folder / f"{name}.parquet" for name in names):
+            if path.exists():  # a table of an older version may lack; a comparison that needs it says so
+                files[path.name] = _kept(path)
+        target.publish("base", files)
     return target.folder
+
+
+def _kept(path: Path) -> bytes:
+    """Return the file of a table as a base has it."""
+    import pyarrow.parquet as pq
+
+    table, content = pq.read_table(path), io.BytesIO()
+    if path.stem == "reference":
+        table = table.take(list(range(0, table.num_rows, _KEPT_EVERY)))
+    pq.write_table(table, content, compression="zstd")
+    return content.getvalue()

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import base64
 import re
+import tomllib
+from functools import cache
+from importlib import resources
 from typing import Any
+from xml.sax.saxutils import escape
 
+import jinja2
 import pandas as pd
 from jinja2.utils import htmlsafe_json_dumps
 
@@ -62,6 +68,40 @@ MARKDOWN = {
     "md": markdown, "line": markdown_line, "cell": markdown_cell, "alt": markdown_alt, "fence": markdown_fence
 }  # fmt: skip
 """Filters of the templates of Markdown pages."""
+
+
+def source(name: str) -> str:
+    """Return a template, or what stands in one."""
+    return (resources.files("lvnav_trade.report") / "templates" / name).read_text(encoding="utf-8")
+
+
+@cache
+def texts() -> dict[str, dict[str, Any]]:
+    """Return what `templates/texts.toml` holds."""
+    return tomllib.loads(source("texts.toml"))
+
+
+def note(name: str, group: str = "notes", **content: Any) -> str:
+    """Return what a report says of something (`templates/texts.toml`), its braces filled with content."""
+    return " ".join(texts()[group][name].split()).format(**content)
+
+
+def render(template: str, **content: Any) -> str:
+    """Return a page: its template filled with content; a Markdown page has single blank lines."""
+    environment = jinja2.Environment(
+        loader=jinja2.FunctionLoader(source),
+        autoescape=lambda name: bool(name and name.endswith(".html.j2")),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    environment.filters |= {
+        **MARKDOWN,
+        "xml": lambda text: escape(xml_text(text)),
+        "base64": lambda content: base64.b64encode(content).decode(),
+    }
+    text = environment.get_template(template).render(content)
+    return re.sub(r"\n{3,}", "\n\n", text).strip() + "\n" if template.endswith(".md.j2") else text
 
 
 def data_json(data: Any) -> str:

@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Sequence
+from itertools import cycle
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.frames import ecef_from_geodetic, geodetic_from_ecef, rotation_e_n
-from lvnav_trade.report.escape import xml_text
+from lvnav_trade.records import Floats
+from lvnav_trade.report.escape import render
+from lvnav_trade.store.contents import writing
 from lvnav_trade.store.read import Tables
 
-Floats = NDArray[np.float64]
-
-NAMESPACE = "http://www.opengis.net/kml/2.2"
 SIGMAS = 3.0
 _AXES = ("north", "east", "down")
 _CORNERS = 36  # of an ellipse
-_COLOURS = ("ff1f77ff", "ffb4771f", "ff2ca02c", "ff2827d6")  # alpha, blue, green, red; one case after the other
+_COLOURS = ("1f77ff", "b4771f", "2ca02c", "2827d6")  # blue, green, red; one case after the other
 
 
 class Flight(NamedTuple):
@@ -51,39 +50,34 @@ def flights(tables: Tables, ellipses: bool, every: float) -> list[Flight]:
         raise InputError(f"{tables.folder}: ellipses need errors that are reported in frame ned")
     found = []
     for case, label in tables.labels.items():
-        reference, events = tables.reference, tables.events
-        drawn = _ellipses(tables, case, every) if ellipses else ()
-        here = (reference[reference["case"] == case], events[events["case"] == case])
-        found.append(Flight(label or "flight", here[0], here[1], drawn))
+        reference, events = (table[table["case"] == case] for table in (tables.reference, tables.events))
+        found.append(Flight(label or "flight", reference, events, _ellipses(tables, case, every) if ellipses else ()))
     return found
 
 
 def _ellipses(tables: Tables, case: str, every: float) -> tuple[Ellipse, ...]:
-    whole = tables.covariances
-    whole = whole[(whole["case"] == case) & (whole.quantity == "position") & (whole.source == "")]
-    axes = list(_AXES)
-    found = {}
-    sigma = tables.history
-    sigma = sigma[(sigma["case"] == case) & (sigma.quantity == "position") & sigma.axis.isin(axes)]
-    table = sigma.pivot_table(index="t_s", columns="axis", values="lincov_true_si")
-    if len(table):
-        times = table.index.to_numpy()
+    axes, found = list(_AXES), dict[float, Floats]()
+    history, whole = (
+        frame[(frame["case"] == case) & (frame.quantity == "position")]
+        for frame in (tables.history, tables.covariances)
+    )
+    sigma = history[history.axis.isin(axes)].pivot_table(index="t_s", columns="axis", values="lincov_true_si")
+    if len(sigma):
+        times = sigma.index.to_numpy()
         wanted = np.arange(times[0], times[-1] + 0.5 * every, every)
         for time in times[np.unique(np.abs(times[:, None] - wanted).argmin(axis=0))]:
-            found[float(time)] = np.diag(table.loc[time, axes].to_numpy(dtype=float) ** 2)
-    for time, rows in whole.groupby("t_s"):
+            found[float(time)] = np.diag(sigma.loc[time, axes].to_numpy(dtype=float) ** 2)
+    for time, rows in whole[whole.source == ""].groupby("t_s"):
         square = rows.pivot_table(index="axis", columns="other_axis", values="true_si2")
-        full = square.combine_first(square.T).reindex(index=axes, columns=axes).to_numpy(dtype=float)
-        found[float(time)] = full
+        full = square.combine_first(square.T).reindex(index=axes, columns=axes)
+        found[float(time)] = full.to_numpy(dtype=float)
     return tuple(Ellipse(time, found[time]) for time in sorted(found))
 
 
 def write_kml(file: Path, title: str, drawn: Sequence[Flight], magnify: float = 1.0) -> Path:
     """Write flights as KML 2.2 (see `kml`) and return the file."""
-    try:
+    with writing(file, "cannot be written"):
         file.write_bytes(kml(title, drawn, magnify))
-    except OSError as error:
-        raise InputError(f"{file}: cannot be written: {error.strerror}") from None
     return file
 
 
@@ -94,91 +88,46 @@ def kml(title: str, drawn: Sequence[Flight], magnify: float = 1.0) -> bytes:
     sea level, which is within 110 m of it. Ellipses are 3-sigma, `magnify` times as large; what is drawn is the shadow
     of the ellipsoid on the local horizontal, what is written in its placemark the ellipsoid itself.
     """
-    ET.register_namespace("", NAMESPACE)
-    root = ET.Element(f"{{{NAMESPACE}}}kml")
-    document = _add(root, "Document")
-    _add(document, "name", title)
-    for number, flight in enumerate(drawn):
-        colour = _COLOURS[number % len(_COLOURS)]
-        folder = _add(document, "Folder")
-        _add(folder, "name", flight.name)
-        _path(folder, flight, colour)
-        for row in flight.events.itertuples(index=False):
-            _event(folder, flight, row)
-        for ellipse in flight.ellipses:
-            _ellipse(folder, flight, ellipse, magnify, colour)
-    ET.indent(root)
-    return bytes(ET.tostring(root, encoding="UTF-8", xml_declaration=True))
+    folders = [
+        {
+            "name": flight.name,
+            "colour": colour,
+            "path": _coordinates(*(flight.reference[name] for name in ("longitude_rad", "latitude_rad", "altitude_m"))),
+            "events": [_event(flight, row.event, float(row.t_s)) for row in flight.events.itertuples(index=False)],
+            "ellipses": [_ellipse(flight, ellipse, magnify) for ellipse in flight.ellipses],
+        }
+        for flight, colour in zip(drawn, cycle(_COLOURS), strict=False)
+    ]
+    return render("flight.kml.j2", title=title, flights=folders).encode()
 
 
-def _add(parent: ET.Element, tag: str, text: str | None = None) -> ET.Element:
-    child = ET.SubElement(parent, f"{{{NAMESPACE}}}{tag}")
-    child.text = text if text is None else xml_text(text)
-    return child
-
-
-def _coordinates(longitude: Floats, latitude: Floats, height: Floats) -> str:
+def _coordinates(longitude: ArrayLike, latitude: ArrayLike, height: ArrayLike) -> str:
     """Return longitude, latitude (deg from rad) and height (m) as KML writes them, to a millimetre."""
-    rows = zip(np.degrees(longitude), np.degrees(latitude), height, strict=True)
+    rows = np.broadcast(np.degrees(longitude), np.degrees(latitude), height)
     return " ".join(f"{lon:.9f},{lat:.9f},{h:.3f}" for lon, lat, h in rows)
 
 
-def _path(folder: ET.Element, flight: Flight, colour: str) -> None:
-    place = _add(folder, "Placemark")
-    _add(place, "name", flight.name)
-    line = _add(_add(place, "Style"), "LineStyle")
-    _add(line, "color", colour)
-    _add(line, "width", "3")
-    path = _add(place, "LineString")
-    _add(path, "altitudeMode", "absolute")
-    table = flight.reference
-    columns = (table[name].to_numpy(dtype=float) for name in ("longitude_rad", "latitude_rad", "altitude_m"))
-    _add(path, "coordinates", _coordinates(*columns))
-
-
 def _at(flight: Flight, time: float) -> pd.Series[float]:
-    """Return the row of the flight that is nearest to a time."""
-    table = flight.reference
-    return table.iloc[int(np.abs(table["t_s"].to_numpy(dtype=float) - time).argmin())]
+    return flight.reference.iloc[int(np.abs(flight.reference["t_s"].to_numpy(dtype=float) - time).argmin())]
 
 
-def _event(folder: ET.Element, flight: Flight, row: object) -> None:
-    """Mark an event or the start of a fault: time, height, speed over the ground."""
-    time, name = float(row.t_s), str(row.event)  # type: ignore[attr-defined]
+def _event(flight: Flight, name: str, time: float) -> tuple[str, str, str]:
+    """Return name, description and place of an event or the start of a fault: time, height, speed over the ground."""
     here = _at(flight, time)
-    place = _add(folder, "Placemark")
-    _add(place, "name", name)
-    _add(
-        place,
-        "description",
-        f"{time:.3f} s, height {here.altitude_m * 1e-3:.3f} km, speed over the ground {here.ground_speed_m_per_s:.1f} "
-        f"m/s",
-    )
-    point = _add(place, "Point")
-    _add(point, "altitudeMode", "absolute")
-    where = (np.array([here.longitude_rad]), np.array([here.latitude_rad]), np.array([here.altitude_m]))
-    _add(point, "coordinates", _coordinates(*where))
+    height, speed = here.altitude_m * 1e-3, here.ground_speed_m_per_s
+    said = f"{time:.3f} s, height {height:.3f} km, speed over the ground {speed:.1f} m/s"
+    return name, said, _coordinates(here.longitude_rad, here.latitude_rad, here.altitude_m)
 
 
-def _ellipse(folder: ET.Element, flight: Flight, ellipse: Ellipse, magnify: float, colour: str) -> None:
-    here = _at(flight, ellipse.time)
+def _ellipse(flight: Flight, ellipse: Ellipse, magnify: float) -> tuple[str, str, str]:
+    north, east, down = SIGMAS * np.sqrt(np.diag(ellipse.covariance))
     sizes = SIGMAS * np.sqrt(np.maximum(np.linalg.eigvalsh(ellipse.covariance), 0.0))[::-1]
-    along = SIGMAS * np.sqrt(np.diag(ellipse.covariance))
-    place = _add(folder, "Placemark")
-    _add(place, "name", f"3 sigma at {ellipse.time:.6g} s")
-    _add(
-        place,
-        "description",
-        f"3 sigma of position: north {along[0]:.3g} m, east {along[1]:.3g} m, down {along[2]:.3g} m; half axes of the "
-        f"ellipsoid {', '.join(f'{size:.3g}' for size in sizes)} m; drawn {magnify:g} times as large",
+    said = (
+        f"3 sigma of position: north {north:.3g} m, east {east:.3g} m, down {down:.3g} m; half axes of the ellipsoid "
+        f"{', '.join(f'{size:.3g}' for size in sizes)} m; drawn {magnify:g} times as large"
     )
-    style = _add(place, "Style")
-    _add(_add(style, "LineStyle"), "color", colour)
-    _add(_add(style, "PolyStyle"), "color", "40" + colour[2:])
-    polygon = _add(place, "Polygon")
-    _add(polygon, "altitudeMode", "absolute")
-    ring = _add(_add(polygon, "outerBoundaryIs"), "LinearRing")
-    _add(ring, "coordinates", _coordinates(*_shadow(here, ellipse.covariance, magnify)))
+    outline = _shadow(_at(flight, ellipse.time), ellipse.covariance, magnify)
+    return f"3 sigma at {ellipse.time:.6g} s", said, _coordinates(*outline)
 
 
 def _shadow(here: pd.Series[float], covariance: Floats, magnify: float) -> tuple[Floats, Floats, Floats]:

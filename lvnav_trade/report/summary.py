@@ -7,18 +7,19 @@ from typing import Any
 
 import pandas as pd
 
-from lvnav_trade import plots
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.select import mean_at, metric_name, split_metric
 from lvnav_trade.metrics.errors.agreement import by_case
 from lvnav_trade.metrics.errors.covariances import reach
 from lvnav_trade.metrics.requirements.distributions import asked
 from lvnav_trade.metrics.requirements.requirements import where
-from lvnav_trade.report.blocks import Block, Text, number, percent, picture, table
+from lvnav_trade.report.blocks import Block, Text, number, percent, table, words
+from lvnav_trade.report.sections import figure
 from lvnav_trade.store import Tables
 
 _FEW = 4
 """Cases that are all named beside their verdict."""
+_WORDS = {"met": "Met by", "undecided": "Undecided for", "violated": "Violated by"}
 
 
 def summary(tables: Tables) -> list[Block]:
@@ -30,11 +31,9 @@ def summary(tables: Tables) -> list[Block]:
         blocks += _answer(tables, requirement, verdicts[verdicts.requirement == requirement["name"]])
     if not len(verdicts):
         blocks.append(Text("The campaign states no requirement; the cases are ranked below."))
-    blocks.append(ranking_table(tables))
-    at = str(METRICS["ranking"](tables).event.iloc[0]).replace("_", " ")
-    blocks.append(picture("ranking", plots.PLOTS["rank"](tables), f"The cases by their error at {at}."))
-    verdict = _agreement(tables)
-    return [*blocks, Text(verdict)] if verdict else blocks
+    at = words(METRICS["ranking"](tables).event.iloc[0])
+    blocks += [_ranking(tables), figure(tables, "rank", name="ranking", caption=f"The cases by their error at {at}.")]
+    return blocks + [Text(" ".join(sentences)) for sentences in [_agreement(tables)] if sentences]
 
 
 def _together(verdicts: pd.DataFrame) -> list[Block]:
@@ -47,53 +46,51 @@ def _together(verdicts: pd.DataFrame) -> list[Block]:
         worst = next(verdict for verdict in ("violated", "undecided", "met") if (rows.verdict == verdict).any())
         why = f" ({', '.join(rows.requirement[rows.verdict == worst])})" if worst != "met" else ""
         found[worst].append(f"{case}{why}")
-    words = {"met": "Met by", "undecided": "Undecided for", "violated": "Violated by"}
-    parts = [f"{words[verdict]} {'; '.join(names)}." for verdict, names in found.items() if names]
-    parts = parts if found["met"] else ["Met by no case.", *parts]
-    return [Text(" ".join(parts), f"All {count} requirements together.")]
+    parts = [f"{_WORDS[verdict]} {'; '.join(names)}." for verdict, names in found.items() if names]
+    return [Text(" ".join(["Met by no case."] * (not found["met"]) + parts), f"All {count} requirements together.")]
 
 
 def _scale(tables: Tables) -> str:
     cases = tables.cases
     runs, failed = int(cases.run_count.sum()), int(cases.failed_count.sum())
-    each = sorted(set(cases.run_count))
-    flown = (
-        f"{each[0]} Monte-Carlo runs{' each' * (len(cases) > 1)}"
-        if len(each) == 1
-        else f"{each[0]} to {each[-1]} Monte-Carlo runs each"
-    )
-    text = f"{len(cases)} case{'s' * (len(cases) > 1)}, linear covariance" + (f" and {flown}." if runs else " only.")
-    return text + (f" {failed} of {runs} runs failed and count against every requirement." if failed else "")
+    least, most = cases.run_count.min(), cases.run_count.max()
+    each = f"{least} to {most}" if least < most else str(most)
+    flown = f"and {each} Monte-Carlo runs{' each' * (len(cases) > 1)}." if runs else "only."
+    lost = f" {failed} of {runs} runs failed and count against every requirement." if failed else ""
+    return f"{len(cases)} case{'s' * (len(cases) > 1)}, linear covariance {flown}{lost}"
 
 
 def _answer(tables: Tables, requirement: dict[str, Any], rows: pd.DataFrame) -> list[Block]:
-    """Say in words which cases meet a requirement."""
+    name = str(requirement["name"])
     wanted = (
         f"{_metric(requirement)} below {_limit(requirement, rows.limit.iloc[0])} {_place(requirement)} in "
         f"{percent(requirement['probability'])} of flights, to be shown with "
         f"{percent(requirement.get('confidence', 0.9))} confidence."
     )
-    blocks: list[Block] = [Text(wanted[0].upper() + wanted[1:], f"{str(requirement['name']).capitalize()}.")]
-    for verdict, word in (("met", "Met by"), ("violated", "Violated by"), ("undecided", "Undecided for")):
+    blocks: list[Block] = [Text(wanted[0].upper() + wanted[1:], f"{name.capitalize()}.")]
+    for verdict in ("met", "violated", "undecided"):
         chosen = rows[rows.verdict == verdict]
         if len(chosen):
             every = f"all {len(rows)} cases: " if len(chosen) == len(rows) > 1 else ""
-            names = _undecided(chosen) if verdict == "undecided" else [_case(row) for row in chosen.itertuples()]
-            blocks.append(Text(f"{every}{'; '.join(names)}.", f"{word}:"))
-    blocks += [
-        Text(text, "Linear covariance alone:") for text in _by_covariance(tables, str(requirement["name"]), rows)
-    ]
-    better = _improvements(tables, str(requirement["name"]))
+            names = (
+                _undecided(chosen)
+                if verdict == "undecided"
+                else [
+                    f"{row.case} ({row.estimate}; {row.failures} of {row.runs} runs beyond)"
+                    for row in chosen.itertuples()
+                ]
+            )
+            blocks.append(Text(f"{every}{'; '.join(names)}.", f"{_WORDS[verdict]}:"))
+    blocks += [Text(text, "Linear covariance alone:") for text in _by_covariance(tables, name, rows)]
+    better = _improvements(tables, name)
     if better:
-        return [
-            *blocks,
-            Text(better, "What would make it met (by linear covariance, gains frozen; re-tuned may differ):"),
-        ]
+        lead = "What would make it met (by linear covariance, gains frozen; re-tuned may differ):"
+        return [*blocks, Text(f"{'; '.join(better)}.", lead)]
     return blocks + [Text(text) for text in _largest_sources(tables, requirement, rows[rows.verdict == "violated"])]
 
 
 def _metric(requirement: dict[str, Any]) -> str:
-    name = str(requirement["metric"]).replace("_", " ")
+    name = words(requirement["metric"])
     return f"3D {name.removesuffix(' 3d')}" if name.endswith(" 3d") else name
 
 
@@ -104,8 +101,7 @@ def _limit(requirement: dict[str, Any], shown: str) -> str:
 
 
 def _place(requirement: dict[str, Any]) -> str:
-    """Say where in the flight a requirement holds."""
-    at = where(requirement).replace("_", " ")
+    at = words(where(requirement))
     if not requirement.get("during"):
         return f"at {at}"
     return "at all times of the flight" if at == "flight" else f"at all times from {at}"
@@ -117,15 +113,16 @@ def _by_covariance(tables: Tables, name: str, verdicts: pd.DataFrame) -> list[st
     frame = frame[frame.requirement == name]
     runs = verdicts.set_index("case").verdict
     shown = frame[(frame.verdict != frame.case.map(runs)) | (len(frame) <= _FEW)]
+    applies = shown.verdict != "not applicable"
     found = [
         f"{row.case}: {row.verdict}, {_chance(row.expected_probability)} of flights expected to keep it"
-        for row in shown[shown.verdict != "not applicable"].itertuples()
+        for row in shown[applies].itertuples()
     ]
-    for reason, rows in shown[shown.verdict == "not applicable"].groupby("reason", sort=False):
+    for reason, rows in shown[~applies].groupby("reason", sort=False):
         found.append(f"{rows.case.iloc[0] if len(rows) == 1 else f'{len(rows)} cases'}: not applicable, {reason}")
     if not len(frame):
         return []
-    same = int(sum(row.verdict == runs[row.case] for row in frame.itertuples()))
+    same = int((frame.verdict == frame.case.map(runs)).sum())
     if not found:
         return ["the same verdict" + (f" in all {same} cases." if same > 1 else ".")]
     start = f"the same verdict in {same} of {len(frame)} cases; " if same and len(frame) > _FEW else ""
@@ -137,31 +134,23 @@ def _chance(probability: float) -> str:
     return "more than 99.9 %" if probability > 0.999 else f"{100 * probability:.3g} %"
 
 
-def _improvements(tables: Tables, name: str) -> str:
+def _improvements(tables: Tables, name: str) -> list[str]:
     """Say which source must get better by which factor, case by case."""
     frame = METRICS["improvements"](tables)
     found = []
     for row in frame[frame.requirement == name].itertuples():
-        if not row.source:
-            found.append(f"{row.case}: {row.remark}")
-            continue
         together, _, beyond = row.remark.partition("; ") if row.remark.startswith("together") else ("", "", row.remark)
         together, beyond = f", {together}," if together else "", f", {beyond}" if beyond else ""
         part = f"{100 * row.share_ratio:.0f} % of the mean square"
-        found.append(
-            f"{row.case}: sigma of {_some(row.source)}{together} times {number(row.factor_ratio)} ({part}{beyond})"
-        )
-    return "; ".join(found) + "." if found else ""
+        better = f"sigma of {_some(row.source)}{together} times {number(row.factor_ratio)} ({part}{beyond})"
+        found.append(f"{row.case}: {better if row.source else row.remark}")
+    return found
 
 
 def _some(sources: str) -> str:
     """Name the first of several sources, which are the largest, and count the others."""
     names = sources.split(", ")
     return sources if len(names) <= _FEW else f"{', '.join(names[: _FEW - 1])} and {len(names) - _FEW + 1} more"
-
-
-def _case(row: Any) -> str:
-    return f"{row.case} ({row.estimate}; {row.failures} of {row.runs} runs beyond)"
 
 
 def _undecided(rows: pd.DataFrame) -> list[str]:
@@ -184,59 +173,51 @@ def _largest_sources(tables: Tables, requirement: dict[str, Any], violated: pd.D
         if requirement.get("during"):
             law = asked(tables, requirement, digests[case])
             at = at if isinstance(law, str) else law.moment.replace(" ", "_")
-            there = f" at {at.replace('_', ' ')}"
+            there = f" at {words(at)}"
         rows = budget[(budget.case == case) & (budget.event == at) & (budget.metric == metric_name(quantity))]
         if len(rows) and reach(tables, digests[case]).applies:
             top, mean = rows.iloc[0], mean_at(tables, digests[case], at, quantity)
-            share = f"{top.source} ({100 * top.share_ratio:.0f} % of the variance{there})"
             biased = mean**2 > float((rows.sigma**2).sum())
-            found.append(
-                f"{case}: {f'the mean, {number(mean)} {top.unit} in every flight{there}' if biased else share}"
-            )
+            share = f"{top.source} ({100 * top.share_ratio:.0f} % of the variance{there})"
+            same = f"the mean, {number(mean)} {top.unit} in every flight{there}"
+            found.append(f"{case}: {same if biased else share}")
     return [f"Largest source in the 3D error, by linear covariance: {'; '.join(found)}."] if found else []
 
 
-def ranking_table(tables: Tables) -> Block:
-    """Return the cases in order, with RMS and interval."""
+def _ranking(tables: Tables) -> Block:
     frame = METRICS["ranking"](tables)
-    shown = pd.DataFrame({"case": frame.case, "runs": frame.run_count})
-    failed = frame.case.map(tables.cases.set_index("label").failed_count)
-    left_out = " Failed runs are left out of it." if failed.any() else ""
-    if left_out:
-        shown["failed"] = failed
-    for quantity in ("velocity", "position", "attitude"):
-        if quantity in frame:
-            unit = frame[f"{quantity}_unit"].iloc[0]
-            shown[f"{quantity} ({unit})"] = frame[quantity]
-            low, high = frame[f"{quantity}_low"].map(number), frame[f"{quantity}_high"].map(number)
-            shown["95 % interval" + " " * len(shown.columns)] = low + " to " + high
-    at = str(frame.event.iloc[0]).replace("_", " ")
-    found = table(shown, f"Ranking: 3D RMS error at {at}, best velocity first.{left_out}")
+    frame = frame.assign(failed=frame.case.map(tables.cases.set_index("label").failed_count))
+    left_out = " Failed runs are left out of it." if frame.failed.any() else ""
+    columns = ["case | runs = run_count"] + ["failed"] * bool(left_out)
+    for quantity in (name for name in ("velocity", "position", "attitude") if name in frame):
+        unit, again = frame[f"{quantity}_unit"].iloc[0], " " * len(columns)  # a heading stands once in a frame
+        columns.append(f"{quantity} ({unit}) = {quantity}")
+        columns.append(f"95 % interval{again} = {quantity}_low to {quantity}_high: number")
+    caption = f"Ranking: 3D RMS error at {words(frame.event.iloc[0])}, best velocity first.{left_out}"
+    found = table(frame, caption, " | ".join(columns))
     return found._replace(head=tuple(name.rstrip() for name in found.head))
 
 
-def _agreement(tables: Tables) -> str:
+def _agreement(tables: Tables) -> list[str]:
     found = by_case(tables)
     tested = found[found.verdict.isin(["agree", "disagree"])]
-    outside = found[found.verdict == "not applicable"]
-    why = [f"{'; '.join(rows.case)} ({reason})" for reason, rows in outside.groupby("reason", sort=False)]
+    outside = found[found.verdict == "not applicable"].groupby("reason", sort=False)
+    why = [f"{'; '.join(rows.case)} ({reason})" for reason, rows in outside]
     parts = [f"Not applicable: {'; '.join(why)}."] * bool(why)
     if not len(tested):
-        return " ".join(parts)
-    level = percent(float(tested.alpha_ratio.iloc[0]))
+        return parts
+    level = f"({percent(float(tested.alpha_ratio.iloc[0]))} family-wise level per case)"
     bad = tested[tested.verdict == "disagree"]
     if bad.empty:
-        where = "in the one case" if len(tested) == 1 else f"in all {len(tested)} cases"
-        parts.insert(0, f"Monte Carlo and linear covariance agree {where} ({level} family-wise level per case).")
-        return " ".join(parts)
+        everywhere = "in the one case" if len(tested) == 1 else f"in all {len(tested)} cases"
+        return [f"Monte Carlo and linear covariance agree {everywhere} {level}.", *parts]
     worst = "; ".join(
-        f"{row.case} (worst: {row.state} at {row.event.replace('_', ' ')}, ratio {number(row.ratio)}, "
+        f"{row.case} (worst: {row.state} at {words(row.event)}, ratio {number(row.ratio)}, "
         f"bounds {number(row.low)} to {number(row.high)}, largest source there: {row.source or 'unknown'})"
         for row in bad.itertuples()
     )
-    parts.insert(
-        0,
-        f"Monte Carlo and linear covariance disagree in {len(bad)} of {len(tested)} cases ({level} family-wise level "
-        f"per case): {worst}. There the Monte-Carlo numbers count.",
+    disagree = (
+        f"Monte Carlo and linear covariance disagree in {len(bad)} of {len(tested)} cases {level}: {worst}. There the "
+        "Monte-Carlo numbers count."
     )
-    return " ".join(parts)
+    return [disagree, *parts]

@@ -6,18 +6,21 @@ import json
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from itertools import takewhile
 from pathlib import Path, PurePosixPath
 from typing import Any, Literal
 
 from lvnav_trade.errors import InputError, is_full_disk
 from lvnav_trade.store import parts as part_files
 from lvnav_trade.store import scratch
+from lvnav_trade.store.files import replace_file
 from lvnav_trade.store.schema import TABLES
 
 CONTENTS, RESOLVED, MANIFEST = "contents.json", "campaign.resolved.yaml", "manifest.json"
 _MARK, _VERSION = "lvnav_trade_contents", 1
 _CASE = re.compile(r"\w[\w.-]*")
-_TEMPORARY = re.compile(r"\.(.+)\.\d+")
+_TEMPORARY = re.compile(r"^\.(.+)\.\d+$")
 _GIVE_ANOTHER = "nothing was changed; give another folder"
 Kind = Literal["results", "report", "study", "base"]
 _KINDS: dict[str, str] = {
@@ -34,6 +37,8 @@ class OwnedFolder:
     Names are relative to the folder, with slashes. A name is listed before its file is written, so that a killed
     process leaves no file of its own unlisted. A file that is not listed is neither replaced nor removed.
 
+    InputError where a listed name leads out of the folder.
+
     Attributes
     ----------
     folder : Path
@@ -46,6 +51,10 @@ class OwnedFolder:
     ) -> None:
         self.folder, self.kind, self.cases = folder, kind, sorted(set(cases))
         self._files, self._adopted = dict(files), adopted
+        for name in self.names:
+            self.place(name)
+        for case in self.cases:
+            self._place_case(case)
 
     @property
     def names(self) -> set[str]:
@@ -55,13 +64,6 @@ class OwnedFolder:
     def listed(self, group: str) -> list[str]:
         """Return the names of a group."""
         return list(self._files.get(group, ()))
-
-    def check(self) -> None:
-        """Raise InputError where a listed name leads out of the folder."""
-        for name in self.names:
-            self.place(name)
-        for case in self.cases:
-            self._place_case(case)
 
     def claim(self, group: str, names: Iterable[str], cases: Iterable[str] = ()) -> None:
         """List names, and cases, that are about to be written; the folder is made where it is missing.
@@ -84,21 +86,20 @@ class OwnedFolder:
         self.folder.mkdir(parents=True, exist_ok=True)
         self._save()
 
-    def replace(self, group: str, names: Iterable[str]) -> None:
-        """Remove the files that the group listed before and that are not among `names`; list those."""
-        kept = set(names)
-        for name in set(self._files.get(group, ())) - kept:
-            self._remove(self.place(name))
-        self._files[group] = sorted(kept)
-        self._save()
+    def publish(self, group: str, files: Mapping[str, bytes | str]) -> None:
+        """Write the files of a group, each in one step, and remove those that it listed before.
 
-    def write(self, name: str, content: bytes | str) -> None:
-        """Write the file of a claimed name in one step."""
-        if name not in self.names:
-            raise KeyError(f"{name} was not claimed")
-        path = self.place(name)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        replace_file(path, content)
+        InputError as in `claim`.
+        """
+        self.claim(group, files)
+        for name, content in files.items():
+            path = self.place(name)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            replace_file(path, content)
+        for name in set(self._files[group]) - set(files):
+            self._remove(self.place(name))
+        self._files[group] = sorted(files)
+        self._save()
 
     def clear(self) -> None:
         """Remove every listed file, and the folders that become empty."""
@@ -113,8 +114,14 @@ class OwnedFolder:
 
     def sweep(self) -> None:
         """Remove what a killed process left half written of a listed name."""
-        for path in self._temporary_files():
-            path.unlink(missing_ok=True)
+        own = {self.folder / CONTENTS, *map(self.place, self.names)}
+        cases = {place / name for place in map(self._place_case, self.cases) for name in (".", "tables")}
+        for place in cases | {path.parent for path in own}:
+            for path in place.glob(".*.*"):
+                name = _TEMPORARY.sub(r"\1", path.name)
+                of_case = place in cases and (part_files.is_name(name) or name.removesuffix(".parquet") in TABLES)
+                if name != path.name and (of_case or place / name in own):
+                    path.unlink(missing_ok=True)
 
     def place(self, name: str) -> Path:
         """Return the path of a name; InputError where it leads out of the folder."""
@@ -133,29 +140,11 @@ class OwnedFolder:
             raise InputError(f"{self.folder}: {case!r} is no digest of a case; {_GIVE_ANOTHER}")
         return self.place(f"parts/{case}/tables/x").parents[1]
 
-    def _temporary_files(self) -> Iterator[Path]:
-        own = {CONTENTS, *self.names}
-        for place in {PurePosixPath(name).parent for name in own}:
-            for path in (self.folder / place).glob(".*.*"):
-                name = _TEMPORARY.fullmatch(path.name)
-                if name and str(place / name[1]) in own:
-                    yield path
-        for case in self.cases:
-            folder = self._place_case(case)
-            for path in [*folder.glob(".*.*"), *folder.glob("tables/.*.*")]:
-                name = _TEMPORARY.fullmatch(path.name)
-                if name and (part_files.is_name(name[1]) or name[1].removesuffix(".parquet") in TABLES):
-                    yield path
-
     def _remove(self, path: Path) -> None:
         path.unlink(missing_ok=True)
-        for place in path.parents:
-            if place == self.folder:
-                break
-            try:
+        with suppress(OSError):  # a folder that is not empty, or gone
+            for place in takewhile(lambda place: place != self.folder, path.parents):
                 place.rmdir()
-            except OSError:  # not empty, or gone
-                break
 
     def _save(self) -> None:
         files = {group: names for group, names in sorted(self._files.items()) if names}
@@ -187,20 +176,19 @@ def owned(folder: Path | str, kind: Kind) -> OwnedFolder:
         files, cases, holds = _of_manifest(folder)
     if holds != kind:
         raise InputError(f"{folder}: holds {_KINDS[holds]}, not {_KINDS[kind]}; {_GIVE_ANOTHER}")
-    place = OwnedFolder(folder, kind, files, cases, adopted=CONTENTS not in found)
-    place.check()
-    return place
+    return OwnedFolder(folder, kind, files, cases, adopted=CONTENTS not in found)
 
 
 def _listed(folder: Path) -> tuple[dict[str, list[str]], list[str], str]:
     content = _json(folder / CONTENTS)
-    files, cases = content.get("files"), content.get("cases")
-    good = content.get("kind") in _KINDS and isinstance(files, dict) and _is_texts(cases)
-    if _MARK not in content or not good or not all(map(_is_texts, files.values() if isinstance(files, dict) else ())):
+    files: Any = content.get("files")
+    cases: Any = content.get("cases")
+    good = content.get("kind") in _KINDS and isinstance(files, dict)
+    if _MARK not in content or not good or not all(map(_is_texts, (cases, *files.values()))):
         raise InputError(f"{folder / CONTENTS}: not a list of files of lvnav-trade; {_GIVE_ANOTHER}")
     if content[_MARK] != _VERSION:
         raise InputError(f"{folder / CONTENTS}: of another version of lvnav-trade; {_GIVE_ANOTHER}")
-    return dict(files or {}), list(cases or ()), str(content["kind"])
+    return files, cases, content["kind"]
 
 
 def _of_manifest(folder: Path) -> tuple[dict[str, list[str]], list[str], str]:
@@ -226,13 +214,10 @@ def _is_texts(value: object) -> bool:
     return isinstance(value, list) and all(isinstance(one, str) for one in value)
 
 
-def replace_file(path: Path, content: bytes | str) -> None:
-    """Write a file in one step that either happens or does not; a link there is replaced, not followed."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+@contextmanager
+def writing(place: object, refused: str) -> Iterator[None]:
+    """Raise InputError where the operating system refuses what is done within; `refused` says what that was."""
     try:
-        temporary.unlink(missing_ok=True)
-        with temporary.open("xb") as file:
-            file.write(content.encode() if isinstance(content, str) else content)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+        yield
+    except OSError as error:
+        raise InputError(f"{place}: {refused}: {error.strerror or error}") from error

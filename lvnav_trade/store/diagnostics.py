@@ -8,80 +8,76 @@ import numpy as np
 
 from lvnav_trade.engines.simulate.statistics import NORM
 from lvnav_trade.records import AdjointBudget, CovHistory, Floats
-from lvnav_trade.store.schema import TABLES
 
 if TYPE_CHECKING:
     from lvnav_trade.engines.analysis.explain import Explanation
     from lvnav_trade.engines.setup.prepare import Prepared
 
 _QUANTITIES = ("attitude", "velocity", "position")
-_UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+_UPPER = tuple(zip(*np.triu_indices(3), strict=True))
+Rows = list[dict[str, Any]]
 
 
-def explained_tables(prepared: Prepared, cov: CovHistory, found: Explanation | None) -> dict[str, dict[str, Any]]:
-    """Return the columns of the tables; those that were not asked for have no rows."""
-    rows: dict[str, list[dict[str, Any]]] = {"covariances": _totals(prepared, cov)}
-    if found is not None:
-        rows["covariances"] += _by_source(prepared, found)
-        rows["adjoint"] = _adjoint(found.event, found.adjoint) if found.adjoint else []
-        rows["sensitivity"] = _sensitivity(prepared, found)
-        rows["observability"] = _observability(found)
-        rows["nonlinearity"] = _nonlinearity(prepared, found)
-        rows["error_bound"] = _error_bound(found)
-    names = ("covariances", "adjoint", "sensitivity", "observability", "nonlinearity", "error_bound")
-    return {name: _columns(name, rows.get(name, [])) for name in names}
+def explained_rows(prepared: Prepared, cov: CovHistory, found: Explanation | None) -> dict[str, Rows]:
+    """Return the rows of the tables that were asked for."""
+    if found is None:
+        return {"covariances": _totals(prepared, cov)}
+    return {
+        "covariances": [*_totals(prepared, cov), *_by_source(prepared, found)],
+        "adjoint": _adjoint(found.event, found.adjoint) if found.adjoint else [],
+        "sensitivity": _sensitivity(prepared, found),
+        "observability": _observability(found),
+        "nonlinearity": _nonlinearity(found),
+        "error_bound": _error_bound(found),
+    }
 
 
-def _columns(name: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
-    return {column.name: [row[column.name] for row in rows] for column in TABLES[name] if column.name != "case"}
-
-
-def _groups(prepared: Prepared) -> dict[str, list[int]]:
+def _groups(prepared: Prepared) -> list[list[int]]:
     """Return the columns of attitude, velocity and position that have three axes."""
-    outputs = prepared.outputs
-    found = {q: [i for i, output in enumerate(outputs) if output.quantity == q] for q in _QUANTITIES}
-    return {q: columns for q, columns in found.items() if len(columns) == 3}
+    outputs = list(enumerate(prepared.outputs))
+    found = [[k for k, output in outputs if output.quantity == quantity] for quantity in _QUANTITIES]
+    return [columns for columns in found if len(columns) == 3]
 
 
-def _entries(prepared: Prepared, columns: list[int], true: Floats, formal: Floats | None) -> list[dict[str, Any]]:
+def _entries(prepared: Prepared, columns: list[int], true: Floats, formal: Floats, **label: Any) -> Rows:
     """List the upper triangle of a covariance (3, 3)."""
     outputs = [prepared.outputs[k] for k in columns]
     return [
         {
+            **label,
             "quantity": outputs[i].quantity,
             "axis": outputs[i].axis,
             "other_axis": outputs[j].axis,
             "unit": outputs[i].unit,
             "true_si2": float(true[i, j]),
-            "formal_si2": float("nan") if formal is None else float(formal[i, j]),
+            "formal_si2": float(formal[i, j]),
         }
         for i, j in _UPPER
     ]
 
 
-def _totals(prepared: Prepared, cov: CovHistory) -> list[dict[str, Any]]:
+def _totals(prepared: Prepared, cov: CovHistory) -> Rows:
     rows = []
     for event, t in prepared.trajectory.events.items():
         at = int(np.argmin(np.abs(cov.t - t)))
-        for columns in _groups(prepared).values():
-            block = np.ix_(columns, columns)
-            label = {"event": event, "t_s": float(cov.t[at]), "source": ""}
-            entries = _entries(prepared, columns, cov.true_cov[at][block], cov.formal_cov[at][block])
-            rows += [label | entry for entry in entries]
+        for columns in _groups(prepared):
+            true, formal = (part[at][np.ix_(columns, columns)] for part in (cov.true_cov, cov.formal_cov))
+            rows += _entries(prepared, columns, true, formal, event=event, t_s=float(cov.t[at]), source="")
     return rows
 
 
-def _by_source(prepared: Prepared, found: Explanation) -> list[dict[str, Any]]:
-    rows = []
-    for part in found.by_source:
-        for s, source in enumerate(part.sources):
-            label = {"event": part.event, "t_s": part.time, "source": source}
-            for q, columns in enumerate(_groups(prepared).values()):
-                rows += [label | entry for entry in _entries(prepared, columns, part.covariance[s, q], None)]
-    return rows
+def _by_source(prepared: Prepared, found: Explanation) -> Rows:
+    none = np.full((3, 3), np.nan)
+    return [
+        row
+        for part in found.by_source
+        for source, covariance in zip(part.sources, part.covariance, strict=True)
+        for columns, true in zip(_groups(prepared), covariance, strict=False)
+        for row in _entries(prepared, columns, true, none, event=part.event, t_s=part.time, source=source)
+    ]
 
 
-def _adjoint(event: str, budget: AdjointBudget) -> list[dict[str, Any]]:
+def _adjoint(event: str, budget: AdjointBudget) -> Rows:
     """List the contributions by axis and, as their sum, of the norm; bins without any are left out."""
     series = [(o.quantity, o.axis, o.unit, budget.contribution[k]) for k, o in enumerate(budget.outputs)]
     for quantity in _QUANTITIES:
@@ -104,7 +100,7 @@ def _adjoint(event: str, budget: AdjointBudget) -> list[dict[str, Any]]:
     ]
 
 
-def _sensitivity(prepared: Prepared, found: Explanation) -> list[dict[str, Any]]:
+def _sensitivity(prepared: Prepared, found: Explanation) -> Rows:
     units = {output.quantity: output.unit for output in prepared.outputs}
     return [
         {
@@ -123,7 +119,7 @@ def _sensitivity(prepared: Prepared, found: Explanation) -> list[dict[str, Any]]
     ]
 
 
-def _observability(found: Explanation) -> list[dict[str, Any]]:
+def _observability(found: Explanation) -> Rows:
     return [
         {
             "phase": phase.name,
@@ -143,10 +139,8 @@ def _observability(found: Explanation) -> list[dict[str, Any]]:
     ]
 
 
-def _nonlinearity(prepared: Prepared, found: Explanation) -> list[dict[str, Any]]:
-    names = [
-        f"{what} {axis}" for what, axes in zip(_QUANTITIES, ("xyz",) * 3, strict=True) for axis in axes
-    ]  # frame i, as the filter carries them
+def _nonlinearity(found: Explanation) -> Rows:
+    names = [f"{quantity} {axis}" for quantity in _QUANTITIES for axis in "xyz"]  # frame i, as the filter carries them
     return [
         {
             "event": event,
@@ -160,20 +154,13 @@ def _nonlinearity(prepared: Prepared, found: Explanation) -> list[dict[str, Any]
     ]
 
 
-def _error_bound(found: Explanation) -> list[dict[str, Any]]:
+def _error_bound(found: Explanation) -> Rows:
     bound = found.bound
     if bound is None:
         return []
+    ranks = {"rank_count": bound.rank, "state_count": bound.states, "weakest": found.unbounded}
     matrices = [("Q", "initial sigma^2", bound.low, bound.high), *(("R", *row) for row in bound.rows)]
     return [
-        {
-            "matrix": matrix,
-            "unit": unit,
-            "low_si": low,
-            "high_si": high,
-            "rank_count": bound.rank,
-            "state_count": bound.states,
-            "weakest": found.unbounded,
-        }
+        {"matrix": matrix, "unit": unit, "low_si": low, "high_si": high, **ranks}
         for matrix, unit, low, high in matrices
     ]

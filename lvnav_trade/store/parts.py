@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import logging
-import os
 import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -16,6 +15,7 @@ import pyarrow.parquet as pq
 
 from lvnav_trade.engines.simulate.statistics import BlockSummary
 from lvnav_trade.store.columns import binaries, integers, texts
+from lvnav_trade.store.files import replace_table
 
 _LOG = logging.getLogger("lvnav_trade.store")
 _CHECKSUM, _IDENTITY = b"lvnav_trade.checksum", b"lvnav_trade.identity"
@@ -51,17 +51,6 @@ def write(folder: Path, summary: BlockSummary, identity: str = "") -> Path:
     return path
 
 
-def replace_table(table: pa.Table, path: Path, **how: Any) -> None:
-    """Write a table as one zstd row group to `path` in one step that either happens or does not."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        rows = max(1, table.num_rows)
-        pq.write_table(table, temporary, compression="zstd", row_group_size=rows, write_page_checksum=True, **how)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
 def read(path: Path, identity: str | None = None) -> BlockSummary:
     """Return a part; ValueError where the file is damaged, or not of the campaign, case and code of `identity`.
 
@@ -86,25 +75,22 @@ def read(path: Path, identity: str | None = None) -> BlockSummary:
     return summary
 
 
-def drop_damaged(folder: Path, identity: str | None = None) -> list[str]:
-    """Read all parts of a case, delete those that `read` refuses (they will be computed again), return what was wrong.
+def drop_damaged(folder: Path, identity: str | None = None) -> None:
+    """Read all parts of a case, delete those that `read` refuses, with a warning: they will be computed again.
 
     Of two parts that start at the same run, which a process leaves that is killed between writing the one and deleting
     the other, the longer is kept.
     """
-    messages = []
     for path in paths(folder):
         try:
             read(path, identity)
         except ValueError as error:
-            messages.append(str(error))
             _LOG.warning("%s; dropped, its runs will be computed again", error)
             path.unlink(missing_ok=True)
     kept = {span(path)[0]: path for path in paths(folder)}  # in order of length where the start is the same
     for path in paths(folder):
         if path != kept[span(path)[0]]:
             path.unlink(missing_ok=True)
-    return messages
 
 
 def is_name(name: str) -> bool:

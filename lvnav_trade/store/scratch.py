@@ -6,7 +6,7 @@ import hashlib
 import io
 import json
 import logging
-import os
+import re
 import typing
 import zipfile
 import zlib
@@ -17,9 +17,10 @@ from typing import Any
 
 import numpy as np
 
+from lvnav_trade.store.files import replace_file
+
 _LOG = logging.getLogger("lvnav_trade.store")
 FOLDER = ".scratch"
-SUFFIXES = (".covariance", ".explained")
 _TREE = "tree"
 _NUMERIC = "biuf"  # kinds of numpy types
 _DAMAGE = (
@@ -42,12 +43,7 @@ def write(file: Path, value: Any, identity: str) -> None:
     np.savez(buffer, **members)
     content = buffer.getvalue()
     file.parent.mkdir(parents=True, exist_ok=True)
-    part = file.with_name(f"{file.name}.{os.getpid()}")
-    try:
-        part.write_bytes(hashlib.sha256(content).digest() + content)
-        part.replace(file)
-    finally:
-        part.unlink(missing_ok=True)
+    replace_file(file, hashlib.sha256(content).digest() + content)
 
 
 def read(file: Path, root: type, identity: str) -> Any:
@@ -88,10 +84,9 @@ def remove(folder: Path, cases: Iterable[str]) -> None:
     if folder.is_symlink() or not folder.is_dir():
         return
     for case in cases:
-        for path in list(folder.iterdir()):
-            name = path.name.rstrip("0123456789").removesuffix(".") if path.suffix[1:].isdigit() else path.name
-            if path.name.startswith(f"{case}.") and name.endswith(SUFFIXES):
-                path.unlink(missing_ok=True)
+        own = re.compile(rf"\.?{re.escape(case)}(\..*)?\.(covariance|explained)(\.\d+)?")  # half written ones too
+        for path in [path for path in folder.iterdir() if own.fullmatch(path.name)]:
+            path.unlink(missing_ok=True)
     with suppress(OSError):  # a file of the user's own is left in it
         folder.rmdir()
 

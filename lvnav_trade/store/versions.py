@@ -1,4 +1,4 @@
-"""What computed the results: versions, digests, machine."""
+"""What computed the results: versions, digests, machine; and how far another machine's numbers may differ."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import ruamel.yaml
+
+from lvnav_trade.store.schema import TABLES
 
 RESULTS_VERSION = 2
 """Layout of the files in a folder of results; a block of another layout is computed again."""
@@ -99,3 +101,18 @@ def _cpu() -> str:
         return platform.processor()
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return names[0] if names else platform.processor()
+
+
+def across_machines() -> dict[str, Any]:
+    """Return what the manifest says of the same campaign, tool and seed on another processor or with other libraries.
+
+    bit_equal: tables that are equal; tolerance: for each other table the largest difference of a number as a share of
+    the largest size in its column; undetermined: columns of text without a tolerance. With the same processor and
+    libraries all tables are equal, whatever the number of workers. Measured, see docs/numbers_across_machines.md.
+    """
+    bit_equal = ["outputs", "starts"]  # without a rounded number: draws are keyed, and of the same kernels everywhere
+    tolerances = {"nonlinearity": 1e-2}  # differences that cancel, measured: 8e-4; of the other tables: 1e-7
+    # text with rounded numbers; where singular values are zero but for rounding, any mixture of directions is as good
+    undetermined = {"cases": ["facts"], "observability": ["direction", "weakest"]}
+    tolerance = {name: tolerances.get(name, 1e-6) for name in TABLES if name not in bit_equal}
+    return {"bit_equal": bit_equal, "tolerance": tolerance, "undetermined": undetermined}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import partial
@@ -18,12 +17,11 @@ from lvnav_trade.engines.simulate.statistics import BlockSummary, merge
 from lvnav_trade.errors import InputError, is_full_disk
 from lvnav_trade.records import CovHistory
 from lvnav_trade.store import parts as part_files
-from lvnav_trade.store.across_machines import across_machines
-from lvnav_trade.store.contents import MANIFEST, RESOLVED, OwnedFolder, owned, replace_file
-from lvnav_trade.store.rows import RowFiles, row_groups
+from lvnav_trade.store.contents import MANIFEST, RESOLVED, OwnedFolder, owned
+from lvnav_trade.store.files import replace_file, replace_table, row_files, row_groups, writers
 from lvnav_trade.store.schema import TABLES, arrow_schema
 from lvnav_trade.store.tables import CaseInfo, case_tables, row_tables, starts_table
-from lvnav_trade.store.versions import RESULTS_VERSION, campaign_digest, environment
+from lvnav_trade.store.versions import RESULTS_VERSION, across_machines, campaign_digest, environment
 
 if TYPE_CHECKING:
     from lvnav_trade.engines.analysis.explain import Explanation
@@ -44,9 +42,6 @@ class Results:
         self.folder = folder.folder
         self.owned = folder
         self.manifest = manifest
-        self.identity = identity_of(manifest)
-        self.damaged: list[str] = []
-        self._order: list[str] = []
 
     def case_folder(self, case_id: str) -> Path:
         """Return the folder that holds the parts of a case."""
@@ -54,7 +49,7 @@ class Results:
 
     def identity_of_case(self, case_id: str) -> str:
         """Return what a part or scratch file of a case is computed from, as one text."""
-        return case_identity(self.identity, case_id)
+        return identity_of(self.manifest, case_id)
 
     def write_part(self, case_id: str, summary: BlockSummary) -> Path:
         """Write a block's statistics in one step; a shorter part that starts at the same run is replaced."""
@@ -62,9 +57,9 @@ class Results:
 
     def done(self, case_id: str) -> list[tuple[int, int]]:
         """Return (first run, number of runs) of each sound part; damaged ones, and those of another campaign, case or
-        code, are noted in `damaged` and deleted.
+        code, are deleted, with a warning.
         """
-        self.damaged += part_files.drop_damaged(self.case_folder(case_id), self.identity_of_case(case_id))
+        part_files.drop_damaged(self.case_folder(case_id), self.identity_of_case(case_id))
         return [part_files.span(path) for path in part_files.paths(self.case_folder(case_id))]
 
     def parts(self, case_id: str, n_run: int | None = None) -> Iterator[BlockSummary]:
@@ -84,63 +79,48 @@ class Results:
         starts: StartDraws | None = None,
         control: Controlled | None = None,
     ) -> None:
-        """Write the tables of one case; `finish` puts the cases together in the order in which they were written.
+        """Write the tables of one case; `finish` puts the cases together.
 
         parts: of its runs, in their order, each let go when the next one comes; None without Monte Carlo.
         """
         folder = self.case_folder(case.id) / "tables"
         folder.mkdir(parents=True, exist_ok=True)
         summary = None
-        with RowFiles(folder, row_tables(case.id, prepared.outputs, None)) as rows:
+        with row_files(folder, row_tables(case.id, prepared.outputs, None)) as rows:
             if parts is not None:
                 summary = merge(rows.noted(parts, partial(row_tables, case.id, prepared.outputs)), rows=False)
-        with RowFiles(folder, starts_table(case.id, None)) as rows:
+        with row_files(folder, starts_table(case.id, None)) as rows:
             for piece in starts.pieces() if starts is not None else ():
                 rows.add(starts_table(case.id, piece))
         for name, table in case_tables(case, prepared, cov, summary, explained, control).items():
-            part_files.replace_table(table, folder / f"{name}.parquet")
-        self._order = [known for known in self._order if known != case.id] + [case.id]
+            replace_table(table, folder / f"{name}.parquet")
 
-    def finish(self, extra_manifest: dict[str, Any] | None = None) -> None:
+    def finish(self, extra_manifest: dict[str, Any]) -> None:
         """Write the tables of all cases, no row group of two cases, and the manifest (which alone carries times).
 
-        The manifest's "cases" is the order of the plan, needed where workers wrote the cases; else they come in the
-        order of `write_case`.
+        The cases come in the order of "cases", the digests in the order of the plan; those without tables are left out.
         """
-        wanted = (extra_manifest or {}).get("cases", self._order)
-        found = [case for case in wanted if (self.case_folder(case) / "tables").is_dir()]
+        found = [case for case in extra_manifest["cases"] if (self.case_folder(case) / "tables").is_dir()]
         for name in TABLES:
             self._merge_table(name, found)
-        self.manifest |= extra_manifest or {}
+        self.manifest |= extra_manifest
         self.manifest |= {"cases": found, "across_machines": across_machines(), "finished": _now()}
         self.owned.claim("run", (), found)
         _write_json(self.folder / MANIFEST, self.manifest)
 
     def _merge_table(self, name: str, cases: Sequence[str]) -> None:
         files = [self.case_folder(case) / "tables" / f"{name}.parquet" for case in cases]
-        path = self.folder / f"{name}.parquet"
-        temporary = path.with_name(f".{path.name}.{os.getpid()}")
-        schema = self._schema(name, files)
-        try:
-            with pq.ParquetWriter(temporary, schema, compression="zstd", write_page_checksum=True) as writer:
-                for table in chain.from_iterable(map(row_groups, files)):
-                    writer.write_table(_widen(table, schema), row_group_size=max(1, table.num_rows))
-            os.replace(temporary, path)
-        finally:
-            temporary.unlink(missing_ok=True)
-
-    def _schema(self, name: str, files: Sequence[Path]) -> pa.Schema:
-        """Return the schema that holds the columns of all cases, with what the whole table is from."""
-        known = {column.name for column in TABLES[name]}
-        every = dict.fromkeys(column for file in files for column in pq.read_schema(file).names)
-        schema = arrow_schema(name, tuple(column for column in every if column not in known))
-        return schema.with_metadata(
-            {
-                "lvnav_trade.table": name,
-                "lvnav_trade.version": self.manifest["tool"],
-                "lvnav_trade.campaign": self.manifest["campaign_digest"],
-            }
-        )
+        every = dict.fromkeys(column for file in files for column in pq.read_schema(file).names[1:])
+        metadata = {
+            "lvnav_trade.table": name,
+            "lvnav_trade.version": self.manifest["tool"],
+            "lvnav_trade.campaign": self.manifest["campaign_digest"],
+        }
+        schema = arrow_schema(name, tuple(column for column in every if column not in TABLES[name]))
+        schema = schema.with_metadata(metadata)
+        with writers({self.folder / f"{name}.parquet": schema}) as (write,):
+            for table in chain.from_iterable(map(row_groups, files)):
+                write(_widen(table, schema))
 
 
 def _widen(table: pa.Table, schema: pa.Schema) -> pa.Table:
@@ -212,15 +192,11 @@ def difference(held: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     return ""
 
 
-def identity_of(manifest: Mapping[str, Any]) -> str:
-    """Return what two parts of a campaign must have in common to be merged, as one text."""
-    keys = ("campaign_digest", "seed", "tool", "code_digest", *(name for name, _ in _LIBRARIES))
-    return " ".join([f"results={RESULTS_VERSION}", *(f"{key}={manifest.get(key, '')}" for key in keys)])
-
-
-def case_identity(identity: str, case_id: str) -> str:
+def identity_of(manifest: Mapping[str, Any], case_id: str) -> str:
     """Return what two parts of a case must have in common to be merged, as one text."""
-    return f"{identity} case={case_id}"
+    keys = ("campaign_digest", "seed", "tool", "code_digest", *(name for name, _ in _LIBRARIES))
+    campaign = " ".join(f"{key}={manifest.get(key, '')}" for key in keys)
+    return f"results={RESULTS_VERSION} {campaign} case={case_id}"
 
 
 def _write_json(path: Path, content: dict[str, Any]) -> None:

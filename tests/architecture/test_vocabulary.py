@@ -60,6 +60,7 @@ def test_cards_campaigns_and_documents_use_the_terms_of_the_glossary(root, publi
     for file in published:
         path = str(file.relative_to(root))
         text = path.endswith(".md") and not path.startswith(("reports/", "tests/"))
+        text |= path.startswith("lvnav_trade/") and path.endswith((".j2", ".toml"))
         yaml = path.endswith(".yaml") and path.startswith(("configs/", "campaigns/"))
         if (text or yaml) and not _within(path, EXEMPT):
             lines = enumerate(file.read_text().splitlines(), 1)

@@ -14,19 +14,18 @@ PROBE = """\
 import os, sys
 from lvnav_trade.cli import console
 
-@console.app.command("probe")
-def probe(code: int, debug: bool = False):
-    with console.errors(False, debug):
-        sys.stderr.write("progress\\n")
-        for _ in range(2000):
-            print("a line of the answer, long enough to fill the buffer of a pipe sooner or later")
-        sys.stdout.flush()
-        with open("file", "w") as file:  # gets the lowest number that is free
-            assert file.fileno() > 2, file.fileno()
-            os.system("echo of a worker; echo of a worker >&2")
-        if code < 0:
-            raise {-1: EOFError, -2: BrokenPipeError(32, "Broken pipe"), -3: KeyboardInterrupt}[code]
-        console.leave_with_answer(code)
+@console.verb(with_json=False)
+def probe(code: int) -> console.Answer:
+    sys.stderr.write("progress\\n")
+    for _ in range(2000):
+        print("a line of the answer, long enough to fill the buffer of a pipe sooner or later")
+    sys.stdout.flush()
+    with open("file", "w") as file:  # gets the lowest number that is free
+        assert file.fileno() > 2, file.fileno()
+        os.system("echo of a worker; echo of a worker >&2")
+    if code < 0:
+        raise {-1: EOFError, -2: BrokenPipeError(32, "Broken pipe"), -3: KeyboardInterrupt}[code]
+    return console.Answer("the last line", code=code)
 
 console.main()
 """

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from lvnav_trade.plots.style import PALETTE, canvas, legend_below, look
-from lvnav_trade.report.blocks import alike, number, percent, picture
+from lvnav_trade.report.blocks import alike, number, percent, picture, table
 
 
 @pytest.mark.parametrize(
@@ -61,3 +61,24 @@ def test_cases_with_the_same_rows_stand_once_in_a_table():
     assert list(alike(frame).itertuples(index=False, name=None)) == [("a; b", "x", 1), ("a; b", "y", 2), ("c", "x", 3)]
     assert list(alike(frame[:4]).case) == ["all 2 cases", "all 2 cases"]
     assert alike(frame[2:]).equals(frame[2:])
+
+
+def test_columns_are_shown_as_their_entries_say():
+    frame = pd.DataFrame(
+        {
+            "at_event": ["stage1_cutoff", "end"],
+            "t_s": [1.25, np.nan],
+            "low": [0.1, 1.0],
+            "high": [0.25, 3.0],
+            "n": [1, 2],
+        }
+    )
+    found = table(
+        frame, "Times.", "at_event: words | time (s) = t_s: .1f | after = t_s: time | 95 % = low to high: number | n"
+    )
+    assert found.head == ("at event", "time (s)", "after", "95 %", "n")
+    assert found.rows == (
+        ("stage1 cutoff", "1.2", "1", "0.100 to 0.250", "1"),
+        ("end", "–", "never", "1.00 to 3.00", "2"),
+    )
+    assert found.numeric == (False, False, False, False, True)

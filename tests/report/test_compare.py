@@ -31,7 +31,7 @@ def candidates(base, tmp_path_factory):
 
 @pytest.mark.parametrize(("word", "code"), [("not worse", 0), ("worse", 1), ("undecided", 3)])
 def test_three_candidates_give_three_exit_codes(candidates, word, code):
-    assert reported.exit_code(candidates[word]) == code
+    assert reported.EXIT[candidates[word].verdict] == code
 
 
 def test_the_answer_counts_the_verdicts(candidates):

@@ -9,7 +9,7 @@ import pytest
 
 from lvnav_trade.metrics.requirements.distributions import ABOVE_ONLY
 from lvnav_trade.report import SECTIONS, build
-from lvnav_trade.report.evidence import _expectation, _fact
+from lvnav_trade.report.evidence import expectation, fact
 from tests import synthetic
 
 
@@ -47,11 +47,11 @@ def test_linear_covariance_alone_makes_a_report(tmp_path):
         ("compared_with", "a record", ("compared with", "a record")),
     ],
 )
-def test_a_fact_is_reported_in_the_unit_of_its_name(name, value, reported):
-    assert _fact(name, value) == reported
+def test_afact_is_reported_in_the_unit_of_its_name(name, value, reported):
+    assert fact(name, value) == reported
 
 
 def test_what_linear_covariance_bounds_from_above_only_is_reported_as_such():
     frame = pd.DataFrame({"expected_probability": [0.5, 0.999], "reason": ["", ABOVE_ONLY]})
-    assert list(_expectation(frame)) == ["50.0", "at most 99.9"]
-    assert list(_expectation(frame[:1])) == [50.0]
+    assert list(expectation(frame)) == ["50.0", "at most 99.9"]
+    assert list(expectation(frame[:1])) == [50.0]

@@ -11,10 +11,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lvnav_trade.errors import InputError
-from lvnav_trade.report.kml import NAMESPACE, Ellipse, Flight, flights, write_kml
+from lvnav_trade.report.kml import Ellipse, Flight, flights, write_kml
 from lvnav_trade.store.read import load
 from tests import synthetic
 
+NAMESPACE = "http://www.opengis.net/kml/2.2"
 NS = {"k": NAMESPACE}
 
 

@@ -12,8 +12,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lvnav_trade.store.across_machines import across_machines
-from lvnav_trade.store.schema import TABLES
+from lvnav_trade.store.schema import TABLES, arrow_schema
+from lvnav_trade.store.versions import across_machines
 
 OTHER = {
     "OPENBLAS_CORETYPE": "Haswell",
@@ -30,7 +30,7 @@ def test_the_manifest_says_it_of_every_table(written):
     assert said == across_machines()
     assert set(said["bit_equal"]) ^ set(said["tolerance"]) == set(TABLES)
     for name, columns in said["undetermined"].items():
-        assert set(columns) <= {column.name for column in TABLES[name] if column.kind == "text"}
+        assert set(columns) <= {field.name for field in arrow_schema(name) if field.type == "string"}
 
 
 def computed(root: Path, folder: Path, environment: dict[str, str]) -> Path:

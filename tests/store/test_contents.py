@@ -9,7 +9,8 @@ import pytest
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.store import open_results
-from lvnav_trade.store.contents import CONTENTS, owned, replace_file
+from lvnav_trade.store.contents import CONTENTS, owned
+from lvnav_trade.store.files import replace_file
 from tests import synthetic
 from tests.synthetic import CAMPAIGN
 
@@ -20,10 +21,7 @@ def tree(folder: Path) -> dict[str, bytes]:
 
 def kept(folder: Path, *names: str):
     place = owned(folder, "report")
-    place.claim("report", names)
-    for name in names:
-        place.write(name, name)
-    place.replace("report", names)
+    place.publish("report", {name: name for name in names})
     return place
 
 
@@ -109,13 +107,13 @@ def test_a_link_is_not_followed(tmp_path):
     with pytest.raises(InputError, match="is a link, which is not followed"):
         owned(tmp_path / "a", "report")
     with pytest.raises(InputError, match="is a link, which is not followed"):
-        place.replace("report", [])
+        place.publish("report", {})
     (tmp_path / "a/figures").unlink()
     (tmp_path / "a/report.md").unlink(missing_ok=True)
     (tmp_path / "a/report.md").symlink_to(tmp_path / "mine.md")
     with pytest.raises(InputError, match="is a link, which is not followed"):
         owned(tmp_path / "a", "report").claim("report", ["report.md"])
-    place.write("report.md", "ours")
+    replace_file(tmp_path / "a/report.md", "ours")
     assert (tmp_path / "photos/one.png").read_text() == (tmp_path / "mine.md").read_text() == "mine"
 
 
@@ -132,8 +130,8 @@ def test_results_of_an_earlier_version_are_known_by_their_manifest(tmp_path):
     (tmp_path / "report.md").write_text("of an earlier report")
     assert owned(tmp_path, "results").listed("run")
     place = owned(tmp_path, "results")
-    place.claim("report", ["report.md"])
-    place.write("report.md", "new")
+    place.publish("report", {"report.md": "new"})
+    assert (tmp_path / "report.md").read_text(encoding="utf-8") == "new"
     with pytest.raises(InputError, match="holds the results of a campaign, not a kept base"):
         owned(tmp_path, "base")
     manifest = json.loads((tmp_path / "manifest.json").read_text())
@@ -159,8 +157,3 @@ def test_a_file_is_replaced_whole_and_a_hard_link_keeps_its_content(tmp_path):
     replace_file(tmp_path / "a", "ours")
     assert (tmp_path / "mine").read_text() == "mine"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "mine"]
-
-
-def test_what_was_not_claimed_is_not_written(tmp_path):
-    with pytest.raises(KeyError):
-        owned(tmp_path, "report").write("report.md", "x")

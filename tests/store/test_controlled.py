@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lvnav_trade.steering.nozzle import Controlled
-from lvnav_trade.store.controlled import controlled_tables
+from lvnav_trade.store.controlled import controlled_columns
 
 
 def found() -> Controlled:
@@ -21,7 +21,7 @@ def found() -> Controlled:
 
 
 def test_every_run_feed_burn_and_axis_has_its_row():
-    missions, rows = found(), controlled_tables(found())["nozzle"]
+    missions, rows = found(), controlled_columns(found())["nozzle"]
     keys = list(zip(rows["feed"], rows["run_number"], rows["burn"], rows["axis"], strict=True))
     at = [i for i, key in enumerate(keys) if key == ("filtered", 2, "burn 1", "yaw")]
     assert rows["moved_rad"][at].tolist() == [missions.total[1, 2, 1, 1]]
@@ -29,19 +29,15 @@ def test_every_run_feed_burn_and_axis_has_its_row():
 
 
 def test_phases_that_there_are_not_are_left_out():
-    rows = controlled_tables(found())["turning"]
+    rows = controlled_columns(found())["turning"]
     assert set(rows["phase"]) == {"burn", "change"}
     assert rows["inside_turning_ratio"][0] == found().turning[0, 0, 0, 1]
     assert len(rows["rate_sigma_rad_per_s"]) == 12
 
 
 def test_motion_and_movement_are_by_axis():
-    tables, missions = controlled_tables(found()), found()
+    tables, missions = controlled_columns(found()), found()
     yaw = np.array(tables["motion"]["axis"]) == "yaw"
     np.testing.assert_array_equal(tables["motion"]["jerk_m_per_s3"][yaw], missions.shown[:, 1, 2])
     chosen = (np.array(tables["movement"]["feed"]) == "true") & (np.array(tables["movement"]["axis"]) == "pitch")
     np.testing.assert_array_equal(tables["movement"]["mean_rad"][chosen], missions.mean[2, :, 0])
-
-
-def test_without_a_vehicle_under_control_the_tables_are_empty():
-    assert all(not rows for rows in controlled_tables(None).values())

@@ -123,13 +123,11 @@ def test_what_is_neither_a_record_nor_a_number_is_not_written(tmp_path):
 
 def test_a_file_is_whole_or_not_there(tmp_path, monkeypatch):
     scratch.write(tmp_path / "a.covariance", Loose(1.0), "a")
-    whole = Path.write_bytes
 
-    def torn(path: Path, content: bytes) -> None:
-        whole(path, content[:20])
+    def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(Path, "write_bytes", torn)
+    monkeypatch.setattr(os, "replace", full)
     with pytest.raises(OSError, match="No space left"):
         scratch.write(tmp_path / "b.covariance", Loose(1.0), "a")
     assert [file.name for file in tmp_path.iterdir()] == ["a.covariance"]

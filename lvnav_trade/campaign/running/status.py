@@ -15,7 +15,7 @@ from lvnav_trade.store.contents import MANIFEST
 from lvnav_trade.store.read import read_table, refuse_foreign
 from lvnav_trade.store.schema import TABLES
 from lvnav_trade.store.versions import environment
-from lvnav_trade.store.write import case_identity, difference, identity_of
+from lvnav_trade.store.write import difference, identity_of
 
 
 class CaseStatus(NamedTuple):
@@ -104,7 +104,7 @@ def _case(
     nor what was flown ahead of a decision.
     """
     stored = failed = 0
-    block, identity = manifest.get("asked_block", 1), case_identity(identity_of(manifest), case)
+    block, identity = manifest.get("asked_block", 1), identity_of(manifest, case)
     for path in part_files.paths(folder / "parts" / case):
         first, count = part_files.span(path)
         if first % block or count != min(block, asked - first):

@@ -7,9 +7,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from lvnav_trade.store import rows
+from lvnav_trade.store import files
 from lvnav_trade.store.columns import column
-from lvnav_trade.store.rows import RowFiles, row_groups
+from lvnav_trade.store.files import row_files, row_groups
 
 
 def numbers(first: int, end: int) -> dict[str, pa.Table]:
@@ -18,14 +18,14 @@ def numbers(first: int, end: int) -> dict[str, pa.Table]:
 
 @pytest.fixture(autouse=True)
 def small_groups(monkeypatch):
-    monkeypatch.setattr(rows, "ROWS", 100)
+    monkeypatch.setattr(files, "ROWS", 100)
 
 
 def written(folder, size: int, n: int = 350):
     folder.mkdir()
-    with RowFiles(folder, numbers(0, 0)) as files:
+    with row_files(folder, numbers(0, 0)) as rows:
         for first in range(0, n, size):
-            files.add(numbers(first, min(first + size, n)))
+            rows.add(numbers(first, min(first + size, n)))
     return folder / "runs.parquet"
 
 
@@ -55,8 +55,8 @@ def test_where_a_piece_fails_no_file_appears_and_the_old_one_stays(tmp_path):
 
     with (
         pytest.raises(ValueError, match="damaged"),
-        RowFiles(old.parent, numbers(0, 0)) as files,
+        row_files(old.parent, numbers(0, 0)) as rows,
     ):
-        assert list(files.noted(pieces(), lambda one: numbers(one, 200)))
+        assert list(rows.noted(pieces(), lambda one: numbers(one, 200)))
     assert [path.name for path in old.parent.iterdir()] == ["runs.parquet"]
     assert old.read_bytes() == before

@@ -1,4 +1,4 @@
-"""The table of largest errors says of every run what its history holds."""
+"""The tables of runs say of every run what its history holds."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from lvnav_trade.engines.simulate.statistics import merge, summarise
 from lvnav_trade.store import load
-from lvnav_trade.store.worst import worst_table
+from lvnav_trade.store.tables import row_tables
 from tests import synthetic
 
 
@@ -29,9 +29,9 @@ def test_every_run_has_a_row_for_each_span_with_the_largest_error_in_it(tmp_path
     assert (last >= at_injection.position_3d_error_m.to_numpy()).all()
 
 
-def test_without_runs_the_table_has_its_columns_and_no_row():
-    empty = worst_table(synthetic.OUTPUTS, None, {})
+def test_without_runs_the_tables_have_their_columns_and_no_row():
     cov = synthetic.covariance()
     one = merge([summarise(synthetic.block(cov, 0, 8), synthetic.EVENTS, cov.true_sigma, synthetic.OUTPUTS)])
-    assert list(empty) == list(worst_table(synthetic.OUTPUTS, one, {0: ""}))
-    assert set(map(len, empty.values())) == {0}
+    empty, full = (row_tables("c", synthetic.OUTPUTS, summary) for summary in (None, one))
+    assert {name: table.schema for name, table in empty.items()} == {name: table.schema for name, table in full.items()}
+    assert {table.num_rows for table in empty.values()} == {0}

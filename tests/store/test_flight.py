@@ -1,4 +1,4 @@
-"""The stored sky is the one that the engines saw, where there is anything to see."""
+"""The stored flight is that of the engines: the sky where anything is to be seen, states at events and on a grid."""
 
 from __future__ import annotations
 
@@ -8,15 +8,19 @@ import numpy as np
 import pytest
 
 from lvnav_trade.engines.setup.atmosphere import Delays
+from lvnav_trade.frames import earth_angle, matrices, rotation_i_n
 from lvnav_trade.records import IDLE, LOST
 from lvnav_trade.store import load
-from lvnav_trade.store.sky import sky_tables, thresholds
+from lvnav_trade.store.flight import STEP, flight_columns
+from lvnav_trade.store.tables import thresholds
 from tests import synthetic
+
+COV = synthetic.covariance()
 
 
 def test_every_number_stands_in_its_row():
     prepared = synthetic.prepared()
-    table = sky_tables(prepared)["satellites"]
+    table = flight_columns(prepared, COV)["satellites"]
     at = 30 * synthetic.N_SAT + 5
     sky, delays = prepared.sky, prepared.delays
     assert (table["t_s"][at], table["satellite"][at], table["system"][at]) == (31.0, "G06", "G")
@@ -49,7 +53,7 @@ def test_satellites_that_are_down_and_without_a_channel_are_left_out():
     tracked[:, :2] = False
     state[:, 0], state[:, 1] = IDLE, LOST
     sky = made.sky._replace(elevation=elevation, state=state, tracked=tracked)
-    table = sky_tables(SimpleNamespace(**{**vars(made), "sky": sky}))["satellites"]
+    table = flight_columns(SimpleNamespace(**{**vars(made), "sky": sky}), COV)["satellites"]
     assert set(table["satellite"]) == {f"G{k:02d}" for k in range(2, 9)}
 
 
@@ -59,16 +63,16 @@ def test_no_epoch_is_lost_where_nothing_is_up():
     sky = made.sky._replace(
         elevation=made.sky.elevation - 3.0, tracked=nothing, state=np.zeros_like(made.sky.state), transitions=()
     )
-    tables = sky_tables(SimpleNamespace(**{**vars(made), "sky": sky, "delays": Delays(*made.delays)}))
+    tables = flight_columns(SimpleNamespace(**{**vars(made), "sky": sky, "delays": Delays(*made.delays)}), COV)
     assert len(tables["satellites"]["t_s"]) == synthetic.N_EPOCH
     assert set(tables["satellites"]["satellite"]) == {"G08"}
-    assert tables["transitions"]["t_s"] == []
+    assert tables["transitions"] == []
 
 
 def test_a_fast_receiver_is_stored_once_a_second():
     made = synthetic.prepared()
     sky = made.sky._replace(t=made.sky.t / 10.0)
-    table = sky_tables(SimpleNamespace(**{**vars(made), "sky": sky}))["satellites"]
+    table = flight_columns(SimpleNamespace(**{**vars(made), "sky": sky}), COV)["satellites"]
     np.testing.assert_allclose(np.unique(np.diff(np.unique(table["t_s"]))), 1.0)
 
 
@@ -84,8 +88,48 @@ def test_transitions_are_the_receivers(written):
     ]
 
 
+def test_states_stand_at_events_and_on_a_coarse_grid(written):
+    rows = load(written).states
+    rows = rows[rows.case == "aaaaaaaaaaaa"]
+    named = rows[rows.event != ""]
+    assert dict(zip(named.event, named.t_s.round(9), strict=True)) == pytest.approx(synthetic.EVENTS)
+    np.testing.assert_allclose(rows.t_s[rows.event == ""], np.arange(0.0, 99.0, STEP), atol=1e-9)
+
+
+def test_a_state_tells_how_the_reporting_axes_lie(written):
+    rows = load(written).states
+    row = rows[(rows.case == "aaaaaaaaaaaa") & (rows.event == "injection")].iloc[0]
+    r_i = row[[f"position_{axis}_m" for axis in "xyz"]].to_numpy(float)
+    C_i_n = rotation_i_n(r_i, row.earth_angle_rad)
+    np.testing.assert_allclose(
+        matrices(row[[f"axes_q{k}_ratio" for k in range(4)]].to_numpy(float)), C_i_n.T, atol=1e-12
+    )
+    assert row.earth_angle_rad == pytest.approx(float(earth_angle(0.0, row.t_s)))
+
+
+def test_the_joint_covariance_has_the_trace_of_the_history(written):
+    tables = load(written)
+    rows = tables.joint[(tables.joint.case == "bbbbbbbbbbbb") & (tables.joint.event == "injection")]
+    own = rows[rows.component == rows.other_component].set_index("component")
+    growth = 3.0 * (1.0 + 0.01 * 99.5)
+    velocity = own.true_si2[[f"velocity {axis}" for axis in "xyz"]].sum()
+    position = own.formal_si2[[f"position {axis}" for axis in "xyz"]].sum()
+    assert velocity == pytest.approx(np.sum((growth * synthetic.SIGMA[3:6]) ** 2), rel=1e-12)
+    assert position == pytest.approx(np.sum((growth * synthetic.SIGMA[6:9]) ** 2), rel=1e-12)
+    assert len(rows) == 21
+    assert np.hypot.reduce(own.mean_si.to_numpy()[:3]) == pytest.approx(growth * 0.05, rel=1e-9)
+    assert rows.mean_si.isna().sum() == 15
+
+
+def test_outputs_without_velocity_leave_the_tables_empty():
+    prepared = synthetic.prepared()
+    prepared.outputs = synthetic.OUTPUTS[:3]
+    found = flight_columns(prepared, COV)
+    assert found["states"] == found["joint"] == {}
+
+
 @pytest.mark.parametrize(("link", "found", "kept"), [(object(), 33.0, 25.0), (None, np.nan, np.nan)])
 def test_thresholds_hold_where_there_is_a_link_budget(link, found, kept):
     tracking = SimpleNamespace(acquire_above=33.0, track_above=25.0)
     columns = thresholds(SimpleNamespace(receiver=SimpleNamespace(link=link, tracking=tracking)))
-    np.testing.assert_equal(columns, {"acquire_above_db_hz": [found], "track_above_db_hz": [kept]})
+    np.testing.assert_equal(columns, {"acquire_above_db_hz": found, "track_above_db_hz": kept})

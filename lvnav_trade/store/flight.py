@@ -1,0 +1,160 @@
+"""The tables of a case's flight: states and their covariance, reference, events, satellites and their channels."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from lvnav_trade import frames
+from lvnav_trade.engines.setup.prepare import Prepared, reporting_axes
+from lvnav_trade.records import IDLE, TRACKING, CovHistory, Floats, Reference
+from lvnav_trade.world.events import resolve
+
+STEP = 5.0
+"""Seconds between the stored states, or the step of the history where that is longer; events are stored too."""
+SKY_STEP = 1.0
+"""Seconds between the stored skies at least: a receiver at 10 Hz adds nothing that a figure could show."""
+_COMPONENTS = np.array([f"{quantity} {axis}" for quantity in ("velocity", "position") for axis in "xyz"])
+_CHANGE = ("t_s", "satellite", "from_state", "to_state", "reason")
+
+
+def flight_columns(prepared: Prepared, cov: CovHistory) -> dict[str, Any]:
+    """Return the columns or rows of the tables."""
+    return {
+        "reference": _reference(prepared, cov.t),
+        "events": event_rows(prepared),
+        "satellites": _satellites(prepared),
+        "transitions": [dict(zip(_CHANGE, change, strict=True)) for change in prepared.sky.transitions],
+        **state_columns(prepared, cov),
+    }
+
+
+def _reference(prepared: Prepared, t: Floats) -> dict[str, Any]:
+    """Describe the flight at the ticks nearest to the history times."""
+    reference, at = prepared.reference, _ticks_at(prepared.reference, t)
+    r_i, v_i = reference.r_i[at], reference.v_i[at]
+    theta = frames.earth_angle(prepared.trajectory.theta0, reference.t[at])
+    latitude, longitude, altitude = frames.geodetic_from_ecef(frames.ecef_from_eci(r_i, theta))
+    return {
+        "t_s": reference.t[at],
+        "latitude_rad": latitude,
+        "longitude_rad": longitude,
+        "altitude_m": altitude,
+        "inertial_speed_m_per_s": np.linalg.norm(v_i, axis=1),
+        "ground_speed_m_per_s": np.linalg.norm(frames.earth_velocity(r_i, v_i), axis=1),
+        "specific_force_m_per_s2": np.linalg.norm(reference.f_b[at], axis=1),
+        "body_rate_rad_per_s": np.linalg.norm(reference.w_ib_b[at], axis=1),
+    }
+
+
+def event_rows(prepared: Prepared) -> list[dict[str, Any]]:
+    """Return events and faults, with their times."""
+    rows = [{"event": name, "kind": "event", "t_s": t, "t_end_s": t} for name, t in prepared.trajectory.events.items()]
+    for number, fault in enumerate(prepared.scenario.faults, start=1):
+        start = resolve(fault.start, prepared.trajectory.instants)
+        span = {"t_s": start, "t_end_s": start + fault.duration}
+        rows.append({"event": f"{fault.kind} {number}", "kind": "fault", **span})
+    return rows
+
+
+def _satellites(prepared: Prepared) -> dict[str, Any]:
+    """List the satellites that are up or have a channel; where there are none the highest, so that no epoch is lost."""
+    sky, delays = prepared.sky, prepared.delays
+    step = max(1, round(SKY_STEP / float(np.median(np.diff(sky.t))))) if len(sky.t) > 1 else 1
+    elevation, tracked = sky.elevation[::step], sky.tracked[::step]
+    shown = (elevation > 0.0) | tracked | (sky.state[::step] != IDLE)
+    bare = ~np.any(shown, axis=1)
+    shown[bare, np.argmax(elevation[bare], axis=1)] = True
+    row, column = np.nonzero(shown)
+
+    def picked(values: Any) -> Any:
+        return np.asarray(values)[::step][row, column]
+
+    def measured(values: Any) -> Any:
+        return np.where(tracked[row, column], picked(values), np.nan)
+
+    troposphere, ionosphere = delays.troposphere[:, :, 0], delays.ionosphere[:, :, 0]
+    return {
+        "t_s": sky.t[::step][row],
+        "satellite": np.array(sky.names)[column],
+        "system": np.array(sky.systems)[column],
+        "azimuth_rad": picked(sky.azimuth),
+        "elevation_rad": picked(sky.elevation),
+        "tracked": picked(sky.tracked),
+        "state": np.array(TRACKING)[picked(sky.state)],
+        "antenna_number": picked(sky.antenna).astype(np.int64) + 1,
+        "cn0_db_hz": picked(sky.cn0),
+        "range_sigma_m": measured(sky.range_sigma),
+        "rate_sigma_m_per_s": measured(sky.rate_sigma),
+        "troposphere_m": measured(troposphere),
+        "troposphere_left_m": measured(troposphere - delays.modelled_troposphere[:, :, 0]),
+        "ionosphere_m": measured(ionosphere),
+        "ionosphere_left_m": measured(ionosphere - delays.modelled_ionosphere[:, :, 0]),
+        "latency_s": (prepared.t_epoch - sky.t)[::step][row],
+    }
+
+
+def state_columns(prepared: Prepared, cov: CovHistory) -> dict[str, dict[str, Any]]:
+    """Return the columns of `states` and `joint`; none where the outputs have no velocity and position."""
+    outputs = list(enumerate(prepared.outputs))
+    index = [k for quantity in ("velocity", "position") for k, output in outputs if output.quantity == quantity]
+    if len(index) != 6:
+        return {"states": {}, "joint": {}}
+    rows = _rows(prepared, cov)
+    reference, at = prepared.reference, _ticks_at(prepared.reference, cov.t[[k for _, k in rows]])
+    r_i, v_i, t = reference.r_i[at], reference.v_i[at], reference.t[at]
+    theta0 = prepared.trajectory.theta0
+    axes = reporting_axes(prepared.scenario.frame, t, r_i, v_i, theta0)
+    return {
+        "states": _states([event for event, _ in rows], t, r_i, v_i, frames.earth_angle(theta0, t), axes),
+        "joint": _joint(rows, t, cov, index, axes),
+    }
+
+
+def _ticks_at(reference: Reference, t: Floats) -> Any:
+    """Return the indices of the ticks of the flight nearest to times (n,)."""
+    return np.searchsorted(0.5 * (reference.t[1:] + reference.t[:-1]), t)
+
+
+def _rows(prepared: Prepared, cov: CovHistory) -> list[tuple[str, int]]:
+    """Return (event, or empty; index into the history) of every stored state: events first, then a coarse grid."""
+    first, last = float(cov.t[0]), float(cov.t[-1])
+    wanted = [(name, t) for name, t in prepared.trajectory.events.items() if first <= t <= last]
+    events = [(name, int(np.argmin(np.abs(cov.t - t)))) for name, t in wanted]
+    near = {int(np.argmin(np.abs(cov.t - t))) for t in np.arange(0.0, last + 1e-6, STEP)}
+    return [*events, *(("", k) for k in sorted(near))]
+
+
+def _states(events: list[str], t: Floats, r_i: Floats, v_i: Floats, theta: Floats, axes: Floats) -> dict[str, Any]:
+    C = np.swapaxes(axes, 1, 2)  # each by itself, for the rows are not in the order of time
+    turn = np.concatenate([frames.quaternions(C[k : k + 1]) for k in range(len(C))])
+    return {
+        "event": events,
+        "t_s": t,
+        "earth_angle_rad": theta,
+        **{f"position_{axis}_m": r_i[:, k] for k, axis in enumerate("xyz")},
+        **{f"velocity_{axis}_m_per_s": v_i[:, k] for k, axis in enumerate("xyz")},
+        **{f"axes_q{k}_ratio": turn[:, k] for k in range(4)},
+    }
+
+
+def _joint(rows: list[tuple[str, int]], t: Floats, cov: CovHistory, index: list[int], axes: Floats) -> dict[str, Any]:
+    """List mean and upper triangle of the covariances (6, 6), turned to frame i."""
+    where = [k for _, k in rows]
+    turn = np.zeros((len(rows), 6, 6))
+    turn[:, :3, :3] = turn[:, 3:, 3:] = np.swapaxes(axes, 1, 2)
+    true, formal = (
+        turn @ part[np.ix_(where, index, index)] @ np.swapaxes(turn, 1, 2) for part in (cov.true_cov, cov.formal_cov)
+    )
+    mean = np.einsum("nij,nj->ni", turn, cov.mean[np.ix_(where, index)])
+    i, j = np.triu_indices(6)
+    return {
+        "event": np.repeat([event for event, _ in rows], i.size),
+        "t_s": np.repeat(t, i.size),
+        "component": list(_COMPONENTS[i]) * len(rows),
+        "other_component": list(_COMPONENTS[j]) * len(rows),
+        "true_si2": true[:, i, j].ravel(),
+        "formal_si2": formal[:, i, j].ravel(),
+        "mean_si": np.where(i == j, mean[:, i], np.nan).ravel(),
+    }
