@@ -71,7 +71,8 @@ DIMENSIONS: dict[str, dict[str, dict[str, Any]]] = {
     "gains": {"own": {}, "stored": {"gains": True}},
     "start": {
         "at once": {},
-        "mode logic": {"filter.logic": {"start_after": 3, "wild_position": "500 m", "wild_velocity": "50 m/s"}},
+        # ten sigma of the start: linear covariance follows the mode logic of the nominal flight
+        "mode logic": {"filter.logic": {"start_after": 3, "wild_position": "3 km", "wild_velocity": "50 m/s"}},
         "from GNSS": {"filter.init": "from_gnss"},
     },
     "latency": {
