@@ -6,23 +6,25 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from lvnav_trade.campaign.definition.axes import cases
+from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.load import load as load_campaign
 from lvnav_trade.campaign.running import execute, work
 from lvnav_trade.campaign.running.plan import Estimate, estimate
 from lvnav_trade.campaign.running.progress import Progress, staged
+from lvnav_trade.campaign.running.replay import find
 from lvnav_trade.campaign.running.work import Job
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.errors import InputError
+from lvnav_trade.store.contents import owned
+from lvnav_trade.store.read import load as read
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lvnav_trade.campaign.derived.estimate import Estimate as Noise
+    from lvnav_trade.campaign.derived.filter_cards import ProcessNoise
     from lvnav_trade.filters.scheduled import GainSchedule
     from lvnav_trade.metrics.comparison.comparison import Comparison
-    from lvnav_trade.store.read import Tables
 
 MET, VIOLATED, USAGE, UNDECIDED, FAILED, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 4, 5, 130
 """Exit codes: all requirements met, one violated, bad usage or file, undecided, some runs failed, our fault, Ctrl-C."""
@@ -40,10 +42,8 @@ class Results:
     """
 
     def __init__(self, folder: Path) -> None:
-        from lvnav_trade.store.read import load as read
-
         self.folder = folder
-        self.tables: Tables = read(folder)
+        self.tables = read(folder)
 
     def __getattr__(self, name: str) -> pd.DataFrame:
         if name.startswith("_") or name == "tables":
@@ -67,7 +67,9 @@ class Results:
 
     @property
     def requirements(self) -> pd.DataFrame:
-        """The verdict of every requirement in every case."""
+        """Requirement, case, verdict (met, violated, undecided), estimate and what it rests on."""
+        from lvnav_trade.metrics.requirements.requirements import verdicts
+
         return verdicts(self.folder)
 
     @property
@@ -75,11 +77,11 @@ class Results:
         """One line per failed run, with the command that flies it again, and per unit of work that was lost."""
         runs = self.tables.runs
         failed = runs[runs.failure != ""].drop_duplicates(["case", "run_number"])
-        return [*self.tables.manifest.get("lost", []), *map(self._shown, failed.itertuples(index=False))]
-
-    def _shown(self, row: Any) -> str:
-        what = f"{self.tables.labels[row.case]}, run {row.run_number} {row.failure} at {row.t_failed_s:g} s"
-        return f"{what}; lvnav-trade replay {self.folder} {row.case} {row.run_number}"
+        return self.tables.manifest.get("lost", []) + [
+            f"{self.tables.labels[row.case]}, run {row.run_number} {row.failure} at {row.t_failed_s:g} s; "
+            f"lvnav-trade replay {self.folder} {row.case} {row.run_number}"
+            for row in failed.itertuples(index=False)
+        ]
 
     @property
     def exit_code(self) -> int:
@@ -101,7 +103,11 @@ def plan(campaign: str | Path, sets: Sequence[str] = (), folder: str | Path | No
     """Return the cases of a campaign, what they will take, and what of it `folder` (``results/NAME``) holds already."""
     found = load_campaign(campaign, sets)
     duration = {case: max(events.values()) - min(events.values()) for case, events in _events(found).items()}
-    return estimate(found, Path(folder) if folder is not None else Path("results") / found.name, duration)
+    return estimate(found, _place(found, folder), duration)
+
+
+def _place(campaign: Campaign, folder: str | Path | None) -> Path:
+    return Path("results", campaign.name) if folder is None else Path(folder)
 
 
 def _events(campaign: Campaign) -> dict[str, dict[str, float]]:
@@ -148,7 +154,7 @@ def run(
         found = campaign
     else:
         found = load_campaign(campaign, sets)
-    place = Path(folder) if folder is not None else Path("results") / found.name
+    place = _place(found, folder)
     _check_sections(found)
     mode: execute.Mode = "fresh" if fresh else "resume"
     execute.run(found, place, jobs, mode, fail_fast, progress, on_answers)
@@ -178,25 +184,11 @@ def load(folder: str | Path) -> Results:
     return Results(Path(folder))
 
 
-def verdicts(folder: Path) -> pd.DataFrame:
-    """Return requirement, case, verdict (met, violated, undecided), estimate and what it rests on."""
-    from lvnav_trade.metrics.requirements.requirements import verdicts as verdicts_of
-
-    return verdicts_of(folder)
-
-
 def build_report(folder: Path) -> Path:
     """Build report.html, report.md, figures and CSV tables from a folder of results; return the page."""
     from lvnav_trade.report import build
 
     return build(folder)
-
-
-def keep_report(results: Path, folder: Path) -> Path:
-    """Copy the Markdown page, the figures and the CSV tables of a report into a folder; return the page there."""
-    from lvnav_trade.report import keep
-
-    return keep(results, folder)
 
 
 class Studied(NamedTuple):
@@ -242,14 +234,13 @@ def study(
     from lvnav_trade.campaign.reading.study import load_study
     from lvnav_trade.metrics.published.references import references
     from lvnav_trade.report.study import Answered, build
-    from lvnav_trade.store.contents import owned
 
     owned(keep, "study")  # refused before anything is computed
     found, questions = load_study(folder, runs)
     place = Path(results) if results is not None else Path("results") / (found.name or Path(folder).name)
     answered: list[Answered] = []
     failures: list[str] = []
-    counts: dict[str, tuple[int, int]] = {}
+    counts = {}
     for part, campaign in questions:
         mine = place / campaign.name
         if not only_page:
@@ -293,20 +284,11 @@ def compare(
     from lvnav_trade.metrics.comparison.comparison import parse_effects
 
     wanted = parse_effects(effects)
-    folders = [_results_of(place, jobs) for place in (base, candidate)]
+    folders = [
+        Path(place) if Path(place).is_dir() else run(place, jobs=jobs, report=False).folder
+        for place in (base, candidate)
+    ]
     return hold(folders[0], folders[1], wanted, confidence, mapping)
-
-
-def _results_of(place: str | Path, jobs: int) -> Path:
-    """Return the folder of results; a campaign is run, or what is missing of it."""
-    return Path(place) if Path(place).is_dir() else run(place, jobs=jobs, report=False).folder
-
-
-def keep_base(results: Path, folder: Path) -> Path:
-    """Copy of results what a later comparison needs, small enough for a repository; return the folder."""
-    from lvnav_trade.report.compare import keep_base as keep
-
-    return keep(results, folder)
 
 
 def estimate_q(
@@ -316,20 +298,17 @@ def estimate_q(
     case: str | None = None,
     runs: int = 100,
     step: float | None = None,
-) -> tuple[Noise, tuple[Path, Path, Path]]:
+) -> tuple[ProcessNoise, tuple[Path, Path, Path]]:
     """Estimate process noise from perturbed runs of a case (the first if none is named), and write the filter's card
     with it, beside it the error per step as CSV and PNG. Return the estimate and the files.
     """
-    from lvnav_trade.campaign.derived.estimate import estimate as found_by
-    from lvnav_trade.campaign.running.replay import find
+    from lvnav_trade.campaign.derived.filter_cards import process_noise
     from lvnav_trade.campaign.syntax.cards import write_card
     from lvnav_trade.plots.steps import steps
     from lvnav_trade.plots.style import look
     from lvnav_trade.report.escape import csv_text
 
-    loaded = campaign if isinstance(campaign, Campaign) else load_campaign(campaign, sets)
-    every = cases(loaded)
-    found = found_by(loaded, find(every, case) if case else every[0], runs, step)
+    found = process_noise(*_case_of(campaign, sets, case), runs, step)
     card = Path(file)
     files = (card, card.with_suffix(".csv"), card.with_suffix(".png"))
     write_card(card, found.card)
@@ -353,15 +332,19 @@ def schedule_gains(
     """Write the gains that the filter of a case (the first if none is named) has on its nominal flight as a card for
     `filter.gains`, and return it.
     """
-    from lvnav_trade.campaign.derived.gains import gain_schedule
-    from lvnav_trade.campaign.running.replay import find
+    from lvnav_trade.campaign.derived.filter_cards import gain_schedule
     from lvnav_trade.campaign.syntax.cards import write_card
 
-    loaded = campaign if isinstance(campaign, Campaign) else load_campaign(campaign, sets)
-    every = cases(loaded)
-    found = gain_schedule(loaded, find(every, case) if case else every[0], by, tolerance)
+    found = gain_schedule(*_case_of(campaign, sets, case), by, tolerance)
     write_card(Path(file), found)
     return found
+
+
+def _case_of(campaign: str | Path | Campaign, sets: Sequence[str], case: str | None) -> tuple[Campaign, Case]:
+    """Return a campaign and the case that is named; its first where none is."""
+    loaded = campaign if isinstance(campaign, Campaign) else load_campaign(campaign, sets)
+    every = cases(loaded)
+    return loaded, find(every, case) if case else every[0]
 
 
 def write_kml(
@@ -376,12 +359,11 @@ def write_kml(
 
     from lvnav_trade.campaign.reading.preview import preview, read_card
     from lvnav_trade.report import kml
-    from lvnav_trade.store.read import load as read_tables
 
     if not every > 0.0 or not magnify > 0.0:
         raise InputError("the interval of the ellipses and their magnification should be above zero")
     if Path(source).is_dir():
-        tables = read_tables(source)
+        tables = read(source)
         drawn = kml.flights(tables, ellipses, every)
         return kml.write_kml(Path(file), str(tables.manifest.get("campaign", Path(source).name)), drawn, magnify)
     if ellipses:

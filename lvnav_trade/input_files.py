@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from lvnav_trade.errors import InputError, quoted
@@ -51,28 +51,6 @@ def text_lines(path: str | Path, most: int) -> Iterator[tuple[int, str]]:
     for number, line in enumerate(text.splitlines(), start=1):
         if line.strip() and not line.lstrip().startswith("#"):
             yield number, line
-
-
-def is_file(path: Path) -> bool:
-    """Return whether there is a regular file; a name that no file can have is none."""
-    return _asked(path.is_file)
-
-
-def is_folder(path: Path) -> bool:
-    """Return whether there is a folder."""
-    return _asked(path.is_dir)
-
-
-def exists(path: Path) -> bool:
-    """Return whether there is anything of that name."""
-    return _asked(path.exists)
-
-
-def _asked(question: Callable[[], bool]) -> bool:
-    try:
-        return question()
-    except (OSError, ValueError):  # a name that is too long, or has characters that none has
-        return False
 
 
 def _shown(path: str | Path) -> str:

@@ -124,17 +124,13 @@ def outputs(layout: StateLayout, frame: str) -> tuple[Output, ...]:
 
     Attitude error is reported in body axes (roll, pitch, yaw), velocity and position in the axes of `frame`.
     """
-    names = [Output("attitude", axis, "rad", "mrad", 1e3) for axis in ("roll", "pitch", "yaw")]
-    names += [Output("velocity", axis, "m/s", "m/s", 1.0) for axis in AXES[frame]]
-    names += [Output("position", axis, "m", "m", 1.0) for axis in AXES[frame]]
-    table: dict[int, Output] = dict(enumerate(names))
+    attitude = [Output("attitude", axis, "rad", "mrad", 1e3) for axis in _BODY["rate"]]
+    table: dict[int, Output] = dict(enumerate(attitude + _moving("", frame)))
     for block in layout.parameters:
-        kind = PARAMETERS[block.name]
-        suffix = "" if len(kind.drivers) == 1 else str(block.part + 1)
-        for axis in range(3):
-            table[block.offset + axis] = Output(
-                block.name, "xyz"[axis] + suffix, kind.unit, kind.label_unit, kind.label_factor
-            )
+        _, drivers, unit, label_unit, factor = PARAMETERS[block.name]
+        suffix = "" if len(drivers) == 1 else str(block.part + 1)
+        for i, axis in enumerate("xyz"):
+            table[block.offset + i] = Output(block.name, axis + suffix, unit, label_unit, factor)
     if layout.clock >= 0:
         table[layout.clock] = Output("clock_bias", "time", "m", "m", 1.0)
         table[layout.clock + 1] = Output("clock_drift", "rate", "m/s", "m/s", 1.0)
@@ -145,6 +141,14 @@ def outputs(layout: StateLayout, frame: str) -> tuple[Output, ...]:
         table.update(enumerate(_of_motion(""), start=layout.motion))
     beside = [output for kind in SAMPLES for output in _of_motion(f"{kind}_")] if layout.samples else []
     return (*(table[i] for i in range(layout.n_state)), *beside)
+
+
+def _moving(prefix: str, frame: str) -> list[Output]:
+    return [
+        Output(f"{prefix}{name}", axis, unit, unit, 1.0)
+        for name, unit in (("velocity", "m/s"), ("position", "m"))
+        for axis in AXES[frame]
+    ]
 
 
 def _of_motion(prefix: str) -> list[Output]:
@@ -176,10 +180,8 @@ MISSION = {
 
 def solution_outputs(frame: str) -> tuple[Output, ...]:
     """Return what is reported of a receiver's own solution, after the states of the filter that takes it."""
-    found = [Output("solution_velocity", axis, "m/s", "m/s", 1.0) for axis in AXES[frame]]
-    found += [Output("solution_position", axis, "m", "m", 1.0) for axis in AXES[frame]]
     return (
-        *found,
+        *_moving("solution_", frame),
         Output("receiver_clock_bias", "time", "m", "m", 1.0),
         Output("receiver_clock_drift", "rate", "m/s", "m/s", 1.0),
     )

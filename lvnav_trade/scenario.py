@@ -127,12 +127,6 @@ def measured(scenario: Scenario) -> tuple[str, ...]:
     )
 
 
-def sensor_of(scenario: Scenario, measurement: str) -> SensorCard | None:
-    """Return the sensor that gives the filter a measurement, None where it does not use it or there is none."""
-    found = sensors_measuring(scenario, measurement) if measurement in scenario.filter.measurements else ()
-    return found[0] if found else None
-
-
 def sensors_used(scenario: Scenario) -> dict[str, SensorCard]:
     """Return the sensors whose measurements the filter takes, by name."""
     return {
@@ -173,27 +167,19 @@ def epoch_interval(scenario: Scenario) -> float:
 
 def _matched_imu(imu: ImuCard) -> ImuModel:
     """Take every number from the truth; drift that no bias state of its own models is added to their walk."""
-    gyro, accel = imu.gyro, imu.accel
+    model: dict[str, Any] = {"gyro_g_sensitivity": imu.gyro.g_sensitivity}
+    for name, sensor in (("gyro", imu.gyro), ("accel", imu.accel)):
+        drift = sensor.bias_instability * math.sqrt(2.0 / sensor.instability_time)
+        model |= {
+            f"{name}_random_walk": sensor.random_walk,
+            f"{name}_bias": math.hypot(sensor.bias_repeatability, sensor.bias_instability),
+            f"{name}_bias_walk": math.hypot(sensor.rate_random_walk, drift),
+            f"{name}_bias_time": None,
+            f"{name}_scale_factor": sensor.scale_factor,
+            f"{name}_misalignment": sensor.misalignment,
+        }
     # SI numbers are not quantities with a unit, so they bypass the reading of cards
-    return ImuModel.model_construct(
-        gyro_random_walk=gyro.random_walk,
-        accel_random_walk=accel.random_walk,
-        gyro_bias=math.hypot(gyro.bias_repeatability, gyro.bias_instability),
-        gyro_bias_walk=math.hypot(
-            gyro.rate_random_walk, gyro.bias_instability * math.sqrt(2.0 / gyro.instability_time)
-        ),
-        gyro_bias_time=None,
-        accel_bias=math.hypot(accel.bias_repeatability, accel.bias_instability),
-        accel_bias_walk=math.hypot(
-            accel.rate_random_walk, accel.bias_instability * math.sqrt(2.0 / accel.instability_time)
-        ),
-        accel_bias_time=None,
-        gyro_scale_factor=gyro.scale_factor,
-        accel_scale_factor=accel.scale_factor,
-        gyro_misalignment=gyro.misalignment,
-        accel_misalignment=accel.misalignment,
-        gyro_g_sensitivity=gyro.g_sensitivity,
-    )
+    return ImuModel.model_construct(**model)
 
 
 def _matched_receiver(scenario: Scenario) -> ReceiverModel:
@@ -238,12 +224,7 @@ def filter_models(scenario: Scenario) -> tuple[ImuModel, ReceiverModel, InitialM
     receiver = _matched_receiver(scenario) if isinstance(card.receiver, str) else card.receiver
     if isinstance(card.initial, str):
         start = InitialModel.model_construct(
-            tilt=initial.tilt,
-            heading=initial.heading,
-            position=initial.position,
-            velocity=initial.velocity,
-            clock_bias=clock.initial_bias,
-            clock_drift=clock.initial_drift,
+            **initial.model_dump(), clock_bias=clock.initial_bias, clock_drift=clock.initial_drift
         )
     else:
         start = card.initial

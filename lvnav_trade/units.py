@@ -104,7 +104,7 @@ def _converted(text: str, value: float, spelled: str, unit: str) -> float:
             raise ValueError(f"{text!r} has the wrong unit; expected {unit}")
         return value
     try:
-        return float(registry().Quantity(value, registry().parse_units(_Spelling(spelled).read())).to(unit).magnitude)
+        return float(registry().Quantity(value, registry().parse_units(_spelled_for_pint(spelled))).to(unit).magnitude)
     except pint.DimensionalityError:
         raise ValueError(f"{text!r} has the wrong unit; expected {_example(unit)}") from None
     except OverflowError:
@@ -113,74 +113,34 @@ def _converted(text: str, value: float, spelled: str, unit: str) -> float:
         raise ValueError(f"{text!r} has no unit that is known ({spelled!r}); expected {_example(unit)}") from error
 
 
-_TOKEN = re.compile(r"[^\W\d]+|%|°|\*\*|[*/^()-]|[0-9]+(?:\.[0-9]+)?")
+_EXPONENT = r"-?[0-9]+(?:\.[0-9]+)?"
+_POWER = rf"(?:[^\W\d]+|%|°|1(?=/)|<[0-9]+>)(?:(?:\^|\*\*)(?:{_EXPONENT}|\({_EXPONENT}\)))?"
+_PRODUCT = rf"{_POWER}(?:[*/]{_POWER})*"
+_GROUP = re.compile(rf"(?<![^\W\d])(sqrt)?\(({_PRODUCT})\)")
 
 
-class _Spelling:
-    """A unit such as ``deg/sqrt(h)`` taken apart, so that nothing else is handed to pint.
+def _spelled_for_pint(unit: str) -> str:
+    """Return a unit such as ``deg/sqrt(h)`` as pint reads it; ValueError where it is none: nothing else reaches pint.
 
-    product: power, then any of ``*`` or ``/`` and a power; power: a name, 1, (product) or sqrt(product), then perhaps
-    ``^`` or ``**`` and one bounded number.
+    It is a product or quotient of names, 1, groups in brackets and square roots, each perhaps to one bounded power.
     """
+    if "<" in unit or any(one.isnumeric() and one not in "0123456789" for one in unit):
+        raise ValueError("characters that no unit has")
+    groups: list[str] = []
 
-    def __init__(self, unit: str) -> None:
-        self.tokens = _TOKEN.findall(unit)
-        if "".join(self.tokens) != unit:
-            raise ValueError("characters that no unit has")
+    def numbered(group: re.Match[str]) -> str:
+        groups.append(f"(({group[2]})**0.5)" if group[1] else f"({group[2]})")
+        return f"<{len(groups) - 1}>"
 
-    def read(self) -> str:
-        """Return the unit as pint reads it; ValueError where it is none."""
-        found = self._product()
-        if self.tokens:
-            raise ValueError("more behind the unit")
-        return found
-
-    def _product(self) -> str:
-        found = self._power()
-        while self.tokens and self.tokens[0] in "*/":
-            found += self._next() + self._power()
-        return found
-
-    def _power(self) -> str:
-        base = self._base()
-        if not self.tokens or self.tokens[0] not in ("^", "**"):
-            return base
-        self._next()
-        if self.tokens and self.tokens[0] == "(":
-            self._next()
-            exponent = self._exponent()
-            self._expect(")")
-        else:
-            exponent = self._exponent()
-        return f"{base}**({exponent})"
-
-    def _base(self) -> str:
-        token = self._next()
-        if token == "sqrt":
-            self._expect("(")
-        if token in ("sqrt", "("):
-            inner = self._product()
-            self._expect(")")
-            return f"(({inner})**0.5)" if token == "sqrt" else f"({inner})"
-        if token == "%":
-            return "percent"
-        if token == "°" or token.replace("_", "").isalpha() or (token == "1" and self.tokens[:1] == ["/"]):
-            return token
+    while _GROUP.search(unit):
+        unit = _GROUP.sub(numbered, unit, count=1)
+    if not re.fullmatch(_PRODUCT, unit):
         raise ValueError("no unit")
-
-    def _exponent(self) -> str:
-        token = self._next()
-        sign, number = ("-", self._next()) if token == "-" else ("", token)
-        if float(number) > EXPONENT:
-            raise ValueError("an exponent that no unit has")
-        return sign + number
-
-    def _expect(self, wanted: str) -> None:
-        if self._next() != wanted:
-            raise ValueError(f"{wanted} is missing")
-
-    def _next(self) -> str:
-        return self.tokens.pop(0)  # where nothing is left, IndexError: no unit either
+    for number, group in reversed([*enumerate(groups)]):
+        unit = unit.replace(f"<{number}>", group)
+    if any(float(exponent) > EXPONENT for exponent in re.findall(r"(?:\^|\*\*)\(?-?([0-9.]+)", unit)):
+        raise ValueError("an exponent that no unit has")
+    return unit.replace("^", "**").replace("%", "percent")
 
 
 # Levels are read as they stand: they are logarithms, and which ratio each is of is said by its one spelling.

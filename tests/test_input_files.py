@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lvnav_trade.errors import InputError
-from lvnav_trade.input_files import exists, is_file, is_folder, read_bytes, text_lines
+from lvnav_trade.input_files import read_bytes, text_lines
 
 
 def test_a_regular_file_is_read_whole(tmp_path: Path) -> None:
@@ -41,15 +41,6 @@ def test_a_name_without_a_file_is_reported(tmp_path: Path, name: str) -> None:
     with pytest.raises(InputError, match="cannot be read") as caught:
         read_bytes(tmp_path / name, 10)
     assert str(caught.value).isprintable()
-
-
-def test_a_name_that_no_file_can_have_is_no_file_and_no_error(tmp_path: Path) -> None:
-    (tmp_path / "data").write_bytes(b"")
-    assert is_file(tmp_path / "data")
-    assert is_folder(tmp_path)
-    assert exists(tmp_path)
-    for name in ("x" * 300, "a\0b", "missing"):
-        assert not any(question(tmp_path / name) for question in (is_file, is_folder, exists))
 
 
 def test_lines_that_say_something_come_with_their_numbers(tmp_path: Path) -> None:

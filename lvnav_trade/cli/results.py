@@ -21,13 +21,14 @@ def report(
 ) -> Answer:
     """Build the report again from results."""
     from lvnav_trade import api
+    from lvnav_trade.report import keep as keep_report
     from lvnav_trade.store.contents import owned
 
     api.load(folder)
     if keep is not None:
         owned(keep, "report")  # refused before the report is built
     page = str(api.build_report(folder))
-    kept = str(api.keep_report(folder, keep)) if keep is not None else None
+    kept = str(keep_report(folder, keep)) if keep is not None else None
     return Answer(f"report: {page}" + (f"\nkept: {kept}" if kept else ""), {"report": page, "kept": kept})
 
 
@@ -69,9 +70,9 @@ def keep_base(
 
     Runs and events, some hundred kilobytes.
     """
-    from lvnav_trade import api
+    from lvnav_trade.report import compare as comparison
 
-    return Answer(f"base: {api.keep_base(folder, target)}")
+    return Answer(f"base: {comparison.keep_base(folder, target)}")
 
 
 @verb()

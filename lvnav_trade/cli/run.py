@@ -89,7 +89,7 @@ def check(campaign: CampaignFile, sets: Sets = None) -> Answer:
     """Validate a campaign without running it."""
     from lvnav_trade import api
     from lvnav_trade.campaign.definition.axes import cases
-    from lvnav_trade.campaign.reading.provided import warnings
+    from lvnav_trade.campaign.reading.flights import warnings
 
     found = cases(api.check(campaign, sets or ()))
     warned = warnings(found)

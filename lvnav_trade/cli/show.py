@@ -49,7 +49,7 @@ def fields(
 @verb(with_json=False)
 def schema() -> Answer:
     """Print the JSON Schema of campaign files, for editors."""
-    from lvnav_trade.campaign.reading.jsonschema import json_schema
+    from lvnav_trade.campaign.reading.reference import json_schema
 
     return Answer(json.dumps(json_schema(), indent=2))
 

@@ -11,8 +11,7 @@ from lvnav_trade.delays.cards import (
     CorrectionsCard,
     IonosphereModel,
     TroposphereModel,
-    corrected_ionosphere,
-    corrected_troposphere,
+    correction_models,
 )
 from lvnav_trade.delays.models import Geometry, ionosphere_delay, troposphere_delay
 
@@ -22,8 +21,7 @@ __all__ = [
     "Geometry",
     "IonosphereModel",
     "TroposphereModel",
-    "corrected_ionosphere",
-    "corrected_troposphere",
+    "correction_models",
     "ionosphere_delay",
     "troposphere_delay",
 ]

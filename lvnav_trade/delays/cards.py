@@ -113,15 +113,15 @@ class NiellTroposphere(_Weather):
     kind: Literal["niell"] = "niell"
 
 
-TroposphereModel = Annotated[
+_Troposphere = (
     NoTroposphere
     | RayTracedTroposphere
     | ConaeTroposphere
     | SpilkerTroposphere
     | SaastamoinenTroposphere
-    | NiellTroposphere,
-    Field(discriminator="kind"),
-]
+    | NiellTroposphere
+)
+TroposphereModel = Annotated[_Troposphere, Field(discriminator="kind")]
 
 # --- ionosphere -------------------------------------------------------------------------------------------------------
 
@@ -152,7 +152,8 @@ class ContentIonosphere(Card):
     )
 
 
-IonosphereModel = Annotated[NoIonosphere | KlobucharIonosphere | ContentIonosphere, Field(discriminator="kind")]
+_Ionosphere = NoIonosphere | KlobucharIonosphere | ContentIonosphere
+IonosphereModel = Annotated[_Ionosphere, Field(discriminator="kind")]
 
 # --- truth and corrections --------------------------------------------------------------------------------------------
 
@@ -181,28 +182,16 @@ class Matched(Card):
 class CorrectionsCard(Card):
     """What is subtracted from the measurements before a filter sees them; `matched` takes the model that is true."""
 
-    troposphere: Annotated[
-        NoTroposphere
-        | RayTracedTroposphere
-        | ConaeTroposphere
-        | SpilkerTroposphere
-        | SaastamoinenTroposphere
-        | NiellTroposphere
-        | Matched,
-        Field(discriminator="kind"),
-    ] = NoTroposphere()
-    ionosphere: Annotated[
-        NoIonosphere | KlobucharIonosphere | ContentIonosphere | Matched, Field(discriminator="kind")
-    ] = NoIonosphere()
+    troposphere: Annotated[_Troposphere | Matched, Field(discriminator="kind")] = NoTroposphere()
+    ionosphere: Annotated[_Ionosphere | Matched, Field(discriminator="kind")] = NoIonosphere()
 
 
-def corrected_troposphere(corrections: CorrectionsCard, atmosphere: AtmosphereCard) -> TroposphereModel:
-    """Return the tropospheric model to correct with: its own, or the true one where `matched` is asked for."""
-    model = corrections.troposphere
-    return atmosphere.troposphere if isinstance(model, Matched) else model
-
-
-def corrected_ionosphere(corrections: CorrectionsCard, atmosphere: AtmosphereCard) -> IonosphereModel:
-    """Return the ionospheric model to correct with: its own, or the true one where `matched` is asked for."""
-    model = corrections.ionosphere
-    return atmosphere.ionosphere if isinstance(model, Matched) else model
+def correction_models(
+    corrections: CorrectionsCard, atmosphere: AtmosphereCard
+) -> tuple[TroposphereModel, IonosphereModel]:
+    """Return the models to correct with: the card's own, or the true ones where `matched` is asked for."""
+    troposphere, ionosphere = corrections.troposphere, corrections.ionosphere
+    return (
+        atmosphere.troposphere if isinstance(troposphere, Matched) else troposphere,
+        atmosphere.ionosphere if isinstance(ionosphere, Matched) else ionosphere,
+    )

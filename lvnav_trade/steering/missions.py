@@ -139,6 +139,4 @@ def _feed(launch: Launch, card: FeedbackCard) -> Feed:
 
 
 def _filter_model(card: EnvelopeCard) -> FilterModel:
-    return FilterModel(
-        card.burn, card.coast, card.turn_gain, card.turn_time, card.lateral, card.nozzle_gain, card.nozzle_time
-    )
+    return FilterModel(*(getattr(card, name) for name in FilterModel._fields))

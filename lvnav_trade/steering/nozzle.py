@@ -136,11 +136,8 @@ def _turning(launch: Launch, flown: Missions, feed: str) -> Floats:
     sums = flown.sums.sum(axis=0)
     furthest = flown.sums.max(axis=0)
     ticks = np.where(sums[..., TICKS] > 0.0, sums[..., TICKS], np.nan)
-    formal = np.full((2, N_PHASE), np.nan)
-    if feed == "raw":
-        formal[:] = launch.imu.gyro.random_walk * np.sqrt(launch.imu.rate)
-    elif feed == "filtered":
-        formal = _formal(launch, flown)
+    raw = launch.imu.gyro.random_walk * np.sqrt(launch.imu.rate) if feed == "raw" else np.nan
+    formal = _formal(launch, flown) if feed == "filtered" else np.full((2, N_PHASE), raw)
     return np.stack([
         sums[..., TICKS], sums[..., INSIDE_TURNING] / ticks, sums[..., INSIDE_JERK] / ticks,
         furthest[..., TURNING_RATIO], furthest[..., JERK_RATIO],

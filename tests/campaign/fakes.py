@@ -48,9 +48,12 @@ class Fake:
 
     def engine(self) -> Engine:
         return Engine(
-            self.events, self.prepare, self.run_block, self.covariance, self.summarise, explain=self.explain,
-            beyond=self.beyond,
+            self.events, self.prepare, self.run_block, self.covariance, self.summarise, self.nothing, self.explain,
+            self.beyond, self.nothing, self.nothing,
         )  # fmt: skip
+
+    def nothing(self, *_: Any) -> None:
+        """Compile nothing, draw nothing."""
 
     def beyond(self, requirements: Any, case: str, prepared: Any, covariance: CovHistory, summary: Any) -> Any:
         """Every fourth run of the unit called poor is beyond its bounds, none of the good one."""
@@ -166,7 +169,7 @@ class Kept:
     def done(self, case: str) -> list[tuple[int, int]]:
         return [(part.first, len(part.numbers)) for part in self._parts(case)]
 
-    def write_case(self, info: Any, prepared: Any, covariance: CovHistory, parts: Any, explained: Any) -> None:
+    def write_case(self, info: Any, prepared: Any, covariance: CovHistory, parts: Any, explained: Any, *_: Any) -> None:
         numbers = None if parts is None else np.concatenate([part.numbers for part in parts]).tolist()
         row = (tuple(info), covariance.sources, numbers, explained)
         (self.folder / f"{info.id}.pcase").write_bytes(pickle.dumps(row))

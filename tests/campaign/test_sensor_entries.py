@@ -5,9 +5,8 @@ from __future__ import annotations
 import pytest
 
 from lvnav_trade.campaign.definition.axes import cases
-from lvnav_trade.campaign.reading.jsonschema import json_schema
 from lvnav_trade.campaign.reading.load import load, resolved
-from lvnav_trade.campaign.reading.reference import reference
+from lvnav_trade.campaign.reading.reference import json_schema, reference
 from lvnav_trade.errors import InputError
 
 LISTED = "filter.measurements=[position, velocity, altitude]"

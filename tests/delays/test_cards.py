@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.delays import AtmosphereCard, CorrectionsCard, corrected_ionosphere, corrected_troposphere
+from lvnav_trade.delays import AtmosphereCard, CorrectionsCard, correction_models
 from lvnav_trade.delays.cards import (
     BeanThayerProfile,
     ContentIonosphere,
@@ -21,8 +21,7 @@ def test_without_settings_nothing_is_true_and_nothing_is_corrected():
     assert atmosphere.troposphere == NoTroposphere()
     assert atmosphere.ionosphere == NoIonosphere()
     assert (atmosphere.troposphere_scale, atmosphere.troposphere_scale_time) == (0.0, None)
-    assert corrected_troposphere(corrections, atmosphere) == NoTroposphere()
-    assert corrected_ionosphere(corrections, atmosphere) == NoIonosphere()
+    assert correction_models(corrections, atmosphere) == (NoTroposphere(), NoIonosphere())
 
 
 def test_a_card_is_read_with_its_units():
@@ -52,10 +51,9 @@ def test_matched_takes_the_model_that_is_true():
     corrections = CorrectionsCard.model_validate(
         {"troposphere": {"kind": "matched"}, "ionosphere": {"kind": "matched"}}
     )
-    assert corrected_troposphere(corrections, atmosphere) is atmosphere.troposphere
-    assert corrected_ionosphere(corrections, atmosphere) is atmosphere.ionosphere
+    assert correction_models(corrections, atmosphere) == (atmosphere.troposphere, atmosphere.ionosphere)
     other = CorrectionsCard(troposphere=SpilkerTroposphere())
-    assert corrected_troposphere(other, atmosphere) == SpilkerTroposphere()
+    assert correction_models(other, atmosphere) == (SpilkerTroposphere(), NoIonosphere())
 
 
 @pytest.mark.parametrize(

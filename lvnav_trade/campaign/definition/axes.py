@@ -92,7 +92,7 @@ def cases(campaign: Campaign) -> list[Case]:
         data = base
         for axis, index in zip(campaign.axes, chosen, strict=True):
             if index is not None:
-                data = put(data, axis.path.removeprefix("base.").split("."), (axis.values or ())[index])
+                data = put(data, axis.steps, (axis.values or ())[index])
         scenario = Scenario.model_validate(data)
         axes = choice(campaign.axes, chosen)
         digest = case_id(scenario, campaign.seed, campaign.keep.history)
@@ -110,6 +110,13 @@ def put(data: Any, path: Sequence[str], value: Any) -> Any:
         return copy
     data = data or {}  # a section that was left out
     return {**data, path[0]: put(data.get(path[0]), path[1:], value)}
+
+
+def get(data: Any, path: Sequence[str]) -> Any:
+    """Return what stands at a path of nested dictionaries and lists."""
+    for key in path:
+        data = data[int(key)] if isinstance(data, list) else data[key]
+    return data
 
 
 def case_id(scenario: Scenario, seed: int, history: float) -> str:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.errors import quoted
@@ -18,16 +18,17 @@ RANK = "observable_states"
 """Metric: the least number of observable states of any stretch."""
 COUNTED = ("satellites_tracked", "troposphere_left", "ionosphere_left")
 """Metrics that are no error of the navigation: read off the signals, the same in every run."""
-_ENDS = ("start", "end")
+_NO_ERRORS = (*MISSION, *COUNTED, *STEERED, RANK)
+FLIGHT, ENDS = "flight", ("start", "end")
+"""Words of a phase that are no events: from lift-off on; the first and the last time of the flight."""
 _INSTANT = re.compile(r"\s*(?P<event>[A-Za-z_]\w*)\s*(?:[+-]\s*(?P<offset>\S.*))?$")
 
-_MOTION = {f"{prefix}{name}": unit for prefix in ("", "raw_", "corrected_") for name, unit, *_ in MOTION}
 _UNITS = (
     {"attitude": "rad", "velocity": "m/s", "position": "m", "clock_bias": "m", "clock_drift": "m/s"}
     | {"solution_velocity": "m/s", "solution_position": "m", "receiver_clock_bias": "m", "receiver_clock_drift": "m/s"}
     | {name: kind.unit for name, kind in PARAMETERS.items()}
     | {name: unit for name, (unit, *_) in EXTRAS.items()}
-    | _MOTION
+    | {f"{prefix}{name}": unit for prefix in ("", "raw_", "corrected_") for name, unit, *_ in MOTION}
 )
 """SI unit of every quantity of which results hold an error."""
 
@@ -54,12 +55,10 @@ def unit_of(metric: str) -> str:
 
 def _metric(name: str) -> str:
     stated = re.fullmatch(r"[a-z][a-z_]*_error(_[a-z0-9]+)?", name)
-    if name in (*MISSION, *COUNTED, *STEERED, RANK) or (stated and taken_apart(name)[0] in _UNITS):
-        return name
-    near = hint(
-        name, (*MISSION, *COUNTED, *STEERED, RANK, "position_error_3d", "velocity_error_3d", "attitude_error_3d")
-    )
-    raise ValueError(f"{quoted(name)} is not a metric{near}")
+    if name not in _NO_ERRORS and not (stated and taken_apart(name)[0] in _UNITS):
+        near = hint(name, (*_NO_ERRORS, "position_error_3d", "velocity_error_3d", "attitude_error_3d"))
+        raise ValueError(f"{quoted(name)} is not a metric{near}")
+    return name
 
 
 def _instant(text: str) -> str:
@@ -77,6 +76,31 @@ def event_of(instant: str) -> str:
     return match["event"] if match is not None else instant
 
 
+def _phase(phase: str | None) -> str | None:
+    ends = phase.split(" to ") if phase is not None and phase != FLIGHT else ()
+    if len(ends) not in (0, 2):
+        raise ValueError(f"{phase!r} is no phase; write 'EVENT to EVENT' or {FLIGHT}")
+    for end in ends:
+        _instant(end)
+    return phase
+
+
+def place(event: str | None, info: ValidationInfo, statement: str) -> str | None:
+    """Return the event that a statement is about: injection where it names neither an event nor a phase.
+
+    ValueError where it names both; `statement` is what it is called there.
+    """
+    during = info.data.get("during")
+    if event is not None and during is not None:
+        raise ValueError(f"{statement} holds at an event or during a phase, not both")
+    return event if event is not None or during is not None else "injection"
+
+
+def _place(event: str | None, info: ValidationInfo) -> str | None:
+    found = place(event, info, "a number")
+    return found if found is None else _instant(found)
+
+
 class Stated(Card):
     """What every statement has: where it is from, what it is about, and what is said of it."""
 
@@ -88,50 +112,26 @@ class Stated(Card):
 class _Measured(Stated):
     """A statement on a metric, at an event or during a phase."""
 
-    metric: str = Field(
+    metric: Annotated[str, AfterValidator(_metric)] = Field(
         description="such as velocity_error_3d, gyro_bias_error_x, perigee_error; satellites_tracked, troposphere_left"
     )
-    during: str | None = Field(
+    during: Annotated[str | None, AfterValidator(_phase)] = Field(
         None, description="phase in place of an event: 'liftoff to injection', 'stage1_cutoff to stage1_cutoff + 30 s'"
     )
-    at: str | None = Field(None, validate_default=True, description="event; injection if no phase is given")
+    at: Annotated[str | None, AfterValidator(_place)] = Field(
+        None, validate_default=True, description="event; injection if no phase is given"
+    )
     statistic: Literal["rms", "worst", "least", "formal", "lincov"] = Field(
         "rms",
         description="rms over runs (and time); worst: median over runs of each run's largest during the phase; least: "
         "the same of the smallest, of what is counted; formal: the filter's own sigma; lincov: sigma of the true error",
     )
 
-    @field_validator("metric")
-    @classmethod
-    def _known(cls, name: str) -> str:
-        return _metric(name)
-
-    @field_validator("during")
-    @classmethod
-    def _span(cls, phase: str | None) -> str | None:
-        if phase is None or phase == "flight":
-            return phase
-        ends = phase.split(" to ")
-        if len(ends) != 2:
-            raise ValueError(f"{phase!r} is no phase; write 'EVENT to EVENT' or flight")
-        for end in ends:
-            _instant(end)
-        return phase
-
-    @field_validator("at")
-    @classmethod
-    def _one_place(cls, event: str | None, info: ValidationInfo) -> str | None:
-        if info.data.get("during") is not None:
-            if event is not None:
-                raise ValueError("a number holds at an event or during a phase, not both")
-            return None
-        return _instant(event if event is not None else "injection")
-
     @property
     def events(self) -> tuple[str, ...]:
         """The events that it names."""
-        instants = [] if self.during == "flight" else (self.during or self.at or "injection").split(" to ")
-        return tuple(event for event in map(event_of, instants) if event not in _ENDS)
+        instants = [] if self.during == FLIGHT else (self.during or self.at or "injection").split(" to ")
+        return tuple(event for event in map(event_of, instants) if event not in ENDS)
 
     @model_validator(mode="after")
     def _of_a_phase(self) -> Self:
@@ -145,11 +145,11 @@ class _Measured(Stated):
 class Published(_Measured):
     """A published number that ours is held against."""
 
-    case: Case = Field(default_factory=dict, description="level of each axis, by its label")
+    case: Case = Field({}, description="level of each axis, by its label")
     against: Case | None = Field(
         None, description="the number is by how many % the metric of `case` is smaller than that of this one"
     )
-    than: str | None = Field(
+    than: Annotated[str, AfterValidator(_metric)] | None = Field(
         None, description="the number is by how many % the metric is smaller than this one, of the same case"
     )
     value: float
@@ -168,19 +168,19 @@ class Published(_Measured):
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
-        # a difference in percent may lie on the other side of zero
-        least = -abs(self.band[1]) if self.against is not None or self.than is not None else 0.0
+        part = self.than is not None or self.against is not None
+        least = -abs(self.band[1]) if part else 0.0  # a difference in percent may lie on the other side of zero
         if not least <= self.band[0] <= self.band[1] or self.band[1] == 0:
             raise ValueError("the band should be two growing ratios, such as [0.5, 2]")
-        for name in ("against", "than"):
-            if getattr(self, name) is not None and self.unit != "%":
-                raise ValueError(f"{name} makes the number a part of another; its unit is %, not {self.unit!r}")
+        if part and self.unit != "%":
+            name = "than" if self.against is None else "against"
+            raise ValueError(f"{name} makes the number a part of another; its unit is %, not {self.unit!r}")
         if self.than is not None and self.against is not None:
             raise ValueError("than is of the same case, against of another; choose one")
-        self._fits()
         return self
 
-    def _fits(self) -> None:
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
         """Refuse a unit in which the metric is not measured; a part of another number is in percent."""
         wanted = "%" if self.than is not None or self.against is not None else unit_of(self.metric)
         if wanted not in ("%", "-"):
@@ -189,11 +189,7 @@ class Published(_Measured):
             raise ValueError(f"unit: {quoted(self.unit)} does not fit {self.metric}; expected {wanted!r}")
         if self.than is not None and unit_of(self.than) != unit_of(self.metric):
             raise ValueError(f"than: {self.than} is in {unit_of(self.than)}, {self.metric} in {unit_of(self.metric)}")
-
-    @field_validator("than")
-    @classmethod
-    def _known_too(cls, name: str | None) -> str | None:
-        return name if name is None else _metric(name)
+        return self
 
 
 class Ordering(_Measured):
@@ -206,7 +202,7 @@ class Ordering(_Measured):
 class Innovations(Stated):
     """A published statement on innovations: white, or correlated, as one flight can tell."""
 
-    case: Case = Field(default_factory=dict, description="level of each axis, by its label")
+    case: Case = Field({}, description="level of each axis, by its label")
     channels: str = Field("", description="words that a channel's name holds: position, velocity, range, range rate")
     white: bool = True
     largest: float = Field(

@@ -2,68 +2,28 @@
 
 from __future__ import annotations
 
+import math
 import re
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 from pydantic import Field, PrivateAttr, ValidationInfo, field_serializer, field_validator, model_validator
 
 from lvnav_trade import limits, units
-from lvnav_trade.campaign.definition.corridor import Corridor
-from lvnav_trade.campaign.definition.published import Innovations, Ordering, Published
+from lvnav_trade.campaign.definition.published import ENDS, FLIGHT, Innovations, Ordering, Published, place, unit_of
 from lvnav_trade.campaign.syntax.tree import Written, hint
 from lvnav_trade.errors import InputError, quoted
 from lvnav_trade.layout import MISSION
 from lvnav_trade.scenario import Scenario
-from lvnav_trade.units import Card, Duration
+from lvnav_trade.units import Angle, Card, Duration
 
-_AXES = {
-    "position": ("north", "east", "down", "x", "y", "z", "radial", "along", "cross"),
-    "velocity": ("north", "east", "down", "x", "y", "z", "radial", "along", "cross"),
-    "attitude": ("roll", "pitch", "yaw"),
-}
-_UNIT = {"position": "m", "velocity": "m/s", "attitude": "rad"}
-FRAME_AXES = {
-    "ned": ("north", "east", "down"),
-    "ecef": ("x", "y", "z"),
-    "inertial": ("x", "y", "z"),
-    "orbital": ("radial", "along", "cross"),
-}
-
-
-FLIGHT, ENDS = "flight", ("start", "end")
-"""Words of a phase that are no events: from lift-off on; the first and the last time of the flight."""
-
-
-class Metric(NamedTuple):
-    """A requirement's metric taken apart: ``quantity``, and ``axis`` (an axis of the reporting frame, or ``3d``).
-
-    A metric of the mission, such as ``perigee_error``, is a quantity by its whole name.
-    """
-
-    quantity: str
-    axis: str
-
-    @property
-    def unit(self) -> str:
-        """The SI unit of the metric."""
-        return MISSION[self.quantity].unit if self.quantity in MISSION else _UNIT[self.quantity]
-
-
-def metric_names() -> tuple[str, ...]:
-    """Return every metric that a requirement can name."""
-    names = [f"{quantity}_error_3d" for quantity in _AXES]
-    names += [f"{quantity}_error_{axis}" for quantity, axes in _AXES.items() for axis in axes]
-    return (*names, *MISSION)
-
-
-def metric(name: str) -> Metric:
-    """Take a metric's name apart; ValueError names the nearest where it is unknown."""
-    if name not in metric_names():
-        raise ValueError(f"{quoted(name)} is not a metric{hint(name, metric_names())}")
-    if name in MISSION:
-        return Metric(name, "3d")
-    quantity, _, axis = name.partition("_error_")
-    return Metric(quantity, axis)
+_FRAME_AXES = ("north", "east", "down", "x", "y", "z", "radial", "along", "cross")
+_AXES = {"position": _FRAME_AXES, "velocity": _FRAME_AXES, "attitude": ("roll", "pitch", "yaw")}
+METRICS = (
+    *(f"{quantity}_error_3d" for quantity in _AXES),
+    *(f"{quantity}_error_{axis}" for quantity, axes in _AXES.items() for axis in axes),
+    *MISSION,
+)
+"""What a requirement can name."""
 
 
 class MonteCarlo(Card):
@@ -71,15 +31,10 @@ class MonteCarlo(Card):
 
     runs: int = Field(description="runs per case, each with its own draws; with stop the most there may be")
     stop: Literal["decided"] | None = Field(
-        default=None,
-        description="'decided': a case's blocks of runs end once all its requirements are met or violated",
+        None, description="'decided': a case's blocks of runs end once all its requirements are met or violated"
     )
     block: int = Field(
-        default=40,
-        ge=8,
-        le=limits.RUNS,
-        multiple_of=8,
-        description="runs per block of work: part of the results' identity",
+        40, ge=8, le=limits.RUNS, multiple_of=8, description="runs per block of work: part of the results' identity"
     )
 
     @field_validator("runs")
@@ -103,11 +58,14 @@ class Axis(Card):
     """One thing that is varied: the path of a field of the base, and the cards or values it takes."""
 
     path: str = Field(description="field of the base scenario, dotted: imu, filter.gate, faults.0.keep")
-    cards: tuple[str, ...] | None = Field(default=None, description="cards, one per level")
-    values: tuple[Any, ...] | None = Field(default=None, description="values, one per level")
-    labels: tuple[str, ...] | None = Field(
-        default=None, description="names of the levels; from the cards or values if absent"
-    )
+    cards: tuple[str, ...] | None = Field(None, description="cards, one per level")
+    values: tuple[Any, ...] | None = Field(None, description="values, one per level")
+    labels: tuple[str, ...] | None = Field(None, description="names of the levels; from the cards or values if absent")
+
+    @property
+    def steps(self) -> list[str]:
+        """The steps of its path below the base."""
+        return self.path.removeprefix("base.").split(".")
 
     @model_validator(mode="after")
     def _one_list(self) -> Axis:
@@ -129,25 +87,26 @@ class Requirement(Card):
     name: str
     metric: str = Field(description="such as velocity_error_3d, attitude_error_roll, perigee_error, impact_error")
     during: str | None = Field(
-        default=None,
+        None,
         description="phase whose worst error counts, in place of an event: 'liftoff to injection'; flight, start, end",
     )
     at: str | None = Field(
-        default=None, validate_default=True, description="event of the trajectory; injection if no phase is given"
+        None, validate_default=True, description="event of the trajectory; injection if no phase is given"
     )
     probability: float = Field(gt=0, lt=1, description="fraction of flights that must keep the bound")
     below: float = Field(json_schema_extra={"type": "string"}, description="bound with its unit, such as 0.3 m/s")
-    confidence: float = Field(default=0.9, gt=0, lt=1)
+    confidence: float = Field(0.9, gt=0, lt=1)
 
     @field_validator("metric")
     @classmethod
     def _known(cls, name: str) -> str:
-        metric(name)
+        if name not in METRICS:
+            raise ValueError(f"{quoted(name)} is not a metric{hint(name, METRICS)}")
         return name
 
     @field_validator("during")
     @classmethod
-    def _span(cls, phase: str | None, info: ValidationInfo) -> str | None:
+    def _phase(cls, phase: str | None, info: ValidationInfo) -> str | None:
         if phase is not None and info.data.get("metric") in MISSION:
             raise ValueError(f"{info.data['metric']} is a number of the orbit at an event; give at in place of during")
         if phase is not None and phase != FLIGHT and len(phase.split(" to ")) != 2:
@@ -156,11 +115,8 @@ class Requirement(Card):
 
     @field_validator("at")
     @classmethod
-    def _one_place(cls, event: str | None, info: ValidationInfo) -> str | None:
-        during = info.data.get("during")
-        if event is not None and during is not None:
-            raise ValueError("a requirement holds at an event or during a phase, not both")
-        return event if event is not None or during is not None else "injection"
+    def _place(cls, event: str | None, info: ValidationInfo) -> str | None:
+        return place(event, info, "a requirement")
 
     @property
     def events(self) -> tuple[str, ...]:
@@ -175,7 +131,7 @@ class Requirement(Card):
     def _quantity(cls, value: Any, info: ValidationInfo) -> float:
         if "metric" not in info.data:
             return 0.0  # the metric's own mistake is reported; its unit is unknown here
-        unit = metric(info.data["metric"]).unit
+        unit = unit_of(info.data["metric"])
         if not isinstance(value, str):
             raise ValueError(f"{quoted(value)} has no unit; write it with a unit, such as '0.3 {unit}'")
         bound = units.parse(value, unit)
@@ -185,44 +141,39 @@ class Requirement(Card):
 
     @field_serializer("below", when_used="json")
     def _with_unit(self, value: float) -> str:
-        return f"{value!r} {metric(self.metric).unit}"
+        return f"{value!r} {unit_of(self.metric)}"
 
 
 class Covariance(Card):
     """What linear covariance leaves."""
 
-    budget: bool = Field(default=True, description="store the variance of every error source over the flight")
-    at: str | None = Field(
-        default=None, description="event that is explained; injection, or else the last one, if absent"
-    )
-    adjoint: bool = Field(default=True, description="when every source put how much into the errors at the event")
+    budget: bool = Field(True, description="store the variance of every error source over the flight")
+    at: str | None = Field(None, description="event that is explained; injection, or else the last one, if absent")
+    adjoint: bool = Field(True, description="when every source put how much into the errors at the event")
     sensitivity: bool = Field(
-        default=False,
+        False,
         description="errors at the event with each source 0.1 to 10 times as large and the filter re-tuned to it: four "
         "further linear covariances per source that matters",
     )
-    observability: bool = Field(default=True, description="what the measurements tell in each phase of flight")
-    window: Duration | None = Field(
-        default=None, gt=0, description="or in each window of this length, in place of phases"
-    )
+    observability: bool = Field(True, description="what the measurements tell in each phase of flight")
+    window: Duration | None = Field(None, gt=0, description="or in each window of this length, in place of phases")
     error_bound: bool = Field(
-        default=False,
-        description="whether the noise that the filter assumes keeps its error bounded (q I <= Q, r I <= R)",
+        False, description="whether the noise that the filter assumes keeps its error bounded (q I <= Q, r I <= R)"
     )
 
 
 class Keep(Card):
     """What is stored of a flight."""
 
-    history: Duration = Field(default=1.0, gt=0, description="step of the stored histories; events are always kept")
+    history: Duration = Field(1.0, gt=0, description="step of the stored histories; events are always kept")
 
 
 class Compare(Card):
     """How a candidate is held against these results."""
 
-    confidence: float = Field(default=0.95, ge=0.5, lt=1)
+    confidence: float = Field(0.95, ge=0.5, lt=1)
     effects: dict[str, str] = Field(
-        default_factory=dict,
+        {},
         description="smallest change of interest by METRIC, METRIC@EVENT, METRIC@EVENT:q95 or a requirement's name: "
         "'5 %', '0.1 m/s', or none to leave it out",
     )
@@ -243,7 +194,27 @@ class Compare(Card):
 class Report(Card):
     """What the page shows."""
 
-    sections: tuple[str, ...] | None = Field(default=None, description="sections in order; all if absent")
+    sections: tuple[str, ...] | None = Field(None, description="sections in order; all if absent")
+
+
+class Corridor(Card):
+    """A polygon of latitudes and longitudes; the estimated point of impact must stay inside with a probability."""
+
+    polygon: tuple[tuple[Angle, Angle], ...] = Field(
+        description="corners in order, each [latitude, longitude] with units; edges are straight in both angles"
+    )
+    probability: float = Field(0.999, gt=0, lt=1, description="fraction of flights that must stay inside")
+    confidence: float = Field(0.9, gt=0, lt=1, description="at which the runs must show it")
+
+    @field_validator("polygon")
+    @classmethod
+    def _closed(cls, corners: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+        if len(set(corners)) < 3:
+            raise ValueError(f"a corridor needs at least 3 corners, not {len(set(corners))}")
+        for latitude, _ in corners:
+            if abs(latitude) > 0.5 * math.pi:
+                raise ValueError(f"a latitude of {math.degrees(latitude):g} deg; each corner is [latitude, longitude]")
+        return corners
 
 
 class Campaign(Card):
@@ -268,7 +239,7 @@ class Campaign(Card):
     innovations: tuple[Innovations, ...] = Field(
         (), max_length=limits.STATEMENTS, description="published statements on the innovations"
     )
-    corridor: Corridor | None = Field(default=None, description="where the point of impact must stay")
+    corridor: Corridor | None = Field(None, description="where the point of impact must stay")
     report: Report = Report()
     compare: Compare = Compare()
     _written: Written = PrivateAttr(default_factory=Written)

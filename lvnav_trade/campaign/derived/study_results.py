@@ -10,7 +10,7 @@ import pandas as pd
 from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.definition.published import Case as Levels
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.derived.estimate import Estimate, estimate
+from lvnav_trade.campaign.derived.filter_cards import ProcessNoise, process_noise
 from lvnav_trade.campaign.reading.study import Part
 from lvnav_trade.engines.setup.prepare import prepare
 from lvnav_trade.engines.simulate.montecarlo import run_block
@@ -20,16 +20,16 @@ from lvnav_trade.errors import InputError
 class Behind(NamedTuple):
     """noise: estimates of process noise by the length of a step (s); single: one flight, see `flight_of`, or None."""
 
-    noise: tuple[tuple[float, Estimate], ...] = ()
+    noise: tuple[tuple[float, ProcessNoise], ...] = ()
     single: pd.DataFrame | None = None
 
 
 def behind(part: Part, campaign: Campaign) -> Behind:
     """Return what a study asks for of a campaign beside its results."""
-    noise: list[tuple[float, Estimate]] = []
+    noise: list[tuple[float, ProcessNoise]] = []
     if part.noise is not None:
         first = cases(campaign)[0]
-        noise = [(step, estimate(campaign, first, part.noise.runs, step)) for step in part.noise.steps]
+        noise = [(step, process_noise(campaign, first, part.noise.runs, step)) for step in part.noise.steps]
     single = None
     if part.single is not None:
         chosen = part.single

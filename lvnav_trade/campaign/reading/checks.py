@@ -1,20 +1,20 @@
-"""What must fit together: rates, reporting frame, event names, times of faults."""
+"""What must fit together before anything is flown: rates, noise, the reporting frame, names of cases, axes, levels."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from operator import attrgetter
+from typing import Any
 
-from lvnav_trade.campaign.definition.axes import Case, axis_names
-from lvnav_trade.campaign.definition.schema import FRAME_AXES, Campaign, metric
-from lvnav_trade.campaign.syntax import tree
-from lvnav_trade.campaign.syntax.tree import Node, mistake
-from lvnav_trade.errors import InputError, Mistake
-from lvnav_trade.scenario import Scenario, filter_models, measured, solves
-from lvnav_trade.world.events import resolve
-from lvnav_trade.world.faults import AnyFault, missing_antenna, missing_satellite
-from lvnav_trade.world.sky.satellites import satellites
+from lvnav_trade.campaign.definition.axes import choice, levels
+from lvnav_trade.campaign.definition.published import taken_apart
+from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.syntax.tree import Node, hint, is_index, mistake_at
+from lvnav_trade.errors import Mistake, quoted
+from lvnav_trade.layout import AXES, MISSION
+from lvnav_trade.scenario import Scenario, filter_models, solves
 
-_FIELDS = {
+_RATES = {
     "imu.rate": "IMU rate",
     "filter.strapdown_rate": "strapdown rate",
     "filter.covariance_rate": "covariance rate",
@@ -23,198 +23,174 @@ _FIELDS = {
 }
 
 
-def _multiple(fast: float, slow: float) -> bool:
-    ratio = fast / slow
-    return ratio > 1 - 1e-9 and abs(ratio - round(ratio)) < 1e-9 * ratio
-
-
-def rates(scenario: Scenario, node: Node) -> list[Mistake]:
-    """Return the rates that are no multiples of each other, each at the slower one's place."""
-    values = {
-        "imu.rate": scenario.imu.rate,
-        "imu.process_rate": scenario.imu.process_rate,
-        "filter.covariance_rate": scenario.filter.covariance_rate,
-        "filter.update_rate": scenario.filter.update_rate,
-        "receiver.rate": scenario.receiver.rate,
-    }
-    strapdown = scenario.filter.strapdown_rate
-    if strapdown is not None:
-        values["filter.strapdown_rate"] = strapdown
-    found = []
+def rates(scenario: Scenario, base: Node) -> Iterator[Mistake]:
+    """Yield the rates that do not divide the faster ones, each at the slower one's place."""
     pairs = [
         ("imu.rate", "imu.process_rate"),
         ("imu.rate", "filter.covariance_rate"),
         ("filter.covariance_rate", "filter.update_rate"),
     ]
-    if strapdown is not None:
+    if scenario.filter.strapdown_rate is not None:
         pairs += [("imu.rate", "filter.strapdown_rate"), ("filter.strapdown_rate", "filter.covariance_rate")]
     if scenario.filter.tight or scenario.filter.loose:
         pairs.append(("receiver.rate", "filter.update_rate"))
-    for name, card in scenario.sensors.items():
-        if card is not None and card.rate is not None:
-            values[f"sensors.{name}.rate"] = card.rate
-            pairs.append(("filter.update_rate", f"sensors.{name}.rate"))
-    for fast, slow in pairs:
-        if not _multiple(values[fast], values[slow]):
-            message = f"{values[slow]:g} Hz does not divide the {_FIELDS[fast]} of {values[fast]:g} Hz"
-            found.append(mistake(tree.nearest(node, slow.split(".")), f"base.{slow}", message))
-    return found
+    divisors = [(name, path, attrgetter(path)(scenario)) for name, path in pairs] + [
+        ("filter.update_rate", f"sensors.{name}.rate", card.rate)
+        for name, card in scenario.sensors.items()
+        if card is not None and card.rate is not None
+    ]
+    for name, path, slow in divisors:
+        fast = attrgetter(name)(scenario)
+        ratio = fast / slow
+        if ratio <= 1 - 1e-9 or abs(ratio - round(ratio)) >= 1e-9 * ratio:
+            yield mistake_at(base, path, f"{slow:g} Hz does not divide the {_RATES[name]} of {fast:g} Hz", "base")
 
 
-def measurements(scenario: Scenario, node: Node) -> list[Mistake]:
-    """Return the measurements that the filter would model without noise: its covariance would lose its rank."""
+def measurements(scenario: Scenario, base: Node) -> Iterator[Mistake]:
+    """Yield the measurements that the filter would model without noise: its covariance would lose its rank."""
     card = scenario.filter
+    matched = isinstance(card.receiver, str)
+    if solves(scenario) and matched:
+        return  # the receiver reports the covariance of its solutions, which is never zero
     _, receiver, _ = filter_models(scenario)
-    if solves(scenario) and isinstance(card.receiver, str):
-        return []  # the receiver reports the covariance of its solutions, which is never zero
-    found = []
+    truth = "receiver" if card.tight else "receiver.solution"
     for measurement in card.measurements:
         name = f"{measurement}_sigma"
-        if getattr(receiver, name, 1.0) > 0.0:
-            continue
-        truth = f"receiver.{name}" if card.tight else f"receiver.solution.{name}"
-        path = truth if isinstance(card.receiver, str) else f"filter.receiver.{name}"
-        message = f"the filter cannot model {measurement.replace('_', ' ')} without noise; should be greater than 0"
-        found.append(mistake(tree.nearest(node, path.split(".")), f"base.{path}", message))
-    return found
+        if getattr(receiver, name, 1.0) <= 0.0:
+            what = measurement.replace("_", " ")
+            message = f"the filter cannot model {what} without noise; should be greater than 0"
+            yield mistake_at(base, f"{truth if matched else 'filter.receiver'}.{name}", message, "base")
 
 
-def requirements(campaign: Campaign, root: Node) -> list[Mistake]:
-    """Return the requirements that name an axis which the reporting frame does not have, or share a name; and a
+def requirements(campaign: Campaign, root: Node) -> Iterator[Mistake]:
+    """Yield the requirements that name an axis which the reporting frame does not have, or share a name; and a
     campaign that would stop by requirements and has none.
     """
-    found = []
     if campaign.monte_carlo is not None and campaign.monte_carlo.stop and not campaign.requirements:
-        place = tree.nearest(root, ["monte_carlo", "stop"])
-        message = "there is no requirement that could be decided"
-        found.append(mistake(place, "monte_carlo.stop", message))
-    known = FRAME_AXES[campaign.base.frame]
-    names: set[str] = set()
-    for index, requirement in enumerate(campaign.requirements):
-        wanted = metric(requirement.metric)
-        if wanted.quantity != "attitude" and wanted.axis not in (*known, "3d"):
-            place = root.value["requirements"].value[index].value["metric"].place
+        yield mistake_at(root, "monte_carlo.stop", "there is no requirement that could be decided")
+    known = AXES[campaign.base.frame]
+    names = [requirement.name for requirement in campaign.requirements]
+    for index, (name, requirement) in enumerate(zip(names, campaign.requirements, strict=True)):
+        quantity, axis = taken_apart(requirement.metric)
+        if requirement.metric not in MISSION and quantity != "attitude" and axis not in (*known, "3d"):
             message = f"{requirement.metric!r}: frame {campaign.base.frame} has the axes {', '.join(known)}"
-            found.append(mistake(place, f"requirements.{index}.metric", message))
-        if requirement.name in names:
-            place = root.value["requirements"].value[index].value["name"].place
-            found.append(mistake(place, f"requirements.{index}.name", f"{requirement.name!r} stands twice"))
-        names.add(requirement.name)
-    return found
+            yield mistake_at(root, f"requirements.{index}.metric", message)
+        if name in names[:index]:
+            yield mistake_at(root, f"requirements.{index}.name", f"{name!r} stands twice")
 
 
-def flight(campaign: Campaign, cases: Sequence[Case], events: Mapping[str, Mapping[str, float]]) -> list[Mistake]:
-    """Return the faults and requirements that name no event of a case's trajectory, or lie outside its flight.
+def statements(campaign: Campaign, root: Node) -> Iterator[Mistake]:
+    """Yield what references, orderings and statements on innovations name and the campaign does not have."""
+    cases = named_cases(campaign)
+    for path, wanted, single in _cases_wanted(campaign):
+        message = unknown_case(wanted, cases, single)
+        if message:
+            yield mistake_at(root, path, message)
+    frames = {str(v) for axis in campaign.axes if axis.path == "frame" for v in axis.values or ()}
+    known = list(dict.fromkeys(name for frame in sorted({campaign.base.frame, *frames}) for name in AXES[frame]))
+    axes = {"attitude": ["roll", "pitch", "yaw"], "velocity": known, "position": known}
+    for key in ("references", "orderings"):
+        for index, one in enumerate(getattr(campaign, key)):
+            quantity, axis = taken_apart(one.metric)
+            if quantity in axes and axis not in (*axes[quantity], "3d"):
+                message = f"{quoted(one.metric)}: no such axis; {quantity} has {', '.join(axes[quantity])}"
+                yield mistake_at(root, f"{key}.{index}.metric", message)
 
-    `events` holds for each case digest the times (s) of its trajectory's events in time order.
+
+def _cases_wanted(campaign: Campaign) -> Iterator[tuple[str, Mapping[str, str], bool]]:
+    """Yield path, levels by axis, and whether exactly one case is meant."""
+    for index, one in enumerate(campaign.references):
+        yield f"references.{index}.case", one.case, False
+        if one.against is not None:
+            yield f"references.{index}.against", one.against, True
+    for index, order in enumerate(campaign.orderings):
+        yield from ((f"orderings.{index}.cases.{place}", case, True) for place, case in enumerate(order.cases))
+    for index, statement in enumerate(campaign.innovations):
+        yield f"innovations.{index}.case", statement.case, False
+
+
+def narrowed(campaign: Campaign) -> Campaign:
+    """Return a campaign whose axes an assignment has changed, without the statements on levels that are gone."""
+    cases = named_cases(campaign)
+
+    def stands(*wanted: Mapping[str, str]) -> bool:
+        return not any(unknown_case(one, cases) for one in wanted)
+
+    return campaign.model_copy(
+        update={
+            "references": tuple(r for r in campaign.references if stands(r.case, r.against or {})),
+            "orderings": tuple(order for order in campaign.orderings if stands(*order.cases)),
+            "innovations": tuple(one for one in campaign.innovations if stands(one.case)),
+        }
+    )
+
+
+def of_study(part: Any, campaign: Campaign) -> Iterator[tuple[str, str]]:
+    """Yield path within a part of a study and message for the cases and axes that the part names and its campaign does
+    not have.
     """
-    found: dict[Mistake, None] = {}
-    for case in cases:
-        times = events[case.id]
-        wanted = [
-            (f"requirements.{index}.{'during' if requirement.during else 'at'}", event)
-            for index, requirement in enumerate(campaign.requirements)
-            for event in requirement.events
-        ]
-        for key, statements in (("references", campaign.references), ("orderings", campaign.orderings)):
-            wanted += [
-                (f"{key}.{index}.{'during' if one.during else 'at'}", event)
-                for index, one in enumerate(statements)
-                for event in one.events
-            ]
-        if campaign.covariance.at is not None:
-            wanted.append(("covariance.at", campaign.covariance.at))
-        for path, event in wanted:
-            if event not in times:
-                near = tree.hint(event, times) or f" (it has {', '.join(times)})"
-                message = f"{event!r} is not an event of the trajectory{near}"
-                found.setdefault(campaign.written.mistake(path, message))
-        for index, requirement in enumerate(campaign.requirements):
-            message = _backwards(requirement.events, times) if requirement.during else ""
-            if message:
-                found.setdefault(campaign.written.mistake(f"requirements.{index}.during", message))
-        message = _unbounded(case.scenario)
-        if campaign.covariance.error_bound and message:
-            found.setdefault(campaign.written.mistake("covariance.error_bound", message))
-        for index, fault in enumerate(case.scenario.faults):
-            message = _fault(fault, times, *span(case.scenario, times))
-            if message:
-                found.setdefault(written(campaign, case, f"base.faults.{index}.start", message))
-            for field, message in _missing(fault, case.scenario):
-                found.setdefault(written(campaign, case, f"base.faults.{index}.{field}", message))
-    return list(found)
+    cases = named_cases(campaign)
+    wanted = [(f"figures.{i}.case", figure.case) for i, figure in enumerate(part.figures)]
+    wanted += [(f"figures.{i}.cases.{k}", one) for i, figure in enumerate(part.figures)
+               for k, one in enumerate(figure.cases)]  # fmt: skip
+    wanted += [(f"flown.{i}.case", one.case) for i, one in enumerate(part.flown)]
+    wanted.append(("kml", part.kml or {}))
+    if part.single is not None:
+        wanted += [("single.aided", part.single.aided), ("single.unaided", part.single.unaided)]
+    for path, one in wanted:
+        message = unknown_case(one, cases)
+        if message:
+            yield path, message
+    if part.paired and part.paired not in cases[0]:
+        yield "paired", f"no axis {quoted(part.paired)}{_meant(part.paired, cases[0])}"
 
 
-def _unbounded(scenario: Scenario) -> str:
-    """Say why a case has no error bound, where it has none."""
-    card = scenario.filter
-    if not card.aided:
-        return "the filter has no measurement; an error bound needs some"
-    return "not available with attitude among the measurements" if "attitude" in measured(scenario) else ""
+def named_cases(campaign: Campaign) -> list[dict[str, str]]:
+    """Return the level of every axis of every case, by name; the axes of the campaign have labels.
 
-
-def _missing(fault: AnyFault, scenario: Scenario) -> Iterator[tuple[str, str]]:
-    """Yield field and message for antennas and satellites that a fault names and the case does not have."""
-    n_antenna = len(scenario.receiver.antennas)
-    for antenna in getattr(fault, "antennas", ()):
-        if antenna > n_antenna:
-            yield "antennas", missing_antenna(antenna, n_antenna)
-    wanted = getattr(fault, "satellites", ())
-    if wanted:
-        names = satellites(scenario.constellation, scenario.trajectory.epoch).names
-        for name in wanted:
-            if name not in names:
-                yield "satellites", missing_satellite(name, names)
-
-
-def _backwards(ends: Sequence[str], times: Mapping[str, float]) -> str:
-    """Say that a phase ends before it begins, where it does."""
-    known = [times[event] for event in ends if event in times]
-    if len(known) < 2 or known[0] < known[1]:
-        return ""
-    return f"the phase from {ends[0]} ({known[0]:g} s) to {ends[1]} ({known[1]:g} s) has no length"
-
-
-def span(scenario: Scenario, events: Mapping[str, float]) -> tuple[float, float]:
-    """Return the first and the last time (s) of a flight."""
-    card = scenario.trajectory
-    return min(events.values()) - card.pad_hold, max(events.values()) + card.coast_after_injection
-
-
-def written(campaign: Campaign, case: Case, path: str, message: str) -> Mistake:
-    """Return the mistake where a case's value was written: in the base, or in the axis that gave the case its level."""
-    steps, root = [*path.split(".")], campaign.written.root
-    for index, (name, axis) in enumerate(zip(axis_names(campaign.axes), campaign.axes, strict=True)):
-        varied = ["base", *axis.path.removeprefix("base.").split(".")]
-        level = case.axes.get(name, "")
-        if steps[: len(varied)] == varied and level in (axis.labels or ()):
-            at = str((axis.labels or ()).index(level))
-            key = "cards" if root and tree.find(root, ["axes", index, "cards"]) else "values"
-            steps = ["axes", str(index), key, at, *steps[len(varied) :]]
-            break
-    return campaign.written.mistake(path, message, steps)
-
-
-def located(campaign: Campaign, case: Case, mistakes: Sequence[Mistake]) -> list[Mistake]:
-    """Return the mistakes that showed when a case was put together where they were written, as far as a field is
-    named (with ``base.`` or without); those of a file of data know their line.
+    Where one axis is varied at a time, the base's own value is no case beside the base.
     """
+    sizes = [len(axis.values or ()) for axis in campaign.axes]
+    base = campaign.base.model_dump(mode="json")
+    own = [_value(base, axis.path.split(".")) for axis in campaign.axes]
     return [
-        one
-        if one.line or not one.path
-        else written(campaign, case, f"base.{one.path.removeprefix('base.')}", one.message)
-        for one in mistakes
+        choice(campaign.axes, chosen)
+        for chosen in levels(campaign.design, sizes)
+        if campaign.design != "one_at_a_time"
+        or not any(
+            index is not None and (axis.values or ())[index] == value
+            for index, axis, value in zip(chosen, campaign.axes, own, strict=True)
+        )
     ]
 
 
-def _fault(fault: AnyFault, events: Mapping[str, float], first: float, last: float) -> str:
-    """Return what is wrong with the times of a fault, or nothing; `first` and `last` (s) bound the flight."""
-    try:
-        start = resolve(fault.start, {"start": first, "end": last, **events})
-    except InputError as error:
-        return error.records[0].message
-    if start >= last:
-        return f"{fault.start!r} is {start:g} s, at or after the end of the flight ({last:g} s)"
-    if start + fault.duration < first:
-        return f"{fault.start!r} is {start:g} s: the fault is over before the flight begins ({first:g} s)"
-    return ""
+def _value(data: Any, path: Sequence[str]) -> Any:
+    """Return what stands at a path of nested mappings and lists; None where nothing does."""
+    for key in path:
+        if isinstance(data, list) and is_index(key) and int(key) < len(data):
+            data = data[int(key)]
+        else:
+            data = data.get(key) if isinstance(data, dict) else None
+    return data
+
+
+def unknown_case(wanted: Mapping[str, str], cases: Sequence[Mapping[str, str]], single: bool = False) -> str:
+    """Say why no case has the levels wanted, by axis; nothing where one has. `single`: where it is not exactly one."""
+    for axis, level in wanted.items():
+        names = list(cases[0]) if cases else []
+        if axis not in names:
+            return f"no axis {quoted(axis)}{_meant(axis, names)}"
+        known = list(dict.fromkeys(case[axis] for case in cases))
+        if level not in known:
+            return f"no level {quoted(level)} of the axis {axis}{_meant(level, known)}"
+    count = sum(all(case[axis] == level for axis, level in wanted.items()) for case in cases)
+    if not count:
+        return "no case has these levels together"
+    return f"{count} cases have these levels; name one" if single and count > 1 else ""
+
+
+def _meant(name: str, known: Iterable[str]) -> str:
+    """Return the name that is probably meant, else the first of those known."""
+    shown = [quoted(one).strip("'\"") for one in known]
+    listed = f" (known: {', '.join(shown[:12])}{', ...' if len(shown) > 12 else ''})" if shown else ""
+    return hint(name, known) or listed

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel
+import os
 
 from lvnav_trade.campaign.syntax import fields, tree
 from lvnav_trade.campaign.syntax.cards import Shelf
 from lvnav_trade.campaign.syntax.fields import Kind
 from lvnav_trade.campaign.syntax.tree import Node, join, mistake
 from lvnav_trade.errors import InputError, Mistake, quoted
-from lvnav_trade.input_files import is_file, is_folder
 from lvnav_trade.limits import MESSAGES
 
 _DEEPEST = 16
 
 
-class Expander:
+class _Expander:
     """Expands trees against the settings models and collects every mistake it meets on the way."""
 
     def __init__(self, shelf: Shelf) -> None:
@@ -60,9 +59,8 @@ class Expander:
         if len(self.mistakes) > MESSAGES:
             return node  # looking for what each of a thousand names may mean takes time
         if depth > _DEEPEST:
-            self.mistakes.append(
-                mistake(reference.place, path, f"the card {quoted(reference.value)} leads back to itself")
-            )
+            message = f"the card {quoted(reference.value)} leads back to itself"
+            self.mistakes.append(mistake(reference.place, path, message))
             return node
         try:
             if not isinstance(reference.value, str):
@@ -75,15 +73,15 @@ class Expander:
             self.mistakes.extend(error.records)
             return node
         whole = self._settings(card, kind, path, depth + 1)
-        if node.is_map:
-            # An override may itself name a card one level down, and what it overrides may be named by one.
-            over = tree.without(node, "card")
-            if _is_another(whole, over, kind) and "kind" in over.value:
-                message = f"the card {quoted(name)} is of another kind; leave it out, or name one of this kind"
-                self.mistakes.append(mistake(over.keys["kind"], join(path, "kind"), message))
-                return whole
-            whole = _overridden(whole, self._mapping(over, kind, path, depth, whole), over, kind)
-        return whole
+        if not node.is_map:
+            return whole
+        # An override may itself name a card one level down, and what it overrides may be named by one.
+        over = tree.without(node, "card")
+        if _is_another(whole, over, kind) and "kind" in over.value:
+            message = f"the card {quoted(name)} is of another kind; leave it out, or name one of this kind"
+            self.mistakes.append(mistake(over.keys["kind"], join(path, "kind"), message))
+            return whole
+        return _overridden(whole, self._mapping(over, kind, path, depth, whole), over, kind)
 
     def _mapping(self, node: Node, kind: Kind, path: str, depth: int, under: Node | None = None) -> Node:
         if fields.entries(kind) is not None:
@@ -115,8 +113,8 @@ class Expander:
         if not isinstance(node.value, str):
             return node
         file = node.place.folder / node.value
-        if not is_file(file):
-            what = "is a folder, not a file" if is_folder(file) else "no such file"
+        if not os.path.isfile(file):
+            what = "is a folder, not a file" if os.path.isdir(file) else "no such file"
             self.mistakes.append(mistake(node.place, path, f"{what}: {quoted(node.value)}"))
             return node
         return Node(str(file.resolve()), node.place)
@@ -151,7 +149,15 @@ def _overridden(base: Node, over: Node, written: Node, kind: Kind) -> Node:
     return Node(result.value, base.place, result.keys)
 
 
-def expand(node: Node, model: type[BaseModel], shelf: Shelf, path: str = "") -> tuple[Node, list[Mistake]]:
-    """Return the expanded tree of `model` and the mistakes met."""
-    expander = Expander(shelf)
-    return expander.expand(node, model, path), expander.mistakes
+def expand(node: Node, kind: Kind, shelf: Shelf, path: str = "") -> tuple[Node, list[Mistake]]:
+    """Return the tree of some settings with all cards in place, and the mistakes met; `path` is where it hangs."""
+    expander = _Expander(shelf)
+    return expander.expand(node, kind, path), expander.mistakes
+
+
+def expanded(node: Node, kind: Kind, shelf: Shelf, path: str) -> Node:
+    """Return the tree with all cards in place; InputError with the mistakes met."""
+    whole, mistakes = expand(node, kind, shelf, path)
+    if mistakes:
+        raise InputError(records=mistakes)
+    return whole

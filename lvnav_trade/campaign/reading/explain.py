@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 import re
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from lvnav_trade.campaign.syntax import fields, tree
 from lvnav_trade.campaign.syntax.fields import Kind
-from lvnav_trade.campaign.syntax.tree import Node, Place, hint, join
+from lvnav_trade.campaign.syntax.tree import Node, hint, join
 from lvnav_trade.errors import Mistake, quoted
 from lvnav_trade.limits import MESSAGES
 
@@ -21,38 +22,43 @@ _UNITS = (
     *("deg/sqrt(h)", "deg/h/sqrt(Hz)", "m/s/sqrt(h)", "ug/sqrt(Hz)", "mg/sqrt(Hz)", "deg/h/sqrt(h)", "mg/sqrt(h)"),
     *("deg/h/g", "ppm/sqrt(year)", "dB-Hz", "m^2", "dimensionless"),
 )
+_MESSAGES = {
+    "missing": "is missing",
+    "extra_forbidden": "unknown key",
+    "tuple_type": "should be a list",
+    "list_type": "should be a list",
+}
 _INSIDE = re.compile(r"([a-z][a-z_0-9.]*): (.*)")
 _SPELLED = re.compile(r"has no unit that is known \('(.*?)'\)")
 
 
-def explain(error: ValidationError, node: Node, model: type[BaseModel], path: str = "") -> list[Mistake]:
-    """Return the mistakes behind a validation error of the tree `node` read as `model`; `path` is where it hangs."""
+def explain(error: ValidationError, node: Node, kind: Kind, path: str = "") -> list[Mistake]:
+    """Return the mistakes behind a validation error of the tree `node` read as `kind`; `path` is where it hangs."""
     found: dict[Mistake, None] = {}
     for item in _sharpest(error, node):
-        found.setdefault(_explain_one(item, node, model, path))
+        found.setdefault(_explain_one(item, node, kind, path))
     return list(found)
 
 
 def _sharpest(error: ValidationError, node: Node) -> list[Any]:
     """Return the errors without those of alternatives that the value was never meant to be."""
-    kept: list[Any] = []
     every = error.errors(include_url=False)
     words = {item["loc"][:-1] for item in every if item["type"] == "literal_error"}
-    for item in every:
-        value, kind = item.get("input"), item["type"]
-        if kind in ("literal_error", "none_required") and isinstance(value, Mapping):
-            continue  # a mapping was meant as settings, not as a word
-        if kind in ("model_type", "model_attributes_type") and item["loc"][:-1] in words:
-            continue  # a word was meant: the error of the literal says which are known
-        kept.append(item)
-        if len(kept) > MESSAGES:
-            break
+    kept = list(itertools.islice((item for item in every if _is_meant(item, words)), MESSAGES + 1))
     return kept or list(every[:MESSAGES])
 
 
-def _explain_one(item: Any, root: Node, model: type[BaseModel], path: str) -> Mistake:
+def _is_meant(item: Any, words: Container[Any]) -> bool:
+    """Return whether the value was meant to be what it was read as; `words`: places where a word may stand."""
+    if item["type"] in ("literal_error", "none_required"):
+        return not isinstance(item.get("input"), Mapping)  # a mapping was meant as settings, not as a word
+    # where a word was meant, the error of the literal says which are known
+    return item["type"] not in ("model_type", "model_attributes_type") or item["loc"][:-1] not in words
+
+
+def _explain_one(item: Any, root: Node, kind: Kind, path: str) -> Mistake:
     """Walk the location down the tree, skipping the names of alternatives, and word the message."""
-    node, kind, key_place, last = root, _as_kind(model), root.place, ""
+    whole, node, key_place, last = kind, root, root.place, ""
     missing, chosen = item["type"] == "missing", False
     for step in item["loc"][: -1 if missing else None]:
         below = tree.find(node, [step])
@@ -63,64 +69,49 @@ def _explain_one(item: Any, root: Node, model: type[BaseModel], path: str) -> Mi
         key_place = node.keys.get(str(step), below.place)
         kind, node, last = fields.child(kind, str(step), node), below, str(step)
         path = join(path, step)
-    message = _message(item, node, kind, last)
+    message = _message(item, node, kind)
     inside = _INSIDE.fullmatch(message) if item["type"] == "value_error" and node.is_map else None
     known = (*fields.names(kind, node), *node.value) if inside else ()
     if inside and inside[1].partition(".")[0] in known:  # a rule names the field to mend, or the key to replace
         return tree.mistake(tree.nearest(node, inside[1].split(".")), join(path, inside[1]), inside[2])
     if missing:
         return tree.mistake(node.place, join(path, item["loc"][-1]), message)
-    place: Place = key_place if item["type"] == "extra_forbidden" else node.place
-    if item["type"] == "extra_forbidden":
-        known = _known_keys(item, root, model)
-        message += hint(last, known) or (f" (known: {', '.join(known)})" if known else "")
-    return tree.mistake(place, path, message)
+    if item["type"] != "extra_forbidden":
+        return tree.mistake(node.place, path, message)
+    known = _known_keys(item, root, whole)
+    near = hint(last, known) or (f" (known: {', '.join(known)})" if known else "")
+    return tree.mistake(key_place, path, f"{message}{near}")
 
 
-def _as_kind(model: type[BaseModel]) -> Kind:
-    return model
-
-
-def _known_keys(item: Any, root: Node, model: type[BaseModel]) -> tuple[str, ...]:
+def _known_keys(item: Any, node: Node, kind: Kind) -> tuple[str, ...]:
     """Return the keys known where an unknown one stands."""
-    node, kind = root, _as_kind(model)
     for step in item["loc"][:-1]:
         below = tree.find(node, [step])
         if below is not None:
             kind, node = fields.child(kind, str(step), node), below
-    return fields.names(kind, node) if kind is not None else ()
+    return fields.names(kind, node)
 
 
-def _message(item: Any, node: Node, kind: Kind | None, key: str) -> str:
+def _message(item: Any, node: Node, kind: Kind) -> str:
     """Return what is wrong, in our words."""
     name, context = item["type"], item.get("ctx", {})
-    if name == "missing":
-        return "is missing"
-    if name == "extra_forbidden":
-        return "unknown key"
+    if name in _MESSAGES:
+        return _MESSAGES[name]
     if name == "literal_error":
-        known = [str(word) for word in fields.literals(kind)] if kind is not None else []
+        known = [str(word) for word in fields.literals(kind)]
         return f"{quoted(node.value)} is not one of {', '.join(known)}{hint(str(node.value), known)}"
     if name == "union_tag_invalid":
         known = list(fields.tags(kind))
         written = node.value["kind"].value if node.is_map and "kind" in node.value else context.get("tag", "")
         value = written if isinstance(written, dict | list) else str(written)
         return f"kind {quoted(value)} is not one of {', '.join(known)}{hint(str(value), known)}"
-    if name == "union_tag_not_found":
-        return _which(node, kind)
-    if name in ("model_type", "model_attributes_type", "dict_type"):
-        return f"should be a mapping{' or the name of a card' if kind is not None and fields.models(kind) else ''}"
-    if name in ("tuple_type", "list_type"):
-        return "should be a list"
+    if name == "union_tag_not_found" and node.is_map:
+        known = list(fields.names(kind))
+        near = next((hint(key, known) for key in node.value if key not in known), "")
+        return f"needs a kind: {', '.join(fields.tags(kind))}{near}"
+    if name in ("model_type", "model_attributes_type", "dict_type", "union_tag_not_found"):
+        return f"should be a mapping{' or the name of a card' if fields.models(kind) else ''}"
     return _worded(item, node)
-
-
-def _which(node: Node, kind: Kind | None) -> str:
-    known = list(fields.tags(kind)) if kind is not None else []
-    if not node.is_map:
-        return "should be a mapping or the name of a card"
-    near = next((hint(key, fields.names(kind)) for key in node.value if key not in fields.names(kind)), "")
-    return f"needs a kind: {', '.join(known)}{near}"
 
 
 def _worded(item: Any, node: Node) -> str:

@@ -4,24 +4,36 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 from lvnav_trade.campaign.definition import axes as design
 from lvnav_trade.campaign.definition.axes import BASE_LABEL
 from lvnav_trade.campaign.definition.schema import Axis
-from lvnav_trade.campaign.syntax import tree
-from lvnav_trade.campaign.syntax.tree import Node, mistake
+from lvnav_trade.campaign.syntax.tree import Node, mistake, nearest
 from lvnav_trade.errors import Mistake, quoted
 from lvnav_trade.limits import AXES, CASES
 
 _LONGEST = 200  # characters of a label
 
 
-def steps(axis: Axis) -> list[str]:
-    """Return the steps of an axis's path below the base."""
-    return axis.path.removeprefix("base.").split(".")
+class Varied(NamedTuple):
+    """An axis as it was written, and its node."""
+
+    axis: Axis
+    node: Node
+
+    @property
+    def key(self) -> str:
+        """The field that holds its levels: cards or values."""
+        return "cards" if "cards" in self.node.value else "values"
+
+    @property
+    def levels(self) -> list[Node]:
+        """The nodes of its levels."""
+        return list(self.node.value["values" if self.axis.cards is None else "cards"].value)
 
 
-def replaced(kind: str, axes: Sequence[tuple[Axis, Node]]) -> Iterator[Mistake]:
+def replaced(kind: str, axes: Sequence[Varied]) -> Iterator[Mistake]:
     """Yield the axes of which a later axis replaces the value: the same field, or settings that it is a field of.
 
     The other order is allowed: first the settings, then one of their fields. So is any order where one axis is varied
@@ -29,11 +41,11 @@ def replaced(kind: str, axes: Sequence[tuple[Axis, Node]]) -> Iterator[Mistake]:
     """
     for later, (above, _) in enumerate(axes):
         for number, (axis, node) in enumerate(axes[:later]):
-            short = steps(above)
-            if steps(axis) == short or (kind != "one_at_a_time" and steps(axis)[: len(short)] == short):
-                what = "varies the same field" if steps(axis) == short else "replaces it; put that axis first"
+            is_same = axis.steps == above.steps
+            if is_same or (kind != "one_at_a_time" and axis.steps[: len(above.steps)] == above.steps):
+                what = "varies the same field" if is_same else "replaces it; put that axis first"
                 message = f"{quoted(axis.path)}: the later axis {quoted(above.path)} {what}"
-                yield mistake(node.value["path"].place, f"axes.{number}.path", message)
+                yield mistake(nearest(node, ["path"]), f"axes.{number}.path", message)
 
 
 def too_many(kind: str, sizes: Sequence[int], node: Node) -> Iterator[Mistake]:
@@ -58,7 +70,7 @@ def equal_levels(
 
 def bad_labels(kind: str, labels: Sequence[str], node: Node, path: str) -> Iterator[Mistake]:
     """Yield the labels that are no labels: empty, too long, not printable, or that of the base."""
-    place = node.value["labels"].place if "labels" in node.value else node.place
+    place = nearest(node, ["labels"])
     for label in labels:
         if not label.strip() or len(label) > _LONGEST or not label.isprintable():
             message = f"{quoted(label)} is no label: 1 to {_LONGEST} printable characters; give labels"
@@ -86,14 +98,3 @@ def equal_cases(kind: str, axes: Sequence[Axis], node: Node) -> Iterator[Mistake
             yield mistake(node.place, "axes", f"two cases have the label {quoted(label)}; give other labels")
             return
         seen.add(label)
-
-
-def level_nodes(axis: Node) -> list[Node]:
-    """Return the nodes of an axis's levels."""
-    given = [axis.value[key] for key in ("cards", "values") if key in axis.value and axis.value[key].is_list]
-    return list(given[0].value)
-
-
-def level_key(axis: Node) -> str:
-    """Return the field that holds an axis's levels: cards or values."""
-    return "cards" if tree.find(axis, ["cards"]) is not None else "values"

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.reading.expand import Expander
+from lvnav_trade.campaign.reading.expand import expanded
 from lvnav_trade.campaign.syntax import fields, tree
 from lvnav_trade.campaign.syntax.cards import Shelf, nowhere
 from lvnav_trade.campaign.syntax.fields import Kind
-from lvnav_trade.campaign.syntax.tree import Node, hint, is_index, join, refuse
+from lvnav_trade.campaign.syntax.tree import Node, hint, index_of, join, refuse
 from lvnav_trade.errors import InputError, quoted
 from lvnav_trade.scenario import Scenario
 
@@ -66,7 +66,10 @@ def _set(node: Node, path: list[str], value: Node, kind: Kind, shelf: Shelf, at:
     key, rest = path[0], path[1:]
     node = _opened(node, kind, shelf, at)
     if fields.item(kind, 0) is not None:
-        return _set_item(node, key, rest, value, kind, shelf, at)
+        items = node if node.is_list else Node([], node.place)
+        index = index_of(key, items.value, value.place, at)
+        item = _set(items.value[index], rest, value, fields.item(kind, index), shelf, join(at, key))
+        return tree.with_item(items, index, item)
     if _changes_member(node, key, kind):
         return tree.put(Node({}, value.place), path, value)
     if key not in fields.names(kind) and fields.entries(kind) is None:
@@ -82,19 +85,7 @@ def _opened(node: Node, kind: Kind, shelf: Shelf, at: str) -> Node:
     """Return the settings that a card's name (or a card with overrides) stands for; anything else as it is."""
     if not fields.models(kind) or not (isinstance(node.value, str) or tree.find(node, ["card"])):
         return node
-    expander = Expander(shelf)
-    whole = expander.expand(node, kind, at)
-    if expander.mistakes:
-        raise InputError(records=expander.mistakes)
-    return whole
-
-
-def _set_item(node: Node, key: str, rest: list[str], value: Node, kind: Kind, shelf: Shelf, at: str) -> Node:
-    items = list(node.value) if node.is_list else []
-    if not is_index(key) or int(key) >= len(items):
-        raise refuse(value.place, at, f"{quoted(key)} is not an item of a list of {len(items)} (0 is the first)")
-    items[int(key)] = _set(items[int(key)], rest, value, fields.item(kind, int(key)), shelf, join(at, key))
-    return Node(items, node.place)
+    return expanded(node, kind, shelf, at)
 
 
 def _changes_member(node: Node, key: str, kind: Kind) -> bool:

@@ -9,14 +9,14 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from lvnav_trade import frames
-from lvnav_trade.campaign.reading.expand import Expander
+from lvnav_trade.campaign.reading.expand import expanded
 from lvnav_trade.campaign.reading.explain import explain
 from lvnav_trade.campaign.syntax import fields
 from lvnav_trade.campaign.syntax.cards import Shelf, nowhere
 from lvnav_trade.campaign.syntax.tree import Node, plain
 from lvnav_trade.errors import InputError
 from lvnav_trade.scenario import Scenario
-from lvnav_trade.world.flight.trajectory import Trajectory, TrajectoryCard, build, motion
+from lvnav_trade.world.flight.trajectory import TrajectoryCard, build, motion
 
 _STEP = 1.0  # s between points
 
@@ -35,15 +35,11 @@ def read_card(name: str, folder: Path) -> TrajectoryCard:
     Cards of the user's own are looked for beside and above `folder`. InputError where there is none, or it is wrong.
     """
     kind: Any = Scenario.model_fields["trajectory"].annotation
-    expander = Expander(Shelf.of(folder))
-    node = expander.expand(Node(name, nowhere(name)), kind, "trajectory")
-    if expander.mistakes:
-        raise InputError(records=expander.mistakes)
+    node = expanded(Node(name, nowhere(name)), kind, Shelf.of(folder), "trajectory")
     try:
         card: TrajectoryCard = TypeAdapter(kind).validate_python(plain(node))
     except ValidationError as error:
-        model = fields.member(kind, node)
-        raise InputError(records=explain(error, node, model, "trajectory") if model else ()) from None
+        raise InputError(records=explain(error, node, fields.member(kind, node), "trajectory")) from None
     return card
 
 
@@ -52,22 +48,16 @@ def preview(card: TrajectoryCard) -> Preview:
     flight = build(card)
     grid = np.arange(np.ceil(flight.start / _STEP), np.floor(flight.end / _STEP) + 1.0) * _STEP
     t = np.unique(np.concatenate([[flight.start], grid, list(flight.events.values()), [flight.end]]))
-    return Preview(card.name, _reference(flight, t), _events(flight))
-
-
-def _reference(flight: Trajectory, t: np.ndarray[Any, np.dtype[np.float64]]) -> dict[str, Any]:
     m = motion(flight, t)
     theta = frames.earth_angle(flight.theta0, t)
     latitude, longitude, altitude = frames.geodetic_from_ecef(frames.ecef_from_eci(m.r_i, theta))
-    return {
+    reference = {
         "t_s": t,
         "latitude_rad": latitude,
         "longitude_rad": longitude,
         "altitude_m": altitude,
         "ground_speed_m_per_s": np.linalg.norm(frames.earth_velocity(m.r_i, m.v_i), axis=1),
     }
-
-
-def _events(flight: Trajectory) -> dict[str, Any]:
-    times = list(flight.events.values())
-    return {"event": list(flight.events), "kind": ["event"] * len(times), "t_s": times, "t_end_s": times}
+    names, times = list(flight.events), list(flight.events.values())
+    events = {"event": names, "kind": ["event"] * len(names), "t_s": times, "t_end_s": times}
+    return Preview(card.name, reference, events)

@@ -1,4 +1,4 @@
-"""What a campaign can say: the fields at a path with type, default and meaning, for people."""
+"""What a campaign can say: the fields at a path for people, the JSON Schema for editors."""
 
 from __future__ import annotations
 
@@ -17,6 +17,9 @@ from lvnav_trade.errors import InputError
 
 _QUANTITY = "quantity with a unit: "
 _PLAIN = {str: "text", int: "whole number", float: "number", bool: "true or false", Any: "any value"}
+# What a campaign is made of is written out; anything else may be a card.
+_WRITTEN_OUT = ("MonteCarlo", "Axis", "Published", "Ordering", "Innovations", "Covariance", "Keep", "Report", "Compare")
+_CARD = {"type": "string", "description": "name or path of a card, such as imu/tactical_fog"}
 
 
 class Row(NamedTuple):
@@ -55,7 +58,7 @@ def reference(path: str = "") -> list[Part]:
     found = fields.models(_item(kind))
     if not found:
         raise InputError(f"fields: {path}: has no fields of its own; it is {type_of(kind)}")
-    return [Part(fields.tag_of(one) or "" if len(found) > 1 else "", _title(one), _rows(one)) for one in found]
+    return [_part(one, len(found) > 1) for one in found]
 
 
 def _item(kind: Kind) -> Kind:
@@ -63,16 +66,15 @@ def _item(kind: Kind) -> Kind:
     return kind if fields.models(kind) else fields.entries(kind) or fields.item(kind, 0) or kind
 
 
-def _title(model: type[BaseModel]) -> str:
-    return " ".join((model.__doc__ or "").partition("\n\n")[0].split())
-
-
-def _rows(model: type[BaseModel]) -> tuple[Row, ...]:
-    return tuple(
+def _part(model: type[BaseModel], is_one_of_several: bool) -> Part:
+    tag = fields.tag_of(model)
+    rows = (
         Row(name, type_of(_annotated(info)), _default(info), info.description or "")
         for name, info in fields.by_key(model).items()
-        if name != "kind" or fields.tag_of(model) is None
+        if name != "kind" or tag is None
     )
+    title = " ".join((model.__doc__ or "").partition("\n\n")[0].split())
+    return Part((tag or "") if is_one_of_several else "", title, tuple(rows))
 
 
 def _annotated(info: FieldInfo) -> Kind:
@@ -81,10 +83,7 @@ def _annotated(info: FieldInfo) -> Kind:
 
 def type_of(kind: Kind) -> str:
     """Say in words what a field takes: a quantity by its units, words, settings, a list of any."""
-    words: dict[str, None] = {}
-    for option in _options(kind):
-        words.setdefault(_one(option))
-    return " or ".join(words)
+    return " or ".join(dict.fromkeys(map(_one, _options(kind))))
 
 
 def _options(kind: Kind) -> Sequence[Kind]:
@@ -132,3 +131,35 @@ def _default(info: FieldInfo) -> str:
     if isinstance(shown, bool):
         return str(shown).lower()
     return f"[{', '.join(map(str, shown))}]" if isinstance(shown, list) else str(shown) or "none"
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the schema of a campaign as the user writes it: any settings may be a card, or a card with overrides.
+
+    It accepts every campaign that `load` accepts; rules between fields are left to `lvnav-trade check`.
+    """
+    schema = Campaign.model_json_schema()
+    definitions = schema["$defs"]
+    for name, definition in list(definitions.items()):
+        definitions[name] = _settings(definition) if name not in _WRITTEN_OUT else _open(definition)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **_open(schema), "title": "lvnav-trade campaign"}
+
+
+def _settings(definition: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of settings that may also be the name of a card, or a card of which some fields are changed."""
+    whole = _open(definition)
+    whole.pop("required", None)
+    properties = {"card": _CARD, **whole.get("properties", {})}
+    return {"anyOf": [_CARD, {**whole, "properties": properties}], "description": definition.get("description", "")}
+
+
+def _open(node: Any) -> Any:
+    """Return the schema with alternatives that exclude nothing: without required keys several may fit."""
+    if isinstance(node, list):
+        return [_open(item) for item in node]
+    if not isinstance(node, dict):
+        return node
+    changed = {key: _open(value) for key, value in node.items() if key != "discriminator"}
+    if "oneOf" in changed:
+        changed["anyOf"] = changed.pop("oneOf")
+    return changed

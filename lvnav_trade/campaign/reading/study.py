@@ -9,9 +9,9 @@ from pydantic import Field, ValidationError, field_validator
 
 from lvnav_trade.campaign.definition.published import Case, Published
 from lvnav_trade.campaign.definition.schema import Campaign, MonteCarlo
+from lvnav_trade.campaign.reading.checks import of_study
 from lvnav_trade.campaign.reading.explain import explain
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.reading.statements import of_study
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.cards import campaign_file
 from lvnav_trade.campaign.syntax.tree import hint
@@ -145,9 +145,8 @@ def _read(place: Path, names: tuple[str, ...]) -> Study:
         raise InputError(records=explain(error, root, Study, "")) from None
     for index, part in enumerate(study.campaigns):
         if part.campaign not in names:
-            node = root.value["campaigns"].value[index].value["campaign"]
             message = f"no campaign {part.campaign!r} in this folder{hint(part.campaign, names)}"
-            raise InputError(records=[tree.mistake(node.place, f"campaigns.{index}.campaign", message)])
+            raise InputError(records=[tree.mistake_at(root, f"campaigns.{index}.campaign", message)])
     if not study.campaigns:
         study = study.model_copy(update={"campaigns": tuple(Part(campaign=name) for name in names)})
     return study.model_copy(update={"name": place.resolve().name})
@@ -162,9 +161,7 @@ def _refuse_unknown(file: Path, questions: list[Question]) -> None:
     ]
     if wrong:
         root = tree.read_mapping(file)
-        raise InputError(
-            records=[tree.mistake(tree.nearest(root, path.split(".")), path, words) for path, words in wrong]
-        )
+        raise InputError(records=[tree.mistake_at(root, *one) for one in wrong])
 
 
 def _with_runs(campaign: Campaign, runs: int | None) -> Campaign:

@@ -18,18 +18,19 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.reading import provided
-from lvnav_trade.campaign.reading.checks import flight, located
+from lvnav_trade.campaign.reading import flights
 from lvnav_trade.campaign.reading.load import resolved
 from lvnav_trade.campaign.running import work
 from lvnav_trade.campaign.running.lock import locked
 from lvnav_trade.campaign.running.plan import Block, blocks
-from lvnav_trade.campaign.running.progress import Progress, Silent
+from lvnav_trade.campaign.running.progress import Progress
 from lvnav_trade.campaign.running.provenance import manifest, without_folders
-from lvnav_trade.campaign.running.stopping import BlockResult, Stopping
+from lvnav_trade.campaign.running.stopping import Stopping
 from lvnav_trade.campaign.running.work import Answer, Done, Job
 from lvnav_trade.errors import InputError, system_message
 from lvnav_trade.store import scratch
+from lvnav_trade.store.contents import owned
+from lvnav_trade.store.write import CaseInfo, open_results
 
 Mode = Literal["resume", "fresh"]
 _DEATHS = 3
@@ -40,13 +41,10 @@ class Halted(Exception):
 
 
 class Outcome(NamedTuple):
-    """What a campaign left: folder, cases, linear covariance's answers, failed units and runs as lines, seconds."""
+    """What a campaign left: linear covariance's answers, failed units and runs as lines."""
 
-    folder: Path
-    cases: tuple[Case, ...]
     answers: tuple[Answer, ...]
     failures: tuple[str, ...]
-    seconds: float
 
 
 class Store(NamedTuple):
@@ -57,12 +55,7 @@ class Store(NamedTuple):
     check_folder: Callable[[Path], object]
 
 
-def store() -> Store:
-    """Return the real store."""
-    from lvnav_trade.store.contents import owned
-    from lvnav_trade.store.write import CaseInfo, open_results
-
-    return Store(open_results, CaseInfo, partial(owned, kind="results"))
+STORE = Store(open_results, CaseInfo, partial(owned, kind="results"))
 
 
 def check_flight(campaign: Campaign, found: Sequence[Case], job: Job, jobs: int) -> dict[str, dict[str, float]]:
@@ -79,10 +72,10 @@ def check_flight(campaign: Campaign, found: Sequence[Case], job: Job, jobs: int)
         record
         for key, case in distinct.items()
         if isinstance(events[key], InputError)
-        for record in located(campaign, case, events[key].records)
+        for record in flights.located(campaign, case, events[key].records)
     ]
     times = {case.id: events[_flight_of(case)] for case in found}
-    mistakes = grounded or [*flight(campaign, found, times), *provided.mistakes(campaign, found, times)]
+    mistakes = grounded or flights.mistakes(campaign, found, times)
     if mistakes:
         raise InputError(records=mistakes)
     return times
@@ -104,7 +97,7 @@ def run(
     progress: Progress | None = None,
     on_answers: Callable[[Sequence[Answer], Sequence[Case]], None] | None = None,
     engine: work.Engine | None = None,
-    keep: Store | None = None,
+    keep: Store = STORE,
 ) -> Outcome:
     """Carry out a campaign in `folder` and return what it left.
 
@@ -124,13 +117,12 @@ def run(
     KeyboardInterrupt
         After the workers are gone; the same call resumes.
     """
-    watch = progress or Silent()
+    watch = progress or Progress()
     try:
         work_to_do = _Run(campaign, folder, jobs, fail_fast, watch, engine or work.engine())
-        place = keep or store()
-        place.check_folder(folder)  # before a lock is left in a folder that is not the tool's
+        keep.check_folder(folder)  # before a lock is left in a folder that is not the tool's
         with locked(folder):  # a campaign that is refused leaves no folder
-            work_to_do.open(place, mode)
+            work_to_do.open(keep, mode)
             return work_to_do.all(on_answers)
     except KeyboardInterrupt:
         _end_workers(jobs)
@@ -168,7 +160,7 @@ class _Run:
         self.deaths = 0
         asked, requirements = work.asked_of(campaign), work.requirements_of(campaign)
         self.job = Job(engine, None, campaign.seed, campaign.keep.history, asked, folder / scratch.FOLDER, requirements)
-        self.stopping = Stopping.of(campaign)
+        self.stopping = Stopping(campaign)
         check_flight(campaign, self.cases, self.job, jobs)
 
     def open(self, keep: Store, mode: Mode) -> None:
@@ -182,17 +174,16 @@ class _Run:
 
     def all(self, on_answers: Callable[[Sequence[Answer], Sequence[Case]], None] | None) -> Outcome:
         """Go through the stages."""
-        start = time.monotonic()
         answers = self._answers(on_answers)
         able = [case for case, found in zip(self.cases, answers, strict=True) if not found.error]
-        self._explain(able)
+        why = "what is behind its linear covariance"
+        self._per_case("explanations", work.explain, [(self.job, case) for case in able], why)
         unfinished = self._fly(able)
         whole = self._close([case for case in able if case.id not in unfinished])
-        seconds = time.monotonic() - start
         _end_workers(self.jobs)  # the page is made by this process alone: their memory is of no use to it
         # The order of the plan, not that in which the workers finished: the tables' bytes must not depend on it.
         reported = {
-            "warnings": provided.warnings(self.cases),
+            "warnings": flights.warnings(self.cases),
             "timings_s": self.timings,
             "lost": [*map(without_folders, self.lost)],
             "workers_died": self.deaths,
@@ -201,7 +192,7 @@ class _Run:
         self.job.results.finish(reported)
         if not self.lost:
             self._remove_scratch()
-        return Outcome(self.folder, tuple(self.cases), tuple(answers), tuple(self.failures), seconds)
+        return Outcome(tuple(answers), tuple(self.failures))
 
     def _remove_scratch(self) -> None:
         scratch.remove(self.job.scratch, self.labels)
@@ -243,7 +234,7 @@ class _Run:
                 continue
             if one.mistakes:
                 (case,) = (case for case in self.cases if case.id == one.case)
-                raise InputError(records=located(self.campaign, case, one.mistakes))
+                raise InputError(records=flights.located(self.campaign, case, one.mistakes))
             found[one.case] = one
             self.watch.advance(1)
             if one.error:
@@ -252,22 +243,23 @@ class _Run:
                 on_answers([found[case.id] for case in self.cases], self.cases)
         return [found[case.id] for case in self.cases]
 
-    def _explain(self, able: Sequence[Case]) -> None:
-        """Find out what is behind every case's linear covariance; a case goes on without where that fails."""
-        if self.job.engine.explain is None:
-            return
-        self.watch.stage("explanations", len(able))
+    def _per_case(self, name: str, function: Any, units: Sequence[Any], what: str) -> set[str]:
+        """Do one unit of work for each case; return the digests of the cases where it was lost, as a line on `what`."""
+        self.watch.stage(name, len(units))
+        lost = set()
         one: Done
-        for one in self._stage("explanations", work.explain, [(self.job, case) for case in able]):
+        for one in self._stage(name, function, units):
             self.watch.advance(1)
             if one.error:
-                self._lose(f"{self.labels[one.case]}: what is behind its linear covariance: {one.error}")
+                lost.add(one.case)
+                self._lose(f"{self.labels[one.case]}: {what}: {one.error}")
+        return lost
 
     def _fly(self, able: Sequence[Case]) -> set[str]:
         """Fly all blocks; return the digests of cases of which a block was lost."""
         done = {case.id: self.job.results.done(case.id) for case in able}
         units = blocks(self.campaign, able, done)
-        if self.stopping is not None:
+        if self.stopping.is_early:
             held = [case for case in able if done[case.id]]
             for one in itertools.chain(*_all(self.jobs, work.tally, [(self.job, case) for case in held])):
                 self._look(one)
@@ -290,42 +282,29 @@ class _Run:
 
     def _look(self, one: Done) -> None:
         """Take a block in where blocks decide when their case ends."""
-        if self.stopping is not None and not one.error:
-            self.stopping.note(one.case, BlockResult(one.first_run, one.n_run, one.beyond))
+        if not one.error:
+            self.stopping.note(one.case, one.first_run, one.n_run, one.beyond)
 
     def _counts(self, one: Done) -> bool:
         """Whether a block is among the runs of its case: it may have been flown ahead of a decision."""
-        return self.stopping is None or self.stopping.wants(one.case, one.first_run)
+        return self.stopping.wants(one.case, one.first_run)
 
     def _wanted(self, units: Sequence[Block]) -> Iterator[tuple[Job, Block]]:
         """Yield the blocks still wanted when their turn comes: a case may be decided by then."""
         for unit in units:
-            if self.stopping is None or self.stopping.wants(unit.case.id, unit.first_run):
+            if self.stopping.wants(unit.case.id, unit.first_run):
                 yield self.job, unit
             else:
                 self.watch.advance(unit.n_run)
 
     def _close(self, able: Sequence[Case]) -> list[str]:
         """Write the tables of the cases; return the digests of those written, in the order of the plan."""
-        runs = self.campaign.monte_carlo.runs if self.campaign.monte_carlo else 0
-        self.watch.stage("tables", len(able))
         units = [
-            (
-                self.job,
-                case,
-                self.case_info(case.id, case.label, case.axes),
-                runs if self.stopping is None else self.stopping.runs(case.id),
-            )
+            (self.job, case, self.case_info(case.id, case.label, case.axes), self.stopping.runs(case.id))
             for case in able
         ]
-        written = [case.id for case in able]
-        one: Done
-        for one in self._stage("tables", work.close, units):
-            self.watch.advance(1)
-            if one.error:
-                written.remove(one.case)
-                self._lose(f"{self.labels[one.case]}: tables: {one.error}")
-        return written
+        lost = self._per_case("tables", work.close, units, "tables")
+        return [case.id for case in able if case.id not in lost]
 
     def _lose(self, line: str) -> None:
         """Note a unit of work that was lost: unlike a failed run it leaves no row in the tables."""
@@ -382,18 +361,24 @@ def each(jobs: int, function: Callable[..., Any], units: Iterable[tuple[Any, ...
     if _count(jobs) == 1:
         return (function(*unit) for unit in units)
     how = {"return_as": "generator_unordered", "batch_size": 1, "pre_dispatch": "2 * n_jobs"}
-    return Parallel(n_jobs=_count(jobs), initializer=work.limit_threads, **how)(
-        delayed(function)(*unit) for unit in units
-    )
+    return _parallel(jobs, function, units, **how)
 
 
 def _all(jobs: int, function: Callable[..., Any], units: Sequence[tuple[Any, ...]]) -> list[Any]:
     """Return function(*unit) of all units in their order."""
     if _count(jobs) == 1:
         return [function(*unit) for unit in units]
-    return list(
-        Parallel(n_jobs=_count(jobs), initializer=work.limit_threads)(delayed(function)(*unit) for unit in units)
-    )
+    return list(_parallel(jobs, function, units))
+
+
+def _parallel(jobs: int, function: Callable[..., Any], units: Iterable[tuple[Any, ...]], **how: Any) -> Any:
+    pool = Parallel(n_jobs=_count(jobs), initializer=work.limit_threads, **how)
+    return pool(delayed(_worked)(function, *unit) for unit in units)
+
+
+def _worked(function: Callable[..., Any], *unit: Any) -> Any:
+    work.limit_threads()
+    return function(*unit)
 
 
 def _end_workers(jobs: int) -> None:

@@ -7,15 +7,14 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Protocol
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as RichProgress
 
 
-class Progress(Protocol):
-    """What execution tells whoever watches."""
+class Progress:
+    """What execution reports to whoever watches; this one says nothing."""
 
     def stage(self, name: str, total: int) -> None:
         """Begin a stage of `total` units of work."""
@@ -30,43 +29,22 @@ class Progress(Protocol):
         """End, whatever happened."""
 
 
-class Silent:
-    """Says nothing."""
-
-    def stage(self, name: str, total: int) -> None:
-        """Ignore the stage."""
-
-    def advance(self, count: int) -> None:
-        """Ignore the count."""
-
-    def note(self, line: str) -> None:
-        """Ignore the line."""
-
-    def close(self) -> None:
-        """Have nothing to end."""
-
-
-class Plain:
+class Plain(Progress):
     """One line per tenth of a stage, for logs."""
-
-    def __init__(self) -> None:
-        self.name, self.total, self.done, self.reported = "", 0, 0, 0
-        self.start = time.monotonic()
 
     def stage(self, name: str, total: int) -> None:
         """Begin a stage and say so."""
-        self.name, self.total, self.done, self.reported = name, total, 0, 0
         self.start = time.monotonic()
+        self.name, self.total, self.done, self.tenth = name, total, 0, 0
         self.note(f"{name}: {total}")
 
     def advance(self, count: int) -> None:
         """Count, and say every tenth with the time left."""
         self.done += count
         tenth = 10 * self.done // max(self.total, 1)
-        if tenth > self.reported:
-            self.reported = tenth
-            spent = time.monotonic() - self.start
-            left = spent * (self.total - self.done) / max(self.done, 1)
+        if tenth > self.tenth:
+            self.tenth = tenth
+            left = (time.monotonic() - self.start) * (self.total - self.done) / max(self.done, 1)
             self.note(f"{self.name}: {self.done}/{self.total}, {left:.0f} s left")
 
     def note(self, line: str) -> None:
@@ -74,11 +52,8 @@ class Plain:
         sys.stderr.write(f"{line}\n")
         sys.stderr.flush()
 
-    def close(self) -> None:
-        """Have nothing to end."""
 
-
-class Bar:
+class Bar(Progress):
     """A bar for terminals."""
 
     def __init__(self) -> None:
@@ -129,5 +104,5 @@ def staged(watch: Progress | None, name: str) -> Iterator[None]:
 def choose(quiet: bool) -> Progress:
     """Return what suits where the messages go."""
     if quiet:
-        return Silent()
+        return Progress()
     return Bar() if sys.stderr.isatty() and not os.environ.get("CI") else Plain()

@@ -10,7 +10,7 @@ import numpy as np
 
 from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.running.work import WHY
+from lvnav_trade.campaign.running.work import WHY, navigation
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.errors import InputError, is_full_disk
 
@@ -74,11 +74,10 @@ def _trace(block: Any, outputs: Sequence[Any]) -> pd.DataFrame:
 
     from lvnav_trade.store.schema import SI_SUFFIX, error_column
 
-    columns: dict[str, Any] = {"t_s": block.t}
+    columns = {"t_s": block.t}
     for index, output in enumerate(outputs):
         columns[error_column(output.quantity, output.axis, output.unit)] = block.err[0, :, index]
-        name = f"{output.quantity}_{output.axis}_sigma_{SI_SUFFIX[output.unit]}"
-        columns[name] = block.sigma[0, :, index]
+        columns[f"{output.quantity}_{output.axis}_sigma_{SI_SUFFIX[output.unit]}"] = block.sigma[0, :, index]
     columns["nees_ratio"] = block.nees[0]
     return pd.DataFrame(columns)
 
@@ -87,13 +86,10 @@ def _at_events(block: Any, prepared: Any) -> tuple[tuple[str, float, dict[str, f
     rows = []
     for name, t in sorted(prepared.trajectory.events.items(), key=lambda item: float(item[1])):
         at = int(np.argmin(np.abs(block.t - t)))
-        sizes: dict[str, float] = {}
-        units: dict[str, str] = {}
-        for quantity in ("position", "velocity", "attitude"):
-            index = [i for i, output in enumerate(prepared.outputs) if output.quantity == quantity]
-            if index:
-                label = prepared.outputs[index[0]]
-                sizes[quantity] = float(np.linalg.norm(block.err[0, at, index])) * label.label_factor
-                units[quantity] = label.label_unit
+        sizes = {
+            label.quantity: float(np.linalg.norm(block.err[0, at, index])) * label.label_factor
+            for label, index in navigation(prepared.outputs)
+        }
+        units = {label.quantity: label.label_unit for label, _ in navigation(prepared.outputs)}
         rows.append((name, float(t), sizes, units))
     return tuple(rows)

@@ -87,8 +87,11 @@ def status(folder: Path) -> Status:
         _case(folder, manifest, case, label, flown.get(case, manifest.get("asked_runs", 0)), damaged)
         for case, label in manifest.get("asked_cases", {}).items()
     )
-    if is_finished:
-        damaged += _damaged_tables(folder)
+    for name in TABLES if is_finished else ():
+        try:
+            read_table(folder / f"{name}.parquet")
+        except InputError as error:
+            damaged.append(str(error))
     sums = (sum(case.asked for case in cases), sum(case.stored for case in cases), sum(case.failed for case in cases))
     state = "running" if who else "unfinished" if not is_finished else "damaged" if damaged else "finished"
     other = difference(manifest, environment())
@@ -128,13 +131,3 @@ def _flown(folder: Path) -> Mapping[str, int]:
     except InputError:
         return {}
     return dict(zip(cases["case"].to_pylist(), cases["run_count"].to_pylist(), strict=True))
-
-
-def _damaged_tables(folder: Path) -> list[str]:
-    lines = []
-    for name in TABLES:
-        try:
-            read_table(folder / f"{name}.parquet")
-        except InputError as error:
-            lines.append(str(error))
-    return lines

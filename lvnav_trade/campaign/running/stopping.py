@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 from lvnav_trade.campaign.definition.schema import Campaign, Requirement
 
@@ -11,16 +12,8 @@ Counts = tuple[int | None, ...]
 """Runs of a block beyond each requirement's bound; None where the case does not hold its metric."""
 
 
-class BlockResult(NamedTuple):
-    """A stored block: its first run, how many, and the runs beyond each requirement's bound."""
-
-    first_run: int
-    n_run: int
-    counts: Counts
-
-
 class Stopping:
-    """Follows the blocks of every case and says which are still wanted.
+    """Follows the blocks of every case and says which are still wanted: all of them, unless a campaign may end early.
 
     A look is taken after each block, in the order of the runs and however the blocks came in, so that the number of
     workers, or a campaign that was interrupted, changes nothing: blocks flown ahead of a decision are not counted.
@@ -28,21 +21,16 @@ class Stopping:
 
     def __init__(self, campaign: Campaign) -> None:
         card = campaign.monte_carlo
-        assert card is not None
-        self.most, self.block, self.requirements = card.runs, card.block, campaign.requirements
+        self.is_early = card is not None and card.stop is not None
+        self.most, self.block = (card.runs, card.block) if card is not None else (0, 0)
+        self.requirements = campaign.requirements
         self._counts: dict[str, dict[int, Counts]] = {}
         self._runs: dict[str, int] = {}
 
-    @classmethod
-    def of(cls, campaign: Campaign) -> Stopping | None:
-        """Return the rule of a campaign; None where it flies the runs that it says."""
-        card = campaign.monte_carlo
-        return cls(campaign) if card is not None and card.stop is not None else None
-
-    def note(self, case: str, block: BlockResult) -> None:
-        """Take in a block of a case; one that is not whole is not looked at."""
-        if block.n_run == self.block and case not in self._runs:
-            self._counts.setdefault(case, {})[block.first_run] = block.counts
+    def note(self, case: str, first_run: int, n_run: int, counts: Counts) -> None:
+        """Take in the runs of a block beyond each bound; a block that is not whole is not looked at."""
+        if self.is_early and n_run == self.block and case not in self._runs:
+            self._counts.setdefault(case, {})[first_run] = counts
             decided = self._decided(case)
             if decided is not None:
                 self._runs[case] = decided
@@ -58,9 +46,8 @@ class Stopping:
     def _decided(self, case: str) -> int | None:
         """Return after how many runs all requirements are decided; None while one is not."""
         known = self._counts[case]
-        ordered: list[Counts] = []
-        while len(ordered) * self.block in known:
-            ordered.append(known[len(ordered) * self.block])
+        firsts = itertools.takewhile(known.__contains__, itertools.count(step=self.block))
+        ordered = [known[first] for first in firsts]
         found = [_decided(k, requirement, ordered, self.block) for k, requirement in enumerate(self.requirements)]
         runs = [one for one in found if one is not None]
         return min(max(runs), self.most) if runs and len(runs) == len(found) else None
@@ -69,14 +56,11 @@ class Stopping:
 def _decided(k: int, requirement: Requirement, blocks: Sequence[Counts], block: int) -> int | None:
     from lvnav_trade.metrics.requirements.sequential import decide
 
-    total, failures = 0, []
-    for counts in blocks:
-        count = counts[k]
-        if count is None:
-            return None
-        total += count
-        failures.append(total)
-    found = decide(failures, requirement.probability, requirement.confidence, block)
+    beyond = [counts[k] for counts in blocks]
+    known = [count for count in beyond if count is not None]
+    if len(known) < len(beyond):
+        return None
+    found = decide(list(itertools.accumulate(known)), requirement.probability, requirement.confidence, block)
     return None if found.verdict == "undecided" else found.runs
 
 

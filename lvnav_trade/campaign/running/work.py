@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 import hashlib
 import itertools
-import logging
 import math
 import multiprocessing
 import os
@@ -13,7 +12,7 @@ import signal
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
@@ -26,11 +25,10 @@ from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.running import stopping
 from lvnav_trade.campaign.running.plan import Block
 from lvnav_trade.errors import InputError, Mistake
-from lvnav_trade.records import Asked, CovHistory
+from lvnav_trade.records import Asked, CovHistory, Output
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.store import scratch
 
-_LOG = logging.getLogger("lvnav_trade.campaign")
 WHY = {1: "is not finite", 2: "diverged"}
 
 
@@ -38,8 +36,8 @@ class Engine(NamedTuple):
     """The functions that compute; another set takes their place in tests.
 
     events(scenario) -> name: time; prepare(scenario, history step); run_block(prepared, seed, first, n);
-    covariance(prepared); summarise(block, events, scale, outputs); compile_kernels(prepared) where there is anything to
-    compile before a block is flown; explain(scenario, prepared, covariance, asked) what is behind the covariance;
+    covariance(prepared); summarise(block, events, scale, outputs); compile_kernels(prepared) before a block is flown;
+    explain(scenario, prepared, covariance, asked) what is behind the covariance;
     beyond(requirements, case, prepared, covariance, summary) how many runs of a block do not keep each requirement;
     starts(prepared, seed, n) what the first n runs draw once; control(scenario, seed, n) the missions of n runs of a
     vehicle under control, None without one.
@@ -50,11 +48,11 @@ class Engine(NamedTuple):
     run_block: Callable[[Any, int, int, int], Any]
     covariance: Callable[[Any], CovHistory]
     summarise: Callable[..., Any]
-    compile_kernels: Callable[[Any], None] | None = None
-    explain: Callable[..., Any] | None = None
-    beyond: Callable[..., stopping.Counts] = stopping.beyond
-    starts: Callable[[Any, int, int], Any] | None = None
-    control: Callable[[Scenario, int, int], Any] | None = None
+    compile_kernels: Callable[[Any], None]
+    explain: Callable[..., Any]
+    beyond: Callable[..., stopping.Counts]
+    starts: Callable[[Any, int, int], Any]
+    control: Callable[[Scenario, int, int], Any]
 
 
 def engine() -> Engine:
@@ -64,11 +62,11 @@ def engine() -> Engine:
     from lvnav_trade.engines.setup import starts
     from lvnav_trade.engines.setup.prepare import prepare
     from lvnav_trade.engines.simulate import montecarlo, statistics
-    from lvnav_trade.steering import nozzle as controlled
+    from lvnav_trade.steering import nozzle
 
     return Engine(
         _events, prepare, montecarlo.run_block, covariance, statistics.summarise,
-        montecarlo.compile_kernels, explain.explain, starts=starts.start_draws, control=controlled.controlled,
+        montecarlo.compile_kernels, explain.explain, stopping.beyond, starts.start_draws, nozzle.controlled,
     )  # fmt: skip
 
 
@@ -155,7 +153,6 @@ class Done(NamedTuple):
 
 def events_of(job: Job, case: Case) -> dict[str, float] | InputError:
     """Return the event times of a case's trajectory, or why it cannot be flown."""
-    limit_threads()
     try:
         return job.engine.events(case.scenario)
     except InputError as error:
@@ -164,9 +161,8 @@ def events_of(job: Job, case: Case) -> dict[str, float] | InputError:
 
 def answer(job: Job, case: Case) -> Answer:
     """Compute a case's linear covariance and leave it on the scratch disk for the workers that need it."""
-    limit_threads()
     try:
-        prepared = _prepared(job.engine, case, job.history)
+        prepared = _prepared(job, case)
         file = _scratch_file(job, case)
         if not scratch.is_sound(file, CovHistory, _identity(job, case)):
             scratch.write(file, job.engine.covariance(prepared), _identity(job, case))
@@ -190,19 +186,15 @@ def answer_or_ahead(job: Job, case: Case, ahead: Callable[[Job, Case], Any] | No
 
 def compile_flight(job: Job, case: Case) -> None:
     """Compile what will fly a case."""
-    limit_threads()
-    if job.engine.compile_kernels is not None:
-        job.engine.compile_kernels(_prepared(job.engine, case, job.history))
+    job.engine.compile_kernels(_prepared(job, case))
 
 
 def explain(job: Job, case: Case) -> Done:
     """Leave on the scratch disk what is behind a case's linear covariance."""
-    limit_threads()
     try:
         file, identity = _explained_file(job, case)
-        if job.engine.explain is not None and not scratch.is_sound(file, _explanation(), identity):
-            covariance = _covariance(job, case)
-            prepared = _prepared(job.engine, case, job.history)
+        if not scratch.is_sound(file, _explanation(), identity):
+            covariance, prepared = _covariance(job, case), _prepared(job, case)
             scratch.write(file, job.engine.explain(case.scenario, prepared, covariance, job.asked), identity)
         return Done(case.id, 0, 0)
     except Exception as error:
@@ -211,11 +203,9 @@ def explain(job: Job, case: Case) -> Done:
 
 def fly(job: Job, block: Block) -> Done:
     """Fly a block of runs and store its statistics."""
-    limit_threads()
     what = (block.case.id, block.first_run, block.n_run)
     try:
-        prepared = _prepared(job.engine, block.case, job.history)
-        covariance = _covariance(job, block.case)
+        prepared, covariance = _prepared(job, block.case), _covariance(job, block.case)
         runs = job.engine.run_block(prepared, job.seed, block.first_run, block.n_run)
         summary = job.engine.summarise(runs, _flown_events(prepared), covariance.true_sigma, prepared.outputs)
         job.results.write_part(block.case.id, summary)
@@ -234,35 +224,25 @@ def fly(job: Job, block: Block) -> Done:
 
 def tally(job: Job, case: Case) -> list[Done]:
     """Hold the blocks that are stored of a case against the requirements, one at a time."""
-    limit_threads()
-    prepared = _prepared(job.engine, case, job.history)
-    covariance = _covariance(job, case)
+    of_case = (job.requirements, case.id, _prepared(job, case), _covariance(job, case))
     return [
-        Done(
-            case.id,
-            part.first_run,
-            part.n_run,
-            beyond=job.engine.beyond(job.requirements, case.id, prepared, covariance, part),
-        )
+        Done(case.id, part.first_run, part.n_run, beyond=job.engine.beyond(*of_case, part))
         for part in job.results.parts(case.id)
     ]
 
 
 def close(job: Job, case: Case, info: Any, runs: int) -> Done:
     """Merge the blocks of a case's first `runs` runs and write its tables."""
-    limit_threads()
     try:
-        prepared = _prepared(job.engine, case, job.history)
-        covariance = _covariance(job, case)
+        prepared, covariance = _prepared(job, case), _covariance(job, case)
         if not job.asked.budget:
             covariance = covariance._replace(sources=(), budget=covariance.budget[:, :0])
         parts = job.results.parts(case.id, runs) if runs else None
         file, identity = _explained_file(job, case)
         explained = scratch.read(file, _explanation(), identity) if file.exists() else None
-        drawn = {"starts": job.engine.starts(prepared, job.seed, runs)} if runs and job.engine.starts else {}
-        if case.scenario.control is not None and runs and job.engine.control:
-            drawn["control"] = job.engine.control(case.scenario, job.seed, runs)
-        job.results.write_case(info, prepared, covariance, parts, explained, **drawn)
+        starts = job.engine.starts(prepared, job.seed, runs) if runs else None
+        control = job.engine.control(case.scenario, job.seed, runs) if runs else None
+        job.results.write_case(info, prepared, covariance, parts, explained, starts, control)
         return Done(case.id, 0, runs)
     except Exception as error:
         return Done(case.id, 0, runs, error=_message(error))
@@ -277,13 +257,13 @@ def _flown_events(prepared: Any) -> dict[str, float]:
 _kept: dict[tuple[Any, str, float], Any] = {}
 
 
-def _prepared(engine: Engine, case: Case, history: float) -> Any:
+def _prepared(job: Job, case: Case) -> Any:
     """Return the prepared case; a worker keeps the last two, because blocks come case by case."""
-    key = (engine.prepare, case.id, history)
+    key = (job.engine.prepare, case.id, job.history)
     if key not in _kept:
         while len(_kept) >= 2:
             del _kept[next(iter(_kept))]
-        _kept[key] = engine.prepare(case.scenario, history)
+        _kept[key] = job.engine.prepare(case.scenario, job.history)
     return _kept[key]
 
 
@@ -325,20 +305,24 @@ def _answer(case: Case, prepared: Any, covariance: CovHistory) -> Answer:
     event = "injection" if "injection" in events else max(events, key=lambda name: events[name], default="end")
     at = int(np.argmin(np.abs(covariance.t - events.get(event, covariance.t[-1]))))
     rows = []
-    for quantity in ("position", "velocity", "attitude"):
-        index = [i for i, output in enumerate(prepared.outputs) if output.quantity == quantity]
-        if not index:
-            continue
-        label = prepared.outputs[index[0]]
+    for label, index in navigation(prepared.outputs):
         true = math.hypot(*covariance.true_sigma[at, index], *covariance.mean[at, index]) * label.label_factor
         formal = math.hypot(*covariance.formal[at, index]) * label.label_factor
-        rows.append((quantity, true, formal, label.label_unit))
+        rows.append((label.quantity, true, formal, label.label_unit))
     return Answer(case.id, event, tuple(rows))
 
 
+def navigation(outputs: Sequence[Output]) -> Iterator[tuple[Output, list[int]]]:
+    """Yield for position, velocity and attitude the first of their outputs, and where all of them stand."""
+    for quantity in ("position", "velocity", "attitude"):
+        index = [i for i, output in enumerate(outputs) if output.quantity == quantity]
+        if index:
+            yield outputs[index[0]], index
+
+
 def _why(runs: Any, index: int) -> str:
-    when = float(runs.t_failed[index])
-    why = WHY.get(int(runs.failed[index]), f"failed with code {int(runs.failed[index])}")
+    when, code = float(runs.t_failed[index]), int(runs.failed[index])
+    why = WHY.get(code, f"failed with code {code}")
     return why if math.isnan(when) else f"{why} at {when:g} s"
 
 

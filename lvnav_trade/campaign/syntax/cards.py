@@ -13,7 +13,6 @@ from pydantic import BaseModel
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.tree import Node, Place, hint, refuse
 from lvnav_trade.errors import InputError, quoted
-from lvnav_trade.input_files import exists, is_file
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 
@@ -41,7 +40,7 @@ class Shelf(NamedTuple):
         """Return the file of the card `name` as written in a file of `folder`, or None."""
         for start in (folder, *self.folders):
             for candidate in (start / name, start / f"{name}.yaml", start / f"{name}.yml"):
-                if is_file(candidate):
+                if os.path.isfile(candidate):
                     return candidate.resolve()
         return None
 
@@ -90,7 +89,7 @@ def _near(name: str, known: Sequence[str]) -> str:
 def _beside(name: str, folder: Path) -> list[str]:
     """Return the names, written as `name` is, of the cards in the folder that a path leads to."""
     place = (folder / name).parent
-    if not exists(place):
+    if not os.path.exists(place):
         return []
     found = [*place.glob("*.yaml"), *place.glob("*.yml")]
     return [str(Path(name).with_name(file.name if Path(name).suffix else file.stem)) for file in found]
@@ -150,11 +149,11 @@ def write_card(file: Path, card: BaseModel) -> None:
 def campaign_file(name: str) -> Path:
     """Return the campaign file that the user names: a path, else one that comes with the tool."""
     path = Path(name)
-    if exists(path) or path.is_absolute() or not path.name:
+    if os.path.exists(path) or path.is_absolute() or not path.name:
         return path
     inside = Path(*path.parts[1:]) if path.parts[0] == "campaigns" and len(path.parts) > 1 else path
     for candidate in (inside, inside.with_name(f"{inside.name}.yaml")):
-        if is_file(shipped("campaigns") / candidate):
+        if os.path.isfile(shipped("campaigns") / candidate):
             return shipped("campaigns") / candidate
     return path
 

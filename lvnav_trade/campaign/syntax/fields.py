@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import types
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
@@ -52,8 +52,7 @@ def entries(kind: Kind) -> Kind | None:
 
 def old_key(kind: Kind, key: str) -> str:
     """Return what replaces a key of earlier versions, empty for any other."""
-    old: list[Mapping[str, str]] = [getattr(model, "OLD_KEYS", {}) for model in models(kind)]
-    return next((keys[key] for keys in old if key in keys), "")
+    return next((str(old[key]) for old in (getattr(one, "OLD_KEYS", {}) for one in models(kind)) if key in old), "")
 
 
 def is_path(model: type[BaseModel], key: str) -> bool:
@@ -69,22 +68,18 @@ def child(kind: Kind, key: str, node: Node | None = None) -> Kind | None:
         return entries(kind)
     if is_index(key):
         return item(kind, int(key))
-    for model in _likely(kind, node):
-        if key in by_key(model):
-            return by_key(model)[key].annotation
-    return None
+    known = (by_key(model) for model in _likely(kind, node))
+    return next((fields[key].annotation for fields in known if key in fields), None)
 
 
 def item(kind: Kind, index: int) -> Kind | None:
     """Return the annotation of the item of a sequence."""
-    for option in options(kind):
-        if _origin(option) not in (tuple, list, Sequence):
-            continue
-        arguments = get_args(option)
-        if len(arguments) == 2 and arguments[1] is Ellipsis:
-            return arguments[0]
-        if index < len(arguments):
-            return arguments[index]
+    sequences = (get_args(option) for option in options(kind) if _origin(option) in (tuple, list, Sequence))
+    for held in sequences:
+        if len(held) == 2 and held[1] is Ellipsis:
+            return held[0]
+        if index < len(held):
+            return held[index]
     return None
 
 

@@ -6,8 +6,7 @@ import difflib
 import io
 import os
 import re
-import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,7 +14,7 @@ from typing import Any, NamedTuple
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedSeq
 from ruamel.yaml.composer import Composer
-from ruamel.yaml.error import MarkedYAMLError, ReusedAnchorWarning, YAMLError
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import AliasEvent
 from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
 
@@ -93,6 +92,11 @@ def mistake(place: Place, path: str, message: str) -> Mistake:
     return Mistake(message, path, place.file, place.line, place.column)
 
 
+def mistake_at(root: Node, path: str, message: str, above: str = "") -> Mistake:
+    """Return the mistake at a dotted path of a tree, or the nearest place above it; the tree hangs at path `above`."""
+    return mistake(nearest(root, path.split(".")), join(above, path), message)
+
+
 def refuse(place: Place, path: str, message: str) -> InputError:
     """Return the error of one mistake at `place`."""
     return InputError(records=[mistake(place, path, message)])
@@ -116,7 +120,7 @@ def read(path: Path) -> Node:
         if path.is_dir():
             raise InputError(f"{shown}: is a folder, not a YAML file")
         if not path.exists():
-            raise InputError(f"{shown}: no such file{hint(path.name, _siblings(path))}")
+            raise InputError(f"{shown}: no such file{hint(path.name, (one.name for one in path.parent.glob('*')))}")
     except (OSError, ValueError) as error:  # a name that no file can have
         raise InputError(f"{quoted(shown)}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
     try:
@@ -131,15 +135,7 @@ def parse(text: str, file: str, folder: Path) -> Node:
     reader = YAML(typ="rt", pure=True)
     reader.Composer = _BoundedComposer
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", ReusedAnchorWarning)
-            root = reader.compose(text)
-    except ReusedAnchorWarning as warning:
-        second = re.search(r"second occurrence.*?line (\d+), column (\d+)", str(warning), flags=re.S)
-        line, column = (int(second[1]), int(second[2])) if second else (1, 1)
-        raise InputError(records=[Mistake("an anchor of this name stands before", "", file, line, column)]) from None
-    except _TooLarge as error:
-        raise InputError(records=[Mistake(str(error), "", file, error.line, error.column)]) from None
+        root = reader.compose(text)
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
@@ -169,14 +165,9 @@ def show(path: Path) -> str:
     return str(path) if relative.startswith("..") else relative
 
 
-def _siblings(path: Path) -> list[str]:
-    try:
-        return [entry.name for entry in path.parent.iterdir()]
-    except OSError:
-        return []
-
-
 def _syntax(error: MarkedYAMLError, text: str, line: int) -> str:
+    if isinstance(error, _RefusedError):
+        return str(error.problem)
     lines = text.splitlines()
     indent = lines[line - 1][: len(lines[line - 1]) - len(lines[line - 1].lstrip())] if line <= len(lines) else ""
     if "\t" in indent or "'\\t'" in str(error.problem):
@@ -186,23 +177,20 @@ def _syntax(error: MarkedYAMLError, text: str, line: int) -> str:
     return f"is not YAML: {problem}{f' (in what begins on line {begun})' if begun != line else ''}"
 
 
-class _TooLarge(Exception):
-    """A file of settings beyond a limit, and where that showed."""
-
-    def __init__(self, message: str, event: Any) -> None:
-        super().__init__(message)
-        self.line, self.column = event.start_mark.line + 1, event.start_mark.column + 1
+class _RefusedError(MarkedYAMLError):
+    """What is YAML and not read: an anchor that stands twice, or a file beyond a limit."""
 
 
 class _BoundedComposer(Composer):
-    """Composes nodes and stops at the first that is one too many, one too deep or too long."""
+    """Composes nodes and stops at the first that is one too many, too deep or too long, or repeats an anchor."""
 
     nodes = deep = aliases = 0
 
     def compose_node(self, parent: Any, index: Any) -> Any:
         event = self.parser.peek_event()
         self.nodes, self.deep = self.nodes + 1, self.deep + 1
-        self.aliases += isinstance(event, AliasEvent)
+        is_alias = isinstance(event, AliasEvent)
+        self.aliases += is_alias
         for size, most, what in (
             (self.nodes, YAML_NODES, "words, lists and mappings"),
             (self.deep, YAML_DEPTH, "lists and mappings within each other"),
@@ -211,7 +199,9 @@ class _BoundedComposer(Composer):
             (len(getattr(event, "value", None) or ""), WORD_LENGTH, "characters in a text"),
         ):
             if size > most:
-                raise _TooLarge(f"more than {most} {what}", event)
+                raise _RefusedError(problem=f"more than {most} {what}", problem_mark=event.start_mark)
+        if not is_alias and event.anchor in self.anchors:
+            raise _RefusedError(problem="an anchor of this name stands before", problem_mark=event.start_mark)
         node = super().compose_node(parent, index)
         self.deep -= 1
         return node
@@ -322,31 +312,28 @@ def without(node: Node, key: str) -> Node:
     return Node(rest, node.place, {name: where for name, where in node.keys.items() if name != key})
 
 
-def merged(base: Node, over: Node) -> Node:
-    """Return `base` with the entries of `over` laid on top, mapping by mapping; anything else is replaced whole."""
-    if not (base.is_map and over.is_map):
-        return over
-    result = base
-    for key, child in over.value.items():
-        below = merged(base.value[key], child) if key in base.value else child
-        result = with_child(result, key, below, over.keys[key])
-    return Node(result.value, base.place, result.keys)
-
-
 def put(node: Node, path: list[str], child: Node) -> Node:
     """Return the tree with `child` at `path`; mappings that are missing on the way are made."""
     if not path:
         return child
     if node.is_list:
-        items = list(node.value)
-        if not is_index(path[0]) or int(path[0]) >= len(items):
-            raise refuse(node.place, "", f"{quoted(path[0])} is not an item of a list of {len(items)} (0 is the first)")
-        index = int(path[0])
-        items[index] = put(items[index], path[1:], child)
-        return Node(items, node.place)
-    below = node.value[path[0]] if node.is_map and path[0] in node.value else Node({}, child.place)
+        index = index_of(path[0], node.value, node.place)
+        return with_item(node, index, put(node.value[index], path[1:], child))
     start = node if node.is_map else Node({}, child.place)
+    below = start.value.get(path[0], Node({}, child.place))
     return with_child(start, path[0], put(below, path[1:], child), start.keys.get(path[0]))
+
+
+def with_item(node: Node, index: int, child: Node) -> Node:
+    """Return a copy of a list in which item `index` is `child`."""
+    return Node([*node.value[:index], child, *node.value[index + 1 :]], node.place)
+
+
+def index_of(key: str, items: Sequence[object], place: Place, path: str = "") -> int:
+    """Return the index of an item that a step of a path names; InputError at `place` where there is none."""
+    if not is_index(key) or int(key) >= len(items):
+        raise refuse(place, path, f"{quoted(key)} is not an item of a list of {len(items)} (0 is the first)")
+    return int(key)
 
 
 def is_index(word: str) -> bool:

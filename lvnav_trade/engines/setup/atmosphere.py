@@ -13,8 +13,7 @@ from lvnav_trade.delays import (
     AtmosphereCard,
     CorrectionsCard,
     Geometry,
-    corrected_ionosphere,
-    corrected_troposphere,
+    correction_models,
     ionosphere_delay,
     troposphere_delay,
 )
@@ -89,11 +88,8 @@ def delays(
         both = np.stack([now, carrier * (after - before) / seconds], axis=2)
         return np.where(seen.tracked[:, :, None], both, 0.0)
 
-    models = (
-        (atmosphere.troposphere, corrected_troposphere(corrections, atmosphere)),
-        (atmosphere.ionosphere, corrected_ionosphere(corrections, atmosphere)),
-    )
-    (air, air_hat), (charge, charge_hat) = models
+    air, charge = atmosphere.troposphere, atmosphere.ionosphere
+    air_hat, charge_hat = correction_models(corrections, atmosphere)
     return Delays(
         along(air.kind, lambda g: troposphere_delay(air, g), 1.0),
         along(charge.kind, lambda g: ionosphere_delay(charge, g), -1.0),

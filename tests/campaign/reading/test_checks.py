@@ -8,7 +8,7 @@ import pytest
 
 from lvnav_trade import api
 from lvnav_trade.campaign.definition.axes import cases
-from lvnav_trade.campaign.reading import checks
+from lvnav_trade.campaign.reading import flights
 from lvnav_trade.campaign.reading.load import load, resolved
 from lvnav_trade.errors import InputError, Mistake
 
@@ -20,7 +20,7 @@ def reported(study: Any, sets: tuple[str, ...] = (), name: str = "campaign.yaml"
     """Return what is wrong with the study's campaign in a flight of these events."""
     campaign = load(name, sets)
     found = cases(campaign)
-    return [str(mistake) for mistake in checks.flight(campaign, found, {case.id: EVENTS for case in found})]
+    return [str(mistake) for mistake in flights.mistakes(campaign, found, {case.id: EVENTS for case in found})]
 
 
 def with_fault(study: Any, start: str, duration: str = "5 s") -> None:
@@ -97,7 +97,7 @@ def test_what_a_fault_takes_and_a_case_does_not_have_is_reported_where_it_was_na
 def test_a_mistake_that_shows_when_a_case_is_put_together_is_reported_where_it_was_written(study) -> None:
     campaign = load("campaign.yaml")
     (case,) = cases(campaign)
-    shown = checks.located(campaign, case, [Mistake("too late", "filter.gate"), Mistake("broken", "", "my.csv", 3, 1)])
+    shown = flights.located(campaign, case, [Mistake("too late", "filter.gate"), Mistake("broken", "", "my.csv", 3, 1)])
     assert [str(one) for one in shown] == [
         "configs/filters/near.yaml:1:1: base.filter.gate: too late",
         "my.csv:3:1: broken",
@@ -133,7 +133,7 @@ def test_a_default_that_does_not_fit_is_reported_where_it_was_left_out(study) ->
     study.append("requirements:\n  - {name: a, metric: position_error_3d, probability: 0.5, below: 1 m}\n")
     campaign = load("campaign.yaml")
     found = cases(campaign)
-    mistakes = checks.flight(campaign, found, {case.id: {"liftoff": 0.0, "meco": 540.0} for case in found})
+    mistakes = flights.mistakes(campaign, found, {case.id: {"liftoff": 0.0, "meco": 540.0} for case in found})
     assert [str(mistake) for mistake in mistakes] == [
         "campaign.yaml:11:5: requirements.0.at: 'injection' is not an event of the trajectory (it has liftoff, meco)"
     ]

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import pytest
 
+from lvnav_trade.campaign.reading.checks import named_cases, unknown_case
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.reading.statements import named_cases, unknown_case
 from lvnav_trade.campaign.reading.study import load_study
 from lvnav_trade.errors import InputError
 

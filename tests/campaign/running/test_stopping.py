@@ -13,7 +13,7 @@ import pytest
 
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import execute
-from lvnav_trade.campaign.running.stopping import BlockResult, Stopping, beyond
+from lvnav_trade.campaign.running.stopping import Stopping, beyond
 from lvnav_trade.engines.simulate.statistics import summarise
 from lvnav_trade.errors import InputError
 from lvnav_trade.metrics.requirements.requirements import errors_of
@@ -93,28 +93,28 @@ def test_more_runs_may_be_allowed_later_and_change_nothing_that_was_decided(fake
 
 
 def test_blocks_may_come_in_any_order(campaign):
-    blocks = [BlockResult(first, 40, (0, 0)) for first in (0, 40, 80, 120)]
+    blocks = [(first, 40, (0, 0)) for first in (0, 40, 80, 120)]
     ends = set()
     for order in itertools.permutations(blocks):
         rule = Stopping(campaign)
         for block in order:
-            rule.note("case", block)
+            rule.note("case", *block)
         ends.add(rule.runs("case"))
     assert ends == {80}
 
 
 def test_a_block_that_is_not_whole_or_whose_metric_is_unknown_decides_nothing(campaign):
     rule = Stopping(campaign)
-    rule.note("a", BlockResult(0, 24, (24, 24)))
+    rule.note("a", 0, 24, (24, 24))
     for first in range(0, 2000, 40):
-        rule.note("b", BlockResult(first, 40, (0, None)))
+        rule.note("b", first, 40, (0, None))
     assert (rule.runs("a"), rule.runs("b")) == (2000, 2000)
     assert rule.wants("b", 1960)
 
 
 def test_without_the_word_every_run_is_flown(study, fakes, tmp_path):
     campaign = load(study.append(ASKED.replace("2000, stop: decided", "200")))
-    assert Stopping.of(campaign) is None
+    assert not Stopping(campaign).is_early
     assert set(flown(fakes, campaign, tmp_path / "a")[1].values()) == {200}
 
 

@@ -1,10 +1,10 @@
-"""Filter cards that are computed from a case: process noise from an ensemble of perturbed runs."""
+"""Filter cards computed from a case: process noise of an ensemble of runs, gains of the nominal flight."""
 
 from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -13,18 +13,24 @@ from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.engines.analysis.ensemble import Densities, StepErrors, densities, step_errors
 from lvnav_trade.engines.analysis.explain import flown_events
+from lvnav_trade.engines.lincov.components import components
+from lvnav_trade.engines.lincov.history import forward_tape
+from lvnav_trade.engines.lincov.sources import source_names
 from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.base import FilterCard
+from lvnav_trade.filters.scheduled import GainSchedule, schedule_of
 from lvnav_trade.kernels.transition import ATT, POS, VEL
-from lvnav_trade.scenario import filter_models
+from lvnav_trade.layout import state_names
+from lvnav_trade.scenario import filter_models, has_covariance
+from lvnav_trade.world.flight.trajectory import identity
 
 _SHORTEST = 5.0
 """Seconds: a shorter phase is joined to the one after it."""
 _LEAST_RUNS = 10
 
 
-class Estimate(NamedTuple):
+class ProcessNoise(NamedTuple):
     """Process noise of a case: densities over the whole flight and by phase (name, start and end s, densities); steps:
     the error per step over the flight, see `steps_table`; card: the filter's, with the noise in it.
     """
@@ -35,7 +41,7 @@ class Estimate(NamedTuple):
     card: FilterCard
 
 
-def estimate(campaign: Campaign, case: Case, runs: int, step: float | None = None) -> Estimate:
+def process_noise(campaign: Campaign, case: Case, runs: int, step: float | None = None) -> ProcessNoise:
     """Return the process noise that an ensemble of a case's unaided runs shows.
 
     Parameters
@@ -65,7 +71,7 @@ def estimate(campaign: Campaign, case: Case, runs: int, step: float | None = Non
     )
     whole = densities(found, prepared)
     words = f"estimate-q of {campaign.name}{f', {case.label}' if case.axes else ''}: {runs} runs, steps of {length:g} s"
-    return Estimate(whole, phases, steps_table(found), _card(case, whole, words))
+    return ProcessNoise(whole, phases, steps_table(found), _card(case, whole, words))
 
 
 def _marks(prepared: Prepared) -> list[tuple[str, float]]:
@@ -104,3 +110,39 @@ def steps_table(found: StepErrors) -> pd.DataFrame:
         table[f"{name}_missed_{unit}"] = np.sqrt(missed.mean(axis=1))
         table[f"{name}_missed_mean_{unit}"] = np.linalg.norm(found.mean[:, three], axis=1)
     return pd.DataFrame(table)
+
+
+def gain_schedule(campaign: Campaign, case: Case, by: Literal["event", "time"], tolerance: float) -> GainSchedule:
+    """Return the gains of a case's filter on its nominal flight, as linear covariance finds them, between as few knots
+    as a tolerance (of each gain's largest size in the segment) allows.
+
+    InputError for a filter without measurements, or with solutions whose own covariance decides the gains.
+    """
+    if has_covariance(case.scenario):
+        raise InputError(f"case {case.label}: the covariance that comes with each solution decides the gains")
+    if not 0.0 < tolerance < 1.0:
+        raise InputError(f"a tolerance of {tolerance:g} is no share between 0 and 1")
+    prepared = prepare(case.scenario, history=campaign.keep.history)
+    tape, n = forward_tape(prepared, components(prepared, source_names(prepared))), prepared.layout.n_state
+    used = int(tape.used[0])
+    names = prepared.channels.names
+    gains, updated = np.zeros((prepared.t_epoch.size, len(names), n)), np.zeros(prepared.t_epoch.size, dtype=np.bool_)
+    gains[tape.epoch[:used], tape.channel[:used]] = tape.gain[:used, :n]
+    updated[tape.epoch[:used]] = True
+    taken = np.unique(tape.channel[:used])
+    if not np.any(updated):
+        raise InputError(f"case {case.label}: the filter takes no measurement on this flight")
+    label = f", {case.label}" if case.axes else ""
+    schedule = schedule_of(
+        f"Gains of {case.scenario.filter.name}, {case.scenario.trajectory.name}, by {by}",
+        f"schedule-gains of {campaign.name}{label}: nominal flight, linear to {tolerance:g} between knots",
+        by,
+        state_names(prepared.layout),
+        prepared.t_epoch[updated],
+        gains[updated][:, taken],
+        flown_events(prepared),
+        tolerance,
+        measurements=[names[channel] for channel in taken],
+    )
+    card = case.scenario.trajectory
+    return schedule.model_copy(update={"flight": card.name, "flight_digest": identity(card)})

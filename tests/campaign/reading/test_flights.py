@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lvnav_trade.campaign.definition.axes import cases
-from lvnav_trade.campaign.reading import provided
+from lvnav_trade.campaign.reading import flights
 from lvnav_trade.campaign.reading.load import load
 
 EVENTS = {"liftoff": 0.0, "stage1_cutoff": 150.0, "injection": 540.0}  # the climb holds 60 s and coasts 20 s
@@ -18,11 +18,11 @@ SOLUTION = "filter.measurements=[position, velocity]"
 def reported(*sets: str) -> list[str]:
     campaign = load("campaign.yaml", sets)
     found = cases(campaign)
-    return [str(one) for one in provided.mistakes(campaign, found, {case.id: EVENTS for case in found})]
+    return [str(one) for one in flights.mistakes(campaign, found, {case.id: EVENTS for case in found})]
 
 
 def warned(*sets: str) -> list[str]:
-    return provided.warnings(cases(load("campaign.yaml", sets)))
+    return flights.warnings(cases(load("campaign.yaml", sets)))
 
 
 def test_a_sensor_that_no_filter_uses_is_refused(study) -> None:
@@ -88,7 +88,7 @@ def test_a_window_outside_the_flight_is_refused(study, setting: str, message: st
 
 def test_stored_gains_of_another_flight_are_a_warning(study) -> None:
     found = load("campaigns/gains/scheduled_gain.yaml")
-    lines = provided.warnings(cases(found))
+    lines = flights.warnings(cases(found))
     assert len(lines) == 4  # two schedules on two flights that are not the nominal one
     assert all(line.endswith("used on 'recovery_polar' with other numbers") for line in lines)
     assert not any("trajectory=nominal" in line for line in lines)
@@ -96,4 +96,4 @@ def test_stored_gains_of_another_flight_are_a_warning(study) -> None:
     gains = unknown.scenario.filter.gains.model_copy(update={"flight_digest": ""})
     card = unknown.scenario.filter.model_copy(update={"gains": gains})
     unknown = unknown._replace(scenario=unknown.scenario.model_copy(update={"filter": card}))
-    assert "does not say for which flight" in provided.warnings([unknown])[0]
+    assert "does not say for which flight" in flights.warnings([unknown])[0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lvnav_trade.campaign.definition.axes import cases
-from lvnav_trade.campaign.derived.estimate import estimate
+from lvnav_trade.campaign.derived.filter_cards import process_noise
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax.cards import campaign_file
 from lvnav_trade.errors import InputError
@@ -17,7 +17,7 @@ RUNS = 20
 def estimated(*settings, runs=RUNS, step=None):
     campaign = load(campaign_file("campaigns/smoke.yaml"), (LOOSE, *settings))
     with flying(hop()):
-        return estimate(campaign, cases(campaign)[0], runs, step)
+        return process_noise(campaign, cases(campaign)[0], runs, step)
 
 
 def test_a_unit_that_the_filter_models_asks_for_next_to_no_noise_beyond_its_own():

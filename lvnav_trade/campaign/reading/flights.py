@@ -1,0 +1,235 @@
+"""What shows once the flights of the cases are known: events, faults, phases, sensors, measurements without effect."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
+
+from lvnav_trade.campaign.definition.axes import Case, axis_names
+from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.syntax import tree
+from lvnav_trade.engines.setup.sensors import window
+from lvnav_trade.errors import InputError, Mistake
+from lvnav_trade.layout import EXTRAS
+from lvnav_trade.observables.partials import Channels, members
+from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS
+from lvnav_trade.scenario import Scenario, measured
+from lvnav_trade.world.events import resolve
+from lvnav_trade.world.faults import AnyFault, missing_antenna, missing_satellite
+from lvnav_trade.world.flight.trajectory import identity
+from lvnav_trade.world.sky.satellites import satellites
+
+
+def mistakes(campaign: Campaign, cases: Sequence[Case], events: Mapping[str, Mapping[str, float]]) -> list[Mistake]:
+    """Return what does not fit the flights of the cases: statements on events that they do not have, phases without
+    length, faults and sensors outside them, and sensors, measurements and states without effect.
+
+    `events` holds for each case digest the times (s) of its trajectory's events in time order.
+    """
+    found = chain(
+        *(_named(campaign, case, events[case.id]) for case in cases),
+        *(_states(campaign, case) for case in cases),
+        *(_windows(campaign, case, events[case.id]) for case in cases),
+        _unused(campaign, cases),
+        _missing(campaign, cases),
+    )
+    return list(dict.fromkeys(found))
+
+
+def _named(campaign: Campaign, case: Case, times: Mapping[str, float]) -> Iterator[Mistake]:
+    """Yield the statements and faults of a case that do not fit its events."""
+    wanted = [
+        (f"{key}.{index}.{'during' if one.during else 'at'}", event)
+        for key in ("requirements", "references", "orderings")
+        for index, one in enumerate(getattr(campaign, key))
+        for event in one.events
+    ]
+    if campaign.covariance.at is not None:
+        wanted.append(("covariance.at", campaign.covariance.at))
+    for path, event in wanted:
+        if event not in times:
+            near = tree.hint(event, times) or f" (it has {', '.join(times)})"
+            yield campaign.written.mistake(path, f"{event!r} is not an event of the trajectory{near}")
+    for index, requirement in enumerate(campaign.requirements):
+        message = _backwards(requirement.events, times) if requirement.during else ""
+        if message:
+            yield campaign.written.mistake(f"requirements.{index}.during", message)
+    message = _unbounded(case.scenario) if campaign.covariance.error_bound else ""
+    if message:
+        yield campaign.written.mistake("covariance.error_bound", message)
+    for index, fault in enumerate(case.scenario.faults):
+        message = _fault(fault, times, *_span(case.scenario, times))
+        found = [("start", message)] if message else []
+        for field, message in (*found, *_beyond(fault, case.scenario)):
+            yield written(campaign, case, f"base.faults.{index}.{field}", message)
+
+
+def _unbounded(scenario: Scenario) -> str:
+    """Say why a case has no error bound, where it has none."""
+    card = scenario.filter
+    if not card.aided:
+        return "the filter has no measurement; an error bound needs some"
+    return "not available with attitude among the measurements" if "attitude" in measured(scenario) else ""
+
+
+def _beyond(fault: AnyFault, scenario: Scenario) -> Iterator[tuple[str, str]]:
+    """Yield field and message for antennas and satellites that a fault names and the case does not have."""
+    n_antenna = len(scenario.receiver.antennas)
+    for antenna in getattr(fault, "antennas", ()):
+        if antenna > n_antenna:
+            yield "antennas", missing_antenna(antenna, n_antenna)
+    wanted = getattr(fault, "satellites", ())
+    if wanted:
+        names = satellites(scenario.constellation, scenario.trajectory.epoch).names
+        for name in wanted:
+            if name not in names:
+                yield "satellites", missing_satellite(name, names)
+
+
+def _backwards(ends: Sequence[str], times: Mapping[str, float]) -> str:
+    """Say that a phase ends before it begins, where it does."""
+    known = [times[event] for event in ends if event in times]
+    if len(known) < 2 or known[0] < known[1]:
+        return ""
+    return f"the phase from {ends[0]} ({known[0]:g} s) to {ends[1]} ({known[1]:g} s) has no length"
+
+
+def _span(scenario: Scenario, events: Mapping[str, float]) -> tuple[float, float]:
+    """Return the first and the last time (s) of a flight."""
+    card = scenario.trajectory
+    return min(events.values()) - card.pad_hold, max(events.values()) + card.coast_after_injection
+
+
+def written(campaign: Campaign, case: Case, path: str, message: str) -> Mistake:
+    """Return the mistake where a case's value was written: in the base, or in the axis that gave the case its level."""
+    steps, root = [*path.split(".")], campaign.written.root
+    for index, (name, axis) in enumerate(zip(axis_names(campaign.axes), campaign.axes, strict=True)):
+        varied = ["base", *axis.steps]
+        level = case.axes.get(name, "")
+        if steps[: len(varied)] == varied and level in (axis.labels or ()):
+            at = str((axis.labels or ()).index(level))
+            key = "cards" if root and tree.find(root, ["axes", index, "cards"]) else "values"
+            steps = ["axes", str(index), key, at, *steps[len(varied) :]]
+            break
+    return campaign.written.mistake(path, message, steps)
+
+
+def located(campaign: Campaign, case: Case, mistakes: Sequence[Mistake]) -> list[Mistake]:
+    """Return the mistakes that showed when a case was put together where they were written, as far as a field is
+    named (with ``base.`` or without); those of a file of data know their line.
+    """
+    return [
+        one
+        if one.line or not one.path
+        else written(campaign, case, f"base.{one.path.removeprefix('base.')}", one.message)
+        for one in mistakes
+    ]
+
+
+def _fault(fault: AnyFault, events: Mapping[str, float], first: float, last: float) -> str:
+    """Return what is wrong with the times of a fault, or nothing; `first` and `last` (s) bound the flight."""
+    try:
+        start = resolve(fault.start, {"start": first, "end": last, **events})
+    except InputError as error:
+        return error.records[0].message
+    if start >= last:
+        return f"{fault.start!r} is {start:g} s, at or after the end of the flight ({last:g} s)"
+    if start + fault.duration < first:
+        return f"{fault.start!r} is {start:g} s: the fault is over before the flight begins ({first:g} s)"
+    return ""
+
+
+def warnings(cases: Sequence[Case]) -> list[str]:
+    """Return a line for each sensor that some cases use and others do not, and for gains of another flight."""
+    found = []
+    for name in _sensors(cases):
+        using, idle = _using(cases, name)
+        if using and idle:
+            labels = "; ".join(case.label for case in idle)
+            found.append(f"sensors.{name}: no measurement of the filter uses it in {labels}")
+    for case in cases:
+        line = _other_flight(case.scenario)
+        if line:
+            found.append(f"{case.label}: {line}")
+    return found
+
+
+def _other_flight(scenario: Scenario) -> str:
+    """Say that stored gains are of another flight, where they are, or that their card does not say of which."""
+    gains = scenario.filter.gains
+    if gains is None or gains.flight_digest == identity(scenario.trajectory):
+        return ""
+    if not gains.flight_digest:
+        return f"filter.gains: {gains.name!r} does not say for which flight it was computed"
+    name = scenario.trajectory.name
+    here = f"{name!r}{' with other numbers' if name == gains.flight else ''}"
+    return f"filter.gains: computed for the flight {gains.flight!r}, used on {here}"
+
+
+def _sensors(cases: Sequence[Case]) -> list[str]:
+    return list(dict.fromkeys(name for case in cases for name in case.scenario.sensors))
+
+
+def _using(cases: Sequence[Case], name: str) -> tuple[list[Case], list[Case]]:
+    """Return the cases with this sensor that use it, and those that do not; a vehicle under control uses attitude."""
+    using: list[Case] = []
+    idle: list[Case] = []
+    for case in cases:
+        card = case.scenario.sensors.get(name)
+        if card is not None:
+            steered = card.measurement == "attitude" and case.scenario.control is not None
+            used = steered or card.measurement in case.scenario.filter.measurements
+            (using if used else idle).append(case)
+    return using, idle
+
+
+def _unused(campaign: Campaign, cases: Sequence[Case]) -> Iterator[Mistake]:
+    """Yield the sensors that no case uses."""
+    for name in _sensors(cases):
+        using, idle = _using(cases, name)
+        if idle and not using:
+            card = idle[0].scenario.sensors[name]
+            assert card is not None
+            message = f"no effect: {card.measurement} is not among the measurements of any filter"
+            yield written(campaign, idle[0], f"base.sensors.{name}", message)
+
+
+def _missing(campaign: Campaign, cases: Sequence[Case]) -> Iterator[Mistake]:
+    """Yield the measurements whose sensor is null in every case."""
+    for name in SENSOR_MEASUREMENTS:
+        listing = [case for case in cases if name in case.scenario.filter.measurements]
+        if listing and not any(name in measured(case.scenario) for case in listing):
+            message = f"no sensor of the scenario measures {name} in any case"
+            yield written(campaign, listing[0], "base.filter.measurements", message)
+
+
+def _states(campaign: Campaign, case: Case) -> Iterator[Mistake]:
+    """Yield the extra states that no measurement of the filter depends on."""
+    card = case.scenario.filter
+    if not any(name in EXTRAS for name in (*card.extra_states, *card.consider)):
+        return
+    known = satellites(case.scenario.constellation, case.scenario.trajectory.epoch)
+    channels = Channels(card.tight, known.names, known.systems, (True,) * len(known.names))
+    for field in ("extra_states", "consider"):
+        for name in getattr(card, field):
+            receiver = card.tight or card.loose
+            if name in EXTRAS and not (receiver and members(name, channels)[0]):
+                message = f"{name}: no measurement of the filter depends on it"
+                yield written(campaign, case, f"base.filter.{field}", message)
+
+
+def _windows(campaign: Campaign, case: Case, events: Mapping[str, float]) -> Iterator[Mistake]:
+    """Yield the sensors whose window names no event of the flight, or lies outside it."""
+    first, last = _span(case.scenario, events)
+    for name, card in case.scenario.sensors.items():
+        if card is None:
+            continue
+        path = f"base.sensors.{name}.{'until' if card.from_ is None else 'from'}"
+        try:
+            start, end = window(card, events)
+        except InputError as error:
+            yield written(campaign, case, path, error.records[0].message)
+            continue
+        if max(start, first) >= min(end, last):
+            message = f"it does not measure within the flight ({first:g} s to {last:g} s)"
+            yield written(campaign, case, path, message)
