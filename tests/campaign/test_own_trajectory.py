@@ -92,7 +92,7 @@ def test_every_unit_of_an_axis_checks_the_file(mine: Path) -> None:
 def test_the_verb_writes_the_flight_of_a_card(mine: Path) -> None:
     done = CliRunner().invoke(app, ["kml", "trajectories/example_table", "-o", "flight.kml"])
     assert (done.exit_code, done.output) == (0, "kml: flight.kml\n")
-    names = [name.text for name in ET.parse("flight.kml").getroot().iter("{*}name")]
+    names = [name.text for name in ET.parse("flight.kml").getroot().findall(".//{*}name")]
     assert {"example_table", "liftoff", "injection"} <= set(names)
 
 
