@@ -304,7 +304,7 @@ def estimate_q(
     """
     from lvnav_trade.campaign.derived.filter_cards import process_noise
     from lvnav_trade.campaign.syntax.cards import write_card
-    from lvnav_trade.plots.steps import steps
+    from lvnav_trade.plots.study import steps
     from lvnav_trade.plots.style import look
     from lvnav_trade.report.escape import csv_text
 

@@ -3,34 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
 
 import pandas as pd
 
 from lvnav_trade.metrics.errors.agreement import agreement
-from lvnav_trade.metrics.errors.budget import budget
 from lvnav_trade.metrics.errors.control_variates import controlled
-from lvnav_trade.metrics.errors.diagnostics import contributions, nonlinearity, observability, sensitivity
-from lvnav_trade.metrics.errors.ranking import ranking
-from lvnav_trade.metrics.errors.rms import rms
-from lvnav_trade.metrics.filter.consistency import consistency, nees, nis
+from lvnav_trade.metrics.errors.diagnostics import budget, contributions, nonlinearity, observability, sensitivity
+from lvnav_trade.metrics.errors.rms import ranking, rms
+from lvnav_trade.metrics.filter.consistency import autocorrelation, consistency, nees, nis, whiteness
 from lvnav_trade.metrics.filter.logic import logic, modes, stops
 from lvnav_trade.metrics.filter.observed import observed
-from lvnav_trade.metrics.filter.whiteness import autocorrelation, whiteness
-from lvnav_trade.metrics.mission.correction import correction
 from lvnav_trade.metrics.mission.impact import corridor_verdicts, impact
-from lvnav_trade.metrics.mission.orbit import orbit
+from lvnav_trade.metrics.mission.orbit import correction, orbit
 from lvnav_trade.metrics.published.interpretations import interpretations
 from lvnav_trade.metrics.published.references import references
 from lvnav_trade.metrics.requirements.improvements import expected, improvements
 from lvnav_trade.metrics.requirements.requirements import verdicts
-from lvnav_trade.metrics.signals.satellites import in_view, outages
-from lvnav_trade.metrics.signals.tracking import losses, recovery, tracking, transitions
+from lvnav_trade.metrics.signals.satellites import in_view, losses, outages, recovery, tracking, transitions
 from lvnav_trade.metrics.vehicle.motion import motion
 from lvnav_trade.metrics.vehicle.nozzle import nozzle, turning, worth
-from lvnav_trade.store import Tables
+from lvnav_trade.store import Tables, load
 
-METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
+
+def _of_results(metric: Callable[[Tables], pd.DataFrame]) -> Callable[[Path | str | Tables], pd.DataFrame]:
+    """Return a metric of tables that takes a results folder too."""
+
+    @wraps(metric)
+    def of_results(results: Path | str | Tables) -> pd.DataFrame:
+        return metric(load(results))
+
+    return of_results
+
+
+_METRICS: dict[str, Callable[[Tables], pd.DataFrame]] = {
     "rms": rms,
     "agreement": agreement,
     "controlled": controlled,
@@ -69,6 +76,7 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
     "worth": worth,
     "interpretations": interpretations,
 }
+METRICS = {name: _of_results(metric) for name, metric in _METRICS.items()}
 """Every metric by name; each takes a results folder, or its tables, and returns a tidy frame."""
 
 CSV = (

@@ -6,20 +6,14 @@ from collections.abc import Callable
 from typing import Any
 
 from lvnav_trade.plots.budget import budget, heatmap
-from lvnav_trade.plots.case_errors import autocorrelations, errors, relative
-from lvnav_trade.plots.consistency import consistency
+from lvnav_trade.plots.consistency import consistency, logic
 from lvnav_trade.plots.delays import delays, latency
-from lvnav_trade.plots.errors import comparison, envelope, rank
-from lvnav_trade.plots.flight import trajectory
-from lvnav_trade.plots.impact import impact
-from lvnav_trade.plots.logic import logic
-from lvnav_trade.plots.missions import missions
-from lvnav_trade.plots.motion import apart, ignition, interpretations, motion, singular
+from lvnav_trade.plots.errors import autocorrelations, comparison, envelope, errors, rank, relative
+from lvnav_trade.plots.mission import impact, orbit
+from lvnav_trade.plots.motion import apart, ignition, interpretations, motion, singular, trajectory
 from lvnav_trade.plots.nozzle import envelopes, movement, sweep, worth
-from lvnav_trade.plots.orbit import orbit
-from lvnav_trade.plots.published import locus, spread
-from lvnav_trade.plots.sky import satellites, sky
-from lvnav_trade.plots.timeline import timeline
+from lvnav_trade.plots.published import locus, missions, spread
+from lvnav_trade.plots.sky import satellites, sky, timeline
 
 PLOTS: dict[str, Callable[..., Any]] = {
     "trajectory": trajectory,

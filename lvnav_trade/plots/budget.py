@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,10 +10,10 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from lvnav_trade.metrics.basics.select import metric_name
+from lvnav_trade.metrics.basics.select import history_of, metric_name, pick
 from lvnav_trade.metrics.errors.diagnostics import contributions
-from lvnav_trade.plots.style import PALETTE, canvas, legend_below, look, mark_events
-from lvnav_trade.store import Tables, load
+from lvnav_trade.plots.style import PALETTE, canvas, drawing, legend_below, mark_events, over_time
+from lvnav_trade.store import Tables
 
 MOST_SOURCES = 7
 MOST_ROWS = 12
@@ -29,47 +28,38 @@ _LEAST, _LEAST_ROW = 1e-2, 0.05
 """Percent: smaller contributions are left white, sources with a smaller sum are drawn together."""
 
 
-def budget(results: Path | str | Tables, case: str, quantity: str) -> Figure:
+@drawing
+def budget(tables: Tables, case: str, quantity: str) -> Figure:
     """Draw the true variance of a 3-D error over time, source on source, and its parts.
 
     Above, a sandpile: heights are variances on an axis scaled and labelled as their root, so that the top of the pile
     reads as one sigma of the true error and squares add; the line is the filter's own sigma. Where the pile rises above
     the line the filter is optimistic, by what lies between. Below, the same layers as parts of the true variance.
     """
-    tables = load(results)
-    rows = tables.budget
-    rows = rows[(rows.case == case) & (rows.event == "") & (rows.quantity == quantity) & (rows.axis == "3d")]
-    share = rows.pivot_table(index="t_s", columns="source", values="share_ratio", sort=False) * 100.0
-    layers = _layers(share)
+    rows = pick(tables.budget, case=case, event="", quantity=quantity, axis="3d")
+    layers = _layers(rows.pivot_table(index="t_s", columns="source", values="share_ratio", sort=False) * 100.0)
     unit, factor = tables.people[quantity, "3d"]
-    history = tables.history
-    history = history[(history.case == case) & (history.quantity == quantity) & (history.axis == "3d")]
-    sigma = history.set_index("t_s")[["lincov_true_si", "lincov_formal_si", "lincov_mean_si"]] * factor
-    with look():
-        figure, grid = canvas(2, 1, 2.35, sharex=True)
-        pile, parts = grid[:, 0]
-        variance = layers.mul(sigma.lincov_true_si.reindex(layers.index) ** 2, axis=0) / 100.0
-        _stack(pile, variance)
-        formal = sigma.lincov_formal_si
-        pile.plot(formal.index, formal**2, color="black", lw=2.6)
-        pile.plot(formal.index, formal**2, color="white", lw=1.1, ls="--")
-        mean = sigma.lincov_mean_si
-        biased = bool((mean**2 >= _BIASED * (mean**2 + sigma.lincov_true_si**2)).any())
-        if biased:
-            pile.plot(mean.index, mean**2, color="black", lw=1.0, ls="-.", label="mean, the same in every flight")
-        highest = (variance.sum(axis=1).max(), (formal**2).max(), (mean**2).max() if biased else 0.0)
-        _root_axis(pile, float(max(highest)))
-        pile.set_ylabel(f"{quantity} error, 3D\n({unit}, 1 sigma)")
-        _stack(parts, layers)
-        parts.set_ylim(0, 100)
-        parts.set_ylabel("part of the true\nvariance (%)")
-        parts.set_xlabel("time since lift-off (s)")
-        for number, ax in enumerate((pile, parts)):
-            ax.margins(x=0)
-            mark_events(ax, tables.events[tables.events.case == case], names=number == 0)
-            ax.grid(visible=False)
-        pile.plot([], [], color="black", lw=1.6, ls=(0, (3, 1)), label="filter's own sigma")
-        legend_below(figure, pile)
+    history = history_of(tables, case, quantity, "3d").set_index("t_s")
+    true, formal, mean = ((history[f"lincov_{name}_si"] * factor) ** 2 for name in ("true", "formal", "mean"))
+    figure, grid = canvas(2, 1, 2.35, sharex=True)
+    pile, parts = grid[:, 0]
+    variance = layers.mul(true.reindex(layers.index), axis=0) / 100.0
+    _stack(pile, variance)
+    pile.plot(formal.index, formal, color="black", lw=2.6)
+    pile.plot(formal.index, formal, color="white", lw=1.1, ls="--")
+    biased = bool((mean >= _BIASED * (mean + true)).any())
+    if biased:
+        pile.plot(mean.index, mean, color="black", lw=1.0, ls="-.", label="mean, the same in every flight")
+    _root_axis(pile, float(max(variance.sum(axis=1).max(), formal.max(), mean.max() if biased else 0.0)))
+    pile.set_ylabel(f"{quantity} error, 3D\n({unit}, 1 sigma)")
+    _stack(parts, layers)
+    parts.set_ylim(0, 100)
+    parts.set_ylabel("part of the true\nvariance (%)")
+    over_time(grid[:, 0], tables, case, margin=0.0)
+    for ax in (pile, parts):
+        ax.grid(visible=False)
+    pile.plot([], [], color="black", lw=1.6, ls=(0, (3, 1)), label="filter's own sigma")
+    legend_below(figure, pile)
     return figure
 
 
@@ -107,14 +97,13 @@ def _round_step(step: float) -> float:
     return float(next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= step * 0.999))
 
 
-def heatmap(results: Path | str | Tables, case: str, quantity: str) -> Figure:
+@drawing
+def heatmap(tables: Tables, case: str, quantity: str) -> Figure:
     """Draw what each source put into a 3-D error at the explained event, and when: sources x time, largest on top.
 
     What is drawn once (constant errors, initial errors) stands in a column of its own: the start. At the right the sum.
     """
-    tables = load(results)
-    rows = contributions(tables)
-    rows = rows[(rows.case == tables.labels[case]) & (rows.metric == metric_name(quantity))]
+    rows = pick(contributions(tables), case=tables.labels[case], metric=metric_name(quantity))
     total = rows.groupby("source", sort=False).share_ratio.sum().sort_values(ascending=False, kind="stable") * 100.0
     names = list(total.index[total >= _LEAST_ROW][:MOST_ROWS])
     rest = [name for name in total.index if name not in names]
@@ -126,27 +115,23 @@ def heatmap(results: Path | str | Tables, case: str, quantity: str) -> Figure:
         names.append(REST)
     image = wide.reindex(index=names, columns=edges[:-1]).to_numpy()
     event = rows.event.iloc[0].replace("_", " ")
-    with look():
-        figure, grid = canvas(1, 2, 1.15 + 0.25 * max(2, len(names)), sharey=True, width_ratios=[1, 18])
-        start, ax = grid[0]
-        scale = LogNorm(_LEAST, max(float(np.nanmax(image)), 10 * _LEAST))
-        _cells(start, np.array([0.0, 1.0]), image[:, :1], scale)
-        mesh = _cells(ax, edges[1:], image[:, 1:], scale)
-        bar = figure.colorbar(mesh, ax=ax, pad=0.09, fraction=0.035)
-        bar.set_label(f"part of the variance at\n{event}, per {edges[1] - edges[0]:g} s (%)")
-        bar.formatter = FuncFormatter(lambda value, _: f"{value:g}")
-        bar.update_ticks()
-        start.set_yticks(np.arange(len(names)) + 0.5, names)
-        start.invert_yaxis()
-        start.set_xticks([0.5], ["at the\nstart"])
-        start.set_xlabel("drawn")
-        start.set_ylabel("error source")
-        for row, name in enumerate(names):
-            ax.text(
-                1.01, row + 0.5, f"{total[name]:.1f} %", transform=ax.get_yaxis_transform(), va="center", fontsize=7.5
-            )
-        ax.set_xlabel("time since lift-off (s), when the error was made")
-        mark_events(ax, tables.events[tables.events.case == case])
+    figure, grid = canvas(1, 2, 1.15 + 0.25 * max(2, len(names)), sharey=True, width_ratios=[1, 18])
+    start, ax = grid[0]
+    scale = LogNorm(_LEAST, max(float(np.nanmax(image)), 10 * _LEAST))
+    _cells(start, np.array([0.0, 1.0]), image[:, :1], scale)
+    bar = figure.colorbar(_cells(ax, edges[1:], image[:, 1:], scale), ax=ax, pad=0.09, fraction=0.035)
+    bar.set_label(f"part of the variance at\n{event}, per {edges[1] - edges[0]:g} s (%)")
+    bar.formatter = FuncFormatter(lambda value, _: f"{value:g}")
+    bar.update_ticks()
+    start.set_yticks(np.arange(len(names)) + 0.5, names)
+    start.invert_yaxis()
+    start.set_xticks([0.5], ["at the\nstart"])
+    start.set_xlabel("drawn")
+    start.set_ylabel("error source")
+    for row, name in enumerate(names):
+        ax.text(1.01, row + 0.5, f"{total[name]:.1f} %", transform=ax.get_yaxis_transform(), va="center", fontsize=7.5)
+    ax.set_xlabel("time since lift-off (s), when the error was made")
+    mark_events(ax, pick(tables.events, case=case))
     return figure
 
 

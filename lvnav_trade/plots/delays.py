@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,8 +9,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 
-from lvnav_trade.plots.style import GREY, PALETTE, canvas, event_key, legend_below, look, mark_events, scale_up
-from lvnav_trade.store import Tables, load
+from lvnav_trade.metrics.basics.select import pick
+from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, event_key, legend_below, over_time, scale_up
+from lvnav_trade.store import Tables
 
 LAYERS = ("troposphere", "ionosphere")
 _LEAST = 1e-3
@@ -20,40 +20,31 @@ _LEAST = 1e-3
 
 def layers_of(rows: pd.DataFrame) -> list[str]:
     """Return the layers that delay, or are corrected for, in rows of the table `satellites`."""
-    return [
-        layer
-        for layer in LAYERS
-        if (rows[[f"{layer}_m", f"{layer}_left_m"]].fillna(0.0).abs() >= _LEAST).to_numpy().any()
-    ]
+    return [layer for layer in LAYERS if (rows[[f"{layer}_m", f"{layer}_left_m"]].abs() >= _LEAST).any(axis=None)]
 
 
-def delays(results: Path | str | Tables, case: str) -> Figure:
+@drawing
+def delays(tables: Tables, case: str) -> Figure:
     """Draw the true delay of every satellite tracked, and below it what the filter's correction leaves of it."""
-    tables = load(results)
-    rows = tables.satellites[tables.satellites.case == case]
-    events = tables.events[tables.events.case == case]
+    rows = pick(tables.satellites, case=case)
     layers = layers_of(rows) or list(LAYERS[:1])
-    with look():
-        figure, grid = canvas(2, len(layers), 2.3, sharex=True)
-        for column, layer in enumerate(layers):
-            true, left = grid[:, column]
-            _lines(true, rows, f"{layer}_m", PALETTE[0])
-            _lines(left, rows, f"{layer}_left_m", PALETTE[1])
-            drawn = rows[f"{layer}_m"][rows[f"{layer}_m"] >= _LEAST]
-            scale_up(true.yaxis, drawn)
-            if true.get_yscale() == "log":
-                true.set_ylim(bottom=0.7 * drawn.min())
-            left.axhline(0.0, color="black", lw=0.7)
-            true.set_ylabel(f"{layer}, true\ndelay (m)")
-            left.set_ylabel(f"{layer}, left by\nthe correction (m)")
-            left.set_xlabel("time since lift-off (s)")
-            for number, axes in enumerate((true, left)):
-                axes.margins(x=0.01)
-                mark_events(axes, events, names=number == 0, numbers=len(layers) > 1)
-        legend_below(figure, grid[0, 0])
-        if len(layers) > 1:
-            figure.legends[0].set_title(event_key(events), FontProperties(size=7.5))
-            figure.legends[0].get_title().set_color(GREY)
+    figure, grid = canvas(2, len(layers), 2.3, sharex=True)
+    for panels, layer in zip(grid.T, layers, strict=True):
+        true, left = panels
+        _lines(true, rows, f"{layer}_m", PALETTE[0])
+        _lines(left, rows, f"{layer}_left_m", PALETTE[1])
+        drawn = rows[f"{layer}_m"][rows[f"{layer}_m"] >= _LEAST]
+        scale_up(true.yaxis, drawn)
+        if true.get_yscale() == "log":
+            true.set_ylim(bottom=0.7 * drawn.min())
+        left.axhline(0.0, color="black", lw=0.7)
+        true.set_ylabel(f"{layer}, true\ndelay (m)")
+        left.set_ylabel(f"{layer}, left by\nthe correction (m)")
+        over_time(panels, tables, case, numbers=len(layers) > 1)
+    legend_below(figure, grid[0, 0])
+    if len(layers) > 1:
+        figure.legends[0].set_title(event_key(pick(tables.events, case=case)), FontProperties(size=7.5))
+        figure.legends[0].get_title().set_color(GREY)
     return figure
 
 
@@ -67,18 +58,14 @@ def _lines(axes: Any, rows: pd.DataFrame, column: str, colour: str) -> None:
     axes.plot(times, median, color="black", lw=1.7, label="their median")
 
 
-def latency(results: Path | str | Tables, case: str) -> Figure:
+@drawing
+def latency(tables: Tables, case: str) -> Figure:
     """Draw how old measurements are when the filter takes them for present."""
-    tables = load(results)
-    rows = tables.satellites[tables.satellites.case == case].drop_duplicates("t_s")
-    with look():
-        figure, grid = canvas(1, 1, 2.3)
-        axes = grid[0, 0]
-        age = rows.latency_s * 1e3
-        axes.step(rows.t_s, age, where="post", color=PALETTE[0])
-        axes.set_ylim(0.0, max(1.0, 1.15 * float(age.max())))
-        axes.set_xlabel("time since lift-off (s)")
-        axes.set_ylabel("age of the\nmeasurements (ms)")
-        axes.margins(x=0.01)
-        mark_events(axes, tables.events[tables.events.case == case])
+    rows = pick(tables.satellites, case=case).drop_duplicates("t_s")
+    figure, grid = canvas(1, 1, 2.3)
+    age = rows.latency_s * 1e3
+    grid[0, 0].step(rows.t_s, age, where="post", color=PALETTE[0])
+    grid[0, 0].set_ylim(0.0, max(1.0, 1.15 * float(age.max())))
+    grid[0, 0].set_ylabel("age of the\nmeasurements (ms)")
+    over_time(grid[0], tables, case)
     return figure

@@ -1,48 +1,49 @@
-"""Errors over time: envelopes of one case, all cases on one axis, ranking."""
+"""Errors over time: envelopes of one case, several cases on one axis or over a base, ranking, autocorrelations."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lvnav_trade.metrics.basics.intervals import rms_interval
-from lvnav_trade.metrics.basics.select import lincov_rms
-from lvnav_trade.metrics.errors.ranking import ranking
-from lvnav_trade.plots.style import PALETTE, canvas, legend_below, line_of, look, mark_events, scale_up
-from lvnav_trade.store import Tables, load
+from lvnav_trade.metrics.basics.select import history_of, lincov_rms, phase
+from lvnav_trade.metrics.errors.rms import ranking
+from lvnav_trade.metrics.filter.consistency import autocorrelation
+from lvnav_trade.metrics.published.published import cases_of
+from lvnav_trade.plots.style import PALETTE, canvas, drawing, legend_below, line_of, over_time, scale_up
+from lvnav_trade.store import Tables
+
+_LEAST = 0.2
+"""Autocorrelation that is always within the panels: chance is not blown up."""
+_ONE_FLIGHT = 600
+"""Innovations of a channel in one flight, one a second."""
+_OWN = "dots: filter's own sigma over its true error"
+Cases = Sequence[Mapping[str, str]]
 
 
-def rows_of(tables: Tables, case: str, quantity: str, axis: str) -> pd.DataFrame:
-    """Return the history of one error of a case."""
-    history = tables.history
-    return history[(history.case == case) & (history.quantity == quantity) & (history.axis == axis)]
-
-
-def envelope(results: Path | str | Tables, case: str, quantity: str) -> Figure:
+@drawing
+def envelope(tables: Tables, case: str, quantity: str) -> Figure:
     """Draw the errors of one quantity of a case, an axis below the other.
 
     Monte-Carlo RMS with its 95 % interval, the filter's own sigma in the runs, LinCov formal (one sigma) and true (RMS:
     sigma and mean together).
     """
-    tables = load(results)
     axes_names = list(dict.fromkeys(tables.outputs[tables.outputs.quantity == quantity].axis))
     single = [name for name in axes_names if name != "3d"][:3] or axes_names
     unit, factor = tables.people[quantity, single[0]]
-    with look():
-        figure, grid = canvas(len(single), 1, 1.95, sharex=True)
-        for number, (ax, axis) in enumerate(zip(grid[:, 0], single, strict=True)):
-            rows = rows_of(tables, case, quantity, axis)
-            _lines(ax, rows, factor)
-            ax.set_ylabel(f"{axis}, RMS or\n1 sigma ({unit})")
-            scale_up(ax.yaxis, pd.concat([rows.rms_si, rows.lincov_true_si, rows.lincov_formal_si]))
-            ax.margins(x=0.01)
-            mark_events(ax, tables.events[tables.events.case == case], names=number == 0)
-        grid[-1, 0].set_xlabel("time since lift-off (s)")
-        legend_below(figure, grid[0, 0])
+    figure, grid = canvas(len(single), 1, 1.95, sharex=True)
+    for ax, axis in zip(grid[:, 0], single, strict=True):
+        rows = history_of(tables, case, quantity, axis)
+        _lines(ax, rows, factor)
+        ax.set_ylabel(f"{axis}, RMS or\n1 sigma ({unit})")
+        scale_up(ax.yaxis, pd.concat([rows.rms_si, rows.lincov_true_si, rows.lincov_formal_si]))
+    over_time(grid[:, 0], tables, case)
+    legend_below(figure, grid[0, 0])
     return figure
 
 
@@ -57,45 +58,149 @@ def _lines(ax: Any, rows: pd.DataFrame, factor: float) -> None:
     ax.plot(rows.t_s, lincov_rms(rows) * factor, color=PALETTE[1], ls="--", lw=1.1, label="LinCov, true error")
 
 
-def comparison(results: Path | str | Tables, quantity: str) -> Figure:
+@drawing
+def comparison(tables: Tables, quantity: str) -> Figure:
     """Draw the 3-D error of all cases on one axis: Monte-Carlo RMS, or LinCov's where there are no runs."""
-    tables = load(results)
     unit, factor = tables.people[quantity, "3d"]
-    with look():
-        figure, grid = canvas(1, 1, 3.0 + 0.09 * len(tables.labels))
-        ax = grid[0, 0]
-        every = []
-        for number, (case, label) in enumerate(tables.labels.items()):
-            rows = rows_of(tables, case, quantity, "3d")
-            error = (rows.rms_si if rows.run_count.iloc[0] else lincov_rms(rows)) * factor
-            ax.plot(rows.t_s, error, label=label, **line_of(number))
-            every.append(error)
-        scale_up(ax.yaxis, pd.concat(every))
-        ax.set_xlabel("time since lift-off (s)")
-        ax.set_ylabel(f"{quantity} error,\n3D RMS ({unit})")
-        ax.margins(x=0.01)
-        mark_events(ax, tables.events[tables.events.case == next(iter(tables.labels))])
-        legend_below(figure, ax, columns=2)
+    figure, grid = canvas(1, 1, 3.0 + 0.09 * len(tables.labels))
+    ax, every = grid[0, 0], []
+    for number, (case, label) in enumerate(tables.labels.items()):
+        rows = history_of(tables, case, quantity, "3d")
+        error = (rows.rms_si if _has_runs(rows) else lincov_rms(rows)) * factor
+        ax.plot(rows.t_s, error, label=label, **line_of(number))
+        every.append(error)
+    scale_up(ax.yaxis, pd.concat(every))
+    ax.set_ylabel(f"{quantity} error,\n3D RMS ({unit})")
+    over_time([ax], tables, next(iter(tables.labels)))
+    legend_below(figure, ax, columns=2)
     return figure
 
 
-def rank(results: Path | str | Tables) -> Figure:
+@drawing
+def rank(tables: Tables) -> Figure:
     """Draw the cases in order of their 3-D velocity error at injection, position beside it, with 95 % intervals."""
-    tables = load(results)
     frame = ranking(tables)
     quantities = [name for name in ("velocity", "position") if name in frame]
-    with look():
-        figure, grid = canvas(1, max(1, len(quantities)), 1.05 + 0.26 * len(frame), sharey=True)
-        place = np.arange(len(frame))
-        for ax, quantity in zip(grid[0], quantities, strict=False):
-            value = frame[quantity].to_numpy(dtype=float)
-            spread = np.array([value - frame[f"{quantity}_low"], frame[f"{quantity}_high"] - value], dtype=float)
-            ax.barh(place, value, color=PALETTE[0], height=0.6)
-            ax.errorbar(value, place, xerr=np.nan_to_num(spread), fmt="none", ecolor="black", capsize=2, lw=0.9)
-            ax.set_xlabel(f"{quantity} error at {frame.event.iloc[0]}\n3D RMS ({frame[f'{quantity}_unit'].iloc[0]})")
-            scale_up(ax.xaxis, value)
-            ax.grid(axis="y", visible=False)
-        grid[0, 0].set_yticks(place, frame.case)
-        grid[0, 0].set_ylabel("case")
-        grid[0, 0].invert_yaxis()
+    figure, grid = canvas(1, max(1, len(quantities)), 1.05 + 0.26 * len(frame), sharey=True)
+    place = np.arange(len(frame))
+    for ax, quantity in zip(grid[0], quantities, strict=False):
+        value = frame[quantity].to_numpy(dtype=float)
+        spread = np.array([value - frame[f"{quantity}_low"], frame[f"{quantity}_high"] - value], dtype=float)
+        ax.barh(place, value, color=PALETTE[0], height=0.6)
+        ax.errorbar(value, place, xerr=np.nan_to_num(spread), fmt="none", ecolor="black", capsize=2, lw=0.9)
+        ax.set_xlabel(f"{quantity} error at {frame.event.iloc[0]}\n3D RMS ({frame[f'{quantity}_unit'].iloc[0]})")
+        scale_up(ax.xaxis, value)
+        ax.grid(axis="y", visible=False)
+    grid[0, 0].set_yticks(place, frame.case)
+    grid[0, 0].set_ylabel("case")
+    grid[0, 0].invert_yaxis()
+    return figure
+
+
+@drawing
+def errors(tables: Tables, quantity: str, cases: Cases = (), axis: str = "3d", during: str | None = None) -> Figure:
+    """Draw one error of chosen cases (all if none is) over time: Monte-Carlo RMS as lines, LinCov's as thin dashes."""
+    frames = _frames(tables, quantity, cases, axis, during)
+    unit, factor = tables.people[quantity, axis]
+    figure, grid = canvas(1, 1, 3.2 + 0.09 * len(frames))
+    ax, every = grid[0, 0], []
+    for number, (case, rows) in enumerate(frames.items()):
+        expected, flown = rows.expected_si * factor, _has_runs(rows)
+        shown = rows.rms_si * factor if flown else expected
+        _line(ax, number, rows.t_s, shown, expected if flown else None, tables.labels[case])
+        every += [shown, expected]
+    scale_up(ax.yaxis, pd.concat(every))
+    ax.set_ylabel(f"{_named(quantity, axis)}\n({unit}; short dashes: LinCov)")
+    over_time([ax], tables, next(iter(frames)))
+    legend_below(figure, ax, columns=2)
+    return figure
+
+
+@drawing
+def relative(tables: Tables, quantity: str, cases: Cases = (), axis: str = "3d", during: str | None = None) -> Figure:
+    """Draw one error of chosen cases over that of the first one: Monte-Carlo RMS as lines, LinCov's as thin dashes.
+
+    Short dots: the filter's own sigma over its true error, which a filter that knows its errors keeps at one.
+    """
+    frames = _frames(tables, quantity, cases, axis, during or "flight")
+    first, base = next(iter(frames.items()))
+    figure, grid = canvas(1, 1, 3.2 + 0.09 * len(frames))
+    ax, every = grid[0, 0], []
+    for number, (case, rows) in enumerate(frames.items()):
+        if number:
+            expected = _over(rows, "expected_si", base)
+            shown = _over(rows, "rms_si", base) if _has_runs(rows) and _has_runs(base) else expected
+            _line(ax, number, rows.t_s, shown, expected, tables.labels[case])
+            every += [*shown, *expected]
+        own = rows.lincov_formal_si / rows.expected_si
+        ax.plot(rows.t_s, own, color=line_of(number)["color"], ls=":", lw=1.2, label=None if number else _OWN)
+        every += [*own]
+    ax.axhline(1.0, color=line_of(0)["color"], lw=1.2, label=f"{tables.labels[first]} (the base)")
+    scale_up(ax.yaxis, every, from_zero=max(every, default=0.0) > 1.5)  # a few percent should be seen
+    ax.set_ylabel(f"{_named(quantity, axis)},\nover the base (-; short dashes: LinCov)")
+    over_time([ax], tables, first)
+    legend_below(figure, ax, columns=2)
+    return figure
+
+
+def _frames(tables: Tables, quantity: str, cases: Cases, axis: str, during: str | None) -> dict[str, pd.DataFrame]:
+    """Return the history of an error of the chosen cases (all if none is) in a phase, with what LinCov expects."""
+    frames = {}
+    for case in dict.fromkeys(case for wanted in cases for case in cases_of(tables, wanted)) or tables.labels:
+        rows = history_of(tables, case, quantity, axis)
+        if during is not None:
+            rows = rows[rows.t_s.between(*phase(tables, case, during))]
+        frames[case] = rows.assign(expected_si=lincov_rms)
+    return frames
+
+
+def _has_runs(rows: pd.DataFrame) -> bool:
+    return bool(len(rows) and rows.run_count.iloc[0])
+
+
+def _line(
+    ax: Axes, number: int, t: pd.Series[float], shown: pd.Series[float], expected: pd.Series[float] | None, label: str
+) -> None:
+    """Draw a case, and beside it what LinCov expects where that is another line."""
+    style = line_of(number)
+    ax.plot(t, shown, label=label, **style)
+    if expected is not None:
+        ax.plot(t, expected, color=style["color"], ls=(0, (2, 2)), lw=0.7)
+
+
+def _named(quantity: str, axis: str) -> str:
+    return f"{quantity.replace('_', ' ')} error, {'3D' if axis == '3d' else axis} RMS"
+
+
+def _over(rows: pd.DataFrame, column: str, base: pd.DataFrame) -> pd.Series[float]:
+    """Return a column over that of other rows at the same times."""
+    return rows[column] / base.set_index("t_s")[column].reindex(rows.t_s).to_numpy()
+
+
+@drawing
+def autocorrelations(tables: Tables, cases: Cases = (), channels: str = "") -> Figure:
+    """Draw the autocorrelation of every innovation channel of chosen cases, a panel each; `channels` picks by a word.
+
+    Grey: where the value of one flight of white innovations lies with 95 % probability.
+    """
+    labels = [tables.labels[case] for wanted in cases for case in cases_of(tables, wanted)]
+    frame = autocorrelation(tables)
+    frame = frame[frame.channel.str.contains(channels, regex=False) & (frame.pair_count >= 100)]
+    shown = list(dict.fromkeys(labels or frame.case))
+    columns = min(3, max(1, len(shown)))
+    figure, grid = canvas(-(-max(1, len(shown)) // columns), columns, 2.3, sharex=True, sharey=True)
+    bound = 1.96 / np.sqrt(_ONE_FLIGHT)
+    for ax, label in zip(grid.ravel(), shown, strict=False):
+        ax.axhspan(-bound, bound, color="#9ca3af", alpha=0.35, lw=0)
+        for channel, rows in frame[frame.case == label].groupby("channel", sort=False):
+            lags = rows[rows.lag_number > 0]
+            colour = PALETTE[1] if "rate" in str(channel) or "vel" in str(channel) else PALETTE[0]
+            ax.plot(lags.lag_number, lags.autocorrelation_ratio, color=colour, lw=0.8, marker=".", ms=3)
+        ax.set_title(label.replace(", ", "\n"), fontsize=7)
+    for ax in grid.ravel():
+        ax.set_ylabel("autocorrelation (-)")
+        ax.set_xlabel("lag (epochs)")
+        ax.label_outer()
+    low, high = grid[0, 0].get_ylim()
+    grid[0, 0].set_ylim(min(low, -_LEAST), max(high, _LEAST))  # all panels share it
     return figure

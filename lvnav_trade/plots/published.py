@@ -1,10 +1,9 @@
-"""Published numbers in pictures: all ratios at once, a single flight among ours, a metric over a setting."""
+"""Published numbers: all ratios at once, single and flown flights among ours, a metric over a setting."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,8 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from lvnav_trade.metrics.published.published import cases_of, name_of, ours
-from lvnav_trade.plots.style import GREY, PALETTE, canvas, legend_below, line_of, look, scale_up
-from lvnav_trade.store import Tables, load
+from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, legend_below, line_of, look, scale_up
+from lvnav_trade.store import Tables
 from lvnav_trade.units import parse
 
 _DRAWN = 0.02, 50.0
@@ -42,34 +41,31 @@ def ratios(references: pd.DataFrame) -> Figure:
                 here = chosen & (np.sign(frame.ratio - ratio) == end).to_numpy()
                 ax.plot(ratio[here], place[here], sign, color=colour, ms=4.5, label="" if end else label)
         ax.axvline(1.0, color=GREY, lw=0.8)
-        _ratio_axis(ax)
-        ax.set_yticks(place, [_short(name) for name in names], fontsize=6.5)
-        ax.set_ylim(len(frame) - 0.4, -0.6)
-        ax.grid(axis="y", visible=False)
-        ax.set_xlabel("ours / published (-)")
-        ax.set_ylabel("item")
+        _ratio_axes(ax, names, "ours / published (-)")
         legend_below(figure, ax)
     return figure
 
 
-def _ratio_axis(ax: Any) -> None:
-    """Make the horizontal axis one of ratios: logarithmic, with plain numbers."""
+def _ratio_axes(ax: Any, names: Sequence[str], label: str) -> None:
+    """Make the horizontal axis one of ratios, logarithmic, with plain numbers, and name items from the top down."""
     ax.set_xscale("log")
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     ax.xaxis.set_minor_formatter(NullFormatter())
+    short = [name if len(name) <= 62 else name[:59] + "..." for name in names]
+    ax.set_yticks(np.arange(len(names)), short, fontsize=6.5)
+    ax.set_ylim(len(names) - 0.4, -0.6)
+    ax.grid(axis="y", visible=False)
+    ax.set_xlabel(label)
+    ax.set_ylabel("item")
 
 
-def _short(name: str, most: int = 62) -> str:
-    return name if len(name) <= most else name[: most - 3] + "..."
-
-
-def spread(results: Path | str | Tables, references: Sequence[Mapping[str, Any]]) -> Figure | None:
+@drawing
+def spread(tables: Tables, references: Sequence[Mapping[str, Any]]) -> Figure | None:
     """Draw every published number of a single flight among the same of our flights, each by itself; None without any.
 
     Box: half of our flights, whiskers: 90 % of them; all over the published number.
     """
-    tables = load(results)
     rows = []
     for published in references:
         for case in cases_of(tables, published.get("case") or {}) if published.get("single") else ():
@@ -77,33 +73,62 @@ def spread(results: Path | str | Tables, references: Sequence[Mapping[str, Any]]
             found = found[np.isfinite(found)]
             if len(found) > 1:
                 name = f"{published.get('item') or name_of(published)}: {tables.labels[case]}"
-                rows.append((_short(name), found, published.get("band") or (0.5, 2.0)))
+                rows.append((name, found, published.get("band") or (0.5, 2.0)))
     if not rows:
         return None
-    with look():
-        figure, grid = canvas(1, 1, 1.1 + 0.22 * len(rows))
-        ax = grid[0, 0]
-        for place, (_, found, band) in enumerate(rows):
-            first = place == 0
-            q = np.quantile(found, [0.05, 0.25, 0.5, 0.75, 0.95])
-            bounds = (max(band[0], 0.02), band[1])
-            ax.hlines(place, *bounds, color="#9ca3af", lw=9, alpha=0.35, label="band" if first else None)
-            ax.hlines(place, q[0], q[4], color=PALETTE[0], lw=1.2, label="90 % of our flights" if first else None)
-            ax.hlines(place, q[1], q[3], color=PALETTE[0], lw=5, label="half of them" if first else None)
-            ax.plot(q[2], place, "|", color="white", ms=7, mew=1.6)
-        ax.axvline(1.0, color=PALETTE[1], lw=1.6, label="published, one flight")
-        _ratio_axis(ax)
-        ax.set_yticks(range(len(rows)), [name for name, _, _ in rows], fontsize=6.5)
-        ax.set_ylim(len(rows) - 0.4, -0.6)
-        ax.grid(axis="y", visible=False)
-        ax.set_xlabel("our flights, each by itself / published (-)")
-        ax.set_ylabel("item")
-        legend_below(figure, ax)
+    figure, grid = canvas(1, 1, 1.1 + 0.22 * len(rows))
+    ax = grid[0, 0]
+    for place, (_, found, band) in enumerate(rows):
+        q = np.quantile(found, [0.05, 0.25, 0.5, 0.75, 0.95])
+        for low, high, label, style in (
+            (max(band[0], 0.02), band[1], "band", {"color": "#9ca3af", "lw": 9, "alpha": 0.35}),
+            (q[0], q[4], "90 % of our flights", {"color": PALETTE[0], "lw": 1.2}),
+            (q[1], q[3], "half of them", {"color": PALETTE[0], "lw": 5}),
+        ):
+            ax.hlines(place, low, high, label=label if place == 0 else None, **style)
+        ax.plot(q[2], place, "|", color="white", ms=7, mew=1.6)
+    ax.axvline(1.0, color=PALETTE[1], lw=1.6, label="published, one flight")
+    _ratio_axes(ax, [name for name, _, _ in rows], "our flights, each by itself / published (-)")
+    legend_below(figure, ax)
     return figure
 
 
+@drawing
+def missions(tables: Tables, flown: Sequence[Mapping[str, Any]]) -> Figure | None:
+    """Draw which part of our flights has an error below so much, a panel for every metric, and each flown mission's own
+    as a line; None without missions or runs. Items are named 'MISSION, WHAT'.
+    """
+    names = list(dict.fromkeys(str(one["item"]).partition(",")[0] for one in flown))
+    panels = []
+    for metric in dict.fromkeys(one["metric"] for one in flown):
+        mine = [one for one in flown if one["metric"] == metric]
+        case = next(iter(cases_of(tables, mine[0].get("case") or {})), None)
+        found = np.empty(0) if case is None else ours(tables, case, mine[0], str(mine[0]["unit"])).runs
+        if len(found) < 2:
+            return None
+        panels.append((metric, mine, np.sort(found[np.isfinite(found)])))
+    if not panels:
+        return None
+    figure, grid = canvas(1, len(panels), 2.6, sharey=True)
+    for ax, (metric, mine, found) in zip(grid[0], panels, strict=True):
+        part = 100.0 * np.arange(1, len(found) + 1) / len(found)
+        ax.step(found, part, where="post", color="black", lw=1.2, label=f"our {len(found)} flights")
+        for one in mine:
+            name = str(one["item"]).partition(",")[0]
+            ax.axvline(float(one["value"]), lw=1.3, label=name, color=line_of(names.index(name))["color"])
+        rms = float(np.sqrt(np.mean(found**2)))
+        ax.axvline(rms, color=PALETTE[0], lw=3.5, alpha=0.3, label="our RMS")
+        ax.set_xlim(0.0, max(found[int(0.995 * (len(found) - 1))], 1.1 * max(float(one["value"]) for one in mine)))
+        ax.set_ylim(0.0, 100.0)
+        ax.set_xlabel(f"|{metric.replace('_', ' ')}| ({mine[0]['unit']})")
+    grid[0, 0].set_ylabel("flights below (%)")
+    legend_below(figure, grid[0, 0])
+    return figure
+
+
+@drawing
 def locus(
-    results: Path | str | Tables,
+    tables: Tables,
     axis: str,
     stated: Mapping[str, Any],
     unit: str,
@@ -116,7 +141,6 @@ def locus(
     axis: name of the axis in the labels of cases; stated: metric, at or during, statistic; one line for each choice of
     the other axes; cases: those drawn, all if empty.
     """
-    tables = load(results)
     chosen = {case for wanted in cases for case in cases_of(tables, wanted)} or set(tables.labels)
     rows = []
     for row in tables.cases[tables.cases.case.isin(chosen)].itertuples():
@@ -124,28 +148,27 @@ def locus(
         if axis in levels:
             others = ", ".join(f"{name}={level}" for name, level in levels.items() if name != axis and level != "base")
             rows.append((levels[axis], others, ours(tables, row.case, stated, unit).value))
-    if {level for level, _, _ in rows} > {"base"}:  # one at a time: of the base only a word is known, not its place
-        rows = [row for row in rows if row[0] != "base"]
     frame = pd.DataFrame(rows, columns=["level", "others", "value"])
+    if set(frame.level) > {"base"}:  # one at a time: of the base only a word is known, not its place
+        frame = frame[frame.level != "base"]
     names = list(dict.fromkeys(frame.level))
     sizes, kind = _sizes(names)
-    with look():
-        figure, grid = canvas(1, 1, 3.0)
-        ax = grid[0, 0]
-        for number, (others, group) in enumerate(frame.groupby("others", sort=False)):
-            x = [sizes[names.index(level)] for level in group.level]
-            ax.plot(x, group.value, marker="o", ms=4, label=str(others) or "ours", **line_of(number))
-        if published is not None:
-            ax.axhline(published, color="black", lw=1.1, label="published")
-            ax.axhspan(published * band[0], published * band[1], color="#9ca3af", alpha=0.25, lw=0, label="band")
-        if kind is None:
-            ax.set_xticks(sizes, names)
-        else:
-            scale_up(ax.xaxis, sizes, from_zero=False)
-        scale_up(ax.yaxis, [*frame.value, *([published] if published else [])])
-        ax.set_xlabel(axis.replace("_", " ") + (f" ({kind})" if kind else ""))
-        ax.set_ylabel(f"{name_of(stated).replace('_', ' ')}\n({unit})".replace(", ", ",\n"))
-        legend_below(figure, ax, columns=2)
+    figure, grid = canvas(1, 1, 3.0)
+    ax = grid[0, 0]
+    for number, (others, group) in enumerate(frame.groupby("others", sort=False)):
+        x = [sizes[names.index(level)] for level in group.level]
+        ax.plot(x, group.value, marker="o", ms=4, label=str(others) or "ours", **line_of(number))
+    if published is not None:
+        ax.axhline(published, color="black", lw=1.1, label="published")
+        ax.axhspan(published * band[0], published * band[1], color="#9ca3af", alpha=0.25, lw=0, label="band")
+    if kind is None:
+        ax.set_xticks(sizes, names)
+    else:
+        scale_up(ax.xaxis, sizes, from_zero=False)
+    scale_up(ax.yaxis, [*frame.value, *([published] if published else [])])
+    ax.set_xlabel(axis.replace("_", " ") + (f" ({kind})" if kind else ""))
+    ax.set_ylabel(f"{name_of(stated).replace('_', ' ')}\n({unit})".replace(", ", ",\n"))
+    legend_below(figure, ax, columns=2)
     return figure
 
 
@@ -154,12 +177,10 @@ def _sizes(names: Sequence[str]) -> tuple[list[float], str | None]:
     parts = [name.strip().partition(" ") for name in names]
     try:
         numbers = [float(number) for number, _, _ in parts]
+        spelled = dict.fromkeys(unit for (_, _, unit), number in zip(parts, numbers, strict=True) if number or unit)
+        first = next(iter(spelled), "")
+        if len(spelled) > 1:
+            numbers = [parse(f"{number} {unit or first}", first) for number, _, unit in parts]
     except ValueError:
         return [float(k) for k in range(len(names))], None
-    spelled = list(dict.fromkeys(unit for (_, _, unit), number in zip(parts, numbers, strict=True) if number or unit))
-    if len(spelled) > 1:
-        try:
-            numbers = [parse(f"{number} {unit or spelled[0]}", spelled[0]) for number, _, unit in parts]
-        except ValueError:
-            return [float(k) for k in range(len(names))], None
-    return numbers, spelled[0] if spelled and spelled[0] else "-"
+    return numbers, first or "-"

@@ -1,19 +1,18 @@
-"""The sky over a flight: satellites in view and tracked with their C/N0, and where they stand at given times."""
+"""The sky over a flight: satellites in view and tracked, C/N0, where they stand, what the channels do with them."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
-from lvnav_trade.metrics.basics.select import final_event, flight_events
-from lvnav_trade.metrics.signals.satellites import in_view
-from lvnav_trade.metrics.signals.tracking import recovery
-from lvnav_trade.plots.style import GREY, PALETTE, canvas, legend_below, look, mark_events
-from lvnav_trade.store import Tables, load
+from lvnav_trade.metrics.basics.select import final_event, flight_events, pick
+from lvnav_trade.metrics.signals.satellites import in_view, recovery
+from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, legend_below, over_time
+from lvnav_trade.store import Tables
 
 _FAINT = "#c4c9d1"
 _MARKERS = "os^Dv<>p*h"
@@ -28,30 +27,35 @@ _STATES = (
 """State, what the legend says, look; the last for whatever is none of the others."""
 
 
-def satellites(results: Path | str | Tables, case: str) -> Figure:
+_LOOKS: dict[str, tuple[float, dict[str, Any]]] = {
+    "track": (0.8, {"facecolor": PALETTE[0]}),
+    "acquire": (0.6, {"facecolor": PALETTE[5], "edgecolor": "black", "linewidth": 0.3}),
+    "search": (0.42, {"facecolor": PALETTE[4], "edgecolor": "white", "hatch": "////", "linewidth": 0.0}),
+    "lost": (0.14, {"facecolor": PALETTE[1]}),
+}
+"""Height of a bar and its look: heights tell states apart where there is no colour."""
+_REASONS = {"dynamics": "v", "weak signal": "o", "no antenna": "X", "fault": "s", "out of view": ">"}
+"""Marker of why tracking ended."""
+
+
+@drawing
+def satellites(tables: Tables, case: str) -> Figure:
     """Draw how many satellites are tracked and above the horizontal, and C/N0 where there is a link budget."""
-    tables = load(results)
-    rows = in_view(tables)
-    rows = rows[rows.case == tables.labels[case]]
-    mine = tables.satellites[tables.satellites.case == case]
+    rows = pick(in_view(tables), case=tables.labels[case])
+    mine = pick(tables.satellites, case=case)
     linked = bool(mine.cn0_db_hz.notna().any())
-    events = tables.events[tables.events.case == case]
-    with look():
-        figure, grid = canvas(1 + linked, 1, 2.9 - 0.5 * linked, sharex=True)
-        axes = grid[0, 0]
-        axes.step(rows.t_s, rows.above_count, where="post", color=GREY, ls="--", label="above the local horizontal")
-        axes.step(rows.t_s, rows.tracked_count, where="post", color=PALETTE[0], label="tracked")
-        axes.axhline(4, color=PALETTE[1], linewidth=0.8, ls=":", label="four: a receiver's own solution")
-        axes.set_ylim(0, max(5, rows[["above_count", "tracked_count"]].to_numpy().max() + 1))
-        axes.yaxis.get_major_locator().set_params(integer=True)
-        axes.set_ylabel("satellites (number)")
-        if linked:
-            _carrier(grid[1, 0], mine, tables.cases.set_index("case").loc[case])
-        for number, panel in enumerate(grid[:, 0]):
-            panel.margins(x=0.01)
-            mark_events(panel, events, names=number == 0)
-        grid[-1, 0].set_xlabel("time since lift-off (s)")
-        figure.legend(loc="outside lower center", ncols=3)
+    figure, grid = canvas(1 + linked, 1, 2.9 - 0.5 * linked, sharex=True)
+    axes = grid[0, 0]
+    axes.step(rows.t_s, rows.above_count, where="post", color=GREY, ls="--", label="above the local horizontal")
+    axes.step(rows.t_s, rows.tracked_count, where="post", color=PALETTE[0], label="tracked")
+    axes.axhline(4, color=PALETTE[1], linewidth=0.8, ls=":", label="four: a receiver's own solution")
+    axes.set_ylim(0, max(5, rows[["above_count", "tracked_count"]].to_numpy().max() + 1))
+    axes.yaxis.get_major_locator().set_params(integer=True)
+    axes.set_ylabel("satellites (number)")
+    if linked:
+        _carrier(grid[1, 0], mine, tables.cases.set_index("case").loc[case])
+    over_time(grid[:, 0], tables, case)
+    figure.legend(loc="outside lower center", ncols=3)
     return figure
 
 
@@ -61,58 +65,53 @@ def _carrier(axes: Any, rows: pd.DataFrame, case: pd.Series) -> None:
     for number, (_, one) in enumerate(rows.groupby("satellite")):
         line = one.set_index("t_s").reindex(times)
         measured = line.tracked.eq(True)
-        for shown, style in (
-            (line.cn0_db_hz.where(~measured), {"color": _FAINT, "label": "not tracked"}),
-            (line.cn0_db_hz.where(measured), {"color": PALETTE[5], "label": "each satellite tracked"}),
+        for shown, colour, label in (
+            (~measured, _FAINT, "not tracked"),
+            (measured, PALETTE[5], "each satellite tracked"),
         ):
-            axes.plot(times, shown, lw=0.7, **(style if number == 0 else {**style, "label": None}))
+            axes.plot(times, line.cn0_db_hz.where(shown), lw=0.7, color=colour, label=None if number else label)
     median = rows[rows.tracked].groupby("t_s").cn0_db_hz.median().reindex(times)
     axes.plot(times, median, color="black", lw=1.9, label="median of those tracked")
-    for value, name, dashes in (
-        (case.acquire_above_db_hz, "found above", "--"),
-        (case.track_above_db_hz, "kept above", ":"),
-    ):
+    found, kept = case.acquire_above_db_hz, case.track_above_db_hz
+    for value, name, dashes in ((found, "found above", "--"), (kept, "kept above", ":")):
         if value == value:
             axes.axhline(value, color=PALETTE[1], lw=1.0, ls=dashes, label=f"{name} {value:g} dB-Hz")
     axes.set_ylabel("C/N0 (dB-Hz)")
 
 
-def sky(results: Path | str | Tables, case: str) -> Figure:
+@drawing
+def sky(tables: Tables, case: str) -> Figure:
     """Draw azimuth and elevation of the satellites at lift-off, in faults that take satellites, and at the end.
 
     Where no fault takes satellites half way stands in their place. The marker tells the antenna that hears a satellite
     best, the colour what its channel does; the thick circle is the local horizontal, below which a vehicle high up
     tracks satellites too.
     """
-    tables = load(results)
-    rows = tables.satellites[tables.satellites.case == case]
+    rows = pick(tables.satellites, case=case)
     times = np.sort(rows.t_s.unique())
     wanted = _moments(tables, case, rows)
     antennas = sorted(rows.antenna_number.dropna().unique())
     lowest = np.degrees(min(0.0, float(rows.elevation_rad[rows.tracked].min()) if rows.tracked.any() else 0.0))
     shown = []
-    with look():
-        figure, grid = canvas(1, len(wanted), 3.5 if len(wanted) < 4 else 3.0, subplot_kw={"projection": "polar"})
-        for axes, (name, moment) in zip(grid[0], wanted, strict=True):
-            t = times[int(np.argmin(np.abs(times - moment)))]
-            now = rows[(rows.t_s == t) & ((rows.elevation_rad > 0) | rows.tracked)]
-            _one_sky(axes, now, antennas, 90.0 + 15.0 * np.ceil(-lowest / 15.0))
-            shown.append(now)
-            axes.set_title(f"{name}\n{t:.0f} s", pad=12, fontsize=8.5)
-            axes.set_xlabel("azimuth, elevation (deg)", fontsize=7)
-        _key(figure, grid[0, 0], pd.concat(shown), antennas)
+    figure, grid = canvas(1, len(wanted), 3.5 if len(wanted) < 4 else 3.0, subplot_kw={"projection": "polar"})
+    for axes, (name, moment) in zip(grid[0], wanted, strict=True):
+        t = times[int(np.argmin(np.abs(times - moment)))]
+        shown.append(rows[(rows.t_s == t) & ((rows.elevation_rad > 0) | rows.tracked)])
+        _one_sky(axes, shown[-1], antennas, 90.0 + 15.0 * np.ceil(-lowest / 15.0))
+        axes.set_title(f"{name}\n{t:.0f} s", pad=12, fontsize=8.5)
+        axes.set_xlabel("azimuth, elevation (deg)", fontsize=7)
+    _key(figure, grid[0, 0], pd.concat(shown), antennas)
     return figure
 
 
 def _moments(tables: Tables, case: str, rows: pd.DataFrame) -> list[tuple[str, float]]:
     """Return (name, time) of three skies: a fault is shown a second before its end, two faults at most."""
-    events = flight_events(tables, case).set_index("event").t_s
     last = final_event(tables, case)
-    end = float(events.get(last, rows.t_s.max()))
-    frame = recovery(tables)
-    harmful = frame[(frame.case == tables.labels[case]) & (frame.lost_count > 0)]
+    end = float(flight_events(tables, case).set_index("event").t_s.get(last, rows.t_s.max()))
+    frame = pick(recovery(tables), case=tables.labels[case])
     within = [
-        (fault.fault.replace("_", " "), max(fault.t_start_s, fault.t_end_s - 1.0)) for fault in harmful.itertuples()
+        (fault.fault.replace("_", " "), max(fault.t_start_s, fault.t_end_s - 1.0))
+        for fault in frame[frame.lost_count > 0].itertuples()
     ]
     return [("lift-off", 0.0), *(within[:2] or [("half way", end / 2)]), (last.replace("_", " ") or "end", end)]
 
@@ -128,8 +127,7 @@ def _one_sky(axes: Any, rows: pd.DataFrame, antennas: list[int], edge: float) ->
     axes.set_theta_zero_location("N")
     axes.set_theta_direction(-1)
     axes.set_ylim(0, edge)
-    rings = [30, 60, 90]
-    axes.set_yticks(rings, [f"{90 - ring}" for ring in rings])
+    axes.set_yticks([30, 60, 90], ["60", "30", "0"])
     axes.tick_params(labelsize=6.5)
 
 
@@ -148,3 +146,59 @@ def _key(figure: Figure, axes: Any, rows: pd.DataFrame, antennas: list[int]) -> 
         for marker, antenna in zip(_MARKERS * len(antennas), antennas, strict=False):
             axes.plot([], [], marker, ms=5, color=GREY, markerfacecolor="none", label=f"antenna {antenna:.0f}")
     legend_below(figure, axes, columns=5)
+
+
+@drawing
+def timeline(tables: Tables, case: str) -> Figure:
+    """Draw a bar for every satellite that ever has a channel: searched for, acquired, tracked, lost, and why.
+
+    From the receiver's transitions; without a model of channels from the stored skies, tracked or not.
+    """
+    rows, changes = pick(tables.satellites, case=case), pick(tables.transitions, case=case)
+    bars = _from_changes(changes, float(rows.t_s.max())) if len(changes) else _from_rows(rows)
+    names = sorted(bars.satellite.unique())
+    figure, grid = canvas(1, 1, 1.1 + 0.185 * max(4, len(names)))
+    axes = grid[0, 0]
+    for (name, state), group in bars.groupby(["satellite", "state"], sort=False):
+        height, style = _LOOKS[str(state)]
+        spans = list(zip(group.t_s, group.t_end_s - group.t_s, strict=True))
+        axes.broken_barh(spans, (names.index(name) - height / 2, height), **style)
+    _mark_losses(axes, changes, names)
+    axes.set_yticks(range(len(names)), names, fontsize=7)
+    axes.set_ylim(len(names) - 0.4, -0.6)
+    axes.grid(axis="y", visible=False)
+    axes.set_xlim(rows.t_s.min(), rows.t_s.max())
+    axes.set_ylabel("satellite")
+    over_time([axes], tables, case, margin=0.0)
+    shown = [state for state in _LOOKS if (bars.state == state).any()]
+    handles = [*(Patch(**_LOOKS[state][1], label=state) for state in shown), *axes.get_legend_handles_labels()[0]]
+    figure.legend(handles=handles, loc="outside lower center", ncols=5)
+    return figure
+
+
+def _from_changes(changes: pd.DataFrame, end: float) -> pd.DataFrame:
+    """Return satellite, state, t_s, t_end_s of every stretch that is not idle."""
+    until = changes.groupby("satellite").t_s.shift(-1).fillna(end)
+    bars = changes.assign(state=changes.to_state, t_end_s=until)[["satellite", "state", "t_s", "t_end_s"]]
+    return bars[bars.state.isin(list(_LOOKS))]
+
+
+def _from_rows(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the stretches over which a satellite is tracked; each lasts until the first sky without it."""
+    times = np.sort(rows.t_s.unique())
+    found = []
+    for name, one in rows[rows.tracked].groupby("satellite"):
+        at = np.searchsorted(times, one.t_s.to_numpy())
+        first = np.flatnonzero(np.diff(at, prepend=-2) > 1)
+        last = np.append(first[1:], len(at)) - 1
+        ends = np.minimum(at[last] + 1, len(times) - 1)
+        found += [(name, "track", start, stop) for start, stop in zip(times[at[first]], times[ends], strict=True)]
+    return pd.DataFrame(found, columns=["satellite", "state", "t_s", "t_end_s"])
+
+
+def _mark_losses(axes: Any, changes: pd.DataFrame, names: list[str]) -> None:
+    for reason, group in pick(changes, from_state="track").groupby("reason", sort=False):
+        style = {"marker": _REASONS.get(str(reason), "P"), "ms": 4.5, "color": "black", "mfc": "white", "mew": 0.8}
+        places = [names.index(name) for name in group.satellite]
+        label = f"tracking ends: {reason}"
+        axes.plot(group.t_s, places, ls="none", label=label, clip_on=False, zorder=4, **style)

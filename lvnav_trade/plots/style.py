@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from functools import wraps
+from pathlib import Path
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import matplotlib as mpl
 import numpy as np
@@ -14,6 +16,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
+from lvnav_trade.metrics.basics.select import pick
+from lvnav_trade.store import Tables, load
+
+_Options = ParamSpec("_Options")
+_Drawn = TypeVar("_Drawn")
 WIDTH = 7.4
 """Inches: the text width of an A4 page."""
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
@@ -61,6 +68,19 @@ def look() -> Any:
     return mpl.rc_context(_LOOK)
 
 
+def drawing(
+    plot: Callable[Concatenate[Tables, _Options], _Drawn],
+) -> Callable[Concatenate[Path | str | Tables, _Options], _Drawn]:
+    """Return a plot of tables that takes a results folder too and draws in the look of all figures."""
+
+    @wraps(plot)
+    def drawn(results: Path | str | Tables, /, *args: _Options.args, **kwargs: _Options.kwargs) -> _Drawn:
+        with look():
+            return plot(load(results), *args, **kwargs)
+
+    return drawn
+
+
 def line_of(number: int) -> dict[str, Any]:
     """Return colour and dashes of the case of that number."""
     return {"color": PALETTE[number % len(PALETTE)], "linestyle": DASHES[(number // len(PALETTE)) % len(DASHES)]}
@@ -97,6 +117,26 @@ def mark_events(axes: Axes, events: pd.DataFrame, names: bool = True, numbers: b
             )
         for (first, _), text, left in zip(groups, texts, leftward, strict=True):
             _name(axes, float(flown.t_s.iloc[first]), text, numbers, left)
+
+
+def over_time(
+    panels: Sequence[Axes], tables: Tables, case: str, margin: float = 0.01, names: bool = True, numbers: bool = False
+) -> None:
+    """Mark the events of a case in panels one below the other, named above the first, and label time below the last."""
+    for number, axes in enumerate(panels):
+        axes.margins(x=margin)
+        mark_events(axes, pick(tables.events, case=case), names=names and number == 0, numbers=numbers)
+    panels[-1].set_xlabel("time since lift-off (s)")
+
+
+def message(text: str, xlabel: str, ylabel: str) -> Figure:
+    """Return a figure that says why there is nothing to draw."""
+    figure, grid = canvas(1, 1, 1.6)
+    ax = grid[0, 0]
+    ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", color=GREY)
+    ax.set_xlabel(xlabel)
+    ax.set_ylabel(ylabel)
+    return figure
 
 
 def event_key(events: pd.DataFrame) -> str:

@@ -17,8 +17,7 @@ from lvnav_trade.metrics.published.published import cases_of
 from lvnav_trade.metrics.published.references import references
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.published import ratios
-from lvnav_trade.plots.single_run import single
-from lvnav_trade.plots.steps import steps
+from lvnav_trade.plots.study import single, steps
 from lvnav_trade.report.blocks import Block, Section, Text, percent, picture, table
 from lvnav_trade.report.build import markdown_page, pictures
 from lvnav_trade.report.escape import csv_text, note

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.metrics.errors.coverage import coverage
-from lvnav_trade.metrics.errors.paired_levels import paired_levels
+from lvnav_trade.metrics.errors.coverage import coverage, paired_levels
 from lvnav_trade.metrics.published.published import cases_of, ours
 from lvnav_trade.report.blocks import Block, Text, number, table, words
 from lvnav_trade.report.diagnostics import error_bound

@@ -73,3 +73,9 @@ def test_what_feeds_the_controller_is_drawn_case_by_case():
 
 def test_positions_against_their_biases_stand_out():
     assert len(singular(tables(), CASE).axes[0].collections) == 2
+
+
+def test_trajectory_shows_altitude_in_km(good):
+    reference = good.reference[good.reference.case == CASE]
+    line = PLOTS["trajectory"](good, CASE).axes[0].get_lines()[0]
+    np.testing.assert_array_equal(line.get_ydata(), reference.altitude_m / 1e3)

@@ -9,7 +9,8 @@ import pytest
 
 from lvnav_trade.metrics.published.published import ours
 from lvnav_trade.metrics.published.references import references
-from lvnav_trade.plots.published import locus, ratios, spread
+from lvnav_trade.plots.published import locus, missions, ratios, spread
+from lvnav_trade.store import load
 from tests import synthetic
 
 STATED = {"metric": "velocity_error_3d", "at": "injection"}
@@ -17,8 +18,6 @@ STATED = {"metric": "velocity_error_3d", "at": "injection"}
 
 @pytest.fixture(scope="module")
 def tables(tmp_path_factory):
-    from lvnav_trade.store import load
-
     return load(synthetic.results(tmp_path_factory.mktemp("published"), n_run=40))
 
 
@@ -76,3 +75,23 @@ def test_the_base_of_one_at_a_time_has_no_place_among_the_levels(tables):
     ax = locus(other, "imu", STATED, "cm/s").axes[0]
     assert list(ax.get_lines()[0].get_xdata()) == [2.0]
     assert ax.get_xlabel() == "imu (deg/h)"
+
+
+FLOWN = [
+    {"item": f"{name}, {what}", "metric": metric, "value": value, "unit": unit, "case": {"imu": "fine"}}
+    for name, value in (("C20", 0.2), ("C19", 0.4))
+    for what, metric, unit in (("velocity", "velocity_error_3d", "m/s"), ("position", "position_error_3d", "m"))
+]
+
+
+def test_a_panel_for_every_metric_with_its_unit_and_a_line_for_every_mission(tables):
+    figure = missions(tables, FLOWN)
+    assert [ax.get_xlabel() for ax in figure.axes] == ["|velocity error 3d| (m/s)", "|position error 3d| (m)"]
+    lines = {line.get_label(): line.get_xdata()[0] for line in figure.axes[0].lines}
+    assert (lines["C20"], lines["C19"]) == (0.2, 0.4)
+    assert figure.axes[0].get_ylabel() == "flights below (%)"
+
+
+def test_without_missions_or_of_a_case_that_is_not_flown_there_is_no_figure(tables):
+    assert missions(tables, []) is None
+    assert missions(tables, [{**FLOWN[0], "case": {"imu": "none"}}]) is None

@@ -7,7 +7,7 @@ import re
 import pandas as pd
 import pytest
 
-from lvnav_trade.metrics.requirements.distributions import ABOVE_ONLY
+from lvnav_trade.metrics.requirements.improvements import ABOVE_ONLY
 from lvnav_trade.report import SECTIONS, build
 from lvnav_trade.report.evidence import expectation, fact
 from tests import synthetic

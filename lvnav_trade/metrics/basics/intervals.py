@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
@@ -13,28 +11,22 @@ Floats = NDArray[np.float64]
 
 def rms_interval(rms: ArrayLike, freedom: ArrayLike, alpha: float = 0.05) -> tuple[Floats, Floats]:
     """Return (low, high) of the true root mean square at confidence 1 - alpha; NaN where there is no freedom."""
-    ratio = np.sqrt(_per_freedom(np.array([1.0 - alpha / 2.0, alpha / 2.0]), freedom))
-    return np.asarray(rms) / ratio[0], np.asarray(rms) / ratio[1]
+    low, high = ratio_interval(freedom, alpha)
+    return np.asarray(rms) / high, np.asarray(rms) / low
 
 
 def ratio_interval(freedom: ArrayLike, alpha: float = 0.05) -> tuple[Floats, Floats]:
     """Return (low, high) between which sample RMS / true RMS lies with probability 1 - alpha."""
-    ratio = np.sqrt(_per_freedom(np.array([alpha / 2.0, 1.0 - alpha / 2.0]), freedom))
-    return ratio[0], ratio[1]
+    low, high = mean_square_interval(freedom, alpha)
+    return np.sqrt(low), np.sqrt(high)
 
 
 def mean_square_interval(freedom: ArrayLike, alpha: float = 0.05) -> tuple[Floats, Floats]:
     """Return (low, high) between which chi-square / freedom lies with probability 1 - alpha."""
-    ratio = _per_freedom(np.array([alpha / 2.0, 1.0 - alpha / 2.0]), freedom)
-    return ratio[0], ratio[1]
-
-
-def _per_freedom(probability: Floats, freedom: ArrayLike) -> Floats:
-    """Return chi-square quantiles over their freedom, (n_probability, ...)."""
     given = np.asarray(freedom, dtype=float)
     usable = np.where(given > 0, given, np.nan)
-    shape = (len(probability),) + (1,) * usable.ndim
-    return np.asarray(stats.chi2.ppf(probability.reshape(shape), usable) / usable)
+    low, high = (np.asarray(stats.chi2.ppf(p, usable) / usable) for p in (alpha / 2.0, 1.0 - alpha / 2.0))
+    return low, high
 
 
 def success_bounds(runs: int, failures: int, confidence: float) -> tuple[float, float]:
@@ -43,6 +35,14 @@ def success_bounds(runs: int, failures: int, confidence: float) -> tuple[float, 
     low = float(stats.beta.ppf(1.0 - confidence, good, failures + 1)) if good else 0.0
     high = float(stats.beta.ppf(confidence, good + 1, failures)) if failures else 1.0
     return low, high
+
+
+def success_verdict(runs: int, failures: int, probability: float, confidence: float) -> str:
+    """Return "met" or "violated" where the bounds show it of a probability of success, else "undecided"."""
+    low, high = success_bounds(runs, failures, confidence)
+    if runs and low >= probability:
+        return "met"
+    return "violated" if high < probability else "undecided"
 
 
 def shows(runs: int, failures: int, probability: float, confidence: float) -> bool:
@@ -66,7 +66,6 @@ def holm(p_values: ArrayLike) -> Floats:
     """Return p-values adjusted by Holm's step-down method: at most alpha of all families have one below alpha."""
     p = np.asarray(p_values, dtype=float)
     order = np.argsort(p, kind="stable")
-    stepped = np.maximum.accumulate(p[order] * (len(p) - np.arange(len(p))))
-    adjusted: NDArray[Any] = np.empty_like(p)
-    adjusted[order] = np.minimum(stepped, 1.0)
+    adjusted = np.empty_like(p)
+    adjusted[order] = np.minimum(np.maximum.accumulate(p[order] * (len(p) - np.arange(len(p)))), 1.0)
     return adjusted

@@ -4,24 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import wraps
-from pathlib import Path
 from typing import Any, TypeVar
 
-from lvnav_trade.store import Tables, load
+from lvnav_trade.store import Tables
 
 _Found = TypeVar("_Found")
 """Frame or list."""
 
 
 def once(metric: Callable[..., _Found]) -> Callable[..., _Found]:
-    """Return a function of tables, and of words, that keeps with the tables what it found; each caller gets a copy.
-
-    Given a folder instead, it reads the tables anew, and works it out anew.
-    """
+    """Return a function of tables, and of words, that keeps with the tables what it found; each caller gets a copy."""
 
     @wraps(metric)
-    def kept(results: Path | str | Tables, *asked: str) -> _Found:
-        tables = load(results)
+    def kept(tables: Tables, *asked: str) -> _Found:
         key = (metric.__module__, metric.__qualname__, *asked)
         if key not in tables.cache:
             tables.cache[key] = metric(tables, *asked)

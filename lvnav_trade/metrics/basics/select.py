@@ -1,7 +1,8 @@
-"""Picking what a metric needs out of the tables: series, events, phases, names of metrics."""
+"""Picking what a metric needs out of the tables: series, events, instants and phases, names of metrics, run errors."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -14,8 +15,12 @@ from lvnav_trade.layout import MISSION
 from lvnav_trade.metrics.mechanics.mission import people, sizes_at
 from lvnav_trade.store import Tables
 from lvnav_trade.store.schema import error_column
+from lvnav_trade.units import parse
 
 NAVIGATION = ("attitude", "velocity", "position")
+SAME_TIME = 1e-6
+"""Seconds: one instant."""
+_INSTANT = re.compile(r"\s*(?P<event>[A-Za-z_]\w*)\s*(?:(?P<sign>[+-])\s*(?P<offset>\S.*))?$")
 
 
 class Phase(NamedTuple):
@@ -24,6 +29,18 @@ class Phase(NamedTuple):
     name: str
     start: float
     end: float
+
+
+def pick(rows: pd.DataFrame, **wanted: str) -> pd.DataFrame:
+    """Return the rows of a table whose columns have the values wanted."""
+    for column, value in wanted.items():
+        rows = rows[rows[column] == value]
+    return rows
+
+
+def history_of(tables: Tables, case: str, quantity: str, axis: str) -> pd.DataFrame:
+    """Return the history of one error of a case."""
+    return pick(tables.history, case=case, quantity=quantity, axis=axis)
 
 
 def metric_name(quantity: str) -> str:
@@ -55,46 +72,54 @@ def errors_at(tables: Tables, case: str, event: str, metric: str) -> Errors | No
         size = sizes_at(tables, case, event, metric)
         return None if size is None else Errors(size, *people(metric))
     quantity, axis = split_metric(metric)
-    outputs = tables.outputs
-    known = outputs[(outputs.case == case) & (outputs.quantity == quantity) & (outputs.axis == axis)]
+    known = pick(tables.outputs, case=case, quantity=quantity, axis=axis)
     if known.empty:
         return None
     row: Any = known.iloc[0]
-    runs, column = tables.runs, error_column(quantity, axis, row.unit)
-    chosen = runs[(runs.case == case) & (runs.event == event)]
-    values = chosen[column].to_numpy(dtype=float) if column in runs.columns else np.empty(0)
-    failed = chosen.failure.to_numpy()[: len(values)] != ""
-    return Errors(_sizes(values, failed), row.unit, row.label_unit, float(row.label_factor_ratio))
+    chosen, column = pick(tables.runs, case=case, event=event), error_column(quantity, axis, row.unit)
+    size = error_sizes(chosen, column) if column in chosen.columns else np.empty(0)
+    return Errors(size, row.unit, row.label_unit, float(row.label_factor_ratio))
 
 
-def _sizes(values: NDArray[np.float64], failed: NDArray[np.bool_]) -> NDArray[np.float64]:
-    return np.where(failed | ~np.isfinite(values), np.inf, np.abs(values))
+def error_sizes(runs: pd.DataFrame, column: str) -> NDArray[np.float64]:
+    """Return |error| in a column, infinite where a run failed or the error is not finite."""
+    values = runs[column].to_numpy(dtype=float)
+    return np.where((runs.failure.to_numpy() != "") | ~np.isfinite(values), np.inf, np.abs(values))
+
+
+def errors_by_axis(tables: Tables, case: str, event: str, quantity: str) -> pd.DataFrame:
+    """Return the errors of every run by axis at an event, SI, beside its failure; no axes where they are not stored."""
+    outputs = pick(tables.outputs, case=case, quantity=quantity)
+    columns = [error_column(quantity, row.axis, row.unit) for row in outputs[outputs.axis != "3d"].itertuples()]
+    return pick(tables.runs, case=case, event=event).set_index("run_number")[["failure", *columns]]
 
 
 def flight_events(tables: Tables, case: str) -> pd.DataFrame:
     """Return the events of a case in time order (no faults)."""
-    events = tables.events
-    chosen = events[(events.case == case) & (events.kind == "event")]
+    chosen = pick(tables.events, case=case, kind="event")
     return chosen.sort_values(["t_s", "event"], kind="stable").reset_index(drop=True)
 
 
 def faults(tables: Tables, case: str) -> pd.DataFrame:
     """Return the faults of a case in time order."""
-    events = tables.events
-    return events[(events.case == case) & (events.kind == "fault")].sort_values("t_s", kind="stable")
+    return pick(tables.events, case=case, kind="fault").sort_values("t_s", kind="stable")
+
+
+def ends_of(tables: Tables, case: str) -> tuple[float, float]:
+    """Return first and last time (s) of the history of a case."""
+    t = pick(tables.consistency, case=case).t_s
+    return float(t.min()), float(t.max())
 
 
 def phases(tables: Tables, case: str) -> list[Phase]:
     """Return the flight, the intervals between consecutive events, and the events."""
-    history = tables.consistency
-    t = history.t_s[history.case == case]
-    start, end = float(t.min()), float(t.max())
+    start, end = ends_of(tables, case)
     events = [(row.event, row.t_s) for row in flight_events(tables, case).itertuples() if start <= row.t_s <= end]
     bounds = [("start", start), *events, ("end", end)]
     between = [
         Phase(f"{first} to {second}", t_first, t_second)
         for (first, t_first), (second, t_second) in pairwise(bounds)
-        if t_second - t_first > 1e-6
+        if t_second - t_first > SAME_TIME
     ]
     return [Phase("flight", max(start, 0.0), end), *between, *(Phase(name, at, at) for name, at in events)]
 
@@ -118,12 +143,46 @@ def lincov_rms(rows: pd.DataFrame) -> pd.Series:
 
 def mean_at(tables: Tables, case: str, event: str, quantity: str) -> float:
     """Return the norm of the mean error that LinCov expects at an event, the same in every flight, for people."""
-    events, history = tables.events, tables.history
-    t = float(events[(events.case == case) & (events.event == event)].t_s.iloc[0])
-    rows = history[(history.case == case) & (history.quantity == quantity) & (history.axis == "3d")]
-    return float(at_time(rows, t).lincov_mean_si) * float(tables.people[quantity, "3d"][1])
+    t = float(pick(tables.events, case=case, event=event).t_s.iloc[0])
+    mean = at_time(history_of(tables, case, quantity, "3d"), t).lincov_mean_si
+    return float(mean) * float(tables.people[quantity, "3d"][1])
 
 
 def at_time(rows: pd.DataFrame, t: float) -> pd.Series:
     """Return the row of a series nearest to a time."""
     return rows.iloc[int(np.argmin(np.abs(rows.t_s.to_numpy() - t)))]
+
+
+def instant(tables: Tables, case: str, text: str, ends: tuple[float, float] | None = None) -> float:
+    """Return the time (s) of ``stage1_cutoff`` or ``stage1_cutoff + 30 s``; NaN for an event that is not in the flight.
+
+    ``start`` and ``end`` are the ends of the history unless they are given.
+    """
+    known = dict(zip(("start", "end"), ends or ends_of(tables, case), strict=True))
+    known |= flight_events(tables, case).set_index("event").t_s.to_dict()
+    match = _INSTANT.match(text)
+    if match is None or match["event"] not in known:
+        return float("nan")
+    offset = parse(match["offset"].strip(), "s") if match["offset"] else 0.0
+    return float(known[match["event"]]) + (-offset if match["sign"] == "-" else offset)
+
+
+def phase(tables: Tables, case: str, text: str, ends: tuple[float, float] | None = None) -> tuple[float, float]:
+    """Return first and last time (s) of ``INSTANT to INSTANT``, or of ``flight``: from lift-off to the end.
+
+    NaN where an event is not in the flight.
+    """
+    if text == "flight":
+        return max(instant(tables, case, "start", ends), 0.0), instant(tables, case, "end", ends)
+    first, _, last = text.partition(" to ")
+    return instant(tables, case, first, ends), instant(tables, case, last, ends)
+
+
+def rows_between(rows: pd.DataFrame, first: float, last: float, end: str = "t_s") -> pd.DataFrame:
+    """Return the rows from a first to a last time (s), both included; `end` is the column of where a row ends."""
+    return rows[(rows.t_s >= first - SAME_TIME) & (rows[end] <= last + SAME_TIME)]
+
+
+def time_mean(t: np.ndarray, value: np.ndarray) -> float:
+    """Return the mean over time by the trapezoidal rule: event times between the grid add no weight."""
+    return float(np.trapezoid(value, t) / (t[-1] - t[0])) if t[-1] > t[0] else float(value[0])

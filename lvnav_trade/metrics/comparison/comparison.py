@@ -19,7 +19,9 @@ from lvnav_trade.metrics.basics.select import (
     errors_at,
     final_event,
     flight_events,
+    history_of,
     lincov_rms,
+    pick,
     split_metric,
 )
 from lvnav_trade.metrics.comparison import paired
@@ -78,7 +80,7 @@ def parse_effect(key: str, amount: str) -> Effect:
     text = amount.strip()
     effect = Effect(found["metric"].strip(), (found["at"] or "").strip(), found["statistic"] or "rms", text)
     if _is_relative(text):
-        _fraction(effect)
+        _amount(effect, "")
     elif text != "none" and not re.match(r"^[-+]?[\d.]", text):
         raise InputError(f"effect {key!r}: {amount!r} is neither a percentage, nor a quantity with a unit, nor none")
     return effect
@@ -158,15 +160,15 @@ def _is_relative(amount: str) -> bool:
     return amount.endswith(("%", "percent"))
 
 
-def _fraction(effect: Effect) -> float:
+def _amount(effect: Effect, unit: str) -> float:
+    """Return the amount of an effect as a fraction, or in a unit; InputError where it is neither or below zero."""
+    text = effect.amount
+    if _is_relative(text):
+        text, unit = re.sub(r" ?(%|percent)$", r" \1", text), "dimensionless"  # 5% as well as 5 %
     try:
-        value = units.parse(re.sub(r" ?(%|percent)$", r" \1", effect.amount), "dimensionless")  # 5% as well as 5 %
+        value = units.parse(text, unit)
     except ValueError as error:
         raise InputError(f"effect on {effect.metric}: {error}") from None
-    return _not_negative(effect, value)
-
-
-def _not_negative(effect: Effect, value: float) -> float:
     if value < 0.0:
         raise InputError(f"effect on {effect.metric}: {effect.amount!r} should not be below zero")
     return value
@@ -182,50 +184,57 @@ class _Task(NamedTuple):
     second: Errors
     bound: float = np.inf
 
+    @property
+    def counted(self) -> bool:
+        """Whether runs beyond a bound are compared, not errors."""
+        return self.effect.statistic == "beyond"
+
+    @property
+    def relative(self) -> bool:
+        """Whether the change is a part of the base's error."""
+        return not self.counted and _is_relative(self.effect.amount)
+
     def row(self, base: Tables, candidate: Tables, alpha_low: float, alpha_high: float) -> dict[str, Any]:
         """Return the row of the comparison."""
         n = min(len(self.first.size), len(self.second.size))
         if not n:
-            return self._filled(_by_covariance(base, candidate, self), 0, "by linear covariance")
+            sides = [_by_covariance(base, self.pair.base, self), _by_covariance(candidate, self.pair.candidate, self)]
+            moved = sides[1] / sides[0] - 1.0 if self.relative and sides[0] else sides[1] - sides[0]
+            change = paired.Change(sides[0], sides[1], moved, moved, moved, float("nan"))
+            return self._filled(change, 0, "by linear covariance")
         first, second = self.first.size[:n], self.second.size[:n]
-        if self.effect.statistic == "beyond":
+        both = np.isfinite(first) & np.isfinite(second)
+        if self.counted:
             change = paired.beyond_change(first >= self.bound, second >= self.bound, alpha_low, alpha_high)
+        elif not both.any():
+            return self._filled(paired.Change(*[float("nan")] * 6), 0, "no run is good in both")
+        elif self.effect.statistic == "rms":
+            change = paired.rms_change(first[both], second[both], self.relative, alpha_low, alpha_high)
         else:
-            both = np.isfinite(first) & np.isfinite(second)
-            if not both.any():
-                nothing = paired.Change(*[float("nan")] * 6)
-                return self._filled(nothing, 0, "no run is good in both")
-            change = self._change(first[both], second[both], alpha_low, alpha_high)
+            part = float(self.effect.statistic[1:]) / 100.0
+            change = paired.quantile_change(first[both], second[both], part, self.relative, alpha_low, alpha_high)
         if np.array_equal(first, second):
             same = change._replace(change=0.0, low=0.0, high=0.0, effective_runs=float("inf"))
             return self._filled(same, n, "the same in every run") | {"verdict": "not worse"}
         few = "" if np.isfinite(change.low + change.high) else "too few runs for a bound"
         return self._filled(change, n, few or ("better" if change.high < 0.0 else ""))
 
-    def _change(self, first: Any, second: Any, alpha_low: float, alpha_high: float) -> paired.Change:
-        relative = _is_relative(self.effect.amount)
-        if self.effect.statistic == "rms":
-            return paired.rms_change(first, second, relative, alpha_low, alpha_high)
-        probability = float(self.effect.statistic[1:]) / 100.0
-        return paired.quantile_change(first, second, probability, relative, alpha_low, alpha_high)
-
     def _filled(self, change: paired.Change, runs: int, remark: str) -> dict[str, Any]:
         """Return a row in the units of people."""
-        counted = self.effect.statistic == "beyond"
-        relative = counted or _is_relative(self.effect.amount)
-        factor = 1.0 if relative else self.first.label_factor
-        size = 1.0 if counted else self.first.label_factor
-        amount = _fraction(self.effect) if relative else _quantity(self.effect, self.first.unit)
+        size, unit = (1.0, "") if self.counted else (self.first.label_factor, self.first.label_unit)
+        factor = 1.0 if self.relative else size
+        amount = _amount(self.effect, self.first.unit)
+        kind = "failures" if self.effect.metric == FAILED_RUNS else "requirement"
         return {
             "case": self.pair.label,
-            "kind": ("failures" if self.effect.metric == FAILED_RUNS else "requirement") if counted else "error",
+            "kind": kind if self.counted else "error",
             "metric": self.effect.metric,
             "event": self.event,
-            "statistic": "fraction beyond" if counted else self.effect.statistic,
-            "unit": "" if counted else self.first.label_unit,
+            "statistic": "fraction beyond" if self.counted else self.effect.statistic,
+            "unit": unit,
             "base": change.base * size,
             "candidate": change.candidate * size,
-            "scale": "fraction of runs" if counted else ("ratio" if relative else self.first.label_unit),
+            "scale": "fraction of runs" if self.counted else ("ratio" if self.relative else unit),
             "change": change.change * factor,
             "low": change.low * factor,
             "high": change.high * factor,
@@ -237,39 +246,31 @@ class _Task(NamedTuple):
         }
 
 
-def _quantity(effect: Effect, unit: str) -> float:
-    try:
-        value = units.parse(effect.amount, unit)
-    except ValueError as error:
-        raise InputError(f"effect on {effect.metric}: {error}") from None
-    return _not_negative(effect, value)
-
-
 def _tasks(base: Tables, candidate: Tables, pair: Pair, effects: Sequence[Effect]) -> list[_Task]:
     requirements = {str(stated["name"]): stated for stated in _stated(base)}
+    sides = ((base, pair.base), (candidate, pair.candidate))
     found = []
     for effect in effects:
+        first: Errors | None
+        second: Errors | None
+        bound, event, known = np.inf, "", True
         if effect.metric == FAILED_RUNS:
-            found += _failures(base, candidate, pair, effect)
+            first, second = failures = [_failures(tables, case) for tables, case in sides]
+            bound, known = 0.5, any(side.size.any() for side in failures)
         elif effect.metric in requirements:
             stated = requirements[effect.metric]
-            first, second = errors_of(base, pair.base, stated), errors_of(candidate, pair.candidate, stated)
-            if first is not None and second is not None:
-                bound = bound_of(stated["below"], first.unit)
-                found.append(_Task(pair, effect, where(stated), first, second, bound))
+            first, second = (errors_of(tables, case, stated) for tables, case in sides)
+            event, bound = where(stated), bound_of(stated["below"], first.unit) if first is not None else bound
         else:
             event = effect.at or final_event(base, pair.base)
-            first = errors_at(base, pair.base, event, effect.metric)
-            second = errors_at(candidate, pair.candidate, event, effect.metric)
-            if first is not None and second is not None and _flown(base, pair.base, event):
-                found.append(_Task(pair, effect, event, first, second))
-            elif effect.at or effect.metric not in DEFAULT_METRICS:
+            first, second = (errors_at(tables, case, event, effect.metric) for tables, case in sides)
+            known = event in set(flight_events(base, pair.base).event)
+            missing = first is None or second is None or not known
+            if missing and (effect.at or effect.metric not in DEFAULT_METRICS):
                 raise InputError(_unknown(base, pair, effect, event))
+        if first is not None and second is not None and known:
+            found.append(_Task(pair, effect, event, first, second, bound))
     return found
-
-
-def _flown(tables: Tables, case: str, event: str) -> bool:
-    return event in set(flight_events(tables, case).event)
 
 
 def _unknown(base: Tables, pair: Pair, effect: Effect, event: str) -> str:
@@ -277,56 +278,36 @@ def _unknown(base: Tables, pair: Pair, effect: Effect, event: str) -> str:
     if errors_at(base, pair.base, event, effect.metric) is not None:
         events = ", ".join(flight_events(base, pair.base).event)
         return f"effect on {effect.metric}: {event!r} is not an event of {pair.label} (it has {events})"
-    rows = base.outputs[base.outputs.case == pair.base]
-    names = [f"{row.quantity}_error_{row.axis}" for row in rows.itertuples()]
+    names = [f"{row.quantity}_error_{row.axis}" for row in pick(base.outputs, case=pair.base).itertuples()]
     near = difflib.get_close_matches(effect.metric, [*names, *(r["name"] for r in _stated(base))], 1)
     hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(names)}"
     return f"effect on {effect.metric!r}: no such metric or requirement in both cases of {pair.label} ({hint})"
 
 
-def _failures(base: Tables, candidate: Tables, pair: Pair, effect: Effect) -> list[_Task]:
-    """Return the comparison of failed runs, where there are any."""
-    sides = []
-    for tables, case in ((base, pair.base), (candidate, pair.candidate)):
-        rows = tables.runs[tables.runs.case == case].drop_duplicates("run_number")
-        sides.append(Errors((rows.failure != "").to_numpy(dtype=float), "", "", 1.0))
-    failed = any(side.size.any() for side in sides)
-    return [_Task(pair, effect, "", sides[0], sides[1], 0.5)] if failed else []
+def _failures(tables: Tables, case: str) -> Errors:
+    """Return 1 for each run of a case that failed, else 0."""
+    rows = pick(tables.runs, case=case).drop_duplicates("run_number")
+    return Errors((rows.failure != "").to_numpy(dtype=float), "", "", 1.0)
 
 
-def _by_covariance(base: Tables, candidate: Tables, task: _Task) -> paired.Change:
-    """Return what linear covariance says of the change: a number without sampling error, so its own bounds."""
-    sides = []
-    for tables, case in ((base, task.pair.base), (candidate, task.pair.candidate)):
-        if task.effect.statistic == "beyond":
-            rows = expected(tables)
-            rows = rows[(rows.requirement == task.effect.metric) & (rows.case == tables.labels[case])]
-            sides.append(1.0 - float(rows.expected_probability.iloc[0]) if len(rows) else float("nan"))
-        elif task.effect.statistic == "rms":
-            sides.append(_lincov_rms(tables, case, task.event, task.effect.metric))
-        else:
-            sides.append(float("nan"))
-    relative = task.effect.statistic != "beyond" and _is_relative(task.effect.amount)
-    change = sides[1] / sides[0] - 1.0 if relative and sides[0] else sides[1] - sides[0]
-    return paired.Change(sides[0], sides[1], change, change, change, float("nan"))
-
-
-def _lincov_rms(tables: Tables, case: str, event: str, metric: str) -> float:
-    quantity, axis = split_metric(metric)
-    history = tables.history
-    rows = history[(history.case == case) & (history.quantity == quantity) & (history.axis == axis)]
-    if rows.empty:
+def _by_covariance(tables: Tables, case: str, task: _Task) -> float:
+    """Return what linear covariance says of one side: a number without sampling error."""
+    if task.counted:
+        rows = pick(expected(tables), requirement=task.effect.metric, case=tables.labels[case])
+        return 1.0 - float(rows.expected_probability.iloc[0]) if len(rows) else float("nan")
+    rows = history_of(tables, case, *split_metric(task.effect.metric))
+    if rows.empty or task.effect.statistic != "rms":
         return float("nan")
-    t = float(flight_events(tables, case).set_index("event").t_s[event])
+    t = float(flight_events(tables, case).set_index("event").t_s[task.event])
     return float(at_time(rows.assign(expected=lincov_rms(rows)), t).expected)
 
 
 def _notes(base: Tables, candidate: Tables, pairs: Sequence[Pair]) -> tuple[str, ...]:
     """Return what a reader should know beside the rows."""
     notes = left_out(base, candidate, pairs)
-    codes = [tables.manifest.get("code_digest") for tables in (base, candidate)]
-    if codes[0] != codes[1]:
-        notes.append(f"Computed by two versions of the code ({codes[0]} and {codes[1]}).")
+    first, second = (tables.manifest.get("code_digest") for tables in (base, candidate))
+    if first != second:
+        notes.append(f"Computed by two versions of the code ({first} and {second}).")
     if _stated(base) != _stated(candidate):
         notes.append("The two campaigns state different requirements; both are tested against the base's.")
     return tuple(notes)

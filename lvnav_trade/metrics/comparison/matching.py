@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import difflib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from lvnav_trade.errors import InputError, Mistake
-from lvnav_trade.metrics.basics.select import flight_events
+from lvnav_trade.metrics.basics.select import SAME_TIME, flight_events, pick
 from lvnav_trade.store import Tables
 
-_SAME_TIME = 1e-6
-"""Seconds by which an event may differ between two flights that are the same."""
 _SAME_PLACE = 1.0
-"""Metres by which they may differ: roundings of another compiler, not another flight."""
+"""Metres by which two flights that are the same may differ: roundings of another compiler, not another flight."""
 _EARTH = 6378137.0
 
 
@@ -73,7 +71,8 @@ def left_out(base: Tables, candidate: Tables, pairs: Sequence[Pair]) -> list[str
 def _pairs(base: Tables, candidate: Tables, mapping: dict[str, str]) -> list[Pair]:
     digests = {label: case for case, label in candidate.labels.items()}
     levels = _levels(candidate)
-    _check(base, candidate, mapping)
+    _check(base, mapping)
+    _check(candidate, mapping.values())
     found = []
     for case, own in _levels(base).items():
         label = base.labels[case]
@@ -85,17 +84,17 @@ def _pairs(base: Tables, candidate: Tables, mapping: dict[str, str]) -> list[Pai
         else:
             partner = next((other for other, held in levels.items() if held == named), None)
         if partner is not None:
-            other = candidate.labels[partner]
-            found.append(Pair(case, partner, label if other == label else f"{label} → {other}"))
+            found.append((case, partner))
     if not found and len(base.labels) == len(candidate.labels) == 1:
-        (case, label), (partner, other) = *base.labels.items(), *candidate.labels.items()
-        return [Pair(case, partner, f"{label} → {other}")]
+        found = list(zip(base.labels, candidate.labels, strict=True))
     if not found:
         raise InputError(
             f"does not compare: no common case; {base.folder} has {_named(base)}, {candidate.folder} has "
             f"{_named(candidate)}; --map BASE:CANDIDATE says which belong together"
         )
-    return found
+    labels = [(base.labels[case], candidate.labels[partner]) for case, partner in found]
+    shown = [label if other == label else f"{label} → {other}" for label, other in labels]
+    return [Pair(*pair, label) for pair, label in zip(found, shown, strict=True)]
 
 
 def _levels(tables: Tables) -> dict[str, frozenset[tuple[str, str]]]:
@@ -104,21 +103,15 @@ def _levels(tables: Tables) -> dict[str, frozenset[tuple[str, str]]]:
     return {case: frozenset(json.loads(text).items()) for case, text in zip(cases["case"], cases["axes"], strict=True)}
 
 
-def _check(base: Tables, candidate: Tables, mapping: dict[str, str]) -> None:
-    """Refuse names that nothing has."""
-    for name, (tables, words) in [
-        *((name, (base, _words(base))) for name in mapping),
-        *((name, (candidate, _words(candidate))) for name in mapping.values()),
-    ]:
+def _check(tables: Tables, names: Iterable[str]) -> None:
+    """Refuse names that neither a case nor a level has."""
+    levels = [level for held in _levels(tables).values() for _, level in sorted(held)]
+    words = list(dict.fromkeys([*tables.labels, *tables.labels.values(), *levels]))
+    for name in names:
         if name not in words:
             near = difflib.get_close_matches(name, words, 1)
             hint = f" (did you mean {near[0]!r}?)" if near else f"; it has {_named(tables)}"
             raise InputError(f"--map: {tables.folder} has no case or level {name!r}{hint}")
-
-
-def _words(tables: Tables) -> list[str]:
-    levels = [level for held in _levels(tables).values() for _, level in sorted(held)]
-    return list(dict.fromkeys([*tables.labels, *tables.labels.values(), *levels]))
 
 
 def _named(tables: Tables) -> str:
@@ -127,38 +120,24 @@ def _named(tables: Tables) -> str:
 
 def _another_flight(base: Tables, candidate: Tables, pair: Pair) -> str:
     """Say what is different about the flights of a pair; nothing where they are the same."""
-    epochs = [tables.cases.set_index("case").epoch[case] for tables, case in _sides(base, candidate, pair)]
-    if epochs[0] != epochs[1]:
-        return f"{pair.label}: other trajectory (lift-off at {epochs[0]} and at {epochs[1]})"
-    events = [
-        flight_events(tables, case).set_index("event").t_s.to_dict() for tables, case in _sides(base, candidate, pair)
-    ]
-    if set(events[0]) != set(events[1]):
-        only = sorted(set(events[0]) ^ set(events[1]))
-        return f"{pair.label}: other events (only one of the two has {', '.join(only)})"
-    for name, t in events[0].items():
-        if abs(t - events[1][name]) > _SAME_TIME:
-            return f"{pair.label}: other events ({name} at {t:g} s and at {events[1][name]:g} s)"
-    apart = _distance(*(_flown(tables, case) for tables, case in _sides(base, candidate, pair)))
+    sides = ((base, pair.base), (candidate, pair.candidate))
+    first, second = (tables.cases.set_index("case").epoch[case] for tables, case in sides)
+    if first != second:
+        return f"{pair.label}: other trajectory (lift-off at {first} and at {second})"
+    own, other = (flight_events(tables, case).set_index("event").t_s.to_dict() for tables, case in sides)
+    if set(own) != set(other):
+        return f"{pair.label}: other events (only one of the two has {', '.join(sorted(set(own) ^ set(other)))})"
+    for name, t in own.items():
+        if abs(t - other[name]) > SAME_TIME:
+            return f"{pair.label}: other events ({name} at {t:g} s and at {other[name]:g} s)"
+    if not all((tables.folder / "reference.parquet").exists() for tables, _ in sides):
+        return ""
+    apart = _distance(*(pick(tables.reference, case=case) for tables, case in sides))
     return f"{pair.label}: other trajectory ({apart:.3g} m apart)" if apart > _SAME_PLACE else ""
 
 
-def _sides(base: Tables, candidate: Tables, pair: Pair) -> list[tuple[Tables, str]]:
-    return [(base, pair.base), (candidate, pair.candidate)]
-
-
-def _flown(tables: Tables, case: str) -> pd.DataFrame | None:
-    """Return where a case flies; None where that is not kept."""
-    if not (tables.folder / "reference.parquet").exists():
-        return None
-    rows = tables.reference
-    return rows[rows.case == case]
-
-
-def _distance(first: pd.DataFrame | None, second: pd.DataFrame | None) -> float:
+def _distance(first: pd.DataFrame, second: pd.DataFrame) -> float:
     """Return the largest distance (m) of two flights at the times that both hold."""
-    if first is None or second is None:
-        return 0.0
     both = first.merge(second, on="t_s", suffixes=("", "_other"))
     if both.empty:
         return 0.0

@@ -42,19 +42,13 @@ def rms_change(base: Floats, candidate: Floats, relative: bool, alpha_low: float
     """
     n = len(base)
     sizes = np.sqrt(np.mean(base**2)), np.sqrt(np.mean(candidate**2))
-    left_out = tuple(_rms_without(part) for part in (base, candidate))
-    if relative:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            first, second = np.log(left_out[0]), np.log(left_out[1])
-            centre = float(np.log(sizes[1]) - np.log(sizes[0]))
-    else:
-        first, second = left_out
-        centre = float(sizes[1] - sizes[0])
-    with np.errstate(invalid="ignore"):
+    scale = np.log if relative else np.asarray
+    with np.errstate(divide="ignore", invalid="ignore"):
+        first, second = (scale(_rms_without(part)) for part in (base, candidate))
+        centre = float(scale(sizes[1]) - scale(sizes[0]))
         paired, apart = _jackknife(second - first), _jackknife(first) + _jackknife(second)
-    if n < 2 or not np.isfinite(paired):
-        low = high = float("nan")
-    else:
+    low = high = float("nan")
+    if n >= 2 and np.isfinite(paired):
         low = centre - float(stats.t.isf(alpha_low, n - 1)) * np.sqrt(paired)
         high = centre + float(stats.t.isf(alpha_high, n - 1)) * np.sqrt(paired)
     if relative:
@@ -66,8 +60,7 @@ def _rms_without(error: Floats) -> Floats:
     """Return the root mean square of all runs but one, for each run."""
     square = error**2
     others = np.maximum(square.sum() - square, 0.0)
-    rms: Floats = np.sqrt(others / max(1, len(error) - 1))
-    return rms
+    return np.asarray(np.sqrt(others / max(1, len(error) - 1)))
 
 
 def _jackknife(without: Floats) -> float:
@@ -96,20 +89,20 @@ def quantile_change(
     rank = max(1, int(np.ceil(probability * n - 1e-9))) - 1
     at = np.sort(pair, axis=1)[:, rank]
     change = _difference(at[0], at[1], relative)
+    head = (float(at[0]), float(at[1]), float(change))
     if min(n * probability, n * (1.0 - probability)) < FEWEST_BEYOND - 1e-9:
-        return Change(float(at[0]), float(at[1]), float(change), float("nan"), float("nan"), float("nan"))
+        return Change(*head, float("nan"), float("nan"), float("nan"))
     drawn = _resampled(pair, rank)
     changes = _difference(drawn[0], drawn[1], relative)
     low, high = np.quantile(changes, [alpha_low, 1.0 - alpha_high])
     measured = np.log(drawn) if relative and np.all(drawn > 0.0) else drawn
     apart, paired = float(measured.var(axis=1).sum()), float(np.var(measured[1] - measured[0]))
-    return Change(float(at[0]), float(at[1]), float(change), float(low), float(high), _worth(n, apart, paired))
+    return Change(*head, float(low), float(high), _worth(n, apart, paired))
 
 
 def _difference(base: Floats, candidate: Floats, relative: bool) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
-        found: Floats = candidate / base - 1.0 if relative else candidate - base
-    return found
+        return np.asarray(candidate / base - 1.0 if relative else candidate - base)
 
 
 def _resampled(pair: Floats, rank: int) -> Floats:

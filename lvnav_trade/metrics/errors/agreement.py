@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pandas as pd
 
 from lvnav_trade.metrics.basics.intervals import ratio_interval
-from lvnav_trade.metrics.basics.select import NAVIGATION, at_time, flight_events, series
+from lvnav_trade.metrics.basics.select import NAVIGATION, SAME_TIME, at_time, flight_events, pick, series
 from lvnav_trade.metrics.errors.covariances import reach
-from lvnav_trade.store import Tables, load
+from lvnav_trade.store import Tables
 
 COLUMNS = ["case", "event", "state", "unit", "monte_carlo", "lincov", "ratio", "low", "high", "agree"]
 ALPHA = 0.01
 """Probability that any row of a case disagrees although both engines describe the same errors."""
 
 
-def agreement(results: Path | str | Tables) -> pd.DataFrame:
+def agreement(tables: Tables) -> pd.DataFrame:
     """Return Monte-Carlo RMS over LinCov RMS at every event for the nine navigation errors, in the units of people.
 
     low and high bound the ratio: chi-square with the runs' degrees of freedom, two-sided, Bonferroni over the rows of a
     case. agree is "agree", "disagree", "no runs", or "not applicable" where the case's gate rejects more than 1 % of
     good rows at some epoch: there linear covariance, which knows no gate, does not describe the filter.
     """
-    tables = load(results)
     rows = []
     for case, quantity, axis, history in series(tables):
         if quantity not in NAVIGATION or axis == "3d":
@@ -34,19 +30,10 @@ def agreement(results: Path | str | Tables) -> pd.DataFrame:
         for event in flight_events(tables, case).itertuples():
             at = at_time(history, event.t_s)
             expected = float(np.hypot(at.lincov_true_si, at.lincov_mean_si))
-            if expected > 0 and abs(at.t_s - event.t_s) < 1e-6:
-                rows.append(
-                    {
-                        "case": tables.labels[case],
-                        "event": event.event,
-                        "state": f"{quantity} {axis}",
-                        "unit": unit,
-                        "monte_carlo": at.rms_si * factor,
-                        "lincov": expected * factor,
-                        "ratio": at.rms_si / expected,
-                        "freedom": at.run_count * at.dof_ratio,
-                    }
-                )
+            if expected > 0 and abs(at.t_s - event.t_s) < SAME_TIME:
+                head = (tables.labels[case], event.event, f"{quantity} {axis}", unit)
+                sizes = (at.rms_si * factor, expected * factor, at.rms_si / expected)
+                rows.append((*head, *sizes, at.run_count * at.dof_ratio))
     found = _with_verdicts(pd.DataFrame(rows, columns=[*COLUMNS[:7], "freedom"]))
     outside = [label for case, label in tables.labels.items() if not reach(tables, case).applies]
     tested = found.agree.isin(["agree", "disagree"])
@@ -65,31 +52,26 @@ def _with_verdicts(frame: pd.DataFrame) -> pd.DataFrame:
     return frame.assign(low=low, high=high, agree=verdict)[COLUMNS]
 
 
-def by_case(results: Path | str | Tables) -> pd.DataFrame:
+def by_case(tables: Tables) -> pd.DataFrame:
     """Return one verdict per case, with the row that is furthest from agreement.
 
     Columns: case, verdict, reason (why not applicable), alpha_ratio (level of the whole case), tested_count,
-    outside_count, state, event, ratio, low, high, source (the largest of that state at that event), share_ratio (its
-    part of the variance).
+    outside_count, state, event, ratio, low, high, source (the largest of that state at that event; empty where no
+    budget is stored), share_ratio (its part of the variance).
     """
-    tables = load(results)
     digests = {label: case for case, label in tables.labels.items()}
     found = []
-    for case, group in agreement(tables).groupby("case", sort=False):
+    for label, group in agreement(tables).groupby("case", sort=False):
+        case = digests[label]
         verdict = next((v for v in ("no runs", "not applicable", "disagree") if (group.agree == v).any()), "agree")
         worst = group.iloc[0] if verdict == "no runs" else group.iloc[_furthest(group)]
-        found.append(
-            {
-                "case": case,
-                "verdict": verdict,
-                "reason": reach(tables, digests[case]).reason,
-                "alpha_ratio": ALPHA,
-                "tested_count": len(group),
-                "outside_count": int(((group.ratio < group.low) | (group.ratio > group.high)).sum()),
-                **{name: worst[name] for name in ("state", "event", "ratio", "low", "high")},
-                **_largest_source(tables, digests[case], worst.state, worst.event),
-            }
-        )
+        outside = int(((group.ratio < group.low) | (group.ratio > group.high)).sum())
+        quantity, axis = worst.state.split(" ")
+        sources = pick(tables.budget, case=case, event=worst.event, quantity=quantity, axis=axis)
+        share = sources.set_index("source").share_ratio
+        largest = (share.idxmax(), float(share.max())) if len(share) else ("", float("nan"))
+        head = (label, verdict, reach(tables, case).reason, ALPHA, len(group), outside)
+        found.append((*head, *worst[["state", "event", "ratio", "low", "high"]], *largest))
     names = ["case", "verdict", "reason", "alpha_ratio", "tested_count", "outside_count", "state", "event", "ratio"]
     return pd.DataFrame(found, columns=[*names, "low", "high", "source", "share_ratio"])
 
@@ -98,14 +80,3 @@ def _furthest(group: pd.DataFrame) -> int:
     """Return the row of largest distance in units of the half-width on a logarithmic scale: 1 is the bound itself."""
     distance = np.abs(np.log(group.ratio)) / np.where(group.ratio > 1, np.log(group.high), -np.log(group.low))
     return int(np.nanargmax(distance.to_numpy()))
-
-
-def _largest_source(tables: Tables, case: str, state: str, event: str) -> dict[str, Any]:
-    """Return the source that makes most of one error at an event; empty where no budget is stored."""
-    quantity, axis = state.split(" ")
-    rows = tables.budget
-    rows = rows[(rows.case == case) & (rows.event == event) & (rows.quantity == quantity) & (rows.axis == axis)]
-    if rows.empty:
-        return {"source": "", "share_ratio": float("nan")}
-    top = rows.loc[rows.share_ratio.idxmax()]
-    return {"source": top.source, "share_ratio": float(top.share_ratio)}

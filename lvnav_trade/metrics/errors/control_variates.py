@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,9 +10,17 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from lvnav_trade.metrics.basics.intervals import rms_interval
-from lvnav_trade.metrics.basics.select import NAVIGATION, at_time, final_event, flight_events, lincov_rms
-from lvnav_trade.store import Tables, load
-from lvnav_trade.store.schema import error_column
+from lvnav_trade.metrics.basics.select import (
+    NAVIGATION,
+    at_time,
+    errors_by_axis,
+    final_event,
+    flight_events,
+    history_of,
+    lincov_rms,
+    pick,
+)
+from lvnav_trade.store import Tables
 
 Floats = NDArray[np.float64]
 
@@ -60,8 +67,7 @@ def controlled_rms(error: Floats, draws: Floats, alpha: float = ALPHA) -> Contro
     rest = square - control
     mean = float(rest.mean())
     if n < 2 or not mean > 0.0:
-        nothing = float("nan")
-        return Controlled(nothing, nothing, nothing, nothing, nothing)
+        return Controlled(*[float("nan")] * 5)
     spread = float(rest.std(ddof=1)) / (mean * np.sqrt(n))  # of ln(mean square)
     reach = float(stats.t.isf(alpha / 2.0, n - 1)) * spread
     worth = n * float(square.var()) / float(rest.var()) if rest.var() > 0.0 else float("inf")
@@ -73,69 +79,39 @@ def _slope(error: Floats, draws: Floats) -> Floats:
     """Return how the error (n, k) follows the draws (n, m): least squares (m, k), drawn to zero where runs are few."""
     centred = error - error.mean(axis=0)
     gram = draws.T @ draws + draws.shape[1] * np.eye(draws.shape[1])
-    slope: Floats = np.linalg.solve(gram, draws.T @ centred)
-    return slope
+    return np.asarray(np.linalg.solve(gram, draws.T @ centred))
 
 
-def controlled(results: Path | str | Tables) -> pd.DataFrame:
+def controlled(tables: Tables) -> pd.DataFrame:
     """Return the 3-D navigation errors at injection (or the last event), plain and controlled, in people's units.
 
     rms, low, high: as everywhere, 95 % by chi-square. controlled_*: with control variates, 95 %. effective_runs: how
     many plain runs the controlled ones are worth. lincov: what linear covariance expects. known_share_ratio: part of
     the mean square that follows linearly from turn-on and initial errors.
     """
-    tables = load(results)
     rows = []
     for case, label in tables.labels.items():
         event = final_event(tables, case)
-        draws = _draws(tables, case)
+        starts = pick(tables.starts, case=case)
+        draws = starts.pivot(index="run_number", columns=["source", "axis"], values="draw_ratio")
         for quantity in NAVIGATION:
-            error = _errors(tables, case, event, quantity)
-            both = [] if error is None else [run for run in draws.index if run in error.index]
-            if error is None or len(both) < 2 * FOLDS:
-                continue
-            rows.append(
-                {"case": label, "event": event, "metric": f"{quantity}_error_3d", "runs": len(both)}
-                | _row(tables, case, event, quantity, error.loc[both].to_numpy(), draws.loc[both].to_numpy())
-            )
+            errors = errors_by_axis(tables, case, event, quantity)
+            good = pick(errors, failure="").drop(columns="failure").dropna()
+            both = draws.index.intersection(good.index)
+            if good.shape[1] == 3 and len(both) >= 2 * FOLDS:
+                values = _row(tables, case, event, quantity, good.loc[both].to_numpy(), draws.loc[both].to_numpy())
+                rows.append((label, event, f"{quantity}_error_3d", *values))
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _row(tables: Tables, case: str, event: str, quantity: str, error: Floats, draws: Floats) -> dict[str, Any]:
+def _row(tables: Tables, case: str, event: str, quantity: str, error: Floats, draws: Floats) -> tuple[Any, ...]:
+    """Return the values of `COLUMNS` from the unit on."""
     unit, factor = tables.people[quantity, "3d"]
-    history = tables.history
-    history = history[(history.case == case) & (history.quantity == quantity) & (history.axis == "3d")]
+    history = history_of(tables, case, quantity, "3d")
     t = float(flight_events(tables, case).set_index("event").t_s[event])
     at = at_time(history.assign(expected=lincov_rms(history)), t)
     rms = float(np.sqrt((error**2).sum(axis=1).mean()))
-    low, high = rms_interval(rms, len(error) * at.dof_ratio)
+    plain = (rms, *map(float, rms_interval(rms, len(error) * at.dof_ratio)))
     found = controlled_rms(error, draws)
-    return {
-        "unit": unit,
-        "rms": rms * factor,
-        "low": float(low) * factor,
-        "high": float(high) * factor,
-        "controlled_rms": found.rms * factor,
-        "controlled_low": found.low * factor,
-        "controlled_high": found.high * factor,
-        "effective_runs": found.effective_runs,
-        "lincov": float(at.expected) * factor,
-        "known_share_ratio": found.known,
-    }
-
-
-def _draws(tables: Tables, case: str) -> pd.DataFrame:
-    """Return the draws of a case, a row per run."""
-    rows = tables.starts[tables.starts.case == case]
-    return rows.pivot(index="run_number", columns=["source", "axis"], values="draw_ratio")
-
-
-def _errors(tables: Tables, case: str, event: str, quantity: str) -> pd.DataFrame | None:
-    """Return the errors of good runs by axis; None where the case does not hold the quantity with three axes."""
-    outputs = tables.outputs
-    outputs = outputs[(outputs.case == case) & (outputs.quantity == quantity) & (outputs.axis != "3d")]
-    if len(outputs) != 3:
-        return None
-    runs = tables.runs
-    good = runs[(runs.case == case) & (runs.event == event) & (runs.failure == "")].set_index("run_number")
-    return good[[error_column(quantity, row.axis, row.unit) for row in outputs.itertuples()]].dropna()
+    sizes = [value * factor for value in (*plain, *found[:3])]
+    return unit, len(error), *sizes, found.effective_runs, float(at.expected) * factor, found.known

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from lvnav_trade.metrics.basics.select import at_time
+from lvnav_trade.metrics.basics.select import at_time, history_of, pick
 from lvnav_trade.store import Tables
 
 Floats = NDArray[np.float64]
@@ -47,26 +47,22 @@ class Reach(NamedTuple):
 
 def gaussian(tables: Tables, case: str, event: str, quantity: str, axis: str) -> Gaussian | None:
     """Return linear covariance's Gaussian of a metric (axis "3d": three components) at an event; None if unknown."""
-    rows = tables.covariances
-    rows = rows[(rows.case == case) & (rows.event == event) & (rows.quantity == quantity)]
+    rows = pick(tables.covariances, case=case, event=event, quantity=quantity)
     axes = list(dict.fromkeys(rows.axis))
     wanted = axes if axis == "3d" else [axis]
     if rows.empty or not set(wanted) <= set(axes):
         return None
     found = {str(source): _matrix(part, axes, wanted) for source, part in rows.groupby("source", sort=False)}
-    history = tables.history
-    history = history[(history.case == case) & (history.quantity == quantity)]
     t = float(rows.t_s.iloc[0])
-    mean = [float(at_time(history[history.axis == name], t).lincov_mean_si) for name in wanted]
+    mean = [float(at_time(history_of(tables, case, quantity, name), t).lincov_mean_si) for name in wanted]
     return Gaussian(np.array(mean), found.pop(""), found)
 
 
 def _matrix(rows: pd.DataFrame, axes: list[str], wanted: list[str]) -> Floats:
-    place: dict[Any, int] = {name: k for k, name in enumerate(axes)}
     matrix = np.zeros((len(axes), len(axes)))
-    i, j = rows.axis.map(place).to_numpy(), rows.other_axis.map(place).to_numpy()
+    i, j = (pd.Index(axes).get_indexer(names) for names in (rows.axis, rows.other_axis))
     matrix[i, j] = matrix[j, i] = rows.true_si2.to_numpy()
-    chosen = [place[name] for name in wanted]
+    chosen = [axes.index(name) for name in wanted]
     return matrix[np.ix_(chosen, chosen)]
 
 
@@ -74,8 +70,7 @@ def reach(tables: Tables, case: str) -> Reach:
     """Return whether linear covariance describes a case at every epoch."""
     if bool(tables.cases.set_index("case").logic.get(case)):
         return Reach(False, 0.0, float("nan"), logic=True)
-    rows = tables.innovations
-    rows = rows[rows.case == case]
+    rows = pick(tables.innovations, case=case)
     if rows.empty or not (rows.false_rejection_ratio > 0).any():
         return Reach(True, 0.0, float("nan"))
     worst = rows.loc[rows.false_rejection_ratio.idxmax()]

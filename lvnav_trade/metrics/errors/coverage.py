@@ -1,17 +1,16 @@
-"""How many of the runs lie within three of the filter's own sigmas, and what that says of the part of all flights."""
+"""Errors of the runs themselves: how many lie within the filter's own sigmas, and how far two levels differ."""
 
 from __future__ import annotations
 
-from pathlib import Path
+import json
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from lvnav_trade.metrics.basics.intervals import success_bounds
-from lvnav_trade.metrics.basics.select import NAVIGATION, flight_events
-from lvnav_trade.store import Tables, load
-from lvnav_trade.store.schema import error_column
+from lvnav_trade.metrics.basics.select import NAVIGATION, at_time, errors_by_axis, flight_events, history_of, pick
+from lvnav_trade.store import Tables
 
 SIGMAS = 3.0
 GAUSSIAN = 0.9973
@@ -20,7 +19,7 @@ _TAIL = 0.025
 """Of each side of the interval."""
 
 
-def coverage(results: Path | str | Tables, during: tuple[str, str] | None = None) -> pd.DataFrame:
+def coverage(tables: Tables, during: tuple[str, str] | None = None) -> pd.DataFrame:
     """Return the part of runs within three sigmas, axis by axis, of attitude, velocity and position at the events.
 
     Columns: case, event, t_s, quantity, run_count, inside_ratio (of runs, axes), all_inside_ratio (runs with all axes
@@ -28,42 +27,65 @@ def coverage(results: Path | str | Tables, during: tuple[str, str] | None = None
     three independent Gaussian axes have, 0.9919). during: first and last event. Sigma is the filter's own, root mean
     square over the runs.
     """
-    tables = load(results)
     rows: list[dict[str, Any]] = []
     for case, label in tables.labels.items():
         names = list(flight_events(tables, case).event)
         if during is not None and all(name in names for name in during):
             names = names[names.index(during[0]) : names.index(during[1]) + 1]
         for event in names:
-            rows += [_row(tables, case, event, quantity, label) for quantity in NAVIGATION]
-    return pd.DataFrame([row for row in rows if row])
+            start = {"case": label, "event": event}
+            rows += [start | _inside(tables, case, event, quantity) for quantity in NAVIGATION]
+    return pd.DataFrame([row for row in rows if "quantity" in row])
 
 
-def _row(tables: Tables, case: str, event: str, quantity: str, label: str) -> dict[str, Any]:
-    history, runs = tables.history, tables.runs
-    chosen = runs[(runs.case == case) & (runs.event == event)]
-    mine = history[(history.case == case) & (history.quantity == quantity) & (history.axis != "3d")]
-    if chosen.empty or mine.empty:
+def _inside(tables: Tables, case: str, event: str, quantity: str) -> dict[str, Any]:
+    runs = errors_by_axis(tables, case, event, quantity)
+    axes = [row.axis for row in pick(tables.outputs, case=case, quantity=quantity).itertuples() if row.axis != "3d"]
+    if runs.empty or not axes:
         return {}
-    inside = []
-    for axis, series in mine.groupby("axis", sort=False):
-        nearest = int(np.argmin(np.abs(series.t_s.to_numpy() - float(chosen.t_s.iloc[0]))))
-        sigma = float(series.filter_sigma_si.iloc[nearest])
-        error = chosen[error_column(quantity, str(axis), str(series.unit.iloc[0]))].to_numpy(dtype=float)
-        inside.append((chosen.failure.to_numpy() == "") & (np.abs(error) <= SIGMAS * sigma))
-    within = np.array(inside)
-    whole, n = within.all(axis=0), within.shape[1]
-    out = int(n - whole.sum())
-    low, high = success_bounds(n, out, 1.0 - _TAIL)
-    return {
-        "case": label,
-        "event": event,
-        "t_s": float(chosen.t_s.iloc[0]),
-        "quantity": quantity,
-        "run_count": n,
-        "inside_ratio": float(within.mean()),
-        "all_inside_ratio": float(whole.mean()),
-        "low_ratio": low,
-        "high_ratio": high,
-        "honest": bool(high >= GAUSSIAN**3),
-    }
+    t = float(pick(tables.runs, case=case, event=event).t_s.iloc[0])
+    sigma = [at_time(history_of(tables, case, quantity, axis), t).filter_sigma_si for axis in axes]
+    small = runs.drop(columns="failure").abs() <= SIGMAS * np.array(sigma)
+    within = small.to_numpy() & (runs.failure == "").to_numpy()[:, None]
+    whole, n = within.all(axis=1), len(within)
+    low, high = success_bounds(n, int(n - whole.sum()), 1.0 - _TAIL)
+    found = {"t_s": t, "quantity": quantity, "run_count": n, "inside_ratio": float(within.mean())}
+    found |= {"all_inside_ratio": float(whole.mean()), "low_ratio": low, "high_ratio": high}
+    return found | {"honest": bool(high >= GAUSSIAN**3)}
+
+
+def paired_levels(tables: Tables, axis: str) -> pd.DataFrame:
+    """Return the paired differences of cases that differ in one axis alone: its first level and each other one.
+
+    Columns: case (the other levels), levels, event, quantity, unit, first_rms, second_rms, difference_rms (root mean
+    square over the runs of the norm of the difference of their errors), difference_ratio (of the smaller of the two).
+    """
+    groups: dict[str, list[tuple[str, str]]] = {}
+    for row in tables.cases.itertuples():
+        levels = json.loads(str(row.axes))
+        own = levels.pop(axis, None)
+        if own is not None:
+            rest = ", ".join(f"{name}={level}" for name, level in levels.items()) or "base"
+            groups.setdefault(rest, []).append((str(own), str(row.case)))
+    rows: list[dict[str, Any]] = []
+    for rest, ((first, case), *others) in groups.items():
+        for level, other in others:
+            start = {"case": rest, "levels": f"{first} and {level}"}
+            for event in flight_events(tables, case).event:
+                found = (_paired(tables, (case, other), str(event), quantity) for quantity in NAVIGATION)
+                rows += [start | {"event": event} | sizes for sizes in found if sizes]
+    return pd.DataFrame(rows)
+
+
+def _paired(tables: Tables, pair: tuple[str, str], event: str, quantity: str) -> dict[str, Any]:
+    """Return the root mean squares of two cases and of their difference at an event; empty where one is not stored."""
+    both = [errors_by_axis(tables, case, event, quantity).sort_index().drop(columns="failure") for case in pair]
+    if any(errors.empty for errors in both):
+        return {}
+    n = min(map(len, both))
+    first, second = (errors.to_numpy(dtype=float)[:n] for errors in both)
+    unit, factor = tables.people[quantity, "3d"]
+    sizes = [factor * float(np.sqrt(np.mean(np.sum(e**2, axis=1)))) for e in (first, second, second - first)]
+    names = ("first_rms", "second_rms", "difference_rms")
+    ratio = {"difference_ratio": sizes[2] / min(sizes[:2])}
+    return {"quantity": quantity, "unit": unit, **dict(zip(names, sizes, strict=True)), **ratio}

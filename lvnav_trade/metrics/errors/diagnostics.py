@@ -1,94 +1,93 @@
-"""What is behind linear covariance: when sources act, what better ones are worth, what the measurements tell."""
+"""What is behind linear covariance: budgets, when sources act, what better ones are worth, what measurements tell."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.metrics.basics.select import metric_name
-from lvnav_trade.store import Tables, load
+from lvnav_trade.metrics.basics.select import NAVIGATION, metric_name
+from lvnav_trade.store import Tables
+
+LEAST_SHARE = 1e-9
+"""Share of the variance below which a source counts as zero: smaller ones have fewer than six digits, and other ones on
+another machine."""
 
 
-def contributions(results: Path | str | Tables) -> pd.DataFrame:
+def budget(tables: Tables) -> pd.DataFrame:
+    """Return LinCov's 3-D navigation errors by source at every event, in the units of people.
+
+    Columns: case, event, source, metric, unit, sigma (of this source alone; squares of sources add), share_ratio (of
+    the variance); both are zero below `LEAST_SHARE`. Largest first within case, event and metric. Empty where the
+    campaign asked for no budget.
+    """
+    rows = tables.budget
+    rows = rows[(rows.event != "") & (rows.axis == "3d") & rows.quantity.isin(NAVIGATION)]
+    negligible = rows.share_ratio < LEAST_SHARE
+    found = _labelled(tables, rows, "event", "source").assign(
+        sigma=rows.sigma_si.mask(negligible, 0.0) * _factors(tables, rows),
+        share_ratio=rows.share_ratio.mask(negligible, 0.0),
+    )
+    found = found[["case", "event", "source", "metric", "unit", "sigma", "share_ratio"]]
+    place = found.groupby(["case", "event", "metric"], sort=False).ngroup()
+    order = found.assign(place=place).sort_values(["place", "share_ratio"], ascending=[True, False], kind="stable")
+    return order.drop(columns="place").reset_index(drop=True)
+
+
+def _labelled(tables: Tables, rows: pd.DataFrame, *columns: str) -> pd.DataFrame:
+    """Return case and columns of rows with the name of the metric, a 3-D error, and its unit for people."""
+    units = [tables.people[quantity, "3d"][0] for quantity in rows.quantity]
+    found = rows[["case", *columns]].assign(metric=rows.quantity.map(metric_name), unit=units)
+    return found.assign(case=rows.case.map(tables.labels))
+
+
+def _factors(tables: Tables, rows: pd.DataFrame) -> list[float]:
+    return [tables.people[quantity, "3d"][1] for quantity in rows.quantity]
+
+
+def contributions(tables: Tables) -> pd.DataFrame:
     """Return what each source put into the 3-D navigation errors at the explained event, and when.
 
     Columns: case, event, metric, source, t_start_s, t_end_s, share_ratio (of the variance at the event; over sources
     and bins they sum to 1).
     """
-    tables = load(results)
-    rows = tables.adjoint
-    rows = rows[rows.axis == "3d"]
+    rows = tables.adjoint[tables.adjoint.axis == "3d"]
     total = rows.groupby(["case", "quantity"], sort=False).variance_si2.transform("sum")
-    return pd.DataFrame(
-        {
-            "case": rows.case.map(tables.labels),
-            "event": rows.event,
-            "metric": rows.quantity.map(metric_name),
-            "source": rows.source,
-            "t_start_s": rows.bin_start_s,
-            "t_end_s": rows.bin_end_s,
-            "share_ratio": rows.variance_si2 / total,
-        }
-    ).reset_index(drop=True)
+    rows = rows.rename(columns={"bin_start_s": "t_start_s", "bin_end_s": "t_end_s"})
+    found = _labelled(tables, rows, "event", "source", "t_start_s", "t_end_s")
+    found = found.assign(share_ratio=rows.variance_si2 / total).reset_index(drop=True)
+    return found[["case", "event", "metric", "source", "t_start_s", "t_end_s", "share_ratio"]]
 
 
-def sensitivity(results: Path | str | Tables) -> pd.DataFrame:
+def sensitivity(tables: Tables) -> pd.DataFrame:
     """Return the 3-D navigation errors at the explained event with each source's sigma multiplied.
 
     Columns: case, event, metric, unit, source, factor_ratio, frozen (with the gains of the campaign's filter), retuned
     (with a filter that knows the new sigma); root mean squares by linear covariance, in the units of people.
     """
-    tables = load(results)
-    rows = tables.sensitivity
-    people = {quantity: tables.people[quantity, "3d"] for quantity in dict.fromkeys(rows.quantity)}
-    factor = np.array([people[quantity][1] for quantity in rows.quantity], dtype=float)
-    return pd.DataFrame(
-        {
-            "case": rows.case.map(tables.labels),
-            "event": rows.event,
-            "metric": rows.quantity.map(metric_name),
-            "unit": [people[quantity][0] for quantity in rows.quantity],
-            "source": rows.source,
-            "factor_ratio": rows.factor_ratio,
-            "frozen": rows.frozen_si * factor,
-            "retuned": rows.retuned_si * factor,
-        }
-    )
+    rows, factors = tables.sensitivity, _factors(tables, tables.sensitivity)
+    found = _labelled(tables, rows, "event", "source", "factor_ratio")
+    found = found.assign(frozen=rows.frozen_si * factors, retuned=rows.retuned_si * factors)
+    return found[["case", "event", "metric", "unit", "source", "factor_ratio", "frozen", "retuned"]]
 
 
-def observability(results: Path | str | Tables) -> pd.DataFrame:
+def observability(tables: Tables) -> pd.DataFrame:
     """Return per case and phase what the measurements tell of the filter's states.
 
     Columns: case, phase, t_start_s, t_end_s, row_count, rank_count, state_count, tolerance_ratio, smallest_ratio,
     second_ratio, third_ratio (singular values from the smallest up), weakest.
     """
-    tables = load(results)
+    counts = ["row_count", "rank_count", "state_count", "tolerance_ratio"]
+    smallest = ["smallest_ratio", "second_ratio", "third_ratio"]
     found = []
-    for (case, phase, _), group in tables.observability.groupby(["case", "phase", "t_s"], sort=False):
+    for _, group in tables.observability.groupby(["case", "phase", "t_s"], sort=False):
         first = group.iloc[0]
-        values = np.sort(group.singular_ratio.to_numpy())
-        found.append(
-            {
-                "case": tables.labels[case],
-                "phase": phase,
-                "t_start_s": first.t_s,
-                "t_end_s": first.t_end_s,
-                "row_count": int(first.row_count),
-                "rank_count": int(first.rank_count),
-                "state_count": int(first.state_count),
-                "tolerance_ratio": first.tolerance_ratio,
-                **dict(zip(("smallest_ratio", "second_ratio", "third_ratio"), values, strict=False)),
-                "weakest": first.weakest,
-            }
-        )
-    names = ["case", "phase", "t_start_s", "t_end_s", "row_count", "rank_count", "state_count", "tolerance_ratio"]
-    return pd.DataFrame(found, columns=[*names, "smallest_ratio", "second_ratio", "third_ratio", "weakest"])
+        values = dict(zip(smallest, np.sort(group.singular_ratio.to_numpy()), strict=False))
+        found.append({**first[["phase", "t_end_s", *counts, "weakest"]], "t_start_s": first.t_s, **values})
+        found[-1]["case"] = tables.labels[first.case]
+    return pd.DataFrame(found, columns=["case", "phase", "t_start_s", "t_end_s", *counts, *smallest, "weakest"])
 
 
-def nonlinearity(results: Path | str | Tables) -> pd.DataFrame:
+def nonlinearity(tables: Tables) -> pd.DataFrame:
     """Return the nonlinearity at every event: case, event, t_s, motion_ratio, state, transition_ratio, row_ratio."""
-    tables = load(results)
     rows = tables.nonlinearity
     return rows.assign(case=rows.case.map(tables.labels)).reset_index(drop=True)

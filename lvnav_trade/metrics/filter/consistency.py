@@ -1,45 +1,42 @@
-"""Does the filter's covariance fit its errors: normalised errors and innovations squared against their bounds."""
+"""Does the filter's covariance fit its errors and innovations, and are the innovations white."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 
-from lvnav_trade.metrics.basics.intervals import mean_square_interval
-from lvnav_trade.store import Tables, load
+from lvnav_trade.metrics.basics.intervals import holm, mean_square_interval
+from lvnav_trade.store import Tables
 
 ALPHA = 0.05
+WHITE_ALPHA = 0.01
+_LEAST_PAIRS = 100
+"""Channels with fewer pairs say nothing: a satellite seen for a few epochs."""
 Floats = NDArray[np.float64]
 
 
-def nees(results: Path | str | Tables) -> pd.DataFrame:
+def nees(tables: Tables) -> pd.DataFrame:
     """Return the mean normalised estimation error squared per degree of freedom over time, with 95 % bounds.
 
     Columns: case, t_s, run_count, anees_ratio (1 for a matched filter), low_ratio, high_ratio, expected_ratio (LinCov),
     inside.
     """
-    tables = load(results)
     rows = tables.consistency
     low, high = mean_square_interval(rows.run_count * rows.nees_dof_count, ALPHA)
-    found = pd.DataFrame(
-        {
-            "case": rows.case.map(tables.labels),
-            "t_s": rows.t_s,
-            "run_count": rows.run_count,
-            "anees_ratio": rows.nees_mean_ratio / rows.nees_dof_count,
-            "low_ratio": low,
-            "high_ratio": high,
-            "expected_ratio": rows.expected_nees_ratio / rows.nees_dof_count,
-        }
+    mean = rows.nees_mean_ratio / rows.nees_dof_count
+    return rows[["case", "t_s", "run_count"]].assign(
+        case=rows.case.map(tables.labels),
+        anees_ratio=mean,
+        low_ratio=low,
+        high_ratio=high,
+        expected_ratio=rows.expected_nees_ratio / rows.nees_dof_count,
+        inside=mean.between(low, high),
     )
-    return found.assign(inside=found.anees_ratio.between(found.low_ratio, found.high_ratio))
 
 
-def nis(results: Path | str | Tables) -> pd.DataFrame:
+def nis(tables: Tables) -> pd.DataFrame:
     """Return the mean normalised innovation squared of accepted rows over time, with 95 % bounds for that many rows.
 
     Columns: case, t_s, row_count, reject_count, raw_ratio (mean of the accepted rows), anis_ratio (the same over what a
@@ -47,7 +44,6 @@ def nis(results: Path | str | Tables) -> pd.DataFrame:
     the same gate and correction), rejected_ratio (part of rows that the gate rejected), false_rejection_ratio (LinCov),
     inside. Epochs without a row are left out.
     """
-    tables = load(results)
     rows = tables.innovations
     rows = rows[(rows.row_count > 0) | (rows.lincov_row_count > 0)]
     gate = rows.case.map(tables.cases.set_index("case").gate_ratio).to_numpy(dtype=float)
@@ -56,22 +52,17 @@ def nis(results: Path | str | Tables) -> pd.DataFrame:
     raw = rows.nis_sum_ratio / rows.row_count.where(rows.row_count > 0)
     spread = rows.expected_nis_ratio / rows.lincov_row_count.where(rows.lincov_row_count > 0)
     offered = rows.row_count + rows.reject_count
-    found = pd.DataFrame(
-        {
-            "case": rows.case.map(tables.labels),
-            "t_s": rows.t_s,
-            "row_count": rows.row_count,
-            "reject_count": rows.reject_count,
-            "raw_ratio": raw,
-            "anis_ratio": raw / mean,
-            "low_ratio": low,
-            "high_ratio": high,
-            "expected_ratio": spread * accepted_moments(gate / np.sqrt(spread))[0] / mean,
-            "rejected_ratio": rows.reject_count / offered.where(offered > 0),
-            "false_rejection_ratio": rows.false_rejection_ratio,
-        }
+    return rows[["case", "t_s", "row_count", "reject_count"]].assign(
+        case=rows.case.map(tables.labels),
+        raw_ratio=raw,
+        anis_ratio=raw / mean,
+        low_ratio=low,
+        high_ratio=high,
+        expected_ratio=spread * accepted_moments(gate / np.sqrt(spread))[0] / mean,
+        rejected_ratio=rows.reject_count / offered.where(offered > 0),
+        false_rejection_ratio=rows.false_rejection_ratio,
+        inside=(raw / mean).between(low, high),
     )
-    return found.assign(inside=found.anis_ratio.between(found.low_ratio, found.high_ratio))
 
 
 def accepted_moments(gate: ArrayLike) -> tuple[Floats, Floats]:
@@ -86,24 +77,48 @@ def accepted_moments(gate: ArrayLike) -> tuple[Floats, Floats]:
     return mean, 3.0 * stats.chi2.cdf(square, 5) / inside - mean**2
 
 
-def consistency(results: Path | str | Tables) -> pd.DataFrame:
+def consistency(tables: Tables) -> pd.DataFrame:
     """Return for each case and test (ANEES, ANIS) the time mean, what LinCov expects, and how much lies inside.
 
     Columns: case, test, mean_ratio, expected_ratio, inside_ratio (0.95 is expected of a matched filter), time_count.
     """
-    tables = load(results)
     found = []
     for test, rows, value in (("ANEES", nees(tables), "anees_ratio"), ("ANIS", nis(tables), "anis_ratio")):
         for case, group in rows.groupby("case", sort=False):
-            there = group[value].notna()
-            found.append(
-                {
-                    "case": case,
-                    "test": test,
-                    "mean_ratio": group[value].mean(),
-                    "expected_ratio": group.expected_ratio.mean(),
-                    "inside_ratio": group.inside[there].mean() if there.any() else float("nan"),
-                    "time_count": int(there.sum()),
-                }
-            )
-    return pd.DataFrame(found)
+            inside = group.inside[group[value].notna()]
+            part = inside.mean() if len(inside) else float("nan")
+            found.append((case, test, group[value].mean(), group.expected_ratio.mean(), part, len(inside)))
+    names = ["case", "test", "mean_ratio", "expected_ratio", "inside_ratio", "time_count"]
+    return pd.DataFrame(found, columns=names)
+
+
+def autocorrelation(tables: Tables) -> pd.DataFrame:
+    """Return the autocorrelation of each channel: case, channel, lag_number, pair_count, autocorrelation_ratio."""
+    rows = tables.whiteness
+    mean = rows.product_sum_ratio / rows.pair_count.where(rows.pair_count > 0)
+    zero = mean.where(rows.lag_number == 0).groupby([rows.case, rows.channel], sort=False).transform("max")
+    found = rows[["case", "channel", "lag_number", "pair_count"]].assign(autocorrelation_ratio=mean / zero)
+    return found.assign(case=found.case.map(tables.labels))
+
+
+def whiteness(tables: Tables) -> pd.DataFrame:
+    """Return one row per case and channel.
+
+    Columns: case, channel, pair_count (least of the lags), largest_ratio (autocorrelation of largest size),
+    largest_lag_number, portmanteau_ratio (sum of n r^2 over lags 1 to 10, chi-square with as many degrees of freedom
+    for white innovations), p_ratio, p_holm_ratio (for all channels of the case together), white (at alpha 0.01).
+    """
+    found = []
+    for (case, channel), group in autocorrelation(tables).groupby(["case", "channel"], sort=False):
+        lags = group[group.lag_number > 0]
+        pairs, r = lags.pair_count.to_numpy(), lags.autocorrelation_ratio.to_numpy()
+        if lags.pair_count.min() < _LEAST_PAIRS or np.isnan(r).any():
+            continue
+        worst = int(np.argmax(np.abs(r)))
+        statistic = float(np.sum(pairs * r**2))
+        largest = (float(r[worst]), int(lags.lag_number.iloc[worst]))
+        found.append((case, channel, int(pairs.min()), *largest, statistic, float(stats.chi2.sf(statistic, len(r)))))
+    names = ["case", "channel", "pair_count", "largest_ratio", "largest_lag_number", "portmanteau_ratio", "p_ratio"]
+    frame = pd.DataFrame(found, columns=names)
+    adjusted = frame.groupby("case", sort=False).p_ratio.transform(holm) if len(frame) else frame.p_ratio
+    return frame.assign(p_holm_ratio=adjusted, white=adjusted >= WHITE_ALPHA)

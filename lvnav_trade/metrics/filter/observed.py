@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.store import Tables, load
+from lvnav_trade.store import Tables
 
 NUMERICAL = 1e-10
 """Of the largest singular value: what is below is lost to rounding."""
@@ -17,21 +15,19 @@ COLUMNS = [
 ]  # fmt: skip
 
 
-def observed(results: Path | str | Tables) -> pd.DataFrame:
+def observed(tables: Tables) -> pd.DataFrame:
     """Return the least rank of any stretch (singular values above 1e-10 of the largest), the least rank with
     information (above the tolerance of the results), the smallest singular value, the smallest of a direction in
     which a position trades with its bias (NaN where there is none), and the direction of the smallest of all, in words.
     """
-    tables, rows = load(results), []
+    rows = []
     for case, one in tables.observability.groupby("case", sort=False):
         stretches = [part for _, part in one.groupby("t_s")]
         ranks = [int((part.singular_ratio > NUMERICAL * part.singular_ratio.max()).sum()) for part in stretches]
         apart = one.singular_ratio[np.array([is_position_bias(text) for text in one.direction], dtype=bool)]
-        rows.append((
-            tables.labels[str(case)], len(stretches), int(one.state_count.iloc[0]), min(ranks),
-            int(one.rank_count.min()), float(one.singular_ratio.min()), float(apart.min()) if len(apart) else np.nan,
-            str(one.direction[one.singular_ratio.idxmin()]),
-        ))  # fmt: skip
+        counts = (len(stretches), int(one.state_count.iloc[0]), min(ranks), int(one.rank_count.min()))
+        smallest = (float(one.singular_ratio.min()), float(apart.min()) if len(apart) else np.nan)
+        rows.append((tables.labels[str(case)], *counts, *smallest, str(one.direction[one.singular_ratio.idxmin()])))
     return pd.DataFrame(rows, columns=COLUMNS)
 
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lvnav_trade.frames import earth_velocity, ecef_from_eci, geodetic_from_ecef, rotation_e_n, unit
 from lvnav_trade.kernels.earth import ECCENTRICITY_2, GM, OMEGA, SEMI_MINOR
-from lvnav_trade.metrics.mechanics.meanorbit import oblateness
+from lvnav_trade.metrics.mechanics.meanorbit import mean_anomaly, oblateness
 
 Floats = NDArray[np.float64]
 
@@ -55,7 +55,12 @@ def impact(r_i: ArrayLike, v_i: ArrayLike, earth_angle: ArrayLike, j2: bool = Tr
         fall = np.where(height >= lowest, fall, np.nan)
         end = _fly(r_i, v_i, fall, j2, _STEPS)
         fall, end = _to_ground(fall, end, j2)
-        return _impact_of(end[:, :3], end[:, 3:], theta, fall)
+        turned, r_i, v_i = theta + OMEGA * fall, end[:, :3], end[:, 3:]
+        r_e = ecef_from_eci(r_i, turned)
+        latitude, longitude, _ = geodetic_from_ecef(r_e)
+        axes_n = rotation_e_n(latitude, longitude)
+        v_n = np.einsum("nij,nj->ni", axes_n, ecef_from_eci(earth_velocity(r_i, v_i), turned))
+        return Impact(r_e, latitude, longitude, fall, np.arctan2(v_n[:, 1], v_n[:, 0]))
 
 
 def _kepler_fall(r_i: Floats, v_i: Floats) -> Floats:
@@ -76,13 +81,7 @@ def _kepler_fall(r_i: Floats, v_i: Floats) -> Floats:
         sine = np.cos(angle) * towards[:, 2] + np.sin(angle) * ahead[:, 2]
         radius = SEMI_MINOR / np.sqrt(1.0 - ECCENTRICITY_2 * (1.0 - sine**2))
     a = p / (1.0 - e * e)
-    beta = e / (1.0 + np.sqrt(1.0 - e * e))
-
-    def mean_anomaly(true: Floats) -> Floats:
-        eccentric = true - 2.0 * np.arctan2(beta * np.sin(true), 1.0 + beta * np.cos(true))
-        return np.asarray(eccentric - e * np.sin(eccentric))
-
-    return np.asarray((mean_anomaly(anomaly + angle) - mean_anomaly(anomaly)) * np.sqrt(a**3 / GM))
+    return np.asarray((mean_anomaly(anomaly + angle, e) - mean_anomaly(anomaly, e)) * np.sqrt(a**3 / GM))
 
 
 def _pull(state: Floats, j2: bool) -> Floats:
@@ -119,14 +118,6 @@ def _to_ground(fall: Floats, state: Floats, j2: bool) -> tuple[Floats, Floats]:
     _, _, height = geodetic_from_ecef(state[:, :3])
     sound = (np.abs(height) < 1e-3) & (fall > 0.0)
     return np.where(sound, fall, np.nan), np.where(sound[:, None], state, np.nan)
-
-
-def _impact_of(r_i: Floats, v_i: Floats, theta: Floats, fall: Floats) -> Impact:
-    turned = theta + OMEGA * fall
-    r_e = ecef_from_eci(r_i, turned)
-    latitude, longitude, _ = geodetic_from_ecef(r_e)
-    v_n = np.einsum("nij,nj->ni", rotation_e_n(latitude, longitude), ecef_from_eci(earth_velocity(r_i, v_i), turned))
-    return Impact(r_e, latitude, longitude, fall, np.arctan2(v_n[:, 1], v_n[:, 0]))
 
 
 def offsets(from_e: ArrayLike, to_e: ArrayLike, heading: ArrayLike) -> Floats:

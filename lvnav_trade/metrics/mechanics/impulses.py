@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lvnav_trade.frames import unit
 from lvnav_trade.kernels.earth import GM
-from lvnav_trade.metrics.mechanics.meanorbit import MOST_ECCENTRIC, osculating
+from lvnav_trade.metrics.mechanics.meanorbit import osculating
 
 Floats = NDArray[np.float64]
 
@@ -119,6 +119,3 @@ def least_at(r_i: ArrayLike, v_i: ArrayLike, error: ArrayLike) -> Correction:
     if not bool(orbit.elliptic):
         return Correction(np.full(len(error), np.nan), np.full(len(error), np.nan))
     return least(error @ orbit_errors(r_i, v_i).T, control(r_i, v_i))
-
-
-__all__ = ["MOST_ECCENTRIC", "Correction", "control", "least", "least_at", "orbit_errors"]

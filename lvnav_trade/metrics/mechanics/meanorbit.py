@@ -125,7 +125,7 @@ def _offset(orbit: Orbit, r_i: Floats) -> Orbit:
     r = h**2 / GM / (1.0 + ex * c + ey * s)
     along_i = r[..., None] * (c[:, None] * towards + s[:, None] * ahead)
     v_i = (GM / h)[..., None] * (-(s + ey)[..., None] * towards + (c + ex)[..., None] * ahead)
-    anomaly, period = _mean_anomaly(angle, ex, ey)
+    anomaly, period = _gained(angle, ex, ey)
     share = (0.5 - anomaly / (2.0 * np.pi)) * weight * r**2 / h  # (T/2 - t) / T dt
     pull = oblateness(along_i)
     turn = np.cross(along_i, pull)
@@ -138,18 +138,18 @@ def _offset(orbit: Orbit, r_i: Floats) -> Orbit:
     )
 
 
-def _mean_anomaly(angle: Floats, ex: Floats, ey: Floats) -> tuple[Floats, Floats]:
+def _gained(angle: Floats, ex: Floats, ey: Floats) -> tuple[Floats, Floats]:
     """Return the mean anomaly gained over an angle of position, growing from 0 to 2 pi, and sqrt(1 - e^2)."""
     e = np.hypot(ex, ey)
-    root = np.sqrt(1.0 - e * e)
-    beta = e / (1.0 + root)
-
-    def since_perigee(true: Floats) -> Floats:
-        eccentric = true - 2.0 * np.arctan2(beta * np.sin(true), 1.0 + beta * np.cos(true))
-        return np.asarray(eccentric - e * np.sin(eccentric))
-
     start = np.arctan2(-ey, ex)  # true anomaly of the position
-    return since_perigee(start + angle) - since_perigee(start), root
+    return mean_anomaly(start + angle, e) - mean_anomaly(start, e), np.sqrt(1.0 - e * e)
+
+
+def mean_anomaly(true: Floats, e: Floats) -> Floats:
+    """Return the mean anomaly (rad) of a true anomaly (rad, of any turn) on ellipses of eccentricity e."""
+    beta = e / (1.0 + np.sqrt(1.0 - e * e))
+    eccentric = true - 2.0 * np.arctan2(beta * np.sin(true), 1.0 + beta * np.cos(true))
+    return np.asarray(eccentric - e * np.sin(eccentric))
 
 
 def oblateness(r_i: Floats) -> Floats:

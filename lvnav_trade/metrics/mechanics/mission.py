@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy import special
 from scipy.stats import qmc
 
@@ -55,9 +55,7 @@ def states(tables: Tables, case: str) -> list[State]:
     r_i, v_i = rows.filter(regex=r"^position_._m$"), rows.filter(regex=r"^velocity_._m_per_s$")
     turns = frames.matrices(rows.filter(regex=r"^axes_q").to_numpy())
     columns = (rows.event, rows.t_s, r_i.to_numpy(), v_i.to_numpy(), rows.earth_angle_rad, turns)
-    return [
-        State(str(event), float(t), r, v, float(theta), C) for event, t, r, v, theta, C in zip(*columns, strict=True)
-    ]
+    return [State(*values) for values in zip(*columns, strict=True)]
 
 
 def state_at(tables: Tables, case: str, event: str) -> State | None:
@@ -80,19 +78,19 @@ def laws(tables: Tables, case: str) -> list[Law]:
     return [Law(*parts) for parts in zip(mean, matrices(rows.true_si2), matrices(rows.formal_si2), strict=True)]
 
 
-def resolved(bias: Floats, sigma: Floats) -> Floats:
+def resolved(bias: Floats, sigma: ArrayLike) -> Floats:
     """Return biases (...,) to a millionth of their sigmas (...,): what is smaller is rounding and differs by machine.
 
     Unchanged where the sigma is zero.
     """
-    unit = np.where(sigma > 0.0, sigma, 1.0)
-    return np.where(sigma > 0.0, np.round(bias / unit, 6) * unit + 0.0, bias)
+    known = np.asarray(sigma) > 0.0
+    unit = np.where(known, sigma, 1.0)
+    return np.where(known, np.round(bias / unit, 6) * unit + 0.0, bias)
 
 
-def law_at(tables: Tables, case: str, event: str) -> Law | None:
-    """Return LinCov of velocity and position at an event; None where it is not stored."""
-    names = [state.event for state in states(tables, case)]
-    return laws(tables, case)[names.index(event)] if event in names else None
+def law_at(tables: Tables, case: str, event: str) -> Law:
+    """Return LinCov of velocity and position at an event, of which the state is stored."""
+    return laws(tables, case)[[state.event for state in states(tables, case)].index(event)]
 
 
 def run_errors(tables: Tables, case: str, state: State) -> tuple[Floats, NDArray[np.bool_]]:
@@ -113,7 +111,7 @@ def run_errors(tables: Tables, case: str, state: State) -> tuple[Floats, NDArray
 
 
 def orbit_errors(state: State, error: Floats) -> dict[str, Floats]:
-    """Return the errors of the mean orbit, each (n,), the eccentricity vector's (n, 2), for state errors (n, 6).
+    """Return the errors of the mean orbit, each (n, 1), the eccentricity vector's (n, 2), for state errors (n, 6).
 
     The eccentricity vector is resolved along the true ascending node and 90 degrees ahead of it.
     """
@@ -121,15 +119,10 @@ def orbit_errors(state: State, error: Floats) -> dict[str, Floats]:
     estimated = meanorbit.mean(state.r_i - error[:, 3:], state.v_i - error[:, :3])
     node = np.array([np.cos(true.node), np.sin(true.node), 0.0])
     plane = np.stack([node, np.cross(frames.unit(true.h_i), node)])
-    return {
-        "semi_major_axis_error": true.semi_major_axis - estimated.semi_major_axis,
-        "eccentricity_error": true.eccentricity - estimated.eccentricity,
-        "eccentricity_vector_error": (true.e_i - estimated.e_i) @ plane.T,
-        "perigee_error": true.perigee - estimated.perigee,
-        "apogee_error": true.apogee - estimated.apogee,
-        "inclination_error": true.inclination - estimated.inclination,
-        "node_error": np.mod(true.node - estimated.node + np.pi, 2.0 * np.pi) - np.pi,
-    }
+    names = ("semi_major_axis", "eccentricity", "perigee", "apogee", "inclination", "node")
+    found = {f"{name}_error": (getattr(true, name) - getattr(estimated, name))[:, None] for name in names}
+    found["node_error"] = np.mod(found["node_error"] + np.pi, 2.0 * np.pi) - np.pi
+    return found | {"eccentricity_vector_error": (true.e_i - estimated.e_i) @ plane.T}
 
 
 def impact_errors(state: State, error: Floats) -> Floats:
@@ -151,8 +144,7 @@ def signed(state: State, error: Floats, metric: str) -> Floats:
         found = impact_errors(state, error)
         axis = metric.removeprefix("impact_error_")
         return found[:, [("down", "cross").index(axis)]] if axis in ("down", "cross") else found
-    found = orbit_errors(state, error)[metric]
-    return found if found.ndim == 2 else found[:, None]
+    return orbit_errors(state, error)[metric]
 
 
 def sizes_at(tables: Tables, case: str, event: str, metric: str) -> Floats | None:
@@ -223,9 +215,10 @@ def expected_at(tables: Tables, case: str, event: str, metric: str) -> tuple[Flo
 
     None where the state at the event is not stored. k is 2 for the point of impact and the eccentricity vector.
     """
-    state, law = state_at(tables, case, event), law_at(tables, case, event)
-    if state is None or law is None:
+    state = state_at(tables, case, event)
+    if state is None:
         return None
+    law = law_at(tables, case, event)
     reason = applies(state, metric, law.true)
     if reason:
         return reason

@@ -37,10 +37,10 @@ def _angle(value: Any) -> float:
     return units.parse(value, "rad") if isinstance(value, str) else float(value)
 
 
-def beside(longitude: float, corners: Floats) -> float:
-    """Return a longitude (rad) in the turn in which the corridor lies."""
+def beside(longitude: ArrayLike, corners: Floats) -> Floats:
+    """Return longitudes (...,) in rad in the turn in which the corridor lies."""
     middle = 0.5 * (corners[:, 1].min() + corners[:, 1].max())
-    return float(longitude + 2.0 * np.pi * np.round((middle - longitude) / (2.0 * np.pi)))
+    return np.asarray(longitude + 2.0 * np.pi * np.round((middle - np.asarray(longitude)) / (2.0 * np.pi)))
 
 
 def metres(latitude: float) -> Floats:
@@ -64,18 +64,13 @@ def probability(polygon: ArrayLike, mean: ArrayLike, covariance: ArrayLike) -> t
     along = (end - start) / length[:, None]
     away = start[:, 0] * along[:, 1] - start[:, 1] * along[:, 0]  # signed distance of the edge's line
     first, last = np.sum(start * along, axis=1), np.sum(end * along, axis=1)
-    h = np.abs(away)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        a, b = first / h, last / h
-        beyond = special.owens_t(h, b) - special.owens_t(h, a)
-        turn = (np.arctan(b) - np.arctan(a)) / (2.0 * np.pi)
-    sign = np.sign(away)
-    on = h == 0.0
-    winding = float(np.sum(np.where(on, 0.0, sign * turn)))
-    outside = float(np.sum(np.where(on, 0.0, sign * beyond)))
+    off = away != 0.0
+    h, sign = np.abs(away[off]), np.sign(away[off])
+    a, b = first[off] / h, last[off] / h
+    winding = float(np.sum(sign * (np.arctan(b) - np.arctan(a)) / (2.0 * np.pi)))
+    outside = float(np.sum(sign * (special.owens_t(h, b) - special.owens_t(h, a))))
     around = np.sign(np.sum(start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0]))
-    nearest = np.clip(0.0, first, last)
-    margin = float(np.hypot(nearest, away).min())
+    margin = float(np.hypot(np.clip(0.0, first, last), away).min())
     inside = around * (winding - outside)
     return float(np.clip(inside, 0.0, 1.0)), margin if around * winding > 0.5 else -margin
 

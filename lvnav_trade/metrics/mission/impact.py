@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from lvnav_trade.metrics.basics.intervals import success_bounds
+from lvnav_trade.metrics.basics.intervals import success_verdict
 from lvnav_trade.metrics.basics.once import once
+from lvnav_trade.metrics.basics.select import pick
 from lvnav_trade.metrics.errors.covariances import reach
 from lvnav_trade.metrics.mechanics import mission
 from lvnav_trade.metrics.mechanics.freefall import Impact, offsets
 from lvnav_trade.metrics.mechanics.freefall import impact as fall_of
 from lvnav_trade.metrics.mechanics.mission import Law, State
 from lvnav_trade.metrics.mission.corridor import Corridor, beside, contains, corridor_of, metres, probability
-from lvnav_trade.store import Tables, load
+from lvnav_trade.store import Tables
 
 Floats = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ VERDICTS = [
 ]  # fmt: skip
 
 
-def impact(results: Path | str | Tables, only: str | None = None) -> pd.DataFrame:
+def impact(tables: Tables, only: str | None = None) -> pd.DataFrame:
     """Return each case's point of impact over the flight, with its error; rows only where there is one.
 
     `only` is the digest of a case that alone is asked for.
@@ -46,13 +46,8 @@ def impact(results: Path | str | Tables, only: str | None = None) -> pd.DataFram
     corridor_margin_sigma: sigmas to its nearest edge. Runs are reported at events; mc_outside counts estimated points
     outside.
     """
-    tables = load(results)
-    rows = [
-        {"case": label, **row}
-        for case, label in tables.labels.items()
-        if only in (None, case)
-        for row in _case_rows(tables, case)
-    ]
+    cases = {case: label for case, label in tables.labels.items() if only in (None, case)}
+    rows = [{"case": label} | row for case, label in cases.items() for row in _case_rows(tables, case)]
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
@@ -63,37 +58,36 @@ def _case_rows(tables: Tables, case: str) -> list[dict[str, Any]]:
     states, laws = mission.states(tables, case), mission.laws(tables, case)
     if not states:
         return []
-    points = nominal(states)
-    slopes = _slopes(*(np.array(part).tobytes() for part in zip(*map(_motion, states), strict=True)))
+    true = _arrays(states)
+    points, slopes = fall_of(*true), _slopes(*(part.tobytes() for part in true))
     rows = []
     for k in np.argsort([state.t for state in states], kind="stable"):
         if np.isfinite(points.fall[k]):
             row = _row(states[k], laws[k], Impact(*(value[k] for value in points)), slopes[k], corridor)
-            rows.append({**row, **_runs(tables, case, states[k], corridor)})
+            rows.append(row | _runs(tables, case, states[k], corridor))
     return rows
 
 
-def nominal(states: list[State]) -> Impact:
-    """Return the points of impact of true states."""
-    theta = np.array([state.earth_angle for state in states])
-    return fall_of(np.array([state.r_i for state in states]), np.array([state.v_i for state in states]), theta)
+def _arrays(states: list[State]) -> tuple[Floats, Floats, Floats]:
+    """Return positions and velocities (n, 3), frame i, and Earth angles (n,) of true states."""
+    position, velocity = np.array([state.r_i for state in states]), np.array([state.v_i for state in states])
+    return position, velocity, np.array([state.earth_angle for state in states])
 
 
-def corridor_verdicts(results: Path | str | Tables) -> pd.DataFrame:
+def corridor_verdicts(tables: Tables) -> pd.DataFrame:
     """Return whether the estimated point of impact keeps to the corridor with the probability asked for.
 
     By linear covariance at the stored time at which it is least probable (t_s): "met", "violated", or "not applicable"
     where a gate rejects too much. mc_verdict: by the runs, exact binomial at the confidence asked for, a run outside
     at any event, or failed, being a failure. No rows where the campaign names no corridor.
     """
-    tables = load(results)
     corridor = corridor_of(tables)
     if corridor is None:
         return pd.DataFrame(columns=VERDICTS)
     found = impact(tables)
     rows: list[dict[str, Any]] = []
     for case, label in tables.labels.items():
-        mine = found[found.case == label]
+        mine = pick(found, case=label)
         if not mine.corridor_probability.notna().any():
             rows.append({"case": label, "verdict": "not applicable", "reason": "no point of impact in the flight"})
             continue
@@ -109,7 +103,7 @@ def corridor_verdicts(results: Path | str | Tables) -> pd.DataFrame:
                 "expected_probability": worst.corridor_probability,
                 "margin_sigma": worst.corridor_margin_sigma,
                 "t_s": worst.t_s,
-                "mc_verdict": _verdict(runs, outside, corridor),
+                "mc_verdict": success_verdict(runs, outside, corridor.probability, corridor.confidence),
                 "runs": runs,
                 "outside": outside,
                 "reason": extent.reason,
@@ -118,34 +112,25 @@ def corridor_verdicts(results: Path | str | Tables) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=VERDICTS)
 
 
-def _verdict(runs: int, outside: int, corridor: Corridor) -> str:
-    low, high = success_bounds(runs, outside, corridor.confidence)
-    if runs and low >= corridor.probability:
-        return "met"
-    return "violated" if high < corridor.probability else "undecided"
-
-
 def outside_runs(tables: Tables, case: str, corridor: Corridor) -> tuple[int, int]:
     """Return how many runs were outside the corridor at some event, or failed, and how many there are."""
-    bad: NDArray[np.bool_] | None = None
+    bad = []
     for state in mission.states(tables, case):
-        if not state.event:
-            continue
-        error, failed = mission.run_errors(tables, case, state)
-        out = failed | _outside(state, error, corridor)
-        bad = out if bad is None else bad | out
-    return (0, 0) if bad is None else (int(bad.sum()), len(bad))
+        if state.event:
+            error, failed = mission.run_errors(tables, case, state)
+            bad.append(failed | _outside(state, error, corridor))
+    return (int(np.any(bad, axis=0).sum()), len(bad[0])) if bad else (0, 0)
 
 
 def _outside(state: State, error: Floats, corridor: Corridor) -> NDArray[np.bool_]:
     """Return which estimated points are outside; none where the true state has no point of impact."""
     out = np.zeros(len(error), dtype=bool)
     good = np.isfinite(error).all(axis=1)
-    if not good.any() or not np.isfinite(nominal([state]).fall[0]):
+    if not good.any() or not np.isfinite(fall_of(*_arrays([state])).fall[0]):
         return out
     estimated = fall_of(state.r_i - error[good, 3:], state.v_i - error[good, :3], state.earth_angle, lowest=0.0)
-    longitude = np.array([beside(float(value), corridor.corners) for value in estimated.longitude])
-    out[good] = ~contains(corridor.corners, np.stack([estimated.latitude, longitude], axis=1))
+    points = np.stack([estimated.latitude, beside(estimated.longitude, corridor.corners)], axis=1)
+    out[good] = ~contains(corridor.corners, points)
     return out
 
 
@@ -179,10 +164,6 @@ def _row(state: State, law: Law, point: Impact, slope: Floats, corridor: Corrido
     return row
 
 
-def _motion(state: State) -> tuple[Floats, Floats, float]:
-    return state.r_i, state.v_i, state.earth_angle
-
-
 @lru_cache(maxsize=64)
 def _slopes(r_i: bytes, v_i: bytes, earth_angle: bytes) -> Floats:
     """Return the derivatives (n, 2, 6) of the error at impact, km, by that of velocity and position, at states of which
@@ -211,7 +192,7 @@ def _inside(corridor: Corridor, point: Impact, covariance: Floats, bias: Floats)
     """Return probability and margin of the estimated point, true less error; edges are straight in the angles."""
     c, s = np.cos(point.heading), np.sin(point.heading)
     north_east = np.array([[c, -s], [s, c]])
-    here = np.array([point.latitude, beside(float(point.longitude), corridor.corners)])
+    here = np.array([point.latitude, beside(point.longitude, corridor.corners)])
     plane = (corridor.corners - here) * metres(float(point.latitude)) * 1e-3
     spread = north_east @ covariance @ north_east.T + 1e-12 * np.eye(2)  # a millimetre, so that nothing is singular
     return probability(plane, -north_east @ bias, spread)
@@ -229,9 +210,7 @@ def _runs(tables: Tables, case: str, state: State, corridor: Corridor | None) ->
     spread = off.std(axis=0, ddof=1)
     found: dict[str, Any] = {"runs": len(good), "mc_down_sigma_km": spread[0], "mc_cross_sigma_km": spread[1]}
     found["mc_q99_km"] = float(np.quantile(np.linalg.norm(off, axis=1), 0.99))
-    if corridor is not None:
-        found["mc_outside"] = int(_outside(state, good, corridor).sum())
-    return found
+    return found | ({"mc_outside": int(_outside(state, good, corridor).sum())} if corridor is not None else {})
 
 
 def ellipse(row: Any, sigmas: float = 3.0, points: int = 73) -> tuple[Floats, Floats]:

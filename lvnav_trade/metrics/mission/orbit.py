@@ -1,18 +1,18 @@
-"""The orbit at injection and its errors, by linear covariance and by the runs."""
+"""The orbit at injection, its errors and what their correction costs, by linear covariance and by the runs."""
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from lvnav_trade.metrics.basics.once import once
 from lvnav_trade.metrics.basics.select import final_event, flight_events
-from lvnav_trade.metrics.mechanics import meanorbit, mission
-from lvnav_trade.metrics.mechanics.mission import Law, State
-from lvnav_trade.store import Tables, load
+from lvnav_trade.metrics.mechanics import impulses, meanorbit, mission
+from lvnav_trade.metrics.mechanics.mission import State
+from lvnav_trade.store import Tables
 
 Floats = NDArray[np.float64]
 
@@ -20,6 +20,10 @@ COLUMNS = [
     "case", "event", "quantity", "unit", "osculating", "averaged", "lincov_sigma", "filter_sigma", "lincov_bias",
     "lincov_q99", "runs", "mc_sigma", "mc_bias", "mc_q99", "remark",
 ]  # fmt: skip
+CORRECTION = [
+    "case", "event", "unit", "by", "count", "mean", "q50", "q95", "q99", "velocity_q99", "position_q99",
+]  # fmt: skip
+_DRAWS = 2**10
 QUANTITIES = {
     "semi-major axis": ("semi_major_axis_error", 0), "perigee height": ("perigee_error", 0),
     "apogee height": ("apogee_error", 0), "eccentricity": ("eccentricity_error", 0),
@@ -30,7 +34,7 @@ QUANTITIES = {
 """Quantities of an orbit, and the component of the error metric that belongs to each."""
 
 
-def orbit(results: Path | str | Tables) -> pd.DataFrame:
+def orbit(tables: Tables) -> pd.DataFrame:
     """Return the orbit of each case at its final event, and at earlier ones from which it does not fall, with errors.
 
     Heights count from the equatorial radius. averaged: over one revolution, J2's short-periodic swing taken out (see
@@ -40,15 +44,11 @@ def orbit(results: Path | str | Tables) -> pd.DataFrame:
     quantile of |error|, from Gaussian draws through the map itself, so it stands there too. mc_sigma, mc_bias, mc_q99:
     of the runs that did not fail.
     """
-    tables = load(results)
     rows = []
     for case, label in tables.labels.items():
-        laws = dict(
-            zip((state.event for state in mission.states(tables, case)), mission.laws(tables, case), strict=True)
-        )
         for state in orbital_states(tables, case):
             head = {"case": label, "event": state.event}
-            rows += [head | row for row in _rows(tables, case, state, laws[state.event])]
+            rows += [head | row for row in _rows(tables, case, state)]
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
@@ -80,45 +80,62 @@ def values(orbit_of: meanorbit.Orbit) -> dict[str, float]:
     return {name: float(value) for name, value in zip(QUANTITIES, found, strict=True)}
 
 
-def _rows(tables: Tables, case: str, state: State, law: Law) -> list[dict[str, Any]]:
-    now = values(meanorbit.osculating(state.r_i, state.v_i))
-    average = values(meanorbit.mean(state.r_i, state.v_i))
+def _rows(tables: Tables, case: str, state: State) -> list[dict[str, Any]]:
+    law = mission.law_at(tables, case, state.event)
+    now, average = (values(orbit_of(state.r_i, state.v_i)) for orbit_of in (meanorbit.osculating, meanorbit.mean))
     error, failed = mission.run_errors(tables, case, state)
     good = error[~failed]
-    flown = mission.orbit_errors(state, good) if len(good) else {}
-    drawn = mission.orbit_errors(state, mission.draws(law.mean, law.true))
+    flown, drawn = (mission.orbit_errors(state, some) for some in (good, mission.draws(law.mean, law.true)))
     rows: list[dict[str, Any]] = []
     for name, (metric, component) in QUANTITIES.items():
         _, unit, factor = mission.people(metric)
-        slope = mission.jacobian(state, metric)[component]
-        reason = mission.applies(state, metric, law.true)
         row = {"quantity": name, "unit": unit, "osculating": now[name] * factor, "averaged": average[name] * factor}
-        if not reason:
-            sigma = np.sqrt(slope @ law.true @ slope)
-            row |= {
-                "lincov_sigma": float(sigma) * factor,
-                "filter_sigma": float(np.sqrt(slope @ law.formal @ slope)) * factor,
-                "lincov_bias": float(mission.resolved(slope @ law.mean, sigma)) * factor,
-            }
-        row |= {"lincov_q99": _quantile(_component(drawn[metric], component)) * factor, "remark": reason}
-        rows.append(row | {"runs": len(good)} | _of_runs(flown, metric, component, factor))
-    low, high = (float(height) for height in meanorbit.extremes(state.r_i, state.v_i))
-    for name, height in (("lowest height", low), ("highest height", high)):
-        rows.append({"quantity": name, "unit": "km", "averaged": height * 1e-3, "runs": len(good), "remark": ""})
-    return rows
-
-
-def _component(found: Floats, component: int) -> Floats:
-    return found[:, component] if found.ndim == 2 else found
+        row["remark"] = mission.applies(state, metric, law.true)
+        if not row["remark"]:
+            slope = mission.jacobian(state, metric)[component]
+            sigma, formal = (float(np.sqrt(slope @ covariance @ slope)) for covariance in (law.true, law.formal))
+            bias = float(mission.resolved(slope @ law.mean, sigma))
+            row |= {"lincov_sigma": sigma * factor, "filter_sigma": formal * factor, "lincov_bias": bias * factor}
+        row |= {"lincov_q99": _quantile(drawn[metric][:, component]) * factor, "runs": len(good)}
+        if len(good):
+            errors = flown[metric][:, component] * factor
+            spread = float(errors.std(ddof=1)) if len(good) > 1 else float("nan")
+            row |= {"mc_sigma": spread, "mc_bias": float(errors.mean()), "mc_q99": _quantile(errors)}
+        rows.append(row)
+    heights = zip(("lowest height", "highest height"), meanorbit.extremes(state.r_i, state.v_i), strict=True)
+    end = {"unit": "km", "runs": len(good), "remark": ""}
+    return rows + [{"quantity": name, "averaged": float(height) * 1e-3} | end for name, height in heights]
 
 
 def _quantile(error: Floats) -> float:
     return float(np.quantile(np.abs(error), 0.99)) if np.isfinite(error).all() else float("nan")
 
 
-def _of_runs(flown: dict[str, Floats], metric: str, component: int, factor: float) -> dict[str, float]:
-    if not flown:
-        return {}
-    error = _component(flown[metric], component) * factor
-    spread = float(error.std(ddof=1)) if len(error) > 1 else float("nan")
-    return {"mc_sigma": spread, "mc_bias": float(error.mean()), "mc_q99": _quantile(error)}
+@once
+def correction(tables: Tables) -> pd.DataFrame:
+    """Return the least delta-v that brings the estimated orbit to the true one, at the last event of `orbit`.
+
+    The least sum of impulses, anywhere in one revolution and linear in the error, that nulls the errors of semi-major
+    axis, eccentricity, perigee, inclination and node (see `impulses`); the place along the orbit is left. by "linear
+    covariance": draws of its Gaussian; by "Monte Carlo": the runs that did not fail. q50, q95, q99: quantiles;
+    velocity_q99, position_q99: the last if only the error of velocity, or of position, were there. In an orbit that
+    steers by the estimate it is what a perfect orbit determination would find to be corrected.
+    """
+    rows = []
+    for case, label in tables.labels.items():
+        for state in orbital_states(tables, case)[-1:]:
+            law = mission.law_at(tables, case, state.event)
+            error, failed = mission.run_errors(tables, case, state)
+            drawn = {"linear covariance": mission.draws(law.mean, law.true, _DRAWS), "Monte Carlo": error[~failed]}
+            for by, errors in drawn.items():
+                if len(errors):
+                    rows.append((label, state.event, "m/s", by, len(errors), *_costs(state, errors)))
+    return pd.DataFrame(rows, columns=CORRECTION)
+
+
+def _costs(state: State, error: Floats) -> list[float]:
+    """Return the values of `CORRECTION` from the mean on."""
+    keep = (np.ones(6), np.repeat([1.0, 0.0], 3), np.repeat([0.0, 1.0], 3))
+    whole, velocity, position = (impulses.least_at(state.r_i, state.v_i, error * kept).delta_v for kept in keep)
+    quantiles = [(whole, 0.5), (whole, 0.95), (whole, 0.99), (velocity, 0.99), (position, 0.99)]
+    return [float(whole.mean()), *(float(np.quantile(cost, part)) for cost, part in quantiles)]

@@ -4,27 +4,25 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from lvnav_trade.metrics.published.published import cases_of, ours
-from lvnav_trade.store import Tables, load
+from lvnav_trade.store import Tables
 
 COLUMNS = ["during", "error", "case", "stated_percent", "raw_percent", "unbiased_percent"]
 _RAW, _UNBIASED = "raw_", "corrected_"
 
 
-def interpretations(results: Path | str | Tables) -> pd.DataFrame:
+def interpretations(tables: Tables) -> pd.DataFrame:
     """Return improvements by phase, error and case, where the campaign's references hold estimates against raw samples.
 
     case is what sets a case apart from the others that are held so. stated_percent: what is stated of that case, NaN
     where nothing is. raw_percent: the filter's own sigma against that of the sample as it is, which is charged with its
     bias. unbiased_percent: against the sample less its estimated bias. Empty where nothing is held so.
     """
-    tables = load(results)
     held = [one for one in tables.campaign.get("references") or () if str(one.get("than") or "").startswith(_RAW)]
     stated: dict[tuple[str, str, str], float] = {}
     for one in held:

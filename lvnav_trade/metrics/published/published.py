@@ -12,16 +12,23 @@ from numpy.typing import NDArray
 
 from lvnav_trade import units
 from lvnav_trade.layout import MISSION
-from lvnav_trade.metrics.basics.select import errors_at, split_metric
-from lvnav_trade.metrics.basics.spans import instant, phase, time_mean
+from lvnav_trade.metrics.basics.select import (
+    SAME_TIME,
+    errors_at,
+    history_of,
+    instant,
+    phase,
+    pick,
+    rows_between,
+    split_metric,
+    time_mean,
+)
 from lvnav_trade.metrics.filter.observed import NUMERICAL, observed
 from lvnav_trade.metrics.vehicle.nozzle import nozzle
 from lvnav_trade.store import Tables
 from lvnav_trade.store.schema import error_column, rms_column
 
 Floats = NDArray[np.float64]
-_SAME = 1e-6
-"""Seconds: one instant."""
 _SIGMAS = {"formal": ("filter_sigma_si", "lincov_formal_si"), "lincov": ("lincov_true_si", "lincov_true_si")}
 """Columns of the history behind a statistic, with runs and without."""
 
@@ -39,6 +46,9 @@ class Ours(NamedTuple):
     value: float
     remark: str = ""
     runs: Floats = np.empty(0)
+
+
+_MISSING, _NOT_FLOWN = Ours(np.nan, "not among our results"), Ours(np.nan, "not in our flight")
 
 
 def cases_of(tables: Tables, wanted: Mapping[str, str]) -> list[str]:
@@ -78,30 +88,26 @@ def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Our
     if metric == "satellites_tracked" or metric.endswith("_left"):
         return _of_signals(tables, case, stated, unit)
     quantity, axis = split_metric(metric)
-    history = tables.history
-    rows = history[(history.case == case) & (history.quantity == quantity) & (history.axis == axis)]
+    rows = history_of(tables, case, quantity, axis)
     if rows.empty:
-        return Ours(np.nan, "not among our results")
-    scale = _scale(unit, str(rows.unit.iloc[0]))
+        return _MISSING
+    scale, statistic = _scale(unit, str(rows.unit.iloc[0])), str(stated.get("statistic", "rms"))
     if scale is None:
         return Ours(np.nan, f"unit {unit} does not fit")
-    statistic = str(stated.get("statistic", "rms"))
     if statistic == "worst":
         found = _per_run(tables, case, stated, error_column(quantity, axis, rows.unit.iloc[0]))
-        if found is None or not len(found):
+        if not len(found):
             return Ours(np.nan, "no runs, or the phase does not begin and end at events")
         return Ours(float(np.median(found)) / scale, "", found / scale)
     chosen = _within(tables, case, rows, stated)
     if chosen.empty:
-        return Ours(np.nan, "not in our flight")
+        return _NOT_FLOWN
     with_runs = bool(chosen.run_count.iloc[0])
     if statistic in _SIGMAS:
-        square = chosen[_SIGMAS[statistic][0 if with_runs else 1]].to_numpy() ** 2
-    elif with_runs:
-        square = chosen.rms_si.to_numpy() ** 2
+        square = chosen[_SIGMAS[statistic][0 if with_runs else 1]] ** 2
     else:
-        square = chosen.lincov_true_si.to_numpy() ** 2 + chosen.lincov_mean_si.to_numpy() ** 2
-    value = float(np.sqrt(time_mean(chosen.t_s.to_numpy(), square))) / scale
+        square = chosen.rms_si**2 if with_runs else chosen.lincov_true_si**2 + chosen.lincov_mean_si**2
+    value = float(np.sqrt(time_mean(chosen.t_s.to_numpy(), square.to_numpy()))) / scale
     return Ours(value, "" if with_runs else "linear covariance", _each(tables, case, stated, rows) / scale)
 
 
@@ -116,8 +122,7 @@ def _scale(unit: str, si: str) -> float | None:
 def _within(tables: Tables, case: str, rows: pd.DataFrame, stated: Mapping[str, Any]) -> pd.DataFrame:
     """Return the rows of a history at the event, or during the phase, that a statement names; none where not flown."""
     if stated.get("during"):
-        first, last = phase(tables, case, str(stated["during"]))
-        return rows[(rows.t_s >= first - _SAME) & (rows.t_s <= last + _SAME)]
+        return rows_between(rows, *phase(tables, case, str(stated["during"])))
     at = instant(tables, case, str(stated.get("at") or "injection"))
     if not np.isfinite(at):
         return rows.iloc[:0]
@@ -129,37 +134,32 @@ def _each(tables: Tables, case: str, stated: Mapping[str, Any], rows: pd.DataFra
     """Return the number of every run by itself, SI and sorted; empty where it is not stored."""
     if stated.get("statistic", "rms") != "rms":
         return np.empty(0)
-    quantity, axis = split_metric(str(stated["metric"]))
     if stated.get("during"):
-        found = _per_run(tables, case, stated, rms_column(quantity, axis, rows.unit.iloc[0]))
-        return np.empty(0) if found is None else found
+        return _per_run(tables, case, stated, rms_column(*split_metric(str(stated["metric"])), rows.unit.iloc[0]))
     errors = errors_at(tables, case, str(stated.get("at") or "injection"), str(stated["metric"]))
     return np.empty(0) if errors is None else np.sort(errors.size)
 
 
-def _per_run(tables: Tables, case: str, stated: Mapping[str, Any], column: str) -> Floats | None:
-    """Return each run's largest, or root mean square, error of a phase between events, SI and sorted; None where the
+def _per_run(tables: Tables, case: str, stated: Mapping[str, Any], column: str) -> Floats:
+    """Return each run's largest, or root mean square, error of a phase between events, SI and sorted; none where the
     results lack it. A failed run's is infinite.
     """
     first, last = phase(tables, case, str(stated["during"]))
-    worst = tables.worst
-    within = worst[(worst.case == case) & (worst.t_s >= first - _SAME) & (worst.t_end_s <= last + _SAME)]
+    within = rows_between(pick(tables.worst, case=case), first, last, end="t_end_s")
     lacks = within.empty or column not in within.columns or within[column].isna().all()
-    if lacks or abs(within.t_s.min() - first) > _SAME or abs(within.t_end_s.max() - last) > _SAME:
-        return None
-    size = np.where(within.failure.to_numpy() != "", np.inf, within[column].to_numpy(dtype=float))
-    run = within.run_number.to_numpy()
+    if lacks or abs(within.t_s.min() - first) > SAME_TIME or abs(within.t_end_s.max() - last) > SAME_TIME:
+        return np.empty(0)
+    size = within[column].astype(float).mask(within.failure != "", np.inf)
     if "_rms_" not in column:
-        return np.sort(pd.Series(size).groupby(run).max().to_numpy())
-    length = (within.t_end_s - within.t_s).to_numpy()
-    total = pd.Series(size**2 * length).groupby(run).sum() / pd.Series(length).groupby(run).sum()
-    return np.sort(np.sqrt(total.to_numpy()))
+        return np.sort(size.groupby(within.run_number).max().to_numpy())
+    length = within.t_end_s - within.t_s
+    total, duration = (part.groupby(within.run_number).sum() for part in (size**2 * length, length))
+    return np.sort(np.sqrt((total / duration).to_numpy()))
 
 
 def _of_nozzle(tables: Tables, case: str, axis: str) -> Ours:
     """Return by how many percent less a nozzle moves with the filtered than with the raw rate, over the flight."""
-    rows = nozzle(tables)
-    rows = rows[(rows.case == tables.labels[case]) & (rows.axis == axis) & (rows.burn == "flight")]
+    rows = pick(nozzle(tables), case=tables.labels[case], axis=axis, burn="flight")
     if rows.empty:
         return Ours(np.nan, "no vehicle under control, or fewer than two runs")
     row = rows.iloc[0]
@@ -168,10 +168,9 @@ def _of_nozzle(tables: Tables, case: str, axis: str) -> Ours:
 
 def _of_rank(tables: Tables, case: str) -> Ours:
     """Return the least number of states that any stretch observes."""
-    rows = observed(tables)
-    rows = rows[rows.case == tables.labels[case]]
+    rows = pick(observed(tables), case=tables.labels[case])
     if rows.empty:
-        return Ours(np.nan, "not among our results")
+        return _MISSING
     row = rows.iloc[0]
     return Ours(float(row.least_rank), f"{row.stretches} stretches, singular values above {NUMERICAL:g} of the largest")
 
@@ -184,15 +183,15 @@ def _of_mission(tables: Tables, case: str, stated: Mapping[str, Any], unit: str)
     if scale is None:
         return Ours(np.nan, f"unit {unit} does not fit")
     if found is None or not len(found.size):
-        return Ours(np.nan, "not among our results")
+        return _MISSING
     return Ours(float(np.sqrt(np.mean(found.size**2))) / scale, "", np.sort(found.size) / scale)
 
 
 def _of_signals(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Ours:
     """Return how many satellites are tracked, or what corrections leave of their delays: the same in every run."""
-    rows = tables.satellites[tables.satellites.case == case]
+    rows = pick(tables.satellites, case=case)
     if rows.empty:
-        return Ours(np.nan, "not among our results")
+        return _MISSING
     metric, statistic = str(stated["metric"]), str(stated.get("statistic", "rms"))
     if metric == "satellites_tracked":
         counts = rows.groupby("t_s").tracked.sum().rename("value").reset_index()
@@ -201,7 +200,7 @@ def _of_signals(tables: Tables, case: str, stated: Mapping[str, Any], unit: str)
     chosen = _within(tables, case, counts, stated) if len(counts) else counts
     value = chosen.value.dropna().to_numpy(dtype=float)
     if not len(value):
-        return Ours(np.nan, "not in our flight")
+        return _NOT_FLOWN
     scale = 1.0 if metric == "satellites_tracked" else _scale(unit, "m")
     if scale is None:
         return Ours(np.nan, f"unit {unit} does not fit")

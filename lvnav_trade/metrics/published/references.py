@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.metrics.basics.select import split_metric
-from lvnav_trade.metrics.filter.whiteness import whiteness
+from lvnav_trade.metrics.basics.select import pick, split_metric
+from lvnav_trade.metrics.filter.consistency import whiteness
 from lvnav_trade.metrics.published.published import Ours, cases_of, name_of, ours
-from lvnav_trade.store import Tables, load
+from lvnav_trade.store import Tables
 
 COLUMNS = [
     "source", "item", "case", "metric", "unit", "published", "ours", "ratio", "band_low", "band_high", "in_band",
@@ -23,7 +22,7 @@ _BY_AXIS = ("position", "velocity", "attitude", "gyro", "accelerometer")
 """Innovation channels whose name ends with an axis, not with what of a satellite."""
 
 
-def references(results: Path | str | Tables, stated: Mapping[str, Any] | None = None) -> pd.DataFrame:
+def references(tables: Tables, stated: Mapping[str, Any] | None = None) -> pd.DataFrame:
     """Return what the campaign holds for published beside ours; `stated` in place of what was asked with these results.
 
     Numbers: ours in the unit of the publication, RMS error of the runs (LinCov without runs) or the statistic that is
@@ -31,33 +30,32 @@ def references(results: Path | str | Tables, stated: Mapping[str, Any] | None = 
     largest ratio of a case to the next, which must lie in the band. Innovations: ours the largest autocorrelation. What
     these results cannot give keeps its row, with a remark.
     """
-    tables = load(results)
     campaign = tables.campaign if stated is None else stated
     rows = []
-    for published in campaign.get("references") or ():
-        cases = cases_of(tables, published.get("case") or {})
-        rows += [_number(tables, case, published) for case in cases] or [_number(tables, None, published)]
-    rows += [_ordering(tables, ordering) for ordering in campaign.get("orderings") or ()]
-    for statement in campaign.get("innovations") or ():
-        cases = cases_of(tables, statement.get("case") or {})
-        rows += [_innovations(tables, case, statement) for case in cases] or [_innovations(tables, None, statement)]
+    for key, make in (("references", _number), ("orderings", _ordering), ("innovations", _innovations)):
+        for one in campaign.get(key) or ():
+            cases = [] if make is _ordering else cases_of(tables, one.get("case") or {})
+            rows += [make(tables, case, one) for case in (*cases, *([] if cases else [None]))]
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _row(stated: Mapping[str, Any], remarks: Sequence[str], **cells: Any) -> dict[str, Any]:
-    low, high, tested = cells["band_low"], cells["band_high"], cells.pop("tested")
+def _row(
+    stated: Mapping[str, Any], remarks: Sequence[str], band: tuple[float, float], tested: float, **cells: Any
+) -> dict[str, Any]:
     text = "; ".join(remark for remark in (str(stated.get("remark") or ""), *remarks) if remark)
     return {
         "source": stated["source"],
         "item": stated.get("item") or "",
+        "unit": "-",
         **cells,
-        "in_band": bool(low <= tested <= high),
+        "band_low": float(band[0]),
+        "band_high": float(band[1]),
+        "in_band": bool(band[0] <= tested <= band[1]),
         "remark": text,
     }
 
 
 def _number(tables: Tables, case: str | None, published: Mapping[str, Any]) -> dict[str, Any]:
-    low, high = published.get("band", (0.5, 2.0))
     value, unit, against = float(published["value"]), str(published["unit"]), published.get("against")
     than, found = published.get("than"), Ours(np.nan, "no such case")
     if case is not None and than is not None:
@@ -69,15 +67,14 @@ def _number(tables: Tables, case: str | None, published: Mapping[str, Any]) -> d
     return _row(
         published,
         (_single(published, found), found.remark),
+        published.get("band", (0.5, 2.0)),
+        ratio,
         case=tables.labels[case] if case is not None else "",
         metric=name_of(published) + words,
         unit=unit,
         published=value,
         ours=found.value,
         ratio=ratio,
-        band_low=float(low),
-        band_high=float(high),
-        tested=ratio,
     )
 
 
@@ -109,7 +106,7 @@ def _single(published: Mapping[str, Any], found: Ours) -> str:
     return f"a single flight: {100 * below:.0f} % of our {len(found.runs)} flights lie below it"
 
 
-def _ordering(tables: Tables, stated: Mapping[str, Any]) -> dict[str, Any]:
+def _ordering(tables: Tables, _: str | None, stated: Mapping[str, Any]) -> dict[str, Any]:
     """Return the largest ratio of a case to the next of an order, smallest first."""
     groups = [cases_of(tables, wanted) for wanted in stated["cases"]]
     alone = all(len(group) == 1 for group in groups)
@@ -121,15 +118,11 @@ def _ordering(tables: Tables, stated: Mapping[str, Any]) -> dict[str, Any]:
     return _row(
         stated,
         (text, *dict.fromkeys(one.remark for one in found)),
+        (0.0, float(stated.get("factor") or 1.0)),
+        worst,
         case=_SMALLER.join(tables.labels[group[0]] if group else "?" for group in groups),
         metric=name_of(stated) + ", ratio to the next",
-        unit="-",
-        published=np.nan,
         ours=worst,
-        ratio=np.nan,
-        band_low=0.0,
-        band_high=float(stated.get("factor") or 1.0),
-        tested=worst,
     )
 
 
@@ -137,8 +130,8 @@ def _innovations(tables: Tables, case: str | None, stated: Mapping[str, Any]) ->
     """Return the largest autocorrelation of the innovation channels that a statement names."""
     label = tables.labels[case] if case is not None else ""
     words, bound, white = str(stated.get("channels") or ""), float(stated.get("largest", 0.15)), stated["white"]
-    frame = whiteness(tables)
-    rows = frame[(frame.case == label) & frame.channel.map(lambda name: _named(name, words))]
+    rows = pick(whiteness(tables), case=label)
+    rows = rows[[_named(name, words) for name in rows.channel]]
     largest, text = np.nan, "no runs" if case is not None else "no such case"
     if len(rows):
         worst = rows.loc[rows.largest_ratio.abs().idxmax()]
@@ -147,23 +140,16 @@ def _innovations(tables: Tables, case: str | None, stated: Mapping[str, Any]) ->
     return _row(
         stated,
         (f"published: {'white' if white else 'correlated'}", text),
+        (0.0, bound) if white else (bound, 1.0),
+        largest,
         case=label,
         metric=f"{words} innovations, largest autocorrelation".strip(),
-        unit="-",
-        published=np.nan,
         ours=largest,
-        ratio=np.nan,
-        band_low=0.0 if white else bound,
-        band_high=bound if white else 1.0,
-        tested=largest,
     )
 
 
 def _named(channel: str, words: str) -> bool:
     """Whether a channel such as ``G05 range rate`` or ``position x`` is meant: its words without satellite and axis."""
-    parts = channel.split(" ")
-    if parts[0] == "receiver":
-        kind = " ".join(["receiver", *parts[2:]])
-    else:
-        kind = parts[0] if parts[0] in _BY_AXIS else " ".join(parts[1:])
-    return not words or kind == words
+    first, *rest = channel.split(" ")
+    kind = [first, *rest[1:]] if first == "receiver" else [first] if first in _BY_AXIS else rest
+    return not words or " ".join(kind) == words

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import accumulate
-from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy import optimize
+from scipy import optimize, special
 
+from lvnav_trade.layout import MISSION
 from lvnav_trade.metrics.basics.gaussian import norm_probability, norm_quantile
-from lvnav_trade.metrics.errors.covariances import reach
-from lvnav_trade.metrics.requirements.distributions import ABOVE_ONLY, Asked, asked
-from lvnav_trade.metrics.requirements.requirements import verdicts, with_unit
-from lvnav_trade.store import Tables, load
+from lvnav_trade.metrics.basics.select import flight_events, history_of, pick, rows_between, split_metric
+from lvnav_trade.metrics.errors.covariances import Gaussian, gaussian, reach
+from lvnav_trade.metrics.mechanics.mission import expected_at, people
+from lvnav_trade.metrics.requirements.requirements import bound_of, phase_of, verdicts, where, with_unit
+from lvnav_trade.store import Tables
 
+UNKNOWN = "linear covariance does not hold this error there"
+ABOVE_ONLY = "the worst of a phase: linear covariance bounds its probability from above only"
 EXPECTED = [
     "requirement", "case", "verdict", "probability", "expected_probability", "estimate", "limit", "reason",
 ]  # fmt: skip
@@ -24,7 +28,76 @@ LEAST = 0.05
 """Smaller factors are no advice: no sensor gets twenty times better."""
 
 
-def expected(results: Path | str | Tables) -> pd.DataFrame:
+class Asked(NamedTuple):
+    """A requirement in one case: the metric's Gaussian, bound (SI), probability, unit for people and its factor.
+
+    moment: where the Gaussian is that of; above_only: it is that of the worst moment of a phase, so that the
+    probability that it keeps the bound is no less than that of the whole phase.
+    """
+
+    law: Gaussian
+    bound: float
+    probability: float
+    unit: str
+    factor: float
+    moment: str
+    above_only: bool = False
+
+    def kept(self, sources: tuple[str, ...] = (), factor: float = 1.0) -> float:
+        """Return the probability that the bound holds with the sigmas of sources multiplied, gains frozen."""
+        part = np.sum([self.law.sources[name] for name in sources], axis=0)
+        return norm_probability(self.law.mean, self.law.covariance + (factor**2 - 1.0) * part, self.bound)
+
+
+def asked(tables: Tables, requirement: Mapping[str, Any], case: str) -> Asked | str:
+    """Return what linear covariance says of a requirement's error in a case, or why it says nothing."""
+    metric, at = str(requirement["metric"]), where(requirement)
+    quantity, axis = split_metric(metric)
+    law: Gaussian | None
+    if metric in MISSION:
+        found = expected_at(tables, case, at, metric)
+        if not isinstance(found, tuple):
+            return found or UNKNOWN
+        law, (si, unit, factor) = Gaussian(*found, {}), people(metric)
+    elif (quantity, axis) in tables.people:
+        unit, factor = tables.people[quantity, axis]
+        si = str(pick(tables.outputs, quantity=quantity, axis=axis).unit.iloc[0])
+        if requirement.get("during"):
+            law, at = _worst(tables, requirement, case, bound_of(requirement["below"], si)) or (None, at)
+        else:
+            law = gaussian(tables, case, at, quantity, axis)
+    else:
+        return UNKNOWN
+    if law is None:
+        return UNKNOWN
+    bound, above_only = bound_of(requirement["below"], si), bool(requirement.get("during")) and metric not in MISSION
+    return Asked(law, bound, float(requirement["probability"]), unit, float(factor), at, above_only)
+
+
+def _worst(tables: Tables, requirement: Mapping[str, Any], case: str, bound: float) -> tuple[Gaussian, str] | None:
+    """Return the Gaussian of the moment of a phase that keeps the bound least, and which moment that is.
+
+    A norm needs the covariance of three axes, which is kept at events; one axis is looked at at every time.
+    """
+    quantity, axis = split_metric(str(requirement["metric"]))
+    phase = phase_of(tables, case, str(requirement["during"]))
+    found: list[tuple[float, Gaussian, str]] = []
+    for event in rows_between(flight_events(tables, case), *phase).event:
+        law = gaussian(tables, case, event, quantity, axis)
+        if law is not None:
+            found.append((norm_probability(law.mean, law.covariance, bound), law, event.replace("_", " ")))
+    rows = rows_between(history_of(tables, case, quantity, axis), *phase)
+    rows = rows[(rows.lincov_true_si > 0.0) & (axis != "3d")]
+    if len(rows):
+        mean, sigma = rows.lincov_mean_si.to_numpy(), rows.lincov_true_si.to_numpy()
+        kept = special.ndtr((bound - mean) / sigma) - special.ndtr((-bound - mean) / sigma)
+        k = int(np.argmin(kept))
+        law = Gaussian(mean[k : k + 1], sigma[k : k + 1, None] ** 2, {})
+        found.append((float(kept[k]), law, f"{rows.t_s.iloc[k]:.0f} s"))
+    return min(found, key=lambda one: one[0])[1:] if found else None
+
+
+def expected(tables: Tables) -> pd.DataFrame:
     """Return linear covariance's verdict on every requirement in every case, beside which the runs' one stands.
 
     expected_probability: that the error, Gaussian with LinCov's mean and covariance, stays below the bound (exact, see
@@ -32,7 +105,6 @@ def expected(results: Path | str | Tables) -> pd.DataFrame:
     rejects too many good rows. estimate: the error that the asked fraction stays below. Of the worst error in a phase
     the probability is no more than that of its worst moment, which is what stands there: it can show a violation only.
     """
-    tables = load(results)
     rows = []
     for requirement, case, found in _pairs(tables):
         row: dict[str, Any] = {"requirement": requirement["name"], "case": tables.labels[case]}
@@ -44,15 +116,14 @@ def expected(results: Path | str | Tables) -> pd.DataFrame:
 def _expected(tables: Tables, case: str, found: Asked | str) -> dict[str, Any]:
     if isinstance(found, str):
         return {"verdict": "not applicable", "reason": found}
-    kept = norm_probability(found.law.mean, found.law.covariance, found.bound)
     limit = norm_quantile(found.law.mean, found.law.covariance, found.probability)
-    extent = reach(tables, case)
+    extent, kept = reach(tables, case), found.kept()
     verdict, reason = ("met" if kept >= found.probability else "violated"), extent.reason
     if found.above_only:
         reason = reason or (f"already at {found.moment}" if verdict == "violated" else ABOVE_ONLY)
-        verdict = verdict if verdict == "violated" else "not applicable"
+    shown = extent.applies and (verdict == "violated" or not found.above_only)
     return {
-        "verdict": verdict if extent.applies else "not applicable",
+        "verdict": verdict if shown else "not applicable",
         "reason": reason,
         "expected_probability": kept,
         "estimate": with_unit(limit * found.factor, found.unit),
@@ -60,7 +131,7 @@ def _expected(tables: Tables, case: str, found: Asked | str) -> dict[str, Any]:
     }
 
 
-def improvements(results: Path | str | Tables) -> pd.DataFrame:
+def improvements(tables: Tables) -> pd.DataFrame:
     """Return what would make each violated or undecided requirement met, by linear covariance with gains frozen.
 
     source: the one source of error that needs the least improvement, or the fewest of the largest ones together;
@@ -69,15 +140,14 @@ def improvements(results: Path | str | Tables) -> pd.DataFrame:
     stays below the bound. The filter keeps the gains that it has: re-tuned to the better source it may do
     better or, where it neglects other errors, worse.
     """
-    tables = load(results)
     by_runs = verdicts(tables).set_index(["requirement", "case"]).verdict
     rows = []
     for requirement, case, found in _pairs(tables):
-        verdict = str(by_runs[requirement["name"], tables.labels[case]])
-        open_ = verdict in ("violated", "undecided") and reach(tables, case).applies
-        if open_ and not isinstance(found, str) and found.law.sources:
-            row = {"requirement": requirement["name"], "case": tables.labels[case], "verdict": verdict}
-            rows.append(row | _improvement(found))
+        name, label = requirement["name"], tables.labels[case]
+        verdict = str(by_runs[name, label])
+        undone = verdict in ("violated", "undecided") and reach(tables, case).applies
+        if undone and not isinstance(found, str) and found.law.sources:
+            rows.append((name, label, verdict, *_improvement(found)))
     return pd.DataFrame(rows, columns=IMPROVEMENTS)
 
 
@@ -90,44 +160,37 @@ def _pairs(tables: Tables) -> list[tuple[dict[str, Any], str, Asked | str]]:
     ]
 
 
-def probability_with(found: Asked, source: str | tuple[str, ...], factor: float) -> float:
-    """Return the probability that the bound holds with the sigma of a source (or several) multiplied, gains frozen."""
-    names = (source,) if isinstance(source, str) else source
-    part = np.sum([found.law.sources[name] for name in names], axis=0)
-    return norm_probability(found.law.mean, found.law.covariance + (factor**2 - 1.0) * part, found.bound)
-
-
 def _factor(found: Asked, names: tuple[str, ...]) -> float:
     """Return the largest factor on the sigmas of these sources that does; NaN where even `LEAST` does not."""
 
     def missing(factor: float) -> float:
-        return probability_with(found, names, factor) - found.probability
+        return found.kept(names, factor) - found.probability
 
     return float(optimize.bisect(missing, LEAST, 1.0, xtol=1e-4)) if missing(LEAST) >= 0.0 else float("nan")
 
 
-def _improvement(found: Asked) -> dict[str, Any]:
-    if norm_probability(found.law.mean, found.law.covariance, found.bound) >= found.probability:
+def _improvement(found: Asked) -> tuple[str, float, float, str]:
+    """Return source, factor_ratio, share_ratio and remark."""
+    if found.kept() >= found.probability:
         as_it_is = "linear covariance expects it to be met as it is"
-        return {"source": "", "remark": ABOVE_ONLY if found.above_only else as_it_is}
-    row = _turning(found)
-    alone = f"to keep it at {found.moment}; the whole phase may take more"
-    return row | {"remark": "; ".join(filter(None, [row["remark"], alone]))} if found.above_only else row
+        return "", float("nan"), float("nan"), ABOVE_ONLY if found.above_only else as_it_is
+    source, factor, share, remark = _turning(found)
+    alone = f"to keep it at {found.moment}; the whole phase may take more" if found.above_only else ""
+    return source, factor, share, "; ".join(filter(None, [remark, alone]))
 
 
-def _turning(found: Asked) -> dict[str, Any]:
-    """Return the source, or the fewest of the largest, that would turn a violated requirement."""
+def _turning(found: Asked) -> tuple[str, float, float, str]:
+    """Return the same for the source, or the fewest of the largest, that would turn a violated requirement."""
     total = float(np.trace(found.law.covariance) + found.law.mean @ found.law.mean)
     share = {name: float(np.trace(part)) / total for name, part in found.law.sources.items()}
     order = sorted(share, key=lambda name: -share[name])
-    single = [(_factor(found, (name,)), name) for name in order]
-    able = [(factor, name) for factor, name in single if factor == factor]
+    able = [(factor, name) for name in order if not np.isnan(factor := _factor(found, (name,)))]
     if able:
         factor, name = max(able)
-        return {"source": name, "factor_ratio": factor, "share_ratio": share[name], "remark": ""}
+        return name, factor, share[name], ""
     for names in accumulate((name,) for name in order):
         factor = _factor(found, names)
-        if factor == factor:
-            part = sum(share[name] for name in names)
-            return {"source": ", ".join(names), "factor_ratio": factor, "share_ratio": part, "remark": "together"}
-    return {"source": "", "remark": f"not even all error sources together, each times {LEAST:g}, would do"}
+        if not np.isnan(factor):
+            return ", ".join(names), factor, sum(share[name] for name in names), "together"
+    nothing = f"not even all error sources together, each times {LEAST:g}, would do"
+    return "", float("nan"), float("nan"), nothing

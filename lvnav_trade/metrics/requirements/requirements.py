@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from lvnav_trade import units
-from lvnav_trade.metrics.basics.intervals import runs_needed, success_bounds
-from lvnav_trade.metrics.basics.select import Errors, errors_at, flight_events, split_metric
+from lvnav_trade.metrics.basics.intervals import runs_needed, success_verdict
+from lvnav_trade.metrics.basics.select import (
+    Errors,
+    ends_of,
+    error_sizes,
+    errors_at,
+    phase,
+    pick,
+    rows_between,
+    split_metric,
+)
 from lvnav_trade.metrics.requirements.sequential import decide, further_runs
-from lvnav_trade.store import Tables, load
+from lvnav_trade.store import Tables
 from lvnav_trade.store.schema import error_column
 
 COLUMNS = [
@@ -22,11 +30,9 @@ COLUMNS = [
 ]  # fmt: skip
 DECIDED, BLOCK = "decided", 40
 """Word of a campaign that stops once every requirement is decided; runs in a block where it is not said."""
-_SAME = 1e-6
-"""Seconds: one instant."""
 
 
-def verdicts(results: Path | str | Tables) -> pd.DataFrame:
+def verdicts(tables: Tables) -> pd.DataFrame:
     """Return the verdict on every requirement in every case.
 
     "met": the lower bound on the probability of success reaches the probability asked for; "violated": the upper bound
@@ -35,9 +41,8 @@ def verdicts(results: Path | str | Tables) -> pd.DataFrame:
     estimate: the error that the stated fraction of runs stays below, limit: the bound on it, both with their unit;
     runs_to_decide: further runs, all good, after which it would be met.
     """
-    tables = load(results)
     rows = [
-        {"requirement": requirement["name"], "case": label, **_verdict(tables, case, requirement)}
+        (requirement["name"], label, *_verdict(tables, case, requirement))
         for requirement in tables.campaign.get("requirements") or ()
         for case, label in tables.labels.items()
     ]
@@ -46,12 +51,9 @@ def verdicts(results: Path | str | Tables) -> pd.DataFrame:
 
 def decide_fixed(runs: int, failures: int, probability: float, confidence: float) -> tuple[str, int]:
     """Return the verdict and how many further runs, all of them good, would show that the requirement is met."""
-    low, high = success_bounds(runs, failures, confidence)
-    if runs and low >= probability:
-        return "met", 0
-    if high < probability:
-        return "violated", 0
-    return "undecided", max(1, runs_needed(failures, probability, confidence) - runs)
+    verdict = success_verdict(runs, failures, probability, confidence)
+    more = max(1, runs_needed(failures, probability, confidence) - runs) if verdict == "undecided" else 0
+    return verdict, more
 
 
 def decide_in_order(failed: Any, probability: float, confidence: float, block: int) -> tuple[str, int]:
@@ -60,10 +62,8 @@ def decide_in_order(failed: Any, probability: float, confidence: float, block: i
     failed (n_run,) truth values in the order of the runs; runs after the last whole block are not looked at.
     """
     counts = np.cumsum(np.asarray(failed, dtype=int))[block - 1 :: block].tolist()
-    found = decide(counts, probability, confidence, block)
-    if found.verdict != "undecided":
-        return found.verdict, 0
-    return "undecided", further_runs(counts, probability, confidence, block)
+    verdict = decide(counts, probability, confidence, block).verdict
+    return verdict, further_runs(counts, probability, confidence, block) if verdict == "undecided" else 0
 
 
 def beyond(tables: Tables, case: str, requirement: Mapping[str, Any]) -> int | None:
@@ -72,30 +72,19 @@ def beyond(tables: Tables, case: str, requirement: Mapping[str, Any]) -> int | N
     return None if found is None else int((found.size >= bound_of(requirement["below"], found.unit)).sum())
 
 
-def _verdict(tables: Tables, case: str, requirement: dict[str, Any]) -> dict[str, Any]:
+def _verdict(tables: Tables, case: str, requirement: dict[str, Any]) -> tuple[Any, ...]:
+    """Return the values of `COLUMNS` from the verdict on."""
     probability, confidence = float(requirement["probability"]), float(requirement.get("confidence", 0.9))
     found = errors_of(tables, case, requirement)
-    if found is None:
-        error, bound, unit, factor = np.empty(0), 0.0, "", 1.0
-    else:
-        error, unit, factor = found.size, found.label_unit, found.label_factor
-        bound = bound_of(requirement["below"], found.unit)
-    failed = error >= bound
-    failures, stated = int(failed.sum()), tables.campaign.get("monte_carlo") or {}
+    error, si, unit, factor = found or Errors(np.empty(0), "", "", 1.0)
+    bound = bound_of(requirement["below"], si) if found is not None else 0.0
+    failed, stated = error >= bound, tables.campaign.get("monte_carlo") or {}
     if stated.get("stop") == DECIDED:
         verdict, more = decide_in_order(failed, probability, confidence, int(stated.get("block", BLOCK)))
     else:
-        verdict, more = decide_fixed(len(error), failures, probability, confidence)
-    return {
-        "verdict": verdict,
-        "estimate": with_unit(_quantile(error, probability) * factor, unit),
-        "limit": with_unit(bound * factor, unit),
-        "probability": probability,
-        "confidence": confidence,
-        "runs": len(error),
-        "failures": failures,
-        "runs_to_decide": more,
-    }
+        verdict, more = decide_fixed(len(error), int(failed.sum()), probability, confidence)
+    estimate, limit = (with_unit(size * factor, unit) for size in (_quantile(error, probability), bound))
+    return verdict, estimate, limit, probability, confidence, len(error), int(failed.sum()), more
 
 
 def errors_of(tables: Tables, case: str, requirement: Mapping[str, Any]) -> Errors | None:
@@ -107,37 +96,23 @@ def errors_of(tables: Tables, case: str, requirement: Mapping[str, Any]) -> Erro
     if not during:
         return errors_at(tables, case, where(requirement), metric)
     quantity, axis = split_metric(metric)
-    outputs = tables.outputs
-    known = outputs[(outputs.case == case) & (outputs.quantity == quantity) & (outputs.axis == axis)]
+    known = pick(tables.outputs, case=case, quantity=quantity, axis=axis)
     if known.empty:
         return None
     row: Any = known.iloc[0]
-    first, last = phase_of(tables, case, str(during))
-    worst = tables.worst
-    within = worst[(worst.case == case) & (worst.t_s >= first - _SAME) & (worst.t_end_s <= last + _SAME)]
-    size = within[error_column(quantity, axis, row.unit)].to_numpy(dtype=float)
-    size = np.where((within.failure.to_numpy() != "") | ~np.isfinite(size), np.inf, size)
-    largest = pd.Series(size).groupby(within.run_number.to_numpy(), sort=True).max().to_numpy()
+    inside = rows_between(pick(tables.worst, case=case), *phase_of(tables, case, str(during)), end="t_end_s")
+    size = pd.Series(error_sizes(inside, error_column(quantity, axis, row.unit)))
+    largest = size.groupby(inside.run_number.to_numpy(), sort=True).max().to_numpy()
     return Errors(largest, row.unit, row.label_unit, float(row.label_factor_ratio))
 
 
-def phase_of(tables: Tables, case: str, phase: str) -> tuple[float, float]:
+def phase_of(tables: Tables, case: str, text: str) -> tuple[float, float]:
     """Return first and last time (s) of a phase: ``liftoff to injection``, ``flight`` (lift-off to the end), or with
     ``start`` and ``end`` for the ends of the history. NaN for an event that the flight does not have.
     """
-    worst = tables.worst[tables.worst.case == case]
-    ends = (float(worst.t_s.min()), float(worst.t_end_s.max())) if len(worst) else _ends(tables, case)
-    if phase == "flight":
-        return max(ends[0], 0.0), ends[1]
-    known = dict(zip(("start", "end"), ends, strict=True))
-    known |= flight_events(tables, case).set_index("event").t_s.to_dict()
-    first, _, last = phase.partition(" to ")
-    return float(known.get(first, np.nan)), float(known.get(last, np.nan))
-
-
-def _ends(tables: Tables, case: str) -> tuple[float, float]:
-    t = tables.consistency.t_s[tables.consistency.case == case]
-    return float(t.min()), float(t.max())
+    worst = pick(tables.worst, case=case)
+    ends = (float(worst.t_s.min()), float(worst.t_end_s.max())) if len(worst) else ends_of(tables, case)
+    return phase(tables, case, text, ends)
 
 
 def where(requirement: Mapping[str, Any]) -> str:

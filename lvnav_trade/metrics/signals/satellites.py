@@ -1,36 +1,43 @@
-"""How many satellites are tracked, and what happens to the errors while they are not."""
+"""Satellites: how many are tracked, errors while they are not, why they are lost, how soon they are back."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.metrics.basics.select import NAVIGATION, at_time, faults, lincov_rms, series
-from lvnav_trade.store import Tables, load
+from lvnav_trade.metrics.basics.select import (
+    NAVIGATION,
+    SAME_TIME,
+    at_time,
+    faults,
+    lincov_rms,
+    metric_name,
+    pick,
+    series,
+)
+from lvnav_trade.store import Tables
 
 AFTER = 10.0
 """Seconds after the end of a fault at which the recovery is read."""
+FIX = 4
+"""Satellites of a position and a time."""
 
 
-def in_view(results: Path | str | Tables) -> pd.DataFrame:
+def in_view(tables: Tables) -> pd.DataFrame:
     """Return the satellites tracked and above the horizon over time: case, t_s, tracked_count, above_count."""
-    tables = load(results)
     rows = tables.satellites.assign(above=tables.satellites.elevation_rad > 0)
-    found = rows.groupby(["case", "t_s"], sort=False, as_index=False)[["tracked", "above"]].sum()
-    found = found.rename(columns={"tracked": "tracked_count", "above": "above_count"})
+    groups = rows.groupby(["case", "t_s"], sort=False, as_index=False)
+    found = groups.agg(tracked_count=("tracked", "sum"), above_count=("above", "sum"))
     return found.assign(case=found.case.map(tables.labels))
 
 
-def outages(results: Path | str | Tables) -> pd.DataFrame:
+def outages(tables: Tables) -> pd.DataFrame:
     """Return the 3-D navigation errors around every fault, in the units of people.
 
     Columns: case, fault, t_start_s, t_end_s, metric, unit, before, at_end, after (10 s after the end, or at the end of
     the flight), worst (from the start to 10 s after the end), growth_ratio (at_end / before), lincov_at_end.
     Monte-Carlo RMS, or LinCov's without runs. Before is at the start, of a fault without duration at the time before.
     """
-    tables = load(results)
     rows = []
     for case, quantity, axis, history in series(tables):
         if quantity not in NAVIGATION or axis != "3d":
@@ -40,25 +47,106 @@ def outages(results: Path | str | Tables) -> pd.DataFrame:
         error = history.assign(expected=expected, error=history.rms_si if history.run_count.iloc[0] else expected)
         for fault in faults(tables, case).itertuples():
             end, after = (at_time(error, t) for t in (fault.t_end_s, fault.t_end_s + AFTER))
-            ahead = error[error.t_s < fault.t_s - 1e-6]
+            ahead = error[error.t_s < fault.t_s - SAME_TIME]
             momentary = fault.t_end_s <= fault.t_s and len(ahead)
             before = ahead.iloc[-1] if momentary else at_time(error, fault.t_s)
             footprint = error[error.t_s.between(fault.t_s, fault.t_end_s + AFTER)]
-            rows.append(
-                {
-                    "case": tables.labels[case],
-                    "fault": fault.event,
-                    "t_start_s": fault.t_s,
-                    "t_end_s": fault.t_end_s,
-                    "metric": f"{quantity}_error",
-                    "unit": unit,
-                    "before": before.error * factor,
-                    "at_end": end.error * factor,
-                    "after": after.error * factor,
-                    "worst": footprint.error.max() * factor,
-                    "growth_ratio": end.error / before.error if before.error > 0 else np.nan,
-                    "lincov_at_end": end.expected * factor,
-                }
-            )
+            growth = end.error / before.error if before.error > 0 else np.nan
+            errors = (before.error, end.error, after.error, footprint.error.max())
+            head = (tables.labels[case], fault.event, fault.t_s, fault.t_end_s, metric_name(quantity), unit)
+            rows.append((*head, *(error * factor for error in errors), growth, end.expected * factor))
     names = ["case", "fault", "t_start_s", "t_end_s", "metric", "unit"]
     return pd.DataFrame(rows, columns=[*names, "before", "at_end", "after", "worst", "growth_ratio", "lincov_at_end"])
+
+
+def transitions(tables: Tables) -> pd.DataFrame:
+    """Return every change of state of a channel: case, t_s, satellite, from_state, to_state, reason."""
+    return tables.transitions.assign(case=tables.transitions.case.map(tables.labels))
+
+
+def losses(tables: Tables) -> pd.DataFrame:
+    """Return how often a channel stopped tracking, by reason: a satellite that sets ("out of view") stands among them.
+
+    Columns: case, reason, loss_count, satellite_count, first_s, last_s. Empty where no receiver has channels.
+    """
+    changes = transitions(tables)
+    groups = changes[changes.from_state == "track"].groupby(["case", "reason"], sort=False)
+    return groups.agg(
+        loss_count=("satellite", "size"),
+        satellite_count=("satellite", "nunique"),
+        first_s=("t_s", "min"),
+        last_s=("t_s", "max"),
+    ).reset_index()
+
+
+def tracked_over_time(tables: Tables, case: str) -> pd.DataFrame:
+    """Return whether each satellite is tracked: times (s) as index, one column each."""
+    wide = pick(tables.satellites, case=case).pivot(index="t_s", columns="satellite", values="tracked")
+    return wide.astype("boolean").fillna(False).astype(bool)
+
+
+def tracking(tables: Tables) -> pd.DataFrame:
+    """Return how well each case has a fix, to the second.
+
+    Columns: case, first_fix_s (first time with four satellites), to_fix_s (since the first time at all), least_count
+    and mean_count of satellites tracked from then on, gap_count (times that fewer than four are tracked after it),
+    longest_gap_s, loss_count (satellites that stop being tracked, whatever the reason). NaN without a fix.
+    """
+    rows = []
+    for case, label in tables.labels.items():
+        wide = tracked_over_time(tables, case)
+        t, count = wide.index.to_numpy(dtype=float), wide.to_numpy().sum(axis=1)
+        fixed = np.flatnonzero(count >= FIX)
+        first = int(fixed[0]) if fixed.size else len(t)
+        counts = count[first:] if fixed.size else np.array([np.nan])
+        gaps = _gaps(t[first:], count[first:] >= FIX)
+        since = (t[first], t[first] - t[0]) if fixed.size else (np.nan, np.nan)
+        lost = int((wide.to_numpy()[:-1] & ~wide.to_numpy()[1:]).sum())
+        rows.append((label, *since, counts.min(), counts.mean(), len(gaps), max(gaps, default=0.0), lost))
+    names = ["case", "first_fix_s", "to_fix_s", "least_count", "mean_count", "gap_count", "longest_gap_s"]
+    return pd.DataFrame(rows, columns=[*names, "loss_count"])
+
+
+def _gaps(t: np.ndarray, good: np.ndarray) -> list[float]:
+    """Return how long each stretch without a fix lasts, to the first time with one, or to the end."""
+    change = np.diff(np.concatenate([[1], good.astype(int), [1]]))
+    starts, ends = np.flatnonzero(change < 0), np.flatnonzero(change > 0)
+    return list(map(float, t[np.minimum(ends, len(t) - 1)] - t[starts]))
+
+
+def recovery(tables: Tables) -> pd.DataFrame:
+    """Return what every fault takes from the receiver, and how long after its end that is back, to the second.
+
+    Columns: case, fault, t_start_s, t_end_s, before_count (tracked just before the fault), least_count (in it),
+    lost_count (satellites tracked before and not tracked at some time in it), to_fix_s (from its end until four are
+    tracked), to_all_s (until every lost one that ever comes back is), gone_count (that never do: they set meanwhile, or
+    the flight ends). NaN where it does not happen.
+    """
+    rows = []
+    for case, label in tables.labels.items():
+        wide = tracked_over_time(tables, case)
+        for fault in faults(tables, case).itertuples():
+            head = {"case": label, "fault": fault.event, "t_start_s": fault.t_s, "t_end_s": fault.t_end_s}
+            rows.append(head | _recovered(wide, float(fault.t_s), float(fault.t_end_s)))
+    names = ["case", "fault", "t_start_s", "t_end_s", "before_count", "least_count", "lost_count", "to_fix_s"]
+    return pd.DataFrame(rows, columns=[*names, "to_all_s", "gone_count"])
+
+
+def _recovered(wide: pd.DataFrame, start: float, end: float) -> dict[str, float]:
+    t, tracked = wide.index.to_numpy(dtype=float), wide.to_numpy()
+    earlier, after = tracked[t < start - SAME_TIME], t >= end - SAME_TIME
+    within = tracked[(t >= start - SAME_TIME) & ~after]
+    had = earlier[-1] if len(earlier) else np.zeros(tracked.shape[1], dtype=bool)
+    lost = had & ~within.all(axis=0)
+    later, times = tracked[after], t[after] - end
+    back = later[:, lost].any(axis=0) if len(later) else np.zeros(int(lost.sum()), dtype=bool)
+    fixed = np.flatnonzero(later.sum(axis=1) >= FIX)
+    returns = times[later[:, lost][:, back].argmax(axis=0)] if back.any() else np.empty(0)
+    return {
+        "before_count": int(had.sum()),
+        "least_count": int(within.sum(axis=1).min()) if len(within) else int(had.sum()),
+        "lost_count": int(lost.sum()),
+        "to_fix_s": max(0.0, float(times[fixed[0]])) if fixed.size else np.nan,
+        "to_all_s": max(0.0, float(returns.max())) if returns.size else (np.nan if lost.any() else 0.0),
+        "gone_count": int((~back).sum()),
+    }

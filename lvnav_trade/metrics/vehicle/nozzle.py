@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -10,11 +9,10 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy import stats
 
-from lvnav_trade.store import Tables, load
+from lvnav_trade.metrics.basics.select import pick
+from lvnav_trade.store import Tables
 
 Floats = NDArray[np.float64]
-
-
 _DEG_H = 206264.80624709636
 
 
@@ -46,13 +44,13 @@ COLUMNS = [
 ]  # fmt: skip
 
 
-def nozzle(results: Path | str | Tables, alpha: float = 0.05) -> pd.DataFrame:
+def nozzle(tables: Tables, alpha: float = 0.05) -> pd.DataFrame:
     """Return mean movements of the nozzle (deg) by what feeds the controller, and by how much less (%) it moves with
     the filtered than with the raw rate, with the interval of paired runs; per burn, and over the flight.
 
     A burn in which every run's nozzle is at rest, and a single run, have no reduction.
     """
-    tables, rows = load(results), []
+    rows = []
     for (case, burn, axis), one in tables.nozzle.groupby(["case", "burn", "axis"], sort=False):
         moved = one.pivot(index="run_number", columns="feed", values="moved_rad")
         less: tuple[float, ...] = (np.nan, np.nan, np.nan)
@@ -64,52 +62,32 @@ def nozzle(results: Path | str | Tables, alpha: float = 0.05) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-WORTH = [
-    "case", "axis", "raw_deg", "filtered_deg", "true_deg", "less_percent", "low_percent", "high_percent",
-    "possible_percent", "raw_error_mrad", "filtered_error_mrad", "true_error_mrad",
-]  # fmt: skip
-
-
-def worth(results: Path | str | Tables) -> pd.DataFrame:
+def worth(tables: Tables) -> pd.DataFrame:
     """Return what the filtered rate gains a controller over the flight, case by case and axis by axis.
 
     Movement of the nozzle and less_percent as in `nozzle`; possible_percent: how much less the nozzle moves with the
     true rate, the most that any filter can gain; *_error_mrad: root mean square of the attitude's error in burns.
     """
-    tables = load(results)
-    moved = nozzle(tables)
-    moved = moved[moved.burn == "flight"]
-    kept = turning(tables)
-    error = kept[kept.phase == "burn"].pivot_table(index=["case", "axis"], columns="feed", values="attitude_error_mrad")
-    rows = [
-        (
-            row.case, row.axis, row.raw_deg, row.filtered_deg, row.true_deg, row.less_percent, row.low_percent,
-            row.high_percent, 100.0 * (1.0 - row.true_deg / row.raw_deg) if row.raw_deg > 0.0 else np.nan,
-            *(float(error.loc[(row.case, row.axis), feed]) for feed in ("raw", "filtered", "true")),
-        )
-        for row in moved.itertuples()
-    ]  # fmt: skip
-    return pd.DataFrame(rows, columns=WORTH)
+    moved, errors = pick(nozzle(tables), burn="flight"), pick(turning(tables), phase="burn")
+    moved = moved.drop(columns=["burn", "runs"]).reset_index(drop=True)
+    moved["possible_percent"] = 100.0 * (1.0 - moved.true_deg / moved.raw_deg.where(moved.raw_deg > 0.0))
+    wide = errors.pivot_table(index=["case", "axis"], columns="feed", values="attitude_error_mrad")
+    wide = wide.reindex(columns=["raw", "filtered", "true"]).add_suffix("_error_mrad")
+    return moved.join(wide, on=["case", "axis"])
 
 
-def turning(results: Path | str | Tables) -> pd.DataFrame:
+def turning(tables: Tables) -> pd.DataFrame:
     """Return how often and how far true angular acceleration and jerk leave their envelopes (% of ticks, times), and
     attitude and rate errors, by what feeds the controller, axis and phase.
     """
-    tables = load(results)
     rows = tables.turning
-    return pd.DataFrame(
-        {
-            "case": rows.case.map(tables.labels),
-            "feed": rows.feed,
-            "axis": rows.axis,
-            "phase": rows.phase,
-            "turning_inside_percent": 100.0 * rows.inside_turning_ratio,
-            "turning_furthest_times": rows.furthest_turning_ratio,
-            "jerk_inside_percent": 100.0 * rows.inside_jerk_ratio,
-            "jerk_furthest_times": rows.furthest_jerk_ratio,
-            "attitude_error_mrad": 1e3 * rows.attitude_error_rad,
-            "rate_error_deg_per_h": _DEG_H * rows.rate_error_rad_per_s,
-            "rate_sigma_deg_per_h": _DEG_H * rows.rate_sigma_rad_per_s,
-        }
+    return rows[["case", "feed", "axis", "phase"]].assign(
+        case=rows.case.map(tables.labels),
+        turning_inside_percent=100.0 * rows.inside_turning_ratio,
+        turning_furthest_times=rows.furthest_turning_ratio,
+        jerk_inside_percent=100.0 * rows.inside_jerk_ratio,
+        jerk_furthest_times=rows.furthest_jerk_ratio,
+        attitude_error_mrad=1e3 * rows.attitude_error_rad,
+        rate_error_deg_per_h=_DEG_H * rows.rate_error_rad_per_s,
+        rate_sigma_deg_per_h=_DEG_H * rows.rate_sigma_rad_per_s,
     )

@@ -1,4 +1,4 @@
-"""How many runs lie within three sigmas: counted against what was put in, with its interval."""
+"""Runs within three sigmas, counted against what was put in; paired differences of two levels."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.metrics.basics.intervals import success_bounds
-from lvnav_trade.metrics.errors.coverage import GAUSSIAN, SIGMAS, coverage
+from lvnav_trade.metrics.errors.coverage import GAUSSIAN, SIGMAS, coverage, paired_levels
 from lvnav_trade.store import load
 from lvnav_trade.store.schema import error_column
 from tests import synthetic
@@ -48,3 +48,20 @@ def test_the_interval_is_exact_and_what_is_honest_reaches_a_gaussian(tables):
 def test_events_outside_the_stretch_are_left_out(tables):
     first = coverage(tables).event.iloc[0]
     assert set(coverage(tables, (first, first)).event) == {first}
+
+
+def test_the_difference_is_that_of_the_errors_run_by_run(tables):
+    frame = paired_levels(tables, "imu")
+    assert set(frame.quantity) == {"attitude", "velocity", "position"}
+    assert set(frame.levels) == {"fine and coarse"}
+    row = frame[(frame.quantity == "velocity")].iloc[-1]
+    runs, columns = tables.runs[tables.runs.event == row.event], []
+    columns = [name for name in runs.columns if name.startswith("velocity_") and "_error_" in name and "3d" not in name]
+    first, second = (runs[runs.case == case].sort_values("run_number")[columns].to_numpy() for case in tables.labels)
+    factor = tables.people["velocity", "3d"][1]
+    assert row.difference_rms == pytest.approx(factor * np.sqrt(np.mean(np.sum((second - first) ** 2, axis=1))))
+    assert row.difference_ratio == pytest.approx(row.difference_rms / min(row.first_rms, row.second_rms))
+
+
+def test_an_axis_that_no_case_has_gives_no_rows(tables):
+    assert paired_levels(tables, "filter").empty

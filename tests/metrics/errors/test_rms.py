@@ -1,4 +1,4 @@
-"""Errors by phase and event against whole-sample values."""
+"""Errors by phase and event against whole-sample values, and their order."""
 
 from __future__ import annotations
 
@@ -49,3 +49,9 @@ def test_the_intervals_cover_the_truth_about_95_times_in_100(good):
     assert len(rows) == 30
     inside = (rows.low <= rows.lincov_true_sigma) & (rows.lincov_true_sigma <= rows.high)
     assert inside.sum() >= 25
+
+
+def test_the_better_case_ranks_first(good):
+    found = METRICS["ranking"](good)
+    assert list(found.case) == ["imu=fine", "imu=coarse"]
+    assert (found.velocity_low < found.velocity).all()

@@ -1,13 +1,14 @@
-"""Linear covariance's verdict and the source that would turn it."""
+"""Linear covariance's distribution and verdict, and the source that would turn it."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from lvnav_trade.metrics.basics.gaussian import norm_probability, norm_quantile
 from lvnav_trade.metrics.errors.covariances import reach
-from lvnav_trade.metrics.requirements.improvements import expected, improvements
+from lvnav_trade.metrics.requirements.improvements import ABOVE_ONLY, UNKNOWN, asked, expected, improvements
 from lvnav_trade.store import load
 from tests import synthetic
 
@@ -55,3 +56,84 @@ def test_where_no_realistic_factor_would_do_it_says_so(good):
     row = improvements(good).set_index(["requirement", "case"]).loc["tight bound", "imu=coarse"]
     assert row.source == ""
     assert row.remark == "not even all error sources together, each times 0.05, would do"
+
+
+FINE = "aaaaaaaaaaaa"
+BOUND = {"name": "x", "metric": "position_error_3d", "probability": 0.9, "below": "4 m"}
+
+
+def stated(tmp_path, *requirements, n_run=80):
+    head, _, tail = synthetic.CAMPAIGN.partition("requirements:")
+    lines = "".join(f"  - {item}\n" for item in requirements)
+    campaign = f"{head}requirements:\n{lines}references:{tail.partition('references:')[2]}"
+    return load(synthetic.results(tmp_path, n_run=n_run, campaign=campaign))
+
+
+def test_at_an_event_it_is_the_gaussian_of_the_event(good):
+    found = asked(good, BOUND | {"at": "stage1_cutoff"}, FINE)
+    np.testing.assert_allclose(found.law.covariance, np.diag((1.4 * synthetic.SIGMA[6:9]) ** 2))
+    np.testing.assert_allclose(found.law.mean, 1.4 * synthetic.MEAN[6:9])
+    assert (found.bound, found.unit, found.above_only) == (4.0, "m", False)
+
+
+def test_over_a_phase_it_is_that_of_the_worst_event(good):
+    found = asked(good, BOUND | {"during": "liftoff to injection"}, FINE)
+    assert (found.moment, found.above_only) == ("injection", True)
+    np.testing.assert_array_equal(found.law.covariance, asked(good, BOUND, FINE).law.covariance)
+    assert asked(good, BOUND | {"during": "start to stage1_cutoff"}, FINE).moment == "stage1 cutoff"
+
+
+def test_one_axis_is_looked_at_at_every_time(good):
+    found = asked(good, BOUND | {"metric": "position_error_north", "during": "liftoff to injection"}, FINE)
+    assert found.moment == "injection"
+    between = asked(good, BOUND | {"metric": "position_error_north", "during": "start to end"}, FINE)
+    assert between.law.covariance[0, 0] >= found.law.covariance[0, 0]
+
+
+def test_the_probability_at_the_worst_moment_bounds_that_of_the_phase(good):
+    """2,000 Gaussian histories whose errors are new at every time: none of them may keep a bound more often."""
+    cov = synthetic.covariance()
+    within = cov.t >= 0.0
+    rng = np.random.default_rng(1)
+    drawn = cov.mean[within, 6:9] + cov.true_sigma[within, 6:9] * rng.standard_normal((2000, within.sum(), 3))
+    worst = np.linalg.norm(drawn, axis=2).max(axis=1)
+    for bound in (20.0, 40.0, 60.0):
+        found = asked(good, BOUND | {"below": f"{bound} m", "during": "flight"}, FINE)
+        kept = norm_probability(found.law.mean, found.law.covariance, bound)
+        assert np.mean(worst < bound) <= kept + 3.0 * np.sqrt(kept * (1.0 - kept) / 2000) + 1e-12
+
+
+def test_a_phase_is_violated_or_not_applicable_by_linear_covariance_never_met(tmp_path):
+    tables = stated(
+        tmp_path,
+        "{name: tight, metric: position_error_3d, during: liftoff to injection, probability: 0.9, below: 4 m}",
+        "{name: loose, metric: position_error_3d, during: flight, probability: 0.9, below: 200 m}",
+    )
+    found = expected(tables).set_index(["requirement", "case"])
+    assert tuple(found.loc[("tight", "imu=fine"), ["verdict", "reason"]]) == ("violated", "already at injection")
+    assert tuple(found.loc[("loose", "imu=fine"), ["verdict", "reason"]]) == ("not applicable", ABOVE_ONLY)
+    better = improvements(tables).set_index(["requirement", "case"])
+    assert better.loc[("tight", "imu=coarse"), "remark"].endswith(
+        "would do; to keep it at injection; the whole phase may take more"
+    )
+    assert ("loose", "imu=fine") not in better.index or better.loc[("loose", "imu=fine"), "remark"] == ABOVE_ONLY
+
+
+def test_numbers_of_the_mission_are_asked_of_position_and_velocity_together(good):
+    impact = asked(good, {"name": "x", "metric": "impact_error", "probability": 0.9, "below": "1 km"}, FINE)
+    assert (impact.law.mean.shape, impact.bound, impact.unit) == ((2,), 1000.0, "km")
+    perigee = {"name": "x", "metric": "perigee_error", "probability": 0.9, "below": "1 km"}
+    assert asked(good, perigee, FINE) == "no closed orbit"
+
+
+def test_an_error_that_is_not_held_is_said_so(good):
+    assert asked(good, BOUND | {"metric": "heading_error_3d"}, FINE) == UNKNOWN
+    assert asked(good, BOUND | {"at": "kick"}, FINE) == UNKNOWN
+    assert asked(good, BOUND | {"during": "kick to injection"}, FINE) == UNKNOWN
+
+
+def test_one_component_is_the_normal_law(good):
+    found = asked(good, BOUND | {"metric": "position_error_north"}, FINE)
+    sigma = 1.995 * synthetic.SIGMA[6]
+    expected_kept = stats.norm.cdf(4.0 / sigma) - stats.norm.cdf(-4.0 / sigma)
+    assert norm_probability(found.law.mean, found.law.covariance, 4.0) == pytest.approx(expected_kept, abs=1e-12)

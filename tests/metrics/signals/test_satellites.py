@@ -1,10 +1,13 @@
-"""Satellites in view, and errors around an outage."""
+"""Satellites in view, errors around an outage, losses and recovery."""
 
 from __future__ import annotations
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from lvnav_trade.metrics import METRICS
+from lvnav_trade.metrics.signals.satellites import _recovered
 
 
 def test_satellites_vanish_during_the_outage(good):
@@ -31,3 +34,60 @@ def test_before_a_fault_of_a_moment_is_the_time_before_it(alone):
     events.loc[events.kind == "fault", ["t_s", "t_end_s"]] = 60.0
     jump._read["events"] = events
     assert METRICS["outages"](jump).iloc[0].growth_ratio == pytest.approx(1.60 / 1.59)
+
+
+def test_losses_are_counted_by_reason(good):
+    found = METRICS["losses"](good)
+    assert list(found.case) == ["imu=fine", "imu=coarse"]
+    assert set(zip(found.reason, found.loss_count, found.satellite_count, found.first_s, strict=True)) == {
+        ("fault", 8, 8, 60.0)
+    }
+
+
+def test_a_receiver_without_channels_has_no_transition(good):
+    changes = METRICS["transitions"](good)
+    assert set(changes.columns) == {"case", "t_s", "satellite", "from_state", "to_state", "reason"}
+    assert len(changes) == 2 * (8 + 8 + 3 * 8)
+
+
+def test_a_gap_lasts_from_the_loss_to_the_fourth_satellite(good):
+    """The outage takes all eight at 60 s; they are back at 75, 76, ... 82 s, the fourth at 78 s."""
+    row = METRICS["tracking"](good).iloc[0]
+    assert (row.first_fix_s, row.to_fix_s) == (1.0, 0.0)
+    assert (row.least_count, row.gap_count, row.longest_gap_s, row.loss_count) == (0, 1, 18.0, 8)
+
+
+def test_recovery_counts_from_the_end_of_the_fault(good):
+    row = METRICS["recovery"](good).iloc[0]
+    assert (row.t_start_s, row.t_end_s, row.before_count, row.lost_count) == (60.0, 75.0, 8, 8)
+    assert (row.least_count, row.to_fix_s, row.to_all_s, row.gone_count) == (0, 3.0, 7.0, 0)
+
+
+@pytest.fixture
+def sky():
+    """Five satellites: one is never touched, two come back, one sets, one rises during the fault."""
+    t = np.arange(10.0)
+    wide = pd.DataFrame(index=t, data={name: np.ones(10, dtype=bool) for name in "abcde"})
+    wide.loc[3:5, ["b", "c", "d"]] = False
+    wide.loc[6:7, "c"] = False
+    wide.loc[6:, "d"] = False
+    wide.loc[:3, "e"] = False
+    return wide
+
+
+def test_who_sets_meanwhile_is_distinguished_from_who_comes_back(sky):
+    assert _recovered(sky, 3.0, 6.0) == {
+        "before_count": 4, "least_count": 1, "lost_count": 3, "to_fix_s": 2.0, "to_all_s": 2.0, "gone_count": 1,
+    }  # fmt: skip
+
+
+def test_a_fault_without_duration_takes_nothing(sky):
+    found = _recovered(sky, 1.0, 1.0)
+    assert (found["before_count"], found["lost_count"], found["to_all_s"], found["to_fix_s"]) == (4, 0, 0.0, 0.0)
+
+
+def test_a_fault_up_to_the_end_of_the_flight_has_no_recovery(sky):
+    found = _recovered(sky, 3.0, 20.0)
+    assert found["gone_count"] == found["lost_count"] == 3
+    assert np.isnan(found["to_fix_s"])
+    assert np.isnan(found["to_all_s"])

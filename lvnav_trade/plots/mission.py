@@ -1,0 +1,201 @@
+"""The mission: errors of the orbit at injection and what a correction costs; the point of impact with its corridor."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+from numpy.typing import NDArray
+
+from lvnav_trade.metrics.basics.select import final_event
+from lvnav_trade.metrics.mechanics import impulses, meanorbit, mission
+from lvnav_trade.metrics.mechanics.mission import Law, State
+from lvnav_trade.metrics.mission.corridor import corridor_of
+from lvnav_trade.metrics.mission.impact import ellipse
+from lvnav_trade.metrics.mission.impact import impact as impact_points
+from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, message, over_time, scale_up
+from lvnav_trade.store import Tables
+
+Floats = NDArray[np.float64]
+
+
+class _Component(NamedTuple):
+    metric: str
+    component: int
+    label: str
+
+
+_PLANES = (
+    (_Component("perigee_error", 0, "perigee error"), _Component("apogee_error", 0, "apogee error")),
+    (
+        _Component("eccentricity_vector_error", 0, "eccentricity error\nalong the node"),
+        _Component("eccentricity_vector_error", 1, "eccentricity error\nahead of the node"),
+    ),
+    (_Component("node_error", 0, "node error"), _Component("inclination_error", 0, "inclination error")),
+)
+_SEEN = 0.03
+"""Part of the map's width that the largest ellipse fills."""
+_DRAWN = 14
+"""Ellipses on the map, at most."""
+
+
+@drawing
+def orbit(tables: Tables, case: str) -> Figure:
+    """Draw the errors of the mean orbit at the final event, true less estimated, in three planes, and the correction.
+
+    Dots are runs; ellipses are three sigma by linear covariance, true and formal. Where the orbit is
+    circular to within three sigma, perigee and apogee have draws of that Gaussian instead of an ellipse.
+    """
+    event = final_event(tables, case)
+    state = mission.state_at(tables, case, event)
+    if state is None or not bool(meanorbit.osculating(state.r_i, state.v_i).elliptic):
+        return message("the flight does not end in an orbit", "perigee error (km)", "apogee error (km)")
+    law = mission.law_at(tables, case, event)
+    figure, grid = canvas(2, 2, 2.9)
+    error, failed = mission.run_errors(tables, case, state)
+    good = error[~failed]
+    for ax, pair in zip(grid.ravel()[:3], _PLANES, strict=True):
+        _plane(ax, state, law, good, pair)
+    _cost(grid[1, 1], state, law, good)
+    figure.legend(*grid[0, 1].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    figure.suptitle(f"{tables.labels[case]}, {event.replace('_', ' ')}", fontsize=9)
+    return figure
+
+
+def _plane(ax: Any, state: State, law: Law, good: Floats, pair: tuple[_Component, _Component]) -> None:
+    _, units, factors = zip(*(mission.people(one.metric) for one in pair), strict=True)
+    scale = np.array(factors)
+
+    def errors(error: Floats) -> Floats:
+        return np.stack([mission.signed(state, error, one.metric)[:, one.component] for one in pair], axis=1) * scale
+
+    if len(good):
+        ax.plot(*errors(good).T, ".", ms=2.5, color=PALETTE[0], label="runs", zorder=2)
+    if any(mission.applies(state, one.metric, law.true) for one in pair):
+        drawn = errors(mission.draws(law.mean, law.true, 512))
+        ax.plot(*drawn.T, "x", ms=2.5, color=PALETTE[1], label="draws of LinCov", zorder=1.5)
+        ax.set_title("no first-order sigma: circular to within 3 sigma", fontsize=7.5)
+    else:
+        slope = np.stack([mission.jacobian(state, one.metric)[one.component] for one in pair]) * scale[:, None]
+        outline = slope @ law.mean + outline_of(slope @ law.true @ slope.T)
+        ax.plot(*outline.T, color=PALETTE[1], ls="--", label="LinCov, true, 3 sigma", zorder=3)
+        ax.plot(*outline_of(slope @ law.formal @ slope.T).T, "k:", label="LinCov, filter's own, 3 sigma", zorder=3)
+    ax.set_xlabel(f"{pair[0].label.replace(chr(10), ' ')} ({units[0]})")
+    ax.set_ylabel(f"{pair[1].label} ({units[1]})")
+    ax.ticklabel_format(style="sci", scilimits=(-3, 4), axis="both")
+    ax.margins(0.08)
+
+
+def outline_of(covariance: Floats, sigmas: float = 3.0, points: int = 97) -> Floats:
+    """Return the ellipse (points, 2) of so many sigmas of a covariance (2, 2)."""
+    variance, axes = np.linalg.eigh(covariance)
+    angle = np.linspace(0.0, 2.0 * np.pi, points)
+    circle = np.stack([np.cos(angle), np.sin(angle)])
+    return np.asarray((axes * (sigmas * np.sqrt(np.maximum(variance, 0.0))) @ circle).T)
+
+
+def _cost(ax: Any, state: State, law: Law, good: Floats) -> None:
+    """Draw which part of flights a correction of so much would do for."""
+    drawn = mission.draws(law.mean, law.true, 1024)
+    for name, error, colour, dashes in (("runs", good, PALETTE[0], "-"), ("LinCov", drawn, PALETTE[1], "--")):
+        if len(error):
+            cost = np.sort(impulses.least_at(state.r_i, state.v_i, error).delta_v)
+            part = 100.0 * (np.arange(1, len(cost) + 1) / len(cost))
+            label = f"{name}: 99 % below {np.quantile(cost, 0.99):.3g} m/s"
+            ax.step(cost, part, where="post", label=label, color=colour, ls=dashes)
+    ax.axhline(99.0, color=GREY, lw=0.7, ls=":")
+    ax.set_xlim(0)
+    ax.set_ylim(0, 102)
+    ax.set_xlabel("least delta-v of a correction (m/s)")
+    ax.set_ylabel("flights (%)")
+    ax.legend(loc="lower right", fontsize=7.5)
+
+
+@drawing
+def impact(tables: Tables, case: str) -> Figure:
+    """Draw the trace of the point of impact with ellipses and corridor, three sigma over time, and the last event's.
+
+    Ellipses on the map are drawn so many times larger that one sees them; the title says how many.
+    """
+    rows = impact_points(tables, case)
+    if rows.empty:
+        nothing = "no point of impact in the stored flight"
+        return message(nothing, "longitude (deg east)", "geodetic latitude\n(deg north)")
+    figure, grid = canvas(2, 2, 2.9)
+    for ax in grid[0]:
+        ax.remove()
+    _chart(figure.add_subplot(grid[0, 0].get_gridspec()[0, :]), tables, case, rows)
+    _sizes(grid[1, 0], tables, case, rows)
+    _last(grid[1, 1], tables, case, rows)
+    return figure
+
+
+def _chart(ax: Any, tables: Tables, case: str, rows: pd.DataFrame) -> None:
+    flown = tables.reference[(tables.reference.case == case) & (tables.reference.t_s >= 0.0)]
+    track = np.degrees(np.unwrap(flown.longitude_rad))
+    longitude = np.degrees(np.unwrap(np.radians(rows.longitude_deg)))
+    longitude += 360.0 * np.round((track[0] - longitude[0]) / 360.0)
+    ax.plot(track, np.degrees(flown.latitude_rad), color=GREY, lw=0.9, label="ground track")
+    ax.plot(longitude, rows.latitude_deg, color=PALETTE[0], label="point of impact")
+    ax.plot(longitude[rows.event != ""], rows.latitude_deg[rows.event != ""], "o", ms=3, color=PALETTE[0])
+    width = max(float(np.ptp(longitude)), float(np.ptp(rows.latitude_deg)), 0.1)
+    times = _magnification(float(rows.major_3sigma_km.max()), width)
+    for number, k in enumerate(np.unique(np.linspace(0, len(rows) - 1, _DRAWN).astype(int))):
+        row = rows.iloc[k]
+        latitude, along = ellipse(row, 3.0 * times)
+        shift = longitude[k] - row.longitude_deg
+        ax.plot(along + shift, latitude, color=PALETTE[1], lw=0.9, label=None if number else "3 sigma, LinCov")
+    corridor = corridor_of(tables)
+    if corridor is not None:
+        corners = np.degrees(corridor.corners)
+        corners[:, 1] += 360.0 * np.round((longitude.mean() - corners[:, 1].mean()) / 360.0)
+        ax.add_patch(Polygon(corners[:, ::-1], fill=False, ec=PALETTE[2], lw=1.2, label="corridor"))
+        ax.autoscale_view()
+    ax.set_title(f"{tables.labels[case]}" + (f"; ellipses {times:g} times as large" if times > 1 else ""), fontsize=8.5)
+    ax.set_xlabel("longitude (deg east)")
+    ax.set_ylabel("geodetic latitude\n(deg north)")
+    ax.margins(0.06)
+    ax.legend(loc="best", fontsize=7.5)
+
+
+def _magnification(major_km: float, width_deg: float) -> float:
+    """Return the power of ten, at least 1, that makes an ellipse of this semi-axis visible."""
+    wanted = _SEEN * width_deg * 111.0 / max(major_km, 1e-9)
+    return float(10.0 ** max(0, np.floor(np.log10(wanted))))
+
+
+def _sizes(ax: Any, tables: Tables, case: str, rows: pd.DataFrame) -> None:
+    flown = rows[rows.runs > 1]
+    for name, colour in (("down", PALETTE[0]), ("cross", PALETTE[1])):
+        ax.plot(rows.t_s, 3.0 * rows[f"{name}_sigma_km"], color=colour, label=f"{name}-range, LinCov")
+        ax.plot(rows.t_s, 3.0 * rows[f"{name}_filter_sigma_km"], color=colour, ls=":", lw=1.0)
+        if len(flown):
+            ax.plot(flown.t_s, 3.0 * flown[f"mc_{name}_sigma_km"], "o", ms=3.5, mfc="none", color=colour)
+    scale_up(ax.yaxis, 3.0 * pd.concat([rows.down_sigma_km, rows.cross_sigma_km]))
+    ax.set_ylabel("error of the point\nof impact (km, 3 sigma)")
+    over_time([ax], tables, case, margin=0.03, names=False)
+    ax.legend(loc="best", fontsize=7, title="dots: runs; dotted: filter's own", title_fontsize=7)
+
+
+def _last(ax: Any, tables: Tables, case: str, rows: pd.DataFrame) -> None:
+    """Draw the ellipse of the last event that has a point of impact, with the runs."""
+    named = rows[rows.event != ""]
+    row: Any = (named if len(named) else rows).iloc[-1]
+    if row.event and row.runs > 1:
+        state = next(s for s in mission.states(tables, case) if s.event == row.event and abs(s.t - row.t_s) < 1e-6)
+        error, failed = mission.run_errors(tables, case, state)
+        off = mission.impact_errors(state, error[~failed]) * 1e-3
+        ax.plot(off[:, 1], off[:, 0], ".", ms=2.5, color=PALETTE[0], label="runs")
+    mixed = row.correlation * row.down_sigma_km * row.cross_sigma_km
+    outline = outline_of(np.array([[row.cross_sigma_km**2, mixed], [mixed, row.down_sigma_km**2]]))
+    outline += np.array([row.cross_bias_km, row.down_bias_km])
+    ax.plot(*outline.T, color=PALETTE[1], ls="--", label="LinCov, 3 sigma")
+    ax.set_aspect("equal", adjustable="datalim")
+    ax.set_xlabel("cross-range error (km)")
+    ax.set_ylabel("down-range error (km)")
+    ax.set_title(f"{row.event.replace('_', ' ') or 'last'}, {row.t_s:.0f} s", fontsize=8.5)
+    ax.margins(0.08)
+    ax.legend(loc="upper left", fontsize=7)
