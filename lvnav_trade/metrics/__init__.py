@@ -10,20 +10,24 @@ import pandas as pd
 
 from lvnav_trade.metrics.errors.agreement import agreement
 from lvnav_trade.metrics.errors.control_variates import controlled
-from lvnav_trade.metrics.errors.diagnostics import budget, contributions, nonlinearity, observability, sensitivity
+from lvnav_trade.metrics.errors.diagnostics import (
+    budget,
+    contributions,
+    nonlinearity,
+    observability,
+    observed,
+    sensitivity,
+)
 from lvnav_trade.metrics.errors.rms import ranking, rms
 from lvnav_trade.metrics.filter.consistency import autocorrelation, consistency, nees, nis, whiteness
 from lvnav_trade.metrics.filter.logic import logic, modes, stops
-from lvnav_trade.metrics.filter.observed import observed
 from lvnav_trade.metrics.mission.impact import corridor_verdicts, impact
 from lvnav_trade.metrics.mission.orbit import correction, orbit
-from lvnav_trade.metrics.published.interpretations import interpretations
-from lvnav_trade.metrics.published.references import references
+from lvnav_trade.metrics.published.references import interpretations, references
 from lvnav_trade.metrics.requirements.improvements import expected, improvements
 from lvnav_trade.metrics.requirements.requirements import verdicts
-from lvnav_trade.metrics.signals.satellites import in_view, losses, outages, recovery, tracking, transitions
-from lvnav_trade.metrics.vehicle.motion import motion
-from lvnav_trade.metrics.vehicle.nozzle import nozzle, turning, worth
+from lvnav_trade.metrics.signals import in_view, losses, outages, recovery, tracking, transitions
+from lvnav_trade.metrics.vehicle import motion, nozzle, turning, worth
 from lvnav_trade.store import Tables, load
 
 

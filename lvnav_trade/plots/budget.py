@@ -53,14 +53,12 @@ def budget(tables: Tables, case: str, quantity: str) -> Figure:
     _root_axis(pile, float(max(variance.sum(axis=1).max(), formal.max(), mean.max() if biased else 0.0)))
     pile.set_ylabel(f"{quantity} error, 3D\n({unit}, 1 sigma)")
     _stack(parts, layers)
-    parts.set_ylim(0, 100)
-    parts.set_ylabel("part of the true\nvariance (%)")
+    parts.set(ylim=(0, 100), ylabel="part of the true\nvariance (%)")
     over_time(grid[:, 0], tables, case, margin=0.0)
     for ax in (pile, parts):
         ax.grid(visible=False)
     pile.plot([], [], color="black", lw=1.6, ls=(0, (3, 1)), label="filter's own sigma")
-    legend_below(figure, pile)
-    return figure
+    return legend_below(figure, pile)
 
 
 def _layers(share: pd.DataFrame) -> pd.DataFrame:
@@ -126,8 +124,7 @@ def heatmap(tables: Tables, case: str, quantity: str) -> Figure:
     start.set_yticks(np.arange(len(names)) + 0.5, names)
     start.invert_yaxis()
     start.set_xticks([0.5], ["at the\nstart"])
-    start.set_xlabel("drawn")
-    start.set_ylabel("error source")
+    start.set(xlabel="drawn", ylabel="error source")
     for row, name in enumerate(names):
         ax.text(1.01, row + 0.5, f"{total[name]:.1f} %", transform=ax.get_yaxis_transform(), va="center", fontsize=7.5)
     ax.set_xlabel("time since lift-off (s), when the error was made")

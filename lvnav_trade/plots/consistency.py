@@ -11,7 +11,7 @@ from lvnav_trade.metrics.basics.select import pick
 from lvnav_trade.metrics.errors.covariances import REJECTS_TOO_MUCH
 from lvnav_trade.metrics.filter.consistency import nees, nis
 from lvnav_trade.metrics.filter.logic import modes
-from lvnav_trade.plots.style import PALETTE, canvas, drawing, legend_below, over_time, scale_up, with_gaps
+from lvnav_trade.plots.style import PALETTE, canvas, drawing, legend_below, over_time, panel, scale_up, with_gaps
 from lvnav_trade.records import MODES
 from lvnav_trade.store import Tables
 
@@ -40,8 +40,7 @@ def consistency(tables: Tables, case: str) -> Figure:
     if gated:
         _gate(grid[2, 0], innovations)
     over_time(grid[:, 0], tables, case)
-    legend_below(figure, grid[0, 0])
-    return figure
+    return legend_below(figure, grid[0, 0])
 
 
 def _gate(ax: Any, rows: pd.DataFrame) -> None:
@@ -69,17 +68,14 @@ def logic(tables: Tables, case: str) -> Figure:
     upper = 100.0 * wide.reindex(columns=list(MODES)).astype(float).cumsum(axis=1)
     lower = upper.shift(axis=1, fill_value=0.0)
     history = pick(tables.history, case=case)
-    figure, grid = canvas(1, 1, 2.2)
-    axes = grid[0, 0]
+    figure, axes = panel(2.2)
     for mode in MODES:
         if (upper[mode] > lower[mode]).any():
             edge = {"edgecolor": "white", "linewidth": 0.0, "step": "post"}
             axes.fill_between(wide.index, lower[mode], upper[mode], label=mode, **edge, **_LOOKS[mode])
     if wide.empty:
         axes.text(0.5, 0.5, "the filter has no logic", transform=axes.transAxes, ha="center", color="0.4")
-    axes.set_xlim(history.t_s.min(), history.t_s.max())
-    axes.set_ylim(0.0, 100.0)
-    axes.set_ylabel("runs (%)")
+    axes.set(xlim=(history.t_s.min(), history.t_s.max()), ylim=(0.0, 100.0), ylabel="runs (%)")
     over_time([axes], tables, case, margin=0.0)
     figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=5)
     return figure

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 
 from lvnav_trade.metrics.basics.select import pick
-from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, event_key, legend_below, over_time, scale_up
+from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, event_key, legend_below, over_time, panel, scale_up
 from lvnav_trade.store import Tables
 
 LAYERS = ("troposphere", "ionosphere")
@@ -62,10 +62,9 @@ def _lines(axes: Any, rows: pd.DataFrame, column: str, colour: str) -> None:
 def latency(tables: Tables, case: str) -> Figure:
     """Draw how old measurements are when the filter takes them for present."""
     rows = pick(tables.satellites, case=case).drop_duplicates("t_s")
-    figure, grid = canvas(1, 1, 2.3)
+    figure, ax = panel(2.3)
     age = rows.latency_s * 1e3
-    grid[0, 0].step(rows.t_s, age, where="post", color=PALETTE[0])
-    grid[0, 0].set_ylim(0.0, max(1.0, 1.15 * float(age.max())))
-    grid[0, 0].set_ylabel("age of the\nmeasurements (ms)")
-    over_time(grid[0], tables, case)
+    ax.step(rows.t_s, age, where="post", color=PALETTE[0])
+    ax.set(ylim=(0.0, max(1.0, 1.15 * float(age.max()))), ylabel="age of the\nmeasurements (ms)")
+    over_time([ax], tables, case)
     return figure

@@ -15,7 +15,7 @@ from lvnav_trade.metrics.basics.select import history_of, lincov_rms, phase
 from lvnav_trade.metrics.errors.rms import ranking
 from lvnav_trade.metrics.filter.consistency import autocorrelation
 from lvnav_trade.metrics.published.published import cases_of
-from lvnav_trade.plots.style import PALETTE, canvas, drawing, legend_below, line_of, over_time, scale_up
+from lvnav_trade.plots.style import PALETTE, canvas, drawing, legend_below, line_of, over_time, panel, scale_up
 from lvnav_trade.store import Tables
 
 _LEAST = 0.2
@@ -43,8 +43,7 @@ def envelope(tables: Tables, case: str, quantity: str) -> Figure:
         ax.set_ylabel(f"{axis}, RMS or\n1 sigma ({unit})")
         scale_up(ax.yaxis, pd.concat([rows.rms_si, rows.lincov_true_si, rows.lincov_formal_si]))
     over_time(grid[:, 0], tables, case)
-    legend_below(figure, grid[0, 0])
-    return figure
+    return legend_below(figure, grid[0, 0])
 
 
 def _lines(ax: Any, rows: pd.DataFrame, factor: float) -> None:
@@ -62,8 +61,7 @@ def _lines(ax: Any, rows: pd.DataFrame, factor: float) -> None:
 def comparison(tables: Tables, quantity: str) -> Figure:
     """Draw the 3-D error of all cases on one axis: Monte-Carlo RMS, or LinCov's where there are no runs."""
     unit, factor = tables.people[quantity, "3d"]
-    figure, grid = canvas(1, 1, 3.0 + 0.09 * len(tables.labels))
-    ax, every = grid[0, 0], []
+    (figure, ax), every = panel(3.0 + 0.09 * len(tables.labels)), []
     for number, (case, label) in enumerate(tables.labels.items()):
         rows = history_of(tables, case, quantity, "3d")
         error = (rows.rms_si if _has_runs(rows) else lincov_rms(rows)) * factor
@@ -72,8 +70,7 @@ def comparison(tables: Tables, quantity: str) -> Figure:
     scale_up(ax.yaxis, pd.concat(every))
     ax.set_ylabel(f"{quantity} error,\n3D RMS ({unit})")
     over_time([ax], tables, next(iter(tables.labels)))
-    legend_below(figure, ax, columns=2)
-    return figure
+    return legend_below(figure, ax, columns=2)
 
 
 @drawing
@@ -91,8 +88,7 @@ def rank(tables: Tables) -> Figure:
         ax.set_xlabel(f"{quantity} error at {frame.event.iloc[0]}\n3D RMS ({frame[f'{quantity}_unit'].iloc[0]})")
         scale_up(ax.xaxis, value)
         ax.grid(axis="y", visible=False)
-    grid[0, 0].set_yticks(place, frame.case)
-    grid[0, 0].set_ylabel("case")
+    grid[0, 0].set(yticks=place, yticklabels=frame.case, ylabel="case")
     grid[0, 0].invert_yaxis()
     return figure
 
@@ -102,8 +98,7 @@ def errors(tables: Tables, quantity: str, cases: Cases = (), axis: str = "3d", d
     """Draw one error of chosen cases (all if none is) over time: Monte-Carlo RMS as lines, LinCov's as thin dashes."""
     frames = _frames(tables, quantity, cases, axis, during)
     unit, factor = tables.people[quantity, axis]
-    figure, grid = canvas(1, 1, 3.2 + 0.09 * len(frames))
-    ax, every = grid[0, 0], []
+    (figure, ax), every = panel(3.2 + 0.09 * len(frames)), []
     for number, (case, rows) in enumerate(frames.items()):
         expected, flown = rows.expected_si * factor, _has_runs(rows)
         shown = rows.rms_si * factor if flown else expected
@@ -112,8 +107,7 @@ def errors(tables: Tables, quantity: str, cases: Cases = (), axis: str = "3d", d
     scale_up(ax.yaxis, pd.concat(every))
     ax.set_ylabel(f"{_named(quantity, axis)}\n({unit}; short dashes: LinCov)")
     over_time([ax], tables, next(iter(frames)))
-    legend_below(figure, ax, columns=2)
-    return figure
+    return legend_below(figure, ax, columns=2)
 
 
 @drawing
@@ -124,8 +118,7 @@ def relative(tables: Tables, quantity: str, cases: Cases = (), axis: str = "3d",
     """
     frames = _frames(tables, quantity, cases, axis, during or "flight")
     first, base = next(iter(frames.items()))
-    figure, grid = canvas(1, 1, 3.2 + 0.09 * len(frames))
-    ax, every = grid[0, 0], []
+    (figure, ax), every = panel(3.2 + 0.09 * len(frames)), []
     for number, (case, rows) in enumerate(frames.items()):
         if number:
             expected = _over(rows, "expected_si", base)
@@ -139,8 +132,7 @@ def relative(tables: Tables, quantity: str, cases: Cases = (), axis: str = "3d",
     scale_up(ax.yaxis, every, from_zero=max(every, default=0.0) > 1.5)  # a few percent should be seen
     ax.set_ylabel(f"{_named(quantity, axis)},\nover the base (-; short dashes: LinCov)")
     over_time([ax], tables, first)
-    legend_below(figure, ax, columns=2)
-    return figure
+    return legend_below(figure, ax, columns=2)
 
 
 def _frames(tables: Tables, quantity: str, cases: Cases, axis: str, during: str | None) -> dict[str, pd.DataFrame]:
@@ -198,8 +190,7 @@ def autocorrelations(tables: Tables, cases: Cases = (), channels: str = "") -> F
             ax.plot(lags.lag_number, lags.autocorrelation_ratio, color=colour, lw=0.8, marker=".", ms=3)
         ax.set_title(label.replace(", ", "\n"), fontsize=7)
     for ax in grid.ravel():
-        ax.set_ylabel("autocorrelation (-)")
-        ax.set_xlabel("lag (epochs)")
+        ax.set(ylabel="autocorrelation (-)", xlabel="lag (epochs)")
         ax.label_outer()
     low, high = grid[0, 0].get_ylim()
     grid[0, 0].set_ylim(min(low, -_LEAST), max(high, _LEAST))  # all panels share it

@@ -83,8 +83,7 @@ def _plane(ax: Any, state: State, law: Law, good: Floats, pair: tuple[_Component
         outline = slope @ law.mean + outline_of(slope @ law.true @ slope.T)
         ax.plot(*outline.T, color=PALETTE[1], ls="--", label="LinCov, true, 3 sigma", zorder=3)
         ax.plot(*outline_of(slope @ law.formal @ slope.T).T, "k:", label="LinCov, filter's own, 3 sigma", zorder=3)
-    ax.set_xlabel(f"{pair[0].label.replace(chr(10), ' ')} ({units[0]})")
-    ax.set_ylabel(f"{pair[1].label} ({units[1]})")
+    ax.set(xlabel=f"{pair[0].label.replace(chr(10), ' ')} ({units[0]})", ylabel=f"{pair[1].label} ({units[1]})")
     ax.ticklabel_format(style="sci", scilimits=(-3, 4), axis="both")
     ax.margins(0.08)
 
@@ -107,10 +106,7 @@ def _cost(ax: Any, state: State, law: Law, good: Floats) -> None:
             label = f"{name}: 99 % below {np.quantile(cost, 0.99):.3g} m/s"
             ax.step(cost, part, where="post", label=label, color=colour, ls=dashes)
     ax.axhline(99.0, color=GREY, lw=0.7, ls=":")
-    ax.set_xlim(0)
-    ax.set_ylim(0, 102)
-    ax.set_xlabel("least delta-v of a correction (m/s)")
-    ax.set_ylabel("flights (%)")
+    ax.set(xlim=0, ylim=(0, 102), xlabel="least delta-v of a correction (m/s)", ylabel="flights (%)")
     ax.legend(loc="lower right", fontsize=7.5)
 
 
@@ -155,8 +151,7 @@ def _chart(ax: Any, tables: Tables, case: str, rows: pd.DataFrame) -> None:
         ax.add_patch(Polygon(corners[:, ::-1], fill=False, ec=PALETTE[2], lw=1.2, label="corridor"))
         ax.autoscale_view()
     ax.set_title(f"{tables.labels[case]}" + (f"; ellipses {times:g} times as large" if times > 1 else ""), fontsize=8.5)
-    ax.set_xlabel("longitude (deg east)")
-    ax.set_ylabel("geodetic latitude\n(deg north)")
+    ax.set(xlabel="longitude (deg east)", ylabel="geodetic latitude\n(deg north)")
     ax.margins(0.06)
     ax.legend(loc="best", fontsize=7.5)
 
@@ -194,8 +189,7 @@ def _last(ax: Any, tables: Tables, case: str, rows: pd.DataFrame) -> None:
     outline += np.array([row.cross_bias_km, row.down_bias_km])
     ax.plot(*outline.T, color=PALETTE[1], ls="--", label="LinCov, 3 sigma")
     ax.set_aspect("equal", adjustable="datalim")
-    ax.set_xlabel("cross-range error (km)")
-    ax.set_ylabel("down-range error (km)")
+    ax.set(xlabel="cross-range error (km)", ylabel="down-range error (km)")
     ax.set_title(f"{row.event.replace('_', ' ') or 'last'}, {row.t_s:.0f} s", fontsize=8.5)
     ax.margins(0.08)
     ax.legend(loc="upper left", fontsize=7)

@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from lvnav_trade.metrics.basics.select import NAVIGATION, flight_events, history_of, lincov_rms, pick
-from lvnav_trade.metrics.filter.observed import is_position_bias
-from lvnav_trade.metrics.published.interpretations import interpretations as interpretations_frame
+from lvnav_trade.metrics.errors.diagnostics import is_position_bias
 from lvnav_trade.metrics.published.published import cases_of
-from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, event_key, legend_below, over_time
+from lvnav_trade.metrics.published.references import interpretations as interpretations_frame
+from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, event_key, legend_below, over_time, panel
 from lvnav_trade.store import Tables
 
 G = 9.80665
@@ -37,9 +37,9 @@ def trajectory(tables: Tables, case: str) -> Figure:
     track.plot(longitude, latitude, color=PALETTE[0])
     at = [int(np.argmin(np.abs(rows.t_s.to_numpy() - t))) for t in flight_events(tables, case).t_s]
     track.plot(longitude[at], latitude.to_numpy()[at], "o", ms=3, color=GREY)
-    track.set_xlabel("longitude (deg east)")
-    track.set_ylabel("geodetic latitude (deg north)")
-    track.set_title("ground track, events as dots")
+    track.set(
+        xlabel="longitude (deg east)", ylabel="geodetic latitude (deg north)", title="ground track, events as dots"
+    )
     track.margins(0.1)
     figure.supxlabel(event_key(pick(tables.events, case=case)), fontsize=7.5, color=GREY)
     return figure
@@ -64,27 +64,26 @@ def motion(tables: Tables, case: str, quantity: str) -> Figure:
         ax.plot(estimate.t_s, estimate.lincov_formal_si * factor, color="black", label="filtered, formal")
         true = lincov_rms(estimate) * factor
         ax.plot(estimate.t_s, true, color=PALETTE[2], ls="--", label="filtered, LinCov true")
-        ax.set_ylabel(f"{axis}\n({unit}, 1 sigma)")
-        ax.set_ylim(0.0, 1.6 * float(raw.lincov_formal_si.max()) * factor)
+        ax.set(ylabel=f"{axis}\n({unit}, 1 sigma)", ylim=(0.0, 1.6 * float(raw.lincov_formal_si.max()) * factor))
     over_time(grid[:, 0], tables, case)
-    legend_below(figure, grid[0, 0], columns=3)
-    return figure
+    return legend_below(figure, grid[0, 0], columns=3)
 
 
 @drawing
 def ignition(tables: Tables, case: str) -> Figure:
     """Draw the formal sigma of filtered over raw, roll rate and acceleration along x, around lift-off."""
-    figure, grid = canvas(1, 1, 2.6)
-    ax = grid[0, 0]
+    figure, ax = panel(2.6)
     for number, (quantity, axis) in enumerate((("acceleration", "x"), ("acceleration", "z"), ("rate", "pitch"))):
         filtered, raw = (history_of(tables, case, name, axis) for name in (quantity, f"corrected_{quantity}"))
         near = filtered.t_s.between(-5.0, 15.0).to_numpy()
         ratio = filtered.lincov_formal_si.to_numpy() / raw.lincov_formal_si.to_numpy()
         ax.plot(filtered.t_s[near], ratio[near], "o-", ms=3, color=PALETTE[number], label=f"{quantity} {axis}")
     ax.axhline(1.0, color=GREY, lw=0.8)
-    ax.set_ylim(0.0, 1.1)
-    ax.set_xlabel("time since lift-off (s)")
-    ax.set_ylabel("sigma, filtered over raw\n(bias estimated on both sides)")
+    ax.set(
+        ylim=(0.0, 1.1),
+        xlabel="time since lift-off (s)",
+        ylabel="sigma, filtered over raw\n(bias estimated on both sides)",
+    )
     ax.legend(loc="lower right")
     return figure
 
@@ -105,11 +104,9 @@ def apart(tables: Tables, cases: Sequence[Mapping[str, str]]) -> Figure:
         ax.axhline(0.0, color=GREY, lw=0.8)
         ax.set_title(f"{tables.labels[first]}, against {tables.labels[second]}", loc="left", fontsize=7.5)
         ax.set_ylabel("3D sigma smaller\nby (%)")
-        over_time([ax], tables, first, names=False)
-        ax.set_xlabel("")
+        over_time([ax], tables, first, names=False, label="")
     grid[-1, 0].set_xlabel("time since lift-off (s); lines: events")
-    legend_below(figure, grid[0, 0])
-    return figure
+    return legend_below(figure, grid[0, 0])
 
 
 @drawing
@@ -135,21 +132,18 @@ def interpretations(tables: Tables) -> Figure:
                 label = "stated" if number == 0 else None
                 ax.plot(x, rows.stated_percent, "_", color="black", ms=11, mew=1.6, label=label)
         ax.set_title(phase.replace("_", " "), loc="left")
-        ax.set_ylabel("sigma below\nthe sample's (%)")
-        ax.set_ylim(0.0, 100.0)
+        ax.set(ylabel="sigma below\nthe sample's (%)", ylim=(0.0, 100.0))
         ax.grid(axis="x", visible=False)
     grid[-1, 0].set_xticks(place, errors)
     grid[-1, 0].set_xlabel("error")
-    legend_below(figure, grid[0, 0], columns=2)
-    return figure
+    return legend_below(figure, grid[0, 0], columns=2)
 
 
 @drawing
 def singular(tables: Tables, case: str) -> Figure:
     """Draw the singular values of what each stretch tells; those of a position against its bias stand out."""
     rows = pick(tables.observability, case=case)
-    figure, grid = canvas(1, 1, 3.2)
-    ax = grid[0, 0]
+    figure, ax = panel(3.2)
     middle, reach = 0.5 * (rows.t_s + rows.t_end_s), 0.45 * (rows.t_end_s - rows.t_s)
     bias = np.array([is_position_bias(text) for text in rows.direction], dtype=bool)
     for chosen, colour, label in (
@@ -160,8 +154,5 @@ def singular(tables: Tables, case: str) -> Figure:
         ax.hlines(rows.singular_ratio[chosen], first, last, color=colour, lw=1.6, label=label)
     tolerance = float(rows.tolerance_ratio.iloc[0])
     ax.axhline(tolerance, color=GREY, ls=":", label="tolerance of the rank with information")
-    ax.set_yscale("log")
-    ax.set_xlabel("time since lift-off (s)")
-    ax.set_ylabel("singular value (-)")
-    legend_below(figure, ax, columns=3)
-    return figure
+    ax.set(yscale="log", xlabel="time since lift-off (s)", ylabel="singular value (-)")
+    return legend_below(figure, ax, columns=3)

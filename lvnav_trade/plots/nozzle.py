@@ -10,10 +10,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from lvnav_trade.metrics.basics.select import pick
-from lvnav_trade.metrics.published.interpretations import short_names
 from lvnav_trade.metrics.published.published import cases_of
-from lvnav_trade.metrics.vehicle.nozzle import nozzle
-from lvnav_trade.metrics.vehicle.nozzle import worth as worth_of
+from lvnav_trade.metrics.published.references import short_names
+from lvnav_trade.metrics.vehicle import nozzle
+from lvnav_trade.metrics.vehicle import worth as worth_of
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, legend_below, line_of, over_time
 from lvnav_trade.store import Tables
 
@@ -32,12 +32,9 @@ def movement(tables: Tables, case: str) -> Figure:
             axes.fill_between(one.t_s, low, high, color=style["color"], alpha=0.25, linewidth=0)
             axes.plot(one.t_s, np.degrees(one.mean_rad), lw=1.4, label=f"{feed} rate", **style)
         axes.set_title(axis)
-        over_time([axes], tables, case, names=False)
-        axes.set_xlabel("time since lift-off (s); lines: events")
-    grid[0, 0].set_ylim(0.0)
-    grid[0, 0].set_ylabel("total nozzle movement (deg)")
-    legend_below(figure, grid[0, 0])
-    return figure
+        over_time([axes], tables, case, names=False, label="time since lift-off (s); lines: events")
+    grid[0, 0].set(ylim=0.0, ylabel="total nozzle movement (deg)")
+    return legend_below(figure, grid[0, 0])
 
 
 @drawing
@@ -63,11 +60,9 @@ def sweep(tables: Tables) -> Figure:
             style |= {"ms": 7.0, "mfc": "none"} if number % 2 == 0 else {"ms": 3.5, "mfc": style["color"]}  # apart
             axes.errorbar(rows.gain, rows.less_percent, **style)
         axes.axhspan(50.0, 85.0, color=GREY, alpha=0.15, lw=0)
-        axes.set_title(axis)
-        axes.set_xlabel("rate gain over that of the card (-)")
+        axes.set(title=axis, xlabel="rate gain over that of the card (-)")
     grid[0, 0].set_ylabel("less nozzle movement\nwith the filtered rate (%, 95 %)")
-    legend_below(figure, grid[0, 0], columns=2)
-    return figure
+    return legend_below(figure, grid[0, 0], columns=2)
 
 
 @drawing
@@ -98,8 +93,7 @@ def worth(tables: Tables, cases: Sequence[Mapping[str, str]] = ()) -> Figure:
             axes.grid(axis="x", visible=False)
     grid[0, 0].set_ylabel("total nozzle movement (deg)\nin %: less with the filtered rate")
     grid[1, 0].set_ylabel("attitude error in burns\n(mrad, RMS)")
-    legend_below(figure, grid[0, 0])
-    return figure
+    return legend_below(figure, grid[0, 0])
 
 
 @drawing

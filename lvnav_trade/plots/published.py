@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from lvnav_trade.metrics.published.published import cases_of, name_of, ours
-from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, legend_below, line_of, look, scale_up
+from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, legend_below, line_of, look, panel, scale_up
 from lvnav_trade.store import Tables
 from lvnav_trade.units import parse
 
@@ -31,8 +31,7 @@ def ratios(references: pd.DataFrame) -> Figure:
     place = np.arange(len(frame))
     low, high, ratio = (column.clip(*_DRAWN) for column in (frame.band_low, frame.band_high, frame.ratio))
     with look():
-        figure, grid = canvas(1, 1, 1.1 + 0.17 * len(frame))
-        ax = grid[0, 0]
+        figure, ax = panel(1.1 + 0.17 * len(frame))
         ax.hlines(place, low, high, color="#9ca3af", lw=5, alpha=0.6, label="band")
         for inside, colour, marker in ((True, PALETTE[0], "o"), (False, PALETTE[1], "D")):
             chosen = (frame.in_band == inside).to_numpy()
@@ -42,8 +41,7 @@ def ratios(references: pd.DataFrame) -> Figure:
                 ax.plot(ratio[here], place[here], sign, color=colour, ms=4.5, label="" if end else label)
         ax.axvline(1.0, color=GREY, lw=0.8)
         _ratio_axes(ax, names, "ours / published (-)")
-        legend_below(figure, ax)
-    return figure
+        return legend_below(figure, ax)
 
 
 def _ratio_axes(ax: Any, names: Sequence[str], label: str) -> None:
@@ -54,10 +52,8 @@ def _ratio_axes(ax: Any, names: Sequence[str], label: str) -> None:
     ax.xaxis.set_minor_formatter(NullFormatter())
     short = [name if len(name) <= 62 else name[:59] + "..." for name in names]
     ax.set_yticks(np.arange(len(names)), short, fontsize=6.5)
-    ax.set_ylim(len(names) - 0.4, -0.6)
     ax.grid(axis="y", visible=False)
-    ax.set_xlabel(label)
-    ax.set_ylabel("item")
+    ax.set(ylim=(len(names) - 0.4, -0.6), xlabel=label, ylabel="item")
 
 
 @drawing
@@ -76,8 +72,7 @@ def spread(tables: Tables, references: Sequence[Mapping[str, Any]]) -> Figure | 
                 rows.append((name, found, published.get("band") or (0.5, 2.0)))
     if not rows:
         return None
-    figure, grid = canvas(1, 1, 1.1 + 0.22 * len(rows))
-    ax = grid[0, 0]
+    figure, ax = panel(1.1 + 0.22 * len(rows))
     for place, (_, found, band) in enumerate(rows):
         q = np.quantile(found, [0.05, 0.25, 0.5, 0.75, 0.95])
         for low, high, label, style in (
@@ -89,8 +84,7 @@ def spread(tables: Tables, references: Sequence[Mapping[str, Any]]) -> Figure | 
         ax.plot(q[2], place, "|", color="white", ms=7, mew=1.6)
     ax.axvline(1.0, color=PALETTE[1], lw=1.6, label="published, one flight")
     _ratio_axes(ax, [name for name, _, _ in rows], "our flights, each by itself / published (-)")
-    legend_below(figure, ax)
-    return figure
+    return legend_below(figure, ax)
 
 
 @drawing
@@ -118,12 +112,13 @@ def missions(tables: Tables, flown: Sequence[Mapping[str, Any]]) -> Figure | Non
             ax.axvline(float(one["value"]), lw=1.3, label=name, color=line_of(names.index(name))["color"])
         rms = float(np.sqrt(np.mean(found**2)))
         ax.axvline(rms, color=PALETTE[0], lw=3.5, alpha=0.3, label="our RMS")
-        ax.set_xlim(0.0, max(found[int(0.995 * (len(found) - 1))], 1.1 * max(float(one["value"]) for one in mine)))
-        ax.set_ylim(0.0, 100.0)
-        ax.set_xlabel(f"|{metric.replace('_', ' ')}| ({mine[0]['unit']})")
+        ax.set(
+            xlim=(0.0, max(found[int(0.995 * (len(found) - 1))], 1.1 * max(float(one["value"]) for one in mine))),
+            ylim=(0.0, 100.0),
+            xlabel=f"|{metric.replace('_', ' ')}| ({mine[0]['unit']})",
+        )
     grid[0, 0].set_ylabel("flights below (%)")
-    legend_below(figure, grid[0, 0])
-    return figure
+    return legend_below(figure, grid[0, 0])
 
 
 @drawing
@@ -153,8 +148,7 @@ def locus(
         frame = frame[frame.level != "base"]
     names = list(dict.fromkeys(frame.level))
     sizes, kind = _sizes(names)
-    figure, grid = canvas(1, 1, 3.0)
-    ax = grid[0, 0]
+    figure, ax = panel(3.0)
     for number, (others, group) in enumerate(frame.groupby("others", sort=False)):
         x = [sizes[names.index(level)] for level in group.level]
         ax.plot(x, group.value, marker="o", ms=4, label=str(others) or "ours", **line_of(number))
@@ -166,10 +160,11 @@ def locus(
     else:
         scale_up(ax.xaxis, sizes, from_zero=False)
     scale_up(ax.yaxis, [*frame.value, *([published] if published else [])])
-    ax.set_xlabel(axis.replace("_", " ") + (f" ({kind})" if kind else ""))
-    ax.set_ylabel(f"{name_of(stated).replace('_', ' ')}\n({unit})".replace(", ", ",\n"))
-    legend_below(figure, ax, columns=2)
-    return figure
+    ax.set(
+        xlabel=axis.replace("_", " ") + (f" ({kind})" if kind else ""),
+        ylabel=f"{name_of(stated).replace('_', ' ')}\n({unit})".replace(", ", ",\n"),
+    )
+    return legend_below(figure, ax, columns=2)
 
 
 def _sizes(names: Sequence[str]) -> tuple[list[float], str | None]:

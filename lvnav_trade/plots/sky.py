@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from lvnav_trade.metrics.basics.select import final_event, flight_events, pick
-from lvnav_trade.metrics.signals.satellites import in_view, recovery
-from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, legend_below, over_time
+from lvnav_trade.metrics.signals import in_view, recovery
+from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, legend_below, over_time, panel
 from lvnav_trade.store import Tables
 
 _FAINT = "#c4c9d1"
@@ -49,9 +49,9 @@ def satellites(tables: Tables, case: str) -> Figure:
     axes.step(rows.t_s, rows.above_count, where="post", color=GREY, ls="--", label="above the local horizontal")
     axes.step(rows.t_s, rows.tracked_count, where="post", color=PALETTE[0], label="tracked")
     axes.axhline(4, color=PALETTE[1], linewidth=0.8, ls=":", label="four: a receiver's own solution")
-    axes.set_ylim(0, max(5, rows[["above_count", "tracked_count"]].to_numpy().max() + 1))
     axes.yaxis.get_major_locator().set_params(integer=True)
-    axes.set_ylabel("satellites (number)")
+    most = rows[["above_count", "tracked_count"]].to_numpy().max()
+    axes.set(ylim=(0, max(5, most + 1)), ylabel="satellites (number)")
     if linked:
         _carrier(grid[1, 0], mine, tables.cases.set_index("case").loc[case])
     over_time(grid[:, 0], tables, case)
@@ -157,18 +157,15 @@ def timeline(tables: Tables, case: str) -> Figure:
     rows, changes = pick(tables.satellites, case=case), pick(tables.transitions, case=case)
     bars = _from_changes(changes, float(rows.t_s.max())) if len(changes) else _from_rows(rows)
     names = sorted(bars.satellite.unique())
-    figure, grid = canvas(1, 1, 1.1 + 0.185 * max(4, len(names)))
-    axes = grid[0, 0]
+    figure, axes = panel(1.1 + 0.185 * max(4, len(names)))
     for (name, state), group in bars.groupby(["satellite", "state"], sort=False):
         height, style = _LOOKS[str(state)]
         spans = list(zip(group.t_s, group.t_end_s - group.t_s, strict=True))
         axes.broken_barh(spans, (names.index(name) - height / 2, height), **style)
     _mark_losses(axes, changes, names)
     axes.set_yticks(range(len(names)), names, fontsize=7)
-    axes.set_ylim(len(names) - 0.4, -0.6)
     axes.grid(axis="y", visible=False)
-    axes.set_xlim(rows.t_s.min(), rows.t_s.max())
-    axes.set_ylabel("satellite")
+    axes.set(ylim=(len(names) - 0.4, -0.6), xlim=(rows.t_s.min(), rows.t_s.max()), ylabel="satellite")
     over_time([axes], tables, case, margin=0.0)
     shown = [state for state in _LOOKS if (bars.state == state).any()]
     handles = [*(Patch(**_LOOKS[state][1], label=state) for state in shown), *axes.get_legend_handles_labels()[0]]

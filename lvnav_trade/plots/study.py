@@ -58,9 +58,6 @@ def steps(table: pd.DataFrame, phases: Sequence[tuple[str, float, float]] = ()) 
                 ax.plot(table.t_s, factor * table[column].where(table[column] > 0.0), label=text, **style)
             for _, start, _ in phases:
                 ax.axvline(start, color="0.6", lw=0.5)
-            ax.set_yscale("log")
-            ax.set_ylabel(f"{name}, one sigma\n({label})")
-            ax.set_xlim(table.t_s.min(), table.t_s.max())
+            ax.set(yscale="log", ylabel=f"{name}, one sigma\n({label})", xlim=(table.t_s.min(), table.t_s.max()))
         grid[-1, 0].set_xlabel("time since lift-off (s)")
-        legend_below(figure, grid[-1, 0])
-    return figure
+        return legend_below(figure, grid[-1, 0])

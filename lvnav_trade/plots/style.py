@@ -63,6 +63,12 @@ def canvas(rows: int = 1, columns: int = 1, height: float = 2.6, **kwargs: Any) 
     return figure, axes
 
 
+def panel(height: float) -> tuple[Figure, Any]:
+    """Return a figure of one panel, and its axes."""
+    figure, grid = canvas(1, 1, height)
+    return figure, grid[0, 0]
+
+
 def look() -> Any:
     """Return the context in which a figure is filled and saved."""
     return mpl.rc_context(_LOOK)
@@ -120,22 +126,26 @@ def mark_events(axes: Axes, events: pd.DataFrame, names: bool = True, numbers: b
 
 
 def over_time(
-    panels: Sequence[Axes], tables: Tables, case: str, margin: float = 0.01, names: bool = True, numbers: bool = False
+    panels: Sequence[Axes],
+    tables: Tables,
+    case: str,
+    margin: float = 0.01,
+    names: bool = True,
+    numbers: bool = False,
+    label: str = "time since lift-off (s)",
 ) -> None:
     """Mark the events of a case in panels one below the other, named above the first, and label time below the last."""
     for number, axes in enumerate(panels):
         axes.margins(x=margin)
         mark_events(axes, pick(tables.events, case=case), names=names and number == 0, numbers=numbers)
-    panels[-1].set_xlabel("time since lift-off (s)")
+    panels[-1].set_xlabel(label)
 
 
 def message(text: str, xlabel: str, ylabel: str) -> Figure:
     """Return a figure that says why there is nothing to draw."""
-    figure, grid = canvas(1, 1, 1.6)
-    ax = grid[0, 0]
+    figure, ax = panel(1.6)
     ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", color=GREY)
-    ax.set_xlabel(xlabel)
-    ax.set_ylabel(ylabel)
+    ax.set(xlabel=xlabel, ylabel=ylabel)
     return figure
 
 
@@ -216,10 +226,11 @@ def _name(axes: Axes, t: float, name: str, upright: bool, leftward: bool) -> Non
     )
 
 
-def legend_below(figure: Figure, axes: Axes, columns: int = 4) -> None:
-    """Put one legend for all axes under the figure, where it hides nothing, in no more columns than have room."""
+def legend_below(figure: Figure, axes: Axes, columns: int = 4) -> Figure:
+    """Return the figure with one legend for all axes below, where it hides nothing, in as many columns as have room."""
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=_fitting(labels, columns))
+    return figure
 
 
 def _fitting(labels: list[str], most: int) -> int:

@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from lvnav_trade.metrics.vehicle.nozzle import reduction
+from lvnav_trade.metrics.vehicle import reduction
 from lvnav_trade.steering.loop import (
     AIR,
     BURN,

@@ -1,4 +1,1 @@
-"""What all metrics use: selection of series, events and phases from the tables, intervals, Gaussian probabilities.
-
-Read `select.py` first.
-"""
+"""What all metrics use: selection from the tables, intervals, Gaussian probabilities. Read `select.py` first."""

@@ -1,4 +1,1 @@
-"""A candidate compared with a base, run by run.
-
-Read `comparison.py` first.
-"""
+"""A candidate compared with a base, run by run. Read `comparison.py` first."""

@@ -1,4 +1,1 @@
-"""Errors over time and at events: by Monte Carlo, by linear covariance, and both against each other.
-
-Read `rms.py` and `covariances.py` first.
-"""
+"""Errors by Monte Carlo and linear covariance, and both compared. Read `rms.py` and `covariances.py` first."""

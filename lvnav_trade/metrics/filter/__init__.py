@@ -1,4 +1,1 @@
-"""How a filter behaves: consistency of its covariance, whiteness of innovations, observability, mode logic.
-
-Read `consistency.py` first.
-"""
+"""How a filter behaves: consistency, whiteness of innovations, mode logic. Read `consistency.py` first."""

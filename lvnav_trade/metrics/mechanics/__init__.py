@@ -1,4 +1,1 @@
-"""Orbital mechanics of navigation errors, independent of the results: orbits, impact points, correction impulses.
-
-Read `mission.py` first.
-"""
+"""Orbital mechanics of navigation errors: orbits, impact points, correction impulses. Read `mission.py` first."""

@@ -23,8 +23,8 @@ from lvnav_trade.metrics.basics.select import (
     split_metric,
     time_mean,
 )
-from lvnav_trade.metrics.filter.observed import NUMERICAL, observed
-from lvnav_trade.metrics.vehicle.nozzle import nozzle
+from lvnav_trade.metrics.errors.diagnostics import NUMERICAL, observed
+from lvnav_trade.metrics.vehicle import nozzle
 from lvnav_trade.store import Tables
 from lvnav_trade.store.schema import error_column, rms_column
 

@@ -1,4 +1,1 @@
-"""Requirements: verdicts by Monte Carlo, by linear covariance, and which error sources must improve to meet them.
-
-Read `requirements.py` first.
-"""
+"""Requirements: verdicts, and which error sources must improve to meet them. Read `requirements.py` first."""

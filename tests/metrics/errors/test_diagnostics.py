@@ -8,8 +8,16 @@ import numpy as np
 import pytest
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.errors.diagnostics import contributions, nonlinearity, observability, sensitivity
+from lvnav_trade.metrics.errors.diagnostics import (
+    contributions,
+    is_position_bias,
+    nonlinearity,
+    observability,
+    observed,
+    sensitivity,
+)
 from tests import synthetic
+from tests.vehicle_tables import tables
 
 
 def test_contributions_of_all_sources_and_bins_sum_to_one(good):
@@ -54,3 +62,17 @@ def test_a_source_of_a_billionth_is_zero_and_the_rest_is_unchanged(good):
     assert (found[small][["sigma", "share_ratio"]] == 0.0).all(axis=None)
     others = before[before.source != "gyro bias"].reset_index(drop=True)
     assert found[~small].reset_index(drop=True).equals(others)
+
+
+def test_ranks_are_counted_over_all_stretches():
+    row = observed(tables()).iloc[0]
+    assert (row.stretches, row.states, row.least_rank, row.least_rank_with_information) == (2, 3, 3, 2)
+    assert row.smallest_ratio == 2e-3
+    assert row.position_against_bias_ratio == 0.5
+    assert row.weakest == "+1.00 gyro bias x"
+
+
+def test_directions_in_which_a_position_trades_with_its_bias_are_known_by_their_words():
+    assert is_position_bias("+1.00 position bias x, -0.80 position north")
+    assert not is_position_bias("+1.00 position north")
+    assert not is_position_bias("+1.00 position bias x, +0.60 gyro bias x")

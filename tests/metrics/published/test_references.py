@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.published.references import _named, references
+from lvnav_trade.metrics.published.references import _named, interpretations, references, short_names
+from tests.vehicle_tables import DURING, RAW, SIGMA, tables
 
 
 def test_references_are_held_against_their_band_in_their_own_unit(good):
@@ -84,3 +85,24 @@ def test_the_channels_of_the_receivers_own_filter_are_meant_by_its_name():
     assert _named("G05 range rate", "range rate")
     assert _named("position x", "position")
     assert not _named("receiver G05 range", "position")
+
+
+def test_every_case_that_is_held_against_raw_samples_stands_beside_what_is_stated_of_it():
+    found = interpretations(tables())
+    assert list(found.case) == ["1", "2"]
+    assert list(found.stated_percent) == [88.0, 57.0]
+    assert set(found.during) == {DURING}
+    assert list(found.raw_percent) == pytest.approx([100.0 * (1.0 - SIGMA / RAW)] * 2)
+    assert list(found.unbiased_percent) == pytest.approx([100.0 * (1.0 - SIGMA / RAW)] * 2)
+
+
+def test_cases_are_named_by_what_sets_them_apart():
+    found = tables()
+    assert list(short_names(found, list(found.labels)).values()) == ["1", "2"]
+    assert list(short_names(found, list(found.labels)[:1]).values()) == [next(iter(found.labels.values()))]
+
+
+def test_a_campaign_that_holds_nothing_against_raw_samples_has_no_readings():
+    found = tables()
+    found.__dict__["campaign"] = {}
+    assert interpretations(found).empty

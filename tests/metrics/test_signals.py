@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.signals.satellites import _recovered
+from lvnav_trade.metrics.signals import _recovered
 
 
 def test_satellites_vanish_during_the_outage(good):
