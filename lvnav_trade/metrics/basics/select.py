@@ -71,14 +71,26 @@ def errors_at(tables: Tables, case: str, event: str, metric: str) -> Errors | No
     if metric in MISSION:
         size = sizes_at(tables, case, event, metric)
         return None if size is None else Errors(size, *people(metric))
-    quantity, axis = split_metric(metric)
-    known = pick(tables.outputs, case=case, quantity=quantity, axis=axis)
-    if known.empty:
+    known = errors_named(tables, case, metric)
+    if known is None:
         return None
-    row: Any = known.iloc[0]
-    chosen, column = pick(tables.runs, case=case, event=event), error_column(quantity, axis, row.unit)
-    size = error_sizes(chosen, column) if column in chosen.columns else np.empty(0)
-    return Errors(size, row.unit, row.label_unit, float(row.label_factor_ratio))
+    units, column = known
+    chosen = pick(tables.runs, case=case, event=event)
+    return units._replace(size=error_sizes(chosen, column)) if column in chosen.columns else units
+
+
+def errors_named(tables: Tables, case: str, metric: str) -> tuple[Errors, str] | None:
+    """Return the units of a metric, without errors, and the column of its errors; None where it is unknown."""
+    quantity, axis = split_metric(metric)
+    for row in pick(tables.outputs, case=case, quantity=quantity, axis=axis).itertuples():
+        units = Errors(np.empty(0), row.unit, row.label_unit, float(row.label_factor_ratio))
+        return units, error_column(quantity, axis, row.unit)
+    return None
+
+
+def number_in(value: Any, unit: str) -> float:
+    """Return a quantity in a unit: text with a unit of its own, or a number that is in it."""
+    return parse(value, unit) if isinstance(value, str) else float(value)
 
 
 def error_sizes(runs: pd.DataFrame, column: str) -> NDArray[np.float64]:

@@ -21,13 +21,14 @@ from lvnav_trade.metrics.basics.select import (
     flight_events,
     history_of,
     lincov_rms,
+    number_in,
     pick,
     split_metric,
 )
 from lvnav_trade.metrics.comparison import paired
 from lvnav_trade.metrics.comparison.matching import Pair, left_out, match
 from lvnav_trade.metrics.requirements.improvements import expected
-from lvnav_trade.metrics.requirements.requirements import bound_of, errors_of, where
+from lvnav_trade.metrics.requirements.requirements import errors_of, where
 from lvnav_trade.store import Tables, load
 
 COLUMNS = [
@@ -260,7 +261,7 @@ def _tasks(base: Tables, candidate: Tables, pair: Pair, effects: Sequence[Effect
         elif effect.metric in requirements:
             stated = requirements[effect.metric]
             first, second = (errors_of(tables, case, stated) for tables, case in sides)
-            event, bound = where(stated), bound_of(stated["below"], first.unit) if first is not None else bound
+            event, bound = where(stated), number_in(stated["below"], first.unit) if first is not None else bound
         else:
             event = effect.at or final_event(base, pair.base)
             first, second = (errors_at(tables, case, event, effect.metric) for tables, case in sides)

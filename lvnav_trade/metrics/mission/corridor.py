@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import special
 
-from lvnav_trade import units
 from lvnav_trade.kernels.earth import ECCENTRICITY_2, SEMI_MAJOR
+from lvnav_trade.metrics.basics.select import number_in
 from lvnav_trade.store import Tables
 
 Floats = NDArray[np.float64]
@@ -28,13 +28,9 @@ def corridor_of(tables: Tables) -> Corridor | None:
     card: dict[str, Any] | None = tables.campaign.get("corridor")
     if not card:
         return None
-    corners = np.array([[_angle(value) for value in corner] for corner in card["polygon"]])
+    corners = np.array([[number_in(value, "rad") for value in corner] for corner in card["polygon"]])
     corners[:, 1] = np.unwrap(corners[:, 1])  # an edge goes the short way round
     return Corridor(corners, float(card.get("probability", 0.999)), float(card.get("confidence", 0.9)))
-
-
-def _angle(value: Any) -> float:
-    return units.parse(value, "rad") if isinstance(value, str) else float(value)
 
 
 def beside(longitude: ArrayLike, corners: Floats) -> Floats:

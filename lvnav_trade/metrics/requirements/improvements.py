@@ -12,10 +12,10 @@ from scipy import optimize, special
 
 from lvnav_trade.layout import MISSION
 from lvnav_trade.metrics.basics.gaussian import norm_probability, norm_quantile
-from lvnav_trade.metrics.basics.select import flight_events, history_of, pick, rows_between, split_metric
+from lvnav_trade.metrics.basics.select import flight_events, history_of, number_in, pick, rows_between, split_metric
 from lvnav_trade.metrics.errors.covariances import Gaussian, gaussian, reach
 from lvnav_trade.metrics.mechanics.mission import expected_at, people
-from lvnav_trade.metrics.requirements.requirements import bound_of, phase_of, verdicts, where, with_unit
+from lvnav_trade.metrics.requirements.requirements import phase_of, verdicts, where, with_unit
 from lvnav_trade.store import Tables
 
 UNKNOWN = "linear covariance does not hold this error there"
@@ -63,14 +63,14 @@ def asked(tables: Tables, requirement: Mapping[str, Any], case: str) -> Asked | 
         unit, factor = tables.people[quantity, axis]
         si = str(pick(tables.outputs, quantity=quantity, axis=axis).unit.iloc[0])
         if requirement.get("during"):
-            law, at = _worst(tables, requirement, case, bound_of(requirement["below"], si)) or (None, at)
+            law, at = _worst(tables, requirement, case, number_in(requirement["below"], si)) or (None, at)
         else:
             law = gaussian(tables, case, at, quantity, axis)
     else:
         return UNKNOWN
     if law is None:
         return UNKNOWN
-    bound, above_only = bound_of(requirement["below"], si), bool(requirement.get("during")) and metric not in MISSION
+    bound, above_only = number_in(requirement["below"], si), bool(requirement.get("during")) and metric not in MISSION
     return Asked(law, bound, float(requirement["probability"]), unit, float(factor), at, above_only)
 
 

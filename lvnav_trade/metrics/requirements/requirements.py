@@ -8,21 +8,20 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from lvnav_trade import units
 from lvnav_trade.metrics.basics.intervals import runs_needed, success_verdict
 from lvnav_trade.metrics.basics.select import (
     Errors,
     ends_of,
     error_sizes,
     errors_at,
+    errors_named,
+    number_in,
     phase,
     pick,
     rows_between,
-    split_metric,
 )
 from lvnav_trade.metrics.requirements.sequential import decide, further_runs
 from lvnav_trade.store import Tables
-from lvnav_trade.store.schema import error_column
 
 COLUMNS = [
     "requirement", "case", "verdict", "estimate", "limit", "probability", "confidence", "runs", "failures",
@@ -69,7 +68,7 @@ def decide_in_order(failed: Any, probability: float, confidence: float, block: i
 def beyond(tables: Tables, case: str, requirement: Mapping[str, Any]) -> int | None:
     """Return how many runs do not keep a requirement; None where its metric is unknown."""
     found = errors_of(tables, case, requirement)
-    return None if found is None else int((found.size >= bound_of(requirement["below"], found.unit)).sum())
+    return None if found is None else int((found.size >= number_in(requirement["below"], found.unit)).sum())
 
 
 def _verdict(tables: Tables, case: str, requirement: dict[str, Any]) -> tuple[Any, ...]:
@@ -77,7 +76,7 @@ def _verdict(tables: Tables, case: str, requirement: dict[str, Any]) -> tuple[An
     probability, confidence = float(requirement["probability"]), float(requirement.get("confidence", 0.9))
     found = errors_of(tables, case, requirement)
     error, si, unit, factor = found or Errors(np.empty(0), "", "", 1.0)
-    bound = bound_of(requirement["below"], si) if found is not None else 0.0
+    bound = number_in(requirement["below"], si) if found is not None else 0.0
     failed, stated = error >= bound, tables.campaign.get("monte_carlo") or {}
     if stated.get("stop") == DECIDED:
         verdict, more = decide_in_order(failed, probability, confidence, int(stated.get("block", BLOCK)))
@@ -95,15 +94,12 @@ def errors_of(tables: Tables, case: str, requirement: Mapping[str, Any]) -> Erro
     metric, during = str(requirement["metric"]), requirement.get("during")
     if not during:
         return errors_at(tables, case, where(requirement), metric)
-    quantity, axis = split_metric(metric)
-    known = pick(tables.outputs, case=case, quantity=quantity, axis=axis)
-    if known.empty:
+    known = errors_named(tables, case, metric)
+    if known is None:
         return None
-    row: Any = known.iloc[0]
     inside = rows_between(pick(tables.worst, case=case), *phase_of(tables, case, str(during)), end="t_end_s")
-    size = pd.Series(error_sizes(inside, error_column(quantity, axis, row.unit)))
-    largest = size.groupby(inside.run_number.to_numpy(), sort=True).max().to_numpy()
-    return Errors(largest, row.unit, row.label_unit, float(row.label_factor_ratio))
+    size = pd.Series(error_sizes(inside, known[1]))
+    return known[0]._replace(size=size.groupby(inside.run_number.to_numpy(), sort=True).max().to_numpy())
 
 
 def phase_of(tables: Tables, case: str, text: str) -> tuple[float, float]:
@@ -118,11 +114,6 @@ def phase_of(tables: Tables, case: str, text: str) -> tuple[float, float]:
 def where(requirement: Mapping[str, Any]) -> str:
     """Return where in the flight a requirement holds: its event, or its phase."""
     return str(requirement.get("during") or requirement.get("at") or "injection")
-
-
-def bound_of(below: Any, unit: str) -> float:
-    """Return a requirement's bound in SI."""
-    return units.parse(below, unit) if isinstance(below, str) else float(below)
 
 
 def _quantile(error: np.ndarray[Any, Any], probability: float) -> float:

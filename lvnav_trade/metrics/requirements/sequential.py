@@ -53,8 +53,8 @@ class _Boundaries:
         self._open = [(0, np.ones(1)), (0, np.ones(1))]  # fewest failures, probabilities of that many and more
         self._used = [0.0, 0.0]
 
-    def to(self, looks: int) -> None:
-        """Find the boundaries of the first `looks` looks."""
+    def to(self, looks: int) -> _Boundaries:
+        """Return these boundaries with the first `looks` looks found."""
         while len(self.low) < looks:
             allowed = spent((len(self.low) + 1) * self.block, *self.asked)
             for side, found in enumerate((self.low, self.high)):
@@ -71,6 +71,7 @@ class _Boundaries:
                     found.append(first + len(mass) - crossing)
                     mass = mass[: len(mass) - crossing]
                 self._open[side] = self._trimmed(side, first, mass)
+        return self
 
     def _trimmed(self, side: int, first: int, mass: Floats) -> tuple[int, Floats]:
         """Drop what is too improbable to matter, on the side of what is spent."""
@@ -91,8 +92,7 @@ def boundaries(probability: float, confidence: float, block: int, looks: int) ->
     """Return for each look, after block, 2 block, ... runs: failures up to which the requirement is met (-1: none are
     few enough), and failures from which it is violated.
     """
-    known = _boundaries(probability, confidence, block)
-    known.to(looks)
+    known = _boundaries(probability, confidence, block).to(looks)
     return known.low[:looks], known.high[:looks]
 
 
@@ -111,9 +111,6 @@ def further_runs(failures: Sequence[int], probability: float, confidence: float,
     """Return how many further runs, all of them good, would show that a requirement is met that is still undecided."""
     known = _boundaries(probability, confidence, block)
     count, look = (failures[-1] if len(failures) else 0), len(failures)
-    while look < _FURTHEST:
-        known.to(look + 1)
-        if count <= known.low[look]:
-            return (look + 1 - len(failures)) * block
+    while look < _FURTHEST and count > known.to(look + 1).low[look]:
         look += 1
-    return (look - len(failures)) * block
+    return (min(look + 1, _FURTHEST) - len(failures)) * block
