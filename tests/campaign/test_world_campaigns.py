@@ -11,7 +11,7 @@ from lvnav_trade import api
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax.cards import campaign_file
-from lvnav_trade.metrics.errors.agreement import agreement
+from lvnav_trade.metrics import METRICS
 from lvnav_trade.report.build import SECTIONS
 
 FOLDER = Path(__file__).resolve().parents[2] / "campaigns"
@@ -67,7 +67,7 @@ def test_every_model_of_the_world_has_its_campaign() -> None:
 def test_monte_carlo_and_linear_covariance_agree_in_every_world_campaign(path: Path, tmp_path: Path) -> None:
     results = api.run(path, (), tmp_path, jobs=1, report=False)
     assert results.exit_code == 0
-    found = agreement(results.folder)
+    found = METRICS["agreement"](results.folder)
     beyond = found.case.str.contains("|".join(BEYOND.get(path.stem, ["(?!)"])))
     outside = found[(found.agree != "agree") & ~beyond]
     assert outside.empty, outside.to_string()
