@@ -70,7 +70,7 @@ class Results:
         """Requirement, case, verdict (met, violated, undecided), estimate and what it rests on."""
         from lvnav_trade.metrics.requirements.requirements import verdicts
 
-        return verdicts(self.folder)
+        return verdicts(self.tables)
 
     @property
     def failures(self) -> list[str]:
