@@ -12,7 +12,7 @@ from numba.extending import intrinsic
 
 from benchmarks.common import best
 from lvnav_trade.kernels.lanes import like, view
-from lvnav_trade.kernels.vector import DOUBLES, WIDTH, f64x8
+from lvnav_trade.kernels.vector import WIDTH, f64x8
 
 CHAINS = 12
 
@@ -20,7 +20,8 @@ CHAINS = 12
 @intrinsic
 def _fma(typingctx: Any, a: Any, b: Any, c: Any) -> Any:
     def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        kind = ir.FunctionType(DOUBLES, [DOUBLES, DOUBLES, DOUBLES])
+        vector = context.get_value_type(f64x8)
+        kind = ir.FunctionType(vector, [vector, vector, vector])
         return builder.call(cgutils.get_or_insert_function(builder.module, kind, f"llvm.fma.v{WIDTH}f64"), args)
 
     return f64x8(f64x8, f64x8, f64x8), codegen

@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 
 # What a receiver does with a satellite, by number and by name: idle is neither looked for nor remembered.
 IDLE, SEARCH, ACQUIRE, TRACK, LOST = range(5)

@@ -3,35 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
+from lvnav_trade import units
 from lvnav_trade.delays import CorrectionsCard
-from lvnav_trade.filters.envelope import EnvelopeCard
 from lvnav_trade.filters.scheduled import GainSchedule
+from lvnav_trade.layout import EXTRAS, PARAMETERS
 from lvnav_trade.observables.sensors import MEASUREMENTS, RANGES, RECEIVER_SOLUTION, Measurement, SensorModels
-from lvnav_trade.units import (
-    AccelerationRandomWalk,
-    AccelerationSigma,
-    AngleRandomWalk,
-    AngleSigma,
-    AngularRateSigma,
-    Card,
-    Fraction,
-    Frequency,
-    GSensitivity,
-    Length,
-    LengthSigma,
-    Pause,
-    RateRandomWalk,
-    Speed,
-    SpeedSigma,
-    TimeConstant,
-    VelocityRandomWalk,
-)
+from lvnav_trade.units import Card
 
 Matched = Literal["matched"]
+BIASES = ("gyro_bias", "accel_bias")
+"""Standard states; what else is a state of the filter is named in its card."""
 _KINDS = {
     "inertial": "[]",
     "loose": "[position, velocity]",
@@ -45,88 +30,88 @@ _KINDS = {
 class ImuModel(Card):
     """What the filter assumes of its inertial unit; `matched` in the filter card takes each number from the truth."""
 
-    gyro_random_walk: AngleRandomWalk
-    accel_random_walk: VelocityRandomWalk
-    gyro_bias: AngularRateSigma
-    gyro_bias_walk: RateRandomWalk = 0.0
-    gyro_bias_time: TimeConstant | None = None
-    accel_bias: AccelerationSigma
-    accel_bias_walk: AccelerationRandomWalk = 0.0
-    accel_bias_time: TimeConstant | None = None
-    gyro_scale_factor: Fraction = 0.0
-    accel_scale_factor: Fraction = 0.0
-    gyro_misalignment: AngleSigma = 0.0
-    accel_misalignment: AngleSigma = 0.0
-    gyro_g_sensitivity: GSensitivity = 0.0
+    gyro_random_walk: units.AngleRandomWalk
+    accel_random_walk: units.VelocityRandomWalk
+    gyro_bias: units.AngularRateSigma
+    gyro_bias_walk: units.RateRandomWalk = 0.0
+    gyro_bias_time: units.TimeConstant | None = None
+    accel_bias: units.AccelerationSigma
+    accel_bias_walk: units.AccelerationRandomWalk = 0.0
+    accel_bias_time: units.TimeConstant | None = None
+    gyro_scale_factor: units.Fraction = 0.0
+    accel_scale_factor: units.Fraction = 0.0
+    gyro_misalignment: units.AngleSigma = 0.0
+    accel_misalignment: units.AngleSigma = 0.0
+    gyro_g_sensitivity: units.GSensitivity = 0.0
 
 
 class ReceiverModel(Card):
     """What the filter assumes of the receiver's measurement noise and clock."""
 
-    pseudorange_sigma: LengthSigma
-    range_rate_sigma: SpeedSigma
-    position_sigma: LengthSigma
-    velocity_sigma: SpeedSigma
+    pseudorange_sigma: units.LengthSigma
+    range_rate_sigma: units.SpeedSigma
+    position_sigma: units.LengthSigma
+    velocity_sigma: units.SpeedSigma
     clock_h0: float = Field(ge=0)
     clock_h_minus2: float = Field(ge=0)
-    range_bias: LengthSigma = Field(0.0, description="of each satellite, as a state; its initial one-sigma")
-    range_bias_time: TimeConstant | None = None
-    time_offset: LengthSigma = Field(0.0, description="of each further system's time, in range")
-    time_offset_time: TimeConstant | None = None
-    timing: Pause = Field(0.0, description="error of the time tags")
-    timing_time: TimeConstant | None = None
-    troposphere_scale: Fraction = 0.0
-    troposphere_scale_time: TimeConstant | None = None
-    ionosphere_scale: Fraction = 0.0
-    ionosphere_scale_time: TimeConstant | None = None
-    position_bias: LengthSigma = Field(0.0, description="of the receiver's solution, per axis")
-    position_bias_time: TimeConstant | None = None
-    velocity_bias: SpeedSigma = 0.0
-    velocity_bias_time: TimeConstant | None = None
+    range_bias: units.LengthSigma = Field(0.0, description="of each satellite, as a state; its initial one-sigma")
+    range_bias_time: units.TimeConstant | None = None
+    time_offset: units.LengthSigma = Field(0.0, description="of each further system's time, in range")
+    time_offset_time: units.TimeConstant | None = None
+    timing: units.Pause = Field(0.0, description="error of the time tags")
+    timing_time: units.TimeConstant | None = None
+    troposphere_scale: units.Fraction = 0.0
+    troposphere_scale_time: units.TimeConstant | None = None
+    ionosphere_scale: units.Fraction = 0.0
+    ionosphere_scale_time: units.TimeConstant | None = None
+    position_bias: units.LengthSigma = Field(0.0, description="of the receiver's solution, per axis")
+    position_bias_time: units.TimeConstant | None = None
+    velocity_bias: units.SpeedSigma = 0.0
+    velocity_bias_time: units.TimeConstant | None = None
 
 
 class InitialModel(Card):
     """The filter's one-sigma at the start: tilt (north, east axes) and heading, position and velocity per axis."""
 
-    tilt: AngleSigma
-    heading: AngleSigma
-    position: LengthSigma
-    velocity: SpeedSigma
-    clock_bias: LengthSigma
-    clock_drift: SpeedSigma
+    tilt: units.AngleSigma
+    heading: units.AngleSigma
+    position: units.LengthSigma
+    velocity: units.SpeedSigma
+    clock_bias: units.LengthSigma
+    clock_drift: units.SpeedSigma
 
 
-ExtraState = Literal[
-    "gyro_scale_factor",
-    "accel_scale_factor",
-    "gyro_misalignment",
-    "accel_misalignment",
-    "gyro_g_sensitivity",
-    "range_bias",
-    "time_offset",
-    "timing",
-    "troposphere_scale",
-    "ionosphere_scale",
-    "position_bias",
-    "velocity_bias",
-]
+if TYPE_CHECKING:
+    ParameterState = str
+    ExtraState = str
+else:
+    ParameterState = Literal[(*PARAMETERS, *EXTRAS)]
+    ExtraState = Literal[tuple(name for name in (*PARAMETERS, *EXTRAS) if name not in BIASES)]
 
-ParameterState = Literal[
-    "gyro_bias",
-    "accel_bias",
-    "gyro_scale_factor",
-    "accel_scale_factor",
-    "gyro_misalignment",
-    "accel_misalignment",
-    "gyro_g_sensitivity",
-    "range_bias",
-    "time_offset",
-    "timing",
-    "troposphere_scale",
-    "ionosphere_scale",
-    "position_bias",
-    "velocity_bias",
-]
+
+class EnvelopeCard(Card):
+    """Standard deviations of the steps of rate and acceleration (random walks), by phase and by what is commanded.
+
+    Pitch and yaw: |gain / (time s + 1) commanded angular acceleration| + what is unknown in burns or coasts; lateral
+    jerk: |gain / (time s + 1) rate of the commanded nozzle angle| + what is unknown. The numbers are those of Beaudoin,
+    Desbiens, Gagnon and Landry, section 2.3 (equations 7 to 10).
+    """
+
+    roll: units.AngularAccelerationSigma = 0.002
+    burn: units.AngularAccelerationSigma = 0.02
+    coast: units.AngularAccelerationSigma = 0.002
+    turn_gain: float = Field(5.0, ge=0.0)
+    turn_time: units.TimeConstant = 2.0
+    axial_burn: units.JerkSigma = 15.0
+    axial_coast: units.JerkSigma = 10.0
+    axial_change: units.JerkSigma = 15000.0
+    before_change: units.Pause = 1.0
+    after_change: units.Pause = 2.0
+    lateral: units.JerkSigma = 10.0
+    nozzle_gain: units.AccelerationSigma = 30.0
+    nozzle_time: units.TimeConstant = 0.035
+    start_rate: units.AngularRateSigma = Field(0.017453292519943295, description="of the rate before the first sample")
+    start_acceleration: units.AccelerationSigma = Field(20.0, description="of the acceleration before the first sample")
 
 
 class DelayCompensation(Card):
@@ -138,12 +123,14 @@ class DelayCompensation(Card):
     kind: Literal["buffered", "extrapolated"] = Field(
         description="buffered: innovation at the state of the time of validity; extrapolated: Euler step of a solution"
     )
-    delay: Matched | Pause = Field("matched", description="as the filter takes it; matched: as the receiver stamps it")
-    delay_sigma: Pause = Field(0.0, description="extrapolated: one-sigma that the filter assumes of its error")
-    acceleration_sigma: AccelerationSigma = Field(
+    delay: Matched | units.Pause = Field(
+        "matched", description="as the filter takes it; matched: as the receiver stamps it"
+    )
+    delay_sigma: units.Pause = Field(0.0, description="extrapolated: one-sigma that the filter assumes of its error")
+    acceleration_sigma: units.AccelerationSigma = Field(
         0.0, description="extrapolated: one-sigma that it assumes of its own acceleration"
     )
-    base: Pause = Field(0.1, gt=0.0, description="extrapolated: time over which the acceleration is taken")
+    base: units.Pause = Field(0.1, gt=0.0, description="extrapolated: time over which the acceleration is taken")
 
 
 Persisting = Literal["data_loss", "residual", "covariance"]
@@ -154,19 +141,19 @@ class LogicCard(Card):
 
     check_flags: bool = Field(True, description="leave out what the receiver says is invalid, or put out before")
     pdop_below: float | None = Field(None, gt=0, description="leave out solutions of a greater dilution of precision")
-    wild_position: Annotated[Length, Field(gt=0.0)] | None = Field(
+    wild_position: Annotated[units.Length, Field(gt=0.0)] | None = Field(
         None,
         description="leave out a sample of which an axis is further from the prediction; before a start, further "
         "from the sample before",
     )
-    wild_velocity: Annotated[Speed, Field(gt=0.0)] | None = None
+    wild_velocity: Annotated[units.Speed, Field(gt=0.0)] | None = None
     start_after: int = Field(1, ge=1, description="good samples in a row")
-    correct_after: Pause = Field(0.0, description="since its start the outputs are the inertial system's own")
-    stop_after: TimeConstant | None = Field(None, description="of any error: data loss, residual, covariance")
-    covariance_position: Annotated[Length, Field(gt=0.0)] | None = Field(
+    correct_after: units.Pause = Field(0.0, description="since its start the outputs are the inertial system's own")
+    stop_after: units.TimeConstant | None = Field(None, description="of any error: data loss, residual, covariance")
+    covariance_position: Annotated[units.Length, Field(gt=0.0)] | None = Field(
         None, description="a one-sigma beyond is an error of the covariance; so is one that is no number"
     )
-    covariance_velocity: Annotated[Speed, Field(gt=0.0)] | None = None
+    covariance_velocity: Annotated[units.Speed, Field(gt=0.0)] | None = None
     restart_after: tuple[Persisting, ...] = Field(
         ("data_loss", "residual", "covariance"), description="errors after which it starts again with good samples"
     )
@@ -193,11 +180,11 @@ class FilterCard(Card):
         "range_rate); of sensors; imu: samples of the IMU"
     )
     extra_states: tuple[ExtraState, ...] = ()
-    strapdown_rate: Frequency | None = Field(
+    strapdown_rate: units.Frequency | None = Field(
         None, description="increments are added up to this rate before the strapdown; none: the unit's own rate"
     )
-    covariance_rate: Frequency = 10.0
-    update_rate: Frequency = 1.0
+    covariance_rate: units.Frequency = 10.0
+    update_rate: units.Frequency = 1.0
     consider: tuple[ParameterState, ...] = Field((), description="states propagated but not estimated (Schmidt)")
     neglect: tuple[Literal["gyro_bias", "accel_bias"], ...] = Field((), description="standard states left out")
     update: Literal["symmetric", "joseph"] = "symmetric"
@@ -221,8 +208,10 @@ class FilterCard(Card):
     delay_compensation: DelayCompensation | None = Field(
         None, description="none: a late measurement is taken as present"
     )
-    attitude_noise: AngleRandomWalk = Field(0.0, description="process noise beyond the unit's own, root PSD per axis")
-    velocity_noise: VelocityRandomWalk = 0.0
+    attitude_noise: units.AngleRandomWalk = Field(
+        0.0, description="process noise beyond the unit's own, root PSD per axis"
+    )
+    velocity_noise: units.VelocityRandomWalk = 0.0
 
     report_imu_samples: bool = Field(
         False, description="errors of the IMU's samples, raw and corrected, are reported beside the states"

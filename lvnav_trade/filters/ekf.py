@@ -6,16 +6,15 @@ import numpy as np
 
 from lvnav_trade.filters.late import LAST, carry_on, correct_stored
 from lvnav_trade.kernels import processes, transition
-from lvnav_trade.kernels.attitude import from_rotation, multiply, normalise
-from lvnav_trade.kernels.covariance import predict, update_scalar, update_with_gain
+from lvnav_trade.kernels.covariance import predict, update_scalar, update_with_gain, whiten
 from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import like, size, where
-from lvnav_trade.kernels.strapdown import Q, R, V
-from lvnav_trade.kernels.transition import ATT, POS, VEL
-from lvnav_trade.observables import doppler, position, pseudorange, velocity
+from lvnav_trade.kernels.lanes import like, where
+from lvnav_trade.kernels.strapdown import R
+from lvnav_trade.kernels.transition import correct_motion
+from lvnav_trade.observables import solution
 from lvnav_trade.observables.base import N_ENTRY, antenna, line_of_sight
+from lvnav_trade.observables.ranges import range_row, rate_row
 from lvnav_trade.observables.sensors import fill
-from lvnav_trade.receivers.whiten import whiten
 
 
 @inlined
@@ -23,15 +22,9 @@ def predict_window(work, model, length):
     """Propagate covariance, fading parameters and clock estimate over a window of a known length index."""
     seconds = model.seconds[length]
     transition.fill(
-        work.D,
-        model.block_kinds,
-        model.block_drivers,
-        work.sums,
-        work.nav[R],
-        work.nav[R + 1],
-        work.nav[R + 2],
+        work.D, model.block_kinds, model.block_drivers, work.sums, work.nav[R], work.nav[R + 1], work.nav[R + 2],
         seconds,
-    )
+    )  # fmt: skip
     predict(
         work.P, work.D, model.block_rows, model.block_columns, model.decay[length], model.noise[length],
         model.clock, seconds,
@@ -48,20 +41,23 @@ def predict_window(work, model, length):
 
 
 @jit
+def _place_at(work, model, nav, increments, first, dt):
+    """Set every antenna's state from a navigation state and from a tick's increments, which begin at `first`."""
+    for i in range(3):
+        work.rate[i] = increments[first + i] / dt
+    for a in range(model.lever_arms.shape[0]):
+        antenna(work.antenna[a], nav, work.rate, model.lever_arms[a], model.rate_sign)
+
+
+@jit
 def place_antenna(work, late, model, dt, epoch):
     """Set the estimated state of every antenna from the navigation state and the last tick's rate; for a buffered late
     measurement (Late, or None) they are those of the time when it was valid.
     """
-    for i in range(3):
-        work.rate[i] = work.previous[i] / dt
-    for a in range(model.lever_arms.shape[0]):
-        antenna(work.antenna[a], work.nav, work.rate, model.lever_arms[a], model.rate_sign)
+    _place_at(work, model, work.nav, work.previous, 0, dt)
     if late is not None and not late.extrapolated:
         stored = work.past[epoch % late.n_ring]
-        for i in range(3):
-            work.rate[i] = stored[LAST + i] / dt
-        for a in range(model.lever_arms.shape[0]):
-            antenna(work.antenna[a], stored, work.rate, model.lever_arms[a], model.rate_sign)
+        _place_at(work, model, stored, stored, LAST, dt)
 
 
 @jit
@@ -75,21 +71,10 @@ def _add_extra(work, model, signals, epoch, row, channel):
         e = model.extra_member[f, channel]
         if e >= 0:
             partial = like(work.x[0], signals.partial[f, epoch, channel])
-            if model.has_covariance:  # decorrelated rows have the entries of all axes: each state has one of its own
-                h[N_ENTRY + e] = partial
-            else:
-                h[N_ENTRY + f] = partial
+            # decorrelated rows have the entries of all axes: each state has one of its own
+            h[N_ENTRY + (e if model.has_covariance else f)] = partial
             total = total + partial * work.extra[e]
     return total
-
-
-@jit
-def _clear_extra(work, model, rows):
-    """Set the entries of extra states to zero, where rows are mixed afterwards."""
-    if model.has_covariance:
-        for row in range(rows):
-            for e in range(model.extra_offset.shape[0]):
-                work.H[row, N_ENTRY + e] = like(work.x[0], 0.0)
 
 
 @jit
@@ -99,33 +84,29 @@ def fill_tight(work, model, signals, epoch):
         s = signals.used[epoch, slot]
         at = work.antenna[signals.antenna[epoch, s]]
         ux, uy, uz, distance = line_of_sight(signals.satellite[epoch, s], at)
-        h, g = work.H[2 * slot], work.H[2 * slot + 1]
-        predicted = pseudorange.row(h, at, ux, uy, uz, distance, work.clock_hat[0])
-        predicted = predicted + _add_extra(work, model, signals, epoch, 2 * slot, 2 * s)
-        work.z[2 * slot] = work.ranges[slot, 0] - predicted
-        moving = signals.satellite_velocity[epoch, s]
-        predicted = doppler.row(g, at, moving, ux, uy, uz, distance, work.clock_hat[1])
-        predicted = predicted + _add_extra(work, model, signals, epoch, 2 * slot + 1, 2 * s + 1)
-        work.z[2 * slot + 1] = work.ranges[slot, 1] - predicted
+        moving, row = signals.satellite_velocity[epoch, s], 2 * slot
+        predicted = range_row(work.H[row], at, ux, uy, uz, distance, work.clock_hat[0])
+        work.z[row] = work.ranges[slot, 0] - (predicted + _add_extra(work, model, signals, epoch, row, 2 * s))
+        row = row + 1
+        predicted = rate_row(work.H[row], at, moving, ux, uy, uz, distance, work.clock_hat[1])
+        work.z[row] = work.ranges[slot, 1] - (predicted + _add_extra(work, model, signals, epoch, row, 2 * s + 1))
 
 
 @jit
 def fill_loose(work, model, signals, epoch):
     """Set three position and three velocity rows; z holds measured minus predicted."""
-    at = work.antenna[0]
-    _clear_extra(work, model, 6)
-    for axis in range(3):
-        predicted = position.row(work.H[axis], at, axis) + _add_extra(work, model, signals, epoch, axis, axis)
-        work.z[axis] = work.solution[axis] - predicted
-        moving = velocity.row(work.H[3 + axis], at, axis)
-        moving = moving + _add_extra(work, model, signals, epoch, 3 + axis, 3 + axis)
-        work.z[3 + axis] = work.solution[3 + axis] - moving
+    for row in range(6):
+        if model.has_covariance:  # rows are mixed afterwards: what a row lacks is zero
+            for e in range(model.extra_offset.shape[0]):
+                work.H[row, N_ENTRY + e] = like(work.x[0], 0.0)
+        predicted = solution.row(work.H[row], work.antenna[0], row)
+        work.z[row] = work.solution[row] - (predicted + _add_extra(work, model, signals, epoch, row, row))
 
 
 @jit
 def row_of(model, work, channel):
     """Return the row of a channel of a sensor beside the receiver: the last rows are theirs."""
-    return size(work.z, 0) - model.n_entry.shape[0] + channel
+    return work.z.shape[0] - model.n_entry.shape[0] + channel
 
 
 @jit
@@ -154,28 +135,6 @@ def channel_of(model, signals, epoch, row):
     return 2 * signals.used[epoch, row // 2] + row % 2 if model.tight else row
 
 
-@inlined
-def update_row(work, gains, model, signals, epoch, row, channel, mixed, gate_squared):
-    """Update by one filled row of a channel, with a stored gain (Gains) or, without (None), that of the covariance;
-    return its normalised innovation and weight.
-    """
-    n = model.n_entry[channel]
-    entries, columns = model.entry[channel, :n], model.column[channel, :n]
-    if gains is None:
-        variance = 1.0 if mixed else signals.variance[epoch, channel]
-        return update_scalar(
-            work.P, work.x, work.K, work.H[row], entries, columns, work.z[row], variance, gate_squared,
-            model.n_estimated, model.joseph,
-        )  # fmt: skip
-    variance = like(work.x[0], signals.variance[epoch, channel])
-    if mixed:
-        variance = work.reported[row, row]
-    return update_with_gain(
-        work.P, work.x, work.K, work.H[row], entries, columns, gains.gain[epoch, channel], work.z[row], variance,
-        gate_squared, model.n_estimated,
-    )  # fmt: skip
-
-
 @jit
 def weigh(work, rx, late, gains, model, signals, epoch):
     """Decorrelate the rows of a solution by the covariance that it comes with, if it comes with one. With stored gains
@@ -184,23 +143,17 @@ def weigh(work, rx, late, gains, model, signals, epoch):
     if rx is None and late is None:
         return
     if model.has_covariance:
-        tell(work, rx, signals, epoch)
+        for i in range(6):
+            for j in range(6):
+                if rx is not None:
+                    work.reported[i, j] = rx.covariance[i, j]
+                else:  # a simulated solution: the filter's own variances
+                    work.reported[i, j] = like(work.x[0], signals.variance[epoch, i] if i == j else 0.0)
         if late is not None and late.extrapolated:
             carry_on(work.z, work.reported, work.past, work.P, late, epoch)
         if gains is None:
             separate(work.reported, model)
-            whiten(work.reported, work.z, work.H, 6, size(work.H, 1))
-
-
-@jit
-def tell(work, rx, signals, epoch):
-    """Set the covariance that is reported with a solution: its solver's, or the variances of a simulated one."""
-    for i in range(6):
-        for j in range(6):
-            if rx is not None:
-                work.reported[i, j] = rx.covariance[i, j]
-            else:
-                work.reported[i, j] = like(work.x[0], signals.variance[epoch, i] if i == j else 0.0)
+            whiten(work.reported, work.z, work.H, 6, work.H.shape[1])
 
 
 @jit
@@ -216,8 +169,23 @@ def separate(covariance, model):
 
 @inlined
 def update_and_count(work, gains, model, signals, epoch, row, channel, mixed, gate_squared):
-    """Update by one filled row of an epoch, store its innovation and count it: accepted, or rejected by the gate."""
-    normalised, weight = update_row(work, gains, model, signals, epoch, row, channel, mixed, gate_squared)
+    """Update by one filled row of a channel, with a stored gain (Gains) or, without (None), that of the covariance;
+    store its innovation and count it: accepted, or rejected by the gate.
+    """
+    n = model.n_entry[channel]
+    entries, columns = model.entry[channel, :n], model.column[channel, :n]
+    if gains is None:
+        variance = 1.0 if mixed else signals.variance[epoch, channel]
+        normalised, weight = update_scalar(
+            work.P, work.x, work.K, work.H[row], entries, columns, work.z[row], variance, gate_squared,
+            model.n_estimated, model.joseph,
+        )  # fmt: skip
+    else:
+        variance = work.reported[row, row] if mixed else like(work.x[0], signals.variance[epoch, channel])
+        normalised, weight = update_with_gain(
+            work.P, work.x, work.K, work.H[row], entries, columns, gains.gain[epoch, channel], work.z[row], variance,
+            gate_squared, model.n_estimated,
+        )  # fmt: skip
     work.innovation[epoch, channel] = normalised
     accepted = weight > 0.0
     rejected = (normalised == normalised) & (weight == 0.0)  # what is not a number is no row
@@ -231,18 +199,17 @@ def clear_epoch(work, epoch):
     """Start an epoch's counts at zero and its innovations at not-a-number (no row)."""
     zero = like(work.x[0], 0.0)
     work.nis[epoch], work.n_row[epoch], work.n_reject[epoch] = zero, zero, zero
-    for channel in range(size(work.innovation, 1)):
+    for channel in range(work.innovation.shape[1]):
         work.innovation[epoch, channel] = like(zero, np.nan)
 
 
 @inlined
-def fill_receiver(work, late, gains, model, signals, epoch):
+def fill_receiver(work, model, signals, epoch):
     """Set the rows of what the receiver measures at an epoch, all linearised at one point."""
     if model.tight:
         fill_tight(work, model, signals, epoch)
     else:
         fill_loose(work, model, signals, epoch)
-        weigh(work, work.rx, late, gains, model, signals, epoch)
 
 
 @inlined
@@ -270,22 +237,21 @@ def update_sensors(work, gains, sensors, model, signals, epoch, gate_squared):
 
 
 @jit
-def correct_motion(nav, x):
-    """Add the error state to attitude, velocity and position (error is truth minus estimate: feedback adds)."""
-    e0, e1, e2, e3 = from_rotation(x[ATT], x[ATT + 1], x[ATT + 2])
-    q0, q1, q2, q3 = multiply(e0, e1, e2, e3, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
-    nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = normalise(q0, q1, q2, q3)
-    for i in range(3):
-        nav[V + i] = nav[V + i] + x[VEL + i]
-        nav[R + i] = nav[R + i] + x[POS + i]
-
-
-@jit
 def correct_parameters(work, model):
     """Add the error state to the estimated parameters of the IMU."""
     for b in range(model.par_offset.shape[0]):
         for i in range(3):
             work.par[b, i] = work.par[b, i] + work.x[model.par_offset[b] + i]
+
+
+@jit
+def correct_receiver(work, model):
+    """Add the error state to the estimates of the receiver's clock and of the extra states."""
+    if model.clock >= 0:
+        for i in range(2):
+            work.clock_hat[i] = work.clock_hat[i] + work.x[model.clock + i]
+    for e in range(model.extra_offset.shape[0]):
+        work.extra[e] = work.extra[e] + work.x[model.extra_offset[e]]
 
 
 @jit
@@ -295,11 +261,7 @@ def correct(work, late, model):
     correct_motion(work.nav, x)
     correct_stored(work.past, late, x)
     correct_parameters(work, model)
-    if model.clock >= 0:
-        for i in range(2):
-            work.clock_hat[i] = work.clock_hat[i] + x[model.clock + i]
-    for e in range(model.extra_offset.shape[0]):
-        work.extra[e] = work.extra[e] + x[model.extra_offset[e]]
+    correct_receiver(work, model)
     processes.gather(work.tables, work.par, model.par_sensor, model.par_driver)
     for i in range(model.n_state):
         x[i] = like(x[i], 0.0)

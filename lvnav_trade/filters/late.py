@@ -11,17 +11,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from lvnav_trade.kernels.attitude import from_rotation, matrix, multiply, normalise
+from lvnav_trade.kernels.attitude import matrix
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, where
 from lvnav_trade.kernels.strapdown import Q, R, V, gravity
-from lvnav_trade.kernels.transition import ATT, POS, VEL
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from lvnav_trade.kernels.transition import VEL, correct_motion
+from lvnav_trade.records import Floats, Ints
 
 # What is stored of a time of validity: navigation state, last increments, velocity a while before, error state.
 NAV, LAST, EARLY, ERROR, N_PAST = 0, 10, 16, 19, 28
@@ -93,13 +88,7 @@ def correct_stored(past, late, x):
     """
     if late is not None and not late.extrapolated:
         for ring in range(late.n_ring):
-            nav = past[ring]
-            e0, e1, e2, e3 = from_rotation(x[ATT], x[ATT + 1], x[ATT + 2])
-            q0, q1, q2, q3 = multiply(e0, e1, e2, e3, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
-            nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = normalise(q0, q1, q2, q3)
-            for i in range(3):
-                nav[V + i] = nav[V + i] + x[VEL + i]
-                nav[R + i] = nav[R + i] + x[POS + i]
+            correct_motion(past[ring], x)
 
 
 @jit
@@ -124,12 +113,6 @@ def predicted_of_stored(past, late, h, entries, columns, x, epoch):
 
 
 @jit
-def _velocity(stored, axis):
-    """Return the velocity that the filter had, of an open loop the inertial system's plus the error state."""
-    return stored[NAV + V + axis] + stored[ERROR + VEL + axis]
-
-
-@jit
 def carry_on(z, reported, past, P, late, epoch):
     """Extrapolate a late solution to the present, in the innovations z (6,), and add to its covariance `reported` (6,
     6) what that costs (eq. 7.20): the filter's own velocity and acceleration, the delay's error, and what an Euler step
@@ -139,8 +122,10 @@ def carry_on(z, reported, past, P, late, epoch):
     """
     stored, last = past[epoch % late.n_ring], past[late.n_ring]
     delay, half = late.delay[epoch], 0.5 * late.delay[epoch] * late.delay[epoch]
-    vx, vy, vz = _velocity(stored, 0), _velocity(stored, 1), _velocity(stored, 2)
-    inverse = 1.0 / late.base[epoch]
+    # the velocity that the filter had: of an open loop the inertial system's plus the error state
+    at, error, inverse = NAV + V, ERROR + VEL, 1.0 / late.base[epoch]
+    vx, vy = stored[at] + stored[error], stored[at + 1] + stored[error + 1]
+    vz = stored[at + 2] + stored[error + 2]
     ax, ay, az = (vx - stored[EARLY]) * inverse, (vy - stored[EARLY + 1]) * inverse, (vz - stored[EARLY + 2]) * inverse
     # half the acceleration is left of the position, half its change of the velocity; the first epoch knows none
     rate = where(last[KNOWN] > 0.0, half / late.interval, 0.0)

@@ -6,10 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from lvnav_trade.filters.base import FilterCard, ImuModel, InitialModel, ReceiverModel
-from lvnav_trade.filters.envelope import EnvelopeCard
+from lvnav_trade.filters.base import BIASES, EnvelopeCard, FilterCard, ImuModel, InitialModel, ReceiverModel
 from lvnav_trade.kernels import strapdown, transition
 from lvnav_trade.kernels.clock import spectral_densities
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL
@@ -17,9 +15,7 @@ from lvnav_trade.layout import EXTRAS, PARAMETERS, ExtraBlock, ParameterBlock, S
 from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL, N_ENTRY
 from lvnav_trade.observables.partials import Channels, members
 from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS, SENSORS
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from lvnav_trade.records import Bools, Floats, Ints
 
 PSEUDORANGE, RANGE_RATE, POSITION, VELOCITY, FIRST_SENSOR = range(5)
 TYPES = {"pseudorange": PSEUDORANGE, "range_rate": RANGE_RATE, "position": POSITION, "velocity": VELOCITY} | {
@@ -32,23 +28,21 @@ class FilterModel(NamedTuple):
     """A filter in numbers, for the kernels. Index arrays int64; per-window tables by window length.
 
     aided: it has measurements; tight: ranges are among them; solves: the receiver solves for itself; measured
-    (n_channel,): the channel is processed; n_receiver of them are the receiver's (0: none is processed); n_row_entry
-    entries of a Jacobian row; rate_sign: see `observables.base.antenna`; gravity code; block_rows, block_columns,
-    block_kinds, block_drivers (n_block,); seconds (n_length,) distinct window lengths, decay and noise (n_length,
-    n_state) per length; clock index; n_estimated, n_state; par_sensor, par_driver, par_offset (n_par,); constant_only
-    (biases without a time constant); fading (any decay); gate_squared; joseph; group (ticks to a strapdown step);
-    row_type, n_entry (n_channel,), entry and column (n_channel, n) by channel; lever_arms (n_antenna, 3) m;
-    extra_offset (n_extra,) state of each extra one, extra_member (n_extra_family, n_channel) extra state in a channel,
-    -1 none; every: of how many epochs the filter takes the last; has_covariance: solutions come with a covariance of
-    their own and are decorrelated.
+    (n_channel,): the channel is processed; n_receiver of them are the receiver's (0: none is processed); rate_sign: see
+    `observables.base.antenna`; gravity code; block_rows, block_columns, block_kinds, block_drivers (n_block,); seconds
+    (n_length,) distinct window lengths, decay and noise (n_length, n_state) per length; clock index; n_estimated,
+    n_state; par_sensor, par_driver, par_offset (n_par,); constant_only (biases without a time constant); fading (any
+    decay); gate_squared; joseph; group (ticks to a strapdown step); row_type, n_entry (n_channel,), entry and column
+    (n_channel, n) by channel; lever_arms (n_antenna, 3) m; extra_offset (n_extra,) state of each extra one,
+    extra_member (n_extra_family, n_channel) extra state in a channel, -1 none; every: of how many epochs the filter
+    takes the last; has_covariance: solutions come with a covariance of their own and are decorrelated.
     """
 
     aided: bool
     tight: bool
     solves: bool
-    measured: NDArray[np.bool_]
+    measured: Bools
     n_receiver: int
-    n_row_entry: int
     rate_sign: float
     gravity: int
     block_rows: Ints
@@ -80,23 +74,14 @@ class FilterModel(NamedTuple):
     has_covariance: bool
 
 
-def _parameter_numbers(imu: ImuModel, name: str) -> tuple[float, float, float]:
-    """Return sigma, walk and time constant (inf: none) of a kind of parameter."""
-    if name == "gyro_bias":
-        return imu.gyro_bias, imu.gyro_bias_walk, imu.gyro_bias_time or math.inf
-    if name == "accel_bias":
-        return imu.accel_bias, imu.accel_bias_walk, imu.accel_bias_time or math.inf
-    return getattr(imu, name), 0.0, math.inf
-
-
 def _parameter_blocks(names: list[str], imu: ImuModel, offset: int) -> list[ParameterBlock]:
     blocks: list[ParameterBlock] = []
     for name in names:
-        sigma, walk, time_constant = _parameter_numbers(imu, name)
+        walk, time_constant = getattr(imu, f"{name}_walk", 0.0), getattr(imu, f"{name}_time", None) or math.inf
         kind = PARAMETERS[name]
-        for part, driven_by in enumerate(kind.drivers):
+        for part, driver in enumerate(kind.drivers):
             at = offset + 3 * len(blocks)
-            blocks.append(ParameterBlock(name, part, at, kind.sensor, driven_by, sigma, walk, time_constant))
+            blocks.append(ParameterBlock(name, part, at, kind.sensor, driver, getattr(imu, name), walk, time_constant))
     return blocks
 
 
@@ -117,7 +102,7 @@ def state_layout(
     """Lay out the states of a filter: navigation, estimated parameters, clock, estimated extra states, and then what
     is considered.
     """
-    wanted = [n for n in ("gyro_bias", "accel_bias", *card.extra_states) if n not in card.neglect]
+    wanted = [n for n in (*BIASES, *card.extra_states) if n not in card.neglect]
     wanted += [n for n in card.consider if n not in wanted]
     parameters: list[ParameterBlock] = []
     extras: list[ExtraBlock] = []
@@ -162,6 +147,12 @@ def transition_blocks(parameters: tuple[ParameterBlock, ...], order: int) -> tup
     return rows, columns, kinds, drivers
 
 
+def _blocks(layout: StateLayout) -> list[tuple[slice, float, float]]:
+    """Return the states, the sigma and the time constant of every block of parameters or extra states."""
+    found = [(slice(b.offset, b.offset + 3), b.sigma, b.time_constant) for b in layout.parameters]
+    return found + [(slice(e.offset, e.offset + len(e.labels)), e.sigma, e.time_constant) for e in layout.extras]
+
+
 def window_tables(layout: StateLayout, densities: Floats, seconds: Floats) -> tuple[Floats, Floats]:
     """Return decay and noise variance of every state over windows of the given lengths, (n_length, n_state) each.
 
@@ -169,17 +160,11 @@ def window_tables(layout: StateLayout, densities: Floats, seconds: Floats) -> tu
     """
     decay = np.ones((seconds.size, layout.n_state))
     noise = seconds[:, None] * densities
-    for block in layout.parameters:
-        if math.isfinite(block.time_constant):
-            states = slice(block.offset, block.offset + 3)
-            decay[:, states] = np.exp(-seconds / block.time_constant)[:, None]
+    for states, sigma, time_constant in _blocks(layout):
+        if math.isfinite(time_constant):
+            decay[:, states] = np.exp(-seconds / time_constant)[:, None]
             # half of it enters before the decay d, half after: 2 (1 - d^2) / (1 + d^2) of the variance then holds it
-            noise[:, states] += 2.0 * block.sigma**2 * np.tanh(seconds / block.time_constant)[:, None]
-    for extra in layout.extras:
-        if math.isfinite(extra.time_constant):
-            states = slice(extra.offset, extra.offset + len(extra.labels))
-            decay[:, states] = np.exp(-seconds / extra.time_constant)[:, None]
-            noise[:, states] += 2.0 * extra.sigma**2 * np.tanh(seconds / extra.time_constant)[:, None]
+            noise[:, states] += 2.0 * sigma**2 * np.tanh(seconds / time_constant)[:, None]
     return decay, noise
 
 
@@ -198,10 +183,8 @@ def _densities(card: FilterCard, layout: StateLayout, imu: ImuModel, receiver: R
 
 def _row_types(channels: Channels) -> Ints:
     """Return the row type of each channel."""
-    if channels.tight:
-        types = [PSEUDORANGE, RANGE_RATE] * len(channels.satellites)
-    else:
-        types = [POSITION] * 3 + [VELOCITY] * 3
+    n_sat = len(channels.satellites)
+    types = [PSEUDORANGE, RANGE_RATE] * n_sat if channels.tight else [POSITION] * 3 + [VELOCITY] * 3
     types += [TYPES[sensor.measures] for sensor in channels.sensors for _ in sensor.labels]
     return np.array(types, dtype=np.int64)
 
@@ -233,23 +216,19 @@ def _row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, mixed: boo
     whole = {"position": position, "velocity": velocity, "attitude": [(H_ATT + i, ATT + i) for i in range(3)]}
     for card in SENSORS:
         types[TYPES[card.measurement]] = [pair for name in card.jacobian for pair in whole[name]]
-    rows = []
-    n_extra = len(layout.extras)
     extras = [e.offset + i for e in layout.extras for i in range(len(e.labels))]
+    count = np.zeros(row_type.size, dtype=np.int64)
+    pairs = np.zeros((2, row_type.size, N_ENTRY + len(extras if mixed else layout.extras)), dtype=np.int64)
     for channel, kind in enumerate(row_type.tolist()):
-        member = [(N_ENTRY + f, e.offset + int(e.member[channel])) for f, e in enumerate(layout.extras)
-                  if e.member[channel] >= 0]  # fmt: skip
         if mixed:
-            n_extra = len(extras)
-            member = [(N_ENTRY + e, at) for e, at in enumerate(extras) if kind in (POSITION, VELOCITY)]
-        rows.append(types[kind] + member)
-    shape = (len(rows), N_ENTRY + n_extra)
-    count = np.array([len(pairs) for pairs in rows], dtype=np.int64)
-    entry, column = np.zeros(shape, dtype=np.int64), np.zeros(shape, dtype=np.int64)
-    for channel, pairs in enumerate(rows):
-        for i, (e, c) in enumerate(pairs):
-            entry[channel, i], column[channel, i] = e, c
-    return count, entry, column
+            own = [(N_ENTRY + e, at) for e, at in enumerate(extras) if kind in (POSITION, VELOCITY)]
+        else:
+            own = [(N_ENTRY + f, e.offset + int(e.member[channel])) for f, e in enumerate(layout.extras)
+                   if e.member[channel] >= 0]  # fmt: skip
+        found = types[kind] + own
+        count[channel] = len(found)
+        pairs[:, channel, : len(found)] = np.transpose(found)
+    return count, pairs[0], pairs[1]
 
 
 def _extra_tables(layout: StateLayout, n_channel: int) -> tuple[Ints, Ints]:
@@ -279,7 +258,7 @@ def build_filter_model(
 
     lever_arms (n_antenna, 3) m of the antennas; seconds (n_length,) are the window lengths that will occur; group the
     ticks of the unit to a strapdown step; every: of how many epochs one is taken; has_covariance: solutions come with a
-    covariance of their own and are decorrelated. Long because a record of 33 numbers is filled here, each by an
+    covariance of their own and are decorrelated. Long because a record of 32 numbers is filled here, each by an
     expression of its own.
     """
     layout = state_layout(card, imu, receiver, channels, measurements)
@@ -298,7 +277,6 @@ def build_filter_model(
         solves=solves,
         measured=np.isin(row_type, taken),
         n_receiver=channels.n_receiver if channels.receiver else 0,
-        n_row_entry=entry.shape[1],
         rate_sign=1.0 if layout.motion >= 0 else -1.0,
         gravity={"point": strapdown.POINT, "j2": strapdown.J2, "j4": strapdown.J4}[card.gravity],
         block_rows=rows,
@@ -338,22 +316,16 @@ def initial_covariance(
     """Return the filter's covariance (n_state, n_state) at the start; C_n_i (3, 3) of the starting point; envelope of a
     filter that models the vehicle.
     """
-    P = np.zeros((layout.n_state, layout.n_state))
+    variance, clock, motion = np.zeros(layout.n_state), layout.clock, layout.motion
+    variance[VEL : VEL + 3], variance[POS : POS + 3] = initial.velocity**2, initial.position**2
+    for states, sigma, _ in _blocks(layout):
+        variance[states] = sigma**2
+    if clock >= 0:
+        variance[clock : clock + 2] = initial.clock_bias**2, initial.clock_drift**2
+    if motion >= 0 and envelope is not None:
+        variance[motion : motion + 3] = envelope.start_rate**2
+        variance[motion + 3 : motion + 6] = envelope.start_acceleration**2
+    P = np.diag(variance)
     tilt = np.diag([initial.tilt**2, initial.tilt**2, initial.heading**2])
     P[ATT : ATT + 3, ATT : ATT + 3] = C_n_i @ tilt @ C_n_i.T
-    P[VEL : VEL + 3, VEL : VEL + 3] = np.eye(3) * initial.velocity**2
-    P[POS : POS + 3, POS : POS + 3] = np.eye(3) * initial.position**2
-    for block in layout.parameters:
-        for i in range(block.offset, block.offset + 3):
-            P[i, i] = block.sigma**2
-    for extra in layout.extras:
-        for i in range(extra.offset, extra.offset + len(extra.labels)):
-            P[i, i] = extra.sigma**2
-    if layout.clock >= 0:
-        P[layout.clock, layout.clock] = initial.clock_bias**2
-        P[layout.clock + 1, layout.clock + 1] = initial.clock_drift**2
-    if layout.motion >= 0 and envelope is not None:
-        for i in range(3):
-            P[layout.motion + i, layout.motion + i] = envelope.start_rate**2
-            P[layout.motion + 3 + i, layout.motion + 3 + i] = envelope.start_acceleration**2
     return P

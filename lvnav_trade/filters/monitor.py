@@ -11,15 +11,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lvnav_trade.filters.ekf import channel_of
-from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import aligned_zeros, like, magnitude, size, view, where
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import like, magnitude, where, zeros_of
 from lvnav_trade.kernels.transition import POS, VEL
-from lvnav_trade.records import AIDING, CONVERGING, PREDICTING, STOPPED, WAITING
-
-Floats = NDArray[np.float64]
+from lvnav_trade.records import AIDING, CONVERGING, PREDICTING, STOPPED, WAITING, Bools, Floats
 
 (NONE, GOOD_SAMPLES, CONVERGED, DATA_LOST, DATA_AGAIN, LOSS_PERSISTS, RESIDUAL_PERSISTS, COVARIANCE_PERSISTS) = range(8)
 """Why what it does changes, by number; in words: records.REASONS."""
@@ -41,7 +38,7 @@ class Rules(NamedTuple):
     """
 
     interval: float
-    good: NDArray[np.bool_]
+    good: Bools
     limits: Floats
     spread: Floats
     start_after: float
@@ -67,32 +64,13 @@ class Watch(NamedTuple):
     reason: Floats
 
 
-def watch_shapes(n_epoch: int, n_receiver: int, n_row: int) -> dict[str, tuple[int, ...]]:
-    """Return the shape of every array of a Watch for one run."""
-    return {
+def new_watch(n_epoch: int, n_receiver: int = 6, n_row: int = 6, lanes: int = 0) -> Watch:
+    """Return the arrays of a watch: one run, or `lanes` runs on the last axis."""
+    shapes = {
         "state": (N_WATCH,), "before": (max(1, n_receiver),), "predicted": (n_row,), "sample": (2,),
         "mode": (n_epoch,), "reason": (n_epoch,),
     }  # fmt: skip
-
-
-def new_watch(n_epoch: int, n_receiver: int = 6, n_row: int = 6, lanes: int = 0) -> Watch:
-    """Return the arrays of a watch: one run, or `lanes` runs on the last axis."""
-    end = (lanes,) if lanes else ()
-    shapes = watch_shapes(n_epoch, n_receiver, n_row)
-    return Watch(**{name: aligned_zeros(shape + end) for name, shape in shapes.items()})
-
-
-@jit
-def _as_lanes(w):
-    return Watch(view(w.state), view(w.before), view(w.predicted), view(w.sample), view(w.mode), view(w.reason))
-
-
-@jit
-def lanes_of_watch(watch):
-    """Return lane views of a watch's arrays, or None where there is none."""
-    if watch is None:
-        return None
-    return _as_lanes(watch)
+    return Watch(**zeros_of(shapes, lanes))
 
 
 @jit
@@ -101,7 +79,7 @@ def begin_watch(watch):
     if watch is not None:
         for i in range(N_WATCH):
             watch.state[i] = like(watch.before[0], 0.0)
-        for i in range(size(watch.before, 0)):
+        for i in range(watch.before.shape[0]):
             watch.before[i] = like(watch.before[0], np.nan)
 
 
@@ -216,11 +194,3 @@ def update_mode(watch, rules, epoch, P):
     state[MODE] = mode
     watch.mode[epoch] = mode
     watch.reason[epoch] = where(mode == before, 0.0, reason)
-
-
-@inlined
-def gate_of(watch, gate_squared):
-    """Return the gate on the rows of this epoch's sample: the filter's own where it is used, else one that nothing
-    passes.
-    """
-    return where(watch.sample[0] > 0.0, gate_squared, -1.0)

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from lvnav_trade.filters.ekf import correct_motion, correct_parameters
+from lvnav_trade.filters.ekf import correct_parameters, correct_receiver
 from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import aligned_zeros, like, view
+from lvnav_trade.kernels.lanes import like, zeros_of
 from lvnav_trade.kernels.strapdown import mechanise
+from lvnav_trade.kernels.transition import correct_motion
 from lvnav_trade.kernels.vehicle import N_SAMPLE, advance, advance_vector, fill_samples, mirror, update_samples
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from lvnav_trade.records import Floats, Ints
 
 
 class VehicleModel(NamedTuple):
@@ -53,25 +49,11 @@ class Motion(NamedTuple):
 
 def new_motion(n_state: int, n_entry: int, lanes: int = 0) -> Motion:
     """Return the arrays of a run's samples: one run, or `lanes` runs on the last axis."""
-    end = (lanes,) if lanes else ()
-    shapes = ((3,), (3,), (6,), (6,), (6,), (6,), (6, n_state), (9, n_state), (6, max(1, n_entry)))
-    return Motion(*(aligned_zeros((*shape, *end)) for shape in shapes))
-
-
-@jit
-def _as_lanes(w):
-    return Motion(
-        view(w.rate), view(w.force), view(w.sample), view(w.z), view(w.weight), view(w.residual), view(w.K),
-        view(w.moved), view(w.h),
-    )  # fmt: skip
-
-
-@jit
-def lanes_of_motion(motion):
-    """Return lane views of a run's arrays, or None where there are none."""
-    if motion is None:
-        return None
-    return _as_lanes(motion)
+    shapes = {
+        "rate": (3,), "force": (3,), "sample": (6,), "z": (6,), "weight": (6,), "residual": (6,), "K": (6, n_state),
+        "moved": (9, n_state), "h": (6, max(1, n_entry)),
+    }  # fmt: skip
+    return Motion(**zeros_of(shapes, lanes))
 
 
 @jit
@@ -93,42 +75,28 @@ def last_sample(work, samples, n_tick, dt):
 
 
 @jit
-def _feed_back(work, model, vehicle):
-    """Add the error state to the estimated motion and to the parameters of the IMU, and set these states to zero."""
-    x, motion = work.x, work.motion
-    correct_parameters(work, model)
-    for b in range(model.par_offset.shape[0]):
-        for i in range(3):
-            x[model.par_offset[b] + i] = like(x[0], 0.0)
-    for i in range(3):
-        motion.rate[i] = motion.rate[i] + x[vehicle.motion + i]
-        motion.force[i] = motion.force[i] + x[vehicle.motion + 3 + i]
-        x[vehicle.motion + i], x[vehicle.motion + 3 + i] = like(x[0], 0.0), like(x[0], 0.0)
-
-
-@jit
 def correct_vehicle(work, model, vehicle):
-    """Feed back what an epoch's measurements say of the motion and of the IMU's parameters, open loop or closed."""
+    """Feed back the errors of the estimated motion and of the IMU's parameters, open loop or closed."""
     if vehicle is not None:
-        _feed_back(work, model, vehicle)
+        correct_parameters(work, model)
+        for b in range(model.par_offset.shape[0]):
+            for i in range(3):
+                work.x[model.par_offset[b] + i] = like(work.x[0], 0.0)
+        for i in range(6):
+            to, at = work.motion.rate if i < 3 else work.motion.force, vehicle.motion + i
+            to[i % 3] = to[i % 3] + work.x[at]
+            work.x[at] = like(work.x[0], 0.0)
 
 
 @inlined
 def _correct_tick(work, open_loop, model, vehicle):
     """Add the error state to the estimates after a tick; an open loop leaves attitude, velocity and position alone."""
-    x = work.x
+    correct_vehicle(work, model, vehicle)
     if open_loop is None:
-        correct_motion(work.nav, x)
-        for i in range(9):
-            x[i] = like(x[i], 0.0)
-        if model.clock >= 0:
-            for i in range(2):
-                work.clock_hat[i] = work.clock_hat[i] + x[model.clock + i]
-                x[model.clock + i] = like(x[0], 0.0)
-        for e in range(model.extra_offset.shape[0]):
-            work.extra[e] = work.extra[e] + x[model.extra_offset[e]]
-            x[model.extra_offset[e]] = like(x[0], 0.0)
-    _feed_back(work, model, vehicle)
+        correct_motion(work.nav, work.x)
+        correct_receiver(work, model)
+        for i in range(model.n_state):
+            work.x[i] = like(work.x[0], 0.0)
 
 
 @inlined

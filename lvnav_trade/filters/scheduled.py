@@ -9,12 +9,11 @@ from itertools import pairwise
 from typing import Literal, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from lvnav_trade.records import Bools, Floats
 from lvnav_trade.units import Card
 
-Floats = NDArray[np.float64]
 ROWS = ("position x", "position y", "position z", "velocity x", "velocity y", "velocity z")
 """The measurements that gains are for unless the schedule names others, in the order of their updates, frame i."""
 
@@ -82,7 +81,7 @@ class Gains(NamedTuple):
     """
 
     gain: Floats
-    stored: NDArray[np.bool_]
+    stored: Bools
 
 
 def digest_of(states: Sequence[str], segments: Sequence[GainSegment], measurements: Sequence[str] = ROWS) -> str:
@@ -117,10 +116,9 @@ def _between(segment: GainSegment, since: Floats) -> Floats:
     """Return the gains (n, n_measurement, n_state) at seconds after a segment's event, linear between its knots."""
     times = np.array([knot.since for knot in segment.knots])
     gains = np.array([knot.gain for knot in segment.knots])
-    after = np.clip(np.searchsorted(times, since, side="right"), 1, max(1, len(times) - 1))
-    before = np.minimum(after, len(times) - 1) if len(times) == 1 else after
-    before = np.maximum(before - 1, 0)
-    after = np.minimum(after, len(times) - 1)
+    last = len(times) - 1
+    after = np.clip(np.searchsorted(times, since, side="right"), min(1, last), last)
+    before = np.maximum(after - 1, 0)
     span = np.where(after > before, times[after] - times[before], 1.0)
     share = np.clip((since - times[before]) / span, 0.0, 1.0)[:, None, None]
     return np.asarray(gains[before] + share * (gains[after] - gains[before]))
@@ -159,13 +157,12 @@ def schedule_of(
     gains: Floats,
     events: Mapping[str, float],
     tolerance: float = 0.02,
-    digits: int = 4,
     measurements: Sequence[str] = ROWS,
 ) -> GainSchedule:
     """Return the schedule of gains (n, n_measurement, n_state) that a filter had at times t (n,) s of a flight with
     these events.
 
-    Between knots the gains are linear to `tolerance` of their largest size in the segment; they are rounded to so many
+    Between knots the gains are linear to `tolerance` of their largest size in the segment; they are rounded to four
     digits. Gains below `NEGLIGIBLE` of their largest size on the flight are zero.
     """
     negligible = NEGLIGIBLE * np.abs(gains).max(axis=0)
@@ -182,7 +179,7 @@ def schedule_of(
             continue
         since = t[chosen] - (0.0 if by == "time" else start)
         knots = [
-            GainKnot(since=round(float(since[i]), 6), gain=_rounded(gains[chosen[i]], digits))
+            GainKnot(since=round(float(since[i]), 6), gain=_rounded(gains[chosen[i]]))
             for i in thin(since, gains[chosen], tolerance, negligible)
         ]
         segments.append(GainSegment(event=event, knots=tuple(knots)))
@@ -193,5 +190,5 @@ def schedule_of(
     )  # fmt: skip
 
 
-def _rounded(gain: Floats, digits: int) -> tuple[Column, ...]:
-    return tuple(tuple(float(f"{value:.{digits - 1}e}") for value in row) for row in gain)
+def _rounded(gain: Floats) -> tuple[Column, ...]:
+    return tuple(tuple(float(f"{value:.3e}") for value in row) for row in gain)

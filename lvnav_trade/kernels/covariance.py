@@ -2,12 +2,22 @@
 
 The first nine states are attitude, velocity, position; parameters follow, and a clock (bias, drift) where there is one.
 Only the first nine rows of Phi - I hold blocks; parameters decay. The covariance is kept whole, and written symmetric.
+
+Linear covariance follows the joint vector of true error parameters c and navigation error e (truth minus estimate).
+Error sources are independent, so each carries its own covariance of e, and the cross-covariance of e with c is one
+column per parameter component, owned by that component's source:
+
+    c+ = f c + w,   e+ = Phi e + b c + g w,   update: e+ = (I - k h) e - k v
+
+Everything is linear in the sources once the gains are fixed, so the true covariance is the sum over them, exactly.
 """
 
 from __future__ import annotations
 
+import numpy as np
+
 from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import like, size, sqrt, where
+from lvnav_trade.kernels.lanes import like, sqrt, where
 from lvnav_trade.kernels.transition import POS, VEL
 
 N_NAV_ERROR = 9
@@ -38,35 +48,26 @@ def _add_to_columns(P, r, c, block, n):
 
 
 @jit
-def _move_rows(P, seconds, n):
-    """Let position move on with velocity for some seconds: rows."""
-    for i in range(3):
-        for j in range(n):
-            P[POS + i, j] = P[POS + i, j] + seconds * P[VEL + i, j]
-
-
-@jit
-def _move_columns(P, seconds, n):
-    """Let position move on with velocity for some seconds: columns."""
-    for i in range(n):
-        for j in range(3):
-            P[i, POS + j] = P[i, POS + j] + seconds * P[i, VEL + j]
-
-
-@jit
 def _advance(P, blocks, rows, columns, n):
     """P <- Phi P Phi' without the parameters' decay: every block acts on rows, then on columns; then symmetric.
 
-    Below the ninth row nothing but what mirrors the first nine changes.
+    Below the ninth row nothing but what mirrors the first nine changes. Position moves on with velocity for some
+    seconds, the same on all axes.
     """
     for b in range(rows.shape[0]):
         if rows[b] == POS and columns[b] == VEL:
-            _move_rows(P, blocks[b][0], n)
+            seconds = blocks[b][0]
+            for i in range(3):
+                for j in range(n):
+                    P[POS + i, j] = P[POS + i, j] + seconds * P[VEL + i, j]
         else:
             _add_to_rows(P, rows[b], columns[b], blocks[b], n)
     for b in range(rows.shape[0]):
         if rows[b] == POS and columns[b] == VEL:
-            _move_columns(P, blocks[b][0], N_NAV_ERROR)
+            seconds = blocks[b][0]
+            for i in range(N_NAV_ERROR):
+                for j in range(3):
+                    P[i, POS + j] = P[i, POS + j] + seconds * P[i, VEL + j]
         else:
             _add_to_columns(P, rows[b], columns[b], blocks[b], N_NAV_ERROR)
     for i in range(N_NAV_ERROR):
@@ -108,7 +109,7 @@ def predict(P, blocks, rows, columns, decay, noise, clock, seconds):
     decay, noise : (n,) decay factor and noise variance of each state over the window
     clock : index of the clock bias, -1 for none; seconds : length of the window
     """
-    n = size(P, 0)
+    n = P.shape[0]
     for i in range(n):
         P[i, i] = P[i, i] + 0.5 * noise[i]
     _advance(P, blocks, rows, columns, n)
@@ -155,7 +156,7 @@ def update_scalar(P, x, K, h, entries, columns, innovation, variance, gate_squar
     -------
     normalised innovation (before the gate), weight (1 / innovation variance, 0 where rejected)
     """
-    n = size(P, 0)
+    n = P.shape[0]
     s, residual = _met(P, x, K, h, entries, columns, innovation, variance, n)
     accepted = residual * residual <= gate_squared * s
     inverse = 1.0 / s
@@ -164,7 +165,7 @@ def update_scalar(P, x, K, h, entries, columns, innovation, variance, gate_squar
     for i in range(n_estimated):
         x[i] = x[i] + K[i] * step
     if joseph:
-        _joseph(P, K, s, weight, n_estimated, n)
+        _joseph(P, K, K, weight, s, n_estimated, n)
     else:
         for i in range(n_estimated):
             gain = K[i] * weight
@@ -182,32 +183,24 @@ def update_with_gain(P, x, K, h, entries, columns, gain, innovation, variance, g
     The covariance is propagated in Joseph's form: it is what the filter's model says of that gain, and decides
     nothing but the gate.
     """
-    n = size(P, 0)
+    n = P.shape[0]
     s, residual = _met(P, x, K, h, entries, columns, innovation, variance, n)
     accepted = residual * residual <= gate_squared * s
-    taken = where(accepted, 1.0, 0.0)
     step = where(accepted, residual, 0.0)
     for i in range(n_estimated):
         x[i] = x[i] + gain[i] * step
-    for i in range(n_estimated):
-        g = gain[i] * taken
-        for j in range(i, n):
-            value = P[i, j] - g * K[j]
-            if j < n_estimated:
-                value = value - K[i] * (gain[j] * taken) + g * s * gain[j]
-            P[i, j] = value
-            P[j, i] = value
+    _joseph(P, K, gain, where(accepted, 1.0, 0.0), s, n_estimated, n)
     inverse = 1.0 / s
     return residual * sqrt(inverse), where(accepted, inverse, 0.0)
 
 
 @jit
-def _joseph(P, K, s, weight, n_estimated, n):
-    """P <- (I - g h) P (I - g h)' + g R g' with gain g = K weight on the estimated states, by elements."""
+def _joseph(P, K, gain, weight, s, n_estimated, n):
+    """P <- (I - g h) P (I - g h)' + g R g' with g = gain * weight on the estimated states, by elements."""
     for i in range(n_estimated):
-        gain_i = K[i] * weight
+        gain_i = gain[i] * weight
         for j in range(i, n):
-            gain_j = K[j] * weight
+            gain_j = gain[j] * weight
             value = P[i, j] - gain_i * K[j]
             if j < n_estimated:
                 value = value - K[i] * gain_j + gain_i * s * gain_j
@@ -236,3 +229,100 @@ def normalised_square(P, X, y, x, n):
         X[i, i], y[i] = pivot, residual
         total = total + residual * residual / pivot
     return total
+
+
+@jit
+def apply_phi(y, blocks, rows, columns, decay, clock, seconds):
+    """Replace the vector y (n,) by Phi y. Of one run, or lane views of eight."""
+    n = y.shape[0]
+    for b in range(rows.shape[0]):
+        r, c, block = rows[b], columns[b], blocks[b]
+        y0, y1, y2 = y[c], y[c + 1], y[c + 2]
+        for i in range(3):
+            y[r + i] = y[r + i] + (block[3 * i] * y0 + block[3 * i + 1] * y1 + block[3 * i + 2] * y2)
+    for i in range(N_NAV_ERROR, n):
+        y[i] = y[i] * decay[i]
+    if clock >= 0:
+        y[clock] = y[clock] + seconds * y[clock + 1]
+
+
+@jit
+def apply_phi_transposed(y, blocks, rows, columns, decay, clock, seconds):
+    """Replace the vector y (n,) by Phi' y: what `apply_phi` does, backwards."""
+    if clock >= 0:
+        y[clock + 1] += seconds * y[clock]
+    for i in range(N_NAV_ERROR, y.shape[0]):
+        y[i] = y[i] * decay[i]
+    for b in range(rows.shape[0] - 1, -1, -1):
+        r, c = rows[b], columns[b]
+        y0, y1, y2 = y[r], y[r + 1], y[r + 2]
+        for i in range(3):
+            y[c + i] += blocks[b, i] * y0 + blocks[b, 3 + i] * y1 + blocks[b, 6 + i] * y2
+
+
+@jit
+def update_vector(y, gain, h, entries, columns):
+    """Y <- (I - k h) y; return h y before the update. One vector, or lanes."""
+    projected = like(y[0], 0.0)
+    for c in range(columns.shape[0]):
+        projected = projected + h[entries[c]] * y[columns[c]]
+    for i in range(y.shape[0]):
+        y[i] = y[i] - gain[i] * projected
+    return projected
+
+
+@jit
+def update_covariance(P, work, gain, h, entries, columns, variance):
+    """P <- (I - k h) P (I - k h)' + k variance k', Joseph's form for any gain; return h P h' before the update.
+
+    Of one run, or lane views of eight.
+    """
+    n = P.shape[0]
+    spread = like(P[0, 0], 0.0)
+    for i in range(n):
+        value = like(P[0, 0], 0.0)
+        for c in range(columns.shape[0]):
+            value += P[i, columns[c]] * h[entries[c]]
+        work[i] = value
+    for c in range(columns.shape[0]):
+        spread += h[entries[c]] * work[columns[c]]
+    total = spread + variance
+    for i in range(n):
+        for j in range(i, n):
+            value = P[i, j] - gain[i] * work[j] - work[i] * gain[j] + gain[i] * total * gain[j]
+            P[i, j] = value
+            P[j, i] = value
+    return spread
+
+
+@jit
+def whiten(R, z, H, n, n_entry):
+    """Turn n rows z = H x + v, Cov v = R, into n rows whose errors are independent with variance one.
+
+    With R = L L': z <- L^-1 z, H <- L^-1 H, in place. Row i becomes a mixture of rows 0 to i, so it needs the entries
+    of all of them. Processed one after another with variance one they are the joint update with R. A row whose R is not
+    positive, or that is not measured, becomes not-a-number, and the rows after it that depend on it too.
+
+    Parameters
+    ----------
+    R : (n, n) symmetric; L is left in its lower triangle
+    z : (n,) measured minus predicted; H : (n, n_entry) rows; both updated
+    """
+    for i in range(n):
+        pivot = R[i, i]
+        for k in range(i):
+            pivot = pivot - R[i, k] * R[i, k]
+            z[i] = z[i] - R[i, k] * z[k]
+            for e in range(n_entry):
+                H[i, e] = H[i, e] - R[i, k] * H[k, e]
+        root = sqrt(where(pivot > 0.0, pivot, np.nan))
+        scale = 1.0 / root
+        R[i, i] = root
+        z[i] = z[i] * scale
+        for e in range(n_entry):
+            H[i, e] = H[i, e] * scale
+        for j in range(i + 1, n):
+            value = R[j, i]
+            for k in range(i):
+                value = value - R[j, k] * R[i, k]
+            R[j, i] = value * scale

@@ -75,11 +75,12 @@ class Library(JITCodeLibrary):  # type: ignore[misc]  # numba tells no types
     is_entry = False
 
     @property
-    def _is_part(self) -> bool:
+    def is_part(self) -> bool:
+        """Whether only kernels call it."""
         return _PART in self.name
 
     def _optimize_final_module(self) -> None:
-        if not self._is_part:
+        if not self.is_part:
             super()._optimize_final_module()
             return
         light = {"loop_vectorize": False, "slp_vectorize": False, "opt": 0, "cost": "cheap"}  # numba's own first step
@@ -88,14 +89,14 @@ class Library(JITCodeLibrary):  # type: ignore[misc]  # numba tells no types
         passes.run(self._final_module, *builder)
 
     def _finalize_final_module(self) -> None:
-        if self._is_part:
+        if self.is_part:
             self._finalize_dynamic_globals()
             self._finalized = True
         else:
             super()._finalize_final_module()
 
     def _get_compiled_object(self) -> Any:
-        return b"" if self._is_part else super()._get_compiled_object()
+        return b"" if self.is_part else super()._get_compiled_object()
 
     def serialize_using_object_code(self) -> Any:
         """Return what the cache keeps: name, kind, content."""
@@ -139,23 +140,12 @@ class _Kept(CompileResultCacheImpl):  # type: ignore[misc]
     """What the cache keeps of a function: not the listing of its types, a fifth of the folder that nobody reads."""
 
     def reduce(self, cres: Any) -> Any:
+        cres.library.is_entry = not cres.library.is_part
         return cres._replace(type_annotation="")._reduce()
-
-
-class _EntryKept(_Kept):
-    """What the cache keeps of an entry."""
-
-    def reduce(self, cres: Any) -> Any:
-        cres.library.is_entry = True
-        return super().reduce(cres)
 
 
 class _Cache(FunctionCache):  # type: ignore[misc]
     _impl_class = _Kept
-
-
-class _EntryCache(FunctionCache):  # type: ignore[misc]
-    _impl_class = _EntryKept
 
 
 class Kernel(CPUDispatcher):  # type: ignore[misc]  # numba tells no types
@@ -184,7 +174,7 @@ def _compiled(function: Callable[..., Any], **how: Any) -> Callable[..., Any]:
     kernel = numba.njit(**how)(function)
     kernel.__class__ = Kernel
     kernel.inner = numba.njit(**how, no_cpython_wrapper=True, no_cfunc_wrapper=True)(twin)
-    kernel._cache, kernel.inner._cache = _EntryCache(function), _Cache(twin)
+    kernel._cache, kernel.inner._cache = _Cache(function), _Cache(twin)
     return kernel
 
 

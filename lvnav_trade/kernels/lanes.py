@@ -13,31 +13,18 @@ from __future__ import annotations
 
 import math
 import operator
+from collections.abc import Mapping
 
 import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
-from numba.extending import intrinsic, overload
+from numba.extending import intrinsic, overload, overload_attribute
 
-from lvnav_trade.kernels.vector import (
-    DOUBLES,
-    FLAGS,
-    WIDTH,
-    WORDS,
-    LaneView,
-    Mask8,
-    U64x8,
-    f64x8,
-    is_lane,
-    is_number,
-    mask8,
-    splat,
-    splat_word,
-    u64x8,
-)
+from lvnav_trade.kernels.vector import WIDTH, Lane, LaneView, as_vector, f64x8, mask8, u64x8
 
 LINE = 64  # bytes of a cache line
+sqrt, magnitude = math.sqrt, abs
 
 # ---------------------------------------------------------------------------------------------- views
 
@@ -52,123 +39,123 @@ def aligned_zeros(shape: tuple[int, ...], dtype: type = np.float64) -> np.ndarra
     return room[start : start + size].view(dtype).reshape(shape)
 
 
-@intrinsic
-def _make_view(typingctx, array):
-    item = f64x8 if array.dtype == types.float64 else u64x8
-    lane_view = LaneView(item, array.ndim - 1)
+def zeros_of(shapes: Mapping[str, tuple[int, ...]], lanes: int = 0) -> dict[str, np.ndarray]:
+    """Return arrays of these shapes by name: of one run, or of `lanes` runs on a last axis."""
+    end = (lanes,) if lanes else ()
+    return {name: aligned_zeros((*shape, *end)) for name, shape in shapes.items()}
 
-    def codegen(context, builder, sig, args):
-        source = context.make_array(array)(context, builder, args[0])
-        target = cgutils.create_struct_proxy(lane_view)(context, builder)
+
+def _view_type(kind):
+    """Return the numba type of the view of an array, of a record, or of what is left as it is."""
+    if isinstance(kind, types.Array):
+        return LaneView(f64x8 if kind.dtype == types.float64 else u64x8, kind.ndim - 1)
+    if isinstance(kind, types.BaseNamedTuple):
+        return types.BaseTuple.from_types([_view_type(part) for part in kind.types], kind.instance_class)
+    return kind
+
+
+def _has_view(kind):
+    if isinstance(kind, types.BaseNamedTuple):
+        return all(_has_view(part) for part in kind.types)
+    viewed = isinstance(kind, types.Array) and kind.layout == "C" and kind.dtype in (types.float64, types.uint64)
+    return viewed or kind == types.none
+
+
+def _emit_view(context, builder, kind, value):
+    if isinstance(kind, types.Array):
+        source, target = context.make_array(kind)(context, builder, value), _proxy(context, builder, _view_type(kind))
         target.data = source.data
-        shape = cgutils.unpack_tuple(builder, source.shape)
-        for axis in range(lane_view.ndim):
-            setattr(target, f"n{axis}", shape[axis])
+        target.shape = cgutils.pack_array(builder, cgutils.unpack_tuple(builder, source.shape)[:-1])
         return target._getvalue()
+    if isinstance(kind, types.BaseNamedTuple):
+        values = zip(kind.types, cgutils.unpack_tuple(builder, value, len(kind.types)), strict=True)
+        return context.make_tuple(builder, _view_type(kind), [_emit_view(context, builder, *pair) for pair in values])
+    return value
 
-    return lane_view(array), codegen
+
+@intrinsic
+def _make_view(typingctx, source):
+    def codegen(context, builder, sig, args):
+        return _emit_view(context, builder, source, args[0])
+
+    return _view_type(source)(source), codegen
 
 
-def view(array):
-    """Return the lane view of a C-contiguous array (..., 8), best of `aligned_zeros`; the caller keeps it alive."""
+def view(source):
+    """Return the lane view of a C-contiguous array (..., 8), best of `aligned_zeros`; the caller keeps it alive. Of a
+    record (NamedTuple) return the record of the views of its fields; a None in it remains.
+    """
     raise NotImplementedError("lanes exist in compiled code only")
 
 
 @overload(view)
-def _view(array):
-    if isinstance(array, types.Array) and array.layout == "C" and array.dtype in (types.float64, types.uint64):
-        return lambda array: _make_view(array)
-    return None
+def _view(source):
+    return (lambda source: _make_view(source)) if _has_view(source) else None
 
 
-def _offset(builder, proxy, indices):
-    """Return the element offset of the lanes at `indices` (fewer than all: the start of a sub-view)."""
-    width = ir.Constant(ir.IntType(64), WIDTH)
-    total = None
-    for axis in range(proxy._fe_type.ndim):
-        index = indices[axis] if axis < len(indices) else ir.Constant(ir.IntType(64), 0)
-        total = index if axis == 0 else builder.add(builder.mul(total, getattr(proxy, f"n{axis}")), index)
-    return builder.mul(total, width)
+def _proxy(context, builder, lane_view, value=None):
+    return cgutils.create_struct_proxy(lane_view)(context, builder, value=value)
 
 
-def _indices(context, builder, proxy, kind, value):
-    """Return the indices as integers; with NUMBA_BOUNDSCHECK=1 one outside the view raises IndexError."""
+def _find(context, builder, lane_view, value, kind, index):
+    """Return a view's pointer to the lanes at an index, and the shape behind it (empty if the index is complete).
+
+    With NUMBA_BOUNDSCHECK=1 an index outside the view raises IndexError.
+    """
+    proxy = _proxy(context, builder, lane_view, value)
+    shape = cgutils.unpack_tuple(builder, proxy.shape)
+    pairs = [(index, kind)]
     if isinstance(kind, types.BaseTuple):
-        parts = cgutils.unpack_tuple(builder, value)
-        found = [context.cast(builder, p, k, types.intp) for p, k in zip(parts, kind.types, strict=True)]
-    else:
-        found = [context.cast(builder, value, kind, types.intp)]
+        pairs = list(zip(cgutils.unpack_tuple(builder, index), kind.types, strict=True))
+    indices = [context.cast(builder, part, of, types.intp) for part, of in pairs]
     if context.enable_boundscheck:
-        for axis, index in enumerate(found):
-            cgutils.do_boundscheck(context, builder, index, getattr(proxy, f"n{axis}"), axis)
-    return found
-
-
-def _lane_pointer(context, builder, lane_view, view_value, index_kind, index_value):
-    proxy = cgutils.create_struct_proxy(lane_view)(context, builder, value=view_value)
-    offset = _offset(builder, proxy, _indices(context, builder, proxy, index_kind, index_value))
-    vector = DOUBLES if lane_view.item is f64x8 else WORDS
-    return builder.bitcast(builder.gep(proxy.data, [offset]), vector.as_pointer())
-
-
-@intrinsic
-def _load(typingctx, lane_view, index):
-    def codegen(context, builder, sig, args):
-        value = builder.load(_lane_pointer(context, builder, sig.args[0], args[0], sig.args[1], args[1]))
-        value.align = 8
-        return value
-
-    return lane_view.item(lane_view, index), codegen
-
-
-@intrinsic
-def _store(typingctx, lane_view, index, value):
-    def codegen(context, builder, sig, args):
-        pointer = _lane_pointer(context, builder, sig.args[0], args[0], sig.args[1], args[1])
-        builder.store(args[2], pointer).align = 8
-        return context.get_dummy_value()
-
-    return types.void(lane_view, index, value), codegen
-
-
-@intrinsic
-def _sub_view(typingctx, lane_view, index):
-    smaller = LaneView(lane_view.item, lane_view.ndim - 1)
-
-    def codegen(context, builder, sig, args):
-        proxy = cgutils.create_struct_proxy(lane_view)(context, builder, value=args[0])
-        offset = _offset(builder, proxy, _indices(context, builder, proxy, sig.args[1], args[1]))
-        target = cgutils.create_struct_proxy(smaller)(context, builder)
-        target.data = builder.gep(proxy.data, [offset])
-        for axis in range(smaller.ndim):
-            setattr(target, f"n{axis}", getattr(proxy, f"n{axis + 1}"))
-        return target._getvalue()
-
-    return smaller(lane_view, index), codegen
-
-
-@intrinsic
-def _view_shape(typingctx, lane_view):
-    def codegen(context, builder, sig, args):
-        proxy = cgutils.create_struct_proxy(lane_view)(context, builder, value=args[0])
-        sizes = [getattr(proxy, f"n{axis}") for axis in range(lane_view.ndim)]
-        return context.make_tuple(builder, sig.return_type, sizes)
-
-    return types.UniTuple(types.intp, lane_view.ndim)(lane_view), codegen
+        for axis, part in enumerate(indices):
+            cgutils.do_boundscheck(context, builder, part, shape[axis], axis)
+    zero, width = (ir.Constant(ir.IntType(64), number) for number in (0, WIDTH))
+    offset = indices[0]
+    for axis in range(1, len(shape)):
+        part = indices[axis] if axis < len(indices) else zero
+        offset = builder.add(builder.mul(offset, shape[axis]), part)
+    return builder.gep(proxy.data, [builder.mul(offset, width)]), shape[len(indices) :]
 
 
 def _index_count(index):
     return len(index.types) if isinstance(index, types.BaseTuple) else 1
 
 
+@intrinsic
+def _get(typingctx, lane_view, index):
+    ndim = lane_view.ndim - _index_count(index)
+    found = LaneView(lane_view.item, ndim) if ndim else lane_view.item
+
+    def codegen(context, builder, sig, args):
+        data, shape = _find(context, builder, lane_view, args[0], index, args[1])
+        if ndim:
+            target = _proxy(context, builder, found)
+            target.data, target.shape = data, cgutils.pack_array(builder, shape)
+            return target._getvalue()
+        value = builder.load(builder.bitcast(data, context.get_value_type(found).as_pointer()))
+        value.align = 8
+        return value
+
+    return found(lane_view, index), codegen
+
+
+@intrinsic
+def _set(typingctx, lane_view, index, value):
+    def codegen(context, builder, sig, args):
+        data, _ = _find(context, builder, lane_view, args[0], index, args[1])
+        vector = as_vector(context, builder, value, args[2], lane_view.item)
+        builder.store(vector, builder.bitcast(data, vector.type.as_pointer())).align = 8
+        return context.get_dummy_value()
+
+    return types.void(lane_view, index, value), codegen
+
+
 @overload(operator.getitem)
 def _getitem(v, index):
-    if not isinstance(v, LaneView):
-        return None
-    if _index_count(index) == v.ndim:
-        return lambda v, index: _load(v, index)
-    if _index_count(index) == 1:
-        return lambda v, index: _sub_view(v, index)
+    if isinstance(v, LaneView) and _index_count(index) <= v.ndim:
+        return lambda v, index: _get(v, index)
     return None
 
 
@@ -176,34 +163,35 @@ def _getitem(v, index):
 def _setitem(v, index, value):
     if not isinstance(v, LaneView) or _index_count(index) != v.ndim:
         return None
-    if value is v.item:
-        return lambda v, index, value: _store(v, index, value)
-    if v.item is f64x8 and is_number(value):
-        return lambda v, index, value: _store(v, index, splat(float(value)))
+    if value == v.item or isinstance(value, v.item.numbers):
+        return lambda v, index, value: _set(v, index, value)
     return None
 
 
-def size(array, axis):
-    """Return the length of an axis of an array or view."""
-    return array.shape[axis]
+@intrinsic
+def _view_shape(typingctx, lane_view):
+    def codegen(context, builder, sig, args):
+        return _proxy(context, builder, lane_view, args[0]).shape
+
+    return types.UniTuple(types.intp, lane_view.ndim)(lane_view), codegen
 
 
-@overload(size)
-def _size(array, axis):
-    if isinstance(array, LaneView):
-        return lambda array, axis: _view_shape(array)[axis]
-    return lambda array, axis: array.shape[axis]
+@overload_attribute(LaneView, "shape")
+def _shape(v):
+    return lambda v: _view_shape(v)
 
 
 # ------------------------------------------------------------------------------------- named functions
 
 
 @intrinsic
-def _select(typingctx, mask, a, b):
-    def codegen(context, builder, sig, args):
-        return builder.select(*args)
+def _select(typingctx, condition, a, b):
+    lane = next((kind for kind in (a, b) if isinstance(kind, Lane)), f64x8)
 
-    return a(mask8, a, b), codegen
+    def codegen(context, builder, sig, args):
+        return builder.select(args[0], *(as_vector(context, builder, sig.args[k], args[k], lane) for k in (1, 2)))
+
+    return lane(condition, a, b), codegen
 
 
 def where(condition, a, b):
@@ -213,86 +201,23 @@ def where(condition, a, b):
 
 @overload(where)
 def _where(condition, a, b):
-    if isinstance(condition, Mask8):
-        if is_lane(a) and is_number(b):
-            return lambda condition, a, b: _select(condition, a, splat(float(b)))
-        if is_number(a) and is_lane(b):
-            return lambda condition, a, b: _select(condition, splat(float(a)), b)
-        if is_number(a) and is_number(b):
-            return lambda condition, a, b: _select(condition, splat(float(a)), splat(float(b)))
+    if condition == mask8:
         return lambda condition, a, b: _select(condition, a, b)
     return lambda condition, a, b: a if condition else b
 
 
-def _vector_intrinsic(name):
+def _number_like(lane):
     @intrinsic
-    def call(typingctx, a):
+    def eight_times(typingctx, number):
         def codegen(context, builder, sig, args):
-            signature = ir.FunctionType(DOUBLES, [DOUBLES])
-            function = cgutils.get_or_insert_function(builder.module, signature, f"{name}.v{WIDTH}f64")
-            return builder.call(function, [args[0]])
+            return as_vector(context, builder, number, args[0], lane)
 
-        return f64x8(f64x8), codegen
+        return lane(number), codegen
 
-    return call
+    return eight_times
 
 
-_vector_sqrt, _vector_abs = _vector_intrinsic("llvm.sqrt"), _vector_intrinsic("llvm.fabs")
-
-
-def sqrt(x):
-    """Return the square root."""
-    return math.sqrt(x)
-
-
-@overload(sqrt)
-def _sqrt(x):
-    if is_lane(x):
-        return lambda x: _vector_sqrt(x)
-    return lambda x: math.sqrt(x)
-
-
-def magnitude(x):
-    """Return the absolute value."""
-    return abs(x)
-
-
-@overload(magnitude)
-def _magnitude(x):
-    if is_lane(x):
-        return lambda x: _vector_abs(x)
-    return lambda x: abs(x)
-
-
-def _reduction(function, name):
-    @intrinsic
-    def reduce(typingctx, mask):
-        def codegen(context, builder, sig, args):
-            signature = ir.FunctionType(ir.IntType(1), [FLAGS])
-            reducer = cgutils.get_or_insert_function(builder.module, signature, f"{name}.v{WIDTH}i1")
-            return builder.call(reducer, [args[0]])
-
-        return types.boolean(mask8), codegen
-
-    @overload(function)
-    def dispatch(mask):
-        if isinstance(mask, Mask8):
-            return lambda mask: reduce(mask)
-        return lambda mask: mask
-
-
-def any_of(mask):
-    """Say whether the condition holds in any of the runs."""
-    return mask
-
-
-def all_of(mask):
-    """Say whether the condition holds in all runs."""
-    return mask
-
-
-_reduction(any_of, "llvm.vector.reduce.or")
-_reduction(all_of, "llvm.vector.reduce.and")
+_eight_floats, _eight_words = _number_like(f64x8), _number_like(u64x8)
 
 
 def like(x, number):
@@ -302,8 +227,8 @@ def like(x, number):
 
 @overload(like)
 def _like(x, number):
-    if is_lane(x) or isinstance(x, U64x8):
-        return lambda x, number: splat(float(number))
+    if isinstance(x, Lane):
+        return lambda x, number: _eight_floats(number)
     return lambda x, number: float(number)
 
 
@@ -314,31 +239,9 @@ def word_like(x, number):
 
 @overload(word_like)
 def _word_like(x, number):
-    if isinstance(x, U64x8):
-        return lambda x, number: splat_word(np.uint64(number))
+    if x == u64x8:
+        return lambda x, number: _eight_words(number)
     return lambda x, number: np.uint64(number)
-
-
-def _conversion(function, source_lane, target_lane, source, target, vector_cast, scalar_cast):
-    @intrinsic
-    def convert_lanes(typingctx, a):
-        def codegen(context, builder, sig, args):
-            return vector_cast(builder, args[0])
-
-        return target_lane(source_lane), codegen
-
-    @intrinsic
-    def convert_one(typingctx, a):
-        def codegen(context, builder, sig, args):
-            return scalar_cast(builder, args[0])
-
-        return target(source), codegen
-
-    @overload(function)
-    def dispatch(a):
-        if a is source_lane:
-            return lambda a: convert_lanes(a)
-        return lambda a: convert_one(a)
 
 
 def bits(x):
@@ -356,25 +259,21 @@ def to_float(word):
     return float(word)
 
 
-_DOUBLE, _WORD = ir.DoubleType(), ir.IntType(64)
-_conversion(
-    bits, f64x8, u64x8, types.float64, types.uint64, lambda b, a: b.bitcast(a, WORDS), lambda b, a: b.bitcast(a, _WORD)
-)
-_conversion(
-    from_bits,
-    u64x8,
-    f64x8,
-    types.uint64,
-    types.float64,
-    lambda b, a: b.bitcast(a, DOUBLES),
-    lambda b, a: b.bitcast(a, _DOUBLE),
-)
-_conversion(
-    to_float,
-    u64x8,
-    f64x8,
-    types.uint64,
-    types.float64,
-    lambda b, a: b.uitofp(a, DOUBLES),
-    lambda b, a: b.uitofp(a, _DOUBLE),
-)
+def _convert(function, source, target, instruction):
+    """Let a function turn a value of one type into another by an instruction of LLVM's, a lane or one number."""
+
+    @intrinsic
+    def converted(typingctx, a):
+        def codegen(context, builder, sig, args):
+            return getattr(builder, instruction)(args[0], context.get_value_type(sig.return_type))
+
+        return (target(source) if a == source else target.scalar(source.scalar)), codegen
+
+    @overload(function)
+    def dispatch(a):
+        return lambda a: converted(a)
+
+
+_convert(bits, f64x8, u64x8, "bitcast")
+_convert(from_bits, u64x8, f64x8, "bitcast")
+_convert(to_float, u64x8, f64x8, "uitofp")

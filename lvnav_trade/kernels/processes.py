@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import like, size
+from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.lanes import like
 from lvnav_trade.kernels.random import normals
 from lvnav_trade.kernels.transition import CONSTANT, OTHER_0, OTHER_2, OWN_0, OWN_2
 
@@ -26,8 +26,9 @@ _ROUND = 6755399441055744.0
 def start(values, sigma, sources, k0, k1, run):
     """Draw every block's value at the start: values (n_block, 3) set; sigma (n_block,), sources (n_block,) words."""
     for b in range(sigma.shape[0]):
-        n0, n1, n2, _ = normals(k0, k1, sources[b], run, _START, _ZERO)
-        values[b, 0], values[b, 1], values[b, 2] = sigma[b] * n0, sigma[b] * n1, sigma[b] * n2
+        normal = normals(k0, k1, sources[b], run, _START, _ZERO)
+        for axis in range(3):
+            values[b, axis] = sigma[b] * normal[axis]
 
 
 @jit
@@ -35,10 +36,9 @@ def step(values, decay, walk, sources, k0, k1, run, epoch):
     """Step every block that varies to the next process epoch (a word from 1): values (n_block, 3) updated."""
     for b in range(decay.shape[0]):
         if walk[b] > 0.0:
-            n0, n1, n2, _ = normals(k0, k1, sources[b], run, epoch, _ZERO)
-            values[b, 0] = decay[b] * values[b, 0] + walk[b] * n0
-            values[b, 1] = decay[b] * values[b, 1] + walk[b] * n1
-            values[b, 2] = decay[b] * values[b, 2] + walk[b] * n2
+            normal = normals(k0, k1, sources[b], run, epoch, _ZERO)
+            for axis in range(3):
+                values[b, axis] = decay[b] * values[b, axis] + walk[b] * normal[axis]
 
 
 @jit
@@ -50,17 +50,14 @@ def gather(tables, values, sensors, drivers):
     for b in range(sensors.shape[0]):
         table, kind = tables[sensors[b]], drivers[b]
         for axis in range(3):
-            value = values[b, axis]
+            at = SQUARES + axis
             if kind == CONSTANT:
-                table[BIAS + axis] = table[BIAS + axis] + value
+                at = BIAS + axis
             elif OWN_0 <= kind and kind <= OWN_2:
                 at = OWN + 3 * axis + (axis + kind - OWN_0) % 3
-                table[at] = table[at] + value
             elif OTHER_0 <= kind and kind <= OTHER_2:
                 at = OTHER + 3 * axis + kind - OTHER_0
-                table[at] = table[at] + value
-            else:
-                table[SQUARES + axis] = table[SQUARES + axis] + value
+            table[at] = table[at] + values[b, axis]
 
 
 @jit
@@ -73,6 +70,21 @@ def error(table, axis, own_0, own_1, own_2, other_0, other_1, other_2, square, d
         + table[OTHER + 3 * axis + 2] * other_2
         + table[SQUARES + axis] * square
     )  # fmt: skip
+
+
+@inlined
+def _errors(gyro, accel, constant_only, a0, a1, a2, f0, f1, f2, dt):
+    """Return the errors of a tick's increments, of the gyro (a0, a1, a2) and of the accelerometer (f0, f1, f2)."""
+    if constant_only:
+        return dt * gyro[0], dt * gyro[1], dt * gyro[2], dt * accel[0], dt * accel[1], dt * accel[2]
+    return (
+        error(gyro, 0, a0, a1, a2, f0, f1, f2, a0 * a0 / dt, dt),
+        error(gyro, 1, a0, a1, a2, f0, f1, f2, a1 * a1 / dt, dt),
+        error(gyro, 2, a0, a1, a2, f0, f1, f2, a2 * a2 / dt, dt),
+        error(accel, 0, f0, f1, f2, a0, a1, a2, f0 * f0 / dt, dt),
+        error(accel, 1, f0, f1, f2, a0, a1, a2, f1 * f1 / dt, dt),
+        error(accel, 2, f0, f1, f2, a0, a1, a2, f2 * f2 / dt, dt),
+    )
 
 
 @jit
@@ -96,7 +108,7 @@ def corrupt(increments, at, first_tick, n_tick, dtheta, dvel, gyro, accel, noise
     remainder : (6,) what quantisation has held back; updated
     unit : NamedTuple with dt, noise_source, lean (only constant parameters are present)
     """
-    dt, constant_only = unit.dt, unit.constant_only
+    dt = unit.dt
     for k in range(n_tick):
         tick, out = first_tick + k, at + k
         a0, a1, a2 = dtheta[tick, 0], dtheta[tick, 1], dtheta[tick, 2]
@@ -104,16 +116,7 @@ def corrupt(increments, at, first_tick, n_tick, dtheta, dvel, gyro, accel, noise
         epoch = np.uint64(tick)
         n0, n1, n2, n3 = normals(k0, k1, unit.noise_source, run, epoch, np.uint64(0))
         n4, n5, _, _ = normals(k0, k1, unit.noise_source, run, epoch, np.uint64(1))
-        if constant_only:
-            e0, e1, e2 = dt * gyro[0], dt * gyro[1], dt * gyro[2]
-            e3, e4, e5 = dt * accel[0], dt * accel[1], dt * accel[2]
-        else:
-            e0 = error(gyro, 0, a0, a1, a2, f0, f1, f2, a0 * a0 / dt, dt)
-            e1 = error(gyro, 1, a0, a1, a2, f0, f1, f2, a1 * a1 / dt, dt)
-            e2 = error(gyro, 2, a0, a1, a2, f0, f1, f2, a2 * a2 / dt, dt)
-            e3 = error(accel, 0, f0, f1, f2, a0, a1, a2, f0 * f0 / dt, dt)
-            e4 = error(accel, 1, f0, f1, f2, a0, a1, a2, f1 * f1 / dt, dt)
-            e5 = error(accel, 2, f0, f1, f2, a0, a1, a2, f2 * f2 / dt, dt)
+        e0, e1, e2, e3, e4, e5 = _errors(gyro, accel, unit.constant_only, a0, a1, a2, f0, f1, f2, dt)
         increments[out, 0], increments[out, 1], increments[out, 2] = (
             a0 + e0 + noise[0] * n0, a1 + e1 + noise[0] * n1, a2 + e2 + noise[0] * n2,
         )  # fmt: skip
@@ -137,24 +140,14 @@ def compensate(increments, n_tick, gyro, accel, constant_only, dt):
     second.
     """
     for k in range(n_tick):
-        if constant_only:
-            for axis in range(3):
-                increments[k, axis] = increments[k, axis] - dt * gyro[axis]
-                increments[k, 3 + axis] = increments[k, 3 + axis] - dt * accel[axis]
-        else:
-            a0, a1, a2 = increments[k, 0], increments[k, 1], increments[k, 2]
-            f0, f1, f2 = increments[k, 3], increments[k, 4], increments[k, 5]
-            w0, w1, w2, g0, g1, g2 = a0, a1, a2, f0, f1, f2
-            for _ in range(2):
-                e0 = error(gyro, 0, w0, w1, w2, g0, g1, g2, w0 * w0 / dt, dt)
-                e1 = error(gyro, 1, w0, w1, w2, g0, g1, g2, w1 * w1 / dt, dt)
-                e2 = error(gyro, 2, w0, w1, w2, g0, g1, g2, w2 * w2 / dt, dt)
-                e3 = error(accel, 0, g0, g1, g2, w0, w1, w2, g0 * g0 / dt, dt)
-                e4 = error(accel, 1, g0, g1, g2, w0, w1, w2, g1 * g1 / dt, dt)
-                e5 = error(accel, 2, g0, g1, g2, w0, w1, w2, g2 * g2 / dt, dt)
-                w0, w1, w2, g0, g1, g2 = a0 - e0, a1 - e1, a2 - e2, f0 - e3, f1 - e4, f2 - e5
-            increments[k, 0], increments[k, 1], increments[k, 2] = w0, w1, w2
-            increments[k, 3], increments[k, 4], increments[k, 5] = g0, g1, g2
+        a0, a1, a2 = increments[k, 0], increments[k, 1], increments[k, 2]
+        f0, f1, f2 = increments[k, 3], increments[k, 4], increments[k, 5]
+        w0, w1, w2, g0, g1, g2 = a0, a1, a2, f0, f1, f2
+        for _ in range(1 if constant_only else 2):
+            e0, e1, e2, e3, e4, e5 = _errors(gyro, accel, constant_only, w0, w1, w2, g0, g1, g2, dt)
+            w0, w1, w2, g0, g1, g2 = a0 - e0, a1 - e1, a2 - e2, f0 - e3, f1 - e4, f2 - e5
+        increments[k, 0], increments[k, 1], increments[k, 2] = w0, w1, w2
+        increments[k, 3], increments[k, 4], increments[k, 5] = g0, g1, g2
 
 
 @jit
@@ -173,6 +166,6 @@ def combine(increments, n_tick, group):
 @jit
 def zero_all(values):
     """Set every entry of a matrix of values to zero."""
-    for i in range(size(values, 0)):
-        for j in range(size(values, 1)):
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
             values[i, j] = like(values[i, j], 0.0)

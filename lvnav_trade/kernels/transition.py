@@ -15,10 +15,10 @@ that Phi written as a sum would need.
 
 from __future__ import annotations
 
-from lvnav_trade.kernels.attitude import cross
+from lvnav_trade.kernels.attitude import cross, from_rotation, multiply, normalise
 from lvnav_trade.kernels.earth import gravity_gradient
 from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.strapdown import SUM_C, SUM_F, SUM_TH, SUM_V
+from lvnav_trade.kernels.strapdown import SUM_C, SUM_F, SUM_TH, SUM_V, Q, R, V
 
 ATT, VEL, POS = 0, 3, 6
 
@@ -38,21 +38,14 @@ def driver(kind, own_x, own_y, own_z, other_x, other_y, other_z):
     OWN_k is the sensor's own input rolled by k axes (scale factor, two misalignments); OTHER_k the other sensor's
     axis k on all axes (g-sensitivity); SQUARE the square of the own input.
     """
+    own, other = (own_x, own_y, own_z), (other_x, other_y, other_z)
     if kind == CONSTANT:
         one = 0.0 * own_x + 1.0
         return one, one, one
-    if kind == OWN_0:
-        return own_x, own_y, own_z
-    if kind == OWN_1:
-        return own_y, own_z, own_x
-    if kind == OWN_2:
-        return own_z, own_x, own_y
-    if kind == OTHER_0:
-        return other_x, other_x, other_x
-    if kind == OTHER_1:
-        return other_y, other_y, other_y
-    if kind == OTHER_2:
-        return other_z, other_z, other_z
+    if OWN_0 <= kind and kind <= OWN_2:
+        return own[kind - OWN_0], own[(kind - OWN_0 + 1) % 3], own[(kind - OWN_0 + 2) % 3]
+    if OTHER_0 <= kind and kind <= OTHER_2:
+        return other[kind - OTHER_0], other[kind - OTHER_0], other[kind - OTHER_0]
     return own_x * own_x, own_y * own_y, own_z * own_z
 
 
@@ -86,11 +79,7 @@ def _turned_column(block, factor, sums, ux, uy, uz):
     """Set a block to factor * [velocity gained x] (integral of C) diag(u)."""
     vx, vy, vz = sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2]
     for column in range(3):
-        u = ux
-        if column == 1:
-            u = uy
-        elif column == 2:
-            u = uz
+        u = (ux, uy, uz)[column]
         x, y, z = cross(vx, vy, vz, sums[SUM_C + column], sums[SUM_C + 3 + column], sums[SUM_C + 6 + column])
         block[column], block[3 + column], block[6 + column] = factor * u * x, factor * u * y, factor * u * z
 
@@ -135,3 +124,14 @@ def fill(blocks, kinds, drivers, sums, x, y, z, seconds):
                 block[i] = share * seconds + 0.0 * x if i % 4 == 0 else 0.0 * x
         else:
             parameter_block(block, kind, drivers[b], sums, seconds)
+
+
+@jit
+def correct_motion(nav, x):
+    """Add the error state x (n,) to the navigation state nav (10,), updated: error is truth minus estimate."""
+    e0, e1, e2, e3 = from_rotation(x[ATT], x[ATT + 1], x[ATT + 2])
+    q0, q1, q2, q3 = multiply(e0, e1, e2, e3, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
+    nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = normalise(q0, q1, q2, q3)
+    for i in range(3):
+        nav[V + i] = nav[V + i] + x[VEL + i]
+        nav[R + i] = nav[R + i] + x[POS + i]

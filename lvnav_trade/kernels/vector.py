@@ -6,232 +6,130 @@ never contract to one rounding: eight runs give the bits of one.
 
 from __future__ import annotations
 
+import math
 import operator
 from typing import Any
 
-import numpy as np
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic, models, overload, register_model
 
 WIDTH = 8
 
-DOUBLES = ir.VectorType(ir.DoubleType(), WIDTH)
-WORDS = ir.VectorType(ir.IntType(64), WIDTH)
-FLAGS = ir.VectorType(ir.IntType(1), WIDTH)
 
+class Lane(types.Type):
+    """Eight values of a scalar type of numba; `numbers` are the types that may stand for eight times the same."""
 
-class F64x8(types.Type):
-    """Eight float64."""
-
-    def __init__(self) -> None:
-        super().__init__(name="f64x8")
-
-
-class U64x8(types.Type):
-    """Eight unsigned 64-bit words."""
-
-    def __init__(self) -> None:
-        super().__init__(name="u64x8")
-
-
-class Mask8(types.Type):
-    """Eight truth values."""
-
-    def __init__(self) -> None:
-        super().__init__(name="mask8")
+    def __init__(self, name: str, scalar: Any, numbers: tuple[Any, ...] = ()) -> None:
+        self.scalar, self.numbers = scalar, numbers
+        super().__init__(name=name)
 
 
 class LaneView(types.Type):
     """An array whose last axis is eight runs, indexed as if that axis were not there; it does not own its memory."""
 
-    def __init__(self, item: Any, ndim: int) -> None:
+    def __init__(self, item: Lane, ndim: int) -> None:
         self.item, self.ndim = item, ndim
         super().__init__(name=f"LaneView({item}, {ndim})")
 
 
-f64x8, u64x8, mask8 = F64x8(), U64x8(), Mask8()
+f64x8 = Lane("f64x8", types.float64, (types.Float, types.Integer))
+u64x8 = Lane("u64x8", types.uint64, (types.Integer,))
+mask8 = Lane("mask8", types.boolean)
 
 
-@register_model(F64x8)
-class _DoublesModel(models.PrimitiveModel):
+@register_model(Lane)
+class _LaneModel(models.PrimitiveModel):
     def __init__(self, dmm, fe_type):
-        super().__init__(dmm, fe_type, DOUBLES)
-
-
-@register_model(U64x8)
-class _WordsModel(models.PrimitiveModel):
-    def __init__(self, dmm, fe_type):
-        super().__init__(dmm, fe_type, WORDS)
-
-
-@register_model(Mask8)
-class _FlagsModel(models.PrimitiveModel):
-    def __init__(self, dmm, fe_type):
-        super().__init__(dmm, fe_type, FLAGS)
+        super().__init__(dmm, fe_type, ir.VectorType(dmm[fe_type.scalar].get_value_type(), WIDTH))
 
 
 @register_model(LaneView)
 class _ViewModel(models.StructModel):
     def __init__(self, dmm, fe_type):
-        scalar = types.float64 if fe_type.item is f64x8 else types.uint64
-        members = [("data", types.CPointer(scalar))] + [(f"n{axis}", types.intp) for axis in range(fe_type.ndim)]
-        super().__init__(dmm, fe_type, members)
+        shape = types.UniTuple(types.intp, fe_type.ndim)
+        super().__init__(dmm, fe_type, [("data", types.CPointer(fe_type.item.scalar)), ("shape", shape)])
 
 
-def is_lane(*kinds: Any) -> bool:
-    """Say whether all these numba types are eight float64."""
-    return all(isinstance(kind, F64x8) for kind in kinds)
-
-
-def is_number(kind: Any) -> bool:
-    """Say whether a numba type is one number."""
-    return isinstance(kind, types.Float | types.Integer)
-
-
-def broadcast(builder, vector, value):
-    """Emit a vector whose eight entries are one value."""
+def as_vector(context, builder, kind, value, lane):
+    """Emit an operand as a vector of a lane type: a lane as it is, a number eight times."""
+    if kind == lane:
+        return value
+    vector = context.get_value_type(lane)
     undefined = ir.Constant(vector, ir.Undefined)
-    one = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
+    number = context.cast(builder, value, kind, lane.scalar)
+    one = builder.insert_element(undefined, number, ir.Constant(ir.IntType(32), 0))
     return builder.shuffle_vector(one, undefined, ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [0] * WIDTH))
 
 
-@intrinsic
-def splat(typingctx, x):
-    """Return eight times one float64."""
+def _define(symbol, lane, result, emit):
+    """Let a Python operator of two operands take lanes of a type, or a lane and a number."""
 
-    def codegen(context, builder, sig, args):
-        return broadcast(builder, DOUBLES, args[0])
-
-    return f64x8(types.float64), codegen
-
-
-@intrinsic
-def splat_word(typingctx, x):
-    """Return eight times one word."""
-
-    def codegen(context, builder, sig, args):
-        return broadcast(builder, WORDS, args[0])
-
-    return u64x8(types.uint64), codegen
-
-
-def _float_operator(symbol, instruction):
     @intrinsic
-    def vector_op(typingctx, a, b):
+    def on_vectors(typingctx, a, b):
         def codegen(context, builder, sig, args):
-            return getattr(builder, instruction)(args[0], args[1])
+            vectors = [as_vector(context, builder, *pair, lane) for pair in zip(sig.args, args, strict=True)]
+            return emit(builder, *vectors)
 
-        return f64x8(f64x8, f64x8), codegen
+        return result(a, b), codegen
 
     @overload(symbol)
     def dispatch(a, b):
-        if is_lane(a, b):
-            return lambda a, b: vector_op(a, b)
-        if is_lane(a) and is_number(b):
-            return lambda a, b: vector_op(a, splat(float(b)))
-        if is_number(a) and is_lane(b):
-            return lambda a, b: vector_op(splat(float(a)), b)
+        if lane in (a, b) and all(kind == lane or isinstance(kind, lane.numbers) for kind in (a, b)):
+            return lambda a, b: on_vectors(a, b)
         return None
 
 
-def _word_operator(symbol, instruction):
-    @intrinsic
-    def vector_op(typingctx, a, b):
-        def codegen(context, builder, sig, args):
-            return getattr(builder, instruction)(args[0], args[1])
+def _define_of_one(symbol, emit):
+    """Let a Python function of one float64 take a lane."""
 
-        return u64x8(u64x8, u64x8), codegen
+    @intrinsic
+    def on_vector(typingctx, a):
+        return f64x8(f64x8), lambda context, builder, sig, args: emit(builder, args[0])
 
     @overload(symbol)
-    def dispatch(a, b):
-        if isinstance(a, U64x8) and isinstance(b, U64x8):
-            return lambda a, b: vector_op(a, b)
-        if isinstance(a, U64x8) and isinstance(b, types.Integer):
-            return lambda a, b: vector_op(a, splat_word(np.uint64(b)))
-        if isinstance(a, types.Integer) and isinstance(b, U64x8):
-            return lambda a, b: vector_op(splat_word(np.uint64(a)), b)
-        return None
+    def dispatch(a):
+        return (lambda a: on_vector(a)) if a == f64x8 else None
 
 
-def _comparison(symbol, predicate):
-    @intrinsic
-    def compare(typingctx, a, b):
-        def codegen(context, builder, sig, args):
-            return builder.fcmp_ordered(predicate, args[0], args[1])
+def _call(name):
+    """Return what emits a call of LLVM's function of this name on a vector of float64."""
 
-        return mask8(f64x8, f64x8), codegen
+    def emit(builder, value):
+        signature = ir.FunctionType(value.type, [value.type])
+        return builder.call(cgutils.get_or_insert_function(builder.module, signature, f"{name}.v{WIDTH}f64"), [value])
 
-    @overload(symbol)
-    def dispatch(a, b):
-        if is_lane(a, b):
-            return lambda a, b: compare(a, b)
-        if is_lane(a) and is_number(b):
-            return lambda a, b: compare(a, splat(float(b)))
-        if is_number(a) and is_lane(b):
-            return lambda a, b: compare(splat(float(a)), b)
-        return None
+    return emit
 
 
-for _symbol, _instruction in (
-    (operator.add, "fadd"),
-    (operator.iadd, "fadd"),
-    (operator.sub, "fsub"),
-    (operator.isub, "fsub"),
-    (operator.mul, "fmul"),
-    (operator.imul, "fmul"),
-    (operator.truediv, "fdiv"),
+for _symbol, _lane, _emit in (
+    (operator.add, f64x8, ir.IRBuilder.fadd),
+    (operator.iadd, f64x8, ir.IRBuilder.fadd),
+    (operator.sub, f64x8, ir.IRBuilder.fsub),
+    (operator.isub, f64x8, ir.IRBuilder.fsub),
+    (operator.mul, f64x8, ir.IRBuilder.fmul),
+    (operator.imul, f64x8, ir.IRBuilder.fmul),
+    (operator.truediv, f64x8, ir.IRBuilder.fdiv),
+    (operator.add, u64x8, ir.IRBuilder.add),
+    (operator.mul, u64x8, ir.IRBuilder.mul),
+    (operator.xor, u64x8, ir.IRBuilder.xor),
+    (operator.and_, u64x8, ir.IRBuilder.and_),
+    (operator.or_, u64x8, ir.IRBuilder.or_),
+    (operator.lshift, u64x8, ir.IRBuilder.shl),
+    (operator.rshift, u64x8, ir.IRBuilder.lshr),
+    (operator.and_, mask8, ir.IRBuilder.and_),
+    (operator.or_, mask8, ir.IRBuilder.or_),
 ):
-    _float_operator(_symbol, _instruction)
-for _symbol, _instruction in (
-    (operator.add, "add"),
-    (operator.mul, "mul"),
-    (operator.xor, "xor"),
-    (operator.and_, "and_"),
-    (operator.or_, "or_"),
-    (operator.lshift, "shl"),
-    (operator.rshift, "lshr"),
-):
-    _word_operator(_symbol, _instruction)
-for _symbol, _predicate in (
+    _define(_symbol, _lane, _lane, _emit)
+for _symbol, _sign in (
     (operator.lt, "<"),
     (operator.le, "<="),
     (operator.gt, ">"),
     (operator.ge, ">="),
     (operator.eq, "=="),
 ):
-    _comparison(_symbol, _predicate)
-
-
-@intrinsic
-def _negate(typingctx, a):
-    def codegen(context, builder, sig, args):
-        return builder.fneg(args[0])
-
-    return f64x8(f64x8), codegen
-
-
-@overload(operator.neg)
-def _neg(a):
-    if is_lane(a):
-        return lambda a: _negate(a)
-    return None
-
-
-def _mask_operator(symbol, instruction):
-    @intrinsic
-    def mask_op(typingctx, a, b):
-        def codegen(context, builder, sig, args):
-            return getattr(builder, instruction)(args[0], args[1])
-
-        return mask8(mask8, mask8), codegen
-
-    @overload(symbol)
-    def dispatch(a, b):
-        if isinstance(a, Mask8) and isinstance(b, Mask8):
-            return lambda a, b: mask_op(a, b)
-        return None
-
-
-_mask_operator(operator.and_, "and_")
-_mask_operator(operator.or_, "or_")
+    _define(_symbol, f64x8, mask8, lambda builder, a, b, sign=_sign: builder.fcmp_ordered(sign, a, b))
+_define_of_one(operator.neg, ir.IRBuilder.fneg)
+_define_of_one(math.sqrt, _call("llvm.sqrt"))
+_define_of_one(abs, _call("llvm.fabs"))

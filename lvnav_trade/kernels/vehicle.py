@@ -14,7 +14,7 @@ and `bias` + 3, rate at `motion` and acceleration at `motion` + 3, these two las
 from __future__ import annotations
 
 from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import like, size
+from lvnav_trade.kernels.lanes import like
 from lvnav_trade.kernels.transition import GYRO, driver
 
 N_SAMPLE = 6
@@ -45,6 +45,12 @@ def fill_samples(h, blocks, rate, force):
             h[3 + axis, 1 + b] = u[axis] if sensor != GYRO else like(w0, 0.0)
 
 
+@inlined
+def _upper(P, i, j):
+    """Return the entry (i, j) of a symmetric matrix of which the upper triangle is held."""
+    return P[min(i, j), max(i, j)]
+
+
 @jit
 def update_samples(P, x, K, weight, residual, z, variance, h, columns, n_estimated):
     """Update by the six samples of a tick.
@@ -60,15 +66,15 @@ def update_samples(P, x, K, weight, residual, z, variance, h, columns, n_estimat
     z : (6,) sample minus predicted sample; variance : (6,) of the samples' noise
     h, columns : (6, n_entry) Jacobian rows and their states
     """
-    n, n_entry = size(P, 0), columns.shape[1]
+    n, n_entry = P.shape[0], columns.shape[1]
     for r in range(6):
         c = columns[r, 0]
         for i in range(n):
-            K[r, i] = P[min(i, c), max(i, c)]
+            K[r, i] = _upper(P, i, c)
         for k in range(1, n_entry):
             c = columns[r, k]
             for i in range(n):
-                K[r, i] = K[r, i] + h[r, k] * P[min(i, c), max(i, c)]
+                K[r, i] = K[r, i] + h[r, k] * _upper(P, i, c)
         for q in range(r):
             estimated, every = _seen_by(K, h, columns, r, q, n_estimated)
             factor = every * weight[q]
@@ -109,6 +115,17 @@ def _seen_by(K, h, columns, r, q, n_estimated):
     return estimated, estimated + considered
 
 
+@inlined
+def _gained(sums, a0, a1, a2, f0, f1, f2):
+    """Return what the errors of attitude (a) and of mean specific force (f) add to velocity: C dt f - [v x] a."""
+    vx, vy, vz = sums[9], sums[10], sums[11]
+    return (
+        vz * a1 - vy * a2 + sums[0] * f0 + sums[1] * f1 + sums[2] * f2,
+        vx * a2 - vz * a0 + sums[3] * f0 + sums[4] * f1 + sums[5] * f2,
+        vy * a0 - vx * a1 + sums[6] * f0 + sums[7] * f1 + sums[8] * f2,
+    )
+
+
 @jit
 def advance(P, moved, sums, dt, motion):
     """Propagate the covariance over a tick.
@@ -118,83 +135,56 @@ def advance(P, moved, sums, dt, motion):
     P : (n, n) upper triangle; updated. moved : (9, n) work
     sums : (18,) of the strapdown over the tick: the integral of C_b_i (9) and the velocity gained (3)
     """
-    n = size(P, 0)
+    n = P.shape[0]
     w, f, half = motion, motion + 3, 0.5 * dt
-    vx, vy, vz = sums[9], sums[10], sums[11]
-    for i in range(3):
-        c0, c1, c2 = sums[3 * i], sums[3 * i + 1], sums[3 * i + 2]
-        # - [v x] by rows
-        s0, s1, s2 = like(vx, 0.0), vz, -vy
-        if i == 1:
-            s0, s1, s2 = -vz, like(vx, 0.0), vx
-        if i == 2:
-            s0, s1, s2 = vy, -vx, like(vx, 0.0)
-        for j in range(w):
-            moved[i, j] = c0 * P[j, w] + c1 * P[j, w + 1] + c2 * P[j, w + 2]
-            tilted = s0 * P[0, j] + s1 * P[min(1, j), max(1, j)] + s2 * P[min(2, j), max(2, j)]
-            pushed = tilted + c0 * P[j, f] + c1 * P[j, f + 1] + c2 * P[j, f + 2]
-            moved[3 + i, j] = pushed
-            moved[6 + i, j] = dt * P[min(3 + i, j), max(3 + i, j)] + half * pushed
-        for j in range(w, n):
-            moved[i, j] = c0 * P[w, j] + c1 * P[min(w + 1, j), max(w + 1, j)] + c2 * P[min(w + 2, j), max(w + 2, j)]
-            pushed = (
-                s0 * P[0, j] + s1 * P[1, j] + s2 * P[2, j] + c0 * P[min(f, j), max(f, j)]
-                + c1 * P[min(f + 1, j), max(f + 1, j)] + c2 * P[min(f + 2, j), max(f + 2, j)]
-            )  # fmt: skip
-            moved[3 + i, j] = pushed
-            moved[6 + i, j] = dt * P[3 + i, j] + half * pushed
+    for j in range(n):
+        w0, w1, w2 = _upper(P, w, j), _upper(P, w + 1, j), _upper(P, w + 2, j)
+        gained = _gained(
+            sums, P[0, j], _upper(P, 1, j), _upper(P, 2, j), _upper(P, f, j), _upper(P, f + 1, j), _upper(P, f + 2, j)
+        )
+        for i in range(3):
+            moved[i, j] = sums[3 * i] * w0 + sums[3 * i + 1] * w1 + sums[3 * i + 2] * w2
+            moved[3 + i, j] = gained[i]
+            moved[6 + i, j] = dt * _upper(P, 3 + i, j) + half * gained[i]
     _add_moved(P, moved, sums, dt, motion, n)
 
 
 @inlined
 def _add_moved(P, moved, sums, dt, motion, n):
     """P <- P + M + M' + M (Phi - I)' with M = (Phi - I) P, whose first nine rows are given."""
-    half = 0.5 * dt
-    vx, vy, vz = sums[9], sums[10], sums[11]
+    half, w, f = 0.5 * dt, motion, motion + 3
     for i in range(N_NAV):
         for j in range(9, n):
             P[i, j] = P[i, j] + moved[i, j]
         for j in range(i, N_NAV):
             P[i, j] = P[i, j] + moved[i, j] + moved[j, i]
-        a0, a1, a2 = moved[i, 0], moved[i, 1], moved[i, 2]
-        w0, w1, w2 = moved[i, motion], moved[i, motion + 1], moved[i, motion + 2]
-        f0, f1, f2 = moved[i, motion + 3], moved[i, motion + 4], moved[i, motion + 5]
+        w0, w1, w2 = moved[i, w], moved[i, w + 1], moved[i, w + 2]
+        gained = _gained(sums, moved[i, 0], moved[i, 1], moved[i, 2], moved[i, f], moved[i, f + 1], moved[i, f + 2])
         for k in range(3):
-            c0, c1, c2 = sums[3 * k], sums[3 * k + 1], sums[3 * k + 2]
-            tilted = vz * a1 - vy * a2
-            if k == 1:
-                tilted = vx * a2 - vz * a0
-            if k == 2:
-                tilted = vy * a0 - vx * a1
-            pushed = tilted + c0 * f0 + c1 * f1 + c2 * f2
             if i <= k:
-                P[i, k] = P[i, k] + c0 * w0 + c1 * w1 + c2 * w2
+                P[i, k] = P[i, k] + sums[3 * k] * w0 + sums[3 * k + 1] * w1 + sums[3 * k + 2] * w2
             if i <= 3 + k:
-                P[i, 3 + k] = P[i, 3 + k] + pushed
+                P[i, 3 + k] = P[i, 3 + k] + gained[k]
             if i <= 6 + k:
-                P[i, 6 + k] = P[i, 6 + k] + dt * moved[i, 3 + k] + half * pushed
+                P[i, 6 + k] = P[i, 6 + k] + dt * moved[i, 3 + k] + half * gained[k]
 
 
 @jit
 def advance_vector(y, sums, dt, motion):
     """Propagate a vector of the error state (n,) over a tick: y updated; see `advance`."""
     w, f, half = motion, motion + 3, 0.5 * dt
-    vx, vy, vz = sums[9], sums[10], sums[11]
-    a0, a1, a2 = y[0], y[1], y[2]
-    p0, p1, p2 = vz * a1 - vy * a2, vx * a2 - vz * a0, vy * a0 - vx * a1
+    w0, w1, w2 = y[w], y[w + 1], y[w + 2]
+    gained = _gained(sums, y[0], y[1], y[2], y[f], y[f + 1], y[f + 2])
     for i in range(3):
-        c0, c1, c2 = sums[3 * i], sums[3 * i + 1], sums[3 * i + 2]
-        tilted = p0 if i == 0 else p1 if i == 1 else p2
-        pushed = tilted + c0 * y[f] + c1 * y[f + 1] + c2 * y[f + 2]
-        y[i] = y[i] + c0 * y[w] + c1 * y[w + 1] + c2 * y[w + 2]
-        y[6 + i] = y[6 + i] + dt * y[3 + i] + half * pushed
-        y[3 + i] = y[3 + i] + pushed
+        y[i] = y[i] + sums[3 * i] * w0 + sums[3 * i + 1] * w1 + sums[3 * i + 2] * w2
+        y[6 + i] = y[6 + i] + dt * y[3 + i] + half * gained[i]
+        y[3 + i] = y[3 + i] + gained[i]
 
 
 @jit
 def mirror(P):
     """Copy the upper triangle of P (n, n) into the lower one; P updated."""
-    n = size(P, 0)
+    n = P.shape[0]
     for i in range(n):
         for j in range(i + 1, n):
             P[j, i] = P[i, j]
@@ -203,7 +193,7 @@ def mirror(P):
 @jit
 def joint_gain(G, K, weight, h, columns, n_estimated):
     """Set G (6, n) to the gain of the six samples of a tick together, from what `update_samples` leaves."""
-    n = size(K, 1)
+    n = K.shape[1]
     for r in range(N_SAMPLE):
         for i in range(n):
             G[r, i] = K[r, i] * weight[r] if i < n_estimated else 0.0
@@ -225,14 +215,14 @@ def update_together(P, Y, S, gain, h, columns, noise):
     Y : (6, N) and S : (6, 6) work; S is set to H P H' + R before the update
     gain : (6, N) columns of G; h, columns : (6, n_entry) Jacobian rows and their states; noise : (6,) diagonal of R
     """
-    n, n_entry = size(P, 0), columns.shape[1]
+    n, n_entry = P.shape[0], columns.shape[1]
     for r in range(N_SAMPLE):
         for i in range(n):
             c = columns[r, 0]
-            value = h[r, 0] * P[min(i, c), max(i, c)]
+            value = h[r, 0] * _upper(P, i, c)
             for k in range(1, n_entry):
                 c = columns[r, k]
-                value = value + h[r, k] * P[min(i, c), max(i, c)]
+                value = value + h[r, k] * _upper(P, i, c)
             Y[r, i] = value
     for r in range(N_SAMPLE):
         for q in range(N_SAMPLE):
@@ -271,7 +261,7 @@ def update_vector_together(y, seen, gain, h, columns):
         for k in range(columns.shape[1]):
             value = value + h[r, k] * y[columns[r, k]]
         seen[r] = value
-    for i in range(size(y, 0)):
+    for i in range(y.shape[0]):
         value = y[i]
         for r in range(N_SAMPLE):
             value = value - gain[r, i] * seen[r]
@@ -283,7 +273,7 @@ def advance_vector_transposed(y, sums, dt, motion):
     """Replace the vector y (n,) by Phi' y of a tick; see `advance_vector`."""
     w, f, half = motion, motion + 3, 0.5 * dt
     vx, vy, vz = sums[9], sums[10], sums[11]
-    # what was pushed went into velocity, and for half a tick into position
+    # what is gained goes into velocity, and for half a tick into position
     p0, p1, p2 = y[3] + half * y[6], y[4] + half * y[7], y[5] + half * y[8]
     a0, a1, a2 = y[0], y[1], y[2]
     for k in range(3):

@@ -6,14 +6,14 @@ import math
 from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from lvnav_trade.kernels.earth import height_and_up
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.strapdown import R
 from lvnav_trade.observables.base import H_POS, clear
-from lvnav_trade.observables.sensor import FlightView, Floats, LastingError, SensorCard, SensorModel
+from lvnav_trade.observables.sensor import FlightView, LastingError, SensorCard, SensorModel
+from lvnav_trade.records import Bools, Floats
 from lvnav_trade.units import Fraction, Length, LengthSigma, TimeConstant
 
 
@@ -54,10 +54,6 @@ class AltimeterCard(SensorCard):
             raise ValueError("lowest should be below highest")
         return self
 
-    def matched(self) -> AltimeterModel:
-        """Return the filter model that takes every number from this card."""
-        return AltimeterModel.model_construct(sigma=self.sigma, share=self.share)
-
     def truth(self, flight: FlightView) -> Floats:
         """Return the height (n_epoch, 1) in m."""
         return flight.height[:, None]
@@ -66,7 +62,7 @@ class AltimeterCard(SensorCard):
         """Return the one-sigma (n_epoch, 1) in m."""
         return np.hypot(self.sigma, self.share * flight.height)[:, None]
 
-    def available(self, flight: FlightView) -> NDArray[np.bool_]:
+    def available(self, flight: FlightView) -> Bools:
         """Return whether the height is within its range, (n_epoch,)."""
         return np.asarray((flight.height >= self.lowest) & (flight.height <= self.highest))
 

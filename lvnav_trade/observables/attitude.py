@@ -14,7 +14,8 @@ from lvnav_trade.kernels.attitude import from_rotation, multiply, small_rotation
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.strapdown import Q
 from lvnav_trade.observables.base import H_ATT, clear
-from lvnav_trade.observables.sensor import FlightView, Floats, SensorCard, SensorModel
+from lvnav_trade.observables.sensor import FlightView, SensorCard, SensorModel
+from lvnav_trade.records import Floats
 from lvnav_trade.units import AngleSigma
 
 
@@ -40,10 +41,6 @@ class AttitudeReferenceCard(SensorCard):
 
     kind: Literal["attitude_reference"] = "attitude_reference"
     sigma: AngleSigma = Field(gt=0.0, description="of a measurement, per axis")
-
-    def matched(self) -> AttitudeModel:
-        """Return the filter model that takes every number from this card."""
-        return AttitudeModel.model_construct(sigma=self.sigma)
 
     def truth(self, flight: FlightView) -> Floats:
         """Return the attitude (n_epoch, 4), a quaternion from body to frame i."""

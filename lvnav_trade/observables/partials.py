@@ -7,13 +7,11 @@ turn) or an axis of the receiver's solution (loose: position, velocity).
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from lvnav_trade.records import Floats, Ints
 
 LEVER_AXES = ("lever_x", "lever_y", "lever_z")
 RANGE_ONLY = ("range_bias", "time_offset")
@@ -100,12 +98,9 @@ def members(kind: str, channels: Channels) -> tuple[tuple[str, ...], Ints]:
     if not channels.tight:
         if kind not in SOLUTION_KINDS:
             return (), member
-        if kind not in ("position_bias", "velocity_bias"):
-            member[:n] = 0
-            return ("",), member
-        first = 0 if kind == "position_bias" else 3
-        member[first : first + 3] = range(3)
-        return ("x", "y", "z"), member
+        axes = {"position_bias": [0, 1, 2, -1, -1, -1], "velocity_bias": [-1, -1, -1, 0, 1, 2]}
+        member[:n] = axes.get(kind, 0)
+        return ("x", "y", "z") if kind in axes else ("",), member
     if kind not in SATELLITE_KINDS:
         return (), member
     if kind == "range_bias":
@@ -129,27 +124,23 @@ def partial(kind: str, geometry: Geometry, channels: Channels) -> Floats:
     Units: m/m and (m/s)/m of biases and lever arms, m/1 and (m/s)/1 of scale factors of delays, m/s and m/s^2 of a
     timing error. A measurement that is late by s seconds is that of s seconds before.
     """
-    n_epoch, n = len(geometry.rate), channels.n_receiver
-    found = np.zeros((n_epoch, channels.n_channel))
-    if not channels.tight:
-        if kind == "timing":
-            found[:, :3], found[:, 3:n] = -geometry.velocity, -geometry.push
-        elif kind == "troposphere_scale":
-            found[:, :n] = geometry.solution_troposphere
-        elif kind == "ionosphere_scale":
-            found[:, :n] = geometry.solution_ionosphere
-        elif kind in SOLUTION_KINDS:
-            found[:, :n] = 1.0
-        return found
-    pair = {
-        "timing": (-geometry.rate, -geometry.acceleration),
-        "troposphere_scale": tuple(np.moveaxis(geometry.troposphere, -1, 0)),
-        "ionosphere_scale": tuple(np.moveaxis(geometry.ionosphere, -1, 0)),
-    }.get(kind)
-    if kind in LEVER_AXES:
-        pair = tuple(np.moveaxis(geometry.lever[..., LEVER_AXES.index(kind)], -1, 0))
-    elif kind in RANGE_ONLY:
-        pair = (np.ones((n_epoch, len(channels.satellites))), np.zeros((n_epoch, len(channels.satellites))))
-    if pair is not None:
-        found[:, 0:n:2], found[:, 1:n:2] = pair
+    found, n = np.zeros((len(geometry.rate), channels.n_channel)), channels.n_receiver
+    if channels.tight:
+        first, second = slice(0, n, 2), slice(1, n, 2)
+        pairs: dict[str, Any] = {
+            "timing": (-geometry.rate, -geometry.acceleration),
+            "troposphere_scale": np.moveaxis(geometry.troposphere, -1, 0),
+            "ionosphere_scale": np.moveaxis(geometry.ionosphere, -1, 0),
+            **{axis: np.moveaxis(geometry.lever[..., i], -1, 0) for i, axis in enumerate(LEVER_AXES)},
+            **dict.fromkeys(RANGE_ONLY, (1.0, 0.0)),
+        }
+    else:
+        first, second = slice(0, 3), slice(3, n)
+        pairs = {
+            "timing": (-geometry.velocity, -geometry.push),
+            "troposphere_scale": np.hsplit(geometry.solution_troposphere, 2),
+            "ionosphere_scale": np.hsplit(geometry.solution_ionosphere, 2),
+            **dict.fromkeys(("position_bias", "velocity_bias"), (1.0, 1.0)),
+        }
+    found[:, first], found[:, second] = pairs.get(kind, (0.0, 0.0))
     return found

@@ -6,12 +6,11 @@ from abc import abstractmethod
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import ConfigDict, Field
 
+from lvnav_trade.records import Bools, Floats
 from lvnav_trade.units import Card, Frequency
 
-Floats = NDArray[np.float64]
 N_TRUTH, MOST = 4, 3
 """Numbers of a sensor's truth at an epoch; most scalars that a sensor measures at once."""
 
@@ -75,9 +74,9 @@ class SensorCard(Card):
     )
     until: str | None = Field(None, description="end of its measurements, as `from`; none: end of the flight")
 
-    @abstractmethod
     def matched(self) -> SensorModel:
         """Return the filter model that takes every number from this card."""
+        return self.model.model_construct(**{name: getattr(self, name) for name in self.model.model_fields})
 
     @abstractmethod
     def truth(self, flight: FlightView) -> Floats:
@@ -87,7 +86,7 @@ class SensorCard(Card):
     def noise_sigma(self, flight: FlightView) -> Floats:
         """Return the true one-sigma of the white noise, (n_epoch, n_scalar), SI."""
 
-    def available(self, flight: FlightView) -> NDArray[np.bool_]:
+    def available(self, flight: FlightView) -> Bools:
         """Return whether it can measure at the epochs, (n_epoch,), beside its rate and window."""
         return np.ones(flight.t.size, dtype=np.bool_)
 

@@ -10,15 +10,12 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import aligned_zeros, view
+from lvnav_trade.kernels.lanes import zeros_of
 from lvnav_trade.observables.base import N_ENTRY
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from lvnav_trade.records import Floats, Ints
 
 # Where a point solution stands.
 FIX_POS, FIX_VEL, FIX_BIAS, FIX_DRIFT, N_FIX = 0, 3, 6, 7, 8
@@ -39,11 +36,11 @@ class ReportedCovariance(NamedTuple):
     correlations), or two constant variances (m^2, m^2/s^2) per axis.
     """
 
-    own: bool
-    correlated: bool
-    factor: float
-    position_variance: float
-    velocity_variance: float
+    own: bool = True
+    correlated: bool = True
+    factor: float = 1.0
+    position_variance: float = 0.0
+    velocity_variance: float = 0.0
 
 
 class PointModel(NamedTuple):
@@ -103,7 +100,7 @@ class Solver(NamedTuple):
 
 
 class Receiver(NamedTuple):
-    """Arrays of a receiver in a run, or lane views of eight; see `receiver_shapes`.
+    """Arrays of a receiver in a run, or lane views of eight; see `new_receiver`.
 
     near (3,) m where the point solution is looked for; fix (8,) the point solution; inverse (4, 4) of its normal
     matrix; verdict (2,) its quality and number of satellites; nav (11,), P (11, 11) state and covariance of the filter;
@@ -131,38 +128,15 @@ class Receiver(NamedTuple):
     innovation: Floats
 
 
-def receiver_shapes(n_sat: int = 64) -> dict[str, tuple[int, ...]]:
-    """Return the shape of every array of Receiver for one run."""
+def new_receiver(lanes: int = 0, n_sat: int = 64) -> Receiver:
+    """Return the arrays of a receiver that is switched off: one run, or `lanes` runs on the last axis."""
     n = N_STATE
-    return {
+    shapes = {
         "near": (3,), "fix": (N_FIX,), "inverse": (4, 4), "normal": (4, 4), "sides": (2, 4), "verdict": (2,),
         "nav": (n,), "P": (n, n), "x": (n,), "K": (n,), "h": (N_ENTRY,), "at": (21,), "memory": (N_MEMORY,),
         "used": (2,), "solution": (6,), "covariance": (6, 6), "innovation": (2 * n_sat,),
     }  # fmt: skip
-
-
-def new_receiver(lanes: int = 0, n_sat: int = 64) -> Receiver:
-    """Return the arrays of a receiver that is switched off: one run, or `lanes` runs on the last axis."""
-    end = (lanes,) if lanes else ()
-    return Receiver(**{name: aligned_zeros(shape + end) for name, shape in receiver_shapes(n_sat).items()})
-
-
-@jit
-def as_lanes(w: Any) -> Any:
-    """Return lane views of a receiver's arrays, whose last axis is eight runs."""
-    return Receiver(
-        view(w.near), view(w.fix), view(w.inverse), view(w.normal), view(w.sides), view(w.verdict), view(w.nav),
-        view(w.P), view(w.x), view(w.K), view(w.h), view(w.at), view(w.memory), view(w.used),
-        view(w.solution), view(w.covariance), view(w.innovation),
-    )  # fmt: skip
-
-
-@jit
-def lanes_of(rx: Any) -> Any:
-    """Return lane views of a receiver's arrays, or None where there is none."""
-    if rx is None:
-        return None
-    return as_lanes(rx)
+    return Receiver(**zeros_of(shapes, lanes))
 
 
 @jit
@@ -177,16 +151,6 @@ def switch_on(rx: Any, x: Any, y: Any, z: Any) -> None:
     for i in range(N_MEMORY):
         rx.memory[i] = zero
     rx.memory[SINCE] = zero - 1.0
-
-
-def own_covariance(factor: float = 1.0, correlated: bool = True) -> ReportedCovariance:
-    """Return that the solver's own covariance goes out, times a factor, or its diagonal alone."""
-    return ReportedCovariance(True, correlated, factor, 0.0, 0.0)
-
-
-def constant_covariance(position_sigma: float, velocity_sigma: float) -> ReportedCovariance:
-    """Return that the same sigmas (m, m/s) per axis go out with every solution."""
-    return ReportedCovariance(False, False, 1.0, position_sigma**2, velocity_sigma**2)
 
 
 def point_model(

@@ -10,8 +10,7 @@ navigation filter takes the solution, of error S e, for a measurement: its innov
 into the joint vector, with its own gains K: it is coloured, and a covariance that takes it for white noise at every
 epoch is the better the slower the navigation filter forgets, and too small.
 
-What stands here is written for reading, in dense matrices; `propagate` is the reference that an implementation by
-sources is held against.
+What stands here is written in dense matrices.
 """
 
 from __future__ import annotations
@@ -19,7 +18,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lvnav_trade.receivers.base import (
     ACC,
@@ -30,11 +28,12 @@ from lvnav_trade.receivers.base import (
     POS,
     VEL,
     FilterModel,
-    Floats,
     PointModel,
+    ReportedCovariance,
     transition,
 )
 from lvnav_trade.receivers.ekf_gnss import adapted, drive
+from lvnav_trade.records import Bools, Floats
 
 # The solution's six components among the states of the receiver's filter.
 SOLUTION = np.array([*range(POS, POS + 3), *range(VEL, VEL + 3)])
@@ -51,27 +50,6 @@ class Gains(NamedTuple):
     keep: Floats
     gain: Floats
     P: Floats
-
-
-class Outer(NamedTuple):
-    """A navigation filter: phi, noise (n, n) of the truth, assumed (n, n) noise, rows (6, n) of the solution."""
-
-    phi: Floats
-    noise: Floats
-    assumed: Floats
-    rows: Floats
-
-
-class History(NamedTuple):
-    """By epochs: mean (n_epoch, n_z) and covariance (n_epoch, n_z, n_z) of z = [e_nav, e_receiver, shared]; formal
-    (n_epoch, n, n) of the navigation filter; white (n_epoch, n, n) its true covariance if the receiver's error were
-    white noise of the same size.
-    """
-
-    mean: Floats
-    covariance: Floats
-    formal: Floats
-    white: Floats
 
 
 def design(r_i: Floats, v_i: Floats, satellite: Floats, moving: Floats) -> Floats:
@@ -113,7 +91,7 @@ def noises(model: FilterModel, acceleration: Floats, n_row: int) -> tuple[Floats
     return noise, np.tile([ranges, rates], n_row // 2)
 
 
-def nominal_acceleration(v_i: Floats, fixed: NDArray[np.bool_], interval: float) -> Floats:
+def nominal_acceleration(v_i: Floats, fixed: Bools, interval: float) -> Floats:
     """Return the acceleration (n_epoch, 3) that the receiver's filter would adapt by on the nominal motion.
 
     The difference of velocities (n_epoch, 3) at the last two epochs with a point solution, `fixed` (n_epoch,), over the
@@ -129,20 +107,24 @@ def nominal_acceleration(v_i: Floats, fixed: NDArray[np.bool_], interval: float)
     return found
 
 
+def point_solution(model: PointModel, rows: Floats) -> Gains:
+    """Return an epoch of the point solution, which keeps nothing of the one before."""
+    P, gain = np.zeros((N_STATE, N_STATE)), np.zeros((N_STATE, len(rows)))
+    gain[FIX_STATES] = point_gain(rows)
+    for at, variance, part in (
+        ([*range(POS, POS + 3), BIAS], model.range_variance, rows[0::2]),
+        ([*range(VEL, VEL + 3), DRIFT], model.rate_variance, rows[1::2]),
+    ):
+        P[np.ix_(at, at)] = variance * np.linalg.inv(part[:, at].T @ part[:, at])
+    return Gains(np.zeros((N_STATE, N_STATE)), np.zeros((N_STATE, N_STATE)), gain, P)
+
+
 def started(model: FilterModel, point: PointModel, rows: Floats) -> Gains:
     """Return the epoch of the fix that starts the filter; the error of acceleration is the whole of it afterwards."""
-    n_row = len(rows)
-    gain = np.zeros((N_STATE, n_row))
-    gain[FIX_STATES] = point_gain(rows)
-    ranges, rates = rows[0::2], rows[1::2]
-    at, rate_at = [*range(POS, POS + 3), BIAS], [*range(VEL, VEL + 3), DRIFT]
-    P = np.zeros((N_STATE, N_STATE))
-    P[np.ix_(at, at)] = point.range_variance * np.linalg.inv(ranges[:, at].T @ ranges[:, at])
-    P[np.ix_(rate_at, rate_at)] = point.rate_variance * np.linalg.inv(rates[:, rate_at].T @ rates[:, rate_at])
-    P[range(ACC, ACC + 3), range(ACC, ACC + 3)] = model.start
-    keep = np.zeros((N_STATE, N_STATE))
-    keep[ACC : ACC + 3, ACC : ACC + 3] = np.eye(3)
-    return Gains(np.zeros((N_STATE, N_STATE)), keep, gain, P)
+    found, acceleration = point_solution(point, rows), range(ACC, ACC + 3)
+    found.P[acceleration, acceleration] = model.start
+    found.keep[acceleration, acceleration] = 1.0
+    return found
 
 
 def filtered(P: Floats, model: FilterModel, rows: Floats, acceleration: Floats) -> Gains:
@@ -167,68 +149,9 @@ def mismatch(model: FilterModel, acceleration: Floats, v_i: Floats, r_i: Floats)
     return found
 
 
-def reported_covariance(gains: Gains, model: FilterModel) -> Floats:
-    """Return the covariance (6, 6) that goes out with a solution of the filter."""
-    reported = model.reported
+def reported_covariance(reported: ReportedCovariance, P: Floats) -> Floats:
+    """Return the covariance (6, 6) that goes out with a solution whose own covariance is P (11, 11)."""
     if not reported.own:
         return np.diag([reported.position_variance] * 3 + [reported.velocity_variance] * 3)
-    R = reported.factor * gains.P[np.ix_(SOLUTION, SOLUTION)]
+    R = np.asarray(reported.factor * P[np.ix_(SOLUTION, SOLUTION)])
     return R if reported.correlated else np.diag(np.diag(R))
-
-
-def propagate(
-    epochs: list[Gains],
-    pushes: Floats,
-    clock: Floats,
-    variances: list[Floats],
-    model: FilterModel,
-    outer: Outer,
-    P: Floats,
-    shared: Floats,
-    decay: Floats,
-    partials: list[Floats],
-) -> History:
-    """Carry the navigation filter behind the receiver's over epochs, one interval between two, solution at every one.
-
-    Parameters
-    ----------
-    epochs : gains of the receiver; pushes (n_epoch, 11) `mismatch`; clock (2, 2) noise of the true clock an interval
-    variances : true variances (n_row,) of the rows' white errors, by epoch
-    outer, P : the navigation filter and its covariance (n, n) before the first epoch, true and assumed
-    shared : (m, m) steady covariance of errors that rows share; decay (m,) over an interval; partials (n_row, m) of the
-        rows with respect to them, by epoch
-    """
-    n, m = len(P), len(shared)
-    rx, c = slice(n, n + N_STATE), slice(n + N_STATE, n + N_STATE + m)
-    mean, C = np.zeros(n + N_STATE + m), np.zeros((n + N_STATE + m,) * 2)
-    C[:n, :n], C[c, c], formal, white = P, shared, P.copy(), P.copy()
-    found: list[tuple[Floats, Floats, Floats, Floats]] = []
-    for k, gains in enumerate(epochs):
-        A, noise = np.eye(len(C)), np.zeros_like(C)
-        if k:
-            A[:n, :n], A[c, c] = outer.phi, np.diag(decay)
-            noise[:n, :n] = outer.noise
-            noise[c, c] = shared * (1.0 - np.outer(decay, decay))
-            formal = outer.phi @ formal @ outer.phi.T + outer.assumed
-            white = outer.phi @ white @ outer.phi.T + outer.noise
-            noise[n + BIAS : n + DRIFT + 1, n + BIAS : n + DRIFT + 1] = clock
-        A[rx, rx] = gains.phi
-        C, mean = A @ C @ A.T + noise, A @ mean
-        mean[rx] += pushes[k]
-        U = np.eye(len(C))
-        U[rx, rx], U[rx, c] = gains.keep, -gains.gain @ partials[k]
-        C, mean = U @ C @ U.T, U @ mean
-        C[rx, rx] += (gains.gain * variances[k]) @ gains.gain.T
-        reported = reported_covariance(gains, model)
-        gain = np.linalg.solve(outer.rows @ formal @ outer.rows.T + reported, outer.rows @ formal).T
-        keep = np.eye(n) - gain @ outer.rows
-        U = np.eye(len(C))
-        U[:n, :n] = keep
-        U[:n, n + SOLUTION] = gain
-        error = C[np.ix_(n + SOLUTION, n + SOLUTION)]
-        white = keep @ white @ keep.T + gain @ error @ gain.T
-        formal = keep @ formal @ keep.T + gain @ reported @ gain.T
-        C, mean = U @ C @ U.T, U @ mean
-        found.append((mean, C, formal, white))
-    means, covariances, formals, whites = zip(*found, strict=True)
-    return History(np.array(means), np.array(covariances), np.array(formals), np.array(whites))

@@ -17,10 +17,10 @@ import numpy as np
 
 from lvnav_trade.kernels.covariance import predict, update_scalar
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import like, magnitude, size, sqrt, where
-from lvnav_trade.observables import doppler, pseudorange
+from lvnav_trade.kernels.lanes import like, magnitude, sqrt, where
 from lvnav_trade.observables.base import H_CLOCK, H_POS, H_VEL, N_ENTRY, line_of_sight
-from lvnav_trade.receivers.bancroft import fix
+from lvnav_trade.observables.ranges import range_row, rate_row
+from lvnav_trade.receivers.bancroft import fix, solution
 from lvnav_trade.receivers.base import (
     ACC,
     ACCELERATION,
@@ -63,11 +63,13 @@ def adapted(ax, ay, az, model):
     covariance asks with the difference of nominal velocities; the runs ask with that of noisy point solutions.
     """
     size = sqrt(ax * ax + ay * ay + az * az)
-    x = _larger(model.drive_gain * ax * ax, like(ax, model.drive_floor))
-    y = _larger(model.drive_gain * ay * ay, like(ax, model.drive_floor))
-    z = _larger(model.drive_gain * az * az, like(ax, model.drive_floor))
-    ranges = _larger(model.range_gain * size, like(ax, model.range_floor))
-    return x, y, z, ranges, _larger(model.rate_gain * size, like(ax, model.rate_floor))
+    return (
+        _larger(model.drive_gain * ax * ax, model.drive_floor),
+        _larger(model.drive_gain * ay * ay, model.drive_floor),
+        _larger(model.drive_gain * az * az, model.drive_floor),
+        _larger(model.range_gain * size, model.range_floor),
+        _larger(model.rate_gain * size, model.rate_floor),
+    )
 
 
 @jit
@@ -80,11 +82,10 @@ def drive(P, model, x, y, z):
             for second in range(3):
                 row, column = blocks[first] + i, blocks[second] + i
                 P[row, column] = P[row, column] + model.drive[first] * model.drive[second] * variance[i]
-    g0, g1 = 0.5 * model.interval * model.interval, model.interval
-    P[BIAS, BIAS] = P[BIAS, BIAS] + g0 * g0 * model.clock
-    P[BIAS, DRIFT] = P[BIAS, DRIFT] + g0 * g1 * model.clock
-    P[DRIFT, BIAS] = P[DRIFT, BIAS] + g0 * g1 * model.clock
-    P[DRIFT, DRIFT] = P[DRIFT, DRIFT] + g1 * g1 * model.clock
+    gain = (0.5 * model.interval * model.interval, model.interval)
+    for i in range(2):
+        for j in range(2):
+            P[BIAS + i, BIAS + j] = P[BIAS + i, BIAS + j] + gain[i] * gain[j] * model.clock
 
 
 @jit
@@ -140,7 +141,7 @@ def _update_by_ranges(rx, model, satellite, satellite_velocity, used, n_used, ra
     for i in range(N_STATE):
         x[i] = zero
     asked, accepted, satellites = zero, zero, zero
-    for channel in range(size(rx.innovation, 0)):
+    for channel in range(rx.innovation.shape[0]):
         rx.innovation[channel] = like(zero, np.nan)
     for slot in range(n_used):
         s = used[slot]
@@ -148,11 +149,11 @@ def _update_by_ranges(rx, model, satellite, satellite_velocity, used, n_used, ra
         rho = where(rx.memory[STARTED] > 0.0, ranges[slot, 0], np.nan)
         rate = where(rx.memory[STARTED] > 0.0, ranges[slot, 1], np.nan)
         asked = asked + where(rho == rho, 1.0, 0.0) + where(rate == rate, 1.0, 0.0)
-        innovation = rho - pseudorange.row(rx.h, rx.at, ux, uy, uz, distance, nav[BIAS])
+        innovation = rho - range_row(rx.h, rx.at, ux, uy, uz, distance, nav[BIAS])
         one, rx.innovation[2 * s] = _take_row(
             rx, model, innovation, model.range_limit, range_variance, RANGE_ENTRIES, RANGE_COLUMNS
         )
-        innovation = rate - doppler.row(rx.h, rx.at, satellite_velocity[s], ux, uy, uz, distance, nav[DRIFT])
+        innovation = rate - rate_row(rx.h, rx.at, satellite_velocity[s], ux, uy, uz, distance, nav[DRIFT])
         two, rx.innovation[2 * s + 1] = _take_row(
             rx, model, innovation, model.rate_limit, rate_variance, RATE_ENTRIES, RATE_COLUMNS
         )
@@ -234,7 +235,7 @@ def step(rx, model, point, satellite, satellite_velocity, used, n_used, ranges):
     memory[MISSES] = where(fixed & (accepted < 0.5 * asked), memory[MISSES] + 1.0, 0.0)
     begin = fixed & ((memory[STARTED] == 0.0) | (memory[MISSES] >= model.restart))
     _start(rx, model, point, begin)
-    for channel in range(size(rx.innovation, 0)):  # where the filter has just begun again there are none
+    for channel in range(rx.innovation.shape[0]):  # where the filter has just begun again there are none
         rx.innovation[channel] = where(begin, np.nan, rx.innovation[channel])
     memory[STARTED] = where(begin, 1.0, memory[STARTED])
     memory[MISSES] = where(begin, 0.0, memory[MISSES])
@@ -245,3 +246,17 @@ def step(rx, model, point, satellite, satellite_velocity, used, n_used, ranges):
     rx.used[1] = accepted
     _hand_out(rx, model, satellites)
     return rx.used[0]
+
+
+@jit
+def solve(rx, point, filtering, satellite, satellite_velocity, used, n_used, ranges):
+    """Set solution and covariance of a receiver (Receiver, updated) at an epoch; return their quality.
+
+    Parameters
+    ----------
+    point : PointModel; filtering : FilterModel, or None where the point solution itself is handed out
+    satellite, satellite_velocity, used, n_used, ranges : as of `bancroft.fix`
+    """
+    if filtering is None:
+        return solution(rx, point, satellite, satellite_velocity, used, n_used, ranges)
+    return step(rx, filtering, point, satellite, satellite_velocity, used, n_used, ranges)

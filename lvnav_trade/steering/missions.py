@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.engines.setup.envelopes import changing, steady_ratio
-from lvnav_trade.filters.envelope import EnvelopeCard
+from lvnav_trade.filters.base import EnvelopeCard
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.steering.loop import (
     BURN,

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lvnav_trade.engines.setup.vehicle import burns
-from lvnav_trade.filters.envelope import EnvelopeCard
+from lvnav_trade.filters.base import EnvelopeCard
 from lvnav_trade.observables.attitude import AttitudeReferenceCard
 from lvnav_trade.records import Floats
 from lvnav_trade.scenario import Scenario, sensors_measuring

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from lvnav_trade.filters.base import FilterCard
-from lvnav_trade.filters.envelope import EnvelopeCard
+from lvnav_trade.filters.base import EnvelopeCard, FilterCard
 
 BASE = {"name": "n", "source": "s"}
 MODELLED = ["position", "velocity", "attitude", "imu"]

@@ -10,8 +10,8 @@ from scipy.stats import chi2
 
 from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.simulate.montecarlo import run_block
+from lvnav_trade.kernels.covariance import apply_phi
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.joint import apply_phi
 from lvnav_trade.kernels.lanes import WIDTH, view
 from lvnav_trade.records import MODES, REASONS
 from tests.building import INERTIAL, LOOSE, MATCHED, loaded, prepare_hop, with_fields

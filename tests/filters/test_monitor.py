@@ -21,7 +21,6 @@ from lvnav_trade.filters.monitor import (
     Watch,
     begin_watch,
     check_measurements,
-    gate_of,
     is_correcting,
     is_running,
     new_watch,
@@ -29,7 +28,7 @@ from lvnav_trade.filters.monitor import (
     update_mode,
 )
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import WIDTH, like, view
+from lvnav_trade.kernels.lanes import WIDTH, like, view, where
 from lvnav_trade.kernels.transition import POS, VEL
 from lvnav_trade.records import AIDING, CONVERGING, MODES, PREDICTING, REASONS, STOPPED, WAITING
 
@@ -283,7 +282,7 @@ def eight(w, rules, model, signals, P, x, z, gates, variance):
             for row in range(6):
                 watch.predicted[row] = like(xv[0], variance[row])
             start_filter(Pv, xv, watch, rules, sample)
-        gv[epoch] = gate_of(watch, np.inf)
+        gv[epoch] = where(watch.sample[0] > 0.0, np.inf, -1.0)
         update_mode(watch, rules, epoch, Pv)
 
 

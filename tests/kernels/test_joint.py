@@ -7,9 +7,15 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from lvnav_trade.kernels.covariance import predict, update_scalar
+from lvnav_trade.kernels.covariance import (
+    apply_phi,
+    apply_phi_transposed,
+    predict,
+    update_covariance,
+    update_scalar,
+    update_vector,
+)
 from lvnav_trade.kernels.jit import making_arrays
-from lvnav_trade.kernels.joint import apply_phi, apply_phi_transposed, update_covariance, update_vector
 
 NONE = np.zeros(0, dtype=np.int64)
 

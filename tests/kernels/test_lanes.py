@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -13,13 +14,10 @@ from numba import TypingError
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import (
     WIDTH,
-    all_of,
-    any_of,
     bits,
     from_bits,
     like,
     magnitude,
-    size,
     sqrt,
     to_float,
     view,
@@ -38,7 +36,7 @@ def draws(*shape):
 
 @jit
 def arithmetic(out, a, b):
-    for i in range(size(a, 0)):
+    for i in range(a.shape[0]):
         x, y = a[i], b[i]
         out[0, i], out[1, i], out[2, i], out[3, i] = x + y, x - y, x * y, x / y
         out[4, i], out[5, i], out[6, i] = -x, magnitude(x), sqrt(magnitude(y))
@@ -51,7 +49,7 @@ def arithmetic(out, a, b):
 
 @jit
 def with_numbers(out, a):
-    for i in range(size(a, 0)):
+    for i in range(a.shape[0]):
         x = a[i]
         out[0, i], out[1, i], out[2, i], out[3, i] = x + 2.5, x - 2.5, x * 2.5, x / 2.5
         out[4, i], out[5, i], out[6, i], out[7, i] = 2.5 + x, 2.5 - x, 2.5 * x, 2.5 / x
@@ -61,7 +59,7 @@ def with_numbers(out, a):
 
 @jit
 def choices(out, a, b):
-    for i in range(size(a, 0)):
+    for i in range(a.shape[0]):
         x, y = a[i], b[i]
         out[0, i], out[1, i] = where(x < y, x, y), where(x <= y, x, 0.0)
         out[2, i], out[3, i], out[4, i] = where(x > y, 1.0, y), where(x >= y, 1.0, 0.0), where(x == y, 1.0, 0.0)
@@ -70,7 +68,7 @@ def choices(out, a, b):
 
 @jit
 def words(out, floats, a, b):
-    for i in range(size(a, 0)):
+    for i in range(a.shape[0]):
         x, y = a[i], b[i]
         out[0, i], out[1, i], out[2, i] = x + y, x * y, x ^ y
         out[3, i], out[4, i] = x & y, x | y
@@ -193,9 +191,9 @@ def test_words_wrap_shift_and_change_into_floats_as_numpy_words_do(kernel, lanes
 @jit
 def total_of_plane(plane):
     total = like(plane[0, 0], 0.0)
-    for i in range(size(plane, 0)):
+    for i in range(plane.shape[0]):
         row = plane[i]
-        for j in range(size(plane, 1)):
+        for j in range(plane.shape[1]):
             total = total + row[j]
     return total
 
@@ -203,10 +201,10 @@ def total_of_plane(plane):
 @jit
 def sum_and_transpose(sums, turned, cube):
     """Views of one, two and three dimensions, a plane and a row of them, read and written."""
-    for k in range(size(cube, 0)):
+    for k in range(cube.shape[0]):
         sums[k] = total_of_plane(cube[k])
-        for i in range(size(cube, 1)):
-            for j in range(size(cube, 2)):
+        for i in range(cube.shape[1]):
+            for j in range(cube.shape[2]):
                 turned[k, j, i] = cube[k, i, j]
         last = turned[k]
         row = last[0]
@@ -229,41 +227,49 @@ def test_views_of_one_to_three_dimensions_and_their_parts_read_and_write_the_arr
     np.testing.assert_array_equal(sums, cube.sum(axis=(1, 2)))
 
 
-@jit
-def any_and_all(x):
-    lanes = view(x)
-    positive = lanes[0] > 0.0
-    return any_of(positive), all_of(positive)
-
-
-@jit
-def any_and_all_of_one(x):
-    return any_of(x > 0.0), all_of(x > 0.0)
-
-
-@pytest.mark.parametrize("lane", range(WIDTH))
-def test_any_and_all_hear_every_single_lane(lane):
-    x = -np.ones((1, WIDTH))
-    assert any_and_all(x) == (False, False)
-    x[0, lane] = 1.0
-    assert any_and_all(x) == (True, False)
-    assert any_and_all(-x) == (True, False)
-    assert any_and_all(np.ones((1, WIDTH))) == (True, True)
-
-
-def test_any_and_all_of_one_run_are_its_own_answer():
-    assert any_and_all_of_one(1.0) == (True, True)
-    assert any_and_all_of_one(-1.0) == (False, False)
-
-
 def test_lane_views_exist_in_compiled_code_only():
     with pytest.raises(NotImplementedError, match="compiled"):
         view(np.zeros((2, WIDTH)))
 
 
+class Pair(NamedTuple):
+    """A record of arrays, of which one may be missing."""
+
+    values: Any
+    words: Any
+    other: Any
+
+
+@jit
+def add_values(to, values, words):
+    for i in range(to.shape[0]):
+        to[i] = to[i] + values[i] + to_float(words[i])
+
+
+@jit
+def add_record(to, pair):
+    if pair is not None:
+        add_values(to, pair.values, pair.words)
+
+
+@jit
+def add_lanes(to, pair):
+    lanes = view(pair)
+    add_record(view(to), lanes)
+    add_record(view(to), lanes.other)
+
+
+def test_the_view_of_a_record_has_views_of_its_arrays_and_of_records_within_and_keeps_none():
+    values, words = np.arange(16.0).reshape(2, WIDTH), np.full((2, WIDTH), 3, dtype=np.uint64)
+    for other, times in ((None, 1.0), (Pair(values, words, None), 2.0)):
+        to = np.zeros((2, WIDTH))
+        add_lanes(to, Pair(values, words, other))
+        np.testing.assert_array_equal(to, times * (values + 3.0))
+
+
 @jit
 def length_of_view(x):
-    return size(view(x), 0)
+    return view(x).shape[0]
 
 
 @pytest.mark.parametrize("array", [np.zeros((4, WIDTH))[::2], np.zeros((3, WIDTH), dtype=np.float32)])

@@ -13,7 +13,6 @@ import pytest
 from scipy.stats import chi2
 
 from lvnav_trade.kernels.covariance import predict, update_scalar
-from lvnav_trade.kernels.groups import GROUP
 from lvnav_trade.kernels.transition import POS, VEL
 from tests.engines.lincov.small import of_lanes, propagate, small, update
 
@@ -87,8 +86,7 @@ def linear(gain, mismatch=True):
     signals = Fixes(Shares(np.zeros((1, 1), dtype=np.int64), np.ones((1, 1, 1))), np.zeros((0, 1, 1)), 6, 0)
     out = []
     for force, k in zip(FORCE, gain, strict=True):
-        enters = scratch.b if GROUP == 1 else scratch.b[..., SCALED]
-        enters[SCALED if GROUP == 1 else 0, 0, [VEL, POS]] = -force * DT, -0.5 * force * DT**2
+        of_lanes(scratch.b, SCALED)[0, [VEL, POS]] = -force * DT, -0.5 * force * DT**2
         propagate(joint, scratch, true, model)
         update(joint, scratch, true, k, np.ones(1), ENTRIES, STATES, NOISY, FIX**2, signals)
         out.append([np.diag(of_lanes(joint.sources, source)).copy() for source in range(n_source)])

@@ -26,17 +26,17 @@ class Mutation(NamedTuple):
 OBSERVABLE = "tests/observables/test_contract.py::test_a_row_is_the_derivative_of_the_predicted_measurement"
 MUTATIONS = {
     "lever arm of a range with the wrong sign": Mutation(
-        "observables/pseudorange.py", "cross(ux, uy, uz, at[6], at[7], at[8])",
+        "observables/ranges.py", "cross(ux, uy, uz, at[6], at[7], at[8])",
         "cross(at[6], at[7], at[8], ux, uy, uz)",
         OBSERVABLE,
     ),
     "lever arm's rate of a range rate with the wrong sign": Mutation(
-        "observables/doppler.py", "cross(ux, uy, uz, at[9], at[10], at[11])",
+        "observables/ranges.py", "cross(ux, uy, uz, at[9], at[10], at[11])",
         "cross(at[9], at[10], at[11], ux, uy, uz)",
         OBSERVABLE,
     ),
     "lever arm of a position with the wrong sign": Mutation(
-        "observables/position.py", "= at[6 + (axis + 2) % 3]", "= -at[6 + (axis + 2) % 3]", OBSERVABLE
+        "observables/solution.py", "= at[6 + first + (axis + 2) % 3]", "= -at[6 + first + (axis + 2) % 3]", OBSERVABLE
     ),
     "assumed variance four times too large, seen in the numbers": Mutation(
         "engines/setup/signals.py", "variance, n = sigma**2, channels", "variance, n = 4.0 * sigma**2, channels",
@@ -63,7 +63,7 @@ MUTATIONS = {
         "tests/world/sensors/test_imu.py::test_bias_instability_is_a_stationary_gauss_markov_process",
     ),
     "noise of the filter's Gauss-Markov state scaled wrongly": Mutation(
-        "filters/model.py", "2.0 * block.sigma**2 * np.tanh", "block.sigma**2 * np.tanh",
+        "filters/model.py", "2.0 * sigma**2 * np.tanh", "sigma**2 * np.tanh",
         "tests/filters/test_model.py::test_a_gauss_markov_state_keeps_its_sigma_whatever_the_window",
     ),
     "measurement tagged half a tick early": Mutation(
@@ -71,7 +71,7 @@ MUTATIONS = {
         "tests/engines/setup/test_prepare.py::test_measurements_are_taken_on_ticks_where_the_increments_end",
     ),
     "attitude correction with the wrong sign": Mutation(
-        "filters/ekf.py", "from_rotation(x[ATT], x[ATT + 1], x[ATT + 2])",
+        "kernels/transition.py", "from_rotation(x[ATT], x[ATT + 1], x[ATT + 2])",
         "from_rotation(-x[ATT], -x[ATT + 1], -x[ATT + 2])",
         "tests/engines/simulate/test_flight.py::test_an_error_that_is_injected_computed_and_fed_back_leaves_nothing",
     ),
@@ -85,7 +85,7 @@ MUTATIONS = {
         "tests/engines/test_lincov.py::test_a_matched_filter_knows_its_own_error",
     ),
     "true covariance updated as if every gain were optimal": Mutation(
-        "kernels/joint.py", "- gain[i] * work[j] - work[i] * gain[j] + gain[i] * total * gain[j]",
+        "kernels/covariance.py", "- gain[i] * work[j] - work[i] * gain[j] + gain[i] * total * gain[j]",
         "- gain[i] * work[j]",
         "tests/kernels/test_joint.py::test_the_true_update_is_josephs_form_for_any_gain",
     ),

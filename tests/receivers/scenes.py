@@ -11,7 +11,7 @@ from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like, sqrt, view
 from lvnav_trade.kernels.vector import WIDTH
 from lvnav_trade.receivers.bancroft import solution
-from lvnav_trade.receivers.base import as_lanes, new_receiver, switch_on
+from lvnav_trade.receivers.base import new_receiver, switch_on
 from lvnav_trade.receivers.ekf_gnss import step
 
 RADIUS, ORBIT = 6.378e6, 26.56e6
@@ -102,7 +102,7 @@ def measure(at, clock, rng, sigma=(2.0, 0.1)):
 @jit
 def fly_point(rx, model, satellite, moving, used, n_used, ranges, out, quality):
     """Point solutions of all epochs, eight runs: out (n, 6, 8), quality (n, 8)."""
-    at, o, q = as_lanes(rx), view(out), view(quality)
+    at, o, q = view(rx), view(out), view(quality)
     z = view(ranges)
     for k in range(n_used.shape[0]):
         q[k] = solution(at, model, satellite[k], moving[k], used[k], n_used[k], z[k])
@@ -113,7 +113,7 @@ def fly_point(rx, model, satellite, moving, used, n_used, ranges, out, quality):
 @jit
 def fly_filter(rx, model, point, satellite, moving, used, n_used, ranges, out, sigma, quality):
     """Filtered solutions of all epochs, eight runs: out, sigma (n, 6, 8) (its own), quality (n, 8)."""
-    at, o, c, q = as_lanes(rx), view(out), view(sigma), view(quality)
+    at, o, c, q = view(rx), view(out), view(sigma), view(quality)
     z = view(ranges)
     for k in range(n_used.shape[0]):
         q[k] = step(at, model, point, satellite[k], moving[k], used[k], n_used[k], z[k])
@@ -125,7 +125,7 @@ def fly_filter(rx, model, point, satellite, moving, used, n_used, ranges, out, s
 @jit
 def switch_on_lanes(rx, place):
     """`switch_on` of eight runs at one place."""
-    at = as_lanes(rx)
+    at = view(rx)
     zero = like(at.nav[0], 0.0)
     switch_on(at, zero + place[0], zero + place[1], zero + place[2])
 

@@ -17,15 +17,13 @@ from lvnav_trade.receivers.base import (
     INCONSISTENT,
     NO_FIX,
     UNTESTED,
-    as_lanes,
-    constant_covariance,
+    ReportedCovariance,
     new_receiver,
-    own_covariance,
     point_model,
 )
 from tests.receivers.scenes import ascending, clocks, errors, measure, point_runs, scene, standing, true_ranges
 
-OWN = own_covariance()
+OWN = ReportedCovariance()
 MODEL = point_model(OWN, 2.0, 0.1)
 CLOSED = point_model(OWN, 2.0, 0.1, refinements=0)
 
@@ -218,7 +216,7 @@ def test_a_slot_without_a_range_or_a_rate_is_left_out():
 
 @jit
 def solve_lanes(rx, model, satellite, moving, used, ranges, out):
-    at, o = as_lanes(rx), view(out)
+    at, o = view(rx), view(out)
     o[0] = solution(at, model, satellite, moving, used, used.shape[0], view(ranges))
 
 
@@ -251,11 +249,11 @@ def test_what_is_reported_is_the_covariance_a_multiple_its_diagonal_or_a_constan
     own = reported(OWN)
     np.testing.assert_array_equal(own.covariance[:3, :3], 4.0 * own.inverse[:3, :3])
     np.testing.assert_allclose(own.covariance[3:, 3:], 0.01 * own.inverse[:3, :3], rtol=1e-15)
-    np.testing.assert_allclose(reported(own_covariance(10.0)).covariance, 10.0 * own.covariance, rtol=1e-15)
+    np.testing.assert_allclose(reported(ReportedCovariance(factor=10.0)).covariance, 10.0 * own.covariance, rtol=1e-15)
     np.testing.assert_array_equal(
-        reported(own_covariance(correlated=False)).covariance, np.diag(np.diag(own.covariance))
+        reported(ReportedCovariance(correlated=False)).covariance, np.diag(np.diag(own.covariance))
     )  # fmt: skip
-    constant = reported(constant_covariance(3.0, 0.2)).covariance
+    constant = reported(ReportedCovariance(False, False, 1.0, 9.0, 0.04)).covariance
     np.testing.assert_allclose(constant, np.diag([9.0] * 3 + [0.04] * 3), rtol=1e-15)
 
 

@@ -6,29 +6,28 @@ import numpy as np
 import pytest
 
 from lvnav_trade.receivers.bancroft import fix
-from lvnav_trade.receivers.base import filter_model, new_receiver, own_covariance, point_model, switch_on
+from lvnav_trade.receivers.base import ReportedCovariance, filter_model, new_receiver, point_model, switch_on
 from lvnav_trade.receivers.cascade import (
     SOLUTION,
-    Outer,
     design,
     filtered,
     mismatch,
     noises,
     nominal_acceleration,
     point_gain,
-    propagate,
     reported_covariance,
     started,
 )
 from lvnav_trade.receivers.ekf_gnss import step
+from tests.receivers.dense import Outer, propagate
 from tests.receivers.scenes import ascending, clocks, errors, filter_runs, measure, scene, standing, true_ranges
 
-POINT = point_model(own_covariance(), 2.0, 0.1)
+POINT = point_model(ReportedCovariance(), 2.0, 0.1)
 
 
 def model(factor=1.0, **changes):
     settings = {"range_sigma": 4.0, "rate_sigma": 0.2, "drive_sigma": 1.0, "clock_noise": 0.005}
-    return filter_model(own_covariance(factor), 1.0, start_acceleration=10.0, **(settings | changes))
+    return filter_model(ReportedCovariance(factor=factor), 1.0, start_acceleration=10.0, **(settings | changes))
 
 
 ADAPTED = {"range_sigma": 2.0, "rate_sigma": 0.1, "drive_sigma": 0.5,
@@ -79,7 +78,7 @@ def test_gains_and_covariance_are_those_of_the_compiled_filter(settings):
     scale = np.sqrt(np.diag(gains[-1].P))
     # the filter linearises where it takes itself to be; during the failure that is some ten metres off
     np.testing.assert_allclose(rx.P / np.outer(scale, scale), gains[-1].P / np.outer(scale, scale), rtol=0, atol=1e-5)
-    np.testing.assert_allclose(reported_covariance(gains[-1], settings), rx.covariance, rtol=0, atol=1e-4)
+    np.testing.assert_allclose(reported_covariance(settings.reported, gains[-1].P), rx.covariance, rtol=0, atol=1e-4)
     if settings.drive_gain == 0.0:  # else the fix moves the noise as well
         for slot, column, size in ((0, 0, 5.0), (3, 1, 0.5)):
             moved = z.copy()
@@ -154,7 +153,7 @@ def runs(at, settings, n_run=N_RUN):
         if k:
             e = filter_.phi @ e + drive @ rng.standard_normal((6, n_run))
             P = filter_.phi @ P @ filter_.phi.T + filter_.assumed
-        reported = reported_covariance(gains[k], settings)
+        reported = reported_covariance(settings.reported, gains[k].P)
         gain = P @ np.linalg.inv(P + reported)
         e = e - gain @ (e - solution[k])
         P = P - gain @ P

@@ -15,11 +15,9 @@ from lvnav_trade.receivers.base import (
     NO_FIX,
     PARTIAL,
     PROPAGATED,
-    as_lanes,
-    constant_covariance,
+    ReportedCovariance,
     filter_model,
     new_receiver,
-    own_covariance,
     point_model,
     switch_on,
 )
@@ -37,7 +35,7 @@ from tests.receivers.scenes import (
     true_ranges,
 )
 
-OWN = own_covariance()
+OWN = ReportedCovariance()
 POINT = point_model(OWN, 2.0, 0.1)
 # The published settings of the three variants; only the own covariance goes out, unscaled, to be compared with errors.
 FIRST = filter_model(OWN, 1.0, 2.0, 0.1, 0.5, 0.005, drive_gain=0.01, range_gain=1.0, rate_gain=0.01,
@@ -165,7 +163,7 @@ def test_an_epoch_is_the_kalman_update_of_dense_matrices(model):
 
 @jit
 def step_lanes(rx, model, point, satellite, moving, used, n_used, ranges, out):
-    at, z, o = as_lanes(rx), view(ranges), view(out)
+    at, z, o = view(rx), view(ranges), view(out)
     for k in range(n_used.shape[0]):
         o[k] = step(at, model, point, satellite[k], moving[k], used[k], n_used[k], z[k])
 
@@ -173,7 +171,7 @@ def step_lanes(rx, model, point, satellite, moving, used, n_used, ranges, out):
 @jit
 def switch_on_lanes(rx, places):
     p = view(places)
-    switch_on(as_lanes(rx), p[0], p[1], p[2])
+    switch_on(view(rx), p[0], p[1], p[2])
 
 
 GATED = filter_model(OWN, 1.0, 2.0, 0.1, 0.5, 0.005, drive_gain=0.01, range_gain=1.0, rate_gain=0.01, gate=6.0,
@@ -378,9 +376,9 @@ def test_a_constant_covariance_or_a_multiple_goes_out_in_place_of_the_filters_ow
     at, rng = scene(np.arange(0.0, 10.0), standing), np.random.default_rng(20)
     z = measure(at, clocks(rng, 10, 1, 1.0), rng)[..., 0]
     own = run_alone(at, z, SECOND)
-    scaled = run_alone(at, z, SECOND._replace(reported=own_covariance(10.0)))
-    plain = run_alone(at, z, SECOND._replace(reported=own_covariance(10.0, correlated=False)))
-    constant = run_alone(at, z, SECOND._replace(reported=constant_covariance(2.2, 0.11)))
+    scaled = run_alone(at, z, SECOND._replace(reported=ReportedCovariance(factor=10.0)))
+    plain = run_alone(at, z, SECOND._replace(reported=ReportedCovariance(factor=10.0, correlated=False)))
+    constant = run_alone(at, z, SECOND._replace(reported=ReportedCovariance(False, False, 1.0, 2.2**2, 0.11**2)))
     np.testing.assert_allclose(scaled.covariance, 10.0 * own.covariance, rtol=1e-15)
     np.testing.assert_allclose(plain.covariance, np.diag(10.0 * np.diag(own.covariance)), rtol=1e-15)
     np.testing.assert_allclose(constant.covariance, np.diag([4.84] * 3 + [0.0121] * 3), rtol=1e-14)

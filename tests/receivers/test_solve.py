@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from lvnav_trade.receivers.bancroft import solution
-from lvnav_trade.receivers.base import filter_model, lanes_of, new_receiver, own_covariance, point_model, switch_on
-from lvnav_trade.receivers.ekf_gnss import step
-from lvnav_trade.receivers.solve import solve
+from lvnav_trade.receivers.base import ReportedCovariance, filter_model, new_receiver, point_model, switch_on
+from lvnav_trade.receivers.ekf_gnss import solve, step
 from tests.receivers.scenes import scene, standing, true_ranges
 
-OWN = own_covariance()
+OWN = ReportedCovariance()
 POINT = point_model(OWN, 2.0, 0.1)
 FILTER = filter_model(OWN, 1.0, 2.0, 0.1, 0.5, 0.005)
 
@@ -31,7 +30,3 @@ def test_a_receiver_hands_out_what_its_solver_finds(filtering):
     assert np.array_equal(one.solution, other.solution)
     assert np.array_equal(one.covariance, other.covariance)
     np.testing.assert_allclose(one.solution[:3], at.r_i[-1], atol=1e-3)
-
-
-def test_a_case_without_a_solving_receiver_has_no_lanes_of_it():
-    assert lanes_of(None) is None

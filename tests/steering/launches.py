@@ -8,7 +8,7 @@ import numpy as np
 from ruamel.yaml import YAML
 
 from lvnav_trade.campaign.syntax.cards import shipped
-from lvnav_trade.filters.envelope import EnvelopeCard
+from lvnav_trade.filters.base import EnvelopeCard
 from lvnav_trade.steering.loop import BURN, COAST
 from lvnav_trade.steering.missions import Launch
 from lvnav_trade.world.control.ascent import Body

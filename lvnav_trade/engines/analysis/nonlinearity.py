@@ -9,10 +9,10 @@ import numpy as np
 from lvnav_trade.engines.lincov.history import nominal, turns
 from lvnav_trade.engines.lincov.workspace import Nominal
 from lvnav_trade.engines.setup.prepare import Prepared
-from lvnav_trade.filters.ekf import fill_loose, fill_tight, place_antenna
+from lvnav_trade.filters.ekf import fill_receiver, place_antenna
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.attitude import from_rotation, multiply, small_rotation
-from lvnav_trade.kernels.joint import apply_phi
+from lvnav_trade.kernels.covariance import apply_phi
 from lvnav_trade.kernels.strapdown import N_SUM, Q, R, V, mechanise
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL
 from lvnav_trade.records import CovHistory, Floats
@@ -182,11 +182,8 @@ def _predicted(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Floa
     for extra, offset in enumerate(model.extra_offset):
         work.extra[extra] = -d[offset]
     place_antenna(work, None, model, prepared.unit.dt, epoch)
-    if model.tight:
-        fill_tight(work, model, prepared.signals, epoch)
-        return work.z[: 2 * prepared.signals.n_used[epoch]].copy()
-    fill_loose(work, model, prepared.signals, epoch)
-    return work.z[:6].copy()
+    fill_receiver(work, model, prepared.signals, epoch)
+    return work.z[: 2 * prepared.signals.n_used[epoch] if model.tight else 6].copy()
 
 
 def _innovation_sigma(prepared: Prepared, work: Nominal, epoch: int, n_row: int, formal: Floats) -> Floats:

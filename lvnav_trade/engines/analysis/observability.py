@@ -14,8 +14,8 @@ from lvnav_trade.engines.lincov.sources import source_names
 from lvnav_trade.engines.lincov.workspace import Tape
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.kernels import transition
+from lvnav_trade.kernels.covariance import apply_phi
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.joint import apply_phi
 from lvnav_trade.kernels.strapdown import N_SUM
 from lvnav_trade.kernels.vehicle import N_SAMPLE, advance_vector, fill_samples
 from lvnav_trade.records import Floats

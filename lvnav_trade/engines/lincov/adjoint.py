@@ -14,9 +14,8 @@ from lvnav_trade.engines.lincov.receiver_error import clone_back, solution_back
 from lvnav_trade.engines.lincov.samples import fill_partials, nominal_tick
 from lvnav_trade.engines.lincov.update import known_partial, measured_channel, shared_partial
 from lvnav_trade.kernels import transition
-from lvnav_trade.kernels.groups import get_one, get_two
+from lvnav_trade.kernels.covariance import apply_phi_transposed
 from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.joint import apply_phi_transposed
 from lvnav_trade.kernels.vehicle import N_SAMPLE, advance_vector_transposed, fill_samples
 from lvnav_trade.records import Floats
 
@@ -83,11 +82,11 @@ def _drive_back(back, true, length, time_bin):
         for p in range(true.state_at.shape[0]):
             source, k, at = true.state_source[p], true.state_slot[p], true.state_at[p]
             g, lane = true.group[source], true.lane[source]
-            noise = get_one(true.noise[length], g, k, 0, lane)
+            noise = true.noise[length, g, k, 0, lane]
             # the component and the filter's error in it are driven by the same noise
             through = back.c[m, source, k] + back.e[m, at]
             back.contribution[m, source, time_bin] += through * through * noise
-            factor = get_one(true.factor[length], g, k, 0, lane)
+            factor = true.factor[length, g, k, 0, lane]
             back.c[m, source, k] = factor * back.c[m, source, k] + (factor - true.decay[length, at]) * back.e[m, at]
 
 
@@ -104,11 +103,8 @@ def _blocks_back(back, scratch, sums, true, model, length, time_bin):
             input_matrix(scratch.input, scratch.block, j, true, sums, seconds)
         for axis in range(3):
             k = true.slot[j, axis]
-            factor, noise = (
-                get_one(true.factor[length], g, k, 0, lane),
-                get_one(true.noise[length], g, k, 0, lane),
-            )
-            echo = 1.0 if get_one(true.echo[length], g, k, 0, lane) > 0.0 else 0.0
+            factor, noise = true.factor[length, g, k, 0, lane], true.noise[length, g, k, 0, lane]
+            echo = 1.0 if true.echo[length, g, k, 0, lane] > 0.0 else 0.0
             for m in range(back.e.shape[0]):
                 entered = 0.0
                 if true.moving[j]:
@@ -128,10 +124,7 @@ def _shared_back(back, true, length, time_bin):
             continue
         source, k = true.shared_source[c], true.shared_slot[c]
         g, lane = true.group[source], true.lane[source]
-        factor, noise = (
-            get_one(true.factor[length], g, k, 0, lane),
-            get_one(true.noise[length], g, k, 0, lane),
-        )
+        factor, noise = true.factor[length, g, k, 0, lane], true.noise[length, g, k, 0, lane]
         for m in range(back.e.shape[0]):
             through = back.c[m, source, k]
             back.contribution[m, source, time_bin] += through * through * noise
@@ -144,7 +137,7 @@ def _white_back(back, true, length, time_bin):
     for source in range(true.group.shape[0]):
         g, lane = true.group[source], true.lane[source]
         for i in range(back.e.shape[1]):
-            noise = get_two(true.white[length], g, i, lane)
+            noise = true.white[length, g, i, lane]
             if noise > 0.0:
                 for m in range(back.e.shape[0]):
                     back.contribution[m, source, time_bin] += 0.5 * noise * back.e[m, i] * back.e[m, i]
@@ -189,7 +182,7 @@ def _samples_back(back, scratch, tape, true, unit, vehicle, reference, tick, tim
                 g, lane = true.group[source], true.lane[source]
                 for axis in range(3):
                     r, k = 3 * true.sensor[j] + axis, true.slot[j, axis]
-                    partial = get_one(scratch.a, g * n_slot + k, r, 0, lane)
+                    partial = scratch.a[g * n_slot + k, r, 0, lane]
                     back.c[m, source, k] -= scratch.y[r] * partial
         for r in range(N_SAMPLE):
             for k in range(vehicle.columns.shape[1]):

@@ -29,7 +29,7 @@ class Components(NamedTuple):
 
     group, lane (n_source,) place of each source; n_slot (n_group,); followed (n_group, n_slot): the covariance with the
     states is followed; moves: enters attitude, velocity or position while they are propagated. samples: enters the
-    samples of the IMU, as measurements. factor, noise (n_length, n_group, n_slot, 1[, 8]) decay and driving
+    samples of the IMU, as measurements. factor, noise (n_length, n_group, n_slot, 1, n_lane) decay and driving
     variance over a window, echo the part of the noise that enters the states with the opposite sign (quantisation);
     start (n_source, n_slot) variance.
 
@@ -40,7 +40,7 @@ class Components(NamedTuple):
     shared_source, shared_slot, shared_matched (n_shared,), shared_family (n_family,) family of the filter's extra
     states for the same thing, -1 none. Of both together the ones that have a state: state_source, state_slot, state_at.
 
-    nav_rows ... nav_drivers: blocks of the true transition. white (n_length, n_group, N[, 8]) noise of each source;
+    nav_rows ... nav_drivers: blocks of the true transition. white (n_length, n_group, N, n_lane) noise of each source;
     initial (n_source, N, N); noise_source (n_channel,) source of the noise of each channel; decay (n_length, N) of the
     states; n_entry (n_channel,), entry, column of measurements with respect to the N states, by ring place of the clone
     (n_ring, n_channel, ...); solution: first state of the receiver's error (-1 none) with sources solution_source
@@ -295,8 +295,8 @@ def components(prepared: Prepared, names: list[str]) -> Components:
 
 
 def initial_state(prepared: Prepared, true: Components) -> tuple[Floats, Floats, Floats]:
-    """Return sources (n_group, N, N[, 8]), cross (n_group, n_slot, N[, 8]) and variance (n_group, n_slot, 1[, 8]) at
-    the start: an estimate of a component is zero, so the filter's error in it is the component itself.
+    """Return sources (n_group, N, N, n_lane), cross (n_group, n_slot, N, n_lane) and variance (n_group, n_slot, 1,
+    n_lane) at the start: an estimate of a component is zero, so the filter's error in it is the component itself.
     """
     n = n_joint(prepared)
     sources = true.initial.copy()

@@ -23,7 +23,7 @@ from lvnav_trade.filters.ekf import (
 )
 from lvnav_trade.filters.late import keep
 from lvnav_trade.filters.monitor import MODE, begin_watch, check_measurements, is_running, start_filter, update_mode
-from lvnav_trade.kernels.groups import get_one, group, total_of, whole
+from lvnav_trade.kernels.groups import group, total_of, whole
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.strapdown import place
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL, driver
@@ -241,7 +241,7 @@ def _write(out, hist, joint, scratch, true, axes_att, axes):
             budget[i, 0] = P[i, i]
     for source in range(true.group.shape[0]):
         for i in range(n):
-            out.budget[hist, source, i] = get_one(scratch.budget, true.group[source], i, 0, true.lane[source])
+            out.budget[hist, source, i] = scratch.budget[true.group[source], i, 0, true.lane[source]]
 
 
 @jit
@@ -255,7 +255,7 @@ def _write_samples(out, hist, joint, true, samples, tick):
         for r in range(N_SAMPLE):
             at = samples.bias[r]
             if at >= 0:
-                out.samples[hist, source, 6 + r] += get_one(joint.sources, g, at, at, lane)
+                out.samples[hist, source, 6 + r] += joint.sources[g, at, at, lane]
     for j in range(true.sensor.shape[0]):
         if true.profile[j] >= 0 or true.driver[j] < 0:
             continue
@@ -267,13 +267,13 @@ def _write_samples(out, hist, joint, true, samples, tick):
         g, lane = true.group[source], true.lane[source]
         for axis in range(3):
             r, k = 3 * true.sensor[j] + axis, true.slot[j, axis]
-            variance = u[axis] * u[axis] * get_one(joint.variance, g, k, 0, lane)
+            variance = u[axis] * u[axis] * joint.variance[g, k, 0, lane]
             out.samples[hist, source, r] += variance
             at = samples.bias[r]
             if at < 0:
                 out.samples[hist, source, 6 + r] += variance
             elif true.matched[j] + axis != at:
-                shared = 2.0 * u[axis] * get_one(joint.cross, g, k, at, lane)
+                shared = 2.0 * u[axis] * joint.cross[g, k, at, lane]
                 out.samples[hist, source, 6 + r] += variance + shared
 
 
@@ -294,7 +294,7 @@ def _hold_solution(held, held_mean, joint, true):
     for source in range(held.shape[0]):
         for i in range(held.shape[1]):
             for j in range(held.shape[1]):
-                held[source, i, j] = get_one(joint.sources, true.group[source], at + i, at + j, true.lane[source])
+                held[source, i, j] = joint.sources[true.group[source], at + i, at + j, true.lane[source]]
     for i in range(held.shape[1]):
         held_mean[i] = joint.mean[at + i]
 

@@ -37,7 +37,7 @@ from lvnav_trade.sources import label_of
 
 def _width(prepared: Prepared) -> int:
     """Return how many entries a Jacobian row has."""
-    return prepared.model.n_row_entry + (0 if prepared.chain is None else N_SOLUTION_ENTRY)
+    return prepared.model.entry.shape[1] + (0 if prepared.chain is None else N_SOLUTION_ENTRY)
 
 
 def nominal(prepared: Prepared) -> Nominal:
@@ -101,15 +101,8 @@ def _sample_scratch(prepared: Prepared, true: Components) -> SampleScratch | Non
     found: dict[str, Any] = {name: np.zeros(shape) for name, shape in shapes.items()}
     found |= {name: grouped_zeros(shape) for name, shape in lanes.items()}
     for source, values in enumerate(true.sample_noise):
-        found["noise"][true.group[source], :, *_lane(true, source)] = values
+        found["noise"][true.group[source], :, true.lane[source]] = values
     return SampleScratch(**found)
-
-
-def _lane(true: Components, source: int) -> tuple[int, ...]:
-    """Return the index behind those of a group's array that takes one source."""
-    from lvnav_trade.kernels.groups import GROUP
-
-    return () if GROUP == 1 else (int(true.lane[source]),)
 
 
 def _pass(prepared: Prepared, names: list[str], true: Components, tape: Tape) -> Recorded:

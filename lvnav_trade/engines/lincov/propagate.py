@@ -5,11 +5,9 @@ from __future__ import annotations
 from lvnav_trade.engines.lincov.components import GRAVITY, REMAINDER
 from lvnav_trade.engines.simulate.sensing import profile_value
 from lvnav_trade.kernels import transition
-from lvnav_trade.kernels.covariance import predict
-from lvnav_trade.kernels.groups import add_one, get_one, group, set_one
+from lvnav_trade.kernels.covariance import apply_phi, predict
+from lvnav_trade.kernels.groups import group
 from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.joint import apply_phi
-from lvnav_trade.kernels.lanes import size
 from lvnav_trade.kernels.strapdown import J4, R, gravity, mechanise, place
 from lvnav_trade.kernels.transition import ATT, ATT_GYRO, GYRO, POS, VEL, VEL_ACCEL, VEL_GYRO, parameter_block
 
@@ -65,7 +63,7 @@ def _fill_inputs(scratch, true, sums, seconds):
             input_matrix(scratch.input, scratch.block, j, true, sums, seconds)
             for axis in range(3):
                 for i in range(N_NAV):
-                    set_one(scratch.b, g, true.slot[j, axis], i, lane, scratch.input[i, axis])
+                    scratch.b[g, true.slot[j, axis], i, lane] = scratch.input[i, axis]
 
 
 @inlined
@@ -74,7 +72,7 @@ def _enter(P, y, b, variance, echo):
 
     echo: variance of the part of c's driving noise that enters the states with the opposite sign of b.
     """
-    n = size(P, 0)
+    n = P.shape[0]
     half = 0.5 * (variance + echo)
     for i in range(N_NAV):
         bi = b[i]
@@ -101,7 +99,7 @@ def _advance_components(joint, scratch, true, length, g):
         if true.followed[g, k]:
             if true.moves[g, k]:
                 _enter(P, y, b[k], variances[k, 0], echoes[k, 0])
-            for i in range(size(y, 0)):
+            for i in range(y.shape[0]):
                 y[i] = factor * y[i]
             if true.moves[g, k]:
                 for i in range(N_NAV):
@@ -118,15 +116,15 @@ def _enter_states(joint, true, decay, length):
     for p in range(true.state_at.shape[0]):
         source, k, at = true.state_source[p], true.state_slot[p], true.state_at[p]
         g, lane = true.group[source], true.lane[source]
-        extra = get_one(true.factor[length], g, k, 0, lane) - decay[at]
+        extra = true.factor[length, g, k, 0, lane] - decay[at]
         if extra != 0.0:
-            variance = get_one(joint.variance, g, k, 0, lane)
+            variance = joint.variance[g, k, 0, lane]
             for i in range(joint.mean.shape[0]):
-                value = extra * get_one(joint.cross, g, k, i, lane)
-                add_one(joint.sources, g, i, at, lane, value)
-                add_one(joint.sources, g, at, i, lane, value)
-            add_one(joint.sources, g, at, at, lane, extra * extra * variance)
-            add_one(joint.cross, g, k, at, lane, extra * variance)
+                value = extra * joint.cross[g, k, i, lane]
+                joint.sources[g, i, at, lane] += value
+                joint.sources[g, at, i, lane] += value
+            joint.sources[g, at, at, lane] += extra * extra * variance
+            joint.cross[g, k, at, lane] += extra * variance
 
 
 @jit
@@ -135,11 +133,11 @@ def _drive_states(joint, true, length):
     for p in range(true.state_at.shape[0]):
         source, k, at = true.state_source[p], true.state_slot[p], true.state_at[p]
         g, lane = true.group[source], true.lane[source]
-        noise = get_one(true.noise[length], g, k, 0, lane)
+        noise = true.noise[length, g, k, 0, lane]
         if noise > 0.0:
-            add_one(joint.sources, g, at, at, lane, noise)
+            joint.sources[g, at, at, lane] += noise
             if true.followed[g, k]:
-                add_one(joint.cross, g, k, at, lane, noise)
+                joint.cross[g, k, at, lane] += noise
 
 
 @inlined

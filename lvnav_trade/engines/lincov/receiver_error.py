@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from lvnav_trade.filters.ekf import separate
 from lvnav_trade.filters.late import carry_on
-from lvnav_trade.kernels.groups import add_one, get_one, group, whole
+from lvnav_trade.kernels.covariance import whiten
+from lvnav_trade.kernels.groups import group, whole
 from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import like, size
+from lvnav_trade.kernels.lanes import like
 from lvnav_trade.kernels.transition import VEL
-from lvnav_trade.receivers.whiten import whiten
 
 N_SOLUTION_ENTRY = 12
 """Measurements of a solution have entries, behind those of the filter, for its own error and for the velocities that an
@@ -38,7 +38,7 @@ def _move_vector(y, work, A, at):
 @jit
 def _move_covariance(P, work, A, at):
     """Replace the covariance P by that of the states moved by A from `at` on."""
-    n, m = size(P, 0), A.shape[0]
+    n, m = P.shape[0], A.shape[0]
     for j in range(n):
         for i in range(m):
             total = like(P[0, 0], 0.0)
@@ -55,17 +55,17 @@ def _move_covariance(P, work, A, at):
 def _enter(joint, true, g, k, lane, b, at):
     """Let a component enter the states from `at` on by b (m,)."""
     P, y, n, m = joint.sources, joint.cross, joint.mean.shape[0], b.shape[0]
-    variance = get_one(joint.variance, g, k, 0, lane)
+    variance = joint.variance[g, k, 0, lane]
     for i in range(m):
         if b[i] != 0.0:
             for j in range(n):
-                shared = b[i] * get_one(y, g, k, j, lane)
-                add_one(P, g, at + i, j, lane, shared)
-                add_one(P, g, j, at + i, lane, shared)
+                shared = b[i] * y[g, k, j, lane]
+                P[g, at + i, j, lane] += shared
+                P[g, j, at + i, lane] += shared
             for j in range(m):
-                add_one(P, g, at + i, at + j, lane, b[i] * variance * b[j])
+                P[g, at + i, at + j, lane] += b[i] * variance * b[j]
     for i in range(m):
-        add_one(y, g, k, at + i, lane, b[i] * variance)
+        y[g, k, at + i, lane] += b[i] * variance
 
 
 @jit
@@ -86,14 +86,7 @@ def advance_solution(joint, scratch, chain, true, epoch):
         g, lane = true.group[source], true.lane[source]
         for i in range(m):
             for j in range(m):
-                add_one(
-                    joint.sources,
-                    g,
-                    at + i,
-                    at + j,
-                    lane,
-                    chain.white[epoch, i, q] * variance * chain.white[epoch, j, q],
-                )
+                joint.sources[g, at + i, at + j, lane] += chain.white[epoch, i, q] * variance * chain.white[epoch, j, q]
     for c in range(true.shared_source.shape[0]):
         source = true.shared_source[c]
         g, lane = true.group[source], true.lane[source]
@@ -126,10 +119,10 @@ def _copy_vector(y, to, first, n):
 
 @jit
 def _copy_covariance(P, to, first, n):
-    for j in range(size(P, 0)):
+    for j in range(P.shape[0]):
         for i in range(n):
             P[to + i, j] = P[first + i, j]
-    for i in range(size(P, 0)):
+    for i in range(P.shape[0]):
         _copy_vector(P[i], to, first, n)
 
 

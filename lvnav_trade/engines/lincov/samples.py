@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from lvnav_trade.engines.simulate.sensing import profile_value
 from lvnav_trade.kernels.attitude import cross, matrix
-from lvnav_trade.kernels.groups import get_one, group, set_one, whole
+from lvnav_trade.kernels.groups import group, whole
 from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import like, size
+from lvnav_trade.kernels.lanes import like
 from lvnav_trade.kernels.transition import GYRO, driver
 from lvnav_trade.kernels.vehicle import (
     N_SAMPLE,
@@ -47,7 +47,7 @@ def fill_partials(a, true, vehicle, tick):
             at = true.group[source] * true.followed.shape[1]
             for axis in range(3):
                 row = at + true.slot[j, axis]
-                set_one(a, row, 3 * true.sensor[j] + axis, 0, true.lane[source], u[axis])
+                a[row, 3 * true.sensor[j] + axis, 0, true.lane[source]] = u[axis]
 
 
 @jit
@@ -65,7 +65,7 @@ def _deviations(z, true, unit, reference, tick, value):
 @inlined
 def _enter(P, y, through, seen, S, a, variance, gain):
     """Let components c, a lane each, enter by the samples: a (6, 1) partials, y = Cov(x, c) after the update by H."""
-    n = size(P, 0)
+    n = P.shape[0]
     for i in range(n):
         total = like(y[0], 0.0)
         for r in range(N_SAMPLE):
@@ -163,7 +163,7 @@ def expected_of_samples(work, true, vehicle):
             T[r, q] = 1.0 if q == r else 0.0
             S[r, q] = work.seen[r] * work.seen[q]
             for source in range(true.group.shape[0]):
-                S[r, q] += get_one(work.S, true.group[source], r, q, true.lane[source])
+                S[r, q] += work.S[true.group[source], r, q, true.lane[source]]
     # samples are processed one after the other: innovation r is T_r z with what those before it have taken off
     for r in range(N_SAMPLE):
         for q in range(r):

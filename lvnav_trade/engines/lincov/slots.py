@@ -54,13 +54,9 @@ def places_of(count: list[int]) -> tuple[Ints, Ints, Ints]:
 
 
 def as_lanes(values: Floats, group: Ints, lane: Ints) -> Floats:
-    """Return values of sources (n_source, ...) in groups, (n_group, ...[, 8])."""
+    """Return values of sources (n_source, ...) in groups, (n_group, ..., n_lane)."""
     found = grouped_zeros((int(group.max()) + 1, *values.shape[1:]))
-    for source, value in enumerate(values):
-        if GROUP == 1:
-            found[group[source]] = value
-        else:
-            found[group[source], ..., lane[source]] = value
+    found[group, ..., lane] = values
     return found
 
 
@@ -81,7 +77,7 @@ def slot_tables(slots: Slots, group: Ints, lane: Ints, n_slot: Ints) -> dict[str
         samples[place] |= one.samples
 
     def by_length(values: Floats) -> Floats:
-        lanes = as_lanes(values, group, lane)  # (n_group, n_length, n_slot, 1[, 8])
+        lanes = as_lanes(values, group, lane)  # (n_group, n_length, n_slot, 1, n_lane)
         return aligned(np.swapaxes(lanes, 0, 1))
 
     return {
@@ -92,7 +88,6 @@ def slot_tables(slots: Slots, group: Ints, lane: Ints, n_slot: Ints) -> dict[str
 
 def aligned(values: Floats) -> Floats:
     """Return the same values in an array that begins where a cache line does."""
-    shape = values.shape if GROUP == 1 else values.shape[:-1]
-    found = grouped_zeros(shape)
+    found = grouped_zeros(values.shape[:-1])
     found[:] = values
     return found

@@ -99,7 +99,7 @@ def _pairs(
     for e, c in zip(model.entry[channel, :n].tolist(), model.column[channel, :n].tolist(), strict=True):
         pairs.append((e, clone + c if of_receiver and buffered and c < N_NAV else c))
     if chain is not None and of_receiver:
-        own = model.n_row_entry
+        own = model.entry.shape[1]
         pairs += [(own + i, solution + int(chain.pick[i])) for i in range(6)]
         if late is not None and not buffered:
             pairs += [(own + 6 + i, clone + VEL + i) for i in range(3)]

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from lvnav_trade.engines.lincov.receiver_error import N_CLONE, N_NAV
-from lvnav_trade.kernels.covariance import update_scalar, update_with_gain
-from lvnav_trade.kernels.groups import add_one, get_one, group, set_one, total_of, whole
+from lvnav_trade.kernels.covariance import update_covariance, update_scalar, update_vector, update_with_gain
+from lvnav_trade.kernels.groups import group, total_of, whole
 from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.joint import update_covariance, update_vector
 from lvnav_trade.observables.base import N_ENTRY
 
 
@@ -44,18 +43,18 @@ def _enter(joint, scratch, gain, true, m, a):
     """
     source, k, n = true.shared_source[m], true.shared_slot[m], gain.shape[0]
     g, lane, P, y = true.group[source], true.lane[source], joint.sources, joint.cross
-    variance = get_one(joint.variance, g, k, 0, lane)
+    variance = joint.variance[g, k, 0, lane]
     for i in range(n):
         if gain[i] != 0.0:
             for j in range(n):
                 # with y = Cov(x, c) after the update: -(g (a y)' + (a y) g') + (a^2 var) g g'
-                value = a * gain[i] * get_one(y, g, k, j, lane)
-                add_one(P, g, i, j, lane, -value)
-                add_one(P, g, j, i, lane, -value)
-                add_one(P, g, i, j, lane, a * a * variance * gain[i] * gain[j])
+                value = a * gain[i] * y[g, k, j, lane]
+                P[g, i, j, lane] -= value
+                P[g, j, i, lane] -= value
+                P[g, i, j, lane] += a * a * variance * gain[i] * gain[j]
     for i in range(n):
-        add_one(y, g, k, i, lane, -gain[i] * a * variance)
-    return 2.0 * a * get_one(scratch.seen, g, k, 0, lane) + a * a * variance
+        y[g, k, i, lane] += -gain[i] * a * variance
+    return 2.0 * a * scratch.seen[g, k, 0, lane] + a * a * variance
 
 
 @jit
@@ -152,7 +151,7 @@ def _update_sources(joint, scratch, true, gain, h, entries, columns, source, noi
     """Update every source's covariance and those with the components; return the innovation's true variance."""
     total = noise
     if source >= 0:
-        set_one(scratch.noise, true.group[source], 0, 0, true.lane[source], noise)
+        scratch.noise[true.group[source], 0, 0, true.lane[source]] = noise
     for g in range(true.n_slot.shape[0]):
         P, spread = group(joint.sources, g), whole(scratch.spread)
         spread[0] = update_covariance(P, whole(scratch.y), gain, h, entries, columns, group(scratch.noise, g)[0, 0])
@@ -162,7 +161,7 @@ def _update_sources(joint, scratch, true, gain, h, entries, columns, source, noi
             if true.followed[g, k]:
                 seen[k, 0] = update_vector(cross[k], gain, h, entries, columns)
     if source >= 0:
-        set_one(scratch.noise, true.group[source], 0, 0, true.lane[source], 0.0)
+        scratch.noise[true.group[source], 0, 0, true.lane[source]] = 0.0
     return total
 
 

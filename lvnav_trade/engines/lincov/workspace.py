@@ -40,9 +40,9 @@ class Nominal(NamedTuple):
 class JointCovariance(NamedTuple):
     """State of the pass, updated. N states: the filter's error e (n), the receiver's solution error, clones.
 
-    formal (n, n) the filter's covariance; mean (N,); sources (n_group, N, N[, 8]) the true covariance, a source a lane;
-    cross (n_group, n_slot, N[, 8]) covariance of the N states with each error component and variance (n_group, n_slot,
-    1[, 8]) of it; profile (n_profile, 3) present value of biases that are the same in every run.
+    formal (n, n) the filter's covariance; mean (N,); sources (n_group, N, N, n_lane) the true covariance, a source a
+    lane; cross (n_group, n_slot, N, n_lane) covariance of the N states with each error component and variance (n_group,
+    n_slot, 1, n_lane) of it; profile (n_profile, 3) present value of biases that are the same in every run.
     """
 
     formal: Floats

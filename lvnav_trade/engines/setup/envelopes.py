@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.filters.envelope import EnvelopeCard
+from lvnav_trade.filters.base import EnvelopeCard
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -18,9 +18,7 @@ from lvnav_trade.observables.partials import Channels
 from lvnav_trade.receivers.base import (
     ReportedCovariance,
     Solver,
-    constant_covariance,
     filter_model,
-    own_covariance,
     point_model,
 )
 from lvnav_trade.records import Floats
@@ -86,12 +84,11 @@ def _reported(
     card: BancroftSolution | FilteredSolution, scenario: Scenario, model: ReceiverModel
 ) -> ReportedCovariance:
     """Return the covariance that goes out with a solution; a filter that has numbers of its own assumes those."""
-    if not isinstance(scenario.filter.receiver, str):
-        return constant_covariance(model.position_sigma, model.velocity_sigma)
-    reported = card.reported_covariance
+    own = isinstance(scenario.filter.receiver, str)
+    reported = card.reported_covariance if own else model
     if isinstance(reported, OwnCovariance):
-        return own_covariance(reported.factor, reported.correlated)
-    return constant_covariance(reported.position_sigma, reported.velocity_sigma)
+        return ReportedCovariance(correlated=reported.correlated, factor=reported.factor)
+    return ReportedCovariance(False, False, 1.0, reported.position_sigma**2, reported.velocity_sigma**2)
 
 
 def solver_of(scenario: Scenario, model: ReceiverModel, most: int) -> Solver | None:

@@ -28,7 +28,7 @@ from lvnav_trade.engines.setup.solution import Chain, chain_of
 from lvnav_trade.engines.setup.times import epochs_of, times_of
 from lvnav_trade.engines.setup.vehicle import samples_of, vehicle_of
 from lvnav_trade.engines.setup.watching import left_out, pdop, watched
-from lvnav_trade.filters.envelope import EnvelopeCard
+from lvnav_trade.filters.base import EnvelopeCard
 from lvnav_trade.filters.model import FilterModel, build_filter_model, initial_covariance
 from lvnav_trade.frames import earth_angle, rotation_i_e, rotation_i_n, rotation_i_o
 from lvnav_trade.kernels.random import source_word

@@ -18,22 +18,18 @@ from lvnav_trade.receivers.base import (
     BIAS,
     DRIFT,
     N_STATE,
-    POS,
-    VEL,
     FilterModel,
-    PointModel,
-    ReportedCovariance,
     Solver,
 )
 from lvnav_trade.receivers.cascade import (
-    FIX_STATES,
     SOLUTION,
     Gains,
     design,
     filtered,
     mismatch,
     nominal_acceleration,
-    point_gain,
+    point_solution,
+    reported_covariance,
     started,
 )
 from lvnav_trade.records import Floats
@@ -120,19 +116,6 @@ _NOTHING = Gains(
 )
 
 
-def _fixed(model: PointModel, rows: Floats) -> Gains:
-    """Return an epoch of the point solution, which keeps nothing of the one before."""
-    gain = np.zeros((N_STATE, len(rows)))
-    gain[FIX_STATES] = point_gain(rows)
-    P = np.zeros((N_STATE, N_STATE))
-    for at, variance, part in (
-        ([*range(POS, POS + 3), BIAS], model.range_variance, rows[0::2]),
-        ([*range(VEL, VEL + 3), DRIFT], model.rate_variance, rows[1::2]),
-    ):
-        P[np.ix_(at, at)] = variance * np.linalg.inv(part[:, at].T @ part[:, at])
-    return _NOTHING._replace(gain=gain, P=P)
-
-
 def _coasts(model: FilterModel, n_used: Ints, begun: int) -> NDArray[np.bool_]:
     """Return whether the receiver's filter hands out a solution at each epoch: begun, not coasted too long."""
     found, idle = np.zeros(n_used.size, dtype=bool), 0.0
@@ -153,7 +136,7 @@ def _run(solver: Solver, point: Floats, signals: Signals) -> _Nominal:
     for k in range(fixed.size):
         rows, innovation, which = _epoch(point, signals, k)
         if model is None:
-            found = _fixed(solver.point, rows) if fixed[k] else _NOTHING
+            found = point_solution(solver.point, rows) if fixed[k] else _NOTHING
         elif k > begun:
             found = filtered(gains[-1].P, model, rows, slope[k])
         else:
@@ -165,14 +148,6 @@ def _run(solver: Solver, point: Floats, signals: Signals) -> _Nominal:
         channels.append(which)
     solved = fixed if model is None else _coasts(model, signals.n_used, begun)
     return _Nominal(gains, innovations, channels, solved)
-
-
-def _reported(reported: ReportedCovariance, P: Floats) -> Floats:
-    """Return the covariance (6, 6) that goes out."""
-    if not reported.own:
-        return np.diag([reported.position_variance] * 3 + [reported.velocity_variance] * 3)
-    R: Floats = reported.factor * P[np.ix_(SOLUTION, SOLUTION)]
-    return R if reported.correlated else np.diag(np.diag(R))
 
 
 def _pushes(solver: Solver, seen: _Nominal, point: Floats, acceleration: Floats, signals: Signals) -> Floats:
@@ -227,7 +202,7 @@ def solved(solver: Solver, signals: Signals, point: Floats, acceleration: Floats
         white[k, :, :n_row], variance[k, :n_row] = -gains.gain, signals.sigma[k, seen.channels[k]] ** 2
         white[k, :, -2:], variance[k, -2:] = gains.keep[:, [BIAS, DRIFT]] @ clock, 1.0
         shared[k] = -gains.gain @ _shared(signals, k, seen.channels[k])
-        reported[k] = _reported(out, gains.P) if seen.solved[k] else reported[k]
+        reported[k] = reported_covariance(out, gains.P) if seen.solved[k] else reported[k]
     chain = Chain(
         move=move,
         white=white,

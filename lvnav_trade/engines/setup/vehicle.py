@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from lvnav_trade.engines.setup.envelopes import envelopes
 from lvnav_trade.engines.setup.inputs import Samples
-from lvnav_trade.filters.base import ImuModel
-from lvnav_trade.filters.envelope import EnvelopeCard
+from lvnav_trade.filters.base import EnvelopeCard, ImuModel
 from lvnav_trade.filters.samples import VehicleModel
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
 from lvnav_trade.kernels.vehicle import N_SAMPLE

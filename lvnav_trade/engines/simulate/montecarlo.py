@@ -12,51 +12,17 @@ from lvnav_trade.engines.setup.inputs import Held, Misses, Sizes, Work, work_sha
 from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.engines.setup.recorded import values_of
 from lvnav_trade.engines.simulate.flight import fly
-from lvnav_trade.filters.feedforward import lanes_of_open_loop, new_open_loop
+from lvnav_trade.filters.feedforward import new_open_loop
 from lvnav_trade.filters.late import N_PAST
-from lvnav_trade.filters.monitor import Watch, lanes_of_watch, new_watch
-from lvnav_trade.filters.samples import lanes_of_motion, new_motion
+from lvnav_trade.filters.monitor import Watch, new_watch
+from lvnav_trade.filters.samples import new_motion
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import aligned_zeros, view
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.kernels.vector import WIDTH
 from lvnav_trade.receivers.base import N_STATE as N_RECEIVER
-from lvnav_trade.receivers.base import lanes_of, new_receiver
+from lvnav_trade.receivers.base import new_receiver
 from lvnav_trade.records import NO_CHANGES, WAITING, Floats, RunBlock
-
-
-@jit
-def _view_of(array: Any) -> Any:
-    """Return a lane view of an array, or None where there is none."""
-    if array is None:
-        return None
-    return view(array)
-
-
-@jit
-def _views_of_held(held: Any) -> Any:
-    return Held(view(held.error), view(held.covariance))
-
-
-@jit
-def _lanes_of_held(held: Any) -> Any:
-    """Return lane views of what is held of a receiver's solution, or None."""
-    if held is None:
-        return None
-    return _views_of_held(held)
-
-
-@jit
-def _views_of_misses(misses: Any) -> Any:
-    return Misses(view(misses.error), view(misses.missed))
-
-
-@jit
-def _lanes_of_misses(misses: Any) -> Any:
-    """Return lane views of what a transition misses, or None."""
-    if misses is None:
-        return None
-    return _views_of_misses(misses)
 
 
 @jit
@@ -74,16 +40,7 @@ def fly_lanes(
     k1: Any,
 ) -> None:
     """Fly eight runs: `fly` on lane views of arrays whose last axis is the runs."""
-    work = Work(
-        view(w.run), view(w.nav), view(w.sums), view(w.previous), view(w.increments), view(w.P), view(w.X), view(w.D),
-        view(w.x), view(w.K), view(w.H), view(w.z), view(w.antenna), view(w.rate), view(w.true_par),
-        view(w.true_tables), view(w.par), view(w.tables), view(w.remainder), view(w.clock), view(w.clock_hat),
-        view(w.shared), view(w.extra), view(w.ranges), view(w.solution), view(w.err), view(w.sigma), view(w.nees),
-        view(w.nis), view(w.n_row), view(w.n_reject), view(w.innovation), view(w.failed), view(w.t_failed),
-        view(w.reported), view(w.observed), lanes_of(w.rx), lanes_of_open_loop(w.open_loop), lanes_of_watch(w.watch),
-        _view_of(w.past), lanes_of_motion(w.motion), _lanes_of_held(w.held), _lanes_of_misses(w.misses),
-    )  # fmt: skip
-    fly(work, schedule, unit, signals, sensors, start, history, model, options, k0, k1)
+    fly(view(w), schedule, unit, signals, sensors, start, history, model, options, k0, k1)
 
 
 def new_work(prepared: Prepared, lanes: bool) -> Work:

@@ -10,10 +10,10 @@ from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like
 from lvnav_trade.kernels.random import normals
 from lvnav_trade.kernels.strapdown import Q, R, V
-from lvnav_trade.observables import doppler, position, pseudorange, velocity
+from lvnav_trade.observables import ranges, solution
 from lvnav_trade.observables.sensors import measure
 from lvnav_trade.receivers.base import switch_on
-from lvnav_trade.receivers.solve import solve
+from lvnav_trade.receivers.ekf_gnss import solve
 
 _ZERO, _ONE = np.uint64(0), np.uint64(1)
 
@@ -163,8 +163,8 @@ def _measure_ranges(work, signals, word, epoch, k0, k1):
         m0, m1, _, _ = normals(k0, k1, signals.sources[1], run, word, signals.words[s])
         true_range = signals.range[epoch, s] + _shared_error(work, shared, epoch, at_range)
         true_rate = signals.rate[epoch, s] + _shared_error(work, shared, epoch, at_rate)
-        work.ranges[slot, 0] = pseudorange.observe(true_range, work.clock[0], sigma[at_range], m0)
-        work.ranges[slot, 1] = doppler.observe(true_rate, work.clock[1], sigma[at_rate], m1)
+        work.ranges[slot, 0] = ranges.observe(true_range, work.clock[0], sigma[at_range], m0)
+        work.ranges[slot, 1] = ranges.observe(true_rate, work.clock[1], sigma[at_rate], m1)
 
 
 @jit
@@ -173,12 +173,11 @@ def _measure_directly(work, signals, word, epoch, k0, k1):
     run, shared, sigma = work.run[0], signals.shared, signals.sigma[epoch]
     p0, p1, p2, _ = normals(k0, k1, signals.sources[2], run, word, _ZERO)
     v0, v1, v2, _ = normals(k0, k1, signals.sources[2], run, word, _ONE)
-    p, v = (p0, p1, p2), (v0, v1, v2)
-    for axis in range(3):
-        true_position = signals.position[epoch, axis] + _shared_error(work, shared, epoch, axis)
-        true_velocity = signals.velocity[epoch, axis] + _shared_error(work, shared, epoch, 3 + axis)
-        work.solution[axis] = position.observe(true_position, sigma[axis], p[axis])
-        work.solution[3 + axis] = velocity.observe(true_velocity, sigma[3 + axis], v[axis])
+    normal = (p0, p1, p2, v0, v1, v2)
+    for i in range(6):
+        true_value = signals.position[epoch, i] if i < 3 else signals.velocity[epoch, i - 3]
+        true_value = true_value + _shared_error(work, shared, epoch, i)
+        work.solution[i] = solution.observe(true_value, sigma[i], normal[i])
 
 
 @jit

@@ -74,10 +74,8 @@ def standard_refractivity(height: ArrayLike, wet: float = 44.8, wet_scale: float
     """
     height = np.asarray(height, dtype=float)
     below = np.minimum(height, _TOP_OF_STANDARD)
-    dry = np.empty(below.shape)
-    for k, metres in np.ndenumerate(below):
-        _, pressure, temperature, _ = atmosphere(float(metres))
-        dry[k] = 0.776 * pressure / temperature
+    _, pressure, temperature, _ = np.vectorize(atmosphere, otypes=[float] * 4)(below)
+    dry = 0.776 * pressure / temperature
     return np.asarray(dry * np.exp((below - height) / _TAIL_SCALE) + wet * np.exp(-height / wet_scale))
 
 

@@ -25,8 +25,8 @@ FilterModel = namedtuple("FilterModel", "seconds clock")
 
 
 def of_lanes(array, source):
-    """Return what an array in groups, (n_group, ...[, 8]), holds of one source."""
-    return array[source] if GROUP == 1 else array[source // GROUP, ..., source % GROUP]
+    """Return what an array in groups, (n_group, ..., n_lane), holds of one source."""
+    return array[source // GROUP, ..., source % GROUP]
 
 
 def small(starts, variances, *, factor, noise, decay, white, blocks, rows, columns, seconds, clock=-1, **more):

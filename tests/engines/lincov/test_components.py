@@ -46,10 +46,10 @@ def place(true, source):
 
 
 def table_of(true, name, block):
-    """Return a table (n_length, n_group, n_slot, 1[, 8]) of a block's first component, (n_length,)."""
+    """Return a table (n_length, n_group, n_slot, 1, n_lane) of a block's first component, (n_length,)."""
     source = int(true.source[block])
     at = (slice(None), true.group[source], true.slot[block, 0], 0)
-    return getattr(true, name)[at if GROUP == 1 else (*at, true.lane[source])]
+    return getattr(true, name)[*at, true.lane[source]]
 
 
 def test_every_source_has_a_lane_of_its_own_and_those_of_many_components_stand_together():

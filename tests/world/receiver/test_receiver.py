@@ -9,7 +9,7 @@ from pydantic import TypeAdapter, ValidationError
 from lvnav_trade.campaign.reading.expand import expand
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.cards import Shelf, shipped
-from lvnav_trade.receivers.base import filter_model, own_covariance, point_model
+from lvnav_trade.receivers.base import ReportedCovariance, filter_model, point_model
 from lvnav_trade.world.receiver.receiver import (
     BancroftSolution,
     ConstantCovariance,
@@ -54,14 +54,14 @@ def same(a, b):
     ],
 )  # fmt: skip
 def test_the_published_variants_become_the_filters_numbers(card, arguments):
-    read, reported = READ.validate_python(card), own_covariance()
+    read, reported = READ.validate_python(card), ReportedCovariance()
     assert isinstance(read, FilteredSolution)
     expected = filter_model(reported, 1.0, start_acceleration=10.0, **arguments)
     assert same(filter_model(reported, 1.0, **read.numbers()), expected)
 
 
 def test_a_point_solution_becomes_the_solvers_numbers_and_starts_the_filter():
-    reported = own_covariance()
+    reported = ReportedCovariance()
     read = READ.validate_python(POINT)
     assert same(point_model(reported, **read.numbers()), point_model(reported, 2.0, 0.1))
     assert READ.validate_python(PUBLISHED).fix == read

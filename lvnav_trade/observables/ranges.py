@@ -1,0 +1,49 @@
+"""Pseudorange and range rate (Doppler): distance to the satellite at transmission, and its rate, plus the clock."""
+
+from __future__ import annotations
+
+from lvnav_trade.kernels.attitude import cross
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL
+
+
+@jit
+def range_row(h, at, ux, uy, uz, distance, clock_bias):
+    """Set the row and return the predicted pseudorange (m).
+
+    h (13,) set; at (21,) antenna state; ux, uy, uz line of sight from antenna to satellite, frame i; clock_bias in m.
+    """
+    h[H_POS], h[H_POS + 1], h[H_POS + 2] = -ux, -uy, -uz
+    h[H_ATT], h[H_ATT + 1], h[H_ATT + 2] = cross(ux, uy, uz, at[6], at[7], at[8])
+    for i in range(3):
+        h[H_VEL + i], h[H_RATE + i] = 0.0 * ux, 0.0 * ux
+    h[H_CLOCK] = 0.0 * ux + 1.0
+    return distance + clock_bias
+
+
+@jit
+def rate_row(h, at, satellite_velocity, ux, uy, uz, distance, clock_drift):
+    """Set the row and return the predicted range rate (m/s).
+
+    As `range_row`; satellite_velocity (3,) is the derivative of the satellite's position at transmission with respect
+    to reception time, frame i.
+    """
+    wx, wy, wz = satellite_velocity[0] - at[3], satellite_velocity[1] - at[4], satellite_velocity[2] - at[5]
+    along = ux * wx + uy * wy + uz * wz
+    scale = -1.0 / distance
+    px, py, pz = scale * (wx - along * ux), scale * (wy - along * uy), scale * (wz - along * uz)
+    h[H_POS], h[H_POS + 1], h[H_POS + 2] = px, py, pz
+    ax, ay, az = cross(at[6], at[7], at[8], px, py, pz)
+    bx, by, bz = cross(ux, uy, uz, at[9], at[10], at[11])
+    h[H_ATT], h[H_ATT + 1], h[H_ATT + 2] = ax + bx, ay + by, az + bz
+    h[H_VEL], h[H_VEL + 1], h[H_VEL + 2] = -ux, -uy, -uz
+    for i in range(3):
+        h[H_RATE + i] = -(ux * at[12 + i] + uy * at[15 + i] + uz * at[18 + i])
+    h[H_CLOCK] = 0.0 * ux + 1.0
+    return along + clock_drift
+
+
+@jit
+def observe(true_value, clock, sigma, normal):
+    """Return a measured pseudorange (m) or range rate (m/s): true value, clock (bias or drift) and white noise."""
+    return true_value + clock + sigma * normal

@@ -1,0 +1,29 @@
+"""The six scalars of the receiver's solution, frame i: position x, y, z (0 to 2) and velocity x, y, z (3 to 5)."""
+
+from __future__ import annotations
+
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL
+
+
+@jit
+def row(h, at, scalar):
+    """Set the row of a scalar and return its prediction (m, m/s) at the antenna; h (13,), at (21,)."""
+    zero, axis = 0.0 * at[0], scalar % 3
+    first = scalar - axis  # 0 or 3
+    for i in range(3):
+        h[H_POS + i], h[H_VEL + i] = zero, zero
+        h[H_RATE + i] = at[12 + 3 * axis + i] if first == 3 else zero
+    h[(H_VEL if first == 3 else H_POS) + axis] = zero + 1.0
+    # the antenna moves by att x lever arm, and swings by att x the arm's rate
+    h[H_ATT + axis] = zero
+    h[H_ATT + (axis + 1) % 3] = at[6 + first + (axis + 2) % 3]
+    h[H_ATT + (axis + 2) % 3] = -at[6 + first + (axis + 1) % 3]
+    h[H_CLOCK] = zero
+    return at[scalar]
+
+
+@jit
+def observe(true_value, sigma, normal):
+    """Return a scalar of the solution (m, m/s): the true one plus white noise of one-sigma `sigma`."""
+    return true_value + sigma * normal
