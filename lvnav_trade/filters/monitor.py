@@ -118,9 +118,7 @@ def check_measurements(watch, rules, model, signals, epoch, z, n_row):
         limit, before = rules.limits[channel], watch.before[channel]
         wild = where(magnitude(z[row] - watch.predicted[row]) <= limit, wild, 1.0)
         # before the start there is no prediction but the sample before: the inertial error changes little in between
-        known = where(before == before, 1.0, 0.0)
-        near = where(magnitude(z[row] - where(known > 0.0, before, z[row])) <= limit, apart, 1.0)
-        apart = where(z[row] == z[row], near, 1.0)
+        apart = where(magnitude(z[row] - where(before == before, before, z[row])) <= limit, apart, 1.0)
         watch.before[channel] = z[row]
     apart = where(state[COUNT] > 0.0, apart, 0.0)
     state[COUNT] = where(apart > 0.0, 1.0, state[COUNT] + 1.0)

@@ -115,29 +115,25 @@ def _predict_samples(work, vehicle, at, dt):
 
 
 @inlined
-def process_samples(work, open_loop, model, vehicle, tick, at, dt):
-    """Update by the samples of a tick, row `at` of the increments, and put the estimates in their place."""
-    m, motion = vehicle.motion, work.motion
-    _predict_samples(work, vehicle, at, dt)
-    for i in range(N_SAMPLE):
-        work.P[m + i, m + i] = work.P[m + i, m + i] + vehicle.walk[tick, i]
-    update_samples(
-        work.P, work.x, motion.K, motion.weight, motion.residual, motion.z, vehicle.variance, motion.h,
-        vehicle.columns, model.n_estimated,
-    )  # fmt: skip
-    _correct_tick(work, open_loop, model, vehicle)
-    for i in range(3):
-        work.increments[0, i] = dt * motion.rate[i]
-        work.increments[0, 3 + i] = dt * motion.force[i]
-
-
-@inlined
 def sample_window(work, open_loop, unit, model, vehicle, first, n_tick):
-    """Process the samples of a window, tick by tick; what is slow is propagated at its end."""
+    """Update by the samples of a window, tick by tick, and put the estimates in the place of the increments; what is
+    slow is propagated at the end of the window.
+    """
+    m, motion = vehicle.motion, work.motion
     for k in range(n_tick):
-        process_samples(work, open_loop, model, vehicle, first + k, k, unit.dt)
+        _predict_samples(work, vehicle, k, unit.dt)
+        for i in range(N_SAMPLE):
+            work.P[m + i, m + i] = work.P[m + i, m + i] + vehicle.walk[first + k, i]
+        update_samples(
+            work.P, work.x, motion.K, motion.weight, motion.residual, motion.z, vehicle.variance, motion.h,
+            vehicle.columns, model.n_estimated,
+        )  # fmt: skip
+        _correct_tick(work, open_loop, model, vehicle)
+        for i in range(3):
+            work.increments[0, i] = unit.dt * motion.rate[i]
+            work.increments[0, 3 + i] = unit.dt * motion.force[i]
         mechanise(work.nav, work.sums, work.previous, work.increments, 1, unit.dt, model.gravity)
-        advance(work.P, work.motion.moved, work.sums, unit.dt, vehicle.motion)
+        advance(work.P, motion.moved, work.sums, unit.dt, m)
         if open_loop is not None:
-            advance_vector(work.x, work.sums, unit.dt, vehicle.motion)
+            advance_vector(work.x, work.sums, unit.dt, m)
     mirror(work.P)

@@ -76,26 +76,6 @@ def _advance(P, blocks, rows, columns, n):
 
 
 @jit
-def _decay(P, decay, n):
-    """Scale rows and columns of Gauss-Markov parameters by their decay over the window."""
-    for j in range(N_NAV_ERROR, n):
-        factor = decay[j]
-        if factor != 1.0:
-            for i in range(n):
-                P[i, j] = P[i, j] * factor
-            for i in range(n):
-                P[j, i] = P[j, i] * factor
-
-
-@jit
-def _advance_clock(P, clock, seconds, n):
-    for j in range(n):
-        P[clock, j] = P[clock, j] + seconds * P[clock + 1, j]
-    for i in range(n):
-        P[i, clock] = P[i, clock] + seconds * P[i, clock + 1]
-
-
-@jit
 def predict(P, blocks, rows, columns, decay, noise, clock, seconds):
     """Propagate the covariance over a window: P <- Phi (P + Q/2) Phi' + Q/2, Q diagonal.
 
@@ -113,9 +93,17 @@ def predict(P, blocks, rows, columns, decay, noise, clock, seconds):
     for i in range(n):
         P[i, i] = P[i, i] + 0.5 * noise[i]
     _advance(P, blocks, rows, columns, n)
-    _decay(P, decay, n)
+    for j in range(N_NAV_ERROR, n):
+        if decay[j] != 1.0:
+            for i in range(n):
+                P[i, j] = P[i, j] * decay[j]
+            for i in range(n):
+                P[j, i] = P[j, i] * decay[j]
     if clock >= 0:
-        _advance_clock(P, clock, seconds, n)
+        for j in range(n):
+            P[clock, j] = P[clock, j] + seconds * P[clock + 1, j]
+        for i in range(n):
+            P[i, clock] = P[i, clock] + seconds * P[i, clock + 1]
     for i in range(n):
         P[i, i] = P[i, i] + 0.5 * noise[i]
 

@@ -206,14 +206,14 @@ def joint_gain(G, K, weight, h, columns, n_estimated):
 
 
 @jit
-def update_together(P, Y, S, gain, h, columns, noise):
+def update_together(P, Y, S, G, h, columns, noise):
     """P <- (I - G H) P (I - G H)' + G R G' for any gain of the six samples of a tick together.
 
     Parameters
     ----------
     P : (N, N) upper triangle; updated
     Y : (6, N) and S : (6, 6) work; S is set to H P H' + R before the update
-    gain : (6, N) columns of G; h, columns : (6, n_entry) Jacobian rows and their states; noise : (6,) diagonal of R
+    G : (6, N) its columns; h, columns : (6, n_entry) Jacobian rows and their states; noise : (6,) diagonal of R
     """
     n, n_entry = P.shape[0], columns.shape[1]
     for r in range(N_SAMPLE):
@@ -235,15 +235,9 @@ def update_together(P, Y, S, gain, h, columns, noise):
         for i in range(n):
             value = Y[r, i]
             for q in range(N_SAMPLE):
-                value = value - 0.5 * gain[q, i] * S[q, r]
+                value = value - 0.5 * G[q, i] * S[q, r]
             Y[r, i] = value
-    _subtract_six(P, Y, gain, n)
-
-
-@inlined
-def _subtract_six(P, Y, G, n):
-    """P <- P - sum of (g y' + y g') over six rows, in one pass."""
-    for i in range(n):
+    for i in range(n):  # P <- P - sum of (g y' + y g') over six rows, in one pass
         g0, g1, g2, g3, g4, g5 = G[0, i], G[1, i], G[2, i], G[3, i], G[4, i], G[5, i]
         y0, y1, y2, y3, y4, y5 = Y[0, i], Y[1, i], Y[2, i], Y[3, i], Y[4, i], Y[5, i]
         for j in range(i, n):

@@ -11,8 +11,8 @@ from pydantic import ConfigDict, Field
 from lvnav_trade.records import Bools, Floats
 from lvnav_trade.units import Card, Frequency
 
-N_TRUTH, MOST = 4, 3
-"""Numbers of a sensor's truth at an epoch; most scalars that a sensor measures at once."""
+N_TRUTH = 4
+"""Numbers of a sensor's truth at an epoch."""
 
 
 class FlightView(NamedTuple):

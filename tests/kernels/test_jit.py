@@ -25,7 +25,7 @@ def package(tmp_path: Path) -> Path:
         "engines/simulate/flight.py": "from lvnav_trade.kernels.jit import jit\n",
         "report/page.py": "b = 2\n",
     }.items():
-        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
     return tmp_path
 
