@@ -143,7 +143,7 @@ def compensate(increments, n_tick, gyro, accel, constant_only, dt):
         a0, a1, a2 = increments[k, 0], increments[k, 1], increments[k, 2]
         f0, f1, f2 = increments[k, 3], increments[k, 4], increments[k, 5]
         w0, w1, w2, g0, g1, g2 = a0, a1, a2, f0, f1, f2
-        for _ in range(1 if constant_only else 2):
+        for _ in range(2):
             e0, e1, e2, e3, e4, e5 = _errors(gyro, accel, constant_only, w0, w1, w2, g0, g1, g2, dt)
             w0, w1, w2, g0, g1, g2 = a0 - e0, a1 - e1, a2 - e2, f0 - e3, f1 - e4, f2 - e5
         increments[k, 0], increments[k, 1], increments[k, 2] = w0, w1, w2
