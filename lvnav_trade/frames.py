@@ -3,14 +3,12 @@
 Matrices read left to right: ``C_e_n`` takes components in e to components in n. SI and radians throughout.
 """
 
-from __future__ import annotations
-
 import math
 from datetime import UTC, datetime
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from lvnav_trade.kernels.earth import (
     ECCENTRICITY_2,
@@ -21,8 +19,7 @@ from lvnav_trade.kernels.earth import (
     SEMI_MAJOR,
     SEMI_MINOR,
 )
-
-Floats = NDArray[np.float64]
+from lvnav_trade.records import Floats
 
 
 class Elements(NamedTuple):

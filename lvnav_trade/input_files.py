@@ -1,7 +1,5 @@
 """Input files: regular files of bounded size; a device, a pipe or a file that is too large is refused in one line."""
 
-from __future__ import annotations
-
 import os
 import stat
 from collections.abc import Iterator

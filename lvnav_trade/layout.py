@@ -1,7 +1,5 @@
 """StateLayout: named error states -> offsets, unit, initial sigma, label."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

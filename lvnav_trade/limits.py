@@ -1,7 +1,5 @@
 """Largest sizes that an input may have; whatever is beyond is refused in one line before it costs time or memory."""
 
-from __future__ import annotations
-
 from types import MappingProxyType
 
 # --- YAML files: campaigns, cards, studies ----------------------------------------------------------------------------

@@ -1,7 +1,5 @@
 """The arrays that cross rooms: Motion, Reference, Sky, RunBlock, CovHistory; and what is asked of the last."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Combinations of policies and measurements that make no sense: one table, each with its reason in physics."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 

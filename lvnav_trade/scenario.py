@@ -1,7 +1,5 @@
 """Scenario: one resolved design point (trajectory, IMU, GNSS, filter, faults), frozen."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

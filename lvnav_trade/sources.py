@@ -3,8 +3,6 @@
 A key is frozen: draws are numbered by it, so another key is another set of draws. A label may be reworded at any time.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 Field = tuple[tuple[str, ...], int]

@@ -1,7 +1,5 @@
 """Quantity fields: "0.01 deg/h" becomes SI here and nowhere else."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable, Sequence

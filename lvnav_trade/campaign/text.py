@@ -1,7 +1,5 @@
 """Tables as text, fit for a terminal and for grep."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Commands that compute numbers of a filter card: estimate-q, schedule-gains."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Annotated, Literal

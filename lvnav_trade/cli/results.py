@@ -1,7 +1,5 @@
 """Commands that read results: report, compare, keep-base, kml."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """Commands that list: status, fields, schema, cards."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Annotated

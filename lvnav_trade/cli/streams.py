@@ -1,7 +1,5 @@
 """Standard streams that are closed, full or cut off: the work goes on, and lost output is reported at the end."""
 
-from __future__ import annotations
-
 import errno
 import os
 import sys

@@ -4,8 +4,6 @@
 knows the other's (decision 0013).
 """
 
-from __future__ import annotations
-
 from lvnav_trade.delays.cards import (
     AtmosphereCard,
     CorrectionsCard,

@@ -1,7 +1,5 @@
 """Cards of the tropospheric and ionospheric models, of the true atmosphere and of what the filter corrects."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator

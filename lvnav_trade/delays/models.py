@@ -1,11 +1,8 @@
 """Delays of the models on arrays of epochs and satellites."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lvnav_trade.delays.cards import (
     ConaeTroposphere,
@@ -23,8 +20,7 @@ from lvnav_trade.kernels.earth import ECCENTRICITY_2, SEMI_MINOR
 from lvnav_trade.kernels.media import ionosphere, troposphere
 from lvnav_trade.kernels.media.ionosphere import DISPERSION, L1
 from lvnav_trade.kernels.media.refractivity import lowest_height
-
-Floats = NDArray[np.float64]
+from lvnav_trade.records import Floats
 
 
 class Geometry(NamedTuple):

@@ -1,12 +1,9 @@
 """Delays of traced rays, computed once for each profile and interpolated."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import RectBivariateSpline
 
 from lvnav_trade.delays.cards import RayTracedTroposphere, RefractivityProfile
@@ -19,8 +16,7 @@ from lvnav_trade.kernels.media.refractivity import (
     sampled,
     standard_refractivity,
 )
-
-Floats = NDArray[np.float64]
+from lvnav_trade.records import Floats
 
 BOTTOM, TOP = -1e3, 120e3  # m: below, the value at the bottom holds; above, a ray that does not dip has no delay
 FARTHEST = 7000e3  # m from a dipping line's lowest point; from there on (2,900 km of height) its delay hardly changes

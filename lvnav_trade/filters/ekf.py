@@ -1,7 +1,5 @@
 """The filter's steps: propagate a window, process an epoch's measurements, correct the navigation state."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lvnav_trade.filters.late import LAST, carry_on, correct_stored

@@ -6,8 +6,6 @@ small errors that is the closed loop; a large error of the inertial system leave
 and in the transition. A mode logic, if there is one, permits or stops the processing of measurements.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -7,8 +7,6 @@ extrapolated by one Euler step with the filter's own velocity and acceleration, 
 is added to the one that is reported with them.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from lvnav_trade.kernels.attitude import matrix

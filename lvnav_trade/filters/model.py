@@ -1,7 +1,5 @@
 """What a filter card means in numbers: state layout, blocks of the transition, noise, rows. No truth enters here."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -6,8 +6,6 @@ run and comes in as `Rules.good`; what the filter finds of it (a wild sample, a 
 run's own.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Samples of the IMU as measurements of a filter whose states are rate and specific force of the vehicle."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from lvnav_trade.filters.ekf import correct_parameters, correct_receiver

@@ -1,7 +1,5 @@
 """Gains from a card in place of a covariance: stored for one flight, scheduled by its events or by time."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Quaternions (scalar first, body to inertial) and small rotations, as formulas of values."""
 
-from __future__ import annotations
-
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import where
 

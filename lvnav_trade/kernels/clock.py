@@ -1,7 +1,5 @@
 """Receiver clock of two states, bias and drift in metres: spectral densities and the covariance of a step."""
 
-from __future__ import annotations
-
 import math
 
 SPEED_OF_LIGHT = 299792458.0

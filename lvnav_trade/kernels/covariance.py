@@ -12,8 +12,6 @@ column per parameter component, owned by that component's source:
 Everything is linear in the sources once the gains are fixed, so the true covariance is the sum over them, exactly.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from lvnav_trade.kernels.jit import inlined, jit

@@ -4,8 +4,6 @@ The scalar formulas use only + - * / and `sqrt`, so that they step one run or ei
 any frame whose z axis is the Earth's polar axis, Earth-fixed or inertial.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

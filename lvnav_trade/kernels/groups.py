@@ -4,8 +4,6 @@ Gains and transition are the same for every source, so one kernel steps eight of
 group is one source.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

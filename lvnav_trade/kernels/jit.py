@@ -1,7 +1,5 @@
 """The one numba decorator; cache folder named by source digest."""
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 import os

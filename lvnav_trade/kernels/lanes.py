@@ -9,8 +9,6 @@ The lane types are numba extension types on LLVM vectors; LLVM splits them where
 ``NUMBA_DISABLE_JIT=1`` only the one-run form exists, and every name here is an ordinary Python function.
 """
 
-from __future__ import annotations
-
 import math
 import operator
 from collections.abc import Mapping

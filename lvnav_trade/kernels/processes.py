@@ -5,8 +5,6 @@ transition). Before the ticks they are gathered into one table per sensor, so th
 sources a card names.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from lvnav_trade.kernels.jit import inlined, jit

@@ -4,8 +4,6 @@ Counter-based generator Philox4x32-10 (Salmon et al., Parallel random numbers: a
 Box-Muller transform, both written once for one run and for eight. A counter's 32 bits give a normal at most 6.8 sigma.
 """
 
-from __future__ import annotations
-
 import math
 import zlib
 

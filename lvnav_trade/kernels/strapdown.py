@@ -1,7 +1,5 @@
 """Inertial-frame strapdown over a window of IMU ticks, with coning and sculling compensation."""
 
-from __future__ import annotations
-
 from lvnav_trade.kernels.attitude import cross, from_rotation, matrix, multiply, normalise
 from lvnav_trade.kernels.earth import gravity_j2, gravity_j4, gravity_point
 from lvnav_trade.kernels.jit import jit

@@ -13,8 +13,6 @@ other half. That is right to second order in the window (Strang, SIAM J. Numer. 
 that Phi written as a sum would need.
 """
 
-from __future__ import annotations
-
 from lvnav_trade.kernels.attitude import cross, from_rotation, multiply, normalise
 from lvnav_trade.kernels.earth import gravity_gradient
 from lvnav_trade.kernels.jit import inlined, jit

@@ -4,8 +4,6 @@ Extension types of numba; the bodies inside @intrinsic and @overload are typed b
 never contract to one rounding: eight runs give the bits of one.
 """
 
-from __future__ import annotations
-
 import math
 import operator
 from typing import Any

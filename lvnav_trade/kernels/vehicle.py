@@ -11,8 +11,6 @@ the lower one. A state's blocks stand as: attitude 0, velocity 3, position 6, bi
 and `bias` + 3, rate at `motion` and acceleration at `motion` + 3, these two last.
 """
 
-from __future__ import annotations
-
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like
 from lvnav_trade.kernels.transition import GYRO, driver

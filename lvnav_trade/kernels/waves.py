@@ -1,7 +1,5 @@
 """Sums of sinusoids: a small rotation and displacement as many lines of a spectrum make it, and their derivatives."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

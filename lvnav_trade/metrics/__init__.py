@@ -1,7 +1,5 @@
 """Metrics: result tables to tidy frames, each by name in `METRICS`. Read `errors/rms.py` first, then `requirements`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path

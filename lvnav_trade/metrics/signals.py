@@ -1,7 +1,5 @@
 """Satellites: how many are tracked, errors while they are not, why they are lost, how soon they are back."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

@@ -1,20 +1,16 @@
 """The vehicle: rate and acceleration against IMU samples and formal sigmas, and how much less a nozzle moves."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy import stats
 
 from lvnav_trade.metrics.basics.intervals import rms_interval
 from lvnav_trade.metrics.basics.select import flight_events, metric_name, pick, time_mean
+from lvnav_trade.records import Floats
 from lvnav_trade.store import Tables
-
-Floats = NDArray[np.float64]
 
 QUANTITIES = ("rate", "acceleration")
 COLUMNS = [

@@ -1,7 +1,5 @@
 """Radar altimeter: height over the ellipsoid, less the mean height of the ground, which is known."""
 
-from __future__ import annotations
-
 import math
 from typing import Annotated, ClassVar, Literal, Self
 

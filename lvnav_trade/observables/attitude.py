@@ -3,8 +3,6 @@
 z - z_hat = att + v.
 """
 
-from __future__ import annotations
-
 from typing import ClassVar, Literal
 
 import numpy as np

@@ -5,8 +5,6 @@ position (3), attitude (3), velocity (3), clock (1), body rate (3); a row type u
 needs.
 """
 
-from __future__ import annotations
-
 from lvnav_trade.kernels.attitude import cross, matrix
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like, sqrt

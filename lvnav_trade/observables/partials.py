@@ -5,8 +5,6 @@ state of the filter on the other. A channel is a kind of row of one satellite (t
 turn) or an axis of the receiver's solution (loose: position, velocity).
 """
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pseudorange and range rate (Doppler): distance to the satellite at transmission, and its rate, plus the clock."""
 
-from __future__ import annotations
-
 from lvnav_trade.kernels.attitude import cross
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL

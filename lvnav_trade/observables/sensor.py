@@ -1,7 +1,5 @@
 """Base classes of the sensors: what every sensor card and every filter model of a sensor has."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from typing import ClassVar, NamedTuple
 

@@ -1,7 +1,5 @@
 """The six scalars of the receiver's solution, frame i: position x, y, z (0 to 2) and velocity x, y, z (3 to 5)."""
 
-from __future__ import annotations
-
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL
 

@@ -1,7 +1,5 @@
 """FAMILY 5: results -> figure. Each takes a results folder (or its tables), most of them a case or a quantity too."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The error budget: variance by source over time with the filter's own on it, and when each source acted."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How a filter behaves: normalised errors and innovations squared against their bounds, and modes of its logic."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pandas as pd

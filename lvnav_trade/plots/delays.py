@@ -1,7 +1,5 @@
 """Delays of the signals over time: of troposphere and ionosphere, what a correction leaves of them, and latency."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,14 +1,11 @@
 """The mission: errors of the orbit at injection and what a correction costs; the point of impact with its corridor."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
-from numpy.typing import NDArray
 
 from lvnav_trade.metrics.basics.select import final_event
 from lvnav_trade.metrics.mechanics import impulses, meanorbit, mission
@@ -17,9 +14,8 @@ from lvnav_trade.metrics.mission.corridor import corridor_of
 from lvnav_trade.metrics.mission.impact import ellipse
 from lvnav_trade.metrics.mission.impact import impact as impact_points
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, message, over_time, scale_up
+from lvnav_trade.records import Floats
 from lvnav_trade.store import Tables
-
-Floats = NDArray[np.float64]
 
 
 class _Component(NamedTuple):

@@ -1,7 +1,5 @@
 """The vehicle's motion: the flight; rate and acceleration, raw and filtered; what stretches tell of the states."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The turning launcher: nozzle movement by what feeds the controller; angular acceleration and jerk in envelopes."""
 
-from __future__ import annotations
-
 import json
 import textwrap
 from collections.abc import Mapping, Sequence

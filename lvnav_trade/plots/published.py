@@ -1,7 +1,5 @@
 """Published numbers: all ratios at once, single and flown flights among ours, a metric over a setting."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from typing import Any

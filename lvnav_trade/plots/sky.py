@@ -1,7 +1,5 @@
 """The sky over a flight: satellites in view and tracked, C/N0, where they stand, what the channels do with them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Figures of a study, from its own tables: one simulated flight, and what a filter's transition misses per step."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import pandas as pd

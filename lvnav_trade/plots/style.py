@@ -1,7 +1,5 @@
 """One look for all figures: sizes for a printed page, colours that the colour-blind can tell apart, marks of events."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import wraps

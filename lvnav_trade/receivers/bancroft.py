@@ -10,8 +10,6 @@ With more than four satellites the closed form weighs rows by the square of thei
 least squares that the covariance belongs to. A run without four satellites, or with satellites in one cone, has no fix.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from lvnav_trade.kernels.jit import jit

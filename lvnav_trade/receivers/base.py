@@ -4,8 +4,6 @@ A solution is position, velocity, clock bias and drift in frame i from pseudoran
 at transmission. What is not measured in a run is not-a-number there; what is not known has quality zero.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -13,8 +13,6 @@ epoch is the better the slower the navigation filter forgets, and too small.
 What stands here is written in dense matrices.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -11,8 +11,6 @@ epoch is known when that epoch is filtered, so it already governs the propagatio
 solution the last one stands.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from lvnav_trade.kernels.covariance import predict, update_scalar

@@ -1,7 +1,5 @@
 """What a report is made of: paragraphs, tables, figures of cases; and how names and numbers are written in it."""
 
-from __future__ import annotations
-
 import io
 import math
 from collections.abc import Callable

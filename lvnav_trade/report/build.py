@@ -1,7 +1,5 @@
 """report.html (one file, nothing from the network), report.md with its figures, and the CSV tables."""
 
-from __future__ import annotations
-
 import base64
 import difflib
 import hashlib

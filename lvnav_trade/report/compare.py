@@ -1,7 +1,5 @@
 """A comparison as Markdown, as data for ``--json``, and as JUnit XML; what a repository keeps of a base."""
 
-from __future__ import annotations
-
 import io
 import json
 import math

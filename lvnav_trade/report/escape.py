@@ -1,7 +1,5 @@
 """Names and texts of the user as plain text in Markdown, CSV, XML and scripts: nothing of them is taken as code."""
 
-from __future__ import annotations
-
 import base64
 import re
 import tomllib

@@ -1,7 +1,5 @@
 """The sections on the mission: orbit at injection and its correction, point of impact and corridor."""
 
-from __future__ import annotations
-
 import pandas as pd
 
 from lvnav_trade.metrics import METRICS

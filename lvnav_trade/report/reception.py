@@ -1,7 +1,5 @@
 """The sections on the signals: satellites and their C/N0, what channels do, delays and latency, the filter's logic."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

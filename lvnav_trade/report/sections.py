@@ -1,7 +1,5 @@
 """What sections share: the rows of a metric, the cases that are shown, and figures of them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
 

@@ -1,7 +1,5 @@
 """The page of a study: what was published beside ours, campaign by campaign, with figures, remarks and assumptions."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple

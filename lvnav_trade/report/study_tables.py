@@ -1,7 +1,5 @@
 """Tables of a study: verdicts, mode logic, coverage, paired differences, process noise, other missions."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """The first screen: the question, the answer in plain words, the ranking."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Report sections on the vehicle: rate and acceleration compared with the IMU's samples, nozzle movement."""
 
-from __future__ import annotations
-
 import json
 
 import pandas as pd

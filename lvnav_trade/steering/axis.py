@@ -4,8 +4,6 @@ Angles and rates are deviations from the nominal attitude; "lateral" is the dire
 nose to. A nozzle deflected by a positive angle pushes laterally, behind the centre of mass, and so turns the body back.
 """
 
-from __future__ import annotations
-
 import math
 
 from lvnav_trade.kernels.jit import jit

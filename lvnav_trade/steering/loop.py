@@ -4,15 +4,13 @@ Axis by axis (pitch, yaw) on the ticks of the inertial unit. A command holds for
 are stepped exactly, the body by Runge-Kutta steps of half a tick.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lvnav_trade.kernels.jit import jit, making_arrays
 from lvnav_trade.kernels.random import normals, source_word
+from lvnav_trade.records import Floats
 from lvnav_trade.steering.axis import (
     body_step,
     command_step,
@@ -24,8 +22,6 @@ from lvnav_trade.steering.axis import (
     nozzle_step,
     thruster_of,
 )
-
-Floats = NDArray[np.float64]
 
 TRUE, RAW, FILTERED = 0, 1, 2
 BURN, COAST, CHANGE, N_PHASE = 0, 1, 2, 3

@@ -1,16 +1,14 @@
 """Missions of a turning launcher: runs on keyed draws, the same for every way of feeding the controller."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lvnav_trade.engines.setup.envelopes import changing, steady_ratio
 from lvnav_trade.filters.base import EnvelopeCard
 from lvnav_trade.kernels.random import seed_words
+from lvnav_trade.records import Floats, Ints
 from lvnav_trade.steering.loop import (
     BURN,
     CHANGE,
@@ -30,9 +28,6 @@ from lvnav_trade.steering.loop import (
 from lvnav_trade.world.control.ascent import Ascent, Body, body_along, changes
 from lvnav_trade.world.control.cards import ControllerCard, FeedbackCard, RotationCard, WindCard, rate_noise
 from lvnav_trade.world.sensors.imu import ImuCard
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 _RATES = {"true": TRUE, "raw": RAW, "filtered": FILTERED}
 

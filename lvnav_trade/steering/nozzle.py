@@ -1,7 +1,5 @@
 """A scenario's launcher under control: nozzle movement by what feeds the controller, motion in its envelopes."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Any, NamedTuple
 

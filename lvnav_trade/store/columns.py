@@ -4,8 +4,6 @@
 something of pandas; workers have nothing of it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import Any
 

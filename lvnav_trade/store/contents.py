@@ -1,7 +1,5 @@
 """Folders that the tool writes: a file there lists what it wrote, and no other file is ever replaced or removed."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

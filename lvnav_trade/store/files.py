@@ -1,7 +1,5 @@
 """Files that appear whole or not at all; tables whose rows come piece by piece: memory does not grow with the runs."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager

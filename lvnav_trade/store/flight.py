@@ -1,7 +1,5 @@
 """The tables of a case's flight: states and their covariance, reference, events, satellites and their channels."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

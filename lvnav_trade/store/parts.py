@@ -1,7 +1,5 @@
 """One file per block of runs: written whole or not at all, checked when read, by content and by whose it is."""
 
-from __future__ import annotations
-
 import hashlib
 import logging
 import re

@@ -1,7 +1,5 @@
 """The data dictionary, `tables.toml`: which tables there are, which columns, in which unit."""
 
-from __future__ import annotations
-
 import tomllib
 from importlib import resources
 

@@ -1,7 +1,5 @@
 """Scratch files of a running campaign: named tuples of arrays as npz and JSON, checked when read, never executed."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json

@@ -1,7 +1,5 @@
 """What computed the results: versions, digests, machine; and how far another machine's numbers may differ."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib.metadata
 import platform

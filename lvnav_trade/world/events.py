@@ -1,7 +1,5 @@
 """Times by the name of an event: "stage1_cutoff + 20 s"."""
 
-from __future__ import annotations
-
 import difflib
 import re
 from collections.abc import Mapping

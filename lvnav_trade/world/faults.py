@@ -1,7 +1,5 @@
 """Faults that a campaign names: what fails, when, and what that does to satellites and receiver at the epochs."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from typing import Annotated, Any, Literal, NamedTuple
 

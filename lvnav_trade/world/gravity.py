@@ -1,7 +1,5 @@
 """What true gravity has beyond any model: a disturbance along the flight."""
 
-from __future__ import annotations
-
 import math
 
 from pydantic import Field

@@ -1,7 +1,5 @@
 """Coning and vibration: the cards, and the sums of sinusoids that they become."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Annotated, Literal, NamedTuple

@@ -3,8 +3,6 @@
 A roll of many turns and what oscillates stand beside the splines, as formulas.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """From axes to cases: grid, zip, one at a time; labels and digests."""
 
-from __future__ import annotations
-
 import hashlib
 import itertools
 import json

@@ -1,7 +1,5 @@
 """What others published: numbers that ours are held against, orders of cases, statements on innovations."""
 
-from __future__ import annotations
-
 import re
 from typing import Annotated, Literal, Self
 

@@ -1,7 +1,5 @@
 """Filter cards computed from a case: process noise of an ensemble of runs, gains of the nominal flight."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 from typing import Literal, NamedTuple

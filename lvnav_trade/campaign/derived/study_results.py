@@ -1,7 +1,5 @@
 """What a study computes beside its campaigns' results: process noise of an ensemble, one flight aided and unaided."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What must fit together before anything is flown: rates, noise, the reporting frame, names of cases, axes, levels."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from operator import attrgetter
 from typing import Any

@@ -1,7 +1,5 @@
 """From what the user wrote to whole settings: cards read, overrides on top, kinds inferred, paths absolute."""
 
-from __future__ import annotations
-
 import os
 
 from lvnav_trade.campaign.syntax import fields, tree

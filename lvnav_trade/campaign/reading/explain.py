@@ -1,7 +1,5 @@
 """From pydantic's errors to mistakes: one line each, at the place that wrote the value."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Container, Mapping

@@ -1,7 +1,5 @@
 """What shows once the flights of the cases are known: events, faults, phases, sensors, measurements without effect."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
 

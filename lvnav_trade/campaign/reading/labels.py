@@ -1,7 +1,5 @@
 """Axes that would make a label wrong: one that replaces what another varies, levels or labels that are equal."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple

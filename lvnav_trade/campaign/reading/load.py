@@ -1,7 +1,5 @@
 """From a YAML file to a checked campaign: every mistake found at once, each in one line."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """``--set path=value``: one field of the campaign or of its base changed from the command line."""
 
-from __future__ import annotations
-
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.expand import expanded
 from lvnav_trade.campaign.syntax import fields, tree

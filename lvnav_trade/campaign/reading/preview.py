@@ -1,7 +1,5 @@
 """The flight of a trajectory card alone, as the tables `reference` and `events` of results have it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """What a campaign can say: the fields at a path for people, the JSON Schema for editors."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Annotated, Any, NamedTuple, cast, get_args, get_origin
 

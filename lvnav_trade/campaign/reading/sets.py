@@ -1,7 +1,5 @@
 """Sets of requirements on cards: what a campaign names by a word becomes the requirements of that card."""
 
-from __future__ import annotations
-
 from pydantic import Field, ValidationError
 
 from lvnav_trade.campaign.definition.schema import Requirement

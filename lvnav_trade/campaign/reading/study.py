@@ -1,7 +1,5 @@
 """A study: the campaigns of a folder that answer one publication, what its page says, and which figures it shows."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Literal, NamedTuple
 

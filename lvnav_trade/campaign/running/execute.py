@@ -1,7 +1,5 @@
 """Run a campaign: linear covariance of all cases first, then blocks of runs, then the tables."""
 
-from __future__ import annotations
-
 import itertools
 import os
 import threading
@@ -372,12 +370,12 @@ def _all(jobs: int, function: Callable[..., Any], units: Sequence[tuple[Any, ...
 
 
 def _parallel(jobs: int, function: Callable[..., Any], units: Iterable[tuple[Any, ...]], **how: Any) -> Any:
-    pool = Parallel(n_jobs=_count(jobs), initializer=work.limit_threads, **how)
+    pool = Parallel(n_jobs=_count(jobs), initializer=work.begin_worker, **how)
     return pool(delayed(_worked)(function, *unit) for unit in units)
 
 
 def _worked(function: Callable[..., Any], *unit: Any) -> Any:
-    work.limit_threads()
+    work.begin_worker()
     return function(*unit)
 
 

@@ -1,7 +1,5 @@
 """One process at a time works on a folder of results."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import platform

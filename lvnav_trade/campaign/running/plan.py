@@ -1,7 +1,5 @@
 """What a campaign takes before it runs: cases, blocks of runs, what is done already, time, memory, disk."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """What was asked, for the manifest: without folders and the name of the machine, unless these are wanted."""
 
-from __future__ import annotations
-
 import os
 import platform
 import re

@@ -1,7 +1,5 @@
 """Where a campaign stands, read from its folder alone: nothing is run, changed or taken away."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

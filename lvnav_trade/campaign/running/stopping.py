@@ -1,7 +1,5 @@
 """When a case has flown enough: once every requirement is decided, by its runs in order and by nothing else."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """The units of work, each done whole by one worker: linear covariance of a case, a block of runs, a case's tables."""
 
-from __future__ import annotations
-
 import gc
 import hashlib
 import itertools
@@ -341,7 +339,7 @@ _begun = itertools.count()
 """Units of work that this process has begun."""
 
 
-def limit_threads() -> None:
+def begin_worker() -> None:
     """Let a worker process leave Ctrl-C to its parent, which ends the work in order, and end where that was killed.
 
     What it has loaded (200,000 objects, most of them numba's) is no longer searched for garbage: the pool of workers

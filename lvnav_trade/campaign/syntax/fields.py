@@ -1,7 +1,5 @@
 """What the settings models expect at a path: cards, alternatives, literals, file paths."""
 
-from __future__ import annotations
-
 import types
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal, Union, get_args, get_origin

@@ -1,7 +1,5 @@
 """YAML read with positions: every value knows the file, line and column that wrote it."""
 
-from __future__ import annotations
-
 import difflib
 import io
 import os

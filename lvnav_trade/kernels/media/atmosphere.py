@@ -1,7 +1,5 @@
 """US Standard Atmosphere 1976: density, pressure, temperature and speed of sound against geometric height."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Ionospheric group delay: Klobuchar's broadcast model, and a Chapman layer seen from any height."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -9,8 +9,6 @@ l = sqrt(X^2 - a^2), negative before the ray's lowest point, both integrals are 
 so that only what the air adds is integrated, and rays that dip below the receiver need no case of their own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Tropospheric delay as published formulas: Canepa and Servidia, Spilker, Saastamoinen, Niell."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -1,12 +1,10 @@
 """Probability that a Gaussian vector of up to three components stays within a sphere, and the other way round."""
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import optimize, special
 
-Floats = NDArray[np.float64]
+from lvnav_trade.records import Floats
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(96)
 _REACH = 9.0

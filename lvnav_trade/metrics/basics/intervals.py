@@ -1,12 +1,10 @@
 """Intervals: chi-square for mean squares, exact binomial for fractions of runs, Holm for many tests."""
 
-from __future__ import annotations
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import stats
 
-Floats = NDArray[np.float64]
+from lvnav_trade.records import Floats
 
 
 def rms_interval(rms: ArrayLike, freedom: ArrayLike, alpha: float = 0.05) -> tuple[Floats, Floats]:

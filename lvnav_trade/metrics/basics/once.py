@@ -1,7 +1,5 @@
 """Results of a metric that several sections of a report use are computed once per set of tables."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import wraps
 from typing import Any, TypeVar

@@ -1,7 +1,5 @@
 """Picking what a metric needs out of the tables: series, events, instants and phases, names of metrics, run errors."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from itertools import pairwise

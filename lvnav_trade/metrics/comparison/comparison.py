@@ -1,7 +1,5 @@
 """Is a candidate worse than a base: paired changes of errors and of kept requirements, each with its verdict."""
 
-from __future__ import annotations
-
 import difflib
 import re
 from collections.abc import Mapping, Sequence

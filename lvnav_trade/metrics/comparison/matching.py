@@ -1,7 +1,5 @@
 """Which cases of two results belong together, and in words why two results do not compare."""
 
-from __future__ import annotations
-
 import difflib
 import json
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,14 +1,13 @@
 """Two cases on the same draws: how much the second differs, how sure that is, and what the pairing is worth."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import optimize, stats
 
-Floats = NDArray[np.float64]
+from lvnav_trade.records import Floats
+
 Truths = NDArray[np.bool_]
 
 RESAMPLES = 2000

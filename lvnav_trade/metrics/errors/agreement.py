@@ -1,7 +1,5 @@
 """Does Monte Carlo agree with linear covariance: navigation errors at the events, tested as one family per case."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

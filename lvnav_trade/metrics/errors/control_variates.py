@@ -1,12 +1,9 @@
 """Root mean square errors less noisy than the runs: draws at the start of each run as control variates."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 from scipy import stats
 
 from lvnav_trade.metrics.basics.intervals import rms_interval
@@ -20,9 +17,8 @@ from lvnav_trade.metrics.basics.select import (
     lincov_rms,
     pick,
 )
+from lvnav_trade.records import Floats
 from lvnav_trade.store import Tables
-
-Floats = NDArray[np.float64]
 
 COLUMNS = [
     "case", "event", "metric", "unit", "runs", "rms", "low", "high", "controlled_rms", "controlled_low",

@@ -1,17 +1,13 @@
 """What linear covariance says of an error at an event: mean and covariance, all sources together and each alone."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from lvnav_trade.metrics.basics.select import at_time, history_of, pick
+from lvnav_trade.records import Floats
 from lvnav_trade.store import Tables
-
-Floats = NDArray[np.float64]
 
 REJECTS_TOO_MUCH = 0.01
 """A gate that rejects more than this part of good rows is not what linear covariance describes."""

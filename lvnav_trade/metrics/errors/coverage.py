@@ -1,7 +1,5 @@
 """Errors of the runs themselves: how many lie within the filter's own sigmas, and how far two levels differ."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

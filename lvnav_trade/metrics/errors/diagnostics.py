@@ -1,7 +1,5 @@
 """What is behind linear covariance: budgets, when sources act, what better ones are worth, what measurements tell."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

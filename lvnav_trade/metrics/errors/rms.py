@@ -1,7 +1,5 @@
 """Root mean square errors, by phase and at events, with their intervals, and the cases in order of their errors."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,20 +1,18 @@
 """Does the filter's covariance fit its errors and innovations, and are the innovations white."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import stats
 
 from lvnav_trade.metrics.basics.intervals import holm, mean_square_interval
+from lvnav_trade.records import Floats
 from lvnav_trade.store import Tables
 
 ALPHA = 0.05
 WHITE_ALPHA = 0.01
 _LEAST_PAIRS = 100
 """Channels with fewer pairs say nothing: a satellite seen for a few epochs."""
-Floats = NDArray[np.float64]
 
 
 def nees(tables: Tables) -> pd.DataFrame:

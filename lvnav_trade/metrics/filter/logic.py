@@ -1,7 +1,5 @@
 """What filters with a logic did: every kind of change, how long in which mode, how often they stopped."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

@@ -4,18 +4,15 @@ The fall is a Kepler orbit down to the ellipsoid (closed form, iterated on the r
 numerically for as long and led to height zero. The Earth turns beneath it meanwhile.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from lvnav_trade.frames import earth_velocity, ecef_from_eci, geodetic_from_ecef, rotation_e_n, unit
 from lvnav_trade.kernels.earth import ECCENTRICITY_2, GM, OMEGA, SEMI_MINOR
 from lvnav_trade.metrics.mechanics.meanorbit import mean_anomaly, oblateness
-
-Floats = NDArray[np.float64]
+from lvnav_trade.records import Floats
 
 LOWEST = 1e3
 """Height in m below which no point of impact is reported: it would be the vehicle's own place."""

@@ -6,18 +6,15 @@ of impulses is the support function of the set of primers, {p: |B_k' p| <= 1 at 
 Trajectories for Space Navigation, 1963), so it is a norm of the error; it is found from both sides.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from lvnav_trade.frames import unit
 from lvnav_trade.kernels.earth import GM
 from lvnav_trade.metrics.mechanics.meanorbit import osculating
-
-Floats = NDArray[np.float64]
+from lvnav_trade.records import Floats
 
 PLACES = 48
 """Places along the revolution where an impulse may be; between two of them 0.2 % are lost."""

@@ -6,8 +6,6 @@ drift over the revolution taken out. Vectors stay regular where the orbit is cir
 last. (Kozai, Astronomical Journal 64, 1959, has the classical elements, singular at both.)
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -15,8 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lvnav_trade.frames import unit
 from lvnav_trade.kernels.earth import GM, J2, SEMI_MAJOR
-
-Floats = NDArray[np.float64]
+from lvnav_trade.records import Floats
 
 MOST_ECCENTRIC = 0.9
 """Beyond it the quadrature over a revolution loses digits, and so near to a fall no revolution is flown."""

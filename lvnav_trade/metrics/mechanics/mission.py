@@ -5,8 +5,6 @@ guidance steers by the estimate, the estimate is brought to the aim, so the same
 error of the injection.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -20,9 +18,8 @@ from lvnav_trade import frames
 from lvnav_trade.layout import MISSION
 from lvnav_trade.metrics.mechanics import impulses, meanorbit
 from lvnav_trade.metrics.mechanics.freefall import impact, offsets
+from lvnav_trade.records import Floats
 from lvnav_trade.store import Tables
-
-Floats = NDArray[np.float64]
 
 STEP = np.array([1e-2] * 3 + [10.0] * 3)
 """Steps of the central differences, m/s and m: their second order is 1e-6 of the first, round-off less."""

@@ -1,7 +1,5 @@
 """A corridor on the ground, and the probability that a Gaussian point lies in it."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,9 +8,8 @@ from scipy import special
 
 from lvnav_trade.kernels.earth import ECCENTRICITY_2, SEMI_MAJOR
 from lvnav_trade.metrics.basics.select import number_in
+from lvnav_trade.records import Floats
 from lvnav_trade.store import Tables
-
-Floats = NDArray[np.float64]
 
 
 class Corridor(NamedTuple):

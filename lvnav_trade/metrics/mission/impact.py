@@ -1,7 +1,5 @@
 """The instantaneous impact point over the flight, the ellipse of its error, and whether it keeps to a corridor."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Any
 
@@ -18,9 +16,8 @@ from lvnav_trade.metrics.mechanics.freefall import Impact, offsets
 from lvnav_trade.metrics.mechanics.freefall import impact as fall_of
 from lvnav_trade.metrics.mechanics.mission import Law, State
 from lvnav_trade.metrics.mission.corridor import Corridor, beside, contains, corridor_of, metres, probability
+from lvnav_trade.records import Floats
 from lvnav_trade.store import Tables
-
-Floats = NDArray[np.float64]
 
 COLUMNS = [
     "case", "event", "t_s", "latitude_deg", "longitude_deg", "heading_deg", "fall_s", "down_sigma_km",

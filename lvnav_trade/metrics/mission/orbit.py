@@ -1,20 +1,16 @@
 """The orbit at injection, its errors and what their correction costs, by linear covariance and by the runs."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from lvnav_trade.metrics.basics.once import once
 from lvnav_trade.metrics.basics.select import final_event, flight_events
 from lvnav_trade.metrics.mechanics import impulses, meanorbit, mission
 from lvnav_trade.metrics.mechanics.mission import State
+from lvnav_trade.records import Floats
 from lvnav_trade.store import Tables
-
-Floats = NDArray[np.float64]
 
 COLUMNS = [
     "case", "event", "quantity", "unit", "osculating", "averaged", "lincov_sigma", "filter_sigma", "lincov_bias",

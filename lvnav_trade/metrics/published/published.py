@@ -1,14 +1,11 @@
 """Our number for a published one: which error, where in the flight, which statistic of it, in which unit."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from lvnav_trade import units
 from lvnav_trade.layout import MISSION
@@ -25,10 +22,10 @@ from lvnav_trade.metrics.basics.select import (
 )
 from lvnav_trade.metrics.errors.diagnostics import NUMERICAL, observed
 from lvnav_trade.metrics.vehicle import nozzle
+from lvnav_trade.records import Floats
 from lvnav_trade.store import Tables
 from lvnav_trade.store.schema import error_column, rms_column
 
-Floats = NDArray[np.float64]
 _SIGMAS = {"formal": ("filter_sigma_si", "lincov_formal_si"), "lincov": ("lincov_true_si", "lincov_true_si")}
 """Columns of the history behind a statistic, with runs and without."""
 

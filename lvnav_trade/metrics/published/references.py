@@ -1,7 +1,5 @@
 """Published numbers beside ours: numbers, orders of cases, innovations, and several interpretations of one table."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from typing import Any

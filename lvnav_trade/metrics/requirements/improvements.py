@@ -1,7 +1,5 @@
 """Linear covariance's own verdict on every requirement, and which better source would turn it into "met"."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from itertools import accumulate
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """Which requirements are met, at the confidence asked for, and how many more runs would decide the others."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -7,12 +7,11 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
 from lvnav_trade.metrics.basics.intervals import runs_needed
+from lvnav_trade.records import Floats
 
-Floats = NDArray[np.float64]
 _NEGLIGIBLE = 1e-18
 _FURTHEST = 100_000
 """Looks ahead for the number of further runs; beyond them there is no telling."""

@@ -1,7 +1,5 @@
 """Equations of motion of a point-mass launcher, and their integration over one leg."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """A solved ascent made truth: splines over pad and legs, named events, facts for the report."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.interpolate import BSpline, PPoly
 

@@ -1,7 +1,5 @@
 """Staged ascent from a vehicle card: motors and legs, simulated for given steering from the pad to the final coast."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """An ascent from a speed and altitude record: the card, and the flight rebuilt over the great circle of its track."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator

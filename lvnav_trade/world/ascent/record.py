@@ -1,7 +1,5 @@
 """A record of time, speed and altitude: reading it, the climb fitted to it, and how far a flight lies from it."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 from typing import NamedTuple

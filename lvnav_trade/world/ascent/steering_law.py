@@ -1,7 +1,5 @@
 """Where thrust and body point: laws of steering blended without a jump, and the attitude spline with its roll."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple

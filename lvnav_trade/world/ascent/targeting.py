@@ -1,7 +1,5 @@
 """Solve the steering of an ascent for its target orbit, or say by how much the vehicle falls short."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """A launch vehicle and the ascent asked of it: the cards."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from itertools import pairwise

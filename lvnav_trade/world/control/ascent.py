@@ -1,17 +1,14 @@
 """An ascent as the turning vehicle meets it: effectiveness, aerodynamic moment, wind and rate on every tick."""
 
-from __future__ import annotations
-
 import re
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lvnav_trade import frames
 from lvnav_trade.errors import InputError
 from lvnav_trade.kernels.media.atmosphere import atmosphere
-from lvnav_trade.records import Floats, Motion
+from lvnav_trade.records import Floats, Ints, Motion
 from lvnav_trade.world.ascent.dynamics import thrust_beside, thrust_of
 from lvnav_trade.world.ascent.launch import build_ascent
 from lvnav_trade.world.ascent.legs import Leg, fly_ascent
@@ -21,8 +18,6 @@ from lvnav_trade.world.ascent.vehicle import VehicleAscent
 from lvnav_trade.world.control.cards import ControllerCard, RotationCard, WindCard, air
 from lvnav_trade.world.events import resolve
 from lvnav_trade.world.truth import Trajectory, motion
-
-Ints = NDArray[np.int64]
 
 PITCH, YAW = 0, 1
 _BURN = re.compile(r"stage (\d+) burn")

@@ -1,7 +1,5 @@
 """The launch vehicle under attitude control: cards of its body, its controller and the wind, and their values."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Annotated, Literal, NamedTuple

@@ -1,7 +1,5 @@
 """Flight of a point mass through stretches, the laws by which its body points, and the splines of both."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 

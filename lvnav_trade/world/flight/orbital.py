@@ -1,7 +1,5 @@
 """Flight in orbit: coasts, burns, and the way down to an altitude, its braking and parachutes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from itertools import pairwise

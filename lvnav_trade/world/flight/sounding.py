@@ -1,7 +1,5 @@
 """A spinning sounding rocket: its card, and its flight along the rail, nose first through the air, and down."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal

@@ -1,7 +1,5 @@
 """From a trajectory card to the true flight."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 

@@ -1,7 +1,5 @@
 """Antennas and link budget: from what a satellite radiates to the carrier-to-noise density of the receiver."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Literal

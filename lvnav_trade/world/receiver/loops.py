@@ -1,7 +1,5 @@
 """Code and carrier tracking loops: their noise, their lag under dynamics, and when they let go."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Literal

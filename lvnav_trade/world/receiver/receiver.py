@@ -1,7 +1,5 @@
 """Cards of a receiver, its oscillator and its solutions: simulated, point by point, or its own filter's."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Literal
 

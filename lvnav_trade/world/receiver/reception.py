@@ -1,7 +1,5 @@
 """What a receiver makes of the signals over a flight: best antenna, C/N0, noise, and which satellites it tracks."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Channels of a receiver: which satellite is searched for, acquired, tracked or lost, when, and why."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Literal, NamedTuple
 

@@ -1,7 +1,5 @@
 """Satellites over a flight: where each was when it sent what the antenna receives, and whether it is tracked."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """IMU error card: what an inertial unit's datasheet says, one sigma per axis."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Annotated, NamedTuple

@@ -1,7 +1,5 @@
 """YUMA and SEM almanac files to records, with every mistake named by file and line."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator
 from pathlib import Path

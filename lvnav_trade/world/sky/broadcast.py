@@ -1,7 +1,5 @@
 """Broadcast ephemerides of GPS and Galileo and broadcast states of GLONASS to positions, velocities and clocks."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple

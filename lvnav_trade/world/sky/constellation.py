@@ -1,7 +1,5 @@
 """Constellations as cards; nominal slots or an almanac to satellite states."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal, NamedTuple

@@ -1,7 +1,5 @@
 """Civil time to GPS time: leap seconds, and the week that a truncated week number means."""
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from datetime import UTC, datetime
 

@@ -1,7 +1,5 @@
 """Lines and numbers of navigation files, with every mistake named by file and line."""
 
-from __future__ import annotations
-
 import gzip
 import io
 import zlib

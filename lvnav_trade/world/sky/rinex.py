@@ -1,7 +1,5 @@
 """RINEX navigation files, versions 2 and 3, to ephemerides of GPS, Galileo and GLONASS."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime

@@ -1,7 +1,5 @@
 """From a constellation card to satellites that can be asked where they are."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import NamedTuple, Protocol, TypeVar
 

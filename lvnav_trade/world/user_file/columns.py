@@ -1,7 +1,5 @@
 """A trajectory of the user's own: the card that says which columns of a file hold what, in which unit and frame."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from typing import Annotated, Literal

@@ -1,7 +1,5 @@
 """A recording of a receiver's errors, of the user's own: the card, its rows, and what a flight sees of them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import lru_cache
 from typing import ClassVar, Literal, NamedTuple, Self

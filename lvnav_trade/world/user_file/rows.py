@@ -1,7 +1,5 @@
 """Rows of a user's file, CSV or Parquet: columns of numbers, and position, velocity and attitude in frame i."""
 
-from __future__ import annotations
-
 import csv
 import difflib
 import math

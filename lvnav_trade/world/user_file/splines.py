@@ -1,7 +1,5 @@
 """Splines of a user's file: through its rows, free to bend where a force jumps, and of an attitude that it lacks."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Literal, NamedTuple

@@ -1,7 +1,5 @@
 """The true flight of a user's own file: splines through its rows, jumps of its reference point, contradictions."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Callable, Mapping, Sequence

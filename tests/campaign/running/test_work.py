@@ -198,6 +198,6 @@ def test_a_worker_that_computes_and_stores_holds_neither_pandas_nor_figures_nor_
 
 def test_a_worker_does_not_search_what_it_has_loaded_for_garbage_and_a_process_of_the_users_own_does() -> None:
     before = gc.get_freeze_count()
-    work.limit_threads()
+    work.begin_worker()
     assert gc.get_freeze_count() == before
     assert min(each(2, gc.get_freeze_count, [()] * 4)) > 50_000
