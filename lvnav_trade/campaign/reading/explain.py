@@ -56,14 +56,14 @@ def _is_meant(item: Any, words: Container[Any]) -> bool:
 
 def _explain_one(item: Any, root: Node, kind: Kind, path: str) -> Mistake:
     """Walk the location down the tree, skipping the names of alternatives, and word the message."""
-    whole, node, key_place, last = kind, root, root.place, ""
+    node, key_place, last, holder = root, root.place, "", (kind, root)
     missing, chosen = item["type"] == "missing", False
     for step in item["loc"][: -1 if missing else None]:
         below = tree.find(node, [step])
         if below is None or (not chosen and str(step) in fields.tags(kind)):
             chosen = True
             continue  # the tag of an alternative, not a key, which may be of the same name
-        chosen = False
+        chosen, holder = False, (kind, node)
         key_place = node.keys.get(str(step), below.place)
         kind, node, last = fields.child(kind, str(step), node), below, str(step)
         path = join(path, step)
@@ -76,18 +76,9 @@ def _explain_one(item: Any, root: Node, kind: Kind, path: str) -> Mistake:
         return tree.mistake(node.place, join(path, item["loc"][-1]), message)
     if item["type"] != "extra_forbidden":
         return tree.mistake(node.place, path, message)
-    known = _known_keys(item, root, whole)
+    known = fields.names(*holder)
     near = hint(last, known) or (f" (known: {', '.join(known)})" if known else "")
     return tree.mistake(key_place, path, f"{message}{near}")
-
-
-def _known_keys(item: Any, node: Node, kind: Kind) -> tuple[str, ...]:
-    """Return the keys known where an unknown one stands."""
-    for step in item["loc"][:-1]:
-        below = tree.find(node, [step])
-        if below is not None:
-            kind, node = fields.child(kind, str(step), node), below
-    return fields.names(kind, node)
 
 
 def _message(item: Any, node: Node, kind: Kind) -> str:
