@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.cards import shipped
-from lvnav_trade.engines.setup.envelopes import steady_ratio
+from lvnav_trade.engines.setup.vehicle import steady_ratio
 from lvnav_trade.metrics.vehicle import reduction
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, line_of, look
 from lvnav_trade.steering.loop import (

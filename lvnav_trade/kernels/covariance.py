@@ -312,3 +312,31 @@ def whiten(R, z, H, n, n_entry):
             for k in range(i):
                 value = value - R[j, k] * R[i, k]
             R[j, i] = value * scale
+
+
+@jit
+def enter(P, y, variance, b, at):
+    """Let an error component c of a given variance enter the states from `at` on: x += b c.
+
+    Parameters
+    ----------
+    P : (n, n) covariance of x and y : (n,) Cov(x, c); both updated. b : (m,)
+    """
+    for i in range(b.shape[0]):
+        if b[i] != 0.0:
+            for j in range(y.shape[0]):
+                value = b[i] * y[j]
+                P[at + i, j] += value
+                P[j, at + i] += value
+            for j in range(b.shape[0]):
+                P[at + i, at + j] += b[i] * variance * b[j]
+    for i in range(b.shape[0]):
+        y[at + i] += b[i] * variance
+
+
+@jit
+def variance_along(P, at, c0, c1, c2):
+    """Return the variance of a block of three states, from `at` on, along a direction (c0, c1, c2)."""
+    a = P[at, at] * c0 * c0 + P[at + 1, at + 1] * c1 * c1 + P[at + 2, at + 2] * c2 * c2
+    b = P[at, at + 1] * c0 * c1 + P[at, at + 2] * c0 * c2 + P[at + 1, at + 2] * c1 * c2
+    return a + 2.0 * b

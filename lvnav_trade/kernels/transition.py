@@ -47,6 +47,14 @@ def driver(kind, own_x, own_y, own_z, other_x, other_y, other_z):
     return own_x * own_x, own_y * own_y, own_z * own_z
 
 
+@jit
+def sensed_driver(sensor, kind, rate, force):
+    """Return per axis what a parameter of a sensor multiplies, by rate and specific force (3,)."""
+    if sensor == GYRO:
+        return driver(kind, rate[0], rate[1], rate[2], force[0], force[1], force[2])
+    return driver(kind, force[0], force[1], force[2], rate[0], rate[1], rate[2])
+
+
 @inlined
 def _skew(block, x, y, z):
     block[0], block[1], block[2] = 0.0 * x, -z, y

@@ -13,7 +13,7 @@ and `bias` + 3, rate at `motion` and acceleration at `motion` + 3, these two las
 
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like
-from lvnav_trade.kernels.transition import GYRO, driver
+from lvnav_trade.kernels.transition import GYRO, sensed_driver
 
 N_SAMPLE = 6
 """Rows of a tick: three of the gyro, three of the accelerometer."""
@@ -29,18 +29,14 @@ def fill_samples(h, blocks, rate, force):
     h : (6, 1 + n_block); set. blocks : (n_block, 2) int sensor and driver of each parameter block
     rate, force : (3,) rate (rad/s) and specific force (m/s^2), body axes
     """
-    w0, w1, w2, f0, f1, f2 = rate[0], rate[1], rate[2], force[0], force[1], force[2]
     for r in range(N_SAMPLE):
-        h[r, 0] = like(w0, 1.0)
+        h[r, 0] = like(rate[0], 1.0)
     for b in range(blocks.shape[0]):
-        sensor, kind = blocks[b, 0], blocks[b, 1]
-        if sensor == GYRO:
-            u = driver(kind, w0, w1, w2, f0, f1, f2)
-        else:
-            u = driver(kind, f0, f1, f2, w0, w1, w2)
+        sensor = blocks[b, 0]
+        u = sensed_driver(sensor, blocks[b, 1], rate, force)
         for axis in range(3):
-            h[axis, 1 + b] = u[axis] if sensor == GYRO else like(w0, 0.0)
-            h[3 + axis, 1 + b] = u[axis] if sensor != GYRO else like(w0, 0.0)
+            h[axis, 1 + b] = u[axis] if sensor == GYRO else like(rate[0], 0.0)
+            h[3 + axis, 1 + b] = u[axis] if sensor != GYRO else like(rate[0], 0.0)
 
 
 @inlined

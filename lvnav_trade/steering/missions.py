@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines.setup.envelopes import changing, steady_ratio
+from lvnav_trade.engines.setup.vehicle import changing, steady_ratio
 from lvnav_trade.filters.base import EnvelopeCard
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.records import Floats, Ints

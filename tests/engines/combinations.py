@@ -18,9 +18,7 @@ from pydantic import ValidationError
 from scipy.stats import chi2
 
 from lvnav_trade.engines.analysis.explain import flown_events
-from lvnav_trade.engines.lincov.components import components
 from lvnav_trade.engines.lincov.history import covariance, forward_tape
-from lvnav_trade.engines.lincov.sources import source_names
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.errors import InputError
@@ -244,7 +242,7 @@ def with_stored_gains(case: Case, scenario: Scenario) -> Scenario:
     """Return the scenario with stored gains: those of the same filter with a direct solution that is not late."""
     plain, kind, _ = scenario_of(case | {"receiver": "direct", "latency": "none", "start": "at once"})
     prepared = prepare_hop(plain, flight(kind))
-    tape = forward_tape(prepared, components(prepared, source_names(prepared)))
+    tape = forward_tape(prepared)
     used, n, names = int(tape.used[0]), prepared.layout.n_state, prepared.channels.names
     gains = np.zeros((prepared.t_epoch.size, len(names), n))
     gains[tape.epoch[:used], tape.channel[:used]] = tape.gain[:used, :n]

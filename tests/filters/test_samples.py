@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.setup.envelopes import steady_ratio
+from lvnav_trade.engines.setup.vehicle import steady_ratio
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.engines.simulate.recording import N_SAMPLE_OUTPUT
 from lvnav_trade.steering.axis import filter_gain

@@ -39,11 +39,13 @@ MUTATIONS = {
         "observables/solution.py", "= at[6 + first + (axis + 2) % 3]", "= -at[6 + first + (axis + 2) % 3]", OBSERVABLE
     ),
     "assumed variance four times too large, seen in the numbers": Mutation(
-        "engines/setup/signals.py", "variance, n = sigma**2, channels", "variance, n = 4.0 * sigma**2, channels",
+        "engines/setup/signals.py", "pair = sigma[0] ** 2, sigma[1] ** 2",
+        "pair = 4.0 * sigma[0] ** 2, 4.0 * sigma[1] ** 2",
         "tests/engines/setup/test_signals.py::test_the_variances_of_rows_are_the_squares_of_the_assumed_sigmas",
     ),
     "assumed variance four times too large, seen in the statistics": Mutation(
-        "engines/setup/signals.py", "variance, n = sigma**2, channels", "variance, n = 4.0 * sigma**2, channels",
+        "engines/setup/signals.py", "pair = sigma[0] ** 2, sigma[1] ** 2",
+        "pair = 4.0 * sigma[0] ** 2, 4.0 * sigma[1] ** 2",
         "tests/engines/simulate/test_montecarlo.py::test_a_matched_filter_is_consistent",
     ),
     "weight of a row its variance instead of the inverse": Mutation(
@@ -73,16 +75,16 @@ MUTATIONS = {
     "attitude correction with the wrong sign": Mutation(
         "kernels/transition.py", "from_rotation(x[ATT], x[ATT + 1], x[ATT + 2])",
         "from_rotation(-x[ATT], -x[ATT + 1], -x[ATT + 2])",
-        "tests/engines/simulate/test_flight.py::test_an_error_that_is_injected_computed_and_fed_back_leaves_nothing",
+        "tests/engines/simulate/test_recording.py::test_an_error_that_is_injected_computed_and_fed_back_leaves_nothing",
     ),
     "true parameters that start without correlation to the filter's error": Mutation(
-        "engines/lincov.py", "start_sources(true, cross), cross,", "start_sources(true, cross), 0.0 * cross,",
-        "tests/engines/test_lincov.py::test_linear_covariance_is_true_for_a_filter_that_is_wrong",
+        "engines/lincov/components.py", "cross[source, slot, at] += variance", "cross[source, slot, at] += 0.0",
+        "tests/engines/lincov/test_components.py"
+        "::test_the_estimate_starts_at_zero_so_error_and_component_are_the_same_thing",
     ),
     "true errors that do not start in the filter's parameters at all": Mutation(
-        "engines/truth.py", "cross[j, axis, true.matched[j] + axis] = variance[j, axis]",
-        "cross[j, axis, true.matched[j] + axis] = 0.0",
-        "tests/engines/test_lincov.py::test_a_matched_filter_knows_its_own_error",
+        "engines/lincov/components.py", "sources[source, at, at] += variance", "sources[source, at, at] += 0.0",
+        "tests/engines/lincov/test_history.py::test_a_matched_filter_knows_its_own_error",
     ),
     "true covariance updated as if every gain were optimal": Mutation(
         "kernels/covariance.py", "- gain[i] * work[j] - work[i] * gain[j] + gain[i] * total * gain[j]",
@@ -121,6 +123,14 @@ def run(copy, test):
         cwd=copy, capture_output=True, text=True, timeout=900, check=False,
         env={**os.environ, "PYTHONPATH": str(copy), "NUMBA_CACHE_DIR": str(copy / "cache")},
     )  # fmt: skip
+
+
+def test_every_mistake_fits_the_source_once_and_names_a_test():
+    for name, mutation in MUTATIONS.items():
+        source = (ROOT / "lvnav_trade" / mutation.file).read_text(encoding="utf-8")
+        assert source.count(mutation.old) == 1, name
+        file, test = mutation.found_by.split("::")
+        assert f"def {test}(" in (ROOT / file).read_text(encoding="utf-8"), name
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.setup.envelopes import envelopes, steady_ratio
+from lvnav_trade.engines.setup.vehicle import envelopes, steady_ratio
 from lvnav_trade.steering.loop import (
     AIR,
     ASKED,

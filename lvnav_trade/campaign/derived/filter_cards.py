@@ -11,9 +11,7 @@ from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.engines.analysis.ensemble import Densities, StepErrors, densities, step_errors
 from lvnav_trade.engines.analysis.explain import flown_events
-from lvnav_trade.engines.lincov.components import components
 from lvnav_trade.engines.lincov.history import forward_tape
-from lvnav_trade.engines.lincov.sources import source_names
 from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.base import FilterCard
@@ -121,7 +119,7 @@ def gain_schedule(campaign: Campaign, case: Case, by: Literal["event", "time"], 
     if not 0.0 < tolerance < 1.0:
         raise InputError(f"a tolerance of {tolerance:g} is no share between 0 and 1")
     prepared = prepare(case.scenario, history=campaign.keep.history)
-    tape, n = forward_tape(prepared, components(prepared, source_names(prepared))), prepared.layout.n_state
+    tape, n = forward_tape(prepared), prepared.layout.n_state
     used = int(tape.used[0])
     names = prepared.channels.names
     gains, updated = np.zeros((prepared.t_epoch.size, len(names), n)), np.zeros(prepared.t_epoch.size, dtype=np.bool_)

@@ -8,7 +8,6 @@ import numpy as np
 
 from lvnav_trade.engines.analysis.observability import initial_spread
 from lvnav_trade.engines.lincov.components import components
-from lvnav_trade.engines.lincov.sources import source_names
 from lvnav_trade.engines.lincov.workspace import Tape
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.errors import InputError
@@ -79,7 +78,7 @@ def error_bound(prepared: Prepared, tape: Tape) -> ErrorBound:
     Automatic Control 44(4), 1999), as Canepa and Servidia state them, eq. 7.17 and 7.18. `tape`: the forward pass.
     InputError for a flight without a measurement.
     """
-    true, model, n = components(prepared, source_names(prepared)), prepared.model, prepared.layout.n_state
+    true, model, n = components(prepared), prepared.model, prepared.layout.n_state
     updates = int(np.count_nonzero(np.diff(tape.first) > 0))
     if not updates:
         raise InputError("covariance.error_bound: the filter takes no measurement on this flight")

@@ -11,14 +11,12 @@ from lvnav_trade.engines.analysis.error_bound import ErrorBound, error_bound
 from lvnav_trade.engines.analysis.nonlinearity import Nonlinearity, nonlinearity
 from lvnav_trade.engines.analysis.observability import TOLERANCE, in_words, observability
 from lvnav_trade.engines.analysis.retune import Sensitivity, sensitivity
-from lvnav_trade.engines.lincov.components import components
 from lvnav_trade.engines.lincov.history import adjoint, forward_tape, source_covariances, turns
-from lvnav_trade.engines.lincov.sources import source_names
+from lvnav_trade.engines.lincov.sources import source_labels
 from lvnav_trade.engines.lincov.workspace import Tape
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.records import AdjointBudget, Asked, CovHistory, Floats
 from lvnav_trade.scenario import Scenario
-from lvnav_trade.sources import label_of
 
 QUANTITIES = ("attitude", "velocity", "position")
 _SHORTEST = 1.0
@@ -71,7 +69,7 @@ def explain(scenario: Scenario, prepared: Prepared, history: CovHistory, asked: 
     at = _event(events, asked.at)
     tape = None
     if (events and (asked.adjoint or asked.observability)) or asked.error_bound:
-        tape = forward_tape(prepared, components(prepared, source_names(prepared)))
+        tape = forward_tape(prepared)
     bound = error_bound(prepared, tape) if asked.error_bound and tape is not None else None
     return Explanation(
         at,
@@ -100,9 +98,9 @@ def _event(events: dict[str, float], wanted: str) -> str:
 def _by_source(
     prepared: Prepared, events: dict[str, float], wanted: tuple[str, ...], tape: Tape | None
 ) -> tuple[SourceCovariance, ...]:
-    names = tuple(label_of(name) for name in source_names(prepared))
+    sources = source_labels(prepared)
     return tuple(
-        SourceCovariance(name, events[name], names, source_covariances(prepared, events[name], tape))
+        SourceCovariance(name, events[name], sources, source_covariances(prepared, events[name], tape))
         for name in dict.fromkeys(wanted)
         if name in events
     )
@@ -135,7 +133,15 @@ def _phases(prepared: Prepared, events: dict[str, float], tape: Tape | None, win
 
 
 def _in_words(prepared: Prepared, start: float, direction: Floats) -> str:
-    return in_words(_reported(prepared, start, direction), _state_names(prepared))
+    """Say a direction in initial sigmas of the states in words, in initial sigmas of the reporting axes; of a state
+    that has none, in its unit.
+    """
+    turn = turns(prepared)[int(np.argmin(np.abs(prepared.t_hist - start)))]
+    P = prepared.start.P
+    spread, sigma = np.sqrt(np.diag(P)), np.sqrt(np.diag(turn @ P @ turn.T))
+    found = turn @ (np.where(spread > 0.0, spread, 1.0) * direction) / np.where(sigma > 0.0, sigma, 1.0)
+    names = tuple(f"{o.quantity.replace('_', ' ')} {o.axis}" for o in prepared.outputs)
+    return in_words(found / found[np.argmax(np.abs(found))], names)
 
 
 def _windows(prepared: Prepared, window: float) -> list[tuple[str, float]]:
@@ -155,18 +161,3 @@ def _marks(prepared: Prepared, events: dict[str, float]) -> list[tuple[str, floa
     if t[-1] - marks[-1][1] >= _SHORTEST:
         marks.append(("end", float(t[-1])))
     return marks
-
-
-def _reported(prepared: Prepared, start: float, direction: Floats) -> Floats:
-    """Return a direction in initial sigmas of the states as one in initial sigmas of the reporting axes; of a state
-    that has none, in its unit.
-    """
-    turn = turns(prepared)[int(np.argmin(np.abs(prepared.t_hist - start)))]
-    P = prepared.start.P
-    spread, sigma = np.sqrt(np.diag(P)), np.sqrt(np.diag(turn @ P @ turn.T))
-    found = turn @ (np.where(spread > 0.0, spread, 1.0) * direction) / np.where(sigma > 0.0, sigma, 1.0)
-    return found / found[np.argmax(np.abs(found))]
-
-
-def _state_names(prepared: Prepared) -> tuple[str, ...]:
-    return tuple(f"{o.quantity.replace('_', ' ')} {o.axis}" for o in prepared.outputs)

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines.lincov.history import nominal, turns
-from lvnav_trade.engines.lincov.workspace import Nominal
+from lvnav_trade.engines.lincov.history import turns
+from lvnav_trade.engines.lincov.workspace import Nominal, new_nominal
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.filters.ekf import fill_receiver, place_antenna
 from lvnav_trade.kernels import transition
@@ -49,26 +49,20 @@ def nonlinearity(prepared: Prepared, history: CovHistory, time: float, scale: fl
         Size of the errors in sigmas; the second-order part per sigma grows with it.
     """
     hist = int(np.argmin(np.abs(prepared.t_hist - time)))
-    turn = turns(prepared)[hist]
+    turn, time = turns(prepared)[hist], float(prepared.t_hist[hist])
     states = slice(0, len(turn))  # what is reported beside them is no state
     formal, true = (turn.T @ cov[hist, states, states] @ turn for cov in (history.formal_cov, history.true_cov))
     directions = scale * _factor(true)
-    start = _start_tick(prepared, float(prepared.t_hist[hist]))
+    start = _start_tick(prepared, time)
     linear = np.array([_linear(prepared, start, d) for d in directions])
     plus, minus = (np.array([_flown(prepared, start, sign * d) for d in directions]) for sign in (1.0, -1.0))
     sigma = np.sqrt(np.diag(formal))[:9]
     sound = np.where(sigma > 0.0, sigma, np.inf)
     second = np.abs(plus + minus) / 2.0 / sound
     first = np.abs((plus - minus) / 2.0 - linear[:, :9]) / sound
-    worst = np.unravel_index(int(np.argmax(second)), second.shape)
-    rows = _rows(prepared, float(prepared.t_hist[hist]), directions, formal)
-    return Nonlinearity(
-        float(prepared.t_hist[hist]),
-        float(second.max()) / scale,
-        int(worst[1]),
-        float(first.max()) / scale,
-        rows / scale,
-    )
+    worst = int(np.argmax(second)) % second.shape[1]
+    rows = _rows(prepared, time, directions, formal)
+    return Nonlinearity(time, float(second.max()) / scale, worst, float(first.max()) / scale, rows / scale)
 
 
 def _factor(covariance: Floats) -> Floats:
@@ -162,7 +156,7 @@ def _rows(prepared: Prepared, time: float, directions: Floats, formal: Floats) -
     used = int(prepared.signals.n_used[epoch])
     if used == 0 or (not model.tight and used < 4):
         return float("nan")
-    work = nominal(prepared)
+    work = new_nominal(prepared)
     expected = _predicted(prepared, work, epoch, np.zeros(directions.shape[1]))
     sigma = _innovation_sigma(prepared, work, epoch, len(expected), formal)
     bent = [

@@ -10,7 +10,6 @@ import numpy as np
 from lvnav_trade.engines.lincov.components import Components, components
 from lvnav_trade.engines.lincov.history import forward_tape
 from lvnav_trade.engines.lincov.samples import nominal_tick
-from lvnav_trade.engines.lincov.sources import source_names
 from lvnav_trade.engines.lincov.workspace import Tape
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.kernels import transition
@@ -160,8 +159,8 @@ def observability(prepared: Prepared, edges: Floats, tape: Tape | None = None) -
     Evaluated on the nominal flight with the filter's measurements there; edges outside it are moved to its ends.
     `tape` is the forward pass where it is known already.
     """
-    true = components(prepared, source_names(prepared))
-    tape = tape or forward_tape(prepared, true)
+    true = components(prepared)
+    tape = tape or forward_tape(prepared)
     t = prepared.reference.t
     marks = np.unique(np.clip(edges, t[0], t[-1]))
     return [_stretch(prepared, true, tape, float(a), float(b)) for a, b in pairwise(marks)]

@@ -68,12 +68,6 @@ def _norm(history: CovHistory, hist: int, columns: list[int]) -> float:
     return float(np.sqrt(np.sum(history.true_sigma[hist, columns] ** 2 + history.mean[hist, columns] ** 2)))
 
 
-def _again(scenario: Scenario, source: str, factor: float, known: dict[tuple[str, float], CovHistory]) -> CovHistory:
-    if (source, factor) not in known:
-        known[source, factor] = covariance(prepare(scaled(scenario, source, factor)))
-    return known[source, factor]
-
-
 def sensitivity(
     scenario: Scenario,
     history: CovHistory,
@@ -109,7 +103,10 @@ def sensitivity(
     retuned = np.empty_like(frozen)
     for row, k in enumerate(chosen):
         for column, factor in enumerate(FACTORS):
-            again = history if factor == 1.0 else _again(scenario, history.sources[k], factor, known)
+            key = history.sources[k], factor
+            if factor != 1.0 and key not in known:
+                known[key] = covariance(prepare(scaled(scenario, *key)))
+            again = history if factor == 1.0 else known[key]
             retuned[row, column] = _norm(again, int(np.argmin(np.abs(again.t - time))), columns)
     return Sensitivity(
         float(history.t[hist]), quantity, tuple(history.sources[k] for k in chosen), FACTORS, frozen, retuned

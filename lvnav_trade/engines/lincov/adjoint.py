@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from lvnav_trade.engines.lincov.propagate import N_NAV, input_matrix
+from lvnav_trade.engines.lincov.propagate import fill_inputs
 from lvnav_trade.engines.lincov.receiver_error import clone_back, solution_back
 from lvnav_trade.engines.lincov.samples import fill_partials, nominal_tick
-from lvnav_trade.engines.lincov.update import known_partial, measured_channel, shared_partial
+from lvnav_trade.engines.lincov.update import component_partial, measured_channel, n_entering
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import apply_phi_transposed
 from lvnav_trade.kernels.jit import inlined, jit
@@ -21,7 +21,7 @@ from lvnav_trade.records import Floats
 
 
 class Backward(NamedTuple):
-    """State and outcome of a backward pass. e (n_metric, N) and c (n_metric, n_source, n_slot) multipliers of states
+    """State and outcome of a backward pass. e (n_metric, N) and c (n_metric, n_component) multipliers of states
     and components, updated; contribution (n_metric, n_source, n_bin) variance put in by each source in each time bin,
     set.
     """
@@ -31,20 +31,9 @@ class Backward(NamedTuple):
     contribution: Floats
 
 
-class BackScratch(NamedTuple):
-    """Work arrays: D (n_block, 9), y (N,), input (9, 3), block (9,), sums (18,), h (6, n_entry); a: SampleScratch."""
-
-    D: Floats
-    y: Floats
-    input: Floats
-    block: Floats
-    sums: Floats
-    h: Floats
-    a: Floats
-
-
 @jit
 def _dot(a, b):
+    """Return the sum of products over the length of `a`; `b` may be longer."""
     total = 0.0
     for i in range(a.shape[0]):
         total += a[i] * b[i]
@@ -52,95 +41,55 @@ def _dot(a, b):
 
 
 @jit
-def _update_back(back, gain, h, epoch, channel, time_bin, mixed, ring, signals, true, model):
+def _update_back(back, gain, h, epoch, channel, time_bin, mixed, ring, signals, true):
     """Go back through one update: what its noise put in, and the multipliers before it."""
-    n, source = true.n_entry[channel], true.noise_source[channel]
+    source = true.noise_source[channel]
     # what is in a decorrelated solution went in with the solution's own error
     variance = 0.0 if mixed else signals.sigma[epoch, measured_channel(signals, channel)] ** 2
-    member = signals.shared.member
     for m in range(back.e.shape[0]):
-        through = _dot(back.e[m], gain)
+        through = _dot(gain, back.e[m])
         if variance > 0.0:
             back.contribution[m, source, time_bin] += through * through * variance
-        if not mixed:
-            for family in range(member.shape[0]):
-                c = member[family, measured_channel(signals, channel)]
-                if c >= 0:
-                    partial = shared_partial(signals, true, family, epoch, channel)
-                    back.c[m, true.shared_source[c], true.shared_slot[c]] -= through * partial
-        else:
-            for c in range(true.shared_source.shape[0]):
-                back.c[m, true.shared_source[c], true.shared_slot[c]] -= through * known_partial(h, signals, c)
-        for k in range(n):
+        for family in range(n_entering(signals, mixed)):
+            c, partial = component_partial(h, signals, true, family, epoch, channel, mixed)
+            if c >= 0:
+                back.c[m, true.first_shared + c] -= through * partial
+        for k in range(true.n_entry[channel]):
             back.e[m, true.column[ring, channel, k]] -= through * h[true.entry[ring, channel, k]]
 
 
 @jit
-def _drive_back(back, true, length, time_bin):
-    """Go back through the driving noise of components and their decay, and through states that stand for them."""
-    for m in range(back.e.shape[0]):
-        for p in range(true.state_at.shape[0]):
-            source, k, at = true.state_source[p], true.state_slot[p], true.state_at[p]
-            g, lane = true.group[source], true.lane[source]
-            noise = true.noise[length, g, k, 0, lane]
-            # the component and the filter's error in it are driven by the same noise
-            through = back.c[m, source, k] + back.e[m, at]
-            back.contribution[m, source, time_bin] += through * through * noise
-            factor = true.factor[length, g, k, 0, lane]
-            back.c[m, source, k] = factor * back.c[m, source, k] + (factor - true.decay[length, at]) * back.e[m, at]
-
-
-@jit
-def _blocks_back(back, scratch, sums, true, model, length, time_bin):
-    """Go back through a window for the components of the IMU and of gravity that no state stands for."""
-    seconds = model.seconds[length]
-    for j in range(true.sensor.shape[0]):
-        if true.profile[j] >= 0 or true.matched[j] >= 0:
-            continue
-        source = true.source[j]
-        g, lane = true.group[source], true.lane[source]
-        if true.moving[j]:
-            input_matrix(scratch.input, scratch.block, j, true, sums, seconds)
-        for axis in range(3):
-            k = true.slot[j, axis]
-            factor, noise = true.factor[length, g, k, 0, lane], true.noise[length, g, k, 0, lane]
-            echo = 1.0 if true.echo[length, g, k, 0, lane] > 0.0 else 0.0
-            for m in range(back.e.shape[0]):
-                entered = 0.0
-                if true.moving[j]:
-                    for i in range(N_NAV):
-                        entered += back.e[m, i] * scratch.input[i, axis]
-                if noise > 0.0:
-                    through = back.c[m, source, k] - echo * entered
-                    back.contribution[m, source, time_bin] += through * through * noise
-                back.c[m, source, k] = factor * back.c[m, source, k] + entered
-
-
-@jit
-def _shared_back(back, true, length, time_bin):
-    """Go back through a window for errors that measurements share and no state stands for."""
-    for c in range(true.shared_source.shape[0]):
-        if true.shared_matched[c] >= 0:
-            continue
-        source, k = true.shared_source[c], true.shared_slot[c]
+def _components_back(back, scratch, sums, true, model, length, time_bin):
+    """Go back through a window for the components: their driving noise, their decay, and what they put into states."""
+    decay = true.decay[length]
+    fill_inputs(scratch, true, sums, model.seconds[length])
+    for c in range(true.source.shape[0]):
+        source, k, at = true.source[c], true.slot[c], true.state[c]
         g, lane = true.group[source], true.lane[source]
         factor, noise = true.factor[length, g, k, 0, lane], true.noise[length, g, k, 0, lane]
+        echo = 1.0 if true.echo[length, g, k, 0, lane] > 0.0 else 0.0
+        b = scratch.b[g, k, ..., lane]
         for m in range(back.e.shape[0]):
-            through = back.c[m, source, k]
+            through, entered = back.c[m, c], 0.0
+            if at >= 0:  # the component and the filter's error in it are driven by the same noise
+                through += back.e[m, at]
+                entered = (factor - decay[at]) * back.e[m, at]
+            elif true.moves[g, k]:
+                entered = _dot(b, back.e[m])
+                through -= echo * entered
             back.contribution[m, source, time_bin] += through * through * noise
-            back.c[m, source, k] = factor * through
+            back.c[m, c] = factor * back.c[m, c] + entered
 
 
 @jit
 def _white_back(back, true, length, time_bin):
     """Add half of a window's white noise of every source (the other half enters at the window's other end)."""
     for source in range(true.group.shape[0]):
-        g, lane = true.group[source], true.lane[source]
+        white = true.white[length, true.group[source], ..., true.lane[source]]
         for i in range(back.e.shape[1]):
-            noise = true.white[length, g, i, lane]
-            if noise > 0.0:
+            if white[i] > 0.0:
                 for m in range(back.e.shape[0]):
-                    back.contribution[m, source, time_bin] += 0.5 * noise * back.e[m, i] * back.e[m, i]
+                    back.contribution[m, source, time_bin] += 0.5 * white[i] * back.e[m, i] * back.e[m, i]
 
 
 @jit
@@ -148,14 +97,13 @@ def _start_back(back, true):
     """Add what every source holds at the start: initial errors, and components with what they put in states."""
     n = back.e.shape[1]
     for m in range(back.e.shape[0]):
-        for p in range(true.state_at.shape[0]):
-            back.c[m, true.state_source[p], true.state_slot[p]] += back.e[m, true.state_at[p]]
         for source in range(true.initial.shape[0]):
             for i in range(n):
                 for k in range(n):
                     back.contribution[m, source, 0] += back.e[m, i] * true.initial[source, i, k] * back.e[m, k]
-            for k in range(true.start.shape[1]):
-                back.contribution[m, source, 0] += back.c[m, source, k] ** 2 * true.start[source, k]
+        for c in range(true.source.shape[0]):
+            through = back.c[m, c] + (back.e[m, true.state[c]] if true.state[c] >= 0 else 0.0)
+            back.contribution[m, true.source[c], 0] += through * through * true.start[c]
 
 
 @inlined
@@ -164,26 +112,21 @@ def _samples_back(back, scratch, tape, true, unit, vehicle, reference, tick, tim
     nominal_tick(scratch.sums, reference, tick, unit.dt)
     fill_samples(scratch.h, vehicle.blocks, vehicle.rate[tick], vehicle.force[tick])
     fill_partials(scratch.a, true, vehicle, tick)
-    n, n_slot = tape.sample_gain.shape[2], true.followed.shape[1]
     for m in range(back.e.shape[0]):
         y = back.e[m]
         advance_vector_transposed(y, scratch.sums, unit.dt, vehicle.motion)
         for r in range(N_SAMPLE):
-            scratch.y[r] = 0.0
-            for i in range(n):
-                scratch.y[r] += y[i] * tape.sample_gain[tick, r, i]
+            scratch.y[r] = _dot(tape.sample_gain[tick, r], y)
         for source in range(true.group.shape[0]):
             for r in range(N_SAMPLE):
                 through = scratch.y[r]
                 back.contribution[m, source, time_bin] += through * through * true.sample_noise[source, r]
         for j in range(true.sensor.shape[0]):
             if true.sampled[j] and true.profile[j] < 0:
-                source = true.source[j]
-                g, lane = true.group[source], true.lane[source]
                 for axis in range(3):
-                    r, k = 3 * true.sensor[j] + axis, true.slot[j, axis]
-                    partial = scratch.a[g * n_slot + k, r, 0, lane]
-                    back.c[m, source, k] -= scratch.y[r] * partial
+                    r, c = 3 * true.sensor[j] + axis, true.first[j] + axis
+                    partial = scratch.a[true.group[true.source[c]], ..., true.lane[true.source[c]]]
+                    back.c[m, c] -= scratch.y[r] * partial[true.slot[c], r]
         for r in range(N_SAMPLE):
             for k in range(vehicle.columns.shape[1]):
                 y[vehicle.columns[r, k]] -= scratch.y[r] * scratch.h[r, k]
@@ -195,9 +138,7 @@ def _window_back(back, scratch, tape, w, true, model, length, time_bin):
     sums, at, seconds = tape.sums[w], tape.position[w], model.seconds[length]
     transition.fill(scratch.D, true.nav_kinds, true.nav_drivers, sums, at[0], at[1], at[2], seconds)
     _white_back(back, true, length, time_bin)
-    _drive_back(back, true, length, time_bin)
-    _blocks_back(back, scratch, sums, true, model, length, time_bin)
-    _shared_back(back, true, length, time_bin)
+    _components_back(back, scratch, sums, true, model, length, time_bin)
     for m in range(back.e.shape[0]):
         apply_phi_transposed(
             back.e[m], scratch.D, true.nav_rows, true.nav_columns, true.decay[length], model.clock, seconds
@@ -213,7 +154,7 @@ def go_back(
 
     Parameters
     ----------
-    back : Backward, with e set to the metrics' rows; scratch : BackScratch; tape : Tape of the forward pass
+    back : Backward, with e set to the metrics' rows; scratch : BackwardScratch; tape : Tape of the forward pass
     last_window : the metric stands at its end; time_bins (n_window,) bin of each window
     schedule : Schedule; unit : Unit; signals : Signals; true : Components; model : FilterModel
     chain : Chain; late : Late; vehicle : VehicleModel; or None; reference : Reference
@@ -225,7 +166,7 @@ def go_back(
             mixed, ring = chain is not None and channel < signals.n_receiver, 0
             if late is not None:
                 ring = epoch % late.n_ring
-            _update_back(back, tape.gain[row], tape.h[row], epoch, channel, time_bin, mixed, ring, signals, true, model)
+            _update_back(back, tape.gain[row], tape.h[row], epoch, channel, time_bin, mixed, ring, signals, true)
         if chain is not None and schedule.epoch[w] >= 0:
             solution_back(back, scratch.y, chain, true, schedule.epoch[w], time_bin)
         if schedule.n_tick[w] == 0:

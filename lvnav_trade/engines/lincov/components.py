@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.engines.lincov.slots import Slots, aligned, as_lanes, places_of, slot_tables
-from lvnav_trade.engines.lincov.sources import measurement_tables, n_joint, noise_sources
+from lvnav_trade.engines.lincov.slots import Component, as_lanes, by_length, slot_tables
+from lvnav_trade.engines.lincov.sources import measurement_tables, n_joint, noise_sources, source_names
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.filters.model import transition_blocks
 from lvnav_trade.kernels.clock import spectral_densities
@@ -28,17 +29,16 @@ class Components(NamedTuple):
     """True error components of a case. A source owns slots of its lane; a component is one slot of one lane.
 
     group, lane (n_source,) place of each source; n_slot (n_group,); followed (n_group, n_slot): the covariance with the
-    states is followed; moves: enters attitude, velocity or position while they are propagated. samples: enters the
+    states is followed; moves: enters attitude, velocity or position while they are propagated; samples: enters the
     samples of the IMU, as measurements. factor, noise (n_length, n_group, n_slot, 1, n_lane) decay and driving
-    variance over a window, echo the part of the noise that enters the states with the opposite sign (quantisation);
-    start (n_source, n_slot) variance.
+    variance over a window, echo the part of the noise that enters the states with the opposite sign (quantisation).
+    source, slot (n_component,) of each component, state of the filter for the same thing (-1 none), start variance.
 
     Blocks of three components: sensor, driver (REMAINDER, GRAVITY: see there), matched (first state of the filter for
-    the same thing, -1 none), source, profile (that is its mean, -1 none), slot (n_block, 3), moving (n_block,): acts on
-    attitude, velocity and position while they are propagated, sampled (n_block,): enters the samples of the IMU.
-    by_samples: these are measurements. Errors that measurements share:
-    shared_source, shared_slot, shared_matched (n_shared,), shared_family (n_family,) family of the filter's extra
-    states for the same thing, -1 none. Of both together the ones that have a state: state_source, state_slot, state_at.
+    the same thing, -1 none), profile (that is its mean, -1 none), first (n_block,) of its components (-1 a profile),
+    moving, sampled (n_block,): see moves, samples. by_samples: samples are measurements. Errors that measurements
+    share are the components from first_shared on; shared_family (n_family,) family of the filter's extra states for
+    the same thing, -1 none.
 
     nav_rows ... nav_drivers: blocks of the true transition. white (n_length, n_group, N, n_lane) noise of each source;
     initial (n_source, N, N); noise_source (n_channel,) source of the noise of each channel; decay (n_length, N) of the
@@ -57,23 +57,20 @@ class Components(NamedTuple):
     factor: Floats
     noise: Floats
     echo: Floats
+    source: Ints
+    slot: Ints
+    state: Ints
     start: Floats
     sensor: Ints
     driver: Ints
     matched: Ints
-    source: Ints
     profile: Ints
-    slot: Ints
+    first: Ints
     moving: Flags
     sampled: Flags
     by_samples: bool
-    shared_source: Ints
-    shared_slot: Ints
-    shared_matched: Ints
+    first_shared: int
     shared_family: Ints
-    state_source: Ints
-    state_slot: Ints
-    state_at: Ints
     nav_rows: Ints
     nav_columns: Ints
     nav_kinds: Ints
@@ -99,10 +96,10 @@ class _Block(NamedTuple):
     driver: int
     matched: int
     source: int
-    variance: float
-    walk: float
-    time_constant: float
-    profile: int
+    variance: float = 0.0
+    walk: float = 0.0
+    time_constant: float = math.inf
+    profile: int = -1
 
 
 def _blocks(prepared: Prepared, names: list[str]) -> list[_Block]:
@@ -110,25 +107,36 @@ def _blocks(prepared: Prepared, names: list[str]) -> list[_Block]:
     states = {(p.sensor, p.driver): p.offset for p in prepared.layout.parameters}
     found = [
         _Block(b.sensor, b.driver, states.get((b.sensor, b.driver), -1), names.index(b.source), b.sigma**2, b.walk**2,
-               b.time_constant, -1) for b in prepared.sources
+               b.time_constant) for b in prepared.sources
     ]  # fmt: skip
     for sensor, card, label in ((GYRO, imu.gyro, "gyro"), (ACCEL, imu.accel, "accelerometer")):
         if card.quantisation > 0.0:
             source = names.index(f"{label} quantisation")
-            found.append(_Block(sensor, REMAINDER, -1, source, 0.0, card.quantisation**2 / 12.0, 0.0, -1))
+            found.append(_Block(sensor, REMAINDER, -1, source, walk=card.quantisation**2 / 12.0))
     for profile, sensor in enumerate(prepared.unit.profile_sensor.tolist()):
-        matched = states.get((sensor, CONSTANT), -1)
-        found.append(_Block(sensor, CONSTANT, matched, 0, 0.0, 0.0, math.inf, profile))
+        found.append(_Block(sensor, CONSTANT, states.get((sensor, CONSTANT), -1), 0, profile=profile))
     return found
 
 
-def _block_tables(block: _Block, seconds: Floats) -> tuple[Floats, Floats]:
-    """Return decay and driving variance (n_length,) of the components of a block."""
+def _of_block(prepared: Prepared, block: _Block, moves: bool, samples: bool) -> list[Component]:
+    """Return the components of a block; a profile, which every run has alike, has none."""
+    seconds = prepared.lengths
+    if block.profile >= 0:
+        return []
     if block.driver == REMAINDER:
         # a new remainder at the end of every window, uniform over a step; a window of no ticks leaves it as it was
-        return np.where(seconds > 0.0, 0.0, 1.0), np.where(seconds > 0.0, block.walk, 0.0)
-    factor = np.exp(-seconds / block.time_constant)
-    return factor, block.walk * seconds - block.variance * np.expm1(-2.0 * seconds / block.time_constant)
+        factor, noise = np.where(seconds > 0.0, 0.0, 1.0), np.where(seconds > 0.0, block.walk, 0.0)
+    else:
+        factor = np.exp(-seconds / block.time_constant)
+        noise = block.walk * seconds - block.variance * np.expm1(-2.0 * seconds / block.time_constant)
+    alike = block.matched >= 0 and np.array_equal(factor, prepared.model.decay[:, block.matched])
+    states = range(block.matched, block.matched + 3) if block.matched >= 0 else (-1, -1, -1)
+    return [
+        Component(
+            block.source, factor, noise, block.variance, state, not alike, moves, samples, block.driver == REMAINDER
+        )
+        for state in states
+    ]
 
 
 def _shared_tables(sigma: float, time_constant: float, seconds: Floats) -> tuple[Floats, Floats]:
@@ -139,73 +147,25 @@ def _shared_tables(sigma: float, time_constant: float, seconds: Floats) -> tuple
     return factor, sigma**2 * (1.0 - factor**2)
 
 
-def _partial_differs(prepared: Prepared, family: int, own: int) -> bool:
-    """Whether the true partials of a shared error are not those that the filter's own state has."""
-    shared = prepared.signals.shared
-    if own < 0:
-        return True
-    return not np.array_equal(shared.partial[family], np.where(shared.member[family] >= 0,
-                                                              prepared.signals.partial[own], 0.0))  # fmt: skip
-
-
-def _moves(block: _Block, modelled: bool) -> bool:
-    """Whether a block acts on attitude, velocity and position while they are propagated, not by a state or a sample."""
-    return block.matched < 0 and (block.driver == GRAVITY or not modelled)
-
-
-def _sampled(block: _Block, modelled: bool) -> bool:
-    """Whether a block enters the samples of the IMU, as measurements, beyond what a state of the filter has."""
-    return modelled and block.matched < 0 and block.driver >= 0
-
-
-def _take_blocks(prepared: Prepared, blocks: list[_Block], slots: Slots, states: list[tuple[int, int, int]]) -> Ints:
-    """Give every component of the blocks a slot, (n_block, 3); -1 for profiles, which every run has alike."""
-    decay, modelled = prepared.model.decay, prepared.layout.motion >= 0
-    found = np.full((len(blocks), 3), -1, dtype=np.int64)
-    for j, block in enumerate(blocks):
-        if block.profile >= 0:
-            continue
-        factor, noise = _block_tables(block, slots.seconds)
-        alike = block.matched >= 0 and np.array_equal(factor, decay[:, block.matched])
-        moves = _moves(block, modelled)
-        sampled = _sampled(block, modelled)
-        for axis in range(3):
-            found[j, axis] = slots.take(
-                block.source, factor, noise, block.variance, followed=not alike, moves=moves, samples=sampled,
-                echoes=block.driver == REMAINDER,
-            )  # fmt: skip
-            if block.matched >= 0:
-                states.append((block.source, int(found[j, axis]), block.matched + axis))
-    return found
-
-
-def _take_shared(
-    prepared: Prepared, names: list[str], slots: Slots, states: list[tuple[int, int, int]]
-) -> dict[str, Any]:
-    """Give every component of the errors that measurements share a slot; see Components."""
-    model, seconds = prepared.model, slots.seconds
-    by_name = {block.name: f for f, block in enumerate(prepared.layout.extras)}
-    families = list(prepared.families) if model.aided else []
-    source, slot, matched = list[int](), list[int](), list[int]()
-    own = [by_name.get(family.state, -1) for family in families]
-    for number, family in enumerate(families):
-        factor, noise = _shared_tables(family.sigma, family.time_constant, seconds)
-        differs = prepared.chain is not None or _partial_differs(prepared, number, own[number])
+def _of_families(prepared: Prepared, names: list[str]) -> tuple[list[Component], list[int]]:
+    """Return the components of the errors that measurements share, and by family that of the filter's extra states."""
+    model, signals, found, own = prepared.model, prepared.signals, list[Component](), list[int]()
+    by_name = {block.name: number for number, block in enumerate(prepared.layout.extras)}
+    for number, family in enumerate(prepared.families if model.aided else ()):
+        state = by_name.get(family.state, -1)
+        factor, noise = _shared_tables(family.sigma, family.time_constant, prepared.lengths)
+        entering = signals.shared.member[number] >= 0
+        # whether the true partials are not those that the filter's own state has
+        differs = prepared.chain is not None or state < 0 or not np.array_equal(
+            signals.shared.partial[number], np.where(entering, signals.partial[state], 0.0)
+        )  # fmt: skip
         for _ in family.labels:
-            extra = prepared.signals.shared.extra[len(source)]
+            extra = signals.shared.extra[len(found)]
             at = int(model.extra_offset[extra]) if extra >= 0 else -1
             follow = differs or not np.array_equal(factor, model.decay[:, at])
-            source.append(names.index(family.source))
-            matched.append(at)
-            slot.append(slots.take(source[-1], factor, noise, family.sigma**2, followed=follow))
-            if at >= 0:
-                states.append((source[-1], slot[-1], at))
-    return {
-        "shared_source": np.array(source, dtype=np.int64),
-        "shared_slot": np.array(slot, dtype=np.int64),
-        "shared_matched": np.array(matched, dtype=np.int64),
-        "shared_family": np.array(own, dtype=np.int64),
-    }
+            found.append(Component(names.index(family.source), factor, noise, family.sigma**2, at, follow))
+        own.append(state)
+    return found, own
 
 
 def _white_noise(prepared: Prepared, names: list[str]) -> Floats:
@@ -241,51 +201,39 @@ def _initial(prepared: Prepared, names: list[str]) -> Floats:
     return initial
 
 
-def components(prepared: Prepared, names: list[str]) -> Components:
+def components(prepared: Prepared) -> Components:
     """Turn the truth's cards into numbers; the filter's card is asked only which states it has."""
-    blocks, seconds, model, n = _blocks(prepared, names), prepared.lengths, prepared.model, n_joint(prepared)
-    slots, states = Slots(len(names), seconds), list[tuple[int, int, int]]()
-    slot = _take_blocks(prepared, blocks, slots, states)
-    shared = _take_shared(prepared, names, slots, states)
-    group, lane, n_slot = places_of(slots.count)
+    names, model, n = source_names(prepared), prepared.model, n_joint(prepared)
+    blocks, by_samples = _blocks(prepared, names), prepared.layout.motion >= 0
+    sensor, driver, matched, profile = np.array(
+        [[block.sensor, block.driver, block.matched, block.profile] for block in blocks], dtype=np.int64
+    ).reshape(-1, 4).T.copy()  # fmt: skip
+    moving = (matched < 0) & ((driver == GRAVITY) | (not by_samples))
+    sampled = (matched < 0) & (driver >= 0) & by_samples
+    of_blocks = [_of_block(prepared, *one) for one in zip(blocks, moving, sampled, strict=True)]
+    shared, own = _of_families(prepared, names)
+    count = np.array([len(found) for found in of_blocks], dtype=np.int64)
+    tables = slot_tables([*chain.from_iterable(of_blocks), *shared], len(names), prepared.lengths.size)
     rows, columns, kinds, drivers = transition_blocks(prepared.layout.parameters, 2)
-    by_samples = prepared.layout.motion >= 0
     if by_samples:  # all but the gradient of gravity is propagated sample by sample
-        rows, columns, kinds, drivers = (
-            model.block_rows,
-            model.block_columns,
-            model.block_kinds,
-            model.block_drivers,
-        )
-    white = as_lanes(_white_noise(prepared, names), group, lane)
-    number = np.array(states, dtype=np.int64).reshape(-1, 3)
-
-    def of_blocks(field: str) -> Ints:
-        return np.array([getattr(block, field) for block in blocks], dtype=np.int64)
-
+        rows, columns, kinds, drivers = model.block_rows, model.block_columns, model.block_kinds, model.block_drivers
     return Components(
-        group=group,
-        lane=lane,
-        n_slot=n_slot,
-        **slot_tables(slots, group, lane, n_slot),
-        sensor=of_blocks("sensor"),
-        driver=of_blocks("driver"),
-        matched=of_blocks("matched"),
-        source=of_blocks("source"),
-        profile=of_blocks("profile"),
-        slot=slot,
-        moving=np.array([_moves(b, by_samples) for b in blocks], dtype=np.bool_),
-        sampled=np.array([_sampled(b, by_samples) for b in blocks], dtype=np.bool_),
+        **tables,
+        sensor=sensor,
+        driver=driver,
+        matched=matched,
+        profile=profile,
+        first=np.where(profile < 0, np.cumsum(count) - count, -1),
+        moving=moving,
+        sampled=sampled,
         by_samples=by_samples,
-        **shared,
-        state_source=np.ascontiguousarray(number[:, 0]),
-        state_slot=np.ascontiguousarray(number[:, 1]),
-        state_at=np.ascontiguousarray(number[:, 2]),
+        first_shared=int(count.sum()),
+        shared_family=np.array(own, dtype=np.int64),
         nav_rows=rows,
         nav_columns=columns,
         nav_kinds=kinds,
         nav_drivers=drivers,
-        white=aligned(np.swapaxes(white, 0, 1)),
+        white=by_length(_white_noise(prepared, names), tables["group"], tables["lane"]),
         initial=_initial(prepared, names),
         noise_source=noise_sources(prepared, names),
         decay=np.pad(model.decay, ((0, 0), (0, n - prepared.layout.n_state)), constant_values=1.0),
@@ -298,16 +246,12 @@ def initial_state(prepared: Prepared, true: Components) -> tuple[Floats, Floats,
     """Return sources (n_group, N, N, n_lane), cross (n_group, n_slot, N, n_lane) and variance (n_group, n_slot, 1,
     n_lane) at the start: an estimate of a component is zero, so the filter's error in it is the component itself.
     """
-    n = n_joint(prepared)
-    sources = true.initial.copy()
-    cross = np.zeros((*true.start.shape, n))
-    for source, slot, at in zip(true.state_source, true.state_slot, true.state_at, strict=True):
-        variance = true.start[source, slot]
-        sources[source, at, at] += variance
-        cross[source, slot, at] += variance
-    places = (true.group, true.lane)
-    return (
-        as_lanes(sources, *places),
-        as_lanes(cross, *places),
-        as_lanes(true.start[:, :, None], *places),
-    )
+    sources, start = true.initial.copy(), np.zeros((len(true.initial), true.followed.shape[1], 1))
+    cross = np.zeros((*start.shape[:2], n_joint(prepared)))
+    start[true.source, true.slot, 0] = true.start
+    for source, slot, at, variance in zip(true.source, true.slot, true.state, true.start, strict=True):
+        if at >= 0:
+            sources[source, at, at] += variance
+            cross[source, slot, at] += variance
+    sources, cross, start = (as_lanes(values, true.group, true.lane) for values in (sources, cross, start))
+    return sources, cross, start

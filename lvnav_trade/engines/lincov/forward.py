@@ -23,10 +23,11 @@ from lvnav_trade.filters.ekf import (
 )
 from lvnav_trade.filters.late import keep
 from lvnav_trade.filters.monitor import MODE, begin_watch, check_measurements, is_running, start_filter, update_mode
+from lvnav_trade.kernels.covariance import variance_along
 from lvnav_trade.kernels.groups import group, total_of, whole
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.strapdown import place
-from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL, driver
+from lvnav_trade.kernels.transition import ATT, POS, VEL, sensed_driver
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.observables.sensors import measure
 
@@ -56,17 +57,17 @@ def _measure(nominal, signals, sensors, tight, epoch):
 
 
 @inlined
-def _fill(nominal, formal, signals, model, chain, late, epoch):
+def _fill(nominal, signals, model, chain, late, epoch):
     """Fill what the filter compares the receiver's measurements with."""
     if model.tight:
         fill_tight(nominal, model, signals, epoch)
-    elif chain is None:
-        fill_loose(nominal, model, signals, epoch)
     else:
-        for i in range(6):
-            nominal.solution[i] = chain.point[epoch, i]
+        if chain is not None:
+            for i in range(6):
+                nominal.solution[i] = chain.point[epoch, i]
         fill_loose(nominal, model, signals, epoch)
-        complete_rows(nominal, chain, late, epoch)
+        if chain is not None:
+            complete_rows(nominal, chain, late, epoch)
 
 
 @inlined
@@ -79,7 +80,14 @@ def _weight(nominal, formal, model, chain, late, gains, epoch):
 
 
 @inlined
-def _count(out, epoch, square):
+def _update(
+    out, joint, scratch, tape, nominal, signals, true, model, late, gains, row, channel, variance, mixed, epoch
+):
+    """Update by a row of a channel, and count it."""
+    square = update_joint(
+        joint, scratch, tape, late, gains, nominal.H[row], nominal.z[row], epoch, channel, variance, mixed, signals,
+        true, model,
+    )  # fmt: skip
     out.expected_nis[epoch] += square
     out.worst_ratio[epoch] = max(out.worst_ratio[epoch], square)
     out.n_row[epoch] += 1
@@ -95,11 +103,10 @@ def _update_receiver(out, joint, scratch, tape, nominal, signals, true, model, c
             variance = signals.variance[epoch, channel]
             if mixed:
                 variance = 1.0 if gains is None else nominal.reported[row, row]
-            square = update_joint(
-                joint, scratch, tape, late, gains, nominal.H[row], nominal.z[row], epoch, channel, variance, mixed,
-                signals, true, model,
+            _update(
+                out, joint, scratch, tape, nominal, signals, true, model, late, gains, row, channel, variance, mixed,
+                epoch,
             )  # fmt: skip
-            _count(out, epoch, square)
 
 
 @inlined
@@ -111,11 +118,10 @@ def _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, 
             fill_sensor(nominal, model, signals, sensors, k, at, epoch)
             for i in range(sensors.scalars[k]):
                 channel = sensors.channel[k] + i
-                square = update_joint(
-                    joint, scratch, tape, None, gains, nominal.H[at + i], nominal.z[at + i], epoch, channel,
-                    signals.variance[epoch, channel], False, signals, true, model,
+                _update(
+                    out, joint, scratch, tape, nominal, signals, true, model, None, gains, at + i, channel,
+                    signals.variance[epoch, channel], False, epoch,
                 )  # fmt: skip
-                _count(out, epoch, square)
 
 
 @inlined
@@ -125,9 +131,8 @@ def _start(joint, scratch, tape, nominal, watch, rules, signals, true, model, ch
     """
     if watch.sample[1] > 0.0:
         for row in range(6):
-            if chain is None:
-                watch.predicted[row] = signals.variance[epoch, row]
-            else:
+            watch.predicted[row] = signals.variance[epoch, row]
+            if chain is not None:
                 watch.predicted[row] = nominal.reported[row, row]
         start_filter(joint.formal, scratch.x, watch, rules, nominal.z)
         for i in range(model.n_state):
@@ -137,7 +142,7 @@ def _start(joint, scratch, tape, nominal, watch, rules, signals, true, model, ch
                 at = POS + row if row < 3 else VEL + row - 3
                 replace_state(
                     joint, scratch, tape, late, at, nominal.H[row], nominal.z[row], epoch, row, chain is not None,
-                    signals, true, model,
+                    signals, true,
                 )  # fmt: skip
 
 
@@ -163,7 +168,7 @@ def _process_permitted(
     solved = chain is None or chain.solved[epoch]
     good = rules.good[epoch] and solved
     if good:
-        _fill(nominal, joint.formal, signals, model, chain, late, epoch)
+        _fill(nominal, signals, model, chain, late, epoch)
         _expect(joint, nominal, true, model, signals, late, watch, epoch)
     check_measurements(watch, rules, model, signals, epoch, nominal.expected, n_measured(model, signals, epoch))
     if good:
@@ -190,7 +195,7 @@ def _epoch(out, joint, scratch, work, tape, nominal, signals, sensors, true, mod
     if rules is None:
         solved = chain is None or chain.solved[epoch]
         if n_measured(model, signals, epoch) > 0 and solved:
-            _fill(nominal, joint.formal, signals, model, chain, late, epoch)
+            _fill(nominal, signals, model, chain, late, epoch)
             _weight(nominal, joint.formal, model, chain, late, gains, epoch)
             _update_receiver(out, joint, scratch, tape, nominal, signals, true, model, chain, late, gains, epoch)
         _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, model, gains, epoch)
@@ -212,12 +217,6 @@ def _clone(joint, nominal, true, model, reference, tick, dt, late, window):
 
 
 @jit
-def _turned(P, at, c0, c1, c2):
-    a = P[at, at] * c0 * c0 + P[at + 1, at + 1] * c1 * c1 + P[at + 2, at + 2] * c2 * c2
-    return a + 2.0 * (P[at, at + 1] * c0 * c1 + P[at, at + 2] * c0 * c2 + P[at + 1, at + 2] * c1 * c2)
-
-
-@jit
 def _write(out, hist, joint, scratch, true, axes_att, axes):
     """Write covariances and mean at a history time; the budget in reporting axes."""
     n = joint.formal.shape[0]
@@ -234,14 +233,15 @@ def _write(out, hist, joint, scratch, true, axes_att, axes):
     for g in range(true.n_slot.shape[0]):
         P, budget = group(joint.sources, g), group(scratch.budget, g)
         for i in range(3):
-            budget[ATT + i, 0] = _turned(P, ATT, axes_att[i, 0], axes_att[i, 1], axes_att[i, 2])
-            budget[VEL + i, 0] = _turned(P, VEL, axes[i, 0], axes[i, 1], axes[i, 2])
-            budget[POS + i, 0] = _turned(P, POS, axes[i, 0], axes[i, 1], axes[i, 2])
+            budget[ATT + i, 0] = variance_along(P, ATT, axes_att[i, 0], axes_att[i, 1], axes_att[i, 2])
+            budget[VEL + i, 0] = variance_along(P, VEL, axes[i, 0], axes[i, 1], axes[i, 2])
+            budget[POS + i, 0] = variance_along(P, POS, axes[i, 0], axes[i, 1], axes[i, 2])
         for i in range(9, n):
             budget[i, 0] = P[i, i]
     for source in range(true.group.shape[0]):
+        budget = scratch.budget[true.group[source], ..., true.lane[source]]
         for i in range(n):
-            out.budget[hist, source, i] = scratch.budget[true.group[source], i, 0, true.lane[source]]
+            out.budget[hist, source, i] = budget[i, 0]
 
 
 @jit
@@ -249,60 +249,56 @@ def _write_samples(out, hist, joint, true, samples, tick):
     """Write by source the variance of the errors of the IMU's samples beside their noise: raw, and corrected by the
     estimated bias.
     """
-    w, f = samples.rate[tick], samples.force[tick]
     for source in range(true.group.shape[0]):
-        g, lane = true.group[source], true.lane[source]
+        P = joint.sources[true.group[source], ..., true.lane[source]]
         for r in range(N_SAMPLE):
             at = samples.bias[r]
             if at >= 0:
-                out.samples[hist, source, 6 + r] += joint.sources[g, at, at, lane]
+                out.samples[hist, source, 6 + r] += P[at, at]
     for j in range(true.sensor.shape[0]):
         if true.profile[j] >= 0 or true.driver[j] < 0:
             continue
-        if true.sensor[j] == GYRO:
-            u = driver(true.driver[j], w[0], w[1], w[2], f[0], f[1], f[2])
-        else:
-            u = driver(true.driver[j], f[0], f[1], f[2], w[0], w[1], w[2])
-        source = true.source[j]
-        g, lane = true.group[source], true.lane[source]
+        u = sensed_driver(true.sensor[j], true.driver[j], samples.rate[tick], samples.force[tick])
         for axis in range(3):
-            r, k = 3 * true.sensor[j] + axis, true.slot[j, axis]
+            r, c = 3 * true.sensor[j] + axis, true.first[j] + axis
+            source, k, at = true.source[c], true.slot[c], samples.bias[r]
+            g, lane = true.group[source], true.lane[source]
             variance = u[axis] * u[axis] * joint.variance[g, k, 0, lane]
             out.samples[hist, source, r] += variance
-            at = samples.bias[r]
             if at < 0:
                 out.samples[hist, source, 6 + r] += variance
-            elif true.matched[j] + axis != at:
+            elif true.state[c] != at:
                 shared = 2.0 * u[axis] * joint.cross[g, k, at, lane]
                 out.samples[hist, source, 6 + r] += variance + shared
 
 
 @jit
-def _write_receiver(out, hist, held, held_mean):
-    for source in range(held.shape[0]):
-        for i in range(held.shape[1]):
-            for j in range(held.shape[1]):
-                out.receiver[hist, source, i, j] = held[source, i, j]
-    for i in range(held.shape[1]):
-        out.receiver_mean[hist, i] = held_mean[i]
+def _hold_solution(out, joint, true):
+    """Hold the covariance of the solution's error by source, and its mean, until the next solution."""
+    at, n = true.solution, out.held_mean.shape[0]
+    for source in range(true.group.shape[0]):
+        P = joint.sources[true.group[source], ..., true.lane[source]]
+        for i in range(n):
+            for j in range(n):
+                out.held[source, i, j] = P[at + i, at + j]
+    for i in range(n):
+        out.held_mean[i] = joint.mean[at + i]
 
 
 @jit
-def _hold_solution(held, held_mean, joint, true):
-    """Hold the covariance of the solution's error by source, and its mean, until the next solution."""
-    at = true.solution
-    for source in range(held.shape[0]):
-        for i in range(held.shape[1]):
-            for j in range(held.shape[1]):
-                held[source, i, j] = joint.sources[true.group[source], at + i, at + j, true.lane[source]]
-    for i in range(held.shape[1]):
-        held_mean[i] = joint.mean[at + i]
+def _write_solution(out, hist):
+    """Write what is held of the receiver's solution at a history time."""
+    for i in range(out.held_mean.shape[0]):
+        out.receiver_mean[hist, i] = out.held_mean[i]
+        for j in range(out.held_mean.shape[0]):
+            for source in range(out.held.shape[0]):
+                out.receiver[hist, source, i, j] = out.held[source, i, j]
 
 
 @jit
 def forward(
     out, joint, scratch, work, tape, nominal, schedule, unit, signals, sensors, record, axes_att, model, true,
-    reference, chain, late, gains, rules, watch, vehicle, samples, held,
+    reference, chain, late, gains, rules, watch, vehicle, samples, report,
 ):  # fmt: skip
     """Propagate and update the filter's covariance and the true one, by source, over the nominal flight; fill `out`.
 
@@ -313,8 +309,7 @@ def forward(
     schedule : Schedule, unit : Unit, signals : Signals, sensors : Sensors, record : Record, model : FilterModel,
     true : Components, axes_att : (n_hist, 3, 3) from frame i to body axes at the history times
     reference : Reference, the true motion; chain : Chain, late : Late, gains : Gains, rules : Rules, watch : Watch of
-    the nominal flight, vehicle : VehicleModel, samples : Samples, held : (covariance (n_source, 11, 11), mean (11,)) of
-    a reported solution; or None
+    the nominal flight, vehicle : VehicleModel, samples : Samples, report : Report; or None
     """
     begin_watch(watch)
     for w in range(schedule.n_tick.shape[0]):
@@ -334,13 +329,13 @@ def forward(
                 out, joint, scratch, work, tape, nominal, signals, sensors, true, model, unit.dt, chain, late, gains,
                 rules, watch, vehicle, epoch,
             )  # fmt: skip
-            if held is not None and chain.solved[epoch]:
-                _hold_solution(held[0], held[1], joint, true)
+            if report is not None and chain.solved[epoch]:
+                _hold_solution(out, joint, true)
         if tape.channel.shape[0] > 0:
             tape.first[w + 1] = tape.used[0]
         if hist >= 0:
             _write(out, hist, joint, scratch, true, axes_att[hist], record.axes[hist])
             if samples is not None:
                 _write_samples(out, hist, joint, true, samples, max(0, first + n_tick - 1))
-            if held is not None:
-                _write_receiver(out, hist, held[0], held[1])
+            if report is not None:
+                _write_solution(out, hist)

@@ -2,149 +2,72 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from scipy.special import chdtrc
 
-from lvnav_trade.engines.lincov.adjoint import BackScratch, Backward, go_back
-from lvnav_trade.engines.lincov.components import Components, components, initial_state
+from lvnav_trade.engines.lincov.adjoint import Backward, go_back
+from lvnav_trade.engines.lincov.components import Components, components
 from lvnav_trade.engines.lincov.forward import forward
-from lvnav_trade.engines.lincov.outputs import sample_outputs, solution_outputs_of
-from lvnav_trade.engines.lincov.receiver_error import N_SOLUTION_ENTRY
-from lvnav_trade.engines.lincov.sources import n_joint, source_names
+from lvnav_trade.engines.lincov.sources import n_joint, source_labels
 from lvnav_trade.engines.lincov.workspace import (
-    JointCovariance,
-    Nominal,
     Recorded,
-    SampleScratch,
-    Scratch,
     Tape,
+    new_backward_scratch,
+    new_joint,
+    new_nominal,
+    new_record,
+    new_sample_scratch,
+    new_scratch,
     new_tape,
+    row_width,
 )
 from lvnav_trade.engines.setup.prepare import Prepared
-from lvnav_trade.filters.late import N_PAST
+from lvnav_trade.engines.simulate.sensing import profile_value
 from lvnav_trade.filters.monitor import new_watch
 from lvnav_trade.frames import matrices
-from lvnav_trade.kernels.groups import grouped_zeros
-from lvnav_trade.kernels.strapdown import N_SUM
 from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.kernels.vehicle import N_SAMPLE
-from lvnav_trade.receivers.base import N_STATE
+from lvnav_trade.receivers import base as receiver
 from lvnav_trade.records import AdjointBudget, CovHistory, Floats
-from lvnav_trade.sources import label_of
+
+N_SOLUTION = 8
+"""Velocity, position, clock bias and drift of a receiver's solution."""
 
 
-def _width(prepared: Prepared) -> int:
-    """Return how many entries a Jacobian row has."""
-    return prepared.model.entry.shape[1] + (0 if prepared.chain is None else N_SOLUTION_ENTRY)
-
-
-def nominal(prepared: Prepared) -> Nominal:
-    """Return the work arrays of the nominal run, empty."""
-    model, late, signals = prepared.model, prepared.options.late, prepared.signals
-    shapes = {
-        "nav": (10,), "sums": (N_SUM,), "previous": (6,),
-        "increments": (int(prepared.schedule.n_tick.max()), 6), "antenna": (len(model.lever_arms), 21),
-        "rate": (3,), "H": (prepared.n_row, _width(prepared)), "z": (prepared.n_row,), "expected": (prepared.n_row,),
-        "ranges": (signals.used.shape[1], 2), "solution": (6,), "observed": (max(1, len(prepared.devices)), 4),
-        "clock_hat": (2,), "par": (max(1, len(prepared.layout.parameters)), 3), "x": (model.n_state,),
-        "extra": (max(1, model.extra_offset.size),), "reported": (6, 6),
-        "past": (1 + (0 if late is None else late.n_ring), N_PAST), "P": (1, 1),
-    }  # fmt: skip
-    return Nominal(**{name: np.zeros(shape) for name, shape in shapes.items()})
-
-
-def _joint(prepared: Prepared, true: Components) -> JointCovariance:
-    mean = np.zeros(n_joint(prepared))
-    vehicle = prepared.options.vehicle
-    if vehicle is not None:  # the estimated motion starts at zero
-        mean[vehicle.motion : vehicle.motion + 3] = vehicle.rate[0]
-        mean[vehicle.motion + 3 : vehicle.motion + 6] = vehicle.force[0]
-    profile = np.zeros((prepared.unit.profile_sensor.size, 3))
-    return JointCovariance(prepared.start.P.copy(), mean, *initial_state(prepared, true), profile)
-
-
-def _scratch(prepared: Prepared, true: Components) -> Scratch:
-    n, n_state, n_group = n_joint(prepared), prepared.layout.n_state, true.n_slot.size
-    n_slot = true.followed.shape[1]
-    shapes = {
-        "D": (prepared.model.block_rows.size, 9), "D_true": (true.nav_rows.size, 9), "block": (9,), "input": (9, 3),
-        "shift": (n,), "K": (n_state,), "x": (n_state,), "gain": (n,), "deviation": (9,), "receiver": (N_STATE + 6,),
-    }  # fmt: skip
-    lanes = {
-        "y": (n,), "b": (n_group, n_slot, 9), "seen": (n_group, n_slot, 1), "noise": (n_group, 1, 1), "spread": (1,),
-        "budget": (n_group, n_state, 1),
-    }  # fmt: skip
-    return Scratch(
-        **{name: np.zeros(shape) for name, shape in shapes.items()},
-        **{name: grouped_zeros(shape) for name, shape in lanes.items()},
-    )
-
-
-def _sample_scratch(prepared: Prepared, true: Components) -> SampleScratch | None:
-    """Return work arrays for the samples of the IMU, None where they are no measurements."""
-    vehicle = prepared.options.vehicle
-    if vehicle is None:
-        return None
-    n, n_state, n_group = n_joint(prepared), prepared.layout.n_state, true.n_slot.size
-    n_entry, n_slot = vehicle.columns.shape[1], true.followed.shape[1]
-    shapes = {
-        "sums": (N_SUM,), "h": (N_SAMPLE, n_entry), "K": (N_SAMPLE, n_state), "gain": (N_SAMPLE, n),
-        "weight": (N_SAMPLE,), "residual": (N_SAMPLE,), "still": (N_SAMPLE,), "seen": (N_SAMPLE,),
-        "deviation": (N_SAMPLE,), "moved": (9, n), "expected": (N_SAMPLE, N_SAMPLE), "turned": (N_SAMPLE, N_SAMPLE),
-    }  # fmt: skip
-    lanes = {
-        "moved_source": (9, n), "Y": (N_SAMPLE, n), "S": (n_group, N_SAMPLE, N_SAMPLE), "noise": (n_group, N_SAMPLE),
-        "a": (n_group * n_slot, N_SAMPLE, 1), "seen_source": (N_SAMPLE,), "through": (n,),
-    }  # fmt: skip
-    found: dict[str, Any] = {name: np.zeros(shape) for name, shape in shapes.items()}
-    found |= {name: grouped_zeros(shape) for name, shape in lanes.items()}
-    for source, values in enumerate(true.sample_noise):
-        found["noise"][true.group[source], :, true.lane[source]] = values
-    return SampleScratch(**found)
-
-
-def _pass(prepared: Prepared, names: list[str], true: Components, tape: Tape) -> Recorded:
-    n, n_hist, n_epoch = prepared.layout.n_state, prepared.t_hist.size, prepared.t_epoch.size
-    options, n_source = prepared.options, len(names)
-    n_reported, n_sampled = (n_hist if one is not None else 0 for one in (options.report, options.samples))
-    out = Recorded(
-        np.zeros((n_hist, n, n)), np.zeros((n_hist, n, n)), np.zeros((n_hist, n)), np.zeros((n_hist, n_source, n)),
-        np.zeros((n_sampled, n_source, 2 * N_SAMPLE)), np.zeros((n_reported, n_source, N_STATE, N_STATE)),
-        np.zeros((n_reported, N_STATE)), np.zeros(n_epoch, dtype=np.int64), np.zeros(n_epoch), np.zeros(n_epoch),
-    )  # fmt: skip
-    held = None if options.report is None else (np.zeros((n_source, N_STATE, N_STATE)), np.zeros(N_STATE))
-    watch = None if options.rules is None else new_watch(n_epoch, prepared.channels.n_receiver, prepared.n_row)
+def _pass(prepared: Prepared, true: Components, tape: Tape) -> Recorded:
+    options = prepared.options
+    out = new_record(prepared, true.group.size)
+    watch = None
+    if options.rules is not None:
+        watch = new_watch(prepared.t_epoch.size, prepared.channels.n_receiver, prepared.n_row)
     axes_att = np.ascontiguousarray(np.swapaxes(matrices(prepared.record.q), 1, 2))
     forward(
-        out, _joint(prepared, true), _scratch(prepared, true), _sample_scratch(prepared, true), tape,
-        nominal(prepared), prepared.schedule, prepared.unit, prepared.signals, prepared.sensors, prepared.record,
+        out, new_joint(prepared, true), new_scratch(prepared, true), new_sample_scratch(prepared, true), tape,
+        new_nominal(prepared), prepared.schedule, prepared.unit, prepared.signals, prepared.sensors, prepared.record,
         axes_att, prepared.model, true, prepared.reference, prepared.chain, options.late, options.gains,
-        options.rules, watch, options.vehicle, options.samples, held,
+        options.rules, watch, options.vehicle, options.samples, options.report,
     )  # fmt: skip
     return out
 
 
 def covariance(prepared: Prepared) -> CovHistory:
     """Return the filter's own and the true covariance of a case over its nominal flight, the true one by source."""
-    names = source_names(prepared)
-    tape = new_tape(0, 0, n_joint(prepared), _width(prepared))
-    out = _pass(prepared, names, components(prepared, names), tape)
-    history = _history(prepared, names, out)
-    return solution_outputs_of(prepared, sample_outputs(prepared, names, history, out), out)
+    true = components(prepared)
+    out = _pass(prepared, true, new_tape(0, 0, n_joint(prepared), row_width(prepared)))
+    return solution_outputs_of(prepared, sample_outputs(prepared, true, _history(prepared, out), out), out)
 
 
-def forward_tape(prepared: Prepared, true: Components) -> Tape:
+def forward_tape(prepared: Prepared) -> Tape:
     """Return what a backward pass, or an observability analysis, needs of a forward one."""
     per_satellite = 2 if prepared.model.tight else 0
     n_sensor = sum(len(device.channels.labels) for device in prepared.devices)
     n_update = int(np.sum(np.maximum(6, per_satellite * prepared.signals.n_used) + n_sensor + 6)) + 1
     sampled = prepared.reference.dtheta.shape[0] if prepared.options.vehicle is not None else 0
     tape = new_tape(
-        prepared.schedule.n_tick.size, n_update, n_joint(prepared), _width(prepared), sampled, prepared.layout.n_state
-    )
-    _pass(prepared, source_names(prepared), true, tape)
+        prepared.schedule.n_tick.size, n_update, n_joint(prepared), row_width(prepared), sampled,
+        prepared.layout.n_state,
+    )  # fmt: skip
+    _pass(prepared, components(prepared), tape)
     return tape
 
 
@@ -173,8 +96,8 @@ def adjoint(prepared: Prepared, time: float, bin_seconds: float = 10.0, tape: Ta
     """
     hist = int(np.argmin(np.abs(prepared.t_hist - time)))
     edges, contribution = _go_back(prepared, hist, turns(prepared)[hist, :9], bin_seconds, tape)
-    names = tuple(label_of(name) for name in source_names(prepared))
-    return AdjointBudget(float(prepared.t_hist[hist]), edges, names, prepared.outputs[:9], contribution)
+    sources = source_labels(prepared)
+    return AdjointBudget(float(prepared.t_hist[hist]), edges, sources, prepared.outputs[:9], contribution)
 
 
 def source_covariances(prepared: Prepared, time: float, tape: Tape | None = None) -> Floats:
@@ -199,26 +122,20 @@ def _go_back(
     prepared: Prepared, hist: int, rows: Floats, bin_seconds: float, tape: Tape | None
 ) -> tuple[Floats, Floats]:
     """Return the edges of the bins and the variance (n_row, n_source, n_bin) that sources put into rows' e."""
-    names = source_names(prepared)
-    true, schedule, vehicle = components(prepared, names), prepared.schedule, prepared.options.vehicle
-    n, n_slot = n_joint(prepared), true.followed.shape[1]
-    tape = tape or forward_tape(prepared, true)
+    true, schedule, vehicle = components(prepared), prepared.schedule, prepared.options.vehicle
+    tape = tape or forward_tape(prepared)
     last = int(np.flatnonzero(schedule.hist == hist)[0])
     ends = prepared.reference.t[schedule.first_tick + schedule.n_tick]
     edges = np.arange(prepared.t_hist[0], ends[last] + bin_seconds, bin_seconds)
     bins = np.clip(np.searchsorted(edges, ends - 1e-9, side="right") - 1, 0, edges.size - 2)
     back = Backward(
-        np.pad(np.array(rows, dtype=np.float64), ((0, 0), (0, n - rows.shape[1]))),
-        np.zeros((len(rows), len(names), n_slot)),
-        np.zeros((len(rows), len(names), edges.size - 1)),
+        np.pad(np.array(rows, dtype=np.float64), ((0, 0), (0, n_joint(prepared) - rows.shape[1]))),
+        np.zeros((len(rows), true.source.size)),
+        np.zeros((len(rows), true.group.size, edges.size - 1)),
     )
-    n_entry = 1 if vehicle is None else vehicle.columns.shape[1]
-    shapes = ((true.nav_rows.size, 9), (max(n, N_SAMPLE),), (9, 3), (9,), (N_SUM,), (N_SAMPLE, n_entry))
-    arrays: list[Floats] = [np.zeros(shape) for shape in shapes]
-    scratch = BackScratch(*arrays, a=grouped_zeros((true.n_slot.size * n_slot, N_SAMPLE, 1)))  # type: ignore[misc]
     go_back(
-        back, scratch, tape, last, bins, schedule, prepared.unit,
-        prepared.signals, true, prepared.model, prepared.chain, prepared.options.late, vehicle, prepared.reference,
+        back, new_backward_scratch(prepared, true), tape, last, bins, schedule, prepared.unit, prepared.signals, true,
+        prepared.model, prepared.chain, prepared.options.late, vehicle, prepared.reference,
     )  # fmt: skip
     return edges, back.contribution
 
@@ -236,7 +153,7 @@ def expected_nees(formal: Floats, total: Floats) -> Floats:
     return expected
 
 
-def _history(prepared: Prepared, names: list[str], out: Recorded) -> CovHistory:
+def _history(prepared: Prepared, out: Recorded) -> CovHistory:
     n, m = prepared.layout.n_state, prepared.layout.n_estimated
     turn = turns(prepared)
     total = out.true + out.mean[:, :, None] * out.mean[:, None, :]
@@ -247,7 +164,7 @@ def _history(prepared: Prepared, names: list[str], out: Recorded) -> CovHistory:
         formal=np.sqrt(formal[:, diagonal, diagonal]),
         true_sigma=np.sqrt(np.maximum(0.0, true[:, diagonal, diagonal])),
         mean=np.einsum("hij,hj->hi", turn, out.mean),
-        sources=tuple(label_of(name) for name in names),
+        sources=source_labels(prepared),
         budget=out.budget,
         formal_cov=formal,
         true_cov=true,
@@ -265,3 +182,101 @@ def false_rejection(gate_squared: float, ratio: Floats) -> Floats:
     A row's normalised innovation is normal with the expected square `ratio`; a matched filter has 1.
     """
     return chdtrc(1, gate_squared / np.maximum(ratio, 1e-300)) if np.isfinite(gate_squared) else np.zeros_like(ratio)
+
+
+def sample_outputs(prepared: Prepared, true: Components, history: CovHistory, out: Recorded) -> CovHistory:
+    """Return the history with errors of the IMU's samples, raw and corrected by the estimated bias, behind the states;
+    as it is where they are not reported. The covariance between the two is not computed: it stands as zero.
+    """
+    samples = prepared.options.samples
+    if samples is None:
+        return history
+    variance = out.samples + np.tile(true.sample_noise, 2)
+    n_hist = len(history.t)
+    mean = np.zeros((n_hist, 2 * N_SAMPLE))
+    mean[:, :N_SAMPLE] = mean[:, N_SAMPLE:] = -_profiles(prepared)
+    formal = np.tile(samples.raw, (n_hist, 2))
+    for i, state in enumerate(samples.bias.tolist()):
+        if state >= 0:
+            mean[:, N_SAMPLE + i] = -out.mean[:, state]
+            formal[:, N_SAMPLE + i] = out.formal[:, state, state] + samples.variance[i]
+    return _behind(history, variance, mean, _diagonal(formal), _diagonal(variance.sum(axis=1)))
+
+
+def _profiles(prepared: Prepared) -> Floats:
+    """Return the biases (n_hist, 6) that are the same in every run at the history times."""
+    found, unit = np.zeros((prepared.t_hist.size, N_SAMPLE)), prepared.unit
+    for profile, sensor in enumerate(unit.profile_sensor.tolist()):
+        for axis in range(3):
+            found[:, 3 * sensor + axis] += [profile_value(unit, profile, axis, t) for t in prepared.t_hist]
+    return found
+
+
+def solution_outputs_of(prepared: Prepared, history: CovHistory, out: Recorded) -> CovHistory:
+    """Return the history with the error of the receiver's last solution behind the rest; as it is where nothing of it
+    is reported. The covariance between the two is not computed: it stands as zero.
+    """
+    report, chain = prepared.options.report, prepared.chain
+    if report is None or chain is None:
+        return history
+    turn = _turn(prepared)
+    own = chain.own.copy()
+    for epoch in range(1, len(chain.solved)):
+        if not chain.solved[epoch]:
+            own[epoch] = own[epoch - 1]
+    last = _last_epoch(prepared)
+    formal = (
+        turn @ np.concatenate([own, np.zeros((1, receiver.N_STATE, receiver.N_STATE))])[last] @ np.swapaxes(turn, 1, 2)
+    )
+    by_source = np.einsum("hij,hsjk,hlk->hsil", turn, out.receiver, turn)
+    diagonal = range(N_SOLUTION)
+    mean = np.einsum("hij,hj->hi", turn, out.receiver_mean)
+    return _behind(history, by_source[:, :, diagonal, diagonal], mean, formal, by_source.sum(axis=1))
+
+
+def _last_epoch(prepared: Prepared) -> np.ndarray:
+    """Return the epoch (n_hist,) that was last at each history time; -1, an entry of zeros at the end, before any."""
+    schedule = prepared.schedule
+    latest = np.maximum.accumulate(schedule.epoch)
+    found = np.full(prepared.t_hist.size, -1, dtype=np.int64)
+    at = schedule.hist >= 0
+    found[schedule.hist[at]] = latest[at]
+    return found
+
+
+def _turn(prepared: Prepared) -> Floats:
+    """Return the matrices (n_hist, 8, 11) from the error of a solution, frame i, to what is reported of it."""
+    axes = prepared.record.axes
+    turn = np.zeros((len(axes), N_SOLUTION, receiver.N_STATE))
+    turn[:, 0:3, receiver.VEL : receiver.VEL + 3] = axes
+    turn[:, 3:6, receiver.POS : receiver.POS + 3] = axes
+    turn[:, 6, receiver.BIAS] = turn[:, 7, receiver.DRIFT] = 1.0
+    return turn
+
+
+def _diagonal(variance: Floats) -> Floats:
+    """Return diagonal matrices (n, k, k) of variances (n, k)."""
+    return np.asarray(variance[:, :, None] * np.eye(variance.shape[1]))
+
+
+def _behind(history: CovHistory, budget: Floats, mean: Floats, formal: Floats, true: Floats) -> CovHistory:
+    """Return the history with further outputs behind: budget (n_hist, n_source, k), mean (n_hist, k), covariances
+    (n_hist, k, k).
+    """
+    k = range(mean.shape[1])
+    return history._replace(
+        formal=np.hstack([history.formal, np.sqrt(formal[:, k, k])]),
+        true_sigma=np.hstack([history.true_sigma, np.sqrt(np.maximum(0.0, true[:, k, k]))]),
+        mean=np.hstack([history.mean, mean]),
+        budget=np.concatenate([history.budget, budget], axis=2),
+        formal_cov=_bordered(history.formal_cov, formal),
+        true_cov=_bordered(history.true_cov, true),
+    )
+
+
+def _bordered(inner: Floats, outer: Floats) -> Floats:
+    """Return matrices (n_hist, n + k, n + k) of two on the diagonal."""
+    n, k = inner.shape[1], outer.shape[1]
+    full = np.zeros((len(inner), n + k, n + k))
+    full[:, :n, :n], full[:, n:, n:] = inner, outer
+    return full

@@ -5,7 +5,7 @@ from __future__ import annotations
 from lvnav_trade.engines.lincov.components import GRAVITY, REMAINDER
 from lvnav_trade.engines.simulate.sensing import profile_value
 from lvnav_trade.kernels import transition
-from lvnav_trade.kernels.covariance import apply_phi, predict
+from lvnav_trade.kernels.covariance import apply_phi, enter, predict
 from lvnav_trade.kernels.groups import group
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.strapdown import J4, R, gravity, mechanise, place
@@ -55,15 +55,16 @@ def input_matrix(b, block, j, true, sums, seconds):
 
 
 @jit
-def _fill_inputs(scratch, true, sums, seconds):
+def fill_inputs(scratch, true, sums, seconds):
     """Set how the components enter attitude, velocity and position, where they do."""
     for j in range(true.sensor.shape[0]):
         if true.profile[j] < 0 and true.moving[j]:
-            g, lane = true.group[true.source[j]], true.lane[true.source[j]]
             input_matrix(scratch.input, scratch.block, j, true, sums, seconds)
             for axis in range(3):
+                c = true.first[j] + axis
+                b = scratch.b[true.group[true.source[c]], ..., true.lane[true.source[c]]]
                 for i in range(N_NAV):
-                    scratch.b[g, true.slot[j, axis], i, lane] = scratch.input[i, axis]
+                    b[true.slot[c], i] = scratch.input[i, axis]
 
 
 @inlined
@@ -108,33 +109,29 @@ def _advance_components(joint, scratch, true, length, g):
 
 
 @jit
-def _enter_states(joint, true, decay, length):
-    """Let components enter the states that the filter has for them by the difference between true and modelled decay.
+def _enter_states(joint, true, b, decay, length):
+    """Let components enter the states that the filter has for them by the difference between true and modelled decay;
+    b (1,) work.
 
     The filter takes off its estimate by the same blocks, so only what the estimate misses remains: in e already.
     """
-    for p in range(true.state_at.shape[0]):
-        source, k, at = true.state_source[p], true.state_slot[p], true.state_at[p]
-        g, lane = true.group[source], true.lane[source]
-        extra = true.factor[length, g, k, 0, lane] - decay[at]
-        if extra != 0.0:
-            variance = joint.variance[g, k, 0, lane]
-            for i in range(joint.mean.shape[0]):
-                value = extra * joint.cross[g, k, i, lane]
-                joint.sources[g, i, at, lane] += value
-                joint.sources[g, at, i, lane] += value
-            joint.sources[g, at, at, lane] += extra * extra * variance
-            joint.cross[g, k, at, lane] += extra * variance
+    for c in range(true.source.shape[0]):
+        if true.state[c] >= 0:
+            source, k = true.source[c], true.slot[c]
+            g, lane = true.group[source], true.lane[source]
+            b[0] = true.factor[length, g, k, 0, lane] - decay[true.state[c]]
+            P, y = joint.sources[g, ..., lane], joint.cross[g, ..., lane]
+            enter(P, y[k], joint.variance[g, k, 0, lane], b, true.state[c])
 
 
 @jit
 def _drive_states(joint, true, length):
     """Let the driving noise of components enter the states that the filter has for them."""
-    for p in range(true.state_at.shape[0]):
-        source, k, at = true.state_source[p], true.state_slot[p], true.state_at[p]
+    for c in range(true.source.shape[0]):
+        source, k, at = true.source[c], true.slot[c], true.state[c]
         g, lane = true.group[source], true.lane[source]
-        noise = true.noise[length, g, k, 0, lane]
-        if noise > 0.0:
+        if at >= 0:
+            noise = true.noise[length, g, k, 0, lane]
             joint.sources[g, at, at, lane] += noise
             if true.followed[g, k]:
                 joint.cross[g, k, at, lane] += noise
@@ -145,14 +142,14 @@ def propagate_sources(joint, scratch, true, model, sums, length):
     """Propagate what is true over a window, source by source, and the mean; scratch.D_true holds the transition."""
     seconds, decay, D = model.seconds[length], true.decay[length], scratch.D_true
     rows, columns = true.nav_rows, true.nav_columns
-    _fill_inputs(scratch, true, sums, seconds)
+    fill_inputs(scratch, true, sums, seconds)
     for g in range(true.n_slot.shape[0]):
         predict(group(joint.sources, g), D, rows, columns, decay, group(true.white[length], g), model.clock, seconds)
         cross = group(joint.cross, g)
         for k in range(true.n_slot[g]):
             if true.followed[g, k]:
                 apply_phi(cross[k], D, rows, columns, decay, model.clock, seconds)
-    _enter_states(joint, true, decay, length)
+    _enter_states(joint, true, scratch.shift[:1], decay, length)
     for g in range(true.n_slot.shape[0]):
         _advance_components(joint, scratch, true, length, g)
     _drive_states(joint, true, length)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from lvnav_trade.filters.ekf import separate
 from lvnav_trade.filters.late import carry_on
-from lvnav_trade.kernels.covariance import whiten
+from lvnav_trade.kernels.covariance import enter, whiten
 from lvnav_trade.kernels.groups import group, whole
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like
@@ -52,23 +52,6 @@ def _move_covariance(P, work, A, at):
 
 
 @jit
-def _enter(joint, true, g, k, lane, b, at):
-    """Let a component enter the states from `at` on by b (m,)."""
-    P, y, n, m = joint.sources, joint.cross, joint.mean.shape[0], b.shape[0]
-    variance = joint.variance[g, k, 0, lane]
-    for i in range(m):
-        if b[i] != 0.0:
-            for j in range(n):
-                shared = b[i] * y[g, k, j, lane]
-                P[g, at + i, j, lane] += shared
-                P[g, j, at + i, lane] += shared
-            for j in range(m):
-                P[g, at + i, at + j, lane] += b[i] * variance * b[j]
-    for i in range(m):
-        y[g, k, at + i, lane] += b[i] * variance
-
-
-@jit
 def advance_solution(joint, scratch, chain, true, epoch):
     """Advance the error of the receiver's solution to an epoch, in every source and in the mean."""
     A, at, m = chain.move[epoch], true.solution, chain.move.shape[1]
@@ -83,14 +66,16 @@ def advance_solution(joint, scratch, chain, true, epoch):
         joint.mean[at + i] += chain.push[epoch, i]
     for q in range(chain.kind.shape[0]):
         source, variance = true.solution_source[q], chain.variance[epoch, q]
-        g, lane = true.group[source], true.lane[source]
+        P = joint.sources[true.group[source], ..., true.lane[source]]
         for i in range(m):
             for j in range(m):
-                joint.sources[g, at + i, at + j, lane] += chain.white[epoch, i, q] * variance * chain.white[epoch, j, q]
-    for c in range(true.shared_source.shape[0]):
-        source = true.shared_source[c]
+                P[at + i, at + j] += chain.white[epoch, i, q] * variance * chain.white[epoch, j, q]
+    for c in range(true.first_shared, true.source.shape[0]):
+        source, k = true.source[c], true.slot[c]
         g, lane = true.group[source], true.lane[source]
-        _enter(joint, true, g, true.shared_slot[c], lane, chain.shared[epoch, :, c], at)
+        P, y = joint.sources[g, ..., lane], joint.cross[g, ..., lane]
+        variance = joint.variance[g, k, 0, lane]
+        enter(P, y[k], variance, chain.shared[epoch, :, c - true.first_shared], at)
 
 
 @jit
@@ -105,9 +90,9 @@ def solution_back(back, work, chain, true, epoch, time_bin):
                 through += y[at + i] * chain.white[epoch, i, q]
             source = true.solution_source[q]
             back.contribution[metric, source, time_bin] += through * through * chain.variance[epoch, q]
-        for c in range(true.shared_source.shape[0]):
+        for c in range(chain.shared.shape[2]):
             for i in range(m):
-                back.c[metric, true.shared_source[c], true.shared_slot[c]] += y[at + i] * chain.shared[epoch, i, c]
+                back.c[metric, true.first_shared + c] += y[at + i] * chain.shared[epoch, i, c]
         _move_vector(y, work, A.T, at)
 
 

@@ -7,7 +7,7 @@ from lvnav_trade.kernels.attitude import cross, matrix
 from lvnav_trade.kernels.groups import group, whole
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like
-from lvnav_trade.kernels.transition import GYRO, driver
+from lvnav_trade.kernels.transition import sensed_driver
 from lvnav_trade.kernels.vehicle import (
     N_SAMPLE,
     advance,
@@ -36,18 +36,13 @@ def nominal_tick(sums, reference, tick, dt):
 @jit
 def fill_partials(a, true, vehicle, tick):
     """Set how components enter the samples of a tick, where no state of the filter stands for them."""
-    w, f = vehicle.rate[tick], vehicle.force[tick]
     for j in range(true.sensor.shape[0]):
         if true.sampled[j] and true.profile[j] < 0:
-            if true.sensor[j] == GYRO:
-                u = driver(true.driver[j], w[0], w[1], w[2], f[0], f[1], f[2])
-            else:
-                u = driver(true.driver[j], f[0], f[1], f[2], w[0], w[1], w[2])
-            source = true.source[j]
-            at = true.group[source] * true.followed.shape[1]
+            u = sensed_driver(true.sensor[j], true.driver[j], vehicle.rate[tick], vehicle.force[tick])
             for axis in range(3):
-                row = at + true.slot[j, axis]
-                a[row, 3 * true.sensor[j] + axis, 0, true.lane[source]] = u[axis]
+                c = true.first[j] + axis
+                of_component = a[true.group[true.source[c]], ..., true.lane[true.source[c]]]
+                of_component[true.slot[c], 3 * true.sensor[j] + axis] = u[axis]
 
 
 @jit
@@ -64,12 +59,12 @@ def _deviations(z, true, unit, reference, tick, value):
 
 @inlined
 def _enter(P, y, through, seen, S, a, variance, gain):
-    """Let components c, a lane each, enter by the samples: a (6, 1) partials, y = Cov(x, c) after the update by H."""
+    """Let components c, a lane each, enter by the samples: a (6,) partials, y = Cov(x, c) after the update by H."""
     n = P.shape[0]
     for i in range(n):
         total = like(y[0], 0.0)
         for r in range(N_SAMPLE):
-            total = total + gain[r, i] * a[r, 0]
+            total = total + gain[r, i] * a[r]
         through[i] = total
     half = 0.5 * variance
     for i in range(n):
@@ -80,12 +75,12 @@ def _enter(P, y, through, seen, S, a, variance, gain):
         y[i] = y[i] - through[i] * variance
     for r in range(N_SAMPLE):
         for q in range(N_SAMPLE):
-            S[r, q] = S[r, q] + a[r, 0] * seen[q] + seen[r] * a[q, 0] + a[r, 0] * a[q, 0] * variance
+            S[r, q] = S[r, q] + a[r] * seen[q] + seen[r] * a[q] + a[r] * a[q] * variance
 
 
 @inlined
 def _update_sources(joint, work, true, columns):
-    h, gain, n_slot = work.h, work.gain, true.followed.shape[1]
+    h, gain = work.h, work.gain
     for g in range(true.n_slot.shape[0]):
         P, S = group(joint.sources, g), group(work.S, g)
         update_together(P, whole(work.Y), S, gain, h, columns, group(work.noise, g))
@@ -95,7 +90,7 @@ def _update_sources(joint, work, true, columns):
             if true.followed[g, k]:
                 update_vector_together(cross_g[k], seen, gain, h, columns)
                 if true.samples[g, k]:
-                    a = group(work.a, g * n_slot + k)
+                    a = group(work.a, g)[k]
                     _enter(P, cross_g[k], whole(work.through), seen, S, a, variance[k, 0], gain)
 
 

@@ -13,33 +13,20 @@ from lvnav_trade.records import Floats
 Ints = NDArray[np.int64]
 
 
-class Slot(NamedTuple):
-    """A component of a source: decay and driving variance (n_length,), variance at the start; see Components."""
+class Component(NamedTuple):
+    """A scalar error of a source: decay and driving variance (n_length,), variance at the start, first state of the
+    filter for the same thing (-1 none); flags as of Components, and whether its noise echoes.
+    """
 
     source: int
-    slot: int
     factor: Floats
     noise: Floats
     start: float
+    state: int = -1
     followed: bool = False
     moves: bool = False
     samples: bool = False
     echoes: bool = False
-
-
-class Slots:
-    """Slots of the sources' lanes while they are given out."""
-
-    def __init__(self, n_source: int, seconds: Floats) -> None:
-        self.seconds, self.count = seconds, [0] * n_source
-        self.entries: list[Slot] = []
-
-    def take(self, source: int, factor: Floats, noise: Floats, start: float, **flags: bool) -> int:
-        """Return the slot of a new component of a source; flags as of `Slot`."""
-        slot = self.count[source]
-        self.count[source] += 1
-        self.entries.append(Slot(source, slot, factor, noise, start, **flags))
-        return slot
 
 
 def places_of(count: list[int]) -> tuple[Ints, Ints, Ints]:
@@ -60,29 +47,32 @@ def as_lanes(values: Floats, group: Ints, lane: Ints) -> Floats:
     return found
 
 
-def slot_tables(slots: Slots, group: Ints, lane: Ints, n_slot: Ints) -> dict[str, Any]:
-    """Return flags, decay, noise and start of all slots, by the names of Components' fields."""
-    n_length, n_source = slots.seconds.size, len(slots.count)
+def by_length(values: Floats, group: Ints, lane: Ints) -> Floats:
+    """Return values of sources by window length (n_source, n_length, ...) as (n_length, n_group, ..., n_lane), from the
+    start of a cache line on.
+    """
+    return aligned(np.swapaxes(as_lanes(values, group, lane), 0, 1))
+
+
+def slot_tables(components: list[Component], n_source: int, n_length: int) -> dict[str, Any]:
+    """Return places, flags, decay and noise of all components, by the names of Components' fields."""
+    count, slot = [0] * n_source, list[int]()
+    for one in components:
+        slot.append(count[one.source])
+        count[one.source] += 1
+    group, lane, n_slot = places_of(count)
     most = max(1, int(n_slot.max(initial=0)))
-    factor, noise, echo = (np.zeros((n_source, n_length, most, 1)) for _ in range(3))
-    start = np.zeros((n_source, most))
-    followed, moves, samples = (np.zeros((n_slot.size, most), dtype=np.bool_) for _ in range(3))
-    for one in slots.entries:
-        at = (one.source, slice(None), one.slot, 0)
-        factor[at], noise[at], start[one.source, one.slot] = one.factor, one.noise, one.start
-        echo[at] = one.noise if one.echoes else 0.0
-        place = (group[one.source], one.slot)
-        followed[place] |= one.followed
-        moves[place] |= one.moves
-        samples[place] |= one.samples
-
-    def by_length(values: Floats) -> Floats:
-        lanes = as_lanes(values, group, lane)  # (n_group, n_length, n_slot, 1, n_lane)
-        return aligned(np.swapaxes(lanes, 0, 1))
-
+    flags, tables = np.zeros((3, n_slot.size, most), dtype=np.bool_), np.zeros((3, n_source, n_length, most, 1))
+    for one, k in zip(components, slot, strict=True):
+        tables[:, one.source, :, k, 0] = one.factor, one.noise, one.noise * one.echoes
+        flags[:, group[one.source], k] |= np.array([one.followed, one.moves, one.samples])
+    factor, noise, echo = (by_length(table, group, lane) for table in tables)
     return {
-        "followed": followed, "moves": moves, "samples": samples, "start": start,
-        "factor": by_length(factor), "noise": by_length(noise), "echo": by_length(echo),
+        "group": group, "lane": lane, "n_slot": n_slot, "followed": flags[0], "moves": flags[1], "samples": flags[2],
+        "factor": factor, "noise": noise, "echo": echo, "slot": np.array(slot, dtype=np.int64),
+        "source": np.array([one.source for one in components], dtype=np.int64),
+        "state": np.array([one.state for one in components], dtype=np.int64),
+        "start": np.array([one.start for one in components], dtype=float),
     }  # fmt: skip
 
 

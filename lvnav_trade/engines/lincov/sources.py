@@ -11,6 +11,7 @@ from lvnav_trade.engines.lincov.receiver_error import N_CLONE, N_NAV
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.filters.model import POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY
 from lvnav_trade.kernels.transition import VEL
+from lvnav_trade.sources import label_of
 
 Ints = NDArray[np.int64]
 
@@ -39,6 +40,11 @@ def source_names(prepared: Prepared) -> list[str]:
     elif model.n_receiver:
         names += ["position solution noise", "velocity solution noise"]
     return names + [device.noise for device in prepared.devices]
+
+
+def source_labels(prepared: Prepared) -> tuple[str, ...]:
+    """Return the sources of a case as the report names them."""
+    return tuple(label_of(name) for name in source_names(prepared))
 
 
 def n_joint(prepared: Prepared) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lvnav_trade.engines.lincov.receiver_error import N_CLONE, N_NAV
-from lvnav_trade.kernels.covariance import update_covariance, update_scalar, update_vector, update_with_gain
+from lvnav_trade.kernels.covariance import enter, update_covariance, update_scalar, update_vector, update_with_gain
 from lvnav_trade.kernels.groups import group, total_of, whole
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.observables.base import N_ENTRY
@@ -23,11 +23,39 @@ def _record(tape, gain, h, epoch, channel):
 
 
 @jit
-def shared_partial(signals, true, family, epoch, channel):
-    """Return the partial of the innovation with respect to a shared error, beyond what a state of the filter has."""
-    own = true.shared_family[family]
+def _enter(joint, scratch, gain, true, c, a):
+    """Let a component enter an update by the partial a, after the update of the states; return what it adds to the
+    innovation's variance.
+    """
+    source, k, b = true.source[c], true.slot[c], scratch.shift
+    g, lane = true.group[source], true.lane[source]
+    variance = joint.variance[g, k, 0, lane]
+    for i in range(gain.shape[0]):
+        b[i] = -a * gain[i]
+    enter(joint.sources[g, ..., lane], joint.cross[g, k, ..., lane], variance, b, 0)
+    return 2.0 * a * scratch.seen[g, k, 0, lane] + a * a * variance
+
+
+@jit
+def component_partial(h, signals, true, family, epoch, channel, mixed):
+    """Return the component of a family in a channel (-1 none), and the partial of the innovation with respect to it.
+
+    mixed: a measurement of a decorrelated solution, where `family` is the component: the error itself is in that of the
+    solution, what the filter's estimate of it takes off is not. Else it is beyond what a state of the filter has.
+    """
+    shared = signals.shared
+    if mixed:
+        extra = shared.extra[family]
+        return (family if extra >= 0 else -1), (-h[N_ENTRY + extra] if extra >= 0 else 0.0)
+    measured, own = measured_channel(signals, channel), true.shared_family[family]
     known = signals.partial[own, epoch, channel] if own >= 0 else 0.0
-    return signals.shared.partial[family, epoch, measured_channel(signals, channel)] - known
+    return shared.member[family, measured], shared.partial[family, epoch, measured] - known
+
+
+@jit
+def n_entering(signals, mixed):
+    """Return how many families, or of a decorrelated solution components, may enter a measurement."""
+    return signals.shared.extra.shape[0] if mixed else signals.shared.member.shape[0]
 
 
 @jit
@@ -37,56 +65,13 @@ def measured_channel(signals, channel):
 
 
 @jit
-def _enter(joint, scratch, gain, true, m, a):
-    """Let a component enter an update by the partial a, after the update of the states; return what it adds to the
-    innovation's variance.
-    """
-    source, k, n = true.shared_source[m], true.shared_slot[m], gain.shape[0]
-    g, lane, P, y = true.group[source], true.lane[source], joint.sources, joint.cross
-    variance = joint.variance[g, k, 0, lane]
-    for i in range(n):
-        if gain[i] != 0.0:
-            for j in range(n):
-                # with y = Cov(x, c) after the update: -(g (a y)' + (a y) g') + (a^2 var) g g'
-                value = a * gain[i] * y[g, k, j, lane]
-                P[g, i, j, lane] -= value
-                P[g, j, i, lane] -= value
-                P[g, i, j, lane] += a * a * variance * gain[i] * gain[j]
-    for i in range(n):
-        y[g, k, i, lane] += -gain[i] * a * variance
-    return 2.0 * a * scratch.seen[g, k, 0, lane] + a * a * variance
-
-
-@jit
-def _update_shared(joint, scratch, gain, signals, true, epoch, channel):
+def _update_shared(joint, scratch, gain, h, signals, true, epoch, channel, mixed):
     """Let the errors that measurements share enter an update; return what they add to the innovation's variance."""
-    total, member = 0.0, signals.shared.member
-    for family in range(member.shape[0]):
-        m = member[family, measured_channel(signals, channel)]
-        if m >= 0:
-            a = shared_partial(signals, true, family, epoch, channel)
-            if a != 0.0:
-                total += _enter(joint, scratch, gain, true, m, a)
-    return total
-
-
-@jit
-def known_partial(h, signals, m):
-    """Return the partial of a decorrelated measurement with respect to component m: the error itself is in that of the
-    solution, what the filter's estimate of it takes off is not.
-    """
-    e = signals.shared.extra[m]
-    return -h[N_ENTRY + e] if e >= 0 else 0.0
-
-
-@jit
-def _update_known(joint, scratch, gain, h, signals, true):
-    """Let errors of a decorrelated solution that the filter has states for enter an update; see `known_partial`."""
     total = 0.0
-    for m in range(true.shared_source.shape[0]):
-        a = known_partial(h, signals, m)
-        if a != 0.0:
-            total += _enter(joint, scratch, gain, true, m, a)
+    for family in range(n_entering(signals, mixed)):
+        m, a = component_partial(h, signals, true, family, epoch, channel, mixed)
+        if m >= 0 and a != 0.0:
+            total += _enter(joint, scratch, gain, true, true.first_shared + m, a)
     return total
 
 
@@ -101,29 +86,6 @@ def _set_gain(gain, K, weight, n_estimated, true, late, epoch):
         for ring in range(late.n_ring):
             for i in range(N_NAV):
                 gain[true.clone + N_CLONE * ring + i] = gain[i]
-
-
-@inlined
-def replace_state(joint, scratch, tape, late, at, h, innovation, epoch, channel, mixed, signals, true, model):
-    """Replace the error of one state by that of a measurement of it: an update with the gain one, in every source and
-    in the mean. The filter's own covariance is set elsewhere.
-    """
-    gain, source, m, ring = scratch.gain, true.noise_source[channel], true.n_entry[channel], 0
-    if late is not None:
-        ring = epoch % late.n_ring
-    for i in range(gain.shape[0]):
-        gain[i] = 1.0 if i == at else 0.0
-    entries, columns = true.entry[ring, channel, :m], true.column[ring, channel, :m]
-    if tape.channel.shape[0] > 0:
-        _record(tape, gain, h, epoch, channel)
-    noise = 0.0 if mixed else signals.sigma[epoch, measured_channel(signals, channel)] ** 2
-    _update_sources(joint, scratch, true, gain, h, entries, columns, source if noise > 0.0 else -1, noise)
-    if mixed:
-        _update_known(joint, scratch, gain, h, signals, true)
-    else:
-        _update_shared(joint, scratch, gain, signals, true, epoch, channel)
-    update_vector(joint.mean, gain, h, entries, columns)
-    joint.mean[at] -= innovation
 
 
 @inlined
@@ -150,7 +112,7 @@ def _update_formal(joint, scratch, gains, h, entries, columns, epoch, channel, v
 def _update_sources(joint, scratch, true, gain, h, entries, columns, source, noise):
     """Update every source's covariance and those with the components; return the innovation's true variance."""
     total = noise
-    if source >= 0:
+    if noise > 0.0:
         scratch.noise[true.group[source], 0, 0, true.lane[source]] = noise
     for g in range(true.n_slot.shape[0]):
         P, spread = group(joint.sources, g), whole(scratch.spread)
@@ -160,9 +122,37 @@ def _update_sources(joint, scratch, true, gain, h, entries, columns, source, noi
         for k in range(true.n_slot[g]):
             if true.followed[g, k]:
                 seen[k, 0] = update_vector(cross[k], gain, h, entries, columns)
-    if source >= 0:
+    if noise > 0.0:
         scratch.noise[true.group[source], 0, 0, true.lane[source]] = 0.0
     return total
+
+
+@inlined
+def _update_truth(joint, scratch, tape, late, h, innovation, epoch, channel, mixed, signals, true):
+    """Update every source and the mean with the gain `scratch.gain`; return the expected square of the innovation."""
+    gain, m, ring = scratch.gain, true.n_entry[channel], 0
+    if late is not None:
+        ring = epoch % late.n_ring
+    entries, columns = true.entry[ring, channel, :m], true.column[ring, channel, :m]
+    if tape.channel.shape[0] > 0:
+        _record(tape, gain, h, epoch, channel)
+    noise = 0.0 if mixed else signals.sigma[epoch, measured_channel(signals, channel)] ** 2
+    total = _update_sources(joint, scratch, true, gain, h, entries, columns, true.noise_source[channel], noise)
+    total += _update_shared(joint, scratch, gain, h, signals, true, epoch, channel, mixed)
+    offset = update_vector(joint.mean, gain, h, entries, columns) + innovation
+    for i in range(gain.shape[0]):
+        joint.mean[i] -= gain[i] * innovation
+    return total + offset * offset
+
+
+@inlined
+def replace_state(joint, scratch, tape, late, at, h, innovation, epoch, channel, mixed, signals, true):
+    """Replace the error of one state by that of a measurement of it: an update with the gain one, in every source and
+    in the mean. The filter's own covariance is set elsewhere.
+    """
+    for i in range(scratch.gain.shape[0]):
+        scratch.gain[i] = 1.0 if i == at else 0.0
+    _update_truth(joint, scratch, tape, late, h, innovation, epoch, channel, mixed, signals, true)
 
 
 @inlined
@@ -175,25 +165,10 @@ def update_joint(
     of it does not (an uncompensated latency). variance: that the filter assumes of its noise. mixed: one of a
     decorrelated solution, whose errors are states already. Returns the expected square of the normalised innovation.
     """
-    n, source, gain = model.n_entry[channel], true.noise_source[channel], scratch.gain
+    n = model.n_entry[channel]
     weight = _update_formal(
         joint, scratch, gains, h, model.entry[channel, :n], model.column[channel, :n], epoch, channel, variance,
         model,
     )  # fmt: skip
-    _set_gain(gain, scratch.K, weight, model.n_estimated, true, late, epoch)
-    ring, m = 0, true.n_entry[channel]
-    if late is not None:
-        ring = epoch % late.n_ring
-    entries, columns = true.entry[ring, channel, :m], true.column[ring, channel, :m]
-    if tape.channel.shape[0] > 0:
-        _record(tape, gain, h, epoch, channel)
-    noise = 0.0 if mixed else signals.sigma[epoch, measured_channel(signals, channel)] ** 2
-    total = _update_sources(joint, scratch, true, gain, h, entries, columns, source if noise > 0.0 else -1, noise)
-    if mixed:
-        total += _update_known(joint, scratch, gain, h, signals, true)
-    else:
-        total += _update_shared(joint, scratch, gain, signals, true, epoch, channel)
-    offset = update_vector(joint.mean, gain, h, entries, columns) + innovation
-    for i in range(gain.shape[0]):
-        joint.mean[i] -= gain[i] * innovation
-    return (total + offset * offset) * weight
+    _set_gain(scratch.gain, scratch.K, weight, model.n_estimated, true, late, epoch)
+    return _update_truth(joint, scratch, tape, late, h, innovation, epoch, channel, mixed, signals, true) * weight

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from lvnav_trade.engines.setup.inputs import Shared
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.layout import StateLayout
-from lvnav_trade.observables.partials import LEVER_AXES, Channels, Geometry, members, partial
+from lvnav_trade.observables.partials import Channels, Geometry, members, partial
 from lvnav_trade.records import Floats
 
 Ints = NDArray[np.int64]
@@ -65,22 +64,10 @@ def family_of(cause: Cause, geometry: Geometry, channels: Channels) -> ErrorFami
     )  # fmt: skip
 
 
-def lever_causes(sigma: float) -> Iterator[Cause]:
-    """Yield the three body axes of an error of the lever arm."""
-    for axis in LEVER_AXES:
-        yield Cause("lever arm", axis, "", sigma)
-
-
 def families_of(causes: list[Cause], geometry: Geometry, channels: Channels) -> tuple[ErrorFamily, ...]:
     """Return the families of causes that are not zero and enter some row."""
     found = (family_of(cause, geometry, channels) for cause in causes if cause.sigma > 0.0)
     return tuple(family for family in found if family.labels)
-
-
-def _numbers(layout: StateLayout) -> dict[tuple[str, str], int]:
-    """Return the number of every extra state by its name and label."""
-    names = [(block.name, label) for block in layout.extras for label in block.labels]
-    return {name: number for number, name in enumerate(names)}
 
 
 def shared_of(
@@ -97,32 +84,28 @@ def shared_of(
     shape
         (n_epoch, n_channel).
     """
-    n_epoch, n_channel = shape
-    member = np.full((len(families), n_channel), -1, dtype=np.int64)
-    entering = np.zeros((len(families), n_epoch, n_channel))
-    start: list[float] = []
-    decay, walk, sources, satellites, extra, given = [], [], [], [], [], []
-    number = _numbers(layout)
-    for f, family in enumerate(families):
-        member[f] = np.where(family.member >= 0, len(start) + family.member, -1)
-        entering[f] = family.partial
-        factor = math.exp(-interval / family.time_constant) if family.time_constant > 0.0 else 0.0
-        for label in family.labels:
-            start.append(family.sigma)
-            decay.append(factor)
-            walk.append(family.sigma * math.sqrt(1.0 - factor * factor))
-            sources.append(source_word(f"{family.source} {family.kind}"))
-            satellites.append(source_word(label) if label else np.uint64(0))
-            extra.append(number.get((family.state, label), -1))
-            given.append(family.kind == RECORDED)
+    n_channel = shape[1]
+    names = [(block.name, label) for block in layout.extras for label in block.labels]
+    labelled = [(family, label) for family in families for label in family.labels]
+    counts = np.array([len(family.labels) for family in families], dtype=np.int64)
+    first = np.cumsum(counts) - counts
+    sigma = np.array([family.sigma for family in families], dtype=float)
+    times = [family.time_constant for family in families]
+    factor = np.array([math.exp(-interval / time) if time > 0.0 else 0.0 for time in times], dtype=float)
     return Shared(
-        member=member,
-        partial=entering,
-        start=np.array(start, dtype=float),
-        decay=np.array(decay, dtype=float),
-        walk=np.array(walk, dtype=float),
-        sources=np.array(sources, dtype=np.uint64),
-        satellites=np.array(satellites, dtype=np.uint64),
-        extra=np.array(extra, dtype=np.int64),
-        given=np.array(given, dtype=np.bool_),
+        member=np.array(
+            [np.where(family.member >= 0, at + family.member, -1) for family, at in zip(families, first, strict=True)],
+            dtype=np.int64,
+        ).reshape(-1, n_channel),
+        partial=np.array([np.broadcast_to(family.partial, shape) for family in families]).reshape(-1, *shape),
+        start=np.repeat(sigma, counts),
+        decay=np.repeat(factor, counts),
+        walk=np.repeat(sigma * np.sqrt(1.0 - factor * factor), counts),
+        sources=np.array([source_word(f"{family.source} {family.kind}") for family, _ in labelled], dtype=np.uint64),
+        satellites=np.array([source_word(label) if label else 0 for _, label in labelled], dtype=np.uint64),
+        extra=np.array(
+            [names.index(key) if (key := (family.state, label)) in names else -1 for family, label in labelled],
+            dtype=np.int64,
+        ),
+        given=np.array([family.kind == RECORDED for family, _ in labelled], dtype=np.bool_),
     )

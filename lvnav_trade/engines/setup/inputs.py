@@ -1,4 +1,4 @@
-"""What a flight takes in and leaves, in numbers for the kernels: schedule, unit, signals, start, record, work."""
+"""What a flight takes in, in numbers for the kernels: schedule, unit, signals, start, record."""
 
 from __future__ import annotations
 
@@ -6,9 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-
-from lvnav_trade.kernels import processes
-from lvnav_trade.kernels.strapdown import N_SUM
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -176,31 +173,14 @@ class Samples(NamedTuple):
 
 class Report(NamedTuple):
     """What is reported of a receiver's own solution: point (n_epoch, 6) true position and velocity of what is solved
-    for; first_output column of the outputs; own_channels: its filter's innovations are reported, n_channel from
-    first_channel on.
+    for; first_output column of the outputs; its filter's innovations: n_channel (0 without a filter) from first_channel
+    on.
     """
 
     point: Floats
     first_output: int
-    own_channels: bool
     first_channel: int
     n_channel: int
-
-
-class Held(NamedTuple):
-    """Error (11,) of a receiver's last solution and its own covariance (11, 11), frame i."""
-
-    error: Floats
-    covariance: Floats
-
-
-class Misses(NamedTuple):
-    """Error of an inertial system at the history times, and what the filter's transition missed of it since the one
-    before, both (n_hist, n_state), frame i.
-    """
-
-    error: Floats
-    missed: Floats
 
 
 class Options(NamedTuple):
@@ -223,94 +203,3 @@ class Options(NamedTuple):
     samples: Any = None
     report: Any = None
     misses: Any = None
-
-
-class Work(NamedTuple):
-    """Arrays of a run (or lane views of eight): states, scratch, and what is handed out. See `work_shapes`.
-
-    rx (receivers.base.Receiver), open_loop (filters.feedforward.OpenLoop or None), watch (filters.monitor.Watch), past
-    (n_ring + 1, N_PAST) (filters.late), motion (filters.samples.Motion), held (Held) and misses (Misses) belong to
-    options and are None without them.
-    """
-
-    run: NDArray[np.uint64]
-    nav: Floats
-    sums: Floats
-    previous: Floats
-    increments: Floats
-    P: Floats
-    X: Floats
-    D: Floats
-    x: Floats
-    K: Floats
-    H: Floats
-    z: Floats
-    antenna: Floats
-    rate: Floats
-    true_par: Floats
-    true_tables: Floats
-    par: Floats
-    tables: Floats
-    remainder: Floats
-    clock: Floats
-    clock_hat: Floats
-    shared: Floats
-    extra: Floats
-    ranges: Floats
-    solution: Floats
-    err: Floats
-    sigma: Floats
-    nees: Floats
-    nis: Floats
-    n_row: Floats
-    n_reject: Floats
-    innovation: Floats
-    failed: Floats
-    t_failed: Floats
-    reported: Floats
-    observed: Floats
-    rx: Any = None
-    open_loop: Any = None
-    watch: Any = None
-    past: Any = None
-    motion: Any = None
-    held: Any = None
-    misses: Any = None
-
-
-class Sizes(NamedTuple):
-    """Numbers that the shapes of a run's arrays follow from."""
-
-    n_state: int
-    n_par: int
-    n_true: int
-    n_block: int
-    n_tick: int
-    n_hist: int
-    n_epoch: int
-    n_slot: int
-    n_channel: int
-    n_antenna: int
-    n_entry: int
-    n_shared: int
-    n_extra: int
-    n_row: int
-    n_out: int
-    n_sensor: int
-
-
-def work_shapes(z: Sizes) -> dict[str, tuple[int, ...]]:
-    """Return the shape of every array of Work for one run, those of options apart."""
-    n_row = z.n_row
-    return {
-        "run": (1,), "nav": (10,), "sums": (N_SUM,), "previous": (6,), "increments": (z.n_tick, 6),
-        "P": (z.n_state, z.n_state), "X": (z.n_state, z.n_state), "D": (z.n_block, 9), "x": (z.n_state,),
-        "K": (z.n_state,), "H": (n_row, z.n_entry), "z": (n_row,), "antenna": (z.n_antenna, 21), "rate": (3,),
-        "true_par": (max(1, z.n_true), 3), "true_tables": (2, processes.N_TABLE),
-        "par": (max(1, z.n_par), 3), "tables": (2, processes.N_TABLE),
-        "remainder": (6,), "clock": (2,), "clock_hat": (2,), "shared": (max(1, z.n_shared),),
-        "extra": (max(1, z.n_extra),), "ranges": (z.n_slot, 2), "solution": (6,),
-        "err": (z.n_hist, z.n_out), "sigma": (z.n_hist, z.n_out), "nees": (z.n_hist,),
-        "nis": (z.n_epoch,), "n_row": (z.n_epoch,), "n_reject": (z.n_epoch,), "innovation": (z.n_epoch, z.n_channel),
-        "failed": (1,), "t_failed": (1,), "reported": (6, 6), "observed": (max(1, z.n_sensor), 4),
-    }  # fmt: skip

@@ -278,6 +278,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     truth, chain = left_out(rules, truth, chain)
     if chain is not None and solver is not None:
         truth.variance[:, :6] = np.diagonal(chain.reported, axis1=1, axis2=2)
+    report = _report(scenario, chain, channels, layout, solver)
     return Prepared(
         scenario=scenario,
         trajectory=trajectory,
@@ -305,13 +306,13 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
             gains,
             vehicle_of(scenario, trajectory, ref, layout, imu),
             samples_of(scenario, ref, layout, imu),
-            _report(scenario, chain, channels, layout, solver),
+            report,
         ),
         chain=chain,
         devices=devices,
         sensors=for_kernels(devices, channels, np.asarray(earth_angle(trajectory.theta0, t_epoch))),
         channels=channels,
-        channel_names=_channel_names(scenario, channels, solver),
+        channel_names=_channel_names(scenario, channels, report),
     )
 
 
@@ -327,30 +328,25 @@ def _seen(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: fl
     return sky(above, receiver, trajectory, measured, scenario.faults)
 
 
-def _own_channels(scenario: Scenario, solver: Any) -> bool:
-    return solver is not None and reported(scenario) and solver.filter is not None
-
-
 def _report(
     scenario: Scenario, chain: Chain | None, channels: Channels, layout: StateLayout, solver: Any
 ) -> Report | None:
     """Return what is reported of the receiver's own solution; None where nothing is."""
     if chain is None or not reported(scenario):
         return None
-    own = _own_channels(scenario, solver)
     first = channels.n_channel + N_SAMPLE * (layout.motion >= 0)
-    n_own = 2 * len(channels.satellites) if own else 0
-    return Report(chain.point, len(outputs(layout, scenario.frame)), own, first, n_own)
+    n_own = 2 * len(channels.satellites) if solver is not None and solver.filter is not None else 0
+    return Report(chain.point, len(outputs(layout, scenario.frame)), first, n_own)
 
 
-def _channel_names(scenario: Scenario, channels: Channels, solver: Any) -> tuple[str, ...]:
+def _channel_names(scenario: Scenario, channels: Channels, report: Report | None) -> tuple[str, ...]:
     """Return the names of all innovations: of the filter's channels, of the IMU's samples, of the receiver's own."""
     if not measured_by(scenario):
         return ("none",)
     names = list(channels.names)
     if "imu" in scenario.filter.measurements:
         names += [f"{sensor} {axis}" for sensor in ("gyro", "accelerometer") for axis in "xyz"]
-    if _own_channels(scenario, solver):
+    if report is not None and report.n_channel:
         names += [f"receiver {name} {what}" for name in channels.satellites for what in ("range", "range rate")]
     return tuple(names)
 

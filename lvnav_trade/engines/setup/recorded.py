@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.engines.setup.families import RECORDED, ErrorFamily
-from lvnav_trade.engines.setup.signals import Line
+from lvnav_trade.engines.setup.signals import Line, hold
 from lvnav_trade.frames import earth_angle
 from lvnav_trade.kernels.random import philox, seed_words, source_word
 from lvnav_trade.observables.partials import Channels
@@ -52,8 +52,7 @@ def recorded(
     if card is None or channels.tight:
         return Recorded(np.zeros((n_epoch, 6)), (), np.zeros((0, 1)))
     errors = in_frame_i(sampled(card, seen.t), card.frame, line.position, earth_angle(theta0, seen.t))
-    for epoch in np.flatnonzero(frozen):
-        errors[:, epoch] = errors[:, epoch - 1]
+    hold(frozen, np.swapaxes(errors, 0, 1))
     mean = errors.mean(axis=0)
     flat = (errors - mean).reshape(card.starts, -1)
     left, size, shapes = np.linalg.svd(flat, full_matrices=False)

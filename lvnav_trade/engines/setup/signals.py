@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.engines.setup.families import Cause, ErrorFamily, families_of, lever_causes
+from lvnav_trade.engines.setup.families import Cause, ErrorFamily, families_of
 from lvnav_trade.engines.setup.inputs import Shared, Signals
 from lvnav_trade.engines.setup.options import direct
 from lvnav_trade.engines.setup.sensors import Sensor
@@ -18,7 +18,7 @@ from lvnav_trade.kernels.clock import clock_step
 from lvnav_trade.kernels.earth import GM
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.layout import StateLayout
-from lvnav_trade.observables.partials import Channels, Geometry, partial
+from lvnav_trade.observables.partials import LEVER_AXES, Channels, Geometry, partial
 from lvnav_trade.records import Floats, Sky
 from lvnav_trade.scenario import Scenario, epoch_interval, solves
 from lvnav_trade.sources import CLOCK_START, CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE
@@ -127,7 +127,7 @@ def causes_of(scenario: Scenario) -> list[Cause]:
         Cause("multipath", "range_bias", "range_bias", receiver.multipath, receiver.multipath_time),
         Cause("latency error", "timing", "timing", receiver.latency_error),
         Cause("latency jitter", "timing", "", receiver.latency_sigma, 0.0),
-        *lever_causes(receiver.lever_error),
+        *(Cause("lever arm", axis, "", receiver.lever_error) for axis in LEVER_AXES),
     ]
     if not solves(scenario):
         solution = direct(scenario)
@@ -197,17 +197,29 @@ def _slots(seen: Sky) -> tuple[np.ndarray, np.ndarray]:
     return used, n_used
 
 
-def _noise(scenario: Scenario, seen: Sky, channels: Channels, devices: tuple[Sensor, ...]) -> Floats:
-    """Return the sigma (n_epoch, n_channel) of white noise of sensors in which nothing has failed."""
-    sigma, n = np.empty((seen.t.size, channels.n_channel)), channels.n_receiver
+def _by_channel(
+    channels: Channels, n_epoch: int, pair: tuple[Any, Any], devices: tuple[Sensor, ...], field: str
+) -> Floats:
+    """Return a table (n_epoch, n_channel) of two values of the receiver's channels (of ranges and range rates, or of
+    position and velocity), each a number or (n_epoch, n_sat), and of a field of the sensors beside it.
+    """
+    table, n = np.empty((n_epoch, channels.n_channel)), channels.n_receiver
     if channels.tight:
-        sigma[:, 0:n:2], sigma[:, 1:n:2] = seen.range_sigma, seen.rate_sigma
+        table[:, 0:n:2], table[:, 1:n:2] = pair
     else:
-        solution = direct(scenario)
-        sigma[:, :3], sigma[:, 3:n] = solution.position_sigma, solution.velocity_sigma
+        table[:, :3], table[:, 3:n] = pair
     for at, device in zip(channels.first, devices, strict=True):
-        sigma[:, at : at + device.sigma.shape[1]] = device.sigma
-    return sigma
+        values = getattr(device, field)
+        table[:, at : at + values.shape[1]] = values
+    return table
+
+
+def _true_sigma(scenario: Scenario, seen: Sky, channels: Channels) -> tuple[Any, Any]:
+    """Return the two sigmas of white noise of a receiver in which nothing has failed; see `_by_channel`."""
+    if channels.tight:
+        return seen.range_sigma, seen.rate_sigma
+    solution = direct(scenario)
+    return solution.position_sigma, solution.velocity_sigma
 
 
 def _grown(sigma: Floats, channels: Channels, failed: Failures) -> Floats:
@@ -229,7 +241,7 @@ def _shifts(line: Line, tracked: NDArray[np.bool_], errors: Floats) -> Floats:
     return shift
 
 
-def _hold(frozen: NDArray[np.bool_], *tables: NDArray[Any]) -> None:
+def hold(frozen: NDArray[np.bool_], *tables: NDArray[Any]) -> None:
     """Let every frozen epoch repeat the one before, in place: tables (n_epoch, ...) updated."""
     for epoch in np.flatnonzero(frozen):
         for table in tables:
@@ -237,28 +249,19 @@ def _hold(frozen: NDArray[np.bool_], *tables: NDArray[Any]) -> None:
 
 
 def _assumed_variance(
-    scenario: Scenario,
-    model: ReceiverModel,
-    channels: Channels,
-    sigma: Floats,
-    devices: tuple[Sensor, ...],
+    scenario: Scenario, model: ReceiverModel, channels: Channels, seen: Sky, devices: tuple[Sensor, ...]
 ) -> Floats:
     """Return the variance (n_epoch, n_channel) that the filter gives rows: its own numbers, or what the receiver tells
-    of its noise where the card says so.
+    of its noise where the card says so; one for a receiver that reports the covariance with every solution.
     """
-    variance, n = sigma**2, channels.n_receiver
-    for at, device in zip(channels.first, devices, strict=True):
-        variance[:, at : at + device.variance.shape[1]] = device.variance
-    if solves(scenario):  # the receiver reports the covariance with every solution
-        variance[:, :n] = 1.0
-        return variance
     if isinstance(scenario.filter.receiver, str):
-        return variance
-    if channels.tight:
-        variance[:, 0:n:2], variance[:, 1:n:2] = model.pseudorange_sigma**2, model.range_rate_sigma**2
+        sigma = _true_sigma(scenario, seen, channels)
+    elif channels.tight:
+        sigma = model.pseudorange_sigma, model.range_rate_sigma
     else:
-        variance[:, :3], variance[:, 3:n] = model.position_sigma**2, model.velocity_sigma**2
-    return variance
+        sigma = model.position_sigma, model.velocity_sigma
+    pair = sigma[0] ** 2, sigma[1] ** 2
+    return _by_channel(channels, seen.t.size, (1.0, 1.0) if solves(scenario) else pair, devices, "variance")
 
 
 def signals(
@@ -284,7 +287,7 @@ def signals(
     """
     receiver, clock = scenario.receiver, scenario.receiver.clock
     used, n_used = _slots(seen)
-    sigma = _noise(scenario, seen, measured, devices)
+    sigma = _by_channel(measured, seen.t.size, _true_sigma(scenario, seen, measured), devices, "sigma")
     extra = [partial(block.name, geometry, channels) for block in layout.extras]
     interval = epoch_interval(scenario)
     off, off_rate = failed.bias + left[:, :, 0], failed.drift + left[:, :, 1]
@@ -292,7 +295,7 @@ def signals(
     position = line.position + _shifts(line, seen.tracked, off) + tabled[:, :3]
     velocity = line.velocity + _shifts(line, seen.tracked, off_rate) + tabled[:, 3:]
     if not solves(scenario):  # else the receiver goes on behind a frozen output
-        _hold(failed.frozen, used, n_used, ranges, rates, position, velocity)
+        hold(failed.frozen, used, n_used, ranges, rates, position, velocity)
     names = (CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE, CLOCK_START)
     return Signals(
         used=used,
@@ -306,7 +309,7 @@ def signals(
         satellite_velocity=np.ascontiguousarray(seen.v_i),
         antenna=seen.antenna if channels.tight else np.zeros_like(seen.antenna),
         sigma=_grown(sigma, measured, failed),
-        variance=_assumed_variance(scenario, model, channels, sigma, devices),
+        variance=_assumed_variance(scenario, model, channels, seen, devices),
         partial=np.array(extra).reshape(len(extra), seen.t.size, channels.n_channel),
         clock_step=np.array(clock_step(interval, receiver.clock.h0, receiver.clock.h_minus2)),
         clock_start=np.array([clock.initial_bias, clock.initial_drift]),

@@ -45,7 +45,8 @@ class Chain(NamedTuple):
 
     move (n_epoch, m, m) A; white (n_epoch, m, n_in) W, variance (n_epoch, n_in) of w and kind (n_in,) of its source;
     shared (n_epoch, m, n_component) B; push (n_epoch, m) d; reported (n_epoch, 6, 6) covariance that comes with the
-    solution; solved (n_epoch,) whether there is one; point (n_epoch, 6) the solution of an error of zero, frame i.
+    solution; solved (n_epoch,) whether there is one; point (n_epoch, 6) the solution of an error of zero, frame i; own
+    (n_epoch, 11, 11) what a solver assumes of its own error, empty for a simulated solution.
     """
 
     move: Floats
@@ -58,6 +59,7 @@ class Chain(NamedTuple):
     reported: Floats
     solved: NDArray[np.bool_]
     point: Floats
+    own: Floats = np.zeros((0, N_STATE, N_STATE))
 
 
 def _shared(signals: Signals, epoch: int, channels: Ints) -> Floats:
@@ -88,15 +90,6 @@ def simulated(signals: Signals) -> Chain:
     )
 
 
-class _Nominal(NamedTuple):
-    """What a solving receiver sees on the nominal flight: gains, innovation and channels by epoch."""
-
-    gains: list[Gains]
-    innovation: list[Floats]
-    channels: list[Ints]
-    solved: NDArray[np.bool_]
-
-
 def _epoch(point: Floats, signals: Signals, epoch: int) -> tuple[Floats, Floats, Ints]:
     """Return rows (n_row, 11) at the true point, what is measured beyond them (n_row,), and channels (n_row,)."""
     use = signals.used[epoch, : signals.n_used[epoch]]
@@ -125,51 +118,24 @@ def _coasts(model: FilterModel, n_used: Ints, begun: int) -> NDArray[np.bool_]:
     return found
 
 
-def _run(solver: Solver, point: Floats, signals: Signals) -> _Nominal:
-    """Return gains and innovations of every epoch on the nominal flight, with noise adapted to the nominal motion."""
-    fixed = signals.n_used >= 4
+def _gains(solver: Solver, before: Floats, rows: Floats, acceleration: Floats, since: int, fixed: bool) -> Gains:
+    """Return what the receiver does at an epoch, `since` epochs after its first fix, from its covariance before."""
     model: FilterModel | None = solver.filter
-    begun = int(np.argmax(fixed)) if fixed.any() else fixed.size
-    gains: list[Gains] = []
-    innovations, channels = [], []
-    slope = nominal_acceleration(point[:, 3:], fixed, signals.interval)
-    for k in range(fixed.size):
-        rows, innovation, which = _epoch(point, signals, k)
-        if model is None:
-            found = point_solution(solver.point, rows) if fixed[k] else _NOTHING
-        elif k > begun:
-            found = filtered(gains[-1].P, model, rows, slope[k])
-        else:
-            found = started(model, solver.point, rows) if k == begun else _NOTHING
-        if not found.gain.shape[1]:
-            innovation, which = innovation[:0], which[:0]
-        gains.append(found)
-        innovations.append(innovation)
-        channels.append(which)
-    solved = fixed if model is None else _coasts(model, signals.n_used, begun)
-    return _Nominal(gains, innovations, channels, solved)
+    if model is None:
+        return point_solution(solver.point, rows) if fixed else _NOTHING
+    if since > 0:
+        return filtered(before, model, rows, acceleration)
+    return started(model, solver.point, rows) if since == 0 else _NOTHING
 
 
-def _pushes(solver: Solver, seen: _Nominal, point: Floats, acceleration: Floats, signals: Signals) -> Floats:
-    """Return d (n_epoch, m): what true motion, clock jumps and innovations of the ranges do in every run."""
-    model: FilterModel | None = solver.filter
-    pushes = np.zeros((len(point), N_STATE))
-    if model is not None:
-        known = acceleration if len(model.rows) > 1 else np.zeros_like(acceleration)
-        moved = mismatch(model, known, point[:, 3:], point[:, :3])
-        moved[:, BIAS] += signals.clock_jump
-        begun = int(np.argmax(signals.n_used >= 4))
-        # before it starts the filter knows nothing, so all of the acceleration is its error then
-        moved[begun, :3] = known[begun]
-        pushes = np.einsum("kij,kj->ki", np.array([g.keep for g in seen.gains]), moved)
-    for k, gains in enumerate(seen.gains):
-        pushes[k] -= gains.gain @ seen.innovation[k]
-    return pushes
-
-
-def own_covariance(solver: Solver, signals: Signals, point: Floats) -> Floats:
-    """Return what a solver assumes of its own error on the nominal flight, (n_epoch, 11, 11); see `solved`."""
-    return np.array([gains.P for gains in _run(solver, point, signals).gains])
+def _moved(model: FilterModel, point: Floats, acceleration: Floats, begun: int, signals: Signals) -> Floats:
+    """Return what true motion and clock jumps do to the error of the receiver's filter, (n_epoch, 11)."""
+    known = acceleration if len(model.rows) > 1 else np.zeros_like(acceleration)
+    moved = mismatch(model, known, point[:, 3:], point[:, :3])
+    moved[:, BIAS] += signals.clock_jump
+    # before it starts the filter knows nothing, so all of the acceleration is its error then
+    moved[begun, :3] = known[begun]
+    return moved
 
 
 def chain_of(solver: Solver | None, has_covariance: bool, truth: Signals, line: Line) -> Chain | None:
@@ -187,33 +153,44 @@ def solved(solver: Solver, signals: Signals, point: Floats, acceleration: Floats
     point : (n_epoch, 6) position and velocity of the point that is solved for, frame i, at the times of validity
     acceleration : (n_epoch, 3) of it (m/s^2)
     """
-    seen = _run(solver, point, signals)
-    n_epoch, n_in = len(point), 2 * signals.used.shape[1] + 2
+    model: FilterModel | None = solver.filter
+    fixed, n_epoch, n_in = signals.n_used >= 4, len(point), 2 * signals.used.shape[1] + 2
+    begun = int(np.argmax(fixed)) if fixed.any() else n_epoch
+    solved_at = fixed if model is None else _coasts(model, signals.n_used, begun)
+    slope = nominal_acceleration(point[:, 3:], fixed, signals.interval)
+    moved = np.zeros((n_epoch, N_STATE))
+    if model is not None:
+        moved = _moved(model, point, acceleration, min(begun, n_epoch - 1), signals)
     move, white = np.zeros((n_epoch, N_STATE, N_STATE)), np.zeros((n_epoch, N_STATE, n_in))
     variance, shared = np.zeros((n_epoch, n_in)), np.zeros((n_epoch, N_STATE, signals.shared.start.size))
-    reported = np.tile(np.eye(6), (n_epoch, 1, 1))
-    model: FilterModel | None = solver.filter
+    push, own, reported = np.zeros((n_epoch, N_STATE)), np.zeros_like(move), np.tile(np.eye(6), (n_epoch, 1, 1))
     step = signals.clock_step
     clock = np.array([[step[0], 0.0], [step[1], step[2]]])
     out = solver.point.reported if model is None else model.reported
-    for k, gains in enumerate(seen.gains):
-        n_row = seen.channels[k].size
-        move[k] = gains.keep @ gains.phi
-        white[k, :, :n_row], variance[k, :n_row] = -gains.gain, signals.sigma[k, seen.channels[k]] ** 2
+    gains = _NOTHING
+    for k in range(n_epoch):
+        rows, innovation, channels = _epoch(point, signals, k)
+        gains = _gains(solver, gains.P, rows, slope[k], k - begun, bool(fixed[k]))
+        n_row = gains.gain.shape[1]  # zero where the receiver takes nothing
+        channels = channels[:n_row]
+        move[k], own[k] = gains.keep @ gains.phi, gains.P
+        white[k, :, :n_row], variance[k, :n_row] = -gains.gain, signals.sigma[k, channels] ** 2
         white[k, :, -2:], variance[k, -2:] = gains.keep[:, [BIAS, DRIFT]] @ clock, 1.0
-        shared[k] = -gains.gain @ _shared(signals, k, seen.channels[k])
-        reported[k] = reported_covariance(out, gains.P) if seen.solved[k] else reported[k]
+        shared[k] = -gains.gain @ _shared(signals, k, channels)
+        push[k] = gains.keep @ moved[k] - gains.gain @ innovation[:n_row]
+        reported[k] = reported_covariance(out, gains.P) if solved_at[k] else reported[k]
     chain = Chain(
         move=move,
         white=white,
         variance=variance,
         kind=np.array([*np.tile([RANGE, RATE], signals.used.shape[1]), CLOCK, CLOCK], dtype=np.int64),
         shared=shared,
-        push=_pushes(solver, seen, point, acceleration, signals),
+        push=push,
         pick=SOLUTION.astype(np.int64),
         reported=reported,
-        solved=seen.solved,
+        solved=solved_at,
         point=point,
+        own=own,
     )
     return _with_output(chain, signals.frozen) if signals.frozen.any() else chain
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections import namedtuple
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import config
 
-from lvnav_trade.engines.setup.inputs import Held, Misses, Sizes, Work, work_shapes
+from lvnav_trade.engines.setup.inputs import Schedule
 from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.engines.setup.recorded import values_of
 from lvnav_trade.engines.simulate.flight import fly
@@ -16,18 +17,51 @@ from lvnav_trade.filters.feedforward import new_open_loop
 from lvnav_trade.filters.late import N_PAST
 from lvnav_trade.filters.monitor import Watch, new_watch
 from lvnav_trade.filters.samples import new_motion
+from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.kernels.lanes import aligned_zeros, view
+from lvnav_trade.kernels.lanes import aligned_zeros, view, zeros_of
 from lvnav_trade.kernels.random import seed_words
+from lvnav_trade.kernels.strapdown import N_SUM
 from lvnav_trade.kernels.vector import WIDTH
 from lvnav_trade.receivers.base import N_STATE as N_RECEIVER
 from lvnav_trade.receivers.base import new_receiver
 from lvnav_trade.records import NO_CHANGES, WAITING, Floats, RunBlock
 
 
+class Held(NamedTuple):
+    """Error (11,) of a receiver's last solution and its own covariance (11, 11), frame i."""
+
+    error: Floats
+    covariance: Floats
+
+
+class Misses(NamedTuple):
+    """Error of an inertial system at the history times, and what the filter's transition missed of it since the one
+    before, both (n_hist, n_state), frame i.
+    """
+
+    error: Floats
+    missed: Floats
+
+
+Work = namedtuple(
+    "Work",
+    "run nav sums previous increments P X D x K H z antenna rate true_par true_tables par tables remainder clock "
+    "clock_hat shared extra ranges solution err sigma nees nis n_row n_reject innovation failed t_failed reported "
+    "observed rx open_loop watch past motion held misses",
+    defaults=(None, None, None, None, None, None, None),
+)
+"""Arrays of a run (or of eight in lanes): states, work arrays, and what is output; shapes: `new_work`.
+
+rx (receivers.base.Receiver), open_loop (filters.feedforward.OpenLoop), watch (filters.monitor.Watch), past
+(n_ring + 1, N_PAST) (filters.late), motion (filters.samples.Motion), held (Held) and misses (Misses) belong to options
+and are None without them.
+"""
+
+
 @jit
 def fly_lanes(
-    w: Any,
+    work: Any,
     schedule: Any,
     unit: Any,
     signals: Any,
@@ -40,56 +74,56 @@ def fly_lanes(
     k1: Any,
 ) -> None:
     """Fly eight runs: `fly` on lane views of arrays whose last axis is the runs."""
-    fly(view(w), schedule, unit, signals, sensors, start, history, model, options, k0, k1)
+    fly(view(work), schedule, unit, signals, sensors, start, history, model, options, k0, k1)
 
 
 def new_work(prepared: Prepared, lanes: bool) -> Work:
-    """Return the arrays of one run, or of eight in lanes, zero."""
-    model, signals = prepared.model, prepared.signals
-    shapes = work_shapes(Sizes(
-        n_state=prepared.layout.n_state,
-        n_par=len(prepared.layout.parameters),
-        n_true=prepared.unit.sigma.size,
-        n_block=model.block_rows.size,
-        n_tick=int(prepared.schedule.n_tick.max(initial=0)),
-        n_hist=prepared.t_hist.size,
-        n_epoch=prepared.t_epoch.size,
-        n_slot=signals.used.shape[1],
-        n_channel=len(prepared.channel_names),
-        n_antenna=len(model.lever_arms),
-        n_entry=model.entry.shape[1],
-        n_shared=signals.shared.start.size,
-        n_extra=model.extra_offset.size,
-        n_row=prepared.n_row,
-        n_out=len(prepared.outputs),
-        n_sensor=len(prepared.devices),
-    ))  # fmt: skip
-    end = (WIDTH,) if lanes else ()
-    arrays: dict[str, Any] = {
-        name: aligned_zeros(shape + end, np.uint64 if name == "run" else np.float64) for name, shape in shapes.items()
-    }
-    options, n_lane = prepared.options, WIDTH if lanes else 0
-    is_open = prepared.scenario.filter.feedback == "open"
-    layout, sampled = prepared.layout, options.vehicle is not None or options.samples is not None
-    n_entry = 0 if options.vehicle is None else options.vehicle.columns.shape[1]
-    n_hist, n = prepared.t_hist.size, layout.n_state
-    return Work(
-        **arrays,
-        rx=None if options.solver is None else new_receiver(n_lane, len(prepared.sky.names)),
-        open_loop=new_open_loop(n, len(layout.parameters), model.extra_offset.size, n_lane) if is_open else None,
-        past=None if options.late is None else aligned_zeros((options.late.n_ring + 1, N_PAST, *end)),
-        watch=None
-        if options.rules is None
-        else new_watch(prepared.t_epoch.size, prepared.channels.n_receiver, prepared.n_row, n_lane),
-        motion=new_motion(n, n_entry, n_lane) if sampled else None,
-        held=None if options.report is None else Held(aligned_zeros((N_RECEIVER, *end)),
-                                                      aligned_zeros((N_RECEIVER, N_RECEIVER, *end))),
-        misses=None if options.misses is None else Misses(*(aligned_zeros((n_hist, n, *end)) for _ in range(2))),
-    )  # fmt: skip
+    """Return the arrays of one run, or of eight in lanes, zero. None is empty: a lane view of no length has no type."""
+    model, signals, layout = prepared.model, prepared.signals, prepared.layout
+    n, n_row, n_lane = layout.n_state, prepared.n_row, WIDTH if lanes else 0
+    n_hist, n_epoch, n_out = prepared.t_hist.size, prepared.t_epoch.size, len(prepared.outputs)
+    n_par, n_true, n_extra = len(layout.parameters), prepared.unit.sigma.size, model.extra_offset.size
+    arrays = zeros_of({
+        "run": (1,), "nav": (10,), "sums": (N_SUM,), "previous": (6,),
+        "increments": (int(prepared.schedule.n_tick.max(initial=0)), 6), "P": (n, n), "X": (n, n),
+        "D": (model.block_rows.size, 9), "x": (n,), "K": (n,), "H": (n_row, model.entry.shape[1]), "z": (n_row,),
+        "antenna": (len(model.lever_arms), 21), "rate": (3,), "true_par": (max(1, n_true), 3),
+        "true_tables": (2, processes.N_TABLE), "par": (max(1, n_par), 3), "tables": (2, processes.N_TABLE),
+        "remainder": (6,), "clock": (2,), "clock_hat": (2,), "shared": (max(1, signals.shared.start.size),),
+        "extra": (max(1, n_extra),), "ranges": (signals.used.shape[1], 2), "solution": (6,),
+        "err": (n_hist, n_out), "sigma": (n_hist, n_out), "nees": (n_hist,), "nis": (n_epoch,), "n_row": (n_epoch,),
+        "n_reject": (n_epoch,), "innovation": (n_epoch, len(prepared.channel_names)), "failed": (1,),
+        "t_failed": (1,), "reported": (6, 6), "observed": (max(1, len(prepared.devices)), 4),
+    }, n_lane)  # fmt: skip
+    arrays["run"] = arrays["run"].view(np.uint64)
+    return Work(**arrays, **_optional_work(prepared, n_lane))
 
 
-def _fly(prepared: Prepared, seed: int, runs: Floats, lanes: bool) -> Work:
-    work = new_work(prepared, lanes)
+def _optional_work(prepared: Prepared, n_lane: int) -> dict[str, Any]:
+    """Return the arrays of the options that a case has."""
+    options, layout, found = prepared.options, prepared.layout, dict[str, Any]()
+    n, n_channel = layout.n_state, prepared.channels.n_receiver
+    if options.solver is not None:
+        found["rx"] = new_receiver(n_lane, len(prepared.sky.names))
+    if prepared.scenario.filter.feedback == "open":
+        found["open_loop"] = new_open_loop(n, len(layout.parameters), prepared.model.extra_offset.size, n_lane)
+    if options.late is not None:
+        found["past"] = aligned_zeros((options.late.n_ring + 1, N_PAST, *((n_lane,) if n_lane else ())))
+    if options.rules is not None:
+        found["watch"] = new_watch(prepared.t_epoch.size, n_channel, prepared.n_row, n_lane)
+    if options.vehicle is not None or options.samples is not None:
+        n_entry = 0 if options.vehicle is None else options.vehicle.columns.shape[1]
+        found["motion"] = new_motion(n, n_entry, n_lane)
+    if options.report is not None:
+        found["held"] = Held(**zeros_of({"error": (N_RECEIVER,), "covariance": (N_RECEIVER, N_RECEIVER)}, n_lane))
+    if options.misses is not None:
+        found["misses"] = Misses(**zeros_of(dict.fromkeys(Misses._fields, (prepared.t_hist.size, n)), n_lane))
+    return found
+
+
+def _fly(prepared: Prepared, seed: int, first: int, lanes: bool) -> Work:
+    """Fly a run, or eight from `first` on."""
+    work, runs = new_work(prepared, lanes), np.arange(first, first + (WIDTH if lanes else 1), dtype=np.uint64)
     work.run[0] = runs if lanes else runs[0]
     chosen = np.flatnonzero(prepared.signals.shared.given)
     if chosen.size:
@@ -104,23 +138,25 @@ def _fly(prepared: Prepared, seed: int, runs: Floats, lanes: bool) -> Work:
 def compile_kernels(prepared: Prepared) -> None:
     """Compile what flies runs (or load it from the cache) without flying any: a flight of no windows."""
     none = np.zeros(0, dtype=np.int64)
-    grounded = prepared._replace(schedule=prepared.schedule._replace(
-        first_tick=none, n_tick=none, length=none, epoch=none, hist=none
-    ))  # fmt: skip
-    _fly(grounded, 0, np.arange(WIDTH, dtype=np.uint64), not config.DISABLE_JIT)
+    grounded = prepared._replace(schedule=Schedule(none, none, none, none, none))
+    _fly(grounded, 0, 0, not config.DISABLE_JIT)
+
+
+def _by_run(array: Floats, lanes: bool) -> Floats:
+    """Return an array of a flight with its runs on the first axis."""
+    return np.moveaxis(array, -1, 0) if lanes else array[None]
 
 
 def simulated(prepared: Prepared, seed: int, n_run: int) -> Iterator[Misses]:
     """Yield what the transition misses of runs 0 to n_run - 1, some runs at a time, runs on the first axis."""
     lanes = not config.DISABLE_JIT
-    width = WIDTH if lanes else 1
-    for first in range(0, n_run, width):
-        work = _fly(prepared, seed, np.arange(first, first + width, dtype=np.uint64), lanes)
-        runs = [np.moveaxis(array, -1, 0) if lanes else array[None] for array in work.misses]
-        yield Misses(*(array[: n_run - first] for array in runs))
+    for first in range(0, n_run, WIDTH if lanes else 1):
+        misses = _fly(prepared, seed, first, lanes).misses
+        yield Misses(*(_by_run(array, lanes)[: n_run - first] for array in misses))
 
 
-_HANDED_OUT = ("err", "sigma", "nees", "nis", "n_row", "n_reject", "innovation", "failed", "t_failed")
+_OUTPUT = {"err": float, "sigma": float, "nees": float, "nis": float, "n_row": np.int32, "n_reject": np.int32,
+           "innovation": float, "failed": np.int8, "t_failed": float}  # fmt: skip
 
 
 def run_block(prepared: Prepared, seed: int, first_run: int, n_run: int, lanes: bool | None = None) -> RunBlock:
@@ -131,45 +167,28 @@ def run_block(prepared: Prepared, seed: int, first_run: int, n_run: int, lanes: 
     """
     use_lanes = not config.DISABLE_JIT if lanes is None else lanes
     width = WIDTH if use_lanes else 1
-    joined: dict[str, Floats] = {}
+    joined: dict[str, Any] = {}
     changes = [NO_CHANGES]
     for done in range(0, n_run, width):
         first, new = first_run + done, min(width, n_run - done)
-        work = _fly(prepared, seed, np.arange(first, first + width, dtype=np.uint64), use_lanes)
-        for name in _HANDED_OUT:
-            array = getattr(work, name)
-            runs = np.moveaxis(array, -1, 0) if use_lanes else array[None]
-            whole = joined.setdefault(name, np.empty((n_run, *runs.shape[1:])))
-            whole[done : done + new] = runs[:new]
+        work = _fly(prepared, seed, first, use_lanes)
+        for name, kind in _OUTPUT.items():
+            runs = _by_run(getattr(work, name), use_lanes)
+            joined.setdefault(name, np.empty((n_run, *runs.shape[1:]), dtype=kind))[done : done + new] = runs[:new]
         if work.watch is not None:
             changes.append(_changes(prepared, work.watch, first, new, use_lanes))
+    joined |= {name: joined[name][:, 0] for name in ("failed", "t_failed")}
     return RunBlock(
-        first_run=first_run,
-        t=prepared.t_hist,
-        err=joined["err"],
-        sigma=joined["sigma"],
-        nees=joined["nees"],
-        t_epoch=prepared.t_epoch,
-        nis=joined["nis"],
-        n_row=joined["n_row"].astype(np.int32),
-        n_reject=joined["n_reject"].astype(np.int32),
-        innovation=joined["innovation"],
-        failed=joined["failed"][:, 0].astype(np.int8),
-        t_failed=joined["t_failed"][:, 0],
-        changes=np.concatenate(changes),
+        first_run=first_run, t=prepared.t_hist, t_epoch=prepared.t_epoch, changes=np.concatenate(changes), **joined
     )
 
 
 def _changes(prepared: Prepared, watch: Watch, first_run: int, n_run: int, lanes: bool) -> Floats:
     """Return the changes (n, 5) of what the filters of some runs do: run, t, mode before, mode after, reason."""
-    found = [NO_CHANGES]
-    for k in range(n_run):
-        mode, reason = (array[:, k] if lanes else array for array in (watch.mode, watch.reason))
-        at = np.flatnonzero(reason)
-        before = np.concatenate([[WAITING], mode[:-1]])
-        run = np.full(at.size, first_run + k, dtype=float)
-        found.append(np.stack([run, prepared.t_epoch[at], before[at], mode[at], reason[at]], axis=1))
-    return np.concatenate(found)
+    mode, reason = (_by_run(array, lanes)[:n_run] for array in (watch.mode, watch.reason))
+    before = np.hstack([np.full((n_run, 1), WAITING), mode[:, :-1]])
+    run, at = np.nonzero(reason)
+    return np.stack([first_run + run, prepared.t_epoch[at], before[run, at], mode[run, at], reason[run, at]], axis=1)
 
 
 def replay(prepared: Prepared, seed: int, run: int) -> RunBlock:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from lvnav_trade.filters.feedforward import apply_correction, remove_correction
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.attitude import matrix, small_rotation
-from lvnav_trade.kernels.covariance import normalised_square
+from lvnav_trade.kernels.covariance import normalised_square, variance_along
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, sqrt, where
 from lvnav_trade.kernels.strapdown import Q, R, V
@@ -13,6 +13,7 @@ from lvnav_trade.kernels.transition import ATT, CONSTANT, OTHER_0, OTHER_2, OWN_
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.receivers.base import BIAS as RX_BIAS
 from lvnav_trade.receivers.base import DRIFT as RX_DRIFT
+from lvnav_trade.receivers.base import N_FIX
 from lvnav_trade.receivers.base import N_STATE as N_RX
 from lvnav_trade.receivers.base import POS as RX_POS
 from lvnav_trade.receivers.base import VEL as RX_VEL
@@ -35,14 +36,6 @@ def true_parameter(tables, sensor, kind, axis):
 
 
 @jit
-def _turned(P, at, c0, c1, c2):
-    """Return the sigma of a block's component along a direction (c0, c1, c2)."""
-    a = P[at, at] * c0 * c0 + P[at + 1, at + 1] * c1 * c1 + P[at + 2, at + 2] * c2 * c2
-    b = P[at, at + 1] * c0 * c1 + P[at, at + 2] * c0 * c2 + P[at + 1, at + 2] * c1 * c2
-    return sqrt(a + 2.0 * b)
-
-
-@jit
 def _extra_errors(work, shared, model):
     """Set the errors of the filter's extra states: the true errors that they stand for, as of the last epoch, minus the
     estimates.
@@ -56,10 +49,9 @@ def _extra_errors(work, shared, model):
 
 
 @jit
-def _record_states(work, history, shared, model, hist):
-    """Write errors (truth minus estimate), the filter's sigma and NEES at a history time, in reporting axes."""
-    nav, x = work.nav, work.x
-    q = history.q[hist]
+def _navigation_errors(x, work, history, model, hist):
+    """Set the errors (truth minus estimate) of attitude, velocity, position and parameters at a history time."""
+    nav, q = work.nav, history.q[hist]
     x[ATT], x[ATT + 1], x[ATT + 2] = small_rotation(q[0], q[1], q[2], q[3], nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
     for i in range(3):
         x[VEL + i] = history.v[hist, i] - nav[V + i]
@@ -68,23 +60,35 @@ def _record_states(work, history, shared, model, hist):
         for i in range(3):
             true = true_parameter(work.true_tables, model.par_sensor[b], model.par_driver[b], i)
             x[model.par_offset[b] + i] = true - work.par[b, i]
+
+
+@jit
+def _record_vector(err, sigma, at, x, P, state, c0, c1, c2):
+    """Write the error of a block of three states, from `state` on, along a direction, and its sigma."""
+    err[at] = c0 * x[state] + c1 * x[state + 1] + c2 * x[state + 2]
+    sigma[at] = sqrt(variance_along(P, state, c0, c1, c2))
+
+
+@jit
+def _record_states(work, history, shared, model, hist):
+    """Write errors (truth minus estimate), the filter's sigma and NEES at a history time, in reporting axes."""
+    x, P, err, sigma = work.x, work.P, work.err[hist], work.sigma[hist]
+    _navigation_errors(x, work, history, model, hist)
     if model.clock >= 0:
         # the true clock steps at epochs; between them its bias moves on by its drift
         x[model.clock] = work.clock[0] + history.since[hist] * work.clock[1] - work.clock_hat[0]
         x[model.clock + 1] = work.clock[1] - work.clock_hat[1]
     _extra_errors(work, shared, model)
+    q, axes = history.q[hist], history.axes[hist]
     c = matrix(q[0], q[1], q[2], q[3])
-    axes = history.axes[hist]
     for i in range(3):
-        work.err[hist, ATT + i] = c[i] * x[ATT] + c[3 + i] * x[ATT + 1] + c[6 + i] * x[ATT + 2]
-        work.sigma[hist, ATT + i] = _turned(work.P, ATT, c[i], c[3 + i], c[6 + i])
+        _record_vector(err, sigma, ATT + i, x, P, ATT, c[i], c[3 + i], c[6 + i])
         for at in (VEL, POS):
-            work.err[hist, at + i] = axes[i, 0] * x[at] + axes[i, 1] * x[at + 1] + axes[i, 2] * x[at + 2]
-            work.sigma[hist, at + i] = _turned(work.P, at, axes[i, 0], axes[i, 1], axes[i, 2])
+            _record_vector(err, sigma, at + i, x, P, at, axes[i, 0], axes[i, 1], axes[i, 2])
     for i in range(9, model.n_state):
-        work.err[hist, i] = x[i]
-        work.sigma[hist, i] = sqrt(work.P[i, i])
-    work.nees[hist] = normalised_square(work.P, work.X, work.K, x, model.n_estimated)
+        err[i] = x[i]
+        sigma[i] = sqrt(P[i, i])
+    work.nees[hist] = normalised_square(P, work.X, work.K, x, model.n_estimated)
     _check(work, history, hist)
     for i in range(model.n_state):
         x[i] = like(x[i], 0.0)
@@ -135,10 +139,6 @@ def _own_error(work, filtering, point_model, point):
     """Set the error of the receiver's own estimate, frame i, where there is a solution, and its own covariance."""
     rx, held = work.rx, work.held
     valid = rx.solution[0] == rx.solution[0]
-    for i in range(N_RX):
-        for j in range(N_RX):
-            if filtering is not None:
-                held.covariance[i, j] = where(valid, rx.P[i, j], held.covariance[i, j])
     if filtering is None:
         for i in range(4):
             a, b = RX_POS + i if i < 3 else RX_BIAS, RX_VEL + i if i < 3 else RX_DRIFT
@@ -147,15 +147,15 @@ def _own_error(work, filtering, point_model, point):
                 inverse = rx.inverse[i, j]
                 held.covariance[a, c] = where(valid, point_model.range_variance * inverse, held.covariance[a, c])
                 held.covariance[b, d] = where(valid, point_model.rate_variance * inverse, held.covariance[b, d])
-    for i in range(3):
-        place = rx.fix[i] if filtering is None else rx.nav[RX_POS + i]
-        speed = rx.fix[3 + i] if filtering is None else rx.nav[RX_VEL + i]
-        held.error[RX_POS + i] = where(valid, point[i] - place, held.error[RX_POS + i])
-        held.error[RX_VEL + i] = where(valid, point[3 + i] - speed, held.error[RX_VEL + i])
-    bias = rx.fix[6] if filtering is None else rx.nav[RX_BIAS]
-    drift = rx.fix[7] if filtering is None else rx.nav[RX_DRIFT]
-    held.error[RX_BIAS] = where(valid, work.clock[0] - bias, held.error[RX_BIAS])
-    held.error[RX_DRIFT] = where(valid, work.clock[1] - drift, held.error[RX_DRIFT])
+    else:
+        for i in range(N_RX):
+            for j in range(N_RX):
+                held.covariance[i, j] = where(valid, rx.P[i, j], held.covariance[i, j])
+    for i in range(N_FIX):
+        at = RX_POS + i if i < 3 else RX_VEL + i - 3 if i < 6 else RX_BIAS + i - 6
+        estimate = rx.fix[i] if filtering is None else rx.nav[at]
+        true = like(estimate, point[i]) if i < 6 else work.clock[i - 6]
+        held.error[at] = where(valid, true - estimate, held.error[at])
 
 
 @jit
@@ -163,10 +163,8 @@ def hold_solution(work, solver, report, epoch):
     """Hold the error of the receiver's last solution, as of its time of validity, and its filter's innovations."""
     if report is not None:
         _own_error(work, solver.filter, solver.point, report.point[epoch])
-        if report.own_channels:
-            at = report.first_channel
-            for i in range(report.n_channel):
-                work.innovation[epoch, at + i] = work.rx.innovation[i]
+        for i in range(report.n_channel):
+            work.innovation[epoch, report.first_channel + i] = work.rx.innovation[i]
 
 
 @jit
@@ -174,31 +172,14 @@ def _record_solution(work, report, history, model, hist):
     """Write the error of the receiver's last solution in reporting axes: velocity, position, clock."""
     if report is not None:
         held, axes, at = work.held, history.axes[hist], report.first_output
-        for block in range(2):
-            first = RX_VEL if block == 0 else RX_POS
-            for i in range(3):
-                c0, c1, c2 = axes[i, 0], axes[i, 1], axes[i, 2]
-                e = held.error
-                work.err[hist, at + 3 * block + i] = c0 * e[first] + c1 * e[first + 1] + c2 * e[first + 2]
-                work.sigma[hist, at + 3 * block + i] = _turned(held.covariance, first, c0, c1, c2)
-        for k in range(2):
-            state = RX_BIAS + k
-            work.err[hist, at + 6 + k] = held.error[state]
-            work.sigma[hist, at + 6 + k] = sqrt(held.covariance[state, state])
-
-
-@jit
-def _true_error(work, history, model, hist):
-    """Set `misses.error` to truth minus the uncorrected inertial system at a history time, frame i."""
-    nav, q, x = work.nav, history.q[hist], work.misses.error[hist]
-    x[ATT], x[ATT + 1], x[ATT + 2] = small_rotation(q[0], q[1], q[2], q[3], nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
-    for i in range(3):
-        x[VEL + i] = history.v[hist, i] - nav[V + i]
-        x[POS + i] = history.r[hist, i] - nav[R + i]
-    for b in range(model.par_offset.shape[0]):
+        err, sigma = work.err[hist], work.sigma[hist]
         for i in range(3):
-            at = model.par_offset[b] + i
-            x[at] = true_parameter(work.true_tables, model.par_sensor[b], model.par_driver[b], i)
+            c0, c1, c2 = axes[i, 0], axes[i, 1], axes[i, 2]
+            _record_vector(err, sigma, at + i, held.error, held.covariance, RX_VEL, c0, c1, c2)
+            _record_vector(err, sigma, at + 3 + i, held.error, held.covariance, RX_POS, c0, c1, c2)
+        for k in range(2):
+            err[at + 6 + k] = held.error[RX_BIAS + k]
+            sigma[at + 6 + k] = sqrt(held.covariance[RX_BIAS + k, RX_BIAS + k])
 
 
 @jit
@@ -207,7 +188,7 @@ def _record_misses(work, misses, history, model, hist):
     before; the error state starts from the error again.
     """
     if misses is not None:
-        _true_error(work, history, model, hist)
+        _navigation_errors(work.misses.error[hist], work, history, model, hist)
         for i in range(model.n_state):
             error = work.misses.error[hist, i]
             work.misses.missed[hist, i] = error - work.x[i] if hist > 0 else like(error, 0.0)
@@ -220,13 +201,11 @@ def record(work, open_loop, vehicle, samples, report, misses, history, shared, m
     if misses is not None:
         _record_misses(work, misses, history, model, hist)
         return
-    if open_loop is None:
-        _motion_errors(work, vehicle, tick)
-        _record_states(work, history, shared, model, hist)
-    else:
+    if open_loop is not None:
         apply_correction(work, open_loop, work.watch, model)
-        _motion_errors(work, vehicle, tick)
-        _record_states(work, history, shared, model, hist)
+    _motion_errors(work, vehicle, tick)
+    _record_states(work, history, shared, model, hist)
+    if open_loop is not None:
         remove_correction(work, open_loop, model)
     _record_samples(work, samples, model, tick, hist)
     _record_solution(work, report, history, model, hist)

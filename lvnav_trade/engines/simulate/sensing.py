@@ -50,21 +50,24 @@ def begin(work, unit, signals, start, model, k0, k1):
 
 
 @jit
-def from_errors(work, start, k0, k1, run):
-    """Set velocity and position of the estimate, and return its attitude, off the truth by drawn errors."""
-    for block in range(1, 3):
-        n0, n1, n2, _ = normals(k0, k1, start.sources[block], run, _ZERO, _ZERO)
-        root, at = start.roots[block], V if block == 1 else R
-        for i in range(3):
-            error = root[i, 0] * n0 + root[i, 1] * n1 + root[i, 2] * n2
-            work.nav[at + i] = start.nav[at + i] - error
-    n0, n1, n2, _ = normals(k0, k1, start.sources[0], run, _ZERO, _ZERO)
-    root = start.roots[0]
+def _drawn_error(start, block, k0, k1, run):
+    """Return the drawn error of a block of three: 0 attitude, 1 velocity, 2 position."""
+    n0, n1, n2, _ = normals(k0, k1, start.sources[block], run, _ZERO, _ZERO)
+    root = start.roots[block]
     x = root[0, 0] * n0 + root[0, 1] * n1 + root[0, 2] * n2
     y = root[1, 0] * n0 + root[1, 1] * n1 + root[1, 2] * n2
     z = root[2, 0] * n0 + root[2, 1] * n1 + root[2, 2] * n2
+    return x, y, z
+
+
+@jit
+def from_errors(work, start, k0, k1, run):
+    """Set velocity and position of the estimate, and return its attitude, off the truth by drawn errors."""
+    t, dv, dr = start.nav, _drawn_error(start, 1, k0, k1, run), _drawn_error(start, 2, k0, k1, run)
+    for i in range(3):
+        work.nav[V + i], work.nav[R + i] = t[V + i] - dv[i], t[R + i] - dr[i]
+    x, y, z = _drawn_error(start, 0, k0, k1, run)
     e0, e1, e2, e3 = from_rotation(-x, -y, -z)
-    t = start.nav
     q0, q1, q2, q3 = multiply(e0, e1, e2, e3, t[Q], t[Q + 1], t[Q + 2], t[Q + 3])
     return normalise(q0, q1, q2, q3)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -80,18 +80,9 @@ class BlockSummary(NamedTuple):
 
 
 _SUMMED = (
-    "n_good",
-    "total",
-    "squares",
-    "sigma_squares",
-    "histogram",
-    "nees",
-    "nis",
-    "n_row",
-    "n_reject",
-    "lag_sum",
+    "n_good", "total", "squares", "sigma_squares", "histogram", "nees", "nis", "n_row", "n_reject", "lag_sum",
     "lag_count",
-)
+)  # fmt: skip
 _PER_RUN = ("runs", "failed", "t_failed")
 _ROWS = ("event_error", "event_sigma", "event_nees", "worst", "mean_square", "changes")
 _SHARED = ("t", "scale", "t_epoch", "t_event", "t_bound")
@@ -168,27 +159,21 @@ def summarise(
         event_sigma=sigma[:, at_event],
         event_nees=block.nees[:, at_event],
         t_bound=t_bound,
-        worst=_worst(block.t, error, t_bound),
-        mean_square=_mean_square(block.t, error, t_bound),
+        worst=_by_span(block.t, error, t_bound, lambda _, span: np.abs(span).max(axis=1)),
+        mean_square=_by_span(block.t, error, t_bound, _mean_square),
         changes=block.changes,
     )
 
 
-def _worst(t: Floats, error: Floats, bounds: Floats) -> Floats:
-    """Return the largest |error| from each bound to the next; error (n_run, n_hist, n_column)."""
+def _by_span(t: Floats, error: Floats, bounds: Floats, value: Callable[[Floats, Floats], Floats]) -> Floats:
+    """Return a value (n_run, n_column) of times (n,) and errors (n_run, n, n_column) from each bound to the next."""
     at = np.searchsorted(t, bounds)
-    spans = [np.abs(error[:, first : last + 1]).max(axis=1) for first, last in pairwise(at)]
+    spans = [value(t[first : last + 1], error[:, first : last + 1]) for first, last in pairwise(at)]
     return np.stack(spans, axis=1) if spans else np.zeros((error.shape[0], 0, error.shape[2]))
 
 
-def _mean_square(t: Floats, error: Floats, bounds: Floats) -> Floats:
-    """Return the time mean of the squared error from each bound to the next; error (n_run, n_hist, n_column)."""
-    at = np.searchsorted(t, bounds)
-    spans = [
-        np.trapezoid(error[:, first : last + 1] ** 2, t[first : last + 1], axis=1) / (t[last] - t[first])
-        for first, last in pairwise(at)
-    ]
-    return np.stack(spans, axis=1) if spans else np.zeros((error.shape[0], 0, error.shape[2]))
+def _mean_square(t: Floats, error: Floats) -> Floats:
+    return np.asarray(np.trapezoid(error**2, t, axis=1) / (t[-1] - t[0]))
 
 
 def _history_index(t: Floats, names: tuple[str, ...], t_event: Floats) -> NDArray[np.intp]:

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.engines.analysis.error_bound import error_bound
-from lvnav_trade.engines.lincov.components import components
 from lvnav_trade.engines.lincov.history import forward_tape
-from lvnav_trade.engines.lincov.sources import source_names
 from lvnav_trade.errors import InputError
 from lvnav_trade.scenario import filter_models
 from tests.building import LOOSE, case, loaded, prepare_hop, with_fields
@@ -20,7 +18,7 @@ WALKS = {
 
 
 def bound(prepared):
-    return error_bound(prepared, forward_tape(prepared, components(prepared, source_names(prepared))))
+    return error_bound(prepared, forward_tape(prepared))
 
 
 def with_walks(*settings, **changed):

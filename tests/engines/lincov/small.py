@@ -15,11 +15,11 @@ from lvnav_trade.kernels.strapdown import N_SUM
 
 # As much of the engine's records as propagation and update of the sources read.
 Joint = namedtuple("Joint", "mean sources cross variance")
-Work = namedtuple("Work", "D_true block input y b seen noise spread")
+Work = namedtuple("Work", "D_true block input shift y b seen noise spread")
 Truth = namedtuple(
     "Truth",
-    "group lane n_slot followed moves factor noise echo sensor driver source profile slot moving state_source "
-    "state_slot state_at nav_rows nav_columns white decay shared_source shared_slot shared_family",
+    "group lane n_slot followed moves factor noise echo source slot state sensor driver profile first moving "
+    "nav_rows nav_columns white decay first_shared shared_family",
 )
 FilterModel = namedtuple("FilterModel", "seconds clock")
 
@@ -48,11 +48,10 @@ def small(starts, variances, *, factor, noise, decay, white, blocks, rows, colum
         "group": group, "lane": lane, "n_slot": np.ones(n_group, dtype=np.int64), "followed": ones, "moves": ones,
         "factor": table(np.reshape(factor, (n_source, 1, 1, 1))),
         "noise": table(np.reshape(noise, (n_source, 1, 1, 1))),
-        "echo": table(np.zeros((n_source, 1, 1, 1))), "sensor": none, "driver": none, "source": none, "profile": none,
-        "slot": np.zeros((0, 3), dtype=np.int64), "moving": np.zeros(0, dtype=np.bool_), "state_source": none,
-        "state_slot": none, "state_at": none, "nav_rows": rows, "nav_columns": columns,
-        "white": table(white[:, None]), "decay": decay[None], "shared_source": none, "shared_slot": none,
-        "shared_family": none,
+        "echo": table(np.zeros((n_source, 1, 1, 1))), "source": place, "slot": np.zeros(n_source, dtype=np.int64),
+        "state": np.full(n_source, -1), "sensor": none, "driver": none, "profile": none, "first": none,
+        "moving": np.zeros(0, dtype=np.bool_), "nav_rows": rows, "nav_columns": columns,
+        "white": table(white[:, None]), "decay": decay[None], "first_shared": 0, "shared_family": none,
     }  # fmt: skip
     true = Truth(**(fields | more))
     joint = Joint(
@@ -62,7 +61,7 @@ def small(starts, variances, *, factor, noise, decay, white, blocks, rows, colum
         as_lanes(np.reshape(variances, (n_source, 1, 1)).astype(float), group, lane),
     )
     scratch = Work(
-        blocks, np.zeros(9), np.zeros((9, 3)), grouped_zeros((n,)), grouped_zeros((n_group, 1, 9)),
+        blocks, np.zeros(9), np.zeros((9, 3)), np.zeros(n), grouped_zeros((n,)), grouped_zeros((n_group, 1, 9)),
         grouped_zeros((n_group, 1, 1)), grouped_zeros((n_group, 1, 1)), grouped_zeros((1,)),
     )  # fmt: skip
     return joint, scratch, true, FilterModel(np.array([seconds]), clock)
@@ -86,7 +85,7 @@ def _update(total, joint, scratch, true, gain, h, entries, columns, source, nois
 @jit
 def _update_both(total, joint, scratch, true, gain, h, entries, columns, source, noise, signals):
     total[0] = _update_sources(joint, scratch, true, gain, h, entries, columns, source, noise)
-    total[0] += _update_shared(joint, scratch, gain, signals, true, 0, 0)
+    total[0] += _update_shared(joint, scratch, gain, h, signals, true, 0, 0, False)
 
 
 def update(joint, scratch, true, gain, h, entries, columns, source, noise, signals=None):

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, norm
 
-from lvnav_trade.engines.lincov.history import covariance
-from lvnav_trade.engines.lincov.outputs import sample_outputs, solution_outputs_of
+from lvnav_trade.engines.lincov.history import covariance, sample_outputs, solution_outputs_of
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.layout import solution_outputs
 from lvnav_trade.scenario import Scenario
@@ -91,7 +90,7 @@ def test_nothing_is_added_where_nothing_of_the_solution_is_reported():
     history = covariance(prepared)
     assert prepared.options.report is None
     assert solution_outputs_of(prepared, history, None) is history
-    assert sample_outputs(prepared, [], history, None) is history
+    assert sample_outputs(prepared, None, history, None) is history
     assert history.formal.shape[1] == len(prepared.outputs) == N_STATE
 
 

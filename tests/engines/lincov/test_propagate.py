@@ -7,7 +7,6 @@ import pytest
 
 from lvnav_trade.engines.lincov.components import components
 from lvnav_trade.engines.lincov.propagate import input_matrix
-from lvnav_trade.engines.lincov.sources import source_names
 from lvnav_trade.filters.model import transition_blocks
 from lvnav_trade.kernels.strapdown import N_SUM, SUM_C, SUM_F, SUM_TH, SUM_V
 from lvnav_trade.kernels.transition import fill
@@ -17,7 +16,7 @@ from tests.engines.lincov.small import of_lanes, propagate, small
 
 SECONDS = 0.1
 CASE = case()
-TRUE = components(CASE, source_names(CASE))
+TRUE = components(CASE)
 
 
 def window_sums():
@@ -74,7 +73,7 @@ def test_components_act_as_in_the_dense_joint_covariance(variance, noise):
     joint, scratch, true, model = small(
         [one[:N, :N] for one in full], [variance] * 2, factor=[factor] * 2, noise=[noise] * 2, decay=decay,
         white=np.zeros((2, N)), blocks=blocks, rows=ROWS, columns=COLUMNS, seconds=0.1,
-        state_source=np.array([1]), state_slot=np.array([0]), state_at=np.array([STATE]),
+        state=np.array([-1, STATE]),
     )  # fmt: skip
     for source, one in enumerate(full):
         of_lanes(joint.cross, source)[0] = one[:N, N]

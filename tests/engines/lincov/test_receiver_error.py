@@ -19,7 +19,6 @@ from lvnav_trade.engines.lincov.receiver_error import (
     solution_back,
 )
 from lvnav_trade.engines.lincov.slots import as_lanes
-from lvnav_trade.engines.lincov.sources import source_names
 from lvnav_trade.engines.setup.solution import Chain
 from lvnav_trade.filters.late import Late
 from lvnav_trade.kernels.groups import GROUP, grouped_zeros
@@ -56,8 +55,9 @@ class Truth(NamedTuple):
     followed: np.ndarray
     solution: int
     solution_source: np.ndarray
-    shared_source: np.ndarray
-    shared_slot: np.ndarray
+    source: np.ndarray
+    slot: np.ndarray
+    first_shared: int = 0
     clone: int = 0
 
 
@@ -130,12 +130,11 @@ def test_backwards_multipliers_see_what_goes_in_forwards():
     chain, _, true, _, _ = setting()
     step, white = dense(chain)
     rows = np.random.default_rng(5).standard_normal((2, N_ALL))
-    back = Back(rows.copy(), np.zeros((2, 2, 2)), np.zeros((2, 2, 1)))
+    back = Back(rows.copy(), np.zeros((2, 2)), np.zeros((2, 2, 1)))
     solution_back(back, np.zeros(N_ALL), chain, true, 0, 0)
     before = np.hstack([rows, np.zeros((2, 2))]) @ step
     np.testing.assert_allclose(back.e, before[:, :N_ALL], rtol=1e-12)
-    np.testing.assert_allclose(back.c[:, 1], before[:, N_ALL:], rtol=1e-12)
-    assert not back.c[:, 0].any()
+    np.testing.assert_allclose(back.c, before[:, N_ALL:], rtol=1e-12)
     through = rows[:, N_FILTER : N_FILTER + M] @ white
     np.testing.assert_allclose(back.contribution[:, :, 0], through**2 * chain.variance[0], rtol=1e-12)
 
@@ -182,7 +181,7 @@ def test_epochs_on_their_way_have_clones_of_their_own_and_go_back_to_the_states_
     whole = copies[1] @ copies[0]
     np.testing.assert_allclose(of_lanes(joint.sources, 0), whole @ start @ whole.T)
     rows = rng.standard_normal((2, n))
-    back = Back(rows.copy(), np.zeros((2, 1, 1)), np.zeros((2, 1, 1)))
+    back = Back(rows.copy(), np.zeros((2, 1)), np.zeros((2, 1, 1)))
     for window in (1, 0):
         cloned_back(back, true, late, window)
     np.testing.assert_allclose(back.e, rows @ whole)
@@ -192,7 +191,7 @@ def tables(kind, **settings):
     scenario = loaded(LOOSE)
     card = with_fields(scenario.filter, delay_compensation={"kind": kind, **settings})
     prepared = prepare_hop(scenario.model_copy(update={"filter": card}))
-    return prepared, components(prepared, source_names(prepared))
+    return prepared, components(prepared)
 
 
 def test_only_navigation_errors_of_a_buffered_measurement_are_those_of_its_time():

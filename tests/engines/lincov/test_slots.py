@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lvnav_trade.engines.lincov.slots import Slots, aligned, as_lanes, places_of, slot_tables
+from lvnav_trade.engines.lincov.slots import Component, aligned, as_lanes, places_of, slot_tables
 from lvnav_trade.kernels.groups import GROUP
-
-SECONDS = np.array([0.0, 0.1])
 
 
 def test_sources_of_many_components_share_a_group():
@@ -28,17 +26,18 @@ def test_a_value_of_a_source_is_in_its_lane_and_nowhere_else():
 
 
 def test_a_component_keeps_its_decay_noise_and_flags():
-    slots = Slots(2, SECONDS)
-    first = slots.take(1, np.array([1.0, 0.9]), np.array([0.0, 0.2]), 4.0, followed=True)
-    second = slots.take(1, np.ones(2), np.zeros(2), 9.0, moves=True, echoes=True)
-    assert (first, second) == (0, 1)
-    group, lane, n_slot = places_of(slots.count)
-    table = slot_tables(slots, group, lane, n_slot)
-    assert table["start"][1].tolist() == [4.0, 9.0]
-    assert table["factor"][1, group[1], 0, 0, lane[1]] == 0.9
-    assert table["noise"][1, group[1], 0, 0, lane[1]] == 0.2
-    assert table["followed"][group[1]].tolist() == [True, False]
-    assert table["moves"][group[1]].tolist() == [False, True]
+    first = Component(1, np.array([1.0, 0.9]), np.array([0.0, 0.2]), 4.0, state=9, followed=True)
+    second = Component(1, np.ones(2), np.array([0.0, 0.3]), 9.0, moves=True, echoes=True)
+    table = slot_tables([first, second], 2, 2)
+    group, lane = table["group"][1], table["lane"][1]
+    assert table["slot"].tolist() == [0, 1]
+    assert table["state"].tolist() == [9, -1]
+    assert table["start"].tolist() == [4.0, 9.0]
+    assert table["factor"][1, group, 0, 0, lane] == 0.9
+    assert table["noise"][1, group, :, 0, lane].tolist() == [0.2, 0.3]
+    assert table["echo"][1, group, :, 0, lane].tolist() == [0.0, 0.3]
+    assert table["followed"][group].tolist() == [True, False]
+    assert table["moves"][group].tolist() == [False, True]
 
 
 def test_lanes_begin_at_cache_lines():

@@ -49,7 +49,7 @@ def test_a_row_beyond_the_gate_changes_nothing():
 
 
 Signals = namedtuple("Signals", "shared partial n_receiver shift")
-Shared = namedtuple("Shared", "member partial")
+Shared = namedtuple("Shared", "member partial extra")
 
 
 @pytest.mark.parametrize("n_source", [3, 11])
@@ -82,10 +82,12 @@ def test_an_error_that_measurements_share_enters_as_in_the_dense_joint_covarianc
     joint, scratch, true, _ = small(
         np.stack([np.eye(N), full[:N, :N]]), [1.0, full[N, N]], factor=np.ones(2), noise=np.zeros(2), decay=np.ones(N),
         white=np.zeros((2, N)), blocks=np.zeros((0, 9)), rows=ALL[:0], columns=ALL[:0], seconds=0.1,
-        shared_source=np.array([1]), shared_slot=np.array([0]), shared_family=np.array([-1]),
+        first_shared=1, shared_family=np.array([-1]),
     )  # fmt: skip
     of_lanes(joint.cross, 1)[0] = full[:N, N]
-    signals = Signals(Shared(np.zeros((1, 1), dtype=np.int64), np.full((1, 1, 1), a)), np.zeros((0, 1, 1)), 6, 0)
+    signals = Signals(
+        Shared(np.zeros((1, 1), dtype=np.int64), np.full((1, 1, 1), a), np.array([-1])), np.zeros((0, 1, 1)), 6, 0
+    )
     total = update(joint, scratch, true, gain, ROW, ALL, ALL, 1, 0.7, signals)
     row, gains = np.append(ROW, a), np.append(gain, 0.0)
     left = np.eye(N + 1) - np.outer(gains, row)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from lvnav_trade.engines.lincov.components import components
 from lvnav_trade.engines.lincov.history import forward_tape
-from lvnav_trade.engines.lincov.sources import source_names
 from lvnav_trade.engines.lincov.workspace import new_tape
 from lvnav_trade.kernels.strapdown import N_SUM
 from tests.building import LOOSE, case
@@ -18,7 +16,7 @@ def test_a_tape_that_keeps_nothing_has_no_length():
 
 def test_a_tape_holds_every_update_of_the_filter_in_order():
     prepared = case()
-    tape = forward_tape(prepared, components(prepared, source_names(prepared)))
+    tape = forward_tape(prepared)
     used = int(tape.used[0])
     assert used == 2 * int(prepared.signals.n_used.sum()) == tape.first[-1]
     assert sorted(tape.epoch[:used].tolist()) == tape.epoch[:used].tolist()
@@ -27,5 +25,5 @@ def test_a_tape_holds_every_update_of_the_filter_in_order():
 
 def test_a_loose_filter_has_six_rows_where_there_are_four_satellites():
     prepared = case(LOOSE)
-    tape = forward_tape(prepared, components(prepared, source_names(prepared)))
+    tape = forward_tape(prepared)
     assert int(tape.used[0]) == 6 * int((prepared.signals.n_used >= 4).sum())

@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.setup.envelopes import envelopes
-from lvnav_trade.engines.setup.vehicle import burning, burns
+from lvnav_trade.engines.setup.vehicle import burning, burns, envelopes
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.filters.base import EnvelopeCard
 from tests.building import case, loaded, prepare_hop, with_fields
