@@ -31,7 +31,7 @@ class Backward(NamedTuple):
     contribution: Floats
 
 
-@jit
+@inlined
 def _dot(a, b):
     """Return the sum of products over the length of `a`; `b` may be longer."""
     total = 0.0
@@ -123,10 +123,12 @@ def _samples_back(back, scratch, tape, true, unit, vehicle, reference, tick, tim
                 back.contribution[m, source, time_bin] += through * through * true.sample_noise[source, r]
         for j in range(true.sensor.shape[0]):
             if true.sampled[j] and true.profile[j] < 0:
+                first = true.first[j]
+                source, k = true.source[first], true.slot[first]
+                g, lane = true.group[source], true.lane[source]
                 for axis in range(3):
-                    r, c = 3 * true.sensor[j] + axis, true.first[j] + axis
-                    partial = scratch.a[true.group[true.source[c]], ..., true.lane[true.source[c]]]
-                    back.c[m, c] -= scratch.y[r] * partial[true.slot[c], r]
+                    r = 3 * true.sensor[j] + axis
+                    back.c[m, first + axis] -= scratch.y[r] * scratch.a[g, k + axis, r, lane]
         for r in range(N_SAMPLE):
             for k in range(vehicle.columns.shape[1]):
                 y[vehicle.columns[r, k]] -= scratch.y[r] * scratch.h[r, k]

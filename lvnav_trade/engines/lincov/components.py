@@ -35,10 +35,10 @@ class Components(NamedTuple):
     source, slot (n_component,) of each component, state of the filter for the same thing (-1 none), start variance.
 
     Blocks of three components: sensor, driver (REMAINDER, GRAVITY: see there), matched (first state of the filter for
-    the same thing, -1 none), profile (that is its mean, -1 none), first (n_block,) of its components (-1 a profile),
-    moving, sampled (n_block,): see moves, samples. by_samples: samples are measurements. Errors that measurements
-    share are the components from first_shared on; shared_family (n_family,) family of the filter's extra states for
-    the same thing, -1 none.
+    the same thing, -1 none), profile (that is its mean, -1 none), first (n_block,) of its components, whose slots are
+    neighbours (-1 a profile), moving, sampled (n_block,): see moves, samples. by_samples: samples are measurements.
+    Errors that measurements share are the components from first_shared on; shared_family (n_family,) family of the
+    filter's extra states for the same thing, -1 none.
 
     nav_rows ... nav_drivers: blocks of the true transition. white (n_length, n_group, N, n_lane) noise of each source;
     initial (n_source, N, N); noise_source (n_channel,) source of the noise of each channel; decay (n_length, N) of the

@@ -60,11 +60,10 @@ def fill_inputs(scratch, true, sums, seconds):
     for j in range(true.sensor.shape[0]):
         if true.profile[j] < 0 and true.moving[j]:
             input_matrix(scratch.input, scratch.block, j, true, sums, seconds)
+            source, k = true.source[true.first[j]], true.slot[true.first[j]]
             for axis in range(3):
-                c = true.first[j] + axis
-                b = scratch.b[true.group[true.source[c]], ..., true.lane[true.source[c]]]
                 for i in range(N_NAV):
-                    b[true.slot[c], i] = scratch.input[i, axis]
+                    scratch.b[true.group[source], k + axis, i, true.lane[source]] = scratch.input[i, axis]
 
 
 @inlined

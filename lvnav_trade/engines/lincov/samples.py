@@ -39,10 +39,9 @@ def fill_partials(a, true, vehicle, tick):
     for j in range(true.sensor.shape[0]):
         if true.sampled[j] and true.profile[j] < 0:
             u = sensed_driver(true.sensor[j], true.driver[j], vehicle.rate[tick], vehicle.force[tick])
+            source, k = true.source[true.first[j]], true.slot[true.first[j]]
             for axis in range(3):
-                c = true.first[j] + axis
-                of_component = a[true.group[true.source[c]], ..., true.lane[true.source[c]]]
-                of_component[true.slot[c], 3 * true.sensor[j] + axis] = u[axis]
+                a[true.group[source], k + axis, 3 * true.sensor[j] + axis, true.lane[source]] = u[axis]
 
 
 @jit
