@@ -1,7 +1,5 @@
 """Process noise from an ensemble: what the filter's transition misses of perturbed inertial systems, step by step."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

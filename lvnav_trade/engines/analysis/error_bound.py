@@ -1,7 +1,5 @@
 """Whether the noise that a filter assumes is bounded away from nothing: what an exponential error bound asks for."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

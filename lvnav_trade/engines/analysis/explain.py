@@ -1,7 +1,5 @@
 """Behind a case's linear covariance: which source, when, what a better one is worth, what the rows can tell."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """How far from linear the navigation is at the errors that linear covariance predicts."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the filter's rows can tell of its states over a stretch of the nominal flight."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """How a metric moves with one source's sigma: with gains frozen, and honestly, with the filter re-tuned."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -5,8 +5,6 @@ gains. A noise that entered with vector g and variance q contributes (lambda' g)
 its time; the sum over times is the forward budget, the sum over sources tells when the error was made.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from lvnav_trade.engines.lincov.propagate import fill_inputs

@@ -1,7 +1,5 @@
 """Truth-side error components of a case, as arrays for the covariance kernels. The filter's models are separate."""
 
-from __future__ import annotations
-
 import math
 from itertools import chain
 from typing import NamedTuple
@@ -15,9 +13,8 @@ from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.filters.model import transition_blocks
 from lvnav_trade.kernels.clock import spectral_densities
 from lvnav_trade.kernels.transition import ACCEL, ATT, CONSTANT, GYRO, POS, VEL
-from lvnav_trade.records import Floats
+from lvnav_trade.records import Floats, Ints
 
-Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 # A parameter that no increment multiplies but enters as a difference: what quantisation holds back.

@@ -1,7 +1,5 @@
 """The forward pass of linear covariance: the filter's covariance by its own model, the true one by source."""
 
-from __future__ import annotations
-
 from lvnav_trade.engines.lincov.propagate import nominal_window, propagate
 from lvnav_trade.engines.lincov.receiver_error import (
     advance_solution,

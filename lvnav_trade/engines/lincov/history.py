@@ -1,7 +1,5 @@
 """Linear covariance: covariance(prepared) -> CovHistory: formal, true, by source, on the nominal flight."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.special import chdtrc
 

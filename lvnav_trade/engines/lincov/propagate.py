@@ -1,7 +1,5 @@
 """Propagation of the joint covariance over a window of the nominal flight, source by source."""
 
-from __future__ import annotations
-
 from lvnav_trade.engines.lincov.components import GRAVITY, REMAINDER
 from lvnav_trade.engines.simulate.sensing import profile_value
 from lvnav_trade.kernels import transition

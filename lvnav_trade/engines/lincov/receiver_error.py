@@ -6,8 +6,6 @@ before. What is copied or mixed at an epoch is linear, so every source goes thro
 backwards.
 """
 
-from __future__ import annotations
-
 from lvnav_trade.filters.ekf import separate
 from lvnav_trade.filters.late import carry_on
 from lvnav_trade.kernels.covariance import enter, whiten

@@ -1,7 +1,5 @@
 """Samples of the IMU as measurements, in the joint covariance: update and propagation of a tick, source by source."""
 
-from __future__ import annotations
-
 from lvnav_trade.engines.simulate.sensing import profile_value
 from lvnav_trade.kernels.attitude import cross, matrix
 from lvnav_trade.kernels.groups import group, whole

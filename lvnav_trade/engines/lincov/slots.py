@@ -1,16 +1,11 @@
 """Slots of the error components: a source owns a lane of a group and in it one slot for each of its components."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lvnav_trade.kernels.groups import GROUP, grouped_zeros
-from lvnav_trade.records import Floats
-
-Ints = NDArray[np.int64]
+from lvnav_trade.records import Floats, Ints
 
 
 class Component(NamedTuple):

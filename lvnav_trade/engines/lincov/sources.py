@@ -1,19 +1,15 @@
 """Sources of a case, and the filter's measurements with respect to the joint vector."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lvnav_trade.engines.lincov.receiver_error import N_CLONE, N_NAV
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.filters.model import POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY
 from lvnav_trade.kernels.transition import VEL
+from lvnav_trade.records import Ints
 from lvnav_trade.sources import label_of
-
-Ints = NDArray[np.int64]
 
 
 def source_names(prepared: Prepared) -> list[str]:

@@ -1,7 +1,5 @@
 """Measurement updates of the joint covariance: the filter's gain, and with it every source and the mean."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lvnav_trade.engines.lincov.receiver_error import N_CLONE, N_NAV

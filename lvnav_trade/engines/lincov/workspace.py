@@ -1,12 +1,9 @@
 """What a pass of linear covariance holds over the nominal flight, fills, and records for the backward pass."""
 
-from __future__ import annotations
-
 from collections import namedtuple
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lvnav_trade.engines.lincov.components import Components, initial_state
 from lvnav_trade.engines.lincov.receiver_error import N_SOLUTION_ENTRY
@@ -19,9 +16,7 @@ from lvnav_trade.kernels.lanes import zeros_of
 from lvnav_trade.kernels.strapdown import N_SUM
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.receivers.base import N_STATE
-from lvnav_trade.records import Floats
-
-Ints = NDArray[np.int64]
+from lvnav_trade.records import Floats, Ints
 
 
 class JointCovariance(NamedTuple):

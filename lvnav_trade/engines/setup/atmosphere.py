@@ -1,7 +1,5 @@
 """What the true atmosphere does to the signals of a flight, and what the filter's correction makes of it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from datetime import datetime, timedelta
 from functools import cache

@@ -1,20 +1,15 @@
 """Which errors the measurements of a case share: their causes, sizes, memory, and how each enters every row."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lvnav_trade.engines.setup.inputs import Shared
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.layout import StateLayout
 from lvnav_trade.observables.partials import Channels, Geometry, members, partial
-from lvnav_trade.records import Floats
-
-Ints = NDArray[np.int64]
+from lvnav_trade.records import Floats, Ints
 
 RECORDED = "recorded"  # kind of a family whose component is not drawn: the run's start in a recording sets it
 

@@ -1,14 +1,11 @@
 """What a flight takes in, in numbers for the kernels: schedule, unit, signals, start, record."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from lvnav_trade.records import Floats, Ints
 
 
 class Schedule(NamedTuple):

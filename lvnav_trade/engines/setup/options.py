@@ -1,12 +1,9 @@
 """Parts of a flight that not every case has, from the cards: a receiver that solves itself, late measurements."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lvnav_trade.engines.setup.inputs import Schedule
 from lvnav_trade.errors import InputError, Mistake
@@ -21,11 +18,20 @@ from lvnav_trade.receivers.base import (
     filter_model,
     point_model,
 )
-from lvnav_trade.records import Floats
+from lvnav_trade.records import Floats, Ints
 from lvnav_trade.scenario import Scenario, epoch_interval, solves
 from lvnav_trade.world.receiver.receiver import BancroftSolution, DirectSolution, FilteredSolution, OwnCovariance
 
-Ints = NDArray[np.int64]
+
+class Kept(NamedTuple):
+    """Ticks at whose end the state of an epoch's measurement is kept, and its velocity before; offset (n_epoch,) s from
+    the tick to the time of validity, base (n_epoch,) s from the earlier tick to it.
+    """
+
+    valid: Ints
+    early: Ints
+    offset: Floats
+    base: Floats
 
 
 def direct(scenario: Scenario) -> DirectSolution:
@@ -144,17 +150,6 @@ def _stored_at_once(at: Kept, ticks: float) -> int:
 def _epochs_at(ends: Ints, ticks: Ints) -> Ints:
     """Return the first epoch whose tick a window ends at, and the one after the last, (n_window, 2); ticks rise."""
     return np.stack([np.searchsorted(ticks, ends, side) for side in ("left", "right")], axis=1).astype(np.int64)
-
-
-class Kept(NamedTuple):
-    """Ticks at whose end the state of an epoch's measurement is kept, and its velocity before; offset (n_epoch,) s from
-    the tick to the time of validity, base (n_epoch,) s from the earlier tick to it.
-    """
-
-    valid: Ints
-    early: Ints
-    offset: Floats
-    base: Floats
 
 
 def kept_at(scenario: Scenario, t_epoch: Floats, delay: Floats | None, t: Floats, group: int) -> Kept | None:

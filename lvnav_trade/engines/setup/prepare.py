@@ -1,14 +1,11 @@
 """A scenario made ready for both engines: everything that is the same for all runs, computed once."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lvnav_trade.engines.setup.atmosphere import Delays, delays
 from lvnav_trade.engines.setup.families import ErrorFamily, shared_of
@@ -36,7 +33,7 @@ from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.layout import StateLayout, outputs, solution_outputs
 from lvnav_trade.observables.partials import Channels
-from lvnav_trade.records import Floats, Output, Reference, Sky
+from lvnav_trade.records import Floats, Ints, Output, Reference, Sky
 from lvnav_trade.scenario import Scenario, epoch_interval, filter_models, has_covariance, reported, solves
 from lvnav_trade.scenario import measured as measured_by
 from lvnav_trade.sources import IMU_NOISE
@@ -62,7 +59,6 @@ from lvnav_trade.world.receiver.visibility import sky
 from lvnav_trade.world.sensors.imu import ErrorBlock, ImuCard, error_blocks, lag
 from lvnav_trade.world.sky.satellites import time_offsets
 
-Ints = NDArray[np.int64]
 # Sensor, start and end (s) of its growth, amplitude (SI): a bias that is the same in every run.
 Profile = tuple[int, float, float, tuple[float, float, float]]
 # What begins with a step is a profile that grows within this time (s), far less than an IMU tick.

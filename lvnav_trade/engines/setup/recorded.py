@@ -1,7 +1,5 @@
 """A recording of a receiver's errors on a flight: what every run sees alike, and what a run's start chooses."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the sensors beside the receiver measure on the nominal flight, when, and what the filter assumes of it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import NamedTuple
 

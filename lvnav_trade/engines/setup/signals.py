@@ -1,7 +1,5 @@
 """What a receiver measures on the nominal flight, and what is common to all runs of it: Signals for the kernels."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -5,8 +5,6 @@ before, w white errors of ranges, rates and clock, c errors that measurements sh
 simulated solution is the case without memory: s+ = -w - c. See `receivers.cascade` for the receiver's own filter.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -32,9 +30,7 @@ from lvnav_trade.receivers.cascade import (
     reported_covariance,
     started,
 )
-from lvnav_trade.records import Floats
-
-Ints = NDArray[np.int64]
+from lvnav_trade.records import Floats, Ints
 
 # Where a white error comes from.
 RANGE, RATE, CLOCK, PLACE, SPEED = 0, 1, 2, 3, 4

@@ -1,18 +1,14 @@
 """What every run draws once, at its start: turn-on errors of the unit and initial errors, as standard normals."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.random import normals, seed_words
-
-if TYPE_CHECKING:
-    from lvnav_trade.engines.setup.prepare import Prepared
 
 _ZERO = np.uint64(0)
 INITIAL = ("initial attitude", "initial velocity", "initial position")
@@ -26,7 +22,7 @@ class StartDraws(NamedTuple):
     axes: tuple[str, ...]
     values: NDArray[np.float64]
 
-    def pieces(self, n_run: int = 500) -> Iterator[StartDraws]:
+    def pieces(self, n_run: int = 500) -> Iterator[Self]:
         """Yield the draws of so many runs after another."""
         for first in range(0, len(self.runs), n_run):
             here = slice(first, first + n_run)

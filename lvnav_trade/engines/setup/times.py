@@ -1,20 +1,15 @@
 """When a flight is looked at: epochs, history times, ticks whose state is kept, and the windows between them."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lvnav_trade.engines.setup.inputs import Schedule
 from lvnav_trade.engines.setup.options import Kept
-from lvnav_trade.records import Floats, Reference
+from lvnav_trade.records import Floats, Ints, Reference
 from lvnav_trade.scenario import Scenario, epoch_interval
 from lvnav_trade.world.flight.trajectory import Trajectory
-
-Ints = NDArray[np.int64]
 
 
 def _ticks(times: Floats, start: float, rate: float, n_imu: int, group: int = 1) -> Ints:

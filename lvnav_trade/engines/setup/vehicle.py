@@ -1,7 +1,5 @@
 """The filter's model of the vehicle's motion: envelope of its changes, samples of the IMU as measurements."""
 
-from __future__ import annotations
-
 import math
 import re
 from typing import NamedTuple

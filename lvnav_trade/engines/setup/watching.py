@@ -1,7 +1,5 @@
 """The rules of a filter's logic in numbers, and what the receiver's own checks say of every sample."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """One simulated flight, of one run or of eight at once: truth and filter meet in measurements only."""
 
-from __future__ import annotations
-
 from lvnav_trade.engines.simulate.recording import hold_solution, record
 from lvnav_trade.engines.simulate.sensing import begin, begin_solver, measure_sensors, observe, sense
 from lvnav_trade.filters.ekf import clear_epoch, predict_window

@@ -1,7 +1,5 @@
 """Monte Carlo: run_block(prepared, seed, first_run, n_run) -> RunBlock, eight runs at a time."""
 
-from __future__ import annotations
-
 from collections import namedtuple
 from collections.abc import Iterator
 from typing import Any, NamedTuple

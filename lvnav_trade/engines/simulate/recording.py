@@ -1,7 +1,5 @@
 """What a simulation run leaves at a history time: errors (truth minus estimate), sigmas, NEES, failure."""
 
-from __future__ import annotations
-
 from lvnav_trade.filters.feedforward import apply_correction, remove_correction
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.attitude import matrix, small_rotation

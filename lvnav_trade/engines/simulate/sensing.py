@@ -1,7 +1,5 @@
 """What is true in one run, or in eight at once: how it starts, what the unit puts out, what the receiver measures."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from lvnav_trade.kernels import processes

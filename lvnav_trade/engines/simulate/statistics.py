@@ -1,7 +1,5 @@
 """What is kept of a block of runs: sums, histograms, one row per run and event; mergeable in run order."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from itertools import pairwise
 from typing import Any, NamedTuple
