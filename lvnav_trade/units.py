@@ -28,7 +28,7 @@ from lvnav_trade.limits import EXPONENT, LARGEST, LARGEST_ELSE, QUANTITY_LENGTH,
 
 
 @lru_cache(maxsize=1)
-def registry() -> pint.UnitRegistry[Any]:
+def registry() -> "pint.UnitRegistry[Any]":
     """Return the one unit registry: pint's own, the spellings of inertial datasheets, and angles as a dimension.
 
     With pint's own dimensionless radian 10 rad/s would be read as 10 Hz.

@@ -132,12 +132,6 @@ BAD: dict[str, tuple[str, str, str, str]] = {
         "vehicles/smal",
         "configs/trajectories/climb.yaml:5:10: base.trajectory.vehicle: no card 'vehicles/smal' (did you mean 'vehicles/small'?)",
     ),
-    "an_unknown_key_of_a_trajectory_is_answered_with_those_of_the_trajectory": (
-        "configs/trajectories/climb.yaml",
-        "vehicle: vehicles/small",
-        "vehicle: vehicles/small\npad_hol: 2 s",
-        "configs/trajectories/climb.yaml:6:1: base.trajectory.pad_hol: unknown key (did you mean 'pad_hold'?)",
-    ),
     "a_card_that_names_itself_is_refused": (
         "configs/imu/good.yaml",
         "name: good",

@@ -88,4 +88,10 @@ NEAR: dict[str, tuple[str, str, str, str]] = {
         "  imu: imu/good\n  sensors: {radar: {card: altimeters/radar_004, rate: 3 Hz}}",
         "campaign.yaml:6:55: base.sensors.radar.rate: 3 Hz does not divide the update rate of 1 Hz",
     ),
+    "an_unknown_key_of_a_trajectory_is_answered_with_those_of_the_trajectory": (
+        "configs/trajectories/climb.yaml",
+        "vehicle: vehicles/small",
+        "vehicle: vehicles/small\npad_hol: 2 s",
+        "configs/trajectories/climb.yaml:6:1: base.trajectory.pad_hol: unknown key (did you mean 'pad_hold'?)",
+    ),
 }
