@@ -29,7 +29,7 @@ SOURCES = ("bias", "scale factor", "velocity random walk", "fix bias", "fix nois
 BIASED, SCALED, WALKED, FIXED, NOISY, STARTED = range(len(SOURCES))
 # As much of the engine's records as the shared error of a fix needs.
 Fixes = namedtuple("Fixes", "shared partial n_receiver shift")
-Shares = namedtuple("Shares", "member partial")
+Shares = namedtuple("Shares", "member partial extra")
 X = np.array([VEL, POS, BIAS])  # the states of the one axis that counts
 
 
@@ -75,15 +75,17 @@ def linear(gain, mismatch=True):
     P[STARTED, VEL, VEL], P[STARTED, POS, POS] = START_VEL**2, START_POS**2
     variance[[BIASED, SCALED, FIXED]] = SIGMA_BIAS**2, SCALE**2, FIX_BIAS**2
     factors[BIASED], noise[BIASED] = DECAY if mismatch else DECAY_HAT, DRIFT
-    decay, white, number = np.ones(N), np.zeros((n_source, N)), np.array
+    decay, white = np.ones(N), np.zeros((n_source, N))
     decay[BIAS:], white[WALKED, VEL] = DECAY_HAT, WALK**2 * DT
     joint, scratch, true, model = small(
         P, variance, factor=factors, noise=noise, decay=decay, white=white, blocks=BLOCKS, rows=ROWS,
-        columns=COLUMNS, seconds=DT, state_source=number([BIASED]), state_slot=number([0]), state_at=number([BIAS]),
-        shared_source=number([FIXED]), shared_slot=number([0]), shared_family=number([-1]),
+        columns=COLUMNS, seconds=DT, state=np.where(np.arange(n_source) == BIASED, BIAS, -1), first_shared=FIXED,
+        shared_family=np.array([-1]),
     )  # fmt: skip
     of_lanes(joint.cross, BIASED)[0, BIAS] = SIGMA_BIAS**2
-    signals = Fixes(Shares(np.zeros((1, 1), dtype=np.int64), np.ones((1, 1, 1))), np.zeros((0, 1, 1)), 6, 0)
+    signals = Fixes(
+        Shares(np.zeros((1, 1), dtype=np.int64), np.ones((1, 1, 1)), np.array([-1])), np.zeros((0, 1, 1)), 6, 0
+    )
     out = []
     for force, k in zip(FORCE, gain, strict=True):
         of_lanes(scratch.b, SCALED)[0, [VEL, POS]] = -force * DT, -0.5 * force * DT**2
