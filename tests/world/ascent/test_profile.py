@@ -28,7 +28,7 @@ from tests.world.flights import record_card, record_settings, recorded
 SITE = Site(latitude="-38.6 deg", longitude="-62 deg", height="20 m")
 AZIMUTH = 1.1
 T = np.linspace(0.0, 500.0, 201)
-CLIMB = Climb(make_interp_spline(T, 1.2 * T**2, k=5), make_interp_spline(T, 0.03 * T**2, k=4), 0.0)
+CLIMB = Climb(make_interp_spline(T, 1.2 * T**2, k=5), make_interp_spline(T, 0.03 * T**2, k=5), 0.0)
 
 
 @pytest.fixture(scope="module")
