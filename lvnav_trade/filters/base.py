@@ -185,7 +185,7 @@ class FilterCard(Card):
     )
     covariance_rate: units.Frequency = 10.0
     update_rate: units.Frequency = 1.0
-    consider: tuple[ParameterState, ...] = Field((), description="states propagated but not estimated (Schmidt)")
+    consider: tuple[ParameterState, ...] = Field((), description="not estimated, but their covariance counts (Schmidt)")
     neglect: tuple[Literal["gyro_bias", "accel_bias"], ...] = Field((), description="standard states left out")
     update: Literal["symmetric", "joseph"] = "symmetric"
     transition_order: Literal[1, 2] = 2

@@ -94,7 +94,7 @@ def fill_tight(work, model, signals, epoch):
 def fill_loose(work, model, signals, epoch):
     """Set three position and three velocity rows; z holds measured minus predicted."""
     for row in range(6):
-        if model.has_covariance:  # rows are mixed afterwards: what a row lacks is zero
+        if model.has_covariance:  # decorrelated afterwards: what a row lacks is zero
             for e in range(model.extra_offset.shape[0]):
                 work.H[row, N_ENTRY + e] = like(work.x[0], 0.0)
         predicted = solution.row(work.H[row], work.antenna[0], row)
@@ -134,7 +134,7 @@ def channel_of(model, signals, epoch, row):
 
 
 @jit
-def weigh(work, rx, late, gains, model, signals, epoch):
+def decorrelate(work, rx, late, gains, model, signals, epoch):
     """Decorrelate the rows of a solution by the covariance that it comes with, if it comes with one. With stored gains
     (Gains) they stay as they are.
     """
@@ -166,20 +166,20 @@ def separate(covariance, model):
 
 
 @inlined
-def update_and_count(work, gains, model, signals, epoch, row, channel, mixed, gate_squared):
+def update_and_count(work, gains, model, signals, epoch, row, channel, whitened, gate_squared):
     """Update by one filled row of a channel, with a stored gain (Gains) or, without (None), that of the covariance;
     store its innovation and count it: accepted, or rejected by the gate.
     """
     n = model.n_entry[channel]
     entries, columns = model.entry[channel, :n], model.column[channel, :n]
     if gains is None:
-        variance = 1.0 if mixed else signals.variance[epoch, channel]
+        variance = 1.0 if whitened else signals.variance[epoch, channel]
         normalised, weight = update_scalar(
             work.P, work.x, work.K, work.H[row], entries, columns, work.z[row], variance, gate_squared,
             model.n_estimated, model.joseph,
         )  # fmt: skip
     else:
-        variance = work.reported[row, row] if mixed else like(work.x[0], signals.variance[epoch, channel])
+        variance = work.reported[row, row] if whitened else like(work.x[0], signals.variance[epoch, channel])
         normalised, weight = update_with_gain(
             work.P, work.x, work.K, work.H[row], entries, columns, gains.gain[epoch, channel], work.z[row], variance,
             gate_squared, model.n_estimated,

@@ -38,7 +38,7 @@ def new_open_loop(n_state: int, n_par: int, n_extra: int, lanes: int = 0) -> Ope
 
 
 @jit
-def carry(work, open_loop, model, length):
+def propagate_open_loop(work, open_loop, model, length):
     """Propagate the error state of an open loop over a window, with the blocks that `predict_window` has filled."""
     if open_loop is not None:
         apply_phi(
@@ -139,7 +139,7 @@ def _process_permitted(work, open_loop, rules, late, gains, model, signals, epoc
     if rules.good[epoch]:
         _sample_variance(watch.predicted, work.rx, signals.variance[epoch], rules.from_gnss)
         monitor.start_filter(work.P, work.x, watch, rules, work.z)
-        ekf.weigh(work, work.rx, late, gains, model, signals, epoch)
+        ekf.decorrelate(work, work.rx, late, gains, model, signals, epoch)
         used = watch.sample[0] > 0.0
         ekf.update_receiver(work, gains, model, signals, epoch, where(used, model.gate_squared, -1.0))
         for row in range(n_row):
@@ -159,7 +159,7 @@ def process_measurements(work, open_loop, rules, late, gains, sensors, model, si
     if rules is None:
         if ekf.n_measured(model, signals, epoch) > 0:
             ekf.fill_receiver(work, model, signals, epoch)
-            ekf.weigh(work, work.rx, late, gains, model, signals, epoch)
+            ekf.decorrelate(work, work.rx, late, gains, model, signals, epoch)
             _compare_late(work, open_loop, late, model, signals, epoch)
             ekf.update_receiver(work, gains, model, signals, epoch, model.gate_squared)
         ekf.update_sensors(work, gains, sensors, model, signals, epoch, model.gate_squared)

@@ -29,7 +29,7 @@ class FilterModel(NamedTuple):
     (n_channel,): the channel is processed; n_receiver of them are the receiver's (0: none is processed); rate_sign: see
     `observables.base.antenna`; gravity code; block_rows, block_columns, block_kinds, block_drivers (n_block,); seconds
     (n_length,) distinct window lengths, decay and noise (n_length, n_state) per length; clock index; n_estimated,
-    n_state; par_sensor, par_driver, par_offset (n_par,); constant_only (biases without a time constant); fading (any
+    n_state; par_sensor, par_driver, par_offset (n_par,); biases_only (no scale factor or misalignment); fading (any
     decay); gate_squared; joseph; group (ticks to a strapdown step); row_type, n_entry (n_channel,), entry and column
     (n_channel, n) by channel; lever_arms (n_antenna, 3) m; extra_offset (n_extra,) state of each extra one,
     extra_member (n_extra_family, n_channel) extra state in a channel, -1 none; every: of how many epochs the filter
@@ -56,7 +56,7 @@ class FilterModel(NamedTuple):
     par_sensor: Ints
     par_driver: Ints
     par_offset: Ints
-    constant_only: bool
+    biases_only: bool
     fading: bool
     gate_squared: float
     joseph: bool
@@ -195,9 +195,9 @@ def _rate_state(layout: StateLayout) -> int:
     return found[0] if found else -1
 
 
-def _row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, mixed: bool) -> tuple[Ints, Ints, Ints]:
-    """Return per channel how many entries its rows have, which, and the states that they stand for; mixed rows of a
-    solution have the entries of all of them.
+def _row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, whitened: bool) -> tuple[Ints, Ints, Ints]:
+    """Return per channel how many entries its Jacobian row has, which, and the states that they stand for; a whitened
+    solution's rows have the entries of all of them.
     """
     position = [(H_POS + i, POS + i) for i in range(3)]
     velocity = [(H_VEL + i, VEL + i) for i in range(3)]
@@ -208,17 +208,17 @@ def _row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, mixed: boo
     types = {
         PSEUDORANGE: position + attitude + bias,
         RANGE_RATE: position + attitude + velocity + rate + drift,
-        POSITION: position + attitude + (velocity + rate if mixed else []),
-        VELOCITY: velocity + attitude + rate + (position if mixed else []),
+        POSITION: position + attitude + (velocity + rate if whitened else []),
+        VELOCITY: velocity + attitude + rate + (position if whitened else []),
     }
     whole = {"position": position, "velocity": velocity, "attitude": [(H_ATT + i, ATT + i) for i in range(3)]}
     for card in SENSORS:
         types[TYPES[card.measurement]] = [pair for name in card.jacobian for pair in whole[name]]
     extras = [e.offset + i for e in layout.extras for i in range(len(e.labels))]
     count = np.zeros(row_type.size, dtype=np.int64)
-    pairs = np.zeros((2, row_type.size, N_ENTRY + len(extras if mixed else layout.extras)), dtype=np.int64)
+    pairs = np.zeros((2, row_type.size, N_ENTRY + len(extras if whitened else layout.extras)), dtype=np.int64)
     for channel, kind in enumerate(row_type.tolist()):
-        if mixed:
+        if whitened:
             own = [(N_ENTRY + e, at) for e, at in enumerate(extras) if kind in (POSITION, VELOCITY)]
         else:
             own = [(N_ENTRY + f, e.offset + int(e.member[channel])) for f, e in enumerate(layout.extras)
@@ -290,7 +290,7 @@ def build_filter_model(
         par_sensor=np.array([b.sensor for b in layout.parameters], dtype=np.int64),
         par_driver=np.array([b.driver for b in layout.parameters], dtype=np.int64),
         par_offset=np.array([b.offset for b in layout.parameters], dtype=np.int64),
-        constant_only=all(b.driver == transition.CONSTANT for b in layout.parameters),
+        biases_only=all(b.driver == transition.CONSTANT for b in layout.parameters),
         fading=bool(np.any(decay != 1.0)),
         gate_squared=math.inf if card.gate is None else card.gate**2,
         joseph=card.update == "joseph",

@@ -71,9 +71,9 @@ def error(table, axis, own_0, own_1, own_2, other_0, other_1, other_2, square, d
 
 
 @inlined
-def _errors(gyro, accel, constant_only, a0, a1, a2, f0, f1, f2, dt):
+def _errors(gyro, accel, biases_only, a0, a1, a2, f0, f1, f2, dt):
     """Return the errors of a tick's increments, of the gyro (a0, a1, a2) and of the accelerometer (f0, f1, f2)."""
-    if constant_only:
+    if biases_only:
         return dt * gyro[0], dt * gyro[1], dt * gyro[2], dt * accel[0], dt * accel[1], dt * accel[2]
     return (
         error(gyro, 0, a0, a1, a2, f0, f1, f2, a0 * a0 / dt, dt),
@@ -104,7 +104,7 @@ def corrupt(increments, at, first_tick, n_tick, dtheta, dvel, gyro, accel, noise
     gyro, accel : (24,) tables of `gather`
     noise : (4,) standard deviation of white noise per tick (gyro, accel), quantisation steps (0: none)
     remainder : (6,) what quantisation has held back; updated
-    unit : NamedTuple with dt, noise_source, lean (only constant parameters are present)
+    unit : NamedTuple with dt, noise_source, biases_only (no scale factor or other driver)
     """
     dt = unit.dt
     for k in range(n_tick):
@@ -114,7 +114,7 @@ def corrupt(increments, at, first_tick, n_tick, dtheta, dvel, gyro, accel, noise
         epoch = np.uint64(tick)
         n0, n1, n2, n3 = normals(k0, k1, unit.noise_source, run, epoch, np.uint64(0))
         n4, n5, _, _ = normals(k0, k1, unit.noise_source, run, epoch, np.uint64(1))
-        e0, e1, e2, e3, e4, e5 = _errors(gyro, accel, unit.constant_only, a0, a1, a2, f0, f1, f2, dt)
+        e0, e1, e2, e3, e4, e5 = _errors(gyro, accel, unit.biases_only, a0, a1, a2, f0, f1, f2, dt)
         increments[out, 0], increments[out, 1], increments[out, 2] = (
             a0 + e0 + noise[0] * n0, a1 + e1 + noise[0] * n1, a2 + e2 + noise[0] * n2,
         )  # fmt: skip
@@ -131,7 +131,7 @@ def corrupt(increments, at, first_tick, n_tick, dtheta, dvel, gyro, accel, noise
 
 
 @jit
-def compensate(increments, n_tick, gyro, accel, constant_only, dt):
+def compensate(increments, n_tick, gyro, accel, biases_only, dt):
     """Take the filter's estimate of the unit's errors off the window's increments: increments updated.
 
     The parameters multiply the true input; the measured one stands for it in a first pass and the corrected in a
@@ -142,7 +142,7 @@ def compensate(increments, n_tick, gyro, accel, constant_only, dt):
         f0, f1, f2 = increments[k, 3], increments[k, 4], increments[k, 5]
         w0, w1, w2, g0, g1, g2 = a0, a1, a2, f0, f1, f2
         for _ in range(2):
-            e0, e1, e2, e3, e4, e5 = _errors(gyro, accel, constant_only, w0, w1, w2, g0, g1, g2, dt)
+            e0, e1, e2, e3, e4, e5 = _errors(gyro, accel, biases_only, w0, w1, w2, g0, g1, g2, dt)
             w0, w1, w2, g0, g1, g2 = a0 - e0, a1 - e1, a2 - e2, f0 - e3, f1 - e4, f2 - e5
         increments[k, 0], increments[k, 1], increments[k, 2] = w0, w1, w2
         increments[k, 3], increments[k, 4], increments[k, 5] = g0, g1, g2

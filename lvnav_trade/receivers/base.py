@@ -54,7 +54,7 @@ class PointModel(NamedTuple):
     reported: ReportedCovariance
 
 
-class FilterModel(NamedTuple):
+class ReceiverFilter(NamedTuple):
     """Settings of the receiver's filter over its interval (s).
 
     blocks (n_block, 9) of Phi at rows, columns (n_block,); ones, zeros (11,); decay, to_velocity, to_position: how
@@ -178,7 +178,7 @@ def _acting(dt: float, time: float) -> tuple[float, float, float]:
     return math.exp(-dt / time), to_velocity, time * (dt - to_velocity)
 
 
-def filter_model(
+def receiver_filter(
     reported: ReportedCovariance,
     interval: float,
     range_sigma: float,
@@ -196,7 +196,7 @@ def filter_model(
     rate_limit: float | None = None,
     restart_after: int | None = None,
     longest_coast: float | None = None,
-) -> FilterModel:
+) -> ReceiverFilter:
     """Turn settings of the receiver's filter into numbers for one interval (s) between epochs.
 
     With `acceleration` its derivative is the driving noise (drive_sigma in m/s^3, drive_gain in 1/s^2); without it the
@@ -210,7 +210,7 @@ def filter_model(
         pairs += [(POS, ACC, to_position), (VEL, ACC, to_velocity), (ACC, ACC, decay - 1.0)]  # as they act, one by one
     blocks = np.array([value * np.eye(3).ravel() for _, _, value in pairs])
     drive = [dt, 0.5 * dt**2, dt**3 / 6.0] if acceleration else [0.0, dt, 0.5 * dt**2]
-    return FilterModel(
+    return ReceiverFilter(
         interval=dt,
         blocks=blocks,
         rows=np.array([row for row, _, _ in pairs], dtype=np.int64),
@@ -238,7 +238,7 @@ def filter_model(
     )
 
 
-def transition(model: FilterModel) -> Floats:
+def transition(model: ReceiverFilter) -> Floats:
     """Return Phi (11, 11) of the receiver's filter over an interval."""
     phi = np.eye(N_STATE)
     for row, column, block in zip(model.rows, model.columns, model.blocks, strict=True):

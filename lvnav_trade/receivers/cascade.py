@@ -25,8 +25,8 @@ from lvnav_trade.receivers.base import (
     N_STATE,
     POS,
     VEL,
-    FilterModel,
     PointModel,
+    ReceiverFilter,
     ReportedCovariance,
     transition,
 )
@@ -81,7 +81,7 @@ def point_gain(rows: Floats) -> Floats:
     return found
 
 
-def noises(model: FilterModel, acceleration: Floats, n_row: int) -> tuple[Floats, Floats]:
+def noises(model: ReceiverFilter, acceleration: Floats, n_row: int) -> tuple[Floats, Floats]:
     """Return the filter's own process noise (11, 11) and variances (n_row,) of rows under a nominal acceleration."""
     x, y, z, ranges, rates = adapted(*(float(a) for a in acceleration), model)
     noise = np.zeros((N_STATE, N_STATE))
@@ -117,7 +117,7 @@ def point_solution(model: PointModel, rows: Floats) -> Gains:
     return Gains(np.zeros((N_STATE, N_STATE)), np.zeros((N_STATE, N_STATE)), gain, P)
 
 
-def started(model: FilterModel, point: PointModel, rows: Floats) -> Gains:
+def started(model: ReceiverFilter, point: PointModel, rows: Floats) -> Gains:
     """Return the epoch of the fix that starts the filter; the error of acceleration is the whole of it afterwards."""
     found, acceleration = point_solution(point, rows), range(ACC, ACC + 3)
     found.P[acceleration, acceleration] = model.start
@@ -125,7 +125,7 @@ def started(model: FilterModel, point: PointModel, rows: Floats) -> Gains:
     return found
 
 
-def filtered(P: Floats, model: FilterModel, rows: Floats, acceleration: Floats) -> Gains:
+def filtered(P: Floats, model: ReceiverFilter, rows: Floats, acceleration: Floats) -> Gains:
     """Return the epoch of a running filter whose covariance was P; with no rows it carries on."""
     noise, variance = noises(model, acceleration, len(rows))
     phi = transition(model)
@@ -135,7 +135,7 @@ def filtered(P: Floats, model: FilterModel, rows: Floats, acceleration: Floats) 
     return Gains(phi, keep, gain, keep @ P @ keep.T + (gain * variance) @ gain.T)
 
 
-def mismatch(model: FilterModel, acceleration: Floats, v_i: Floats, r_i: Floats) -> Floats:
+def mismatch(model: ReceiverFilter, acceleration: Floats, v_i: Floats, r_i: Floats) -> Floats:
     """Return d (n_epoch, 11): what true motion (n_epoch, 3) adds to the filter's error; at the first epoch the state.
 
     Without acceleration states there is no error of them: give zeros for the acceleration.

@@ -212,7 +212,7 @@ def step(rx, model, point, satellite, satellite_velocity, used, n_used, ranges):
 
     Parameters
     ----------
-    rx : Receiver, after `switch_on`; updated. model : FilterModel; point : PointModel, of the fix that starts it
+    rx : Receiver, after `switch_on`; updated. model : ReceiverFilter; point : PointModel, of the fix that starts it
     satellite, satellite_velocity, used, n_used, ranges : as of `bancroft.fix`
 
     Returns
@@ -252,7 +252,7 @@ def solve(rx, point, filtering, satellite, satellite_velocity, used, n_used, ran
 
     Parameters
     ----------
-    point : PointModel; filtering : FilterModel, or None where the point solution itself is handed out
+    point : PointModel; filtering : ReceiverFilter, or None where the point solution itself is handed out
     satellite, satellite_velocity, used, n_used, ranges : as of `bancroft.fix`
     """
     if filtering is None:

@@ -80,8 +80,8 @@ class Feed(NamedTuple):
     start: float
 
 
-class FilterModel(NamedTuple):
-    """Envelopes of `EnvelopeCard` that depend on commands."""
+class CommandedEnvelope(NamedTuple):
+    """CommandedEnvelope of `EnvelopeCard` that depend on commands."""
 
     burn: float
     coast: float

@@ -19,8 +19,8 @@ from lvnav_trade.steering.loop import (
     N_SUM,
     RAW,
     TRUE,
+    CommandedEnvelope,
     Feed,
-    FilterModel,
     Law,
     Plant,
     fly_run,
@@ -94,7 +94,7 @@ def fly_missions(
     sums = np.zeros((runs, 2, N_PHASE, N_SUM))
     movement = np.empty((runs, 2))
     k0, k1 = seed_words(seed)
-    settings = (_plant(launch.rotation), _law(launch), _feed(launch, feedback), _filter_model(launch.envelope))
+    settings = (_plant(launch.rotation), _law(launch), _feed(launch, feedback), _commanded_envelope(launch.envelope))
     for n in range(runs):
         movement[n] = fly_run(
             launch.body, launch.phase, *settings, launch.wind.spread, k0, k1, np.uint64(first_run + n), every,
@@ -133,5 +133,5 @@ def _feed(launch: Launch, card: FeedbackCard) -> Feed:
     return Feed(_RATES[card.rate], navigated, noise, bias, card.reference_sigma, ticks, gain, start)
 
 
-def _filter_model(card: EnvelopeCard) -> FilterModel:
-    return FilterModel(*(getattr(card, name) for name in FilterModel._fields))
+def _commanded_envelope(card: EnvelopeCard) -> CommandedEnvelope:
+    return CommandedEnvelope(*(getattr(card, name) for name in CommandedEnvelope._fields))

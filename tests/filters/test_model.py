@@ -68,7 +68,7 @@ def test_a_tight_filter_has_17_states_and_a_loose_one_no_clock():
 def test_extra_states_take_one_block_for_each_driver():
     layout, model = accepted(extra_states=("gyro_scale_factor", "gyro_misalignment", "gyro_g_sensitivity"))
     assert layout.n_state == 17 + 3 * (1 + 2 + 3)
-    assert not model.constant_only
+    assert not model.biases_only
     offsets = [b.offset for b in layout.parameters]
     assert offsets == sorted(set(offsets))
     assert layout.clock == max(offsets) + 3

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.receivers.base import BIAS, DRIFT, N_STATE, FilterModel
+from lvnav_trade.receivers.base import BIAS, DRIFT, N_STATE, ReceiverFilter
 from lvnav_trade.receivers.cascade import SOLUTION, Gains, reported_covariance
 from lvnav_trade.records import Floats
 
@@ -37,7 +37,7 @@ def propagate(
     pushes: Floats,
     clock: Floats,
     variances: list[Floats],
-    model: FilterModel,
+    model: ReceiverFilter,
     outer: Outer,
     P: Floats,
     shared: Floats,

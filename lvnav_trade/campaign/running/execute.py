@@ -175,7 +175,7 @@ class _Run:
         answers = self._answers(on_answers)
         able = [case for case, found in zip(self.cases, answers, strict=True) if not found.error]
         why = "what is behind its linear covariance"
-        self._per_case("explanations", work.explain, [(self.job, case) for case in able], why)
+        self._per_case("diagnostics", work.explain, [(self.job, case) for case in able], why)
         unfinished = self._fly(able)
         whole = self._close([case for case in able if case.id not in unfinished])
         _end_workers(self.jobs)  # the page is made by this process alone: their memory is of no use to it

@@ -99,8 +99,8 @@ def _gather(triangle, phi, D, row_of, sums, h, tape, schedule, unit, signals, tr
                 apply_phi(phi[j], D, true.nav_rows, true.nav_columns, decay, model.clock, seconds)
         for row in range(tape.first[w], tape.first[w + 1]):
             channel = tape.channel[row]
-            mixed = model.has_covariance and channel < signals.n_receiver
-            variance = 1.0 if mixed else signals.variance[tape.epoch[row], channel]
+            whitened = model.has_covariance and channel < signals.n_receiver
+            variance = 1.0 if whitened else signals.variance[tape.epoch[row], channel]
             weight = 1.0 / np.sqrt(variance)
             for j in range(n):
                 total = 0.0

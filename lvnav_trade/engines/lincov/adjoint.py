@@ -39,17 +39,17 @@ def _dot(a, b):
 
 
 @jit
-def _update_back(back, gain, h, epoch, channel, time_bin, mixed, ring, signals, true):
+def _update_back(back, gain, h, epoch, channel, time_bin, whitened, ring, signals, true):
     """Go back through one update: what its noise put in, and the multipliers before it."""
     source = true.noise_source[channel]
     # what is in a decorrelated solution went in with the solution's own error
-    variance = 0.0 if mixed else signals.sigma[epoch, measured_channel(signals, channel)] ** 2
+    variance = 0.0 if whitened else signals.sigma[epoch, measured_channel(signals, channel)] ** 2
     for m in range(back.e.shape[0]):
         through = _dot(gain, back.e[m])
         if variance > 0.0:
             back.contribution[m, source, time_bin] += through * through * variance
-        for family in range(n_entering(signals, mixed)):
-            c, partial = component_partial(h, signals, true, family, epoch, channel, mixed)
+        for family in range(n_entering(signals, whitened)):
+            c, partial = component_partial(h, signals, true, family, epoch, channel, whitened)
             if c >= 0:
                 back.c[m, true.first_shared + c] -= through * partial
         for k in range(true.n_entry[channel]):
@@ -163,10 +163,10 @@ def go_back(
         time_bin = time_bins[w]
         for row in range(tape.first[w + 1] - 1, tape.first[w] - 1, -1):
             epoch, channel = tape.epoch[row], tape.channel[row]
-            mixed, ring = chain is not None and channel < signals.n_receiver, 0
+            whitened, ring = chain is not None and channel < signals.n_receiver, 0
             if late is not None:
                 ring = epoch % late.n_ring
-            _update_back(back, tape.gain[row], tape.h[row], epoch, channel, time_bin, mixed, ring, signals, true)
+            _update_back(back, tape.gain[row], tape.h[row], epoch, channel, time_bin, whitened, ring, signals, true)
         if chain is not None and schedule.epoch[w] >= 0:
             solution_back(back, scratch.y, chain, true, schedule.epoch[w], time_bin)
         if schedule.n_tick[w] == 0:

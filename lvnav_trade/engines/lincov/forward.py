@@ -79,11 +79,11 @@ def _weight(nominal, formal, model, chain, late, gains, epoch):
 
 @inlined
 def _update(
-    out, joint, scratch, tape, nominal, signals, true, model, late, gains, row, channel, variance, mixed, epoch
+    out, joint, scratch, tape, nominal, signals, true, model, late, gains, row, channel, variance, whitened, epoch
 ):
     """Update by a row of a channel, and count it."""
     square = update_joint(
-        joint, scratch, tape, late, gains, nominal.H[row], nominal.z[row], epoch, channel, variance, mixed, signals,
+        joint, scratch, tape, late, gains, nominal.H[row], nominal.z[row], epoch, channel, variance, whitened, signals,
         true, model,
     )  # fmt: skip
     out.expected_nis[epoch] += square
@@ -94,15 +94,15 @@ def _update(
 @inlined
 def _update_receiver(out, joint, scratch, tape, nominal, signals, true, model, chain, late, gains, epoch):
     """Update by what the receiver measures at an epoch."""
-    mixed = chain is not None
+    whitened = chain is not None
     for row in range(n_measured(model, signals, epoch)):
         channel = channel_of(model, signals, epoch, row)
         if model.measured[channel]:
             variance = signals.variance[epoch, channel]
-            if mixed:
+            if whitened:
                 variance = 1.0 if gains is None else nominal.reported[row, row]
             _update(
-                out, joint, scratch, tape, nominal, signals, true, model, late, gains, row, channel, variance, mixed,
+                out, joint, scratch, tape, nominal, signals, true, model, late, gains, row, channel, variance, whitened,
                 epoch,
             )  # fmt: skip
 

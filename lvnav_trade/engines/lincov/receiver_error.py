@@ -2,7 +2,7 @@
 
 The joint vector is [e, s, k]: e the filter's error, s that of the receiver's solution (see `solution.Chain`), k for
 each measurement that is still on its way the navigation error at the time that it is of and the velocity error a while
-before. What is copied or mixed at an epoch is linear, so every source goes through it by itself, forwards and
+before. What is copied or combined at an epoch is linear, so every source goes through it by itself, forwards and
 backwards.
 """
 

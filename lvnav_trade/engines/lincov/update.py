@@ -35,14 +35,15 @@ def _enter(joint, scratch, gain, true, c, a):
 
 
 @jit
-def component_partial(h, signals, true, family, epoch, channel, mixed):
+def component_partial(h, signals, true, family, epoch, channel, whitened):
     """Return the component of a family in a channel (-1 none), and the partial of the innovation with respect to it.
 
-    mixed: a measurement of a decorrelated solution, where `family` is the component: the error itself is in that of the
-    solution, what the filter's estimate of it takes off is not. Else it is beyond what a state of the filter has.
+    whitened: a measurement of a decorrelated solution, where `family` is the component: the error itself is in that
+    of the solution, what the filter's estimate of it takes off is not. Else it is beyond what a state of the filter
+    has.
     """
     shared = signals.shared
-    if mixed:
+    if whitened:
         extra = shared.extra[family]
         return (family if extra >= 0 else -1), (-h[N_ENTRY + extra] if extra >= 0 else 0.0)
     measured, own = measured_channel(signals, channel), true.shared_family[family]
@@ -51,9 +52,9 @@ def component_partial(h, signals, true, family, epoch, channel, mixed):
 
 
 @jit
-def n_entering(signals, mixed):
+def n_entering(signals, whitened):
     """Return how many families, or of a decorrelated solution components, may enter a measurement."""
-    return signals.shared.extra.shape[0] if mixed else signals.shared.member.shape[0]
+    return signals.shared.extra.shape[0] if whitened else signals.shared.member.shape[0]
 
 
 @jit
@@ -63,11 +64,11 @@ def measured_channel(signals, channel):
 
 
 @jit
-def _update_shared(joint, scratch, gain, h, signals, true, epoch, channel, mixed):
+def _update_shared(joint, scratch, gain, h, signals, true, epoch, channel, whitened):
     """Let the errors that measurements share enter an update; return what they add to the innovation's variance."""
     total = 0.0
-    for family in range(n_entering(signals, mixed)):
-        m, a = component_partial(h, signals, true, family, epoch, channel, mixed)
+    for family in range(n_entering(signals, whitened)):
+        m, a = component_partial(h, signals, true, family, epoch, channel, whitened)
         if m >= 0 and a != 0.0:
             total += _enter(joint, scratch, gain, true, true.first_shared + m, a)
     return total
@@ -126,7 +127,7 @@ def _update_sources(joint, scratch, true, gain, h, entries, columns, source, noi
 
 
 @inlined
-def _update_truth(joint, scratch, tape, late, h, innovation, epoch, channel, mixed, signals, true):
+def _update_truth(joint, scratch, tape, late, h, innovation, epoch, channel, whitened, signals, true):
     """Update every source and the mean with the gain `scratch.gain`; return the expected square of the innovation."""
     gain, m, ring = scratch.gain, true.n_entry[channel], 0
     if late is not None:
@@ -134,9 +135,9 @@ def _update_truth(joint, scratch, tape, late, h, innovation, epoch, channel, mix
     entries, columns = true.entry[ring, channel, :m], true.column[ring, channel, :m]
     if tape.channel.shape[0] > 0:
         _record(tape, gain, h, epoch, channel)
-    noise = 0.0 if mixed else signals.sigma[epoch, measured_channel(signals, channel)] ** 2
+    noise = 0.0 if whitened else signals.sigma[epoch, measured_channel(signals, channel)] ** 2
     total = _update_sources(joint, scratch, true, gain, h, entries, columns, true.noise_source[channel], noise)
-    total += _update_shared(joint, scratch, gain, h, signals, true, epoch, channel, mixed)
+    total += _update_shared(joint, scratch, gain, h, signals, true, epoch, channel, whitened)
     offset = update_vector(joint.mean, gain, h, entries, columns) + innovation
     for i in range(gain.shape[0]):
         joint.mean[i] -= gain[i] * innovation
@@ -144,23 +145,23 @@ def _update_truth(joint, scratch, tape, late, h, innovation, epoch, channel, mix
 
 
 @inlined
-def replace_state(joint, scratch, tape, late, at, h, innovation, epoch, channel, mixed, signals, true):
+def replace_state(joint, scratch, tape, late, at, h, innovation, epoch, channel, whitened, signals, true):
     """Replace the error of one state by that of a measurement of it: an update with the gain one, in every source and
     in the mean. The filter's own covariance is set elsewhere.
     """
     for i in range(scratch.gain.shape[0]):
         scratch.gain[i] = 1.0 if i == at else 0.0
-    _update_truth(joint, scratch, tape, late, h, innovation, epoch, channel, mixed, signals, true)
+    _update_truth(joint, scratch, tape, late, h, innovation, epoch, channel, whitened, signals, true)
 
 
 @inlined
 def update_joint(
-    joint, scratch, tape, late, gains, h, innovation, epoch, channel, variance, mixed, signals, true, model
+    joint, scratch, tape, late, gains, h, innovation, epoch, channel, variance, whitened, signals, true, model
 ):
     """Update the filter's covariance by one scalar measurement, and with that gain every source and the mean.
 
     innovation: that of the nominal flight, what the truth's measurement holds in every run and the filter's model
-    of it does not (an uncompensated latency). variance: that the filter assumes of its noise. mixed: one of a
+    of it does not (an uncompensated latency). variance: that the filter assumes of its noise. whitened: one of a
     decorrelated solution, whose errors are states already. Returns the expected square of the normalised innovation.
     """
     n = model.n_entry[channel]
@@ -169,4 +170,4 @@ def update_joint(
         model,
     )  # fmt: skip
     _set_gain(scratch.gain, scratch.K, weight, model.n_estimated, true, late, epoch)
-    return _update_truth(joint, scratch, tape, late, h, innovation, epoch, channel, mixed, signals, true) * weight
+    return _update_truth(joint, scratch, tape, late, h, innovation, epoch, channel, whitened, signals, true) * weight

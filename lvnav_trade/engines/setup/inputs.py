@@ -21,17 +21,18 @@ class Schedule(NamedTuple):
 
 
 class Unit(NamedTuple):
-    """The inertial unit's truth. dt s; noise_source word; lean: only constant parameters; dtheta, dvel (n_imu, 3).
+    """The truth of an IMU. dt s; noise_source word; biases_only: it has no scale factor, misalignment or g-sensitivity.
 
-    white (4,) per-tick sigma of gyro and accelerometer, quantisation steps; process_ticks between steps of varying
-    parameters; drifting: any of these; sigma, decay, walk (n_block,); sources words, sensors, drivers (n_block,); bias
-    profiles that are the same in every run: profile_sensor (n_profile,), profile_start, profile_end (n_profile,) s,
-    profile (n_profile, 3) SI; gravity: block of the gravity disturbance, -1 none; start s since lift-off of tick 0.
+    dtheta, dvel (n_imu, 3); white (4,) per-tick sigma of gyro and accelerometer, quantisation steps; process_ticks
+    between steps of varying parameters; drifting: any of these; sigma, decay, walk (n_block,); sources words,
+    sensors, drivers (n_block,); bias profiles that are the same in every run: profile_sensor (n_profile,),
+    profile_start, profile_end (n_profile,) s, profile (n_profile, 3) SI; gravity: block of the gravity disturbance,
+    -1 none; start s since lift-off of tick 0.
     """
 
     dt: float
     noise_source: np.uint64
-    constant_only: bool
+    biases_only: bool
     dtheta: Floats
     dvel: Floats
     white: Floats

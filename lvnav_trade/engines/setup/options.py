@@ -15,15 +15,15 @@ from lvnav_trade.observables.partials import Channels
 from lvnav_trade.receivers.base import (
     ReportedCovariance,
     Solver,
-    filter_model,
     point_model,
+    receiver_filter,
 )
 from lvnav_trade.records import Floats, Ints
 from lvnav_trade.scenario import Scenario, epoch_interval, solves
 from lvnav_trade.world.receiver.receiver import BancroftSolution, DirectSolution, FilteredSolution, OwnCovariance
 
 
-class Kept(NamedTuple):
+class CloneTimes(NamedTuple):
     """Ticks at whose end the state of an epoch's measurement is kept, and its velocity before; offset (n_epoch,) s from
     the tick to the time of validity, base (n_epoch,) s from the earlier tick to it.
     """
@@ -106,7 +106,7 @@ def solver_of(scenario: Scenario, model: ReceiverModel, most: int) -> Solver | N
     if isinstance(card, BancroftSolution):
         return Solver(point_model(reported, **card.numbers(), most=most))
     point = point_model(reported, **card.fix.numbers(), most=most)
-    return Solver(point, filter_model(reported, epoch_interval(scenario), **card.numbers()))
+    return Solver(point, receiver_filter(reported, epoch_interval(scenario), **card.numbers()))
 
 
 def delay_taken(scenario: Scenario, t_epoch: Floats, t_valid: Floats) -> Floats | None:
@@ -120,7 +120,7 @@ def delay_taken(scenario: Scenario, t_epoch: Floats, t_valid: Floats) -> Floats 
     return t_epoch - t_valid if isinstance(card.delay, str) else np.full(t_epoch.size, card.delay)
 
 
-def late_of(scenario: Scenario, delay: Floats | None, at: Kept | None, schedule: Schedule) -> Late | None:
+def late_of(scenario: Scenario, delay: Floats | None, at: CloneTimes | None, schedule: Schedule) -> Late | None:
     """Return how late measurements are compensated; None where they are not."""
     card = scenario.filter.delay_compensation
     if card is None or delay is None or at is None:
@@ -140,7 +140,7 @@ def late_of(scenario: Scenario, delay: Floats | None, at: Kept | None, schedule:
     )
 
 
-def _stored_at_once(at: Kept, ticks: float) -> int:
+def _stored_at_once(at: CloneTimes, ticks: float) -> int:
     """Return how many states are stored at once; `ticks` between epochs. A state is stored until its epoch is over."""
     epochs = np.arange(1, at.valid.size + 1)
     ahead = np.floor(epochs - np.minimum(at.valid, at.early) / ticks + 1e-9) + 1
@@ -152,7 +152,7 @@ def _epochs_at(ends: Ints, ticks: Ints) -> Ints:
     return np.stack([np.searchsorted(ticks, ends, side) for side in ("left", "right")], axis=1).astype(np.int64)
 
 
-def kept_at(scenario: Scenario, t_epoch: Floats, delay: Floats | None, t: Floats, group: int) -> Kept | None:
+def clone_times(scenario: Scenario, t_epoch: Floats, delay: Floats | None, t: Floats, group: int) -> CloneTimes | None:
     """Return when states are kept; t (n_tick + 1,) s of the ticks, a step of the strapdown is `group` of them."""
     card = scenario.filter.delay_compensation
     if card is None or delay is None:
@@ -165,4 +165,4 @@ def kept_at(scenario: Scenario, t_epoch: Floats, delay: Floats | None, t: Floats
     # what is left of rounding is not worth a step
     offset = np.where(np.abs(offset) < 1e-6 * dt, 0.0, offset)
     base = wanted - t[early]
-    return Kept(valid, early, offset, np.where(base < 0.5 * dt * group, t[valid] - t[early], base))
+    return CloneTimes(valid, early, offset, np.where(base < 0.5 * dt * group, t[valid] - t[early], base))

@@ -11,10 +11,10 @@ from lvnav_trade.engines.setup.atmosphere import Delays, delays
 from lvnav_trade.engines.setup.families import ErrorFamily, shared_of
 from lvnav_trade.engines.setup.inputs import Options, Record, Report, Schedule, Sensors, Signals, Start, Unit
 from lvnav_trade.engines.setup.options import (
+    clone_times,
     delay_taken,
     every,
     gains_of,
-    kept_at,
     late_of,
     solver_of,
 )
@@ -181,7 +181,7 @@ def _unit(scenario: Scenario, ref: Reference, blocks: tuple[ErrorBlock, ...], ev
     return Unit(
         dt=dt,
         noise_source=source_word(IMU_NOISE),
-        constant_only=all(b.driver == CONSTANT for b in inertial),
+        biases_only=all(b.driver == CONSTANT for b in inertial),
         dtheta=dtheta,
         dvel=dvel,
         white=np.array([
@@ -239,7 +239,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     seen = _seen(scenario, trajectory, t_epoch, float(ref.t[0]))
     unstamped = delay(scenario.faults, trajectory.instants, t_epoch)
     delayed = delay_taken(scenario, t_epoch, np.minimum(t_epoch, seen.t + unstamped))
-    kept = kept_at(scenario, t_epoch, delayed, ref.t, epochs.group)
+    kept = clone_times(scenario, t_epoch, delayed, ref.t, epochs.group)
     at = times_of(scenario, trajectory, ref, epochs, kept, history, every_step_beside)
     imu, receiver, initial = filter_models(scenario)
     devices = sensors_of(scenario, trajectory, t_epoch)

@@ -16,7 +16,7 @@ from lvnav_trade.receivers.base import (
     BIAS,
     DRIFT,
     N_STATE,
-    FilterModel,
+    ReceiverFilter,
     Solver,
 )
 from lvnav_trade.receivers.cascade import (
@@ -105,7 +105,7 @@ _NOTHING = Gains(
 )
 
 
-def _coasts(model: FilterModel, n_used: Ints, begun: int) -> NDArray[np.bool_]:
+def _coasts(model: ReceiverFilter, n_used: Ints, begun: int) -> NDArray[np.bool_]:
     """Return whether the receiver's filter hands out a solution at each epoch: begun, not coasted too long."""
     found, idle = np.zeros(n_used.size, dtype=bool), 0.0
     for k in range(begun, n_used.size):
@@ -116,7 +116,7 @@ def _coasts(model: FilterModel, n_used: Ints, begun: int) -> NDArray[np.bool_]:
 
 def _gains(solver: Solver, before: Floats, rows: Floats, acceleration: Floats, since: int, fixed: bool) -> Gains:
     """Return what the receiver does at an epoch, `since` epochs after its first fix, from its covariance before."""
-    model: FilterModel | None = solver.filter
+    model: ReceiverFilter | None = solver.filter
     if model is None:
         return point_solution(solver.point, rows) if fixed else _NOTHING
     if since > 0:
@@ -124,7 +124,7 @@ def _gains(solver: Solver, before: Floats, rows: Floats, acceleration: Floats, s
     return started(model, solver.point, rows) if since == 0 else _NOTHING
 
 
-def _moved(model: FilterModel, point: Floats, acceleration: Floats, begun: int, signals: Signals) -> Floats:
+def _moved(model: ReceiverFilter, point: Floats, acceleration: Floats, begun: int, signals: Signals) -> Floats:
     """Return what true motion and clock jumps do to the error of the receiver's filter, (n_epoch, 11)."""
     known = acceleration if len(model.rows) > 1 else np.zeros_like(acceleration)
     moved = mismatch(model, known, point[:, 3:], point[:, :3])
@@ -149,7 +149,7 @@ def solved(solver: Solver, signals: Signals, point: Floats, acceleration: Floats
     point : (n_epoch, 6) position and velocity of the point that is solved for, frame i, at the times of validity
     acceleration : (n_epoch, 3) of it (m/s^2)
     """
-    model: FilterModel | None = solver.filter
+    model: ReceiverFilter | None = solver.filter
     fixed, n_epoch, n_in = signals.n_used >= 4, len(point), 2 * signals.used.shape[1] + 2
     begun = int(np.argmax(fixed)) if fixed.any() else n_epoch
     solved_at = fixed if model is None else _coasts(model, signals.n_used, begun)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.engines.setup.inputs import Schedule
-from lvnav_trade.engines.setup.options import Kept
+from lvnav_trade.engines.setup.options import CloneTimes
 from lvnav_trade.records import Floats, Ints, Reference
 from lvnav_trade.scenario import Scenario, epoch_interval
 from lvnav_trade.world.flight.trajectory import Trajectory
@@ -89,7 +89,7 @@ def times_of(
     trajectory: Trajectory,
     ref: Reference,
     epochs: Epochs,
-    kept: Kept | None,
+    kept: CloneTimes | None,
     history: float,
     every_step_beside: Floats | None,
 ) -> Times:

@@ -3,7 +3,7 @@
 from lvnav_trade.engines.simulate.recording import hold_solution, record
 from lvnav_trade.engines.simulate.sensing import begin, begin_solver, measure_sensors, observe, sense
 from lvnav_trade.filters.ekf import clear_epoch, predict_window
-from lvnav_trade.filters.feedforward import apply_feedback, carry, process_measurements
+from lvnav_trade.filters.feedforward import apply_feedback, process_measurements, propagate_open_loop
 from lvnav_trade.filters.late import keep
 from lvnav_trade.filters.monitor import begin_watch
 from lvnav_trade.filters.samples import begin_motion, correct_vehicle, last_sample, sample_window
@@ -23,7 +23,7 @@ def _advance(work, unit, model, vehicle, samples, first, n_tick, dt):
     if vehicle is not None:
         sample_window(work, work.open_loop, unit, model, vehicle, first, n_tick)
     else:
-        processes.compensate(work.increments, n_tick, work.tables[0], work.tables[1], model.constant_only, unit.dt)
+        processes.compensate(work.increments, n_tick, work.tables[0], work.tables[1], model.biases_only, unit.dt)
         if model.group > 1:
             processes.combine(work.increments, n_tick, model.group)
         mechanise(work.nav, work.sums, work.previous, work.increments, n_tick // model.group, dt, model.gravity)
@@ -62,7 +62,7 @@ def fly(work, schedule, unit, signals, sensors, start, history, model, options, 
             sense(work, unit, first, n_tick, k0, k1)
             _advance(work, unit, model, options.vehicle, options.samples, first, n_tick, dt)
             predict_window(work, model, schedule.length[w])
-            carry(work, work.open_loop, model, schedule.length[w])
+            propagate_open_loop(work, work.open_loop, model, schedule.length[w])
             keep(work.past, work.nav, work.previous, work.x, options.late, w, dt, model.gravity)
         epoch = schedule.epoch[w]
         if epoch >= 0:

@@ -7,10 +7,10 @@ import pytest
 
 from lvnav_trade.engines.setup.inputs import Schedule
 from lvnav_trade.engines.setup.options import (
+    clone_times,
     delay_taken,
     direct,
     every,
-    kept_at,
     late_of,
     solver_of,
 )
@@ -95,7 +95,7 @@ def test_a_longer_delay_stores_as_many_states_at_once_as_measurements_are_on_the
     """With 1 s between epochs and 0.1 s of an early velocity: the state of an epoch is stored until it is over."""
     t, t_epoch = np.arange(0.0, 10.001, 0.005), np.arange(1.0, 11.0)
     delays = np.full(10, delay)
-    kept = kept_at(compensating(), t_epoch, delays, t, 1)
+    kept = clone_times(compensating(), t_epoch, delays, t, 1)
     ticks = np.arange(0, 2000, 20)
     schedule = Schedule(ticks, np.full(100, 20), np.zeros(100), np.full(100, -1), np.full(100, -1))
     late = late_of(compensating(), delays, kept, schedule)
@@ -110,20 +110,20 @@ def test_a_longer_delay_stores_as_many_states_at_once_as_measurements_are_on_the
 
 def test_states_are_kept_at_the_nearest_step_and_the_rest_is_an_offset():
     t = np.arange(0.0, 10.001, 0.01)
-    kept = kept_at(compensating("extrapolated", "loose"), np.array([5.0]), np.array([0.3]), t, 1)
+    kept = clone_times(compensating("extrapolated", "loose"), np.array([5.0]), np.array([0.3]), t, 1)
     assert (kept.valid.tolist(), kept.early.tolist()) == ([470], [460])
     assert (kept.offset[0], kept.base[0]) == (0.0, pytest.approx(0.1))
-    grouped = kept_at(compensating(), np.array([5.0]), np.array([0.317]), t, 4)
+    grouped = clone_times(compensating(), np.array([5.0]), np.array([0.317]), t, 4)
     assert grouped.valid.tolist() == [468]
     assert grouped.offset[0] == pytest.approx(0.003)
-    assert kept_at(loaded(), np.array([5.0]), None, t, 1) is None
+    assert clone_times(loaded(), np.array([5.0]), None, t, 1) is None
 
 
 def test_windows_know_which_epochs_state_is_kept_at_their_end():
     scenario = compensating()
     nothing = np.full(3, -1)
     schedule = Schedule(np.array([0, 70, 70]), np.array([70, 0, 30]), np.zeros(3), nothing, nothing)
-    kept = kept_at(scenario, np.array([1.0]), np.array([0.3]), np.arange(0.0, 2.001, 0.01), 1)
+    kept = clone_times(scenario, np.array([1.0]), np.array([0.3]), np.arange(0.0, 2.001, 0.01), 1)
     late = late_of(scenario, np.array([0.3]), kept, schedule)
     # a window of no ticks stores nothing a second time: first epoch and the one after the last
     assert late.valid.tolist() == [[0, 1], [0, 0], [1, 1]]

@@ -181,9 +181,9 @@ def test_the_worst_of_spans_together_is_the_worst_of_the_flight(four):
 
 
 def test_without_rows_a_merged_summary_has_the_same_sums_and_the_same_runs(four):
-    whole, constant_only = (merge(four, rows=rows) for rows in (True, False))
+    whole, biases_only = (merge(four, rows=rows) for rows in (True, False))
     for name in whole._fields:
         if name in ("event_error", "event_sigma", "event_nees", "worst", "mean_square", "changes"):
-            assert getattr(constant_only, name).shape == (0, *getattr(whole, name).shape[1:])
+            assert getattr(biases_only, name).shape == (0, *getattr(whole, name).shape[1:])
         else:
-            np.testing.assert_array_equal(np.asarray(getattr(constant_only, name)), np.asarray(getattr(whole, name)))
+            np.testing.assert_array_equal(np.asarray(getattr(biases_only, name)), np.asarray(getattr(whole, name)))
