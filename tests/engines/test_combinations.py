@@ -18,7 +18,7 @@ SAMPLE = [
     {"measurements": "ranges, altitude", "states": "considered", "vehicle": "spinning"},
     {"measurements": "pseudorange", "states": "scale factors", "vehicle": "oscillating"},
     {"measurements": "attitude", "states": "neglected", "fault": "noise"},
-    {"measurements": "position", "fault": "noise"},
+    {"measurements": "position", "gains": "stored", "fault": "noise"},
 ]
 
 
