@@ -4,7 +4,7 @@ A roll of many turns and what oscillates stand beside the splines, as formulas.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import pairwise
@@ -44,13 +44,16 @@ class Phase(NamedTuple):
 
 @dataclass(frozen=True)
 class Trajectory:
-    """The true flight. Phases follow one another without a gap; events in order of time; facts for the report."""
+    """The true flight. Phases follow one another without a gap; events (s), in order of time; facts for the report."""
 
     phases: tuple[Phase, ...]
     events: dict[str, float]
     theta0: float
     epoch: str
     facts: dict[str, float | str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "events", dict(sorted(self.events.items(), key=lambda event: event[1])))
 
     @property
     def start(self) -> float:
@@ -104,6 +107,11 @@ def position_spline(t: Floats, r: Floats, v_ends: ArrayLike, a_ends: ArrayLike) 
     return make_interp_spline(t, r, k=5, bc_type=([(1, v[0]), (2, a[0])], [(1, v[1]), (2, a[1])]))
 
 
+def joined(parts: Sequence[Floats]) -> Floats:
+    """Return the samples of successive stretches as one array, those where two stretches meet once."""
+    return np.concatenate([*(part[:-1] for part in parts[:-1]), parts[-1]])
+
+
 def attitude_spline(t: Floats, q: Floats) -> BSpline:
     """Return the quintic through quaternions q (n, 4), of continuous sign, at times t (n,)."""
     return make_interp_spline(t, q, k=5)
@@ -135,18 +143,12 @@ def _stretches(n: int) -> Iterator[slice]:
 
 
 def _in_phase(phase: Phase, t: Floats) -> Motion:
-    r = phase.position(t)
+    r, v = phase.position(t), phase.position(t, 1)
     if phase.oscillations:
-        return _shaken(phase, t, r)
-    return Motion(t, r, phase.position(t, 1), *_sensed(phase, t, r))
-
-
-def _sensed(phase: Phase, t: Floats, r: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return quaternion (n, 4), specific force (n, 3) and body rate (n, 3) at times t (n,), positions r (n, 3)."""
-    if phase.oscillations:
-        return _shaken(phase, t, r)[3:]
+        return _shaken(phase, t, r, v)
     q, w_ib_b = _turning(phase, t)
-    return q, np.einsum("kji,kj->ki", matrices(q), phase.position(t, 2) - gravity_along(r)), w_ib_b
+    f_b = np.einsum("kji,kj->ki", matrices(q), phase.position(t, 2) - gravity_along(r))
+    return Motion(t, r, v, q, f_b, w_ib_b)
 
 
 def _turning(phase: Phase, t: Floats) -> tuple[Floats, Floats]:
@@ -183,8 +185,8 @@ def _turning_faster(phase: Phase, t: Floats, w_ib_b: Floats) -> Floats:
     return bend
 
 
-def _shaken(phase: Phase, t: Floats, r: Floats) -> Motion:
-    """Return the motion at times t (n,) of an oscillating body whose resting place is at r (n, 3).
+def _shaken(phase: Phase, t: Floats, r: Floats, v: Floats) -> Motion:
+    """Return the motion at times t (n,) of an oscillating body whose resting place is at r and moves with v, (n, 3).
 
     The displacement d in the axes of the resting body gives f_b its own acceleration and the three terms of the
     turning axes: d'' + 2 w x d' + w' x d + w x (w x d). The rotation vector p turns the body by exp(p) at the rate J(p)
@@ -203,7 +205,7 @@ def _shaken(phase: Phase, t: Floats, r: Floats) -> Motion:
     rate = np.einsum("kji,kj->ki", back, w) + _vector_rate(small.turn, small.turn_rate)
     q = product(q, swing)
     f_b = np.einsum("kji,kj->ki", matrices(q), f_i)
-    return Motion(t, r, phase.position(t, 1) + np.einsum("kij,kj->ki", C, speed), q, f_b, rate)
+    return Motion(t, r, v + np.einsum("kij,kj->ki", C, speed), q, f_b, rate)
 
 
 def _vector_rate(p: Floats, dp: Floats) -> Floats:
@@ -257,23 +259,12 @@ def reference(trajectory: Trajectory, rate: float) -> Reference:
     at = motion(trajectory, t)
     dtheta, dvel = np.zeros((n_imu, 3)), np.zeros((n_imu, 3))
     for phase in trajectory.phases:
-        for ticks, begin, end in _pieces(t, phase):
-            _add_integrals(phase, begin, end, dtheta[ticks], dvel[ticks])
+        begin, end = np.maximum(t[:-1], phase.start), np.minimum(t[1:], phase.end)
+        (within,) = np.nonzero(end - begin > _SLIVER)  # the ticks that the phase has a part in, one after the other
+        if within.size:
+            ticks = slice(within[0], within[-1] + 1)
+            _add_integrals(phase, begin[ticks], end[ticks], dtheta[ticks], dvel[ticks])
     return Reference(t, *at[1:], dtheta, dvel)
-
-
-def _pieces(t: Floats, phase: Phase) -> Iterator[tuple[slice, Floats, Floats]]:
-    """Return the ticks (a slice) that a phase has a part in, and begin and end (n,) of those parts."""
-    first = max(int(np.searchsorted(t, phase.start, side="right")) - 1, 0)
-    last = min(int(np.searchsorted(t, phase.end, side="left")), len(t) - 1)
-    if last <= first:
-        return
-    begin = np.maximum(t[first:last], phase.start)
-    end = np.minimum(t[first + 1 : last + 1], phase.end)
-    keep = np.flatnonzero(end - begin > _SLIVER)
-    if keep.size:
-        a, b = int(keep[0]), int(keep[-1]) + 1
-        yield slice(first + a, first + b), begin[a:b], end[a:b]
 
 
 def _add_integrals(phase: Phase, begin: Floats, end: Floats, dtheta: Floats, dvel: Floats) -> None:
@@ -283,11 +274,10 @@ def _add_integrals(phase: Phase, begin: Floats, end: Floats, dtheta: Floats, dve
     for piece in _stretches(length.size):
         turn, push = np.zeros_like(dtheta[piece]), np.zeros_like(dvel[piece])
         for node, weight in rule:
-            t = begin[piece] + node * length[piece]
-            _, f_b, w_ib_b = _sensed(phase, t, phase.position(t))
+            at = _in_phase(phase, begin[piece] + node * length[piece])
             scale = (weight * length[piece])[:, None]
-            turn += scale * w_ib_b
-            push += scale * f_b
+            turn += scale * at.w_ib_b
+            push += scale * at.f_b
         dtheta[piece] += turn
         dvel[piece] += push
 

@@ -13,7 +13,7 @@ from lvnav_trade.world.ascent.record import differences
 from lvnav_trade.world.ascent.steering_law import ascent_attitude, directions
 from lvnav_trade.world.ascent.targeting import propellant_left, solve
 from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY, Site, VehicleAscent
-from lvnav_trade.world.truth import Phase, Trajectory, pad_phase, splined
+from lvnav_trade.world.truth import Phase, Trajectory, joined, pad_phase, splined
 
 
 def build_ascent(card: VehicleAscent) -> Trajectory:
@@ -25,7 +25,7 @@ def build_ascent(card: VehicleAscent) -> Trajectory:
     phases = [_phase(leg, flight, attitude) for leg in flight.legs]
     pad = site_phase(card.site, theta0, card.pad_hold, attitude)
     top, pressure = _max_q(flight)
-    events = dict(sorted({**flight.events, "max_q": top}.items(), key=lambda item: item[1]))
+    events = {**flight.events, "max_q": top}
     built = Trajectory((*pad, *phases), events, theta0, card.epoch, _facts(card, aim, flight, pressure))
     if card.recorded is not None:
         built.facts.update(differences(card.recorded, built, card.site))
@@ -56,19 +56,17 @@ def _attitude(card: VehicleAscent, aim: Aim, flight: Flight) -> BSpline:
     up_e, _, right_e = site_axes(card.site, aim.azimuth)
     theta0 = flight.steering.theta0
     before = pad_knots(card.pad_hold, float(flight.legs[0].t[1]))
-    samples = [*((leg.t[:-1], leg.y[:-1]) for leg in flight.legs), (flight.legs[-1].t[-1:], flight.legs[-1].y[-1:])]
-    t = np.concatenate([before, *(t for t, _ in samples)])
+    t, y = joined([leg.t for leg in flight.legs]), joined([leg.y for leg in flight.legs])
     upright = frames.eci_from_ecef(up_e, frames.earth_angle(theta0, before))
-    x = np.concatenate([upright, *(directions(t, y, flight.steering) for t, y in samples)])
-    return ascent_attitude(t, x, right_e, theta0, card.roll)
+    x = np.concatenate([upright, directions(t, y, flight.steering)])
+    return ascent_attitude(np.concatenate([before, t]), x, right_e, theta0, card.roll)
 
 
 def _max_q(flight: Flight) -> tuple[float, float]:
     """Return time (s) and value (Pa) of the greatest dynamic pressure, by a parabola through the top samples."""
-    first = [leg for leg in flight.legs if leg.t[0] < flight.events["stage1_cutoff"]]
-    pressures = [_dynamic_pressure(leg, flight.steering.theta0) for leg in first]
-    top = int(np.argmax([np.max(q) for q in pressures]))
-    leg, q = first[top], pressures[top]
+    first = (leg for leg in flight.legs if leg.t[0] < flight.events["stage1_cutoff"])
+    pressures = ((leg, _dynamic_pressure(leg, flight.steering.theta0)) for leg in first)
+    leg, q = max(pressures, key=lambda pair: float(np.max(pair[1])))
     k = int(np.clip(np.argmax(q), 1, q.size - 2))
     bend = q[k - 1] - 2.0 * q[k] + q[k + 1]
     shift = float(np.clip(0.5 * (q[k - 1] - q[k + 1]) / bend, -1.0, 1.0)) if bend < 0.0 else 0.0
@@ -82,26 +80,22 @@ def _dynamic_pressure(leg: Leg, theta0: float) -> Floats:
 
 
 def _facts(card: VehicleAscent, aim: Aim, flight: Flight, max_q: float) -> dict[str, float | str]:
-    load = 0.0
-    for leg in flight.legs:
-        a = accelerations(leg.t, leg.y, flight.steering, leg.engine, flight.drag)
-        load = max(load, float(np.max(np.linalg.norm(a - gravity_along(leg.y[:, :3].copy()), axis=1))))
-    low, high, inclination = achieved(flight.legs[-1].y[0])
+    a = np.concatenate([accelerations(s.t, s.y, flight.steering, s.engine, flight.drag) for s in flight.legs])
+    force = a - gravity_along(np.concatenate([leg.y[:, :3] for leg in flight.legs]))
     return {
         "vehicle": card.vehicle.name,
-        "perigee_m": low,
-        "apogee_m": high,
-        "inclination_rad": inclination,
+        **achieved(flight.legs[-1].y[0]),
         "azimuth_rad": aim.azimuth,
         "kick_rad": aim.kick,
-        "max_load_g": load / STANDARD_GRAVITY,
+        "max_load_g": float(np.max(np.linalg.norm(force, axis=1))) / STANDARD_GRAVITY,
         "max_dynamic_pressure_pa": max_q,
-        "propellant_left_kg": propellant_left(card, aim),
+        "propellant_left_kg": propellant_left(card, aim, len(card.vehicle.stages)),
     }
 
 
-def achieved(y: Floats) -> tuple[float, float, float]:
+def achieved(y: Floats) -> dict[str, float]:
     """Return perigee and apogee altitude (m) and inclination (rad) of the orbit of a state y (6 or more)."""
     orbit = frames.elements_from_state(y[:3], y[3:6])
     a, e = float(orbit.semi_major_axis), float(orbit.eccentricity)
-    return a * (1.0 - e) - SEMI_MAJOR, a * (1.0 + e) - SEMI_MAJOR, float(orbit.inclination)
+    low, high = a * (1.0 - e) - SEMI_MAJOR, a * (1.0 + e) - SEMI_MAJOR
+    return {"perigee_m": low, "apogee_m": high, "inclination_rad": float(orbit.inclination)}

@@ -149,7 +149,7 @@ class Leg(NamedTuple):
 
 
 class Flight(NamedTuple):
-    """A whole ascent: legs in order, the final steering, drag, event times in order of time."""
+    """A whole ascent: legs in order, the final steering, drag, times (s) of events."""
 
     legs: list[Leg]
     steering: Steering
@@ -307,5 +307,4 @@ def fly_ascent(card: VehicleAscent, aim: Aim, final_coast: bool = True) -> Fligh
     pilot.events.pop("stage1_ignition")  # it is the lift-off
     if final_coast:
         pilot.leg("final coast", card.coast_after_injection)
-    events = dict(sorted(pilot.events.items(), key=lambda item: item[1]))
-    return Flight(pilot.legs, pilot.steering, pilot.drag, events)
+    return Flight(pilot.legs, pilot.steering, pilot.drag, pilot.events)

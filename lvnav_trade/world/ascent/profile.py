@@ -15,7 +15,7 @@ from lvnav_trade.errors import InputError
 from lvnav_trade.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, gmst, rotation_e_n, unit
 from lvnav_trade.kernels.earth import ECCENTRICITY_2, OMEGA, SEMI_MAJOR, gravity_along
 from lvnav_trade.records import Floats
-from lvnav_trade.units import Angle, Card, Duration, Epoch, Length, Pause, Speed, TimeConstant
+from lvnav_trade.units import Angle, Duration, Length, Pause, Speed, TimeConstant
 from lvnav_trade.world.ascent.dynamics import Drag, accelerations, fly
 from lvnav_trade.world.ascent.launch import achieved, pad_knots, site_phase
 from lvnav_trade.world.ascent.legs import COASTING, site_axes
@@ -27,9 +27,9 @@ from lvnav_trade.world.ascent.steering_law import (
     stretch_knots,
     thrust_directions,
 )
-from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY, Roll, Site
+from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY, FlightCard, Roll, Site
 from lvnav_trade.world.oscillation import OscillationCard
-from lvnav_trade.world.truth import Phase, Trajectory, motion, position_spline
+from lvnav_trade.world.truth import Phase, Trajectory, joined, motion, position_spline
 
 _STEP = 0.5  # s between knots
 _UPRIGHT = (4.0, 12.0)  # s; thrust is vertical before, along the specific force after, blended between
@@ -38,14 +38,36 @@ _UPRIGHT = (4.0, 12.0)  # s; thrust is vertical before, along the specific force
 _BREAK = re.compile(r"stage\d+_(ignition|cutoff)(_\d+)?$")
 
 
-class Course(NamedTuple):
-    """A flight to injection as samples, one entry for each stretch between breaks: t (n,), r_i and v_i (n, 3)."""
+class RecordedAscent(FlightCard):
+    """A trajectory rebuilt from a record of Earth-relative speed and altitude against time.
 
-    azimuth: float
-    theta0: float
-    t: list[Floats]
-    r: list[Floats]
-    v: list[Floats]
+    The file is CSV with the header ``time_s,speed_m_s,altitude_m``; lines that begin with # are comments. Altitude
+    counts from the site. Thrust is taken to jump at the events ``stageN_ignition`` and ``stageN_cutoff``, and to be off
+    from a cut-off to the next ignition.
+    """
+
+    kind: Literal["profile"] = "profile"
+    site: Site
+    azimuth: Angle | None = Field(None, description="of the ground track at the site, from north over east")
+    inclination: Angle | None = Field(None, description="of the final orbit; gives the azimuth where that is not set")
+    direction: Literal["ascending", "descending"] = "ascending"
+    file: str = Field(description="the record", json_schema_extra={"path": True})
+    events: dict[str, Duration] = Field(description="times of the named events, from lift-off")
+    speed_noise: Annotated[Speed, Field(gt=0.0)] = Field(description="one-sigma error of a recorded speed")
+    altitude_noise: Annotated[Length, Field(gt=0.0)] = Field(description="one-sigma error of a recorded altitude")
+    pad_hold: Pause = 60.0
+    roll: Roll = Roll()
+    coast_after_injection: TimeConstant = 20.0
+    oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
+
+    def _faults(self) -> Iterator[str]:
+        if (self.azimuth is None) == (self.inclination is None):
+            yield "give the azimuth or the inclination, one of the two"
+        if "injection" not in self.events:
+            yield "events must name injection"
+
+
+Course = list[tuple[Floats, Floats, Floats]]  # of each stretch between breaks: t (n,), r_i and v_i (n, 3)
 
 
 class Stretch(NamedTuple):
@@ -58,20 +80,18 @@ class Stretch(NamedTuple):
 
 
 def course(site: Site, azimuth: float, climb: Climb, breaks: list[float], theta0: float) -> Course:
-    """Return the flight over the great circle of normals that leaves the site by the azimuth (rad)."""
-    edges = [0.0, *breaks, float(climb.altitude.t[-1])]
+    """Return the flight over the great circle of normals that leaves the site by the azimuth (rad), to injection."""
+    way: Course = []
     angle = 0.0
-    way = Course(azimuth, theta0, [], [], [])
-    for begin, end in pairwise(edges):
+    for begin, end in pairwise([0.0, *breaks, float(climb.altitude.t[-1])]):
         t = stretch_knots(begin, end)
         inside = np.clip(t, begin + 1e-9, end - 1e-9)  # one-sided values at the breaks
         psi = _range_angle(site, azimuth, t, climb, inside, angle)
         angle = float(psi[-1])
         r_e, v_e = _on_the_way(site, azimuth, psi, climb, inside)
         theta = earth_angle(theta0, t)
-        way.t.append(t)
-        way.r.append(eci_from_ecef(r_e, theta))
-        way.v.append(eci_from_ecef(v_e + np.cross([0.0, 0.0, OMEGA], r_e), theta))
+        v_i = eci_from_ecef(v_e + np.cross([0.0, 0.0, OMEGA], r_e), theta)
+        way.append((t, eci_from_ecef(r_e, theta), v_i))
     return way
 
 
@@ -114,9 +134,10 @@ def _on_the_way(site: Site, azimuth: float, psi: Floats, climb: Climb, t: Floats
     return ecef_from_geodetic(latitude, longitude, height), v_e
 
 
-def end_state(way: Course) -> Floats:
-    """Return inertial position (m) and velocity (m/s) at injection, (6,)."""
-    return np.concatenate([way.r[-1][-1], way.v[-1][-1]])
+def _injected(way: Course) -> dict[str, float]:
+    """Return perigee, apogee and inclination at injection."""
+    _, r_i, v_i = way[-1]
+    return achieved(np.concatenate([r_i[-1], v_i[-1]]))
 
 
 def tracks_of(way: Course, coast: float) -> list[Stretch]:
@@ -125,12 +146,10 @@ def tracks_of(way: Course, coast: float) -> list[Stretch]:
     Velocity is interpolated and integrated to position, each stretch from the end of the one before: both are
     continuous; position leaves the fitted altitude by less than a millimetre.
     """
-    stretches = []
-    r = way.r[0][0]
-    for number, (t, v) in enumerate(zip(way.t, way.v, strict=True), start=1):
+    stretches: list[Stretch] = []
+    for number, (t, r, v) in enumerate(way, start=1):
         position = make_interp_spline(t, v, k=5).antiderivative()
-        position.c += r
-        r = position(t[-1])
+        position.c += stretches[-1].position(t[0]) if stretches else r[0]
         stretches.append(Stretch(f"stretch {number}", float(t[0]), float(t[-1]), position))
     return [*stretches, _final_coast(stretches[-1], coast)]
 
@@ -146,58 +165,27 @@ def _final_coast(last: Stretch, duration: float) -> Stretch:
     return Stretch("final coast", last.end, float(t[-1]), position_spline(t, y[:, :3], y[[0, -1], 3:6], ends))
 
 
-def pointing(
-    site: Site, way: Course, stretches: list[Stretch], coasts: list[tuple[float, float]], roll: Roll, hold: float
+def _pointing(
+    card: RecordedAscent, azimuth: float, stretches: list[Stretch], coasts: list[tuple[float, float]]
 ) -> BSpline:
     """Return the attitude spline over pad and flight, x along the specific force of the powered stretches."""
-    up_e, _, right_e = site_axes(site, way.azimuth)
+    up_e, _, right_e = site_axes(card.site, azimuth)
+    theta0 = gmst(card.epoch)
     free = [begin for begin, _ in coasts] + [stretches[-1].start]
     times = [stretch_knots(stretch.start, stretch.end) for stretch in stretches]
     thrusts = [None if s.start in free else _thrust(s, t) for s, t in zip(stretches, times, strict=True)]
-    before = pad_knots(hold, _STEP)
-    t = np.concatenate([before, *(part[:-1] for part in times), times[-1][-1:]])
+    before = pad_knots(card.pad_hold, _STEP)
+    t = np.concatenate([before, joined(times)])
     along = np.concatenate([np.zeros((before.size, 3)), *thrust_directions(times, thrusts)])
-    upright = eci_from_ecef(up_e, earth_angle(way.theta0, t))
+    upright = eci_from_ecef(up_e, earth_angle(theta0, t))
     weight = smoothsteps((t - _UPRIGHT[0]) / (_UPRIGHT[1] - _UPRIGHT[0]))[:, None]
     x = unit((1.0 - weight) * upright + weight * along)
-    return ascent_attitude(t, x, right_e, way.theta0, roll)
+    return ascent_attitude(t, x, right_e, theta0, card.roll)
 
 
 def _thrust(stretch: Stretch, t: Floats) -> BSpline:
     """Return the spline of the direction of the specific force over a powered stretch with knots t (n,)."""
     return make_interp_spline(t, unit(stretch.position(t, 2) - gravity_along(stretch.position(t))), k=5)
-
-
-class RecordedAscent(Card):
-    """A trajectory rebuilt from a record of Earth-relative speed and altitude against time.
-
-    The file is CSV with the header ``time_s,speed_m_s,altitude_m``; lines that begin with # are comments. Altitude
-    counts from the site. Thrust is taken to jump at the events ``stageN_ignition`` and ``stageN_cutoff``, and to be off
-    from a cut-off to the next ignition.
-    """
-
-    kind: Literal["profile"] = "profile"
-    name: str
-    source: str
-    epoch: Epoch = Field(description="lift-off, ISO 8601 UTC")
-    site: Site
-    azimuth: Angle | None = Field(None, description="of the ground track at the site, from north over east")
-    inclination: Angle | None = Field(None, description="of the final orbit; gives the azimuth where that is not set")
-    direction: Literal["ascending", "descending"] = "ascending"
-    file: str = Field(description="the record", json_schema_extra={"path": True})
-    events: dict[str, Duration] = Field(description="times of the named events, from lift-off")
-    speed_noise: Annotated[Speed, Field(gt=0.0)] = Field(description="one-sigma error of a recorded speed")
-    altitude_noise: Annotated[Length, Field(gt=0.0)] = Field(description="one-sigma error of a recorded altitude")
-    pad_hold: Pause = 60.0
-    roll: Roll = Roll()
-    coast_after_injection: TimeConstant = 20.0
-    oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
-
-    def _faults(self) -> Iterator[str]:
-        if (self.azimuth is None) == (self.inclination is None):
-            yield "give the azimuth or the inclination, one of the two"
-        if "injection" not in self.events:
-            yield "events must name injection"
 
 
 def rebuild(card: RecordedAscent) -> Trajectory:
@@ -212,14 +200,22 @@ def rebuild(card: RecordedAscent) -> Trajectory:
     breaks = sorted(time for name, time in card.events.items() if _BREAK.match(name) and time < record.t[-1])
     coasts = _coasts(card, breaks)
     climb = smooth(record, breaks, coasts, card.speed_noise, card.altitude_noise)
-    way = course(card.site, _azimuth(card, climb, breaks), climb, breaks, gmst(card.epoch))
+    azimuth, theta0 = _azimuth(card, climb, breaks), gmst(card.epoch)
+    way = course(card.site, azimuth, climb, breaks, theta0)
     tracks = tracks_of(way, card.coast_after_injection)
-    attitude = pointing(card.site, way, tracks, coasts, card.roll, card.pad_hold)
-    pad = site_phase(card.site, way.theta0, card.pad_hold, attitude)
+    attitude = _pointing(card, azimuth, tracks, coasts)
+    pad = site_phase(card.site, theta0, card.pad_hold, attitude)
     phases = (*pad, *(Phase(*track, attitude) for track in tracks))
-    events = dict(sorted({"liftoff": 0.0, **card.events}.items(), key=lambda item: item[1]))
-    flight = Trajectory(phases, events, way.theta0, card.epoch)
-    flight.facts.update(_facts(card, record, climb, way, flight))
+    flight = Trajectory(phases, {"liftoff": 0.0, **card.events}, theta0, card.epoch)
+    powered = motion(flight, np.linspace(0.0, flight.end, 4000))
+    flight.facts.update({
+        "record": card.source,
+        **_injected(way),
+        "azimuth_rad": azimuth,
+        "max_load_g": float(np.max(np.linalg.norm(powered.f_b, axis=1))) / STANDARD_GRAVITY,
+        "smoothing_misfit": climb.misfit,
+        **residual_facts("smoothing", record, climb.speed(record.t), climb.altitude(record.t)),
+    })  # fmt: skip
     return flight
 
 
@@ -257,27 +253,9 @@ def _azimuth(card: RecordedAscent, climb: Climb, breaks: list[float]) -> float:
     first = math.asin(sine) if card.direction == "ascending" else math.pi - math.asin(sine)
 
     def excess(azimuth: float) -> float:
-        return achieved(end_state(course(card.site, azimuth, climb, breaks, gmst(card.epoch))))[2] - inclination
+        return _injected(course(card.site, azimuth, climb, breaks, gmst(card.epoch)))["inclination_rad"] - inclination
 
     found = root_scalar(excess, x0=first, x1=first + 0.01, xtol=1e-10, maxiter=30)
     if not found.converged or abs(excess(found.root)) > 1e-6:
         raise InputError(f"{card.name}: no azimuth ends in an inclination of {math.degrees(inclination):.2f} deg")
     return float(found.root)
-
-
-def _facts(
-    card: RecordedAscent, record: Record, climb: Climb, way: Course, flight: Trajectory
-) -> dict[str, float | str]:
-    low, high, inclination = achieved(end_state(way))
-    powered = motion(flight, np.linspace(0.0, flight.end, 4000))
-    misfit = climb.speed(record.t) - record.speed, climb.altitude(record.t) - record.altitude
-    return {
-        "record": card.source,
-        "perigee_m": low,
-        "apogee_m": high,
-        "inclination_rad": inclination,
-        "azimuth_rad": way.azimuth,
-        "max_load_g": float(np.max(np.linalg.norm(powered.f_b, axis=1))) / STANDARD_GRAVITY,
-        "smoothing_misfit": climb.misfit,
-        **residual_facts("smoothing", record.t, *misfit),
-    }

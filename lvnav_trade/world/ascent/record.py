@@ -51,9 +51,15 @@ def read(path: str) -> Record:
             raise InputError(f"{where}: the header is {quoted(','.join(fields))}, expected {','.join(HEADER)!r}")
     if len(rows) < 12:
         raise InputError(f"{path}: {len(rows)} rows of data, an ascent needs 12 or more")
-    table = np.array(rows)
-    _check_gaps(table[:, 0], path)
-    return Record(table[:, 0], table[:, 1], table[:, 2])
+    record = Record(*np.array(rows).T.copy())
+    interval = np.diff(record.t)
+    usual, k = float(np.median(interval)), int(np.argmax(interval))
+    if interval[k] > _GAP * usual:
+        raise InputError(
+            f"{path}: no data between {record.t[k]:g} s and {record.t[k + 1]:g} s, where rows are {usual:g} s apart "
+            f"elsewhere"
+        )
+    return record
 
 
 def _row(fields: list[str], before: list[float] | None, where: str) -> list[float]:
@@ -76,16 +82,6 @@ def _row(fields: list[str], before: list[float] | None, where: str) -> list[floa
     return row
 
 
-def _check_gaps(t: Floats, path: str) -> None:
-    interval = np.diff(t)
-    usual = float(np.median(interval))
-    k = int(np.argmax(interval))
-    if interval[k] > _GAP * usual:
-        raise InputError(
-            f"{path}: no data between {t[k]:g} s and {t[k + 1]:g} s, where rows are {usual:g} s apart elsewhere"
-        )
-
-
 def differences(recorded: Recorded, flight: Trajectory, site: Site) -> dict[str, float | str]:
     """Return the facts of the comparison: flight minus record.
 
@@ -98,22 +94,22 @@ def differences(recorded: Recorded, flight: Trajectory, site: Site) -> dict[str,
         record = read(recorded.file)
         flown = (record.t >= 0.0) & (record.t <= flight.events["injection"])
         at = motion(flight, record.t[flown])
-        speed = np.linalg.norm(earth_velocity(at.r_i, at.v_i), axis=1) - record.speed[flown]
+        speed = np.linalg.norm(earth_velocity(at.r_i, at.v_i), axis=1)
         height = geodetic_from_ecef(ecef_from_eci(at.r_i, earth_angle(flight.theta0, at.t)))[2]
-        altitude = height - site.height - record.altitude[flown]
-        facts |= residual_facts("record", at.t, speed, altitude)
+        facts |= residual_facts("record", Record(*(column[flown] for column in record)), speed, height - site.height)
     common = {name: time for name, time in recorded.events.items() if name in flight.events}
     return facts | {f"{name}_after_record_s": flight.events[name] - time for name, time in common.items()}
 
 
-def residual_facts(of: str, t: Floats, speed: Floats, altitude: Floats) -> dict[str, float]:
-    """Return RMS and worst of residuals (n,) of speed (m/s) and altitude (m), and when (s) they are worst."""
+def residual_facts(of: str, record: Record, speed: Floats, altitude: Floats) -> dict[str, float]:
+    """Return RMS and worst of speed (n,) in m/s and altitude (n,) in m against a record, and when (s) it is worst."""
     facts: dict[str, float] = {}
-    for name, unit, residual in (("speed", "m_s", speed), ("altitude", "m", altitude)):
+    residuals = (("speed", "m_s", speed - record.speed), ("altitude", "m", altitude - record.altitude))
+    for name, unit, residual in residuals:
         worst = int(np.argmax(np.abs(residual)))
         facts[f"{of}_{name}_rms_{unit}"] = float(np.sqrt(np.mean(residual**2)))
         facts[f"{of}_{name}_worst_{unit}"] = float(residual[worst])
-        facts[f"{of}_{name}_worst_at_s"] = float(t[worst])
+        facts[f"{of}_{name}_worst_at_s"] = float(record.t[worst])
     return facts
 
 
@@ -206,14 +202,6 @@ class _Problem(NamedTuple):
                 break
         return c, r
 
-    def climb_of(self, c: Floats, residual: Floats) -> Climb:
-        h, u = np.split(c, [self.height.shape[1]])
-        return Climb(
-            BSpline(self.knots_h, np.concatenate([[0.0, 0.0], h]), 5),
-            BSpline(self.knots_u, np.concatenate([[0.0], u]), 4),
-            float(np.sqrt(np.mean(residual[: 2 * self.record.t.size] ** 2))),
-        )
-
 
 def _damped(normal: csc_array, slope: Floats, damping: float) -> Floats:
     """Return the solution of (normal + damping times its diagonal) @ x = slope; splines make the matrix sparse."""
@@ -235,14 +223,16 @@ def smooth(
     the nearest is taken.
     """
     problem = _problem(record, breaks, coasts, (noise_speed, noise_altitude))
-
     latest = problem.start()
 
     def fit(log_weight: float) -> Climb:
         nonlocal latest
         root = 10.0 ** (0.5 * log_weight)
         latest, residual = problem._replace(jerk_h=root * problem.jerk_h, jerk_u=root * problem.jerk_u).solve(latest)
-        return problem.climb_of(latest, residual)
+        h, u = np.split(latest, [problem.height.shape[1]])
+        misfit = float(np.sqrt(np.mean(residual[: 2 * record.t.size] ** 2)))
+        altitude = BSpline(problem.knots_h, np.concatenate([[0.0, 0.0], h]), 5)
+        return Climb(altitude, BSpline(problem.knots_u, np.concatenate([[0.0], u]), 4), misfit)
 
     low, high = _WEIGHTS
     smoothest = fit(high)

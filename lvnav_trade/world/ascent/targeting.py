@@ -241,13 +241,8 @@ def _require_converged(card: VehicleAscent, aim: Aim, result: OptimizeResult) ->
     )
 
 
-def propellant_left(card: VehicleAscent, aim: Aim) -> float:
-    """Return the usable propellant of the last stage at injection, kg; negative where it was not enough."""
-    return _left(card, aim, len(card.vehicle.stages))
-
-
-def _left(card: VehicleAscent, aim: Aim, number: int) -> float:
-    """Return the usable propellant in kg that a stage cut off in orbit has left after its last burn."""
+def propellant_left(card: VehicleAscent, aim: Aim, number: int) -> float:
+    """Return the usable propellant in kg that a stage cut off in orbit has left; negative where it was not enough."""
     flight = fly_ascent(card, aim, final_coast=False)
     y = flight.legs[-1].y[-1]
     if number < len(card.vehicle.stages):
@@ -258,7 +253,7 @@ def _left(card: VehicleAscent, aim: Aim, number: int) -> float:
 def _require_propellant(card: VehicleAscent, aim: Aim) -> None:
     """Refuse an aim that burns more propellant than there is, with the missing delta-v."""
     for number, stage in enumerate(card.vehicle.stages[card.inserting - 1 :], start=card.inserting):
-        left = _left(card, aim, number)
+        left = propellant_left(card, aim, number)
         if left >= 0.0:
             continue
         empty = stage.dry + mass_above(card, number)
@@ -311,7 +306,7 @@ def _reaches(card: VehicleAscent, payload: float) -> bool:
     kick = light.kick_angle or _kick_for_climb(light, guess)
     solution = _reach(light, kick, guess, 80)
     aim = _aim(light, solution.x, kick)
-    return float(np.linalg.norm(solution.fun)) <= _SMALL and _left(light, aim, light.inserting) >= 0.0
+    return float(np.linalg.norm(solution.fun)) <= _SMALL and propellant_left(light, aim, light.inserting) >= 0.0
 
 
 def _least_speed(card: VehicleAscent) -> float:

@@ -219,13 +219,19 @@ class Roll(Card):
     rate: units.AngularRate = Field(0.05235987755982988, gt=0.0, description="greatest roll rate")  # 3 deg/s
 
 
-class VehicleAscent(Card):
-    """A trajectory flown by a vehicle card: from the pad to a target orbit, its steering solved for."""
+class FlightCard(Card):
+    """What the cards of all trajectories begin with."""
 
-    kind: Literal["vehicle"] = "vehicle"
+    kind: str
     name: str
     source: str
     epoch: units.Epoch = Field(description="lift-off, ISO 8601 UTC")
+
+
+class VehicleAscent(FlightCard):
+    """A trajectory flown by a vehicle card: from the pad to a target orbit, its steering solved for."""
+
+    kind: Literal["vehicle"] = "vehicle"
     vehicle: VehicleCard
     site: Site
     target: Orbit

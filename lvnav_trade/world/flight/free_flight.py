@@ -13,7 +13,7 @@ from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.records import Floats
 from lvnav_trade.world.ascent.dynamics import Drag
 from lvnav_trade.world.ascent.steering_law import smoothsteps
-from lvnav_trade.world.truth import Phase, body_axes, product, rotation_quaternions, splined
+from lvnav_trade.world.truth import Phase, body_axes, joined, product, rotation_quaternions, splined
 
 Axes = Callable[[Floats, Floats], Floats]  # times (n,) and states (n, 6 or more) to C_b_i (n, 3, 3)
 _TOLERANCE = 1e-11  # relative, of the integration; 1e-12 moves the end of an orbit by millimetres
@@ -61,22 +61,17 @@ def nose(modes: Sequence[Mode], t: float, y: Floats) -> Floats:
     return np.asarray(axes[0, :, 0])
 
 
-def fixed_to_earth(x_e: Floats, right_e: Floats, theta0: float) -> Axes:
-    """Return the law of a body at rest on the Earth: x axis and right-hand side, each (3,) in frame e."""
+def along_airspeed(right_e: Floats, theta0: float, at_rest: Floats | None = None) -> Axes:
+    """Return the law of a body that flies nose first through air that turns with the Earth, or is at rest there.
+
+    right_e (3,): its right-hand side, frame e; at_rest (3,): its x axis where it rests on the Earth, frame e.
+    """
 
     def axes(t: Floats, y: Floats) -> Floats:
-        x, right = (frames.eci_from_ecef(side, frames.earth_angle(theta0, t)) for side in (x_e, right_e))
-        return body_axes(x, right, np.zeros(t.size))
-
-    return axes
-
-
-def along_airspeed(right_e: Floats, theta0: float) -> Axes:
-    """Return the law of a body that flies nose first through air that turns with the Earth."""
-
-    def axes(t: Floats, y: Floats) -> Floats:
-        right = frames.eci_from_ecef(right_e, frames.earth_angle(theta0, t))
-        return body_axes(frames.unit(frames.earth_velocity(y[:, :3], y[:, 3:6])), right, np.zeros(t.size))
+        theta = frames.earth_angle(theta0, t)
+        airspeed = frames.earth_velocity(y[:, :3], y[:, 3:6])
+        x = frames.unit(airspeed) if at_rest is None else frames.eci_from_ecef(at_rest, theta)
+        return body_axes(x, frames.eci_from_ecef(right_e, theta), np.zeros(t.size))
 
     return axes
 
@@ -125,14 +120,11 @@ class Thrust(NamedTuple):
 
 
 class Stretch(NamedTuple):
-    """A stretch that was flown: times (n,), states (n, 7) of r_i, v_i and mass, inertial acceleration (2, 3) at its
-    ends, and what gives the rate of the state.
-    """
+    """A stretch that was flown: times (n,), states (n, 7) of r_i, v_i and mass, and what gives the state's rate."""
 
     name: str
     t: Floats
     y: Floats
-    a_ends: Floats
     rate: Law
 
 
@@ -149,7 +141,10 @@ def newton(air: Drag | None, thrust: Thrust | None, theta0: float) -> Law:
         if air is not None or (thrust is not None and thrust.exit_area > 0.0):
             density, pressure, _, sound = atmosphere(height(t, y, theta0))
             if air is not None and density > 0.0:
-                a += drag_acceleration(air, density, sound, y)
+                wind = frames.earth_velocity(y[:3], y[3:6])
+                speed = float(np.linalg.norm(wind))
+                coefficient = np.interp(speed / sound, air.mach, air.coefficient)
+                a += -0.5 * density * speed * coefficient * air.area / y[6] * wind
         if thrust is not None:
             a += (thrust.vacuum - pressure * thrust.exit_area) / y[6] * thrust.direction(t, y)
             out[6] = -thrust.flow
@@ -157,14 +152,6 @@ def newton(air: Drag | None, thrust: Thrust | None, theta0: float) -> Law:
         return out
 
     return rate
-
-
-def drag_acceleration(air: Drag, density: float, sound: float, y: Floats) -> Floats:
-    """Return the acceleration (3,) by drag at a density (kg/m^3), speed of sound (m/s) and state."""
-    wind = frames.earth_velocity(y[:3], y[3:6])
-    speed = float(np.linalg.norm(wind))
-    coefficient = np.interp(speed / sound, air.mach, air.coefficient)
-    return np.asarray(-0.5 * density * speed * coefficient * air.area / y[6] * wind)
 
 
 def height(t: float, y: Floats, theta0: float) -> float:
@@ -194,19 +181,21 @@ def fly(
     t = np.linspace(t0, end, max(8, int(np.ceil((end - t0) / step - 1e-9))) + 1)
     y = found.sol(t).T
     y[0] = y0
-    a_ends = np.array([rate(float(t[k]), y[k])[3:6] for k in (0, -1)])
-    return Stretch(name, t, y, a_ends, rate)
+    return Stretch(name, t, y, rate)
 
 
 def phases(stretches: Sequence[Stretch], attitude: BSpline, spin: PPoly | None = None) -> list[Phase]:
     """Return the phases of truth: a spline of position for each stretch, attitude and roll angle in all."""
-    return [splined(s.name, s.t, s.y[:, :3], s.y[[0, -1], 3:6], s.a_ends, attitude, spin) for s in stretches]
+    ends = [np.array([s.rate(float(s.t[k]), s.y[k]) for k in (0, -1)]) for s in stretches]  # rates of the state
+    return [
+        splined(s.name, s.t, s.y[:, :3], rate[:, :3], rate[:, 3:6], attitude, spin)
+        for s, rate in zip(stretches, ends, strict=True)
+    ]
 
 
 def knots(stretches: Sequence[Stretch]) -> tuple[Floats, Floats]:
     """Return the times (n,) and states (n, 7) of successive stretches, those at their seams once."""
-    t = np.concatenate([*(s.t[:-1] for s in stretches), stretches[-1].t[-1:]])
-    return t, np.concatenate([*(s.y[:-1] for s in stretches), stretches[-1].y[-1:]])
+    return joined([s.t for s in stretches]), joined([s.y for s in stretches])
 
 
 def greatest_load(stretches: Sequence[Stretch]) -> float:

@@ -14,7 +14,7 @@ from lvnav_trade.kernels.earth import SEMI_MAJOR
 from lvnav_trade.units import Angle, Area, Card, Epoch, Force, Length, Mass, TimeConstant
 from lvnav_trade.world.ascent.dynamics import Drag
 from lvnav_trade.world.ascent.launch import achieved
-from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY, refuse_drag_table
+from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY, FlightCard, refuse_drag_table
 from lvnav_trade.world.flight.free_flight import (
     Axes,
     Flown,
@@ -109,15 +109,13 @@ class Descent(Card):
             yield "parachutes open one below the other, above the altitude of the end"
 
 
-class OrbitalFlight(Card):
+class OrbitalFlight(FlightCard):
     """A trajectory that begins in orbit at t = 0 and goes through legs, at last down to an altitude where asked for.
 
     Drag acts all the way, with the mass of the moment; without area there is none.
     """
 
     kind: Literal["orbital"] = "orbital"
-    name: str
-    source: str
     epoch: Epoch = Field(description="t = 0, ISO 8601 UTC")
     orbit: Start
     mass: Annotated[Mass, Field(gt=0.0)]
@@ -151,8 +149,7 @@ def orbit(card: OrbitalFlight) -> Trajectory:
     flight.events["end"] = flight.t
     t, y = knots(flight.stretches)
     flown = phases(flight.stretches, attitude_spline(t, attitude(flight.modes, t, y)))
-    events = dict(sorted(flight.events.items(), key=lambda item: item[1]))
-    return Trajectory(tuple(flown), events, flight.theta0, card.epoch, _facts(flight))
+    return Trajectory(tuple(flown), flight.events, flight.theta0, card.epoch, _facts(flight))
 
 
 class _Flight(Flown):
@@ -207,11 +204,9 @@ class _Flight(Flown):
         self.point(card)
         self.events["descent"] = self.t
         step = _COAST if self.height > _AIR and card.slew >= 20.0 * _COAST else _POWERED
-        marks: list[tuple[float, Canopy | None]] = [(canopy.below, canopy) for canopy in card.parachutes]
-        if card.altitude < _AIR < self.height:
-            marks.insert(0, (_AIR, None))
-        if card.altitude < _ENTRY < self.height and all(canopy.below < _ENTRY for canopy in card.parachutes):
-            marks.insert(1 if marks[:1] == [(_AIR, None)] else 0, (_ENTRY, None))
+        entered = all(canopy.below < _ENTRY for canopy in card.parachutes)
+        layers = [mark for mark in (_AIR, _ENTRY) if card.altitude < mark < self.height and (mark == _AIR or entered)]
+        marks = [*((mark, None) for mark in layers), *((canopy.below, canopy) for canopy in card.parachutes)]
         for mark, canopy in [*marks, (card.altitude, None)]:
             above = self.above(mark)
             if above(self.t, self.y) <= 0.0:
@@ -232,11 +227,11 @@ class _Flight(Flown):
 
 
 def _facts(flight: _Flight) -> dict[str, float | str]:
-    low, high, inclination = achieved(flight.stretches[0].y[0])
+    first = achieved(flight.stretches[0].y[0])
     return {
-        "perigee_at_start_m": low,
-        "apogee_at_start_m": high,
-        "inclination_rad": inclination,
+        "perigee_at_start_m": first["perigee_m"],
+        "apogee_at_start_m": first["apogee_m"],
+        "inclination_rad": first["inclination_rad"],
         "mass_at_end_kg": float(flight.y[6]),
         "max_load_g": greatest_load(flight.stretches) / STANDARD_GRAVITY,
         "altitude_at_end_m": flight.height,

@@ -14,11 +14,11 @@ from lvnav_trade.errors import InputError
 from lvnav_trade.kernels.earth import OMEGA, SEMI_MAJOR
 from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.records import Floats
-from lvnav_trade.units import Angle, Area, Card, Epoch, Length, Mass, Pause, TimeConstant, TurnRate
+from lvnav_trade.units import Angle, Area, Card, Length, Mass, Pause, TimeConstant, TurnRate
 from lvnav_trade.world.ascent.dynamics import Drag
 from lvnav_trade.world.ascent.launch import pad_knots, site_phase
 from lvnav_trade.world.ascent.legs import pad_state, site_axes
-from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY, Site, refuse_drag_table
+from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY, FlightCard, Site, refuse_drag_table
 from lvnav_trade.world.events import resolve
 from lvnav_trade.world.flight.free_flight import (
     Flown,
@@ -28,7 +28,6 @@ from lvnav_trade.world.flight.free_flight import (
     along_airspeed,
     attitude,
     climb,
-    fixed_to_earth,
     fixed_to_stars,
     fly,
     greatest_load,
@@ -88,7 +87,7 @@ class SpinStep(Card):
     over: TimeConstant
 
 
-class SoundingFlight(Card):
+class SoundingFlight(FlightCard):
     """A trajectory of an unguided rocket that leaves a rail, flies nose first and then keeps its attitude by spin.
 
     The apogee, an altitude over the ellipsoid, asks for the rail's elevation, or where that is stated for the elevation
@@ -96,9 +95,6 @@ class SoundingFlight(Card):
     """
 
     kind: Literal["sounding"] = "sounding"
-    name: str
-    source: str
-    epoch: Epoch = Field(description="lift-off, ISO 8601 UTC")
     site: Site
     rail: Rail
     stages: tuple[SolidMotor, ...] = Field(min_length=1)
@@ -185,7 +181,7 @@ class _Flight(Flown):
         start = np.concatenate([*pad_state(card.site, float(frames.earth_angle(theta0, 0.0))), [mass]])
         air = Drag(card.reference_area, np.array(card.mach), np.array(card.drag_coefficient))
         super().__init__(theta0, start, air)
-        self.modes.append(Mode(-math.inf, 0.0, fixed_to_earth(self.rail_e, right, theta0)))
+        self.modes.append(Mode(-math.inf, 0.0, along_airspeed(right, theta0, at_rest=self.rail_e)))
         self.events["liftoff"] = 0.0
 
     def motor(self, stage: SolidMotor) -> Thrust:

@@ -2,6 +2,8 @@
 
 import hashlib
 import json
+from collections.abc import Callable
+from typing import Any
 
 from lvnav_trade.world.ascent.launch import build_ascent
 from lvnav_trade.world.ascent.profile import RecordedAscent, rebuild
@@ -27,6 +29,13 @@ __all__ = [
 ]
 
 TrajectoryCard = VehicleAscent | RecordedAscent | TableTrajectory | SoundingFlight | OrbitalFlight
+_BUILDERS: dict[type, Callable[[Any], Trajectory]] = {
+    VehicleAscent: build_ascent,
+    RecordedAscent: rebuild,
+    TableTrajectory: from_table,
+    SoundingFlight: launch,
+    OrbitalFlight: orbit,
+}
 
 
 def build(card: TrajectoryCard) -> Trajectory:
@@ -34,21 +43,9 @@ def build(card: TrajectoryCard) -> Trajectory:
 
     InputError where it cannot be flown or rebuilt, or where an oscillation does not lie within it.
     """
-    flight = _undisturbed(card)
+    flight = _BUILDERS[type(card)](card)
     span = (flight.start, flight.end)
     return oscillating(flight, oscillations(card.oscillation, flight.events, span))
-
-
-def _undisturbed(card: TrajectoryCard) -> Trajectory:
-    if isinstance(card, VehicleAscent):
-        return build_ascent(card)
-    if isinstance(card, TableTrajectory):
-        return from_table(card)
-    if isinstance(card, SoundingFlight):
-        return launch(card)
-    if isinstance(card, OrbitalFlight):
-        return orbit(card)
-    return rebuild(card)
 
 
 def content(card: TrajectoryCard) -> str:

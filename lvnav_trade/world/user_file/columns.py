@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field
 
-from lvnav_trade.units import Angle, AngleSigma, Card, Duration, Epoch, LengthSigma, Pause, SpeedSigma, parse
-from lvnav_trade.world.ascent.vehicle import Roll
+from lvnav_trade.units import Angle, AngleSigma, Card, Duration, LengthSigma, Pause, SpeedSigma, parse
+from lvnav_trade.world.ascent.vehicle import FlightCard, Roll
 from lvnav_trade.world.oscillation import OscillationCard
 
 _NAME = re.compile(r"[A-Za-z_]\w*$")
@@ -91,7 +91,7 @@ class AttitudeColumns(Card):
             yield "unit is for Euler angles, and they need it"
 
 
-class TableTrajectory(Card):
+class TableTrajectory(FlightCard):
     """A trajectory in a file of the user's own, CSV or Parquet, one row per time.
 
     Force may jump at the events, and only there. Where velocity is given, the true velocity is a spline through its
@@ -100,9 +100,6 @@ class TableTrajectory(Card):
     """
 
     kind: Literal["table"] = "table"
-    name: str
-    source: str
-    epoch: Epoch = Field(description="lift-off, ISO 8601 UTC")
     file: str = Field(description="the rows: CSV, or Parquet by its ending", json_schema_extra={"path": True})
     delimiter: str = Field(",", min_length=1, max_length=1, description="between the fields of a CSV file")
     time: TimeColumn

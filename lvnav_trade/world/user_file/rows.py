@@ -163,7 +163,7 @@ class Rows(NamedTuple):
     r_i: Floats
     v_i: Floats | None
     q_b_i: Floats | None
-    noise: tuple[float, float, float]
+    noise: tuple[float, ...]
     theta0: float
 
 
@@ -174,8 +174,8 @@ def read_rows(card: TableTrajectory) -> Rows:
     v_i, noise_v = (None, 0.0) if card.velocity is None else read.velocities(card.velocity, r_i)
     q_b_i, noise_q = (None, 0.0) if card.attitude is None else read.attitudes(card.attitude, r_i)
     seen, stated = (noise_r, noise_v, noise_q), (card.position_noise, card.velocity_noise, card.attitude_noise)
-    position, velocity, attitude = (own if given is None else given for own, given in zip(seen, stated, strict=True))
-    return Rows(read.t, r_i, v_i, q_b_i, (position, velocity, attitude), read.theta0)
+    noise = (own if given is None else given for own, given in zip(seen, stated, strict=True))
+    return Rows(read.t, r_i, v_i, q_b_i, tuple(noise), read.theta0)
 
 
 def si(unit: str, base: str) -> float:

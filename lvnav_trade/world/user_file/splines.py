@@ -16,7 +16,7 @@ from lvnav_trade.kernels.earth import gravity_along
 from lvnav_trade.records import Floats
 from lvnav_trade.world.ascent.steering_law import ascent_attitude, smoothsteps, stretch_knots, thrust_directions
 from lvnav_trade.world.ascent.vehicle import Roll
-from lvnav_trade.world.truth import pad_times
+from lvnav_trade.world.truth import joined, pad_times
 
 _CLOSEST = 0.1  # s between knots at least: closer ones only turn the rounding of the rows into force
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)  # exact for the square of what is left after `order` derivatives
@@ -58,13 +58,13 @@ class _Rows(NamedTuple):
 def fit(t: Floats, y: Floats, breaks: Sequence[float], degree: int, noise: float, steps: Sequence[float] = ()) -> Fit:
     """Return the smoothest spline through rows y (n, m) at times t (n,).
 
-    breaks: times (s) at which derivative degree - 3 and above may jump: force, for a velocity of degree 4 or a position
-    of degree 5. Smoothest means the least integrated square of derivative degree - 1: of the derivative of jerk, for
-    the same two. noise: one sigma of a component of a row, in its unit; the spline leaves the rows by that much (RMS).
-    Zero: it goes through every row, as far as rows closer than 0.1 s allow. steps: times (s) from which the rows may be
-    offset by a constant; the spline stays without it.
+    breaks: times (s) within the rows, rising, at which derivative degree - 3 and above may jump: force, for a velocity
+    of degree 4 or a position of degree 5. Smoothest means the least integrated square of derivative degree - 1: of the
+    derivative of jerk, for the same two. noise: one sigma of a component of a row, in its unit; the spline leaves the
+    rows by that much (RMS). Zero: it goes through every row, as far as rows closer than 0.1 s allow. steps: times (s)
+    from which the rows may be offset by a constant; the spline stays without it.
     """
-    spans = [float(t[0]), *_inside(breaks, t), float(t[-1])]
+    spans = [float(t[0]), *breaks, float(t[-1])]
     knots = _knots(t, spans, degree)
     rows = _rows(t, y, knots, degree, steps)
     size = len(knots) - degree - 1
@@ -80,15 +80,6 @@ def fit(t: Floats, y: Floats, breaks: Sequence[float], degree: int, noise: float
     if smoothest.misfit <= noise:
         return smoothest
     return made(float(brentq(lambda weight: rows.solve(weight)[1] - noise, _EXACT, _SMOOTHEST, xtol=0.05)))
-
-
-def _inside(breaks: Sequence[float], t: Floats) -> list[float]:
-    """Return the breaks within the rows, in order, each once."""
-    found: list[float] = []
-    for time in sorted(breaks):
-        if t[0] + 1e-6 < time < t[-1] - 1e-6 and (not found or time > found[-1] + 1e-6):
-            found.append(float(time))
-    return found
 
 
 def _knots(t: Floats, spans: list[float], degree: int) -> Floats:
@@ -147,7 +138,7 @@ def along_path(
     thrust that is nowhere.
     """
     times = [stretch_knots(begin, end) for begin, end in pairwise(edges)]
-    t = np.concatenate([*(part[:-1] for part in times), times[-1][-1:]])
+    t = joined(times)
     x = _along_force(position, times) if along == "thrust" else _along_velocity(position, t, theta0)
     right_e = _right_of_path(position, edges, theta0)
     if hold > 0.0:

@@ -28,7 +28,11 @@ from lvnav_trade.world.user_file.splines import along_path, fit
 ALLOWED = 0.1  # of the unit's one-sigma growth
 SHORTEST = 10.0  # s; a shorter interval counts as one of this length, rows know no better
 _ROUNDINGS = 5.0  # sigmas of a row's noise by which the worst of thousands may be off without meaning anything
-_UNITS = {"position": ("m", 1.0), "velocity": ("m/s", 1.0), "attitude": ("deg", 180.0 / math.pi)}
+_SHOWN = {  # unit in messages, SI units to it, and what contradicts what
+    "position": ("m", 1.0, "its velocity, integrated, and its position part"),
+    "velocity": ("m/s", 1.0, "the spline and its velocity part"),
+    "attitude": ("deg", 180.0 / math.pi, "the spline and its attitude part"),
+}
 _SAME = 1e-6  # s; two times closer than this are one
 _REST = 1.0  # m/s relative to the Earth; more than this is no lift-off
 _MOST_LOAD = 100.0  # standard gravities; beyond, rows or events are wrong
@@ -77,12 +81,7 @@ def require_consistent(residuals: Sequence[Residual], imu: ImuCard, file: str) -
     if not beyond:
         return
     worst = max(beyond, key=lambda one: one.size / max(limit(one, imu), 1e-300))
-    unit, factor = _UNITS[worst.what]
-    text = {
-        "position": "its velocity, integrated, and its position part",
-        "velocity": "the spline and its velocity part",
-        "attitude": "the spline and its attitude part",
-    }[worst.what]
+    unit, factor, text = _SHOWN[worst.what]
     raise InputError(
         f"{file}: {text} by {worst.size * factor:.3g} {unit} at {worst.time:.9g} s (from {worst.start:.9g} s on); "
         f"allowed are {limit(worst, imu) * factor:.3g} {unit}, {ALLOWED:g} of what {imu.name!r} drifts from "
@@ -167,10 +166,7 @@ def _fitted(card_json: str, content: str) -> Fitted:
     breaks = sorted({time for time in marks.values() if rows.t[0] + _SAME < time < rows.t[-1] - _SAME})
     breaks = [time for k, time in enumerate(breaks) if k == 0 or time - breaks[k - 1] > _SAME]
     edges = [float(rows.t[0]), *breaks, float(rows.t[-1])]
-    if rows.v_i is None:
-        path = _by_position(card, rows, edges, marks)
-    else:
-        path = _by_velocity(card, rows, rows.v_i, edges, marks)
+    path = (_by_position if rows.v_i is None else _by_velocity)(card, rows, edges, marks)
     t, force = _force(path)
     load = np.linalg.norm(force, axis=1) / STANDARD_GRAVITY
     k = int(np.argmax(load))
@@ -179,7 +175,10 @@ def _fitted(card_json: str, content: str) -> Fitted:
             f"{card.file}: the rows need a specific force of {load[k]:.3g} g at {t[k]:.6g} s: is an event missing "
             f"there, or are the rows noisier than their digits (state position_noise or velocity_noise)?"
         )
-    return path._replace(residuals=(*path.residuals, *_of_attitude(rows, edges)))
+    if rows.q_b_i is None:
+        return path
+    size = _angles(_turning(rows, rows.t, rows.q_b_i)(rows.t), rows.q_b_i)
+    return path._replace(residuals=path.residuals + _worst("attitude", rows, edges, lambda here: size[here]))
 
 
 def _marks(events: Mapping[str, float], t: Floats) -> dict[str, float]:
@@ -200,10 +199,9 @@ def _names_at(marks: Mapping[str, float], begin: float, end: float) -> str:
     return ", ".join(name for name, time in marks.items() if begin < time <= end)
 
 
-def _by_velocity(
-    card: TableTrajectory, rows: Rows, v_i: Floats, edges: list[float], marks: Mapping[str, float]
-) -> Fitted:
+def _by_velocity(card: TableTrajectory, rows: Rows, edges: list[float], marks: Mapping[str, float]) -> Fitted:
     """Return the path whose velocity is a spline through the rows of velocity."""
+    v_i = np.asarray(rows.v_i)
     velocity = fit(rows.t, v_i, edges[1:-1], 4, rows.noise[1]).spline
     position = velocity.antiderivative()
     position.c = position.c + (rows.r_i[0] - position(rows.t[0]))
@@ -211,23 +209,17 @@ def _by_velocity(
     change = np.diff(apart, axis=0)
     jumps = _moved(card, rows, change, marks) + _stepped(card, rows, change, marks)
     apart = np.concatenate([apart[:1], apart[:1] + np.cumsum(change, axis=0)])
-    far = {
-        "position": lambda here: np.linalg.norm(apart[here] - apart[here[0]], axis=1),
-        "velocity": lambda here: np.linalg.norm(velocity(rows.t[here]) - v_i[here], axis=1),
-    }
-    found = [one for what, size in far.items() for one in _worst(what, rows, edges, size)]
-    return Fitted(rows, position, edges, tuple(sorted(jumps, key=lambda jump: jump.time)), _misfit(rows, apart),
-                 tuple(found))  # fmt: skip
+    residuals = _worst("position", rows, edges, lambda here: np.linalg.norm(apart[here] - apart[here[0]], axis=1))
+    residuals += _worst(
+        "velocity", rows, edges, lambda here: np.linalg.norm(velocity(rows.t[here]) - v_i[here], axis=1)
+    )
+    in_order = tuple(sorted(jumps, key=lambda jump: jump.time))
+    return Fitted(rows, position, edges, in_order, _misfit(rows, apart), residuals)
 
 
-def _of_attitude(rows: Rows, edges: list[float]) -> list[Residual]:
-    if rows.q_b_i is None:
-        return []
-    size = _angles(_turning(rows, rows.t, rows.q_b_i)(rows.t), rows.q_b_i)
-    return _worst("attitude", rows, edges, lambda here: size[here])
-
-
-def _worst(what: str, rows: Rows, edges: list[float], size: Callable[[NDArray[np.int64]], Floats]) -> list[Residual]:
+def _worst(
+    what: str, rows: Rows, edges: list[float], size: Callable[[NDArray[np.int64]], Floats]
+) -> tuple[Residual, ...]:
     """Return the worst residual of each stretch with two rows or more; size: of the residuals at rows (n,)."""
     noise, found = rows.noise[("position", "velocity", "attitude").index(what)], []
     for begin, end in pairwise(edges):
@@ -236,13 +228,12 @@ def _worst(what: str, rows: Rows, edges: list[float], size: Callable[[NDArray[np
             sizes = size(here)
             k = int(np.argmax(sizes))
             found.append(Residual(what, begin, end, float(rows.t[here[k]]), float(sizes[k]), noise))
-    return found
+    return tuple(found)
 
 
 def _angles(p: Floats, q: Floats) -> Floats:
     """Return the angles (n,) in rad between the attitudes p (n, 4), of any length, and q (n, 4)."""
-    p = unit(p)
-    return np.asarray(4.0 * np.arcsin(np.minimum(1.0, 0.5 * np.linalg.norm(p - q, axis=1))))
+    return np.asarray(4.0 * np.arcsin(np.minimum(1.0, 0.5 * np.linalg.norm(unit(p) - q, axis=1))))
 
 
 def _moved(card: TableTrajectory, rows: Rows, change: Floats, marks: Mapping[str, float]) -> list[Jump]:
@@ -327,15 +318,12 @@ def _facts(card: TableTrajectory, path: Fitted, flight: Trajectory) -> dict[str,
 
     InputError where the forces do not lie along the roll axis at all.
     """
-    low, high, inclination = achieved(np.concatenate([path.position(path.edges[-1]), path.position(path.edges[-1], 1)]))
     t, force = _force(path)
     jerk = np.linalg.norm(path.position(t, 3), axis=1)
     load = np.linalg.norm(force, axis=1)
     facts: dict[str, float | str] = {
         "file": card.source,
-        "perigee_m": low,
-        "apogee_m": high,
-        "inclination_rad": inclination,
+        **achieved(np.concatenate([path.position(path.edges[-1], order) for order in (0, 1)])),
         "max_load_g": float(np.max(load)) / STANDARD_GRAVITY,
         "implied_jerk_worst_m_s3": float(np.max(jerk)),
         "implied_jerk_worst_at_s": float(t[np.argmax(jerk)]),

@@ -27,11 +27,11 @@ def test_the_orbit_is_reached_within_1_km_and_a_hundredth_of_a_degree(perigee, a
     card = ascent_card(target=orbit(f"{perigee} km", f"{apogee} km", f"{inclination} deg", direction))
     aim = solve(card)
     flight = fly_ascent(card, aim, final_coast=False)
-    low, high, tilt = achieved(flight.legs[-1].y[-1])
+    low, high, tilt = achieved(flight.legs[-1].y[-1]).values()
     assert low == pytest.approx(1000.0 * perigee, abs=1000.0)
     assert high == pytest.approx(1000.0 * apogee, abs=1000.0)
     assert math.degrees(tilt) == pytest.approx(inclination, abs=0.01)
-    assert propellant_left(card, aim) > 0.0
+    assert propellant_left(card, aim, len(card.vehicle.stages)) > 0.0
     assert (aim.azimuth > math.pi / 2) == (direction == "descending")
 
 
@@ -39,7 +39,7 @@ def test_a_parking_orbit_is_left_by_a_second_burn():
     card = ascent_card(target=orbit("500 km", "500 km", "45 deg"), parking={"perigee": "200 km"}, kick_angle="3 deg")
     aim = solve(card)
     flight = fly_ascent(card, aim, final_coast=False)
-    low, high, tilt = achieved(flight.legs[-1].y[-1])
+    low, high, tilt = achieved(flight.legs[-1].y[-1]).values()
     assert (low, high) == pytest.approx((500e3, 500e3), abs=1000.0)
     assert math.degrees(tilt) == pytest.approx(45.0, abs=0.01)
     names = ["stage2_ignition", "fairing_separation", "stage2_cutoff", "stage2_ignition_2", "stage2_cutoff_2"]
@@ -94,14 +94,14 @@ def test_a_stage_below_the_last_may_reach_the_parking_orbit():
     )
     aim = solve(card)
     flight = fly_ascent(card, aim, final_coast=False)
-    assert achieved(flight.legs[-1].y[-1])[:2] == pytest.approx((400e3, 400e3), abs=1000.0)
+    assert tuple(achieved(flight.legs[-1].y[-1]).values())[:2] == pytest.approx((400e3, 400e3), abs=1000.0)
     names = ["stage2_cutoff", "stage2_separation", "stage3_ignition", "stage3_cutoff", "injection"]
     assert [name for name in flight.events if name in names] == names
     # The last stage starts full: Hohmann's second burn by the rocket equation; oblateness takes some metres per second.
     low, high, gm = 6378137.0 + 250e3, 6378137.0 + 400e3, 3.986004418e14
     gain = math.sqrt(gm / high) * (1.0 - math.sqrt(2.0 * low / (low + high)))
     burnt = 600.0 * (1.0 - math.exp(-gain / (9.80665 * 310.0)))
-    assert 60.0 - propellant_left(card, aim) == pytest.approx(burnt, rel=0.06)
+    assert 60.0 - propellant_left(card, aim, len(card.vehicle.stages)) == pytest.approx(burnt, rel=0.06)
 
 
 def test_a_true_anomaly_puts_injection_past_perigee():
@@ -109,7 +109,7 @@ def test_a_true_anomaly_puts_injection_past_perigee():
     y = fly_ascent(card, solve(card), final_coast=False).legs[-1].y[-1]
     elements = elements_from_state(y[:3], y[3:6])
     assert math.degrees(float(elements.true_anomaly)) == pytest.approx(40.0, abs=1e-4)
-    assert achieved(y)[:2] == pytest.approx((250e3, 600e3), abs=10.0)
+    assert tuple(achieved(y).values())[:2] == pytest.approx((250e3, 600e3), abs=10.0)
 
 
 @pytest.mark.parametrize("offset", [-15.0, 15.0])
@@ -119,7 +119,9 @@ def test_a_prescribed_azimuth_is_kept_and_the_plane_turned_above_it(offset):
     aim = solve(card)
     assert aim.azimuth == pytest.approx(free.azimuth + math.radians(offset))
     assert aim.yaw * offset < 0.0  # back to where the free one went
-    assert math.degrees(achieved(fly_ascent(card, aim, final_coast=False).legs[-1].y[-1])[2]) == pytest.approx(45.0)
+    assert math.degrees(
+        achieved(fly_ascent(card, aim, final_coast=False).legs[-1].y[-1])["inclination_rad"]
+    ) == pytest.approx(45.0)
     assert aim.burn > free.burn
 
 
@@ -146,5 +148,5 @@ def test_a_second_stage_may_light_the_moment_the_first_is_dropped():
     aim = solve(card)
     flight = fly_ascent(card, aim)
     assert flight.events["stage2_ignition"] == flight.events["stage1_separation"]
-    low, _, _ = achieved(flight.legs[-1].y[0])
+    low = achieved(flight.legs[-1].y[0])["perigee_m"]
     assert low == pytest.approx(card.target.perigee, abs=1000.0)
