@@ -241,7 +241,7 @@ def evaluate(case: Case, runs: int = RUNS) -> Verdict:
 def with_stored_gains(case: Case, scenario: Scenario) -> Scenario:
     """Return the scenario with stored gains: those of the same filter with a direct solution that is not late.
 
-    A filter that starts late needs gains of a late start: the first ones, taken later, would turn the attitude by 8 deg.
+    A filter that starts late needs gains of a late start: the first ones, taken later, turn the attitude by 8 deg.
     """
     start = "at once" if case["start"] == "from GNSS" else case["start"]
     plain, kind, _ = scenario_of(case | {"receiver": "direct", "latency": "none", "start": start})
