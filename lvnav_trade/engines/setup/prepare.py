@@ -271,7 +271,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     rules = watched(card, failed, truth, channels, lambda: pdop(line.direction, seen.tracked), P)
     solver = solver_of(scenario, receiver, truth.used.shape[1])
     chain = chain_of(solver, has_covariance(scenario), truth, line)
-    truth, chain = left_out(rules, truth, chain)
+    truth = left_out(rules, truth, chain)
     if chain is not None and solver is not None:
         truth.variance[:, :6] = np.diagonal(chain.reported, axis1=1, axis2=2)
     report = _report(scenario, chain, channels, layout, solver)

@@ -71,14 +71,10 @@ def watched(
     )
 
 
-def left_out(rules: Rules | None, signals: Signals, chain: Chain | None) -> tuple[Signals, Chain | None]:
-    """Return signals and chain with no solution where a sample fails the checks at the input.
-
-    Linear covariance then has no row there either. A receiver that solves itself keeps its satellites: it goes on,
-    whatever the filter leaves out.
+def left_out(rules: Rules | None, signals: Signals, chain: Chain | None) -> Signals:
+    """Return the signals with no solution where a sample fails the checks at the input: linear covariance then has no
+    row there either. A receiver that solves for itself goes on, whatever the filter leaves out.
     """
-    if rules is None:
-        return signals, chain
-    if chain is not None:
-        return signals, chain._replace(solved=chain.solved & rules.good)
-    return signals._replace(n_used=np.where(rules.good, signals.n_used, 0)), None
+    if rules is None or chain is not None:
+        return signals
+    return signals._replace(n_used=np.where(rules.good, signals.n_used, 0))
