@@ -208,7 +208,7 @@ def scenario_of(case: Case) -> tuple[Scenario, str, bool]:
         # a solution of a swinging antenna, extrapolated by its velocity, turns the roll by 10 deg: not linear either
         fields["receiver.lever_b"] = ["1 m", "0 m", "0 m"]
     if "imu" in listed and case["states"] == "scale factors":
-        kind += STEADY  # at a step the acceleration that the filter estimates, and multiplies scale factors with, is wrong
+        kind += STEADY  # at a step the estimated acceleration, which scale factors are multiplied with, is wrong
     found = {"attitude": REFERENCE, "altitude": ALTIMETER}
     fields["sensors"] = {name: card for name, card in found.items() if name in listed}
     return with_fields(loaded(*BASE), **fields), kind, stored
