@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from lvnav_trade.delays import AtmosphereCard
+from lvnav_trade.delays.cards import AtmosphereCard
 from lvnav_trade.filters.base import FilterCard, ImuModel, InitialModel, ReceiverModel
 from lvnav_trade.limits import FAULTS
 from lvnav_trade.observables.sensor import SensorCard, SensorModel

@@ -17,7 +17,6 @@ from matplotlib.colors import SymLogNorm
 
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax.cards import campaign_file
-from lvnav_trade.delays import Geometry, troposphere_delay
 from lvnav_trade.delays.cards import (
     BeanThayerProfile,
     ConaeTroposphere,
@@ -26,6 +25,7 @@ from lvnav_trade.delays.cards import (
     SaastamoinenTroposphere,
     SpilkerTroposphere,
 )
+from lvnav_trade.delays.models import Geometry, troposphere_delay
 from lvnav_trade.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
 from lvnav_trade.world.flight.trajectory import build
 from lvnav_trade.world.receiver.visibility import antenna, sky

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from lvnav_trade import units
-from lvnav_trade.delays import CorrectionsCard
+from lvnav_trade.delays.cards import CorrectionsCard
 from lvnav_trade.filters.scheduled import GainSchedule
 from lvnav_trade.layout import EXTRAS, PARAMETERS
 from lvnav_trade.observables.sensors import MEASUREMENTS, RANGES, RECEIVER_SOLUTION, Measurement, SensorModels

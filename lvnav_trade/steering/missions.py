@@ -9,27 +9,12 @@ from lvnav_trade.engines.setup.vehicle import changing, steady_ratio
 from lvnav_trade.filters.base import EnvelopeCard
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.records import Floats, Ints
-from lvnav_trade.steering.loop import (
-    BURN,
-    CHANGE,
-    COAST,
-    FILTERED,
-    N_PHASE,
-    N_RECORD,
-    N_SUM,
-    RAW,
-    TRUE,
-    CommandedEnvelope,
-    Feed,
-    Law,
-    Plant,
-    fly_run,
-)
+from lvnav_trade.steering import loop
 from lvnav_trade.world.control.ascent import Ascent, Body, body_along, changes
 from lvnav_trade.world.control.cards import ControllerCard, FeedbackCard, RotationCard, WindCard, rate_noise
 from lvnav_trade.world.sensors.imu import ImuCard
 
-_RATES = {"true": TRUE, "raw": RAW, "filtered": FILTERED}
+_RATES = {"true": loop.TRUE, "raw": loop.RAW, "filtered": loop.FILTERED}
 
 
 class Launch(NamedTuple):
@@ -37,7 +22,6 @@ class Launch(NamedTuple):
 
     body: Body
     phase: Ints
-    changes: Floats
     rotation: RotationCard
     controller: ControllerCard
     wind: WindCard
@@ -69,10 +53,9 @@ def prepare_launch(
     """Return a launch on the ticks of the inertial unit; InputError where the cards do not fit the vehicle."""
     envelope = envelope or EnvelopeCard()
     body = body_along(ascent, rotation, controller, wind, imu.rate)
-    change = changes(ascent.trajectory)
-    phase = np.where(body.motor > 0, BURN, COAST)
-    phase[changing(envelope, body.t, change)] = CHANGE
-    return Launch(body, phase.astype(np.int64), change, rotation, controller, wind, imu, envelope)
+    phase = np.where(body.motor > 0, loop.BURN, loop.COAST)
+    phase[changing(envelope, body.t, changes(ascent.trajectory))] = loop.CHANGE
+    return Launch(body, phase.astype(np.int64), rotation, controller, wind, imu, envelope)
 
 
 def with_rate_gain(launch: Launch, factor: float) -> Launch:
@@ -90,38 +73,39 @@ def fly_missions(
     """
     n_tick = launch.body.t.size - 1
     n_record = (n_tick - 1) // every + 1
-    history = np.zeros((runs, n_record, 2, N_RECORD))
-    sums = np.zeros((runs, 2, N_PHASE, N_SUM))
+    history = np.zeros((runs, n_record, 2, loop.N_RECORD))
+    sums = np.zeros((runs, 2, loop.N_PHASE, loop.N_SUM))
     movement = np.empty((runs, 2))
     k0, k1 = seed_words(seed)
-    settings = (_plant(launch.rotation), _law(launch), _feed(launch, feedback), _commanded_envelope(launch.envelope))
+    envelope = loop.CommandedEnvelope(*(getattr(launch.envelope, name) for name in loop.CommandedEnvelope._fields))
+    settings = _plant(launch.rotation), _law(launch), _feed(launch, feedback), envelope
     for n in range(runs):
-        movement[n] = fly_run(
+        movement[n] = loop.fly_run(
             launch.body, launch.phase, *settings, launch.wind.spread, k0, k1, np.uint64(first_run + n), every,
             history[n], sums[n],
         )  # fmt: skip
     return Missions(launch.body.t[:n_tick:every], history, movement, sums)
 
 
-def _plant(card: RotationCard) -> Plant:
+def _plant(card: RotationCard) -> loop.Plant:
     nozzle, thrusters = card.nozzle, card.thrusters
-    return Plant(
+    return loop.Plant(
         nozzle.time_constant, nozzle.rate_limit, nozzle.deflection_limit, nozzle.misalignment,
         thrusters.dead_band, thrusters.lead, thrusters.release,
     )  # fmt: skip
 
 
-def _law(launch: Launch) -> Law:
+def _law(launch: Launch) -> loop.Law:
     card, rate = launch.controller, launch.imu.rate
     gains = np.array([[one.attitude, one.rate, one.integral] for one in card.gains])
     guide = card.guidance
     if guide is None:
-        return Law(gains, card.command_time, 0, 1, 1.0, 0.0, 0.0)
+        return loop.Law(gains, card.command_time, 0, 1, 1.0, 0.0, 0.0)
     ticks = max(1, round(guide.period * rate))
-    return Law(gains, card.command_time, guide.from_stage, ticks, guide.time, guide.limit, guide.velocity_sigma)
+    return loop.Law(gains, card.command_time, guide.from_stage, ticks, guide.time, guide.limit, guide.velocity_sigma)
 
 
-def _feed(launch: Launch, card: FeedbackCard) -> Feed:
+def _feed(launch: Launch, card: FeedbackCard) -> loop.Feed:
     """Return the settings of sensing; the steady filter of the gyro's random walk weighs the attitude reference."""
     noise = rate_noise(launch.imu, card.noise)
     ticks = max(1, round(launch.imu.rate / card.reference_rate))
@@ -130,8 +114,4 @@ def _feed(launch: Launch, card: FeedbackCard) -> Feed:
     bias = 0.0 if card.noise == "none" else launch.imu.gyro.bias_repeatability
     navigated = card.attitude == "navigation"
     start = math.sqrt(gain) * card.reference_sigma if navigated else 0.0
-    return Feed(_RATES[card.rate], navigated, noise, bias, card.reference_sigma, ticks, gain, start)
-
-
-def _commanded_envelope(card: EnvelopeCard) -> CommandedEnvelope:
-    return CommandedEnvelope(*(getattr(card, name) for name in CommandedEnvelope._fields))
+    return loop.Feed(_RATES[card.rate], navigated, noise, bias, card.reference_sigma, ticks, gain, start)

@@ -10,22 +10,7 @@ from lvnav_trade.filters.base import EnvelopeCard
 from lvnav_trade.observables.attitude import AttitudeReferenceCard
 from lvnav_trade.records import Floats
 from lvnav_trade.scenario import Scenario, sensors_measuring
-from lvnav_trade.steering.loop import (
-    FORMAL,
-    INSIDE_JERK,
-    INSIDE_TURNING,
-    JERK,
-    JERK_BOUND,
-    JERK_RATIO,
-    MOVED,
-    N_PHASE,
-    SQUARE_ERROR,
-    SQUARE_RATE,
-    TICKS,
-    TURNING,
-    TURNING_BOUND,
-    TURNING_RATIO,
-)
+from lvnav_trade.steering import loop
 from lvnav_trade.steering.missions import Launch, Missions, fly_missions, prepare_launch, with_rate_gain
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
 from lvnav_trade.world.control.ascent import Ascent, ascend
@@ -87,7 +72,7 @@ def controlled(scenario: Scenario, seed: int, runs: int) -> Controlled | None:
     launch = launch_of(scenario)
     missions = [fly_missions(launch, feedback(scenario, feed), runs, seed) for feed in FEEDS]
     spans = np.array(_burns_of(scenario))
-    moved = np.stack([flown.history[..., MOVED] for flown in missions])
+    moved = np.stack([flown.history[..., loop.MOVED] for flown in missions])
     shown_t, shown = _shown(launch, feedback(scenario, "filtered"), seed)
     return Controlled(
         runs=runs,
@@ -124,7 +109,7 @@ def _totals(missions: list[Missions], spans: Floats) -> Floats:
         found[feed, :, 0] = flown.movement
         for number, (begin, end) in enumerate(spans, start=1):
             at = np.minimum(np.searchsorted(flown.t, [begin, end + 1.0]), flown.t.size - 1)
-            rows = flown.history[..., MOVED][:, at]
+            rows = flown.history[..., loop.MOVED][:, at]
             found[feed, :, number] = rows[:, 1] - rows[:, 0]
     return found
 
@@ -133,13 +118,13 @@ def _turning(launch: Launch, flown: Missions, feed: str) -> Floats:
     """Return what the ticks of each axis and phase add up to, (2, N_PHASE, 8); see Controlled."""
     sums = flown.sums.sum(axis=0)
     furthest = flown.sums.max(axis=0)
-    ticks = np.where(sums[..., TICKS] > 0.0, sums[..., TICKS], np.nan)
+    ticks = np.where(sums[..., loop.TICKS] > 0.0, sums[..., loop.TICKS], np.nan)
     raw = launch.imu.gyro.random_walk * np.sqrt(launch.imu.rate) if feed == "raw" else np.nan
-    formal = _formal(launch, flown) if feed == "filtered" else np.full((2, N_PHASE), raw)
+    formal = _formal(launch, flown) if feed == "filtered" else np.full((2, loop.N_PHASE), raw)
     return np.stack([
-        sums[..., TICKS], sums[..., INSIDE_TURNING] / ticks, sums[..., INSIDE_JERK] / ticks,
-        furthest[..., TURNING_RATIO], furthest[..., JERK_RATIO],
-        np.sqrt(sums[..., SQUARE_ERROR] / ticks), np.sqrt(sums[..., SQUARE_RATE] / ticks),
+        sums[..., loop.TICKS], sums[..., loop.INSIDE_TURNING] / ticks, sums[..., loop.INSIDE_JERK] / ticks,
+        furthest[..., loop.TURNING_RATIO], furthest[..., loop.JERK_RATIO],
+        np.sqrt(sums[..., loop.SQUARE_ERROR] / ticks), np.sqrt(sums[..., loop.SQUARE_RATE] / ticks),
         formal,
     ], axis=-1)  # fmt: skip
 
@@ -148,11 +133,9 @@ def _formal(launch: Launch, flown: Missions) -> Floats:
     """Return the root mean square (2, N_PHASE) of the filter's sigma of the rate, NaN of a phase that there is not."""
     every = round((launch.body.t.size - 1) / flown.t.size)
     phase = launch.phase[: -1 : max(1, every)][: flown.t.size]
-    found = np.full((2, N_PHASE), np.nan)
-    for number in range(N_PHASE):
-        here = phase == number
-        if here.any():
-            found[:, number] = np.sqrt(np.mean(flown.history[:, here, :, FORMAL] ** 2, axis=(0, 1)))
+    found = np.full((2, loop.N_PHASE), np.nan)
+    for number in np.unique(phase):
+        found[:, number] = np.sqrt(np.mean(flown.history[:, phase == number, :, loop.FORMAL] ** 2, axis=(0, 1)))
     return found
 
 
@@ -163,7 +146,7 @@ def _shown(launch: Launch, feedback: FeedbackCard, seed: int) -> tuple[Floats, F
     n_bin = int(np.sum(one.t <= SHOWN)) // per_bin
     ticks = one.history[0, : n_bin * per_bin].reshape(n_bin, per_bin, 2, -1)
     found = np.empty((n_bin, 2, 4))
-    for column, (value, bound) in enumerate(((TURNING, TURNING_BOUND), (JERK, JERK_BOUND))):
+    for column, (value, bound) in enumerate(((loop.TURNING, loop.TURNING_BOUND), (loop.JERK, loop.JERK_BOUND))):
         furthest = np.argmax(np.abs(ticks[..., value]) / ticks[..., bound], axis=1)
         for axis in range(2):
             rows = ticks[np.arange(n_bin), furthest[:, axis], axis]

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
+from itertools import chain
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
@@ -99,10 +100,6 @@ class Oscillation(NamedTuple):
     turn: Complex
     shift: Complex
 
-    def edges(self) -> tuple[float, ...]:
-        """Return the times at which the window's polynomial changes."""
-        return self.start, self.start + self.ramp, self.end - self.ramp, self.end
-
 
 class Small(NamedTuple):
     """Rotation vector from the resting to the moving body and its rate, displacement and its two rates, (n, 3) each."""
@@ -158,19 +155,17 @@ def oscillations(
 
     InputError where a time is no time of the flight, or a window is too short for its ramps.
     """
-    return tuple(_placed(card, f"oscillation {k}", events, span) for k, card in enumerate(cards, start=1))
-
-
-def _placed(card: OscillationCard, name: str, events: Mapping[str, float], span: tuple[float, float]) -> Oscillation:
-    instants = {"start": span[0], "end": span[1], **events}
-    start, end = resolve(card.start, instants), resolve(card.end, instants)
-    if end - start < 2.0 * card.ramp:
-        raise InputError(f"{name}: from {start:g} to {end:g} s there is no room for two ramps of {card.ramp:g} s")
-    if start < span[0] or end > span[1]:
-        raise InputError(f"{name}: {start:g} to {end:g} s is not within the flight, {span[0]:g} to {span[1]:g} s")
-    rows = [*map(_cone, card.coning), *map(_tone, card.tones), *(row for noise in card.noise for row in _lines(noise))]
-    omega, turn, shift = map(np.array, zip(*rows, strict=True))
-    return Oscillation(start, end, card.ramp, omega, turn, shift)
+    instants, found = {"start": span[0], "end": span[1], **events}, []
+    for k, card in enumerate(cards, start=1):
+        start, end = resolve(card.start, instants), resolve(card.end, instants)
+        where = f"oscillation {k}: "
+        if end - start < 2.0 * card.ramp:
+            raise InputError(f"{where}from {start:g} to {end:g} s there is no room for two ramps of {card.ramp:g} s")
+        if start < span[0] or end > span[1]:
+            raise InputError(f"{where}{start:g} to {end:g} s is not within the flight, {span[0]:g} to {span[1]:g} s")
+        rows = [*map(_cone, card.coning), *map(_tone, card.tones), *chain.from_iterable(map(_lines, card.noise))]
+        found.append(Oscillation(start, end, card.ramp, *map(np.array, zip(*rows, strict=True))))
+    return tuple(found)
 
 
 Row = tuple[float, Complex, Complex]
@@ -216,7 +211,6 @@ def _lines(card: Noise) -> Iterable[Row]:
 def _cumulated(f: Floats, density: Floats, at: Floats) -> Floats:
     """Return the power (n,) from f[0] to `at` (n,) of a density given at f, straight on logarithmic axes between."""
     slope = np.diff(np.log(density)) / np.diff(np.log(f))
-
     total = np.zeros_like(at)
     for k, p in enumerate(slope + 1.0):
         upper = np.clip(at, f[k], f[k + 1]) / f[k]

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -237,7 +237,8 @@ def oscillating(trajectory: Trajectory, oscillations: tuple[Oscillation, ...]) -
     """Return the flight with oscillations laid over it, its phases cut where a window's formula changes."""
     if not oscillations:
         return trajectory
-    cuts = sorted({edge for one in oscillations for edge in one.edges()})
+    edges = ((one.start, one.start + one.ramp, one.end - one.ramp, one.end) for one in oscillations)
+    cuts = sorted(set(chain.from_iterable(edges)))
     phases: list[Phase] = []
     for phase in trajectory.phases:
         times = [phase.start, *(cut for cut in cuts if phase.start < cut < phase.end), phase.end]

@@ -5,14 +5,16 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
-from lvnav_trade.delays import AtmosphereCard, CorrectionsCard, correction_models
 from lvnav_trade.delays.cards import (
+    AtmosphereCard,
     BeanThayerProfile,
     ContentIonosphere,
+    CorrectionsCard,
     NoIonosphere,
     NoTroposphere,
     RayTracedTroposphere,
     SpilkerTroposphere,
+    correction_models,
 )
 
 

@@ -23,6 +23,15 @@ def settings(name: str) -> dict[str, Any]:
     return YAML(typ="safe").load((shipped("configs") / f"{name}.yaml").read_text())
 
 
+def design(frequency: float, damping: float, instability: float = 0.0) -> dict[str, Any]:
+    """Return the gains that give a rigid body with an ideal nozzle a natural frequency (rad/s) and a damping ratio.
+
+    The body obeys angle'' = instability x angle - EFFECTIVENESS x nozzle (both 1/s^2).
+    """
+    attitude, rate = (frequency**2 + instability) / EFFECTIVENESS, 2.0 * damping * frequency / EFFECTIVENESS
+    return {"attitude": attitude, "rate": f"{rate} s"}
+
+
 def steady_launch(duration: float = 20.0, motor: int = 1, gains: Any = None, nozzle: Any = None, **body: Any) -> Launch:
     """Return a launch whose body is the same at all ticks; fields of `Body` are given as numbers or arrays."""
     rotation, controller = settings("rotation/three_motor"), settings("controllers/three_motor")
@@ -43,7 +52,6 @@ def steady_launch(duration: float = 20.0, motor: int = 1, gains: Any = None, noz
     return Launch(
         Body(t=t, motor=number, stack=np.maximum(number, 1), **arrays),
         np.full(t.size, BURN if motor else COAST, dtype=np.int64),
-        np.array([-100.0]),
         RotationCard.model_validate(rotation),
         ControllerCard.model_validate(controller),
         WindCard.model_validate(settings("wind/moderate") | {"spread": "0 %"}),

@@ -24,8 +24,8 @@ from lvnav_trade.steering.loop import (
     TURNING_BOUND,
 )
 from lvnav_trade.steering.missions import fly_missions
-from lvnav_trade.world.control.cards import FeedbackCard, design, rate_noise
-from tests.steering.launches import EFFECTIVENESS, steady_launch
+from lvnav_trade.world.control.cards import FeedbackCard, rate_noise
+from tests.steering.launches import design, steady_launch
 
 IDEAL = {"time_constant": "0.0001 s", "rate_limit": "100000 deg/s", "deflection_limit": "50 deg"}
 PERFECT = FeedbackCard(rate="true", attitude="true", noise="none")
@@ -38,10 +38,7 @@ def flown(launch, feedback=PERFECT, runs=1, **how):
 @pytest.mark.parametrize(("frequency", "damping"), [(2.0, 0.3), (2.0, 0.7), (4.0, 0.5)])
 def test_gains_give_the_natural_frequency_and_damping_of_the_closed_form(frequency, damping):
     # A step of the commanded attitude: overshoot exp(-pi z / sqrt(1 - z^2)) after pi / (w sqrt(1 - z^2)).
-    gains = design(frequency, damping, EFFECTIVENESS)
-    launch = steady_launch(
-        gains={"attitude": gains.attitude, "rate": f"{gains.rate} s"}, nozzle=IDEAL, turn=(0.01, 0.0)
-    )
+    launch = steady_launch(gains=design(frequency, damping), nozzle=IDEAL, turn=(0.01, 0.0))
     mission = flown(launch)
     error = mission.history[0, :, 0, ERROR] / 0.01
     peak = int(np.argmax(error))
@@ -54,9 +51,8 @@ def test_gains_give_the_natural_frequency_and_damping_of_the_closed_form(frequen
 
 
 def test_an_unstable_body_is_held_and_its_integral_takes_the_wind_out():
-    gains = design(2.5, 0.8, EFFECTIVENESS, instability=2.0)
     launch = steady_launch(
-        60.0, gains={"attitude": gains.attitude, "rate": f"{gains.rate} s", "integral": "0.4 1/s"}, moment=0.004,
+        60.0, gains={**design(2.5, 0.8, instability=2.0), "integral": "0.4 1/s"}, moment=0.004,
         force=0.04, wind=((10.0, 0.0), (0.0, 0.0)),
     )  # fmt: skip
     error = flown(launch).history[0, :, 0, ERROR]
@@ -116,7 +112,7 @@ def test_envelopes_in_the_loop_are_those_of_the_formula():
     history = flown(launch, FeedbackCard(noise="published")).history[0]
     body, n = launch.body, len(history)
     found = envelopes(
-        launch.envelope, body.t[:n], np.ones(n, dtype=bool), launch.changes, rate[:n], history[:, :, ASKED]
+        launch.envelope, body.t[:n], np.ones(n, dtype=bool), np.array([-100.0]), rate[:n], history[:, :, ASKED]
     )
     np.testing.assert_allclose(history[:, :, TURNING_BOUND], found.turning[:, 1:], rtol=1e-9)
     np.testing.assert_allclose(history[:, 0, JERK_BOUND], found.jerk[:, 2], rtol=1e-9)

@@ -7,14 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.delays import (
-    AtmosphereCard,
-    CorrectionsCard,
-    Geometry,
-    correction_models,
-    ionosphere_delay,
-    troposphere_delay,
-)
+from lvnav_trade.delays.cards import AtmosphereCard, CorrectionsCard, correction_models
+from lvnav_trade.delays.models import Geometry, ionosphere_delay, troposphere_delay
 from lvnav_trade.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
 from lvnav_trade.records import Floats, Sky
 from lvnav_trade.world.flight.trajectory import Trajectory

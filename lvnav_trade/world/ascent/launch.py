@@ -22,7 +22,11 @@ def build_ascent(card: VehicleAscent) -> Trajectory:
     flight = fly_ascent(card, aim)
     theta0 = flight.steering.theta0
     attitude = _attitude(card, aim, flight)
-    phases = [_phase(leg, flight, attitude) for leg in flight.legs]
+    ends = [0, -1]  # end values of a phase's acceleration are from the equations of motion
+    phases = [
+        splined(leg.name, leg.t, leg.y[:, :3], leg.y[ends, 3:6], _accelerations(flight, leg, ends), attitude)
+        for leg in flight.legs
+    ]
     pad = site_phase(card.site, theta0, card.pad_hold, attitude)
     top, pressure = _max_q(flight)
     events = {**flight.events, "max_q": top}
@@ -44,11 +48,8 @@ def pad_knots(hold: float, step: float) -> Floats:
     return np.linspace(-hold, 0.0, int(np.ceil(hold / step)) + 1)[:-1]
 
 
-def _phase(leg: Leg, flight: Flight, attitude: BSpline) -> Phase:
-    """Return the phase of a leg; end values from the equations of motion."""
-    ends = [0, -1]
-    a = accelerations(leg.t[ends], leg.y[ends], flight.steering, leg.engine, flight.drag)
-    return splined(leg.name, leg.t, leg.y[:, :3], leg.y[ends, 3:6], a, attitude)
+def _accelerations(flight: Flight, leg: Leg, at: list[int] | slice = slice(None)) -> Floats:
+    return accelerations(leg.t[at], leg.y[at], flight.steering, leg.engine, flight.drag)
 
 
 def _attitude(card: VehicleAscent, aim: Aim, flight: Flight) -> BSpline:
@@ -80,7 +81,7 @@ def _dynamic_pressure(leg: Leg, theta0: float) -> Floats:
 
 
 def _facts(card: VehicleAscent, aim: Aim, flight: Flight, max_q: float) -> dict[str, float | str]:
-    a = np.concatenate([accelerations(s.t, s.y, flight.steering, s.engine, flight.drag) for s in flight.legs])
+    a = np.concatenate([_accelerations(flight, leg) for leg in flight.legs])
     force = a - gravity_along(np.concatenate([leg.y[:, :3] for leg in flight.legs]))
     return {
         "vehicle": card.vehicle.name,

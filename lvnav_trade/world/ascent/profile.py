@@ -33,8 +33,6 @@ from lvnav_trade.world.truth import Phase, Trajectory, joined, motion, position_
 
 _STEP = 0.5  # s between knots
 _UPRIGHT = (4.0, 12.0)  # s; thrust is vertical before, along the specific force after, blended between
-
-
 _BREAK = re.compile(r"stage\d+_(ignition|cutoff)(_\d+)?$")
 
 
@@ -173,7 +171,11 @@ def _pointing(
     theta0 = gmst(card.epoch)
     free = [begin for begin, _ in coasts] + [stretches[-1].start]
     times = [stretch_knots(stretch.start, stretch.end) for stretch in stretches]
-    thrusts = [None if s.start in free else _thrust(s, t) for s, t in zip(stretches, times, strict=True)]
+    thrusts = [
+        None if s.start in free
+        else make_interp_spline(t, unit(s.position(t, 2) - gravity_along(s.position(t))), k=5)
+        for s, t in zip(stretches, times, strict=True)
+    ]  # fmt: skip
     before = pad_knots(card.pad_hold, _STEP)
     t = np.concatenate([before, joined(times)])
     along = np.concatenate([np.zeros((before.size, 3)), *thrust_directions(times, thrusts)])
@@ -181,11 +183,6 @@ def _pointing(
     weight = smoothsteps((t - _UPRIGHT[0]) / (_UPRIGHT[1] - _UPRIGHT[0]))[:, None]
     x = unit((1.0 - weight) * upright + weight * along)
     return ascent_attitude(t, x, right_e, theta0, card.roll)
-
-
-def _thrust(stretch: Stretch, t: Floats) -> BSpline:
-    """Return the spline of the direction of the specific force over a powered stretch with knots t (n,)."""
-    return make_interp_spline(t, unit(stretch.position(t, 2) - gravity_along(stretch.position(t))), k=5)
 
 
 def rebuild(card: RecordedAscent) -> Trajectory:
@@ -198,7 +195,8 @@ def rebuild(card: RecordedAscent) -> Trajectory:
     """
     record = _until_injection(card, read(card.file))
     breaks = sorted(time for name, time in card.events.items() if _BREAK.match(name) and time < record.t[-1])
-    coasts = _coasts(card, breaks)
+    cutoffs = [time for name, time in card.events.items() if _BREAK.match(name) and "cutoff" in name]
+    coasts = [span for span in pairwise([*breaks, card.events["injection"]]) if span[0] in cutoffs]
     climb = smooth(record, breaks, coasts, card.speed_noise, card.altitude_noise)
     azimuth, theta0 = _azimuth(card, climb, breaks), gmst(card.epoch)
     way = course(card.site, azimuth, climb, breaks, theta0)
@@ -232,11 +230,6 @@ def _until_injection(card: RecordedAscent, record: Record) -> Record:
         )
     t = np.concatenate([[0.0], record.t[(record.t > 0.0) & (record.t < injection)], [injection]])
     return Record(t, *(np.interp(t, record.t, column) for column in record[1:]))
-
-
-def _coasts(card: RecordedAscent, breaks: list[float]) -> list[tuple[float, float]]:
-    cutoffs = [time for name, time in card.events.items() if _BREAK.match(name) and "cutoff" in name]
-    return [(begin, end) for begin, end in pairwise([*breaks, card.events["injection"]]) if begin in cutoffs]
 
 
 def _azimuth(card: RecordedAscent, climb: Climb, breaks: list[float]) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 from lvnav_trade import frames
 from lvnav_trade.errors import InputError
 from lvnav_trade.kernels.media.atmosphere import atmosphere
-from lvnav_trade.records import Floats, Ints, Motion
+from lvnav_trade.records import Floats, Ints
 from lvnav_trade.world.ascent.dynamics import thrust_beside, thrust_of
 from lvnav_trade.world.ascent.launch import build_ascent
 from lvnav_trade.world.ascent.legs import Leg, fly_ascent
@@ -69,8 +69,7 @@ def ascend(card: VehicleAscent) -> Ascent:
 
 def changes(trajectory: Trajectory) -> Floats:
     """Return the times (k,) in s of lift-off and of every ignition, cut-off and separation of a stage, in order."""
-    found = [t for name, t in trajectory.events.items() if name == "liftoff" or _CHANGE.match(name)]
-    return np.array(sorted(found))
+    return np.array([t for name, t in trajectory.events.items() if name == "liftoff" or _CHANGE.match(name)])
 
 
 def body_along(ascent: Ascent, rotation: RotationCard, controller: ControllerCard, wind: WindCard, rate: float) -> Body:
@@ -92,7 +91,8 @@ def body_along(ascent: Ascent, rotation: RotationCard, controller: ControllerCar
     airspeed = np.linalg.norm(v_i, axis=1)
     density = np.array([atmosphere(h)[0] for h in height])
     around = air(wind, latitude, longitude, height)
-    sides = _lateral(flown)
+    C_b_i = frames.matrices(flown.q_b_i)
+    sides = np.stack([-C_b_i[:, :, 2], C_b_i[:, :, 1]], axis=1)  # the way of the nose, pitching up and yawing right
     steady_i = np.stack([frames.eci_from_ecef(around.steady_e[:, k], theta) for k in range(2)], axis=2)
     inertia, nozzle, normal, pressure = _of_stacks(rotation, stack, mass)
     per_speed = 0.5 * density * airspeed * ascent.card.vehicle.reference_area * normal
@@ -115,12 +115,6 @@ def body_along(ascent: Ascent, rotation: RotationCard, controller: ControllerCar
         turn=turn,
         turn_rate=turn_rate,
     )
-
-
-def _lateral(flown: Motion) -> Floats:
-    """Return the unit vectors (n, 2, 3), frame i, that the nose moves along, pitching up and yawing to the right."""
-    C_b_i = frames.matrices(flown.q_b_i)
-    return np.stack([-C_b_i[:, :, 2], C_b_i[:, :, 1]], axis=1)
 
 
 def _propulsion(ascent: Ascent, t: Floats) -> tuple[Ints, Ints, Floats, Floats]:

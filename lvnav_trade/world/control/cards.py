@@ -142,21 +142,6 @@ class FeedbackCard(Card):
     reference_rate: units.Frequency = 1.0
 
 
-class Design(NamedTuple):
-    """Gains that give a rigid vehicle in vacuum or air, with an ideal nozzle, a natural frequency and a damping."""
-
-    attitude: float
-    rate: float
-
-
-def design(frequency: float, damping: float, effectiveness: float, instability: float = 0.0) -> Design:
-    """Return attitude gain and rate gain (s) for a natural frequency (rad/s) and a damping ratio.
-
-    The body obeys angle'' = instability x angle - effectiveness x nozzle (both 1/s^2).
-    """
-    return Design((frequency**2 + instability) / effectiveness, 2.0 * damping * frequency / effectiveness)
-
-
 def rate_noise(imu: ImuCard, reading: str) -> float:
     """Return the gyro's noise per sample, rad/s one sigma, by the reading of `FeedbackCard`."""
     if reading == "none":

@@ -22,7 +22,6 @@ from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY, FlightCard, Site,
 from lvnav_trade.world.events import resolve
 from lvnav_trade.world.flight.free_flight import (
     Flown,
-    Law,
     Mode,
     Thrust,
     along_airspeed,
@@ -190,8 +189,15 @@ class _Flight(Flown):
 
     def leave_rail(self, stage: SolidMotor) -> None:
         """Fly the metres on the rail, whose force lets only the motion along it be."""
-        law = self._along_rail(newton(self.air, self.motor(stage), self.theta0))
+        free = newton(self.air, self.motor(stage), self.theta0)
         start_e = frames.ecef_from_eci(self.y[:3], self.theta0)
+
+        def law(t: float, y: Floats) -> Floats:
+            out = free(t, y)
+            rail = frames.eci_from_ecef(self.rail_e, frames.earth_angle(self.theta0, t))
+            at_rest = _acceleration_at_rest(y) + 2.0 * np.cross([0.0, 0.0, OMEGA], frames.earth_velocity(y[:3], y[3:6]))
+            out[3:6] = rail * (rail @ (out[3:6] - at_rest)) + at_rest
+            return out
 
         def gone(t: float, y: Floats) -> float:
             way = frames.ecef_from_eci(y[:3], frames.earth_angle(self.theta0, t)) - start_e
@@ -203,18 +209,6 @@ class _Flight(Flown):
         self.keep(fly("rail", 0.0, self.y, law, stage.burn_time, _STEP, gone))
         self.events["rail_exit"] = self.t
         self.nose_first(self.card.weathercock)
-
-    def _along_rail(self, free: Law) -> Law:
-        """Return the rate under the force of the rail, from that of free motion."""
-
-        def rate(t: float, y: Floats) -> Floats:
-            out = free(t, y)
-            rail = frames.eci_from_ecef(self.rail_e, frames.earth_angle(self.theta0, t))
-            at_rest = _acceleration_at_rest(y) + 2.0 * np.cross([0.0, 0.0, OMEGA], frames.earth_velocity(y[:3], y[3:6]))
-            out[3:6] = rail * (rail @ (out[3:6] - at_rest)) + at_rest
-            return out
-
-        return rate
 
     def nose_first(self, slew: float) -> None:
         """Turn into the airspeed from now on, within `slew` seconds."""

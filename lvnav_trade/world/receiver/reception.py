@@ -200,18 +200,14 @@ def _dynamics(
         mean = np.divide(np.diff(v_i, axis=0), span, out=np.zeros((span.size, 3)), where=span > 0.0)
         change = np.divide(np.diff(mean, axis=0, prepend=mean[:1]), span, out=np.zeros_like(mean), where=span > 0.0)
         along = arrival.pull[1:, None, :] - mean.reshape(blocks) @ towards
-        most = _most(along, steps.each, part), _most(change.reshape(blocks) @ towards, steps.each, part)
+        most = (
+            np.abs(one).reshape(-1, part, shape[1]).max(axis=1) for one in (along, change.reshape(blocks) @ towards)
+        )
         mine = which.ravel()[antenna] == number
         for whole, found in zip((acceleration, jerk), most, strict=True):
             np.copyto(whole[1:], found, where=mine[1:])
             np.copyto(whole[:1], found[:1], where=mine[:1])
     return acceleration, jerk
-
-
-def _most(values: Floats, count: int, part: int) -> Floats:
-    """Return the greatest magnitude during each step, (n_step - 1, n_sat), of values (n_interval, samples, n_sat)."""
-    steps = np.abs(values).reshape(values.shape[0] * count, part, values.shape[-1])
-    return np.asarray(steps.max(axis=1))
 
 
 def _signals(receiver: ReceiverCard, tracking: TrackingCard, arrival: Arrival, steps: _Steps, heard: _Heard) -> Signals:

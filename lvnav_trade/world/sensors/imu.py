@@ -101,25 +101,23 @@ class ErrorBlock(NamedTuple):
     time_constant: float = math.inf
 
 
-def _sensor_blocks(name: str, sensor: int, card: GyroCard | AccelCard) -> list[ErrorBlock]:
-    blocks = [
-        ErrorBlock(f"{name} bias repeatability", 0, sensor, CONSTANT, card.bias_repeatability),
-        ErrorBlock(f"{name} bias instability", 0, sensor, CONSTANT, card.bias_instability, 0.0, card.instability_time),
-        ErrorBlock(f"{name} rate random walk", 0, sensor, CONSTANT, 0.0, card.rate_random_walk),
-        ErrorBlock(f"{name} scale factor", 0, sensor, OWN_0, card.scale_factor),
-        ErrorBlock(f"{name} scale-factor drift", 0, sensor, OWN_0, 0.0, card.scale_factor_drift),
-        ErrorBlock(f"{name} misalignment", 0, sensor, OWN_1, card.misalignment),
-        ErrorBlock(f"{name} misalignment", 1, sensor, OWN_1 + 1, card.misalignment),
-        ErrorBlock(f"{name} nonlinearity", 0, sensor, SQUARE, card.nonlinearity / card.full_scale),
-    ]
-    if isinstance(card, GyroCard):
-        blocks += [ErrorBlock(f"{name} g-sensitivity", j, sensor, OTHER_0 + j, card.g_sensitivity) for j in range(3)]
-    return [block for block in blocks if block.sigma > 0.0 or block.walk > 0.0]
-
-
 def error_blocks(card: ImuCard) -> list[ErrorBlock]:
     """Return the true error parameters that a card names, those that are zero left out."""
-    return _sensor_blocks("gyro", GYRO, card.gyro) + _sensor_blocks("accelerometer", ACCEL, card.accel)
+    blocks: list[ErrorBlock] = []
+    for name, sensor, of in (("gyro", GYRO, card.gyro), ("accelerometer", ACCEL, card.accel)):
+        blocks += [
+            ErrorBlock(f"{name} bias repeatability", 0, sensor, CONSTANT, of.bias_repeatability),
+            ErrorBlock(f"{name} bias instability", 0, sensor, CONSTANT, of.bias_instability, 0.0, of.instability_time),
+            ErrorBlock(f"{name} rate random walk", 0, sensor, CONSTANT, 0.0, of.rate_random_walk),
+            ErrorBlock(f"{name} scale factor", 0, sensor, OWN_0, of.scale_factor),
+            ErrorBlock(f"{name} scale-factor drift", 0, sensor, OWN_0, 0.0, of.scale_factor_drift),
+            ErrorBlock(f"{name} misalignment", 0, sensor, OWN_1, of.misalignment),
+            ErrorBlock(f"{name} misalignment", 1, sensor, OWN_1 + 1, of.misalignment),
+            ErrorBlock(f"{name} nonlinearity", 0, sensor, SQUARE, of.nonlinearity / of.full_scale),
+        ]
+        if isinstance(of, GyroCard):
+            blocks += [ErrorBlock("gyro g-sensitivity", j, GYRO, OTHER_0 + j, of.g_sensitivity) for j in range(3)]
+    return [block for block in blocks if block.sigma > 0.0 or block.walk > 0.0]
 
 
 def lag(increments: Floats, bandwidth: float | None, dt: float) -> Floats:

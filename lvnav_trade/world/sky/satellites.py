@@ -1,18 +1,19 @@
 """From a constellation card to satellites that can be asked where they are."""
 
 from collections.abc import Iterable
-from typing import NamedTuple, Protocol, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.records import Floats
-from lvnav_trade.world.sky.broadcast import broadcast, integrated
+from lvnav_trade.world.sky.broadcast import Broadcast, Integrated, broadcast, integrated
 from lvnav_trade.world.sky.constellation import (
     LETTERS,
     CombinedConstellation,
     Constellation,
+    Orbits,
     Part,
     RinexConstellation,
     orbits,
@@ -28,43 +29,22 @@ _NAMES = {letter: name for name, letter in LETTERS.items()}
 _INAV_E1 = 1
 
 
-class Satellites(Protocol):
-    """A set of satellites around one lift-off, whatever their orbits are computed from.
+class Combined(NamedTuple):
+    """Several sets of satellites around one lift-off, one after the other, whatever their orbits are computed from.
 
     Times t, (..., n_sat) or (..., 1), are s of GPS time since the lift-off.
     """
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names such as "G05", (n_sat,)."""
-
-    @property
-    def systems(self) -> tuple[str, ...]:
-        """Letters as in RINEX, (n_sat,): G (GPS), E (Galileo), R (GLONASS)."""
-
-    def ecef(self, t: Floats) -> tuple[Floats, Floats]:
-        """Return position (m) and Earth-relative velocity (m/s), (..., n_sat, 3) each, in the Earth-fixed axes of t."""
-
-    def clock(self, t: Floats) -> Floats:
-        """Return what the satellites' clocks are ahead of their system's time, (..., n_sat) s, relativity apart."""
-
-    def relativity(self, t: Floats) -> Floats:
-        """Return what the eccentricity of the orbit adds to the clocks, (..., n_sat) s."""
-
-
-class Combined(NamedTuple):
-    """Several sets of satellites one after the other."""
-
-    parts: tuple[Satellites, ...]
+    parts: "tuple[Satellites, ...]"
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names, part after part."""
+        """Names such as "G05", (n_sat,), part after part."""
         return tuple(name for part in self.parts for name in part.names)
 
     @property
     def systems(self) -> tuple[str, ...]:
-        """Letters of the systems, (n_sat,)."""
+        """Letters as in RINEX, (n_sat,): G (GPS), E (Galileo), R (GLONASS)."""
         return tuple(letter for part in self.parts for letter in part.systems)
 
     def ecef(self, t: Floats) -> tuple[Floats, Floats]:
@@ -80,10 +60,13 @@ class Combined(NamedTuple):
         """Return what the eccentricity of the orbit adds to the clocks, (..., n_sat) s."""
         return np.concatenate([part.relativity(own) for part, own in self._split(t)], axis=-1)
 
-    def _split(self, t: Floats) -> list[tuple[Satellites, Floats]]:
+    def _split(self, t: Floats) -> "list[tuple[Satellites, Floats]]":
         sizes = [len(part.names) for part in self.parts]
         times = np.broadcast_to(t, np.broadcast_shapes(np.shape(t), (sum(sizes),)))
         return list(zip(self.parts, np.split(times, np.cumsum(sizes)[:-1], axis=-1), strict=True))
+
+
+Satellites = Orbits | Broadcast | Integrated | Combined
 
 
 def satellites(constellation: Constellation, epoch: str) -> Satellites:

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
@@ -132,10 +132,7 @@ class TableTrajectory(FlightCard):
     pad_hold: Pause = Field(0.0, description="rest on the pad that is put before the first row, from that row's place")
     oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
 
-    @property
-    def coast_after_injection(self) -> float:
-        """Nothing is added behind the last row."""
-        return 0.0
+    coast_after_injection: ClassVar[float] = 0.0  # nothing is added behind the last row
 
     def _faults(self) -> Iterator[str]:
         for name in self.events:

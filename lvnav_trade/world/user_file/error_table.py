@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator
 from functools import lru_cache
-from typing import ClassVar, Literal, NamedTuple, Self
+from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.frames import rotation_i_e, rotation_i_n
@@ -33,21 +33,16 @@ class _ErrorColumns(Card):
     columns: Three = Field(description="north, east, down; or x, y, z")
     unit: str | None
 
-    @model_validator(mode="after")
-    def _known(self) -> Self:
-        _ = self.factor
-        return self
+    def _faults(self) -> Iterator[str]:
+        if not self.known_unit:
+            names, known = ", ".join(self.columns), ", ".join(f"_{ending}" for ending in _ENDINGS[self.SI])
+            yield f"unit is missing, and the columns {names} do not all end in one of {known}"
 
     @property
-    def factor(self) -> float:
-        """SI units in the columns' unit; ValueError where it is not stated and no unit ends the names of them all."""
-        endings = _ENDINGS[self.SI]
-        common = (ending for ending in endings if all(name.endswith(f"_{ending}") for name in self.columns))
-        unit = self.unit or next(common, "").replace("_", "/")
-        if not unit:
-            names, known = ", ".join(self.columns), ", ".join(f"_{ending}" for ending in endings)
-            raise ValueError(f"unit is missing, and the columns {names} do not all end in one of {known}")
-        return si(unit, self.SI)
+    def known_unit(self) -> str:
+        """The stated unit, or the one that the names of all columns end in."""
+        common = (end for end in _ENDINGS[self.SI] if all(name.endswith(f"_{end}") for name in self.columns))
+        return self.unit or next(common, "").replace("_", "/")
 
 
 class PositionErrorColumns(_ErrorColumns):
@@ -106,13 +101,12 @@ class Recording(NamedTuple):
 
 def recording(card: ErrorTable) -> Recording:
     """Return the rows of a card's file; InputError names file, row and fault."""
-    return _recording(card.model_dump_json(), content_of(card.file))
+    return _recording(card, content_of(card.file))
 
 
 @lru_cache(maxsize=4)
-def _recording(card_json: str, content: str) -> Recording:
+def _recording(card: ErrorTable, content: str) -> Recording:
     """Return the rows of a card; `content` is the digest of its file, so that a changed one is read again."""
-    card = ErrorTable.model_validate_json(card_json)
     parts = [part for part in (card.position, card.velocity) if part is not None]
     names = list(dict.fromkeys([card.time.column, *(name for part in parts for name in part.columns)]))
     table, places = read_columns(card.file, names, card.delimiter, FEWEST, "a recording")
@@ -128,7 +122,7 @@ def _recording(card_json: str, content: str) -> Recording:
     errors = np.zeros((t.size, 6))
     for at, part in zip((0, 3), parts, strict=False):
         columns = table[:, [names.index(name) for name in part.columns]]
-        errors[:, at : at + 3] = columns * part.factor * (-1.0 if card.truth_minus_solution else 1.0)
+        errors[:, at : at + 3] = columns * si(part.known_unit, part.SI) * (-1.0 if card.truth_minus_solution else 1.0)
     with np.errstate(over="ignore"):  # an infinite size is refused as any other beyond the bound
         size, speed = np.linalg.norm(errors[:, :3], axis=1), np.linalg.norm(errors[:, 3:], axis=1)
     for wrong, fault in (

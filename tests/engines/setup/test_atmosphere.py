@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from lvnav_trade.delays import AtmosphereCard, CorrectionsCard
+from lvnav_trade.delays.cards import AtmosphereCard, CorrectionsCard
 from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.setup.atmosphere import delays
 from lvnav_trade.engines.simulate.montecarlo import run_block

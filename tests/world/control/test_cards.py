@@ -15,7 +15,6 @@ from lvnav_trade.world.control.cards import (
     RotationCard,
     WindCard,
     air,
-    design,
     rate_noise,
 )
 from lvnav_trade.world.sensors.imu import ImuCard
@@ -60,13 +59,6 @@ def test_a_card_that_cannot_be_is_reported_where(where, value, message):
     given[where[0]][where[1]] = value
     with pytest.raises(ValidationError, match=message):
         RotationCard.model_validate(given)
-
-
-def test_designed_gains_place_the_poles_of_the_closed_loop():
-    # angle'' = mu angle - k (g angle + d angle'): s^2 + k d s + k g - mu has the wanted frequency and damping.
-    gains = design(2.5, 0.7, effectiveness=8.0, instability=1.5)
-    assert 8.0 * gains.attitude - 1.5 == pytest.approx(2.5**2)
-    assert 8.0 * gains.rate == pytest.approx(2.0 * 0.7 * 2.5)
 
 
 def test_noise_per_sample_is_density_by_root_of_rate_and_the_publication_multiplies_by_the_rate():

@@ -48,9 +48,9 @@ def test_units_are_stated_or_stand_at_the_end_of_the_columns_names(ramp, tmp_pat
     np.testing.assert_allclose(found[3], [3.0, 6.0, 0.0, 1.0, 0.0, 0.0])
     stated = recording(card(ramp, position={"columns": ["n_m", "e_m", "d_m"], "unit": "km"})).errors
     np.testing.assert_allclose(stated[3, :3], [3e3, 6e3, 0.0])
-    assert PositionErrorColumns(columns=("a_mm", "b_mm", "c_mm")).factor == pytest.approx(1e-3)
-    assert VelocityErrorColumns(columns=("a_km_s", "b_km_s", "c_km_s")).factor == 1e3
-    assert VelocityErrorColumns(columns=("a_m_s", "b_m_s", "c_m_s")).factor == 1.0
+    assert PositionErrorColumns(columns=("a_mm", "b_mm", "c_mm")).known_unit == "mm"
+    assert VelocityErrorColumns(columns=("a_km_s", "b_km_s", "c_km_s")).known_unit == "km/s"
+    assert VelocityErrorColumns(columns=("a_m_s", "b_m_s", "c_m_s")).known_unit == "m/s"
 
 
 @pytest.mark.parametrize("names", [("n", "e", "d"), ("n_m", "e_m", "d_cm"), ("n_m_s", "e_m_s", "d_m_s")])
