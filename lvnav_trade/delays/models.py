@@ -86,13 +86,6 @@ def _column(value: float | Floats) -> Floats:
     return np.atleast_1d(np.asarray(value, dtype=float))[:, None]
 
 
-class Table(NamedTuple):
-    """Splines of ln(delay): over height and elevation upwards, over lowest height and distance to it downwards."""
-
-    upwards: RectBivariateSpline
-    downwards: RectBivariateSpline
-
-
 def profile(card: cards.RefractivityProfile) -> refractivity.Profile:
     """Return the sampled refractivity of a card."""
     if card.kind == "standard":
@@ -103,10 +96,11 @@ def profile(card: cards.RefractivityProfile) -> refractivity.Profile:
 
 
 @lru_cache(maxsize=8)
-def table(card: cards.RayTracedTroposphere) -> Table:
+def table(card: cards.RayTracedTroposphere) -> tuple[RectBivariateSpline, RectBivariateSpline]:
     """Return the table of a model; half a second once, then remembered.
 
-    Both splines have the same heights along one axis and the same rays at elevation zero, so that they meet there.
+    Splines of ln(delay): over height and elevation upwards, over lowest height and distance to it downwards. Both have
+    the same heights along one axis and the same rays at elevation zero, so that they meet there.
     """
     air, far = profile(card.profile), card.satellite_radius
     heights = np.concatenate([np.arange(-1e3, 15e3, 500.0), np.arange(15e3, 30e3, 1e3), np.linspace(30e3, TOP, 37)])
@@ -117,7 +111,7 @@ def table(card: cards.RayTracedTroposphere) -> Table:
     distance = _NEAR * np.sinh(reach)
     radius = np.hypot(EARTH_RADIUS + heights[:, None], distance)
     downwards = ray(air, radius - EARTH_RADIUS, -np.arctan2(distance, EARTH_RADIUS + heights[:, None]), far).delay
-    return Table(
+    return (
         RectBivariateSpline(heights, bend, np.log(np.maximum(upwards, _LEAST))),
         RectBivariateSpline(heights, reach, np.log(np.maximum(downwards, _LEAST))),
     )

@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lvnav_trade.engines.setup.vehicle import burns
-from lvnav_trade.filters.base import EnvelopeCard
 from lvnav_trade.observables.attitude import AttitudeReferenceCard
 from lvnav_trade.records import Floats
 from lvnav_trade.scenario import Scenario, sensors_measuring
@@ -60,7 +59,7 @@ def launch_of(scenario: Scenario) -> Launch:
     assert isinstance(scenario.trajectory, VehicleAscent)
     launch = prepare_launch(
         _ascended(scenario.trajectory.model_dump_json()), card.rotation, card.controller, card.wind, scenario.imu,
-        scenario.filter.envelope or EnvelopeCard(),
+        scenario.filter.envelope,
     )  # fmt: skip
     return with_rate_gain(launch, card.rate_gain)
 

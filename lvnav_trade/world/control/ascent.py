@@ -90,10 +90,10 @@ def body_along(ascent: Ascent, rotation: RotationCard, controller: ControllerCar
     v_i = frames.earth_velocity(flown.r_i, flown.v_i)
     airspeed = np.linalg.norm(v_i, axis=1)
     density = np.array([atmosphere(h)[0] for h in height])
-    around = air(wind, latitude, longitude, height)
+    steady_e, gust, length = air(wind, latitude, longitude, height)
     C_b_i = frames.matrices(flown.q_b_i)
     sides = np.stack([-C_b_i[:, :, 2], C_b_i[:, :, 1]], axis=1)  # the way of the nose, pitching up and yawing right
-    steady_i = np.stack([frames.eci_from_ecef(around.steady_e[:, k], theta) for k in range(2)], axis=2)
+    steady_i = np.stack([frames.eci_from_ecef(steady_e[:, k], theta) for k in range(2)], axis=2)
     inertia, nozzle, normal, pressure = _of_stacks(rotation, stack, mass)
     per_speed = 0.5 * density * airspeed * ascent.card.vehicle.reference_area * normal
     turn, turn_rate = _turns(controller, ascent.trajectory, t)
@@ -108,8 +108,8 @@ def body_along(ascent: Ascent, rotation: RotationCard, controller: ControllerCar
         airspeed=airspeed,
         slip=np.einsum("kai,ki->ka", sides, v_i),
         wind=np.einsum("kai,kiw->kaw", sides, steady_i),
-        gust=around.gust,
-        gust_rate=airspeed / around.length,
+        gust=gust,
+        gust_rate=airspeed / length,
         thruster=rotation.thrusters.force * rotation.thrusters.arm / inertia,
         rate=np.ascontiguousarray(flown.w_ib_b[:, 1:]),
         turn=turn,

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -173,25 +173,17 @@ class WindCard(Card):
         require_rising("height", self.height)
 
 
-class Air(NamedTuple):
-    """Wind along a path: steady (n, 2, 3) m/s, frame e, the profile along its direction and the same across it; sigma
-    (n,) m/s and length (n,) m of the gusts.
+def air(card: WindCard, latitude: Floats, longitude: Floats, height: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the wind at geodetic places (n,): steady (n, 2, 3) m/s, frame e, the profile along its direction and the
+    same across it; sigma (n,) m/s and length (n,) m of the gusts.
     """
-
-    steady_e: Floats
-    gust: Floats
-    length: Floats
-
-
-def air(card: WindCard, latitude: Floats, longitude: Floats, height: Floats) -> Air:
-    """Return the wind at geodetic places (n,)."""
     along = np.array([-np.cos(card.direction), -np.sin(card.direction), 0.0])
     across = np.array([np.sin(card.direction), -np.cos(card.direction), 0.0])
     speed = np.interp(height, card.height, card.speed, right=0.0)
     C_e_n = rotation_e_n(latitude, longitude)
     steady = np.einsum("kji,aj->kai", C_e_n, np.stack([along, across])) * speed[:, None, None]
     gust = np.interp(height, card.height, card.gust, right=0.0)
-    return Air(steady, gust, np.interp(height, card.height, card.gust_length))
+    return steady, gust, np.interp(height, card.height, card.gust_length)
 
 
 class ControlledCard(Card):
