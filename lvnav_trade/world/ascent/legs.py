@@ -10,7 +10,7 @@ from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.records import Floats
 from lvnav_trade.world.ascent.dynamics import NOTHING, Drag, Engine, Unthrottled, fly, time_to_mass
 from lvnav_trade.world.ascent.steering_law import Steering
-from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY, Boosters, Motor, Site, Stage, VehicleAscent, VehicleCard
+from lvnav_trade.world.ascent.vehicle import Boosters, Motor, Site, Stage, VehicleAscent, VehicleCard
 
 _Burning = tuple[Motor, int, float]  # motor, how many, time of ignition
 STEP = 0.25  # s, of integration and of the truth's knots; halving it moves injection by 0.3 m
@@ -24,11 +24,6 @@ class Cut(NamedTuple):
     after: float
     drop: float = 0.0
     event: str = ""
-
-
-def exhaust_speed(motor: Motor) -> float:
-    """Return the effective exhaust speed in vacuum, m/s."""
-    return STANDARD_GRAVITY * motor.specific_impulse
 
 
 def cuts(vehicle: VehicleCard, number: int) -> list[Cut]:
@@ -62,7 +57,7 @@ def engine(vehicle: VehicleCard, number: int, ignition: float, begin: float, end
         return Engine(0.0, 0.0, 0.0, math.inf, _together([(stage, 1, ignition), *burning], begin, end))
     limit = math.inf if stage.thrust is None or vehicle.max_load is None else vehicle.max_load
     beside = _together(burning, begin, end) if burning else NOTHING
-    return Engine(stage.full_thrust, stage.full_thrust / exhaust_speed(stage), stage.exit_area, limit, beside)
+    return Engine(stage.full_thrust, stage.full_thrust / stage.exhaust_speed, stage.exit_area, limit, beside)
 
 
 def impulse_speed(vehicle: VehicleCard, payload: float) -> float:
@@ -79,7 +74,7 @@ def impulse_speed(vehicle: VehicleCard, payload: float) -> float:
         boosters = vehicle.boosters if number == 1 else ()
         beside = stage.propellant * max((group.gone for group in boosters), default=0.0) / stage.full_burn
         alone = stage.propellant - beside
-        gain += exhaust_speed(stage) * math.log1p(alone / (mass + stage.dry))
+        gain += stage.exhaust_speed * math.log1p(alone / (mass + stage.dry))
         if boosters:
             gain += _joint_gain(boosters, stage, stage.propellant - alone, mass + stage.dry + alone)
         mass += stage.dry + stage.propellant
@@ -88,8 +83,8 @@ def impulse_speed(vehicle: VehicleCard, payload: float) -> float:
 
 def _joint_gain(groups: tuple[Boosters, ...], stage: Stage, beside: float, mass: float) -> float:
     """Return the speed gained while the boosters burn beside a part (kg) of the stage; mass (kg) is what remains."""
-    parts = [(group.number * group.propellant, exhaust_speed(group)) for group in groups]
-    parts.append((beside, exhaust_speed(stage)))
+    parts = [(group.number * group.propellant, group.exhaust_speed) for group in groups]
+    parts.append((beside, stage.exhaust_speed))
     total = sum(propellant for propellant, _ in parts)
     mean = sum(propellant * speed for propellant, speed in parts) / total
     return mean * math.log1p(total / (mass + sum(group.number * group.dry for group in groups)))
@@ -116,7 +111,7 @@ def _together(burning: list[_Burning], begin: float, end: float) -> Unthrottled:
     total = np.zeros(5)
     for motor, number, ignition in burning:
         first, last = (_thrust_at(motor, t - ignition) for t in (begin, end))
-        push, rise, speed = number * first, number * ((last - first) / (end - begin)), exhaust_speed(motor)
+        push, rise, speed = number * first, number * ((last - first) / (end - begin)), motor.exhaust_speed
         total += [push, rise, push / speed, rise / speed, number * motor.exit_area]
     return Unthrottled(begin, *total.tolist())
 

@@ -11,16 +11,7 @@ from lvnav_trade.frames import earth_velocity, elements_from_state
 from lvnav_trade.kernels.earth import GM, OMEGA, SEMI_MAJOR
 from lvnav_trade.records import Floats
 from lvnav_trade.world.ascent.dynamics import thrust_beside
-from lvnav_trade.world.ascent.legs import (
-    Aim,
-    Flight,
-    engine,
-    exhaust_speed,
-    fly_ascent,
-    impulse_speed,
-    lift_off_mass,
-    mass_above,
-)
+from lvnav_trade.world.ascent.legs import Aim, Flight, engine, fly_ascent, impulse_speed, lift_off_mass, mass_above
 from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY, VehicleAscent
 
 _CLIMB_AT_SEPARATION = math.radians(30.0)  # where the search for the kick starts
@@ -220,7 +211,7 @@ def _second_burn(card: VehicleAscent, aim: Aim) -> Aim:
     """Return the aim with coast and second burn of a Hohmann transfer, to start from."""
     assert card.parking is not None
     stage, mass = card.vehicle.stages[-1], mass_above(card, card.inserting)
-    exhaust = exhaust_speed(stage)
+    exhaust = stage.exhaust_speed
     if card.inserting == len(card.vehicle.stages):
         mass = float(fly_ascent(card, aim, final_coast=False).legs[-1].y[-1, 6])
     high = card.target.apogee
@@ -259,7 +250,7 @@ def _require_propellant(card: VehicleAscent, aim: Aim) -> None:
         empty = stage.dry + mass_above(card, number)
         if empty + left <= 0.5 * empty:  # it would burn itself: no measure of what is missing
             _refuse_too_heavy(card)
-        lacking = exhaust_speed(stage) * math.log(empty / (empty + left))
+        lacking = stage.exhaust_speed * math.log(empty / (empty + left))
         raise InputError(
             f"{card.name}: vehicle {card.vehicle.name!r} lacks {lacking:.0f} m/s of delta-v for the target orbit: "
             f"stage {stage.name!r} would need {-left:.0f} kg more propellant with the payload of "

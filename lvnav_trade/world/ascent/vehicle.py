@@ -70,6 +70,11 @@ class Motor(Card):
         return self.propellant * STANDARD_GRAVITY * self.specific_impulse / self.burn_time
 
     @property
+    def exhaust_speed(self) -> float:
+        """Effective exhaust speed in vacuum, m/s."""
+        return STANDARD_GRAVITY * self.specific_impulse
+
+    @property
     def full_burn(self) -> float:
         """Time in s that all the propellant lasts without throttling."""
         return self.propellant * STANDARD_GRAVITY * self.specific_impulse / self.full_thrust

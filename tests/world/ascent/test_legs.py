@@ -14,7 +14,6 @@ from lvnav_trade.world.ascent.legs import (
     Aim,
     cuts,
     engine,
-    exhaust_speed,
     fly_ascent,
     impulse_speed,
     lift_off_mass,
@@ -83,7 +82,7 @@ def test_boosters_burn_beside_the_core():
     impulse, mass = integrals(card, 1, ends)
     motors = [(card.stages[0], 1), *((group, group.number) for group in card.boosters)]
     assert mass == pytest.approx(sum(n * m.propellant for m, n in motors), rel=1e-12)
-    assert impulse == pytest.approx(sum(n * m.propellant * exhaust_speed(m) for m, n in motors), rel=1e-12)
+    assert impulse == pytest.approx(sum(n * m.propellant * m.exhaust_speed for m, n in motors), rel=1e-12)
 
 
 def test_boosters_are_lit_burn_out_and_are_dropped_in_this_order():
@@ -128,7 +127,7 @@ def test_the_ideal_speed_with_boosters_is_the_integral_of_thrust_over_mass():
         mass -= flow * h
         t += h
         mass -= drops.get(round(t, 2), 0.0)
-    upper = exhaust_speed(card.stages[1]) * math.log((2100.0 + 9000.0) / 2100.0)
+    upper = card.stages[1].exhaust_speed * math.log((2100.0 + 9000.0) / 2100.0)
     # The ideal speed lights the boosters at once; here they are lit 10 s later.
     assert impulse_speed(card, 1000.0) == pytest.approx(gain + upper, rel=3e-3)
 
