@@ -15,7 +15,7 @@ from lvnav_trade.campaign.running.progress import Progress, staged
 from lvnav_trade.campaign.running.replay import find
 from lvnav_trade.campaign.running.work import Job
 from lvnav_trade.campaign.syntax.tree import hint
-from lvnav_trade.errors import InputError
+from lvnav_trade.errors import InputError, refuse_all, writing
 from lvnav_trade.store.contents import owned
 from lvnav_trade.store.read import load as read
 
@@ -175,8 +175,7 @@ def _check_sections(campaign: Campaign) -> None:
         for index, name in enumerate(campaign.report.sections)
         if name not in SECTIONS
     ]
-    if wrong:
-        raise InputError(records=wrong)
+    refuse_all(wrong)
 
 
 def load(folder: str | Path) -> Results:
@@ -312,12 +311,10 @@ def estimate_q(
     card = Path(file)
     files = (card, card.with_suffix(".csv"), card.with_suffix(".png"))
     write_card(card, found.card)
-    try:
+    with writing(card, "its tables cannot be written there"):
         files[1].write_text(csv_text(found.steps), encoding="utf-8")
         with look():
             steps(found.steps, [phase[:3] for phase in found.phases]).savefig(files[2])
-    except OSError as error:
-        raise InputError(f"{card}: its tables cannot be written there: {error.strerror or error}") from error
     return found, files
 
 

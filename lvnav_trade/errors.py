@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import NamedTuple, TypeGuard
 
 from lvnav_trade.limits import MESSAGE_LENGTH, MESSAGES, QUOTED_LENGTH
@@ -85,3 +86,23 @@ class InputError(Exception):
 
     def __reduce__(self) -> tuple[type[InputError], tuple[str, tuple[Mistake, ...]]]:
         return type(self), ("", self.records)  # worker processes hand it back whole
+
+
+def refuse_all(mistakes: Sequence[Mistake]) -> None:
+    """Raise the InputError of these mistakes, where there are any."""
+    if mistakes:
+        raise InputError(records=mistakes)
+
+
+@contextmanager
+def writing(place: object, refused: str, resumes: bool = False) -> Iterator[None]:
+    """Raise InputError where the operating system refuses what is done within; `refused` says what that was.
+
+    resumes : let a full disk through: the same command goes on once there is space
+    """
+    try:
+        yield
+    except OSError as error:
+        if resumes and is_full_disk(error):
+            raise
+        raise InputError(f"{place}: {refused}: {error.strerror or error}") from error

@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 
-from lvnav_trade.errors import InputError
+from lvnav_trade.errors import InputError, writing
 from lvnav_trade.metrics import CSV, METRICS
 from lvnav_trade.report import diagnostics as explained
 from lvnav_trade.report import evidence, mission, reception
@@ -16,7 +16,7 @@ from lvnav_trade.report.escape import csv_text, render, source
 from lvnav_trade.report.sections import Blocks
 from lvnav_trade.report.summary import summary
 from lvnav_trade.store import Tables, load
-from lvnav_trade.store.contents import owned, writing
+from lvnav_trade.store.contents import owned
 
 
 def _agreement(tables: Tables) -> list[Block]:

@@ -11,11 +11,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from lvnav_trade.errors import InputError
+from lvnav_trade.errors import InputError, writing
 from lvnav_trade.frames import ecef_from_geodetic, geodetic_from_ecef, rotation_e_n
 from lvnav_trade.records import Floats
 from lvnav_trade.report.escape import render
-from lvnav_trade.store.contents import writing
 from lvnav_trade.store.read import Tables
 
 SIGMAS = 3.0

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure as Drawing
 
 from lvnav_trade.campaign.definition.published import Case
 from lvnav_trade.campaign.reading.study import Figure, Part, Study
-from lvnav_trade.errors import InputError
+from lvnav_trade.errors import InputError, writing
 from lvnav_trade.metrics.errors.agreement import agreement, by_case
 from lvnav_trade.metrics.published.published import cases_of
 from lvnav_trade.metrics.published.references import references
@@ -24,7 +24,7 @@ from lvnav_trade.report.sections import stated
 from lvnav_trade.report.study_tables import missions_table, noise_table, study_tables
 from lvnav_trade.report.vehicle import control_tables, motion_summary, observed_table
 from lvnav_trade.store import Tables
-from lvnav_trade.store.contents import owned, writing
+from lvnav_trade.store.contents import owned
 
 
 class Answered(NamedTuple):

@@ -3,13 +3,13 @@
 import json
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from itertools import takewhile
 from pathlib import Path, PurePosixPath
 from typing import Any, Literal
 
-from lvnav_trade.errors import InputError, is_full_disk
+from lvnav_trade.errors import InputError, writing
 from lvnav_trade.store import parts as part_files
 from lvnav_trade.store import scratch
 from lvnav_trade.store.files import replace_file
@@ -158,14 +158,9 @@ def owned(folder: Path | str, kind: Kind) -> OwnedFolder:
     InputError for every other folder, whose files are the user's, and where a listed name leads out of the folder.
     """
     folder = Path(folder)
-    try:
-        found = sorted(name for name in os.listdir(folder) if not name.startswith("."))
-    except FileNotFoundError:
-        found = []
-    except OSError as error:
-        if is_full_disk(error):
-            raise
-        raise InputError(f"{folder}: the folder cannot be written: {error.strerror}") from None
+    found: list[str] = []
+    with writing(folder, "the folder cannot be written", resumes=True), suppress(FileNotFoundError):
+        found = [name for name in os.listdir(folder) if not name.startswith(".")]
     if CONTENTS in found:
         files, cases, holds = _listed(folder)
     elif not found:
@@ -210,12 +205,3 @@ def _json(path: Path) -> dict[str, Any]:
 
 def _is_texts(value: object) -> bool:
     return isinstance(value, list) and all(isinstance(one, str) for one in value)
-
-
-@contextmanager
-def writing(place: object, refused: str) -> Iterator[None]:
-    """Raise InputError where the operating system refuses what is done within; `refused` says what that was."""
-    try:
-        yield
-    except OSError as error:
-        raise InputError(f"{place}: {refused}: {error.strerror or error}") from error

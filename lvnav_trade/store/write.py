@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from lvnav_trade.engines.simulate.statistics import BlockSummary, merge
-from lvnav_trade.errors import InputError, is_full_disk
+from lvnav_trade.errors import InputError, writing
 from lvnav_trade.records import CovHistory
 from lvnav_trade.store import parts as part_files
 from lvnav_trade.store.contents import MANIFEST, RESOLVED, OwnedFolder, owned
@@ -149,7 +149,7 @@ def open_results(
     folder = Path(folder)
     place = owned(folder, "results")
     identity = {"campaign": campaign_name, "campaign_digest": campaign_digest(resolved_yaml), **environment()}
-    try:
+    with writing(folder, "the results folder cannot be written", resumes=True):
         if mode == "fresh":
             place.clear()
         else:
@@ -160,10 +160,6 @@ def open_results(
         replace_file(folder / RESOLVED, resolved_yaml)
         results = Results(place, {**manifest, **identity, "created": _now()})
         _write_json(folder / MANIFEST, results.manifest)
-    except OSError as error:
-        if is_full_disk(error):
-            raise
-        raise InputError(f"{folder}: the results folder cannot be written: {error.strerror or error}") from error
     return results
 
 

@@ -171,26 +171,18 @@ class Kept:
 
     def write_case(self, info: Any, prepared: Any, covariance: CovHistory, parts: Any, explained: Any, *_: Any) -> None:
         numbers = None if parts is None else np.concatenate([part.numbers for part in parts]).tolist()
-        row = (tuple(info), covariance.sources, numbers, explained)
+        row = ((info.id, info.label, info.axes), covariance.sources, numbers, explained)
         (self.folder / f"{info.id}.pcase").write_bytes(pickle.dumps(row))
 
     def finish(self, extra: dict[str, Any]) -> None:
         (self.folder / "finished").write_text("\n".join(extra["cases"]))
 
 
-class Info(NamedTuple):
-    """As the store's own CaseInfo."""
-
-    id: str
-    label: str
-    axes: dict[str, str]
-
-
 def store(full_after: int | None = None) -> Store:
     def open_results(folder: Path, name: str, resolved: str, manifest: dict[str, Any], mode: str) -> Kept:
         return Kept(folder, resolved, mode, full_after)
 
-    return Store(open_results, Info, lambda folder: None)
+    return Store(open_results, lambda folder: None)
 
 
 def tables(folder: Path) -> dict[str, Any]:

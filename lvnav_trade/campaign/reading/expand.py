@@ -6,7 +6,7 @@ from lvnav_trade.campaign.syntax import fields, tree
 from lvnav_trade.campaign.syntax.cards import Shelf
 from lvnav_trade.campaign.syntax.fields import Kind
 from lvnav_trade.campaign.syntax.tree import Node, join, mistake
-from lvnav_trade.errors import InputError, Mistake, quoted
+from lvnav_trade.errors import InputError, Mistake, quoted, refuse_all
 from lvnav_trade.limits import MESSAGES
 
 _DEEPEST = 16
@@ -156,6 +156,5 @@ def expand(node: Node, kind: Kind, shelf: Shelf, path: str = "") -> tuple[Node, 
 def expanded(node: Node, kind: Kind, shelf: Shelf, path: str) -> Node:
     """Return the tree with all cards in place; InputError with the mistakes met."""
     whole, mistakes = expand(node, kind, shelf, path)
-    if mistakes:
-        raise InputError(records=mistakes)
+    refuse_all(mistakes)
     return whole

@@ -17,7 +17,7 @@ from lvnav_trade.campaign.reading.sets import splice
 from lvnav_trade.campaign.syntax import fields, tree
 from lvnav_trade.campaign.syntax.cards import Shelf, campaign_file
 from lvnav_trade.campaign.syntax.tree import Node, hint, mistake, mistake_at
-from lvnav_trade.errors import InputError, Mistake, quoted
+from lvnav_trade.errors import InputError, Mistake, quoted, refuse_all
 from lvnav_trade.scenario import Scenario
 
 
@@ -85,9 +85,7 @@ class _Loader:
         return whole
 
     def _raise(self) -> None:
-        unique = sorted(dict.fromkeys(self.mistakes), key=lambda record: (record.file, record.line, record.column))
-        if unique:
-            raise InputError(records=unique)
+        refuse_all(sorted(dict.fromkeys(self.mistakes), key=lambda record: (record.file, record.line, record.column)))
 
     def _expand(self, node: Node, kind: Any, path: str) -> Node:
         """Return the tree with cards in place; its mistakes are noted."""

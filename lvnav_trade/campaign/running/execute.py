@@ -25,10 +25,10 @@ from lvnav_trade.campaign.running.progress import Progress
 from lvnav_trade.campaign.running.provenance import manifest, without_folders
 from lvnav_trade.campaign.running.stopping import Stopping
 from lvnav_trade.campaign.running.work import Answer, Done, Job
-from lvnav_trade.errors import InputError, system_message
+from lvnav_trade.errors import InputError, refuse_all, system_message
 from lvnav_trade.store import scratch
 from lvnav_trade.store.contents import owned
-from lvnav_trade.store.write import CaseInfo, open_results
+from lvnav_trade.store.write import open_results
 
 Mode = Literal["resume", "fresh"]
 _DEATHS = 3
@@ -49,11 +49,11 @@ class Store(NamedTuple):
     """How results are kept; another one takes its place in tests."""
 
     open_results: Callable[..., Any]
-    case_info: Callable[..., Any]
     check_folder: Callable[[Path], object]
 
 
-STORE = Store(open_results, CaseInfo, partial(owned, kind="results"))
+STORE = Store(open_results, partial(owned, kind="results"))
+OnAnswers = Callable[[Sequence[Answer], Sequence[Case]], None]
 
 
 def check_flight(campaign: Campaign, found: Sequence[Case], job: Job, jobs: int) -> dict[str, dict[str, float]]:
@@ -64,8 +64,8 @@ def check_flight(campaign: Campaign, found: Sequence[Case], job: Job, jobs: int)
     distinct: dict[str, Case] = {}
     for case in found:
         distinct.setdefault(_flight_of(case), case)
-    units = [(job, case) for case in distinct.values()]
-    events = dict(zip(distinct, _all(jobs, work.events_of, units), strict=True))
+    results = each(jobs, work.events_of, [(job, case) for case in distinct.values()], ordered=True)
+    events = dict(zip(distinct, results, strict=True))
     grounded = [
         record
         for key, case in distinct.items()
@@ -73,9 +73,7 @@ def check_flight(campaign: Campaign, found: Sequence[Case], job: Job, jobs: int)
         for record in flights.located(campaign, case, events[key].records)
     ]
     times = {case.id: events[_flight_of(case)] for case in found}
-    mistakes = grounded or flights.mistakes(campaign, found, times)
-    if mistakes:
-        raise InputError(records=mistakes)
+    refuse_all(grounded or flights.mistakes(campaign, found, times))
     return times
 
 
@@ -93,7 +91,7 @@ def run(
     mode: Mode = "resume",
     fail_fast: bool = False,
     progress: Progress | None = None,
-    on_answers: Callable[[Sequence[Answer], Sequence[Case]], None] | None = None,
+    on_answers: OnAnswers | None = None,
     engine: work.Engine | None = None,
     keep: Store = STORE,
 ) -> Outcome:
@@ -115,7 +113,7 @@ def run(
     KeyboardInterrupt
         After the workers are gone; the same call resumes.
     """
-    watch = progress or Progress()
+    watch, jobs = progress or Progress(), (os.cpu_count() or 1) if jobs < 1 else jobs
     try:
         work_to_do = _Run(campaign, folder, jobs, fail_fast, watch, engine or work.engine())
         keep.check_folder(folder)  # before a lock is left in a folder that is not the tool's
@@ -126,7 +124,7 @@ def run(
         _end_workers(jobs)
         raise
     except TerminatedWorkerError:
-        fewer = max(1, _count(jobs) // 2)
+        fewer = max(1, jobs // 2)
         raise Halted(f"a worker process died (out of memory?); the same command resumes, try --jobs {fewer}") from None
     except OSError as error:
         _end_workers(jobs)
@@ -141,13 +139,7 @@ class _Run:
     """One execution of one campaign."""
 
     def __init__(
-        self,
-        campaign: Campaign,
-        folder: Path,
-        jobs: int,
-        fail_fast: bool,
-        watch: Progress,
-        engine: work.Engine,
+        self, campaign: Campaign, folder: Path, jobs: int, fail_fast: bool, watch: Progress, engine: work.Engine
     ) -> None:
         self.campaign, self.folder, self.jobs, self.fail_fast, self.watch = campaign, folder, jobs, fail_fast, watch
         self.cases = cases(campaign)
@@ -163,29 +155,29 @@ class _Run:
 
     def open(self, keep: Store, mode: Mode) -> None:
         """Open the folder of results, of which this process holds the lock."""
-        self.case_info = keep.case_info
         if mode == "fresh":
             self._remove_scratch()
         asked = self.campaign
         results = keep.open_results(self.folder, asked.name, resolved(asked), manifest(asked, self.cases), mode)
         self.job = self.job._replace(results=results)
 
-    def all(self, on_answers: Callable[[Sequence[Answer], Sequence[Case]], None] | None) -> Outcome:
+    def all(self, on_answers: OnAnswers | None) -> Outcome:
         """Go through the stages."""
         answers = self._answers(on_answers)
         able = [case for case, found in zip(self.cases, answers, strict=True) if not found.error]
         why = "what is behind its linear covariance"
         self._per_case("diagnostics", work.explain, [(self.job, case) for case in able], why)
         unfinished = self._fly(able)
-        whole = self._close([case for case in able if case.id not in unfinished])
+        ends = [(self.job, case, self.stopping.runs(case.id)) for case in able if case.id not in unfinished]
+        lost = self._per_case("tables", work.close, ends, "tables")
         _end_workers(self.jobs)  # the page is made by this process alone: their memory is of no use to it
-        # The order of the plan, not that in which the workers finished: the tables' bytes must not depend on it.
         reported = {
             "warnings": flights.warnings(self.cases),
             "timings_s": self.timings,
             "lost": [*map(without_folders, self.lost)],
             "workers_died": self.deaths,
-            "cases": whole,
+            # The order of the plan, not that in which the workers finished: the tables' bytes must not depend on it.
+            "cases": [case.id for _, case, _ in ends if case.id not in lost],
         }
         self.job.results.finish(reported)
         if not self.lost:
@@ -206,25 +198,23 @@ class _Run:
                         work_list.close(number)
                         yield one
             except TerminatedWorkerError:
-                self._bury()
+                self.deaths += 1
+                if self.fail_fast or self.deaths == _DEATHS:
+                    raise
+                self.jobs = max(2, self.jobs // 2)
+                self.watch.note(
+                    f"a worker process died (out of memory?); its work is done again by {self.jobs} workers"
+                )
         self.timings[name] = round(time.monotonic() - start, 3)
 
-    def _bury(self) -> None:
-        """Go on with fewer workers when one was killed; give up at the third, for it will not be the last."""
-        self.deaths += 1
-        if self.fail_fast or self.deaths == _DEATHS:
-            raise
-        self.jobs = max(2, _count(self.jobs) // 2)
-        self.watch.note(f"a worker process died (out of memory?); its work is done again by {self.jobs} workers")
-
-    def _answers(self, on_answers: Callable[[Sequence[Answer], Sequence[Case]], None] | None) -> list[Answer]:
+    def _answers(self, on_answers: OnAnswers | None) -> list[Answer]:
         """Find every case's linear covariance; with several workers the flight is compiled beside it, and what explains
         the first case after it, so that a fresh machine compiles on all of them.
         """
         self.watch.stage("linear covariance", len(self.cases))
         found: dict[str, Answer] = {}
         units: list[tuple[Any, ...]] = [(self.job, case, None) for case in self.cases]
-        if _count(self.jobs) > 1 and self.campaign.monte_carlo:
+        if self.jobs > 1 and self.campaign.monte_carlo:
             units.insert(0, (self.job, self.cases[0], work.compile_flight))
             units.append((self.job, self.cases[0], work.explain))
         for one in self._stage("covariance", work.answer_or_ahead, units):
@@ -259,15 +249,15 @@ class _Run:
         units = blocks(self.campaign, able, done)
         if self.stopping.is_early:
             held = [case for case in able if done[case.id]]
-            for one in itertools.chain(*_all(self.jobs, work.tally, [(self.job, case) for case in held])):
+            for one in itertools.chain(*each(self.jobs, work.tally, [(self.job, case) for case in held], ordered=True)):
                 self._look(one)
         self.watch.stage("runs", sum(unit.n_run for unit in units))
         lost: list[Done] = []
         for one in self._stage("monte_carlo", work.fly, self._wanted(units)):
             self.watch.advance(one.n_run)
             self._look(one)
-            if not self._counts(one):
-                continue
+            if not self.stopping.wants(one.case, one.first_run):
+                continue  # it was flown ahead of a decision
             if one.error:
                 lost.append(one)
                 last = one.first_run + one.n_run - 1
@@ -276,16 +266,12 @@ class _Run:
                 self._failed(
                     f"{self.labels[one.case]}, run {number} {why}; lvnav-trade replay {self.folder} {one.case} {number}"
                 )
-        return {one.case for one in lost if self._counts(one)}
+        return {one.case for one in lost if self.stopping.wants(one.case, one.first_run)}
 
     def _look(self, one: Done) -> None:
         """Take a block in where blocks decide when their case ends."""
         if not one.error:
             self.stopping.note(one.case, one.first_run, one.n_run, one.beyond)
-
-    def _counts(self, one: Done) -> bool:
-        """Whether a block is among the runs of its case: it may have been flown ahead of a decision."""
-        return self.stopping.wants(one.case, one.first_run)
 
     def _wanted(self, units: Sequence[Block]) -> Iterator[tuple[Job, Block]]:
         """Yield the blocks still wanted when their turn comes: a case may be decided by then."""
@@ -294,15 +280,6 @@ class _Run:
                 yield self.job, unit
             else:
                 self.watch.advance(unit.n_run)
-
-    def _close(self, able: Sequence[Case]) -> list[str]:
-        """Write the tables of the cases; return the digests of those written, in the order of the plan."""
-        units = [
-            (self.job, case, self.case_info(case.id, case.label, case.axes), self.stopping.runs(case.id))
-            for case in able
-        ]
-        lost = self._per_case("tables", work.close, units, "tables")
-        return [case.id for case in able if case.id not in lost]
 
     def _lose(self, line: str) -> None:
         """Note a unit of work that was lost: unlike a failed run it leaves no row in the tables."""
@@ -350,27 +327,16 @@ def _numbered(function: Callable[..., Any], number: int, unit: tuple[Any, ...]) 
     return number, function(*unit)
 
 
-def _count(jobs: int) -> int:
-    return (os.cpu_count() or 1) if jobs < 1 else jobs
+_UNORDERED = {"return_as": "generator_unordered", "batch_size": 1, "pre_dispatch": "2 * n_jobs"}
 
 
-def each(jobs: int, function: Callable[..., Any], units: Iterable[tuple[Any, ...]]) -> Any:
-    """Return a generator of function(*unit), in the order in which the workers finish; in this process for one job."""
-    if _count(jobs) == 1:
+def each(jobs: int, function: Callable[..., Any], units: Iterable[tuple[Any, ...]], ordered: bool = False) -> Any:
+    """Return function(*unit) of all units in their order, else a generator of them in the order in which the workers
+    finish; in this process for one job.
+    """
+    if jobs == 1:
         return (function(*unit) for unit in units)
-    how = {"return_as": "generator_unordered", "batch_size": 1, "pre_dispatch": "2 * n_jobs"}
-    return _parallel(jobs, function, units, **how)
-
-
-def _all(jobs: int, function: Callable[..., Any], units: Sequence[tuple[Any, ...]]) -> list[Any]:
-    """Return function(*unit) of all units in their order."""
-    if _count(jobs) == 1:
-        return [function(*unit) for unit in units]
-    return list(_parallel(jobs, function, units))
-
-
-def _parallel(jobs: int, function: Callable[..., Any], units: Iterable[tuple[Any, ...]], **how: Any) -> Any:
-    pool = Parallel(n_jobs=_count(jobs), initializer=work.begin_worker, **how)
+    pool = Parallel(n_jobs=jobs, initializer=work.begin_worker, **({} if ordered else _UNORDERED))
     return pool(delayed(_worked)(function, *unit) for unit in units)
 
 
@@ -381,5 +347,5 @@ def _worked(function: Callable[..., Any], *unit: Any) -> Any:
 
 def _end_workers(jobs: int) -> None:
     """End the worker processes at once; what they have stored is whole."""
-    if _count(jobs) > 1:
+    if jobs > 1:
         get_reusable_executor().shutdown(wait=True, kill_workers=True)

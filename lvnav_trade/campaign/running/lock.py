@@ -10,7 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
-from lvnav_trade.errors import InputError, is_full_disk
+from lvnav_trade.errors import InputError, writing
 
 _NAME = ".lock"
 _LONGEST = 300
@@ -24,23 +24,16 @@ def locked(folder: Path) -> Iterator[None]:
 
     The lock belongs to the open file, so a killed process leaves none behind.
     """
-    try:
+    with writing(folder, "cannot be written", resumes=True):
         folder.mkdir(parents=True, exist_ok=True)
         handle = (folder / _NAME).open("a+b", buffering=0)
-    except OSError as error:
-        if is_full_disk(error):
-            raise
-        raise InputError(f"{folder}: cannot be written: {error.strerror}") from None
     with handle:
-        try:
-            free = _taken(handle, fcntl.LOCK_EX)
-            if not free:
+        with writing(folder, "cannot be locked"):
+            if not _taken(handle, fcntl.LOCK_EX):
                 time.sleep(_GLANCE_S)
-                free = _taken(handle, fcntl.LOCK_EX)
-            if not free:
-                raise InputError(f"{folder}: {_who(handle)} is working on these results; wait, or give another folder")
-        except OSError as error:
-            raise InputError(f"{folder}: cannot be locked: {error.strerror}") from None
+                if not _taken(handle, fcntl.LOCK_EX):
+                    who = _who(handle)
+                    raise InputError(f"{folder}: {who} is working on these results; wait, or give another folder")
         handle.seek(0)
         if not _CONTENT.fullmatch(handle.read(_LONGEST + 1)):
             raise InputError(f"{folder / _NAME}: is no lock of lvnav-trade; move it, or give another folder")

@@ -12,7 +12,7 @@ from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.running.work import WHY, navigation
 from lvnav_trade.campaign.syntax.tree import hint
-from lvnav_trade.errors import InputError, is_full_disk
+from lvnav_trade.errors import InputError, writing
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -59,13 +59,9 @@ def write_trace(found: Replay, folder: Path, case: Case, run: int) -> Path:
     """Write the trace as Parquet into `folder`/traces and return its path."""
     place = folder / "traces"
     path = place / f"{case.id}-{run}.parquet"
-    try:
+    with writing(path, "cannot be written", resumes=True):
         place.mkdir(parents=True, exist_ok=True)
         found.trace.to_parquet(path, compression="zstd", index=False)
-    except OSError as error:
-        if is_full_disk(error):
-            raise
-        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
     return path
 
 

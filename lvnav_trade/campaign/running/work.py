@@ -229,7 +229,7 @@ def tally(job: Job, case: Case) -> list[Done]:
     ]
 
 
-def close(job: Job, case: Case, info: Any, runs: int) -> Done:
+def close(job: Job, case: Case, runs: int) -> Done:
     """Merge the blocks of a case's first `runs` runs and write its tables."""
     try:
         prepared, covariance = _prepared(job, case), _covariance(job, case)
@@ -240,7 +240,7 @@ def close(job: Job, case: Case, info: Any, runs: int) -> Done:
         explained = scratch.read(file, _explanation(), identity) if file.exists() else None
         starts = job.engine.starts(prepared, job.seed, runs) if runs else None
         control = job.engine.control(case.scenario, job.seed, runs) if runs else None
-        job.results.write_case(info, prepared, covariance, parts, explained, starts, control)
+        job.results.write_case(case, prepared, covariance, parts, explained, starts, control)
         return Done(case.id, 0, runs)
     except Exception as error:
         return Done(case.id, 0, runs, error=_message(error))

@@ -12,7 +12,7 @@ from pydantic import BaseModel
 
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.tree import Node, Place, hint, refuse
-from lvnav_trade.errors import InputError, quoted
+from lvnav_trade.errors import InputError, quoted, writing
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 
@@ -140,10 +140,8 @@ def card_text(name: str, folder: Path) -> str:
 
 def write_card(file: Path, card: BaseModel) -> None:
     """Write a card that was computed, without what is at its default; InputError where that cannot be."""
-    try:
+    with writing(file, "the card cannot be written there"):
         file.write_text(tree.dump(card.model_dump(mode="json", exclude_defaults=True)), encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{file}: the card cannot be written there: {error.strerror or error}") from error
 
 
 def campaign_file(name: str) -> Path:

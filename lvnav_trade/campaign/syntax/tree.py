@@ -16,7 +16,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import AliasEvent
 from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
 
-from lvnav_trade.errors import InputError, Mistake, quoted
+from lvnav_trade.errors import InputError, Mistake, quoted, refuse_all
 from lvnav_trade.input_files import read_bytes
 from lvnav_trade.limits import LIST_LENGTH, QUOTED_LENGTH, WORD_LENGTH, YAML_ALIASES, YAML_BYTES, YAML_DEPTH, YAML_NODES
 
@@ -144,8 +144,7 @@ def parse(text: str, file: str, folder: Path) -> Node:
         raise InputError(f"{file}: is empty")
     conversion = _Conversion(file, folder)
     tree = conversion.node(root, "", ())
-    if conversion.mistakes:
-        raise InputError(records=conversion.mistakes)
+    refuse_all(conversion.mistakes)
     return tree
 
 

@@ -181,7 +181,10 @@ def dying_pool(monkeypatch: pytest.MonkeyPatch, deaths: list[int]) -> list[int]:
     """Let the pool take two units ahead and lose a worker before its n-th result; return the workers of each pool."""
     pools = []
 
-    def each(jobs, function, units):
+    def each(jobs, function, units, ordered=False):
+        if ordered:
+            yield from (function(*unit) for unit in units)
+            return
         pools.append(jobs)
         left = deaths.pop(0) if deaths else None
         taken = list(itertools.islice(units, 2))
@@ -194,9 +197,7 @@ def dying_pool(monkeypatch: pytest.MonkeyPatch, deaths: list[int]) -> list[int]:
             yield result
 
     monkeypatch.setattr(execute, "each", each)
-    monkeypatch.setattr(execute, "_count", lambda jobs: jobs)
     monkeypatch.setattr(execute, "_end_workers", lambda jobs: None)
-    monkeypatch.setattr(execute, "_all", lambda jobs, function, units: [function(*unit) for unit in units])
     return pools
 
 
@@ -259,7 +260,7 @@ def test_a_disk_that_is_full_from_the_start_ends_in_the_same_line(study, fakes) 
             Path("results"),
             jobs=1,
             engine=fakes.Fake().engine(),
-            keep=execute.Store(full, fakes.Info, lambda folder: None),
+            keep=execute.Store(full, lambda folder: None),
         )
 
 

@@ -161,7 +161,7 @@ def test_what_is_behind_a_covariance_is_found_once_and_reported_to_the_store(job
     assert work.explain(todo, case).error == ""
     work.explain(todo, case)
     assert [call.what for call in fake.calls] == ["covariance", "explain"]
-    work.close(todo, case, fakes.Info(case.id, case.label, case.axes), 0)
+    work.close(todo, case, 0)
     (row,) = fakes.tables(Path()).values()
     assert row[3][0] == "explained"
 
