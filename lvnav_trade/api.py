@@ -22,7 +22,7 @@ from lvnav_trade.store.read import load as read
 if TYPE_CHECKING:
     import pandas as pd
 
-    from lvnav_trade.campaign.derived.filter_cards import ProcessNoise
+    from lvnav_trade.campaign.derived import ProcessNoise
     from lvnav_trade.filters.scheduled import GainSchedule
     from lvnav_trade.metrics.comparison.comparison import Comparison
 
@@ -229,7 +229,7 @@ def study(
     InputError
         A mistake in a campaign or in study.yaml: nothing has been computed.
     """
-    from lvnav_trade.campaign.derived.study_results import behind
+    from lvnav_trade.campaign.derived import behind
     from lvnav_trade.campaign.reading.study import load_study
     from lvnav_trade.metrics.published.references import references
     from lvnav_trade.report.study import Answered, build
@@ -301,7 +301,7 @@ def estimate_q(
     """Estimate process noise from perturbed runs of a case (the first if none is named), and write the filter's card
     with it, beside it the error per step as CSV and PNG. Return the estimate and the files.
     """
-    from lvnav_trade.campaign.derived.filter_cards import process_noise
+    from lvnav_trade.campaign.derived import process_noise
     from lvnav_trade.campaign.syntax.cards import write_card
     from lvnav_trade.plots.study import steps
     from lvnav_trade.plots.style import look
@@ -329,7 +329,7 @@ def schedule_gains(
     """Write the gains that the filter of a case (the first if none is named) has on its nominal flight as a card for
     `filter.gains`, and return it.
     """
-    from lvnav_trade.campaign.derived.filter_cards import gain_schedule
+    from lvnav_trade.campaign.derived import gain_schedule
     from lvnav_trade.campaign.syntax.cards import write_card
 
     found = gain_schedule(*_case_of(campaign, sets, case), by, tolerance)

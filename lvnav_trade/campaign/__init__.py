@@ -1,1 +1,1 @@
-"""From a campaign file to stored runs. Folders: `syntax`, `definition`, `reading`, `running`, `derived`."""
+"""From a campaign file to stored runs. Folders: `syntax`, `definition`, `reading`, `running`; `derived.py`."""

@@ -1,4 +1,4 @@
-"""Verbs that compute: run, check, plan, replay."""
+"""Verbs of campaigns: run, check, plan, replay, status; fields, schema and cards; study."""
 
 from __future__ import annotations
 
@@ -151,3 +151,98 @@ def _campaign_of(source: str, sets: Sequence[str]) -> tuple[Campaign, Path]:
     if not frozen.is_file():
         raise InputError(f"{folder}: no results here (no campaign.resolved.yaml)")
     return load(frozen, sets), folder
+
+
+@verb()
+def status(folder: Annotated[Path, typer.Argument(metavar="RESULTS")]) -> Answer:
+    """Show the progress of a campaign: running, finished, damaged.
+
+    Blocks and tables are checked.
+    """
+    from lvnav_trade.campaign.running.status import status as look
+
+    found = look(folder)
+    return Answer(found.text, found._asdict() | {"cases": [case._asdict() for case in found.cases]})
+
+
+@verb()
+def fields(
+    path: Annotated[
+        str | None, typer.Argument(metavar="PATH", help="filter, receiver.clock, faults; the whole campaign if absent")
+    ] = None,
+) -> Answer:
+    """List the fields at a path of a campaign.
+
+    Each with its default, what it takes and what it means; for every kind where there are several.
+    """
+    from lvnav_trade.campaign.reading.reference import reference
+
+    found = reference(path or "")
+    blocks = []
+    for part in found:
+        title = f"kind: {part.kind} - {part.title}" if part.kind else part.title
+        rows = [[row.field, row.default, "; ".join(filter(None, (row.type, row.meaning)))] for row in part.rows]
+        blocks.append(f"{title}\n{table(['field', 'default', 'takes'], rows)}")
+    parts = [part._asdict() | {"rows": [row._asdict() for row in part.rows]} for part in found]
+    return Answer("\n\n".join(blocks), {"path": path or "", "parts": parts})
+
+
+@verb(with_json=False)
+def schema() -> Answer:
+    """Print the JSON Schema of campaign files, for editors."""
+    from lvnav_trade.campaign.reading.reference import json_schema
+
+    return Answer(json.dumps(json_schema(), indent=2))
+
+
+@verb()
+def cards(
+    name: Annotated[str | None, typer.Argument(metavar="CARD", help="show this card, or list this folder")] = None,
+) -> Answer:
+    """List the cards there are, all or of a folder, or show one."""
+    from lvnav_trade.campaign.syntax import cards as shelf
+
+    every = shelf.catalogue(Path.cwd())
+    found = [card for card in every if card.name.startswith(f"{(name or '').rstrip('/')}/")]
+    if name is not None and not found:
+        text = shelf.card_text(name, Path.cwd())
+        return Answer(text.removesuffix("\n"), {"name": name, "text": text})
+    found = found or every
+    listed = table(["card", "what", "source"], [[card.name, card.title, card.source] for card in found])
+    return Answer(listed, {"cards": [card._asdict() for card in found]})
+
+
+@verb()
+def study(
+    folder: Annotated[
+        str, typer.Argument(metavar="FOLDER", help="folder of campaigns, or one of the tool's: conae, drdc, gains")
+    ],
+    keep: Annotated[Path, typer.Option("--keep", metavar="FOLDER", help="where the study's report goes")],
+    runs: Annotated[int | None, typer.Option("--runs", help="runs per case, in place of the campaigns' own")] = None,
+    out: Annotated[Path, typer.Option("--out", help="folder of the results", show_default="results/FOLDER")] = Path(),
+    fresh: Annotated[bool, typer.Option("--fresh/--resume", help="begin again, or go on with what is there")] = False,
+    only_page: Annotated[bool, typer.Option("--only-page", help="make the report from existing results")] = False,
+    jobs: Jobs = -1,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="no progress")] = False,
+    as_json: Json = False,
+) -> Answer:
+    """Run every campaign of a folder and write one report.
+
+    Published numbers stand beside ours. What a campaign answers (requirements violated or undecided) is no failure
+    here; exit code 4 where runs failed.
+    """
+    from lvnav_trade import api
+    from lvnav_trade.campaign.running.progress import choose
+
+    def show(name: str, results: Any) -> None:
+        if not as_json and not quiet:
+            print(f"{name}: {len(results.tables.cases)} cases, {len(results.failures)} failed runs", flush=True)
+
+    place = out if out != Path() else None
+    found = api.study(folder, keep, runs, place, jobs, fresh, only_page, lambda: choose(quiet), show)
+    rows = [[name, *map(str, counts)] for name, counts in found.campaigns.items()]
+    failed = [f"failed: {line}" for line in found.failures]
+    text = "\n".join([*failed, table(["campaign", "stated", "as published"], rows), f"kept: {found.page}"])
+    content: dict[str, Any] = {"page": str(found.page), "failures": found.failures, "campaigns": found.campaigns}
+    content |= {"published": found.published, "in_band": found.in_band}
+    return Answer(text, content, api.FAILED if found.failures else api.MET)

@@ -12,10 +12,9 @@ from lvnav_trade.engines.simulate.statistics import NORM, BlockSummary, add_norm
 from lvnav_trade.records import CovHistory, Floats, Output
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.store.columns import column, repeated
-from lvnav_trade.store.controlled import controlled_columns
 from lvnav_trade.store.diagnostics import explained_rows
 from lvnav_trade.store.flight import event_rows, flight_columns, state_columns
-from lvnav_trade.store.runs import run_columns, start_columns
+from lvnav_trade.store.runs import controlled_columns, run_columns, start_columns
 from lvnav_trade.store.schema import TABLES, arrow_schema
 
 if TYPE_CHECKING:

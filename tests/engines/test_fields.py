@@ -33,7 +33,7 @@ RECORDED = {"error_table"}
 MODELLED = {"envelope", "report_imu_samples"}
 # Models of sensors: tests/engines/test_altimeter.py, tests/engines/setup/test_vehicle.py.
 SENSORS = {"sensor_models"}
-# Policies: walked in tests/filters/test_{late,feedforward,monitor}.py, tests/campaign/derived/test_gains.py.
+# Policies: walked in tests/filters/test_{late,feedforward,monitor}.py, tests/campaign/test_gains.py.
 POLICIES = {"delay_compensation", "feedback", "logic", "init", "gains"}
 
 RAMP = {"start": "1 s", "end": "20 s", "amplitude": ["10 deg/h", "0 deg/h", "5 deg/h"]}

@@ -8,12 +8,11 @@ from pydantic import BaseModel, ValidationError
 
 from lvnav_trade.campaign.definition import axes as design
 from lvnav_trade.campaign.definition.schema import Axis, Campaign
-from lvnav_trade.campaign.reading import checks, labels
-from lvnav_trade.campaign.reading.expand import expand
+from lvnav_trade.campaign.reading import checks
+from lvnav_trade.campaign.reading.checks import Varied
+from lvnav_trade.campaign.reading.expand import expand, splice
 from lvnav_trade.campaign.reading.explain import explain
-from lvnav_trade.campaign.reading.labels import Varied
 from lvnav_trade.campaign.reading.overrides import apply
-from lvnav_trade.campaign.reading.sets import splice
 from lvnav_trade.campaign.syntax import fields, tree
 from lvnav_trade.campaign.syntax.cards import Shelf, campaign_file
 from lvnav_trade.campaign.syntax.tree import Node, hint, mistake, mistake_at
@@ -76,7 +75,7 @@ class _Loader:
         self._raise()
         self.mistakes.extend(checks.requirements(whole, root))
         if axes:
-            self.mistakes.extend(labels.equal_cases(whole.design, whole.axes, self.root.value["axes"]))
+            self.mistakes.extend(checks.equal_cases(whole.design, whole.axes, self.root.value["axes"]))
         if is_narrowed:
             whole = checks.narrowed(whole)
         self.mistakes.extend(checks.statements(whole, root))
@@ -125,10 +124,10 @@ class _Loader:
 
     def _bounded(self, axes: list[Varied]) -> None:
         """Refuse more cases than are computed, before anything is built, and axes that others replace."""
-        found = list(labels.replaced(self.design, axes))
+        found = list(checks.replaced(self.design, axes))
         if axes:
             sizes = [len(varied.levels) for varied in axes]
-            found = [*labels.too_many(self.design, sizes, self.root.value["axes"]), *found]
+            found = [*checks.too_many(self.design, sizes, self.root.value["axes"]), *found]
         if found:
             self.mistakes.extend(found)
             self._raise()
@@ -185,13 +184,13 @@ class _Loader:
             scenario = Scenario.model_validate(design.put(base, axis.steps, tree.plain(value)))
             plain.append(design.get(scenario.model_dump(mode="json"), axis.steps))
         at = f"axes.{index}.{varied.key}"
-        self.mistakes.extend(labels.equal_levels(self.design, axis, plain, varied.levels, at))
+        self.mistakes.extend(checks.equal_levels(self.design, axis, plain, varied.levels, at))
         names = [design.level_label(axis, number) for number in range(len(values))]
         names = [  # a number on those that would otherwise be equal
             name if names.count(name) == 1 else f"{name}#{names[: number + 1].count(name)}"
             for number, name in enumerate(names)
         ]
-        self.mistakes.extend(labels.bad_labels(self.design, names, node, at))
+        self.mistakes.extend(checks.bad_labels(self.design, names, node, at))
         changed = {"path": ".".join(axis.steps), "cards": None, "values": tuple(plain), "labels": tuple(names)}
         return axis.model_copy(update=changed)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lvnav_trade.campaign.definition.axes import cases
-from lvnav_trade.campaign.derived.filter_cards import process_noise
+from lvnav_trade.campaign.derived import process_noise
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax.cards import campaign_file
 from lvnav_trade.errors import InputError

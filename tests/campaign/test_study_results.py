@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.campaign.definition.axes import cases
-from lvnav_trade.campaign.derived.study_results import behind
+from lvnav_trade.campaign.derived import behind
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.reading.study import Part
 from lvnav_trade.campaign.syntax.cards import campaign_file
