@@ -48,8 +48,7 @@ class Results:
     def __getattr__(self, name: str) -> pd.DataFrame:
         if name.startswith("_") or name == "tables":
             raise AttributeError(name)
-        frame: pd.DataFrame = getattr(self.tables, name)
-        return frame
+        return getattr(self.tables, name)
 
     @property
     def rms(self) -> pd.DataFrame:

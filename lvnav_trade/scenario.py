@@ -10,7 +10,7 @@ from pydantic import Field, field_validator, model_validator
 from lvnav_trade.delays.cards import AtmosphereCard
 from lvnav_trade.filters.base import FilterCard, ImuModel, InitialModel, ReceiverModel
 from lvnav_trade.limits import FAULTS
-from lvnav_trade.observables.sensor import SensorCard, SensorModel
+from lvnav_trade.observables.sensor import SensorCard
 from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS, Sensor, model_of
 from lvnav_trade.refusals import refused
 from lvnav_trade.units import AngleSigma, Card, Length, LengthSigma, SpeedSigma
@@ -136,8 +136,7 @@ def sensors_used(scenario: Scenario) -> dict[str, SensorCard]:
 
 def sensor_model(scenario: Scenario, sensor: SensorCard) -> Any:
     """Return the filter's model of a sensor; `matched` takes the sensor's own numbers."""
-    model: SensorModel = model_of(scenario.filter.sensor_models, sensor)
-    return model
+    return model_of(scenario.filter.sensor_models, sensor)
 
 
 def solves(scenario: Scenario) -> bool:

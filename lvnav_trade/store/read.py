@@ -48,7 +48,7 @@ class Tables:
         """What computed the results."""
         path = self.folder / "manifest.json"
         try:
-            content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+            content = json.loads(path.read_text(encoding="utf-8"))
         except ValueError as error:
             raise InputError(f"{path}: damaged: {error}") from None
         refuse_foreign(path, content)

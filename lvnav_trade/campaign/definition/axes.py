@@ -111,9 +111,12 @@ def put(data: Any, path: Sequence[str], value: Any) -> Any:
 
 
 def get(data: Any, path: Sequence[str]) -> Any:
-    """Return what stands at a path of nested dictionaries and lists."""
+    """Return what stands at a path of nested dictionaries and lists; None where nothing does."""
     for key in path:
-        data = data[int(key)] if isinstance(data, list) else data[key]
+        if isinstance(data, list) and is_index(key) and int(key) < len(data):
+            data = data[int(key)]
+        else:
+            data = data.get(key) if isinstance(data, dict) else None
     return data
 
 

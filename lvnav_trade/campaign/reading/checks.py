@@ -5,10 +5,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from operator import attrgetter
 from typing import Any, NamedTuple
 
-from lvnav_trade.campaign.definition.axes import BASE_LABEL, case_label, choice, levels
+from lvnav_trade.campaign.definition.axes import BASE_LABEL, case_label, choice, get, levels
 from lvnav_trade.campaign.definition.published import taken_apart
 from lvnav_trade.campaign.definition.schema import Axis, Campaign
-from lvnav_trade.campaign.syntax.tree import Node, hint, is_index, mistake, mistake_at, nearest
+from lvnav_trade.campaign.syntax.tree import Node, hint, mistake, mistake_at, nearest
 from lvnav_trade.errors import Mistake, quoted
 from lvnav_trade.layout import AXES as FRAME_AXES
 from lvnav_trade.layout import MISSION
@@ -58,8 +58,7 @@ def measurements(scenario: Scenario, base: Node) -> Iterator[Mistake]:
     for measurement in card.measurements:
         name = f"{measurement}_sigma"
         if getattr(receiver, name, 1.0) <= 0.0:
-            what = measurement.replace("_", " ")
-            message = f"the filter cannot model {what} without noise; should be greater than 0"
+            message = f"the filter cannot model {measurement.replace('_', ' ')} without noise; should be greater than 0"
             yield mistake_at(base, f"{truth if matched else 'filter.receiver'}.{name}", message, "base")
 
 
@@ -84,8 +83,7 @@ def statements(campaign: Campaign, root: Node) -> Iterator[Mistake]:
     """Yield what references, orderings and statements on innovations name and the campaign does not have."""
     cases = named_cases(campaign)
     for path, wanted, single in _cases_wanted(campaign):
-        message = unknown_case(wanted, cases, single)
-        if message:
+        if message := unknown_case(wanted, cases, single):
             yield mistake_at(root, path, message)
     frames = {str(v) for axis in campaign.axes if axis.path == "frame" for v in axis.values or ()}
     known = list(dict.fromkeys(name for frame in sorted({campaign.base.frame, *frames}) for name in FRAME_AXES[frame]))
@@ -139,8 +137,7 @@ def of_study(part: Any, campaign: Campaign) -> Iterator[tuple[str, str]]:
     if part.single is not None:
         wanted += [("single.aided", part.single.aided), ("single.unaided", part.single.unaided)]
     for path, one in wanted:
-        message = unknown_case(one, cases)
-        if message:
+        if message := unknown_case(one, cases):
             yield path, message
     if part.paired and part.paired not in cases[0]:
         yield "paired", f"no axis {quoted(part.paired)}{_meant(part.paired, cases[0])}"
@@ -153,7 +150,7 @@ def named_cases(campaign: Campaign) -> list[dict[str, str]]:
     """
     sizes = [len(axis.values or ()) for axis in campaign.axes]
     base = campaign.base.model_dump(mode="json")
-    own = [_value(base, axis.path.split(".")) for axis in campaign.axes]
+    own = [get(base, axis.path.split(".")) for axis in campaign.axes]
     return [
         choice(campaign.axes, chosen)
         for chosen in levels(campaign.design, sizes)
@@ -163,16 +160,6 @@ def named_cases(campaign: Campaign) -> list[dict[str, str]]:
             for index, axis, value in zip(chosen, campaign.axes, own, strict=True)
         )
     ]
-
-
-def _value(data: Any, path: Sequence[str]) -> Any:
-    """Return what stands at a path of nested mappings and lists; None where nothing does."""
-    for key in path:
-        if isinstance(data, list) and is_index(key) and int(key) < len(data):
-            data = data[int(key)]
-        else:
-            data = data.get(key) if isinstance(data, dict) else None
-    return data
 
 
 def unknown_case(wanted: Mapping[str, str], cases: Sequence[Mapping[str, str]], single: bool = False) -> str:
@@ -197,7 +184,7 @@ def _meant(name: str, known: Iterable[str]) -> str:
     return hint(name, known) or listed
 
 
-# --- axes and their labels ---------------------------------------------------------------------------------------------
+# --- axes and their labels --------------------------------------------------------------------------------------------
 
 _LONGEST = 200  # characters of a label
 
@@ -234,29 +221,27 @@ def replaced(kind: str, axes: Sequence[Varied]) -> Iterator[Mistake]:
                 yield mistake(nearest(node, ["path"]), f"axes.{number}.path", message)
 
 
-def too_many(kind: str, sizes: Sequence[int], node: Node) -> Iterator[Mistake]:
-    """Yield a mistake where a design of axes of these sizes has more cases than are computed; `node` is the axes'."""
-    if len(sizes) > AXES:
-        yield mistake(node.place, "axes", f"{len(sizes)} axes; at most {AXES} are varied")
-        return
+def too_many(kind: str, sizes: Sequence[int], root: Node) -> Iterator[Mistake]:
+    """Yield a mistake where a design of axes of these sizes has more cases than are computed."""
     count = {"grid": math.prod(sizes), "zip": max(sizes, default=1)}.get(kind, 1 + sum(sizes))
-    if count > CASES:
-        yield mistake(node.place, "axes", f"{count} cases; at most {CASES} are computed")
+    if len(sizes) > AXES:
+        yield mistake_at(root, "axes", f"{len(sizes)} axes; at most {AXES} are varied")
+    elif count > CASES:
+        yield mistake_at(root, "axes", f"{count} cases; at most {CASES} are computed")
 
 
-def equal_levels(
-    kind: str, axis: Axis, values: Sequence[object], nodes: Sequence[Node], path: str
+def bad_levels(
+    kind: str, varied: Varied, values: Sequence[object], labels: Sequence[str], index: int
 ) -> Iterator[Mistake]:
-    """Yield the levels whose whole value is that of an earlier one, as only the axes of a zip may have them."""
-    for index, value in enumerate(values):
-        if kind != "zip" and value in values[:index]:
-            message = f"the same as level {values.index(value)} of the axis {quoted(axis.path)} (0 is the first)"
-            yield mistake(nodes[index].place, f"{path}.{index}", message)
-
-
-def bad_labels(kind: str, labels: Sequence[str], node: Node, path: str) -> Iterator[Mistake]:
-    """Yield the labels that are no labels: empty, too long, not printable, or that of the base."""
-    place = nearest(node, ["labels"])
+    """Yield the levels of an axis whose whole value is that of an earlier one, as only the axes of a zip may have them,
+    and the labels that are no labels: empty, too long, not printable, that of the base, or that of another level.
+    """
+    path = f"axes.{index}.{varied.key}"
+    for number, value in enumerate(values):
+        if kind != "zip" and value in values[:number]:
+            same = f"the same as level {values.index(value)} of the axis {quoted(varied.axis.path)} (0 is the first)"
+            yield mistake(varied.levels[number].place, f"{path}.{number}", same)
+    place = nearest(varied.node, ["labels"])
     for label in labels:
         if not label.strip() or len(label) > _LONGEST or not label.isprintable():
             message = f"{quoted(label)} is no label: 1 to {_LONGEST} printable characters; give labels"
@@ -267,20 +252,15 @@ def bad_labels(kind: str, labels: Sequence[str], node: Node, path: str) -> Itera
         yield mistake(place, path, "two levels have the same label; give labels")
 
 
-def equal_cases(kind: str, axes: Sequence[Axis], node: Node) -> Iterator[Mistake]:
-    """Yield a mistake where two cases of a design have the same label, or two pairs of a zip are equal; `node` is that
-    of the axes.
-    """
-    sizes = [len(axis.values or ()) for axis in axes]
+def equal_cases(kind: str, axes: Sequence[Axis], root: Node) -> Iterator[Mistake]:
+    """Yield a mistake where two cases of a design have the same label, or two pairs of a zip are equal."""
     pairs = list(zip(*(axis.values or () for axis in axes), strict=True)) if kind == "zip" else []
     for index, pair in enumerate(pairs):
         if pair in pairs[:index]:
-            message = f"level {index} of every axis is the same as level {pairs.index(pair)} (0 is the first)"
-            yield mistake(node.place, "axes", message)
-    seen: set[str] = set()
-    for chosen in levels(kind, sizes):
-        label = case_label(choice(axes, chosen))
-        if label in seen:
-            yield mistake(node.place, "axes", f"two cases have the label {quoted(label)}; give other labels")
-            return
-        seen.add(label)
+            same = f"level {index} of every axis is the same as level {pairs.index(pair)} (0 is the first)"
+            yield mistake_at(root, "axes", same)
+    sizes = [len(axis.values or ()) for axis in axes]
+    labels = [case_label(choice(axes, chosen)) for chosen in levels(kind, sizes)]
+    twice = next((label for index, label in enumerate(labels) if label in labels[:index]), None)
+    if twice is not None:
+        yield mistake_at(root, "axes", f"two cases have the label {quoted(twice)}; give other labels")

@@ -28,8 +28,7 @@ def mistakes(campaign: Campaign, cases: Sequence[Case], events: Mapping[str, Map
         *(_named(campaign, case, events[case.id]) for case in cases),
         *(_states(campaign, case) for case in cases),
         *(_windows(campaign, case, events[case.id]) for case in cases),
-        _unused(campaign, cases),
-        _missing(campaign, cases),
+        _idle(campaign, cases),
     )
     return list(dict.fromkeys(found))
 
@@ -49,47 +48,42 @@ def _named(campaign: Campaign, case: Case, times: Mapping[str, float]) -> Iterat
             near = tree.hint(event, times) or f" (it has {', '.join(times)})"
             yield campaign.written.mistake(path, f"{event!r} is not an event of the trajectory{near}")
     for index, requirement in enumerate(campaign.requirements):
-        message = _backwards(requirement.events, times) if requirement.during else ""
-        if message:
-            yield campaign.written.mistake(f"requirements.{index}.during", message)
-    message = _unbounded(case.scenario) if campaign.covariance.error_bound else ""
-    if message:
+        ends = requirement.events
+        if requirement.during and len(ends) == 2 and all(end in times for end in ends):
+            first, last = (times[end] for end in ends)
+            if first >= last:
+                message = f"the phase from {ends[0]} ({first:g} s) to {ends[1]} ({last:g} s) has no length"
+                yield campaign.written.mistake(f"requirements.{index}.during", message)
+    if campaign.covariance.error_bound and not case.scenario.filter.aided:
+        message = "the filter has no measurement; an error bound needs some"
+        yield campaign.written.mistake("covariance.error_bound", message)
+    elif campaign.covariance.error_bound and "attitude" in measured(case.scenario):
+        message = "not available with attitude among the measurements"
         yield campaign.written.mistake("covariance.error_bound", message)
     for index, fault in enumerate(case.scenario.faults):
-        message = _fault(fault, times, *_span(case.scenario, times))
-        found = [("start", message)] if message else []
-        for field, message in (*found, *_beyond(fault, case.scenario)):
+        for field, message in _of_fault(fault, case.scenario, times):
             yield written(campaign, case, f"base.faults.{index}.{field}", message)
 
 
-def _unbounded(scenario: Scenario) -> str:
-    """Say why a case has no error bound, where it has none."""
-    card = scenario.filter
-    if not card.aided:
-        return "the filter has no measurement; an error bound needs some"
-    return "not available with attitude among the measurements" if "attitude" in measured(scenario) else ""
-
-
-def _beyond(fault: AnyFault, scenario: Scenario) -> Iterator[tuple[str, str]]:
-    """Yield field and message for antennas and satellites that a fault names and the case does not have."""
+def _of_fault(fault: AnyFault, scenario: Scenario, events: Mapping[str, float]) -> Iterator[tuple[str, str]]:
+    """Yield field and message for times outside the flight, antennas and satellites that the case does not have."""
+    first, last = _span(scenario, events)
+    try:
+        start = resolve(fault.start, {"start": first, "end": last, **events})
+        if start >= last:
+            yield "start", f"{fault.start!r} is {start:g} s, at or after the end of the flight ({last:g} s)"
+        elif start + fault.duration < first:
+            over = f"the fault is over before the flight begins ({first:g} s)"
+            yield "start", f"{fault.start!r} is {start:g} s: {over}"
+    except InputError as error:
+        yield "start", error.records[0].message
     n_antenna = len(scenario.receiver.antennas)
     for antenna in getattr(fault, "antennas", ()):
         if antenna > n_antenna:
             yield "antennas", missing_antenna(antenna, n_antenna)
-    wanted = getattr(fault, "satellites", ())
-    if wanted:
+    if wanted := getattr(fault, "satellites", ()):
         names = satellites(scenario.constellation, scenario.trajectory.epoch).names
-        for name in wanted:
-            if name not in names:
-                yield "satellites", missing_satellite(name, names)
-
-
-def _backwards(ends: Sequence[str], times: Mapping[str, float]) -> str:
-    """Say that a phase ends before it begins, where it does."""
-    known = [times[event] for event in ends if event in times]
-    if len(known) < 2 or known[0] < known[1]:
-        return ""
-    return f"the phase from {ends[0]} ({known[0]:g} s) to {ends[1]} ({known[1]:g} s) has no length"
+        yield from (("satellites", missing_satellite(name, names)) for name in wanted if name not in names)
 
 
 def _span(scenario: Scenario, events: Mapping[str, float]) -> tuple[float, float]:
@@ -124,32 +118,14 @@ def located(campaign: Campaign, case: Case, mistakes: Sequence[Mistake]) -> list
     ]
 
 
-def _fault(fault: AnyFault, events: Mapping[str, float], first: float, last: float) -> str:
-    """Return what is wrong with the times of a fault, or nothing; `first` and `last` (s) bound the flight."""
-    try:
-        start = resolve(fault.start, {"start": first, "end": last, **events})
-    except InputError as error:
-        return error.records[0].message
-    if start >= last:
-        return f"{fault.start!r} is {start:g} s, at or after the end of the flight ({last:g} s)"
-    if start + fault.duration < first:
-        return f"{fault.start!r} is {start:g} s: the fault is over before the flight begins ({first:g} s)"
-    return ""
-
-
 def warnings(cases: Sequence[Case]) -> list[str]:
     """Return a line for each sensor that some cases use and others do not, and for gains of another flight."""
-    found = []
-    for name in _sensors(cases):
-        using, idle = _using(cases, name)
-        if using and idle:
-            labels = "; ".join(case.label for case in idle)
-            found.append(f"sensors.{name}: no measurement of the filter uses it in {labels}")
-    for case in cases:
-        line = _other_flight(case.scenario)
-        if line:
-            found.append(f"{case.label}: {line}")
-    return found
+    found = [
+        f"sensors.{name}: no measurement of the filter uses it in {'; '.join(case.label for case in idle)}"
+        for name, using, idle in _sensors(cases)
+        if using and idle
+    ]
+    return found + [f"{case.label}: {line}" for case in cases if (line := _other_flight(case.scenario))]
 
 
 def _other_flight(scenario: Scenario) -> str:
@@ -164,36 +140,25 @@ def _other_flight(scenario: Scenario) -> str:
     return f"filter.gains: computed for the flight {gains.flight!r}, used on {here}"
 
 
-def _sensors(cases: Sequence[Case]) -> list[str]:
-    return list(dict.fromkeys(name for case in cases for name in case.scenario.sensors))
+def _sensors(cases: Sequence[Case]) -> Iterator[tuple[str, list[Case], list[Case]]]:
+    """Yield each sensor with the cases that use it, and those that do not; a vehicle under control uses attitude."""
+    for name in dict.fromkeys(name for case in cases for name in case.scenario.sensors):
+        used: dict[bool, list[Case]] = {True: [], False: []}
+        for case in cases:
+            card = case.scenario.sensors.get(name)
+            if card is not None:
+                steered = card.measurement == "attitude" and case.scenario.control is not None
+                used[steered or card.measurement in case.scenario.filter.measurements].append(case)
+        yield name, used[True], used[False]
 
 
-def _using(cases: Sequence[Case], name: str) -> tuple[list[Case], list[Case]]:
-    """Return the cases with this sensor that use it, and those that do not; a vehicle under control uses attitude."""
-    using: list[Case] = []
-    idle: list[Case] = []
-    for case in cases:
-        card = case.scenario.sensors.get(name)
-        if card is not None:
-            steered = card.measurement == "attitude" and case.scenario.control is not None
-            used = steered or card.measurement in case.scenario.filter.measurements
-            (using if used else idle).append(case)
-    return using, idle
-
-
-def _unused(campaign: Campaign, cases: Sequence[Case]) -> Iterator[Mistake]:
-    """Yield the sensors that no case uses."""
-    for name in _sensors(cases):
-        using, idle = _using(cases, name)
+def _idle(campaign: Campaign, cases: Sequence[Case]) -> Iterator[Mistake]:
+    """Yield the sensors that no case uses, and the measurements whose sensor is null in every case."""
+    for name, using, idle in _sensors(cases):
         if idle and not using:
-            card = idle[0].scenario.sensors[name]
-            assert card is not None
-            message = f"no effect: {card.measurement} is not among the measurements of any filter"
+            measurement = idle[0].scenario.sensors[name].measurement  # type: ignore[union-attr]
+            message = f"no effect: {measurement} is not among the measurements of any filter"
             yield written(campaign, idle[0], f"base.sensors.{name}", message)
-
-
-def _missing(campaign: Campaign, cases: Sequence[Case]) -> Iterator[Mistake]:
-    """Yield the measurements whose sensor is null in every case."""
     for name in SENSOR_MEASUREMENTS:
         listing = [case for case in cases if name in case.scenario.filter.measurements]
         if listing and not any(name in measured(case.scenario) for case in listing):
@@ -210,8 +175,7 @@ def _states(campaign: Campaign, case: Case) -> Iterator[Mistake]:
     channels = Channels(card.tight, known.names, known.systems, (True,) * len(known.names))
     for field in ("extra_states", "consider"):
         for name in getattr(card, field):
-            receiver = card.tight or card.loose
-            if name in EXTRAS and not (receiver and members(name, channels)[0]):
+            if name in EXTRAS and not ((card.tight or card.loose) and members(name, channels)[0]):
                 message = f"{name}: no measurement of the filter depends on it"
                 yield written(campaign, case, f"base.filter.{field}", message)
 

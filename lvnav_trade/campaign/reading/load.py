@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -47,6 +47,9 @@ def resolved(campaign: Campaign) -> str:
     return tree.dump(campaign.model_dump(mode="json", exclude_none=False))
 
 
+Model = TypeVar("Model", bound=BaseModel)
+
+
 class _Loader:
     """Turns one tree into a campaign; collects mistakes instead of stopping at the first."""
 
@@ -59,26 +62,28 @@ class _Loader:
     def campaign(self, is_narrowed: bool) -> Campaign:
         """Return the campaign or raise all mistakes; `is_narrowed`: without statements on levels that are gone."""
         axes = self._axes()
-        self._bounded(axes)
+        sizes = [len(varied.levels) for varied in axes]
+        beyond = [*checks.too_many(self.design, sizes, self.root), *checks.replaced(self.design, axes)]
+        self.mistakes += beyond
+        if beyond:  # before anything is built
+            self._raise()
         self.root, in_sets = splice(self.root, self.shelf)
-        self.mistakes.extend(in_sets)
+        self.mistakes += in_sets
         self._refuse_unused(axes)
         root = self._expand(self._with_base_from(axes), Campaign, "")
         found = self._validate(root, Campaign, "")
         base = root.value["base"]
         levels = [self._levels(base, axis, index) for index, axis in enumerate(axes) if base.is_map]
         self._raise()
-        assert isinstance(found, Campaign)
+        assert found is not None
         whole_axes = [self._whole(found, *one, index) for index, one in enumerate(zip(axes, levels, strict=True))]
         whole = found.model_copy(update={"axes": tuple(whole_axes)})
         self._check_cases(base, axes, levels)
         self._raise()
-        self.mistakes.extend(checks.requirements(whole, root))
-        if axes:
-            self.mistakes.extend(checks.equal_cases(whole.design, whole.axes, self.root.value["axes"]))
+        self.mistakes += [*checks.requirements(whole, root), *checks.equal_cases(whole.design, whole.axes, self.root)]
         if is_narrowed:
             whole = checks.narrowed(whole)
-        self.mistakes.extend(checks.statements(whole, root))
+        self.mistakes += checks.statements(whole, root)
         self._raise()
         whole._written = tree.Written(root)
         return whole
@@ -89,10 +94,10 @@ class _Loader:
     def _expand(self, node: Node, kind: Any, path: str) -> Node:
         """Return the tree with cards in place; its mistakes are noted."""
         whole, mistakes = expand(node, kind, self.shelf, path)
-        self.mistakes.extend(mistakes)
+        self.mistakes += mistakes
         return whole
 
-    def _validate(self, node: Node, model: type[BaseModel], path: str) -> BaseModel | None:
+    def _validate(self, node: Node, model: type[Model], path: str) -> Model | None:
         """Return the model of an expanded tree; its mistakes are noted, save where expansion already found one."""
         try:
             return model.model_validate(tree.plain(node))
@@ -115,22 +120,9 @@ class _Loader:
             if axis.steps[0] in Scenario.model_fields:
                 found.append(Varied(axis, child))
             else:
-                reason = fields.old_key(Scenario, axis.steps[0])
-                message = (
-                    f": {reason}" if reason else f" is not a field of the base{hint(axis.path, Scenario.model_fields)}"
-                )
-                self.mistakes.append(mistake_at(self.root, f"axes.{index}.path", f"{quoted(axis.path)}{message}"))
+                message = _no_field(axis.path, Scenario, axis.steps[0], hint(axis.path, Scenario.model_fields))
+                self.mistakes.append(mistake_at(self.root, f"axes.{index}.path", message))
         return found
-
-    def _bounded(self, axes: list[Varied]) -> None:
-        """Refuse more cases than are computed, before anything is built, and axes that others replace."""
-        found = list(checks.replaced(self.design, axes))
-        if axes:
-            sizes = [len(varied.levels) for varied in axes]
-            found = [*checks.too_many(self.design, sizes, self.root.value["axes"]), *found]
-        if found:
-            self.mistakes.extend(found)
-            self._raise()
 
     def _refuse_unused(self, axes: list[Varied]) -> None:
         """Note the fields of a card that the base changes and no case has: an axis puts another card in its place."""
@@ -177,29 +169,24 @@ class _Loader:
 
     def _whole(self, campaign: Campaign, varied: Varied, values: list[Node], index: int) -> Axis:
         """Return the axis with whole values in place of cards, and a label for every level."""
-        axis, node = varied
+        axis = varied.axis
         base = campaign.base.model_dump(mode="json")
-        plain = []
-        for value in values:
-            scenario = Scenario.model_validate(design.put(base, axis.steps, tree.plain(value)))
-            plain.append(design.get(scenario.model_dump(mode="json"), axis.steps))
-        at = f"axes.{index}.{varied.key}"
-        self.mistakes.extend(checks.equal_levels(self.design, axis, plain, varied.levels, at))
+        changed = (Scenario.model_validate(design.put(base, axis.steps, tree.plain(value))) for value in values)
+        plain = [design.get(scenario.model_dump(mode="json"), axis.steps) for scenario in changed]
         names = [design.level_label(axis, number) for number in range(len(values))]
         names = [  # a number on those that would otherwise be equal
             name if names.count(name) == 1 else f"{name}#{names[: number + 1].count(name)}"
             for number, name in enumerate(names)
         ]
-        self.mistakes.extend(checks.bad_labels(self.design, names, node, at))
-        changed = {"path": ".".join(axis.steps), "cards": None, "values": tuple(plain), "labels": tuple(names)}
-        return axis.model_copy(update=changed)
+        self.mistakes += checks.bad_levels(self.design, varied, plain, names, index)
+        whole = {"path": ".".join(axis.steps), "cards": None, "values": tuple(plain), "labels": tuple(names)}
+        return axis.model_copy(update=whole)
 
     def _check_cases(self, base: Node, axes: list[Varied], levels: list[list[Node]]) -> None:
         """Cross-check every case; a mistake stands where the field that breaks the rule was written."""
         sizes = [len(values) for values in levels]
         if self.design == "zip" and len(set(sizes)) > 1:
-            message = f"design zip needs axes of equal length, not {sizes}"
-            self.mistakes.append(mistake_at(self.root, "axes", message))
+            self.mistakes.append(mistake_at(self.root, "axes", f"design zip needs axes of equal length, not {sizes}"))
             return
         for chosen in design.levels(self.design, sizes):
             node = base
@@ -208,12 +195,11 @@ class _Loader:
                     if index is not None:
                         node = tree.put(node, axis.steps, values[index])
             except InputError as error:  # a level of another axis has no such item
-                self.mistakes.extend(error.records)
+                self.mistakes += error.records
                 continue
             scenario = self._validate(node, Scenario, "base")
-            if isinstance(scenario, Scenario):
-                self.mistakes.extend(checks.rates(scenario, node))
-                self.mistakes.extend(checks.measurements(scenario, node))
+            if scenario is not None:
+                self.mistakes += [*checks.rates(scenario, node), *checks.measurements(scenario, node)]
 
 
 def _kind_at(base: Node, path: list[str]) -> tuple[Any, Node | None]:
@@ -238,5 +224,5 @@ def _unknown(base: Node, path: list[str]) -> str:
 
 def _no_field(path: str, kind: Any, key: str, near: str) -> str:
     """Say that a path leads nowhere because there is no such key, or what replaces that of an earlier version."""
-    reason = fields.old_key(kind, key)
-    return f"{quoted(path)}{f': {reason}' if reason else f' is not a field of the base{near}'}"
+    old = fields.old_key(kind, key)
+    return f"{quoted(path)}: {old}" if old else f"{quoted(path)} is not a field of the base{near}"

@@ -62,13 +62,15 @@ def _set(node: Node, path: list[str], value: Node, kind: Kind, shelf: Shelf, at:
     if not path:
         return value
     key, rest = path[0], path[1:]
-    node = _opened(node, kind, shelf, at)
+    if fields.models(kind) and (isinstance(node.value, str) or tree.find(node, ["card"])):
+        node = expanded(node, kind, shelf, at)
     if fields.item(kind, 0) is not None:
         items = node if node.is_list else Node([], node.place)
         index = index_of(key, items.value, value.place, at)
         item = _set(items.value[index], rest, value, fields.item(kind, index), shelf, join(at, key))
         return tree.with_item(items, index, item)
-    if _changes_member(node, key, kind):
+    now = fields.member(kind, node) if len(fields.models(kind)) > 1 else None
+    if now is not None and key in fields.names(kind) and key not in fields.by_key(now):  # it makes it another kind
         return tree.put(Node({}, value.place), path, value)
     if key not in fields.names(kind) and fields.entries(kind) is None:
         near = fields.old_key(kind, key) or f"unknown path{hint(key, fields.names(kind, node))}"
@@ -77,16 +79,3 @@ def _set(node: Node, path: list[str], value: Node, kind: Kind, shelf: Shelf, at:
     old = start.value.get(key, Node(None, value.place))
     below = fields.child(kind, key, start)
     return tree.with_child(start, key, _set(old, rest, value, below, shelf, join(at, key)), start.keys.get(key))
-
-
-def _opened(node: Node, kind: Kind, shelf: Shelf, at: str) -> Node:
-    """Return the settings that a card's name (or a card with overrides) stands for; anything else as it is."""
-    if not fields.models(kind) or not (isinstance(node.value, str) or tree.find(node, ["card"])):
-        return node
-    return expanded(node, kind, shelf, at)
-
-
-def _changes_member(node: Node, key: str, kind: Kind) -> bool:
-    """Whether the key belongs only to another alternative than the one that stands there (another kind of card)."""
-    now = fields.member(kind, node) if len(fields.models(kind)) > 1 else None
-    return now is not None and key in fields.names(kind) and key not in fields.by_key(now)

@@ -35,10 +35,9 @@ def read_card(name: str, folder: Path) -> TrajectoryCard:
     kind: Any = Scenario.model_fields["trajectory"].annotation
     node = expanded(Node(name, nowhere(name)), kind, Shelf.of(folder), "trajectory")
     try:
-        card: TrajectoryCard = TypeAdapter(kind).validate_python(plain(node))
+        return TypeAdapter(kind).validate_python(plain(node))
     except ValidationError as error:
         raise InputError(records=explain(error, node, fields.member(kind, node), "trajectory")) from None
-    return card
 
 
 def preview(card: TrajectoryCard) -> Preview:

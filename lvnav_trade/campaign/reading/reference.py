@@ -1,6 +1,5 @@
 """What a campaign can say: the fields at a path for people, the JSON Schema for editors."""
 
-from collections.abc import Sequence
 from typing import Annotated, Any, NamedTuple, cast, get_args, get_origin
 
 from pydantic import BaseModel, TypeAdapter, WithJsonSchema
@@ -81,23 +80,11 @@ def _annotated(info: FieldInfo) -> Kind:
 
 def type_of(kind: Kind) -> str:
     """Say in words what a field takes: a quantity by its units, words, settings, a list of any."""
-    return " or ".join(dict.fromkeys(map(_one, _options(kind))))
-
-
-def _options(kind: Kind) -> Sequence[Kind]:
-    """Return the alternatives of an annotation; a quantity keeps what says its units."""
-    origin: Any = get_origin(kind)
-    if origin is Annotated:
-        inner, *metadata = get_args(kind)
-        schema = next((one for one in metadata if isinstance(one, WithJsonSchema)), None)
-        return [schema] if schema else _options(inner)
-    if origin in fields.UNIONS:
-        return [option for part in get_args(kind) for option in _options(part)]
-    return [kind]
+    return " or ".join(dict.fromkeys(map(_one, fields.options(kind, keep=WithJsonSchema))))
 
 
 def _one(option: Kind) -> str:
-    if isinstance(option, WithJsonSchema):
+    if isinstance(option, WithJsonSchema):  # of a quantity
         return str((option.json_schema or {}).get("description", "")).removeprefix(_QUANTITY)
     if fields.literals(option):
         return ", ".join(map(str, fields.literals(option)))

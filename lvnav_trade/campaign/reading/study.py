@@ -13,7 +13,7 @@ from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.cards import campaign_file
 from lvnav_trade.campaign.syntax.tree import hint
-from lvnav_trade.errors import InputError
+from lvnav_trade.errors import InputError, refuse_all
 from lvnav_trade.units import Card, Duration
 
 FILE = "study.yaml"
@@ -132,10 +132,9 @@ def _folder(name: str) -> Path:
 
 def _read(place: Path, names: tuple[str, ...]) -> Study:
     """Return what stands in the folder's study.yaml; without one its campaigns in the order of their names."""
-    file = place / FILE
+    file, every = place / FILE, tuple(Part(campaign=name) for name in names)
     if not file.is_file():
-        parts = tuple(Part(campaign=name) for name in names)
-        return Study(name=place.name, title=place.resolve().name, description="", campaigns=parts)
+        return Study(name=place.name, title=place.resolve().name, description="", campaigns=every)
     root = tree.read_mapping(file)
     try:
         study = Study.model_validate(tree.plain(root))
@@ -145,9 +144,7 @@ def _read(place: Path, names: tuple[str, ...]) -> Study:
         if part.campaign not in names:
             message = f"no campaign {part.campaign!r} in this folder{hint(part.campaign, names)}"
             raise InputError(records=[tree.mistake_at(root, f"campaigns.{index}.campaign", message)])
-    if not study.campaigns:
-        study = study.model_copy(update={"campaigns": tuple(Part(campaign=name) for name in names)})
-    return study.model_copy(update={"name": place.resolve().name})
+    return study.model_copy(update={"name": place.resolve().name, "campaigns": study.campaigns or every})
 
 
 def _refuse_unknown(file: Path, questions: list[Question]) -> None:
@@ -157,9 +154,7 @@ def _refuse_unknown(file: Path, questions: list[Question]) -> None:
         for index, (part, campaign) in enumerate(questions)
         for path, message in of_study(part, campaign)
     ]
-    if wrong:
-        root = tree.read_mapping(file)
-        raise InputError(records=[tree.mistake_at(root, *one) for one in wrong])
+    refuse_all([tree.mistake_at(tree.read_mapping(file), *one) for one in wrong])
 
 
 def _with_runs(campaign: Campaign, runs: int | None) -> Campaign:

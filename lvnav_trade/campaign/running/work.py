@@ -294,8 +294,7 @@ def _covariance(job: Job, case: Case) -> CovHistory:
 
 @lru_cache(maxsize=2)
 def _covariance_in(file: Path, identity: str) -> CovHistory:
-    found: CovHistory = scratch.read(file, CovHistory, identity)
-    return found
+    return scratch.read(file, CovHistory, identity)
 
 
 def _answer(case: Case, prepared: Any, covariance: CovHistory) -> Answer:

@@ -1,6 +1,7 @@
 """What the settings models expect at a path: cards, alternatives, literals, file paths."""
 
 import types
+from collections import Counter
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -10,16 +11,18 @@ from pydantic.fields import FieldInfo
 from lvnav_trade.campaign.syntax.tree import Node, is_index
 
 Kind = Any  # a type annotation
-UNIONS = (Union, types.UnionType)
 
 
-def options(kind: Kind) -> tuple[Kind, ...]:
-    """Return the alternatives of an annotation, metadata and unions taken apart."""
+def options(kind: Kind, keep: type | None = None) -> tuple[Kind, ...]:
+    """Return the alternatives of an annotation, metadata and unions taken apart; metadata of the class `keep` stands in
+    place of what it annotates.
+    """
     origin = _origin(kind)
     if origin is Annotated:
-        return options(get_args(kind)[0])
-    if origin in UNIONS:
-        return tuple(option for part in get_args(kind) for option in options(part))
+        inner, *metadata = get_args(kind)
+        return tuple(one for one in metadata if keep and isinstance(one, keep))[:1] or options(inner, keep)
+    if origin in (Union, types.UnionType):
+        return tuple(option for part in get_args(kind) for option in options(part, keep))
     return (kind,)
 
 
@@ -62,12 +65,9 @@ def is_path(model: type[BaseModel], key: str) -> bool:
 
 def child(kind: Kind, key: str, node: Node | None = None) -> Kind | None:
     """Return the annotation one step down, or None; `node` (the value there) chooses among alternatives."""
-    if entries(kind) is not None:
-        return entries(kind)
-    if is_index(key):
-        return item(kind, int(key))
     known = (by_key(model) for model in _likely(kind, node))
-    return next((fields[key].annotation for fields in known if key in fields), None)
+    below = item(kind, int(key)) if is_index(key) else next((one[key].annotation for one in known if key in one), None)
+    return entries(kind) or below
 
 
 def item(kind: Kind, index: int) -> Kind | None:
@@ -105,14 +105,10 @@ def member(kind: Kind, node: Node | None) -> type[BaseModel] | None:
         return found[0] if len(found) == 1 else None
     if "kind" in node.value:
         return next((model for model in found if tag_of(model) == node.value["kind"].value), None)
-    likely = [model for model in found if any(key in distinctive(kind, model) for key in node.value)]
+    # how many alternatives have a key: one that is distinctive has one
+    known = Counter(name for model in found for name in by_key(model))
+    likely = [model for model in found if any(key in by_key(model) and known[key] == 1 for key in node.value)]
     return likely[0] if len(likely) == 1 else None
-
-
-def distinctive(kind: Kind, model: type[BaseModel]) -> set[str]:
-    """Return the fields that only this alternative has."""
-    others = {name for other in models(kind) if other is not model for name in by_key(other)}
-    return set(by_key(model)) - others
 
 
 def _likely(kind: Kind, node: Node | None) -> tuple[type[BaseModel], ...]:
