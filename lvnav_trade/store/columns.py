@@ -33,13 +33,10 @@ def texts(values: list[str]) -> pa.StringArray:
     """Return texts, of which there are few different ones, as an Arrow array."""
     numbers: dict[str, int] = {}
     index = np.fromiter((numbers.setdefault(value, len(numbers)) for value in values), np.int32, len(values))
-    return _distinct(list(numbers)).take(pa.Array.from_buffers(pa.int32(), index.size, [None, pa.py_buffer(index)]))
-
-
-def repeated(value: str, count: int) -> pa.StringArray:
-    """Return one text `count` times."""
-    index = np.zeros(count, dtype=np.int32)
-    return _distinct([value]).take(pa.Array.from_buffers(pa.int32(), count, [None, pa.py_buffer(index)]))
+    encoded = [value.encode() for value in numbers]
+    ends = np.cumsum([0, *map(len, encoded)], dtype=np.int32)
+    distinct = pa.StringArray.from_buffers(len(encoded), pa.py_buffer(ends), pa.py_buffer(b"".join(encoded)))
+    return distinct.take(pa.Array.from_buffers(pa.int32(), index.size, [None, pa.py_buffer(index)]))
 
 
 def binaries(values: list[NDArray[Any]]) -> pa.LargeBinaryArray:
@@ -59,9 +56,3 @@ def integers(rows: Sequence[Sequence[int]]) -> pa.ListArray:
     flat = np.array([number for row in rows for number in row], dtype=np.int64)
     starts = pa.Array.from_buffers(pa.int32(), ends.size, [None, pa.py_buffer(ends)])
     return pa.ListArray.from_arrays(starts, column(flat, pa.int64()))
-
-
-def _distinct(values: list[str]) -> pa.StringArray:
-    encoded = [value.encode() for value in values]
-    ends = np.cumsum([0, *map(len, encoded)], dtype=np.int32)
-    return pa.StringArray.from_buffers(len(encoded), pa.py_buffer(ends), pa.py_buffer(b"".join(encoded)))

@@ -1,17 +1,13 @@
 """The tables of what is behind a case's linear covariance, from covariances at events to observability."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from lvnav_trade.engines.analysis.explain import Explanation
+from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.simulate.statistics import NORM
 from lvnav_trade.records import AdjointBudget, CovHistory, Floats
-
-if TYPE_CHECKING:
-    from lvnav_trade.engines.analysis.explain import Explanation
-    from lvnav_trade.engines.setup.prepare import Prepared
 
 _QUANTITIES = ("attitude", "velocity", "position")
 _UPPER = tuple(zip(*np.triu_indices(3), strict=True))

@@ -12,6 +12,7 @@ import pyarrow.parquet as pq
 
 ROWS = 16_384
 """Rows of a row group: the same rows stand in each, whatever blocks the runs were flown in."""
+_WHOLE = 2**31  # rows of a row group at the most: a table is written as one
 _HOW = {"compression": "zstd", "write_page_checksum": True}
 _Part = TypeVar("_Part")
 
@@ -40,7 +41,7 @@ def replace_file(path: Path, content: bytes | str) -> None:
 def replace_table(table: pa.Table, path: Path, **how: Any) -> None:
     """Write a table as one row group in one step that either happens or does not."""
     with replacing(path) as temporary:
-        pq.write_table(table, temporary, row_group_size=max(1, table.num_rows), **_HOW, **how)
+        pq.write_table(table, temporary, row_group_size=_WHOLE, **_HOW, **how)
 
 
 @contextmanager
@@ -49,11 +50,7 @@ def writers(schemas: Mapping[Path, pa.Schema]) -> Iterator[list[Callable[[pa.Tab
     with ExitStack() as files:
         temporaries = [files.enter_context(replacing(path)) for path in schemas]
         opened = [pq.ParquetWriter(*each, **_HOW) for each in zip(temporaries, schemas.values(), strict=True)]
-        yield [partial(_write_group, files.enter_context(writer)) for writer in opened]
-
-
-def _write_group(writer: pq.ParquetWriter, table: pa.Table) -> None:
-    writer.write_table(table, row_group_size=max(1, table.num_rows))
+        yield [partial(files.enter_context(writer).write_table, row_group_size=_WHOLE) for writer in opened]
 
 
 def row_groups(path: Path) -> Iterator[pa.Table]:

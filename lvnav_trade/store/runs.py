@@ -2,19 +2,15 @@
 the motion and nozzle of a vehicle under control.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from lvnav_trade.engines.setup.starts import StartDraws
 from lvnav_trade.engines.simulate.statistics import BlockSummary, columns
 from lvnav_trade.records import MODES, REASONS, Output
+from lvnav_trade.steering.nozzle import AXES, FEEDS, PHASES, Controlled
 from lvnav_trade.store.schema import error_column, rms_column
-
-if TYPE_CHECKING:
-    from lvnav_trade.engines.setup.starts import StartDraws
-    from lvnav_trade.steering.nozzle import Controlled
 
 FAILURES = {0: "", 1: "not finite", 2: "diverged"}
 
@@ -77,7 +73,6 @@ def start_columns(starts: StartDraws | None) -> dict[str, Any]:
     }
 
 
-FEEDS, AXES, PHASES = np.array(["raw", "filtered", "true"]), np.array(["pitch", "yaw"]), ("burn", "coast", "change")
 _TURNING = (
     "inside_turning_ratio", "inside_jerk_ratio", "furthest_turning_ratio", "furthest_jerk_ratio", "attitude_error_rad",
     "rate_error_rad_per_s", "rate_sigma_rad_per_s",
@@ -92,21 +87,21 @@ def controlled_columns(found: Controlled) -> dict[str, dict[str, Any]]:
     burns = np.array([WHOLE] + [f"burn {number}" for number in range(1, found.total.shape[2])])
     feed, run, burn, axis = np.indices(found.total.shape).reshape(4, -1)
     nozzle = {
-        "feed": FEEDS[feed],
+        "feed": np.array(FEEDS)[feed],
         "run_number": run,
         "burn": burns[burn],
-        "axis": AXES[axis],
+        "axis": np.array(AXES)[axis],
         "moved_rad": found.total.ravel(),
     }
     feed, time, axis = np.indices(found.mean.shape).reshape(3, -1)
     sizes = {"mean_rad": found.mean, "low_rad": found.low, "high_rad": found.high}
-    movement = {"t_s": found.t[time], "feed": FEEDS[feed], "axis": AXES[axis]}
+    movement = {"t_s": found.t[time], "feed": np.array(FEEDS)[feed], "axis": np.array(AXES)[axis]}
     movement |= {name: values.ravel() for name, values in sizes.items()}
     feed, axis, phase = np.nonzero(found.turning[..., 0] > 0.0)
     ticks, *ratios = found.turning[feed, axis, phase].T
-    turning = {"feed": FEEDS[feed], "axis": AXES[axis], "phase": np.array(PHASES)[phase]}
+    turning = {"feed": np.array(FEEDS)[feed], "axis": np.array(AXES)[axis], "phase": np.array(PHASES)[phase]}
     turning |= {"tick_count": ticks.astype(np.int64), **dict(zip(_TURNING, ratios, strict=True))}
     axis, time = np.indices((2, found.shown_t.size)).reshape(2, -1)
-    motion = {"t_s": found.shown_t[time], "axis": AXES[axis]}
+    motion = {"t_s": found.shown_t[time], "axis": np.array(AXES)[axis]}
     motion |= dict(zip(_MOTION, found.shown[time, axis].T, strict=True))
     return {"nozzle": nozzle, "movement": movement, "turning": turning, "motion": motion}

@@ -1,27 +1,23 @@
 """The tables of one case, from what the engines hand over."""
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
 
+from lvnav_trade.engines.analysis.explain import Explanation
+from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.engines.setup.starts import StartDraws
 from lvnav_trade.engines.simulate.statistics import NORM, BlockSummary, add_norms, columns, norm_groups, quantiles
 from lvnav_trade.records import CovHistory, Floats, Output
 from lvnav_trade.scenario import Scenario
-from lvnav_trade.store.columns import column, repeated
+from lvnav_trade.steering.nozzle import Controlled
+from lvnav_trade.store.columns import column
 from lvnav_trade.store.diagnostics import explained_rows
 from lvnav_trade.store.flight import event_rows, flight_columns, state_columns
 from lvnav_trade.store.runs import controlled_columns, run_columns, start_columns
 from lvnav_trade.store.schema import TABLES, arrow_schema
-
-if TYPE_CHECKING:
-    from lvnav_trade.engines.analysis.explain import Explanation
-    from lvnav_trade.engines.setup.prepare import Prepared
-    from lvnav_trade.engines.setup.starts import StartDraws
-    from lvnav_trade.steering.nozzle import Controlled
 
 _OF_RUNS = ("runs", "worst", "logic", "starts")
 _DRAWN = ("attitude", "velocity", "position")
@@ -93,15 +89,12 @@ def _arrow(name: str, case_id: str, content: dict[str, Any] | list[dict[str, Any
     if isinstance(content, list):
         content = {key: [row[key] for row in content] for key in (content[0] if content else ())}
     lengths = [1 if isinstance(values, str | int | float) else len(values) for values in content.values()]
-    length = max(lengths, default=0)
     schema = arrow_schema(name, tuple(each for each in content if each not in TABLES[name]))
-    whole = [repeated(case_id, length)]
-    for field in list(schema)[1:]:
-        values = content.get(field.name, ())
-        if isinstance(values, str):
-            whole.append(repeated(values, length))
-        else:
-            whole.append(column(np.full(length, values) if isinstance(values, int | float) else values, field.type))
+    whole = []
+    for field in schema:
+        values = case_id if field.name == "case" else content.get(field.name, ())
+        each = np.full(max(lengths, default=0), values) if isinstance(values, str | int | float) else values
+        whole.append(column(each, field.type))
     return pa.table(whole, schema=schema)
 
 

@@ -1,33 +1,29 @@
 """Writing results: parts while a campaign runs, tables and manifest at its end."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from lvnav_trade.engines.analysis.explain import Explanation
+from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.engines.setup.starts import StartDraws
 from lvnav_trade.engines.simulate.statistics import BlockSummary, merge
 from lvnav_trade.errors import InputError, writing
 from lvnav_trade.records import CovHistory
+from lvnav_trade.steering.nozzle import Controlled
 from lvnav_trade.store import parts as part_files
 from lvnav_trade.store.contents import MANIFEST, RESOLVED, OwnedFolder, owned
 from lvnav_trade.store.files import replace_file, replace_table, row_files, row_groups, writers
 from lvnav_trade.store.schema import TABLES, arrow_schema
 from lvnav_trade.store.tables import CaseInfo, case_tables, row_tables, starts_table
 from lvnav_trade.store.versions import RESULTS_VERSION, across_machines, campaign_digest, environment
-
-if TYPE_CHECKING:
-    from lvnav_trade.engines.analysis.explain import Explanation
-    from lvnav_trade.engines.setup.prepare import Prepared
-    from lvnav_trade.engines.setup.starts import StartDraws
-    from lvnav_trade.steering.nozzle import Controlled
 
 __all__ = ["CaseInfo", "Results", "open_results"]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from lvnav_trade.store.columns import binaries, column, integers, repeated
+from lvnav_trade.store.columns import binaries, column, integers
 
 VALUES = {
     "real": (np.array([1.5, -0.0, np.nan, np.inf]), pa.float64()),
@@ -40,13 +40,6 @@ def test_a_column_is_the_one_that_arrow_makes(name):
 def test_a_whole_number_does_not_lose_its_fraction_unnoticed():
     with pytest.raises(TypeError, match="Cannot cast"):
         column(np.array([1.5]), pa.int64())
-
-
-def test_a_repeated_text_is_that_text_in_every_row():
-    found = repeated("a1b2", 3)
-    found.validate(full=True)
-    assert found.to_pylist() == ["a1b2"] * 3
-    assert repeated("a1b2", 0).to_pylist() == []
 
 
 def test_bytes_and_lists_are_those_that_arrow_makes():
