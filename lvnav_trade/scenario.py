@@ -2,8 +2,8 @@
 
 import math
 import re
-from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal, Self
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -77,38 +77,23 @@ class Scenario(Card):
             raise ValueError(f"{wrong!r} cannot name a sensor; use letters, digits and '_'")
         return sensors
 
-    @model_validator(mode="after")
-    def _steered(self) -> Self:
-        card = self.control
-        if card is None:
-            return self
-        if self.trajectory.kind != "vehicle":
-            other = self.trajectory.kind
-            raise ValueError(f"control: the ascent of a vehicle is steered, not a trajectory of kind {other}")
-        if not sensors_measuring(self, "attitude"):
-            raise ValueError("control: a vehicle under control needs a sensor that measures attitude")
-        stages = len(self.trajectory.vehicle.stages)
-        for name, held in (("rotation.stacks", card.rotation.stacks), ("controller.gains", card.controller.gains)):
-            if len(held) != stages:
-                raise ValueError(f"control.{name}: {len(held)} of them, the vehicle has {stages} stages")
-        return self
-
-    @model_validator(mode="after")
-    def _provided(self) -> Self:
-        """Refuse a measurement without a sensor; where a sensor is null the filter does without it."""
-        if None in self.sensors.values():
-            return self
-        for name in self.filter.measurements:
-            if name in SENSOR_MEASUREMENTS and not sensors_measuring(self, name):
-                raise ValueError(f"filter.measurements: no sensor of the scenario measures {name}")
-        return self
-
-    @model_validator(mode="after")
-    def _possible(self) -> Self:
-        found = refused(self)
-        if found is not None:
-            raise ValueError(f"{found.path}: {found.reason}")
-        return self
+    def _faults(self) -> Iterator[str]:
+        if self.control is not None and self.trajectory.kind == "vehicle":
+            if not sensors_measuring(self, "attitude"):
+                yield "control: a vehicle under control needs a sensor that measures attitude"
+            stages = len(self.trajectory.vehicle.stages)
+            held = {"rotation.stacks": self.control.rotation.stacks, "controller.gains": self.control.controller.gains}
+            for name, cards in held.items():
+                if len(cards) != stages:
+                    yield f"control.{name}: {len(cards)} of them, the vehicle has {stages} stages"
+        elif self.control is not None:
+            yield f"control: the ascent of a vehicle is steered, not a trajectory of kind {self.trajectory.kind}"
+        for name in self.filter.measurements:  # where a sensor is null the filter does without it
+            provided = None in self.sensors.values() or sensors_measuring(self, name)
+            if name in SENSOR_MEASUREMENTS and not provided:
+                yield f"filter.measurements: no sensor of the scenario measures {name}"
+        if (refusal := refused(self)) is not None:
+            yield f"{refusal.path}: {refusal.reason}"
 
 
 def sensors_measuring(scenario: Scenario, measurement: str) -> tuple[SensorCard, ...]:

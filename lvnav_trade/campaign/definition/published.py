@@ -1,9 +1,10 @@
 """What others published: numbers that ours are held against, orders of cases, statements on innovations."""
 
 import re
-from typing import Annotated, Literal, Self
+from collections.abc import Iterator
+from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.errors import quoted
@@ -131,13 +132,11 @@ class _Measured(Stated):
         instants = [] if self.during == FLIGHT else (self.during or self.at or "injection").split(" to ")
         return tuple(event for event in map(event_of, instants) if event not in ENDS)
 
-    @model_validator(mode="after")
-    def _of_a_phase(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         if self.statistic in ("worst", "least") and self.during is None:
-            raise ValueError(f"statistic {self.statistic} is of a phase; give during in place of at")
+            yield f"statistic {self.statistic} is of a phase; give during in place of at"
         if self.statistic == "least" and self.metric not in COUNTED:
-            raise ValueError(f"statistic least is of what is counted ({', '.join(COUNTED)})")
-        return self
+            yield f"statistic least is of what is counted ({', '.join(COUNTED)})"
 
 
 class Published(_Measured):
@@ -164,30 +163,24 @@ class Published(_Measured):
             raise ValueError("0 has no ratio; publish the bound that ours must keep, with the band [0, 1]")
         return value
 
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
+    def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
         part = self.than is not None or self.against is not None
         least = -abs(self.band[1]) if part else 0.0  # a difference in percent may lie on the other side of zero
         if not least <= self.band[0] <= self.band[1] or self.band[1] == 0:
-            raise ValueError("the band should be two growing ratios, such as [0.5, 2]")
+            yield "the band should be two growing ratios, such as [0.5, 2]"
         if part and self.unit != "%":
             name = "than" if self.against is None else "against"
-            raise ValueError(f"{name} makes the number a part of another; its unit is %, not {self.unit!r}")
+            yield f"{name} makes the number a part of another; its unit is %, not {self.unit!r}"
         if self.than is not None and self.against is not None:
-            raise ValueError("than is of the same case, against of another; choose one")
-        return self
-
-    @model_validator(mode="after")
-    def _fits(self) -> Self:
-        """Refuse a unit in which the metric is not measured; a part of another number is in percent."""
-        wanted = "%" if self.than is not None or self.against is not None else unit_of(self.metric)
+            yield "than is of the same case, against of another; choose one"
+        wanted = "%" if part else unit_of(self.metric)
         if wanted not in ("%", "-"):
             parse(f"1 {self.unit}", wanted)
         elif self.unit != wanted:
-            raise ValueError(f"unit: {quoted(self.unit)} does not fit {self.metric}; expected {wanted!r}")
+            yield f"unit: {quoted(self.unit)} does not fit {self.metric}; expected {wanted!r}"
         if self.than is not None and unit_of(self.than) != unit_of(self.metric):
-            raise ValueError(f"than: {self.than} is in {unit_of(self.than)}, {self.metric} in {unit_of(self.metric)}")
-        return self
+            yield f"than: {self.than} is in {unit_of(self.than)}, {self.metric} in {unit_of(self.metric)}"
 
 
 class Ordering(_Measured):

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
 from typing import Any, Literal
 
-from pydantic import Field, PrivateAttr, ValidationInfo, field_serializer, field_validator, model_validator
+from pydantic import Field, PrivateAttr, ValidationInfo, field_serializer, field_validator
 
 from lvnav_trade import limits, units
 from lvnav_trade.campaign.definition.published import ENDS, FLIGHT, Innovations, Ordering, Published, place, unit_of
@@ -46,12 +47,10 @@ class MonteCarlo(Card):
             raise ValueError(f"{runs} runs; give at least 1, or leave monte_carlo out for linear covariance alone")
         return runs
 
-    @model_validator(mode="after")
-    def _whole_blocks(self) -> MonteCarlo:
+    def _faults(self) -> Iterator[str]:
         if self.stop and self.runs % self.block:
             more = self.runs + self.block - self.runs % self.block
-            raise ValueError(f"stop looks after every block of {self.block} runs; {more} runs are whole blocks")
-        return self
+            yield f"stop looks after every block of {self.block} runs; {more} runs are whole blocks"
 
 
 class Axis(Card):
@@ -67,18 +66,16 @@ class Axis(Card):
         """The steps of its path below the base."""
         return self.path.removeprefix("base.").split(".")
 
-    @model_validator(mode="after")
-    def _one_list(self) -> Axis:
+    def _faults(self) -> Iterator[str]:
+        levels = self.cards or self.values or ()
         if (self.cards is None) == (self.values is None):
-            raise ValueError("an axis has either cards or values")
-        levels = self.cards if self.cards is not None else self.values
+            yield "an axis has either cards or values"
         if not levels:
-            raise ValueError("an axis needs at least one card or value")
+            yield "an axis needs at least one card or value"
         if self.labels is not None and len(self.labels) != len(levels):
-            raise ValueError(f"{len(self.labels)} labels for {len(levels)} levels")
+            yield f"{len(self.labels)} labels for {len(levels)} levels"
         if self.labels is not None and len(set(self.labels)) != len(self.labels):
-            raise ValueError("two levels have the same label")
-        return self
+            yield "two levels have the same label"
 
 
 class Requirement(Card):
