@@ -13,7 +13,6 @@ from lvnav_trade.campaign.running import execute, work
 from lvnav_trade.campaign.running.plan import Estimate, estimate
 from lvnav_trade.campaign.running.progress import Progress, staged
 from lvnav_trade.campaign.running.replay import find
-from lvnav_trade.campaign.running.work import Job
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.errors import InputError, refuse_all, writing
 from lvnav_trade.store.contents import owned
@@ -38,7 +37,8 @@ class Results:
     cases, runs, history, budget, events, ... : pandas.DataFrame
         The stored tables, one row per observation, the unit at the end of every column's name.
     rms, agreement, requirements : pandas.DataFrame
-        What is computed from them: errors by phase and event, Monte Carlo against linear covariance, verdicts.
+        What is computed from them: errors by case, phase or event, and axis, with their intervals; Monte Carlo against
+        linear covariance; requirement, case, verdict (met, violated, undecided), estimate and what it rests on.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -48,28 +48,11 @@ class Results:
     def __getattr__(self, name: str) -> pd.DataFrame:
         if name.startswith("_") or name == "tables":
             raise AttributeError(name)
+        if name in ("rms", "agreement", "requirements"):
+            from lvnav_trade.metrics import METRICS
+
+            return METRICS[name](self.tables)
         return getattr(self.tables, name)
-
-    @property
-    def rms(self) -> pd.DataFrame:
-        """Errors by case, phase or event, and axis, with their intervals."""
-        from lvnav_trade import metrics
-
-        return metrics.rms(self.tables)
-
-    @property
-    def agreement(self) -> pd.DataFrame:
-        """Monte Carlo against linear covariance."""
-        from lvnav_trade import metrics
-
-        return metrics.agreement(self.tables)
-
-    @property
-    def requirements(self) -> pd.DataFrame:
-        """Requirement, case, verdict (met, violated, undecided), estimate and what it rests on."""
-        from lvnav_trade.metrics.requirements.requirements import verdicts
-
-        return verdicts(self.tables)
 
     @property
     def failures(self) -> list[str]:
@@ -112,8 +95,7 @@ def _place(campaign: Campaign, folder: str | Path | None) -> Path:
 def _events(campaign: Campaign) -> dict[str, dict[str, float]]:
     """Return the event times of each case digest; InputError where the campaign does not fit them."""
     _check_sections(campaign)
-    job = Job(work.engine(), None, campaign.seed, campaign.keep.history, work.asked_of(campaign), Path())
-    return execute.check_flight(campaign, cases(campaign), job, jobs=1)
+    return execute.check_flight(campaign, cases(campaign), work.engine(), jobs=1)
 
 
 def run(

@@ -56,7 +56,9 @@ STORE = Store(open_results, partial(owned, kind="results"))
 OnAnswers = Callable[[Sequence[Answer], Sequence[Case]], None]
 
 
-def check_flight(campaign: Campaign, found: Sequence[Case], job: Job, jobs: int) -> dict[str, dict[str, float]]:
+def check_flight(
+    campaign: Campaign, found: Sequence[Case], engine: work.Engine, jobs: int
+) -> dict[str, dict[str, float]]:
     """Build every distinct trajectory; refuse what cannot fly, and faults and requirements that do not fit a flight.
 
     Returns the event times (s) of each case digest.
@@ -64,7 +66,7 @@ def check_flight(campaign: Campaign, found: Sequence[Case], job: Job, jobs: int)
     distinct: dict[str, Case] = {}
     for case in found:
         distinct.setdefault(_flight_of(case), case)
-    results = each(jobs, work.events_of, [(job, case) for case in distinct.values()], ordered=True)
+    results = each(jobs, work.events_of, [(engine, case) for case in distinct.values()], ordered=True)
     events = dict(zip(distinct, results, strict=True))
     grounded = [
         record
@@ -151,7 +153,7 @@ class _Run:
         asked, requirements = work.asked_of(campaign), work.requirements_of(campaign)
         self.job = Job(engine, None, campaign.seed, campaign.keep.history, asked, folder / scratch.FOLDER, requirements)
         self.stopping = Stopping(campaign)
-        check_flight(campaign, self.cases, self.job, jobs)
+        check_flight(campaign, self.cases, engine, jobs)
 
     def open(self, keep: Store, mode: Mode) -> None:
         """Open the folder of results, of which this process holds the lock."""

@@ -149,10 +149,10 @@ class Done(NamedTuple):
     beyond: stopping.Counts = ()
 
 
-def events_of(job: Job, case: Case) -> dict[str, float] | InputError:
+def events_of(engine: Engine, case: Case) -> dict[str, float] | InputError:
     """Return the event times of a case's trajectory, or why it cannot be flown."""
     try:
-        return job.engine.events(case.scenario)
+        return engine.events(case.scenario)
     except InputError as error:
         return error
 
@@ -207,15 +207,10 @@ def fly(job: Job, block: Block) -> Done:
         runs = job.engine.run_block(prepared, job.seed, block.first_run, block.n_run)
         summary = job.engine.summarise(runs, _flown_events(prepared), covariance.true_sigma, prepared.outputs)
         job.results.write_part(block.case.id, summary)
-        beyond = (
-            job.engine.beyond(job.requirements, block.case.id, prepared, covariance, summary)
-            if job.requirements
-            else ()
-        )
-        failures = tuple(
-            (block.first_run + int(index), _why(runs, int(index))) for index in np.flatnonzero(np.asarray(runs.failed))
-        )
-        return Done(*what, failures, beyond=beyond)
+        beyond: stopping.Counts = ()
+        if job.requirements:
+            beyond = job.engine.beyond(job.requirements, block.case.id, prepared, covariance, summary)
+        return Done(*what, tuple(_failures(runs, block.first_run)), beyond=beyond)
     except Exception as error:
         return Done(*what, error=_message(error))
 
@@ -317,10 +312,12 @@ def navigation(outputs: Sequence[Output]) -> Iterator[tuple[Output, list[int]]]:
             yield outputs[index[0]], index
 
 
-def _why(runs: Any, index: int) -> str:
-    when, code = float(runs.t_failed[index]), int(runs.failed[index])
-    why = WHY.get(code, f"failed with code {code}")
-    return why if math.isnan(when) else f"{why} at {when:g} s"
+def _failures(runs: Any, first_run: int) -> Iterator[tuple[int, str]]:
+    """Yield number and reason of each failed run of a block."""
+    for index in np.flatnonzero(np.asarray(runs.failed)):
+        when, code = float(runs.t_failed[index]), int(runs.failed[index])
+        why = WHY.get(code, f"failed with code {code}")
+        yield first_run + int(index), why if math.isnan(when) else f"{why} at {when:g} s"
 
 
 def _message(error: Exception) -> str:
