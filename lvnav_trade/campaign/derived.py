@@ -63,10 +63,9 @@ def process_noise(campaign: Campaign, case: Case, runs: int, step: float | None 
         raise InputError(f"a step of {length:g} s has no length")
     prepared = prepare(case.scenario, history=length)
     found = step_errors(prepared, campaign.seed, runs)
-    marks = _marks(prepared)
     phases = tuple(
         (f"{first} to {second}", start, end, densities(found, prepared, start, end))
-        for (first, start), (second, end) in pairwise(marks)
+        for (first, start), (second, end) in pairwise(_marks(prepared))
     )
     whole = densities(found, prepared)
     words = f"estimate-q of {campaign.name}{f', {case.label}' if case.axes else ''}: {runs} runs, steps of {length:g} s"

@@ -48,8 +48,7 @@ def run(
         if not as_json:
             _print_answers(answers, cases)
 
-    results = api.run(loaded, (), folder, jobs, fresh, fail_fast, report, choose(quiet), show)
-    return _answer(results, found, report)
+    return _answer(api.run(loaded, (), folder, jobs, fresh, fail_fast, report, choose(quiet), show), found, report)
 
 
 def _answer(results: Any, answers: Sequence[Any], report: bool) -> Answer:
@@ -95,8 +94,8 @@ def check(campaign: CampaignFile, sets: Sets = None) -> Answer:
     warned = warnings(found)
     good = f"{campaign}: good, {len(found)} {'case' if len(found) == 1 else 'cases'}"
     known = [{"id": case.id, "label": case.label} for case in found]
-    text = "\n".join([*(f"warning: {line}" for line in warned), good])
-    return Answer(text, {"warnings": warned, "cases": known, "mistakes": []})
+    lines = [*(f"warning: {line}" for line in warned), good]
+    return Answer("\n".join(lines), {"warnings": warned, "cases": known, "mistakes": []})
 
 
 @verb()
@@ -106,9 +105,8 @@ def plan(campaign: CampaignFile, sets: Sets = None, out: Out = None) -> Answer:
 
     found = api.plan(campaign, sets or (), out)
     rows = table(["case", "label", "runs", "done"], [list(row.values()) for row in found.cases])
-    time = f"{found.seconds:.0f} s of one core once compiled"
-    cost = f"{time}, {found.disk_mb:.0f} MB of disk, {found.memory_mb:.0f} MB a job"
-    return Answer(f"{rows}\nabout {cost}", found._asdict())
+    cost = f"{found.disk_mb:.0f} MB of disk, {found.memory_mb:.0f} MB a job"
+    return Answer(f"{rows}\nabout {found.seconds:.0f} s of one core once compiled, {cost}", found._asdict())
 
 
 @verb()
@@ -241,8 +239,8 @@ def study(
     place = out if out != Path() else None
     found = api.study(folder, keep, runs, place, jobs, fresh, only_page, lambda: choose(quiet), show)
     rows = [[name, *map(str, counts)] for name, counts in found.campaigns.items()]
-    failed = [f"failed: {line}" for line in found.failures]
-    text = "\n".join([*failed, table(["campaign", "stated", "as published"], rows), f"kept: {found.page}"])
+    lines = [f"failed: {line}" for line in found.failures]
+    lines += [table(["campaign", "stated", "as published"], rows), f"kept: {found.page}"]
     content: dict[str, Any] = {"page": str(found.page), "failures": found.failures, "campaigns": found.campaigns}
     content |= {"published": found.published, "in_band": found.in_band}
-    return Answer(text, content, api.FAILED if found.failures else api.MET)
+    return Answer("\n".join(lines), content, api.FAILED if found.failures else api.MET)

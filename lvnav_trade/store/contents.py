@@ -16,6 +16,7 @@ from lvnav_trade.store.files import replace_file
 from lvnav_trade.store.schema import TABLES
 
 CONTENTS, RESOLVED, MANIFEST = "contents.json", "campaign.resolved.yaml", "manifest.json"
+RUN_FILES = (MANIFEST, RESOLVED, *(f"{table}.parquet" for table in TABLES))
 _MARK, _VERSION = "lvnav_trade_contents", 1
 _CASE = re.compile(r"\w[\w.-]*")
 _TEMPORARY = re.compile(r"^\.(.+)\.\d+$")
@@ -190,8 +191,7 @@ def _of_manifest(folder: Path) -> tuple[dict[str, list[str]], list[str], str]:
     if not all(isinstance(manifest.get(key), str) for key in ("campaign_digest", "tool", "code_digest")):
         raise InputError(f"{folder}: holds files that lvnav-trade did not write (no {CONTENTS}); {_GIVE_ANOTHER}")
     cases = [str(case) for key in ("asked_cases", "cases") for case in manifest.get(key) or ()]
-    names = [MANIFEST, RESOLVED, *(f"{table}.parquet" for table in TABLES)]
-    return {"run": names}, cases, "results" if "created" in manifest else "base"
+    return {"run": [*RUN_FILES]}, cases, "results" if "created" in manifest else "base"
 
 
 def _json(path: Path) -> dict[str, Any]:

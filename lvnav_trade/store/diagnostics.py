@@ -30,8 +30,7 @@ def explained_rows(prepared: Prepared, cov: CovHistory, found: Explanation | Non
 
 def _groups(prepared: Prepared) -> list[list[int]]:
     """Return the columns of attitude, velocity and position that have three axes."""
-    outputs = list(enumerate(prepared.outputs))
-    found = [[k for k, output in outputs if output.quantity == quantity] for quantity in _QUANTITIES]
+    found = ([k for k, one in enumerate(prepared.outputs) if one.quantity == quantity] for quantity in _QUANTITIES)
     return [columns for columns in found if len(columns) == 3]
 
 

@@ -51,8 +51,8 @@ def event_rows(prepared: Prepared) -> list[dict[str, Any]]:
     rows = [{"event": name, "kind": "event", "t_s": t, "t_end_s": t} for name, t in prepared.trajectory.events.items()]
     for number, fault in enumerate(prepared.scenario.faults, start=1):
         start = resolve(fault.start, prepared.trajectory.instants)
-        span = {"t_s": start, "t_end_s": start + fault.duration}
-        rows.append({"event": f"{fault.kind} {number}", "kind": "fault", **span})
+        end = start + fault.duration
+        rows.append({"event": f"{fault.kind} {number}", "kind": "fault", "t_s": start, "t_end_s": end})
     return rows
 
 

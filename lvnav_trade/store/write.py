@@ -19,7 +19,7 @@ from lvnav_trade.errors import InputError, writing
 from lvnav_trade.records import CovHistory
 from lvnav_trade.steering.nozzle import Controlled
 from lvnav_trade.store import parts as part_files
-from lvnav_trade.store.contents import MANIFEST, RESOLVED, OwnedFolder, owned
+from lvnav_trade.store.contents import MANIFEST, RESOLVED, RUN_FILES, OwnedFolder, owned
 from lvnav_trade.store.files import replace_file, replace_table, row_files, row_groups, writers
 from lvnav_trade.store.schema import TABLES, arrow_schema
 from lvnav_trade.store.tables import CaseInfo, case_tables, row_tables, starts_table
@@ -150,8 +150,7 @@ def open_results(
             place.clear()
         else:
             _refuse_other(folder, identity)
-        tables = (f"{table}.parquet" for table in TABLES)
-        place.claim("run", (MANIFEST, RESOLVED, *tables), manifest.get("asked_cases", ()))
+        place.claim("run", RUN_FILES, manifest.get("asked_cases", ()))
         place.sweep()
         replace_file(folder / RESOLVED, resolved_yaml)
         results = Results(place, {**manifest, **identity, "created": _now()})

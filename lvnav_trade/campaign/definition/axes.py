@@ -85,8 +85,7 @@ def cases(campaign: Campaign) -> list[Case]:
     """Return the cases of a loaded campaign in the order of its design; two equal scenarios are one case."""
     found: dict[str, Case] = {}
     base = campaign.base.model_dump(mode="json")
-    sizes = [len(axis.values or ()) for axis in campaign.axes]
-    for chosen in levels(campaign.design, sizes):
+    for chosen in levels(campaign.design, [len(axis.values or ()) for axis in campaign.axes]):
         data = base
         for axis, index in zip(campaign.axes, chosen, strict=True):
             if index is not None:
@@ -127,8 +126,7 @@ def case_id(scenario: Scenario, seed: int, history: float) -> str:
     content, not by its path: the same question asked in another folder has the same digest, an edited almanac another.
     """
     data = {"scenario": _canonical(scenario), "seed": seed, "history": history, "results_version": RESULTS_VERSION}
-    text = json.dumps(data, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(text.encode()).hexdigest()[:12]
+    return hashlib.sha256(json.dumps(data, sort_keys=True, separators=(",", ":")).encode()).hexdigest()[:12]
 
 
 def _canonical(model: BaseModel) -> dict[str, Any]:

@@ -218,7 +218,7 @@ def replaced(kind: str, axes: Sequence[Varied]) -> Iterator[Mistake]:
             if is_same or (kind != "one_at_a_time" and axis.steps[: len(above.steps)] == above.steps):
                 what = "varies the same field" if is_same else "replaces it; put that axis first"
                 message = f"{quoted(axis.path)}: the later axis {quoted(above.path)} {what}"
-                yield mistake(nearest(node, ["path"]), f"axes.{number}.path", message)
+                yield mistake_at(node, "path", message, f"axes.{number}")
 
 
 def too_many(kind: str, sizes: Sequence[int], root: Node) -> Iterator[Mistake]:

@@ -31,11 +31,13 @@ class _Expander:
         if fields.models(kind):
             return self._settings(node, kind, path, depth)
         if node.is_list and fields.item(kind, 0) is not None:
-            items = [
-                self.expand(child, fields.item(kind, index), join(path, index), depth)
-                for index, child in enumerate(node.value)
-            ]
-            return Node(items, node.place)
+            return Node(
+                [
+                    self.expand(child, fields.item(kind, index), join(path, index), depth)
+                    for index, child in enumerate(node.value)
+                ],
+                node.place,
+            )
         return self._entries(node, kind, path, depth, None) if node.is_map else node
 
     def _entries(self, node: Node, kind: Kind, path: str, depth: int, under: Node | None) -> Node:

@@ -156,8 +156,7 @@ class _Loader:
         path = varied.axis.steps
         kind, _ = _kind_at(base, path)
         if kind is None:
-            place = tree.nearest(varied.node, ["path"])
-            self.mistakes.append(mistake(place, f"axes.{index}.path", _unknown(base, path)))
+            self.mistakes.append(mistake_at(varied.node, "path", _unknown(base, path), f"axes.{index}"))
             return []
         found = []
         for level in varied.levels:
@@ -179,8 +178,9 @@ class _Loader:
             for number, name in enumerate(names)
         ]
         self.mistakes += checks.bad_levels(self.design, varied, plain, names, index)
-        whole = {"path": ".".join(axis.steps), "cards": None, "values": tuple(plain), "labels": tuple(names)}
-        return axis.model_copy(update=whole)
+        return axis.model_copy(
+            update={"path": ".".join(axis.steps), "cards": None, "values": tuple(plain), "labels": tuple(names)}
+        )
 
     def _check_cases(self, base: Node, axes: list[Varied], levels: list[list[Node]]) -> None:
         """Cross-check every case; a mistake stands where the field that breaks the rule was written."""

@@ -58,8 +58,7 @@ def estimate(campaign: Campaign, folder: Path, duration: Mapping[str, float]) ->
     were measured on; how they scale with rates and states is what the estimate is for.
     """
     found = cases(campaign)
-    done = {case.id: stored(folder, case.id) for case in found}
-    left = blocks(campaign, found, done)
+    left = blocks(campaign, found, {case.id: stored(folder, case.id) for case in found})
     runs = campaign.monte_carlo.runs if campaign.monte_carlo else 0
     to_do = {case.id: sum(unit.n_run for unit in left if unit.case.id == case.id) for case in found}
     rows = [{"id": c.id, "label": c.label, "runs": runs, "done": runs - to_do[c.id]} for c in found]

@@ -44,8 +44,7 @@ class Stopping:
     def _decided(self, case: str) -> int | None:
         """Return after how many runs all requirements are decided; None while one is not."""
         known = self._counts[case]
-        firsts = itertools.takewhile(known.__contains__, itertools.count(step=self.block))
-        ordered = [known[first] for first in firsts]
+        ordered = [known[first] for first in itertools.takewhile(known.__contains__, itertools.count(step=self.block))]
         found = [_decided(k, requirement, ordered, self.block) for k, requirement in enumerate(self.requirements)]
         runs = [one for one in found if one is not None]
         return min(max(runs), self.most) if runs and len(runs) == len(found) else None

@@ -120,8 +120,8 @@ def asked_of(campaign: Campaign) -> Asked:
     """Return what a campaign asks of linear covariance."""
     card = campaign.covariance
     events = tuple(dict.fromkeys(event for requirement in campaign.requirements for event in requirement.events))
-    flags = (card.adjoint, card.sensitivity, card.observability, card.budget)
-    return Asked(card.at or "", events, *flags, card.window or 0.0, card.error_bound)
+    given = card.model_dump() | {"at": card.at or "", "window": card.window or 0.0}
+    return Asked(events=events, **given)
 
 
 class Answer(NamedTuple):
