@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from lvnav_trade.filters.scheduled import GainSchedule
     from lvnav_trade.metrics.comparison.comparison import Comparison
 
+# Exit codes: all requirements met, one violated, bad usage or file, undecided, some runs failed, our fault, Ctrl-C
 MET, VIOLATED, USAGE, UNDECIDED, FAILED, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 4, 5, 130
-"""Exit codes: all requirements met, one violated, bad usage or file, undecided, some runs failed, our fault, Ctrl-C."""
 
 
 class Results:

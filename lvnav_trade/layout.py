@@ -92,12 +92,11 @@ class StateLayout(NamedTuple):
     samples: bool = False
 
 
+# Rate and acceleration of the vehicle: SI unit, unit and factor for people
 MOTION = (("rate", "rad/s", "deg/h", _DEG_H), ("acceleration", "m/s^2", "mg", _MG))
-"""Rate and acceleration of the vehicle: SI unit, unit and factor for people."""
+# What is reported of rate and acceleration beside a filter's states: the sample of the unit as it is, and less the
+# estimated bias
 SAMPLES = ("raw", "corrected")
-"""What is reported of rate and acceleration beside a filter's states: the sample of the unit as it is, and less the
-estimated bias.
-"""
 _BODY = {"rate": ("roll", "pitch", "yaw"), "acceleration": ("x", "y", "z")}
 
 
@@ -157,6 +156,7 @@ def _of_motion(prefix: str) -> list[Output]:
     ]
 
 
+# Metrics of a mission that a requirement may name: functions of the errors of velocity and position together
 MISSION = {
     name: Output(name, "3d", unit, label_unit, factor)
     for name, unit, label_unit, factor in (
@@ -173,7 +173,6 @@ MISSION = {
         ("impact_error_cross", "m", "km", 1e-3),
     )
 }
-"""Metrics of a mission that a requirement may name: functions of the errors of velocity and position together."""
 
 
 def solution_outputs(frame: str) -> tuple[Output, ...]:

@@ -4,63 +4,43 @@ from types import MappingProxyType
 
 # --- YAML files: campaigns, cards, studies ----------------------------------------------------------------------------
 
-YAML_BYTES = 2**20
-"""Size of a file of settings."""
+YAML_BYTES = 2**20  # size of a file of settings
+# Words, lists and mappings of a file of settings, those that aliases repeat counted again
 YAML_NODES = 60_000
-"""Words, lists and mappings of a file of settings, those that aliases repeat counted again."""
-YAML_DEPTH = 30
-"""Lists and mappings within each other."""
-YAML_ALIASES = 1_000
-"""Aliases in a file of settings."""
-WORD_LENGTH = 100_000
-"""Characters of a text in a file of settings."""
-LIST_LENGTH = 10_000
-"""Items of any list of settings."""
+YAML_DEPTH = 30  # lists and mappings within each other
+YAML_ALIASES = 1_000  # aliases in a file of settings
+WORD_LENGTH = 100_000  # characters of a text in a file of settings
+LIST_LENGTH = 10_000  # items of any list of settings
 
 # --- data files: trajectories, recordings, almanacs -------------------------------------------------------------------
 
-DATA_BYTES = 2**28
-"""Size of a file of data, unpacked."""
-DATA_ROWS = 1_000_000
-"""Rows of a file of data."""
-FIELD_LENGTH = 1_000
-"""Characters of a field of a file of data."""
+DATA_BYTES = 2**28  # size of a file of data, unpacked
+DATA_ROWS = 1_000_000  # rows of a file of data
+FIELD_LENGTH = 1_000  # characters of a field of a file of data
 
 # --- campaigns --------------------------------------------------------------------------------------------------------
 
-AXES = 20
-"""Axes of a campaign."""
-CASES = 500
-"""Cases of a campaign."""
-RUNS = 1_000_000
-"""Runs of a case."""
-FAULTS = 100
-"""Faults of a case."""
-STATEMENTS = 1_000
-"""Requirements, references, orderings or statements on innovations of a campaign."""
+AXES = 20  # axes of a campaign
+CASES = 500  # cases of a campaign
+RUNS = 1_000_000  # runs of a case
+FAULTS = 100  # faults of a case
+STATEMENTS = 1_000  # requirements, references, orderings or statements on innovations of a campaign
 
 # --- quantities -------------------------------------------------------------------------------------------------------
 
-QUANTITY_LENGTH = 80
-"""Characters of a quantity."""
-EXPONENT = 9.0
-"""Exponent of a unit."""
+QUANTITY_LENGTH = 80  # characters of a quantity
+EXPONENT = 9.0  # exponent of a unit
+# Largest absolute value by SI unit; beyond it a number was mistyped
 LARGEST = MappingProxyType(
     {"m": 1e12, "s": 1e18, "rad": 1e6, "m/s": 3e8, "rad/s": 1e6, "m/s**2": 1e9, "Hz": 1e12, "kg": 1e12, "K": 1e6}
     | dict.fromkeys(("dB", "dB-Hz", "dBi", "dBW"), 1e3)
 )
-"""Largest absolute value by SI unit; beyond it a number was mistyped."""
-LARGEST_ELSE = 1e30
-"""The same for every other unit, and for numbers without one."""
+LARGEST_ELSE = 1e30  # the same for every other unit, and for numbers without one
 
-YEARS = (1960, 2100)
-"""First and last year of an epoch."""
+YEARS = (1960, 2100)  # first and last year of an epoch
 
 # --- messages ---------------------------------------------------------------------------------------------------------
 
-QUOTED_LENGTH = 60
-"""Characters of a value that a message repeats."""
-MESSAGE_LENGTH = 1_000
-"""Characters of a message."""
-MESSAGES = 100
-"""Messages about one campaign."""
+QUOTED_LENGTH = 60  # characters of a value that a message repeats
+MESSAGE_LENGTH = 1_000  # characters of a message
+MESSAGES = 100  # messages about one campaign

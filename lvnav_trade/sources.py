@@ -5,8 +5,8 @@ A key is frozen: draws are numbered by it, so another key is another set of draw
 
 from typing import NamedTuple
 
+# Path of a field in a scenario, and the power of the source's sigma that it holds; `*`: every item of a tuple
 Field = tuple[tuple[str, ...], int]
-"""Path of a field in a scenario, and the power of the source's sigma that it holds; `*`: every item of a tuple."""
 
 # Keys of draws that are not those of one source.
 IMU_NOISE = "inertial unit white noise"
@@ -64,6 +64,7 @@ _OTHERS = {
     "recorded receiver error": (),
     "wild samples": (),
 }
+# Every source that is no sensor's own, by key
 SOURCES = {
     source.key: source
     for source in (
@@ -75,7 +76,6 @@ SOURCES = {
         *(Source(key, key, fields) for key, fields in _OTHERS.items()),
     )
 }
-"""Every source that is no sensor's own, by key."""
 
 
 def label_of(key: str) -> str:

@@ -24,8 +24,7 @@ from lvnav_trade.layout import state_names
 from lvnav_trade.scenario import filter_models, has_covariance
 from lvnav_trade.world.flight.trajectory import identity
 
-_SHORTEST = 5.0
-"""Seconds: a shorter phase is joined to the one after it."""
+_SHORTEST = 5.0  # seconds: a shorter phase is joined to the one after it
 _LEAST_RUNS = 10
 
 

@@ -15,8 +15,7 @@ from lvnav_trade.cli.console import Answer, CampaignFile, Jobs, Json, Out, Sets,
 if TYPE_CHECKING:
     from lvnav_trade.campaign.definition.schema import Campaign
 
-_MOST = 10
-"""Failed runs that are listed one by one."""
+_MOST = 10  # failed runs that are listed one by one
 
 
 @verb()

@@ -10,8 +10,7 @@ from typing import Any, TypeVar
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-ROWS = 16_384
-"""Rows of a row group: the same rows stand in each, whatever blocks the runs were flown in."""
+ROWS = 16_384  # rows of a row group: the same rows stand in each, whatever blocks the runs were flown in
 _WHOLE = 2**31  # rows of a row group at the most: a table is written as one
 _HOW = {"compression": "zstd", "write_page_checksum": True}
 _Part = TypeVar("_Part")

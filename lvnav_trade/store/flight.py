@@ -9,10 +9,10 @@ from lvnav_trade.engines.setup.prepare import Prepared, reporting_axes
 from lvnav_trade.records import IDLE, TRACKING, CovHistory, Floats, Reference
 from lvnav_trade.world.events import resolve
 
+# Seconds between the stored states, or the step of the history where that is longer; events are stored too
 STEP = 5.0
-"""Seconds between the stored states, or the step of the history where that is longer; events are stored too."""
+# Seconds between the stored skies at least: a receiver at 10 Hz adds nothing that a figure could show
 SKY_STEP = 1.0
-"""Seconds between the stored skies at least: a receiver at 10 Hz adds nothing that a figure could show."""
 _COMPONENTS = np.array([f"{quantity} {axis}" for quantity in ("velocity", "position") for axis in "xyz"])
 _CHANGE = ("t_s", "satellite", "from_state", "to_state", "reason")
 

@@ -78,8 +78,7 @@ _TURNING = (
     "rate_error_rad_per_s", "rate_sigma_rad_per_s",
 )  # fmt: skip
 _MOTION = ("turning_rad_per_s2", "turning_bound_rad_per_s2", "jerk_m_per_s3", "jerk_bound_m_per_s3")
-WHOLE = "flight"
-"""What stands for all burns together."""
+WHOLE = "flight"  # what stands for all burns together
 
 
 def controlled_columns(found: Controlled) -> dict[str, dict[str, Any]]:

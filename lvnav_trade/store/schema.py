@@ -6,13 +6,14 @@ from importlib import resources
 import pyarrow as pa
 
 _STATED = tomllib.loads((resources.files("lvnav_trade.store") / "tables.toml").read_text(encoding="utf-8"))
+# The last part of the name of every column of numbers is one of these
 SUFFIXES: dict[str, str] = _STATED["units"]
-"""The last part of the name of every column of numbers is one of these."""
+# Meaning of every column by table, in order, after the column `case` that all of them begin with
 TABLES: dict[str, dict[str, str]] = {
     table: {name: meaning or _STATED["shared"][name] for name, meaning in columns.items()}
     for table, columns in _STATED["tables"].items()
 }
-"""Meaning of every column by table, in order, after the column `case` that all of them begin with."""
+# Suffix of a column of errors in the table `runs`, by the SI unit of the output
 SI_SUFFIX = {
     "m": "m",
     "s": "s",
@@ -26,7 +27,6 @@ SI_SUFFIX = {
     "": "ratio",
     "1": "ratio",
 }
-"""Suffix of a column of errors in the table `runs`, by the SI unit of the output."""
 
 
 def error_column(quantity: str, axis: str, unit: str) -> str:

@@ -20,10 +20,8 @@ from lvnav_trade.store.runs import controlled_columns, run_columns, start_column
 from lvnav_trade.store.schema import TABLES, arrow_schema
 
 _OF_RUNS = ("runs", "worst", "logic", "starts")
-_DRAWN = ("attitude", "velocity", "position")
-"""Quantities of which the budget is kept over the whole flight."""
-_NORM_LIKE_CONSTANT = 1e9
-"""Degrees of freedom of a mean square that does not vary from run to run."""
+_DRAWN = ("attitude", "velocity", "position")  # quantities of which the budget is kept over the whole flight
+_NORM_LIKE_CONSTANT = 1e9  # degrees of freedom of a mean square that does not vary from run to run
 
 
 class CaseInfo(NamedTuple):

@@ -12,8 +12,7 @@ import ruamel.yaml
 
 from lvnav_trade.store.schema import TABLES
 
-RESULTS_VERSION = 2
-"""Layout of the files in a folder of results; a block of another layout is computed again."""
+RESULTS_VERSION = 2  # layout of the files in a folder of results; a block of another layout is computed again
 PACKAGE = Path(__file__).resolve().parents[1]
 _COMPUTES = ("kernels", "delays", "world", "observables", "receivers", "filters", "engines", "steering")
 _COMPUTES_TOO = (

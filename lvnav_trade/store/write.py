@@ -27,8 +27,8 @@ from lvnav_trade.store.versions import RESULTS_VERSION, across_machines, campaig
 
 __all__ = ["CaseInfo", "Results", "open_results"]
 
+# Those that compute: another version of one may round otherwise
 _LIBRARIES = tuple((name, f"with another {name}") for name in ("numpy", "numba", "scipy"))
-"""Those that compute: another version of one may round otherwise."""
 
 
 class Results:

@@ -11,17 +11,17 @@ from lvnav_trade.errors import quoted
 from lvnav_trade.layout import EXTRAS, MISSION, MOTION, PARAMETERS
 from lvnav_trade.units import Card, parse
 
+# Metrics of a vehicle under control: by how many percent less its nozzle moves with the filtered than the raw rate
 STEERED = tuple(f"nozzle_movement_{axis}" for axis in ("pitch", "yaw"))
-"""Metrics of a vehicle under control: by how many percent less its nozzle moves with the filtered than the raw rate."""
-RANK = "observable_states"
-"""Metric: the least number of observable states of any stretch."""
+RANK = "observable_states"  # metric: the least number of observable states of any stretch
+# Metrics that are no error of the navigation: read off the signals, the same in every run
 COUNTED = ("satellites_tracked", "troposphere_left", "ionosphere_left")
-"""Metrics that are no error of the navigation: read off the signals, the same in every run."""
 _NO_ERRORS = (*MISSION, *COUNTED, *STEERED, RANK)
+# Words of a phase that are no events: from lift-off on; the first and the last time of the flight
 FLIGHT, ENDS = "flight", ("start", "end")
-"""Words of a phase that are no events: from lift-off on; the first and the last time of the flight."""
 _INSTANT = re.compile(r"\s*(?P<event>[A-Za-z_]\w*)\s*(?:[+-]\s*(?P<offset>\S.*))?$")
 
+# SI unit of every quantity of which results hold an error
 _UNITS = (
     {"attitude": "rad", "velocity": "m/s", "position": "m", "clock_bias": "m", "clock_drift": "m/s"}
     | {"solution_velocity": "m/s", "solution_position": "m", "receiver_clock_bias": "m", "receiver_clock_drift": "m/s"}
@@ -29,7 +29,6 @@ _UNITS = (
     | {name: unit for name, (unit, *_) in EXTRAS.items()}
     | {f"{prefix}{name}": unit for prefix in ("", "raw_", "corrected_") for name, unit, *_ in MOTION}
 )
-"""SI unit of every quantity of which results hold an error."""
 
 Case = dict[str, str]
 

@@ -19,12 +19,12 @@ from lvnav_trade.units import Angle, Card, Duration
 
 _FRAME_AXES = ("north", "east", "down", "x", "y", "z", "radial", "along", "cross")
 _AXES = {"position": _FRAME_AXES, "velocity": _FRAME_AXES, "attitude": ("roll", "pitch", "yaw")}
+# What a requirement can name
 METRICS = (
     *(f"{quantity}_error_3d" for quantity in _AXES),
     *(f"{quantity}_error_{axis}" for quantity, axes in _AXES.items() for axis in axes),
     *MISSION,
 )
-"""What a requirement can name."""
 
 
 class MonteCarlo(Card):

@@ -11,8 +11,8 @@ from typing import Any
 from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
 
+# Environment variable: with a value, the manifest keeps the name of the machine and absolute paths
 RECORD_HOST = "LVNAV_TRADE_RECORD_HOST"
-"""Environment variable: with a value, the manifest keeps the name of the machine and absolute paths."""
 _PATH = re.compile(r"(?<![^\s='\"(\[{,:])(?:/|~[\w.-]*/|[A-Za-z]:\\)[^\s'\",;:)\]}]*")
 
 

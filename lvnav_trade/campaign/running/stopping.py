@@ -6,8 +6,8 @@ from typing import Any
 
 from lvnav_trade.campaign.definition.schema import Campaign, Requirement
 
+# Runs of a block beyond each requirement's bound; None where the case does not hold its metric
 Counts = tuple[int | None, ...]
-"""Runs of a block beyond each requirement's bound; None where the case does not hold its metric."""
 
 
 class Stopping:

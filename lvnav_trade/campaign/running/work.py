@@ -331,8 +331,7 @@ def _message(error: Exception) -> str:
     return f"{type(error).__name__}: {str(error).strip().splitlines()[0] if str(error).strip() else 'no message'}"
 
 
-_begun = itertools.count()
-"""Units of work that this process has begun."""
+_begun = itertools.count()  # units of work that this process has begun
 
 
 def begin_worker() -> None:

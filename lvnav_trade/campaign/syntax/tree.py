@@ -204,8 +204,8 @@ class _BoundedComposer(Composer):
         return node
 
 
+# What a word may be by YAML itself; all but the first five stay text
 _TAGS = ("str", "int", "float", "bool", "null", "timestamp", "merge", "value")
-"""What a word may be by YAML itself; all but the first five stay text."""
 
 
 class _Conversion:
