@@ -35,16 +35,19 @@ def registry() -> "pint.UnitRegistry[Any]":
     """
     units: pint.UnitRegistry[Any] = pint.UnitRegistry(None, autoconvert_offset_to_baseunit=True)
     units.load_definitions(str(Path(pint.__file__).with_name("default_en.txt")))
-    units.define("radian = [angle] = rad")
-    # In a datasheet "g" is standard gravity and "h" is an hour; pint's gram and Planck constant are never meant.
-    units.define("g_standard = 9.80665 m/s^2 = g")
-    units.define("milli_g = 1e-3 * g_standard = mg")
-    units.define("micro_g = 1e-6 * g_standard = ug")
-    units.define("h = hour")
-    units.define("t = 1000 kg")
-    units.define("rtHz = Hz ** 0.5")
-    units.define("dB_Hz = [cn0]")
-    units.define("TECU = 1e16 / m**2")
+    for definition in (
+        "radian = [angle] = rad",
+        # In a datasheet "g" is standard gravity and "h" is an hour; pint's gram and Planck constant are never meant.
+        "g_standard = 9.80665 m/s^2 = g",
+        "milli_g = 1e-3 * g_standard = mg",
+        "micro_g = 1e-6 * g_standard = ug",
+        "h = hour",
+        "t = 1000 kg",
+        "rtHz = Hz ** 0.5",
+        "dB_Hz = [cn0]",
+        "TECU = 1e16 / m**2",
+    ):
+        units.define(definition)
     return units
 
 
@@ -199,15 +202,11 @@ def quantity(unit: str, minimum: float | None = None, above: float | None = None
             return 0.0  # zero is the same in every unit
         raise ValueError(f"{quoted(value)} has no unit; write it as a quantity in a unit of {_example(unit)}")
 
-    def write(value: float) -> str:
-        return f"{value!r} {unit}"
-
-    schema = {"type": ["string", "number"], "description": f"quantity with a unit: {_example(unit)}"}
     return Annotated[
         float,
         BeforeValidator(read),
-        PlainSerializer(write, return_type=str, when_used="json"),
-        WithJsonSchema(schema),
+        PlainSerializer(lambda value: f"{value!r} {unit}", return_type=str, when_used="json"),
+        WithJsonSchema({"type": ["string", "number"], "description": f"quantity with a unit: {_example(unit)}"}),
         Field(ge=minimum, gt=above, allow_inf_nan=False),
     ]
 

@@ -32,22 +32,14 @@ _SPELLED = re.compile(r"has no unit that is known \('(.*?)'\)")
 
 def explain(error: ValidationError, node: Node, kind: Kind, path: str = "") -> list[Mistake]:
     """Return the mistakes behind a validation error of the tree `node` read as `kind`; `path` is where it hangs."""
-    found: dict[Mistake, None] = {}
-    for item in _sharpest(error, node):
-        found.setdefault(_explain_one(item, node, kind, path))
-    return list(found)
-
-
-def _sharpest(error: ValidationError, node: Node) -> list[Any]:
-    """Return the errors without those of alternatives that the value was never meant to be."""
     every = error.errors(include_url=False)
     words = {item["loc"][:-1] for item in every if item["type"] == "literal_error"}
-    kept = list(itertools.islice((item for item in every if _is_meant(item, words)), MESSAGES + 1))
-    return kept or list(every[:MESSAGES])
+    meant = list(itertools.islice((item for item in every if _is_meant(item, words)), MESSAGES + 1))
+    return list(dict.fromkeys(_explain_one(item, node, kind, path) for item in meant or every[:MESSAGES]))
 
 
 def _is_meant(item: Any, words: Container[Any]) -> bool:
-    """Return whether the value was meant to be what it was read as; `words`: places where a word may stand."""
+    """Return whether the value was meant as the alternative that it was read as; `words`: where a word may stand."""
     if item["type"] in ("literal_error", "none_required"):
         return not isinstance(item.get("input"), Mapping)  # a mapping was meant as settings, not as a word
     # where a word was meant, the error of the literal says which are known
@@ -82,7 +74,6 @@ def _explain_one(item: Any, root: Node, kind: Kind, path: str) -> Mistake:
 
 
 def _message(item: Any, node: Node, kind: Kind) -> str:
-    """Return what is wrong, in our words."""
     name, context = item["type"], item.get("ctx", {})
     if name in _MESSAGES:
         return _MESSAGES[name]

@@ -102,7 +102,6 @@ def _one(option: Kind) -> str:
 
 
 def _default(info: FieldInfo) -> str:
-    """Write a default as a campaign would."""
     if info.is_required():
         return "required"
     value = info.get_default(call_default_factory=True)

@@ -138,8 +138,6 @@ def run(
 
 
 class _Run:
-    """One execution of one campaign."""
-
     def __init__(
         self, campaign: Campaign, folder: Path, jobs: int, fail_fast: bool, watch: Progress, engine: work.Engine
     ) -> None:
@@ -164,7 +162,6 @@ class _Run:
         self.job = self.job._replace(results=results)
 
     def all(self, on_answers: OnAnswers | None) -> Outcome:
-        """Go through the stages."""
         answers = self._answers(on_answers)
         able = [case for case, found in zip(self.cases, answers, strict=True) if not found.error]
         why = "what is behind its linear covariance"
@@ -237,7 +234,6 @@ class _Run:
         """Do one unit of work for each case; return the digests of the cases where it was lost, as a line on `what`."""
         self.watch.stage(name, len(units))
         lost = set()
-        one: Done
         for one in self._stage(name, function, units):
             self.watch.advance(1)
             if one.error:
@@ -317,11 +313,9 @@ class _WorkList:
             yield taken
 
     def close(self, number: int) -> None:
-        """Note that a unit is done."""
         self._open.pop(number, None)
 
     def is_done(self) -> bool:
-        """Whether no unit is left."""
         return self._ended and not self._open
 
 

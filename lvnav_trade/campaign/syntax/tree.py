@@ -217,7 +217,6 @@ class _Conversion:
         self.nodes = 0
 
     def place(self, raw: Any) -> Place:
-        """Return where a composed node begins."""
         return Place(self.file, raw.start_mark.line + 1, raw.start_mark.column + 1, self.folder)
 
     def node(self, raw: Any, path: str, above: tuple[int, ...]) -> Node:
