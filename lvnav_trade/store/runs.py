@@ -1,6 +1,4 @@
-"""The tables with rows of every run: errors at events, largest errors between them, mode logic, draws at the start, and
-the motion and nozzle of a vehicle under control.
-"""
+"""The tables with rows of every run: errors, mode logic, draws at the start; of a vehicle under control."""
 
 from typing import Any
 

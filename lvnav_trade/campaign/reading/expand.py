@@ -1,6 +1,4 @@
-"""From what the user wrote to whole settings: cards read, overrides on top, kinds inferred, paths absolute; sets of
-requirements by their requirements.
-"""
+"""From what the user wrote to whole settings: cards and sets read, overrides on top, kinds inferred, paths absolute."""
 
 import os
 

@@ -8,8 +8,6 @@ from typing import Any
 from pydantic import ValidationError
 
 from lvnav_trade.campaign.syntax import fields, tree
-from lvnav_trade.campaign.syntax.fields import Kind
-from lvnav_trade.campaign.syntax.tree import Node, hint, join
 from lvnav_trade.errors import Mistake, quoted
 from lvnav_trade.limits import MESSAGES
 
@@ -30,7 +28,7 @@ _INSIDE = re.compile(r"([a-z][a-z_0-9.]*): (.*)")
 _SPELLED = re.compile(r"has no unit that is known \('(.*?)'\)")
 
 
-def explain(error: ValidationError, node: Node, kind: Kind, path: str = "") -> list[Mistake]:
+def explain(error: ValidationError, node: tree.Node, kind: fields.Kind, path: str = "") -> list[Mistake]:
     """Return the mistakes behind a validation error of the tree `node` read as `kind`; `path` is where it hangs."""
     every = error.errors(include_url=False)
     words = {item["loc"][:-1] for item in every if item["type"] == "literal_error"}
@@ -46,7 +44,7 @@ def _is_meant(item: Any, words: Container[Any]) -> bool:
     return item["type"] not in ("model_type", "model_attributes_type") or item["loc"][:-1] not in words
 
 
-def _explain_one(item: Any, root: Node, kind: Kind, path: str) -> Mistake:
+def _explain_one(item: Any, root: tree.Node, kind: fields.Kind, path: str) -> Mistake:
     """Walk the location down the tree, skipping the names of alternatives, and word the message."""
     node, key_place, last, holder = root, root.place, "", (kind, root)
     missing, chosen = item["type"] == "missing", False
@@ -58,50 +56,50 @@ def _explain_one(item: Any, root: Node, kind: Kind, path: str) -> Mistake:
         chosen, holder = False, (kind, node)
         key_place = node.keys.get(str(step), below.place)
         kind, node, last = fields.child(kind, str(step), node), below, str(step)
-        path = join(path, step)
+        path = tree.join(path, step)
     message = _message(item, node, kind)
     inside = _INSIDE.fullmatch(message) if item["type"] == "value_error" and node.is_map else None
     known = (*fields.names(kind, node), *node.value) if inside else ()
     if inside and inside[1].partition(".")[0] in known:  # a rule names the field to mend, or the key to replace
-        return tree.mistake(tree.nearest(node, inside[1].split(".")), join(path, inside[1]), inside[2])
+        return tree.mistake(tree.nearest(node, inside[1].split(".")), tree.join(path, inside[1]), inside[2])
     if missing:
-        return tree.mistake(node.place, join(path, item["loc"][-1]), message)
+        return tree.mistake(node.place, tree.join(path, item["loc"][-1]), message)
     if item["type"] != "extra_forbidden":
         return tree.mistake(node.place, path, message)
     known = fields.names(*holder)
-    near = hint(last, known) or (f" (known: {', '.join(known)})" if known else "")
+    near = tree.hint(last, known) or (f" (known: {', '.join(known)})" if known else "")
     return tree.mistake(key_place, path, f"{message}{near}")
 
 
-def _message(item: Any, node: Node, kind: Kind) -> str:
+def _message(item: Any, node: tree.Node, kind: fields.Kind) -> str:
     name, context = item["type"], item.get("ctx", {})
     if name in _MESSAGES:
         return _MESSAGES[name]
     if name == "literal_error":
         known = [str(word) for word in fields.literals(kind)]
-        return f"{quoted(node.value)} is not one of {', '.join(known)}{hint(str(node.value), known)}"
+        return f"{quoted(node.value)} is not one of {', '.join(known)}{tree.hint(str(node.value), known)}"
     if name == "union_tag_invalid":
         known = list(fields.tags(kind))
         written = node.value["kind"].value if node.is_map and "kind" in node.value else context.get("tag", "")
         value = written if isinstance(written, dict | list) else str(written)
-        return f"kind {quoted(value)} is not one of {', '.join(known)}{hint(str(value), known)}"
+        return f"kind {quoted(value)} is not one of {', '.join(known)}{tree.hint(str(value), known)}"
     if name == "union_tag_not_found" and node.is_map:
         known = list(fields.names(kind))
-        near = next((hint(key, known) for key in node.value if key not in known), "")
+        near = next((tree.hint(key, known) for key in node.value if key not in known), "")
         return f"needs a kind: {', '.join(fields.tags(kind))}{near}"
     if name in ("model_type", "model_attributes_type", "dict_type", "union_tag_not_found"):
         return f"should be a mapping{' or the name of a card' if fields.models(kind) else ''}"
     return _worded(item, node)
 
 
-def _worded(item: Any, node: Node) -> str:
+def _worded(item: Any, node: tree.Node) -> str:
     """Return pydantic's own message in our voice, with the value where that helps."""
     message = str(item["msg"]).removeprefix("Value error, ")
     if "is not a quantity" in message:
         return message
     spelled = _SPELLED.search(message)
     if spelled:
-        return message + hint(spelled.group(1), _UNITS)
+        return message + tree.hint(spelled.group(1), _UNITS)
     if message.startswith("Input should be"):
         value = "" if node.is_map or node.is_list else f", not {quoted(node.value)}"
         return message.replace("Input should be", "should be", 1).partition(", unable")[0] + value

@@ -15,7 +15,6 @@ from lvnav_trade.campaign.reading.explain import explain
 from lvnav_trade.campaign.reading.overrides import apply
 from lvnav_trade.campaign.syntax import fields, tree
 from lvnav_trade.campaign.syntax.cards import Shelf, campaign_file
-from lvnav_trade.campaign.syntax.tree import Node, hint, mistake, mistake_at
 from lvnav_trade.errors import InputError, Mistake, quoted, refuse_all
 from lvnav_trade.scenario import Scenario
 
@@ -53,7 +52,7 @@ Model = TypeVar("Model", bound=BaseModel)
 class _Loader:
     """Turns one tree into a campaign; collects mistakes instead of stopping at the first."""
 
-    def __init__(self, root: Node, shelf: Shelf) -> None:
+    def __init__(self, root: tree.Node, shelf: Shelf) -> None:
         self.root, self.shelf = root, shelf
         self.mistakes: list[Mistake] = []
         kind = tree.find(root, ["design"])
@@ -91,13 +90,13 @@ class _Loader:
     def _raise(self) -> None:
         refuse_all(sorted(dict.fromkeys(self.mistakes), key=lambda record: (record.file, record.line, record.column)))
 
-    def _expand(self, node: Node, kind: Any, path: str) -> Node:
+    def _expand(self, node: tree.Node, kind: Any, path: str) -> tree.Node:
         """Return the tree with cards in place; its mistakes are noted."""
         whole, mistakes = expand(node, kind, self.shelf, path)
         self.mistakes += mistakes
         return whole
 
-    def _validate(self, node: Node, model: type[Model], path: str) -> Model | None:
+    def _validate(self, node: tree.Node, model: type[Model], path: str) -> Model | None:
         """Return the model of an expanded tree; its mistakes are noted, save where expansion already found one."""
         try:
             return model.model_validate(tree.plain(node))
@@ -120,8 +119,8 @@ class _Loader:
             if axis.steps[0] in Scenario.model_fields:
                 found.append(Varied(axis, child))
             else:
-                message = _no_field(axis.path, Scenario, axis.steps[0], hint(axis.path, Scenario.model_fields))
-                self.mistakes.append(mistake_at(self.root, f"axes.{index}.path", message))
+                message = _no_field(axis.path, Scenario, axis.steps[0], tree.hint(axis.path, Scenario.model_fields))
+                self.mistakes.append(tree.mistake_at(self.root, f"axes.{index}.path", message))
         return found
 
     def _refuse_unused(self, axes: list[Varied]) -> None:
@@ -134,9 +133,9 @@ class _Loader:
             message = f"no case has it: the axis {quoted(axis.path)} replaces it; write it in the axis's values"
             for key, where in node.keys.items():
                 if key != "card":
-                    self.mistakes.append(mistake(where, ".".join((*path, key)), message))
+                    self.mistakes.append(tree.mistake(where, ".".join((*path, key)), message))
 
-    def _with_base_from(self, axes: list[Varied]) -> Node:
+    def _with_base_from(self, axes: list[Varied]) -> tree.Node:
         """Return the tree in which the first level of an axis stands in for a field that the base leaves out."""
         base = tree.find(self.root, ["base"])
         if base is None:
@@ -151,12 +150,12 @@ class _Loader:
                 base = tree.put(base, path, varied.levels[0])
         return tree.put(self.root, ["base"], base)
 
-    def _levels(self, base: Node, varied: Varied, index: int) -> list[Node]:
+    def _levels(self, base: tree.Node, varied: Varied, index: int) -> list[tree.Node]:
         """Return the expanded value of every level of an axis, each tried alone in the base."""
         path = varied.axis.steps
         kind, _ = _kind_at(base, path)
         if kind is None:
-            self.mistakes.append(mistake_at(varied.node, "path", _unknown(base, path), f"axes.{index}"))
+            self.mistakes.append(tree.mistake_at(varied.node, "path", _unknown(base, path), f"axes.{index}"))
             return []
         found = []
         for level in varied.levels:
@@ -166,7 +165,7 @@ class _Loader:
                 self._validate(tree.put(base, path, found[-1]), Scenario, "base")
         return found
 
-    def _whole(self, campaign: Campaign, varied: Varied, values: list[Node], index: int) -> Axis:
+    def _whole(self, campaign: Campaign, varied: Varied, values: list[tree.Node], index: int) -> Axis:
         """Return the axis with whole values in place of cards, and a label for every level."""
         axis = varied.axis
         base = campaign.base.model_dump(mode="json")
@@ -182,11 +181,13 @@ class _Loader:
             update={"path": ".".join(axis.steps), "cards": None, "values": tuple(plain), "labels": tuple(names)}
         )
 
-    def _check_cases(self, base: Node, axes: list[Varied], levels: list[list[Node]]) -> None:
+    def _check_cases(self, base: tree.Node, axes: list[Varied], levels: list[list[tree.Node]]) -> None:
         """Cross-check every case; a mistake stands where the field that breaks the rule was written."""
         sizes = [len(values) for values in levels]
         if self.design == "zip" and len(set(sizes)) > 1:
-            self.mistakes.append(mistake_at(self.root, "axes", f"design zip needs axes of equal length, not {sizes}"))
+            self.mistakes.append(
+                tree.mistake_at(self.root, "axes", f"design zip needs axes of equal length, not {sizes}")
+            )
             return
         for chosen in design.levels(self.design, sizes):
             node = base
@@ -202,10 +203,10 @@ class _Loader:
                 self.mistakes += [*checks.rates(scenario, node), *checks.measurements(scenario, node)]
 
 
-def _kind_at(base: Node, path: list[str]) -> tuple[Any, Node | None]:
+def _kind_at(base: tree.Node, path: list[str]) -> tuple[Any, tree.Node | None]:
     """Return the annotation and the node at a path of the base, (None, None) where the path leads nowhere."""
     kind: Any = Scenario
-    node: Node | None = base
+    node: tree.Node | None = base
     for key in path:
         below = tree.find(node, [key]) if node is not None else None
         kind = None if fields.item(kind, 0) is not None and below is None else fields.child(kind, key, node)
@@ -215,11 +216,11 @@ def _kind_at(base: Node, path: list[str]) -> tuple[Any, Node | None]:
     return kind, node
 
 
-def _unknown(base: Node, path: list[str]) -> str:
+def _unknown(base: tree.Node, path: list[str]) -> str:
     """Say which step of a path is unknown."""
     depth = next(depth for depth in range(len(path)) if _kind_at(base, path[: depth + 1])[0] is None)
     kind, node = _kind_at(base, path[:depth])
-    return _no_field(".".join(path), kind, path[depth], hint(path[depth], fields.names(kind, node)))
+    return _no_field(".".join(path), kind, path[depth], tree.hint(path[depth], fields.names(kind, node)))
 
 
 def _no_field(path: str, kind: Any, key: str, near: str) -> str:

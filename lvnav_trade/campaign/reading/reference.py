@@ -8,7 +8,6 @@ from pydantic.fields import FieldInfo
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.overrides import full_path
 from lvnav_trade.campaign.syntax import fields
-from lvnav_trade.campaign.syntax.fields import Kind
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.errors import InputError
 
@@ -44,7 +43,7 @@ def reference(path: str = "") -> list[Part]:
     InputError
         Where a step of the path is unknown.
     """
-    kind: Kind = Campaign
+    kind: fields.Kind = Campaign
     for key in full_path(path, "fields") if path else ():
         held = kind if fields.entries(kind) is not None else _item(kind)
         known, below = fields.names(held), fields.child(held, key)
@@ -58,7 +57,7 @@ def reference(path: str = "") -> list[Part]:
     return [_part(one, len(found) > 1) for one in found]
 
 
-def _item(kind: Kind) -> Kind:
+def _item(kind: fields.Kind) -> fields.Kind:
     """Return what a list, or a mapping with keys of the user's own, holds; anything else as it is."""
     return kind if fields.models(kind) else fields.entries(kind) or fields.item(kind, 0) or kind
 
@@ -74,16 +73,16 @@ def _part(model: type[BaseModel], is_one_of_several: bool) -> Part:
     return Part((tag or "") if is_one_of_several else "", title, tuple(rows))
 
 
-def _annotated(info: FieldInfo) -> Kind:
+def _annotated(info: FieldInfo) -> fields.Kind:
     return Annotated[info.annotation, *info.metadata] if info.metadata else info.annotation
 
 
-def type_of(kind: Kind) -> str:
+def type_of(kind: fields.Kind) -> str:
     """Say in words what a field takes: a quantity by its units, words, settings, a list of any."""
     return " or ".join(dict.fromkeys(map(_one, fields.options(kind, keep=WithJsonSchema))))
 
 
-def _one(option: Kind) -> str:
+def _one(option: fields.Kind) -> str:
     if isinstance(option, WithJsonSchema):  # of a quantity
         return str((option.json_schema or {}).get("description", "")).removeprefix(_QUANTITY)
     if fields.literals(option):

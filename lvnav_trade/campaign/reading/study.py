@@ -12,7 +12,6 @@ from lvnav_trade.campaign.reading.explain import explain
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.cards import campaign_file
-from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.errors import InputError, refuse_all
 from lvnav_trade.units import Card, Duration
 
@@ -142,7 +141,7 @@ def _read(place: Path, names: tuple[str, ...]) -> Study:
         raise InputError(records=explain(error, root, Study, "")) from None
     for index, part in enumerate(study.campaigns):
         if part.campaign not in names:
-            message = f"no campaign {part.campaign!r} in this folder{hint(part.campaign, names)}"
+            message = f"no campaign {part.campaign!r} in this folder{tree.hint(part.campaign, names)}"
             raise InputError(records=[tree.mistake_at(root, f"campaigns.{index}.campaign", message)])
     return study.model_copy(update={"name": place.resolve().name, "campaigns": study.campaigns or every})
 

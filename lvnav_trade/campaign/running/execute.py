@@ -148,8 +148,7 @@ class _Run:
         self.lost: list[str] = []
         self.timings: dict[str, float] = {}
         self.deaths = 0
-        asked, requirements = work.asked_of(campaign), work.requirements_of(campaign)
-        self.job = Job(engine, None, campaign.seed, campaign.keep.history, asked, folder / scratch.FOLDER, requirements)
+        self.job = work.job_of(campaign, engine, folder)
         self.stopping = Stopping(campaign)
         check_flight(campaign, self.cases, engine, jobs)
 

@@ -109,11 +109,12 @@ class Job(NamedTuple):
     requirements: tuple[dict[str, Any], ...] = ()
 
 
-def requirements_of(campaign: Campaign) -> tuple[dict[str, Any], ...]:
-    """Return the requirements that every block of runs is held against: those of a campaign that stops by them."""
-    if campaign.monte_carlo is None or campaign.monte_carlo.stop is None:
-        return ()
-    return tuple(requirement.model_dump(mode="json") for requirement in campaign.requirements)
+def job_of(campaign: Campaign, engine: Engine, folder: Path) -> Job:
+    """Return the job of a campaign, without results yet; requirements: those of a campaign that stops by them."""
+    is_early = campaign.monte_carlo is not None and campaign.monte_carlo.stop is not None
+    tested = tuple(one.model_dump(mode="json") for one in campaign.requirements if is_early)
+    place = folder / scratch.FOLDER
+    return Job(engine, None, campaign.seed, campaign.keep.history, asked_of(campaign), place, tested)
 
 
 def asked_of(campaign: Campaign) -> Asked:

@@ -11,7 +11,6 @@ from typing import NamedTuple
 from pydantic import BaseModel
 
 from lvnav_trade.campaign.syntax import tree
-from lvnav_trade.campaign.syntax.tree import Node, Place, hint, refuse
 from lvnav_trade.errors import InputError, quoted, writing
 
 _PACKAGE = Path(__file__).resolve().parents[2]
@@ -48,7 +47,7 @@ class Shelf(NamedTuple):
         """Return the names of all cards in the folders of the shelf."""
         return sorted({name for folder in self.folders for name, _ in _cards(folder)})
 
-    def read(self, node: Node, path: str, words: Iterable[str] = ()) -> Node:
+    def read(self, node: tree.Node, path: str, words: Iterable[str] = ()) -> tree.Node:
         """Return the tree of the card that a scalar node names; InputError offers what is near.
 
         `words` are literals that the field accepts beside cards, for the suggestion only.
@@ -57,7 +56,7 @@ class Shelf(NamedTuple):
         file = self.find(name, node.place.folder) if name.strip() else None
         if file is None:
             candidates = [*self.known(), *_beside(name, node.place.folder), *map(str, words)]
-            raise refuse(node.place, path, f"no card {quoted(name)}{_near(name, candidates)}")
+            raise tree.refuse(node.place, path, f"no card {quoted(name)}{_near(name, candidates)}")
         state = file.stat()
         found = _parsed(file, os.getcwd(), state.st_size, state.st_mtime_ns)
         if isinstance(found, InputError):
@@ -66,7 +65,7 @@ class Shelf(NamedTuple):
 
 
 @lru_cache(maxsize=128)
-def _parsed(file: Path, here: str, size: int, changed: int) -> Node | InputError:
+def _parsed(file: Path, here: str, size: int, changed: int) -> tree.Node | InputError:
     """Return the tree of a card's file, or what is wrong with it; a file that changed is read again."""
     try:
         return tree.read_mapping(file)
@@ -79,10 +78,10 @@ def _near(name: str, known: Sequence[str]) -> str:
     folder, _, last = name.rpartition("/")
     shelf = [card for card in known if card.rpartition("/")[0] == folder]
     if not folder or not shelf:
-        return hint(name, known)
+        return tree.hint(name, known)
     names = [card.rpartition("/")[2] for card in shelf]
-    if hint(last, names):
-        return hint(name, shelf)
+    if tree.hint(last, names):
+        return tree.hint(name, shelf)
     return f" ({folder}/ has {', '.join(names[:_MANY])}{', ...' if len(names) > _MANY else ''})"
 
 
@@ -156,6 +155,6 @@ def campaign_file(name: str) -> Path:
     return path
 
 
-def nowhere(label: str) -> Place:
+def nowhere(label: str) -> tree.Place:
     """Return the place of a value given on the command line; relative paths start from the working folder."""
-    return Place(label, 0, 0, Path.cwd())
+    return tree.Place(label, 0, 0, Path.cwd())
