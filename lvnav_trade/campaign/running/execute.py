@@ -120,8 +120,7 @@ def run(
         work_to_do = _Run(campaign, folder, jobs, fail_fast, watch, engine or work.engine())
         keep.check_folder(folder)  # before a lock is left in a folder that is not the tool's
         with locked(folder):  # a campaign that is refused leaves no folder
-            work_to_do.open(keep, mode)
-            return work_to_do.all(on_answers)
+            return work_to_do.all(keep, mode, on_answers)
     except KeyboardInterrupt:
         _end_workers(jobs)
         raise
@@ -152,15 +151,13 @@ class _Run:
         self.stopping = Stopping(campaign)
         check_flight(campaign, self.cases, engine, jobs)
 
-    def open(self, keep: Store, mode: Mode) -> None:
-        """Open the folder of results, of which this process holds the lock."""
+    def all(self, keep: Store, mode: Mode, on_answers: OnAnswers | None) -> Outcome:
+        """Go through the stages; this process holds the lock of the folder."""
         if mode == "fresh":
             self._remove_scratch()
         asked = self.campaign
         results = keep.open_results(self.folder, asked.name, resolved(asked), manifest(asked, self.cases), mode)
         self.job = self.job._replace(results=results)
-
-    def all(self, on_answers: OnAnswers | None) -> Outcome:
         answers = self._answers(on_answers)
         able = [case for case, found in zip(self.cases, answers, strict=True) if not found.error]
         why = "what is behind its linear covariance"
@@ -224,7 +221,7 @@ class _Run:
             found[one.case] = one
             self.watch.advance(1)
             if one.error:
-                self._lose(f"{self.labels[one.case]}: linear covariance: {one.error}")
+                self._fail(f"{self.labels[one.case]}: linear covariance: {one.error}", lost=True)
             if len(found) == len(self.cases) and on_answers is not None:
                 on_answers([found[case.id] for case in self.cases], self.cases)
         return [found[case.id] for case in self.cases]
@@ -237,7 +234,7 @@ class _Run:
             self.watch.advance(1)
             if one.error:
                 lost.add(one.case)
-                self._lose(f"{self.labels[one.case]}: {what}: {one.error}")
+                self._fail(f"{self.labels[one.case]}: {what}: {one.error}", lost=True)
         return lost
 
     def _fly(self, able: Sequence[Case]) -> set[str]:
@@ -258,11 +255,10 @@ class _Run:
             if one.error:
                 lost.append(one)
                 last = one.first_run + one.n_run - 1
-                self._lose(f"{self.labels[one.case]}, runs {one.first_run} to {last}: {one.error}")
+                self._fail(f"{self.labels[one.case]}, runs {one.first_run} to {last}: {one.error}", lost=True)
             for number, why in one.failures:
-                self._failed(
-                    f"{self.labels[one.case]}, run {number} {why}; lvnav-trade replay {self.folder} {one.case} {number}"
-                )
+                again = f"lvnav-trade replay {self.folder} {one.case} {number}"
+                self._fail(f"{self.labels[one.case]}, run {number} {why}; {again}")
         return {one.case for one in lost if self.stopping.wants(one.case, one.first_run)}
 
     def _look(self, one: Done) -> None:
@@ -278,12 +274,10 @@ class _Run:
             else:
                 self.watch.advance(unit.n_run)
 
-    def _lose(self, line: str) -> None:
-        """Note a unit of work that was lost: unlike a failed run it leaves no row in the tables."""
-        self.lost.append(line)
-        self._failed(line)
-
-    def _failed(self, line: str) -> None:
+    def _fail(self, line: str, lost: bool = False) -> None:
+        """Note a failed run, or a unit of work that was lost: that leaves no row in the tables."""
+        if lost:
+            self.lost.append(line)
         self.failures.append(line)
         self.watch.note(line)
         if self.fail_fast:
