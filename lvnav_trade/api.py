@@ -335,7 +335,7 @@ def write_kml(
     """
     import pandas as pd
 
-    from lvnav_trade.campaign.reading.preview import preview, read_card
+    from lvnav_trade.campaign.reading.flights import preview, read_card
     from lvnav_trade.report import kml
 
     if not every > 0.0 or not magnify > 0.0:

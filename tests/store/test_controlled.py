@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lvnav_trade.steering.nozzle import Controlled
-from lvnav_trade.store.runs import controlled_columns
+from lvnav_trade.store.tables import controlled_columns
 
 
 def found() -> Controlled:

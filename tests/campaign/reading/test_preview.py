@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.campaign.reading.preview import preview, read_card
+from lvnav_trade.campaign.reading.flights import preview, read_card
 from lvnav_trade.errors import InputError
 
 
