@@ -95,7 +95,7 @@ def _place(campaign: Campaign, folder: str | Path | None) -> Path:
 def _events(campaign: Campaign) -> dict[str, dict[str, float]]:
     """Return the event times of each case digest; InputError where the campaign does not fit them."""
     _check_sections(campaign)
-    return execute.check_flight(campaign, cases(campaign), work.engine(), jobs=1)
+    return execute.check_flight(campaign, cases(campaign), work.ENGINE, jobs=1)
 
 
 def run(

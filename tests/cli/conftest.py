@@ -19,7 +19,7 @@ def events(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, float]:
     def none(*_: object) -> None:
         raise AssertionError("nothing should be computed")
 
-    monkeypatch.setattr(work, "engine", lambda: Engine(lambda scenario: times, *[none] * 9))
+    monkeypatch.setattr(work, "ENGINE", Engine(lambda scenario: times, *[none] * 9))
     return times
 
 

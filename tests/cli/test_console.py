@@ -11,7 +11,6 @@ import pytest
 
 from lvnav_trade import api
 from lvnav_trade.campaign.running import work
-from lvnav_trade.campaign.running.work import Engine
 from tests.cli.calling import call
 
 SMOKE = "campaigns/smoke.yaml"
@@ -71,10 +70,10 @@ def test_bad_usage_is_exit_code_two(arguments: list[str]) -> None:
 def test_an_internal_error_is_one_line_and_exit_code_five(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
 
-    def broken() -> Engine:
+    def broken(scenario: object) -> dict[str, float]:
         raise ZeroDivisionError("division by zero")
 
-    monkeypatch.setattr(work, "engine", broken)
+    monkeypatch.setattr(work, "ENGINE", work.ENGINE._replace(events=broken))
     result = call("check", SMOKE)
     assert result.exit_code == 5
     assert result.stderr == (
@@ -118,10 +117,10 @@ def test_output_to_a_full_disk_is_one_line_and_exit_code_four(more: tuple[str, .
 def test_ctrl_c_is_exit_code_130(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.chdir(tmp_path)
 
-    def interrupted() -> Engine:
+    def interrupted(scenario: object) -> dict[str, float]:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(work, "engine", interrupted)
+    monkeypatch.setattr(work, "ENGINE", work.ENGINE._replace(events=interrupted))
     result = call("check", SMOKE)
     assert (result.exit_code, result.stderr) == (130, "interrupted; the same command resumes\n")
 

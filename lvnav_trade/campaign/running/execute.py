@@ -117,7 +117,7 @@ def run(
     """
     watch, jobs = progress or Progress(), (os.cpu_count() or 1) if jobs < 1 else jobs
     try:
-        work_to_do = _Run(campaign, folder, jobs, fail_fast, watch, engine or work.engine())
+        work_to_do = _Run(campaign, folder, jobs, fail_fast, watch, engine or work.ENGINE)
         keep.check_folder(folder)  # before a lock is left in a folder that is not the tool's
         with locked(folder):  # a campaign that is refused leaves no folder
             return work_to_do.all(keep, mode, on_answers)

@@ -22,10 +22,19 @@ from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.running import stopping
 from lvnav_trade.campaign.running.plan import Block
+from lvnav_trade.engines.analysis import explain as explained
+from lvnav_trade.engines.lincov import history as lincov
+from lvnav_trade.engines.setup import starts
+from lvnav_trade.engines.setup.prepare import prepare, trajectory_of
+from lvnav_trade.engines.setup.recorded import table_of
+from lvnav_trade.engines.simulate import montecarlo, statistics
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.records import Asked, CovHistory, Output
 from lvnav_trade.scenario import Scenario
+from lvnav_trade.steering import nozzle
 from lvnav_trade.store import scratch
+from lvnav_trade.world.sky.satellites import satellites
+from lvnav_trade.world.user_file.error_table import refuse_short
 
 WHY = {1: "is not finite", 2: "diverged"}
 
@@ -53,28 +62,8 @@ class Engine(NamedTuple):
     control: Callable[[Scenario, int, int], Any]
 
 
-def engine() -> Engine:
-    """Return the real engines; imported here because compiled code takes a second to load."""
-    from lvnav_trade.engines.analysis import explain
-    from lvnav_trade.engines.lincov.history import covariance
-    from lvnav_trade.engines.setup import starts
-    from lvnav_trade.engines.setup.prepare import prepare
-    from lvnav_trade.engines.simulate import montecarlo, statistics
-    from lvnav_trade.steering import nozzle
-
-    return Engine(
-        _events, prepare, montecarlo.run_block, covariance, statistics.summarise,
-        montecarlo.compile_kernels, explain.explain, stopping.beyond, starts.start_draws, nozzle.controlled,
-    )  # fmt: skip
-
-
 def _events(scenario: Scenario) -> dict[str, float]:
     """Return the event times of a flight; InputError where it, the satellites or a recording cannot be."""
-    from lvnav_trade.engines.setup.prepare import trajectory_of
-    from lvnav_trade.engines.setup.recorded import table_of
-    from lvnav_trade.world.sky.satellites import satellites
-    from lvnav_trade.world.user_file.error_table import refuse_short
-
     with _about("base.trajectory"):
         flight = trajectory_of(scenario)
     with _about("base.constellation"):
@@ -93,6 +82,12 @@ def _about(path: str) -> Iterator[None]:
         yield
     except InputError as error:
         raise InputError(records=[record._replace(path=record.path or path) for record in error.records]) from None
+
+
+ENGINE = Engine(
+    _events, prepare, montecarlo.run_block, lincov.covariance, statistics.summarise, montecarlo.compile_kernels,
+    explained.explain, stopping.beyond, starts.start_draws, nozzle.controlled,
+)  # fmt: skip
 
 
 class Job(NamedTuple):
@@ -192,7 +187,7 @@ def explain(job: Job, case: Case) -> Done:
     """Leave on the scratch disk what is behind a case's linear covariance."""
     try:
         file, identity = _explained_file(job, case)
-        if not scratch.is_sound(file, _explanation(), identity):
+        if not scratch.is_sound(file, explained.Explanation, identity):
             covariance, prepared = _covariance(job, case), _prepared(job, case)
             scratch.write(file, job.engine.explain(case.scenario, prepared, covariance, job.asked), identity)
         return Done(case.id, 0, 0)
@@ -206,7 +201,7 @@ def fly(job: Job, block: Block) -> Done:
     try:
         prepared, covariance = _prepared(job, block.case), _covariance(job, block.case)
         runs = job.engine.run_block(prepared, job.seed, block.first_run, block.n_run)
-        summary = job.engine.summarise(runs, _flown_events(prepared), covariance.true_sigma, prepared.outputs)
+        summary = job.engine.summarise(runs, explained.flown_events(prepared), covariance.true_sigma, prepared.outputs)
         job.results.write_part(block.case.id, summary)
         beyond: stopping.Counts = ()
         if job.requirements:
@@ -233,19 +228,13 @@ def close(job: Job, case: Case, runs: int) -> Done:
             covariance = covariance._replace(sources=(), budget=covariance.budget[:, :0])
         parts = job.results.parts(case.id, runs) if runs else None
         file, identity = _explained_file(job, case)
-        explained = scratch.read(file, _explanation(), identity) if file.exists() else None
-        starts = job.engine.starts(prepared, job.seed, runs) if runs else None
+        behind = scratch.read(file, explained.Explanation, identity) if file.exists() else None
+        draws = job.engine.starts(prepared, job.seed, runs) if runs else None
         control = job.engine.control(case.scenario, job.seed, runs) if runs else None
-        job.results.write_case(case, prepared, covariance, parts, explained, starts, control)
+        job.results.write_case(case, prepared, covariance, parts, behind, draws, control)
         return Done(case.id, 0, runs)
     except Exception as error:
         return Done(case.id, 0, runs, error=_message(error))
-
-
-def _flown_events(prepared: Any) -> dict[str, float]:
-    """Return the events within the flight: those that the history holds."""
-    first, last = prepared.reference.t[0], prepared.reference.t[-1]
-    return {name: t for name, t in prepared.trajectory.events.items() if first <= t <= last}
 
 
 _kept: dict[tuple[Any, str, float], Any] = {}
@@ -277,13 +266,6 @@ def _identity(job: Job, case: Case, question: str = "") -> str:
     return f"{job.results.identity_of_case(case.id)} history={job.history!r} {question}"
 
 
-def _explanation() -> type:
-    """Return the type of an explanation; imported here because compiled code takes a second to load."""
-    from lvnav_trade.engines.analysis.explain import Explanation
-
-    return Explanation
-
-
 def _covariance(job: Job, case: Case) -> CovHistory:
     return _covariance_in(_scratch_file(job, case), _identity(job, case))
 
@@ -294,7 +276,7 @@ def _covariance_in(file: Path, identity: str) -> CovHistory:
 
 
 def _answer(case: Case, prepared: Any, covariance: CovHistory) -> Answer:
-    events = _flown_events(prepared)
+    events = explained.flown_events(prepared)
     event = "injection" if "injection" in events else max(events, key=lambda name: events[name], default="end")
     at = int(np.argmin(np.abs(covariance.t - events.get(event, covariance.t[-1]))))
     rows = []

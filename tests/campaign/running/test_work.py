@@ -141,7 +141,7 @@ def test_an_almanac_that_cannot_be_read_is_found_before_anything_is_flown(study)
     study.write("broken.alm", "******** Week 1 almanac for PRN-01 ********\nID: one\n")
     case = cases(load(study.path, ["constellation.almanac=broken.alm", "trajectory.vehicle.payload=100 kg"]))[0]
     with pytest.raises(InputError) as caught:
-        work.engine().events(case.scenario)
+        work.ENGINE.events(case.scenario)
     assert caught.value.records[0].path == "base.constellation"
     assert "broken.alm" in str(caught.value)
 
@@ -149,7 +149,7 @@ def test_an_almanac_that_cannot_be_read_is_found_before_anything_is_flown(study)
 def test_an_orbit_out_of_reach_is_reported_with_the_field_that_asks_for_it(study) -> None:
     case = cases(load(study.path, ["trajectory.vehicle.payload=60 t"]))[0]
     with pytest.raises(InputError) as caught:
-        work.engine().events(case.scenario)
+        work.ENGINE.events(case.scenario)
     (record,) = caught.value.records
     assert record.path == "base.trajectory"
     assert "\n" not in record.message
@@ -185,7 +185,7 @@ def test_a_campaign_asks_for_the_events_of_its_requirements(study) -> None:
 def test_a_worker_that_computes_and_stores_holds_neither_pandas_nor_figures_nor_statistics_in_memory(tmp_path) -> None:
     code = (
         "import sys\nfrom pathlib import Path\nfrom lvnav_trade.campaign.running import execute, work\n"
-        "from tests import synthetic\nwork.engine()\nsynthetic.results(Path(sys.argv[1]), n_run=20)\n"
+        "from tests import synthetic\nsynthetic.results(Path(sys.argv[1]), n_run=20)\n"
         "heavy = ('pandas', 'pyarrow.dataset', 'matplotlib', 'scipy.stats', 'scipy.signal')\n"
         "print([name for name in heavy if name in sys.modules])"
     )
