@@ -1,7 +1,5 @@
 """The console: the application, options that verbs share, and how every verb answers, fails and leaves."""
 
-from __future__ import annotations
-
 import inspect
 import json
 import os
@@ -13,14 +11,12 @@ from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, NoReturn
+from typing import Annotated, Any, NamedTuple, NoReturn
 
 import typer
 
 from lvnav_trade.cli.streams import complaint, guard
-
-if TYPE_CHECKING:
-    from lvnav_trade.errors import Mistake
+from lvnav_trade.errors import InputError, Mistake, is_full_disk, system_message
 
 JSON_VERSION = 1
 FAILED, INTERNAL = 4, 5
@@ -89,7 +85,8 @@ def verb(with_json: bool = True) -> Callable[[Callable[..., Answer]], Callable[.
         @wraps(function)
         def command(*, debug: bool, as_json: bool = False, **given: Any) -> None:
             with errors(as_json, debug):
-                _check_jobs(given.get("jobs", -1))
+                if (jobs := given.get("jobs", -1)) == 0 or jobs < -1:
+                    raise InputError(f"--jobs {jobs}: give a number of worker processes, or -1 for all cores")
                 answer = function(**given, as_json=as_json) if prints else function(**given)
                 if as_json:
                     _print_json(name, answer.code, **answer.content)
@@ -104,18 +101,9 @@ def verb(with_json: bool = True) -> Callable[[Callable[..., Answer]], Callable[.
     return add
 
 
-def _check_jobs(jobs: int) -> None:
-    from lvnav_trade.errors import InputError
-
-    if jobs == 0 or jobs < -1:
-        raise InputError(f"--jobs {jobs}: give a number of worker processes, or -1 for all cores")
-
-
 @contextmanager
 def errors(as_json: bool, debug: bool) -> Iterator[None]:
     """Turn every way to fail into one line and an exit code."""
-    from lvnav_trade.errors import InputError, is_full_disk, system_message
-
     if debug:
         os.environ["LVNAV_TRADE_DEBUG"] = "1"
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # a batch system that ends the job, as Ctrl-C

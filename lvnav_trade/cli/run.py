@@ -11,6 +11,7 @@ import typer
 
 from lvnav_trade.campaign.text import table
 from lvnav_trade.cli.console import Answer, CampaignFile, Jobs, Json, Out, Sets, verb
+from lvnav_trade.errors import InputError
 
 if TYPE_CHECKING:
     from lvnav_trade.campaign.definition.schema import Campaign
@@ -138,7 +139,6 @@ def replay(
 def _campaign_of(source: str, sets: Sequence[str]) -> tuple[Campaign, Path]:
     """Return the campaign of a file or of a folder of results, and the folder of its results."""
     from lvnav_trade.campaign.reading.load import load
-    from lvnav_trade.errors import InputError
 
     folder = Path(source)
     if not folder.is_dir():
