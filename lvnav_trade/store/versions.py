@@ -65,13 +65,12 @@ def _canonical(value: Any) -> str:
 
 def environment() -> dict[str, str]:
     """Return versions and machine, for the manifest."""
-    versions = {name: importlib.metadata.version(name) for name in ("numpy", "numba", "scipy", "pyarrow")}
     return {
         "tool": tool_version(),
         "code_digest": code_digest(),
         "commit": _commit(),
         "python": platform.python_version(),
-        **versions,
+        **{name: importlib.metadata.version(name) for name in ("numpy", "numba", "scipy", "pyarrow")},
         "system": platform.platform(),
         "cpu": _cpu(),
     }

@@ -225,6 +225,4 @@ def _changed(member: Node, over: Node) -> Node:
     for key, other in (("at", "during"), ("during", "at")):
         if key in over.value and other in member.value and other not in over.value:
             member = tree.without(member, other)
-    for key, child in over.value.items():
-        member = tree.with_child(member, key, child, over.keys[key])
-    return member
+    return Node(member.value | over.value, member.place, member.keys | over.keys)

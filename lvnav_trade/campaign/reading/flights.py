@@ -15,7 +15,6 @@ from lvnav_trade.campaign.reading.expand import expanded
 from lvnav_trade.campaign.reading.explain import explain
 from lvnav_trade.campaign.syntax import fields, tree
 from lvnav_trade.campaign.syntax.cards import Shelf, nowhere
-from lvnav_trade.campaign.syntax.tree import Node, plain
 from lvnav_trade.engines.setup.sensors import window
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.layout import EXTRAS
@@ -224,9 +223,9 @@ def read_card(name: str, folder: Path) -> TrajectoryCard:
     Cards of the user's own are looked for beside and above `folder`. InputError where there is none, or it is wrong.
     """
     kind: Any = Scenario.model_fields["trajectory"].annotation
-    node = expanded(Node(name, nowhere(name)), kind, Shelf.of(folder), "trajectory")
+    node = expanded(tree.Node(name, nowhere(name)), kind, Shelf.of(folder), "trajectory")
     try:
-        return TypeAdapter(kind).validate_python(plain(node))
+        return TypeAdapter(kind).validate_python(tree.plain(node))
     except ValidationError as error:
         raise InputError(records=explain(error, node, fields.member(kind, node), "trajectory")) from None
 

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.store.parts import paths, span
 
 # Measured on one core of a small virtual machine: 100 runs of 630 s with 200 Hz, 17 states and 10 covariance steps a
 # second take 2.0 s, their linear covariance 0.4 s after 0.5 s of preparation; a block of 40 is 1.4 MB on disk, the
@@ -58,7 +59,8 @@ def estimate(campaign: Campaign, folder: Path, duration: Mapping[str, float]) ->
     were measured on; how they scale with rates and states is what the estimate is for.
     """
     found = cases(campaign)
-    left = blocks(campaign, found, {case.id: stored(folder, case.id) for case in found})
+    stored = {case.id: [span(path) for path in paths(folder / "parts" / case.id)] for case in found}
+    left = blocks(campaign, found, stored)
     runs = campaign.monte_carlo.runs if campaign.monte_carlo else 0
     to_do = {case.id: sum(unit.n_run for unit in left if unit.case.id == case.id) for case in found}
     rows = [{"id": c.id, "label": c.label, "runs": runs, "done": runs - to_do[c.id]} for c in found]
@@ -73,13 +75,6 @@ def estimate(campaign: Campaign, folder: Path, duration: Mapping[str, float]) ->
         default=0.0,
     )
     return Estimate(rows, len(left), seconds, disk / 1e6, memory / 1e6)
-
-
-def stored(folder: Path, case: str) -> list[tuple[int, int]]:
-    """Return (first run, runs) of the blocks that a folder of results holds of a case."""
-    from lvnav_trade.store.parts import paths, span
-
-    return [span(path) for path in paths(folder / "parts" / case)]
 
 
 def _states(case: Case) -> int:

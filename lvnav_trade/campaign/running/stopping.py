@@ -29,8 +29,7 @@ class Stopping:
         """Take in the runs of a block beyond each bound; a block that is not whole is not looked at."""
         if self.is_early and n_run == self.block and case not in self._runs:
             self._counts.setdefault(case, {})[first_run] = counts
-            decided = self._decided(case)
-            if decided is not None:
+            if (decided := self._decided(case)) is not None:
                 self._runs[case] = decided
 
     def wants(self, case: str, first_run: int) -> bool:

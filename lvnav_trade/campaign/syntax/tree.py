@@ -106,8 +106,7 @@ def hint(word: str, known: Iterable[str]) -> str:
         return ""
     spelled = {str(name).lower(): str(name) for name in known}
     near = difflib.get_close_matches(word.lower(), list(spelled), n=1, cutoff=0.6)
-    longer = [name for name in spelled if len(word) > 2 and name.startswith(f"{word.lower()}_")]
-    near = near or longer[:1]
+    near = near or [name for name in spelled if len(word) > 2 and name.startswith(f"{word.lower()}_")]
     return f" (did you mean {spelled[near[0]]!r}?)" if near else ""
 
 
@@ -304,8 +303,8 @@ def with_child(node: Node, key: str, child: Node, key_place: Place | None = None
 
 def without(node: Node, key: str) -> Node:
     """Return a copy of a mapping without `key`."""
-    rest = {name: child for name, child in node.value.items() if name != key}
-    return Node(rest, node.place, {name: where for name, where in node.keys.items() if name != key})
+    kept = [name for name in node.value if name != key]
+    return Node({name: node.value[name] for name in kept}, node.place, {name: node.keys[name] for name in kept})
 
 
 def put(node: Node, path: list[str], child: Node) -> Node:
