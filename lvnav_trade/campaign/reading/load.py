@@ -216,7 +216,6 @@ def _kind_at(base: tree.Node, path: list[str]) -> tuple[Any, tree.Node | None]:
 
 
 def _unknown(base: tree.Node, path: list[str]) -> str:
-    """Say which step of a path is unknown."""
     depth = next(depth for depth in range(len(path)) if _kind_at(base, path[: depth + 1])[0] is None)
     kind, node = _kind_at(base, path[:depth])
     return _no_field(".".join(path), kind, path[depth], tree.hint(path[depth], fields.names(kind, node)))

@@ -118,7 +118,13 @@ def load_study(folder: str | Path, runs: int | None = None) -> tuple[Study, tupl
         raise InputError(f"{folder}: no campaigns here")
     study = _read(place, tuple(found))
     loaded = [Question(part, load(found[part.campaign])) for part in study.campaigns]
-    _refuse_unknown(place / FILE, loaded)
+    refuse_all(
+        [
+            tree.mistake_at(tree.read_mapping(place / FILE), f"campaigns.{index}.{path}", message)
+            for index, (part, campaign) in enumerate(loaded)
+            for path, message in of_study(part, campaign)
+        ]
+    )
     return study, tuple(one._replace(campaign=_with_runs(one.campaign, runs)) for one in loaded)
 
 
@@ -144,16 +150,6 @@ def _read(place: Path, names: tuple[str, ...]) -> Study:
             message = f"no campaign {part.campaign!r} in this folder{tree.hint(part.campaign, names)}"
             raise InputError(records=[tree.mistake_at(root, f"campaigns.{index}.campaign", message)])
     return study.model_copy(update={"name": place.resolve().name, "campaigns": study.campaigns or every})
-
-
-def _refuse_unknown(file: Path, questions: list[Question]) -> None:
-    """Refuse cases and axes that the study names and its campaigns do not have."""
-    wrong = [
-        (f"campaigns.{index}.{path}", message)
-        for index, (part, campaign) in enumerate(questions)
-        for path, message in of_study(part, campaign)
-    ]
-    refuse_all([tree.mistake_at(tree.read_mapping(file), *one) for one in wrong])
 
 
 def _with_runs(campaign: Campaign, runs: int | None) -> Campaign:
