@@ -212,7 +212,7 @@ def study(
     """
     from lvnav_trade.campaign.derived import behind
     from lvnav_trade.campaign.reading.study import load_study
-    from lvnav_trade.metrics.published.references import references
+    from lvnav_trade.metrics.published import references
     from lvnav_trade.report.study import Answered, build
 
     owned(keep, "study")  # refused before anything is computed
@@ -284,7 +284,7 @@ def estimate_q(
     """
     from lvnav_trade.campaign.derived import process_noise
     from lvnav_trade.campaign.syntax.cards import write_card
-    from lvnav_trade.plots.study import steps
+    from lvnav_trade.plots.published import steps
     from lvnav_trade.plots.style import look
     from lvnav_trade.report.escape import csv_text
 

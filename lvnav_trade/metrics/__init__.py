@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from lvnav_trade.metrics.errors.agreement import agreement
-from lvnav_trade.metrics.errors.control_variates import controlled
+from lvnav_trade.metrics.errors.covariances import agreement
 from lvnav_trade.metrics.errors.diagnostics import (
     budget,
     contributions,
@@ -16,12 +15,11 @@ from lvnav_trade.metrics.errors.diagnostics import (
     observed,
     sensitivity,
 )
-from lvnav_trade.metrics.errors.rms import ranking, rms
-from lvnav_trade.metrics.filter.consistency import autocorrelation, consistency, nees, nis, whiteness
-from lvnav_trade.metrics.filter.logic import logic, modes, stops
+from lvnav_trade.metrics.errors.rms import controlled, ranking, rms
+from lvnav_trade.metrics.filter import autocorrelation, consistency, logic, modes, nees, nis, stops, whiteness
 from lvnav_trade.metrics.mission.impact import corridor_verdicts, impact
 from lvnav_trade.metrics.mission.orbit import correction, orbit
-from lvnav_trade.metrics.published.references import interpretations, references
+from lvnav_trade.metrics.published import interpretations, references
 from lvnav_trade.metrics.requirements.improvements import expected, improvements
 from lvnav_trade.metrics.requirements.requirements import verdicts
 from lvnav_trade.metrics.signals import in_view, losses, outages, recovery, tracking, transitions

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from lvnav_trade.metrics.basics.intervals import rms_interval
+from lvnav_trade.metrics.basics.probability import rms_interval
 from lvnav_trade.metrics.basics.select import flight_events, metric_name, pick, time_mean
 from lvnav_trade.records import Floats
 from lvnav_trade.store import Tables

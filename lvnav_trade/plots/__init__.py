@@ -4,14 +4,22 @@ from collections.abc import Callable
 from typing import Any
 
 from lvnav_trade.plots.budget import budget, heatmap
-from lvnav_trade.plots.consistency import consistency, logic
-from lvnav_trade.plots.delays import delays, latency
-from lvnav_trade.plots.errors import autocorrelations, comparison, envelope, errors, rank, relative
+from lvnav_trade.plots.errors import autocorrelations, comparison, consistency, envelope, errors, logic, rank, relative
 from lvnav_trade.plots.mission import impact, orbit
-from lvnav_trade.plots.motion import apart, ignition, interpretations, motion, singular, trajectory
-from lvnav_trade.plots.nozzle import envelopes, movement, sweep, worth
 from lvnav_trade.plots.published import locus, missions, spread
-from lvnav_trade.plots.sky import satellites, sky, timeline
+from lvnav_trade.plots.signals import delays, latency, satellites, sky, timeline
+from lvnav_trade.plots.vehicle import (
+    apart,
+    envelopes,
+    ignition,
+    interpretations,
+    motion,
+    movement,
+    singular,
+    sweep,
+    trajectory,
+    worth,
+)
 
 PLOTS: dict[str, Callable[..., Any]] = {
     "trajectory": trajectory,

@@ -10,8 +10,7 @@ from matplotlib.patches import Polygon
 from lvnav_trade.metrics.basics.select import final_event
 from lvnav_trade.metrics.mechanics import impulses, meanorbit, mission
 from lvnav_trade.metrics.mechanics.mission import Law, State
-from lvnav_trade.metrics.mission.corridor import corridor_of
-from lvnav_trade.metrics.mission.impact import ellipse
+from lvnav_trade.metrics.mission.impact import corridor_of, ellipse
 from lvnav_trade.metrics.mission.impact import impact as impact_points
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, message, over_time, scale_up
 from lvnav_trade.records import Floats

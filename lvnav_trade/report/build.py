@@ -9,11 +9,9 @@ from pathlib import Path
 from lvnav_trade.errors import InputError, writing
 from lvnav_trade.metrics import CSV, METRICS
 from lvnav_trade.report import diagnostics as explained
-from lvnav_trade.report import evidence, mission, reception
-from lvnav_trade.report import vehicle as steered
-from lvnav_trade.report.blocks import Block, Picture, Section, Text
+from lvnav_trade.report import evidence, flight, reception
+from lvnav_trade.report.blocks import Block, Blocks, Picture, Section, Text
 from lvnav_trade.report.escape import csv_text, render, source
-from lvnav_trade.report.sections import Blocks
 from lvnav_trade.report.summary import summary
 from lvnav_trade.store import Tables, load
 from lvnav_trade.store.contents import owned
@@ -36,12 +34,12 @@ SECTIONS: dict[str, tuple[str, Blocks]] = {
     "delays": ("Delays and latency", reception.delays),
     "outages": ("Outages", evidence.outages),
     "references": ("Published numbers", evidence.references),
-    "orbit": ("Orbit at injection", mission.orbit),
-    "impact": ("Point of impact", mission.impact),
+    "orbit": ("Orbit at injection", flight.orbit),
+    "impact": ("Point of impact", flight.impact),
     "budget": ("Error budget", explained.budget),
     "grades": ("What a better sensor is worth", explained.grades),
-    "motion": ("Rate and acceleration", steered.motion),
-    "control": ("The vehicle under control", steered.control),
+    "motion": ("Rate and acceleration", flight.motion),
+    "control": ("The vehicle under control", flight.control),
     "observability": ("Observability", explained.observability),
     "reproduce": ("How to reproduce", evidence.reproduce),
 }

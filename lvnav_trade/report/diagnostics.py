@@ -10,10 +10,21 @@ import pandas as pd
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.select import final_event, mean_at, metric_name
 from lvnav_trade.metrics.errors.covariances import gaussian
-from lvnav_trade.report.blocks import Block, Grades, Table, Text, number, words
+from lvnav_trade.report.blocks import (
+    Block,
+    Grades,
+    Table,
+    Text,
+    chosen_cases,
+    figure,
+    left_out,
+    number,
+    of,
+    stated,
+    words,
+)
 from lvnav_trade.report.escape import data_json, note
 from lvnav_trade.report.evidence import NAVIGATION, separate_events
-from lvnav_trade.report.sections import chosen_cases, figure, left_out, of, stated
 from lvnav_trade.store import Tables
 
 _LEAST_SHARE = 0.01

@@ -9,12 +9,26 @@ import pandas as pd
 
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.select import final_event, flight_events
-from lvnav_trade.metrics.errors.agreement import by_case
+from lvnav_trade.metrics.errors.covariances import by_case
 from lvnav_trade.metrics.requirements.improvements import ABOVE_ONLY
 from lvnav_trade.metrics.requirements.requirements import where
-from lvnav_trade.report.blocks import Block, Table, Text, number, percent, table, words
+from lvnav_trade.report.blocks import (
+    Block,
+    Table,
+    Text,
+    chosen_cases,
+    distinct,
+    figure,
+    figures,
+    left_out,
+    number,
+    of,
+    percent,
+    stated,
+    table,
+    words,
+)
 from lvnav_trade.report.escape import note
-from lvnav_trade.report.sections import chosen_cases, distinct, figure, figures, left_out, of, stated
 from lvnav_trade.store import Tables
 
 _FACT_UNITS = (

@@ -7,10 +7,9 @@ import pandas as pd
 
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.plots import PLOTS
-from lvnav_trade.plots.delays import LAYERS, layers_of
-from lvnav_trade.report.blocks import Block, Text, number, picture, table
+from lvnav_trade.plots.signals import LAYERS, layers_of
+from lvnav_trade.report.blocks import Block, Text, distinct, few, figures, named, number, of, picture, stated, table
 from lvnav_trade.report.escape import note
-from lvnav_trade.report.sections import distinct, few, figures, named, of, stated
 from lvnav_trade.store import Tables
 
 _FLOWN = 1e-6

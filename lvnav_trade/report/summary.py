@@ -7,12 +7,10 @@ import pandas as pd
 
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.select import mean_at, metric_name, split_metric
-from lvnav_trade.metrics.errors.agreement import by_case
-from lvnav_trade.metrics.errors.covariances import reach
+from lvnav_trade.metrics.errors.covariances import by_case, reach
 from lvnav_trade.metrics.requirements.improvements import asked
 from lvnav_trade.metrics.requirements.requirements import where
-from lvnav_trade.report.blocks import Block, Text, number, percent, table, words
-from lvnav_trade.report.sections import figure
+from lvnav_trade.report.blocks import Block, Text, figure, number, percent, table, words
 from lvnav_trade.store import Tables
 
 _FEW = 4

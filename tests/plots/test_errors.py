@@ -8,8 +8,10 @@ import pytest
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.errors import autocorrelations, errors, relative
+from lvnav_trade.store import load
 from tests import synthetic
 
+CASE = "aaaaaaaaaaaa"
 CASE = "aaaaaaaaaaaa"
 
 
@@ -85,3 +87,26 @@ def test_relative_errors_are_over_those_of_the_first_case(tables):
     np.testing.assert_allclose(over, coarse.rms_si.to_numpy() / fine.rms_si.to_numpy())
     own = lines["dots: filter's own sigma over its true error"].get_ydata()
     np.testing.assert_allclose(own, fine.lincov_formal_si / np.hypot(fine.lincov_true_si, fine.lincov_mean_si))
+
+
+def test_consistency_shows_the_tests(good):
+    axes = PLOTS["consistency"](good, CASE).axes
+    for panel, name, value in ((axes[0], "nees", "anees_ratio"), (axes[1], "nis", "anis_ratio")):
+        frame = METRICS[name](good)
+        np.testing.assert_array_equal(lines(panel)["Monte Carlo"].get_ydata(), frame[frame.case == "imu=fine"][value])
+
+
+@pytest.fixture(scope="module")
+def watched(tmp_path_factory):
+    return load(synthetic.results(tmp_path_factory.mktemp("watched"), n_run=8, size=8, logic=True))
+
+
+def test_the_legend_names_the_modes_that_occur(watched):
+    figure = PLOTS["logic"](watched, watched.cases.case[0])
+    named = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert {"waiting", "converging", "aiding", "predicting", "stopped"} <= named
+
+
+def test_without_a_logic_it_says_so(good):
+    figure = PLOTS["logic"](good, good.cases.case[0])
+    assert "no logic" in figure.axes[0].texts[0].get_text()

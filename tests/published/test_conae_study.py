@@ -9,7 +9,7 @@ import pytest
 from lvnav_trade import api
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.reading.study import load_study
-from lvnav_trade.metrics.published.references import references
+from lvnav_trade.metrics.published import references
 
 FOLDER = Path(__file__).resolve().parents[2] / "campaigns" / "conae"
 SMALL = (

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import io
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 from PIL import Image
 
+from lvnav_trade.metrics import METRICS
 from lvnav_trade.plots.style import PALETTE, canvas, legend_below, look
-from lvnav_trade.report.blocks import alike, number, percent, picture, table
+from lvnav_trade.report import blocks
+from lvnav_trade.report.blocks import Text, number, percent, picture, same_once, table
+
+LABELS = {f"{k:02d}": f"case {k}" for k in range(10)}
 
 
 @pytest.mark.parametrize(
@@ -58,9 +63,13 @@ def test_the_colours_of_large_areas_are_left_as_they_are():
 
 def test_cases_with_the_same_rows_stand_once_in_a_table():
     frame = pd.DataFrame({"case": ["a", "a", "b", "b", "c"], "fault": ["x", "y", "x", "y", "x"], "n": [1, 2, 1, 2, 3]})
-    assert list(alike(frame).itertuples(index=False, name=None)) == [("a; b", "x", 1), ("a; b", "y", 2), ("c", "x", 3)]
-    assert list(alike(frame[:4]).case) == ["all 2 cases", "all 2 cases"]
-    assert alike(frame[2:]).equals(frame[2:])
+    assert list(same_once(frame).itertuples(index=False, name=None)) == [
+        ("a; b", "x", 1),
+        ("a; b", "y", 2),
+        ("c", "x", 3),
+    ]
+    assert list(same_once(frame[:4]).case) == ["all 2 cases", "all 2 cases"]
+    assert same_once(frame[2:]).equals(frame[2:])
 
 
 def test_columns_are_shown_as_their_entries_say():
@@ -82,3 +91,34 @@ def test_columns_are_shown_as_their_entries_say():
         ("end", "–", "never", "1.00 to 3.00", "2"),
     )
     assert found.numeric == (False, False, False, False, True)
+
+
+@pytest.fixture
+def tables(monkeypatch):
+    """Return ten cases, the last of which is the best; every second one has the same sky."""
+    ranking = pd.DataFrame({"case": list(LABELS.values())[::-1]})
+    monkeypatch.setitem(METRICS, "ranking", lambda tables: ranking)
+    sky = pd.DataFrame({"case": list(LABELS), "cn0_db_hz": [40.0, 30.0] * 5})
+    return SimpleNamespace(labels=LABELS, satellites=sky)
+
+
+def test_of_many_cases_the_best_and_the_worst_are_shown_in_the_order_of_the_plan(tables):
+    assert list(blocks.chosen_cases(tables)) == ["00", "01", "04", "05", "06", "07", "08", "09"]
+    assert [block.text for block in blocks.left_out(tables)] == [
+        "Shown are the 6 best cases and the 2 worst; 2 more are in the tables."
+    ]
+
+
+def test_cases_that_are_alike_are_one(tables):
+    assert blocks.distinct(tables, "satellites", ["cn0_db_hz"], ["03", "02", "01"]) == ["03", "02"]
+
+
+def test_more_cases_than_are_drawn_are_counted():
+    assert blocks.few(list(LABELS)[:8]) == (list(LABELS)[:8], [])
+    assert blocks.few(list(LABELS))[1] == [Text("2 more cases that differ here are in the tables.")]
+
+
+@pytest.mark.parametrize(("nothing", "expected"), [("", []), ("No fault.", [Text("No fault.")])])
+def test_a_metric_without_rows_is_a_text_or_nothing(tables, monkeypatch, nothing, expected):
+    monkeypatch.setitem(METRICS, "outages", lambda tables: pd.DataFrame({"case": []}))
+    assert blocks.of("outages", nothing)(lambda tables, frame: [Text("rows")])(tables) == expected

@@ -50,7 +50,7 @@ class Stopping:
 
 
 def _decided(k: int, requirement: Requirement, blocks: Sequence[Counts], block: int) -> int | None:
-    from lvnav_trade.metrics.requirements.sequential import decide
+    from lvnav_trade.metrics.requirements.requirements import decide
 
     beyond = [counts[k] for counts in blocks]
     known = [count for count in beyond if count is not None]

@@ -1,9 +1,10 @@
 """Picking what a metric needs out of the tables: series, events, instants and phases, names of metrics, run errors."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import wraps
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import pandas as pd
@@ -19,6 +20,8 @@ NAVIGATION = ("attitude", "velocity", "position")
 SAME_TIME = 1e-6
 """Seconds: one instant."""
 _INSTANT = re.compile(r"\s*(?P<event>[A-Za-z_]\w*)\s*(?:(?P<sign>[+-])\s*(?P<offset>\S.*))?$")
+_Found = TypeVar("_Found")
+"""Frame or list."""
 
 
 class Phase(NamedTuple):
@@ -196,3 +199,17 @@ def rows_between(rows: pd.DataFrame, first: float, last: float, end: str = "t_s"
 def time_mean(t: np.ndarray, value: np.ndarray) -> float:
     """Return the mean over time by the trapezoidal rule: event times between the grid add no weight."""
     return float(np.trapezoid(value, t) / (t[-1] - t[0])) if t[-1] > t[0] else float(value[0])
+
+
+def once(metric: Callable[..., _Found]) -> Callable[..., _Found]:
+    """Return a function of tables, and of words, that keeps with the tables what it found; each caller gets a copy."""
+
+    @wraps(metric)
+    def kept(tables: Tables, *asked: str) -> _Found:
+        key = (metric.__module__, metric.__qualname__, *asked)
+        if key not in tables.cache:
+            tables.cache[key] = metric(tables, *asked)
+        found: Any = tables.cache[key]
+        return found.copy()
+
+    return kept

@@ -1,28 +1,46 @@
-"""Root mean square errors, by phase and at events, with their intervals, and the cases in order of their errors."""
+"""Root mean square errors, plain and by control variates, cases in order of them, part within the filter's sigmas."""
 
-from typing import Any
+import json
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 
-from lvnav_trade.metrics.basics.intervals import rms_interval
+from lvnav_trade.metrics.basics.probability import rms_interval, success_bounds
 from lvnav_trade.metrics.basics.select import (
     NAVIGATION,
     at_time,
+    errors_by_axis,
     final_event,
     flight_events,
+    history_of,
     lincov_rms,
     metric_name,
     phases,
+    pick,
     rows_between,
     series,
     time_mean,
 )
+from lvnav_trade.records import Floats
 from lvnav_trade.store import Tables
 
 COLUMNS = [
     "case", "phase_or_event", "metric", "axis", "unit", "rms", "low", "high", "formal_sigma", "lincov_true_sigma",
 ]  # fmt: skip
+SIGMAS = 3.0
+GAUSSIAN = 0.9973
+"""Part of a Gaussian that lies within three sigmas."""
+_TAIL = 0.025
+"""Of each side of the interval."""
+CONTROLLED = [
+    "case", "event", "metric", "unit", "runs", "rms", "low", "high", "controlled_rms", "controlled_low",
+    "controlled_high", "effective_runs", "lincov", "known_share_ratio",
+]  # fmt: skip
+FOLDS = 10
+"""Each tenth of the runs is controlled by what the others say of how errors follow from draws."""
+ALPHA = 0.05
 
 
 def rms(tables: Tables) -> pd.DataFrame:
@@ -79,3 +97,159 @@ def ranking(tables: Tables) -> pd.DataFrame:
     frame = pd.DataFrame(list(found.values()))
     by = next((name for name in ("velocity", "position", "attitude") if name in frame), None)
     return frame.sort_values(by, kind="stable", ignore_index=True) if by else frame.replace({None: np.nan})
+
+
+def coverage(tables: Tables, during: tuple[str, str] | None = None) -> pd.DataFrame:
+    """Return the part of runs within three sigmas, axis by axis, of attitude, velocity and position at the events.
+
+    Columns: case, event, t_s, quantity, run_count, inside_ratio (of runs, axes), all_inside_ratio (runs with all axes
+    within), low_ratio, high_ratio (its 95 % interval, Clopper and Pearson), honest (whether the interval reaches what
+    three independent Gaussian axes have, 0.9919). during: first and last event. Sigma is the filter's own, root mean
+    square over the runs.
+    """
+    rows: list[dict[str, Any]] = []
+    for case, label in tables.labels.items():
+        names = list(flight_events(tables, case).event)
+        if during is not None and all(name in names for name in during):
+            names = names[names.index(during[0]) : names.index(during[1]) + 1]
+        for event in names:
+            start = {"case": label, "event": event}
+            rows += [start | _inside(tables, case, event, quantity) for quantity in NAVIGATION]
+    return pd.DataFrame([row for row in rows if "quantity" in row])
+
+
+def _inside(tables: Tables, case: str, event: str, quantity: str) -> dict[str, Any]:
+    runs = errors_by_axis(tables, case, event, quantity)
+    axes = [row.axis for row in pick(tables.outputs, case=case, quantity=quantity).itertuples() if row.axis != "3d"]
+    if runs.empty or not axes:
+        return {}
+    t = float(pick(tables.runs, case=case, event=event).t_s.iloc[0])
+    sigma = [at_time(history_of(tables, case, quantity, axis), t).filter_sigma_si for axis in axes]
+    small = runs.drop(columns="failure").abs() <= SIGMAS * np.array(sigma)
+    within = small.to_numpy() & (runs.failure == "").to_numpy()[:, None]
+    whole, n = within.all(axis=1), len(within)
+    low, high = success_bounds(n, int(n - whole.sum()), 1.0 - _TAIL)
+    found = {"t_s": t, "quantity": quantity, "run_count": n, "inside_ratio": float(within.mean())}
+    found |= {"all_inside_ratio": float(whole.mean()), "low_ratio": low, "high_ratio": high}
+    return found | {"honest": bool(high >= GAUSSIAN**3)}
+
+
+def paired_levels(tables: Tables, axis: str) -> pd.DataFrame:
+    """Return the paired differences of cases that differ in one axis alone: its first level and each other one.
+
+    Columns: case (the other levels), levels, event, quantity, unit, first_rms, second_rms, difference_rms (root mean
+    square over the runs of the norm of the difference of their errors), difference_ratio (of the smaller of the two).
+    """
+    groups: dict[str, list[tuple[str, str]]] = {}
+    for row in tables.cases.itertuples():
+        levels = json.loads(str(row.axes))
+        own = levels.pop(axis, None)
+        if own is not None:
+            rest = ", ".join(f"{name}={level}" for name, level in levels.items()) or "base"
+            groups.setdefault(rest, []).append((str(own), str(row.case)))
+    rows: list[dict[str, Any]] = []
+    for rest, ((first, case), *others) in groups.items():
+        for level, other in others:
+            start = {"case": rest, "levels": f"{first} and {level}"}
+            for event in flight_events(tables, case).event:
+                found = (_paired(tables, (case, other), str(event), quantity) for quantity in NAVIGATION)
+                rows += [start | {"event": event} | sizes for sizes in found if sizes]
+    return pd.DataFrame(rows)
+
+
+def _paired(tables: Tables, pair: tuple[str, str], event: str, quantity: str) -> dict[str, Any]:
+    """Return the root mean squares of two cases and of their difference at an event; empty where one is not stored."""
+    both = [errors_by_axis(tables, case, event, quantity).sort_index().drop(columns="failure") for case in pair]
+    if any(errors.empty for errors in both):
+        return {}
+    n = min(map(len, both))
+    first, second = (errors.to_numpy(dtype=float)[:n] for errors in both)
+    unit, factor = tables.people[quantity, "3d"]
+    sizes = [factor * float(np.sqrt(np.mean(np.sum(e**2, axis=1)))) for e in (first, second, second - first)]
+    names = ("first_rms", "second_rms", "difference_rms")
+    ratio = {"difference_ratio": sizes[2] / min(sizes[:2])}
+    return {"quantity": quantity, "unit": unit, **dict(zip(names, sizes, strict=True)), **ratio}
+
+
+class Controlled(NamedTuple):
+    """Root mean square with its interval; effective_runs: plain runs that would tell it as well; known: part of the
+    mean square that the draws explain.
+    """
+
+    rms: float
+    low: float
+    high: float
+    effective_runs: float
+    known: float
+
+
+def controlled_rms(error: Floats, draws: Floats, alpha: float = ALPHA) -> Controlled:
+    """Return the root mean square of errors (n_run, k), its variance reduced by standard normals (n_run, m) drawn once.
+
+    An error follows the draws about linearly, and the mean square of a linear form b . u of standard normals is |b|^2
+    exactly, as linear covariance has it. So (b . u)^2 - |b|^2 has no mean whatever b is, and taking it off each run's
+    squared error changes no expectation. b is fitted on the other folds only, so that it does not know the draws it is
+    multiplied with: the mean square is unbiased however wrong linear theory is; only its variance depends on how right
+    it is.
+    """
+    n = len(error)
+    square = (error**2).sum(axis=1)
+    fold = np.arange(n) % FOLDS
+    control, known = np.zeros(n), 0.0
+    for k in range(FOLDS):
+        own = fold == k
+        slope = _slope(error[~own], draws[~own])
+        exact = float((slope**2).sum())
+        control[own] = ((draws[own] @ slope) ** 2).sum(axis=1) - exact
+        known += exact * own.sum() / n
+    rest = square - control
+    mean = float(rest.mean())
+    if n < 2 or not mean > 0.0:
+        return Controlled(*[float("nan")] * 5)
+    spread = float(rest.std(ddof=1)) / (mean * np.sqrt(n))  # of ln(mean square)
+    reach = float(stats.t.isf(alpha / 2.0, n - 1)) * spread
+    worth = n * float(square.var()) / float(rest.var()) if rest.var() > 0.0 else float("inf")
+    low, high = (float(np.sqrt(mean * np.exp(sign * reach))) for sign in (-1.0, 1.0))
+    return Controlled(float(np.sqrt(mean)), low, high, worth, known / mean)
+
+
+def _slope(error: Floats, draws: Floats) -> Floats:
+    """Return how the error (n, k) follows the draws (n, m): least squares (m, k), drawn to zero where runs are few."""
+    centred = error - error.mean(axis=0)
+    gram = draws.T @ draws + draws.shape[1] * np.eye(draws.shape[1])
+    return np.asarray(np.linalg.solve(gram, draws.T @ centred))
+
+
+def controlled(tables: Tables) -> pd.DataFrame:
+    """Return the 3-D navigation errors at injection (or the last event), plain and controlled, in people's units.
+
+    rms, low, high: as everywhere, 95 % by chi-square. controlled_*: with control variates, 95 %. effective_runs: how
+    many plain runs the controlled ones are worth. lincov: what linear covariance expects. known_share_ratio: part of
+    the mean square that follows linearly from turn-on and initial errors.
+    """
+    rows = []
+    for case, label in tables.labels.items():
+        event = final_event(tables, case)
+        starts = pick(tables.starts, case=case)
+        draws = starts.pivot(index="run_number", columns=["source", "axis"], values="draw_ratio")
+        for quantity in NAVIGATION:
+            errors = errors_by_axis(tables, case, event, quantity)
+            good = pick(errors, failure="").drop(columns="failure").dropna()
+            both = draws.index.intersection(good.index)
+            if good.shape[1] == 3 and len(both) >= 2 * FOLDS:
+                values = _row(tables, case, event, quantity, good.loc[both].to_numpy(), draws.loc[both].to_numpy())
+                rows.append((label, event, f"{quantity}_error_3d", *values))
+    return pd.DataFrame(rows, columns=CONTROLLED)
+
+
+def _row(tables: Tables, case: str, event: str, quantity: str, error: Floats, draws: Floats) -> tuple[Any, ...]:
+    """Return the values of `CONTROLLED` from the unit on."""
+    unit, factor = tables.people[quantity, "3d"]
+    history = history_of(tables, case, quantity, "3d")
+    t = float(flight_events(tables, case).set_index("event").t_s[event])
+    at = at_time(history.assign(expected=lincov_rms(history)), t)
+    rms = float(np.sqrt((error**2).sum(axis=1).mean()))
+    plain = (rms, *map(float, rms_interval(rms, len(error) * at.dof_ratio)))
+    found = controlled_rms(error, draws)
+    sizes = [value * factor for value in (*plain, *found[:3])]
+    return unit, len(error), *sizes, found.effective_runs, float(at.expected) * factor, found.known

@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.metrics.basics.once import once
-from lvnav_trade.metrics.basics.select import final_event, flight_events
+from lvnav_trade.metrics.basics.select import final_event, flight_events, once
 from lvnav_trade.metrics.mechanics import impulses, meanorbit, mission
 from lvnav_trade.metrics.mechanics.mission import State
 from lvnav_trade.records import Floats

@@ -9,7 +9,7 @@ import pandas as pd
 from scipy import optimize, special
 
 from lvnav_trade.layout import MISSION
-from lvnav_trade.metrics.basics.gaussian import norm_probability, norm_quantile
+from lvnav_trade.metrics.basics.probability import norm_probability, norm_quantile
 from lvnav_trade.metrics.basics.select import flight_events, history_of, number_in, pick, rows_between, split_metric
 from lvnav_trade.metrics.errors.covariances import Gaussian, gaussian, reach
 from lvnav_trade.metrics.mechanics.mission import expected_at, people
@@ -99,7 +99,7 @@ def expected(tables: Tables) -> pd.DataFrame:
     """Return linear covariance's verdict on every requirement in every case, beside which the runs' one stands.
 
     expected_probability: that the error, Gaussian with LinCov's mean and covariance, stays below the bound (exact, see
-    `gaussian.norm_probability`). verdict: "met" or "violated" by it, "not applicable" with the reason where a gate
+    `norm_probability`). verdict: "met" or "violated" by it, "not applicable" with the reason where a gate
     rejects too many good rows. estimate: the error that the asked fraction stays below. Of the worst error in a phase
     the probability is no more than that of its worst moment, which is what stands there: it can show a violation only.
     """

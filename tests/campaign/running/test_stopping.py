@@ -16,8 +16,7 @@ from lvnav_trade.campaign.running import execute
 from lvnav_trade.campaign.running.stopping import Stopping, beyond
 from lvnav_trade.engines.simulate.statistics import summarise
 from lvnav_trade.errors import InputError
-from lvnav_trade.metrics.requirements.requirements import errors_of
-from lvnav_trade.metrics.requirements.sequential import decide
+from lvnav_trade.metrics.requirements.requirements import decide, errors_of
 from lvnav_trade.store import load as read
 from tests import synthetic
 

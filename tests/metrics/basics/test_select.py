@@ -3,9 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from lvnav_trade.metrics.basics.select import errors_at, final_event, instant, phase, phases, split_metric, time_mean
+from lvnav_trade.metrics.basics.select import (
+    errors_at,
+    final_event,
+    instant,
+    once,
+    phase,
+    phases,
+    split_metric,
+    time_mean,
+)
+from lvnav_trade.store import load
 
 
 @pytest.mark.parametrize(
@@ -71,3 +82,32 @@ def test_the_mean_over_time_gives_uneven_steps_their_weight():
     assert time_mean(np.array([0.0, 1.0, 10.0]), np.array([2.0, 2.0, 2.0])) == 2.0
     assert time_mean(np.array([0.0, 1.0, 3.0]), np.array([0.0, 0.0, 3.0])) == pytest.approx(1.0)
     assert time_mean(np.array([4.0]), np.array([7.0])) == 7.0
+
+
+def counted():
+    calls = []
+
+    @once
+    def metric(results, case="all"):
+        calls.append(case)
+        return pd.DataFrame({"case": [case]})
+
+    return metric, calls
+
+
+def test_tables_are_asked_once_for_each_question_and_tables_read_again_anew(good):
+    metric, calls = counted()
+    tables = load(good.folder)
+    for case in ("all", "a", "a", "all"):
+        assert metric(tables, case).case.tolist() == [case]
+    assert calls == ["all", "a"]
+    metric(load(good.folder), "a")
+    assert calls == ["all", "a", "a"]
+
+
+def test_a_caller_that_changes_its_frame_changes_nobody_elses(good):
+    metric, _ = counted()
+    tables = load(good.folder)
+    frame = metric(tables)
+    frame["case"] = "other"
+    assert metric(tables).case.tolist() == ["all"]

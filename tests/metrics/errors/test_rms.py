@@ -6,8 +6,16 @@ import numpy as np
 import pytest
 
 from lvnav_trade.metrics import METRICS
+from lvnav_trade.metrics.basics.probability import success_bounds
+from lvnav_trade.metrics.errors.rms import GAUSSIAN, SIGMAS, controlled, controlled_rms, coverage, paired_levels
+from lvnav_trade.store import load
+from lvnav_trade.store.schema import error_column
 from tests import synthetic
 from tests.synthetic import covariance
+
+N_RUN = 200
+M, N = 12, 120
+TRUTH = np.random.default_rng(0).standard_normal((M, 3)) * np.linspace(2.0, 0.1, M)[:, None]
 
 
 def test_rms_has_the_columns_that_users_rely_on(good):
@@ -55,3 +63,131 @@ def test_the_better_case_ranks_first(good):
     found = METRICS["ranking"](good)
     assert list(found.case) == ["imu=fine", "imu=coarse"]
     assert (found.velocity_low < found.velocity).all()
+
+
+@pytest.fixture(scope="module")
+def tables(tmp_path_factory):
+    return load(synthetic.results(tmp_path_factory.mktemp("coverage"), n_run=N_RUN))
+
+
+def test_every_case_event_and_quantity_has_a_row_and_the_counts_are_those_of_the_runs(tables):
+    frame = coverage(tables)
+    assert set(frame.case) == set(tables.labels.values())
+    assert set(frame.quantity) == {"attitude", "velocity", "position"}
+    row = frame.iloc[-1]
+    case = next(key for key, label in tables.labels.items() if label == row.case)
+    runs = tables.runs[(tables.runs.case == case) & (tables.runs.event == row.event)]
+    mine = tables.history[(tables.history.case == case) & (tables.history.quantity == row.quantity)]
+    inside = []
+    for axis in [name for name in dict.fromkeys(mine.axis) if name != "3d"]:
+        series = mine[mine.axis == axis]
+        sigma = series.filter_sigma_si.iloc[np.argmin(np.abs(series.t_s.to_numpy() - runs.t_s.iloc[0]))]
+        error = runs[error_column(row.quantity, axis, series.unit.iloc[0])].to_numpy()
+        inside.append((np.abs(error) <= SIGMAS * sigma) & (runs.failure.to_numpy() == ""))
+    assert row.all_inside_ratio == pytest.approx(np.all(inside, axis=0).mean())
+    assert row.inside_ratio == pytest.approx(np.mean(inside))
+
+
+def test_the_interval_is_exact_and_what_is_honest_reaches_a_gaussian(tables):
+    frame = coverage(tables)
+    for row in frame.itertuples():
+        out = round(row.run_count * (1.0 - row.all_inside_ratio))
+        assert (row.low_ratio, row.high_ratio) == pytest.approx(success_bounds(row.run_count, out, 0.975))
+        assert row.honest == (row.high_ratio >= GAUSSIAN**3)
+
+
+def test_events_outside_the_stretch_are_left_out(tables):
+    first = coverage(tables).event.iloc[0]
+    assert set(coverage(tables, (first, first)).event) == {first}
+
+
+def test_the_difference_is_that_of_the_errors_run_by_run(tables):
+    frame = paired_levels(tables, "imu")
+    assert set(frame.quantity) == {"attitude", "velocity", "position"}
+    assert set(frame.levels) == {"fine and coarse"}
+    row = frame[(frame.quantity == "velocity")].iloc[-1]
+    runs, columns = tables.runs[tables.runs.event == row.event], []
+    columns = [name for name in runs.columns if name.startswith("velocity_") and "_error_" in name and "3d" not in name]
+    first, second = (runs[runs.case == case].sort_values("run_number")[columns].to_numpy() for case in tables.labels)
+    factor = tables.people["velocity", "3d"][1]
+    assert row.difference_rms == pytest.approx(factor * np.sqrt(np.mean(np.sum((second - first) ** 2, axis=1))))
+    assert row.difference_ratio == pytest.approx(row.difference_rms / min(row.first_rms, row.second_rms))
+
+
+def test_an_axis_that_no_case_has_gives_no_rows(tables):
+    assert paired_levels(tables, "filter").empty
+
+
+def flights(rng, bend=0.0, noise=0.5, n=N):
+    """Return errors that follow the draws linearly, bent by a square, with noise; and the draws."""
+    draws = rng.standard_normal((n, M))
+    error = draws @ TRUTH + noise * rng.standard_normal((n, 3))
+    return error + bend * (draws[:, :3] ** 2), draws
+
+
+def mean_square(bend=0.0, noise=0.5):
+    """Return E |error|^2 in closed form: E u^4 = 3, E u^3 = 0."""
+    return float((TRUTH**2).sum() + 3 * noise**2 + 9.0 * bend**2)
+
+
+@pytest.mark.parametrize("bend", [0.0, 1.5])
+def test_the_mean_square_is_unbiased_whether_or_not_the_error_is_linear(bend):
+    rng = np.random.default_rng(1)
+    trials = 1500
+    found = np.array([controlled_rms(*flights(rng, bend)).rms ** 2 for _ in range(trials)])
+    assert abs(found.mean() - mean_square(bend)) < 3.5 * found.std() / np.sqrt(trials)
+    assert found.std() / np.sqrt(trials) < 0.005 * mean_square(bend)
+
+
+def test_fitting_on_the_same_runs_would_be_biased():
+    """The reason for folds: a slope that knows its own draws takes off part of the noise."""
+    rng = np.random.default_rng(2)
+    found = []
+    for _ in range(1000):
+        error, draws = flights(rng, noise=5.0, n=40)
+        slope = np.linalg.lstsq(draws, error, rcond=None)[0]
+        control = ((draws @ slope) ** 2).sum(axis=1) - (slope**2).sum()
+        found.append((error**2).sum(axis=1).mean() - control.mean())
+    found = np.array(found)
+    assert abs(found.mean() - mean_square(noise=5.0)) > 5.0 * found.std() / np.sqrt(len(found))
+
+
+@pytest.mark.parametrize("bend", [0.0, 1.5])
+def test_the_interval_holds_as_often_as_it_says(bend):
+    rng = np.random.default_rng(3)
+    trials = 1500
+    truth = np.sqrt(mean_square(bend))
+    inside = [(one := controlled_rms(*flights(rng, bend))).low <= truth <= one.high for _ in range(trials)]
+    assert 0.92 < np.mean(inside) < 0.975  # 95 %; the standard deviation of 1500 trials is 0.6 %
+
+
+def test_effective_runs_are_those_by_which_the_variance_falls():
+    rng = np.random.default_rng(4)
+    pairs = [flights(rng) for _ in range(1500)]
+    plain = np.var([(error**2).sum(axis=1).mean() for error, _ in pairs])
+    reduced = [controlled_rms(*pair) for pair in pairs]
+    gain = plain / np.var([one.rms**2 for one in reduced])
+    assert gain > 5.0
+    assert np.median([one.effective_runs for one in reduced]) / N == pytest.approx(gain, rel=0.2)
+
+
+def test_draws_that_explain_nothing_cost_little():
+    rng = np.random.default_rng(5)
+    found = [controlled_rms(rng.standard_normal((N, 3)), rng.standard_normal((N, M))) for _ in range(300)]
+    assert np.mean([one.effective_runs for one in found]) > 0.9 * N
+    assert np.mean([one.known for one in found]) < 0.15
+
+
+def test_results_give_the_plain_and_the_controlled_error_side_by_side(good):
+    found = controlled(good).set_index(["case", "metric"])
+    row = found.loc[("imu=fine", "velocity_error_3d")]
+    assert (row.runs, row.unit, row.event) == (199, "m/s", "injection")
+    assert row.controlled_low < row.controlled_rms < row.controlled_high
+    assert row.controlled_high - row.controlled_low < 0.7 * (row.high - row.low)
+    assert row.controlled_low < row.lincov < row.controlled_high
+    assert row.effective_runs > 2 * row.runs
+    assert 0.7 < row.known_share_ratio < 1.0
+
+
+def test_without_runs_there_is_nothing_to_control(alone):
+    assert controlled(alone).empty

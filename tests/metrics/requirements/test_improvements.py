@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from lvnav_trade.metrics.basics.gaussian import norm_probability, norm_quantile
+from lvnav_trade.metrics.basics.probability import norm_probability, norm_quantile
 from lvnav_trade.metrics.errors.covariances import reach
 from lvnav_trade.metrics.requirements.improvements import ABOVE_ONLY, UNKNOWN, asked, expected, improvements
 from lvnav_trade.store import load

@@ -4,10 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.requirements.requirements import decide_fixed, errors_of, phase_of, where, with_unit
+from lvnav_trade.metrics.basics.probability import runs_needed, shows
+from lvnav_trade.metrics.requirements.requirements import (
+    boundaries,
+    decide,
+    decide_fixed,
+    errors_of,
+    further_runs,
+    phase_of,
+    spent,
+    where,
+    with_unit,
+)
 from tests import synthetic
+
+ASKED = [(0.9, 0.9), (0.95, 0.9), (0.99, 0.95), (0.9973, 0.9)]
+LOOKS = 100
 
 
 @pytest.mark.parametrize(
@@ -80,3 +95,93 @@ def test_a_phase_between_unknown_events_has_no_run(good):
 
 def test_an_estimate_beyond_all_runs_is_reported_as_one():
     assert [with_unit(value, "m") for value in (0.30004, np.inf, np.nan)] == ["0.3 m", "∞ m", ""]
+
+
+def histories(truth, trials, looks=LOOKS, block=40, seed=1):
+    return np.cumsum(np.random.default_rng(seed).binomial(block, 1.0 - truth, (trials, looks)), axis=1)
+
+
+@pytest.mark.parametrize(("probability", "confidence"), ASKED)
+def test_at_the_edge_the_wrong_verdict_is_as_rare_as_asked_however_often_one_looks(probability, confidence):
+    trials = 10_000
+    low, high = boundaries(probability, confidence, 40, LOOKS)
+    failures = histories(probability, trials)
+    rare = 1.0 - confidence + 3.0 * np.sqrt(confidence * (1.0 - confidence) / trials)
+    met, violated = (failures <= low).any(axis=1), (failures >= high).any(axis=1)
+    assert met.mean() < rare
+    assert violated.mean() < rare
+    assert met.mean() > 0.7 * (1.0 - confidence)  # and little of it is left unused
+
+
+@pytest.mark.parametrize(("probability", "confidence"), ASKED[:3])
+def test_a_look_as_if_it_were_the_only_one_would_be_wrong_more_often(probability, confidence):
+    """The reason for boundaries of their own: Clopper and Pearson after every block."""
+    runs = 40 * np.arange(1, 41)
+    most = stats.binom.ppf(1.0 - confidence, runs, 1.0 - probability)
+    most -= stats.binom.cdf(most, runs, 1.0 - probability) > 1.0 - confidence
+    assert most[9] < 0 or shows(400, int(most[9]), probability, confidence)
+    failures = histories(probability, 2000, 40)
+    assert (failures <= most).any(axis=1).mean() > 1.5 * (1.0 - confidence)
+
+
+def test_the_probability_of_ever_crossing_is_that_of_the_exact_recursion():
+    """Three looks by enumeration of all paths of block sums."""
+    probability, confidence, block = 0.8, 0.9, 8
+    low, high = boundaries(probability, confidence, block, 3)
+    one = stats.binom.pmf(np.arange(block + 1), block, 1.0 - probability)
+    a, b, c = np.meshgrid(*[np.arange(block + 1)] * 3, indexing="ij")
+    weight = one[a] * one[b] * one[c]
+    sums = np.stack([a, a + b, a + b + c])
+    for crossed, sign in ((low, -1), (high, 1)):
+        edge = np.array(crossed)[:, None, None, None]
+        ever = (sums <= edge) if sign < 0 else (sums >= edge)
+        used = float(weight[ever.any(axis=0)].sum())
+        assert used <= spent(3 * block, probability, confidence) + 1e-12
+        nearer = (
+            (sums <= edge + (np.arange(3) == 2)[:, None, None, None])
+            if sign < 0
+            else (sums >= edge - (np.arange(3) == 2)[:, None, None, None])
+        )
+        assert float(weight[nearer.any(axis=0)].sum()) > spent(3 * block, probability, confidence)
+
+
+@pytest.mark.parametrize(("truth", "verdict"), [(0.999, "met"), (0.9, "violated")])
+def test_what_is_clear_is_decided_early_and_rightly(truth, verdict):
+    found = [decide(list(path), 0.95, 0.9, 40) for path in histories(truth, 2000, 20)]
+    assert np.mean([decision.verdict == verdict for decision in found]) > 0.98
+    assert np.mean([decision.runs for decision in found]) < 200
+
+
+def test_the_price_of_looking_early_is_about_a_quarter_more_runs_where_none_fails():
+    first = decide([0] * 200, 0.9973, 0.9, 40)
+    assert first.verdict == "met"
+    assert runs_needed(0, 0.9973, 0.9) < first.runs < 1.3 * runs_needed(0, 0.9973, 0.9)
+
+
+def test_a_verdict_does_not_depend_on_how_far_one_looks_afterwards():
+    path = [0, 0, 1, 30, 60]
+    assert decide(path[:3], 0.95, 0.9, 40) == decide(path, 0.95, 0.9, 40) == ("met", 80)
+    before = boundaries(0.97, 0.9, 40, 10)
+    boundaries(0.97, 0.9, 40, 60)
+    assert boundaries(0.97, 0.9, 40, 10) == before
+
+
+def test_further_runs_are_those_after_which_all_good_runs_decide():
+    path = [2, 3, 4]
+    more = further_runs(path, 0.95, 0.9, 40)
+    assert decide([*path, *[4] * (more // 40)], 0.95, 0.9, 40) == ("met", 120 + more)
+    assert decide([*path, *[4] * (more // 40 - 1)], 0.95, 0.9, 40).verdict == "undecided"
+    assert further_runs([], 0.95, 0.9, 40) == decide([0] * 10, 0.95, 0.9, 40).runs
+
+
+def test_nothing_is_decided_before_the_first_look():
+    assert decide([], 0.95, 0.9, 40) == ("undecided", 0)
+
+
+def test_all_of_the_error_is_spent_in_the_end_and_never_more():
+    used = [spent(n, 0.95, 0.9) for n in (0, 45, 450, 10**9)]
+    assert used[0] == 0.0
+    assert used[1] == pytest.approx(0.05)
+    assert used == sorted(used)
+    assert used[-1] == pytest.approx(0.1)
+    assert used[-1] < 0.1

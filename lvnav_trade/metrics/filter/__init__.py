@@ -1,1 +1,0 @@
-"""How a filter behaves: consistency, whiteness of innovations, mode logic. Read `consistency.py` first."""
