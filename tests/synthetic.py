@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from lvnav_trade.engines.analysis.error_bound import ErrorBound
-from lvnav_trade.engines.analysis.explain import Explanation, PhaseView, SourceCovariance
+from lvnav_trade.engines.analysis.explain import FACTORS, Explanation, PhaseView, Sensitivity, SourceCovariance
 from lvnav_trade.engines.analysis.nonlinearity import Nonlinearity
-from lvnav_trade.engines.analysis.retune import FACTORS, Sensitivity
 from lvnav_trade.engines.setup.atmosphere import Delays
 from lvnav_trade.engines.setup.starts import StartDraws
 from lvnav_trade.engines.simulate.statistics import summarise

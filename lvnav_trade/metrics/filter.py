@@ -12,8 +12,7 @@ from lvnav_trade.store import Tables
 
 ALPHA = 0.05
 WHITE_ALPHA = 0.01
-_LEAST_PAIRS = 100
-"""Channels with fewer pairs say nothing: a satellite seen for a few epochs."""
+_LEAST_PAIRS = 100  # channels with fewer pairs say nothing: a satellite seen for a few epochs
 STEPS = 400
 """Times at which the modes of all runs are reported."""
 
@@ -143,7 +142,6 @@ def logic(tables: Tables) -> pd.DataFrame:
 
 
 def _with_logic(tables: Tables) -> pd.DataFrame:
-    """Return the cases with a logic."""
     return tables.cases[tables.cases.logic.fillna(False).astype(bool)]
 
 

@@ -1,7 +1,7 @@
 """Our number for a published one, and published numbers, orders of cases and innovations compared with ours."""
 
-import json
 from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +20,7 @@ from lvnav_trade.metrics.basics.select import (
     split_metric,
     time_mean,
 )
-from lvnav_trade.metrics.errors.diagnostics import NUMERICAL, observed
+from lvnav_trade.metrics.errors.covariances import NUMERICAL, observed
 from lvnav_trade.metrics.filter import whiteness
 from lvnav_trade.metrics.vehicle import nozzle
 from lvnav_trade.records import Floats
@@ -29,7 +29,6 @@ from lvnav_trade.store.schema import error_column, rms_column
 
 _SIGMAS = {"formal": ("filter_sigma_si", "lincov_formal_si"), "lincov": ("lincov_true_si", "lincov_true_si")}
 """Columns of the history behind a statistic, with runs and without."""
-
 _WHOLE = {
     "observable_states": "least of all stretches",
     "nozzle_movement_pitch": "less with the filtered rate, flight",
@@ -61,16 +60,10 @@ _MISSING, _NOT_FLOWN = Ours(np.nan, "not among our results"), Ours(np.nan, "not 
 def cases_of(tables: Tables, wanted: Mapping[str, str]) -> list[str]:
     """Return the digests of the cases whose axes have the levels wanted."""
     return [
-        row.case
-        for row in tables.cases.itertuples()
-        if all(json.loads(row.axes).get(axis) == str(level) for axis, level in wanted.items())
+        case
+        for case, levels in tables.levels.items()
+        if all(levels.get(axis) == str(level) for axis, level in wanted.items())
     ]
-
-
-def place_of(stated: Mapping[str, Any]) -> str:
-    """Return where in the flight a statement holds, in words: ``at injection``, ``liftoff to injection``."""
-    during = stated.get("during")
-    return str(during) if during else f"at {stated.get('at') or 'injection'}"
 
 
 def name_of(stated: Mapping[str, Any]) -> str:
@@ -79,8 +72,9 @@ def name_of(stated: Mapping[str, Any]) -> str:
         return f"{stated['metric']}, {_WHOLE[str(stated['metric'])]}"
     statistic = stated.get("statistic", "rms")
     words = {"rms": "", "worst": "worst ", "least": "least ", "formal": "filter's own sigma of "}
-    first = words.get(statistic, "linear covariance of ")
-    return f"{first}{stated['metric']}{',' if stated.get('during') else ''} {place_of(stated)}"
+    first, during = words.get(statistic, "linear covariance of "), stated.get("during")
+    place = f", {during}" if during else f" at {stated.get('at') or 'injection'}"
+    return f"{first}{stated['metric']}{place}"
 
 
 def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Ours:
@@ -174,7 +168,6 @@ def _of_nozzle(tables: Tables, case: str, axis: str) -> Ours:
 
 
 def _of_rank(tables: Tables, case: str) -> Ours:
-    """Return the least number of states that any stretch observes."""
     rows = pick(observed(tables), case=tables.labels[case])
     if rows.empty:
         return _MISSING
@@ -224,11 +217,12 @@ def references(tables: Tables, stated: Mapping[str, Any] | None = None) -> pd.Da
     these results cannot give keeps its row, with a remark.
     """
     campaign = tables.campaign if stated is None else stated
-    rows = []
-    for key, make in (("references", _number), ("orderings", _ordering), ("innovations", _innovations)):
-        for one in campaign.get(key) or ():
-            cases = [] if make is _ordering else cases_of(tables, one.get("case") or {})
-            rows += [make(tables, case, one) for case in (*cases, *([] if cases else [None]))]
+    rows = [
+        make(tables, case, one)
+        for key, make in (("references", _number), ("orderings", _ordering), ("innovations", _innovations))
+        for one in campaign.get(key) or ()
+        for case in (cases_of(tables, one.get("case") or {}) if make is not _ordering else ()) or (None,)
+    ]
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
@@ -272,7 +266,6 @@ def _number(tables: Tables, case: str | None, published: Mapping[str, Any]) -> d
 
 
 def _smaller(tables: Tables, case: str, published: Mapping[str, Any], against: Mapping[str, str]) -> Ours:
-    """Return by how many percent a case's number is smaller than that of the case it is held against."""
     others = cases_of(tables, against)
     if len(others) != 1:
         return Ours(np.nan, f"{len(others)} cases to hold it against")
@@ -280,7 +273,6 @@ def _smaller(tables: Tables, case: str, published: Mapping[str, Any], against: M
 
 
 def _part(smaller: Ours, larger: Ours) -> Ours:
-    """Return by how many percent a number is smaller than another of its unit."""
     return Ours(100.0 * (1.0 - smaller.value / larger.value), smaller.remark or larger.remark)
 
 
@@ -292,7 +284,6 @@ def _in_si(tables: Tables, case: str, stated: Mapping[str, Any]) -> Ours:
 
 
 def _single(published: Mapping[str, Any], found: Ours) -> str:
-    """Say where a published single run lies among ours, each by itself."""
     if not published.get("single") or not len(found.runs):
         return ""
     below = float(np.mean(found.runs < float(published["value"])))
@@ -320,7 +311,6 @@ def _ordering(tables: Tables, _: str | None, stated: Mapping[str, Any]) -> dict[
 
 
 def _innovations(tables: Tables, case: str | None, stated: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the largest autocorrelation of the innovation channels that a statement names."""
     label = tables.labels[case] if case is not None else ""
     words, bound, white = str(stated.get("channels") or ""), float(stated.get("largest", 0.15)), stated["white"]
     rows = pick(whiteness(tables), case=label)
@@ -355,24 +345,22 @@ def interpretations(tables: Tables) -> pd.DataFrame:
     where nothing is. raw_percent: the filter's own sigma against that of the sample as it is, which is charged with its
     bias. unbiased_percent: against the sample less its estimated bias. Empty where nothing is held so.
     """
-    held = [one for one in tables.campaign.get("references") or () if str(one.get("than") or "").startswith(_RAW)]
-    stated: dict[tuple[str, str, str], float] = {}
-    for one in held:
-        for case in cases_of(tables, one.get("case") or {}):
-            stated[str(one["during"]), str(one["metric"]), case] = float(one["value"])
-    names = short_names(tables, list(dict.fromkeys(case for _, _, case in stated)))
-    rows = []
-    for during in dict.fromkeys(key[0] for key in stated):
-        for metric in dict.fromkeys(key[1] for key in stated):
-            for case, name in names.items():
-                below = [_below(tables, case, metric, during, prefix) for prefix in (_RAW, _UNBIASED)]
-                known = stated.get((during, metric, case), np.nan)
-                rows.append((during, metric.replace("_error_", " "), name, known, *below))
+    stated = {
+        (str(one["during"]), str(one["metric"]), case): float(one["value"])
+        for one in tables.campaign.get("references") or ()
+        if str(one.get("than") or "").startswith(_RAW)
+        for case in cases_of(tables, one.get("case") or {})
+    }
+    phases, metrics, cases = ([*dict.fromkeys(names)] for names in (zip(*stated, strict=True) if stated else ((),) * 3))
+    names, rows = short_names(tables, cases), []
+    for during, metric, case in product(phases, metrics, cases):
+        below = [_below(tables, case, metric, during, prefix) for prefix in (_RAW, _UNBIASED)]
+        known = stated.get((during, metric, case), np.nan)
+        rows.append((during, metric.replace("_error_", " "), names[case], known, *below))
     return pd.DataFrame(rows, columns=INTERPRETATIONS)
 
 
 def _below(tables: Tables, case: str, metric: str, during: str, prefix: str) -> float:
-    """Return by how many percent the filter's sigma of a metric is below that of the prefixed one."""
     asked: Mapping[str, Any] = {"metric": metric, "during": during, "statistic": "formal"}
     unit = "deg/h" if metric.startswith("rate") else "mg"
     estimate, sample = (ours(tables, case, {**asked, "metric": name}, unit).value for name in (metric, prefix + metric))
@@ -381,6 +369,6 @@ def _below(tables: Tables, case: str, metric: str, during: str, prefix: str) -> 
 
 def short_names(tables: Tables, cases: Sequence[str]) -> dict[str, str]:
     """Return by case, of those given, the levels of the axes that set them apart."""
-    axes = {row.case: json.loads(row.axes) for row in tables.cases.itertuples() if row.case in cases}
-    differ = [axis for axis in next(iter(axes.values()), {}) if len({levels.get(axis) for levels in axes.values()}) > 1]
-    return {case: ", ".join(axes[case][axis] for axis in differ) or tables.labels[case] for case in cases}
+    first = tables.levels[cases[0]] if cases else {}
+    differ = [axis for axis in first if len({tables.levels[case].get(axis) for case in cases}) > 1]
+    return {case: ", ".join(tables.levels[case][axis] for axis in differ) or tables.labels[case] for case in cases}

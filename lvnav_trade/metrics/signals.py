@@ -9,7 +9,6 @@ from lvnav_trade.metrics.basics.select import (
     at_time,
     faults,
     lincov_rms,
-    metric_name,
     pick,
     series,
 )
@@ -51,7 +50,7 @@ def outages(tables: Tables) -> pd.DataFrame:
             footprint = error[error.t_s.between(fault.t_s, fault.t_end_s + AFTER)]
             growth = end.error / before.error if before.error > 0 else np.nan
             errors = (before.error, end.error, after.error, footprint.error.max())
-            head = (tables.labels[case], fault.event, fault.t_s, fault.t_end_s, metric_name(quantity), unit)
+            head = (tables.labels[case], fault.event, fault.t_s, fault.t_end_s, f"{quantity}_error", unit)
             rows.append((*head, *(error * factor for error in errors), growth, end.expected * factor))
     names = ["case", "fault", "t_start_s", "t_end_s", "metric", "unit"]
     return pd.DataFrame(rows, columns=[*names, "before", "at_end", "after", "worst", "growth_ratio", "lincov_at_end"])
@@ -120,12 +119,13 @@ def recovery(tables: Tables) -> pd.DataFrame:
     tracked), to_all_s (until every lost one that ever comes back is), gone_count (that never do: they set meanwhile, or
     the flight ends). NaN where it does not happen.
     """
-    rows = []
-    for case, label in tables.labels.items():
-        wide = tracked_over_time(tables, case)
-        for fault in faults(tables, case).itertuples():
-            head = {"case": label, "fault": fault.event, "t_start_s": fault.t_s, "t_end_s": fault.t_end_s}
-            rows.append(head | _recovered(wide, float(fault.t_s), float(fault.t_end_s)))
+    rows = [
+        {"case": label, "fault": fault.event, "t_start_s": fault.t_s, "t_end_s": fault.t_end_s}
+        | _recovered(wide, float(fault.t_s), float(fault.t_end_s))
+        for case, label in tables.labels.items()
+        for wide in (tracked_over_time(tables, case),)
+        for fault in faults(tables, case).itertuples()
+    ]
     names = ["case", "fault", "t_start_s", "t_end_s", "before_count", "least_count", "lost_count", "to_fix_s"]
     return pd.DataFrame(rows, columns=[*names, "to_all_s", "gone_count"])
 

@@ -1,14 +1,14 @@
 """The vehicle: rate and acceleration against IMU samples and formal sigmas, and how much less a nozzle moves."""
 
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from scipy import stats
 
 from lvnav_trade.metrics.basics.probability import rms_interval
-from lvnav_trade.metrics.basics.select import flight_events, metric_name, pick, time_mean
+from lvnav_trade.metrics.basics.select import flight_events, pick, time_mean
 from lvnav_trade.records import Floats
 from lvnav_trade.store import Tables
 
@@ -22,8 +22,7 @@ NOZZLE = [
     "high_percent",
 ]  # fmt: skip
 _DEG_H = 206264.80624709636
-_SHORTEST = 5.0
-"""Seconds: phases that are shorter are left out."""
+_SHORTEST = 5.0  # seconds: phases that are shorter are left out
 
 
 def motion(tables: Tables) -> pd.DataFrame:
@@ -60,7 +59,7 @@ def _rows(tables: Tables, inside: pd.DataFrame, quantity: str) -> list[tuple[Any
         verdict = "as modelled" if low <= 1.0 <= high else ("smaller" if ratio < 1.0 else "larger")
         sizes = [factor * size for size in (raw_rms, rms, sigma, true)]
         better = (100.0 * (1.0 - rms / raw_rms), 100.0 * (1.0 - sigma / raw_sigma))
-        head = (metric_name(quantity), axis, unit)
+        head = (f"{quantity}_error", axis, unit)
         found.append((*head, *sizes, *better, ratio, low, high, verdict if runs else "no runs"))
     return found
 
@@ -73,16 +72,9 @@ def _sizes(rows: pd.DataFrame) -> list[float]:
     return [float(np.sqrt(time_mean(t, square.to_numpy()))) for square in squares]
 
 
-class Reduction(NamedTuple):
-    """Part by which totals are lower, with its interval; each a number per column."""
-
-    part: Floats
-    low: Floats
-    high: Floats
-
-
-def reduction(base: Floats, lower: Floats, alpha: float = 0.05) -> Reduction:
-    """Return by what part the totals `lower` (n_run, k) are below `base` (n_run, k), runs paired by their draws.
+def reduction(base: Floats, lower: Floats, alpha: float = 0.05) -> tuple[Floats, Floats, Floats]:
+    """Return by what part (k,) the totals `lower` (n_run, k) are below `base` (n_run, k), runs paired by their draws,
+    and the bounds (k,), (k,) of its interval.
 
     One minus the geometric mean of the runs' ratios; its interval is Student's t on their logarithms. What differs from
     run to run and not between the two of a pair, such as the wind, cancels. ValueError for fewer than two runs.
@@ -92,7 +84,7 @@ def reduction(base: Floats, lower: Floats, alpha: float = 0.05) -> Reduction:
     ratio = np.log(lower / base)
     mean, n = ratio.mean(axis=0), len(ratio)
     reach = float(stats.t.isf(alpha / 2.0, n - 1)) * ratio.std(axis=0, ddof=1) / np.sqrt(n)
-    return Reduction(1.0 - np.exp(mean), 1.0 - np.exp(mean + reach), 1.0 - np.exp(mean - reach))
+    return 1.0 - np.exp(mean), 1.0 - np.exp(mean + reach), 1.0 - np.exp(mean - reach)
 
 
 def nozzle(tables: Tables, alpha: float = 0.05) -> pd.DataFrame:

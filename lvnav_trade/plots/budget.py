@@ -8,8 +8,8 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from lvnav_trade.metrics.basics.select import history_of, metric_name, pick
-from lvnav_trade.metrics.errors.diagnostics import contributions
+from lvnav_trade.metrics.basics.select import history_of, pick
+from lvnav_trade.metrics.errors.covariances import contributions
 from lvnav_trade.plots.style import PALETTE, canvas, drawing, legend_below, mark_events, over_time
 from lvnav_trade.store import Tables
 
@@ -20,8 +20,7 @@ REST = "all others"
 _REST = "#c4c9d1"
 _HATCHES = ("", "////", "", "....", "", "xxxx", "", "")
 """Every other layer is hatched: neighbours differ in black and white."""
-_BIASED = 0.01
-"""Part of the mean square from which on the mean error is drawn beside the variance."""
+_BIASED = 0.01  # part of the mean square from which on the mean error is drawn beside the variance
 _LEAST, _LEAST_ROW = 1e-2, 0.05
 """Percent: smaller contributions are left white, sources with a smaller sum are drawn together."""
 
@@ -53,14 +52,11 @@ def budget(tables: Tables, case: str, quantity: str) -> Figure:
     _stack(parts, layers)
     parts.set(ylim=(0, 100), ylabel="part of the true\nvariance (%)")
     over_time(grid[:, 0], tables, case, margin=0.0)
-    for ax in (pile, parts):
-        ax.grid(visible=False)
     pile.plot([], [], color="black", lw=1.6, ls=(0, (3, 1)), label="filter's own sigma")
     return legend_below(figure, pile)
 
 
 def _layers(share: pd.DataFrame) -> pd.DataFrame:
-    """Return the largest sources, on the mean over time, and the sum of the others."""
     order = share.mean().sort_values(ascending=False, kind="stable").index
     found = share[list(order[:MOST_SOURCES])].copy()
     if len(order) > MOST_SOURCES:
@@ -69,6 +65,7 @@ def _layers(share: pd.DataFrame) -> pd.DataFrame:
 
 
 def _stack(ax: Any, layers: pd.DataFrame) -> None:
+    ax.grid(visible=False)
     colours = [_REST if name == REST else _SOURCES[k] for k, name in enumerate(layers.columns)]
     drawn = ax.stackplot(layers.index, layers.to_numpy().T, labels=list(layers.columns), colors=colours, linewidth=0)
     for layer, hatch in zip(drawn, _HATCHES, strict=False):
@@ -77,7 +74,6 @@ def _stack(ax: Any, layers: pd.DataFrame) -> None:
 
 
 def _root_axis(ax: Any, top: float) -> None:
-    """Scale an axis of variances as their root, and label it so."""
     ax.set_yscale("function", functions=(lambda y: np.sqrt(np.maximum(y, 0.0)), np.square))
     ax.set_ylim(0.0, max(top * 1.08, 1e-300))
     step = _round_step(np.sqrt(top) / 4.0) if top > 0 else 1.0
@@ -99,7 +95,7 @@ def heatmap(tables: Tables, case: str, quantity: str) -> Figure:
 
     What is drawn once (constant errors, initial errors) stands in a column of its own: the start. At the right the sum.
     """
-    rows = pick(contributions(tables), case=tables.labels[case], metric=metric_name(quantity))
+    rows = pick(contributions(tables), case=tables.labels[case], metric=f"{quantity}_error")
     total = rows.groupby("source", sort=False).share_ratio.sum().sort_values(ascending=False, kind="stable") * 100.0
     names = list(total.index[total >= _LEAST_ROW][:MOST_ROWS])
     rest = [name for name in total.index if name not in names]
@@ -119,10 +115,8 @@ def heatmap(tables: Tables, case: str, quantity: str) -> Figure:
     bar.set_label(f"part of the variance at\n{event}, per {edges[1] - edges[0]:g} s (%)")
     bar.formatter = FuncFormatter(lambda value, _: f"{value:g}")
     bar.update_ticks()
-    start.set_yticks(np.arange(len(names)) + 0.5, names)
-    start.invert_yaxis()
-    start.set_xticks([0.5], ["at the\nstart"])
-    start.set(xlabel="drawn", ylabel="error source")
+    start.set(yticks=np.arange(len(names)) + 0.5, yticklabels=names, xticks=[0.5], xticklabels=["at the\nstart"])
+    start.set(xlabel="drawn", ylabel="error source", ylim=(len(names), 0.0))
     for row, name in enumerate(names):
         ax.text(1.01, row + 0.5, f"{total[name]:.1f} %", transform=ax.get_yaxis_transform(), va="center", fontsize=7.5)
     ax.set_xlabel("time since lift-off (s), when the error was made")
@@ -131,7 +125,6 @@ def heatmap(tables: Tables, case: str, quantity: str) -> Figure:
 
 
 def _cells(ax: Any, edges: Any, image: Any, scale: LogNorm) -> Any:
-    """Draw the cells of a heat-map, what is too small left white."""
     ax.grid(visible=False)
     ax.tick_params(axis="y", length=0)
     shown = np.ma.masked_less(np.ma.masked_invalid(image), _LEAST)

@@ -30,10 +30,8 @@ from lvnav_trade.plots.style import (
 from lvnav_trade.records import MODES
 from lvnav_trade.store import Tables
 
-_LEAST = 0.2
-"""Autocorrelation that is always within the panels: chance is not blown up."""
-_ONE_FLIGHT = 600
-"""Innovations of a channel in one flight, one a second."""
+_LEAST = 0.2  # autocorrelation that is always within the panels: chance is not blown up
+_ONE_FLIGHT = 600  # innovations of a channel in one flight, one a second
 _OWN = "dots: filter's own sigma over its true error"
 Cases = Sequence[Mapping[str, str]]
 _LOOKS = {
@@ -81,15 +79,22 @@ def _lines(ax: Any, rows: pd.DataFrame, factor: float) -> None:
 def comparison(tables: Tables, quantity: str) -> Figure:
     """Draw the 3-D error of all cases on one axis: Monte-Carlo RMS, or LinCov's where there are no runs."""
     unit, factor = tables.people[quantity, "3d"]
-    (figure, ax), every = panel(3.0 + 0.09 * len(tables.labels)), []
-    for number, (case, label) in enumerate(tables.labels.items()):
-        rows = history_of(tables, case, quantity, "3d")
-        error = (rows.rms_si if _has_runs(rows) else lincov_rms(rows)) * factor
-        ax.plot(rows.t_s, error, label=label, **line_of(number))
-        every.append(error)
+    label = f"{quantity} error,\n3D RMS ({unit})"
+    return _together(tables, _frames(tables, quantity, (), "3d", None), factor, label, 3.0, dashes=False)
+
+
+def _together(
+    tables: Tables, frames: dict[str, pd.DataFrame], factor: float, label: str, height: float, dashes: bool
+) -> Figure:
+    (figure, ax), every = panel(height + 0.09 * len(frames)), []
+    for number, (case, rows) in enumerate(frames.items()):
+        expected, flown = rows.expected_si * factor, _has_runs(rows)
+        shown = rows.rms_si * factor if flown else expected
+        _line(ax, number, rows.t_s, shown, expected if flown and dashes else None, tables.labels[case])
+        every += [shown, expected] if dashes else [shown]
     scale_up(ax.yaxis, pd.concat(every))
-    ax.set_ylabel(f"{quantity} error,\n3D RMS ({unit})")
-    over_time([ax], tables, next(iter(tables.labels)))
+    ax.set_ylabel(label)
+    over_time([ax], tables, next(iter(frames)))
     return legend_below(figure, ax, columns=2)
 
 
@@ -118,16 +123,8 @@ def errors(tables: Tables, quantity: str, cases: Cases = (), axis: str = "3d", d
     """Draw one error of chosen cases (all if none is) over time: Monte-Carlo RMS as lines, LinCov's as thin dashes."""
     frames = _frames(tables, quantity, cases, axis, during)
     unit, factor = tables.people[quantity, axis]
-    (figure, ax), every = panel(3.2 + 0.09 * len(frames)), []
-    for number, (case, rows) in enumerate(frames.items()):
-        expected, flown = rows.expected_si * factor, _has_runs(rows)
-        shown = rows.rms_si * factor if flown else expected
-        _line(ax, number, rows.t_s, shown, expected if flown else None, tables.labels[case])
-        every += [shown, expected]
-    scale_up(ax.yaxis, pd.concat(every))
-    ax.set_ylabel(f"{_named(quantity, axis)}\n({unit}; short dashes: LinCov)")
-    over_time([ax], tables, next(iter(frames)))
-    return legend_below(figure, ax, columns=2)
+    label = f"{_named(quantity, axis)}\n({unit}; short dashes: LinCov)"
+    return _together(tables, frames, factor, label, 3.2, dashes=True)
 
 
 @drawing
@@ -185,7 +182,6 @@ def _named(quantity: str, axis: str) -> str:
 
 
 def _over(rows: pd.DataFrame, column: str, base: pd.DataFrame) -> pd.Series[float]:
-    """Return a column over that of other rows at the same times."""
     return rows[column] / base.set_index("t_s")[column].reindex(rows.t_s).to_numpy()
 
 
@@ -239,8 +235,7 @@ def _gate(ax: Any, rows: pd.DataFrame) -> None:
     ax.plot(rows.t_s, 100.0 * rows.rejected_ratio, color=PALETTE[0], lw=1.0)
     ax.plot(rows.t_s, 100.0 * rows.false_rejection_ratio, color=PALETTE[1], ls="--", lw=1.1)
     ax.axhline(100.0 * REJECTS_TOO_MUCH, color="black", ls=":", lw=0.9)
-    ax.set_ylabel("rows rejected (%)\ndotted: LinCov's limit")
-    ax.set_ylim(bottom=0.0)
+    ax.set(ylabel="rows rejected (%)\ndotted: LinCov's limit", ylim=(0.0, None))
 
 
 def _panel(ax: Any, rows: pd.DataFrame, value: str, name: str) -> None:

@@ -1,12 +1,13 @@
 """The mission: errors of the orbit at injection and what a correction costs; the point of impact with its corridor."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
+from lvnav_trade.metrics.basics.probability import outline_of
 from lvnav_trade.metrics.basics.select import final_event
 from lvnav_trade.metrics.mechanics import impulses, meanorbit, mission
 from lvnav_trade.metrics.mechanics.mission import Law, State
@@ -16,25 +17,17 @@ from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, message, ove
 from lvnav_trade.records import Floats
 from lvnav_trade.store import Tables
 
-
-class _Component(NamedTuple):
-    metric: str
-    component: int
-    label: str
-
-
-_PLANES = (
-    (_Component("perigee_error", 0, "perigee error"), _Component("apogee_error", 0, "apogee error")),
+_Component = tuple[str, int, str]  # metric, component of its error, label
+_PLANES: tuple[tuple[_Component, _Component], ...] = (
+    (("perigee_error", 0, "perigee error"), ("apogee_error", 0, "apogee error")),
     (
-        _Component("eccentricity_vector_error", 0, "eccentricity error\nalong the node"),
-        _Component("eccentricity_vector_error", 1, "eccentricity error\nahead of the node"),
+        ("eccentricity_vector_error", 0, "eccentricity error\nalong the node"),
+        ("eccentricity_vector_error", 1, "eccentricity error\nahead of the node"),
     ),
-    (_Component("node_error", 0, "node error"), _Component("inclination_error", 0, "inclination error")),
+    (("node_error", 0, "node error"), ("inclination_error", 0, "inclination error")),
 )
-_SEEN = 0.03
-"""Part of the map's width that the largest ellipse fills."""
-_DRAWN = 14
-"""Ellipses on the map, at most."""
+_SEEN = 0.03  # part of the map's width that the largest ellipse fills
+_DRAWN = 14  # ellipses on the map, at most
 
 
 @drawing
@@ -50,8 +43,7 @@ def orbit(tables: Tables, case: str) -> Figure:
         return message("the flight does not end in an orbit", "perigee error (km)", "apogee error (km)")
     law = mission.law_at(tables, case, event)
     figure, grid = canvas(2, 2, 2.9)
-    error, failed = mission.run_errors(tables, case, state)
-    good = error[~failed]
+    good = mission.good_errors(tables, case, state)
     for ax, pair in zip(grid.ravel()[:3], _PLANES, strict=True):
         _plane(ax, state, law, good, pair)
     _cost(grid[1, 1], state, law, good)
@@ -61,38 +53,30 @@ def orbit(tables: Tables, case: str) -> Figure:
 
 
 def _plane(ax: Any, state: State, law: Law, good: Floats, pair: tuple[_Component, _Component]) -> None:
-    _, units, factors = zip(*(mission.people(one.metric) for one in pair), strict=True)
+    _, units, factors = zip(*(mission.people(metric) for metric, _, _ in pair), strict=True)
     scale = np.array(factors)
 
     def errors(error: Floats) -> Floats:
-        return np.stack([mission.signed(state, error, one.metric)[:, one.component] for one in pair], axis=1) * scale
+        return np.stack([mission.signed(state, error, metric)[:, k] for metric, k, _ in pair], axis=1) * scale
 
     if len(good):
         ax.plot(*errors(good).T, ".", ms=2.5, color=PALETTE[0], label="runs", zorder=2)
-    if any(mission.applies(state, one.metric, law.true) for one in pair):
+    if any(mission.applies(state, metric, law.true) for metric, _, _ in pair):
         drawn = errors(mission.draws(law.mean, law.true, 512))
         ax.plot(*drawn.T, "x", ms=2.5, color=PALETTE[1], label="draws of LinCov", zorder=1.5)
         ax.set_title("no first-order sigma: circular to within 3 sigma", fontsize=7.5)
     else:
-        slope = np.stack([mission.jacobian(state, one.metric)[one.component] for one in pair]) * scale[:, None]
+        slope = np.stack([mission.jacobian(state, metric)[k] for metric, k, _ in pair]) * scale[:, None]
         outline = slope @ law.mean + outline_of(slope @ law.true @ slope.T)
         ax.plot(*outline.T, color=PALETTE[1], ls="--", label="LinCov, true, 3 sigma", zorder=3)
         ax.plot(*outline_of(slope @ law.formal @ slope.T).T, "k:", label="LinCov, filter's own, 3 sigma", zorder=3)
-    ax.set(xlabel=f"{pair[0].label.replace(chr(10), ' ')} ({units[0]})", ylabel=f"{pair[1].label} ({units[1]})")
+    (*_, across), (*_, up) = pair
+    ax.set(xlabel=f"{across.replace(chr(10), ' ')} ({units[0]})", ylabel=f"{up} ({units[1]})")
     ax.ticklabel_format(style="sci", scilimits=(-3, 4), axis="both")
     ax.margins(0.08)
 
 
-def outline_of(covariance: Floats, sigmas: float = 3.0, points: int = 97) -> Floats:
-    """Return the ellipse (points, 2) of so many sigmas of a covariance (2, 2)."""
-    variance, axes = np.linalg.eigh(covariance)
-    angle = np.linspace(0.0, 2.0 * np.pi, points)
-    circle = np.stack([np.cos(angle), np.sin(angle)])
-    return np.asarray((axes * (sigmas * np.sqrt(np.maximum(variance, 0.0))) @ circle).T)
-
-
 def _cost(ax: Any, state: State, law: Law, good: Floats) -> None:
-    """Draw which part of flights a correction of so much would do for."""
     drawn = mission.draws(law.mean, law.true, 1024)
     for name, error, colour, dashes in (("runs", good, PALETTE[0], "-"), ("LinCov", drawn, PALETTE[1], "--")):
         if len(error):
@@ -146,8 +130,7 @@ def _chart(ax: Any, tables: Tables, case: str, rows: pd.DataFrame) -> None:
         ax.add_patch(Polygon(corners[:, ::-1], fill=False, ec=PALETTE[2], lw=1.2, label="corridor"))
         ax.autoscale_view()
     ax.set_title(f"{tables.labels[case]}" + (f"; ellipses {times:g} times as large" if times > 1 else ""), fontsize=8.5)
-    ax.set(xlabel="longitude (deg east)", ylabel="geodetic latitude\n(deg north)")
-    ax.margins(0.06)
+    ax.set(xlabel="longitude (deg east)", ylabel="geodetic latitude\n(deg north)", xmargin=0.06, ymargin=0.06)
     ax.legend(loc="best", fontsize=7.5)
 
 
@@ -171,20 +154,17 @@ def _sizes(ax: Any, tables: Tables, case: str, rows: pd.DataFrame) -> None:
 
 
 def _last(ax: Any, tables: Tables, case: str, rows: pd.DataFrame) -> None:
-    """Draw the ellipse of the last event that has a point of impact, with the runs."""
     named = rows[rows.event != ""]
     row: Any = (named if len(named) else rows).iloc[-1]
     if row.event and row.runs > 1:
         state = next(s for s in mission.states(tables, case) if s.event == row.event and abs(s.t - row.t_s) < 1e-6)
-        error, failed = mission.run_errors(tables, case, state)
-        off = mission.impact_errors(state, error[~failed]) * 1e-3
+        off = mission.impact_errors(state, mission.good_errors(tables, case, state)) * 1e-3
         ax.plot(off[:, 1], off[:, 0], ".", ms=2.5, color=PALETTE[0], label="runs")
     mixed = row.correlation * row.down_sigma_km * row.cross_sigma_km
     outline = outline_of(np.array([[row.cross_sigma_km**2, mixed], [mixed, row.down_sigma_km**2]]))
     outline += np.array([row.cross_bias_km, row.down_bias_km])
     ax.plot(*outline.T, color=PALETTE[1], ls="--", label="LinCov, 3 sigma")
     ax.set_aspect("equal", adjustable="datalim")
-    ax.set(xlabel="cross-range error (km)", ylabel="down-range error (km)")
+    ax.set(xlabel="cross-range error (km)", ylabel="down-range error (km)", xmargin=0.08, ymargin=0.08)
     ax.set_title(f"{row.event.replace('_', ' ') or 'last'}, {row.t_s:.0f} s", fontsize=8.5)
-    ax.margins(0.08)
     ax.legend(loc="upper left", fontsize=7)

@@ -1,6 +1,5 @@
 """Published numbers: all ratios, single and flown flights among ours, a metric over a setting; figures of a study."""
 
-import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -14,8 +13,7 @@ from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, legend_below
 from lvnav_trade.store import Tables
 from lvnav_trade.units import parse
 
-_DRAWN = 0.02, 50.0
-"""Ratios that are drawn where they are; one beyond is an arrow at the end of the axis."""
+_DRAWN = 0.02, 50.0  # ratios that are drawn where they are; one beyond is an arrow at the end of the axis
 _UNITS = {"velocity": "m/s", "position": "m"}
 _ERRORS = (("attitude", "rad", 1e3, "mrad"), ("velocity", "m_per_s", 1.0, "m/s"), ("position", "m", 1.0, "m"))
 
@@ -138,11 +136,10 @@ def locus(
     """
     chosen = {case for wanted in cases for case in cases_of(tables, wanted)} or set(tables.labels)
     rows = []
-    for row in tables.cases[tables.cases.case.isin(chosen)].itertuples():
-        levels = json.loads(row.axes)
-        if axis in levels:
+    for case, levels in tables.levels.items():
+        if case in chosen and axis in levels:
             others = ", ".join(f"{name}={level}" for name, level in levels.items() if name != axis and level != "base")
-            rows.append((levels[axis], others, ours(tables, row.case, stated, unit).value))
+            rows.append((levels[axis], others, ours(tables, case, stated, unit).value))
     frame = pd.DataFrame(rows, columns=["level", "others", "value"])
     if set(frame.level) > {"base"}:  # one at a time: of the base only a word is known, not its place
         frame = frame[frame.level != "base"]

@@ -14,8 +14,7 @@ from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, event_key, l
 from lvnav_trade.store import Tables
 
 _FAINT = "#c4c9d1"
-_MARKERS = "os^Dv<>p*h"
-"""By number of antenna."""
+_MARKERS = "os^Dv<>p*h"  # by number of antenna
 _STATES = (
     ("track", "tracked", {"color": PALETTE[0]}),
     ("acquire", "acquired, not yet measured", {"color": PALETTE[5]}),
@@ -24,8 +23,6 @@ _STATES = (
     ("", "not tracked", {"color": _FAINT}),
 )
 """State, what the legend says, look; the last for whatever is none of the others."""
-
-
 _LOOKS: dict[str, tuple[float, dict[str, Any]]] = {
     "track": (0.8, {"facecolor": PALETTE[0]}),
     "acquire": (0.6, {"facecolor": PALETTE[5], "edgecolor": "black", "linewidth": 0.3}),
@@ -36,8 +33,7 @@ _LOOKS: dict[str, tuple[float, dict[str, Any]]] = {
 _REASONS = {"dynamics": "v", "weak signal": "o", "no antenna": "X", "fault": "s", "out of view": ">"}
 """Marker of why tracking ended."""
 LAYERS = ("troposphere", "ionosphere")
-_LEAST = 1e-3
-"""Metres: less is not drawn where an axis is logarithmic."""
+_LEAST = 1e-3  # metres: less is not drawn where an axis is logarithmic
 
 
 @drawing
@@ -62,7 +58,6 @@ def satellites(tables: Tables, case: str) -> Figure:
 
 
 def _carrier(axes: Any, rows: pd.DataFrame, case: pd.Series) -> None:
-    """Draw C/N0 of each satellite, of those tracked darker, their median, and the receiver's thresholds."""
     times = pd.Index(np.sort(rows.t_s.unique()))
     for number, (_, one) in enumerate(rows.groupby("satellite")):
         line = one.set_index("t_s").reindex(times)
@@ -128,8 +123,7 @@ def _one_sky(axes: Any, rows: pd.DataFrame, antennas: list[int], edge: float) ->
     axes.plot(np.linspace(0.0, 2.0 * np.pi, 181), np.full(181, 90.0), color=GREY, lw=1.1)
     axes.set_theta_zero_location("N")
     axes.set_theta_direction(-1)
-    axes.set_ylim(0, edge)
-    axes.set_yticks([30, 60, 90], ["60", "30", "0"])
+    axes.set(ylim=(0, edge), yticks=[30, 60, 90], yticklabels=["60", "30", "0"])
     axes.tick_params(labelsize=6.5)
 
 
@@ -141,7 +135,6 @@ def _by_state(rows: pd.DataFrame) -> list[tuple[str, dict[str, Any], pd.DataFram
 
 
 def _key(figure: Figure, axes: Any, rows: pd.DataFrame, antennas: list[int]) -> None:
-    """Explain colours and, of several antennas, markers, in one legend below."""
     for label, style, _ in _by_state(rows):
         axes.plot([], [], "o", ms=5, label=label, **style)
     if len(antennas) > 1:
@@ -234,7 +227,6 @@ def delays(tables: Tables, case: str) -> Figure:
 
 
 def _lines(axes: Any, rows: pd.DataFrame, column: str, colour: str) -> None:
-    """Draw a thin line for each satellite, broken where it is not tracked, and their median as a thick one."""
     times = pd.Index(np.sort(rows.t_s.unique()))
     for number, (_, one) in enumerate(rows.groupby("satellite")):
         label = "each satellite tracked" if number == 0 else None

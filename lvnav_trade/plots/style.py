@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
@@ -113,7 +114,7 @@ def mark_events(axes: Axes, events: pd.DataFrame, names: bool = True, numbers: b
         starts = [(float(flown.t_s.iloc[first]) - low) / (high - low) for first, _ in groups]
         leftward = _leftward(starts)
         if numbers:
-            texts = [_span(first, last) for first, last in groups]
+            texts = [str(i + 1) if i == j else f"{i + 1}-{j + 1}" for i, j in groups]
         else:
             inches = starts and axes.get_position().width * WIDTH
             texts = _apart(
@@ -162,13 +163,11 @@ def _flown(events: pd.DataFrame) -> pd.DataFrame:
 
 def _groups(t: NDArray[np.float64], room: float) -> list[tuple[int, int]]:
     """Return (first, last) of each group of events that are closer than `room` to its first."""
-    found: list[tuple[int, int]] = []
+    firsts: list[int] = []
     for index, time in enumerate(t):
-        if found and time - t[found[-1][0]] < room:
-            found[-1] = (found[-1][0], index)
-        else:
-            found.append((index, index))
-    return found
+        if not firsts or time - t[firsts[-1]] >= room:
+            firsts.append(index)
+    return [(first, after - 1) for first, after in pairwise([*firsts, len(t)])]
 
 
 def _leftward(starts: list[float]) -> list[bool]:
@@ -182,20 +181,11 @@ def _leftward(starts: list[float]) -> list[bool]:
     return [start >= turn for start in starts]
 
 
-def _span(first: int, last: int) -> str:
-    return str(first + 1) if first == last else f"{first + 1}-{last + 1}"
-
-
-def _joined(names: list[str]) -> str:
-    """Name a group of events: all of two, of more the first and the last."""
-    return ", ".join(names) if len(names) <= 2 else f"{names[0]} ... {names[-1]}"
-
-
 def _apart(groups: list[list[str]], places: NDArray[np.float64], leftward: list[bool]) -> list[str]:
     """Return the names of groups of events at places (inches); where two that lean towards each other would meet, each
     names the first of its group.
     """
-    texts = [_joined(names) for names in groups]
+    texts = [", ".join(names) if len(names) <= 2 else f"{names[0]} ... {names[-1]}" for names in groups]
     if True not in leftward or leftward[0]:
         return texts
     turn = leftward.index(True)
@@ -207,20 +197,20 @@ def _apart(groups: list[list[str]], places: NDArray[np.float64], leftward: list[
 
 def _name(axes: Axes, t: float, name: str, upright: bool, leftward: bool) -> None:
     """Write a name at the top; near the right edge it leans to the left, so that it needs no room beside the axes."""
-    lean: dict[str, Any] = {"rotation": 0, "ha": "center"} if upright else {"rotation": 38, "ha": "left"}
-    if leftward and not upright:
-        lean = {"rotation": -38, "ha": "right"}
+    leans = (0, "center", 0.0), (-38, "right", -1.5), (38, "left", 1.5)
+    rotation, side, shift = leans[0 if upright else 1 if leftward else 2]
     axes.annotate(
         name.replace("_", " "),
         (t, 1.0),
         xycoords=("data", "axes fraction"),
-        xytext=(0 if upright else -1.5 if leftward else 1.5, 2),
+        xytext=(shift, 2),
         textcoords="offset points",
         fontsize=6.5,
         color=GREY,
         va="bottom",
         annotation_clip=False,
-        **lean,
+        rotation=rotation,
+        ha=side,
     )
 
 

@@ -1,6 +1,5 @@
 """The vehicle's motion: the flight; rate and acceleration, raw and filtered; observability; nozzle and envelopes."""
 
-import json
 import textwrap
 from collections.abc import Mapping, Sequence
 
@@ -8,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from lvnav_trade.metrics.basics.select import NAVIGATION, flight_events, history_of, lincov_rms, pick
-from lvnav_trade.metrics.errors.diagnostics import is_position_bias
+from lvnav_trade.metrics.errors.covariances import is_position_bias
 from lvnav_trade.metrics.published import cases_of, short_names
 from lvnav_trade.metrics.published import interpretations as interpretations_frame
 from lvnav_trade.metrics.vehicle import nozzle
@@ -27,23 +26,19 @@ def trajectory(tables: Tables, case: str) -> Figure:
     figure, grid = canvas(2, 2, 2.7)
     altitude, speed, force, track = grid.ravel()
     altitude.plot(rows.t_s, rows.altitude_m / 1e3, color=PALETTE[0])
-    altitude.set_ylabel("altitude (km)")
     speed.plot(rows.t_s, rows.ground_speed_m_per_s / 1e3, color=PALETTE[0], label="relative to the ground")
     speed.plot(rows.t_s, rows.inertial_speed_m_per_s / 1e3, color=PALETTE[1], ls="--", label="inertial")
-    speed.set_ylabel("speed (km/s)")
     speed.legend(loc="best")
     force.plot(rows.t_s, rows.specific_force_m_per_s2 / G, color=PALETTE[0])
-    force.set_ylabel("specific force (g)")
-    for axes in (altitude, speed, force):
+    for axes, label in ((altitude, "altitude (km)"), (speed, "speed (km/s)"), (force, "specific force (g)")):
+        axes.set_ylabel(label)
         over_time([axes], tables, case, numbers=True)
     longitude, latitude = np.degrees(np.unwrap(rows.longitude_rad)), np.degrees(rows.latitude_rad)
     track.plot(longitude, latitude, color=PALETTE[0])
     at = [int(np.argmin(np.abs(rows.t_s.to_numpy() - t))) for t in flight_events(tables, case).t_s]
     track.plot(longitude[at], latitude.to_numpy()[at], "o", ms=3, color=GREY)
-    track.set(
-        xlabel="longitude (deg east)", ylabel="geodetic latitude (deg north)", title="ground track, events as dots"
-    )
-    track.margins(0.1)
+    track.set(xlabel="longitude (deg east)", ylabel="geodetic latitude (deg north)")
+    track.set(title="ground track, events as dots", xmargin=0.1, ymargin=0.1)
     figure.supxlabel(event_key(pick(tables.events, case=case)), fontsize=7.5, color=GREY)
     return figure
 
@@ -137,8 +132,7 @@ def interpretations(tables: Tables) -> Figure:
         ax.set_title(phase.replace("_", " "), loc="left")
         ax.set(ylabel="sigma below\nthe sample's (%)", ylim=(0.0, 100.0))
         ax.grid(axis="x", visible=False)
-    grid[-1, 0].set_xticks(place, errors)
-    grid[-1, 0].set_xlabel("error")
+    grid[-1, 0].set(xticks=place, xticklabels=errors, xlabel="error")
     return legend_below(figure, grid[0, 0], columns=2)
 
 
@@ -186,10 +180,9 @@ def sweep(tables: Tables) -> Figure:
     found = nozzle(tables)
     found = found[(found.burn == "flight") & found.less_percent.notna()]
     lines: dict[str, dict[str, float]] = {}
-    for case in tables.cases.itertuples():
-        levels = json.loads(case.axes)
-        gain = float(levels.pop("rate_gain", 1.0))
-        lines.setdefault(", ".join(levels.values()) or "all", {})[tables.labels[case.case]] = gain
+    for case, levels in tables.levels.items():
+        others = ", ".join(level for name, level in levels.items() if name != "rate_gain") or "all"
+        lines.setdefault(others, {})[tables.labels[case]] = float(levels.get("rate_gain", 1.0))
     figure, grid = canvas(1, 2, 2.9, sharey=True)
     for axes, axis in zip(grid[0], _AXES, strict=True):
         for number, (name, gains) in enumerate(lines.items()):
@@ -225,8 +218,7 @@ def worth(tables: Tables, cases: Sequence[Mapping[str, str]] = ()) -> Figure:
         for at_case, row in zip(place, rows.itertuples(), strict=True):
             text, at = f"{row.less_percent:.1f} % less", (at_case, row.raw_deg)
             above.annotate(text, at, (0, 3), textcoords="offset points", ha="center", fontsize=7)
-        above.margins(y=0.12)
-        above.set_title(axis)
+        above.set(title=axis, ymargin=0.12)
         labels = [textwrap.fill(name.replace("^2", "²"), 18) for name in names.values()]
         below.set_xticks(place, labels, fontsize=8.5 if len(names) < 4 else 7.0)
         below.set_xlabel("case")
@@ -249,8 +241,7 @@ def envelopes(tables: Tables, case: str) -> Figure:
         axes.plot(rows.t_s, rows[value], lw=0.5, color=PALETTE[0], label="true")
         axes.plot(rows.t_s, rows[bound], lw=1.2, color=PALETTE[1], label="envelope, 1 sigma of what the filter expects")
         axes.plot(rows.t_s, -rows[bound], lw=1.2, color=PALETTE[1])
-        axes.set_ylabel(label)
-        axes.margins(x=0.0)
+        axes.set(ylabel=label, xmargin=0.0)
     grid[0, 0].legend(loc="upper right")
     grid[1, 0].set_xlabel("time since lift-off (s)")
     return figure

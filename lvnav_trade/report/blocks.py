@@ -15,15 +15,14 @@ from PIL import Image
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.style import look
-from lvnav_trade.report.escape import texts
+from lvnav_trade.report.escape import note, texts
 from lvnav_trade.store import Tables
 
 COLOURS = 96
 """Colours kept in a picture, far from each other: line art loses nothing that one could see, not even the colour of a
 line that shows in the legend alone, and is a third of the size.
 """
-_EXACT = 24
-"""Of them the most frequent, which are left as they are: a grey shade should not turn pink."""
+_EXACT = 24  # of them the most frequent, which are left as they are: a grey shade should not turn pink
 MOST_CASES = 8
 """Cases whose own figures are drawn; of more, the best and the worst."""
 
@@ -121,11 +120,11 @@ def shown(frame: pd.DataFrame, columns: str) -> pd.DataFrame:
 def _written(values: pd.Series, form: str) -> pd.Series:
     if form in ("", "words"):
         return words(values) if form else values
-
-    def time(value: float) -> str:
-        return f"{value:.0f}" if value == value else "never"
-
-    named: dict[str, Callable[[float], str]] = {"number": number, "percent": percent, "time": time}
+    named: dict[str, Callable[[float], str]] = {
+        "number": number,
+        "percent": percent,
+        "time": lambda value: f"{value:.0f}" if value == value else "never",
+    }
     return values.map(named.get(form, lambda value: format(value, form) if value == value else "–"))
 
 
@@ -152,8 +151,8 @@ def same_once(frame: pd.DataFrame) -> pd.DataFrame:
     if len(groups) == frame.case.nunique():
         return frame
     kept = frame[frame.case.isin([cases[0] for cases in groups.values()])]
-    every = len(groups) == 1
-    names = {cases[0]: f"all {len(cases)} cases" if every else "; ".join(cases) for cases in groups.values()}
+    whole = len(groups) == 1
+    names = {cases[0]: f"all {len(cases)} cases" if whole else "; ".join(cases) for cases in groups.values()}
     return kept.assign(case=kept.case.map(names))
 
 
@@ -249,14 +248,24 @@ def named(tables: Tables, case: str, cases: Sequence[str]) -> str:
     return f" {tables.labels[case]}." * (len(cases) > 1)
 
 
-def figures(tables: Tables, plot: str, cases: Sequence[str], caption: str) -> list[Block]:
+def figures(tables: Tables, plot: str, cases: Sequence[str], **content: str) -> list[Block]:
     """Return a figure of each case, numbered; the caption names it where there are several."""
     return [
-        picture(f"{plot}-{k}", PLOTS[plot](tables, case), caption + named(tables, case, cases))
+        picture(
+            f"{plot}-{k}",
+            PLOTS[plot](tables, case),
+            note(plot, "figures", **content) + named(tables, case, cases),
+        )
         for k, case in enumerate(cases, 1)
     ]
 
 
-def figure(tables: Tables, plot: str, *about: str, caption: str, name: str = "") -> Picture:
-    """Return a figure of a case, a quantity or both, named by them and by its plot, or by `name` in its place."""
+def figure(tables: Tables, plot: str, *about: str, name: str = "", **content: str) -> Picture:
+    """Return a figure of a case, a quantity or both, named by them and by its plot, or by `name` in its place.
+
+    Its caption is the one of that name in `templates/texts.toml`, braces filled with label, quantity and content.
+    """
+    case, quantity = (about[0], about[-1]) if about else ("", "")
+    content |= {"label": tables.labels.get(case, ""), "quantity": quantity, "Quantity": quantity.capitalize()}
+    caption = note(name or plot, "figures", **content)
     return picture("-".join((name or plot, *about)), PLOTS[plot](tables, *about), caption)

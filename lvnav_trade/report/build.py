@@ -9,7 +9,7 @@ from pathlib import Path
 from lvnav_trade.errors import InputError, writing
 from lvnav_trade.metrics import CSV, METRICS
 from lvnav_trade.report import diagnostics as explained
-from lvnav_trade.report import evidence, flight, reception
+from lvnav_trade.report import evidence, flight
 from lvnav_trade.report.blocks import Block, Blocks, Picture, Section, Text
 from lvnav_trade.report.escape import csv_text, render, source
 from lvnav_trade.report.summary import summary
@@ -28,10 +28,10 @@ SECTIONS: dict[str, tuple[str, Blocks]] = {
     "envelopes": ("Errors", evidence.envelopes),
     "consistency": ("Consistency", evidence.consistency),
     "agreement": ("Monte Carlo against linear covariance", _agreement),
-    "satellites": ("Satellites", reception.satellites),
-    "tracking": ("Tracking", reception.tracking),
-    "logic": ("The filter's logic", reception.logic),
-    "delays": ("Delays and latency", reception.delays),
+    "satellites": ("Satellites", evidence.satellites),
+    "tracking": ("Tracking", evidence.tracking),
+    "logic": ("The filter's logic", evidence.logic),
+    "delays": ("Delays and latency", evidence.delays),
     "outages": ("Outages", evidence.outages),
     "references": ("Published numbers", evidence.references),
     "orbit": ("Orbit at injection", flight.orbit),

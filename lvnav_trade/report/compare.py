@@ -168,7 +168,6 @@ def keep_base(results: Path | str | Tables, folder: Path | str) -> Path:
 
 
 def _kept(path: Path) -> bytes:
-    """Return the file of a table as a base has it."""
     import pyarrow.parquet as pq
 
     table, content = pq.read_table(path), io.BytesIO()

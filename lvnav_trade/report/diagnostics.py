@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.basics.select import final_event, mean_at, metric_name
+from lvnav_trade.metrics.basics.select import final_event, mean_at
 from lvnav_trade.metrics.errors.covariances import gaussian
 from lvnav_trade.report.blocks import (
     Block,
@@ -27,8 +27,7 @@ from lvnav_trade.report.escape import data_json, note
 from lvnav_trade.report.evidence import NAVIGATION, separate_events
 from lvnav_trade.store import Tables
 
-_LEAST_SHARE = 0.01
-"""Part of the variance below which a source is summed with others in a table."""
+_LEAST_SHARE = 0.01  # part of the variance below which a source is summed with others in a table
 
 
 @of("budget", "The campaign asked for no error budget.")
@@ -37,22 +36,14 @@ def budget(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     blocks: list[Block] = [Text(note("budget")), *left_out(tables)]
     for case, label in chosen_cases(tables).items():
         for quantity in NAVIGATION:
-            rows = frame[(frame.case == label) & (frame.metric == metric_name(quantity))]
+            rows = frame[(frame.case == label) & (frame.metric == f"{quantity}_error")]
             if len(rows):
                 blocks.append(_by_event(tables, case, quantity, rows))
         for quantity in ("position", "velocity"):
-            blocks += _pictures(tables, case, quantity)
+            blocks.append(figure(tables, "budget", case, quantity))
+            if (tables.adjoint.case == case).any():
+                blocks.append(figure(tables, "heatmap", case, quantity, name="when"))
     return blocks
-
-
-def _pictures(tables: Tables, case: str, quantity: str) -> list[Block]:
-    label = tables.labels[case]
-    caption = f"{label}: {quantity} error, variance by source; the dashed line is the filter's own sigma."
-    found: list[Block] = [figure(tables, "budget", case, quantity, caption=caption)]
-    if (tables.adjoint.case == case).any():
-        caption = f"{label}: which source made the {quantity} error at the event, and when; at the right the sum."
-        found.append(figure(tables, "heatmap", case, quantity, name="when", caption=caption))
-    return found
 
 
 def _by_event(tables: Tables, case: str, quantity: str, rows: pd.DataFrame) -> Table:
@@ -96,18 +87,13 @@ def _part(sigma: float, share: float) -> str:
 def grades(tables: Tables) -> list[Block]:
     """Return what a source of another size would do to the errors at the explained event: a control, and tables."""
     tuned = METRICS["sensitivity"](tables)
-    data, blocks = [], []
-    for case in chosen_cases(tables):
-        for quantity in NAVIGATION:
-            found = _metric(tables, case, quantity, tuned)
-            if found is not None:
-                data.append(found)
-                blocks.append(_grades_table(found))
+    metrics = (_metric(tables, case, quantity, tuned) for case in chosen_cases(tables) for quantity in NAVIGATION)
+    data = [found for found in metrics if found is not None]
     if not data:
         return [Text("The campaign asked for no covariance by source at the event (covariance: {adjoint: true}).")]
     absent = "Re-tuned numbers were not asked for (covariance: {sensitivity: true})."
     text = f"{note('grades')} {note('retuned') if len(tuned) else absent}"
-    return [Text(text), Grades(data_json(data)), *blocks]
+    return [Text(text), Grades(data_json(data)), *map(_grades_table, data)]
 
 
 def _metric(tables: Tables, case: str, quantity: str, tuned: pd.DataFrame) -> dict[str, Any] | None:
@@ -119,7 +105,7 @@ def _metric(tables: Tables, case: str, quantity: str, tuned: pd.DataFrame) -> di
         return None
     unit, factor = tables.people[quantity, "3d"]
     label = tables.labels[case]
-    tuned = tuned[(tuned.case == label) & (tuned.metric == metric_name(quantity))]
+    tuned = tuned[(tuned.case == label) & (tuned.metric == f"{quantity}_error")]
     sources: list[dict[str, Any]] = [
         {
             "name": name,
@@ -137,7 +123,6 @@ def _metric(tables: Tables, case: str, quantity: str, tuned: pd.DataFrame) -> di
 
 
 def _grades_table(found: dict[str, Any]) -> Table:
-    """Return the numbers behind the control: frozen and re-tuned error per source and factor."""
     factors = (0.1, 0.3, 1.0, 3.0, 10.0)
     rows = []
     for source in found["sources"]:
@@ -159,15 +144,10 @@ def _grades_table(found: dict[str, Any]) -> Table:
 def observability(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return rank, smallest singular values and weakest direction of each phase of flight."""
     frame = frame.assign(rank=frame.rank_count.astype(str) + " / " + frame.state_count.astype(str))
-    shown = [
-        stated("observability", frame[frame.case == label], label=label) for label in chosen_cases(tables).values()
-    ]
-    return [
-        Text(note("observability", tolerance=frame.tolerance_ratio.iloc[0])),
-        *left_out(tables),
-        *shown,
-        *error_bound(tables),
-    ]
+    labels = chosen_cases(tables).values()
+    shown = [stated("observability", frame[frame.case == label], label=label) for label in labels]
+    text = Text(note("observability", tolerance=frame.tolerance_ratio.iloc[0]))
+    return [text, *left_out(tables), *shown, *error_bound(tables)]
 
 
 def error_bound(tables: Tables) -> list[Block]:
@@ -189,7 +169,4 @@ def nonlinearity(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     worst = frame.loc[cases.motion_ratio.idxmax()].assign(
         transition_ratio=cases.transition_ratio.max().to_numpy(), row_ratio=cases.row_ratio.max().to_numpy()
     )
-    return [
-        Text(note("nonlinearity")),
-        stated("nonlinearity", worst),
-    ]
+    return [Text(note("nonlinearity")), stated("nonlinearity", worst)]

@@ -1,10 +1,11 @@
-"""The sections behind the answer: flight, errors, consistency, agreement, outages, references."""
+"""The sections behind the answer: flight, errors, consistency, agreement, published numbers, satellites, delays."""
 
 from __future__ import annotations
 
 import json
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from lvnav_trade.metrics import METRICS
@@ -12,18 +13,23 @@ from lvnav_trade.metrics.basics.select import final_event, flight_events
 from lvnav_trade.metrics.errors.covariances import by_case
 from lvnav_trade.metrics.requirements.improvements import ABOVE_ONLY
 from lvnav_trade.metrics.requirements.requirements import where
+from lvnav_trade.plots import PLOTS
+from lvnav_trade.plots.signals import LAYERS, layers_of
 from lvnav_trade.report.blocks import (
     Block,
     Table,
     Text,
     chosen_cases,
     distinct,
+    few,
     figure,
     figures,
     left_out,
+    named,
     number,
     of,
     percent,
+    picture,
     stated,
     table,
     words,
@@ -37,9 +43,9 @@ _FACT_UNITS = (
     ("_g", "_g", "g", 1.0), ("_kg", "_kg", "kg", 1.0), ("_s", "_s", "s", 1.0),
 )  # fmt: skip
 """What a fact's name ends with, what of that is its unit, the unit for people, their factor."""
-_FEW = 3
-"""Cases of which every event stands in the table of errors."""
+_FEW = 3  # cases of which every event stands in the table of errors
 NAVIGATION = ("position", "velocity", "attitude")
+_FLOWN = 1e-6  # seconds: what is younger counts as present
 
 
 @of("requirements", "The campaign states no requirement.")
@@ -75,9 +81,7 @@ def trajectory(tables: Tables) -> list[Block]:
     """Return the flight, once per distinct trajectory."""
     group = distinct(tables, "reference", ["t_s", "altitude_m"], tables.labels)
     blocks: list[Block] = []
-    for case, drawn in zip(
-        group, figures(tables, "trajectory", group, "Trajectory; events as lines, faults shaded."), strict=True
-    ):
+    for case, drawn in zip(group, figures(tables, "trajectory", group), strict=True):
         events = tables.events[tables.events.case == case].sort_values("t_s", kind="stable")
         ends = events.t_end_s.map("{:.2f}".format).where(events.kind == "fault", "")
         blocks += [drawn, stated("events", events.assign(ends=ends))]
@@ -101,15 +105,9 @@ def fact(name: str, value: float | str) -> tuple[str, str]:
 def envelopes(tables: Tables) -> list[Block]:
     """Return the errors of all cases together, then of each case against its covariances, then the RMS table."""
     known = [quantity for quantity in NAVIGATION if (quantity, "3d") in tables.people]
-    blocks: list[Block] = [
-        figure(tables, "comparison", quantity, name="compare", caption=f"{quantity.capitalize()} error of all cases.")
-        for quantity in known
-    ]
+    blocks: list[Block] = [figure(tables, "comparison", quantity, name="compare") for quantity in known]
     blocks += left_out(tables)
-    for case, label in chosen_cases(tables).items():
-        for quantity in known:
-            caption = f"{label}: {quantity} error by axis, RMS and 1 sigma."
-            blocks.append(figure(tables, "envelope", case, quantity, caption=caption))
+    blocks += [figure(tables, "envelope", case, quantity) for case in chosen_cases(tables) for quantity in known]
     frame = METRICS["rms"](tables)
     frame = frame[(frame.axis == "3d") & frame.metric.isin([f"{quantity}_error" for quantity in known])]
     places = _places(tables)
@@ -143,11 +141,7 @@ def consistency(tables: Tables) -> list[Block]:
     """Return NEES, NIS and whiteness."""
     frame = METRICS["consistency"](tables)
     frame = frame.assign(inside_ratio=frame.inside_ratio * 100)
-    blocks: list[Block] = [
-        Text(note("consistency")),
-        stated("consistency", frame),
-        *left_out(tables),
-    ]
+    blocks: list[Block] = [Text(note("consistency")), stated("consistency", frame), *left_out(tables)]
     without = frame.case[(frame.test == "ANEES") & (frame.time_count == 0)]
     if len(without):
         blocks.append(
@@ -156,9 +150,7 @@ def consistency(tables: Tables) -> list[Block]:
                 "whose error the truth does not have, and its covariance has no inverse."
             )
         )
-    for case, label in chosen_cases(tables).items():
-        caption = f"{label}: normalised errors and innovations squared."
-        blocks.append(figure(tables, "consistency", case, caption=caption))
+    blocks += [figure(tables, "consistency", case) for case in chosen_cases(tables)]
     return [*blocks, *_whiteness(tables)]
 
 
@@ -223,3 +215,109 @@ def reproduce(tables: Tables) -> list[Block]:
         Table(("what", "value"), rows, (False, False), "What computed these results."),
         stated("cases", tables.cases),
     ]
+
+
+def satellites(tables: Tables) -> list[Block]:
+    """Return satellites in view with their C/N0, and the sky, once per distinct sky."""
+    columns = ["t_s", "satellite", "tracked", "state", "cn0_db_hz", "antenna_number"]
+    group, blocks = few(distinct(tables, "satellites", columns, tables.labels))
+    for k, case in enumerate(group, 1):
+        rows, label = tables.satellites[tables.satellites.case == case], named(tables, case, group)
+        linked = " and their C/N0" * bool(rows.cn0_db_hz.notna().any())
+        caption = note("satellites", "figures", signal=linked) + label
+        blocks.append(picture(f"satellites-{k}", PLOTS["satellites"](tables, case), caption))
+        blocks.append(picture(f"sky-{k}", PLOTS["sky"](tables, case), note("sky", "figures") + label))
+        blocks += _measured(rows, label)
+    return blocks
+
+
+def _measured(rows: pd.DataFrame, label: str) -> list[Block]:
+    mine = rows[rows.tracked & rows.cn0_db_hz.notna()]
+    if mine.empty:
+        return []
+    groups = mine.assign(elevation_deg=np.degrees(mine.elevation_rad)).groupby("satellite")
+    frame = pd.DataFrame(
+        {
+            "tracked from (s)": groups.t_s.min().map("{:.0f}".format),
+            "to (s)": groups.t_s.max().map("{:.0f}".format),
+            "elevation (deg)": _range(groups.elevation_deg, 0),
+            "antennas": groups.antenna_number.unique().map(lambda antennas: ", ".join(map(str, sorted(antennas)))),
+            "C/N0 (dB-Hz)": _range(groups.cn0_db_hz, 1),
+            "range noise (m)": _range(groups.range_sigma_m, 2),
+            "rate noise (m/s)": _range(groups.rate_sigma_m_per_s, 3),
+        }
+    )
+    caption = f"Satellites while they are tracked, least to most; noise is one sigma.{label}"
+    return [table(frame.rename_axis("satellite").reset_index(), caption)]
+
+
+def _range(groups: Any, digits: int) -> pd.Series:
+    low, high = (values.map(f"{{:.{digits}f}}".format) for values in (groups.min(), groups.max()))
+    return low.where(low == high, low + " to " + high)
+
+
+def tracking(tables: Tables) -> list[Block]:
+    """Return what channels do with every satellite, fixes, losses by reason, and recovery after every fault.
+
+    Empty where no receiver has channels and no fault takes satellites.
+    """
+    changes = METRICS["transitions"](tables)
+    if changes.empty and not (METRICS["recovery"](tables).lost_count > 0).any():
+        return []
+    group, more = few(distinct(tables, "satellites", ["t_s", "satellite", "tracked", "state"], tables.labels))
+    frames = {name: METRICS[name](tables) for name in ("tracking", "losses", "recovery")}
+    blocks = [stated(name, frame, alike=True) for name, frame in frames.items() if len(frame)] + more
+    return blocks + figures(tables, "timeline", group) + [Text(note("searches"))] * (len(changes) > 0)
+
+
+def delays(tables: Tables) -> list[Block]:
+    """Return delays of the atmosphere, what the correction leaves of them, and latency; empty where there is none."""
+    columns = [f"{layer}{kind}_m" for layer in LAYERS for kind in ("", "_left")]
+    delayed = [case for case in tables.labels if _layers(tables, case)]
+    group, blocks = few(distinct(tables, "satellites", ["t_s", "satellite", *columns], delayed))
+    if group:
+        blocks.append(_delay_table(tables))
+    blocks += figures(tables, "delays", group)
+    aged = set(tables.satellites.case[tables.satellites.latency_s > _FLOWN])
+    late = [case for case in tables.labels if case in aged]
+    group, more = few(distinct(tables, "satellites", ["t_s", "latency_s"], late))
+    return [*blocks, *more, *figures(tables, "latency", group)]
+
+
+def _layers(tables: Tables, case: str) -> list[str]:
+    return layers_of(tables.satellites[tables.satellites.case == case])
+
+
+def _delay_table(tables: Tables) -> Block:
+    rows = []
+    for case, label in tables.labels.items():
+        mine = tables.satellites[(tables.satellites.case == case) & tables.satellites.tracked]
+        for layer in _layers(tables, case):
+            true, left = mine[f"{layer}_m"], mine[f"{layer}_left_m"]
+            worst = mine.loc[left.abs().idxmax()]
+            sizes = [float((delay**2).mean() ** 0.5) for delay in (true, left)]
+            which = f"{worst.satellite} at {worst.t_s:.0f} s, {np.degrees(worst.elevation_rad):.0f} deg"
+            extremes = f"{number(round(true.min(), 6))} to {number(true.max())}"
+            rows.append((label, layer, extremes, *sizes, float(left.mean()), left[worst.name], which))
+    return stated("delays", pd.DataFrame(rows), alike=True)
+
+
+@of("stops")
+def logic_tables(tables: Tables, frame: pd.DataFrame) -> list[Block]:
+    """Return what filters with a logic did: starts, stops and restarts, and every kind of change."""
+    ratios = ["started_ratio", "corrected_ratio", "ended_ratio"]
+    percents = frame.assign(**{ratio: 100.0 * frame[ratio] for ratio in ratios})
+    return [stated("stops", percents), *_changes(tables)]
+
+
+@of("logic")
+def _changes(tables: Tables, frame: pd.DataFrame) -> list[Block]:
+    return [stated("logic", frame.assign(run_ratio=100.0 * frame.run_ratio))]
+
+
+def logic(tables: Tables) -> list[Block]:
+    """Return what filters with a logic did, in tables, and their modes over time."""
+    cases = tables.cases.case[tables.cases.logic.fillna(False).astype(bool)]
+    columns = [name for name in tables.logic.columns if name != "case"]
+    group, more = few(distinct(tables, "logic", columns, cases))
+    return [*logic_tables(tables), *figures(tables, "logic", group), *more]

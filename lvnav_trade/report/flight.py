@@ -1,11 +1,8 @@
 """Report sections on the flight: orbit, correction and impact point; rate and acceleration, nozzle movement."""
 
-import json
-
 import pandas as pd
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.plots import PLOTS
 from lvnav_trade.report.blocks import (
     Block,
     Text,
@@ -14,7 +11,6 @@ from lvnav_trade.report.blocks import (
     left_out,
     number,
     of,
-    picture,
     stated,
     table,
     words,
@@ -36,7 +32,7 @@ def orbit(tables: Tables, frame: pd.DataFrame) -> list[Block]:
             known = rows if rows.runs.max() > 0 else rows.drop(columns=["mc_sigma", "mc_bias", "mc_q99"])
             blocks.append(stated("orbit", known, label=label, event=words(event)))
             blocks += [Text(f"{why}.", "Not applicable.") for why in dict.fromkeys(rows.remark) if why]
-        blocks.append(figure(tables, "orbit", case, caption=f"{label}: errors of the orbit."))
+        blocks.append(figure(tables, "orbit", case))
     return [*blocks, Text(note("correction")), stated("correction", METRICS["correction"](tables))]
 
 
@@ -48,13 +44,10 @@ def impact(tables: Tables, frame: pd.DataFrame) -> list[Block]:
         rows = frame[(frame.case == label) & (frame.event != "")]
         if len(rows):
             axes = rows.major_3sigma_km.map(number) + " x " + rows.minor_3sigma_km.map(number)
-            known = (
-                rows if rows.runs.max() > 1 else rows.drop(columns=[name for name in rows if name.startswith("mc_")])
-            )
+            known = rows if rows.runs.max() > 1 else rows[[name for name in rows if not name.startswith("mc_")]]
             blocks.append(stated("impact", known.assign(axes=axes), label=label))
         if (frame.case == label).any():
-            caption = f"{label}: trace of the point of impact, its error over time, and that at the last event."
-            blocks.append(figure(tables, "impact", case, caption=caption))
+            blocks.append(figure(tables, "impact", case))
     return blocks
 
 
@@ -67,12 +60,10 @@ def _corridor(tables: Tables, frame: pd.DataFrame) -> list[Block]:
 @of("motion")
 def motion_table(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return how much better than the raw sample rate and acceleration are, and whether as the filter models."""
-    rows = stated("motion", _by_axis(frame))
-    return [*interpretations_table(tables), Text(note("motion")), rows]
+    return [*interpretations_table(tables), Text(note("motion")), stated("motion", _by_axis(frame))]
 
 
 def _by_axis(frame: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows with the column error: its quantity and axis in words."""
     return frame.assign(error=frame.metric.str.replace("_error", "") + " " + frame.axis)
 
 
@@ -134,8 +125,8 @@ def motion(tables: Tables) -> list[Block]:
     """Return rate and acceleration of every case that estimates them."""
     known = set(zip(tables.outputs.case, tables.outputs.quantity, strict=True))
     return motion_table(tables) + [
-        figure(tables, "motion", case, quantity, caption=f"{label}: {quantity}, raw and filtered.")
-        for case, label in tables.labels.items()
+        figure(tables, "motion", case, quantity)
+        for case in tables.labels
         for quantity in ("rate", "acceleration")
         if (case, quantity) in known
     ]
@@ -150,17 +141,12 @@ def control_tables(tables: Tables, brief: bool = False) -> list[Block]:
     if moved.empty:
         return []
     if brief:
-        scaled = [label for case, label in tables.labels.items() if _rate_gain(tables, case) != 1.0]
+        gains = {case: float(levels.get("rate_gain", 1.0)) for case, levels in tables.levels.items()}
+        scaled = [tables.labels[case] for case, gain in gains.items() if gain != 1.0]
         moved, turned = moved[~moved.case.isin(scaled)], turned[~turned.case.isin(scaled)]
     kept = turned[turned.feed == "filtered"].drop(columns="feed")
     tabled = (("nozzle", moved), ("worth", METRICS["worth"](tables)), ("turning", kept))
     return [Text(note("nozzle")), *(stated(name, frame) for name, frame in tabled)]
-
-
-def _rate_gain(tables: Tables, case: str) -> float:
-    """Return the rate gain of a case over that of its card."""
-    levels = json.loads(str(tables.cases.set_index("case")["axes"][case]))
-    return float(levels.get("rate_gain", 1.0))
 
 
 def control(tables: Tables) -> list[Block]:
@@ -168,11 +154,7 @@ def control(tables: Tables) -> list[Block]:
     blocks = control_tables(tables)
     if not blocks:
         return []
-    if tables.cases["axes"].str.contains("rate_gain", regex=False).any():
-        caption = "How much less the nozzle moves with the filtered rate, over the rate gain; 50 to 85 % shaded."
-        blocks.append(picture("nozzle-sweep", PLOTS["sweep"](tables), caption))
-    for case, label in list(tables.labels.items())[:4]:
-        blocks.append(figure(tables, "movement", case, name="nozzle", caption=f"{label}: movement of the nozzle."))
-        caption = f"{label}: motion in its envelopes, one run, pitch."
-        blocks.append(figure(tables, "turning", case, caption=caption))
-    return blocks
+    if any("rate_gain" in levels for levels in tables.levels.values()):
+        blocks.append(figure(tables, "sweep", name="nozzle-sweep"))
+    shown = (("movement", "nozzle"), ("turning", ""))
+    return blocks + [figure(tables, plot, case, name=name) for case in list(tables.labels)[:4] for plot, name in shown]

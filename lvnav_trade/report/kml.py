@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import cycle
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from lvnav_trade.errors import InputError, writing
 from lvnav_trade.frames import ecef_from_geodetic, geodetic_from_ecef, rotation_e_n
+from lvnav_trade.metrics.basics.probability import outline_of
 from lvnav_trade.records import Floats
 from lvnav_trade.report.escape import render
 from lvnav_trade.store.read import Tables
@@ -24,19 +26,14 @@ _COLOURS = ("1f77ff", "b4771f", "2ca02c", "2827d6")  # blue, green, red; one cas
 
 
 class Flight(NamedTuple):
-    """What is drawn of a case: its name, the tables `reference` and `events` of it, and its ellipses."""
+    """What is drawn of a case: its name, the tables `reference` and `events` of it, and the covariance (3, 3) in m^2 of
+    the position error, axes north, east, down, at the time (s) of every ellipse.
+    """
 
     name: str
     reference: pd.DataFrame
     events: pd.DataFrame
-    ellipses: tuple[Ellipse, ...] = ()
-
-
-class Ellipse(NamedTuple):
-    """Covariance (3, 3) in m^2 of the position error, axes north, east, down, at a time (s)."""
-
-    time: float
-    covariance: Floats
+    ellipses: Mapping[float, Floats] = MappingProxyType({})
 
 
 def flights(tables: Tables, ellipses: bool, every: float) -> list[Flight]:
@@ -50,11 +47,11 @@ def flights(tables: Tables, ellipses: bool, every: float) -> list[Flight]:
     found = []
     for case, label in tables.labels.items():
         reference, events = (table[table["case"] == case] for table in (tables.reference, tables.events))
-        found.append(Flight(label or "flight", reference, events, _ellipses(tables, case, every) if ellipses else ()))
+        found.append(Flight(label or "flight", reference, events, _ellipses(tables, case, every) if ellipses else {}))
     return found
 
 
-def _ellipses(tables: Tables, case: str, every: float) -> tuple[Ellipse, ...]:
+def _ellipses(tables: Tables, case: str, every: float) -> dict[float, Floats]:
     axes, found = list(_AXES), dict[float, Floats]()
     history, whole = (
         frame[(frame["case"] == case) & (frame.quantity == "position")]
@@ -70,7 +67,7 @@ def _ellipses(tables: Tables, case: str, every: float) -> tuple[Ellipse, ...]:
         square = rows.pivot_table(index="axis", columns="other_axis", values="true_si2")
         full = square.combine_first(square.T).reindex(index=axes, columns=axes)
         found[float(time)] = full.to_numpy(dtype=float)
-    return tuple(Ellipse(time, found[time]) for time in sorted(found))
+    return dict(sorted(found.items()))
 
 
 def write_kml(file: Path, title: str, drawn: Sequence[Flight], magnify: float = 1.0) -> Path:
@@ -93,7 +90,7 @@ def kml(title: str, drawn: Sequence[Flight], magnify: float = 1.0) -> bytes:
             "colour": colour,
             "path": _coordinates(*(flight.reference[name] for name in ("longitude_rad", "latitude_rad", "altitude_m"))),
             "events": [_event(flight, row.event, float(row.t_s)) for row in flight.events.itertuples(index=False)],
-            "ellipses": [_ellipse(flight, ellipse, magnify) for ellipse in flight.ellipses],
+            "ellipses": [_ellipse(flight, *ellipse, magnify) for ellipse in flight.ellipses.items()],
         }
         for flight, colour in zip(drawn, cycle(_COLOURS), strict=False)
     ]
@@ -118,24 +115,16 @@ def _event(flight: Flight, name: str, time: float) -> tuple[str, str, str]:
     return name, said, _coordinates(here.longitude_rad, here.latitude_rad, here.altitude_m)
 
 
-def _ellipse(flight: Flight, ellipse: Ellipse, magnify: float) -> tuple[str, str, str]:
-    north, east, down = SIGMAS * np.sqrt(np.diag(ellipse.covariance))
-    sizes = SIGMAS * np.sqrt(np.maximum(np.linalg.eigvalsh(ellipse.covariance), 0.0))[::-1]
+def _ellipse(flight: Flight, time: float, covariance: Floats, magnify: float) -> tuple[str, str, str]:
+    north, east, down = SIGMAS * np.sqrt(np.diag(covariance))
+    sizes = SIGMAS * np.sqrt(np.maximum(np.linalg.eigvalsh(covariance), 0.0))[::-1]
     said = (
         f"3 sigma of position: north {north:.3g} m, east {east:.3g} m, down {down:.3g} m; half axes of the ellipsoid "
         f"{', '.join(f'{size:.3g}' for size in sizes)} m; drawn {magnify:g} times as large"
     )
-    outline = _shadow(_at(flight, ellipse.time), ellipse.covariance, magnify)
-    return f"3 sigma at {ellipse.time:.6g} s", said, _coordinates(*outline)
-
-
-def _shadow(here: pd.Series[float], covariance: Floats, magnify: float) -> tuple[Floats, Floats, Floats]:
-    """Return longitude, latitude (rad) and height (m) of the ellipsoid's outline from above, closed."""
-    value, vector = np.linalg.eigh(covariance[:2, :2])
-    angle = np.linspace(0.0, 2.0 * np.pi, _CORNERS + 1)
-    circle = np.stack([np.cos(angle), np.sin(angle)])
-    flat = magnify * SIGMAS * vector @ (np.sqrt(np.maximum(value, 0.0))[:, None] * circle)
-    C_e_n = rotation_e_n(here.latitude_rad, here.longitude_rad)
-    r_e = ecef_from_geodetic(here.latitude_rad, here.longitude_rad, here.altitude_m) + flat.T @ C_e_n[:2]
+    here = _at(flight, time)
+    seen_from_above = outline_of(covariance[:2, :2], magnify * SIGMAS, _CORNERS + 1)
+    off = seen_from_above @ rotation_e_n(here.latitude_rad, here.longitude_rad)[:2]
+    r_e = ecef_from_geodetic(here.latitude_rad, here.longitude_rad, here.altitude_m) + off
     latitude, longitude, height = geodetic_from_ecef(r_e)
-    return longitude, latitude, height
+    return f"3 sigma at {time:.6g} s", said, _coordinates(longitude, latitude, height)

@@ -22,9 +22,9 @@ from lvnav_trade.report.blocks import Block, Section, Text, number, of, percent,
 from lvnav_trade.report.build import markdown_page, pictures
 from lvnav_trade.report.diagnostics import error_bound
 from lvnav_trade.report.escape import csv_text, note
+from lvnav_trade.report.evidence import logic_tables
 from lvnav_trade.report.flight import control_tables, motion_summary, observed_table
 from lvnav_trade.report.kml import flights, kml
-from lvnav_trade.report.reception import logic_tables
 from lvnav_trade.store import Tables
 from lvnav_trade.store.contents import owned
 
@@ -52,22 +52,28 @@ def build(study: Study, answered: Sequence[Answered], folder: Path | str) -> Pat
     """
     target = owned(folder, "study")
     published = _together(answered, [references(one.tables, one.stated) for one in answered])
-    agreed = [agreement(one.tables) for one in answered]
-    engines = _together(answered, [frame[frame.monte_carlo.notna()] for frame in agreed])
-    sections = [_answer(answered, published), *_assumptions(study)]
-    sections += [_campaign(one) for one in answered]
-    sections += [_agreements(answered), _reproduce(study, answered)]
-    files: dict[str, bytes | str] = {**pictures(sections)}
-    files |= {"references.csv": csv_text(published), "agreement.csv": csv_text(engines)}
-    files["report.md"] = markdown_page(study.title, study.description.strip(), sections)
-    files |= {f"{one.part.campaign}.kml": _flight(one, one.part.kml) for one in answered if one.part.kml is not None}
+    agreed = _together(answered, [agreement(one.tables).dropna(subset="monte_carlo") for one in answered])
+    assumptions: list[Block] = [Text(f"{k}. {text}") for k, text in enumerate(study.assumptions, 1)]
+    sections = [
+        _answer(answered, published),
+        *[Section("assumptions", "Assumptions", assumptions)] * bool(assumptions),
+        *map(_campaign, answered),
+        _agreements(answered),
+        _reproduce(study, answered),
+    ]
+    files: dict[str, bytes | str] = {
+        **pictures(sections),
+        "references.csv": csv_text(published),
+        "agreement.csv": csv_text(agreed),
+        "report.md": markdown_page(study.title, study.description.strip(), sections),
+        **{f"{one.part.campaign}.kml": _flight(one, one.part.kml) for one in answered if one.part.kml is not None},
+    }
     with writing(folder, "the study cannot be kept there"):
         target.publish("study", files)
     return target.folder / "report.md"
 
 
 def _flight(one: Answered, case: Case) -> bytes:
-    """Return the flight of the case that is asked for as KML, with ellipses of its position error every minute."""
     label = one.tables.labels[_cases(one, case)[0]]
     drawn = [flight for flight in flights(one.tables, True, 60.0) if flight.name == label]
     return kml(f"{one.part.campaign}: {label}", drawn)
@@ -83,16 +89,15 @@ def _together(answered: Sequence[Answered], frames: Sequence[pd.DataFrame]) -> p
 
 
 def _answer(answered: Sequence[Answered], frame: pd.DataFrame) -> Section:
-    blocks: list[Block] = []
     numbers, orders = frame[frame.published.notna()], frame[frame.published.isna()]
-    for rows, what in (
+    counted = (
         (numbers, "numbers lie in the band that their campaign states"),
         (orders, "orderings and statements on innovations hold"),
-    ):
-        if len(rows):
-            blocks.append(Text(f"{int(rows.in_band.sum())} of {len(rows)} published {what}."))
-    lines = [_line(one, frame) for one in answered]
-    blocks.append(table(pd.DataFrame(lines), "The campaigns of this study."))
+    )
+    blocks: list[Block] = [
+        Text(f"{int(rows.in_band.sum())} of {len(rows)} published {what}.") for rows, what in counted if len(rows)
+    ]
+    blocks.append(table(pd.DataFrame([_line(one, frame) for one in answered]), "The campaigns of this study."))
     if len(numbers):
         blocks.append(picture("ratios", ratios(numbers), "All published numbers at once."))
     outside = frame[~frame.in_band]
@@ -116,23 +121,15 @@ def _line(one: Answered, frame: pd.DataFrame) -> dict[str, Any]:
     }
 
 
-def _assumptions(study: Study) -> list[Section]:
-    texts: list[Block] = [Text(f"{k}. {text}") for k, text in enumerate(study.assumptions, 1)]
-    return [Section("assumptions", "Assumptions", texts)] * bool(texts)
-
-
 def _campaign(one: Answered) -> Section:
-    """Return a campaign's section: its question, its figures, its numbers, what is said of it."""
     part, tables = one.part, one.tables
     question = part.question or str(one.stated.get("description") or "")
     blocks: list[Block] = [Text(" ".join(question.split()))] if question else []
     frame = references(tables, one.stated)
     if len(frame):
         blocks.append(stated("study_references", frame, sources="; ".join(dict.fromkeys(frame.source))))
-    blocks += missions_table(tables, one.flown)
-    blocks += [*motion_summary(tables), *control_tables(tables, brief=True), *observed_table(tables)]
-    blocks += study_tables(tables, part.tables, part.paired)
-    blocks += _behind(one)
+    blocks += [*missions_table(tables, one.flown), *motion_summary(tables), *control_tables(tables, brief=True)]
+    blocks += [*observed_table(tables), *study_tables(tables, part.tables, part.paired), *_behind(one)]
     shown = [(f"{place}-{figure.plot}", figure) for place, figure in enumerate(part.figures, 1)]
     if not any(figure.plot == "spread" for figure in part.figures):
         shown.append(("spread", Figure(plot="spread")))
@@ -142,14 +139,13 @@ def _campaign(one: Answered) -> Section:
             caption = figure.caption or note(figure.plot, "figures_of_a_study", **figure.model_dump())
             blocks.append(picture(f"{part.campaign}-{name}", drawn, " ".join(caption.split())))
     if part.kml is not None:
-        text = f"The flight with its 3-sigma position errors, for viewers of the Earth: {part.campaign}.kml."
-        blocks.append(Text(text))
+        file = f"{part.campaign}.kml"
+        blocks.append(Text(f"The flight with its 3-sigma position errors, for viewers of the Earth: {file}."))
     blocks += [Text(" ".join(paragraph.split())) for paragraph in part.text.split("\n\n") if paragraph.strip()]
     return Section(part.campaign, part.campaign.replace("_", " ").capitalize(), blocks)
 
 
 def _behind(one: Answered) -> list[Block]:
-    """Return process noise by phase and the error per step, of every length of a step; a single flight."""
     blocks: list[Block] = []
     if one.behind is None:
         return blocks
@@ -204,10 +200,8 @@ def _agreements(answered: Sequence[Answered]) -> Section:
         outside=frame.outside_count.astype(str) + " of " + frame.tested_count.astype(str),
         furthest=frame.state + " at " + frame.event,
     )
-    title = "Monte Carlo against linear covariance"
-    return Section(
-        "agreement", title, [Text(note("study_agreement", level=percent(0.01))), stated("study_agreement", frame)]
-    )
+    blocks: list[Block] = [Text(note("study_agreement", level=percent(0.01))), stated("study_agreement", frame)]
+    return Section("agreement", "Monte Carlo against linear covariance", blocks)
 
 
 def _reproduce(study: Study, answered: Sequence[Answered]) -> Section:
@@ -222,12 +216,9 @@ def _reproduce(study: Study, answered: Sequence[Answered]) -> Section:
         for one in answered
     ]
     place = study.name or "FOLDER"
-    command = f"lvnav-trade study {place} --keep reports/{place}"
-    return Section(
-        "reproduce",
-        "How to reproduce",
-        [Text(command, kind="code"), Text(note("study_reproduce", place=place)), table(pd.DataFrame(rows))],
-    )
+    command = Text(f"lvnav-trade study {place} --keep reports/{place}", kind="code")
+    blocks: list[Block] = [command, Text(note("study_reproduce", place=place)), table(pd.DataFrame(rows))]
+    return Section("reproduce", "How to reproduce", blocks)
 
 
 def study_tables(tables: Tables, wanted: Sequence[str], axis: str) -> list[Block]:
@@ -252,10 +243,7 @@ def _requirements(tables: Tables, frame: pd.DataFrame) -> list[Block]:
         f"within the limit, at a confidence of {100 * sure:g} %."
     )
     frame = frame.assign(verdict=frame.verdict.map(said), beyond=beyond)
-    return [
-        Text(text),
-        stated("study_requirements", frame),
-    ]
+    return [Text(text), stated("study_requirements", frame)]
 
 
 def _coverage(tables: Tables) -> list[Block]:

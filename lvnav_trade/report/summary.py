@@ -6,15 +6,14 @@ from typing import Any
 import pandas as pd
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.basics.select import mean_at, metric_name, split_metric
-from lvnav_trade.metrics.errors.covariances import by_case, reach
+from lvnav_trade.metrics.basics.select import mean_at, split_metric
+from lvnav_trade.metrics.errors.covariances import by_case, why_not_applicable
 from lvnav_trade.metrics.requirements.improvements import asked
 from lvnav_trade.metrics.requirements.requirements import where
 from lvnav_trade.report.blocks import Block, Text, figure, number, percent, table, words
 from lvnav_trade.store import Tables
 
-_FEW = 4
-"""Cases that are all named beside their verdict."""
+_FEW = 4  # cases that are all named beside their verdict
 _WORDS = {"met": "Met by", "undecided": "Undecided for", "violated": "Violated by"}
 
 
@@ -28,12 +27,11 @@ def summary(tables: Tables) -> list[Block]:
     if not len(verdicts):
         blocks.append(Text("The campaign states no requirement; the cases are ranked below."))
     at = words(METRICS["ranking"](tables).event.iloc[0])
-    blocks += [_ranking(tables), figure(tables, "rank", name="ranking", caption=f"The cases by their error at {at}.")]
+    blocks += [_ranking(tables), figure(tables, "rank", name="ranking", event=at)]
     return blocks + [Text(" ".join(sentences)) for sentences in [_agreement(tables)] if sentences]
 
 
 def _together(verdicts: pd.DataFrame) -> list[Block]:
-    """Say which cases meet all requirements, where there are several, and what the others fail or leave open."""
     count = verdicts.requirement.nunique()
     if count < 2:
         return []
@@ -131,7 +129,6 @@ def _chance(probability: float) -> str:
 
 
 def _improvements(tables: Tables, name: str) -> list[str]:
-    """Say which source must get better by which factor, case by case."""
     frame = METRICS["improvements"](tables)
     found = []
     for row in frame[frame.requirement == name].itertuples():
@@ -150,7 +147,6 @@ def _some(sources: str) -> str:
 
 
 def _undecided(rows: pd.DataFrame) -> list[str]:
-    """Name the cases that the same number of further runs would decide together."""
     return [
         f"{' and '.join(group.case)} ({more} further good runs {'each ' * (len(group) > 1)}would decide)"
         for more, group in rows.groupby("runs_to_decide", sort=True)
@@ -170,8 +166,8 @@ def _largest_sources(tables: Tables, requirement: dict[str, Any], violated: pd.D
             law = asked(tables, requirement, digests[case])
             at = at if isinstance(law, str) else law.moment.replace(" ", "_")
             there = f" at {words(at)}"
-        rows = budget[(budget.case == case) & (budget.event == at) & (budget.metric == metric_name(quantity))]
-        if len(rows) and reach(tables, digests[case]).applies:
+        rows = budget[(budget.case == case) & (budget.event == at) & (budget.metric == f"{quantity}_error")]
+        if len(rows) and not why_not_applicable(tables, digests[case]):
             top, mean = rows.iloc[0], mean_at(tables, digests[case], at, quantity)
             biased = mean**2 > float((rows.sigma**2).sum())
             share = f"{top.source} ({100 * top.share_ratio:.0f} % of the variance{there})"

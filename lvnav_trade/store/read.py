@@ -70,6 +70,11 @@ class Tables:
             for case, label in zip(cases.case, cases.label, strict=True)
         }
 
+    @property
+    def levels(self) -> dict[str, dict[str, str]]:
+        """Level of every axis by case digest, in the order of the plan."""
+        return {case: json.loads(axes) for case, axes in zip(self.cases.case, self.cases["axes"], strict=True)}
+
     @cached_property
     def people(self) -> dict[tuple[str, str], tuple[str, float]]:
         """Unit for people and its factor per SI unit, by (quantity, axis)."""

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.errors.covariances import reach
+from lvnav_trade.metrics.errors.covariances import why_not_applicable
 from lvnav_trade.metrics.filter import accepted_moments, nees, nis
 from lvnav_trade.store import Tables, load
 from tests import synthetic
@@ -118,7 +118,7 @@ def test_filters_without_a_logic_have_none_of_it(good):
 
 def test_linear_covariance_is_not_held_against_a_filter_with_a_logic(watched, good):
     case = watched.cases.case[0]
-    assert not reach(watched, case).applies
-    assert "logic of its own" in reach(watched, case).reason
-    assert reach(good, good.cases.case[0]).applies
+    assert why_not_applicable(watched, case)
+    assert "logic of its own" in why_not_applicable(watched, case)
+    assert not why_not_applicable(good, good.cases.case[0])
     assert set(METRICS["agreement"](watched).agree) == {"not applicable"}

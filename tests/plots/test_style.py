@@ -19,9 +19,9 @@ def test_faults_are_shaded_and_events_are_named(good):
 def test_close_events_share_one_name_and_none_is_lost():
     times = np.array([0.0, 8.0, 150.0, 153.0, 158.0, 183.0])
     assert style._groups(times, 20.0) == [(0, 1), (2, 4), (5, 5)]
-    assert style._joined(["stage1_cutoff", "stage1_separation", "stage2_ignition"]) == (
-        "stage1_cutoff ... stage2_ignition"
-    )
+    names = [["stage1_cutoff", "stage1_separation", "stage2_ignition"], ["fairing", "injection"]]
+    shown = style._apart(names, np.array([0.0, 3.0]), [False, False])
+    assert shown == ["stage1_cutoff ... stage2_ignition", "fairing, injection"]
 
 
 def test_names_near_the_right_edge_lean_left_from_the_widest_gap_on():

@@ -11,7 +11,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from lvnav_trade.errors import InputError
-from lvnav_trade.report.kml import Ellipse, Flight, flights, write_kml
+from lvnav_trade.report.kml import Flight, flights, write_kml
 from lvnav_trade.store.read import load
 from tests import synthetic
 
@@ -32,7 +32,7 @@ def points(element):
     return np.array([[float(x) for x in point.split(",")] for point in element.text.split()])
 
 
-def flight(*ellipses):
+def flight(ellipses=None):
     t = np.arange(0.0, 11.0)
     reference = pd.DataFrame(
         {
@@ -43,7 +43,7 @@ def flight(*ellipses):
             "ground_speed_m_per_s": 100.0 * t,
         }
     )
-    return Flight("a & b", reference, pd.DataFrame({"event": ["cutoff"], "t_s": [7.2]}), ellipses)
+    return Flight("a & b", reference, pd.DataFrame({"event": ["cutoff"], "t_s": [7.2]}), ellipses or {})
 
 
 def test_path_and_events_stand_where_the_flight_is(tmp_path):
@@ -67,7 +67,7 @@ def test_path_and_events_stand_where_the_flight_is(tmp_path):
 def test_an_ellipse_is_the_outline_of_the_three_sigma_ellipsoid(tmp_path):
     turn = Rotation.from_euler("z", 30.0, degrees=True).as_matrix()  # long axis 30 deg east of north
     covariance = turn @ np.diag([100.0**2, 10.0**2, 20.0**2]) @ turn.T
-    file = write_kml(tmp_path / "a.kml", "title", [flight(Ellipse(5.0, covariance))], magnify=2.0)
+    file = write_kml(tmp_path / "a.kml", "title", [flight({5.0: covariance})], magnify=2.0)
     place = ET.parse(file).getroot().findall("k:Document/k:Folder/k:Placemark", NS)[2]
     ring = points(place.find("k:Polygon/k:outerBoundaryIs/k:LinearRing/k:coordinates", NS))
     assert np.array_equal(ring[0], ring[-1])
@@ -91,12 +91,12 @@ def test_results_give_a_folder_per_case_with_ellipses_of_their_own_sigma(tmp_pat
     history = tables.history
     case = next(iter(tables.labels))
     rows = history[(history["case"] == case) & (history.quantity == "position") & (history.axis == "east")]
-    one = drawn[0].ellipses[0]
-    sigma = rows.iloc[int(np.abs(rows.t_s - one.time).argmin())].lincov_true_si
-    assert math.sqrt(one.covariance[1, 1]) == pytest.approx(sigma, rel=1e-6)
+    time, covariance = next(iter(drawn[0].ellipses.items()))
+    sigma = rows.iloc[int(np.abs(rows.t_s - time).argmin())].lincov_true_si
+    assert math.sqrt(covariance[1, 1]) == pytest.approx(sigma, rel=1e-6)
     root = ET.parse(write_kml(tmp_path / "a.kml", "title", drawn)).getroot()
     assert len(root.findall(".//k:Polygon", NS)) == sum(len(one.ellipses) for one in drawn) > 0
-    assert flights(tables, False, 60.0)[0].ellipses == ()
+    assert flights(tables, False, 60.0)[0].ellipses == {}
 
 
 def test_errors_in_other_axes_give_no_ellipses(tmp_path):

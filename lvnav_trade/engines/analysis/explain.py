@@ -1,24 +1,24 @@
 """Behind a case's linear covariance: which source, when, what a better one is worth, what the rows can tell."""
 
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from lvnav_trade.engines.analysis.error_bound import ErrorBound, error_bound
 from lvnav_trade.engines.analysis.nonlinearity import Nonlinearity, nonlinearity
 from lvnav_trade.engines.analysis.observability import TOLERANCE, in_words, observability
-from lvnav_trade.engines.analysis.retune import Sensitivity, sensitivity
-from lvnav_trade.engines.lincov.history import adjoint, forward_tape, source_covariances, turns
+from lvnav_trade.engines.lincov.history import adjoint, covariance, forward_tape, source_covariances, turns
 from lvnav_trade.engines.lincov.sources import source_labels
 from lvnav_trade.engines.lincov.workspace import Tape
-from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.records import AdjointBudget, Asked, CovHistory, Floats
-from lvnav_trade.scenario import Scenario
+from lvnav_trade.scenario import Scenario, sensors_used
+from lvnav_trade.sources import Field, fields_of
 
 QUANTITIES = ("attitude", "velocity", "position")
-_SHORTEST = 1.0
-"""Seconds: a shorter phase is joined to the one after it."""
+_SHORTEST = 1.0  # seconds: a shorter phase is joined to the one after it
+FACTORS = (0.1, 0.3, 1.0, 3.0, 10.0)
 
 
 class SourceCovariance(NamedTuple):
@@ -44,6 +44,22 @@ class PhaseView(NamedTuple):
     rows: int
     weakest: str
     directions: tuple[str, ...] = ()
+
+
+class Sensitivity(NamedTuple):
+    """How the norm of a quantity's true error at one time moves with each source's sigma.
+
+    time s; quantity; sources (n_source,) names; factors (n_factor,); frozen, retuned (n_source, n_factor) true
+    root-mean-square of the norm, SI: with the gains of the campaign's filter, and with a filter that knows the new
+    sigma.
+    """
+
+    time: float
+    quantity: str
+    sources: tuple[str, ...]
+    factors: tuple[float, ...]
+    frozen: Floats
+    retuned: Floats
 
 
 class Explanation(NamedTuple):
@@ -106,12 +122,10 @@ def _by_source(
 
 def _sensitivities(scenario: Scenario, prepared: Prepared, history: CovHistory, time: float) -> tuple[Sensitivity, ...]:
     known: dict[tuple[str, float], CovHistory] = {}
-    columns = {
-        quantity: [i for i, output in enumerate(prepared.outputs) if output.quantity == quantity]
-        for quantity in QUANTITIES
-    }
+    quantities = np.array([output.quantity for output in prepared.outputs])
     return tuple(
-        sensitivity(scenario, history, time, quantity, found, known=known) for quantity, found in columns.items()
+        sensitivity(scenario, history, time, quantity, np.flatnonzero(quantities == quantity).tolist(), known=known)
+        for quantity in QUANTITIES
     )
 
 
@@ -159,3 +173,82 @@ def _marks(prepared: Prepared, events: dict[str, float]) -> list[tuple[str, floa
     if t[-1] - marks[-1][1] >= _SHORTEST:
         marks.append(("end", float(t[-1])))
     return marks
+
+
+def _multiplied(model: Any, path: tuple[str, ...], factor: float) -> Any:
+    """Return a card (or the cards of a mapping) with one number multiplied; of several parts that number in each."""
+    head, rest = path[0], path[1:]
+    if isinstance(model, dict):
+        return model | {head: _multiplied(model[head], rest, factor)}
+    if head not in type(model).model_fields and "parts" in type(model).model_fields:
+        return model.model_copy(update={"parts": tuple(_multiplied(part, path, factor) for part in model.parts)})
+    value = getattr(model, head, None)
+    if value is None:
+        return model
+    return model.model_copy(update={head: _multiplied(value, rest, factor) if rest else value * factor})
+
+
+def _fields(scenario: Scenario, source: str) -> tuple[Field, ...]:
+    """Return the fields that hold the sigma of a source: of a sensor's noise those of its card."""
+    used = sensors_used(scenario)
+    alone = {name: [c.measurement for c in used.values()].count(card.measurement) == 1 for name, card in used.items()}
+    for name, card in used.items():
+        if source == (card.noise if alone[name] else f"{card.noise} {name}"):
+            return tuple((("sensors", name, field), 1) for field in card.noise_fields)
+        for error in card.lasting():
+            if source == error.source:
+                return ((("sensors", name, error.field), 1),)
+    return fields_of(source)
+
+
+def scaled(scenario: Scenario, source: str, factor: float) -> Scenario:
+    """Return the scenario with the sigma of one named source multiplied; a filter that is `matched` follows."""
+    for path, power in _fields(scenario, source):
+        scenario = _multiplied(scenario, path, factor**power)
+    return scenario
+
+
+def sensitivity(
+    scenario: Scenario,
+    history: CovHistory,
+    time: float,
+    quantity: str,
+    columns: list[int],
+    share: float = 0.01,
+    known: dict[tuple[str, float], CovHistory] | None = None,
+) -> Sensitivity:
+    """Return the frozen and the re-tuned metric for every source that makes up at least `share` of its variance.
+
+    Sources whose sigma is no field of the scenario are left out.
+
+    Parameters
+    ----------
+    history
+        Linear covariance of the scenario as it is.
+    time
+        s since lift-off, a history time.
+    quantity, columns
+        Name of a three-axis quantity and the columns that hold it.
+    known
+        Linear covariances by (source, factor), found and added to: the next quantity asks for the same.
+    """
+    known = {} if known is None else known
+    hist = int(np.argmin(np.abs(history.t - time)))
+    by_source = history.budget[hist][:, columns].sum(axis=1)
+    total = by_source.sum() + np.sum(history.mean[hist, columns] ** 2)
+    chosen = [k for k in np.argsort(-by_source)
+              if by_source[k] >= share * by_source.sum() and _fields(scenario, history.sources[k])]  # fmt: skip
+    factors = np.array(FACTORS)
+    frozen = np.sqrt(total + (factors**2 - 1.0) * by_source[chosen][:, None])
+    retuned = np.empty_like(frozen)
+    for row, k in enumerate(chosen):
+        for column, factor in enumerate(FACTORS):
+            key = history.sources[k], factor
+            if factor != 1.0 and key not in known:
+                known[key] = covariance(prepare(scaled(scenario, *key)))
+            again = history if factor == 1.0 else known[key]
+            at = int(np.argmin(np.abs(again.t - time)))
+            retuned[row, column] = np.sqrt(np.sum(again.true_sigma[at, columns] ** 2 + again.mean[at, columns] ** 2))
+    return Sensitivity(
+        float(history.t[hist]), quantity, tuple(history.sources[k] for k in chosen), FACTORS, frozen, retuned
+    )

@@ -1,5 +1,7 @@
 """Intervals of mean squares and of fractions of runs, many tests at once, and a Gaussian vector within a sphere."""
 
+from bisect import bisect_left
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import optimize, special, stats
@@ -7,8 +9,7 @@ from scipy import optimize, special, stats
 from lvnav_trade.records import Floats
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(96)
-_REACH = 9.0
-"""Sigmas: beyond them lies 2e-19 of a Gaussian."""
+_REACH = 9.0  # sigmas: beyond them lies 2e-19 of a Gaussian
 
 
 def rms_interval(rms: ArrayLike, freedom: ArrayLike, alpha: float = 0.05) -> tuple[Floats, Floats]:
@@ -57,11 +58,8 @@ def runs_needed(failures: int, probability: float, confidence: float) -> int:
     high = max(2, 2 * (failures + 1))
     while not shows(high, failures, probability, confidence):
         high *= 2
-    low = high // 2 if high > 2 else 0
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if shows(middle, failures, probability, confidence) else (middle, high)
-    return high
+    first = high // 2 + 1 if high > 2 else 1
+    return bisect_left(range(high), True, first, key=lambda runs: shows(runs, failures, probability, confidence))
 
 
 def holm(p_values: ArrayLike) -> Floats:
@@ -116,6 +114,14 @@ def _between(radius: Floats, centre: float, sigma: float) -> Floats:
         return (np.abs(centre) < radius).astype(float)
     found: Floats = special.ndtr((radius - centre) / sigma) - special.ndtr((-radius - centre) / sigma)
     return found
+
+
+def outline_of(covariance: Floats, sigmas: float = 3.0, points: int = 97) -> Floats:
+    """Return the ellipse (points, 2) of so many sigmas of a covariance (2, 2)."""
+    variance, axes = np.linalg.eigh(covariance)
+    angle = np.linspace(0.0, 2.0 * np.pi, points)
+    circle = np.stack([np.cos(angle), np.sin(angle)])
+    return np.asarray((axes * (sigmas * np.sqrt(np.maximum(variance, 0.0))) @ circle).T)
 
 
 def norm_quantile(mean: ArrayLike, covariance: ArrayLike, probability: float) -> float:

@@ -20,16 +20,7 @@ NAVIGATION = ("attitude", "velocity", "position")
 SAME_TIME = 1e-6
 """Seconds: one instant."""
 _INSTANT = re.compile(r"\s*(?P<event>[A-Za-z_]\w*)\s*(?:(?P<sign>[+-])\s*(?P<offset>\S.*))?$")
-_Found = TypeVar("_Found")
-"""Frame or list."""
-
-
-class Phase(NamedTuple):
-    """An interval of the flight, s since lift-off; an event where start equals end."""
-
-    name: str
-    start: float
-    end: float
+_Found = TypeVar("_Found")  # frame or list
 
 
 def pick(rows: pd.DataFrame, **wanted: str) -> pd.DataFrame:
@@ -42,11 +33,6 @@ def pick(rows: pd.DataFrame, **wanted: str) -> pd.DataFrame:
 def history_of(tables: Tables, case: str, quantity: str, axis: str) -> pd.DataFrame:
     """Return the history of one error of a case."""
     return pick(tables.history, case=case, quantity=quantity, axis=axis)
-
-
-def metric_name(quantity: str) -> str:
-    """Return the name under which the error of a quantity is known, such as ``velocity_error``."""
-    return f"{quantity}_error"
 
 
 def split_metric(name: str) -> tuple[str, str]:
@@ -124,17 +110,17 @@ def ends_of(tables: Tables, case: str) -> tuple[float, float]:
     return float(t.min()), float(t.max())
 
 
-def phases(tables: Tables, case: str) -> list[Phase]:
-    """Return the flight, the intervals between consecutive events, and the events."""
+def phases(tables: Tables, case: str) -> list[tuple[str, float, float]]:
+    """Return name, start and end (s since lift-off) of the flight, of the intervals between events, and of events."""
     start, end = ends_of(tables, case)
     events = [(row.event, row.t_s) for row in flight_events(tables, case).itertuples() if start <= row.t_s <= end]
     bounds = [("start", start), *events, ("end", end)]
     between = [
-        Phase(f"{first} to {second}", t_first, t_second)
+        (f"{first} to {second}", t_first, t_second)
         for (first, t_first), (second, t_second) in pairwise(bounds)
         if t_second - t_first > SAME_TIME
     ]
-    return [Phase("flight", max(start, 0.0), end), *between, *(Phase(name, at, at) for name, at in events)]
+    return [("flight", max(start, 0.0), end), *between, *((name, at, at) for name, at in events)]
 
 
 def series(tables: Tables) -> Iterator[tuple[str, str, str, pd.DataFrame]]:

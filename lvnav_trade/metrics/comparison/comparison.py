@@ -219,7 +219,6 @@ class _Task(NamedTuple):
         return self._filled(change, n, few or ("better" if change.high < 0.0 else ""))
 
     def _filled(self, change: paired.Change, runs: int, remark: str) -> dict[str, Any]:
-        """Return a row in the units of people."""
         size, unit = (1.0, "") if self.counted else (self.first.label_factor, self.first.label_unit)
         factor = 1.0 if self.relative else size
         amount = _amount(self.effect, self.first.unit)
@@ -273,7 +272,6 @@ def _tasks(base: Tables, candidate: Tables, pair: Pair, effects: Sequence[Effect
 
 
 def _unknown(base: Tables, pair: Pair, effect: Effect, event: str) -> str:
-    """Say what an effect names that is not there."""
     if errors_at(base, pair.base, event, effect.metric) is not None:
         events = ", ".join(flight_events(base, pair.base).event)
         return f"effect on {effect.metric}: {event!r} is not an event of {pair.label} (it has {events})"
@@ -302,7 +300,6 @@ def _by_covariance(tables: Tables, case: str, task: _Task) -> float:
 
 
 def _notes(base: Tables, candidate: Tables, pairs: Sequence[Pair]) -> tuple[str, ...]:
-    """Return what a reader should know beside the rows."""
     notes = left_out(base, candidate, pairs)
     first, second = (tables.manifest.get("code_digest") for tables in (base, candidate))
     if first != second:

@@ -1,7 +1,6 @@
 """Which cases of two results belong together, and in words why two results do not compare."""
 
 import difflib
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -68,19 +67,18 @@ def left_out(base: Tables, candidate: Tables, pairs: Sequence[Pair]) -> list[str
 
 def _pairs(base: Tables, candidate: Tables, mapping: dict[str, str]) -> list[Pair]:
     digests = {label: case for case, label in candidate.labels.items()}
-    levels = _levels(candidate)
     _check(base, mapping)
     _check(candidate, mapping.values())
     found = []
-    for case, own in _levels(base).items():
+    for case, own in base.levels.items():
         label = base.labels[case]
         stated = mapping.get(label) or mapping.get(case)
-        named = frozenset((axis, mapping.get(level, level)) for axis, level in own)
+        named = {axis: mapping.get(level, level) for axis, level in own.items()}
         if stated or named == own:
             wanted = stated or label
             partner = digests.get(wanted) or (wanted if wanted in candidate.labels else None)
         else:
-            partner = next((other for other, held in levels.items() if held == named), None)
+            partner = next((other for other, held in candidate.levels.items() if held == named), None)
         if partner is not None:
             found.append((case, partner))
     if not found and len(base.labels) == len(candidate.labels) == 1:
@@ -95,15 +93,9 @@ def _pairs(base: Tables, candidate: Tables, mapping: dict[str, str]) -> list[Pai
     return [Pair(*pair, label) for pair, label in zip(found, shown, strict=True)]
 
 
-def _levels(tables: Tables) -> dict[str, frozenset[tuple[str, str]]]:
-    """Return the level of every axis, case by case, in the order of the plan."""
-    cases = tables.cases
-    return {case: frozenset(json.loads(text).items()) for case, text in zip(cases["case"], cases["axes"], strict=True)}
-
-
 def _check(tables: Tables, names: Iterable[str]) -> None:
     """Refuse names that neither a case nor a level has."""
-    levels = [level for held in _levels(tables).values() for _, level in sorted(held)]
+    levels = [level for held in tables.levels.values() for _, level in sorted(held.items())]
     words = list(dict.fromkeys([*tables.labels, *tables.labels.values(), *levels]))
     for name in names:
         if name not in words:

@@ -1,4 +1,4 @@
-"""What linear covariance says of an error at an event, where it applies, and whether Monte Carlo agrees with it."""
+"""What linear covariance says of an error, where it applies, whether Monte Carlo agrees, and what is behind it."""
 
 from typing import NamedTuple
 
@@ -6,15 +6,32 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.metrics.basics.probability import ratio_interval
-from lvnav_trade.metrics.basics.select import NAVIGATION, SAME_TIME, at_time, flight_events, history_of, pick, series
+from lvnav_trade.metrics.basics.select import (
+    NAVIGATION,
+    SAME_TIME,
+    at_time,
+    flight_events,
+    history_of,
+    pick,
+    series,
+)
 from lvnav_trade.records import Floats
 from lvnav_trade.store import Tables
 
 REJECTS_TOO_MUCH = 0.01
 """A gate that rejects more than this part of good rows is not what linear covariance describes."""
-COLUMNS = ["case", "event", "state", "unit", "monte_carlo", "lincov", "ratio", "low", "high", "agree"]
+AGREEMENT = ["case", "event", "state", "unit", "monte_carlo", "lincov", "ratio", "low", "high", "agree"]
 ALPHA = 0.01
 """Probability that any row of a case disagrees although both engines describe the same errors."""
+LEAST_SHARE = 1e-9
+"""Share of the variance below which a source counts as zero: smaller ones have fewer than six digits, and other ones on
+another machine."""
+NUMERICAL = 1e-10
+"""Of the largest singular value: what is below is lost to rounding."""
+OBSERVED = [
+    "case", "stretches", "states", "least_rank", "least_rank_with_information", "smallest_ratio",
+    "position_against_bias_ratio", "weakest",
+]  # fmt: skip
 
 
 class Gaussian(NamedTuple):
@@ -23,26 +40,6 @@ class Gaussian(NamedTuple):
     mean: Floats
     covariance: Floats
     sources: dict[str, Floats]
-
-
-class Reach(NamedTuple):
-    """Whether linear covariance describes a case: the largest probability that a gate rejects a good row, and when; a
-    logic that starts, rejects and stops by the run it does not describe.
-    """
-
-    applies: bool
-    rejected: float
-    time: float
-    logic: bool = False
-
-    @property
-    def reason(self) -> str:
-        """Say in words why not; empty where it applies."""
-        if self.applies:
-            return ""
-        if self.logic:
-            return "the filter starts, leaves out and stops by a logic of its own, run by run"
-        return f"the gate rejects {100 * self.rejected:.2g} % of good rows at {self.time:.0f} s"
 
 
 def gaussian(tables: Tables, case: str, event: str, quantity: str, axis: str) -> Gaussian | None:
@@ -66,16 +63,16 @@ def _matrix(rows: pd.DataFrame, axes: list[str], wanted: list[str]) -> Floats:
     return matrix[np.ix_(chosen, chosen)]
 
 
-def reach(tables: Tables, case: str) -> Reach:
-    """Return whether linear covariance describes a case at every epoch."""
+def why_not_applicable(tables: Tables, case: str) -> str:
+    """Say why linear covariance does not describe a case at every epoch; empty where it does."""
     if bool(tables.cases.set_index("case").logic.get(case)):
-        return Reach(False, 0.0, float("nan"), logic=True)
+        return "the filter starts, leaves out and stops by a logic of its own, run by run"
     rows = pick(tables.innovations, case=case)
-    if rows.empty or not (rows.false_rejection_ratio > 0).any():
-        return Reach(True, 0.0, float("nan"))
-    worst = rows.loc[rows.false_rejection_ratio.idxmax()]
-    rejected = float(worst.false_rejection_ratio)
-    return Reach(rejected <= REJECTS_TOO_MUCH, rejected, float(worst.t_s))
+    rejected = rows.false_rejection_ratio.max()
+    if not rejected > REJECTS_TOO_MUCH:
+        return ""
+    at = rows.t_s[rows.false_rejection_ratio.idxmax()]
+    return f"the gate rejects {100 * rejected:.2g} % of good rows at {at:.0f} s"
 
 
 def agreement(tables: Tables) -> pd.DataFrame:
@@ -97,14 +94,13 @@ def agreement(tables: Tables) -> pd.DataFrame:
                 head = (tables.labels[case], event.event, f"{quantity} {axis}", unit)
                 sizes = (at.rms_si * factor, expected * factor, at.rms_si / expected)
                 rows.append((*head, *sizes, at.run_count * at.dof_ratio))
-    found = _with_verdicts(pd.DataFrame(rows, columns=[*COLUMNS[:7], "freedom"]))
-    outside = [label for case, label in tables.labels.items() if not reach(tables, case).applies]
+    found = _with_verdicts(pd.DataFrame(rows, columns=[*AGREEMENT[:7], "freedom"]))
+    outside = [label for case, label in tables.labels.items() if why_not_applicable(tables, case)]
     tested = found.agree.isin(["agree", "disagree"])
     return found.assign(agree=found.agree.mask(tested & found.case.isin(outside), "not applicable"))
 
 
 def _with_verdicts(frame: pd.DataFrame) -> pd.DataFrame:
-    """Add the bounds and the verdict of each row."""
     members = frame.groupby("case").case.transform("size").to_numpy(dtype=float)
     low, high = np.empty(len(frame)), np.empty(len(frame))
     for size in np.unique(members):
@@ -112,7 +108,7 @@ def _with_verdicts(frame: pd.DataFrame) -> pd.DataFrame:
         low[chosen], high[chosen] = ratio_interval(frame.freedom[chosen], ALPHA / size)
     inside = (frame.ratio >= low) & (frame.ratio <= high)
     verdict = np.where(frame.freedom == 0, "no runs", np.where(inside, "agree", "disagree"))
-    return frame.assign(low=low, high=high, agree=verdict)[COLUMNS]
+    return frame.assign(low=low, high=high, agree=verdict)[AGREEMENT]
 
 
 def by_case(tables: Tables) -> pd.DataFrame:
@@ -127,19 +123,118 @@ def by_case(tables: Tables) -> pd.DataFrame:
     for label, group in agreement(tables).groupby("case", sort=False):
         case = digests[label]
         verdict = next((v for v in ("no runs", "not applicable", "disagree") if (group.agree == v).any()), "agree")
-        worst = group.iloc[0] if verdict == "no runs" else group.iloc[_furthest(group)]
+        # in units of the half-width on a logarithmic scale: 1 is the bound itself
+        distance = np.abs(np.log(group.ratio)) / np.where(group.ratio > 1, np.log(group.high), -np.log(group.low))
+        worst = group.iloc[0 if verdict == "no runs" else int(np.nanargmax(distance.to_numpy()))]
         outside = int(((group.ratio < group.low) | (group.ratio > group.high)).sum())
         quantity, axis = worst.state.split(" ")
         sources = pick(tables.budget, case=case, event=worst.event, quantity=quantity, axis=axis)
         share = sources.set_index("source").share_ratio
         largest = (share.idxmax(), float(share.max())) if len(share) else ("", float("nan"))
-        head = (label, verdict, reach(tables, case).reason, ALPHA, len(group), outside)
+        head = (label, verdict, why_not_applicable(tables, case), ALPHA, len(group), outside)
         found.append((*head, *worst[["state", "event", "ratio", "low", "high"]], *largest))
     names = ["case", "verdict", "reason", "alpha_ratio", "tested_count", "outside_count", "state", "event", "ratio"]
     return pd.DataFrame(found, columns=[*names, "low", "high", "source", "share_ratio"])
 
 
-def _furthest(group: pd.DataFrame) -> int:
-    """Return the row of largest distance in units of the half-width on a logarithmic scale: 1 is the bound itself."""
-    distance = np.abs(np.log(group.ratio)) / np.where(group.ratio > 1, np.log(group.high), -np.log(group.low))
-    return int(np.nanargmax(distance.to_numpy()))
+def budget(tables: Tables) -> pd.DataFrame:
+    """Return LinCov's 3-D navigation errors by source at every event, in the units of people.
+
+    Columns: case, event, source, metric, unit, sigma (of this source alone; squares of sources add), share_ratio (of
+    the variance); both are zero below `LEAST_SHARE`. Largest first within case, event and metric. Empty where the
+    campaign asked for no budget.
+    """
+    rows = tables.budget
+    rows = rows[(rows.event != "") & (rows.axis == "3d") & rows.quantity.isin(NAVIGATION)]
+    negligible = rows.share_ratio < LEAST_SHARE
+    found = _labelled(tables, rows, "event", "source").assign(
+        sigma=rows.sigma_si.mask(negligible, 0.0) * _factors(tables, rows),
+        share_ratio=rows.share_ratio.mask(negligible, 0.0),
+    )
+    found = found[["case", "event", "source", "metric", "unit", "sigma", "share_ratio"]]
+    place = found.groupby(["case", "event", "metric"], sort=False).ngroup()
+    order = found.assign(place=place).sort_values(["place", "share_ratio"], ascending=[True, False], kind="stable")
+    return order.drop(columns="place").reset_index(drop=True)
+
+
+def _labelled(tables: Tables, rows: pd.DataFrame, *columns: str) -> pd.DataFrame:
+    """Return case and columns of rows with the name of the metric, a 3-D error, and its unit for people."""
+    units = [tables.people[quantity, "3d"][0] for quantity in rows.quantity]
+    found = rows[["case", *columns]].assign(metric=rows.quantity + "_error", unit=units)
+    return found.assign(case=rows.case.map(tables.labels))
+
+
+def _factors(tables: Tables, rows: pd.DataFrame) -> list[float]:
+    return [tables.people[quantity, "3d"][1] for quantity in rows.quantity]
+
+
+def contributions(tables: Tables) -> pd.DataFrame:
+    """Return what each source put into the 3-D navigation errors at the explained event, and when.
+
+    Columns: case, event, metric, source, t_start_s, t_end_s, share_ratio (of the variance at the event; over sources
+    and bins they sum to 1).
+    """
+    rows = tables.adjoint[tables.adjoint.axis == "3d"]
+    total = rows.groupby(["case", "quantity"], sort=False).variance_si2.transform("sum")
+    rows = rows.rename(columns={"bin_start_s": "t_start_s", "bin_end_s": "t_end_s"})
+    found = _labelled(tables, rows, "event", "source", "t_start_s", "t_end_s")
+    found = found.assign(share_ratio=rows.variance_si2 / total).reset_index(drop=True)
+    return found[["case", "event", "metric", "source", "t_start_s", "t_end_s", "share_ratio"]]
+
+
+def sensitivity(tables: Tables) -> pd.DataFrame:
+    """Return the 3-D navigation errors at the explained event with each source's sigma multiplied.
+
+    Columns: case, event, metric, unit, source, factor_ratio, frozen (with the gains of the campaign's filter), retuned
+    (with a filter that knows the new sigma); root mean squares by linear covariance, in the units of people.
+    """
+    rows, factors = tables.sensitivity, _factors(tables, tables.sensitivity)
+    found = _labelled(tables, rows, "event", "source", "factor_ratio")
+    found = found.assign(frozen=rows.frozen_si * factors, retuned=rows.retuned_si * factors)
+    return found[["case", "event", "metric", "unit", "source", "factor_ratio", "frozen", "retuned"]]
+
+
+def observability(tables: Tables) -> pd.DataFrame:
+    """Return per case and phase what the measurements tell of the filter's states.
+
+    Columns: case, phase, t_start_s, t_end_s, row_count, rank_count, state_count, tolerance_ratio, smallest_ratio,
+    second_ratio, third_ratio (singular values from the smallest up), weakest.
+    """
+    counts = ["row_count", "rank_count", "state_count", "tolerance_ratio"]
+    smallest = ["smallest_ratio", "second_ratio", "third_ratio"]
+    found = []
+    for _, group in tables.observability.groupby(["case", "phase", "t_s"], sort=False):
+        first = group.iloc[0]
+        values = dict(zip(smallest, np.sort(group.singular_ratio.to_numpy()), strict=False))
+        head = {"case": tables.labels[first.case], "t_start_s": first.t_s}
+        found.append({**head, **first[["phase", "t_end_s", *counts, "weakest"]], **values})
+    return pd.DataFrame(found, columns=["case", "phase", "t_start_s", "t_end_s", *counts, *smallest, "weakest"])
+
+
+def nonlinearity(tables: Tables) -> pd.DataFrame:
+    """Return the nonlinearity at every event: case, event, t_s, motion_ratio, state, transition_ratio, row_ratio."""
+    rows = tables.nonlinearity
+    return rows.assign(case=rows.case.map(tables.labels)).reset_index(drop=True)
+
+
+def observed(tables: Tables) -> pd.DataFrame:
+    """Return the least rank of any stretch (singular values above 1e-10 of the largest), the least rank with
+    information (above the tolerance of the results), the smallest singular value, the smallest of a direction in
+    which a position trades with its bias (NaN where there is none), and the direction of the smallest of all, in words.
+    """
+    rows = []
+    for case, one in tables.observability.groupby("case", sort=False):
+        stretches = [part for _, part in one.groupby("t_s")]
+        ranks = [int((part.singular_ratio > NUMERICAL * part.singular_ratio.max()).sum()) for part in stretches]
+        apart = one.singular_ratio[np.array([is_position_bias(text) for text in one.direction], dtype=bool)]
+        counts = (len(stretches), int(one.state_count.iloc[0]), min(ranks), int(one.rank_count.min()))
+        smallest = (float(one.singular_ratio.min()), float(apart.min()) if len(apart) else np.nan)
+        rows.append((tables.labels[str(case)], *counts, *smallest, str(one.direction[one.singular_ratio.idxmin()])))
+    return pd.DataFrame(rows, columns=OBSERVED)
+
+
+def is_position_bias(direction: str) -> bool:
+    """Say whether a direction in words is one in which a position trades with its bias."""
+    names = [part.split(" ", 1)[1] for part in direction.split(", ") if " " in part]
+    of_bias = any(name.startswith("position bias") for name in names)
+    return of_bias and all(name.startswith("position") for name in names)

@@ -1,6 +1,5 @@
 """Root mean square errors, plain and by control variates, cases in order of them, part within the filter's sigmas."""
 
-import json
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +15,6 @@ from lvnav_trade.metrics.basics.select import (
     flight_events,
     history_of,
     lincov_rms,
-    metric_name,
     phases,
     pick,
     rows_between,
@@ -32,15 +30,13 @@ COLUMNS = [
 SIGMAS = 3.0
 GAUSSIAN = 0.9973
 """Part of a Gaussian that lies within three sigmas."""
-_TAIL = 0.025
-"""Of each side of the interval."""
+_TAIL = 0.025  # of each side of the interval
 CONTROLLED = [
     "case", "event", "metric", "unit", "runs", "rms", "low", "high", "controlled_rms", "controlled_low",
     "controlled_high", "effective_runs", "lincov", "known_share_ratio",
 ]  # fmt: skip
 FOLDS = 10
 """Each tenth of the runs is controlled by what the others say of how errors follow from draws."""
-ALPHA = 0.05
 
 
 def rms(tables: Tables) -> pd.DataFrame:
@@ -60,19 +56,16 @@ def rms(tables: Tables) -> pd.DataFrame:
         squares = history[["t_s", "dof_ratio"]].assign(
             rms=history.rms_si**2, formal=formal**2, true=lincov_rms(history) ** 2
         )
-        for phase in spans[case]:
-            part = rows_between(squares, phase.start, phase.end)
+        for name, start, end in spans[case]:
+            part = rows_between(squares, start, end)
             if part.empty:
                 continue
-            size, formal_sigma, true = (_root_mean(part, name) for name in ("rms", "formal", "true"))
+            means = (time_mean(part.t_s.to_numpy(), part[of].to_numpy()) for of in ("rms", "formal", "true"))
+            size, formal_sigma, true = map(np.sqrt, means)
             values = (size, *rms_interval(size, n * float(part.dof_ratio.min())), formal_sigma, true)
-            head = (tables.labels[case], phase.name, metric_name(quantity), axis, unit)
+            head = (tables.labels[case], name, f"{quantity}_error", axis, unit)
             rows.append((*head, *(float(value) * factor for value in values)))
     return pd.DataFrame(rows, columns=COLUMNS)
-
-
-def _root_mean(rows: pd.DataFrame, name: str) -> float:
-    return float(np.sqrt(time_mean(rows.t_s.to_numpy(), rows[name].to_numpy())))
 
 
 def ranking(tables: Tables) -> pd.DataFrame:
@@ -91,31 +84,34 @@ def ranking(tables: Tables) -> pd.DataFrame:
             n = int(row.run_count)
             value = row.rms_si if n else row.expected
             low, high = rms_interval(value, n * row.dof_ratio)
-            found[case] |= {"event": event, "run_count": n, quantity: value * factor}
-            found[case] |= {f"{quantity}_low": float(low) * factor, f"{quantity}_high": float(high) * factor}
-            found[case][f"{quantity}_unit"] = unit
+            bounds = {f"{quantity}_low": float(low) * factor, f"{quantity}_high": float(high) * factor}
+            found[case] |= {
+                "event": event,
+                "run_count": n,
+                quantity: value * factor,
+                **bounds,
+                f"{quantity}_unit": unit,
+            }
     frame = pd.DataFrame(list(found.values()))
     by = next((name for name in ("velocity", "position", "attitude") if name in frame), None)
     return frame.sort_values(by, kind="stable", ignore_index=True) if by else frame.replace({None: np.nan})
 
 
-def coverage(tables: Tables, during: tuple[str, str] | None = None) -> pd.DataFrame:
+def coverage(tables: Tables) -> pd.DataFrame:
     """Return the part of runs within three sigmas, axis by axis, of attitude, velocity and position at the events.
 
     Columns: case, event, t_s, quantity, run_count, inside_ratio (of runs, axes), all_inside_ratio (runs with all axes
     within), low_ratio, high_ratio (its 95 % interval, Clopper and Pearson), honest (whether the interval reaches what
-    three independent Gaussian axes have, 0.9919). during: first and last event. Sigma is the filter's own, root mean
-    square over the runs.
+    three independent Gaussian axes have, 0.9919). Sigma is the filter's own, root mean square over the runs.
     """
-    rows: list[dict[str, Any]] = []
-    for case, label in tables.labels.items():
-        names = list(flight_events(tables, case).event)
-        if during is not None and all(name in names for name in during):
-            names = names[names.index(during[0]) : names.index(during[1]) + 1]
-        for event in names:
-            start = {"case": label, "event": event}
-            rows += [start | _inside(tables, case, event, quantity) for quantity in NAVIGATION]
-    return pd.DataFrame([row for row in rows if "quantity" in row])
+    rows = [
+        {"case": label, "event": event} | inside
+        for case, label in tables.labels.items()
+        for event in flight_events(tables, case).event
+        for quantity in NAVIGATION
+        if (inside := _inside(tables, case, event, quantity))
+    ]
+    return pd.DataFrame(rows)
 
 
 def _inside(tables: Tables, case: str, event: str, quantity: str) -> dict[str, Any]:
@@ -129,9 +125,16 @@ def _inside(tables: Tables, case: str, event: str, quantity: str) -> dict[str, A
     within = small.to_numpy() & (runs.failure == "").to_numpy()[:, None]
     whole, n = within.all(axis=1), len(within)
     low, high = success_bounds(n, int(n - whole.sum()), 1.0 - _TAIL)
-    found = {"t_s": t, "quantity": quantity, "run_count": n, "inside_ratio": float(within.mean())}
-    found |= {"all_inside_ratio": float(whole.mean()), "low_ratio": low, "high_ratio": high}
-    return found | {"honest": bool(high >= GAUSSIAN**3)}
+    return {
+        "t_s": t,
+        "quantity": quantity,
+        "run_count": n,
+        "inside_ratio": float(within.mean()),
+        "all_inside_ratio": float(whole.mean()),
+        "low_ratio": low,
+        "high_ratio": high,
+        "honest": bool(high >= GAUSSIAN**3),
+    }
 
 
 def paired_levels(tables: Tables, axis: str) -> pd.DataFrame:
@@ -141,19 +144,18 @@ def paired_levels(tables: Tables, axis: str) -> pd.DataFrame:
     square over the runs of the norm of the difference of their errors), difference_ratio (of the smaller of the two).
     """
     groups: dict[str, list[tuple[str, str]]] = {}
-    for row in tables.cases.itertuples():
-        levels = json.loads(str(row.axes))
-        own = levels.pop(axis, None)
-        if own is not None:
-            rest = ", ".join(f"{name}={level}" for name, level in levels.items()) or "base"
-            groups.setdefault(rest, []).append((str(own), str(row.case)))
-    rows: list[dict[str, Any]] = []
-    for rest, ((first, case), *others) in groups.items():
-        for level, other in others:
-            start = {"case": rest, "levels": f"{first} and {level}"}
-            for event in flight_events(tables, case).event:
-                found = (_paired(tables, (case, other), str(event), quantity) for quantity in NAVIGATION)
-                rows += [start | {"event": event} | sizes for sizes in found if sizes]
+    for case, levels in tables.levels.items():
+        if axis in levels:
+            rest = ", ".join(f"{name}={level}" for name, level in levels.items() if name != axis) or "base"
+            groups.setdefault(rest, []).append((levels[axis], case))
+    rows = [
+        {"case": rest, "levels": f"{first} and {level}", "event": event} | sizes
+        for rest, ((first, base), *others) in groups.items()
+        for level, other in others
+        for event in flight_events(tables, base).event
+        for quantity in NAVIGATION
+        if (sizes := _paired(tables, (base, other), str(event), quantity))
+    ]
     return pd.DataFrame(rows)
 
 
@@ -166,9 +168,9 @@ def _paired(tables: Tables, pair: tuple[str, str], event: str, quantity: str) ->
     first, second = (errors.to_numpy(dtype=float)[:n] for errors in both)
     unit, factor = tables.people[quantity, "3d"]
     sizes = [factor * float(np.sqrt(np.mean(np.sum(e**2, axis=1)))) for e in (first, second, second - first)]
-    names = ("first_rms", "second_rms", "difference_rms")
-    ratio = {"difference_ratio": sizes[2] / min(sizes[:2])}
-    return {"quantity": quantity, "unit": unit, **dict(zip(names, sizes, strict=True)), **ratio}
+    names = ("first_rms", "second_rms", "difference_rms", "difference_ratio")
+    values = dict(zip(names, (*sizes, sizes[2] / min(sizes[:2])), strict=True))
+    return {"quantity": quantity, "unit": unit, **values}
 
 
 class Controlled(NamedTuple):
@@ -183,7 +185,7 @@ class Controlled(NamedTuple):
     known: float
 
 
-def controlled_rms(error: Floats, draws: Floats, alpha: float = ALPHA) -> Controlled:
+def controlled_rms(error: Floats, draws: Floats) -> Controlled:
     """Return the root mean square of errors (n_run, k), its variance reduced by standard normals (n_run, m) drawn once.
 
     An error follows the draws about linearly, and the mean square of a linear form b . u of standard normals is |b|^2
@@ -207,7 +209,7 @@ def controlled_rms(error: Floats, draws: Floats, alpha: float = ALPHA) -> Contro
     if n < 2 or not mean > 0.0:
         return Controlled(*[float("nan")] * 5)
     spread = float(rest.std(ddof=1)) / (mean * np.sqrt(n))  # of ln(mean square)
-    reach = float(stats.t.isf(alpha / 2.0, n - 1)) * spread
+    reach = float(stats.t.isf(_TAIL, n - 1)) * spread
     worth = n * float(square.var()) / float(rest.var()) if rest.var() > 0.0 else float("inf")
     low, high = (float(np.sqrt(mean * np.exp(sign * reach))) for sign in (-1.0, 1.0))
     return Controlled(float(np.sqrt(mean)), low, high, worth, known / mean)

@@ -16,8 +16,7 @@ from lvnav_trade.records import Floats
 
 LOWEST = 1e3
 """Height in m below which no point of impact is reported: it would be the vehicle's own place."""
-_STEPS = 160
-"""Steps of the numerical fall: centimetres over half a revolution."""
+_STEPS = 160  # steps of the numerical fall: centimetres over half a revolution
 
 
 class Impact(NamedTuple):

@@ -20,8 +20,7 @@ PLACES = 48
 """Places along the revolution where an impulse may be; between two of them 0.2 % are lost."""
 _ROUNDS = 400
 _CHUNK = 512
-_FLOOR = 1e-9
-"""Least part of the weight that a place keeps, so that what is solved stays regular."""
+_FLOOR = 1e-9  # least part of the weight that a place keeps, so that what is solved stays regular
 
 
 class Correction(NamedTuple):

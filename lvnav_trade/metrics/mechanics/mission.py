@@ -96,12 +96,18 @@ def run_errors(tables: Tables, case: str, state: State) -> tuple[Floats, NDArray
     chosen = runs[(runs.case == case) & (runs.event == state.event)]
     outputs = tables.outputs
     outputs = outputs[(outputs.case == case) & (outputs.axis != "3d")]
-    parts = []
-    for quantity, suffix in (("velocity", "m_per_s"), ("position", "m")):
-        names = [f"{quantity}_{axis}_error_{suffix}" for axis in outputs.axis[outputs.quantity == quantity]]
-        parts.append(chosen[names].to_numpy(dtype=float) @ state.turn.T)
-    error = np.concatenate(parts, axis=1)
+    columns = [
+        [f"{quantity}_{axis}_error_{suffix}" for axis in outputs.axis[outputs.quantity == quantity]]
+        for quantity, suffix in (("velocity", "m_per_s"), ("position", "m"))
+    ]
+    error = np.concatenate([chosen[names].to_numpy(dtype=float) @ state.turn.T for names in columns], axis=1)
     return error, (chosen.failure.to_numpy() != "") | ~np.isfinite(error).all(axis=1)
+
+
+def good_errors(tables: Tables, case: str, state: State) -> Floats:
+    """Return `run_errors` of the runs that did not fail."""
+    error, failed = run_errors(tables, case, state)
+    return error[~failed]
 
 
 # --- errors of the mission's numbers ----------------------------------------------------------------------------------

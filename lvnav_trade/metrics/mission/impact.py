@@ -11,7 +11,7 @@ from scipy import special
 from lvnav_trade.kernels.earth import ECCENTRICITY_2, SEMI_MAJOR
 from lvnav_trade.metrics.basics.probability import success_verdict
 from lvnav_trade.metrics.basics.select import number_in, once, pick
-from lvnav_trade.metrics.errors.covariances import reach
+from lvnav_trade.metrics.errors.covariances import why_not_applicable
 from lvnav_trade.metrics.mechanics import mission
 from lvnav_trade.metrics.mechanics.freefall import Impact, offsets
 from lvnav_trade.metrics.mechanics.freefall import impact as fall_of
@@ -117,19 +117,18 @@ def impact(tables: Tables, only: str | None = None) -> pd.DataFrame:
 
 @once
 def _case_rows(tables: Tables, case: str) -> list[dict[str, Any]]:
-    """Return the rows of a case, in order of time."""
     corridor = corridor_of(tables)
     states, laws = mission.states(tables, case), mission.laws(tables, case)
     if not states:
         return []
     true = _arrays(states)
     points, slopes = fall_of(*true), _slopes(*(part.tobytes() for part in true))
-    rows = []
-    for k in np.argsort([state.t for state in states], kind="stable"):
-        if np.isfinite(points.fall[k]):
-            row = _row(states[k], laws[k], Impact(*(value[k] for value in points)), slopes[k], corridor)
-            rows.append(row | _runs(tables, case, states[k], corridor))
-    return rows
+    return [
+        _row(states[k], laws[k], Impact(*(value[k] for value in points)), slopes[k], corridor)
+        | _runs(tables, case, states[k], corridor)
+        for k in np.argsort([state.t for state in states], kind="stable")
+        if np.isfinite(points.fall[k])
+    ]
 
 
 def _arrays(states: list[State]) -> tuple[Floats, Floats, Floats]:
@@ -156,13 +155,13 @@ def corridor_verdicts(tables: Tables) -> pd.DataFrame:
             rows.append({"case": label, "verdict": "not applicable", "reason": "no point of impact in the flight"})
             continue
         worst = mine.loc[mine.corridor_probability.idxmin()]
-        extent = reach(tables, case)
+        why_not = why_not_applicable(tables, case)
         kept = "met" if worst.corridor_probability >= corridor.probability else "violated"
         outside, runs = outside_runs(tables, case, corridor)
         rows.append(
             {
                 "case": label,
-                "verdict": kept if extent.applies else "not applicable",
+                "verdict": "not applicable" if why_not else kept,
                 "probability": corridor.probability,
                 "expected_probability": worst.corridor_probability,
                 "margin_sigma": worst.corridor_margin_sigma,
@@ -170,7 +169,7 @@ def corridor_verdicts(tables: Tables) -> pd.DataFrame:
                 "mc_verdict": success_verdict(runs, outside, corridor.probability, corridor.confidence),
                 "runs": runs,
                 "outside": outside,
-                "reason": extent.reason,
+                "reason": why_not,
             }
         )
     return pd.DataFrame(rows, columns=VERDICTS)
@@ -178,11 +177,10 @@ def corridor_verdicts(tables: Tables) -> pd.DataFrame:
 
 def outside_runs(tables: Tables, case: str, corridor: Corridor) -> tuple[int, int]:
     """Return how many runs were outside the corridor at some event, or failed, and how many there are."""
-    bad = []
-    for state in mission.states(tables, case):
-        if state.event:
-            error, failed = mission.run_errors(tables, case, state)
-            bad.append(failed | _outside(state, error, corridor))
+    errors = [
+        (state, *mission.run_errors(tables, case, state)) for state in mission.states(tables, case) if state.event
+    ]
+    bad = [failed | _outside(state, error, corridor) for state, error, failed in errors]
     return (int(np.any(bad, axis=0).sum()), len(bad[0])) if bad else (0, 0)
 
 
@@ -266,14 +264,13 @@ def _runs(tables: Tables, case: str, state: State, corridor: Corridor | None) ->
     """Return what the runs say at an event; no runs between events."""
     if not state.event:
         return {"runs": 0}
-    error, failed = mission.run_errors(tables, case, state)
-    good = error[~failed]
+    good = mission.good_errors(tables, case, state)
     if len(good) < 2:
         return {"runs": len(good)}
     off = mission.impact_errors(state, good) * 1e-3
     spread = off.std(axis=0, ddof=1)
-    found: dict[str, Any] = {"runs": len(good), "mc_down_sigma_km": spread[0], "mc_cross_sigma_km": spread[1]}
-    found["mc_q99_km"] = float(np.quantile(np.linalg.norm(off, axis=1), 0.99))
+    far = float(np.quantile(np.linalg.norm(off, axis=1), 0.99))
+    found = {"runs": len(good), "mc_down_sigma_km": spread[0], "mc_cross_sigma_km": spread[1], "mc_q99_km": far}
     return found | ({"mc_outside": int(_outside(state, good, corridor).sum())} if corridor is not None else {})
 
 

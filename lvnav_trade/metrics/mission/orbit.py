@@ -39,11 +39,12 @@ def orbit(tables: Tables) -> pd.DataFrame:
     quantile of |error|, from Gaussian draws through the map itself, so it stands there too. mc_sigma, mc_bias, mc_q99:
     of the runs that did not fail.
     """
-    rows = []
-    for case, label in tables.labels.items():
-        for state in orbital_states(tables, case):
-            head = {"case": label, "event": state.event}
-            rows += [head | row for row in _rows(tables, case, state)]
+    rows = [
+        {"case": label, "event": state.event} | row
+        for case, label in tables.labels.items()
+        for state in orbital_states(tables, case)
+        for row in _rows(tables, case, state)
+    ]
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
@@ -78,8 +79,7 @@ def values(orbit_of: meanorbit.Orbit) -> dict[str, float]:
 def _rows(tables: Tables, case: str, state: State) -> list[dict[str, Any]]:
     law = mission.law_at(tables, case, state.event)
     now, average = (values(orbit_of(state.r_i, state.v_i)) for orbit_of in (meanorbit.osculating, meanorbit.mean))
-    error, failed = mission.run_errors(tables, case, state)
-    good = error[~failed]
+    good = mission.good_errors(tables, case, state)
     flown, drawn = (mission.orbit_errors(state, some) for some in (good, mission.draws(law.mean, law.true)))
     rows: list[dict[str, Any]] = []
     for name, (metric, component) in QUANTITIES.items():
@@ -120,9 +120,8 @@ def correction(tables: Tables) -> pd.DataFrame:
     for case, label in tables.labels.items():
         for state in orbital_states(tables, case)[-1:]:
             law = mission.law_at(tables, case, state.event)
-            error, failed = mission.run_errors(tables, case, state)
-            drawn = {"linear covariance": mission.draws(law.mean, law.true, _DRAWS), "Monte Carlo": error[~failed]}
-            for by, errors in drawn.items():
+            drawn, good = mission.draws(law.mean, law.true, _DRAWS), mission.good_errors(tables, case, state)
+            for by, errors in (("linear covariance", drawn), ("Monte Carlo", good)):
                 if len(errors):
                     rows.append((label, state.event, "m/s", by, len(errors), *_costs(state, errors)))
     return pd.DataFrame(rows, columns=CORRECTION)

@@ -11,7 +11,7 @@ from scipy import optimize, special
 from lvnav_trade.layout import MISSION
 from lvnav_trade.metrics.basics.probability import norm_probability, norm_quantile
 from lvnav_trade.metrics.basics.select import flight_events, history_of, number_in, pick, rows_between, split_metric
-from lvnav_trade.metrics.errors.covariances import Gaussian, gaussian, reach
+from lvnav_trade.metrics.errors.covariances import Gaussian, gaussian, why_not_applicable
 from lvnav_trade.metrics.mechanics.mission import expected_at, people
 from lvnav_trade.metrics.requirements.requirements import phase_of, verdicts, where, with_unit
 from lvnav_trade.store import Tables
@@ -103,24 +103,22 @@ def expected(tables: Tables) -> pd.DataFrame:
     rejects too many good rows. estimate: the error that the asked fraction stays below. Of the worst error in a phase
     the probability is no more than that of its worst moment, which is what stands there: it can show a violation only.
     """
-    rows = []
-    for requirement, case, found in _pairs(tables):
-        row: dict[str, Any] = {"requirement": requirement["name"], "case": tables.labels[case]}
-        row["probability"] = float(requirement["probability"])
-        rows.append(row | _expected(tables, case, found))
+    rows = [_expected(tables, *pair) for pair in _pairs(tables)]
     return pd.DataFrame(rows, columns=EXPECTED)
 
 
-def _expected(tables: Tables, case: str, found: Asked | str) -> dict[str, Any]:
+def _expected(tables: Tables, requirement: Mapping[str, Any], case: str, found: Asked | str) -> dict[str, Any]:
+    row = {"requirement": requirement["name"], "case": tables.labels[case]}
+    row["probability"] = float(requirement["probability"])
     if isinstance(found, str):
-        return {"verdict": "not applicable", "reason": found}
+        return row | {"verdict": "not applicable", "reason": found}
     limit = norm_quantile(found.law.mean, found.law.covariance, found.probability)
-    extent, kept = reach(tables, case), found.kept()
-    verdict, reason = ("met" if kept >= found.probability else "violated"), extent.reason
+    why_not, kept = why_not_applicable(tables, case), found.kept()
+    verdict, reason = ("met" if kept >= found.probability else "violated"), why_not
     if found.above_only:
         reason = reason or (f"already at {found.moment}" if verdict == "violated" else ABOVE_ONLY)
-    shown = extent.applies and (verdict == "violated" or not found.above_only)
-    return {
+    shown = not why_not and (verdict == "violated" or not found.above_only)
+    return row | {
         "verdict": verdict if shown else "not applicable",
         "reason": reason,
         "expected_probability": kept,
@@ -143,14 +141,13 @@ def improvements(tables: Tables) -> pd.DataFrame:
     for requirement, case, found in _pairs(tables):
         name, label = requirement["name"], tables.labels[case]
         verdict = str(by_runs[name, label])
-        undone = verdict in ("violated", "undecided") and reach(tables, case).applies
+        undone = verdict in ("violated", "undecided") and not why_not_applicable(tables, case)
         if undone and not isinstance(found, str) and found.law.sources:
             rows.append((name, label, verdict, *_improvement(found)))
     return pd.DataFrame(rows, columns=IMPROVEMENTS)
 
 
 def _pairs(tables: Tables) -> list[tuple[dict[str, Any], str, Asked | str]]:
-    """Return every requirement with every case and what is asked of it."""
     return [
         (requirement, case, asked(tables, requirement, case))
         for requirement in tables.campaign.get("requirements") or ()

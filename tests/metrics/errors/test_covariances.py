@@ -2,13 +2,28 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 import pytest
 from scipy import stats
 
-from lvnav_trade.metrics.errors.covariances import agreement, by_case, gaussian, reach
+from lvnav_trade.metrics import METRICS
+from lvnav_trade.metrics.errors.covariances import (
+    agreement,
+    by_case,
+    contributions,
+    gaussian,
+    is_position_bias,
+    nonlinearity,
+    observability,
+    observed,
+    sensitivity,
+    why_not_applicable,
+)
 from lvnav_trade.store import load
 from tests import synthetic
+from tests.vehicle_tables import tables
 
 AT_END = 1.0 + 0.01 * 99.5  # growth of the sigmas of the fine unit at injection
 
@@ -27,8 +42,7 @@ def test_the_sources_sum_to_the_whole(good):
 
 
 def test_a_case_without_a_gate_is_described_everywhere(good):
-    found = reach(good, next(iter(good.labels)))
-    assert (found.applies, found.rejected, found.reason) == (True, 0.0, "")
+    assert why_not_applicable(good, next(iter(good.labels))) == ""
 
 
 def test_the_mean_error_belongs_to_the_gaussian(good):
@@ -79,3 +93,61 @@ def test_where_the_gate_rejects_too_much_neither_agreement_nor_disagreement_is_c
 def test_a_gate_that_rejects_one_row_in_a_hundred_changes_no_verdict(tmp_path):
     tables = load(synthetic.results(tmp_path, n_run=40, rejects=0.01))
     assert set(by_case(tables).verdict) == {"agree"}
+
+
+def test_contributions_of_all_sources_and_bins_sum_to_one(good):
+    total = contributions(good).groupby(["case", "metric"]).share_ratio.sum()
+    assert len(total) == 6
+    np.testing.assert_allclose(total, 1.0, rtol=1e-12)
+
+
+def test_a_frozen_sigma_of_ten_times_is_the_closed_form(good):
+    rows = sensitivity(good).set_index(["case", "metric", "source", "factor_ratio"])
+    one, ten = (rows.loc["imu=fine", "attitude_error", "gyro bias", f] for f in (1.0, 10.0))
+    assert ten.frozen == pytest.approx(one.frozen * np.sqrt(0.25 + 0.75 * 100.0), rel=1e-12)
+    assert ten.retuned == pytest.approx(synthetic.RETUNED * ten.frozen, rel=1e-12)
+    assert ten.unit == "mrad"
+
+
+def test_the_smallest_singular_values_come_first(good):
+    row = observability(good).iloc[0]
+    assert (row.rank_count, row.state_count) == (4, 5)
+    assert (row.smallest_ratio, row.second_ratio, row.third_ratio) == (1e-5, 0.2, 1.0)
+
+
+def test_nonlinearity_stands_at_every_event(good):
+    assert list(nonlinearity(good).event) == 2 * list(synthetic.EVENTS)
+
+
+def test_the_budget_names_the_largest_source_first(good):
+    found = METRICS["budget"](good)
+    assert found.source.iloc[0] == "gyro bias"
+    assert found.share_ratio.iloc[0] == pytest.approx(0.75)
+
+
+def test_a_source_of_a_billionth_is_zero_and_the_rest_is_unchanged(good):
+    table = good.budget.copy()
+    chosen = (table.source == "gyro bias") & (table.axis == "3d")
+    assert chosen.any()
+    table.loc[chosen, ["sigma_si", "share_ratio"]] = [1e-12, 1e-10]
+    changed, before = copy.copy(good), METRICS["budget"](good)
+    changed.budget, changed.cache = table, {}
+    found = METRICS["budget"](changed)
+    small = found.source == "gyro bias"
+    assert (found[small][["sigma", "share_ratio"]] == 0.0).all(axis=None)
+    others = before[before.source != "gyro bias"].reset_index(drop=True)
+    assert found[~small].reset_index(drop=True).equals(others)
+
+
+def test_ranks_are_counted_over_all_stretches():
+    row = observed(tables()).iloc[0]
+    assert (row.stretches, row.states, row.least_rank, row.least_rank_with_information) == (2, 3, 3, 2)
+    assert row.smallest_ratio == 2e-3
+    assert row.position_against_bias_ratio == 0.5
+    assert row.weakest == "+1.00 gyro bias x"
+
+
+def test_directions_in_which_a_position_trades_with_its_bias_are_known_by_their_words():
+    assert is_position_bias("+1.00 position bias x, -0.80 position north")
+    assert not is_position_bias("+1.00 position north")
+    assert not is_position_bias("+1.00 position bias x, +0.60 gyro bias x")

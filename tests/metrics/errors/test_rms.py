@@ -96,11 +96,6 @@ def test_the_interval_is_exact_and_what_is_honest_reaches_a_gaussian(tables):
         assert row.honest == (row.high_ratio >= GAUSSIAN**3)
 
 
-def test_events_outside_the_stretch_are_left_out(tables):
-    first = coverage(tables).event.iloc[0]
-    assert set(coverage(tables, (first, first)).event) == {first}
-
-
 def test_the_difference_is_that_of_the_errors_run_by_run(tables):
     frame = paired_levels(tables, "imu")
     assert set(frame.quantity) == {"attitude", "velocity", "position"}

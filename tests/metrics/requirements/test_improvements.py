@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from lvnav_trade.metrics.basics.probability import norm_probability, norm_quantile
-from lvnav_trade.metrics.errors.covariances import reach
+from lvnav_trade.metrics.errors.covariances import why_not_applicable
 from lvnav_trade.metrics.requirements.improvements import ABOVE_ONLY, UNKNOWN, asked, expected, improvements
 from lvnav_trade.store import load
 from tests import synthetic
@@ -46,8 +46,8 @@ def test_where_nothing_need_be_better_it_says_so(good):
 
 def test_a_gate_that_rejects_too_much_takes_the_verdict_away(tmp_path):
     tables = load(synthetic.results(tmp_path, n_run=0, rejects=0.03))
-    assert not reach(tables, "aaaaaaaaaaaa").applies
-    assert reach(tables, "aaaaaaaaaaaa").reason == "the gate rejects 3 % of good rows at 51 s"
+    assert why_not_applicable(tables, "aaaaaaaaaaaa")
+    assert why_not_applicable(tables, "aaaaaaaaaaaa") == "the gate rejects 3 % of good rows at 51 s"
     assert set(expected(tables).verdict) == {"not applicable"}
     assert improvements(tables).empty
 
