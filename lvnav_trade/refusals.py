@@ -63,13 +63,10 @@ REFUSALS = (
     ),
     Refusal(
         "control",
-        "the attitude sensor of a vehicle under control measures throughout: no from, no until",
+        "the attitude sensor of a vehicle under control measures throughout: no from, no until, no other condition",
         lambda s: (
             s.control is not None
-            and any(
-                card is not None and card.measurement == "attitude" and (card.from_ or card.until)
-                for card in s.sensors.values()
-            )
+            and any(card is not None and card.measurement == "attitude" and card.stated for card in s.sensors.values())
         ),
     ),
 )

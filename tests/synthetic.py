@@ -17,6 +17,8 @@ from lvnav_trade.engines.simulate.statistics import summarise
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.records import LOST, TRACK, AdjointBudget, CovHistory, Output, Reference, RunBlock, Sky, Transition
 from lvnav_trade.store import CaseInfo, open_results
+from lvnav_trade.world.conditions import Course
+from lvnav_trade.world.faults import SatelliteOutage
 
 OUTPUTS = (
     *(Output("attitude", axis, "rad", "mrad", 1e3) for axis in ("roll", "pitch", "yaw")),
@@ -140,14 +142,14 @@ def prepared(logic: bool = False) -> Any:
     return SimpleNamespace(
         scenario=SimpleNamespace(
             frame="ned",
-            faults=(SimpleNamespace(kind="satellite_outage", start="stage1_cutoff + 20 s", duration=15.0),),
+            faults=(SatelliteOutage(start="stage1_cutoff + 20 s", duration="15 s"),),
             receiver=SimpleNamespace(
                 link=SimpleNamespace(), tracking=SimpleNamespace(acquire_above=33.0, track_above=25.0)
             ),
         ),
         trajectory=SimpleNamespace(
             events=EVENTS,
-            instants=EVENTS,
+            course=Course(EVENTS),
             epoch="2026-08-01T12:00:00Z",
             theta0=0.0,
             facts={"perigee_m": 2.0e5, "max_load_g": 4.2},

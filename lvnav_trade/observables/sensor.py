@@ -4,10 +4,11 @@ from abc import abstractmethod
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import Field
 
 from lvnav_trade.records import Bools, Floats
 from lvnav_trade.units import Card, Frequency
+from lvnav_trade.world.conditions import Conditions
 
 N_TRUTH = 4
 """Numbers of a sensor's truth at an epoch."""
@@ -46,15 +47,13 @@ class SensorModel(Card):
         """Return the variance (n_epoch, n_scalar) that the filter assumes of the noise, SI."""
 
 
-class SensorCard(Card):
-    """A sensor beside the IMU and the receiver: true errors, and when it measures.
+class SensorCard(Conditions):
+    """A sensor beside the IMU and the receiver: true errors, and when it measures: at its rate, while conditions hold.
 
     A member of the family states `kind` (a literal of one word), `measurement` (the name that a filter lists), `model`
     (the class of its filter model), `labels` of its scalars and their `unit`, what their Jacobian depends on
     (`jacobian`: position, velocity, attitude), and the name of its noise as an error source; it is added to `SENSORS`.
     """
-
-    model_config = ConfigDict(serialize_by_alias=True)
 
     measurement: ClassVar[str]
     model: ClassVar[type[SensorModel]]
@@ -67,10 +66,6 @@ class SensorCard(Card):
     name: str
     source: str
     rate: Frequency | None = Field(None, description="of its measurements; none: at every update of the filter")
-    from_: str | None = Field(
-        None, alias="from", description="first measurement: time such as '100 s', or event; none: start of the flight"
-    )
-    until: str | None = Field(None, description="end of its measurements, as `from`; none: end of the flight")
 
     def matched(self) -> SensorModel:
         """Return the filter model that takes every number from this card."""
@@ -85,7 +80,7 @@ class SensorCard(Card):
         """Return the true one-sigma of the white noise, (n_epoch, n_scalar), SI."""
 
     def available(self, flight: FlightView) -> Bools:
-        """Return whether it can measure at the epochs, (n_epoch,), beside its rate and window."""
+        """Return whether it can measure at the epochs, (n_epoch,), beside its rate and its conditions."""
         return np.ones(flight.t.size, dtype=np.bool_)
 
     def lasting(self) -> tuple[LastingError, ...]:

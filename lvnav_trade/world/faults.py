@@ -1,6 +1,6 @@
 """Faults that a campaign names: what fails, when, and what that does to satellites and receiver at the epochs."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
@@ -10,24 +10,36 @@ from pydantic import AfterValidator, Field
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.records import Floats
 from lvnav_trade.units import Acceleration, AngularRate, Card, Duration, Length, LengthSigma, Pause, Speed, distinct
-from lvnav_trade.world.events import resolve
+from lvnav_trade.world.conditions import ROUNDING, Conditions, Course, Intervals, SightConditions, both, inside
 
 Mask = NDArray[np.bool_]
-
-ROUNDING = 1e-6  # s; an epoch that rounding has moved by less still lies on the fault's edge
-
 
 Names = Annotated[tuple[str, ...], AfterValidator(distinct)]
 
 
-class Timed(Card):
-    """What every fault has: when it starts, and how long it lasts."""
+class Timed(Conditions):
+    """What every fault has: when it starts and how long it lasts, or conditions while which it holds, or both."""
 
-    start: str = Field(description="time such as '100 s', or relative to an event: 'stage1_cutoff + 20 s'")
-    duration: Pause
+    start: str | None = Field(
+        None, description="time such as '100 s', or relative to an event: 'stage1_cutoff + 20 s'; with a duration"
+    )
+    duration: Pause | None = Field(None, description="how long it lasts from its start")
+
+    def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
+        if self.start is None and self.duration is None and not self.stated:
+            yield "start: is missing, or a condition such as from or above"
+        elif self.start is None and self.duration is not None:
+            yield "duration: counts from a start, which is missing; an end without one is until"
+        elif self.start is not None and self.duration is None:
+            yield "duration: is missing; a beginning without one is from"
 
 
-class SatelliteOutage(Timed):
+class TimedInSight(Timed, SightConditions):
+    """The same of a fault that strikes the satellites of some elevations."""
+
+
+class SatelliteOutage(TimedInSight):
     """All satellites lost, or all but `keep` (the highest at the start of the outage)."""
 
     kind: Literal["satellite_outage"] = "satellite_outage"
@@ -41,7 +53,7 @@ class AntennaFailure(Timed):
     antennas: Annotated[tuple[Annotated[int, Field(ge=1)], ...], AfterValidator(distinct)] = Field(min_length=1)
 
 
-class DegradedNoise(Timed):
+class DegradedNoise(TimedInSight):
     """White noise of the measurements grown by a factor; the filter does not know it."""
 
     kind: Literal["degraded_noise"] = "degraded_noise"
@@ -49,7 +61,7 @@ class DegradedNoise(Timed):
     satellites: Names = Field((), description="such as G05; all, and the solution, if empty")
 
 
-class RangeBias(Timed):
+class RangeBias(TimedInSight):
     """Pseudoranges of some satellites wrong by a step and a drift (a satellite's clock that runs away)."""
 
     kind: Literal["range_bias"] = "range_bias"
@@ -58,11 +70,11 @@ class RangeBias(Timed):
     drift: Speed = 0.0
 
 
-class ClockJump(Card):
+class ClockJump(Conditions):
     """The receiver's clock jumps by so much range, once."""
 
     kind: Literal["clock_jump"] = "clock_jump"
-    start: str = Field(description="time, or relative to an event")
+    start: str | None = Field(None, description="time, or relative to an event; or conditions, once they begin to hold")
     size: Length
 
     @property
@@ -70,8 +82,17 @@ class ClockJump(Card):
         """A jump takes no time."""
         return 0.0
 
+    def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
+        if (self.start is None) == (not self.stated):
+            yield (
+                "start: is missing, or a condition such as from or above"
+                if self.start is None
+                else ("start: a clock jumps once, at its start or when its conditions begin to hold")
+            )
 
-class WildSamples(Timed):
+
+class WildSamples(TimedInSight):
     """Measurements with a further random error, new at every epoch: ranges, or each axis of the solution."""
 
     kind: Literal["wild_samples"] = "wild_samples"
@@ -172,51 +193,68 @@ def missing_satellite(name: str, names: Sequence[str]) -> str:
     return f"{name!r} is not in the constellation (it has {', '.join(names[:4])}{more})"
 
 
-def span(number: int, fault: AnyFault, events: dict[str, float]) -> tuple[float, float]:
-    """Return start (included) and end (excluded) of a fault in s; InputError names it where its start is unknown."""
+def periods(number: int, fault: AnyFault, course: Course) -> Intervals:
+    """Return when a fault holds on a flight; a clock jumps at the start of the one interval, which has no length.
+
+    InputError names the fault where an event is not one of the flight.
+    """
     try:
-        start = float(resolve(fault.start, events))
+        start = None if fault.start is None else course.time(fault.start, "start")
+        if isinstance(fault, ClockJump):
+            if start is not None:
+                return ((start, start),)
+            return tuple((course.begin(one), course.begin(one)) for one, _ in course.holding(fault)[:1])
+        if start is None or fault.duration is None:
+            return course.holding(fault)
+        timed = (start, start + fault.duration)
+        return both((timed,), course.holding(fault)) if fault.stated else (timed,)
     except InputError as error:
-        raise _about(number, "start", str(error)) from None
-    return start, start + fault.duration
+        raise _about(number, error.records[0].path, error.records[0].message) from None
 
 
-def active(faults: Sequence[AnyFault], kind: type[Card], events: dict[str, float], t: Floats) -> Iterable[Any]:
-    """Yield number (from 0), card, mask (n_epoch,) of the epochs at which it holds, and start (s) of faults of a kind.
+def active(faults: Sequence[AnyFault], kind: type[Card], course: Course, t: Floats) -> Iterable[Any]:
+    """Yield number (from 0), card, mask (n_epoch,) of the epochs at which it holds, start and end (s) of every interval
+    of the faults of a kind.
 
     InputError where a start cannot be resolved, or a fault lies wholly before or after the epochs.
     """
     for number, fault in enumerate(faults):
-        start, end = span(number, fault, events)
-        if t.size and (end < t[0] - ROUNDING or t[-1] + ROUNDING < start):
-            what = "outage" if isinstance(fault, SatelliteOutage) else fault.kind.replace("_", " ")
-            where = f"lies outside the flight ({t[0]:g} s to {t[-1]:g} s)"
-            raise _about(number, "start", f"the {what} from {start:g} s to {end:g} s {where}")
+        found = periods(number, fault, course)
+        if t.size and not any(end >= t[0] - ROUNDING and t[-1] + ROUNDING >= start for start, end in found):
+            raise _about(number, "start" if fault.start else fault.stated[0], _outside(fault, found, t))
         if isinstance(fault, kind):
-            yield number, fault, (t >= start - ROUNDING) & (t < end - ROUNDING), start
+            for start, end in found:
+                yield number, fault, inside(((start, end),), t), course.begin(start), end
 
 
-def lost(faults: Sequence[AnyFault], events: dict[str, float], t: Floats, elevation: Floats, visible: Mask) -> Mask:
+def _outside(fault: AnyFault, found: Intervals, t: Floats) -> str:
+    what = "outage" if isinstance(fault, SatelliteOutage) else fault.kind.replace("_", " ")
+    when = f" from {found[0][0]:g} s to {found[0][1]:g} s" if found else ""
+    return f"the {what}{when} lies outside the flight ({t[0]:g} s to {t[-1]:g} s)"
+
+
+def lost(faults: Sequence[AnyFault], course: Course, t: Floats, elevation: Floats, visible: Mask) -> Mask:
     """Return which satellites outages take away, (n_epoch, n_sat) bool.
 
-    A fault holds from its start (included) to its end (excluded); where several hold, each takes its share. events:
-    times (s) that a start may refer to; t (n_epoch,) s, rising; elevation (n_epoch, n_sat) rad; visible: whether the
-    satellite could be tracked without any fault. InputError as of `active`.
+    A fault holds from its start (included) to its end (excluded); where several hold, each takes its share. t
+    (n_epoch,) s, rising; elevation (n_epoch, n_sat) rad; visible: whether the satellite could be tracked without any
+    fault. InputError as of `active`.
     """
     gone = np.zeros_like(visible)
-    for _, fault, within, _ in active(faults, SatelliteOutage, events, t):
+    for number, fault, within, *_ in active(faults, SatelliteOutage, course, t):
         if np.any(within):
             first = int(np.argmax(within))
-            gone |= within[:, None] & ~highest(elevation[first], visible[first], fault.keep)
+            struck = _struck(number, fault, within, elevation, visible)
+            gone |= struck & ~highest(elevation[first], visible[first], fault.keep)
     return gone
 
 
-def antennas_alive(faults: Sequence[AnyFault], events: dict[str, float], t: Floats, n_antenna: int) -> Mask:
+def antennas_alive(faults: Sequence[AnyFault], course: Course, t: Floats, n_antenna: int) -> Mask:
     """Return which antennas receive, (n_epoch, n_antenna) bool; InputError where a fault names one that is none."""
     alive = np.ones((t.size, n_antenna), dtype=bool)
-    for number, fault, _, start in active(faults, AntennaFailure, events, t):
+    for number, fault, _, start, end in active(faults, AntennaFailure, course, t):
         # what is said of an epoch holds since the epoch before, so the one that the failure begins with still has all
-        within = (t > start + ROUNDING) & (t <= start + fault.duration + ROUNDING)
+        within = (t > start + ROUNDING) & (t <= end + ROUNDING)
         for antenna in fault.antennas:
             if antenna > n_antenna:
                 raise _about(number, "antennas", missing_antenna(antenna, n_antenna))
@@ -224,10 +262,10 @@ def antennas_alive(faults: Sequence[AnyFault], events: dict[str, float], t: Floa
     return alive
 
 
-def delay(faults: Sequence[AnyFault], events: dict[str, float], t: Floats) -> Floats:
+def delay(faults: Sequence[AnyFault], course: Course, t: Floats) -> Floats:
     """Return by how much later than the filter knows measurements arrive, (n_epoch,) s."""
     late = np.zeros(t.size)
-    for _, fault, within, _ in active(faults, LatencyChange, events, t):
+    for _, fault, within, *_ in active(faults, LatencyChange, course, t):
         late[within] += fault.by
     return late
 
@@ -239,9 +277,20 @@ def _named(number: int, wanted: tuple[str, ...], names: tuple[str, ...]) -> Mask
     return np.array([not wanted or name in wanted for name in names])
 
 
+def _struck(number: int, fault: TimedInSight, within: Mask, elevation: Floats, candidates: Mask) -> Mask:
+    """Return which satellites a fault strikes by their elevation, while it holds, (n_epoch, n_sat).
+
+    InputError where it would strike none of the candidates (n_epoch, n_sat) at any time of the flight.
+    """
+    sighted = fault.sights(elevation)
+    if fault.by_elevation and within.size and not np.any(sighted & candidates):
+        raise _about(number, fault.by_elevation[0], "holds for no satellite that is received on the flight")
+    return within[:, None] & sighted
+
+
 def failures(
     faults: Sequence[AnyFault],
-    events: dict[str, float],
+    course: Course,
     t: Floats,
     names: tuple[str, ...],
     elevation: Floats,
@@ -254,26 +303,29 @@ def failures(
     bias, drift, jump, wild, solution_wild = (np.zeros(size) for size in (shape, shape, n, shape, n))
     frozen, invalid = np.zeros((2, n), dtype=bool)
     out = Failures(np.ones(shape), np.ones(n), bias, drift, jump, wild, solution_wild, frozen, invalid)
-    for number, fault, within, _ in active(faults, DegradedNoise, events, t):
-        out.noise[np.ix_(within, _named(number, fault.satellites, names))] *= fault.factor
-        out.solution_noise[within] *= 1.0 if fault.satellites else fault.factor
-    for number, fault, within, start in active(faults, RangeBias, events, t):
+    for number, fault, within, *_ in active(faults, DegradedNoise, course, t):
+        struck = _struck(number, fault, within, elevation, tracked) & _named(number, fault.satellites, names)
+        out.noise[struck] *= fault.factor
+        out.solution_noise[within] *= 1.0 if fault.satellites or fault.by_elevation else fault.factor
+    for number, fault, within, start, _ in active(faults, RangeBias, course, t):
         hit = _named(number, fault.satellites, names)
         if not fault.satellites and np.any(within):
             first = int(np.argmax(within))
             hit = np.asarray(highest(elevation[first], tracked[first], 1))
-        bias[np.ix_(within, hit)] += (fault.size + fault.drift * (t[within] - start))[:, None]
-        drift[np.ix_(within, hit)] += fault.drift
-    for _, fault, _, start in active(faults, ClockJump, events, t):
+        struck = _struck(number, fault, within, elevation, tracked) & hit
+        bias += np.where(struck, (fault.size + fault.drift * (t - start))[:, None], 0.0)
+        drift[struck] += fault.drift
+    for _, fault, _, start, _ in active(faults, ClockJump, course, t):
         jump[min(int(np.searchsorted(t, start - ROUNDING)), n - 1)] += fault.size
-    for number, fault, within, _ in active(faults, WildSamples, events, t):
-        struck = np.ix_(within, _named(number, fault.satellites, names))
+    for number, fault, within, *_ in active(faults, WildSamples, course, t):
+        struck = _struck(number, fault, within, elevation, tracked) & _named(number, fault.satellites, names)
         wild[struck] = np.hypot(wild[struck], fault.sigma)
-        solution_wild[within] = np.hypot(solution_wild[within], fault.sigma)
-    for _, _, within, _ in active(faults, FrozenOutput, events, t):
+        if not fault.by_elevation:
+            solution_wild[within] = np.hypot(solution_wild[within], fault.sigma)
+    for _, _, within, *_ in active(faults, FrozenOutput, course, t):
         frozen |= within
     frozen[:1] = False  # there is nothing yet to be held
-    for _, _, within, _ in active(faults, InvalidOutput, events, t):
+    for _, _, within, *_ in active(faults, InvalidOutput, course, t):
         invalid |= within
     return out
 

@@ -6,7 +6,7 @@ A roll of many turns and what oscillates stand beside the splines, as formulas.
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import chain, pairwise
 from typing import NamedTuple
 
@@ -14,9 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline, PPoly, make_interp_spline
 
-from lvnav_trade.frames import earth_angle, eci_from_ecef, matrices, unit
+from lvnav_trade.frames import earth_angle, earth_velocity, eci_from_ecef, geodetic_from_ecef, matrices, unit
 from lvnav_trade.kernels.earth import OMEGA, gravity_along
+from lvnav_trade.kernels.media.atmosphere import atmosphere
 from lvnav_trade.records import Floats, Motion, Reference
+from lvnav_trade.world.conditions import Course
 from lvnav_trade.world.oscillation import Oscillation, small_motion
 
 _AT_ONCE = 4096
@@ -69,6 +71,19 @@ class Trajectory:
     def instants(self) -> dict[str, float]:
         """Times (s) that a fault may start at: the events, and ``start`` and ``end`` of the flight."""
         return {"start": self.start, "end": self.end, **self.events}
+
+    @cached_property
+    def course(self) -> Course:
+        """The flight as conditions on what is switched see it."""
+        return Course(self.instants, self._reached)
+
+    def _reached(self, t: Floats) -> Floats:
+        """Return altitude (m), speed (m/s, relative to the Earth) and dynamic pressure (Pa) at t (n,) s, (3, n)."""
+        at = motion(self, t)
+        height = geodetic_from_ecef(at.r_i)[2]  # the same in frame i: it turns about the ellipsoid's axis
+        speed = np.linalg.norm(earth_velocity(at.r_i, at.v_i), axis=1)
+        density = np.array([atmosphere(h)[0] for h in height.tolist()])
+        return np.stack([height, speed, 0.5 * density * speed**2])
 
 
 def splined(

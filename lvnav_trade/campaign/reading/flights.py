@@ -11,17 +11,16 @@ from pydantic import TypeAdapter, ValidationError
 from lvnav_trade import frames
 from lvnav_trade.campaign.definition.axes import Case, axis_names
 from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.reading import switched
 from lvnav_trade.campaign.reading.expand import expanded
 from lvnav_trade.campaign.reading.explain import explain
 from lvnav_trade.campaign.syntax import fields, tree
 from lvnav_trade.campaign.syntax.cards import Shelf, nowhere
-from lvnav_trade.engines.setup.sensors import window
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.layout import EXTRAS
 from lvnav_trade.observables.partials import Channels, members
 from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS
 from lvnav_trade.scenario import Scenario, measured
-from lvnav_trade.world.events import resolve
 from lvnav_trade.world.faults import AnyFault, missing_antenna, missing_satellite
 from lvnav_trade.world.flight.trajectory import TrajectoryCard, build, identity, motion
 from lvnav_trade.world.sky.satellites import satellites
@@ -76,16 +75,7 @@ def _named(campaign: Campaign, case: Case, times: Mapping[str, float]) -> Iterat
 
 def _of_fault(fault: AnyFault, scenario: Scenario, events: Mapping[str, float]) -> Iterator[tuple[str, str]]:
     """Yield field and message for times outside the flight, antennas and satellites that the case does not have."""
-    first, last = _span(scenario, events)
-    try:
-        start = resolve(fault.start, {"start": first, "end": last, **events})
-        if start >= last:
-            yield "start", f"{fault.start!r} is {start:g} s, at or after the end of the flight ({last:g} s)"
-        elif start + fault.duration < first:
-            over = f"the fault is over before the flight begins ({first:g} s)"
-            yield "start", f"{fault.start!r} is {start:g} s: {over}"
-    except InputError as error:
-        yield "start", error.records[0].message
+    yield from switched.of_fault(fault, scenario, events)
     n_antenna = len(scenario.receiver.antennas)
     for antenna in getattr(fault, "antennas", ()):
         if antenna > n_antenna:
@@ -93,12 +83,6 @@ def _of_fault(fault: AnyFault, scenario: Scenario, events: Mapping[str, float]) 
     if wanted := getattr(fault, "satellites", ()):
         names = satellites(scenario.constellation, scenario.trajectory.epoch).names
         yield from (("satellites", missing_satellite(name, names)) for name in wanted if name not in names)
-
-
-def _span(scenario: Scenario, events: Mapping[str, float]) -> tuple[float, float]:
-    """Return the first and the last time (s) of a flight."""
-    card = scenario.trajectory
-    return min(events.values()) - card.pad_hold, max(events.values()) + card.coast_after_injection
 
 
 def written(campaign: Campaign, case: Case, path: str, message: str) -> Mistake:
@@ -190,20 +174,11 @@ def _states(campaign: Campaign, case: Case) -> Iterator[Mistake]:
 
 
 def _windows(campaign: Campaign, case: Case, events: Mapping[str, float]) -> Iterator[Mistake]:
-    """Yield the sensors whose window names no event of the flight, or lies outside it."""
-    first, last = _span(case.scenario, events)
+    """Yield the sensors whose conditions name no event of the flight, or hold at no time of it."""
     for name, card in case.scenario.sensors.items():
-        if card is None:
-            continue
-        path = f"base.sensors.{name}.{'until' if card.from_ is None else 'from'}"
-        try:
-            start, end = window(card, events)
-        except InputError as error:
-            yield written(campaign, case, path, error.records[0].message)
-            continue
-        if max(start, first) >= min(end, last):
-            message = f"it does not measure within the flight ({first:g} s to {last:g} s)"
-            yield written(campaign, case, path, message)
+        if card is not None:
+            for field, message in switched.of_sensor(card, case.scenario, events):
+                yield written(campaign, case, f"base.sensors.{name}.{field}", message)
 
 
 _STEP = 1.0  # s between points

@@ -37,6 +37,7 @@ from lvnav_trade.records import Floats, Ints, Output, Reference, Sky
 from lvnav_trade.scenario import Scenario, epoch_interval, filter_models, has_covariance, reported, solves
 from lvnav_trade.scenario import measured as measured_by
 from lvnav_trade.sources import IMU_NOISE
+from lvnav_trade.world.conditions import Course
 from lvnav_trade.world.faults import (
     AccelBiasStep,
     AnyFault,
@@ -44,7 +45,7 @@ from lvnav_trade.world.faults import (
     GyroBiasStep,
     delay,
     failures,
-    span,
+    periods,
 )
 from lvnav_trade.world.flight.trajectory import (
     Trajectory,
@@ -130,7 +131,7 @@ def _sampled(identity: str, kind: type[TrajectoryCard], rate: float) -> Referenc
     return reference(_built(identity, kind), rate)
 
 
-def _profiles(card: ImuCard, faults: Sequence[AnyFault], events: dict[str, float]) -> list[Profile]:
+def _profiles(card: ImuCard, faults: Sequence[AnyFault], course: Course) -> list[Profile]:
     """List the profiles of bias that are the same in every run: warming, and faults that begin and end with a step."""
     found: list[Profile] = []
     for sensor, ramp in ((GYRO, card.gyro.temperature), (ACCEL, card.accel.temperature)):
@@ -139,13 +140,16 @@ def _profiles(card: ImuCard, faults: Sequence[AnyFault], events: dict[str, float
     for number, fault in enumerate(faults):
         if isinstance(fault, GyroBiasStep | AccelBiasStep):
             sensor = GYRO if isinstance(fault, GyroBiasStep) else ACCEL
-            start, end = span(number, fault, events)
             x, y, z = fault.size
-            found += [(sensor, start, start + STEP, (x, y, z)), (sensor, end, end + STEP, (-x, -y, -z))]
+            for start, end in periods(number, fault, course):
+                begin = start if math.isfinite(start) else course.begin(start) - STEP
+                found.append((sensor, begin, begin + STEP, (x, y, z)))
+                if math.isfinite(end):
+                    found.append((sensor, end, end + STEP, (-x, -y, -z)))
     return found
 
 
-def _arriving(ref: Reference, card: ImuCard, faults: Sequence[AnyFault], events: dict[str, float]) -> list[Floats]:
+def _arriving(ref: Reference, card: ImuCard, faults: Sequence[AnyFault], course: Course) -> list[Floats]:
     """Return increments (n_imu, 3) of angle and velocity as an ideal unit of this bandwidth puts them out, where
     samples are dropped without them.
     """
@@ -156,14 +160,14 @@ def _arriving(ref: Reference, card: ImuCard, faults: Sequence[AnyFault], events:
         out = [array.copy() for array in out]  # those of the reference are other cases' too
     for number, fault in enumerate(faults):
         if isinstance(fault, DroppedSamples):
-            start, end = span(number, fault, events)
-            gone = np.flatnonzero((ref.t[1:] > start + 1e-9) & (ref.t[1:] <= end + 1e-9))
-            for array in out:
-                array[gone] = array[max(0, gone[0] - 1)] if gone.size and fault.instead == "last" else 0.0
+            for start, end in periods(number, fault, course):
+                gone = np.flatnonzero((ref.t[1:] > start + 1e-9) & (ref.t[1:] <= end + 1e-9))
+                for array in out:
+                    array[gone] = array[max(0, gone[0] - 1)] if gone.size and fault.instead == "last" else 0.0
     return out
 
 
-def _unit(scenario: Scenario, ref: Reference, blocks: tuple[ErrorBlock, ...], events: dict[str, float]) -> Unit:
+def _unit(scenario: Scenario, ref: Reference, blocks: tuple[ErrorBlock, ...], course: Course) -> Unit:
     card = scenario.imu
     inertial = [block for block in blocks if block.sensor >= 0]
     dt = 1.0 / card.rate
@@ -176,8 +180,8 @@ def _unit(scenario: Scenario, ref: Reference, blocks: tuple[ErrorBlock, ...], ev
             for b in blocks
         ]
     )
-    profiles = _profiles(card, scenario.faults, events)
-    dtheta, dvel = _arriving(ref, card, scenario.faults, events)
+    profiles = _profiles(card, scenario.faults, course)
+    dtheta, dvel = _arriving(ref, card, scenario.faults, course)
     return Unit(
         dt=dt,
         noise_source=source_word(IMU_NOISE),
@@ -237,7 +241,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     epochs = epochs_of(scenario, ref)
     t_epoch = epochs.t
     seen = _seen(scenario, trajectory, t_epoch, float(ref.t[0]))
-    unstamped = delay(scenario.faults, trajectory.instants, t_epoch)
+    unstamped = delay(scenario.faults, trajectory.course, t_epoch)
     delayed = delay_taken(scenario, t_epoch, np.minimum(t_epoch, seen.t + unstamped))
     kept = clone_times(scenario, t_epoch, delayed, ref.t, epochs.group)
     at = times_of(scenario, trajectory, ref, epochs, kept, history, every_step_beside)
@@ -257,7 +261,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     late_by = delays(trajectory, scenario.receiver, seen, scenario.atmosphere, card.corrections)
     geometry = geometry_of(line, seen.tracked, late_by.troposphere, late_by.ionosphere)
     modelled = geometry_of(line, seen.tracked, late_by.modelled_troposphere, late_by.modelled_ionosphere)
-    failed = failures(scenario.faults, trajectory.instants, t_epoch, seen.names, seen.elevation, seen.tracked)
+    failed = failures(scenario.faults, trajectory.course, t_epoch, seen.names, seen.elevation, seen.tracked)
     tabled = recorded(scenario, trajectory.theta0, line, seen, measured, failed.frozen)
     shared_errors = (*families(scenario, geometry, measured, failed, devices), *tabled.families)
     shared = shared_of(shared_errors, layout, epoch_interval(scenario), (t_epoch.size, measured.n_channel))
@@ -286,7 +290,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         sources=blocks,
         families=shared_errors,
         schedule=at.schedule,
-        unit=_unit(scenario, ref, blocks, trajectory.events),
+        unit=_unit(scenario, ref, blocks, trajectory.course),
         signals=truth,
         start=_start(scenario, ref, C_n_i, P),
         record=_record(scenario, trajectory, ref, at.hist_tick, at.t_hist, epochs.tick),
@@ -315,7 +319,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
 def _seen(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: float) -> Sky:
     """Return the sky that the measurements of each epoch are of: that of a latency before."""
     receiver, above = scenario.receiver, scenario.constellation
-    late = receiver.latency + delay(scenario.faults, trajectory.instants, t_epoch)
+    late = receiver.latency + delay(scenario.faults, trajectory.course, t_epoch)
     if receiver.latency_per_satellite > 0.0:
         now = sky(above, receiver, trajectory, t_epoch, scenario.faults)
         late = late + receiver.latency_per_satellite * now.tracked.sum(axis=1)

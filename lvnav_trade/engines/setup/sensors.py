@@ -1,6 +1,5 @@
 """What the sensors beside the receiver measure on the nominal flight, when, and what the filter assumes of it."""
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -14,8 +13,7 @@ from lvnav_trade.observables.sensor import N_TRUTH, FlightView, SensorCard
 from lvnav_trade.observables.sensors import SENSORS
 from lvnav_trade.records import Floats
 from lvnav_trade.scenario import Scenario, sensor_model, sensors_used
-from lvnav_trade.world.events import resolve
-from lvnav_trade.world.faults import ROUNDING
+from lvnav_trade.world.conditions import Course, inside
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
 
 
@@ -34,22 +32,13 @@ class Sensor(NamedTuple):
     variance: Floats
 
 
-def window(card: SensorCard, events: Mapping[str, float]) -> tuple[float, float]:
-    """Return start (included) and end (excluded) of a sensor's measurements, s; infinite where the card states none.
-
-    InputError names an event that the flight does not have.
-    """
-    start = -np.inf if card.from_ is None else resolve(card.from_, events)
-    return float(start), float(np.inf if card.until is None else resolve(card.until, events))
-
-
-def measures(scenario: Scenario, card: SensorCard, events: Mapping[str, float], t_epoch: Floats) -> NDArray[np.bool_]:
+def measures(scenario: Scenario, card: SensorCard, course: Course, t_epoch: Floats) -> NDArray[np.bool_]:
     """Return at which epochs (n_epoch,) s a sensor measures, (n_epoch,) bool.
 
-    Its measurements stand at multiples of its interval since lift-off, on epochs of the filter.
+    Its measurements stand at multiples of its interval since lift-off, on epochs of the filter. InputError names an
+    event that the flight does not have.
     """
-    start, end = window(card, events)
-    on: NDArray[np.bool_] = (t_epoch >= start - ROUNDING) & (t_epoch < end - ROUNDING)
+    on = inside(course.holding(card), t_epoch)
     rate = card.rate or scenario.filter.update_rate
     ticks = t_epoch * rate
     return on & (np.abs(ticks - np.rint(ticks)) < 1e-6 * max(1.0, rate))
@@ -75,7 +64,7 @@ def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats) -> t
                 card,
                 SensorChannels(card.measurement if alone else name, card.measurement, card.labels),
                 card.noise if alone else f"{card.noise} {name}",
-                measures(scenario, card, trajectory.events, t_epoch) & card.available(view),
+                measures(scenario, card, trajectory.course, t_epoch) & card.available(view),
                 np.ascontiguousarray(np.pad(truth, ((0, 0), (0, N_TRUTH - truth.shape[1])))),
                 card.noise_sigma(view),
                 sensor_model(scenario, card).variance(view),

@@ -58,12 +58,12 @@ def sky(
     azimuth, elevation = look_angles(trajectory.theta0, t_epoch, antenna_r, direction)
     lowest = mask(receiver, trajectory.theta0, t_epoch, antenna_r)
     visible = (elevation >= lowest) & ~occluded(antenna_r[:, None, :], sent.r_i)
-    faulty = np.asarray(lost(faults, trajectory.instants, t_epoch, elevation, visible))
+    faulty = np.asarray(lost(faults, trajectory.course, t_epoch, elevation, visible))
     pull = range_pull(direction, distance, sent, antenna_v)
     angle = off_nadir(sent.r_i, direction)
     arrival = Arrival(t_epoch, above.names, direction, distance, angle, elevation, pull, visible, faulty)
     if antenna_alive is None and any(isinstance(fault, AntennaFailure) for fault in faults):
-        antenna_alive = antennas_alive(faults, trajectory.instants, t_epoch, len(receiver.antennas))
+        antenna_alive = antennas_alive(faults, trajectory.course, t_epoch, len(receiver.antennas))
     found = receive(receiver, trajectory, arrival, antenna_alive)
     return Sky(
         t=t_epoch,

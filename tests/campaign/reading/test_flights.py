@@ -72,20 +72,6 @@ def test_a_state_with_an_effect_is_accepted(study, sets: tuple[str, ...]) -> Non
     assert reported(*sets) == []
 
 
-@pytest.mark.parametrize(
-    ("setting", "message"),
-    [
-        ("from=stage7_cutoff", "from: 'stage7_cutoff': no event 'stage7_cutoff' (did you mean 'stage1_cutoff'?)"),
-        ("from=600 s", "from: it does not measure within the flight (-60 s to 560 s)"),
-        ("until=-70 s", "until: it does not measure within the flight (-60 s to 560 s)"),
-        ("from=stage1_cutoff", ""),
-    ],
-)
-def test_a_window_outside_the_flight_is_refused(study, setting: str, message: str) -> None:
-    study.edit("campaign.yaml", "  imu: imu/good", "  imu: imu/good\n  sensors: {radar: altimeters/radar_004}")
-    assert reported(LISTED, f"sensors.radar.{setting}") == [f"--set: base.sensors.radar.{message}"] * bool(message)
-
-
 def test_stored_gains_of_another_flight_are_a_warning(study) -> None:
     found = load("campaigns/gains/scheduled_gain.yaml")
     lines = flights.warnings(cases(found))

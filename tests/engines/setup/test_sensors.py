@@ -9,17 +9,19 @@ import pytest
 
 from lvnav_trade.engines.analysis.observability import observability
 from lvnav_trade.engines.lincov.history import adjoint, covariance
-from lvnav_trade.engines.setup.sensors import for_kernels, measures, sensors_of, window
+from lvnav_trade.engines.setup.sensors import for_kernels, measures, sensors_of
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.errors import InputError
 from lvnav_trade.observables.altitude import AltimeterCard
 from lvnav_trade.observables.sensors import ALTIMETER, ATTITUDE_REFERENCE
+from lvnav_trade.world.conditions import Course
 from tests.building import INERTIAL, LOOSE, MATCHED, hop, loaded, prepare_hop, with_fields
 from tests.engines.modelled import BASELINE, PUBLISHED, SETTINGS, modelled, named
 
 RADAR = {"kind": "altimeter", "name": "test", "source": "none", "sigma": "0.3 m", "highest": "400 km"}
-EVENTS = {"liftoff": 0.0, "stage1_cutoff": 20.0}
+COURSE = Course({"liftoff": 0.0, "stage1_cutoff": 20.0})
 T = np.arange(-3.0, 31.0)
+SOON = T[T > 0.0]
 N_RUN = 400
 DOWN = 8
 FILTERED = {
@@ -58,13 +60,24 @@ def sigma_down(case):
 )
 def test_it_measures_within_its_window_at_multiples_of_its_interval(fields, expected):
     case = radar(**fields)
-    np.testing.assert_array_equal(T[measures(case, case.sensors["radar"], EVENTS, T)], expected)
+    np.testing.assert_array_equal(T[measures(case, case.sensors["radar"], COURSE, T)], expected)
 
 
 def test_a_window_without_ends_is_the_whole_flight_and_an_unknown_event_is_named():
-    assert window(radar().sensors["radar"], EVENTS) == (-math.inf, math.inf)
+    assert COURSE.window(radar().sensors["radar"]) == (-math.inf, math.inf)
+    case = radar(**{"from": "stage9_cutoff"})
     with pytest.raises(InputError, match="no event 'stage9_cutoff'"):
-        window(radar(**{"from": "stage9_cutoff"}).sensors["radar"], EVENTS)
+        measures(case, case.sensors["radar"], COURSE, T)
+
+
+def test_it_measures_where_the_flight_meets_its_conditions_and_nowhere_else():
+    case = radar(below="184 km", speed_below="4.65 km/s")
+    trajectory = hop()
+    (sensor,) = sensors_of(case, trajectory, SOON)
+    height, speed, _ = trajectory.course.sampled(SOON)
+    expected = (height < 184e3) & (speed < 4650.0)
+    assert 0 < expected.sum() < expected.size
+    np.testing.assert_array_equal(sensor.on, expected)
 
 
 def test_both_engines_take_an_altimeter_only_when_it_measures_and_agree():

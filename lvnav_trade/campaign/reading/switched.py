@@ -1,0 +1,62 @@
+"""Conditions of faults and sensors beside the flights of their cases: what holds at no time, or has no effect."""
+
+from collections.abc import Iterator, Mapping
+
+from lvnav_trade.engines.setup.prepare import trajectory_of
+from lvnav_trade.errors import InputError
+from lvnav_trade.observables.sensor import SensorCard
+from lvnav_trade.scenario import Scenario, solves
+from lvnav_trade.world.conditions import BOUNDS, Conditions, Course, never
+from lvnav_trade.world.faults import AnyFault, DegradedNoise, WildSamples, periods
+
+Found = Iterator[tuple[str, str]]
+"""Field and message of each mistake."""
+
+
+def of_sensor(card: SensorCard, scenario: Scenario, events: Mapping[str, float]) -> Found:
+    """Yield the conditions of a sensor that name no event of the flight or hold at no time of it; events: times (s)."""
+    yield from _never(card, _course(card, scenario, events))
+
+
+def of_fault(fault: AnyFault, scenario: Scenario, events: Mapping[str, float]) -> Found:
+    """Yield the times and conditions by which a fault holds at no time of the flight; events: times (s)."""
+    course = _course(fault, scenario, events)
+    conditions = list(_never(fault, course))
+    yield from conditions
+    if fault.start is not None and not conditions:
+        yield from _timed(fault, fault.start, course)
+    simulated = scenario.filter.loose and not solves(scenario)
+    if simulated and isinstance(fault, DegradedNoise | WildSamples) and fault.by_elevation:
+        yield fault.by_elevation[0], "no effect: the receiver's solution is simulated, not solved from ranges"
+
+
+def _course(conditions: Conditions, scenario: Scenario, events: Mapping[str, float]) -> Course:
+    """Return a flight as conditions see it: its trajectory where they need one, else its events."""
+    if any(name in BOUNDS for name in conditions.stated):
+        return trajectory_of(scenario).course
+    card = scenario.trajectory
+    first, last = min(events.values()) - card.pad_hold, max(events.values()) + card.coast_after_injection
+    return Course({"start": first, "end": last, **events})
+
+
+def _never(conditions: Conditions, course: Course) -> Found:
+    try:
+        found = never(conditions, course)
+    except InputError as error:
+        found = error.records[0]
+    if found is not None:
+        yield found.path, found.message
+
+
+def _timed(fault: AnyFault, text: str, course: Course) -> Found:
+    first, last = course.instants["start"], course.instants["end"]
+    try:
+        start = course.time(text, "start")
+        if start >= last:
+            yield "start", f"{text!r} is {start:g} s, at or after the end of the flight ({last:g} s)"
+        elif start + (fault.duration or 0.0) < first:
+            yield "start", f"{text!r} is {start:g} s: the fault is over before the flight begins ({first:g} s)"
+        elif not periods(0, fault, course):
+            yield fault.stated[0], "holds at no time between the start of the fault and its end"
+    except InputError as error:
+        yield "start", error.records[0].message

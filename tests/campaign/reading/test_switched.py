@@ -1,0 +1,77 @@
+"""Conditions of sensors and faults that hold at no time of the flight, or have no effect, are input errors."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from lvnav_trade.campaign.definition.axes import cases
+from lvnav_trade.campaign.reading import flights, switched
+from lvnav_trade.campaign.reading.load import load
+from lvnav_trade.errors import InputError
+from lvnav_trade.world.conditions import Course
+
+EVENTS = {"liftoff": 0.0, "stage1_cutoff": 150.0, "injection": 540.0}  # the climb holds 60 s and coasts 20 s
+LISTED = "filter.measurements=[pseudorange, range_rate, altitude]"
+SOLUTION = "filter.measurements=[position, velocity]"
+
+
+@pytest.fixture(autouse=True)
+def climbing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The small study's vehicle does not reach its orbit; here it climbs at 400 m/s and gains 10 m/s each second."""
+    instants = {"start": -60.0, "end": 560.0, **EVENTS}
+    course = Course(instants, lambda t: np.maximum(t, 0.0) * np.array([[400.0], [10.0], [1.0]]))
+    monkeypatch.setattr(switched, "trajectory_of", lambda _: SimpleNamespace(course=course))
+
+
+def reported(*sets: str) -> list[str]:
+    campaign = load("campaign.yaml", sets)
+    found = cases(campaign)
+    return [str(one) for one in flights.mistakes(campaign, found, {case.id: EVENTS for case in found})]
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("from=stage7_cutoff", "from: 'stage7_cutoff': no event 'stage7_cutoff' (did you mean 'stage1_cutoff'?)"),
+        ("from=600 s", "from: holds at no time of the flight (-60 s to 560 s)"),
+        ("until=-70 s", "until: holds at no time of the flight (-60 s to 560 s)"),
+        ("from=stage1_cutoff", ""),
+        ("below=1 km", ""),
+        ("above=900 km", "above: holds at no time of the flight, whose altitude is 0 to 224 km"),
+        ("speed_above=9 km/s", "speed_above: holds at no time of the flight, whose speed is 0 to 5600 m/s"),
+    ],
+)
+def test_a_window_outside_the_flight_is_refused(study, setting: str, message: str) -> None:
+    study.edit("campaign.yaml", "  imu: imu/good", "  imu: imu/good\n  sensors: {radar: altimeters/radar_004}")
+    lines = reported(LISTED, f"sensors.radar.{setting}")
+    assert [line.startswith(f"--set: base.sensors.radar.{message}") for line in lines] == [True] * bool(message)
+
+
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [
+        ("{kind: frozen_output, above: 900 km}", "above: holds at no time of the flight, whose altitude is"),
+        ("{kind: frozen_output, start: 3 s, duration: 5 s, above: 9 km}", "above: holds at no time between the start"),
+        ("{kind: frozen_output, from: 600 s}", "from: holds at no time of the flight (-60 s to 560 s)"),
+        ("{kind: frozen_output, from: lift}", "from: 'lift': no event 'lift' (did you mean 'liftoff'?)"),
+        ("{kind: frozen_output}", "start: is missing, or a condition such as from or above"),
+        ("{kind: frozen_output, above: 9 km, until: stage1_cutoff}", ""),
+    ],
+)
+def test_a_fault_that_holds_at_no_time_is_refused(study, fault: str, message: str) -> None:
+    try:
+        lines = reported(f"faults=[{fault}]")
+    except InputError as error:
+        lines = [str(one) for one in error.records]
+    assert [line.startswith(f"--set: base.faults.0.{message}") for line in lines] == [True] * bool(message)
+
+
+def test_an_elevation_has_no_effect_on_a_simulated_solution(study) -> None:
+    noisy = "faults=[{kind: degraded_noise, factor: 3, elevation_below: 20 deg}]"
+    assert reported(noisy) == []
+    assert reported(noisy, SOLUTION) == [
+        "--set: base.faults.0.elevation_below: no effect: the receiver's solution is simulated, not solved from ranges"
+    ]
