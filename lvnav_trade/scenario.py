@@ -20,7 +20,7 @@ from lvnav_trade.world.flight.trajectory import TrajectoryCard
 from lvnav_trade.world.gravity import GravityCard
 from lvnav_trade.world.receiver.receiver import DirectSolution, ReceiverCard
 from lvnav_trade.world.sensors.imu import ImuCard
-from lvnav_trade.world.sky.constellation import AlmanacConstellation, Constellation, parts_of
+from lvnav_trade.world.sky.constellation import Constellation, parts_of
 
 
 class InitialErrors(Card):
@@ -172,8 +172,7 @@ def _matched_receiver(scenario: Scenario) -> ReceiverModel:
     solution = receiver.solution if isinstance(receiver.solution, DirectSolution) else None
     parts = parts_of(scenario.constellation)
     biases = [(p.range_error, p.range_error_time) for p in parts] + [(receiver.multipath, receiver.multipath_time)]
-    offsets = [(p.time_offset, p.time_offset_time) for p in parts if not isinstance(p, AlmanacConstellation)]
-    largest = max(offsets, default=(0.0, None), key=lambda pair: pair[0])
+    largest = max(((p.time_offset, p.time_offset_time) for p in parts), key=lambda pair: pair[0])
     return ReceiverModel.model_construct(
         pseudorange_sigma=receiver.pseudorange_sigma,
         range_rate_sigma=receiver.range_rate_sigma,

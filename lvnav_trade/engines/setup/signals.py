@@ -24,7 +24,6 @@ from lvnav_trade.world.faults import Failures
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
 from lvnav_trade.world.sky.constellation import (
     LETTERS,
-    AlmanacConstellation,
     Part,
     RinexConstellation,
     parts_of,
@@ -111,8 +110,6 @@ def _scale(layer: str, sigma: float, time: float | None) -> Cause:
 
 def letters(part: Part) -> tuple[str, ...]:
     """Return the letters of the systems of a part."""
-    if isinstance(part, AlmanacConstellation):
-        return ("G",)
     if isinstance(part, RinexConstellation):
         return tuple(LETTERS[system] for system in part.systems or LETTERS)
     return (LETTERS[part.system],)
@@ -142,9 +139,8 @@ def causes_of(scenario: Scenario) -> list[Cause]:
         found.append(
             Cause("satellite clock and ephemeris", "range_bias", "range_bias", residual, time_constant, systems)
         )
-        if not isinstance(part, AlmanacConstellation):
-            offset, time_constant = part.time_offset, part.time_offset_time or math.inf
-            found.append(Cause("system time offset", "time_offset", "time_offset", offset, time_constant, systems))
+        offset, time_constant = part.time_offset, part.time_offset_time or math.inf
+        found.append(Cause("system time offset", "time_offset", "time_offset", offset, time_constant, systems))
     if not solves(scenario):
         velocity, time_constant = direct(scenario).velocity_bias, direct(scenario).bias_time
         found.append(Cause("solution velocity bias", "velocity_bias", "velocity_bias", velocity, time_constant))

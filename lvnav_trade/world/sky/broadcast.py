@@ -1,4 +1,4 @@
-"""Broadcast ephemerides of GPS and Galileo and broadcast states of GLONASS to positions, velocities and clocks."""
+"""Broadcast ephemerides of GPS, Galileo and BeiDou and broadcast states of GLONASS to positions, velocities, clocks."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -6,12 +6,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.records import Floats
-from lvnav_trade.world.sky.constellation import EARTH_RATE_GPS, GM_GPS, RELATIVITY_GPS, earth_fixed, eccentric_anomaly
+from lvnav_trade.records import Bools, Floats
+from lvnav_trade.world.sky.constellation import (
+    EARTH_RATE_BEIDOU,
+    EARTH_RATE_GPS,
+    GM_BEIDOU,
+    GM_GPS,
+    RELATIVITY_BEIDOU,
+    RELATIVITY_GPS,
+    earth_fixed,
+    eccentric_anomaly,
+)
 from lvnav_trade.world.sky.rinex import Ephemeris, StateVector
 
 GM_GALILEO = 3.986004418e14  # m^3/s^2, Galileo OS SIS ICD, table 57; the rate of the Earth is that of GPS
 RELATIVITY_GALILEO = -4.442807309e-10  # s/m^0.5: -2 sqrt(GM) / c^2
+# Of BeiDou, C01 to C05 and C59 to C63 are geostationary (BDS-SIS-ICD B1I 3.0, table 4-1); their elements refer to a
+# plane that is tilted by 5 deg against the equator, lest node and inclination lose their meaning (section 5.2.4.12).
+GEOSTATIONARY = frozenset(f"C{prn:02d}" for prn in (*range(1, 6), *range(59, 64)))
+TILT = math.radians(-5.0)
 # GLONASS interface control document, edition 5.1, table 3.2 and section A.3.1.2 (PZ-90.02).
 GM_PZ90 = 398600.4418e9  # m^3/s^2
 EQUATOR_PZ90 = 6378136.0  # m
@@ -25,7 +38,8 @@ class Broadcast(NamedTuple):
     """One ephemeris per satellite, (n_sat,) each, SI and radians; times count from a reference such as the lift-off.
 
     elements: as broadcast, columns (n_sat,) by name as of `Ephemeris`, toe and toc counted from the reference; node
-    is the longitude of the node at toe, and node_rate its rate relative to the Earth.
+    is the longitude of the node at toe, and node_rate its rate relative to the Earth, or, of geostationary satellites
+    of BeiDou (tilted), to axes that do not turn; earth_rate (rad/s) of their system.
     """
 
     names: tuple[str, ...]
@@ -35,6 +49,8 @@ class Broadcast(NamedTuple):
     node: Floats
     node_rate: Floats
     relativity_factor: Floats  # s/m^0.5
+    tilted: Bools
+    earth_rate: Floats
 
     @property
     def systems(self) -> tuple[str, ...]:
@@ -44,7 +60,8 @@ class Broadcast(NamedTuple):
     def ecef(self, t: Floats) -> tuple[Floats, Floats]:
         """Return position (m) and Earth-relative velocity (m/s), (..., n_sat, 3) each, in the Earth-fixed axes of t.
 
-        The user algorithm of IS-GPS-200, table 20-IV, and of the Galileo OS SIS ICD, table 58, and its derivative.
+        The user algorithm of IS-GPS-200, table 20-IV, of the Galileo OS SIS ICD, table 58, and of the BDS-SIS-ICD,
+        table 5-11, and its derivative.
         """
         of, n = self.elements, self.mean_motion
         elapsed, e = t - of["toe"], of["eccentricity"]
@@ -70,7 +87,27 @@ class Broadcast(NamedTuple):
         inclination = of["inclination"] + di + of["inclination_rate"] * elapsed
         node = self.node + self.node_rate * elapsed
         tilting = of["inclination_rate"] + di_rate
-        return earth_fixed(np.stack([x, y]), rate, node, self.node_rate, inclination, tilting)
+        r_e, v_e = earth_fixed(np.stack([x, y]), rate, node, self.node_rate, inclination, tilting)
+        return self._turned(r_e, v_e, elapsed) if np.any(self.tilted) else (r_e, v_e)
+
+    def _turned(self, r: Floats, v: Floats, elapsed: Floats) -> tuple[Floats, Floats]:
+        """Return positions and velocities (..., n_sat, 3) with those of tilted satellites turned into Earth-fixed axes:
+        about x by TILT, then about z by what the Earth has turned in `elapsed` (..., n_sat) s.
+        """
+        down, across = math.cos(TILT), math.sin(TILT)
+        tilt = np.array([[1.0, 0.0, 0.0], [0.0, down, across], [0.0, -across, down]])
+        place, speed = r @ tilt.T, v @ tilt.T
+        angle = self.earth_rate * elapsed
+        c, s = np.cos(angle), np.sin(angle)
+
+        def spun(x: Floats, y: Floats, z: Floats) -> Floats:
+            return np.stack([c * x + s * y, c * y - s * x, z], axis=-1)
+
+        r_e, v_e = spun(*np.moveaxis(place, -1, 0)), spun(*np.moveaxis(speed, -1, 0))
+        v_e[..., 0] += self.earth_rate * r_e[..., 1]
+        v_e[..., 1] -= self.earth_rate * r_e[..., 0]
+        here = self.tilted[:, None]
+        return np.where(here, r_e, r), np.where(here, v_e, v)
 
     def clock(self, t: Floats) -> Floats:
         """Return what the satellites' clocks are ahead by their polynomials, (..., n_sat) s, relativity apart."""
@@ -94,15 +131,21 @@ def broadcast(ephemerides: Sequence[Ephemeris], reference: float) -> Broadcast:
     of = {name: np.array([item.elements[name] for item in ephemerides]) for name in ephemerides[0].elements}
     toe, toc = (np.array([getattr(item, name) for item in ephemerides]) - reference for name in ("toe", "toc"))
     axis = of["root_axis"] ** 2
-    galileo = np.array([item.name[0] == "E" for item in ephemerides], dtype=bool)
+    galileo, beidou = (np.array([item.name[0] == letter for item in ephemerides], dtype=bool) for letter in "EC")
+    tilted = np.array([item.name in GEOSTATIONARY for item in ephemerides], dtype=bool)
+    gm = np.where(galileo, GM_GALILEO, np.where(beidou, GM_BEIDOU, GM_GPS))
+    rate = np.where(beidou, EARTH_RATE_BEIDOU, EARTH_RATE_GPS)
+    factor = np.where(galileo, RELATIVITY_GALILEO, np.where(beidou, RELATIVITY_BEIDOU, RELATIVITY_GPS))
     return Broadcast(
         names=tuple(item.name for item in ephemerides),
         elements=of | {"toe": toe, "toc": toc},
         semi_major_axis=axis,
-        mean_motion=np.sqrt(np.where(galileo, GM_GALILEO, GM_GPS) / axis**3) + of["mean_motion_difference"],
-        node=np.mod(of["node"] - EARTH_RATE_GPS * of["week_second"], 2.0 * np.pi),
-        node_rate=of["node_rate"] - EARTH_RATE_GPS,
-        relativity_factor=np.where(galileo, RELATIVITY_GALILEO, RELATIVITY_GPS),
+        mean_motion=np.sqrt(gm / axis**3) + of["mean_motion_difference"],
+        node=np.mod(of["node"] - rate * of["week_second"], 2.0 * np.pi),
+        node_rate=of["node_rate"] - np.where(tilted, 0.0, rate),
+        relativity_factor=factor,
+        tilted=tilted,
+        earth_rate=rate,
     )
 
 

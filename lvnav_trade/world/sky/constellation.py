@@ -11,28 +11,38 @@ from lvnav_trade.errors import InputError
 from lvnav_trade.kernels.earth import J2, SEMI_MAJOR
 from lvnav_trade.records import Floats
 from lvnav_trade.units import Angle, AngularRate, Card, Epoch, Length, LengthSigma, TimeConstant
-from lvnav_trade.world.sky.almanac import AlmanacRecord, read_almanac
-from lvnav_trade.world.sky.gps_time import gps_seconds, resolve_week
+from lvnav_trade.world.sky.almanac import AlmanacRecord, read_almanac, read_yuma
+from lvnav_trade.world.sky.gps_time import gps_seconds, resolve_beidou_week, resolve_week
 
-System = Literal["GPS", "Galileo", "GLONASS"]
-LETTERS: dict[str, str] = {"GPS": "G", "Galileo": "E", "GLONASS": "R"}  # as in RINEX
+System = Literal["GPS", "Galileo", "GLONASS", "BeiDou"]
+LETTERS: dict[str, str] = {"GPS": "G", "Galileo": "E", "GLONASS": "R", "BeiDou": "C"}  # as in RINEX
 
 # Values that the GPS user algorithm prescribes (IS-GPS-200, table 20-IV); they differ from WGS-84's in the last digits.
 GM_GPS = 3.986005e14  # m^3/s^2
 EARTH_RATE_GPS = 7.2921151467e-5  # rad/s
 RELATIVITY_GPS = -4.442807633e-10  # s/m^0.5: -2 sqrt(GM) / c^2
+# CGCS2000 in the BeiDou user algorithm (BDS-SIS-ICD B1I 3.0, section 3.2 and table 5-11).
+GM_BEIDOU = 3.986004418e14  # m^3/s^2
+EARTH_RATE_BEIDOU = 7.2921150e-5  # rad/s
+RELATIVITY_BEIDOU = -4.442807309e-10  # s/m^0.5: -2 sqrt(GM) / c^2
 
 
 class Slot(Card):
-    """One satellite of a nominal constellation: right ascension of the node and argument of latitude at the epoch."""
+    """One satellite of a nominal constellation: right ascension of the node and argument of latitude at the epoch, and
+    what its orbit has of its own.
+    """
 
     name: str
     node: Angle
     latitude_argument: Angle
+    semi_major_axis: Annotated[Length, Field(gt=0.0)] | None = Field(None, description="that of the others if absent")
+    inclination: Angle | None = Field(None, description="that of the others if absent")
+    node_rate: AngularRate | None = Field(None, description="as that of the constellation; follows from J2 if absent")
+    latitude_rate: AngularRate | None = Field(None, description="as that of the constellation")
 
 
 class SignalErrors(Card):
-    """What is wrong with the signals of a constellation before they are received."""
+    """What is wrong with the signals of a constellation before they are received, and with the time of its system."""
 
     range_error: LengthSigma = Field(
         default=0.0, description="one sigma in range of each satellite's clock and ephemeris residual, Gauss-Markov"
@@ -40,11 +50,6 @@ class SignalErrors(Card):
     range_error_time: TimeConstant | None = Field(
         default=None, description="time constant of the range error; constant over the flight if absent"
     )
-
-
-class SystemErrors(SignalErrors):
-    """Errors of the signals, and of the time of a system that is not GPS."""
-
     time_offset: LengthSigma = Field(
         default=0.0, description="one sigma in range of the system's time against GPS time, one for all its satellites"
     )
@@ -52,8 +57,12 @@ class SystemErrors(SignalErrors):
         default=None, description="time constant of the time offset; constant over the flight if absent"
     )
 
+    def _faults(self) -> Iterator[str]:
+        if getattr(self, "system", "") == "GPS" and self.time_offset > 0.0:
+            yield "time_offset counts from GPS time, so a constellation of GPS has none"
 
-class NominalConstellation(SystemErrors):
+
+class NominalConstellation(SignalErrors):
     """Circular orbits from published slots, propagated from their epoch with secular rates."""
 
     kind: Literal["nominal"] = "nominal"
@@ -72,10 +81,6 @@ class NominalConstellation(SystemErrors):
     )
     slots: tuple[Slot, ...] = Field(min_length=1)
 
-    def _faults(self) -> Iterator[str]:
-        if self.system == "GPS" and self.time_offset > 0.0:
-            yield "time_offset counts from GPS time, so a constellation of GPS has none"
-
     @field_validator("slots")
     @classmethod
     def _own_names(cls, slots: tuple[Slot, ...]) -> tuple[Slot, ...]:
@@ -92,14 +97,19 @@ class AlmanacConstellation(SignalErrors):
     """
 
     kind: Literal["almanac"] = "almanac"
+    system: Literal["GPS", "BeiDou"] = Field(
+        default="GPS", description="of a YUMA file; weeks and times of one of BeiDou are those of BeiDou time"
+    )
     almanac: str = Field(description="path of a YUMA or SEM file", json_schema_extra={"path": True})
     longest_age: TimeConstant = Field(
         default=180 * 86400.0, description="lift-off at most this far from the time of applicability"
     )
 
 
-class RinexConstellation(SystemErrors):
-    """RINEX navigation files of the user's: broadcast ephemerides of GPS and Galileo, broadcast states of GLONASS."""
+class RinexConstellation(SignalErrors):
+    """RINEX navigation files of the user's: broadcast ephemerides of GPS, Galileo and BeiDou, broadcast states of
+    GLONASS.
+    """
 
     kind: Literal["rinex"] = "rinex"
     rinex: str | tuple[str, ...] = Field(
@@ -107,16 +117,16 @@ class RinexConstellation(SystemErrors):
         json_schema_extra={"path": True},
     )
     systems: tuple[System, ...] | None = Field(
-        default=None, description="systems to take; those of the three that the files hold if absent"
+        default=None, description="systems to take; those of the four that the files hold if absent"
     )
     longest_age: TimeConstant | None = Field(
         default=None,
-        description="lift-off at most this far from a satellite's reference time; 2 h for GPS, 4 h for Galileo and "
-        "30 min for GLONASS if absent",
+        description="lift-off at most this far from a satellite's reference time; 2 h for GPS and BeiDou, 4 h for "
+        "Galileo and 30 min for GLONASS if absent",
     )
     time_correction: Literal["applied", "ignored"] = Field(
         default="applied",
-        description="what the files state of Galileo's and GLONASS's time against GPS time (TIME SYSTEM CORR), to the "
+        description="what the files state of a system's time against GPS time (TIME SYSTEM CORR), to the "
         "receiver: applied, so that time_offset is all that is left; or ignored, so that ranges are off by it too",
     )
 
@@ -167,6 +177,7 @@ class Orbits(NamedTuple):
     clock_bias: Floats  # s
     clock_drift: Floats  # s/s
     systems: tuple[str, ...]
+    relativity_factor: float = RELATIVITY_GPS  # s/m^0.5
 
     def ecef(self, t: Floats | float) -> tuple[Floats, Floats]:
         """Return position (m) and Earth-relative velocity (m/s), (..., n_sat, 3) each, in the Earth-fixed axes of t.
@@ -192,7 +203,7 @@ class Orbits(NamedTuple):
     def relativity(self, t: Floats) -> Floats:
         """Return F e sqrt(A) sin E, (..., n_sat) s: what eccentricity adds to the clocks (IS-GPS-200, 20.3.3.3.3.1)."""
         anomaly = eccentric_anomaly(self.mean_anomaly + self.mean_motion * t, self.eccentricity)
-        return np.asarray(RELATIVITY_GPS * self.eccentricity * np.sqrt(self.semi_major_axis) * np.sin(anomaly))
+        return np.asarray(self.relativity_factor * self.eccentricity * np.sqrt(self.semi_major_axis) * np.sin(anomaly))
 
 
 def orbits(constellation: NominalConstellation | AlmanacConstellation, epoch: str) -> Orbits:
@@ -203,17 +214,20 @@ def orbits(constellation: NominalConstellation | AlmanacConstellation, epoch: st
     """
     if isinstance(constellation, NominalConstellation):
         return _nominal_orbits(constellation, epoch)
-    records = [record for record in read_almanac(constellation.almanac) if record.health == 0]
+    beidou, file = constellation.system == "BeiDou", constellation.almanac
+    records = [record for record in (read_yuma(file) if beidou else read_almanac(file)) if record.health == 0]
     if not records:
-        raise InputError(f"{constellation.almanac}: no healthy satellite")
+        raise InputError(f"{file}: no healthy satellite")
     lift_off = gps_seconds(epoch)
-    ages = [lift_off - resolve_week(record.week, record.applicability, lift_off) for record in records]
+    week = resolve_beidou_week if beidou else resolve_week
+    ages = [lift_off - week(record.week, record.applicability, lift_off) for record in records]
     recent = [abs(age) <= constellation.longest_age for age in ages]
     if not any(recent):
         age, limit = min(ages, key=abs) / 86400.0, constellation.longest_age / 86400.0
         when = f"{abs(age):.1f} days {'after' if age > 0.0 else 'before'} the time of applicability"
-        raise InputError(f"{constellation.almanac}: the lift-off {epoch} is {when}; longest_age allows {limit:g} days")
-    return _almanac_orbits([record for record, usable in zip(records, recent, strict=True) if usable], lift_off)
+        raise InputError(f"{file}: the lift-off {epoch} is {when}; longest_age allows {limit:g} days")
+    usable = [at for at, near in enumerate(recent) if near]
+    return _almanac_orbits([records[at] for at in usable], np.array([ages[at] for at in usable]), beidou)
 
 
 def _nominal_orbits(card: NominalConstellation, epoch: str) -> Orbits:
@@ -222,40 +236,59 @@ def _nominal_orbits(card: NominalConstellation, epoch: str) -> Orbits:
     Rates of node, perigee and mean anomaly: Vallado, Fundamentals of Astrodynamics and Applications, section 9.6.
     """
     elapsed = gps_seconds(epoch) - gps_seconds(card.epoch)
-    n = math.sqrt(GM_GPS / card.semi_major_axis**3)
-    oblateness = 1.5 * n * J2 * (SEMI_MAJOR / card.semi_major_axis) ** 2
-    sin2 = math.sin(card.inclination) ** 2
-    turning, running = -oblateness * math.cos(card.inclination), (2.0 - 2.5 * sin2) + (1.0 - 1.5 * sin2)
-    node_rate = turning if card.node_rate is None else card.node_rate
-    latitude_rate = n + oblateness * running if card.latitude_rate is None else card.latitude_rate
+    axis, inclination, node_rate, latitude_rate = np.array([_orbit_of(card, slot) for slot in card.slots]).T
     node = np.array([slot.node for slot in card.slots]) - card.greenwich + (node_rate - EARTH_RATE_GPS) * elapsed
     latitude = np.array([slot.latitude_argument for slot in card.slots]) + latitude_rate * elapsed
-    same = np.ones(len(card.slots))
+    none = np.zeros(len(card.slots))
     return Orbits(
         names=tuple(slot.name for slot in card.slots),
-        semi_major_axis=card.semi_major_axis * same,
-        eccentricity=0.0 * same,
-        inclination=card.inclination * same,
+        semi_major_axis=axis,
+        eccentricity=none,
+        inclination=inclination,
         node=np.mod(node, 2.0 * math.pi),
-        node_rate=node_rate * same,
-        perigee=0.0 * same,
+        node_rate=node_rate,
+        perigee=none,
         mean_anomaly=np.mod(latitude, 2.0 * math.pi),
-        mean_motion=latitude_rate * same,
-        clock_bias=0.0 * same,
-        clock_drift=0.0 * same,
+        mean_motion=latitude_rate,
+        clock_bias=none,
+        clock_drift=none,
         systems=(LETTERS[card.system],) * len(card.slots),
     )
 
 
-def _almanac_orbits(records: list[AlmanacRecord], reference: float) -> Orbits:
-    """Carry broadcast elements to the reference time (s, GPS time); their node counts from Greenwich at week start."""
-    elapsed = reference - np.array([resolve_week(r.week, r.applicability, reference) for r in records])
+def _orbit_of(card: NominalConstellation, slot: Slot) -> tuple[float, float, float, float]:
+    """Return axis, inclination, and rates of node and argument of latitude of a slot; rates that are stated for all are
+    not those of an orbit with an axis of its own.
+    """
+    axis = slot.semi_major_axis or card.semi_major_axis
+    inclination = card.inclination if slot.inclination is None else slot.inclination
+    n = math.sqrt(GM_GPS / axis**3)
+    oblateness = 1.5 * n * J2 * (SEMI_MAJOR / axis) ** 2
+    sin2 = math.sin(inclination) ** 2
+    turning, running = -oblateness * math.cos(inclination), (2.0 - 2.5 * sin2) + (1.0 - 1.5 * sin2)
+    common = card if slot.semi_major_axis is None else slot
+    node_rate = common.node_rate if slot.node_rate is None else slot.node_rate
+    latitude_rate = common.latitude_rate if slot.latitude_rate is None else slot.latitude_rate
+    return (
+        axis,
+        inclination,
+        turning if node_rate is None else node_rate,
+        n + oblateness * running if latitude_rate is None else latitude_rate,
+    )
+
+
+def _almanac_orbits(records: list[AlmanacRecord], elapsed: Floats, beidou: bool) -> Orbits:
+    """Carry broadcast elements to the reference time, `elapsed` (n_sat,) s after theirs; their node counts from
+    Greenwich at week start. All of BeiDou, geostationary ones too, have the algorithm of GPS (BDS-SIS-ICD, table 5-16).
+    """
+    gm, rate = (GM_BEIDOU, EARTH_RATE_BEIDOU) if beidou else (GM_GPS, EARTH_RATE_GPS)
+    letter = "C" if beidou else "G"
     of = dict(zip(AlmanacRecord._fields, np.array(records, dtype=float).T, strict=True))
     axis = of["root_axis"] ** 2
-    mean_motion = np.sqrt(GM_GPS / axis**3)
-    node = of["node"] - EARTH_RATE_GPS * of["applicability"] + (of["node_rate"] - EARTH_RATE_GPS) * elapsed
+    mean_motion = np.sqrt(gm / axis**3)
+    node = of["node"] - rate * of["applicability"] + (of["node_rate"] - rate) * elapsed
     return Orbits(
-        names=tuple(f"G{record.prn:02d}" for record in records),
+        names=tuple(f"{letter}{record.prn:02d}" for record in records),
         semi_major_axis=axis,
         eccentricity=of["eccentricity"],
         inclination=of["inclination"],
@@ -266,7 +299,8 @@ def _almanac_orbits(records: list[AlmanacRecord], reference: float) -> Orbits:
         mean_motion=mean_motion,
         clock_bias=of["clock_bias"] + of["clock_drift"] * elapsed,
         clock_drift=of["clock_drift"],
-        systems=("G",) * len(records),
+        systems=(letter,) * len(records),
+        relativity_factor=RELATIVITY_BEIDOU if beidou else RELATIVITY_GPS,
     )
 
 

@@ -1,4 +1,4 @@
-"""Civil time to GPS time: leap seconds, and the week that a truncated week number means."""
+"""Civil time to GPS time: leap seconds, BeiDou time, and the week that a truncated week number means."""
 
 from bisect import bisect_right
 from datetime import UTC, datetime
@@ -8,6 +8,10 @@ from lvnav_trade.errors import InputError
 SECONDS_PER_WEEK = 604800.0
 WEEK_ROLLOVER = 1024
 GPS_ORIGIN = datetime(1980, 1, 6, tzinfo=UTC)
+# BeiDou time began with 2006-01-01 00:00 UTC, when GPS time was 14 s ahead of UTC, and has no leap seconds either
+# (BDS-SIS-ICD B1I 3.0, section 3.3).
+BDT_WEEKS, BDT_BEHIND = 1356, 14.0  # weeks of GPS time at its origin; s
+BDT_TRUNCATED = 256  # eight bits of a week number in a BeiDou almanac
 
 # First UTC day on which GPS time leads UTC by one second more than before (IERS Bulletin C; 18 s since 2017, and no
 # leap second has been announced since).
@@ -42,10 +46,17 @@ def gps_seconds(epoch: str) -> float:
     return (utc - GPS_ORIGIN).total_seconds() + leap_seconds(utc)
 
 
-def resolve_week(week: int, seconds: float, near: float) -> float:
+def resolve_week(week: int, seconds: float, near: float, rollover: int = WEEK_ROLLOVER) -> float:
     """Return s of GPS time for a week number and seconds of week, in the 1024-week era closest to the time `near` (s).
 
-    The week is either counted on (1024 or more: taken as it is) or truncated to ten bits as satellites send it.
+    The week is either counted on (1024 or more: taken as it is) or truncated to ten bits as satellites send it;
+    rollover: the number of weeks of an era, where it is another.
     """
-    stated, era = week * SECONDS_PER_WEEK + seconds, WEEK_ROLLOVER * SECONDS_PER_WEEK
-    return stated if week >= WEEK_ROLLOVER else stated + era * max(0, round((near - stated) / era))
+    stated, era = week * SECONDS_PER_WEEK + seconds, rollover * SECONDS_PER_WEEK
+    return stated if week >= rollover else stated + era * max(0, round((near - stated) / era))
+
+
+def resolve_beidou_week(week: int, seconds: float, near: float) -> float:
+    """Return s of GPS time for week number and seconds of week of BeiDou time; as `resolve_week`, of 256-week eras."""
+    ahead = BDT_WEEKS * SECONDS_PER_WEEK + BDT_BEHIND
+    return resolve_week(week, seconds, near - ahead, BDT_TRUNCATED) + ahead

@@ -1,4 +1,4 @@
-"""RINEX navigation files, versions 2 and 3, to ephemerides of GPS, Galileo and GLONASS."""
+"""RINEX navigation files, versions 2 and 3, to ephemerides of GPS, Galileo, BeiDou and GLONASS."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from lvnav_trade.errors import InputError
-from lvnav_trade.world.sky.gps_time import GPS_ORIGIN, SECONDS_PER_WEEK, leap_seconds
+from lvnav_trade.world.sky.gps_time import BDT_BEHIND, BDT_WEEKS, GPS_ORIGIN, SECONDS_PER_WEEK, leap_seconds
 from lvnav_trade.world.sky.numbers import Bounds, number, read_lines
 
 WIDTH = 19  # of a number
@@ -15,11 +15,11 @@ LABEL = 60  # column where the label of a header line begins
 
 
 class Ephemeris(NamedTuple):
-    """Keplerian elements of one GPS or Galileo satellite as broadcast: SI and radians, times in s of GPS time.
+    """Keplerian elements of a satellite of GPS, Galileo or BeiDou as broadcast: SI and radians, times in s of GPS time.
 
     toe is the reference time of the orbit, toc that of the clock. elements: by the names in `_KEPLERIAN`, among them
-    week_second, toe in seconds of its week, from which the node counts; group_delay (s), TGD, or BGD E5a/E1; and
-    data_source, the word by which a Galileo record tells the message it comes from, 0 for GPS.
+    week_second, toe in seconds of its system's week, from which the node counts; group_delay (s), TGD, BGD E5a/E1 or
+    TGD1; and data_source, the word by which a Galileo record tells the message it comes from, 0 for other systems.
     """
 
     name: str
@@ -113,9 +113,9 @@ _GLONASS = (
     _Field("health", "health", 1, 3, _ANY),
 )
 # Differences of a system's time and GPS time in the header, and the letter of the system.
-_OFFSETS = {"GAGP": "E", "GPGA": "E", "GLGP": "R"}
+_OFFSETS = {"GAGP": "E", "GPGA": "E", "GLGP": "R", "BDGP": "C"}
 # Lines of a record, the epoch's included; later versions of the format add lines at the end.
-_LENGTH = {"G": 8, "E": 8, "R": 4}
+_LENGTH = {"G": 8, "E": 8, "C": 8, "R": 4}
 
 
 class _Format(NamedTuple):
@@ -138,9 +138,9 @@ class _Record(NamedTuple):
 
 
 def read_navigation(path: str | Path) -> Navigation:
-    """Read all records of GPS, Galileo and GLONASS of a navigation file, gzip or plain; other systems are passed over.
+    """Read all records of GPS, Galileo, BeiDou and GLONASS of a navigation file, gzip or plain; others are passed over.
 
-    RINEX 2.11, table A3 to A12; RINEX 3.04, table A5 to A11. The week of a reference time is the one that lies next to
+    RINEX 2.11, table A3 to A12; RINEX 3.04, table A5 to A14. The week of a reference time is the one that lies next to
     the time of clock, because writers disagree about whether the stated week rolls over. InputError ``file:line: what``
     where the file cannot be read, is not a RINEX navigation file of version 2 or 3, a record is cut short, or a value
     is not a number or impossible.
@@ -158,7 +158,7 @@ def read_navigation(path: str | Path) -> Navigation:
         else:
             ephemerides.append(_ephemeris(record, form))
     if not ephemerides and not states:
-        raise InputError(f"{path}: no record of GPS, Galileo or GLONASS")
+        raise InputError(f"{path}: no record of GPS, Galileo, BeiDou or GLONASS")
     alpha_beta, offsets = _klobuchar(path, lines[:end]), _offsets(path, lines[:end])
     return Navigation(tuple(ephemerides), tuple(states), alpha_beta, tuple(offsets))
 
@@ -194,7 +194,8 @@ def _offsets(path: str | Path, header: list[str]) -> Iterator[TimeOffset]:
     """Yield the offsets from GPS time that lines TIME SYSTEM CORR of the header state; those from UTC are passed over.
 
     GAGP, in files before 3.04 named GPGA, is Galileo minus GPS (A0G and A1G of the Galileo OS SIS ICD, section 5.1.8);
-    GLGP is GLONASS minus GPS (minus tau_GPS of the GLONASS ICD, section 4.5), constant and without a reference time.
+    GLGP is GLONASS minus GPS (minus tau_GPS of the GLONASS ICD, section 4.5), constant and without a reference time;
+    BDGP is BeiDou minus GPS (A0GPS and A1GPS of the BDS-SIS-ICD, section 5.2.4.17), at second and week of BeiDou time.
     """
     for at, line in enumerate(header, start=1):
         if line[LABEL:].strip() != "TIME SYSTEM CORR" or line[:4] not in _OFFSETS:
@@ -205,7 +206,9 @@ def _offsets(path: str | Path, header: list[str]) -> Iterator[TimeOffset]:
             number(where, text, bounds) if text.strip() else 0.0
             for text, bounds in ((line[38:45], Bounds(0.0, SECONDS_PER_WEEK)), (line[45:50], Bounds(0.0, 9999.0)))
         )
-        yield TimeOffset(_OFFSETS[line[:4]], bias, drift, week * SECONDS_PER_WEEK + second)
+        letter = _OFFSETS[line[:4]]
+        time = week * SECONDS_PER_WEEK + second
+        yield TimeOffset(letter, bias, drift, time + (BDT_WEEKS * SECONDS_PER_WEEK + BDT_BEHIND) * (letter == "C"))
 
 
 def _records(path: str | Path, form: _Format, lines: list[str], start: int) -> list[_Record]:
@@ -265,8 +268,9 @@ def _ephemeris(record: _Record, form: _Format) -> Ephemeris:
     toc = (_moment(record, form) - GPS_ORIGIN).total_seconds()
     values = _values(record, form, _KEPLERIAN)
     ahead = math.remainder(values["week_second"] - toc, SECONDS_PER_WEEK)
-    if record.name[0] == "G":
+    if record.name[0] != "E":
         values["data_source"] = 0.0  # for GPS the field tells codes on L2
+    toc += BDT_BEHIND * (record.name[0] == "C")  # its records are in BeiDou time, whose weeks begin with those of GPS
     return Ephemeris(record.name, toc, toc + ahead, values.pop("health"), values)
 
 

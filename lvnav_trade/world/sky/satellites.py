@@ -22,8 +22,9 @@ from lvnav_trade.world.sky.constellation import (
 from lvnav_trade.world.sky.gps_time import gps_seconds
 from lvnav_trade.world.sky.rinex import Ephemeris, Navigation, StateVector, read_navigation
 
-# Half the fit interval of GPS, the longest use of a Galileo ephemeris, the interval of GLONASS broadcasts.
-LONGEST_AGE = {"G": 7200.0, "E": 14400.0, "R": 1800.0}  # s
+# Half the fit interval of GPS, the longest use of a Galileo ephemeris, two updates of BeiDou's, the interval of GLONASS
+# broadcasts.
+LONGEST_AGE = {"G": 7200.0, "E": 14400.0, "C": 7200.0, "R": 1800.0}  # s
 _NAMES = {letter: name for name, letter in LETTERS.items()}
 # Galileo sends the same orbits in two messages; single-frequency users of E1 take the clock of I/NAV.
 _INAV_E1 = 1
@@ -108,7 +109,7 @@ def _contents(card: RinexConstellation) -> tuple[str, list[Navigation], list[Eph
 
 
 def _broadcast_part(card: RinexConstellation, epoch: str) -> Satellites:
-    """Return the satellites of navigation files, GPS and Galileo before GLONASS, in the order of their names."""
+    """Return the satellites of navigation files, Keplerian ones before GLONASS, in the order of their names."""
     lift_off = gps_seconds(epoch)
     shown, _, every, letters = _contents(card)
     taken: list[Ephemeris | StateVector] = []

@@ -163,7 +163,7 @@ def test_a_broken_line_is_refused_by_its_number(tmp_path, old, new, what):
 
 def test_a_file_of_other_systems_only_or_without_records_is_refused(tmp_path):
     for text in (HEAD_3, HEAD_3 + SBAS_3):
-        assert refusal(own(tmp_path, text)) == "no record of GPS, Galileo or GLONASS"
+        assert refusal(own(tmp_path, text)) == "no record of GPS, Galileo, BeiDou or GLONASS"
     assert refusal(own(tmp_path, HEAD_3 + GALILEO_3[81:])).startswith("6: a record should begin here")
     assert refusal(own(tmp_path, HEAD_3 + GALILEO_3.replace("E01", "E?1"))) == "6: 'E?1' is not a satellite such as G05"
 

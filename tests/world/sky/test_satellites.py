@@ -286,7 +286,7 @@ def test_an_ignored_offset_of_galileos_time_shortens_its_ranges(refdata, tmp_pat
     np.testing.assert_allclose(found[:, galileo, 1], SPEED_OF_LIGHT * 1.021405183e-14)
     applied = ignored.model_copy(update={"time_correction": "applied"})
     assert np.all(time_offsets(applied, systems, NOON, t) == 0.0)
-    every = ignored.model_copy(update={"systems": None})
+    every = ignored.model_copy(update={"systems": ("GPS", "Galileo", "GLONASS")})
     with pytest.raises(InputError, match="no TIME SYSTEM CORR between GLONASS and GPS time to ignore"):
         time_offsets(every, ("G", "E", "R"), NOON, t)
 
