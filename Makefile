@@ -67,7 +67,7 @@ lint: $(VENV)/.installed-test
 	@echo "style, types and architecture: good"
 
 unit: lint
-	@$(bin)/python -m pytest -m "not slow" --numprocesses $(JOBS) --no-header
+	@$(bin)/python -m pytest -m "not slow" --numprocesses $(JOBS) --dist loadfile --no-header
 
 smoke: unit
 	$(call run,smoke)
@@ -90,7 +90,7 @@ lowest: | $(bin)/python
 	@"$(VENV)-lowest/bin/python" -m pip --disable-pip-version-check -qq install $(from_wheels) \
 	    --constraint "$(VENV)-lowest/constraints.txt" --editable '.[test]'
 	@NUMBA_CACHE_DIR="$(CURDIR)/$(VENV)-lowest/kernels" "$(VENV)-lowest/bin/python" -m pytest -m "not slow" \
-	    --numprocesses $(JOBS) --no-header
+	    --numprocesses $(JOBS) --dist loadfile --no-header
 
 bench: $(VENV)/.installed-bench
 	@$(bin)/python -m benchmarks.run
