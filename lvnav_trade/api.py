@@ -38,7 +38,8 @@ class Results:
         The stored tables, one row per observation, the unit at the end of every column's name.
     rms, agreement, requirements : pandas.DataFrame
         What is computed from them: errors by case, phase or event, and axis, with their intervals; Monte Carlo against
-        linear covariance; requirement, case, verdict (met, violated, undecided), estimate and what it rests on.
+        linear covariance; requirement, case, verdict (met, violated, undecided, not confirmed), estimate and what it
+        rests on.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -357,4 +358,4 @@ def exit_code(verdicts: Sequence[str], failures: Sequence[Any]) -> int:
         return FAILED
     if "violated" in verdicts:
         return VIOLATED
-    return UNDECIDED if "undecided" in verdicts else MET
+    return UNDECIDED if {"undecided", "not confirmed"} & set(verdicts) else MET

@@ -23,6 +23,7 @@ FIELD_LENGTH = 1_000  # characters of a field of a file of data
 AXES = 20  # axes of a campaign
 CASES = 500  # cases of a campaign
 RUNS = 1_000_000  # runs of a case
+SPOT_CHECK = 32  # fewest runs of a spot check of linear covariance
 FAULTS = 100  # faults of a case
 STATEMENTS = 1_000  # requirements, references, orderings or statements on innovations of a campaign
 

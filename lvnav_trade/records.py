@@ -163,7 +163,8 @@ class Output(NamedTuple):
 class Asked(NamedTuple):
     """What linear covariance leaves of a case: budget by source over the flight; and of the event `at` (empty:
     injection, or else the last one) when each source acted, what a better one is worth, by source the covariance at
-    `events` too; observability by phase, or by windows of that many seconds; bounds of the assumed noise.
+    `events` too; observability by phase, or by windows of that many seconds; bounds of the assumed noise; the runs of
+    a spot check, with the campaign's seed.
     """
 
     at: str = ""
@@ -174,6 +175,8 @@ class Asked(NamedTuple):
     budget: bool = True
     window: float = 0.0
     error_bound: bool = False
+    spot_check: int = 0
+    seed: int = 0
 
 
 class AdjointBudget(NamedTuple):

@@ -90,7 +90,7 @@ def block(cov: CovHistory, first: int, n_run: int, seed: int = 1, failing: tuple
         innovation.append(draw.standard_normal((N_EPOCH, 2 * N_SAT)))
     err, inno = np.array(error), np.array(innovation)
     failed = np.array([run in failing for run in runs], dtype=np.int8) * 2
-    err[failed != 0] = 1e9
+    err[np.ix_(failed != 0, cov.t >= 50.0)] = 1e9
     return RunBlock(
         first_run=first,
         t=cov.t,

@@ -20,8 +20,7 @@ from lvnav_trade.metrics.filter import autocorrelation, consistency, logic, mode
 from lvnav_trade.metrics.mission.impact import corridor_verdicts, impact
 from lvnav_trade.metrics.mission.orbit import correction, orbit
 from lvnav_trade.metrics.published import interpretations, references
-from lvnav_trade.metrics.requirements.improvements import expected, improvements
-from lvnav_trade.metrics.requirements.requirements import verdicts
+from lvnav_trade.metrics.requirements.confirmation import expected, improvements, spot_check, verdicts
 from lvnav_trade.metrics.signals import in_view, losses, outages, recovery, tracking, transitions
 from lvnav_trade.metrics.vehicle import motion, nozzle, turning, worth
 from lvnav_trade.store import Tables, load
@@ -60,6 +59,7 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
     "stops": _of_results(stops),
     "budget": _of_results(budget),
     "expected": _of_results(expected),
+    "spot_check": _of_results(spot_check),
     "improvements": _of_results(improvements),
     "contributions": _of_results(contributions),
     "sensitivity": _of_results(sensitivity),
@@ -79,8 +79,8 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
 """Every metric by name; each takes a results folder, or its tables, and returns a tidy frame."""
 
 CSV = (
-    "rms", "agreement", "controlled", "references", "requirements", "budget", "expected", "sensitivity", "orbit",
-    "correction", "impact", "corridor", "transitions", "logic", "motion", "nozzle", "turning",
+    "rms", "agreement", "controlled", "references", "requirements", "budget", "expected", "spot_check", "sensitivity",
+    "orbit", "correction", "impact", "corridor", "transitions", "logic", "motion", "nozzle", "turning",
 )  # fmt: skip
 """The metrics that stand beside a report as CSV, with the columns that users and their CI rely on."""
 

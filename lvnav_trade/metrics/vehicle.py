@@ -54,7 +54,7 @@ def _rows(tables: Tables, inside: pd.DataFrame, quantity: str) -> list[tuple[Any
             continue
         unit, factor = tables.people[f"raw_{quantity}", str(axis)]
         (raw_rms, raw_sigma, _), (rms, sigma, true) = _sizes(raw), _sizes(estimate)
-        runs, ratio = int(estimate.run_count.iloc[0]), rms / sigma
+        runs, ratio = int(estimate.run_count.min()), rms / sigma
         low, high = (ratio * float(bound) for bound in rms_interval(1.0, max(1, runs)))
         verdict = "as modelled" if low <= 1.0 <= high else ("smaller" if ratio < 1.0 else "larger")
         sizes = [factor * size for size in (raw_rms, rms, sigma, true)]

@@ -67,7 +67,7 @@ def envelope(tables: Tables, case: str, quantity: str) -> Figure:
 def _lines(ax: Any, rows: pd.DataFrame, factor: float) -> None:
     n = int(rows.run_count.iloc[0])
     if n:
-        low, high = rms_interval(rows.rms_si, n * rows.dof_ratio)
+        low, high = rms_interval(rows.rms_si, rows.run_count * rows.dof_ratio)
         ax.fill_between(rows.t_s, low * factor, high * factor, color=PALETTE[0], alpha=0.2, linewidth=0)
         ax.plot(rows.t_s, rows.rms_si * factor, color=PALETTE[0], label=f"Monte Carlo RMS, {n} runs (95 % band)")
         ax.plot(rows.t_s, rows.filter_sigma_si * factor, color=PALETTE[2], lw=1.0, label="filter's own sigma")

@@ -18,7 +18,7 @@ from lvnav_trade.store.contents import owned
 
 
 def _agreement(tables: Tables) -> list[Block]:
-    return evidence.agreement(tables) + explained.nonlinearity(tables)
+    return evidence.agreement(tables) + explained.spot_check(tables) + explained.nonlinearity(tables)
 
 
 SECTIONS: dict[str, tuple[str, Blocks]] = {
@@ -46,7 +46,7 @@ SECTIONS: dict[str, tuple[str, Blocks]] = {
 """Every section by name, in the order in which they stand unless the campaign says otherwise; one that has nothing to
 show stands on the page only where it was asked for by name.
 """
-_WHERE_ANY = ("transitions", "logic", "motion", "nozzle", "turning")
+_WHERE_ANY = ("spot_check", "transitions", "logic", "motion", "nozzle", "turning")
 """CSV tables that are written only where they have rows."""
 
 

@@ -162,6 +162,20 @@ def error_bound(tables: Tables) -> list[Block]:
     return [Text(note("error_bound")), stated("error_bound", pd.DataFrame(rows))] if rows else []
 
 
+def spot_check(tables: Tables) -> list[Block]:
+    """Return what a few runs of each case say of linear covariance: the least likely row of each case."""
+    frame = METRICS["spot_check"](tables)
+    if frame.empty:
+        return [Text("No spot check: nothing but the campaign's own runs, if any, tests linear covariance.")]
+    tested = frame[frame.verdict != "not applicable"]
+    cases = tested.sort_values("chance_ratio", kind="stable").groupby("case", sort=False)
+    outside = tested.verdict.eq("disagree").groupby(tested.case).sum()
+    worst = cases.head(1)
+    worst = worst.assign(rows=worst.case.map(cases.size()), outside=worst.case.map(outside))
+    runs = f"{frame.runs.min()}" if frame.runs.min() == frame.runs.max() else "some"
+    return [Text(note("spot_check", runs=runs)), stated("spot_check", worst)] if len(worst) else []
+
+
 @of("nonlinearity")
 def nonlinearity(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the nonlinearity index of each case at its worst event."""

@@ -14,7 +14,9 @@ from lvnav_trade.report.blocks import Block, Text, figure, number, percent, tabl
 from lvnav_trade.store import Tables
 
 _FEW = 4  # cases that are all named beside their verdict
-_WORDS = {"met": "Met by", "undecided": "Undecided for", "violated": "Violated by"}
+_WORDS = {  # of verdicts, from the best to the worst
+    "met": "Met by", "undecided": "Undecided for", "not confirmed": "Not confirmed for", "violated": "Violated by",
+}  # fmt: skip
 
 
 def summary(tables: Tables) -> list[Block]:
@@ -35,9 +37,9 @@ def _together(verdicts: pd.DataFrame) -> list[Block]:
     count = verdicts.requirement.nunique()
     if count < 2:
         return []
-    found: dict[str, list[str]] = {"met": [], "undecided": [], "violated": []}
+    found: dict[str, list[str]] = {verdict: [] for verdict in _WORDS}
     for case, rows in verdicts.groupby("case", sort=False):
-        worst = next(verdict for verdict in ("violated", "undecided", "met") if (rows.verdict == verdict).any())
+        worst = next(verdict for verdict in reversed(_WORDS) if (rows.verdict == verdict).any())
         why = f" ({', '.join(rows.requirement[rows.verdict == worst])})" if worst != "met" else ""
         found[worst].append(f"{case}{why}")
     parts = [f"{_WORDS[verdict]} {'; '.join(names)}." for verdict, names in found.items() if names]
@@ -50,7 +52,13 @@ def _scale(tables: Tables) -> str:
     least, most = cases.run_count.min(), cases.run_count.max()
     each = f"{least} to {most}" if least < most else str(most)
     flown = f"and {each} Monte-Carlo runs{' each' * (len(cases) > 1)}." if runs else "only."
-    lost = f" {failed} of {runs} runs failed and count against every requirement." if failed else ""
+    lost = ""
+    if failed:
+        first = tables.runs.t_failed_s.min()
+        lost = (
+            f" {failed} of {runs} runs failed and count against every requirement, the first at {first:.0f} s: from "
+            "its failure on a run is in no root mean square, and infinite in every quantile."
+        )
     return f"{len(cases)} case{'s' * (len(cases) > 1)}, linear covariance {flown}{lost}"
 
 
@@ -62,25 +70,26 @@ def _answer(tables: Tables, requirement: dict[str, Any], rows: pd.DataFrame) -> 
         f"{percent(requirement.get('confidence', 0.9))} confidence."
     )
     blocks: list[Block] = [Text(wanted[0].upper() + wanted[1:], f"{name.capitalize()}.")]
-    for verdict in ("met", "violated", "undecided"):
+    for verdict in ("met", "violated", "not confirmed", "undecided"):
         chosen = rows[rows.verdict == verdict]
         if len(chosen):
             every = f"all {len(rows)} cases: " if len(chosen) == len(rows) > 1 else ""
-            names = (
-                _undecided(chosen)
-                if verdict == "undecided"
-                else [
-                    f"{row.case} ({row.estimate}; {row.failures} of {row.runs} runs beyond)"
-                    for row in chosen.itertuples()
-                ]
-            )
-            blocks.append(Text(f"{every}{'; '.join(names)}.", f"{_WORDS[verdict]}:"))
+            blocks.append(Text(f"{every}{'; '.join(_cases(verdict, chosen))}.", f"{_WORDS[verdict]}:"))
     blocks += [Text(text, "Linear covariance alone:") for text in _by_covariance(tables, name, rows)]
     better = _improvements(tables, name)
     if better:
         lead = "What would make it met (by linear covariance, gains frozen; re-tuned may differ):"
         return [*blocks, Text(f"{'; '.join(better)}.", lead)]
     return blocks + [Text(text) for text in _largest_sources(tables, requirement, rows[rows.verdict == "violated"])]
+
+
+def _cases(verdict: str, rows: pd.DataFrame) -> list[str]:
+    """Name the cases of a verdict, with what it rests on."""
+    if verdict == "undecided":
+        return _undecided(rows)
+    if verdict == "not confirmed":
+        return list(rows.case)
+    return [f"{row.case} ({row.estimate}; {row.failures} of {row.runs} runs beyond)" for row in rows.itertuples()]
 
 
 def _metric(requirement: dict[str, Any]) -> str:
@@ -107,13 +116,13 @@ def _by_covariance(tables: Tables, name: str, verdicts: pd.DataFrame) -> list[st
     frame = frame[frame.requirement == name]
     runs = verdicts.set_index("case").verdict
     shown = frame[(frame.verdict != frame.case.map(runs)) | (len(frame) <= _FEW)]
-    applies = shown.verdict != "not applicable"
+    applies = ~shown.verdict.isin(["not applicable", "not confirmed"])
     found = [
         f"{row.case}: {row.verdict}, {_chance(row.expected_probability)} of flights expected to keep it"
         for row in shown[applies].itertuples()
     ]
-    for reason, rows in shown[~applies].groupby("reason", sort=False):
-        found.append(f"{rows.case.iloc[0] if len(rows) == 1 else f'{len(rows)} cases'}: not applicable, {reason}")
+    for (verdict, reason), rows in shown[~applies].groupby(["verdict", "reason"], sort=False):
+        found.append(f"{rows.case.iloc[0] if len(rows) == 1 else f'{len(rows)} cases'}: {verdict}, {reason}")
     if not len(frame):
         return []
     same = int((frame.verdict == frame.case.map(runs)).sum())
@@ -179,7 +188,7 @@ def _largest_sources(tables: Tables, requirement: dict[str, Any], violated: pd.D
 def _ranking(tables: Tables) -> Block:
     frame = METRICS["ranking"](tables)
     frame = frame.assign(failed=frame.case.map(tables.cases.set_index("label").failed_count))
-    left_out = " Failed runs are left out of it." if frame.failed.any() else ""
+    left_out = " Runs that failed before are left out of it." if frame.failed.any() else ""
     columns = ["case | runs = run_count"] + ["failed"] * bool(left_out)
     for quantity in (name for name in ("velocity", "position", "attitude") if name in frame):
         unit, again = frame[f"{quantity}_unit"].iloc[0], " " * len(columns)  # a heading stands once in a frame

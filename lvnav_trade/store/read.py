@@ -36,6 +36,12 @@ class Tables:
         found._read = {name: table.to_pandas() for name, table in tables.items()}
         return found
 
+    def with_frames(self, **frames: pd.DataFrame) -> Tables:
+        """Return the same results with other frames in the place of some tables."""
+        found = Tables(self.folder)
+        found._read = self._read | frames
+        return found
+
     def __getattr__(self, name: str) -> pd.DataFrame:
         if name not in TABLES:
             raise AttributeError(name)

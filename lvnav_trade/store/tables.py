@@ -52,6 +52,7 @@ def case_tables(
         "budget": _budget(prepared, cov) if cov.sources else {},
         **flight_columns(prepared, cov),
         **explained_rows(prepared, cov, explained),
+        "spot_runs": run_columns(prepared.outputs, explained.spot if explained is not None else None)["runs"],
         **(controlled_columns(control) if control is not None else {}),
     }
     return {name: _arrow(name, case.id, contents.get(name, {})) for name in TABLES if name not in _OF_RUNS}
@@ -111,10 +112,6 @@ def _names(outputs: tuple[Output, ...], n: int) -> dict[str, Any]:
     return {part: np.repeat([getattr(output, part) for output in outputs], n) for part in ("quantity", "axis", "unit")}
 
 
-def _good(summary: BlockSummary | None) -> int:
-    return int(summary.n_good[0]) if summary else 0
-
-
 def thresholds(scenario: Scenario) -> dict[str, float]:
     """Return the C/N0 (dB-Hz) above which satellites are found and kept; NaN without link budget or tracking."""
     tracking = scenario.receiver.tracking if scenario.receiver.link is not None else None
@@ -163,27 +160,26 @@ def _history(outputs: tuple[Output, ...], cov: CovHistory, summary: BlockSummary
     return {
         "t_s": np.tile(cov.t, len(every)),
         **_names(every, len(cov.t)),
-        "run_count": _good(summary),
+        "run_count": np.tile(summary.n_good, len(every)) if summary else 0,
         **{name: value.T.ravel() for name, value in values.items()},
     }
 
 
 def _monte_carlo(summary: BlockSummary | None, shape: tuple[int, int]) -> dict[str, Floats]:
     names = ("mean_si", "rms_si", "filter_sigma_si", "q50_si", "q95_si", "q997_si")
-    n = _good(summary)
-    if summary is None or n == 0:
+    if summary is None:
         return dict.fromkeys(names, np.full(shape, np.nan))
+    n = np.where(summary.n_good > 0, summary.n_good, np.nan)[:, None]
     moments = (summary.total / n, np.sqrt(summary.squares / n), np.sqrt(summary.sigma_squares / n))
     values = (*moments, *(quantiles(summary, probability) for probability in (0.5, 0.95, 0.997)))
     return dict(zip(names, values, strict=True))
 
 
 def _consistency(prepared: Prepared, cov: CovHistory, summary: BlockSummary | None) -> dict[str, Any]:
-    n_good = _good(summary)
     return {
         "t_s": cov.t,
-        "run_count": n_good,
-        "nees_mean_ratio": summary.nees / n_good if summary and n_good else np.nan,
+        "run_count": summary.n_good if summary else 0,
+        "nees_mean_ratio": summary.nees / np.where(summary.n_good > 0, summary.n_good, np.nan) if summary else np.nan,
         "nees_dof_count": int(prepared.layout.n_estimated),
         "expected_nees_ratio": cov.expected_nees,
     }
@@ -192,7 +188,7 @@ def _consistency(prepared: Prepared, cov: CovHistory, summary: BlockSummary | No
 def _innovations(cov: CovHistory, summary: BlockSummary | None) -> dict[str, Any]:
     return {
         "t_s": cov.t_epoch,
-        "run_count": _good(summary),
+        "run_count": summary.n_good_epoch if summary else 0,
         "nis_sum_ratio": summary.nis if summary else np.nan,
         "row_count": summary.n_row if summary else 0,
         "reject_count": summary.n_reject if summary else 0,

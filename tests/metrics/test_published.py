@@ -25,12 +25,15 @@ def test_a_phase_is_the_mean_over_runs_and_time(good, drawn):
     err, t = drawn
     within = (t >= 0.0) & (t <= 99.5)
     square = (err[:, within, 3] ** 2).mean(axis=0)
+    begun = t[within] < 50.0  # until then the run that fails counts too
+    sound = synthetic.block(synthetic.covariance(1.0), FAILED, 1).err[0, within, 3] ** 2
+    square[begun] = ((199 * square + sound) / 200)[begun]
     area = (0.5 * (square[1:] + square[:-1]) * np.diff(t[within])).sum() / 99.5
     found = ours(good, CASE, {"metric": "velocity_error_north", "during": PHASE}, "cm/s")
     assert found.value == pytest.approx(100 * np.sqrt(area), rel=1e-9)
     assert len(found.runs) == 200  # each by itself, a failed one infinite
     assert np.isinf(found.runs[-1])
-    assert np.sqrt(np.mean(found.runs[:-1] ** 2)) == pytest.approx(found.value, rel=1e-9)
+    assert np.sqrt(np.mean(found.runs[:-1] ** 2)) == pytest.approx(found.value, rel=5e-3)
 
 
 def test_the_worst_is_the_median_over_runs_of_each_runs_largest(good, drawn):

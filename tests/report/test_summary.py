@@ -25,8 +25,8 @@ def test_the_first_section_answers_in_words(text):
     assert "What would make it met (by linear covariance, gains frozen; re-tuned may differ):" in first
     assert "imu=coarse: sigma of gyro bias times 0.826 (72 % of the mean square)" in first
     assert "<strong>Linear covariance alone:</strong> imu=fine: met, more than 99.9 % of flights" in first
-    assert "2 of 160 runs failed" in first
-    assert "best velocity first. Failed runs are left out of it." in first
+    assert "2 of 160 runs failed and count against every requirement, the first at 50 s: from its failure on" in first
+    assert "best velocity first. Runs that failed before are left out of it." in first
 
 
 def test_warnings_of_a_campaign_stand_in_the_first_section(page, tmp_path):

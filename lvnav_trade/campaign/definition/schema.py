@@ -157,6 +157,16 @@ class Covariance(Card):
     error_bound: bool = Field(
         False, description="whether the noise that the filter assumes keeps its error bounded (q I <= Q, r I <= R)"
     )
+    spot_check: int = Field(
+        limits.SPOT_CHECK, description="runs of each case that linear covariance is checked with; 0: no check"
+    )
+
+    @field_validator("spot_check")
+    @classmethod
+    def _enough(cls, runs: int) -> int:
+        if runs and not limits.SPOT_CHECK <= runs <= limits.RUNS:
+            raise ValueError(f"{quoted(runs)} runs; give 0 for no check, or at least {limits.SPOT_CHECK}")
+        return runs
 
 
 class Keep(Card):

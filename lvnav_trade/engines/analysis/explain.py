@@ -8,10 +8,12 @@ import numpy as np
 from lvnav_trade.engines.analysis.error_bound import ErrorBound, error_bound
 from lvnav_trade.engines.analysis.nonlinearity import Nonlinearity, nonlinearity
 from lvnav_trade.engines.analysis.observability import TOLERANCE, in_words, observability
+from lvnav_trade.engines.analysis.spot_check import gaps, spot_check
 from lvnav_trade.engines.lincov.history import adjoint, covariance, forward_tape, source_covariances, turns
 from lvnav_trade.engines.lincov.sources import source_labels
 from lvnav_trade.engines.lincov.workspace import Tape
 from lvnav_trade.engines.setup.prepare import Prepared, prepare
+from lvnav_trade.engines.simulate.statistics import BlockSummary
 from lvnav_trade.records import AdjointBudget, Asked, CovHistory, Floats
 from lvnav_trade.scenario import Scenario, sensors_used
 from lvnav_trade.sources import Field, fields_of
@@ -63,8 +65,9 @@ class Sensitivity(NamedTuple):
 
 
 class Explanation(NamedTuple):
-    """All that was asked of a case; empty where not asked. nonlinear: event name and nonlinearity at every event; bound
-    of the assumed noise, and unbounded, its weakest direction in words.
+    """All that was asked of a case; empty where not asked. nonlinear: nonlinearity at every event and over every gap,
+    with its name; bound of the assumed noise, and unbounded, its weakest direction in words; spot: runs that check
+    linear covariance.
     """
 
     event: str = ""
@@ -75,6 +78,7 @@ class Explanation(NamedTuple):
     nonlinear: tuple[tuple[str, Nonlinearity], ...] = ()
     bound: ErrorBound | None = None
     unbounded: str = ""
+    spot: BlockSummary | None = None
 
 
 def explain(scenario: Scenario, prepared: Prepared, history: CovHistory, asked: Asked) -> Explanation:
@@ -91,9 +95,13 @@ def explain(scenario: Scenario, prepared: Prepared, history: CovHistory, asked: 
         _by_source(prepared, events, (at, *asked.events), tape) if at and asked.adjoint else (),
         _sensitivities(scenario, prepared, history, events[at]) if at and asked.sensitivity else (),
         _phases(prepared, events, tape, asked.window) if asked.observability else (),
-        tuple((name, nonlinearity(prepared, history, t)) for name, t in events.items()),
+        (
+            *((name, nonlinearity(prepared, history, t)) for name, t in events.items()),
+            *((gap.name, nonlinearity(prepared, history, gap.begin, end=gap.end)) for gap in gaps(history)),
+        ),
         bound,
         _in_words(prepared, float(prepared.reference.t[0]), bound.weakest) if bound is not None else "",
+        spot_check(prepared, history, events, asked.seed, asked.spot_check) if asked.spot_check else None,
     )
 
 

@@ -15,15 +15,18 @@ from lvnav_trade.kernels.strapdown import N_SUM, Q, R, V, mechanise
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL
 from lvnav_trade.records import CovHistory, Floats
 
+_PIECES = 60
+"""Of a gap: biases of the estimate stand still within each."""
 _driver = getattr(transition.driver, "py_func", transition.driver)  # the formula itself, for arrays of ticks
 
 
 class Nonlinearity(NamedTuple):
-    """How far from linear one update interval is at one-sigma true errors; 0 where all is linear.
+    """How far from linear one update interval, or a gap, is at one-sigma true errors; 0 where all is linear.
 
-    time s; motion: largest second-order part of the propagated error, in the filter's own sigma of that state; state:
-    its index; transition: largest difference of the first-order part to the filter's transition, in the same unit;
-    rows: largest second-order part of a predicted measurement, in the sigma of its innovation (NaN without rows).
+    time s, of a gap its end; motion: largest second-order part of the propagated error, in the filter's own sigma of
+    that state; state: its index; transition: largest difference of the first-order part to the filter's transition, in
+    the same unit; rows: largest second-order part of a predicted measurement, in the sigma of its innovation (NaN
+    without rows).
     """
 
     time: float
@@ -33,8 +36,11 @@ class Nonlinearity(NamedTuple):
     rows: float
 
 
-def nonlinearity(prepared: Prepared, history: CovHistory, time: float, scale: float = 1.0) -> Nonlinearity:
-    """Return the nonlinearity at the history time nearest to `time` (s since lift-off).
+def nonlinearity(
+    prepared: Prepared, history: CovHistory, time: float, scale: float = 1.0, end: float | None = None
+) -> Nonlinearity:
+    """Return the nonlinearity at the history time nearest to `time` (s since lift-off), over one update interval; or
+    over the gap from there to its first measurement, at `end`.
 
     The directions are the columns of the Cholesky factor of the true covariance. Each is flown plus and minus: half the
     sum of the two outcomes is the second-order part, half the difference the first-order one.
@@ -47,13 +53,16 @@ def nonlinearity(prepared: Prepared, history: CovHistory, time: float, scale: fl
         Size of the errors in sigmas; the second-order part per sigma grows with it.
     """
     hist = int(np.argmin(np.abs(prepared.t_hist - time)))
-    turn, time = turns(prepared)[hist], float(prepared.t_hist[hist])
-    states = slice(0, len(turn))  # what is reported beside them is no state
-    formal, true = (turn.T @ cov[hist, states, states] @ turn for cov in (history.formal_cov, history.true_cov))
+    time = float(prepared.t_hist[hist])
+    formal, true = _covariances(prepared, history, hist)
     directions = scale * _factor(true)
     start = _start_tick(prepared, time)
-    linear = np.array([_linear(prepared, start, d) for d in directions])
-    plus, minus = (np.array([_flown(prepared, start, sign * d) for d in directions]) for sign in (1.0, -1.0))
+    windows = _windows(prepared, start) if end is None else _pieces(prepared, time, end)
+    linear = np.array([_linear(prepared, start, d, windows) for d in directions])
+    plus, minus = (np.array([_flown(prepared, start, sign * d, windows) for d in directions]) for sign in (1.0, -1.0))
+    if end is not None:  # the measurement meets the errors that have grown in the meantime
+        formal, true = _covariances(prepared, history, max(hist, int(np.searchsorted(prepared.t_hist, end - 1e-9)) - 1))
+        directions, time = scale * _factor(true), end
     sigma = np.sqrt(np.diag(formal))[:9]
     sound = np.where(sigma > 0.0, sigma, np.inf)
     second = np.abs(plus + minus) / 2.0 / sound
@@ -61,6 +70,14 @@ def nonlinearity(prepared: Prepared, history: CovHistory, time: float, scale: fl
     worst = int(np.argmax(second)) % second.shape[1]
     rows = _rows(prepared, time, directions, formal)
     return Nonlinearity(time, float(second.max()) / scale, worst, float(first.max()) / scale, rows / scale)
+
+
+def _covariances(prepared: Prepared, history: CovHistory, hist: int) -> tuple[Floats, Floats]:
+    """Return the formal and the true covariance (n_state, n_state) at a history time, frame i."""
+    turn = turns(prepared)[hist]
+    states = slice(0, len(turn))  # what is reported beside them is no state
+    formal, true = (turn.T @ cov[hist, states, states] @ turn for cov in (history.formal_cov, history.true_cov))
+    return formal, true
 
 
 def _factor(covariance: Floats) -> Floats:
@@ -115,15 +132,32 @@ def _windows(prepared: Prepared, start: int) -> list[tuple[int, int, Floats]]:
     return [(first, step, decay) for first in range(start, start + interval - step + 1, step)]
 
 
-def _flown(prepared: Prepared, start: int, d: Floats) -> Floats:
-    """Return the navigation error (9,) one update interval after an error d, by the strapdown itself."""
+def _pieces(prepared: Prepared, begin: float, end: float) -> list[tuple[int, int, Floats]]:
+    """Return the same of a gap, in at most `_PIECES` pieces of whole covariance steps."""
+    step, t = _ticks(prepared)[1], prepared.reference.t
+    first, last = (int(np.argmin(np.abs(t - time))) for time in (begin, end))
+    steps = max(1, (min(last, t.size - 1) - first) // step)
+    size = -(-steps // _PIECES)
+    decay = prepared.model.decay[int(np.argmin(np.abs(prepared.lengths - step * prepared.unit.dt)))]
+    return [
+        (first + step * k, step * min(size, steps - k), decay ** min(size, steps - k)) for k in range(0, steps, size)
+    ]
+
+
+Windows = list[tuple[int, int, Floats]]
+
+
+def _flown(prepared: Prepared, start: int, d: Floats, windows: Windows | None = None) -> Floats:
+    """Return the navigation error (9,) at the end of the windows (none: one update interval) after an error d, by the
+    strapdown itself.
+    """
     nav, exact = _nav(prepared, start, d), _nav(prepared, start, np.zeros_like(d))
     left = d.copy()
     sums, none = np.zeros(N_SUM), np.zeros_like(d)
     before = _increments(prepared, max(0, start - 1), 1, none)[0]
     previous, previous_exact = before.copy(), before.copy()
     kind, dt = prepared.model.gravity, prepared.unit.dt
-    for first, n_tick, decay in _windows(prepared, start):
+    for first, n_tick, decay in windows or _windows(prepared, start):
         mechanise(nav, sums, previous, _increments(prepared, first, n_tick, left), n_tick, dt, kind)
         mechanise(exact, sums, previous_exact, _increments(prepared, first, n_tick, none), n_tick, dt, kind)
         left = decay * left
@@ -131,13 +165,13 @@ def _flown(prepared: Prepared, start: int, d: Floats) -> Floats:
     return np.concatenate([turned, exact[V : V + 3] - nav[V : V + 3], exact[R : R + 3] - nav[R : R + 3]])
 
 
-def _linear(prepared: Prepared, start: int, d: Floats) -> Floats:
-    """Return the error (n_state,) one update interval after an error d, by the filter's own transition."""
+def _linear(prepared: Prepared, start: int, d: Floats, windows: Windows | None = None) -> Floats:
+    """Return the same (n_state,) by the filter's own transition."""
     model, dt = prepared.model, prepared.unit.dt
     nav, sums, none = _nav(prepared, start, np.zeros_like(d)), np.zeros(N_SUM), np.zeros_like(d)
     previous, error = np.zeros(6), d.copy()
     blocks = np.zeros((model.block_rows.size, 9))
-    for first, n_tick, decay in _windows(prepared, start):
+    for first, n_tick, decay in windows or _windows(prepared, start):
         mechanise(nav, sums, previous, _increments(prepared, first, n_tick, none), n_tick, dt, model.gravity)
         seconds = n_tick * dt
         transition.fill(blocks, model.block_kinds, model.block_drivers, sums, nav[R], nav[R + 1], nav[R + 2], seconds)

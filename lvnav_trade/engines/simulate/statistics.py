@@ -27,16 +27,16 @@ class BlockSummary(NamedTuple):
     """Streamed statistics of some runs. A *column* is an output or, after them, the norm of a three-axis quantity.
 
     runs (n_run,) run numbers; failed (n_run,) codes of RunBlock; t_failed (n_run,) s; t (n_hist,) s; scale
-    (n_hist, n_column) SI, unit of the histogram; n_good (1,) runs in the sums below, which leave failed runs out:
-    total, squares, sigma_squares (n_hist, n_column) sums of error, its square, the filter's variance (for a norm the
-    norm, its square, the trace); histogram (n_hist, n_column, N_BIN) counts of |error| / scale; nees (n_hist,) sum;
-    t_epoch, nis, n_row, n_reject (n_epoch,) sums; lag_sum, lag_count (N_LAG, n_channel) products of normalised
-    innovations that many epochs apart. One row per run, failed ones too: event_error, event_sigma
-    (n_run, n_event, n_column) SI, event_nees (n_run, n_event). events: names in time order; t_event (n_event,) s.
-    t_bound (n_interval + 1,) s: events and both ends of the history; worst (n_run, n_interval, n_column) SI: largest
-    |error| of each run at the history times from one bound to the next, both included; mean_square, of that shape,
-    SI squared: its squared error's mean over the time between (trapezoidal rule). changes (n_change, 5) of what filters
-    with a logic do: see RunBlock.
+    (n_hist, n_column) SI, unit of the histogram; n_good (n_hist,), n_good_epoch (n_epoch,) runs in the sums below, in
+    which a failed run counts until it fails: total, squares, sigma_squares (n_hist, n_column) sums of error, its
+    square, the filter's variance (for a norm the norm, its square, the trace); nees (n_hist,) sum; t_epoch, nis, n_row,
+    n_reject (n_epoch,) sums; lag_sum, lag_count (N_LAG, n_channel) products of normalised innovations that many epochs
+    apart. histogram (n_hist, n_column, N_BIN) counts of |error| / scale of all runs, infinite from a failure on. One
+    row per run, failed ones too: event_error, event_sigma (n_run, n_event, n_column) SI, event_nees (n_run, n_event).
+    events: names in time order; t_event (n_event,) s. t_bound (n_interval + 1,) s: events and both ends of the history;
+    worst (n_run, n_interval, n_column) SI: largest |error| of each run at the history times from one bound to the next,
+    both included; mean_square, of that shape, SI squared: its squared error's mean over the time between (trapezoidal
+    rule). changes (n_change, 5) of what filters with a logic do: see RunBlock.
     """
 
     runs: Counts
@@ -45,6 +45,7 @@ class BlockSummary(NamedTuple):
     t: Floats
     scale: Floats
     n_good: Counts
+    n_good_epoch: Counts
     total: Floats
     squares: Floats
     sigma_squares: Floats
@@ -78,8 +79,8 @@ class BlockSummary(NamedTuple):
 
 
 _SUMMED = (
-    "n_good", "total", "squares", "sigma_squares", "histogram", "nees", "nis", "n_row", "n_reject", "lag_sum",
-    "lag_count",
+    "n_good", "n_good_epoch", "total", "squares", "sigma_squares", "histogram", "nees", "nis", "n_row", "n_reject",
+    "lag_sum", "lag_count",
 )  # fmt: skip
 _PER_RUN = ("runs", "failed", "t_failed")
 _ROWS = ("event_error", "event_sigma", "event_nees", "worst", "mean_square", "changes")
@@ -129,9 +130,10 @@ def summarise(
     error = add_norms(block.err, outputs)
     sigma = add_norms(block.sigma, outputs)
     failed = np.where(np.isfinite(block.err).all(axis=(1, 2)) | (block.failed != 0), block.failed, NOT_FINITE)
-    good = slice(None) if not failed.any() else failed == 0  # a slice copies nothing
+    until = _sound_until(block, failed)
+    alive, alive_epoch = (None if until is None else t < until[:, None] for t in (block.t, block.t_epoch))
     unit = _usable(add_norms(scale, outputs))
-    lag_sum, lag_count = _lag_products(block.innovation[good])
+    lag_sum, lag_count = _lag_products(_or(block.innovation, alive_epoch, np.nan))
     t_bound = np.unique(np.concatenate([block.t[[0, -1]], block.t[at_event]]))
     return BlockSummary(
         runs=np.arange(block.first_run, block.first_run + len(failed), dtype=np.int64),
@@ -139,16 +141,17 @@ def summarise(
         t_failed=np.asarray(block.t_failed, dtype=float),
         t=block.t,
         scale=unit,
-        n_good=np.array([(failed == 0).sum()], dtype=np.int64),
-        total=error[good].sum(axis=0),
-        squares=(error[good] ** 2).sum(axis=0),
-        sigma_squares=(sigma[good] ** 2).sum(axis=0),
-        histogram=_histogram(error[good], unit),
-        nees=block.nees[good].sum(axis=0),
+        n_good=_count(alive, len(failed), block.t),
+        n_good_epoch=_count(alive_epoch, len(failed), block.t_epoch),
+        total=_or(error, alive).sum(axis=0),
+        squares=(_or(error, alive) ** 2).sum(axis=0),
+        sigma_squares=(_or(sigma, alive) ** 2).sum(axis=0),
+        histogram=_histogram(_or(error, alive, np.inf), unit),
+        nees=_or(block.nees, alive).sum(axis=0),
         t_epoch=block.t_epoch,
-        nis=block.nis[good].sum(axis=0),
-        n_row=block.n_row[good].sum(axis=0, dtype=np.int64),
-        n_reject=block.n_reject[good].sum(axis=0, dtype=np.int64),
+        nis=_or(block.nis, alive_epoch).sum(axis=0),
+        n_row=_or(block.n_row, alive_epoch).sum(axis=0, dtype=np.int64),
+        n_reject=_or(block.n_reject, alive_epoch).sum(axis=0, dtype=np.int64),
         lag_sum=lag_sum,
         lag_count=lag_count,
         events=names,
@@ -161,6 +164,28 @@ def summarise(
         mean_square=_by_span(block.t, error, t_bound, _mean_square),
         changes=block.changes,
     )
+
+
+def _sound_until(block: RunBlock, failed: NDArray[np.int8]) -> Floats | None:
+    """Return until when (s) each run counts: its failure, or its first error that is not finite; None if none fails."""
+    if not failed.any():
+        return None
+    sound = np.all(np.isfinite(block.err), axis=2)
+    first_bad = np.where(np.all(sound, axis=1), np.inf, block.t[np.argmin(sound, axis=1)])
+    stated = np.where(np.isnan(block.t_failed), np.inf, block.t_failed)
+    return np.asarray(np.where(failed == 0, np.inf, np.minimum(first_bad, stated)))
+
+
+def _or(values: Any, alive: NDArray[np.bool_] | None, after: float = 0.0) -> Any:
+    """Return values (n_run, n, ...) of runs that count, (n_run, n), and `after` of those that failed before."""
+    if alive is None:
+        return values
+    return np.where(alive.reshape(*alive.shape, *[1] * (values.ndim - 2)), values, after)
+
+
+def _count(alive: NDArray[np.bool_] | None, runs: int, t: Floats) -> Counts:
+    """Return how many runs count at the times (n,)."""
+    return np.full(len(t), runs, dtype=np.int64) if alive is None else alive.sum(axis=0, dtype=np.int64)
 
 
 def _by_span(t: Floats, error: Floats, bounds: Floats, value: Callable[[Floats, Floats], Floats]) -> Floats:
@@ -254,12 +279,10 @@ def _check_follows(first: BlockSummary, runs_before: Counts, part: BlockSummary)
 def quantiles(summary: BlockSummary, probability: float) -> Floats:
     """Return the quantile of |error| (n_hist, n_column), SI, to half a bin (1 %); 0 below the bins, inf above.
 
-    The quantile is the middle (geometric) of the bin that holds the run of rank ceil(probability * n).
+    The quantile is the middle (geometric) of the bin that holds the run of rank ceil(probability * n), failed runs
+    among the n.
     """
-    n_good = int(summary.n_good[0])
-    if n_good == 0:
-        return np.full(summary.total.shape, np.nan)
-    rank = max(1, int(np.ceil(probability * n_good - 1e-9)))
+    rank = max(1, int(np.ceil(probability * summary.n_run - 1e-9)))
     bins = np.empty(summary.total.shape, dtype=np.int64)
     for k in range(len(bins)):  # one time after another: the cumulated histogram is as large as the histogram
         bins[k] = np.argmax(np.cumsum(summary.histogram[k], axis=-1, dtype=np.uint32) >= rank, axis=-1)

@@ -45,15 +45,14 @@ def rms(tables: Tables) -> pd.DataFrame:
     rms, low, high: Monte Carlo with its 95 % chi-square interval. Over a phase the errors of one run are taken as fully
     correlated in time, so the interval is never too narrow. formal_sigma: root mean square of the filter's own sigma,
     from the runs where there are any, or else LinCov's. lincov_true_sigma: what LinCov expects of rms, the mean error
-    included.
+    included. A failed run counts until it fails; the interval of a phase is that of the fewest runs in it.
     """
     spans = {case: phases(tables, case) for case in tables.labels}
     rows = []
     for case, quantity, axis, history in series(tables):
         unit, factor = tables.people[quantity, axis]
-        n = int(history.run_count.iloc[0])
-        formal = history.filter_sigma_si if n else history.lincov_formal_si
-        squares = history[["t_s", "dof_ratio"]].assign(
+        formal = history.filter_sigma_si if history.run_count.any() else history.lincov_formal_si
+        squares = history[["t_s", "dof_ratio", "run_count"]].assign(
             rms=history.rms_si**2, formal=formal**2, true=lincov_rms(history) ** 2
         )
         for name, start, end in spans[case]:
@@ -62,7 +61,8 @@ def rms(tables: Tables) -> pd.DataFrame:
                 continue
             means = (time_mean(part.t_s.to_numpy(), part[of].to_numpy()) for of in ("rms", "formal", "true"))
             size, formal_sigma, true = map(np.sqrt, means)
-            values = (size, *rms_interval(size, n * float(part.dof_ratio.min())), formal_sigma, true)
+            freedom = float(part.run_count.min() * part.dof_ratio.min())
+            values = (size, *rms_interval(size, freedom), formal_sigma, true)
             head = (tables.labels[case], name, f"{quantity}_error", axis, unit)
             rows.append((*head, *(float(value) * factor for value in values)))
     return pd.DataFrame(rows, columns=COLUMNS)

@@ -179,7 +179,9 @@ def test_a_campaign_asks_for_the_events_of_its_requirements(study) -> None:
         "covariance: {at: stage1_cutoff, sensitivity: true}\n"
         "requirements: [{name: a, metric: velocity_error_3d, at: liftoff, probability: 0.9, below: 1 m/s}]\n"
     )
-    assert work.asked_of(load(study.path)) == Asked("stage1_cutoff", ("liftoff",), sensitivity=True)
+    campaign = load(study.path)
+    runs = {"spot_check": 32, "seed": campaign.seed}
+    assert work.asked_of(campaign) == Asked("stage1_cutoff", ("liftoff",), sensitivity=True, **runs)
 
 
 def test_a_worker_that_computes_and_stores_holds_neither_pandas_nor_figures_nor_statistics_in_memory(tmp_path) -> None:

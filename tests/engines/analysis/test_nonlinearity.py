@@ -7,6 +7,7 @@ import pytest
 
 from lvnav_trade.engines.analysis.nonlinearity import _flown, _linear, _start_tick, nonlinearity
 from lvnav_trade.engines.lincov.history import covariance
+from lvnav_trade.kernels.attitude import matrix
 from lvnav_trade.kernels.transition import ATT, POS, VEL
 from tests.building import LOOSE, case
 
@@ -62,3 +63,24 @@ def test_an_interval_that_would_end_after_the_flight_begins_earlier():
 def test_without_measurements_there_is_no_row():
     prepared = case("base.filter=filters/inertial")
     assert np.isnan(nonlinearity(prepared, covariance(prepared), 10.0).rows)
+
+
+def test_over_a_gap_a_tilt_turns_the_specific_force_to_second_order():
+    """A tilt d about one axis takes f (1 - cos d) = f d^2 / 2 off the specific force along the others."""
+    prepared = case()
+    history = covariance(prepared)
+    tilt, begin, end = 0.1, 5.0, 15.0
+    true = np.zeros_like(history.true_cov)
+    true[:, range(ATT, ATT + 3), range(ATT, ATT + 3)] = tilt**2
+    formal = np.zeros_like(true)
+    formal[:, range(15), range(15)] = 1.0
+    found = nonlinearity(prepared, history._replace(true_cov=true, formal_cov=formal), begin, end=end)
+    ticks = slice(*(int(np.argmin(np.abs(prepared.reference.t - t))) for t in (begin, end)))
+    turned = [
+        np.reshape(matrix(*q), (3, 3)) @ dv
+        for q, dv in zip(prepared.reference.q_b_i[ticks], prepared.reference.dvel[ticks], strict=True)
+    ]
+    force = np.abs(np.sum(turned, axis=0)).max() / (end - begin)
+    assert found.time == end
+    position = 0.5 * force * 0.5 * tilt**2 * (end - begin) ** 2
+    assert found.motion == pytest.approx(position, rel=0.05)

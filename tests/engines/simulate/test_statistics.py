@@ -95,12 +95,20 @@ def test_an_error_beyond_the_bins_gives_an_infinite_quantile_and_one_below_gives
     assert found[4, 6] == 0.0
 
 
-def test_failed_runs_are_left_out_of_the_moments_but_kept_as_rows():
-    summary = parts([0, 40], failing=(3, 17))[0]
-    assert summary.n_good[0] == 38
+def test_a_failed_run_counts_until_it_fails_and_is_infinite_in_quantiles_from_then_on():
+    summary, whole = parts([0, 40], failing=(3, 17))[0], parts([0, 40])[0]
+    before, after = summary.t < 50.0, summary.t >= 50.0
+    assert (summary.n_good[before] == 40).all()
+    assert (summary.n_good[after] == 38).all()
+    np.testing.assert_array_equal(summary.n_good_epoch, np.where(summary.t_epoch < 50.0, 40, 38))
     assert summary.failed.sum() == 4
+    np.testing.assert_array_equal(summary.squares[before], whole.squares[before])
     assert np.sqrt(summary.squares[-1, 6] / 38) < 5 * COV.true_sigma[-1, 6]
-    assert summary.histogram.sum(axis=-1).max() == 38
+    assert (summary.histogram.sum(axis=-1) == 40).all()
+    np.testing.assert_array_equal(summary.histogram[after, :, -1], 2)
+    assert np.isfinite(quantiles(summary, 0.95)).all()
+    assert np.isinf(quantiles(summary, 0.96)[after]).all()
+    assert np.isfinite(quantiles(summary, 0.96)[before]).all()
     assert np.isnan(summary.t_failed[0])
     assert summary.t_failed[3] == 50.0
 

@@ -1,0 +1,126 @@
+"""Do a few runs of each case bear out what linear covariance predicts; where they do not, its verdicts do not count."""
+
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.stats import binom, ncx2
+
+from lvnav_trade.metrics.basics.probability import norm_quantile
+from lvnav_trade.metrics.basics.select import NAVIGATION, at_time, errors_at, errors_by_axis, history_of, once, pick
+from lvnav_trade.metrics.errors.covariances import why_not_applicable
+from lvnav_trade.metrics.requirements import improvements as by_covariance
+from lvnav_trade.metrics.requirements import requirements as by_runs
+from lvnav_trade.store import Tables
+
+COLUMNS = [
+    "case", "event", "t_s", "error", "runs", "unit", "expected", "found", "ratio", "chance_ratio", "verdict",
+]  # fmt: skip
+ALPHA = 0.01
+"""Probability that any row of a campaign disagrees although both engines describe the same errors."""
+TAIL = 1e-3
+"""Part of all runs that linear covariance predicts beyond the quantile that is tested."""
+NOT_CONFIRMED = "not confirmed"
+
+
+@once
+def spot_check(tables: Tables) -> pd.DataFrame:
+    """Return what the runs of the spot check say of linear covariance; no rows where it is switched off.
+
+    Two kinds of rows. Of every navigation error at every event and at the first measurement after every gap: RMS of
+    the runs over that of linear covariance; the chance of a ratio as far from one is of a noncentral chi-square. Of
+    every requirement's error: runs beyond its predicted 99.9 % quantile, over those expected; the chance of as many is
+    binomial. verdict: "agree", or "disagree" where the chance is below 1 % over the rows of the whole campaign;
+    "not applicable" where a gate or a logic makes a case one that linear covariance does not describe.
+    """
+    flown = tables.with_frames(runs=tables.spot_runs)
+    rows = [row for case in tables.labels for row in (*_sizes(flown, case), *_tails(flown, case))]
+    frame = pd.DataFrame(rows, columns=COLUMNS[:-1])
+    outside = {label for case, label in tables.labels.items() if why_not_applicable(tables, case)}
+    applies = ~frame.case.isin(outside)
+    agree = np.where(frame.chance_ratio < ALPHA / max(1, int(applies.sum())), "disagree", "agree")
+    return frame.assign(verdict=np.where(applies, agree, "not applicable"))
+
+
+def _sizes(flown: Tables, case: str) -> list[tuple[Any, ...]]:
+    """Return the rows of the navigation errors of a case."""
+    found = []
+    moments = pick(flown.runs, case=case).drop_duplicates("event")
+    for quantity, axis in ((q, a) for q, a in flown.people if q in NAVIGATION and a != "3d"):
+        history = history_of(flown, case, quantity, axis)
+        unit, factor = flown.people[quantity, axis]
+        for moment in moments.itertuples() if len(history) else ():
+            at = at_time(history, moment.t_s)
+            sigma, mean = float(at.lincov_true_si), float(at.lincov_mean_si)
+            errors = errors_by_axis(flown, case, moment.event, quantity).filter(like=f"{quantity}_{axis}_").to_numpy()
+            if sigma <= 0.0 or not errors.size:
+                continue
+            n, rms, expected = len(errors), _rms(errors), float(np.hypot(sigma, mean))
+            law, size = ncx2(n, n * (mean / sigma) ** 2), n * (rms / sigma) ** 2
+            chance = 2.0 * min(law.cdf(size), law.sf(size))
+            head = (flown.labels[case], moment.event, moment.t_s, f"{quantity} {axis}", n, unit)
+            found.append((*head, expected * factor, rms * factor, rms / expected, chance))
+    return found
+
+
+def _rms(errors: np.ndarray[Any, Any]) -> float:
+    """Return the root mean square; infinite where a run failed."""
+    return float(np.sqrt(np.mean(errors**2))) if np.isfinite(errors).all() else float("inf")
+
+
+def _tails(flown: Tables, case: str) -> list[tuple[Any, ...]]:
+    """Return the rows of the requirements of a case; none of the worst error of a phase, which is only bounded."""
+    found = []
+    for requirement in flown.campaign.get("requirements") or ():
+        law, event = by_covariance.asked(flown, requirement, case), by_runs.where(requirement)
+        runs = None if requirement.get("during") else errors_at(flown, case, event, str(requirement["metric"]))
+        if isinstance(law, str) or runs is None or not runs.size.size:
+            continue
+        n, limit = runs.size.size, norm_quantile(law.law.mean, law.law.covariance, 1.0 - TAIL)
+        beyond = int((runs.size > limit).sum())
+        name = f"{requirement['name']}, runs beyond the 99.9 % quantile"
+        t = float(pick(flown.runs, case=case, event=event).t_s.iloc[0])
+        chance = float(binom.sf(beyond - 1, n, TAIL))
+        found.append((flown.labels[case], event, t, name, n, "", n * TAIL, beyond, beyond / (n * TAIL), chance))
+    return found
+
+
+def unconfirmed(tables: Tables) -> dict[str, str]:
+    """Return why linear covariance of a case is not confirmed, by its label: the least likely row in words."""
+    frame = spot_check(tables)
+    rows = frame[frame.verdict == "disagree"].sort_values("chance_ratio", kind="stable").drop_duplicates("case")
+    return {row.case: _in_words(row) for row in rows.itertuples()}
+
+
+def _in_words(row: Any) -> str:
+    moment = row.event if " at " in row.event else f"at {row.event.replace('_', ' ')}"
+    if row.unit:
+        what = f"{row.error} is {row.ratio:.3g} times what linear covariance predicts"
+    else:
+        what = f"{row.error}: {row.found:g} of {row.runs}, {row.expected:.2g} expected"
+    return f"spot check of {row.runs} runs, {moment}: {what}"
+
+
+def verdicts(tables: Tables) -> pd.DataFrame:
+    """Return the verdict of `requirements.verdicts`, "not confirmed" where the runs have not decided and linear
+    covariance would say what the spot check does not bear out.
+    """
+    frame, why = by_runs.verdicts(tables), unconfirmed(tables)
+    open_ones = (frame.verdict == "undecided") & frame.case.isin(why)
+    return frame.assign(verdict=frame.verdict.mask(open_ones, NOT_CONFIRMED))
+
+
+def expected(tables: Tables) -> pd.DataFrame:
+    """Return linear covariance's verdicts as of `improvements.expected`, "not confirmed" with the reason where the spot
+    check does not bear them out.
+    """
+    frame, why = by_covariance.expected(tables), unconfirmed(tables)
+    refuted = frame.verdict.isin(["met", "violated"]) & frame.case.isin(why)
+    reason = frame.reason.mask(refuted, frame.case.map(why))
+    return frame.assign(verdict=frame.verdict.mask(refuted, NOT_CONFIRMED), reason=reason)
+
+
+def improvements(tables: Tables) -> pd.DataFrame:
+    """Return the improvements by linear covariance, of the cases where the spot check bears it out."""
+    frame = by_covariance.improvements(tables)
+    return frame[~frame.case.isin(unconfirmed(tables))].reset_index(drop=True)
