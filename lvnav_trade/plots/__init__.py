@@ -8,6 +8,7 @@ from lvnav_trade.plots.errors import autocorrelations, comparison, consistency, 
 from lvnav_trade.plots.mission import impact, orbit
 from lvnav_trade.plots.published import locus, missions, spread
 from lvnav_trade.plots.signals import delays, latency, satellites, sky, timeline
+from lvnav_trade.plots.validity import validity
 from lvnav_trade.plots.vehicle import (
     apart,
     envelopes,
@@ -40,6 +41,7 @@ PLOTS: dict[str, Callable[..., Any]] = {
     "budget": budget,
     "heatmap": heatmap,
     "consistency": consistency,
+    "validity": validity,
     "motion": motion,
     "ignition": ignition,
     "singular": singular,

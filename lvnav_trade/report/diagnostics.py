@@ -10,6 +10,7 @@ import pandas as pd
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.select import final_event, mean_at
 from lvnav_trade.metrics.errors.covariances import gaussian
+from lvnav_trade.plots.validity import is_a_grid
 from lvnav_trade.report.blocks import (
     Block,
     Grades,
@@ -173,7 +174,10 @@ def spot_check(tables: Tables) -> list[Block]:
     worst = cases.head(1)
     worst = worst.assign(rows=worst.case.map(cases.size()), outside=worst.case.map(outside))
     runs = f"{frame.runs.min()}" if frame.runs.min() == frame.runs.max() else "some"
-    return [Text(note("spot_check", runs=runs)), stated("spot_check", worst)] if len(worst) else []
+    if worst.empty:
+        return []
+    found: list[Block] = [Text(note("spot_check", runs=runs)), stated("spot_check", worst)]
+    return [*found, figure(tables, "validity")] if is_a_grid(tables) else found
 
 
 @of("nonlinearity")

@@ -24,6 +24,7 @@ BEYOND = {
     "latency": ["300 ms late#1"],  # taken for present: the mean error is 2.3 km at injection
     "vibration": ["100 Hz", "50 Hz"],  # an error of the strapdown's own
 }
+BY_COVARIANCE = ["validity"]  # without runs of their own: their spot check is what they are about
 FAULTS = 11
 
 
@@ -66,6 +67,8 @@ def test_every_model_of_the_world_has_its_campaign() -> None:
 @pytest.mark.parametrize("path", WORLD, ids=name)
 def test_monte_carlo_and_linear_covariance_agree_in_every_world_campaign(path: Path, tmp_path: Path) -> None:
     results = api.run(path, (), tmp_path, jobs=1, report=False)
+    if path.stem in BY_COVARIANCE:
+        return
     assert results.exit_code == 0
     found = METRICS["agreement"](results.folder)
     beyond = found.case.str.contains("|".join(BEYOND.get(path.stem, ["(?!)"])))

@@ -1,0 +1,40 @@
+"""The map of where linear covariance holds, over the two axes of a campaign."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from lvnav_trade.plots.validity import is_a_grid, validity
+from lvnav_trade.store import Tables
+
+LEVELS = {f"{h}{g}": {"heading": h, "gap": g} for h in ("1 deg", "10 deg") for g in ("0 s", "100 s")}
+
+
+def tables(levels, frame=None):
+    """Return results that hold nothing but the levels of cases and what their spot check found."""
+    found = Tables(Path())
+    found.__dict__ |= {"levels": levels, "labels": {case: case for case in levels}}
+    found.cache[("lvnav_trade.metrics.requirements.confirmation", "spot_check")] = frame
+    return found
+
+
+def test_a_grid_has_every_pair_of_levels_of_two_axes_once():
+    assert is_a_grid(tables(LEVELS))
+    assert not is_a_grid(tables(dict(list(LEVELS.items())[:3])))
+    assert not is_a_grid(tables({case: {"heading": case} for case in "abcd"}))
+
+
+def test_a_cell_holds_the_ratio_furthest_from_one_and_a_mark():
+    cases = list(LEVELS)
+    rows = [(case, "mrad", ratio, "agree") for case in cases for ratio in (0.9, 1.1)]
+    rows += [
+        (cases[1], "m", 0.2, "disagree"),
+        (cases[2], "m", np.inf, "disagree"),
+        (cases[3], "m", 1.0, "not applicable"),
+    ]
+    frame = pd.DataFrame(rows, columns=["case", "unit", "ratio", "verdict"])
+    texts = [text.get_text() for text in validity(tables(LEVELS, frame)).axes[0].texts]
+    assert texts == ["1.1", "✗ 5", "✗ > 100", "– 1.1"]
