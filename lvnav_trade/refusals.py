@@ -52,6 +52,15 @@ REFUSALS = (
         lambda s: s.filter.logic is not None and not _receiver(s),
     ),
     Refusal(
+        "trajectory.pad_hold",
+        "the flight begins with its lift-off, and a sensor of the scenario measures on the pad only",
+        lambda s: (
+            s.trajectory.pad_hold <= 0.0
+            and s.trajectory.kind != "table"  # its rows may begin at rest
+            and any(card is not None and card.on_pad for card in s.sensors.values())
+        ),
+    ),
+    Refusal(
         "filter.gains",
         "the filter has no measurement that a gain could be for",
         lambda s: s.filter.gains is not None and not s.filter.aided,

@@ -11,6 +11,7 @@ from tests.engines.modelled import SETTINGS
 TIGHT = "base.filter=filters/tight"
 MODELLED = (*SETTINGS, "base.imu=imu/kvh1750_003_published", "base.filter=filters/vehicle_model_003")
 LATE, PROPAGATED = {"kind": "buffered"}, {"kind": "extrapolated"}
+STANDING = {"kind": "zero_velocity", "name": "a", "source": "b", "sigma": "1 cm/s"}
 CASES = [
     ((INERTIAL,), {"filter.delay_compensation": LATE}, "nothing of the receiver that could be late"),
     ((TIGHT,), {"filter.delay_compensation": PROPAGATED}, "a range has no velocity of its own"),
@@ -20,6 +21,11 @@ CASES = [
     ),
     ((LOOSE,), {"filter.init": "from_gnss", "filter.measurements": ["velocity"]}, "both are to be measured"),
     ((INERTIAL,), {"filter.logic": {}}, "a mode logic checks what the receiver measures"),
+    (
+        (INERTIAL,),
+        {"filter.measurements": ["zero_velocity"], "sensors": {"still": STANDING}, "trajectory.pad_hold": "0 s"},
+        "begins with its lift-off",
+    ),
     (MODELLED, {"imu.gyro.quantisation": "1 urad"}, "quantisation correlates a sample with the next one"),
 ]  # fmt: skip
 

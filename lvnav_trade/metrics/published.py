@@ -20,7 +20,13 @@ from lvnav_trade.metrics.basics.select import (
     split_metric,
     time_mean,
 )
-from lvnav_trade.metrics.errors.covariances import NUMERICAL, observed
+from lvnav_trade.metrics.errors.covariances import (
+    LINEAR_ATTITUDE,
+    NUMERICAL,
+    beyond_at_start,
+    beyond_linear,
+    observed,
+)
 from lvnav_trade.metrics.filter import whiteness
 from lvnav_trade.metrics.vehicle import nozzle
 from lvnav_trade.records import Floats
@@ -104,12 +110,21 @@ def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Our
     if chosen.empty:
         return _NOT_FLOWN
     with_runs = bool(chosen.run_count.iloc[0])
+    beyond = _beyond_linear(tables, case, stated, quantity, unit) if statistic == "lincov" else ""
+    if beyond:
+        return Ours(np.nan, f"not applicable: {beyond}")
     if statistic in _SIGMAS:
         square = chosen[_SIGMAS[statistic][0 if with_runs else 1]] ** 2
     else:
         square = chosen.rms_si**2 if with_runs else chosen.lincov_true_si**2 + chosen.lincov_mean_si**2
     value = float(np.sqrt(time_mean(chosen.t_s.to_numpy(), square.to_numpy()))) / scale
     return Ours(value, "" if with_runs else "linear covariance", _each(tables, case, stated, rows) / scale)
+
+
+def _beyond_linear(tables: Tables, case: str, stated: Mapping[str, Any], quantity: str, unit: str) -> str:
+    """Say why linear covariance has no number beside what is stated of an attitude: one of the two is not small."""
+    published = float(stated.get("value", 0.0)) * (_scale(unit, "rad") or 0.0) if quantity == "attitude" else 0.0
+    return beyond_linear(published) if published > LINEAR_ATTITUDE else beyond_at_start(tables, case)
 
 
 def _scale(unit: str, si: str) -> float | None:

@@ -16,7 +16,8 @@ N_TRUTH = 4
 
 class FlightView(NamedTuple):
     """The true flight at the epochs, for sensors: t (n,) s; r_i, v_i (n, 3), q_b_i (n, 4) frame i; height (n,) m over
-    the ellipsoid; theta (n,) rad angle of the Earth.
+    the ellipsoid; theta (n,) rad angle of the Earth; r_rest (n, 3), q_rest (n, 4) place and attitude without the
+    oscillations; standing (n,) whether the vehicle has not yet left the place on the Earth where it stands.
     """
 
     t: Floats
@@ -25,6 +26,9 @@ class FlightView(NamedTuple):
     q_b_i: Floats
     height: Floats
     theta: Floats
+    r_rest: Floats = np.empty((0, 3))
+    q_rest: Floats = np.empty((0, 4))
+    standing: Bools = np.empty(0, dtype=np.bool_)
 
 
 class LastingError(NamedTuple):
@@ -62,6 +66,7 @@ class SensorCard(Conditions):
     jacobian: ClassVar[tuple[str, ...]]
     noise: ClassVar[str]
     noise_fields: ClassVar[tuple[str, ...]] = ("sigma",)
+    on_pad: ClassVar[bool] = False
 
     name: str
     source: str

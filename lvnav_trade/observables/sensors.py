@@ -10,15 +10,22 @@ from lvnav_trade.kernels.jit import inlined
 from lvnav_trade.observables import altitude, attitude
 from lvnav_trade.observables.altitude import AltimeterCard
 from lvnav_trade.observables.attitude import AttitudeReferenceCard
+from lvnav_trade.observables.pad import azimuth, position, velocity
+from lvnav_trade.observables.pad.azimuth import AzimuthCard
+from lvnav_trade.observables.pad.position import PadPositionCard
+from lvnav_trade.observables.pad.velocity import ZeroVelocityCard
 from lvnav_trade.observables.sensor import SensorCard
 from lvnav_trade.units import Card
 
 SENSORS: tuple[type[SensorCard], ...] = (
     AltimeterCard,
     AttitudeReferenceCard,
+    ZeroVelocityCard,
+    PadPositionCard,
+    AzimuthCard,
 )
 """The number of a member in the kernels is its place here."""
-ALTIMETER, ATTITUDE_REFERENCE = range(len(SENSORS))
+ALTIMETER, ATTITUDE_REFERENCE, ZERO_VELOCITY, PAD_POSITION, AZIMUTH = range(len(SENSORS))
 
 RECEIVER_SOLUTION = ("position", "velocity")
 RANGES = ("pseudorange", "range_rate")
@@ -63,6 +70,12 @@ def measure(out, code, truth, e0, e1, e2):
         altitude.measure(out, truth, e0)
     elif code == ATTITUDE_REFERENCE:
         attitude.measure(out, truth, e0, e1, e2)
+    elif code == ZERO_VELOCITY:
+        velocity.measure(out, truth, e0, e1, e2)
+    elif code == PAD_POSITION:
+        position.measure(out, truth, e0, e1, e2)
+    elif code == AZIMUTH:
+        azimuth.measure(out, truth, e0)
 
 
 @inlined
@@ -76,3 +89,9 @@ def fill(H, z, at, code, observed, nav, theta):
         z[at] = observed[0] - altitude.row(H[at], nav)
     elif code == ATTITUDE_REFERENCE:
         attitude.fill(H, z, at, observed, nav)
+    elif code == ZERO_VELOCITY:
+        velocity.fill(H, z, at, observed, nav, theta)
+    elif code == PAD_POSITION:
+        position.fill(H, z, at, observed, nav, theta)
+    elif code == AZIMUTH:
+        azimuth.fill(H, z, at, observed, nav)

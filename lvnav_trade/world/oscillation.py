@@ -69,6 +69,26 @@ class Noise(Card):
         require_rising("frequency", self.frequency)
 
 
+class Mode(Card):
+    """A mode of a standing vehicle that the wind excites: it rocks or bends about a body axis, or twists about its own.
+
+    The unit is turned by an angle and displaced with it by the lever arm. With a damping ratio the motion is random, of
+    the density of a damped oscillator under white torque, as `lines` sinusoids of fixed frequency and phase of equal
+    power; they depend on `name` and axis alone: every run, case and campaign sways alike. Without, it is one sinusoid.
+    """
+
+    name: str = "sway"
+    frequency: units.Frequency
+    axis: Axis
+    angle: Annotated[units.Angle, Field(gt=0.0, lt=0.1)] = Field(description="root mean square at the unit")
+    lever: tuple[units.Length, units.Length, units.Length] = Field(
+        (0.0, 0.0, 0.0),
+        description="body axes, from the axis of rotation to the unit; of a bending mode deflection over slope",
+    )
+    damping: float | None = Field(None, gt=0.0, lt=0.5, description="damping ratio; none: one sinusoid")
+    lines: int = Field(32, ge=8, le=1024)
+
+
 class OscillationCard(Card):
     """Coning and vibration between two times of the flight, which grow and die away over `ramp` at either end.
 
@@ -81,10 +101,11 @@ class OscillationCard(Card):
     coning: tuple[Coning, ...] = ()
     tones: tuple[Tone, ...] = ()
     noise: tuple[Noise, ...] = ()
+    modes: tuple[Mode, ...] = ()
 
     def _faults(self) -> Iterator[str]:
-        if not (self.coning or self.tones or self.noise):
-            yield "an oscillation needs coning, tones or noise"
+        if not (self.coning or self.tones or self.noise or self.modes):
+            yield "an oscillation needs coning, tones, noise or modes"
 
 
 class Oscillation(NamedTuple):
@@ -164,6 +185,7 @@ def oscillations(
         if start < span[0] or end > span[1]:
             raise InputError(f"{where}{start:g} to {end:g} s is not within the flight, {span[0]:g} to {span[1]:g} s")
         rows = [*map(_cone, card.coning), *map(_tone, card.tones), *chain.from_iterable(map(_lines, card.noise))]
+        rows += chain.from_iterable(map(_sway, card.modes))
         found.append(Oscillation(start, end, card.ramp, *map(np.array, zip(*rows, strict=True))))
     return tuple(found)
 
@@ -206,6 +228,31 @@ def _lines(card: Noise) -> Iterable[Row]:
         for f, a, p in zip(frequency, np.sqrt(2.0 * power), 2.0 * np.pi * phase, strict=True):
             omega, wave = 2.0 * math.pi * f, a * np.exp(1j * p) * _unit(axis)
             yield (omega, wave / (1j * omega), _NONE) if card.rate is not None else (omega, _NONE, -wave / omega**2)
+
+
+_SLOWEST, _FASTEST = 0.02, 20.0  # of the frequency of a mode: beyond, the density has less than 1e-4 of the power
+
+
+def _sway(card: Mode) -> Iterator[Row]:
+    """Yield the lines of a mode: of equal power, a fixed place within each part of the density, and fixed phases."""
+    if card.damping is None:
+        yield _swaying(card, card.frequency, math.sqrt(2.0) * card.angle, 0.0)
+        return
+    word = source_word(f"{card.name} {card.axis} mode")
+    where, phase = np.random.Philox(key=int(word)).random_raw(2 * card.lines).reshape(2, card.lines) / 2.0**64
+    ratio = np.geomspace(_SLOWEST, _FASTEST, 20001)
+    density = 1.0 / ((1.0 - ratio**2) ** 2 + (2.0 * card.damping * ratio) ** 2)
+    power = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(ratio))])
+    at = np.interp((np.arange(card.lines) + where) / card.lines, power / power[-1], ratio)
+    peak = card.angle * math.sqrt(2.0 / card.lines)
+    for one, turns in zip(at.tolist(), phase.tolist(), strict=True):
+        yield _swaying(card, one * card.frequency, peak, 2.0 * math.pi * turns)
+
+
+def _swaying(card: Mode, frequency: float, peak: float, phase: float) -> Row:
+    """Return one sinusoid of a mode: its rotation vector, and the displacement of a unit at the lever arm."""
+    turn = -1j * peak * np.exp(1j * phase) * _unit(card.axis)
+    return 2.0 * math.pi * frequency, turn, np.cross(turn, card.lever)
 
 
 def _cumulated(f: Floats, density: Floats, at: Floats) -> Floats:

@@ -263,6 +263,11 @@ def oscillating(trajectory: Trajectory, oscillations: tuple[Oscillation, ...]) -
     return replace(trajectory, phases=tuple(phases))
 
 
+def at_rest(trajectory: Trajectory) -> Trajectory:
+    """Return the flight without its oscillations."""
+    return replace(trajectory, phases=tuple(phase._replace(oscillations=()) for phase in trajectory.phases))
+
+
 def reference(trajectory: Trajectory, rate: float) -> Reference:
     """Return the motion on ticks at `rate` (Hz) from the start, and the increments of an ideal IMU between them.
 

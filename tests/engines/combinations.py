@@ -23,16 +23,18 @@ from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.scheduled import schedule_of
-from lvnav_trade.frames import quaternions
+from lvnav_trade.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, quaternions, rotation_e_n
 from lvnav_trade.layout import state_names
 from lvnav_trade.records import Floats
 from lvnav_trade.refusals import refused
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.flight.trajectory import Phase, Trajectory
-from lvnav_trade.world.truth import attitude_spline, position_spline
+from lvnav_trade.world.oscillation import OscillationCard, oscillations
+from lvnav_trade.world.truth import attitude_spline, body_axes, oscillating, pad_phase, pad_times, position_spline
 from tests.building import SITE_R, SITE_V, fly, loaded, prepare_hop, with_fields
 
 RUNS, SEED = 64, 20261122
+FROM_PAD = "from the pad, "
 STEADY = ", steady thrust"
 TIMES = (15.0, 30.0, 45.0, 60.0)
 LEVEL = 1e-3
@@ -46,6 +48,12 @@ BASE = (
 REFERENCE = {"kind": "attitude_reference", "name": "reference", "source": "test", "sigma": "5 mrad"}
 ALTIMETER = {"kind": "altimeter", "name": "altimeter", "source": "test", "sigma": "20 m", "bias": "10 m",
              "highest": "1000 km"}  # fmt: skip
+ON_PAD = {
+    "zero_velocity": {"kind": "zero_velocity", "sigma": "5 cm/s", "jitter": "5 cm/s"},
+    "pad_position": {"kind": "pad_position", "sigma": "10 cm", "jitter": "10 cm"},
+    "azimuth": {"kind": "azimuth", "sigma": "1 mrad", "bias": "0.3 mrad"},
+}
+"""Sensors of a flight whose first half is the rest on the pad."""
 LATE = {"receiver.latency": "0.3 s"}
 BUFFERED = {"kind": "buffered"}
 EXTRAPOLATED = {"kind": "extrapolated", "delay_sigma": "1 ms", "acceleration_sigma": "0.1 m/s^2"}
@@ -64,6 +72,8 @@ DIMENSIONS: dict[str, dict[str, dict[str, Any]]] = {
         "solution, attitude, imu": {"filter.measurements": ["position", "velocity", "attitude", "imu"]},
         "ranges, attitude, imu": {"filter.measurements": ["pseudorange", "range_rate", "attitude", "imu"]},
         "attitude": {"filter.measurements": ["attitude"]},
+        "zero velocity, position, azimuth": {"filter.measurements": ["zero_velocity", "pad_position", "azimuth"]},
+        "ranges, zero velocity": {"filter.measurements": ["pseudorange", "range_rate", "zero_velocity"]},
         "none": {"filter.measurements": []},
     },
     "correction": {"closed": {}, "open": {"filter.feedback": "open"}},
@@ -148,7 +158,8 @@ def refusal(case: Case) -> str:
     )  # fmt: skip
     exact = SimpleNamespace(quantisation=0.0)
     imu = SimpleNamespace(gyro=exact, accel=exact)
-    found_one = refused(SimpleNamespace(filter=card, imu=imu, control=None, sensors={}))
+    trajectory = SimpleNamespace(kind="vehicle", pad_hold=60.0)
+    found_one = refused(SimpleNamespace(filter=card, imu=imu, control=None, sensors={}, trajectory=trajectory))
     return "" if found_one is None else f"{found_one.path}: {found_one.reason}"
 
 
@@ -165,6 +176,8 @@ def flight(kind: str) -> Trajectory:
     """Return a minute of flight: 40 s of boost, then coast; the body pitches slowly, and spins or oscillates. Of a kind
     that ends with STEADY the boost goes on.
     """
+    if kind.startswith(FROM_PAD):
+        return _from_pad(kind.removeprefix(FROM_PAD))
     along = 30.0 * SITE_V / np.linalg.norm(SITE_V)
     coast = along if kind.endswith(STEADY) else np.zeros(3)
     phases, events, start, r, v = [], {"liftoff": 0.0}, 0.0, SITE_R, SITE_V
@@ -177,6 +190,33 @@ def flight(kind: str) -> Trajectory:
         start, r, v = t[-1], rs[-1], vs[-1]
         events[("stage1_cutoff", "end")[number]] = start
     return Trajectory(tuple(phases), events, 0.3, "2024-03-20T12:00:00Z")
+
+
+def _from_pad(kind: str) -> Trajectory:
+    """Return half a minute on the pad at 40 N, where the vehicle sways if it oscillates, and half a minute of flight
+    straight up, in which it spins if it does.
+    """
+    r_e, lift_off = ecef_from_geodetic(np.radians(40.0), np.radians(-75.0), 30.0), 30.0
+    _, east, down = rotation_e_n(np.radians(40.0), np.radians(-75.0))
+
+    def upright(t: Floats) -> Floats:
+        x, side = (eci_from_ecef(np.tile(axis, (t.size, 1)), earth_angle(0.3, t)) for axis in (-down, east))
+        roll = 2.0 * np.pi * 0.8 * np.maximum(0.0, t - lift_off) if kind == "spinning" else np.zeros(t.size)
+        return quaternions(body_axes(x, side, roll))
+
+    before = pad_times(lift_off, lift_off)
+    pad = pad_phase(r_e, 0.3, lift_off, lift_off, attitude_spline(before, upright(before)))
+    t = lift_off + np.linspace(0.0, 30.0, 1201)
+    up = eci_from_ecef(-down, earth_angle(0.3, lift_off))
+    r, v, a = fly(lambda _: 25.0 * up, t, pad[0].position(lift_off), pad[0].position(lift_off, 1))
+    flown = Phase("ascent", t[0], t[-1], position_spline(t, r, v[[0, -1]], a[[0, -1]]), attitude_spline(t, upright(t)))
+    events = {"liftoff": lift_off, "stage1_cutoff": 45.0, "end": 60.0}
+    nominal = Trajectory((*pad, flown), events, 0.3, "2024-03-20T12:00:00Z")
+    if kind != "oscillating":
+        return nominal
+    sway = {"frequency": "0.5 Hz", "axis": "y", "angle": "0.3 mrad", "lever": ["20 m", "0 m", "0 m"], "damping": 0.05}
+    card = OscillationCard.model_validate({"start": "0 s", "end": "liftoff", "modes": [sway]})
+    return oscillating(nominal, oscillations([card], events, (0.0, 60.0)))
 
 
 def _attitude(kind: str, t: Floats) -> Floats:
@@ -209,7 +249,10 @@ def scenario_of(case: Case) -> tuple[Scenario, str, bool]:
         fields["receiver.lever_b"] = ["1 m", "0 m", "0 m"]
     if "imu" in listed and case["states"] == "scale factors":
         kind += STEADY  # at a step the estimated acceleration, which scale factors are multiplied with, is wrong
+    if set(listed) & set(ON_PAD):
+        kind = FROM_PAD + kind
     found = {"attitude": REFERENCE, "altitude": ALTIMETER}
+    found |= {name: {"name": name, "source": "test"} | card for name, card in ON_PAD.items()}
     fields["sensors"] = {name: card for name, card in found.items() if name in listed}
     return with_fields(loaded(*BASE), **fields), kind, stored
 

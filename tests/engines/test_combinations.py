@@ -17,6 +17,11 @@ SAMPLE = [
     {"measurements": "solution, attitude", "states": "unmodelled", "fault": "gyro bias step"},
     {"measurements": "ranges, altitude", "states": "considered", "vehicle": "spinning"},
     {"measurements": "pseudorange", "states": "scale factors", "vehicle": "oscillating"},
+    {
+        "measurements": "zero velocity, position, azimuth",
+        "vehicle": "oscillating",
+        "fault": "gyro bias step",
+    },
     {"measurements": "attitude", "states": "neglected", "fault": "noise"},
     {"measurements": "position", "gains": "stored", "fault": "noise"},
 ]
@@ -29,7 +34,7 @@ def test_every_pair_of_levels_stands_in_a_case_that_runs_or_is_refused_wherever_
         for x, y in itertools.product(DIMENSIONS[a], DIMENSIONS[b]):
             if not any(case[a] == x and case[b] == y for case in run):
                 assert any(case[a] == x and case[b] == y and refusal(case) for case in cases), (a, x, b, y)
-    assert 40 <= len(cases) <= 90
+    assert 40 <= len(cases) <= 130
 
 
 def test_what_the_table_refuses_is_what_a_scenario_refuses():

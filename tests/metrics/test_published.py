@@ -65,6 +65,15 @@ def test_sigmas_of_the_filter_and_of_linear_covariance_are_those_of_the_gaussian
     assert ours(alone, CASE, stated, "m/s").remark == "linear covariance"
 
 
+def test_an_attitude_beyond_five_degrees_has_no_linear_covariance_beside_it(good):
+    stated = {"metric": "attitude_error_roll", "at": "injection", "statistic": "lincov", "value": 48.8}
+    found = ours(good, CASE, stated, "deg")
+    assert np.isnan(found.value)
+    assert found.remark == "not applicable: an attitude error of 49 deg (one sigma) is beyond the linear form (5 deg)"
+    assert ours(good, CASE, stated | {"value": 4.9}, "deg").value > 0.0
+    assert ours(good, CASE, stated | {"statistic": "formal"}, "deg").value > 0.0
+
+
 def test_satellites_are_counted_and_what_is_left_of_delays_is_the_worst(good):
     during = {"metric": "satellites_tracked", "during": "flight"}
     assert ours(good, CASE, during | {"statistic": "least"}, "-").value == 0.0  # in the outage

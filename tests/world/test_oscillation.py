@@ -186,6 +186,43 @@ def test_noise_is_the_same_in_every_run_and_another_by_another_name():
     assert np.max(np.abs(line("vibration") - line("pogo"))) > 1.0
 
 
+SWAY = {"frequency": "0.4 Hz", "axis": "y", "angle": "1 mrad", "lever": ["20 m", "0 m", "1 m"]}
+
+
+def test_a_mode_turns_the_body_and_displaces_the_unit_by_its_lever_arm():
+    (sway,) = oscillations([card(modes=[SWAY])], EVENTS, (0.0, 20.0))
+    t = np.arange(5.0, 15.0, 0.01)  # four periods between the ramps
+    moved = small_motion([sway], t)
+    assert np.sqrt(np.mean(moved.turn[:, 1] ** 2)) == pytest.approx(1e-3, rel=1e-3)
+    assert not moved.turn[:, [0, 2]].any()
+    np.testing.assert_allclose(moved.shift, np.cross(moved.turn, [20.0, 0.0, 1.0]), atol=1e-15)
+    np.testing.assert_allclose(moved.shift_rate, np.cross(moved.turn_rate, [20.0, 0.0, 1.0]), atol=1e-15)
+
+
+def test_a_damped_mode_has_the_power_and_the_width_of_a_damped_oscillator():
+    """Under white torque: mean square by definition, that of the rate (2 pi f)^2 times as large."""
+    window = {"start": "0 s", "end": "4000 s", "ramp": "1 s"}
+    damped = OscillationCard.model_validate({**window, "modes": [{**SWAY, "damping": 0.05, "lines": 512}]})
+    (sway,) = oscillations([damped], EVENTS, (0.0, 4000.0))
+    assert 0.5 * np.sum(np.abs(sway.turn[:, 1]) ** 2) == pytest.approx(1e-6, rel=1e-12)
+    rate = 0.5 * np.sum(np.abs(sway.omega * sway.turn[:, 1]) ** 2)
+    assert rate == pytest.approx((2.0 * math.pi * 0.4) ** 2 * 1e-6, rel=0.02)
+    # half of the power lies within damping times the frequency of the resonance, as of a Lorentz curve
+    near = np.abs(sway.omega / (2.0 * math.pi * 0.4) - 1.0) < 0.05
+    assert np.mean(near) == pytest.approx(0.5, abs=0.02)
+    moved = small_motion([sway], np.arange(1.0, 3999.0, 0.25))
+    assert np.sqrt(np.mean(moved.turn[:, 1] ** 2)) == pytest.approx(1e-3, rel=0.05)
+
+
+def test_modes_of_another_name_or_axis_sway_by_themselves():
+    def lines(**change):
+        return oscillations([card(modes=[{**SWAY, "damping": 0.02, **change}])], EVENTS, (0.0, 20.0))[0].omega
+
+    assert np.array_equal(lines(), lines())
+    assert not np.array_equal(lines(), lines(name="other"))
+    assert not np.array_equal(lines(), lines(axis="z"))
+
+
 def test_nothing_moves_outside_the_window_and_nothing_jumps_at_its_edges():
     moved, nominal = laid_over(pushed(), card(**ALL)), pushed()
     for t in (np.linspace(0.0, 1.0, 30), np.linspace(19.0, 20.0, 30)):
@@ -215,7 +252,7 @@ def test_without_oscillation_the_flight_is_the_very_same():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"coning": []}, "an oscillation needs coning, tones or noise"),
+        ({"coning": []}, "an oscillation needs coning, tones, noise or modes"),
         ({"tones": [{"frequency": "5 Hz", "axis": "x"}]}, "give acceleration or angle, one of the two"),
         ({"noise": [{**NOISE, "rate": ["1 (rad/s)^2/Hz"] * 4}]}, "give acceleration or rate, one of the two"),
         ({"noise": [{**NOISE, "acceleration": ["1 g^2/Hz"]}]}, "4 frequencies but 1 densities"),

@@ -15,7 +15,11 @@ Found = Iterator[tuple[str, str]]
 
 def of_sensor(card: SensorCard, scenario: Scenario, events: Mapping[str, float]) -> Found:
     """Yield the conditions of a sensor that name no event of the flight or hold at no time of it; events: times (s)."""
-    yield from _never(card, _course(card, scenario, events))
+    course = _course(card, scenario, events)
+    found = list(_never(card, course))
+    yield from found
+    if card.on_pad and card.stated and not found and min(start for start, _ in course.holding(card)) >= 0.0:
+        yield card.stated[0], "holds after the lift-off only, and it measures on the pad only"
 
 
 def of_fault(fault: AnyFault, scenario: Scenario, events: Mapping[str, float]) -> Found:

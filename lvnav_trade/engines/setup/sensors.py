@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.engines.setup.inputs import Sensors
-from lvnav_trade.frames import earth_angle, geodetic_from_ecef
+from lvnav_trade.errors import InputError, Mistake
+from lvnav_trade.frames import earth_angle, earth_velocity, geodetic_from_ecef
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.observables.partials import Channels, SensorChannels
 from lvnav_trade.observables.sensor import N_TRUTH, FlightView, SensorCard
@@ -15,6 +16,10 @@ from lvnav_trade.records import Floats
 from lvnav_trade.scenario import Scenario, sensor_model, sensors_used
 from lvnav_trade.world.conditions import Course, inside
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
+from lvnav_trade.world.truth import at_rest
+
+STILL = 1e-3
+"""m/s over the Earth below which a vehicle stands: splines of the pad keep it to 1e-8, a launch passes it at once."""
 
 
 class Sensor(NamedTuple):
@@ -44,27 +49,37 @@ def measures(scenario: Scenario, card: SensorCard, course: Course, t_epoch: Floa
     return on & (np.abs(ticks - np.rint(ticks)) < 1e-6 * max(1.0, rate))
 
 
+def _view(trajectory: Trajectory, t: Floats) -> FlightView:
+    """Return the true flight at times (n,) s."""
+    at, rest = motion(trajectory, t), motion(at_rest(trajectory), t)
+    standing = np.logical_and.accumulate(np.linalg.norm(earth_velocity(rest.r_i, rest.v_i), axis=1) < STILL)
+    # heights are the same in frame i: it turns about the ellipsoid's axis
+    height, theta = geodetic_from_ecef(at.r_i)[2], np.asarray(earth_angle(trajectory.theta0, t))
+    return FlightView(t, at.r_i, at.v_i, at.q_b_i, height, theta, rest.r_i, rest.q_b_i, standing)
+
+
 def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats) -> tuple[Sensor, ...]:
     """Return the sensors that the filter of a scenario uses, at the epochs (s)."""
     used = sensors_used(scenario)
     if not used:
         return ()
-    at = motion(trajectory, t_epoch)
-    # heights are the same in frame i: it turns about the ellipsoid's axis
-    theta = earth_angle(trajectory.theta0, t_epoch)
-    view = FlightView(t_epoch, at.r_i, at.v_i, at.q_b_i, geodetic_from_ecef(at.r_i)[2], theta)
+    view = _view(trajectory, t_epoch)
     kinds = [card.measurement for card in used.values()]
     found = []
     for name, card in used.items():
         alone = kinds.count(card.measurement) == 1
         truth = card.truth(view)
+        on = measures(scenario, card, trajectory.course, t_epoch) & card.available(view)
+        if card.on_pad and not on.any():
+            message = "it measures while the vehicle stands on its pad, which is at none of its times"
+            raise InputError(records=[Mistake(message, f"sensors.{name}")])
         found.append(
             Sensor(
                 name,
                 card,
                 SensorChannels(card.measurement if alone else name, card.measurement, card.labels),
                 card.noise if alone else f"{card.noise} {name}",
-                measures(scenario, card, trajectory.course, t_epoch) & card.available(view),
+                on,
                 np.ascontiguousarray(np.pad(truth, ((0, 0), (0, N_TRUTH - truth.shape[1])))),
                 card.noise_sigma(view),
                 sensor_model(scenario, card).variance(view),

@@ -1,5 +1,6 @@
 """What linear covariance says of an error, where it applies, whether Monte Carlo agrees, and what is behind it."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,8 @@ from lvnav_trade.store import Tables
 
 REJECTS_TOO_MUCH = 0.01
 """A gate that rejects more than this part of good rows is not what linear covariance describes."""
+LINEAR_ATTITUDE = math.radians(5.0)
+"""rad; a larger one-sigma of attitude at or before lift-off is beyond the linear form: 1 - cos is 4 % of 5 deg."""
 AGREEMENT = ["case", "event", "state", "unit", "monte_carlo", "lincov", "ratio", "low", "high", "agree"]
 ALPHA = 0.01
 """Probability that any row of a case disagrees although both engines describe the same errors."""
@@ -63,10 +66,29 @@ def _matrix(rows: pd.DataFrame, axes: list[str], wanted: list[str]) -> Floats:
     return matrix[np.ix_(chosen, chosen)]
 
 
+def beyond_linear(attitude: float, when: str = "") -> str:
+    """Say that a one-sigma of attitude (rad) is no small angle; `when` begins with a space."""
+    size, limit = math.degrees(attitude), math.degrees(LINEAR_ATTITUDE)
+    return f"an attitude error of {size:.2g} deg (one sigma){when} is beyond the linear form ({limit:.0f} deg)"
+
+
+def beyond_at_start(tables: Tables, case: str) -> str:
+    """Say that the attitude of a case at or before lift-off is no small angle; empty where it is."""
+    rows = pick(tables.history, case=case, quantity="attitude")
+    rows = rows[(rows.t_s <= SAME_TIME) & (rows.axis != "3d")]
+    if not rows.lincov_true_si.max() > LINEAR_ATTITUDE:
+        return ""
+    largest = rows.loc[rows.lincov_true_si.idxmax()]
+    return beyond_linear(float(largest.lincov_true_si), f" at {largest.t_s:.0f} s")
+
+
 def why_not_applicable(tables: Tables, case: str) -> str:
     """Say why linear covariance does not describe a case at every epoch; empty where it does."""
     if bool(tables.cases.set_index("case").logic.get(case)):
         return "the filter starts, leaves out and stops by a logic of its own, run by run"
+    beyond = beyond_at_start(tables, case)
+    if beyond:
+        return beyond
     rows = pick(tables.innovations, case=case)
     rejected = rows.false_rejection_ratio.max()
     if not rejected > REJECTS_TOO_MUCH:

@@ -75,3 +75,10 @@ def test_an_elevation_has_no_effect_on_a_simulated_solution(study) -> None:
     assert reported(noisy, SOLUTION) == [
         "--set: base.faults.0.elevation_below: no effect: the receiver's solution is simulated, not solved from ranges"
     ]
+
+
+@pytest.mark.parametrize(("start", "message"), [("-30 s", ""), ("liftoff", "from: holds after the lift-off only")])
+def test_a_sensor_of_the_pad_is_used_before_the_lift_off(study, start: str, message: str) -> None:
+    still = f"sensors={{still: {{kind: zero_velocity, name: a, source: b, sigma: 1 cm/s, from: {start}}}}}"
+    lines = reported(still, "filter.measurements=[pseudorange, range_rate, zero_velocity]")
+    assert [line.startswith(f"--set: base.sensors.still.{message}") for line in lines] == [True] * bool(message)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -153,3 +154,28 @@ def test_directions_in_which_a_position_trades_with_its_bias_are_known_by_their_
     assert is_position_bias("+1.00 position bias x, -0.80 position north")
     assert not is_position_bias("+1.00 position north")
     assert not is_position_bias("+1.00 position bias x, +0.60 gyro bias x")
+
+
+def enlarged(tables, factor, until=1e9):
+    """The tables with the linear covariance of attitude so much larger, up to a time."""
+    history = tables.history.copy()
+    chosen = (history.quantity == "attitude") & (history.t_s <= until)
+    history.loc[chosen, "lincov_true_si"] *= factor
+    return SimpleNamespace(cases=tables.cases, history=history, innovations=tables.innovations)
+
+
+@pytest.mark.parametrize(("factor", "applies"), [(43.0, True), (44.0, False)])  # the largest sigma is 2 mrad
+def test_beyond_five_degrees_at_lift_off_linear_covariance_does_not_apply(good, factor, applies):
+    case = next(iter(good.labels))
+    found = why_not_applicable(enlarged(good, factor), case)
+    assert (not found) == applies
+    if not applies:
+        assert found == "an attitude error of 5 deg (one sigma) at -5 s is beyond the linear form (5 deg)"
+
+
+def test_what_attitude_becomes_in_flight_is_no_matter_of_alignment(good):
+    case = next(iter(good.labels))
+    history = good.history.copy()
+    history.loc[(history.quantity == "attitude") & (history.t_s > 0.0), "lincov_true_si"] *= 1e3
+    found = SimpleNamespace(cases=good.cases, history=history, innovations=good.innovations)
+    assert not why_not_applicable(found, case)

@@ -1,0 +1,103 @@
+"""Optical azimuth: a theodolite sees the normal of a mirror on the vehicle, along the body's y axis.
+
+Azimuth from north to east in the plane of the local horizon; with m the normal, d down and m_h its part in that plane,
+z - z_hat = (d - (m . d / |m_h|^2) m_h) . att + v. The horizon is that at the estimated position; how it turns with an
+error of that (1e-5 rad in 100 m) is neglected.
+"""
+
+import math
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from lvnav_trade.frames import matrices, rotation_i_n
+from lvnav_trade.kernels.attitude import matrix
+from lvnav_trade.kernels.earth import height_and_up
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import sqrt
+from lvnav_trade.kernels.strapdown import Q, R
+from lvnav_trade.observables.base import H_ATT, clear
+from lvnav_trade.observables.pad.standing import StandingCard
+from lvnav_trade.observables.sensor import FlightView, LastingError, SensorModel
+from lvnav_trade.records import Bools, Floats
+from lvnav_trade.units import AngleSigma
+
+_STEEPEST = 0.5  # part of the mirror's normal in the horizon below which it is not seen
+
+
+class AzimuthModel(SensorModel):
+    """Optical azimuth as the filter models it: white noise."""
+
+    sigma: AngleSigma = Field(gt=0.0)
+
+    def variance(self, flight: FlightView) -> Floats:
+        """Return the variance (n_epoch, 1) in rad^2."""
+        return np.full((flight.t.size, 1), self.sigma**2)
+
+
+class AzimuthCard(StandingCard):
+    """Azimuth of a mirror on the vehicle (its normal is the body's y axis), seen from the ground."""
+
+    measurement: ClassVar[str] = "azimuth"
+    model: ClassVar[type[SensorModel]] = AzimuthModel
+    unit: ClassVar[str] = "rad"
+    jacobian: ClassVar[tuple[str, ...]] = ("attitude",)
+    noise: ClassVar[str] = "azimuth noise"
+
+    kind: Literal["azimuth"] = "azimuth"
+    sigma: AngleSigma = Field(gt=0.0, description="white noise of a measurement")
+    bias: AngleSigma = Field(0.0, description="error of the surveyed line and of the mirror, the same all the time")
+
+    def truth(self, flight: FlightView) -> Floats:
+        """Return the azimuth of the mirror's normal (n_epoch, 1) in rad."""
+        normal = self._normal(flight)
+        return np.arctan2(normal[:, 1], normal[:, 0])[:, None]
+
+    def noise_sigma(self, flight: FlightView) -> Floats:
+        """Return the one-sigma (n_epoch, 1) in rad."""
+        return np.full((flight.t.size, 1), self.sigma)
+
+    def available(self, flight: FlightView) -> Bools:
+        """Return whether the vehicle stands and the mirror's normal is near enough to the horizon, (n_epoch,)."""
+        return flight.standing & (np.linalg.norm(self._normal(flight)[:, :2], axis=1) > _STEEPEST)
+
+    def lasting(self) -> tuple[LastingError, ...]:
+        """Return its bias."""
+        return (LastingError("azimuth bias", "azimuth_bias", self.bias, "bias", math.inf),)
+
+    @staticmethod
+    def _normal(flight: FlightView) -> Floats:
+        """Return the mirror's normal (n_epoch, 3), north-east-down axes."""
+        return np.asarray(
+            np.einsum("nij,nj->ni", rotation_i_n(flight.r_i, flight.theta), matrices(flight.q_b_i)[:, :, 1])
+        )
+
+
+@jit
+def measure(out, truth, error):
+    """Set out[:2] to cosine and sine of the measured azimuth: the true one, truth[0] (rad), plus an error (rad)."""
+    c, s, square = math.cos(truth[0]), math.sin(truth[0]), error * error
+    # series to the fifth power: exact to 1e-10 below 0.1 rad
+    cosine, sine = 1.0 - 0.5 * square * (1.0 - square / 12.0), error * (1.0 - square / 6.0 * (1.0 - 0.05 * square))
+    out[0], out[1] = c * cosine - s * sine, s * cosine + c * sine
+
+
+@jit
+def fill(H, z, at, observed, nav):
+    """Set a Jacobian row at `at`, and measured minus predicted azimuth (rad)."""
+    _, ux, uy, uz = height_and_up(nav[R], nav[R + 1], nav[R + 2])
+    scale = 1.0 / sqrt(ux * ux + uy * uy)
+    ex, ey = -uy * scale, ux * scale
+    nx, ny, nz = -uz * ey, uz * ex, ux * ey - uy * ex
+    c = matrix(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
+    north, east = nx * c[1] + ny * c[4] + nz * c[7], ex * c[1] + ey * c[4]
+    up = ux * c[1] + uy * c[4] + uz * c[7]
+    square = 1.0 / (north * north + east * east)
+    sine = (observed[1] * north - observed[0] * east) * sqrt(square)
+    z[at] = sine * (1.0 + sine * sine * (1.0 / 6.0))
+    h, tilt = H[at], up * square
+    clear(h)
+    h[H_ATT] = tilt * (north * nx + east * ex) - ux
+    h[H_ATT + 1] = tilt * (north * ny + east * ey) - uy
+    h[H_ATT + 2] = tilt * (north * nz) - uz

@@ -1,0 +1,66 @@
+"""Known position: the surveyed place where the inertial unit is while its vehicle stands on the pad.
+
+z - z_hat = C_i_e pos + v, axes of frame e.
+"""
+
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from lvnav_trade.frames import ecef_from_eci
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.strapdown import R
+from lvnav_trade.observables.base import H_POS
+from lvnav_trade.observables.pad.standing import StandingCard, begin_rows, to_earth
+from lvnav_trade.observables.sensor import FlightView, SensorModel
+from lvnav_trade.records import Floats
+from lvnav_trade.units import LengthSigma
+
+
+class PadPositionModel(SensorModel):
+    """Known position as the filter models it: white noise per axis in place of the sway."""
+
+    sigma: LengthSigma = Field(gt=0.0)
+
+    def variance(self, flight: FlightView) -> Floats:
+        """Return the variance (n_epoch, 3) in m^2."""
+        return np.full((flight.t.size, 3), self.sigma**2)
+
+
+class PadPositionCard(StandingCard):
+    """The surveyed position of the inertial unit of a vehicle that stands on its pad."""
+
+    measurement: ClassVar[str] = "pad_position"
+    model: ClassVar[type[SensorModel]] = PadPositionModel
+    labels: ClassVar[tuple[str, ...]] = ("x", "y", "z")
+    unit: ClassVar[str] = "m"
+    jacobian: ClassVar[tuple[str, ...]] = ("position",)
+    noise: ClassVar[str] = "pad position noise"
+    noise_fields: ClassVar[tuple[str, ...]] = ("jitter",)
+
+    kind: Literal["pad_position"] = "pad_position"
+    sigma: LengthSigma = Field(gt=0.0, description="of the sway, per axis, as a matched filter assumes it")
+    jitter: LengthSigma = Field(0.0, description="true white noise per axis, beside the sway of the trajectory")
+
+    def truth(self, flight: FlightView) -> Floats:
+        """Return the place at rest (n_epoch, 3) in m, frame e."""
+        return ecef_from_eci(flight.r_rest, flight.theta)
+
+    def noise_sigma(self, flight: FlightView) -> Floats:
+        """Return the one-sigma (n_epoch, 3) in m."""
+        return np.full((flight.t.size, 3), self.jitter)
+
+
+@jit
+def measure(out, truth, e0, e1, e2):
+    """Set out[:3] to the known position (m, frame e): the place at rest, truth[:3], plus errors."""
+    out[0], out[1], out[2] = truth[0] + e0, truth[1] + e1, truth[2] + e2
+
+
+@jit
+def fill(H, z, at, observed, nav, theta):
+    """Set three Jacobian rows from `at` on, and measured minus predicted position (m); theta rad of the Earth."""
+    x, y = to_earth(theta, nav[R], nav[R + 1])
+    z[at], z[at + 1], z[at + 2] = observed[0] - x, observed[1] - y, observed[2] - nav[R + 2]
+    begin_rows(H, at, H_POS, theta)

@@ -1,0 +1,44 @@
+"""What the sensors of the pad have in common: they measure while the vehicle stands, in axes of the rotating Earth."""
+
+import math
+from typing import ClassVar
+
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import like
+from lvnav_trade.observables.base import clear
+from lvnav_trade.observables.sensor import FlightView, SensorCard
+from lvnav_trade.records import Bools
+
+
+class StandingCard(SensorCard):
+    """A sensor of the pad: from the start of the flight until the vehicle leaves the place where it stands.
+
+    What it takes for known is the vehicle at rest on the rotating Earth. Sway and twist of the trajectory (its
+    oscillation) move the vehicle, and are errors of the measurement.
+    """
+
+    on_pad: ClassVar[bool] = True
+
+    def available(self, flight: FlightView) -> Bools:
+        """Return whether the vehicle stands, (n_epoch,)."""
+        return flight.standing
+
+
+@jit
+def begin_rows(H, at, entry, theta):
+    """Set three Jacobian rows from `at` on to the matrix from frame i to frame e, from `entry` on; theta rad of the
+    Earth.
+    """
+    c, s = math.cos(theta), math.sin(theta)
+    for axis in range(3):
+        clear(H[at + axis])
+    H[at, entry], H[at, entry + 1] = like(H[at, entry], c), like(H[at, entry], s)
+    H[at + 1, entry], H[at + 1, entry + 1] = like(H[at, entry], -s), like(H[at, entry], c)
+    H[at + 2, entry + 2] = like(H[at, entry], 1.0)
+
+
+@jit
+def to_earth(theta, x, y):
+    """Return the first two components in frame e of a vector in frame i; the third is the same."""
+    c, s = math.cos(theta), math.sin(theta)
+    return c * x + s * y, c * y - s * x

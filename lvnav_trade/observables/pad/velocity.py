@@ -1,0 +1,71 @@
+"""Zero velocity: a vehicle on its pad does not move over the rotating Earth.
+
+z - z_hat = C_i_e (vel - Omega x pos) + v, axes of frame e.
+"""
+
+import math
+from typing import ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from lvnav_trade.kernels.earth import OMEGA
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import like
+from lvnav_trade.kernels.strapdown import R, V
+from lvnav_trade.observables.base import H_POS, H_VEL
+from lvnav_trade.observables.pad.standing import StandingCard, begin_rows, to_earth
+from lvnav_trade.observables.sensor import FlightView, SensorModel
+from lvnav_trade.records import Floats
+from lvnav_trade.units import SpeedSigma
+
+
+class ZeroVelocityModel(SensorModel):
+    """Zero velocity as the filter models it: white noise per axis in place of the sway."""
+
+    sigma: SpeedSigma = Field(gt=0.0)
+
+    def variance(self, flight: FlightView) -> Floats:
+        """Return the variance (n_epoch, 3) in m^2/s^2."""
+        return np.full((flight.t.size, 3), self.sigma**2)
+
+
+class ZeroVelocityCard(StandingCard):
+    """The velocity relative to the Earth is taken for zero while the vehicle stands on its pad."""
+
+    measurement: ClassVar[str] = "zero_velocity"
+    model: ClassVar[type[SensorModel]] = ZeroVelocityModel
+    labels: ClassVar[tuple[str, ...]] = ("x", "y", "z")
+    unit: ClassVar[str] = "m/s"
+    jacobian: ClassVar[tuple[str, ...]] = ("velocity", "position")
+    noise: ClassVar[str] = "zero velocity noise"
+    noise_fields: ClassVar[tuple[str, ...]] = ("jitter",)
+
+    kind: Literal["zero_velocity"] = "zero_velocity"
+    sigma: SpeedSigma = Field(gt=0.0, description="of the sway, per axis, as a matched filter assumes it")
+    jitter: SpeedSigma = Field(0.0, description="true white noise per axis, beside the sway of the trajectory")
+
+    def truth(self, flight: FlightView) -> Floats:
+        """Return zero, (n_epoch, 3) m/s."""
+        return np.zeros((flight.t.size, 3))
+
+    def noise_sigma(self, flight: FlightView) -> Floats:
+        """Return the one-sigma (n_epoch, 3) in m/s."""
+        return np.full((flight.t.size, 3), self.jitter)
+
+
+@jit
+def measure(out, truth, e0, e1, e2):
+    """Set out[:3] to the measured velocity relative to the Earth (m/s, frame e): zero, truth[:3], plus errors."""
+    out[0], out[1], out[2] = truth[0] + e0, truth[1] + e1, truth[2] + e2
+
+
+@jit
+def fill(H, z, at, observed, nav, theta):
+    """Set three Jacobian rows from `at` on, and measured minus predicted velocity (m/s); theta rad of the Earth."""
+    x, y = to_earth(theta, nav[V] + OMEGA * nav[R + 1], nav[V + 1] - OMEGA * nav[R])
+    z[at], z[at + 1], z[at + 2] = observed[0] - x, observed[1] - y, observed[2] - nav[V + 2]
+    begin_rows(H, at, H_VEL, theta)
+    c, s = OMEGA * math.cos(theta), OMEGA * math.sin(theta)
+    H[at, H_POS], H[at, H_POS + 1] = like(z[at], -s), like(z[at], c)
+    H[at + 1, H_POS], H[at + 1, H_POS + 1] = like(z[at], -c), like(z[at], -s)
