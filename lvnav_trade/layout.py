@@ -59,12 +59,17 @@ EXTRAS = {
     "ionosphere_scale": ("1", "%", 1e2),
     "position_bias": ("m", "m", 1.0),
     "velocity_bias": ("m/s", "m/s", 1.0),
+    "gyro_relative_bias": ("rad/s", "deg/h", _DEG_H),
+    "accel_relative_bias": ("m/s^2", "mg", _MG),
 }
+RELATIVE = {"angle_difference": "gyro_relative_bias", "velocity_difference": "accel_relative_bias"}
+"""Extra states of a filter that measures the difference of two inertial units, by measurement."""
 
 
 class ExtraBlock(NamedTuple):
     """States that measurements share: name; labels of its components; offset of the first; member (n_channel,)
-    component in each channel, -1 none; initial sigma; time constant (s, inf: constant).
+    component in each channel, -1 none; initial sigma; time constant (s, inf: constant); walk (root PSD); correlation of
+    a relative bias with the bias of the fused triad, at the start.
     """
 
     name: str
@@ -73,6 +78,8 @@ class ExtraBlock(NamedTuple):
     member: NDArray[np.int64]
     sigma: float
     time_constant: float
+    walk: float = 0.0
+    correlation: float = 0.0
 
 
 class StateLayout(NamedTuple):

@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import numpy as np
+
 
 class Refusal(NamedTuple):
     """A refused combination: path of the field that it is about, reason, and whether a scenario has it."""
@@ -18,6 +20,25 @@ def _delay(scenario: Any) -> Any:
 
 def _receiver(scenario: Any) -> bool:
     return bool(scenario.filter.tight or scenario.filter.loose)
+
+
+def _units(scenario: Any) -> tuple[Any, ...]:
+    """Return the inertial units of a scenario."""
+    return tuple(getattr(scenario.imu, "units", (scenario.imu,)))
+
+
+def _quantised(unit: Any) -> bool:
+    return max(unit.gyro.quantisation, unit.accel.quantisation) > 0.0
+
+
+def _rank(unit: Any) -> int:
+    """Return how many dimensions the axes of a unit span."""
+    return int(np.linalg.matrix_rank(getattr(unit, "directions", np.eye(3)), tol=1e-6))
+
+
+def _differences(scenario: Any) -> list[Any]:
+    """Return the sensors that measure by what two units differ."""
+    return [card for card in scenario.sensors.values() if getattr(card, "measurement", "").endswith("_difference")]
 
 
 REFUSALS = (
@@ -68,7 +89,36 @@ REFUSALS = (
     Refusal(
         "imu",
         "quantisation correlates a sample with the next one, which samples as measurements (imu) take for independent",
-        lambda s: s.filter.models_vehicle and max(s.imu.gyro.quantisation, s.imu.accel.quantisation) > 0.0,
+        lambda s: s.filter.models_vehicle and any(_quantised(unit) for unit in _units(s)),
+    ),
+    Refusal(
+        "faults",
+        "a fault is of an inertial unit that the scenario does not have",
+        lambda s: any(getattr(fault, "unit", 1) > len(_units(s)) for fault in s.faults),
+    ),
+    Refusal(
+        "sensors",
+        "a difference is of two inertial units that each sense along three axes or more, and one of them is not there",
+        lambda s: any(
+            number > len(_units(s)) or _rank(_units(s)[number - 1]) < 3
+            for card in _differences(s)
+            for number in card.units
+        ),
+    ),
+    Refusal(
+        "sensors",
+        "two sensors measure the same difference: the filter has one relative bias for each of its kind",
+        lambda s: len({card.measurement for card in _differences(s)}) < len(_differences(s)),
+    ),
+    Refusal(
+        "imu.weights",
+        "noise of a difference is correlated with that of fused increments, unless both weight units by random_walk",
+        lambda s: bool(_differences(s)) and s.imu.weights != "random_walk",
+    ),
+    Refusal(
+        "imu",
+        "quantisation correlates a difference of increments with the next one, which updates take for independent",
+        lambda s: bool(_differences(s)) and any(_quantised(unit) for unit in _units(s)),
     ),
     Refusal(
         "control",

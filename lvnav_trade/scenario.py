@@ -9,7 +9,10 @@ from pydantic import Field, field_validator, model_validator
 
 from lvnav_trade.delays.cards import AtmosphereCard
 from lvnav_trade.filters.base import FilterCard, ImuModel, InitialModel, ReceiverModel
+from lvnav_trade.kernels.transition import ACCEL, GYRO
+from lvnav_trade.layout import RELATIVE
 from lvnav_trade.limits import FAULTS
+from lvnav_trade.observables.imu_difference import ImuDifferenceCard
 from lvnav_trade.observables.sensor import SensorCard
 from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS, Sensor, model_of
 from lvnav_trade.refusals import refused
@@ -20,6 +23,7 @@ from lvnav_trade.world.flight.trajectory import TrajectoryCard
 from lvnav_trade.world.gravity import GravityCard
 from lvnav_trade.world.receiver.receiver import DirectSolution, ReceiverCard
 from lvnav_trade.world.sensors.imu import ImuCard
+from lvnav_trade.world.sensors.units import Imu, ImuSet, RelativeErrors, equivalent, relative_errors
 from lvnav_trade.world.sky.constellation import Constellation, parts_of
 
 
@@ -45,7 +49,7 @@ class Scenario(Card):
     }
 
     trajectory: Annotated[TrajectoryCard, Field(discriminator="kind")]
-    imu: ImuCard
+    imu: Imu
     constellation: Annotated[Constellation, Field(discriminator="kind")]
     receiver: ReceiverCard
     filter: FilterCard
@@ -121,7 +125,18 @@ def sensors_used(scenario: Scenario) -> dict[str, SensorCard]:
 
 def sensor_model(scenario: Scenario, sensor: SensorCard) -> Any:
     """Return the filter's model of a sensor; `matched` takes the sensor's own numbers."""
+    stated = getattr(scenario.filter.sensor_models, sensor.measurement)
+    if isinstance(sensor, ImuDifferenceCard) and isinstance(stated, str):
+        model: Any = sensor.model
+        return model.model_construct(random_walk=difference_of(scenario, sensor).random_walk)
     return model_of(scenario.filter.sensor_models, sensor)
+
+
+def difference_of(scenario: Scenario, sensor: ImuDifferenceCard) -> RelativeErrors:
+    """Return what the two inertial units of a difference sensor differ by."""
+    assert isinstance(scenario.imu, ImuSet)  # the scenario is checked for it
+    first, second = sensor.units
+    return relative_errors(scenario.imu, GYRO if sensor.unit == "rad" else ACCEL, first - 1, second - 1)
 
 
 def solves(scenario: Scenario) -> bool:
@@ -164,6 +179,18 @@ def _matched_imu(imu: ImuCard) -> ImuModel:
     return ImuModel.model_construct(**model)
 
 
+def _with_differences(model: ImuModel, scenario: Scenario) -> ImuModel:
+    """Return the model with the relative biases of the units whose difference is measured."""
+    found: dict[str, float] = {}
+    for card in sensors_used(scenario).values():
+        if isinstance(card, ImuDifferenceCard):
+            state, errors = RELATIVE[card.measurement], difference_of(scenario, card)
+            found |= {
+                state: errors.bias, f"{state}_walk": errors.walk, f"{state}_correlation": errors.correlation,
+            }  # fmt: skip
+    return model.model_copy(update=found)
+
+
 def _matched_receiver(scenario: Scenario) -> ReceiverModel:
     """Take every number from the truth; what several causes put into a range of its own is one bias, as slow as the
     largest of them.
@@ -201,7 +228,9 @@ def _matched_receiver(scenario: Scenario) -> ReceiverModel:
 def filter_models(scenario: Scenario) -> tuple[ImuModel, ReceiverModel, InitialModel]:
     """Return what the filter assumes of its sensors and its start; `matched` takes the truth's own numbers."""
     card, initial, clock = scenario.filter, scenario.initial, scenario.receiver.clock
-    imu = _matched_imu(scenario.imu) if isinstance(card.imu, str) else card.imu
+    imu = card.imu
+    if isinstance(imu, str):
+        imu = _with_differences(_matched_imu(equivalent(scenario.imu)), scenario)
     receiver = _matched_receiver(scenario) if isinstance(card.receiver, str) else card.receiver
     if isinstance(card.initial, str):
         start = InitialModel.model_construct(

@@ -3,6 +3,7 @@
 A key is frozen: draws are numbered by it, so another key is another set of draws. A label may be reworded at any time.
 """
 
+import re
 from typing import NamedTuple
 
 # Path of a field in a scenario, and the power of the source's sigma that it holds; `*`: every item of a tuple
@@ -84,5 +85,11 @@ def label_of(key: str) -> str:
 
 
 def fields_of(label: str) -> tuple[Field, ...]:
-    """Return the fields that hold the sigma of the source that a budget calls so; none if it has no field."""
+    """Return the fields that hold the sigma of the source that a budget calls so; none if it has no field. Those of one
+    of several inertial units, such as `unit 2 gyro random walk`, are in its card.
+    """
+    numbered = re.fullmatch(r"unit (\d+) (.+)", label)
+    if numbered:
+        place = ("imu", "units", str(int(numbered[1]) - 1))
+        return tuple(((*place, *path[1:]), power) for path, power in fields_of(numbered[2]))
     return next((source.fields for source in SOURCES.values() if source.label == label), ())

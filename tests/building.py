@@ -52,6 +52,28 @@ def with_fields(card: Any, **fields: Any) -> Any:
     return type(card).model_validate(text)
 
 
+def with_units(scenario: Scenario, units: list[dict[str, Any]], **fields: Any) -> Scenario:
+    """Return a scenario whose inertial unit is several: each its own but for the fields given."""
+    text = scenario.model_dump(mode="json")
+    found = []
+    for over in units:
+        unit = {**text["imu"], **over}
+        for sensor in ("gyro", "accel"):
+            unit[sensor] = {**text["imu"][sensor], **over.get(sensor, {})}
+        found.append(unit)
+    text["imu"] = {"units": found, **fields}
+    return Scenario.model_validate(text)
+
+
+def with_difference(scenario: Scenario, units: list[dict[str, Any]], *beside: str) -> Scenario:
+    """Return the scenario of several units, whose filter takes the difference of the first two, and more."""
+    text = with_units(scenario, units).model_dump(mode="json")
+    kinds = ("angle_difference", "velocity_difference")
+    text["sensors"] = {kind: {"kind": kind} for kind in kinds}
+    text["filter"]["measurements"] = [*beside, *kinds]
+    return type(scenario).model_validate(text)
+
+
 def fly(
     force: Callable[[float], Floats], t: Floats, r: Floats = SITE_R, v: Floats = SITE_V
 ) -> tuple[Floats, Floats, Floats]:
@@ -123,6 +145,13 @@ def prepare_hop(scenario: Scenario, trajectory: Trajectory | None = None, **how:
         return room.prepare(scenario, **how)
 
 
+IDEAL = ("base.imu.gyro.bandwidth=null", "base.imu.accel.bandwidth=null")
+TURNED = {"orientation": ["20 deg", "-35 deg", "110 deg"]}
+UNLIKE = {
+    "gyro": {"bias_repeatability": "0.05 deg/h", "random_walk": "0.01 deg/sqrt(h)", "scale_factor": "10 ppm"},
+    "accel": {"bias_repeatability": "1 mg", "random_walk": "0.1 mg/sqrt(Hz)", "misalignment": "0.2 mrad"},
+    "lever_arm": ["-0.4 m", "0.2 m", "0 m"], **TURNED,
+}  # fmt: skip
 MATCHED = "base.imu=imu/tactical_fog_matched"
 LOOSE, INERTIAL = "base.filter=filters/loose", "base.filter=filters/inertial"
 

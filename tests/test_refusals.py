@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lvnav_trade.refusals import REFUSALS, refused
-from tests.building import INERTIAL, LOOSE, loaded, with_fields
+from tests.building import INERTIAL, LOOSE, loaded, with_fields, with_units
 from tests.engines.modelled import SETTINGS
 
 TIGHT = "base.filter=filters/tight"
@@ -27,7 +27,33 @@ CASES = [
         "begins with its lift-off",
     ),
     (MODELLED, {"imu.gyro.quantisation": "1 urad"}, "quantisation correlates a sample with the next one"),
+    (
+        (INERTIAL,), {"faults": [{"kind": "dropped_samples", "start": "5 s", "duration": "1 s", "unit": 2}]},
+        "a fault is of an inertial unit that the scenario does not have",
+    ),
 ]  # fmt: skip
+
+
+DIFFERENCE = {"sensors": {"a": {"kind": "angle_difference"}}}
+SETS = [
+    ([{}, {"axes": [[1, 2, 3]]}], {}, DIFFERENCE, "a difference is of two inertial units that each sense along three"),
+    ([{}], {}, DIFFERENCE, "a difference is of two inertial units"),
+    ([{}, {}], {"weights": "equal"}, DIFFERENCE, "noise of a difference is correlated with that of fused increments"),
+    ([{}, {"gyro": {"quantisation": "1 urad"}}], {}, DIFFERENCE, "quantisation correlates a difference of increments"),
+    (
+        [{}, {}],
+        {},
+        {"sensors": DIFFERENCE["sensors"] | {"b": {"kind": "angle_difference"}}},
+        "two sensors measure the same",
+    ),
+]
+
+
+@pytest.mark.parametrize(("units", "fields", "beside", "reported"), SETS, ids=[reported for *_, reported in SETS])
+def test_a_difference_of_units_that_makes_no_sense_is_refused_with_its_reason(units, fields, beside, reported):
+    scenario = with_units(loaded(INERTIAL, "base.imu=imu/tactical_fog"), units, **fields)
+    with pytest.raises(ValueError, match=reported):
+        with_fields(scenario, **beside)
 
 
 @pytest.mark.parametrize(("settings", "fields", "reported"), CASES, ids=[reported for _, _, reported in CASES])

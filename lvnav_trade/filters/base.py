@@ -43,6 +43,14 @@ class ImuModel(Card):
     gyro_misalignment: units.AngleSigma = 0.0
     accel_misalignment: units.AngleSigma = 0.0
     gyro_g_sensitivity: units.GSensitivity = 0.0
+    gyro_relative_bias: units.AngularRateSigma = Field(
+        0.0, description="of two units whose difference is measured: bias of the first minus that of the second"
+    )
+    gyro_relative_bias_walk: units.RateRandomWalk = 0.0
+    gyro_relative_bias_correlation: float = Field(0.0, gt=-1.0, lt=1.0, description="with gyro_bias, at the start")
+    accel_relative_bias: units.AccelerationSigma = 0.0
+    accel_relative_bias_walk: units.AccelerationRandomWalk = 0.0
+    accel_relative_bias_correlation: float = Field(0.0, gt=-1.0, lt=1.0, description="with accel_bias, at the start")
 
 
 class ReceiverModel(Card):

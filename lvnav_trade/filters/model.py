@@ -9,7 +9,7 @@ from lvnav_trade.filters.base import BIASES, EnvelopeCard, FilterCard, ImuModel,
 from lvnav_trade.kernels import strapdown, transition
 from lvnav_trade.kernels.clock import spectral_densities
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL
-from lvnav_trade.layout import EXTRAS, PARAMETERS, ExtraBlock, ParameterBlock, StateLayout
+from lvnav_trade.layout import EXTRAS, PARAMETERS, RELATIVE, ExtraBlock, ParameterBlock, StateLayout
 from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL, N_ENTRY
 from lvnav_trade.observables.partials import Channels, members
 from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS, SENSORS
@@ -20,6 +20,7 @@ TYPES = {"pseudorange": PSEUDORANGE, "range_rate": RANGE_RATE, "position": POSIT
     name: FIRST_SENSOR + k for k, name in enumerate(SENSOR_MEASUREMENTS)
 }
 """The number of each type of measurement in the kernels, by name."""
+BIAS_OF = {"gyro_bias": "gyro_relative_bias", "accel_bias": "accel_relative_bias"}
 
 
 class FilterModel(NamedTuple):
@@ -83,11 +84,17 @@ def _parameter_blocks(names: list[str], imu: ImuModel, offset: int) -> list[Para
     return blocks
 
 
-def _extra_blocks(names: list[str], receiver: ReceiverModel, channels: Channels, offset: int) -> list[ExtraBlock]:
+def _extra_blocks(
+    names: list[str], imu: ImuModel, receiver: ReceiverModel, channels: Channels, offset: int
+) -> list[ExtraBlock]:
     blocks = []
     for name in names:
         labels, member = members(name, channels)
-        if labels:
+        if labels and name in RELATIVE.values():
+            sigma, walk, correlation = (getattr(imu, f"{name}{end}") for end in ("", "_walk", "_correlation"))
+            blocks.append(ExtraBlock(name, labels, offset, member, sigma, math.inf, walk, correlation))
+            offset += len(labels)
+        elif labels:
             time_constant = getattr(receiver, f"{name}_time") or math.inf
             blocks.append(ExtraBlock(name, labels, offset, member, getattr(receiver, name), time_constant))
             offset += len(labels)
@@ -101,6 +108,7 @@ def state_layout(
     is considered.
     """
     wanted = [n for n in (*BIASES, *card.extra_states) if n not in card.neglect]
+    wanted += [state for name, state in RELATIVE.items() if name in measurements and state not in wanted]
     wanted += [n for n in card.consider if n not in wanted]
     parameters: list[ParameterBlock] = []
     extras: list[ExtraBlock] = []
@@ -111,7 +119,7 @@ def state_layout(
         offset += 3 * len(blocks)
         if not considered and channels.tight:
             clock, offset = offset, offset + 2
-        shared = _extra_blocks([n for n in group if n in EXTRAS], receiver, channels, offset)
+        shared = _extra_blocks([n for n in group if n in EXTRAS], imu, receiver, channels, offset)
         offset += sum(len(block.labels) for block in shared)
         parameters, extras = parameters + blocks, extras + shared
         if not considered:
@@ -174,6 +182,8 @@ def _densities(card: FilterCard, layout: StateLayout, imu: ImuModel, receiver: R
     found[VEL : VEL + 3] = by_window * imu.accel_random_walk**2 + card.velocity_noise**2
     for block in layout.parameters:
         found[block.offset : block.offset + 3] = block.walk**2
+    for extra in layout.extras:
+        found[extra.offset : extra.offset + len(extra.labels)] = extra.walk**2
     if layout.clock >= 0:
         found[layout.clock : layout.clock + 2] = spectral_densities(receiver.clock_h0, receiver.clock_h_minus2)
     return found
@@ -318,6 +328,7 @@ def initial_covariance(
     variance[VEL : VEL + 3], variance[POS : POS + 3] = initial.velocity**2, initial.position**2
     for states, sigma, _ in _blocks(layout):
         variance[states] = sigma**2
+    biases = {BIAS_OF[b.name]: b for b in layout.parameters if b.name in BIAS_OF}
     if clock >= 0:
         variance[clock : clock + 2] = initial.clock_bias**2, initial.clock_drift**2
     if motion >= 0 and envelope is not None:
@@ -326,4 +337,10 @@ def initial_covariance(
     P = np.diag(variance)
     tilt = np.diag([initial.tilt**2, initial.tilt**2, initial.heading**2])
     P[ATT : ATT + 3, ATT : ATT + 3] = C_n_i @ tilt @ C_n_i.T
+    for extra in layout.extras:
+        if extra.correlation and extra.name in biases:
+            bias = biases[extra.name]
+            for i in range(3):
+                shared = extra.correlation * extra.sigma * bias.sigma
+                P[extra.offset + i, bias.offset + i] = P[bias.offset + i, extra.offset + i] = shared
     return P

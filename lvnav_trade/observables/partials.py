@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from lvnav_trade.layout import RELATIVE
 from lvnav_trade.records import Floats, Ints
 
 LEVER_AXES = ("lever_x", "lever_y", "lever_z")
@@ -90,9 +91,15 @@ def members(kind: str, channels: Channels) -> tuple[tuple[str, ...], Ints]:
     """Return the components of a kind by their labels, and which one stands in each channel, (n_channel,), -1 none.
 
     A range bias has a component for each satellite that is ever tracked, a time offset one for each system but GPS (or
-    the first), a solution's bias one for each axis of frame i, everything else one for all channels.
+    the first), a solution's bias one for each axis of frame i, a relative bias of two inertial units one for each body
+    axis, everything else one for all channels.
     """
     member, n = np.full(channels.n_channel, -1, dtype=np.int64), channels.n_receiver
+    if kind in RELATIVE.values():
+        for at, sensor in zip(channels.first, channels.sensors, strict=True):
+            if RELATIVE.get(sensor.measures) == kind:
+                member[at : at + 3] = range(3)
+        return ("x", "y", "z") if np.any(member >= 0) else (), member
     if not channels.tight:
         if kind not in SOLUTION_KINDS:
             return (), member

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 from pydantic import Field, create_model
 
 from lvnav_trade.kernels.jit import inlined
-from lvnav_trade.observables import altitude, attitude
+from lvnav_trade.observables import altitude, attitude, imu_difference
 from lvnav_trade.observables.altitude import AltimeterCard
 from lvnav_trade.observables.attitude import AttitudeReferenceCard
+from lvnav_trade.observables.imu_difference import AngleDifferenceCard, VelocityDifferenceCard
 from lvnav_trade.observables.pad import azimuth, position, velocity
 from lvnav_trade.observables.pad.azimuth import AzimuthCard
 from lvnav_trade.observables.pad.position import PadPositionCard
@@ -23,9 +24,13 @@ SENSORS: tuple[type[SensorCard], ...] = (
     ZeroVelocityCard,
     PadPositionCard,
     AzimuthCard,
+    AngleDifferenceCard,
+    VelocityDifferenceCard,
 )
 """The number of a member in the kernels is its place here."""
-ALTIMETER, ATTITUDE_REFERENCE, ZERO_VELOCITY, PAD_POSITION, AZIMUTH = range(len(SENSORS))
+ALTIMETER, ATTITUDE_REFERENCE, ZERO_VELOCITY, PAD_POSITION, AZIMUTH, ANGLE_DIFFERENCE, VELOCITY_DIFFERENCE = range(
+    len(SENSORS)
+)
 
 RECEIVER_SOLUTION = ("position", "velocity")
 RANGES = ("pseudorange", "range_rate")
@@ -76,6 +81,7 @@ def measure(out, code, truth, e0, e1, e2):
         position.measure(out, truth, e0, e1, e2)
     elif code == AZIMUTH:
         azimuth.measure(out, truth, e0)
+    # the difference of two units is summed with their samples
 
 
 @inlined
@@ -95,3 +101,5 @@ def fill(H, z, at, code, observed, nav, theta):
         position.fill(H, z, at, observed, nav, theta)
     elif code == AZIMUTH:
         azimuth.fill(H, z, at, observed, nav)
+    elif code in (ANGLE_DIFFERENCE, VELOCITY_DIFFERENCE):
+        imu_difference.fill(H, z, at, observed)

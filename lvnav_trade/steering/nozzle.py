@@ -14,6 +14,7 @@ from lvnav_trade.steering.missions import Launch, Missions, fly_missions, prepar
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
 from lvnav_trade.world.control.ascent import Ascent, ascend
 from lvnav_trade.world.control.cards import FeedbackCard
+from lvnav_trade.world.sensors.units import equivalent
 
 FEEDS = ("raw", "filtered", "true")
 """Rates that the controller is fed, a mission each."""
@@ -58,8 +59,8 @@ def launch_of(scenario: Scenario) -> Launch:
     assert card is not None  # the scenario is checked for it, and for its trajectory
     assert isinstance(scenario.trajectory, VehicleAscent)
     launch = prepare_launch(
-        _ascended(scenario.trajectory.model_dump_json()), card.rotation, card.controller, card.wind, scenario.imu,
-        scenario.filter.envelope,
+        _ascended(scenario.trajectory.model_dump_json()), card.rotation, card.controller, card.wind,
+        equivalent(scenario.imu), scenario.filter.envelope,
     )  # fmt: skip
     return with_rate_gain(launch, card.rate_gain)
 

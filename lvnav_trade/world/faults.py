@@ -121,21 +121,27 @@ class LatencyChange(Timed):
     by: Duration
 
 
-class GyroBiasStep(Timed):
-    """A step of the gyros' bias, body axes."""
+class UnitFault(Timed):
+    """A fault of one of several inertial units."""
+
+    unit: int = Field(1, ge=1, description="its number in the list of units")
+
+
+class GyroBiasStep(UnitFault):
+    """A step of the gyros' bias, along the (first three) axes of the unit."""
 
     kind: Literal["gyro_bias_step"] = "gyro_bias_step"
     size: tuple[AngularRate, AngularRate, AngularRate]
 
 
-class AccelBiasStep(Timed):
-    """A step of the accelerometers' bias, body axes."""
+class AccelBiasStep(UnitFault):
+    """A step of the accelerometers' bias, along the (first three) axes of the unit."""
 
     kind: Literal["accel_bias_step"] = "accel_bias_step"
     size: tuple[Acceleration, Acceleration, Acceleration]
 
 
-class DroppedSamples(Timed):
+class DroppedSamples(UnitFault):
     """Increments of the inertial unit that do not arrive; the strapdown sees none, or the last one again."""
 
     kind: Literal["dropped_samples"] = "dropped_samples"

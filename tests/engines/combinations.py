@@ -31,7 +31,7 @@ from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.flight.trajectory import Phase, Trajectory
 from lvnav_trade.world.oscillation import OscillationCard, oscillations
 from lvnav_trade.world.truth import attitude_spline, body_axes, oscillating, pad_phase, pad_times, position_spline
-from tests.building import SITE_R, SITE_V, fly, loaded, prepare_hop, with_fields
+from tests.building import SITE_R, SITE_V, UNLIKE, fly, loaded, prepare_hop, with_fields, with_units
 
 RUNS, SEED = 64, 20261122
 FROM_PAD = "from the pad, "
@@ -54,6 +54,7 @@ ON_PAD = {
     "azimuth": {"kind": "azimuth", "sigma": "1 mrad", "bias": "0.3 mrad"},
 }
 """Sensors of a flight whose first half is the rest on the pad."""
+DIFFERENCES = ("angle_difference", "velocity_difference")
 LATE = {"receiver.latency": "0.3 s"}
 BUFFERED = {"kind": "buffered"}
 EXTRAPOLATED = {"kind": "extrapolated", "delay_sigma": "1 ms", "acceleration_sigma": "0.1 m/s^2"}
@@ -74,6 +75,8 @@ DIMENSIONS: dict[str, dict[str, dict[str, Any]]] = {
         "attitude": {"filter.measurements": ["attitude"]},
         "zero velocity, position, azimuth": {"filter.measurements": ["zero_velocity", "pad_position", "azimuth"]},
         "ranges, zero velocity": {"filter.measurements": ["pseudorange", "range_rate", "zero_velocity"]},
+        "solution, differences": {"filter.measurements": ["position", "velocity", "angle_difference",
+                                                          "velocity_difference"]},
         "none": {"filter.measurements": []},
     },
     "correction": {"closed": {}, "open": {"filter.feedback": "open"}},
@@ -99,6 +102,12 @@ DIMENSIONS: dict[str, dict[str, dict[str, Any]]] = {
                           "imu.gyro.scale_factor": "20 ppm", "imu.accel.scale_factor": "300 ppm"},
         "unmodelled": {"imu.accel.misalignment": "0.3 mrad", "imu.gyro.scale_factor": "10 ppm",
                        "gravity": {"sigma": "30 mGal"}},
+    },
+    "units": {
+        "one": {},
+        "two": {"units": [{"lever_arm": ["0.3 m", "0 m", "0.1 m"]}, UNLIKE]},
+        "skewed": {"units": [{"axes": [[1, 0, 1.2], [0, 1, 1.2], [-1, 0, 1.2]]},
+                             {"axes": [[0, -1, 1.2]], "lever_arm": ["0.2 m", "0 m", "0 m"]}]},
     },
     "vehicle": {"steady": {}, "spinning": {"flight": "spinning"}, "oscillating": {"flight": "oscillating"}},
     "fault": {
@@ -157,9 +166,16 @@ def refusal(case: Case) -> str:
         delay_compensation=None if late is None else SimpleNamespace(**late),
     )  # fmt: skip
     exact = SimpleNamespace(quantisation=0.0)
-    imu = SimpleNamespace(gyro=exact, accel=exact)
     trajectory = SimpleNamespace(kind="vehicle", pad_hold=60.0)
-    found_one = refused(SimpleNamespace(filter=card, imu=imu, control=None, sensors={}, trajectory=trajectory))
+    units = tuple(
+        SimpleNamespace(gyro=exact, accel=exact, directions=np.array(unit.get("axes", np.eye(3)), dtype=float))
+        for unit in fields.get("units", [{}])
+    )
+    imu = SimpleNamespace(units=units, weights="random_walk") if "units" in fields else units[0]
+    sensors = {name: SimpleNamespace(measurement=name, units=(1, 2)) for name in listed if name in DIFFERENCES}
+    found_one = refused(
+        SimpleNamespace(filter=card, imu=imu, control=None, sensors=sensors, faults=(), trajectory=trajectory)
+    )
     return "" if found_one is None else f"{found_one.path}: {found_one.reason}"
 
 
@@ -240,6 +256,7 @@ def scenario_of(case: Case) -> tuple[Scenario, str, bool]:
     for name, level in case.items():
         fields |= DIMENSIONS[name][level]
     kind, stored = fields.pop("flight", "steady"), fields.pop("gains", False)
+    units = fields.pop("units", None)
     listed = fields["filter.measurements"]
     if case["fault"] == "frozen output" and {"position", "pseudorange"} & set(listed):
         # the output of eight kilometres ago is beyond a linear model: a filter has to check the flag
@@ -251,10 +268,14 @@ def scenario_of(case: Case) -> tuple[Scenario, str, bool]:
         kind += STEADY  # at a step the estimated acceleration, which scale factors are multiplied with, is wrong
     if set(listed) & set(ON_PAD):
         kind = FROM_PAD + kind
-    found = {"attitude": REFERENCE, "altitude": ALTIMETER}
+    found = {"attitude": REFERENCE, "altitude": ALTIMETER} | {name: {"kind": name} for name in DIFFERENCES}
     found |= {name: {"name": name, "source": "test"} | card for name, card in ON_PAD.items()}
     fields["sensors"] = {name: card for name, card in found.items() if name in listed}
-    return with_fields(loaded(*BASE), **fields), kind, stored
+    of_unit = {path: value for path, value in fields.items() if path.startswith("imu.")}
+    scenario = with_fields(loaded(*BASE), **of_unit)
+    if units is not None:
+        scenario = with_units(scenario, units)
+    return with_fields(scenario, **{path: fields[path] for path in fields if path not in of_unit}), kind, stored
 
 
 class Verdict(NamedTuple):

@@ -24,6 +24,8 @@ SAMPLE = [
     },
     {"measurements": "attitude", "states": "neglected", "fault": "noise"},
     {"measurements": "position", "gains": "stored", "fault": "noise"},
+    {"measurements": "ranges", "units": "two", "states": "scale factors", "vehicle": "spinning"},
+    {"measurements": "solution, differences", "units": "two", "fault": "gyro bias step"},
 ]
 
 

@@ -184,10 +184,12 @@ def _marks(prepared: Prepared, events: dict[str, float]) -> list[tuple[str, floa
 
 
 def _multiplied(model: Any, path: tuple[str, ...], factor: float) -> Any:
-    """Return a card (or the cards of a mapping) with one number multiplied; of several parts that number in each."""
+    """Return a card (or the cards of a mapping or list) with one number multiplied; of several parts it is in each."""
     head, rest = path[0], path[1:]
     if isinstance(model, dict):
         return model | {head: _multiplied(model[head], rest, factor)}
+    if isinstance(model, tuple):
+        return tuple(_multiplied(one, rest, factor) if k == int(head) else one for k, one in enumerate(model))
     if head not in type(model).model_fields and "parts" in type(model).model_fields:
         return model.model_copy(update={"parts": tuple(_multiplied(part, path, factor) for part in model.parts)})
     value = getattr(model, head, None)

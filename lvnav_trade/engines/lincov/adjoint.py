@@ -52,15 +52,19 @@ def _update_back(back, gain, h, epoch, channel, time_bin, whitened, ring, signal
             c, partial = component_partial(h, signals, true, family, epoch, channel, whitened)
             if c >= 0:
                 back.c[m, true.first_shared + c] -= through * partial
+        row = true.differences.of[channel]
+        if row >= 0:
+            for c in range(true.first_shared):
+                back.c[m, c] -= through * true.differences.reach[row, epoch, c]
         for k in range(true.n_entry[channel]):
             back.e[m, true.column[ring, channel, k]] -= through * h[true.entry[ring, channel, k]]
 
 
 @jit
-def _components_back(back, scratch, sums, true, model, length, time_bin):
+def _components_back(back, scratch, sums, true, units, model, length, first, n_tick, time_bin):
     """Go back through a window for the components: their driving noise, their decay, and what they put into states."""
     decay = true.decay[length]
-    fill_inputs(scratch, true, sums, model.seconds[length])
+    fill_inputs(scratch, true, units, sums, model.seconds[length], first, n_tick)
     for c in range(true.source.shape[0]):
         source, k, at = true.source[c], true.slot[c], true.state[c]
         g, lane = true.group[source], true.lane[source]
@@ -105,11 +109,11 @@ def _start_back(back, true):
 
 
 @inlined
-def _samples_back(back, scratch, tape, true, unit, vehicle, reference, tick, time_bin):
+def _samples_back(back, scratch, tape, true, unit, units, vehicle, reference, tick, time_bin):
     """Go back through the propagation and the update of a tick whose samples are measurements."""
     nominal_tick(scratch.sums, reference, tick, unit.dt)
     fill_samples(scratch.h, vehicle.blocks, vehicle.rate[tick], vehicle.force[tick])
-    fill_partials(scratch.a, true, vehicle, tick)
+    fill_partials(scratch.a, true, units, vehicle, tick, unit.dt)
     for m in range(back.e.shape[0]):
         y = back.e[m]
         advance_vector_transposed(y, scratch.sums, unit.dt, vehicle.motion)
@@ -125,20 +129,24 @@ def _samples_back(back, scratch, tape, true, unit, vehicle, reference, tick, tim
                 source, k = true.source[first], true.slot[first]
                 g, lane = true.group[source], true.lane[source]
                 for axis in range(3):
-                    r = 3 * true.sensor[j] + axis
-                    back.c[m, first + axis] -= scratch.y[r] * scratch.a[g, k + axis, r, lane]
+                    for i in range(1 if units is None else 3):  # an axis of a unit enters the whole fused triad
+                        r = 3 * true.sensor[j] + (axis + i) % 3
+                        back.c[m, first + axis] -= scratch.y[r] * scratch.a[g, k + axis, r, lane]
         for r in range(N_SAMPLE):
             for k in range(vehicle.columns.shape[1]):
                 y[vehicle.columns[r, k]] -= scratch.y[r] * scratch.h[r, k]
 
 
 @inlined
-def _window_back(back, scratch, tape, w, true, model, length, time_bin):
+def _window_back(back, scratch, tape, w, true, units, model, schedule, time_bin):
     """Go back through the propagation of a window."""
+    length = schedule.length[w]
     sums, at, seconds = tape.sums[w], tape.position[w], model.seconds[length]
     transition.fill(scratch.D, true.nav_kinds, true.nav_drivers, sums, at[0], at[1], at[2], seconds)
     _white_back(back, true, length, time_bin)
-    _components_back(back, scratch, sums, true, model, length, time_bin)
+    _components_back(
+        back, scratch, sums, true, units, model, length, schedule.first_tick[w], schedule.n_tick[w], time_bin
+    )
     for m in range(back.e.shape[0]):
         apply_phi_transposed(
             back.e[m], scratch.D, true.nav_rows, true.nav_columns, true.decay[length], model.clock, seconds
@@ -148,15 +156,16 @@ def _window_back(back, scratch, tape, w, true, model, length, time_bin):
 
 @jit
 def go_back(
-    back, scratch, tape, last_window, time_bins, schedule, unit, signals, true, model, chain, late, vehicle, reference
-):
+    back, scratch, tape, last_window, time_bins, schedule, unit, units, signals, true, model, chain, late, vehicle,
+    reference,
+):  # fmt: skip
     """Carry the multipliers from the end of a window back to the start of the flight; `back` is filled.
 
     Parameters
     ----------
     back : Backward, with e set to the metrics' rows; scratch : BackwardScratch; tape : Tape of the forward pass
     last_window : the metric stands at its end; time_bins (n_window,) bin of each window
-    schedule : Schedule; unit : Unit; signals : Signals; true : Components; model : FilterModel
+    schedule : Schedule; unit : Unit; units : Units, or None; signals : Signals; true : Components; model : FilterModel
     chain : Chain; late : Late; vehicle : VehicleModel; or None; reference : Reference
     """
     for w in range(last_window, -1, -1):
@@ -172,8 +181,8 @@ def go_back(
         if schedule.n_tick[w] == 0:
             continue
         clone_back(back, true, late, w)
-        _window_back(back, scratch, tape, w, true, model, schedule.length[w], time_bin)
+        _window_back(back, scratch, tape, w, true, units, model, schedule, time_bin)
         if vehicle is not None:
             for tick in range(schedule.first_tick[w] + schedule.n_tick[w] - 1, schedule.first_tick[w] - 1, -1):
-                _samples_back(back, scratch, tape, true, unit, vehicle, reference, tick, time_bin)
+                _samples_back(back, scratch, tape, true, unit, units, vehicle, reference, tick, time_bin)
     _start_back(back, true)

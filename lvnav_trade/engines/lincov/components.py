@@ -9,17 +9,20 @@ from numpy.typing import NDArray
 
 from lvnav_trade.engines.lincov.slots import Component, as_lanes, by_length, slot_tables
 from lvnav_trade.engines.lincov.sources import measurement_tables, n_joint, noise_sources, source_names
+from lvnav_trade.engines.lincov.units import REMAINDER, WHITE, Differences, differences, stands_for
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.filters.model import transition_blocks
 from lvnav_trade.kernels.clock import spectral_densities
 from lvnav_trade.kernels.transition import ACCEL, ATT, CONSTANT, GYRO, POS, VEL
 from lvnav_trade.records import Floats, Ints
+from lvnav_trade.world.sensors.imu import ImuCard
+from lvnav_trade.world.sensors.units import keyed, mounted
 
 Flags = NDArray[np.bool_]
 
-# A parameter that no increment multiplies but enters as a difference: what quantisation holds back.
-REMAINDER = -1
 GRAVITY = -2
+WHITE_TIME = 1e-12
+"""Time constant (s) of noise that is new in every window."""
 
 
 class Components(NamedTuple):
@@ -32,8 +35,9 @@ class Components(NamedTuple):
     source, slot (n_component,) of each component, state of the filter for the same thing (-1 none), start variance.
 
     Blocks of three components: sensor, driver (REMAINDER, GRAVITY: see there), matched (first state of the filter for
-    the same thing, -1 none), profile (that is its mean, -1 none), first (n_block,) of its components, whose slots are
-    neighbours (-1 a profile), moving, sampled (n_block,): see moves, samples. by_samples: samples are measurements.
+    the same thing, -1 none), profile (that is its mean, -1 none), triad of a set, stands (n_block, 3, n_state) how much
+    of a component is in each state of the filter where units are fused, first (n_block,) of its components, whose slots
+    are neighbours (-1 a profile), moving, sampled (n_block,): see moves, samples. by_samples: samples are measurements.
     Errors that measurements share are the components from first_shared on; shared_family (n_family,) family of the
     filter's extra states for the same thing, -1 none.
 
@@ -42,7 +46,7 @@ class Components(NamedTuple):
     states; n_entry (n_channel,), entry, column of measurements with respect to the N states, by ring place of the clone
     (n_ring, n_channel, ...); solution: first state of the receiver's error (-1 none) with sources solution_source
     (n_in,) of its white errors; clone: first state of the clones (-1 none); buffered: innovations are formed with
-    clones. sample_noise (n_source, 6) true variance of a sample's noise, by source.
+    clones. sample_noise (n_source, 6) true variance of a sample's noise, by source; differences of units.
     """
 
     group: Ints
@@ -62,6 +66,8 @@ class Components(NamedTuple):
     driver: Ints
     matched: Ints
     profile: Ints
+    triad: Ints
+    stands: Floats
     first: Ints
     moving: Flags
     sampled: Flags
@@ -84,6 +90,7 @@ class Components(NamedTuple):
     clone: int
     buffered: bool
     sample_noise: Floats
+    differences: Differences
 
 
 class _Block(NamedTuple):
@@ -97,21 +104,27 @@ class _Block(NamedTuple):
     walk: float = 0.0
     time_constant: float = math.inf
     profile: int = -1
+    triad: int = 0
 
 
 def _blocks(prepared: Prepared, names: list[str]) -> list[_Block]:
-    imu = prepared.scenario.imu
-    states = {(p.sensor, p.driver): p.offset for p in prepared.layout.parameters}
+    several = prepared.options.units is not None  # then a state stands for a sum, and for no component alone
+    states = {} if several else {(p.sensor, p.driver): p.offset for p in prepared.layout.parameters}
     found = [
         _Block(b.sensor, b.driver, states.get((b.sensor, b.driver), -1), names.index(b.source), b.sigma**2, b.walk**2,
-               b.time_constant) for b in prepared.sources
+               b.time_constant, triad=b.triad) for b in prepared.sources
     ]  # fmt: skip
-    for sensor, card, label in ((GYRO, imu.gyro, "gyro"), (ACCEL, imu.accel, "accelerometer")):
-        if card.quantisation > 0.0:
-            source = names.index(f"{label} quantisation")
-            found.append(_Block(sensor, REMAINDER, -1, source, walk=card.quantisation**2 / 12.0))
-    for profile, sensor in enumerate(prepared.unit.profile_sensor.tolist()):
-        found.append(_Block(sensor, CONSTANT, states.get((sensor, CONSTANT), -1), 0, profile=profile))
+    for triad, (number, unit) in enumerate(mounted(prepared.scenario.imu)):
+        for sensor, card, label in ((GYRO, unit.gyro, "gyro"), (ACCEL, unit.accel, "accelerometer")):
+            if card.quantisation > 0.0:
+                source = names.index(keyed(f"{label} quantisation", number))
+                found.append(_Block(sensor, REMAINDER, -1, source, walk=card.quantisation**2 / 12.0, triad=triad))
+            if several and prepared.layout.motion < 0 and card.random_walk > 0.0:
+                source, variance = names.index(keyed(f"{label} random walk", number)), card.random_walk**2
+                found.append(_Block(sensor, WHITE, -1, source, variance, 0.0, WHITE_TIME, triad=triad))
+    for profile, code in enumerate(prepared.unit.profile_sensor.tolist()):
+        triad, sensor = divmod(code, 2)
+        found.append(_Block(sensor, CONSTANT, states.get((sensor, CONSTANT), -1), 0, profile=profile, triad=triad))
     return found
 
 
@@ -169,7 +182,8 @@ def _white_noise(prepared: Prepared, names: list[str]) -> Floats:
     imu, receiver, layout = prepared.scenario.imu, prepared.scenario.receiver, prepared.layout
     noise = np.zeros((len(names), prepared.lengths.size, n_joint(prepared)))
     seconds = prepared.lengths[:, None]
-    if layout.motion < 0:  # else the noise of the samples enters by their update
+    # the noise of several units enters by blocks, that of samples by their update
+    if layout.motion < 0 and isinstance(imu, ImuCard):
         noise[names.index("gyro random walk"), :, ATT : ATT + 3] = imu.gyro.random_walk**2 * seconds
         noise[names.index("accelerometer random walk"), :, VEL : VEL + 3] = imu.accel.random_walk**2 * seconds
     if layout.clock >= 0:
@@ -179,9 +193,12 @@ def _white_noise(prepared: Prepared, names: list[str]) -> Floats:
 
 
 def _sample_noise(prepared: Prepared, names: list[str]) -> Floats:
-    imu, noise = prepared.scenario.imu, np.zeros((len(names), 6))
-    noise[names.index("gyro random walk"), :3] = imu.gyro.random_walk**2 * imu.rate
-    noise[names.index("accelerometer random walk"), 3:] = imu.accel.random_walk**2 * imu.rate
+    imu, noise, units = prepared.scenario.imu, np.zeros((len(names), 6)), prepared.options.units
+    for triad, (number, unit) in enumerate(mounted(imu)):
+        gyro, accel = np.ones((2, 3)) if units is None else np.sum(units.solved[triad] ** 2, axis=2)
+        noise[names.index(keyed("gyro random walk", number)), :3] += gyro * (unit.gyro.random_walk**2 * imu.rate)
+        source = names.index(keyed("accelerometer random walk", number))
+        noise[source, 3:] += accel * (unit.accel.random_walk**2 * imu.rate)
     return noise
 
 
@@ -202,14 +219,15 @@ def components(prepared: Prepared) -> Components:
     """Turn the truth's cards into numbers; the filter's card is asked only which states it has."""
     names, model, n = source_names(prepared), prepared.model, n_joint(prepared)
     blocks, by_samples = _blocks(prepared, names), prepared.layout.motion >= 0
-    sensor, driver, matched, profile = np.array(
-        [[block.sensor, block.driver, block.matched, block.profile] for block in blocks], dtype=np.int64
-    ).reshape(-1, 4).T.copy()  # fmt: skip
+    sensor, driver, matched, profile, triad = np.array(
+        [[block.sensor, block.driver, block.matched, block.profile, block.triad] for block in blocks], dtype=np.int64
+    ).reshape(-1, 5).T.copy()  # fmt: skip
     moving = (matched < 0) & ((driver == GRAVITY) | (not by_samples))
     sampled = (matched < 0) & (driver >= 0) & by_samples
     of_blocks = [_of_block(prepared, *one) for one in zip(blocks, moving, sampled, strict=True)]
     shared, own = _of_families(prepared, names)
     count = np.array([len(found) for found in of_blocks], dtype=np.int64)
+    first = np.where(profile < 0, np.cumsum(count) - count, -1)
     tables = slot_tables([*chain.from_iterable(of_blocks), *shared], len(names), prepared.lengths.size)
     rows, columns, kinds, drivers = transition_blocks(prepared.layout.parameters, 2)
     if by_samples:  # all but the gradient of gravity is propagated sample by sample
@@ -220,7 +238,9 @@ def components(prepared: Prepared) -> Components:
         driver=driver,
         matched=matched,
         profile=profile,
-        first=np.where(profile < 0, np.cumsum(count) - count, -1),
+        triad=triad,
+        stands=_stands(prepared, sensor, driver, triad),
+        first=first,
         moving=moving,
         sampled=sampled,
         by_samples=by_samples,
@@ -236,7 +256,13 @@ def components(prepared: Prepared) -> Components:
         decay=np.pad(model.decay, ((0, 0), (0, n - prepared.layout.n_state)), constant_values=1.0),
         **measurement_tables(prepared, names),
         sample_noise=_sample_noise(prepared, names),
+        differences=differences(prepared, sensor, driver, triad, profile, first, int(count.sum())),
     )
+
+
+def _stands(prepared: Prepared, sensor: Ints, driver: Ints, triad: Ints) -> Floats:
+    units = prepared.options.units
+    return np.zeros((0, 3, 0)) if units is None else stands_for(prepared.layout, units, sensor, driver, triad)
 
 
 def initial_state(prepared: Prepared, true: Components) -> tuple[Floats, Floats, Floats]:

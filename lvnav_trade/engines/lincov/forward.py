@@ -9,6 +9,7 @@ from lvnav_trade.engines.lincov.receiver_error import (
     extrapolate,
 )
 from lvnav_trade.engines.lincov.samples import expected_of_samples, sample_window
+from lvnav_trade.engines.lincov.units import add_sums, samples_of_units
 from lvnav_trade.engines.lincov.update import replace_state, update_joint
 from lvnav_trade.filters.ekf import (
     channel_of,
@@ -40,7 +41,7 @@ def record_window(tape, w, nominal):
 
 
 @jit
-def _measure(nominal, signals, sensors, tight, epoch):
+def _measure(nominal, signals, sensors, differences, tight, epoch):
     """Set what is measured on the nominal flight at an epoch."""
     if tight:
         for slot in range(signals.n_used[epoch]):
@@ -52,6 +53,10 @@ def _measure(nominal, signals, sensors, tight, epoch):
             nominal.solution[3 + axis] = signals.velocity[epoch, axis]
     for k in range(sensors.code.shape[0]):
         measure(nominal.observed[k], sensors.code[k], sensors.truth[k, epoch], 0.0, 0.0, 0.0)
+        p = differences.pair_of[k]
+        if p >= 0:
+            for i in range(3):
+                nominal.observed[k, i] = differences.nominal[p, epoch, i]
 
 
 @inlined
@@ -189,7 +194,7 @@ def _epoch(out, joint, scratch, work, tape, nominal, signals, sensors, true, mod
     if chain is not None:
         advance_solution(joint, scratch, chain, true, epoch)
     place_antenna(nominal, late, model, dt, epoch)
-    _measure(nominal, signals, sensors, model.tight, epoch)
+    _measure(nominal, signals, sensors, true.differences, model.tight, epoch)
     if rules is None:
         solved = chain is None or chain.solved[epoch]
         if n_measured(model, signals, epoch) > 0 and solved:
@@ -243,16 +248,29 @@ def _write(out, hist, joint, scratch, true, axes_att, axes):
 
 
 @jit
-def _write_samples(out, hist, joint, true, samples, tick):
+def _write_samples(out, hist, joint, true, units, samples, tick, dt):
     """Write by source the variance of the errors of the IMU's samples beside their noise: raw, and corrected by the
     estimated bias.
     """
+    _write_biases(out, hist, joint, true, samples)
+    if units is None:
+        _write_components(out, hist, joint, true, samples, tick)
+    else:
+        samples_of_units(out, hist, joint, true, units, samples, tick, dt)
+
+
+@jit
+def _write_biases(out, hist, joint, true, samples):
     for source in range(true.group.shape[0]):
         P = joint.sources[true.group[source], ..., true.lane[source]]
         for r in range(N_SAMPLE):
             at = samples.bias[r]
             if at >= 0:
                 out.samples[hist, source, 6 + r] += P[at, at]
+
+
+@jit
+def _write_components(out, hist, joint, true, samples, tick):
     for j in range(true.sensor.shape[0]):
         if true.profile[j] >= 0 or true.driver[j] < 0:
             continue
@@ -296,7 +314,7 @@ def _write_solution(out, hist):
 @jit
 def forward(
     out, joint, scratch, work, tape, nominal, schedule, unit, signals, sensors, record, axes_att, model, true,
-    reference, chain, late, gains, rules, watch, vehicle, samples, report,
+    reference, chain, late, gains, rules, watch, vehicle, samples, report, units,
 ):  # fmt: skip
     """Propagate and update the filter's covariance and the true one, by source, over the nominal flight; fill `out`.
 
@@ -307,16 +325,16 @@ def forward(
     schedule : Schedule, unit : Unit, signals : Signals, sensors : Sensors, record : Record, model : FilterModel,
     true : Components, axes_att : (n_hist, 3, 3) from frame i to body axes at the history times
     reference : Reference, the true motion; chain : Chain, late : Late, gains : Gains, rules : Rules, watch : Watch of
-    the nominal flight, vehicle : VehicleModel, samples : Samples, report : Report; or None
+    the nominal flight, vehicle : VehicleModel, samples : Samples, report : Report, units : Units; or None
     """
     begin_watch(watch)
     for w in range(schedule.n_tick.shape[0]):
         first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
         if n_tick > 0:
             if vehicle is not None:
-                sample_window(joint, scratch, work, tape, true, unit, model, vehicle, reference, first, n_tick)
+                sample_window(joint, scratch, work, tape, true, unit, units, model, vehicle, reference, first, n_tick)
             nominal_window(nominal, reference, first, n_tick, unit.dt, model.gravity)
-            propagate(joint, scratch, nominal, true, unit, model, schedule.length[w], first, n_tick, reference)
+            propagate(joint, scratch, nominal, true, unit, units, model, schedule.length[w], first, n_tick, reference)
             if tape.channel.shape[0] > 0:
                 record_window(tape, w, nominal)
             _clone(joint, nominal, true, model, reference, first + n_tick, unit.dt, late, w)
@@ -333,7 +351,8 @@ def forward(
             tape.first[w + 1] = tape.used[0]
         if hist >= 0:
             _write(out, hist, joint, scratch, true, axes_att[hist], record.axes[hist])
+            add_sums(out, hist, joint, true, units)
             if samples is not None:
-                _write_samples(out, hist, joint, true, samples, max(0, first + n_tick - 1))
+                _write_samples(out, hist, joint, true, units, samples, max(0, first + n_tick - 1), unit.dt)
             if report is not None:
                 _write_solution(out, hist)

@@ -43,7 +43,7 @@ def _pass(prepared: Prepared, true: Components, tape: Tape) -> Recorded:
         out, new_joint(prepared, true), new_scratch(prepared, true), new_sample_scratch(prepared, true), tape,
         new_nominal(prepared), prepared.schedule, prepared.unit, prepared.signals, prepared.sensors, prepared.record,
         axes_att, prepared.model, true, prepared.reference, prepared.chain, options.late, options.gains,
-        options.rules, watch, options.vehicle, options.samples, options.report,
+        options.rules, watch, options.vehicle, options.samples, options.report, options.units,
     )  # fmt: skip
     return out
 
@@ -132,8 +132,8 @@ def _go_back(
         np.zeros((len(rows), true.group.size, edges.size - 1)),
     )
     go_back(
-        back, new_backward_scratch(prepared, true), tape, last, bins, schedule, prepared.unit, prepared.signals, true,
-        prepared.model, prepared.chain, prepared.options.late, vehicle, prepared.reference,
+        back, new_backward_scratch(prepared, true), tape, last, bins, schedule, prepared.unit, prepared.options.units,
+        prepared.signals, true, prepared.model, prepared.chain, prepared.options.late, vehicle, prepared.reference,
     )  # fmt: skip
     return edges, back.contribution
 
@@ -204,9 +204,12 @@ def sample_outputs(prepared: Prepared, true: Components, history: CovHistory, ou
 def _profiles(prepared: Prepared) -> Floats:
     """Return the biases (n_hist, 6) that are the same in every run at the history times."""
     found, unit = np.zeros((prepared.t_hist.size, N_SAMPLE)), prepared.unit
-    for profile, sensor in enumerate(unit.profile_sensor.tolist()):
-        for axis in range(3):
-            found[:, 3 * sensor + axis] += [profile_value(unit, profile, axis, t) for t in prepared.t_hist]
+    units = prepared.options.units
+    for profile, code in enumerate(unit.profile_sensor.tolist()):
+        triad, sensor = divmod(code, 2)
+        solved = np.eye(3) if units is None else units.solved[triad, sensor]
+        value = [[profile_value(unit, profile, axis, t) for axis in range(3)] for t in prepared.t_hist]
+        found[:, 3 * sensor : 3 * sensor + 3] += np.array(value) @ solved.T
     return found
 
 

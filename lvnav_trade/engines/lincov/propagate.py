@@ -1,6 +1,7 @@
 """Propagation of the joint covariance over a window of the nominal flight, source by source."""
 
-from lvnav_trade.engines.lincov.components import GRAVITY, REMAINDER
+from lvnav_trade.engines.lincov.components import GRAVITY
+from lvnav_trade.engines.lincov.units import REMAINDER, unit_input_matrix
 from lvnav_trade.engines.simulate.sensing import profile_value
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import apply_phi, enter, predict
@@ -53,11 +54,20 @@ def input_matrix(b, block, j, true, sums, seconds):
 
 
 @jit
-def fill_inputs(scratch, true, sums, seconds):
-    """Set how the components enter attitude, velocity and position, where they do."""
+def _block_input(scratch, j, true, units, sums, seconds, first, n_tick):
+    """Set scratch.input: how the three components of block j, of one unit or of a set (Units), enter over a window."""
+    if units is None or true.driver[j] == GRAVITY:
+        input_matrix(scratch.input, scratch.block, j, true, sums, seconds)
+    else:
+        unit_input_matrix(scratch.input, scratch.mean_input, j, true, units, sums, seconds, first, n_tick)
+
+
+@jit
+def fill_inputs(scratch, true, units, sums, seconds, first, n_tick):
+    """Set how the components enter attitude, velocity and position over a window of some ticks, where they do."""
     for j in range(true.sensor.shape[0]):
         if true.profile[j] < 0 and true.moving[j]:
-            input_matrix(scratch.input, scratch.block, j, true, sums, seconds)
+            _block_input(scratch, j, true, units, sums, seconds, first, n_tick)
             source, k = true.source[true.first[j]], true.slot[true.first[j]]
             for axis in range(3):
                 for i in range(N_NAV):
@@ -135,11 +145,11 @@ def _drive_states(joint, true, length):
 
 
 @inlined
-def propagate_sources(joint, scratch, true, model, sums, length):
+def propagate_sources(joint, scratch, true, units, model, sums, length, first, n_tick):
     """Propagate what is true over a window, source by source, and the mean; scratch.D_true holds the transition."""
     seconds, decay, D = model.seconds[length], true.decay[length], scratch.D_true
     rows, columns = true.nav_rows, true.nav_columns
-    fill_inputs(scratch, true, sums, seconds)
+    fill_inputs(scratch, true, units, sums, seconds, first, n_tick)
     for g in range(true.n_slot.shape[0]):
         predict(group(joint.sources, g), D, rows, columns, decay, group(true.white[length], g), model.clock, seconds)
         cross = group(joint.cross, g)
@@ -154,17 +164,18 @@ def propagate_sources(joint, scratch, true, model, sums, length):
 
 
 @jit
-def _advance_profiles(joint, scratch, true, unit, model, sums, length, middle):
+def _advance_profiles(joint, scratch, true, unit, units, model, sums, length, first, n_tick):
     """Let biases that are the same in every run act over a window, in the mean. Where the filter has a state for the
     bias only its change acts; where samples are measurements and there is no state, the samples hold it.
     """
     seconds, decay, g = model.seconds[length], true.decay[length], scratch.shift
+    middle = unit.start + unit.dt * (first + 0.5 * n_tick)
     for j in range(true.sensor.shape[0]):
         profile, matched = true.profile[j], true.matched[j]
         if profile < 0:
             continue
         if true.moving[j]:
-            input_matrix(scratch.input, scratch.block, j, true, sums, seconds)
+            _block_input(scratch, j, true, units, sums, seconds, first, n_tick)
         for axis in range(3):
             value = profile_value(unit, profile, axis, middle)
             change = value - joint.profile[profile, axis]
@@ -216,7 +227,7 @@ def _add_deviation(mean, deviation, sums, seconds, sensed):
 
 
 @inlined
-def propagate(joint, scratch, nominal, true, unit, model, length, first, n_tick, reference):
+def propagate(joint, scratch, nominal, true, unit, units, model, length, first, n_tick, reference):
     """Propagate everything over one window: the filter's own covariance by its model, each source's by the truth's.
 
     Where the samples of the IMU are measurements, what they propagate is propagated already, tick by tick.
@@ -229,8 +240,7 @@ def propagate(joint, scratch, nominal, true, unit, model, length, first, n_tick,
         model.noise[length], model.clock, seconds,
     )  # fmt: skip
     transition.fill(scratch.D_true, true.nav_kinds, true.nav_drivers, sums, x, y, z, seconds)
-    propagate_sources(joint, scratch, true, model, sums, length)
-    middle = unit.start + unit.dt * (first + 0.5 * n_tick)
-    _advance_profiles(joint, scratch, true, unit, model, sums, length, middle)
+    propagate_sources(joint, scratch, true, units, model, sums, length, first, n_tick)
+    _advance_profiles(joint, scratch, true, unit, units, model, sums, length, first, n_tick)
     _set_deviation(scratch.deviation, unit, nav, model, first, n_tick, reference)
     _add_deviation(joint.mean, scratch.deviation, sums, seconds, not true.by_samples)

@@ -1,5 +1,6 @@
 """Samples of the IMU as measurements, in the joint covariance: update and propagation of a tick, source by source."""
 
+from lvnav_trade.engines.lincov.units import add_unit_profiles, fill_unit_partials
 from lvnav_trade.engines.simulate.sensing import profile_value
 from lvnav_trade.kernels.attitude import cross, matrix
 from lvnav_trade.kernels.groups import group, whole
@@ -32,8 +33,18 @@ def nominal_tick(sums, reference, tick, dt):
 
 
 @jit
-def fill_partials(a, true, vehicle, tick):
-    """Set how components enter the samples of a tick, where no state of the filter stands for them."""
+def fill_partials(a, true, units, vehicle, tick, dt):
+    """Set how components of one unit, or of a set (Units), enter the samples of a tick, where no state of the filter
+    stands for them.
+    """
+    if units is None:
+        _fill_partials(a, true, vehicle, tick)
+    else:
+        fill_unit_partials(a, true, units, tick, dt)
+
+
+@jit
+def _fill_partials(a, true, vehicle, tick):
     for j in range(true.sensor.shape[0]):
         if true.sampled[j] and true.profile[j] < 0:
             u = sensed_driver(true.sensor[j], true.driver[j], vehicle.rate[tick], vehicle.force[tick])
@@ -43,15 +54,24 @@ def fill_partials(a, true, vehicle, tick):
 
 
 @jit
-def _deviations(z, true, unit, reference, tick, value):
+def _add_profiles(z, true, unit, t):
+    for j in range(true.sensor.shape[0]):
+        if true.profile[j] >= 0 and true.sampled[j]:
+            for axis in range(3):
+                z[3 * true.sensor[j] + axis] += profile_value(unit, true.profile[j], axis, t)
+
+
+@jit
+def _deviations(z, true, unit, units, reference, tick):
     """Set what the samples hold in every run beyond the truth: bandwidth, and profiles that no state stands for."""
     for i in range(3):
         z[i] = (unit.dtheta[tick, i] - reference.dtheta[tick, i]) / unit.dt
         z[3 + i] = (unit.dvel[tick, i] - reference.dvel[tick, i]) / unit.dt
-    for j in range(true.sensor.shape[0]):
-        if true.profile[j] >= 0 and true.sampled[j]:
-            for axis in range(3):
-                z[3 * true.sensor[j] + axis] += profile_value(unit, true.profile[j], axis, value)
+    t = unit.start + unit.dt * (tick + 0.5)
+    if units is None:
+        _add_profiles(z, true, unit, t)
+    else:
+        add_unit_profiles(z, true, unit, units, t)
 
 
 @inlined
@@ -92,14 +112,14 @@ def _update_sources(joint, work, true, columns):
 
 
 @inlined
-def update_tick(joint, scratch, work, tape, true, unit, model, vehicle, reference, tick):
+def update_tick(joint, scratch, work, tape, true, unit, units, model, vehicle, reference, tick):
     """Update by the samples of a tick: the filter's covariance, and with those gains every source and the mean."""
     m, mean, n = vehicle.motion, joint.mean, model.n_state
     for i in range(3):
         if tick > 0:
             mean[m + i] += vehicle.rate[tick, i] - vehicle.rate[tick - 1, i]
             mean[m + 3 + i] += vehicle.force[tick, i] - vehicle.force[tick - 1, i]
-    _deviations(work.deviation, true, unit, reference, tick, unit.start + unit.dt * (tick + 0.5))
+    _deviations(work.deviation, true, unit, units, reference, tick)
     for i in range(N_SAMPLE):
         joint.formal[m + i, m + i] += vehicle.walk[tick, i]
     fill_samples(work.h, vehicle.blocks, vehicle.rate[tick], vehicle.force[tick])
@@ -112,7 +132,7 @@ def update_tick(joint, scratch, work, tape, true, unit, model, vehicle, referenc
         for r in range(N_SAMPLE):
             for i in range(n):
                 tape.sample_gain[tick, r, i] = work.gain[r, i]
-    fill_partials(work.a, true, vehicle, tick)
+    fill_partials(work.a, true, units, vehicle, tick, unit.dt)
     _update_sources(joint, work, true, vehicle.columns)
     update_vector_together(mean, work.seen, work.gain, work.h, vehicle.columns)
     for r in range(N_SAMPLE):
@@ -136,10 +156,10 @@ def propagate_tick(joint, work, true, vehicle, reference, tick, dt):
 
 
 @inlined
-def sample_window(joint, scratch, work, tape, true, unit, model, vehicle, reference, first, n_tick):
+def sample_window(joint, scratch, work, tape, true, unit, units, model, vehicle, reference, first, n_tick):
     """Process the samples of a window, tick by tick; the covariances are whole again at its end."""
     for tick in range(first, first + n_tick):
-        update_tick(joint, scratch, work, tape, true, unit, model, vehicle, reference, tick)
+        update_tick(joint, scratch, work, tape, true, unit, units, model, vehicle, reference, tick)
         propagate_tick(joint, work, true, vehicle, reference, tick, unit.dt)
     mirror(joint.formal)
     for g in range(true.n_slot.shape[0]):

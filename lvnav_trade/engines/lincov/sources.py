@@ -10,23 +10,18 @@ from lvnav_trade.filters.model import POSITION, PSEUDORANGE, RANGE_RATE, VELOCIT
 from lvnav_trade.kernels.transition import VEL
 from lvnav_trade.records import Ints
 from lvnav_trade.sources import label_of
+from lvnav_trade.world.sensors.units import keyed, mounted
 
 
 def source_names(prepared: Prepared) -> list[str]:
     """Return every physical source of error of a case, in the order of the budget."""
     scenario, model = prepared.scenario, prepared.model
-    names = [
-        "initial attitude",
-        "initial velocity",
-        "initial position",
-        "gyro random walk",
-        "accelerometer random walk",
-    ]
+    names, owners = ["initial attitude", "initial velocity", "initial position"], dict(mounted(scenario.imu)).items()
+    names += [keyed(f"{label} random walk", number) for number, _ in owners for label in ("gyro", "accelerometer")]
     names += list(dict.fromkeys(block.source for block in prepared.sources))
-    if scenario.imu.gyro.quantisation > 0.0:
-        names.append("gyro quantisation")
-    if scenario.imu.accel.quantisation > 0.0:
-        names.append("accelerometer quantisation")
+    for number, unit in owners:
+        for label, card in (("gyro", unit.gyro), ("accelerometer", unit.accel)):
+            names += [keyed(f"{label} quantisation", number)] * (card.quantisation > 0.0)
     if model.aided:
         names += list(dict.fromkeys(family.source for family in prepared.families))
     if model.tight:
@@ -39,8 +34,12 @@ def source_names(prepared: Prepared) -> list[str]:
 
 
 def source_labels(prepared: Prepared) -> tuple[str, ...]:
-    """Return the sources of a case as the report names them."""
-    return tuple(label_of(name) for name in source_names(prepared))
+    """Return the sources of a case as the report names them; of several units the first has a number too."""
+    first = "unit 1 " if prepared.options.units is not None else ""
+    return tuple(
+        (first if name.startswith(("gyro ", "accelerometer ")) else "") + label_of(name)
+        for name in source_names(prepared)
+    )
 
 
 def n_joint(prepared: Prepared) -> int:

@@ -75,6 +75,20 @@ def _update_shared(joint, scratch, gain, h, signals, true, epoch, channel, white
 
 
 @jit
+def _update_units(joint, scratch, gain, true, epoch, channel):
+    """Let errors of inertial units enter an update by what two units differ by; return what they add to the
+    innovation's variance.
+    """
+    total, row = 0.0, true.differences.of[channel]
+    if row >= 0:
+        for c in range(true.first_shared):
+            a = true.differences.reach[row, epoch, c]
+            if a != 0.0:
+                total += _enter(joint, scratch, gain, true, c, a)
+    return total
+
+
+@jit
 def _set_gain(gain, K, weight, n_estimated, true, late, epoch):
     """Set the gain on the joint vector: what the filter corrects it also takes off the stored states that measurements
     on their way will be compared with.
@@ -138,6 +152,7 @@ def _update_truth(joint, scratch, tape, late, h, innovation, epoch, channel, whi
     noise = 0.0 if whitened else signals.sigma[epoch, measured_channel(signals, channel)] ** 2
     total = _update_sources(joint, scratch, true, gain, h, entries, columns, true.noise_source[channel], noise)
     total += _update_shared(joint, scratch, gain, h, signals, true, epoch, channel, whitened)
+    total += _update_units(joint, scratch, gain, true, epoch, channel)
     offset = update_vector(joint.mean, gain, h, entries, columns) + innovation
     for i in range(gain.shape[0]):
         joint.mean[i] -= gain[i] * innovation

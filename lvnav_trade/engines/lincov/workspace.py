@@ -82,7 +82,9 @@ Nominal = namedtuple(
     "past P",
 )
 """Work arrays of the nominal run, by the names that the filter's kernels read; shapes: `new_nominal`."""
-Scratch = namedtuple("Scratch", "D D_true block input shift K x gain deviation receiver y b seen noise spread budget")
+Scratch = namedtuple(
+    "Scratch", "D D_true block input mean_input shift K x gain deviation receiver y b seen noise spread budget"
+)
 """Work arrays of the forward pass; shapes: `new_scratch`."""
 SampleScratch = namedtuple(
     "SampleScratch",
@@ -90,7 +92,7 @@ SampleScratch = namedtuple(
     "through",
 )
 """Work arrays of a filter that measures the samples of its IMU; shapes: `new_sample_scratch`."""
-BackwardScratch = namedtuple("BackwardScratch", "D y input block sums h b a")
+BackwardScratch = namedtuple("BackwardScratch", "D y input mean_input block sums h b a")
 """Work arrays of the backward pass; shapes: `new_backward_scratch`."""
 
 
@@ -139,8 +141,8 @@ def new_scratch(prepared: Prepared, true: Components) -> Scratch:
         Scratch,
         {
             "D": (prepared.model.block_rows.size, 9), "D_true": (true.nav_rows.size, 9), "block": (9,),
-            "input": (9, 3), "shift": (n,), "K": (n_state,), "x": (n_state,), "gain": (n,), "deviation": (9,),
-            "receiver": (N_STATE + 6,),
+            "input": (9, 3), "mean_input": (2, 3), "shift": (n,), "K": (n_state,), "x": (n_state,), "gain": (n,),
+            "deviation": (9,), "receiver": (N_STATE + 6,),
         },
         {
             "y": (n,), "b": (n_group, n_slot, 9), "seen": (n_group, n_slot, 1), "noise": (n_group, 1, 1),
@@ -179,8 +181,8 @@ def new_backward_scratch(prepared: Prepared, true: Components) -> BackwardScratc
     vehicle = prepared.options.vehicle
     n_entry = 1 if vehicle is None else vehicle.columns.shape[1]
     alone = {
-        "D": (true.nav_rows.size, 9), "y": (max(n_joint(prepared), N_SAMPLE),), "input": (9, 3), "block": (9,),
-        "sums": (N_SUM,), "h": (N_SAMPLE, n_entry),
+        "D": (true.nav_rows.size, 9), "y": (max(n_joint(prepared), N_SAMPLE),), "input": (9, 3),
+        "mean_input": (2, 3), "block": (9,), "sums": (N_SUM,), "h": (N_SAMPLE, n_entry),
     }  # fmt: skip
     return _record(BackwardScratch, alone, {"b": (*true.followed.shape, 9), "a": (*true.followed.shape, N_SAMPLE)})
 

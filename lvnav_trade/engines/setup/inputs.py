@@ -23,6 +23,9 @@ class Schedule(NamedTuple):
 class Unit(NamedTuple):
     """The truth of an IMU. dt s; noise_source word; biases_only: it has no scale factor, misalignment or g-sensitivity.
 
+    Of several units it holds their blocks one after the other, what belongs to a sensor by the number 2 triad + sensor,
+    and the increments of the fused triad; the rest is in `Units`.
+
     dtheta, dvel (n_imu, 3); white (4,) per-tick sigma of gyro and accelerometer, quantisation steps; process_ticks
     between steps of varying parameters; drifting: any of these; sigma, decay, walk (n_block,); sources words,
     sensors, drivers (n_block,); bias profiles that are the same in every run: profile_sensor (n_profile,),
@@ -50,6 +53,33 @@ class Unit(NamedTuple):
     profile: Floats
     gravity: int
     start: float
+
+
+class Units(NamedTuple):
+    """Several inertial units, triad by triad (up to three sensing axes of a unit).
+
+    dtheta, dvel (n_triad, n_imu, 3) increments where the unit sits, without errors, body axes; n_axis (n_triad,);
+    frames (n_triad, 3, 3, 3) of each axis: its direction, then those that its misalignments are towards; solved
+    (n_triad, 2, 3, 3) how errors of the axes of gyro and accelerometer enter the fused triad; lever (n_triad, 3) m that
+    is compensated; noise_sources (n_triad,) words; white (n_triad, 4) as of `Unit`; triads (n_block,) of the blocks of
+    the unit's true parameters. Differences of two units (n_pair): pair_sensor (n_pair,) gyro or accelerometer,
+    pair_solved (n_pair, n_triad, 3, 3) as solved, pair_state (n_pair,) first state of the filter for its bias (-1
+    none), pair_of (n_device,) which one a sensor measures (-1 none).
+    """
+
+    dtheta: Floats
+    dvel: Floats
+    n_axis: Ints
+    frames: Floats
+    solved: Floats
+    lever: Floats
+    noise_sources: NDArray[np.uint64]
+    white: Floats
+    triads: Ints
+    pair_sensor: Ints
+    pair_solved: Floats
+    pair_state: Ints
+    pair_of: Ints
 
 
 class Shared(NamedTuple):
@@ -190,7 +220,7 @@ class Options(NamedTuple):
     the filter has a mode logic; late (filters.late.Late): late measurements are compensated; gains
     (filters.scheduled.Gains): stored ones; vehicle (filters.samples.VehicleModel): samples of the IMU are measurements;
     samples (Samples), report (Report): of them or of the receiver's solution something is reported; misses (True): what
-    the filter's transition misses is recorded in place of errors.
+    the filter's transition misses is recorded in place of errors; units (Units): several inertial units are fused.
     """
 
     solver: Any = None
@@ -201,3 +231,4 @@ class Options(NamedTuple):
     samples: Any = None
     report: Any = None
     misses: Any = None
+    units: Any = None

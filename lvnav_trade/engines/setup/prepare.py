@@ -9,7 +9,7 @@ import numpy as np
 
 from lvnav_trade.engines.setup.atmosphere import Delays, delays
 from lvnav_trade.engines.setup.families import ErrorFamily, shared_of
-from lvnav_trade.engines.setup.inputs import Options, Record, Report, Schedule, Sensors, Signals, Start, Unit
+from lvnav_trade.engines.setup.inputs import Options, Record, Report, Schedule, Sensors, Signals, Start, Unit, Units
 from lvnav_trade.engines.setup.options import (
     clone_times,
     delay_taken,
@@ -23,6 +23,7 @@ from lvnav_trade.engines.setup.sensors import Sensor, for_kernels, sensors_of
 from lvnav_trade.engines.setup.signals import Line, channels_of, families, geometry_of, signals
 from lvnav_trade.engines.setup.solution import Chain, chain_of
 from lvnav_trade.engines.setup.times import epochs_of, times_of
+from lvnav_trade.engines.setup.units import arriving, fused, units_of
 from lvnav_trade.engines.setup.vehicle import samples_of, vehicle_of
 from lvnav_trade.engines.setup.watching import left_out, pdop, watched
 from lvnav_trade.filters.base import EnvelopeCard
@@ -41,7 +42,6 @@ from lvnav_trade.world.conditions import Course
 from lvnav_trade.world.faults import (
     AccelBiasStep,
     AnyFault,
-    DroppedSamples,
     GyroBiasStep,
     delay,
     failures,
@@ -57,10 +57,12 @@ from lvnav_trade.world.flight.trajectory import (
 from lvnav_trade.world.flight.trajectory import refuse_contradiction as trajectory_contradiction
 from lvnav_trade.world.gravity import disturbance
 from lvnav_trade.world.receiver.visibility import sky
-from lvnav_trade.world.sensors.imu import ErrorBlock, ImuCard, error_blocks, lag
+from lvnav_trade.world.sensors.imu import ErrorBlock, ImuCard
+from lvnav_trade.world.sensors.units import ImuSet, blocks_of, equivalent, triads_of
 from lvnav_trade.world.sky.satellites import time_offsets
 
-# Sensor, start and end (s) of its growth, amplitude (SI): a bias that is the same in every run.
+# Sensor (of several units 2 triad + sensor), start and end (s) of its growth, amplitude (SI): a bias that is the same
+# in every run.
 Profile = tuple[int, float, float, tuple[float, float, float]]
 # What begins with a step is a profile that grows within this time (s), far less than an IMU tick.
 STEP = 1e-6
@@ -122,7 +124,7 @@ def trajectory_of(scenario: Scenario) -> Trajectory:
     """
     card = scenario.trajectory
     flight = _built(_identity(card), type(card))
-    trajectory_contradiction(card, scenario.imu)
+    trajectory_contradiction(card, equivalent(scenario.imu))
     return flight
 
 
@@ -131,15 +133,18 @@ def _sampled(identity: str, kind: type[TrajectoryCard], rate: float) -> Referenc
     return reference(_built(identity, kind), rate)
 
 
-def _profiles(card: ImuCard, faults: Sequence[AnyFault], course: Course) -> list[Profile]:
+def _profiles(card: ImuCard | ImuSet, faults: Sequence[AnyFault], course: Course) -> list[Profile]:
     """List the profiles of bias that are the same in every run: warming, and faults that begin and end with a step."""
     found: list[Profile] = []
-    for sensor, ramp in ((GYRO, card.gyro.temperature), (ACCEL, card.accel.temperature)):
-        if ramp is not None:
-            found.append((sensor, ramp.start, ramp.end, ramp.amplitude))
+    owners = [0] if isinstance(card, ImuCard) else [triad.unit for triad in triads_of(card)]
+    for triad, number in enumerate(owners):
+        unit = card if isinstance(card, ImuCard) else card.units[number]
+        for sensor, ramp in ((GYRO, unit.gyro.temperature), (ACCEL, unit.accel.temperature)):
+            if ramp is not None:
+                found.append((2 * triad + sensor, ramp.start, ramp.end, ramp.amplitude))
     for number, fault in enumerate(faults):
         if isinstance(fault, GyroBiasStep | AccelBiasStep):
-            sensor = GYRO if isinstance(fault, GyroBiasStep) else ACCEL
+            sensor = 2 * owners.index(fault.unit - 1) + (GYRO if isinstance(fault, GyroBiasStep) else ACCEL)
             x, y, z = fault.size
             for start, end in periods(number, fault, course):
                 begin = start if math.isfinite(start) else course.begin(start) - STEP
@@ -149,26 +154,11 @@ def _profiles(card: ImuCard, faults: Sequence[AnyFault], course: Course) -> list
     return found
 
 
-def _arriving(ref: Reference, card: ImuCard, faults: Sequence[AnyFault], course: Course) -> list[Floats]:
-    """Return increments (n_imu, 3) of angle and velocity as an ideal unit of this bandwidth puts them out, where
-    samples are dropped without them.
-    """
-    dt = 1.0 / card.rate
-    sensed = ((ref.dtheta, card.gyro.bandwidth), (ref.dvel, card.accel.bandwidth))
-    out = [np.ascontiguousarray(lag(increments, bandwidth, dt)) for increments, bandwidth in sensed]
-    if any(isinstance(fault, DroppedSamples) for fault in faults):
-        out = [array.copy() for array in out]  # those of the reference are other cases' too
-    for number, fault in enumerate(faults):
-        if isinstance(fault, DroppedSamples):
-            for start, end in periods(number, fault, course):
-                gone = np.flatnonzero((ref.t[1:] > start + 1e-9) & (ref.t[1:] <= end + 1e-9))
-                for array in out:
-                    array[gone] = array[max(0, gone[0] - 1)] if gone.size and fault.instead == "last" else 0.0
-    return out
-
-
-def _unit(scenario: Scenario, ref: Reference, blocks: tuple[ErrorBlock, ...], course: Course) -> Unit:
+def _unit(
+    scenario: Scenario, ref: Reference, blocks: tuple[ErrorBlock, ...], course: Course, units: Units | None = None
+) -> Unit:
     card = scenario.imu
+    one = equivalent(card)
     inertial = [block for block in blocks if block.sensor >= 0]
     dt = 1.0 / card.rate
     process_ticks = max(1, round(card.rate / card.process_rate))
@@ -181,7 +171,7 @@ def _unit(scenario: Scenario, ref: Reference, blocks: tuple[ErrorBlock, ...], co
         ]
     )
     profiles = _profiles(card, scenario.faults, course)
-    dtheta, dvel = _arriving(ref, card, scenario.faults, course)
+    dtheta, dvel = arriving(ref, one, scenario.faults, course) if units is None else fused(units, dt)
     return Unit(
         dt=dt,
         noise_source=source_word(IMU_NOISE),
@@ -189,8 +179,8 @@ def _unit(scenario: Scenario, ref: Reference, blocks: tuple[ErrorBlock, ...], co
         dtheta=dtheta,
         dvel=dvel,
         white=np.array([
-            card.gyro.random_walk * math.sqrt(dt), card.accel.random_walk * math.sqrt(dt),
-            card.gyro.quantisation, card.accel.quantisation,
+            one.gyro.random_walk * math.sqrt(dt), one.accel.random_walk * math.sqrt(dt),
+            one.gyro.quantisation, one.accel.quantisation,
         ]),
         process_ticks=process_ticks,
         drifting=bool(np.any(walk > 0.0)) or bool(profiles),
@@ -246,7 +236,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     kept = clone_times(scenario, t_epoch, delayed, ref.t, epochs.group)
     at = times_of(scenario, trajectory, ref, epochs, kept, history, every_step_beside)
     imu, receiver, initial = filter_models(scenario)
-    devices = sensors_of(scenario, trajectory, t_epoch)
+    devices = sensors_of(scenario, trajectory, t_epoch, float(ref.t[0]))
     channels, lever_b = channels_of(scenario, seen, devices), np.array(scenario.receiver.lever_b)
     measured = channels._replace(tight=True) if solves(scenario) else channels
     lever_arms = seen.lever_arms if channels.tight else lever_b[None, :]
@@ -269,7 +259,8 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     truth = signals(
         scenario, seen, line, receiver, layout, modelled, channels, measured, shared, failed, left, tabled.mean, devices
     )  # fmt: skip
-    blocks = (*error_blocks(scenario.imu), *disturbance(scenario.gravity))
+    blocks = (*blocks_of(scenario.imu), *disturbance(scenario.gravity))
+    units = units_of(scenario, ref, trajectory.course, devices, layout)
     C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], trajectory.theta0)[0].T
     P = initial_covariance(layout, initial, C_n_i, card.envelope or EnvelopeCard())
     rules = watched(card, failed, truth, channels, lambda: pdop(line.direction, seen.tracked), P)
@@ -290,7 +281,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         sources=blocks,
         families=shared_errors,
         schedule=at.schedule,
-        unit=_unit(scenario, ref, blocks, trajectory.course),
+        unit=_unit(scenario, ref, blocks, trajectory.course, units),
         signals=truth,
         start=_start(scenario, ref, C_n_i, P),
         record=_record(scenario, trajectory, ref, at.hist_tick, at.t_hist, epochs.tick),
@@ -307,6 +298,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
             vehicle_of(scenario, trajectory, ref, layout, imu),
             samples_of(scenario, ref, layout, imu),
             report,
+            units=units,
         ),
         chain=chain,
         devices=devices,

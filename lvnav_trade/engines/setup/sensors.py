@@ -9,11 +9,12 @@ from lvnav_trade.engines.setup.inputs import Sensors
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.frames import earth_angle, earth_velocity, geodetic_from_ecef
 from lvnav_trade.kernels.random import source_word
+from lvnav_trade.observables.imu_difference import ImuDifferenceCard
 from lvnav_trade.observables.partials import Channels, SensorChannels
 from lvnav_trade.observables.sensor import N_TRUTH, FlightView, SensorCard
 from lvnav_trade.observables.sensors import SENSORS
 from lvnav_trade.records import Floats
-from lvnav_trade.scenario import Scenario, sensor_model, sensors_used
+from lvnav_trade.scenario import Scenario, difference_of, sensor_model, sensors_used
 from lvnav_trade.world.conditions import Course, inside
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
 from lvnav_trade.world.truth import at_rest
@@ -24,7 +25,8 @@ STILL = 1e-3
 
 class Sensor(NamedTuple):
     """A sensor at the epochs: its name in the scenario and its card; its channels; noise, the name of that source; on
-    (n_epoch,); truth (n_epoch, 4); sigma and variance (n_epoch, n_scalar) of its noise, true and as the filter assumes.
+    (n_epoch,); truth (n_epoch, 4); sigma and variance (n_epoch, n_scalar) of its noise, true and as the filter assumes;
+    since (n_epoch,) s since the measurement before, of a difference of two inertial units (else empty).
     """
 
     name: str
@@ -35,6 +37,7 @@ class Sensor(NamedTuple):
     truth: Floats
     sigma: Floats
     variance: Floats
+    since: Floats
 
 
 def measures(scenario: Scenario, card: SensorCard, course: Course, t_epoch: Floats) -> NDArray[np.bool_]:
@@ -58,8 +61,14 @@ def _view(trajectory: Trajectory, t: Floats) -> FlightView:
     return FlightView(t, at.r_i, at.v_i, at.q_b_i, height, theta, rest.r_i, rest.q_b_i, standing)
 
 
-def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats) -> tuple[Sensor, ...]:
-    """Return the sensors that the filter of a scenario uses, at the epochs (s)."""
+def _since(on: NDArray[np.bool_], t_epoch: Floats, start: float) -> Floats:
+    """Return the time (n_epoch,) s from the measurement before, or from the start (s) of the flight, to each epoch."""
+    last = np.maximum.accumulate(np.where(on, t_epoch, start))
+    return np.asarray(t_epoch - np.concatenate([[start], last[:-1]]))
+
+
+def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: float = 0.0) -> tuple[Sensor, ...]:
+    """Return the sensors that the filter of a scenario uses, at the epochs (s); start (s) of the flight."""
     used = sensors_used(scenario)
     if not used:
         return ()
@@ -73,6 +82,12 @@ def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats) -> t
         if card.on_pad and not on.any():
             message = "it measures while the vehicle stands on its pad, which is at none of its times"
             raise InputError(records=[Mistake(message, f"sensors.{name}")])
+        sigma, variance = card.noise_sigma(view), sensor_model(scenario, card).variance(view)
+        since = np.zeros(0)
+        if isinstance(card, ImuDifferenceCard):  # summed since the measurement before
+            since = _since(on, t_epoch, start)
+            sigma = difference_of(scenario, card).random_walk * np.sqrt(np.repeat(since[:, None], 3, axis=1))
+            variance = variance * since[:, None]
         found.append(
             Sensor(
                 name,
@@ -81,8 +96,9 @@ def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats) -> t
                 card.noise if alone else f"{card.noise} {name}",
                 on,
                 np.ascontiguousarray(np.pad(truth, ((0, 0), (0, N_TRUTH - truth.shape[1])))),
-                card.noise_sigma(view),
-                sensor_model(scenario, card).variance(view),
+                sigma,
+                variance,
+                since,
             )
         )
     return tuple(found)

@@ -15,7 +15,7 @@ from lvnav_trade.frames import matrices
 from lvnav_trade.kernels.clock import clock_step
 from lvnav_trade.kernels.earth import GM
 from lvnav_trade.kernels.random import source_word
-from lvnav_trade.layout import StateLayout
+from lvnav_trade.layout import RELATIVE, StateLayout
 from lvnav_trade.observables.partials import LEVER_AXES, Channels, Geometry, partial
 from lvnav_trade.records import Floats, Sky
 from lvnav_trade.scenario import Scenario, epoch_interval, solves
@@ -258,6 +258,15 @@ def _assumed_variance(
     return _by_channel(channels, seen.t.size, (1.0, 1.0) if solves(scenario) else pair, devices, "variance")
 
 
+def _partial(name: str, geometry: Geometry, channels: Channels, devices: tuple[Sensor, ...]) -> Floats:
+    """Return the derivative (n_epoch, n_channel) of the measurements with respect to an extra state."""
+    found = partial(name, geometry, channels)
+    for at, device in zip(channels.first, devices, strict=True):
+        if RELATIVE.get(device.channels.measures) == name:
+            found[:, at : at + 3] = device.since[:, None]
+    return found
+
+
 def signals(
     scenario: Scenario,
     seen: Sky,
@@ -282,7 +291,7 @@ def signals(
     receiver, clock = scenario.receiver, scenario.receiver.clock
     used, n_used = _slots(seen)
     sigma = _by_channel(measured, seen.t.size, _true_sigma(scenario, seen, measured), devices, "sigma")
-    extra = [partial(block.name, geometry, channels) for block in layout.extras]
+    extra = [_partial(block.name, geometry, channels, devices) for block in layout.extras]
     interval = epoch_interval(scenario)
     off, off_rate = failed.bias + left[:, :, 0], failed.drift + left[:, :, 1]
     ranges, rates = np.asarray(line.distance + off), np.asarray(line.rate + off_rate)

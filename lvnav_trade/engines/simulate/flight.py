@@ -51,7 +51,7 @@ def fly(work, schedule, unit, signals, sensors, start, history, model, options, 
     history : Record; model : FilterModel; options : Options
     k0, k1 : key words of the campaign's seed
     """
-    begin(work, unit, signals, start, model, k0, k1)
+    begin(work, unit, options.units, signals, start, model, k0, k1)
     begin_solver(work, options.solver)
     begin_watch(work.watch)
     begin_motion(work.motion, options.samples)
@@ -59,7 +59,7 @@ def fly(work, schedule, unit, signals, sensors, start, history, model, options, 
     for w in range(schedule.n_tick.shape[0]):
         first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
         if n_tick > 0:
-            sense(work, unit, first, n_tick, k0, k1)
+            sense(work, unit, options.units, first, n_tick, k0, k1)
             _advance(work, unit, model, options.vehicle, options.samples, first, n_tick, dt)
             predict_window(work, model, schedule.length[w])
             propagate_open_loop(work, work.open_loop, model, schedule.length[w])
@@ -71,7 +71,7 @@ def fly(work, schedule, unit, signals, sensors, start, history, model, options, 
         if epoch >= 0 and model.aided:
             observe(work, options.solver, signals, model.tight, epoch, k0, k1)
             hold_solution(work, options.solver, options.report, epoch)
-            measure_sensors(work, sensors, signals, epoch, k0, k1)
+            measure_sensors(work, sensors, options.units, signals, epoch, k0, k1)
             process_measurements(
                 work, work.open_loop, options.rules, options.late, options.gains, sensors, model, signals, epoch, dt
             )
@@ -81,5 +81,5 @@ def fly(work, schedule, unit, signals, sensors, start, history, model, options, 
             tick = max(0, first + n_tick - 1)
             record(
                 work, work.open_loop, options.vehicle, options.samples, options.report, options.misses, history,
-                signals.shared, model, tick, schedule.hist[w],
+                signals.shared, options.units, model, tick, schedule.hist[w],
             )  # fmt: skip

@@ -11,6 +11,7 @@ from lvnav_trade.engines.setup.inputs import Schedule
 from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.engines.setup.recorded import values_of
 from lvnav_trade.engines.simulate.flight import fly
+from lvnav_trade.engines.simulate.units import new_units
 from lvnav_trade.filters.feedforward import new_open_loop
 from lvnav_trade.filters.late import N_PAST
 from lvnav_trade.filters.monitor import Watch, new_watch
@@ -46,14 +47,14 @@ Work = namedtuple(
     "Work",
     "run nav sums previous increments P X D x K H z antenna rate true_par true_tables par tables remainder clock "
     "clock_hat shared extra ranges solution err sigma nees nis n_row n_reject innovation failed t_failed reported "
-    "observed rx open_loop watch past motion held misses",
-    defaults=(None, None, None, None, None, None, None),
+    "observed rx open_loop watch past motion held misses units",
+    defaults=(None, None, None, None, None, None, None, None),
 )
 """Arrays of a run (or of eight in lanes): states, work arrays, and what is output; shapes: `new_work`.
 
 rx (receivers.base.Receiver), open_loop (filters.feedforward.OpenLoop), watch (filters.monitor.Watch), past
-(n_ring + 1, N_PAST) (filters.late), motion (filters.samples.Motion), held (Held) and misses (Misses) belong to options
-and are None without them.
+(n_ring + 1, N_PAST) (filters.late), motion (filters.samples.Motion), held (Held), misses (Misses) and units (UnitWork)
+belong to options and are None without them.
 """
 
 
@@ -114,6 +115,9 @@ def _optional_work(prepared: Prepared, n_lane: int) -> dict[str, Any]:
         found["motion"] = new_motion(n, n_entry, n_lane)
     if options.report is not None:
         found["held"] = Held(**zeros_of({"error": (N_RECEIVER,), "covariance": (N_RECEIVER, N_RECEIVER)}, n_lane))
+    if options.units is not None:
+        n_tick = int(prepared.schedule.n_tick.max(initial=0))
+        found["units"] = new_units(options.units.n_axis.size, n_tick, options.units.pair_sensor.size, n_lane)
     if options.misses is not None:
         found["misses"] = Misses(**zeros_of(dict.fromkeys(Misses._fields, (prepared.t_hist.size, n)), n_lane))
     return found

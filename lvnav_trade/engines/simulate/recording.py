@@ -1,5 +1,6 @@
 """What a simulation run leaves at a history time: errors (truth minus estimate), sigmas, NEES, failure."""
 
+from lvnav_trade.engines.simulate.units import add_relative_biases
 from lvnav_trade.filters.feedforward import apply_correction, remove_correction
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.attitude import matrix, small_rotation
@@ -68,7 +69,7 @@ def _record_vector(err, sigma, at, x, P, state, c0, c1, c2):
 
 
 @jit
-def _record_states(work, history, shared, model, hist):
+def _record_states(work, history, shared, units, model, hist):
     """Write errors (truth minus estimate), the filter's sigma and NEES at a history time, in reporting axes."""
     x, P, err, sigma = work.x, work.P, work.err[hist], work.sigma[hist]
     _navigation_errors(x, work, history, model, hist)
@@ -77,6 +78,7 @@ def _record_states(work, history, shared, model, hist):
         x[model.clock] = work.clock[0] + history.since[hist] * work.clock[1] - work.clock_hat[0]
         x[model.clock + 1] = work.clock[1] - work.clock_hat[1]
     _extra_errors(work, shared, model)
+    add_relative_biases(work, units)
     q, axes = history.q[hist], history.axes[hist]
     c = matrix(q[0], q[1], q[2], q[3])
     for i in range(3):
@@ -194,7 +196,7 @@ def _record_misses(work, misses, history, model, hist):
 
 
 @inlined
-def record(work, open_loop, vehicle, samples, report, misses, history, shared, model, tick, hist):
+def record(work, open_loop, vehicle, samples, report, misses, history, shared, units, model, tick, hist):
     """Record at a history time: of an open loop the sum of inertial system and error state, which goes nowhere else."""
     if misses is not None:
         _record_misses(work, misses, history, model, hist)
@@ -202,7 +204,7 @@ def record(work, open_loop, vehicle, samples, report, misses, history, shared, m
     if open_loop is not None:
         apply_correction(work, open_loop, work.watch, model)
     _motion_errors(work, vehicle, tick)
-    _record_states(work, history, shared, model, hist)
+    _record_states(work, history, shared, units, model, hist)
     if open_loop is not None:
         remove_correction(work, open_loop, model)
     _record_samples(work, samples, model, tick, hist)

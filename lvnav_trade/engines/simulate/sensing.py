@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from lvnav_trade.engines.simulate.units import begin_units, fuse_tables, gather_units, sense_units, take_difference
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.attitude import from_rotation, multiply, normalise
 from lvnav_trade.kernels.jit import inlined, jit
@@ -17,7 +18,7 @@ _ZERO, _ONE = np.uint64(0), np.uint64(1)
 
 
 @jit
-def begin(work, unit, signals, start, model, k0, k1):
+def begin(work, unit, units, signals, start, model, k0, k1):
     """Set every state of a run at tick 0: true parameters and clock drawn, the estimate off by its initial error."""
     run = work.run[0]
     q = from_errors(work, start, k0, k1, run)
@@ -33,7 +34,8 @@ def begin(work, unit, signals, start, model, k0, k1):
     processes.zero_all(work.tables)
     processes.zero_all(work.true_par)
     processes.start(work.true_par, unit.sigma, unit.sources, k0, k1, run)
-    processes.gather(work.true_tables, work.true_par, unit.sensors, unit.drivers)
+    begin_units(work.units, units)
+    _gather_tables(work, unit, units)
     n0, n1, _, _ = normals(k0, k1, signals.sources[3], run, _ZERO, _ZERO)
     work.clock[0], work.clock[1] = signals.clock_start[0] * n0, signals.clock_start[1] * n1
     work.clock_hat[0], work.clock_hat[1] = like(n0, 0.0), like(n0, 0.0)
@@ -79,14 +81,37 @@ def profile_value(unit, profile, axis, t):
 
 
 @jit
-def _set_true_tables(work, unit, tick):
-    """Set what true parameters and profiles multiply, for the process step that starts at a tick."""
-    processes.gather(work.true_tables, work.true_par, unit.sensors, unit.drivers)
+def _gather_tables(work, unit, units):
+    """Set what true parameters multiply; of several units (Units) in the tables of each, and in those of the fused
+    triad.
+    """
+    if units is None:
+        processes.gather(work.true_tables, work.true_par, unit.sensors, unit.drivers)
+    else:
+        gather_units(work.units, units, work.true_par, unit.sensors, unit.drivers)
+        fuse_tables(work.true_tables, work.units, units)
+
+
+@jit
+def _add_profiles(tables, unit, tick):
+    """Add the profiles of bias to the tables, for the process step that starts at a tick."""
     middle = unit.start + unit.dt * (tick + 0.5 * unit.process_ticks)
     for profile in range(unit.profile_sensor.shape[0]):
-        table = work.true_tables[unit.profile_sensor[profile]]
+        table = tables[unit.profile_sensor[profile]]
         for axis in range(3):
             table[axis] = table[axis] + profile_value(unit, profile, axis, middle)
+
+
+@jit
+def _set_true_tables(work, unit, units, tick):
+    """Set what true parameters and profiles multiply, for the process step that starts at a tick."""
+    if units is None:
+        processes.gather(work.true_tables, work.true_par, unit.sensors, unit.drivers)
+        _add_profiles(work.true_tables, unit, tick)
+    else:
+        gather_units(work.units, units, work.true_par, unit.sensors, unit.drivers)
+        _add_profiles(work.units.tables, unit, tick)
+        fuse_tables(work.true_tables, work.units, units)
 
 
 @jit
@@ -100,8 +125,22 @@ def _miss_gravity(work, value, seconds):
 
 
 @inlined
-def sense(work, unit, first, n_tick, k0, k1):
-    """Fill the window's increments with what the unit puts out; varying parameters step on their own clock."""
+def _sense_ticks(work, unit, units, at, tick, count, k0, k1):
+    """Fill rows of the window's increments, from row `at` on, for ticks of one process step."""
+    if units is None:
+        processes.corrupt(
+            work.increments, at, tick, count, unit.dtheta, unit.dvel, work.true_tables[0], work.true_tables[1],
+            unit.white, work.remainder, unit, k0, k1, work.run[0],
+        )  # fmt: skip
+    else:
+        sense_units(work, units, at, tick, count, unit.dt, k0, k1)
+
+
+@inlined
+def sense(work, unit, units, first, n_tick, k0, k1):
+    """Fill the window's increments with what the unit, or the triad fused of several (Units), puts out; varying
+    parameters step on their own clock.
+    """
     run, done = work.run[0], 0
     while done < n_tick:
         tick = first + done
@@ -110,12 +149,9 @@ def sense(work, unit, first, n_tick, k0, k1):
             if tick > 0:
                 epoch = np.uint64(tick // unit.process_ticks)
                 processes.step(work.true_par, unit.decay, unit.walk, unit.sources, k0, k1, run, epoch)
-            _set_true_tables(work, unit, tick)
+            _set_true_tables(work, unit, units, tick)
         count = min(n_tick - done, unit.process_ticks - phase)
-        processes.corrupt(
-            work.increments, done, tick, count, unit.dtheta, unit.dvel, work.true_tables[0], work.true_tables[1],
-            unit.white, work.remainder, unit, k0, k1, run,
-        )  # fmt: skip
+        _sense_ticks(work, unit, units, done, tick, count, k0, k1)
         if unit.gravity >= 0:
             _miss_gravity(work, work.true_par[unit.gravity], unit.dt * count)
         done += count
@@ -200,7 +236,7 @@ def _sensor_error(work, signals, epoch, channel, normal):
 
 
 @jit
-def measure_sensors(work, sensors, signals, epoch, k0, k1):
+def measure_sensors(work, sensors, units, signals, epoch, k0, k1):
     """Set what the sensors beside the receiver measure at an epoch."""
     zero = like(work.clock[0], 0.0)
     for k in range(sensors.code.shape[0]):
@@ -211,6 +247,7 @@ def measure_sensors(work, sensors, signals, epoch, k0, k1):
             e1 = _sensor_error(work, signals, epoch, at + 1, n1) if count > 1 else zero
             e2 = _sensor_error(work, signals, epoch, at + 2, n2) if count > 2 else zero
             measure(work.observed[k], sensors.code[k], sensors.truth[k, epoch], e0, e1, e2)
+            take_difference(work, units, k)
 
 
 @jit

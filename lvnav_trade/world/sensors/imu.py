@@ -89,7 +89,7 @@ class ErrorBlock(NamedTuple):
     """One true error parameter on the three axes of a sensor: what it multiplies, how it starts and varies.
 
     source: physical cause; part: of causes that need several blocks; sigma at the start (SI), walk root PSD of a random
-    walk, time_constant s of a Gauss-Markov process that holds sigma (inf: none).
+    walk, time_constant s of a Gauss-Markov process that holds sigma (inf: none); triad of a set that has it.
     """
 
     source: str
@@ -99,6 +99,7 @@ class ErrorBlock(NamedTuple):
     sigma: float
     walk: float = 0.0
     time_constant: float = math.inf
+    triad: int = 0
 
 
 def error_blocks(card: ImuCard) -> list[ErrorBlock]:

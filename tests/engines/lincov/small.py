@@ -69,7 +69,7 @@ def small(starts, variances, *, factor, noise, decay, white, blocks, rows, colum
 
 @jit
 def _propagate(joint, scratch, true, model, sums):
-    propagate_sources(joint, scratch, true, model, sums, 0)
+    propagate_sources(joint, scratch, true, None, model, sums, 0, 0, 0)
 
 
 def propagate(joint, scratch, true, model):

@@ -21,7 +21,9 @@ from tests.engines.simulate.test_flight import scene
 
 def recorded(work, prepared, history, hist):
     """Record a run of a case without options."""
-    record(work, work.open_loop, None, None, None, None, history, prepared.signals.shared, prepared.model, 0, hist)
+    record(
+        work, work.open_loop, None, None, None, None, history, prepared.signals.shared, None, prepared.model, 0, hist
+    )
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

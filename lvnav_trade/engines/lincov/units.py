@@ -1,0 +1,282 @@
+"""Errors of several inertial units in the joint covariance: how each enters through the least squares of the set.
+
+A filter state such as a gyro bias stands for a sum of errors of all units. So no component is that of a state: in the
+joint vector the error of such a state is minus its estimate, and the sum is added where covariances are written.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.engines.setup.inputs import Units
+from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.engines.setup.units import along_axes
+from lvnav_trade.engines.simulate.sensing import profile_value
+from lvnav_trade.kernels.attitude import cross
+from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.strapdown import SUM_C, SUM_V
+from lvnav_trade.kernels.transition import ATT, CONSTANT, GYRO, OTHER_0, OTHER_2, OWN_0, OWN_2, POS, SQUARE, VEL
+from lvnav_trade.layout import StateLayout
+from lvnav_trade.records import Floats, Ints
+
+# What no increment multiplies: what quantisation holds back, and white noise, new in every window.
+REMAINDER, WHITE = -1, -3
+
+
+@jit
+def unit_input(frames, c, driver, own, other):
+    """Return what a parameter of axis c multiplies, by the inputs (3,) of its own sensor and of the other one, body
+    axes.
+    """
+    if driver < 0 or driver == CONSTANT:
+        return 1.0
+    k, along = 0, own
+    if OWN_0 <= driver and driver <= OWN_2:
+        k = driver - OWN_0
+    elif OTHER_0 <= driver and driver <= OTHER_2:
+        k, along = (driver - OTHER_0 - c) % 3, other
+    value = frames[c, k, 0] * along[0] + frames[c, k, 1] * along[1] + frames[c, k, 2] * along[2]
+    return value * value if driver == SQUARE else value
+
+
+@jit
+def _means(mean, units, triad, sensor, first, n_tick, seconds):
+    """Set the mean inputs over a window, body axes: mean (2, 3) of the sensor itself and of the other one."""
+    for i in range(3):
+        angle, speed = 0.0, 0.0
+        for tick in range(first, first + n_tick):
+            angle += units.dtheta[triad, tick, i]
+            speed += units.dvel[triad, tick, i]
+        mean[sensor, i], mean[1 - sensor, i] = angle / seconds, speed / seconds
+
+
+@jit
+def unit_input_matrix(b, mean, j, true, units, sums, seconds, first, n_tick):
+    """Set b (9, 3): how the three components of block j of a set enter attitude, velocity and position over a window;
+    mean (2, 3) work.
+    """
+    for i in range(9):
+        for axis in range(3):
+            b[i, axis] = 0.0
+    if seconds <= 0.0:
+        return
+    sensor, driver, triad = true.sensor[j], true.driver[j], true.triad[j]
+    _means(mean, units, triad, sensor, first, n_tick, seconds)
+    size = 1.0
+    if driver == WHITE:  # variance per second: as a bias over the window
+        size = 1.0 / np.sqrt(seconds)
+    elif driver == REMAINDER:
+        size = -1.0 / seconds
+    for c in range(3):
+        u, solved = size * unit_input(units.frames[triad], c, driver, mean[0], mean[1]), units.solved[triad, sensor]
+        x, y, z = u * solved[0, c], u * solved[1, c], u * solved[2, c]
+        for i in range(3):
+            at = SUM_C + 3 * i
+            b[(ATT if sensor == GYRO else VEL) + i, c] = -(sums[at] * x + sums[at + 1] * y + sums[at + 2] * z)
+        if driver == REMAINDER:
+            continue
+        if sensor == GYRO:
+            vx, vy, vz = cross(
+                sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2], -b[ATT, c], -b[ATT + 1, c], -b[ATT + 2, c]
+            )
+            b[VEL, c], b[VEL + 1, c], b[VEL + 2, c] = 0.5 * vx, 0.5 * vy, 0.5 * vz
+        for i in range(3):
+            b[POS + i, c] = 0.5 * seconds * b[VEL + i, c]
+
+
+@jit
+def fill_unit_partials(a, true, units, tick, dt):
+    """Set how components of a set enter the samples of a tick of the fused triad."""
+    for j in range(true.sensor.shape[0]):
+        if true.sampled[j] and true.profile[j] < 0:
+            sensor, triad, component = true.sensor[j], true.triad[j], true.first[j]
+            source, k = true.source[component], true.slot[component]
+            for c in range(3):
+                u = _tick_input(units, triad, sensor, c, true.driver[j], tick, dt)
+                for i in range(3):
+                    entering = units.solved[triad, sensor, i, c] * u
+                    a[true.group[source], k + c, 3 * sensor + i, true.lane[source]] = entering
+
+
+@inlined
+def _tick_input(units, triad, sensor, c, driver, tick, dt):
+    """Return what a parameter of axis c multiplies in the sample of a tick."""
+    a, f = units.dtheta[triad, tick], units.dvel[triad, tick]
+    angle, force = (a[0] / dt, a[1] / dt, a[2] / dt), (f[0] / dt, f[1] / dt, f[2] / dt)
+    if sensor == GYRO:
+        return unit_input(units.frames[triad], c, driver, angle, force)
+    return unit_input(units.frames[triad], c, driver, force, angle)
+
+
+@jit
+def add_unit_profiles(z, true, unit, units, t):
+    """Add to the samples' deviations (6,) the biases that the units of a set have alike in every run."""
+    for j in range(true.sensor.shape[0]):
+        if true.profile[j] >= 0:
+            for c in range(3):
+                value = profile_value(unit, true.profile[j], c, t)
+                for i in range(3):
+                    z[3 * true.sensor[j] + i] += units.solved[true.triad[j], true.sensor[j], i, c] * value
+
+
+@jit
+def samples_of_units(out, hist, joint, true, units, samples, tick, dt):
+    """Write by source the variance of the errors of the fused samples beside their noise: raw, and corrected by the
+    estimated bias.
+    """
+    for j in range(true.sensor.shape[0]):
+        if true.profile[j] >= 0 or true.driver[j] < 0:
+            continue
+        sensor, triad = true.sensor[j], true.triad[j]
+        for c in range(3):
+            component = true.first[j] + c
+            source, k = true.source[component], true.slot[component]
+            g, lane = true.group[source], true.lane[source]
+            u, variance = _tick_input(units, triad, sensor, c, true.driver[j], tick, dt), joint.variance[g, k, 0, lane]
+            for i in range(3):
+                entering, r = units.solved[triad, sensor, i, c] * u, 3 * sensor + i
+                out.samples[hist, source, r] += entering * entering * variance
+                out.samples[hist, source, 6 + r] += entering * entering * variance
+                if samples.bias[r] >= 0:
+                    out.samples[hist, source, 6 + r] += 2.0 * entering * joint.cross[g, k, samples.bias[r], lane]
+
+
+@jit
+def _add_component(out, hist, joint, true, weights, component):
+    """Add a component to the covariances of the states that stand for it among others: weights (n_state,)."""
+    source, k = true.source[component], true.slot[component]
+    g, lane = true.group[source], true.lane[source]
+    variance, n = joint.variance[g, k, 0, lane], weights.shape[0]
+    for i in range(n):
+        if weights[i] != 0.0:
+            out.budget[hist, source, i] += weights[i] * (2.0 * joint.cross[g, k, i, lane] + weights[i] * variance)
+            for j in range(n):
+                out.true[hist, i, j] += weights[i] * joint.cross[g, k, j, lane]
+                out.true[hist, j, i] += weights[i] * joint.cross[g, k, j, lane]
+                out.true[hist, i, j] += weights[i] * weights[j] * variance
+
+
+@jit
+def add_sums(out, hist, joint, true, units):
+    """Add to what is written at a history time the sums of errors that states of the filter stand for."""
+    if units is not None:
+        for j in range(true.sensor.shape[0]):
+            for c in range(3):
+                weights = true.stands[j, c]
+                if true.profile[j] >= 0:
+                    for i in range(weights.shape[0]):
+                        out.mean[hist, i] += weights[i] * joint.profile[true.profile[j], c]
+                else:
+                    _add_component(out, hist, joint, true, weights, true.first[j] + c)
+
+
+def stands_for(layout: StateLayout, units: Units, sensor: Ints, driver: Ints, triad: Ints) -> Floats:
+    """Return how much of each component of a block stands in each state of the filter, (n_block, 3, n_state): the error
+    of an axis enters the fused triad by its column of A, and multiplies what its frame projects.
+    """
+    found = np.zeros((sensor.size, 3, layout.n_state))
+    for j in range(sensor.size):
+        if driver[j] < CONSTANT or driver[j] == SQUARE:
+            continue
+        frames, solved = units.frames[triad[j]], units.solved[triad[j], sensor[j]]
+        for c in range(3):
+            for block in layout.parameters:
+                if block.sensor != sensor[j]:
+                    continue
+                found[j, c, block.offset : block.offset + 3] += solved[:, c] * _share(
+                    frames[c], c, int(driver[j]), block.driver
+                )
+        for p, at in enumerate(units.pair_state.tolist()):
+            if at >= 0 and units.pair_sensor[p] == sensor[j] and driver[j] == CONSTANT:
+                found[j, :, at : at + 3] += units.pair_solved[p, triad[j]].T
+    return found
+
+
+def _share(frame: Floats, c: int, driver: int, wanted: int) -> Floats:
+    """Return what of a parameter of axis c goes with what each axis (3,) of a state's block multiplies."""
+    own, other = range(OWN_0, OWN_2 + 1), range(OTHER_0, OTHER_2 + 1)
+    if driver == CONSTANT or wanted == CONSTANT:
+        return np.full(3, float(driver == wanted))
+    if driver in own and wanted in own:
+        direction = frame[driver - OWN_0]
+        return np.array([direction[(i + wanted - OWN_0) % 3] for i in range(3)])
+    if driver in other and wanted in other:
+        return np.full(3, frame[(driver - OTHER_0 - c) % 3][wanted - OTHER_0])
+    return np.zeros(3)
+
+
+class Differences(NamedTuple):
+    """Differences of two units as measurements: of (n_channel,) the row of each channel, -1 none; reach (n_row,
+    n_epoch, n_component) of it with respect to the components of blocks; pair_of (n_device,) difference of each sensor,
+    -1 none; nominal (n_pair, n_epoch, 3) what it is in every run.
+    """
+
+    of: Ints
+    reach: Floats
+    pair_of: Ints
+    nominal: Floats
+
+
+def no_differences(n_channel: int, n_device: int) -> Differences:
+    """Return the differences of a case that measures none."""
+    none = np.full(max(1, n_device), -1, dtype=np.int64)
+    return Differences(np.full(n_channel, -1, dtype=np.int64), np.zeros((0, 0, 0)), none, np.zeros((0, 0, 3)))
+
+
+def differences(
+    prepared: Prepared, sensor: Ints, driver: Ints, triad: Ints, profile: Ints, first: Ints, n_component: int
+) -> Differences:
+    """Return how blocks of error components enter the differences that a case measures: by what each multiplies, summed
+    since the measurement before. A component is taken for constant over that time.
+    """
+    units, channels, dt = prepared.options.units, prepared.channels, prepared.unit.dt
+    found = no_differences(channels.n_channel, len(prepared.devices))
+    if units is None or not units.pair_sensor.size:
+        return found
+    n_epoch, along = prepared.t_epoch.size, along_axes(units, dt)
+    reach = np.zeros((3 * units.pair_sensor.size, n_epoch, n_component))
+    nominal = np.zeros((units.pair_sensor.size, n_epoch, 3))
+    for at, device, p in zip(channels.first, prepared.devices, units.pair_of.tolist(), strict=True):
+        if p < 0:
+            continue
+        found.of[at : at + 3] = range(3 * p, 3 * p + 3)
+        s, solved = int(units.pair_sensor[p]), units.pair_solved[p]
+        ticks = np.rint((np.stack([prepared.t_epoch - device.since, prepared.t_epoch]) - prepared.unit.start) / dt)
+        nominal[p] = _summed(np.einsum("tic,tnc->ni", solved, along[s]), ticks)
+        for j in np.flatnonzero((sensor == s) & (driver >= CONSTANT)).tolist():
+            inputs = _summed(_inputs(prepared, units, j, int(driver[j]), int(triad[j]), s), ticks)
+            if profile[j] >= 0:
+                nominal[p] += _summed(_profile(prepared, int(profile[j])), ticks) @ solved[triad[j]].T
+            else:
+                here = slice(int(first[j]), int(first[j]) + 3)
+                reach[3 * p : 3 * p + 3, :, here] = np.einsum("ic,ec->iec", solved[triad[j]], inputs)
+    return Differences(found.of, reach, units.pair_of, nominal)
+
+
+def _summed(increments: Floats, ticks: Floats) -> Floats:
+    """Return sums (n_epoch, k) of increments (n_tick, k) from the first to the second of ticks (2, n_epoch)."""
+    total = np.vstack([np.zeros((1, increments.shape[1])), np.cumsum(increments, axis=0)])
+    first, last = ticks.astype(np.int64)
+    return np.asarray(total[last] - total[first])
+
+
+def _inputs(prepared: Prepared, units: Units, j: int, driver: int, triad: int, sensor: int) -> Floats:
+    """Return what the parameters of a block multiply in every tick, times the tick, (n_tick, 3) by axis."""
+    dt, frames = prepared.unit.dt, units.frames[triad]
+    own, other = (units.dtheta, units.dvel)[:: 1 if sensor == GYRO else -1]
+    if driver == CONSTANT:
+        return np.full((own.shape[1], 3), dt)
+    if driver == SQUARE:
+        return np.asarray((own[triad] @ frames[:, 0].T) ** 2 / dt)
+    if OWN_0 <= driver <= OWN_2:
+        return np.asarray(own[triad] @ frames[:, driver - OWN_0].T)
+    return np.stack([other[triad] @ frames[c, (driver - OTHER_0 - c) % 3] for c in range(3)], axis=1)
+
+
+def _profile(prepared: Prepared, profile: int) -> Floats:
+    """Return a bias that is the same in every run, times the tick, (n_tick, 3)."""
+    unit = prepared.unit
+    middle = unit.start + unit.dt * (np.arange(unit.dtheta.shape[0]) + 0.5)
+    first, last = unit.profile_start[profile], unit.profile_end[profile]
+    share = np.clip((middle - first) / (last - first), 0.0, 1.0)
+    return np.asarray(unit.dt * share[:, None] * unit.profile[profile])

@@ -1,0 +1,135 @@
+"""Several inertial units on the nominal flight: what each senses where it sits, and what they are fused to."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from lvnav_trade.engines.setup.inputs import Units
+from lvnav_trade.engines.setup.sensors import Sensor
+from lvnav_trade.kernels.random import source_word
+from lvnav_trade.kernels.transition import ACCEL, GYRO
+from lvnav_trade.layout import RELATIVE, StateLayout
+from lvnav_trade.observables.imu_difference import ImuDifferenceCard
+from lvnav_trade.records import Floats, Reference
+from lvnav_trade.scenario import Scenario
+from lvnav_trade.sources import IMU_NOISE
+from lvnav_trade.world.conditions import Course
+from lvnav_trade.world.faults import AnyFault, DroppedSamples, periods
+from lvnav_trade.world.sensors.imu import ImuCard, lag
+from lvnav_trade.world.sensors.units import ImuSet, Triad, blocks_of, difference, keyed, triads_of
+
+
+def arriving(
+    ref: Reference, card: ImuCard, faults: Sequence[AnyFault], course: Course, unit: int = 0,
+    beside: Floats | None = None,
+) -> list[Floats]:  # fmt: skip
+    """Return increments (n_imu, 3) of angle and velocity, body axes, as an ideal unit of this bandwidth puts them out,
+    where samples are dropped without them; `beside`: what the place of the unit adds to those of velocity.
+    """
+    dt = 1.0 / card.rate
+    dvel = ref.dvel if beside is None else ref.dvel + beside
+    sensed = ((ref.dtheta, card.gyro.bandwidth), (dvel, card.accel.bandwidth))
+    out = [np.ascontiguousarray(lag(increments, bandwidth, dt)) for increments, bandwidth in sensed]
+    dropped = [
+        (fault, period)
+        for number, fault in enumerate(faults)
+        if isinstance(fault, DroppedSamples) and fault.unit == unit + 1
+        for period in periods(number, fault, course)
+    ]
+    if dropped:
+        out = [array.copy() for array in out]  # those of the reference are other cases' too
+    for fault, (start, end) in dropped:
+        gone = np.flatnonzero((ref.t[1:] > start + 1e-9) & (ref.t[1:] <= end + 1e-9))
+        for array in out:
+            array[gone] = array[max(0, gone[0] - 1)] if gone.size and fault.instead == "last" else 0.0
+    return out
+
+
+def swing(ref: Reference, lever: Floats) -> Floats:
+    """Return what a lever arm (3,) m adds to increments of velocity, (n_imu, 3): tangential acceleration, exactly, and
+    centripetal acceleration by Simpson's rule.
+    """
+    dt = float(ref.t[1] - ref.t[0])
+    rate, middle = ref.w_ib_b, ref.dtheta / dt
+    inward = [np.cross(w, np.cross(w, lever)) for w in (rate[:-1], middle, rate[1:])]
+    return np.asarray(np.cross(np.diff(rate, axis=0), lever) + dt / 6.0 * (inward[0] + 4.0 * inward[1] + inward[2]))
+
+
+def units_of(
+    scenario: Scenario, ref: Reference, course: Course, devices: tuple[Sensor, ...], layout: StateLayout
+) -> Units | None:
+    """Return the units of a set in numbers for the kernels; None for one unit."""
+    card = scenario.imu
+    if isinstance(card, ImuCard):
+        return None
+    dt, triads = 1.0 / card.rate, triads_of(card)
+    sensed = [
+        arriving(ref, unit, scenario.faults, course, number, swing(ref, np.array(unit.lever_arm)))
+        for number, unit in enumerate(card.units)
+    ]
+    owner = [triad.unit for triad in triads]
+    part = [owner[:k].count(unit) for k, unit in enumerate(owner)]
+    keys = [keyed(f"{IMU_NOISE} {k}" if k else IMU_NOISE, unit) for unit, k in zip(owner, part, strict=True)]
+    lever = np.array([card.units[unit].lever_arm for unit in owner], dtype=float)
+    return Units(
+        dtheta=np.array([sensed[unit][GYRO] for unit in owner]),
+        dvel=np.array([sensed[unit][ACCEL] for unit in owner]),
+        n_axis=np.array([triad.n_axis for triad in triads], dtype=np.int64),
+        frames=np.array([triad.frames for triad in triads]),
+        solved=np.array([[triad.gyro, triad.accel] for triad in triads]),
+        lever=lever * (card.lever_arms == "compensated"),
+        noise_sources=np.array([source_word(key) for key in keys], dtype=np.uint64),
+        white=np.array([_white(card, triad, dt) for triad in triads]),
+        triads=np.array([block.triad for block in blocks_of(card)], dtype=np.int64),
+        **_pairs(card, devices, layout),
+    )
+
+
+def _pairs(card: ImuSet, devices: tuple[Sensor, ...], layout: StateLayout) -> dict[str, Any]:
+    """Return the differences that sensors measure, by the names of the fields of Units."""
+    state = {extra.name: extra.offset for extra in layout.extras}
+    found: list[tuple[int, Floats, int]] = []
+    of = np.full(max(1, len(devices)), -1, dtype=np.int64)
+    for number, device in enumerate(devices):
+        if isinstance(device.card, ImuDifferenceCard):
+            sensor = GYRO if device.card.unit == "rad" else ACCEL
+            first, second = device.card.units
+            solved = np.array([columns[sensor] for columns in difference(card, first - 1, second - 1)])
+            of[number] = len(found)
+            found.append((sensor, solved, state.get(RELATIVE[device.card.measurement], -1)))
+    n = len(triads_of(card))
+    return {
+        "pair_sensor": np.array([sensor for sensor, _, _ in found], dtype=np.int64),
+        "pair_solved": np.array([solved for _, solved, _ in found]).reshape(len(found), n, 3, 3),
+        "pair_state": np.array([at for _, _, at in found], dtype=np.int64),
+        "pair_of": of,
+    }
+
+
+def _white(card: ImuSet, triad: Triad, dt: float) -> list[float]:
+    """Return per-tick sigma of gyro and accelerometer, and their quantisation steps."""
+    unit = card.units[triad.unit]
+    return [
+        unit.gyro.random_walk * dt**0.5, unit.accel.random_walk * dt**0.5, unit.gyro.quantisation,
+        unit.accel.quantisation,
+    ]  # fmt: skip
+
+
+def along_axes(units: Units, dt: float) -> tuple[Floats, Floats]:
+    """Return the increments (n_triad, n_imu, 3) of angle and velocity along the axes of the units, without errors,
+    lever arms compensated as the kernel does.
+    """
+    own = units.frames[:, :, 0]
+    angles = np.einsum("tcj,tnj->tnc", own, units.dtheta)
+    angle = np.einsum("tic,tnc->ni", units.solved[:, GYRO], angles)
+    change = np.diff(angle, axis=0, prepend=angle[:1])
+    swung = [(np.cross(change, lever) + np.cross(angle, np.cross(angle, lever))) / dt for lever in units.lever]
+    return angles, np.einsum("tcj,tnj->tnc", own, units.dvel - np.array(swung))
+
+
+def fused(units: Units, dt: float) -> tuple[Floats, Floats]:
+    """Return the increments (n_imu, 3) of angle and velocity of units fused without errors, body axes."""
+    found = (np.einsum("tic,tnc->ni", units.solved[:, k], along) for k, along in enumerate(along_axes(units, dt)))
+    angle, velocity = (np.ascontiguousarray(one) for one in found)
+    return angle, velocity

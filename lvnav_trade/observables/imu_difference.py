@@ -1,0 +1,94 @@
+"""Difference of two inertial units: increments of one minus those of the other, summed since the last measurement.
+
+z - z_hat = T (b - b_hat) + v, body axes: b the bias of the first minus that of the second, T s since the measurement
+before. Where units are weighted by their noise, v is not correlated with the noise of the fused increments.
+"""
+
+from typing import Annotated, ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.observables.base import clear
+from lvnav_trade.observables.sensor import FlightView, SensorCard, SensorModel
+from lvnav_trade.records import Floats
+from lvnav_trade.units import AngleRandomWalk, VelocityRandomWalk
+
+
+class AngleDifferenceModel(SensorModel):
+    """Difference of angle increments as the filter models it: the random walks of both units together, per axis."""
+
+    random_walk: AngleRandomWalk = Field(gt=0.0)
+
+    def variance(self, flight: FlightView) -> Floats:
+        """Return the variance per second (n_epoch, 3) in rad^2/s."""
+        return np.full((flight.t.size, 3), self.random_walk**2)
+
+
+class VelocityDifferenceModel(SensorModel):
+    """Difference of velocity increments as the filter models it: the random walks of both units, per axis."""
+
+    random_walk: VelocityRandomWalk = Field(gt=0.0)
+
+    def variance(self, flight: FlightView) -> Floats:
+        """Return the variance per second (n_epoch, 3) in m^2/s^3."""
+        return np.full((flight.t.size, 3), self.random_walk**2)
+
+
+class ImuDifferenceCard(SensorCard):
+    """What two of several inertial units differ by; its errors are those of the units."""
+
+    labels: ClassVar[tuple[str, ...]] = ("x", "y", "z")
+    jacobian: ClassVar[tuple[str, ...]] = ()
+    noise_fields: ClassVar[tuple[str, ...]] = ()
+
+    name: str = "difference of two units"
+    source: str = ""
+    units: tuple[Annotated[int, Field(ge=1)], Annotated[int, Field(ge=1)]] = Field(
+        (1, 2), description="numbers of the two in the list of units; each senses along three axes or more"
+    )
+
+    @model_validator(mode="after")
+    def _two(self) -> Self:
+        if self.units[0] == self.units[1]:
+            raise ValueError("units: a unit does not differ from itself")
+        return self
+
+    def truth(self, flight: FlightView) -> Floats:
+        """Return zeros (n_epoch, 3): what is measured is the units' own errors."""
+        return np.zeros((flight.t.size, 3))
+
+    def noise_sigma(self, flight: FlightView) -> Floats:
+        """Return zeros (n_epoch, 3): its noise is that of the units."""
+        return np.zeros((flight.t.size, 3))
+
+
+class AngleDifferenceCard(ImuDifferenceCard):
+    """Difference of the angle increments of two inertial units, body axes."""
+
+    measurement: ClassVar[str] = "angle_difference"
+    model: ClassVar[type[SensorModel]] = AngleDifferenceModel
+    unit: ClassVar[str] = "rad"
+    noise: ClassVar[str] = "angle difference noise"
+
+    kind: Literal["angle_difference"] = "angle_difference"
+
+
+class VelocityDifferenceCard(ImuDifferenceCard):
+    """Difference of the velocity increments of two inertial units, body axes, lever arms as the set has them."""
+
+    measurement: ClassVar[str] = "velocity_difference"
+    model: ClassVar[type[SensorModel]] = VelocityDifferenceModel
+    unit: ClassVar[str] = "m/s"
+    noise: ClassVar[str] = "velocity difference noise"
+
+    kind: Literal["velocity_difference"] = "velocity_difference"
+
+
+@jit
+def fill(H, z, at, observed):
+    """Set three Jacobian rows from `at` on, without entries of the navigation state, and what is measured."""
+    for axis in range(3):
+        clear(H[at + axis])
+        z[at + axis] = observed[axis]

@@ -1,0 +1,303 @@
+"""Several inertial units that navigate as one: where each sits, along which axes it senses, and their least squares.
+
+Every sensing axis h (unit vector, body axes) gives y = h . x + e of the same rate or specific force x. The fused triad
+is x^ = A y with A = (H' W H)^-1 H' W, so an error e of an axis enters as its column of A.
+"""
+
+import math
+from collections.abc import Iterable
+from typing import Annotated, Any, Literal, NamedTuple
+
+import numpy as np
+from pydantic import Discriminator, Field, Tag
+
+from lvnav_trade import units
+from lvnav_trade.kernels.transition import ACCEL, GYRO
+from lvnav_trade.records import Floats
+from lvnav_trade.units import Card
+from lvnav_trade.world.sensors.imu import AccelCard, ErrorBlock, GyroCard, ImuCard, error_blocks
+
+SMALLEST = 1e-6
+"""Smallest ratio of singular values of sensing axes that still span three dimensions."""
+
+Direction = tuple[float, float, float]
+
+
+class MountedUnit(ImuCard):
+    """One unit of a set: an inertial unit, and how it is mounted."""
+
+    lever_arm: tuple[units.Length, units.Length, units.Length] = Field(
+        (0.0, 0.0, 0.0), description="from the reference point, which is what is navigated, body axes"
+    )
+    orientation: tuple[units.Angle, units.Angle, units.Angle] = Field(
+        (0.0, 0.0, 0.0), description="roll, pitch, yaw from body axes to those of the unit (3-2-1)"
+    )
+    axes: tuple[Direction, ...] | None = Field(
+        None,
+        description="directions that it senses along, in its own axes: rows of the mounting matrix, of any length; "
+        "none: x, y, z",
+    )
+
+    def _faults(self) -> Iterable[str]:
+        if self.axes == ():
+            yield "axes: no direction to sense along"
+        for axis in self.axes or ():
+            if not any(axis):
+                yield "axes: a direction of length zero"
+
+    @property
+    def directions(self) -> Floats:
+        """Unit vectors (n, 3) that it senses along, body axes."""
+        own = np.eye(3) if self.axes is None else np.array(self.axes, dtype=float)
+        if not any(self.orientation):
+            return np.asarray(own / np.linalg.norm(own, axis=1)[:, None])
+        (sr, sp, sy), (cr, cp, cy) = np.sin(self.orientation), np.cos(self.orientation)
+        turn = np.array([
+            [cp * cy, cp * sy, -sp],
+            [sr * sp * cy - cr * sy, sr * sp * sy + cr * cy, sr * cp],
+            [cr * sp * cy + sr * sy, cr * sp * sy - sr * cy, cr * cp],
+        ])  # fmt: skip
+        return np.asarray(own / np.linalg.norm(own, axis=1)[:, None] @ turn)
+
+
+class ImuSet(Card):
+    """Inertial units whose increments are fused, sample by sample, to those of one triad at the reference point."""
+
+    name: str = "several units"
+    source: str = ""
+    units: tuple[MountedUnit, ...] = Field(description="one or more, all of one rate")
+    weights: Literal["random_walk", "bias", "equal"] = Field(
+        "random_walk",
+        description="of a sensing axis in the least squares: inverse square of its random walk, or of its bias "
+        "(repeatability and instability), or one",
+    )
+    lever_arms: Literal["compensated", "ignored"] = Field(
+        "compensated",
+        description="compensated: tangential and centripetal acceleration, from the fused rate and its change over a "
+        "sample, are taken off what each unit senses; ignored: they stay in it",
+    )
+
+    def _faults(self) -> Iterable[str]:
+        if not self.units:
+            yield "units: there is none"
+        for number, unit in enumerate(self.units[1:], start=1):
+            if unit.rate != self.rate:
+                yield (
+                    f"units.{number}.rate: {unit.rate:g} Hz, the first unit has {self.rate:g} Hz; increments are fused "
+                    "sample by sample"
+                )
+        singular = np.linalg.svd(np.vstack([unit.directions for unit in self.units]), compute_uv=False)
+        rank = int(np.sum(singular > SMALLEST * singular[0]))
+        if rank < 3:
+            yield f"units: the sensing axes span {rank} of 3 dimensions: a rate across them is not measured"
+        for label, sizes in (("gyro", _sizes(self, "gyro")), ("accel", _sizes(self, "accel"))):
+            if sizes.any() and not sizes.all():
+                yield f"weights: {self.weights}: units.{int(np.argmin(sizes))}.{label} has none; weight them equally"
+
+    @property
+    def rate(self) -> float:
+        """Samples per second (Hz), the same of all units."""
+        return self.units[0].rate
+
+    @property
+    def process_rate(self) -> float:
+        """How often time-varying errors take a step (Hz): the most that a unit asks for."""
+        return max(unit.process_rate for unit in self.units)
+
+
+def _kind_of(value: Any) -> str:
+    several = "units" in value if isinstance(value, dict) else isinstance(value, ImuSet)
+    return "several_units" if several else "one_unit"
+
+
+Imu = Annotated[Annotated[ImuCard, Tag("one_unit")] | Annotated[ImuSet, Tag("several_units")], Discriminator(_kind_of)]
+"""An inertial unit, or several as a list `units`."""
+
+
+def _sizes(card: ImuSet, sensor: str) -> Floats:
+    """Return what the weights of the units' axes are the inverse squares of, (n_unit,); ones for equal weights."""
+    cards = [getattr(unit, sensor) for unit in card.units]
+    if card.weights == "equal":
+        return np.ones(len(cards))
+    if card.weights == "bias":
+        return np.array([math.hypot(one.bias_repeatability, one.bias_instability) for one in cards])
+    return np.array([one.random_walk for one in cards])
+
+
+class Triad(NamedTuple):
+    """Up to three sensing axes of a unit, whose errors are drawn together: number of the unit; frames (3, 3, 3) of each
+    axis in body axes: its own direction, then those that its misalignments are towards; gyro, accel (3, 3) columns by
+    which an error of an axis enters the fused triad, body axes. An axis that is missing is zero everywhere.
+    """
+
+    unit: int
+    n_axis: int
+    frames: Floats
+    gyro: Floats
+    accel: Floats
+
+
+def least_squares(directions: Floats, weights: Floats) -> Floats:
+    """Return A (3, n) with x = A y for readings y along unit vectors (n, 3) of the given weights (n,)."""
+    weighted = directions * weights[:, None]
+    return np.asarray(np.linalg.solve(weighted.T @ directions, weighted.T))
+
+
+def _frames(axes: Floats) -> Floats:
+    """Return a right-handed frame (n, 3, 3) for each of the axes (n, 3): of an orthogonal triad the axes themselves, in
+    turn, so that a misalignment is towards the next one.
+    """
+    if len(axes) == 3 and np.allclose(axes @ axes.T, np.eye(3), atol=1e-12) and np.linalg.det(axes) > 0.0:
+        return np.array([np.roll(axes, -k, axis=0) for k in range(3)])
+    least = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
+    first = np.cross(axes, least)
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    return np.stack([axes, first, np.cross(axes, first)], axis=1)
+
+
+def triads_of(card: ImuSet) -> tuple[Triad, ...]:
+    """Return the triads of a set, unit by unit."""
+    directions = [unit.directions for unit in card.units]
+    count = [len(axes) for axes in directions]
+    solved = []
+    for sensor in ("gyro", "accel"):
+        sizes = _sizes(card, sensor)
+        sizes = sizes / sizes[0] if sizes.all() else np.ones(len(sizes))
+        solved.append(least_squares(np.vstack(directions), np.repeat(sizes**-2.0, count)))
+    found, at = [], 0
+    for number, axes in enumerate(directions):
+        for first in range(0, len(axes), 3):
+            here = axes[first : first + 3]
+            n, frames = len(here), np.zeros((3, 3, 3))
+            frames[:n] = _frames(here)
+            gyro, accel = (np.pad(A[:, at : at + n], ((0, 0), (0, 3 - n))) for A in solved)
+            found.append(Triad(number, n, frames, gyro, accel))
+            at += n
+    return tuple(found)
+
+
+def difference(imu: ImuSet, first: int, second: int) -> list[Floats]:
+    """Return for every triad the columns (2, 3, 3) by which errors of its axes enter what the fused triad of one unit
+    has more than that of another (numbers from 0), each by its own least squares: of gyro and of accelerometer.
+    """
+    found, seen = [np.zeros((2, 3, 3)) for _ in triads_of(imu)], [0] * len(imu.units)
+    own = {n: (sign, least_squares(d := imu.units[n].directions, np.ones(len(d))))
+           for n, sign in ((first, 1.0), (second, -1.0))}  # fmt: skip
+    for number, triad in enumerate(triads_of(imu)):
+        if triad.unit in own:
+            sign, A = own[triad.unit]
+            here = slice(seen[triad.unit], seen[triad.unit] + triad.n_axis)
+            found[number][:, :, : triad.n_axis] = sign * A[:, here]
+            seen[triad.unit] += triad.n_axis
+    return found
+
+
+class RelativeErrors(NamedTuple):
+    """One-sigma, mean over the axes, of what two units of a set differ by: random walk; bias, its walk, and its
+    correlation with the bias of the fused triad at the start.
+    """
+
+    random_walk: float
+    bias: float
+    walk: float
+    correlation: float
+
+
+def relative_errors(imu: ImuSet, sensor: int, first: int, second: int) -> RelativeErrors:
+    """Return what the gyros or accelerometers of two units (numbers from 0) differ by."""
+    noise, bias, walk, shared, own = np.zeros(5)
+    for triad, columns in zip(triads_of(imu), difference(imu, first, second), strict=True):
+        unit, D, A = imu.units[triad.unit], columns[sensor], (triad.gyro, triad.accel)[sensor]
+        card = (unit.gyro, unit.accel)[sensor]
+        lasting = card.bias_repeatability**2 + card.bias_instability**2
+        drift = card.rate_random_walk**2 + card.bias_instability**2 * 2.0 / card.instability_time
+        size = float(np.sum(D**2)) / 3.0
+        noise, bias, walk = noise + card.random_walk**2 * size, bias + lasting * size, walk + drift * size
+        shared += lasting * float(np.sum(D * A)) / 3.0
+        own += lasting * float(np.sum(A**2)) / 3.0
+    both = math.sqrt(bias * own)
+    # one between like units is rounding; two units without a bias differ by none
+    correlation = shared / both if both > 0.0 and abs(shared) > 1e-12 * both else 0.0
+    return RelativeErrors(math.sqrt(noise), math.sqrt(bias), math.sqrt(walk), correlation)
+
+
+def keyed(label: str, unit: int) -> str:
+    """Return the key of an error source of a unit (from 0): the first has those of a unit alone."""
+    return f"unit {unit + 1} {label}" if unit else label
+
+
+def mounted(imu: ImuCard | ImuSet) -> list[tuple[int, ImuCard]]:
+    """Return number (from 0) and card of the unit of every triad; of a unit alone its own."""
+    return [(0, imu)] if isinstance(imu, ImuCard) else [(triad.unit, imu.units[triad.unit]) for triad in triads_of(imu)]
+
+
+def blocks_of(imu: ImuCard | ImuSet) -> list[ErrorBlock]:
+    """Return the true error parameters of a unit, or of all units of a set, triad by triad."""
+    if isinstance(imu, ImuCard):
+        return error_blocks(imu)
+    owners = mounted(imu)
+    return [
+        block._replace(
+            source=keyed(block.source, unit), part=block.part + 3 * owners[:triad].count((unit, card)), triad=triad
+        )
+        for triad, (unit, card) in enumerate(owners)
+        for block in error_blocks(card)
+    ]
+
+
+def _fused(imu: ImuSet, sensor: int, name: str) -> float:
+    """Return the fused one-sigma, mean over the axes, of an error that every sensing axis has of its own."""
+    total = 0.0
+    for triad in triads_of(imu):
+        A, card = (triad.gyro, imu.units[triad.unit].gyro) if sensor == GYRO else (
+            triad.accel, imu.units[triad.unit].accel)  # fmt: skip
+        total += float(getattr(card, name)) ** 2 * float(np.sum(A**2))
+    return math.sqrt(total / 3.0)
+
+
+def _fused_matrix(imu: ImuSet, sensor: int, own: str, across: str) -> tuple[float, float]:
+    """Return the one-sigma of the fused matrix of scale factors (diagonal) and misalignments (beside it), mean over its
+    entries: a scale factor of a skewed axis is both.
+    """
+    variance = np.zeros((3, 3))
+    for triad in triads_of(imu):
+        unit = imu.units[triad.unit]
+        A, card = (triad.gyro, unit.gyro) if sensor == GYRO else (triad.accel, unit.accel)
+        scale, skew = float(getattr(card, own)) ** 2, float(getattr(card, across, 0.0)) ** 2 if across else 0.0
+        of_axis = scale * triad.frames[:, 0] ** 2 + skew * (triad.frames[:, 1] ** 2 + triad.frames[:, 2] ** 2)
+        variance += A**2 @ of_axis
+    diagonal = float(np.trace(variance))
+    return math.sqrt(diagonal / 3.0), math.sqrt((float(variance.sum()) - diagonal) / 6.0)
+
+
+def _fused_card(imu: ImuSet, sensor: int) -> dict[str, Any]:
+    cards = [unit.gyro if sensor == GYRO else unit.accel for unit in imu.units]
+    names = ["random_walk", "rate_random_walk", "bias_repeatability", "bias_instability", "quantisation"]
+    found: dict[str, Any] = {name: _fused(imu, sensor, name) for name in names}
+    found["scale_factor"], found["misalignment"] = _fused_matrix(imu, sensor, "scale_factor", "misalignment")
+    found["scale_factor_drift"], _ = _fused_matrix(imu, sensor, "scale_factor_drift", "")
+    if sensor == GYRO:
+        found["g_sensitivity"] = _fused(imu, sensor, "g_sensitivity")
+    # the driving noise of several Gauss-Markov processes adds up: the time constant that goes with their sum
+    drive = sum(
+        card.bias_instability**2 / card.instability_time * float(np.sum((t.gyro if sensor == GYRO else t.accel) ** 2))
+        for t in triads_of(imu) for card in [cards[t.unit]]
+    ) / 3.0  # fmt: skip
+    found["instability_time"] = found["bias_instability"] ** 2 / drive if drive > 0.0 else 100.0
+    return found
+
+
+def equivalent(imu: ImuCard | ImuSet) -> ImuCard:
+    """Return the unit that the fused triad of a set is like: one-sigma of its errors, as mean over the three axes. Of a
+    unit alone the unit. Nonlinearity, bandwidth and warming, which do not add up to one of their kind, are left out.
+    """
+    if isinstance(imu, ImuCard):
+        return imu
+    return ImuCard.model_construct(
+        name=imu.name,
+        source=imu.source,
+        rate=imu.rate,
+        process_rate=imu.process_rate,
+        gyro=GyroCard.model_construct(**_fused_card(imu, GYRO)),
+        accel=AccelCard.model_construct(**_fused_card(imu, ACCEL)),
+    )
