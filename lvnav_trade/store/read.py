@@ -76,7 +76,7 @@ class Tables:
             for case, label in zip(cases.case, cases.label, strict=True)
         }
 
-    @cached_property
+    @property
     def levels(self) -> dict[str, dict[str, str]]:
         """Level of every axis by case digest, in the order of the plan."""
         return {case: json.loads(axes) for case, axes in zip(self.cases.case, self.cases["axes"], strict=True)}

@@ -26,7 +26,7 @@ NEAR: dict[str, tuple[str, str, str, str]] = {
         "campaign.yaml",
         "constellations/two",
         "constellations/orion",
-        "campaign.yaml:6:18: base.constellation: no card 'constellations/orion' (constellations/ has galileo_24, glonass_24, gps_24, gps_galileo, gps_galileo_glonass, two)",
+        "campaign.yaml:6:18: base.constellation: no card 'constellations/orion' (constellations/ has beidou_30, galileo_24, glonass_24, gps_24, gps_galileo, gps_galileo_glonass, gps_galileo_glonass_beidou, two)",
     ),
     "a_rule_between_fields_is_told_at_the_field_that_breaks_it": (
         "configs/filters/near.yaml",

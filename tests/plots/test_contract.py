@@ -8,7 +8,8 @@ from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.style import look
 
 CASE = "aaaaaaaaaaaa"
-OF_A_VEHICLE = (
+ELSEWHERE = (
+    "validity",
     "motion",
     "apart",
     "ignition",
@@ -18,7 +19,7 @@ OF_A_VEHICLE = (
     "turning",
     "worth",
     "interpretations",
-)  # see test_motion
+)  # of a grid of two axes, see test_validity; of a vehicle, see test_vehicle
 
 
 ARGUMENTS = {
@@ -46,7 +47,7 @@ ARGUMENTS = {
 }
 
 
-@pytest.mark.parametrize("name", [name for name in PLOTS if name not in OF_A_VEHICLE])
+@pytest.mark.parametrize("name", [name for name in PLOTS if name not in ELSEWHERE])
 def test_every_axis_is_labelled(name, good):
     figure = PLOTS[name](good, *ARGUMENTS[name])
     for axes in figure.axes:
@@ -64,7 +65,7 @@ def test_every_axis_is_labelled(name, good):
         )
 
 
-@pytest.mark.parametrize("name", [name for name in PLOTS if name not in OF_A_VEHICLE])
+@pytest.mark.parametrize("name", [name for name in PLOTS if name not in ELSEWHERE])
 @pytest.mark.parametrize("which", ["good", "alone"])
 def test_every_figure_can_be_saved(name, which, request, tmp_path):
     figure = PLOTS[name](request.getfixturevalue(which), *ARGUMENTS[name])

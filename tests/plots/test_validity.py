@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,8 @@ LEVELS = {f"{h}{g}": {"heading": h, "gap": g} for h in ("1 deg", "10 deg") for g
 
 def tables(levels, frame=None):
     """Return results that hold nothing but the levels of cases and what their spot check found."""
-    found = Tables(Path())
-    found.__dict__ |= {"levels": levels, "labels": {case: case for case in levels}}
+    cases = {"case": list(levels), "label": list(levels), "axes": [json.dumps(axes) for axes in levels.values()]}
+    found = Tables(Path()).with_frames(cases=pd.DataFrame(cases))
     found.cache[("lvnav_trade.metrics.requirements.confirmation", "spot_check")] = frame
     return found
 
@@ -36,5 +37,8 @@ def test_a_cell_holds_the_ratio_furthest_from_one_and_a_mark():
         (cases[3], "m", 1.0, "not applicable"),
     ]
     frame = pd.DataFrame(rows, columns=["case", "unit", "ratio", "verdict"])
-    texts = [text.get_text() for text in validity(tables(LEVELS, frame)).axes[0].texts]
+    cells, bar = validity(tables(LEVELS, frame)).axes
+    assert (cells.get_xlabel(), cells.get_ylabel()) == ("heading", "gap")
+    assert "(-)" in bar.get_ylabel()
+    texts = [text.get_text() for text in cells.texts]
     assert texts == ["1.1", "✗ 5", "✗ > 100", "– 1.1"]
