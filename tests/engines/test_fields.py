@@ -33,6 +33,8 @@ RECORDED = {"error_table"}
 MODELLED = {"envelope", "report_imu_samples"}
 # Models of sensors: tests/engines/test_altimeter.py, tests/engines/setup/test_vehicle.py.
 SENSORS = {"sensor_models"}
+# States of a difference of two units: tests/observables/test_imu_difference.py.
+RELATIVE = {f"{kind}_relative_bias{end}" for kind in ("gyro", "accel") for end in ("", "_walk", "_correlation")}
 # Policies: walked in tests/filters/test_{late,feedforward,monitor}.py, tests/campaign/test_gains.py.
 POLICIES = {"delay_compensation", "feedback", "logic", "init", "gains"}
 
@@ -134,7 +136,9 @@ def leaves(model, before=""):
     for name, field in model.model_fields.items():
         within = [a for a in (field.annotation, *get_args(field.annotation)) if isinstance(a, type)]
         inner = [a for a in within if issubclass(a, BaseModel)]
-        if name in DELAYS | RECORDED | POLICIES | MODELLED | SENSORS or (model is ReceiverCard and name in HEARING):
+        if name in DELAYS | RECORDED | POLICIES | MODELLED | SENSORS | RELATIVE or (
+            model is ReceiverCard and name in HEARING
+        ):
             continue
         if inner:
             yield from leaves(inner[0], f"{before}{name}.")

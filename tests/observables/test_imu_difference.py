@@ -9,6 +9,7 @@ import pytest
 
 from lvnav_trade.engines.lincov.history import adjoint, covariance
 from lvnav_trade.engines.simulate.montecarlo import run_block
+from lvnav_trade.scenario import filter_models
 from tests.building import IDEAL, INERTIAL, TURNED, loaded, prepare_hop, with_difference, with_fields, with_units
 from tests.engines.test_closed_forms import DEG_H, G
 from tests.world.sensors.test_units import DODECAHEDRON, cone
@@ -32,6 +33,24 @@ def test_a_difference_of_two_units_tells_which_is_the_better_one_whatever_their_
         assert sigma[-1, gyro] == pytest.approx(np.full(3, 3.0 / math.sqrt(10.0) * DEG_H), rel=1e-4)
         assert sigma[-1, accel] == pytest.approx(np.full(3, 2e-3 * G / math.sqrt(5.0)), rel=1e-4)
     assert np.max(np.abs(cov.true_sigma / cov.formal - 1.0)) < 1e-3
+
+
+OTHER = {"": {"gyro": "5 deg/h", "accel": "5 mg"}, "_walk": {"gyro": "5 deg/h/sqrt(h)", "accel": "5 mg/sqrt(h)"},
+         "_correlation": {"gyro": 0.3, "accel": 0.3}}  # fmt: skip
+
+
+@pytest.mark.parametrize("end", OTHER)
+@pytest.mark.parametrize("kind", ["gyro", "accel"])
+def test_a_field_of_the_relative_biases_changes_what_the_filter_assumes(kind, end):
+    base = loaded(INERTIAL, "base.imu=imu/tactical_fog_matched")
+    whole = with_difference(base, [{}, UNLIKE | TURNED])
+    stated = filter_models(whole)[0].model_dump(mode="json")
+    name = f"{kind}_relative_bias{end}"
+    one, two = (
+        covariance(prepare_hop(with_fields(whole, **{"filter.imu": stated | change}))).formal
+        for change in ({}, {name: OTHER[end][kind]})
+    )
+    assert not np.array_equal(one, two)
 
 
 def test_the_difference_of_like_units_tells_nothing_of_their_average():
