@@ -8,6 +8,7 @@ from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load, resolved
 from lvnav_trade.campaign.reading.reference import json_schema, reference
 from lvnav_trade.errors import InputError
+from lvnav_trade.observables.sensors import SENSORS
 
 LISTED = "filter.measurements=[position, velocity, altitude]"
 
@@ -89,7 +90,7 @@ def test_an_axis_along_a_key_of_earlier_versions_says_the_new_one(study, path: s
 
 
 def test_fields_and_schema_know_the_entries() -> None:
-    assert {part.kind for part in reference("sensors")} == {"altimeter", "attitude_reference"}
+    assert {part.kind for part in reference("sensors")} == {card.model_fields["kind"].default for card in SENSORS}
     assert [part.kind for part in reference("sensors.any")] == [part.kind for part in reference("sensors")]
     assert "from" in {row.field for row in reference("sensors")[0].rows}
     known = json_schema()["$defs"]["AltimeterCard"]["anyOf"][1]["properties"]
