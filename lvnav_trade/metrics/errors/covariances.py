@@ -86,7 +86,8 @@ def why_not_applicable(tables: Tables, case: str) -> str:
     """Say why linear covariance does not describe a case at every epoch; empty where it does."""
     if bool(tables.cases.set_index("case").logic.get(case)):
         return "the filter starts, leaves out and stops by a logic of its own, run by run"
-    beyond = beyond_at_start(tables, case)
+    checked = (tables.campaign.get("covariance") or {}).get("spot_check")
+    beyond = "" if checked else beyond_at_start(tables, case)  # else the spot check tells, by runs
     if beyond:
         return beyond
     rows = pick(tables.innovations, case=case)

@@ -161,7 +161,7 @@ def enlarged(tables, factor, until=1e9):
     history = tables.history.copy()
     chosen = (history.quantity == "attitude") & (history.t_s <= until)
     history.loc[chosen, "lincov_true_si"] *= factor
-    return SimpleNamespace(cases=tables.cases, history=history, innovations=tables.innovations)
+    return SimpleNamespace(cases=tables.cases, history=history, innovations=tables.innovations, campaign={})
 
 
 @pytest.mark.parametrize(("factor", "applies"), [(43.0, True), (44.0, False)])  # the largest sigma is 2 mrad
@@ -173,9 +173,15 @@ def test_beyond_five_degrees_at_lift_off_linear_covariance_does_not_apply(good, 
         assert found == "an attitude error of 5 deg (one sigma) at -5 s is beyond the linear form (5 deg)"
 
 
+def test_where_a_spot_check_is_flown_it_tells_how_far_linear_covariance_reaches(good):
+    found = enlarged(good, 1e3)
+    found.campaign = {"covariance": {"spot_check": 32}}
+    assert not why_not_applicable(found, next(iter(good.labels)))
+
+
 def test_what_attitude_becomes_in_flight_is_no_matter_of_alignment(good):
     case = next(iter(good.labels))
     history = good.history.copy()
     history.loc[(history.quantity == "attitude") & (history.t_s > 0.0), "lincov_true_si"] *= 1e3
-    found = SimpleNamespace(cases=good.cases, history=history, innovations=good.innovations)
+    found = SimpleNamespace(cases=good.cases, history=history, innovations=good.innovations, campaign={})
     assert not why_not_applicable(found, case)
