@@ -1,4 +1,4 @@
-"""Do a few runs of each case bear out what linear covariance predicts; where they do not, its verdicts do not count."""
+"""A few runs of each case against what linear covariance predicts; where they disagree, its verdicts do not count."""
 
 from typing import Any
 
@@ -103,7 +103,7 @@ def _in_words(row: Any) -> str:
 
 def verdicts(tables: Tables) -> pd.DataFrame:
     """Return the verdict of `requirements.verdicts`, "not confirmed" where the runs have not decided and linear
-    covariance would say what the spot check does not bear out.
+    covariance would decide although the spot check disagrees with it.
     """
     frame, why = by_runs.verdicts(tables), unconfirmed(tables)
     open_ones = (frame.verdict == "undecided") & frame.case.isin(why)
@@ -112,7 +112,7 @@ def verdicts(tables: Tables) -> pd.DataFrame:
 
 def expected(tables: Tables) -> pd.DataFrame:
     """Return linear covariance's verdicts as of `improvements.expected`, "not confirmed" with the reason where the spot
-    check does not bear them out.
+    check disagrees.
     """
     frame, why = by_covariance.expected(tables), unconfirmed(tables)
     refuted = frame.verdict.isin(["met", "violated"]) & frame.case.isin(why)
@@ -121,6 +121,6 @@ def expected(tables: Tables) -> pd.DataFrame:
 
 
 def improvements(tables: Tables) -> pd.DataFrame:
-    """Return the improvements by linear covariance, of the cases where the spot check bears it out."""
+    """Return the improvements by linear covariance, of the cases where the spot check agrees with it."""
     frame = by_covariance.improvements(tables)
     return frame[~frame.case.isin(unconfirmed(tables))].reset_index(drop=True)

@@ -15,11 +15,11 @@ THETA = np.array([0.3])
 R_E = ecef_from_geodetic(np.radians(40.0), np.radians(-75.0), 30.0)
 R_I = eci_from_ecef(R_E[None], THETA)
 V_I = np.cross([0.0, 0.0, OMEGA], R_I)
-# upright, the y axis to the azimuth of 100 deg and, by a lean of 2 deg, a little below the horizon
+# upright, the y axis to the azimuth of 100 deg and, by a tilt of 2 deg, a little below the horizon
 _NORTH, _EAST, _DOWN = rotation_i_n(R_I, THETA)[0]
 _SIDE = np.cos(np.radians(100.0)) * _NORTH + np.sin(np.radians(100.0)) * _EAST
-_LEAN = np.radians(2.0)
-_X, _Y = -np.cos(_LEAN) * _DOWN + np.sin(_LEAN) * _SIDE, np.cos(_LEAN) * _SIDE + np.sin(_LEAN) * _DOWN
+_TILT = np.radians(2.0)
+_X, _Y = -np.cos(_TILT) * _DOWN + np.sin(_TILT) * _SIDE, np.cos(_TILT) * _SIDE + np.sin(_TILT) * _DOWN
 Q_B_I = quaternions(np.stack([_X, _Y, np.cross(_X, _Y)], axis=-1)[None])
 VIEW = FlightView(
     t=np.zeros(1), r_i=R_I, v_i=V_I, q_b_i=Q_B_I, height=np.array([30.0]), theta=THETA, r_rest=R_I, q_rest=Q_B_I,
