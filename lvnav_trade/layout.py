@@ -68,8 +68,8 @@ RELATIVE = {"angle_difference": "gyro_relative_bias", "velocity_difference": "ac
 
 class ExtraBlock(NamedTuple):
     """States that measurements share: name; labels of its components; offset of the first; member (n_channel,)
-    component in each channel, -1 none; initial sigma; time constant (s, inf: constant); walk (root PSD); correlation of
-    a relative bias with the bias of the fused triad, at the start.
+    component in each channel, -1 none; initial sigma; time constant (s, inf: constant); SI unit, unit and factor for
+    people; walk (root PSD); correlation of a relative bias with the bias of the fused triad, at the start.
     """
 
     name: str
@@ -78,6 +78,7 @@ class ExtraBlock(NamedTuple):
     member: NDArray[np.int64]
     sigma: float
     time_constant: float
+    unit: tuple[str, str, float]
     walk: float = 0.0
     correlation: float = 0.0
 
@@ -140,7 +141,7 @@ def outputs(layout: StateLayout, frame: str) -> tuple[Output, ...]:
         table[layout.clock + 1] = Output("clock_drift", "rate", "m/s", "m/s", 1.0)
     for extra in layout.extras:
         for i, label in enumerate(extra.labels):
-            table[extra.offset + i] = Output(extra.name, label or "all", *EXTRAS[extra.name])
+            table[extra.offset + i] = Output(extra.name, label or "all", *extra.unit)
     if layout.motion >= 0:
         table.update(enumerate(_of_motion(""), start=layout.motion))
     beside = [output for kind in SAMPLES for output in _of_motion(f"{kind}_")] if layout.samples else []

@@ -41,16 +41,35 @@ def _differences(scenario: Any) -> list[Any]:
     return [card for card in scenario.sensors.values() if getattr(card, "measurement", "").endswith("_difference")]
 
 
+def _late(scenario: Any, card: Any) -> bool:
+    """Return whether the filter takes a sensor for late: by its own latency, or what the filter card states."""
+    model = getattr(scenario.filter.sensor_models, card.measurement)
+    return bool((card if isinstance(model, str) else model).latency > 0.0)
+
+
+def _late_sensors(scenario: Any) -> bool:
+    """Return whether the filter compensates the latency of a sensor."""
+    return any(
+        card is not None and card.measurement in scenario.filter.measurements and _late(scenario, card)
+        for card in scenario.sensors.values()
+    )
+
+
 REFUSALS = (
     Refusal(
         "filter.delay_compensation",
-        "the filter takes nothing of the receiver that could be late",
-        lambda s: _delay(s) is not None and not _receiver(s),
+        "the filter takes nothing that could be late: nothing of the receiver, no sensor of a latency",
+        lambda s: _delay(s) is not None and not _receiver(s) and not _late_sensors(s),
     ),
     Refusal(
         "filter.delay_compensation.kind",
         "a range has no velocity of its own to be extrapolated with; buffered compares it with the stored state",
         lambda s: _delay(s) is not None and _delay(s).kind == "extrapolated" and s.filter.tight,
+    ),
+    Refusal(
+        "filter.delay_compensation.kind",
+        "a receiver's solution is extrapolated, and the filter takes none; buffered compensates a sensor",
+        lambda s: _delay(s) is not None and _delay(s).kind == "extrapolated" and not _receiver(s),
     ),
     Refusal(
         "filter.delay_compensation.kind",
@@ -121,11 +140,21 @@ REFUSALS = (
         lambda s: bool(_differences(s)) and any(_quantised(unit) for unit in _units(s)),
     ),
     Refusal(
+        "sensors",
+        "what a vehicle at rest is known to do, and what two units differ by, reaches the filter at once: no latency",
+        lambda s: any(
+            card is not None and card.at_once and (card.latency > 0.0 or _late(s, card)) for card in s.sensors.values()
+        ),
+    ),
+    Refusal(
         "control",
-        "the attitude sensor of a vehicle under control measures throughout: no from, no until, no other condition",
+        "the attitude sensor of a vehicle under control measures throughout and at once: no condition, no latency",
         lambda s: (
             s.control is not None
-            and any(card is not None and card.measurement == "attitude" and card.stated for card in s.sensors.values())
+            and any(
+                card is not None and card.measurement == "attitude" and (card.stated or card.latency)
+                for card in s.sensors.values()
+            )
         ),
     ),
 )

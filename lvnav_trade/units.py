@@ -178,6 +178,7 @@ _EXAMPLES = {
     "rad*s**2/m": "angle per specific force (rad/g, deg/g)",
     "m/s**3": "jerk (m/s^3, g/s)",
     "1/s**2": "variance of jerk per squared acceleration (1/s^2)",
+    "T": "magnetic flux density (nT, uT, T)",
     "m*s**2": "variance of range per acceleration (m*s^2)",
 }
 
@@ -314,6 +315,7 @@ JitterPerForce = quantity("rad*s**2/m", minimum=0.0)
 AngularAccelerationSigma = quantity("rad/s**2", minimum=0.0)
 GainPerSecond = quantity("1/s", minimum=0.0)
 JerkSigma = quantity("m/s**3", minimum=0.0)
+FieldSigma = quantity("T", minimum=0.0)
 JerkGain = quantity("1/s**2", minimum=0.0)
 RangeGain = quantity("m*s**2", minimum=0.0)
 

@@ -9,12 +9,14 @@ import pytest
 
 from lvnav_trade.filters.base import ExtraState, ParameterState
 from lvnav_trade.layout import AXES, EXTRAS, PARAMETERS, outputs
+from lvnav_trade.observables.sensors import SENSOR_STATES
 from tests.building import INERTIAL, LOOSE, case, loaded, prepare_hop, with_fields
 
 
 def test_every_parameter_that_a_card_may_name_has_a_kind():
-    assert set(get_args(ParameterState)) == set(PARAMETERS) | set(EXTRAS)
-    assert set(get_args(ExtraState)) == (set(PARAMETERS) | set(EXTRAS)) - {"gyro_bias", "accel_bias"}
+    known = set(PARAMETERS) | set(EXTRAS) | set(SENSOR_STATES)
+    assert set(get_args(ParameterState)) == known
+    assert set(get_args(ExtraState)) == known - {"gyro_bias", "accel_bias"}
 
 
 @pytest.mark.parametrize("settings", [(), (LOOSE,), (INERTIAL,), ("base.filter=filters/tight_extended",)])

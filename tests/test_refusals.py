@@ -13,7 +13,14 @@ MODELLED = (*SETTINGS, "base.imu=imu/kvh1750_003_published", "base.filter=filter
 LATE, PROPAGATED = {"kind": "buffered"}, {"kind": "extrapolated"}
 STANDING = {"kind": "zero_velocity", "name": "a", "source": "b", "sigma": "1 cm/s"}
 CASES = [
-    ((INERTIAL,), {"filter.delay_compensation": LATE}, "nothing of the receiver that could be late"),
+    ((INERTIAL,), {"filter.delay_compensation": LATE}, "takes nothing that could be late"),
+    (
+        (INERTIAL,),
+        {"filter.delay_compensation": PROPAGATED, "filter.measurements": ["altitude"],
+         "sensors": {"radar": {"kind": "altimeter", "name": "a", "source": "b", "sigma": "1 m", "highest": "5 km",
+                               "latency": "0.1 s"}}},
+        "is extrapolated, and the filter takes none",
+    ),
     ((TIGHT,), {"filter.delay_compensation": PROPAGATED}, "a range has no velocity of its own"),
     (
         (LOOSE,), {"filter.delay_compensation": PROPAGATED, "filter.measurements": ["position"]},
@@ -25,6 +32,11 @@ CASES = [
         (INERTIAL,),
         {"filter.measurements": ["zero_velocity"], "sensors": {"still": STANDING}, "trajectory.pad_hold": "0 s"},
         "begins with its lift-off",
+    ),
+    (
+        (INERTIAL,),
+        {"filter.measurements": ["zero_velocity"], "sensors": {"still": STANDING | {"latency": "0.1 s"}}},
+        "reaches the filter at once: no latency",
     ),
     (MODELLED, {"imu.gyro.quantisation": "1 urad"}, "quantisation correlates a sample with the next one"),
     (

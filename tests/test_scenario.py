@@ -106,7 +106,7 @@ def test_what_goes_together_is_accepted(fields):
 @pytest.mark.parametrize(
     ("fields", "reported"),
     [
-        ({"filter.measurements": [], LATE: {"kind": "buffered"}}, "takes nothing of the receiver"),
+        ({"filter.measurements": [], LATE: {"kind": "buffered"}}, "takes nothing that could be late"),
         ({LATE: {"kind": "extrapolated"}}, "a range has no velocity of its own"),
         ({**LOOSE, LATE: FAIRLY, "filter.measurements": ["position"]}, "position and velocity together"),
         ({"filter.init": "from_gnss"}, "both are to be measured"),

@@ -11,7 +11,14 @@ from lvnav_trade import units
 from lvnav_trade.delays.cards import CorrectionsCard
 from lvnav_trade.filters.scheduled import GainSchedule
 from lvnav_trade.layout import EXTRAS, PARAMETERS
-from lvnav_trade.observables.sensors import MEASUREMENTS, RANGES, RECEIVER_SOLUTION, Measurement, SensorModels
+from lvnav_trade.observables.sensors import (
+    MEASUREMENTS,
+    RANGES,
+    RECEIVER_SOLUTION,
+    SENSOR_STATES,
+    Measurement,
+    SensorModels,
+)
 from lvnav_trade.units import Card
 
 Matched = Literal["matched"]
@@ -93,8 +100,8 @@ if TYPE_CHECKING:
     ParameterState = str
     ExtraState = str
 else:
-    ParameterState = Literal[(*PARAMETERS, *EXTRAS)]
-    ExtraState = Literal[tuple(name for name in (*PARAMETERS, *EXTRAS) if name not in BIASES)]
+    ParameterState = Literal[(*PARAMETERS, *EXTRAS, *SENSOR_STATES)]
+    ExtraState = Literal[tuple(name for name in (*PARAMETERS, *EXTRAS, *SENSOR_STATES) if name not in BIASES)]
 
 
 class EnvelopeCard(Card):
@@ -125,14 +132,17 @@ class EnvelopeCard(Card):
 class DelayCompensation(Card):
     """How a filter meets measurements that are late: at the state that its unit had then, or propagated to the present.
 
-    The delay must end after the epoch before, whose corrections the kept state would lack.
+    It acts on the receiver and on every sensor that has a latency.
     """
 
     kind: Literal["buffered", "extrapolated"] = Field(
-        description="buffered: innovation at the state of the time of validity; extrapolated: Euler step of a solution"
+        description="buffered: innovation at the state of the time of validity, as for sensors in any case; "
+        "extrapolated: Euler step of a solution"
     )
     delay: Matched | units.Pause = Field(
-        "matched", description="as the filter takes it; matched: as the receiver stamps it"
+        "matched",
+        description="of the receiver, as the filter takes it; matched: as the receiver stamps it; that of a sensor "
+        "stands in sensor_models",
     )
     delay_sigma: units.Pause = Field(0.0, description="extrapolated: one-sigma that the filter assumes of its error")
     acceleration_sigma: units.AccelerationSigma = Field(
@@ -258,8 +268,16 @@ class FilterCard(Card):
         if self.logic is not None and self.logic.correct_after > 0.0 and self.feedback == "closed":
             raise ValueError("logic.correct_after delays the outputs of an open loop: it needs feedback: open")
         for name in type(self.sensor_models).model_fields:
-            if name not in self.measurements and not isinstance(getattr(self.sensor_models, name), str):
+            model = getattr(self.sensor_models, name)
+            if isinstance(model, str):
+                continue
+            if name not in self.measurements:
                 raise ValueError(f"sensor_models.{name}: {name} is not among the measurements")
+            if model.latency > 0.0 and self.delay_compensation is None:
+                raise ValueError(f"sensor_models.{name}.latency: without delay_compensation nothing is compensated")
+            for field, state in model.states.items():
+                if getattr(model, field) > 0.0 and state.name not in (*self.extra_states, *self.consider):
+                    raise ValueError(f"sensor_models.{name}.{field}: {state.name} is not among the extra states")
         if self.envelope is not None and not self.models_vehicle:
             raise ValueError("envelope: only a filter with imu among its measurements models the vehicle")
         if self.strapdown_rate is not None and self.models_vehicle:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lvnav_trade.filters.late import LAST, carry_on, correct_stored
+from lvnav_trade.filters.late import LAST, carry_on, correct_stored, place_of, predicted_of_stored
 from lvnav_trade.kernels import processes, transition
 from lvnav_trade.kernels.covariance import predict, update_scalar, update_with_gain, whiten
 from lvnav_trade.kernels.jit import inlined, jit
@@ -53,8 +53,8 @@ def place_antenna(work, late, model, dt, epoch):
     measurement (Late, or None) they are those of the time when it was valid.
     """
     _place_at(work, model, work.nav, work.previous, 0, dt)
-    if late is not None and not late.extrapolated:
-        stored = work.past[epoch % late.n_ring]
+    if late is not None and not late.extrapolated and late.line[0] == 0:
+        stored = work.past[place_of(late, 0, epoch)]
         _place_at(work, model, stored, stored, LAST, dt)
 
 
@@ -108,11 +108,33 @@ def row_of(model, work, channel):
 
 
 @jit
-def fill_sensor(work, model, signals, sensors, k, at, epoch):
-    """Set the rows of sensor k, from row `at` on; z holds measured minus predicted."""
-    fill(work.H, work.z, at, sensors.code[k], work.observed[k], work.nav, sensors.theta[epoch])
+def _compare_stored(work, open_loop, model, place, at, channel):
+    """Correct the innovation of a late row of an open loop for what its error state has changed by since it was valid,
+    up to this epoch.
+    """
+    if open_loop is not None:
+        n = model.n_entry[channel]
+        work.z[at] = work.z[at] - predicted_of_stored(
+            work.past, place, work.H[at], model.entry[channel, :n], model.column[channel, :n], open_loop.x
+        )
+
+
+@jit
+def fill_sensor(work, open_loop, late, model, signals, sensors, k, at, epoch):
+    """Set the rows of sensor k, from row `at` on; z holds measured minus predicted. Those of a late sensor that is
+    compensated (Late, or None) are compared with the state of the time when they were valid.
+    """
+    code, theta, known = sensors.code[k], sensors.theta[k, epoch], sensors.known[k, epoch]
+    if late is not None and late.of_sensor[k] >= 0:
+        stored = work.past[place_of(late, late.of_sensor[k], epoch)]
+        fill(work.H, work.z, at, code, work.observed[k], stored, theta, known)
+    else:
+        fill(work.H, work.z, at, code, work.observed[k], work.nav, theta, known)
     for i in range(sensors.scalars[k]):
-        work.z[at + i] = work.z[at + i] - _add_extra(work, model, signals, epoch, at + i, sensors.channel[k] + i)
+        channel = sensors.channel[k] + i
+        work.z[at + i] = work.z[at + i] - _add_extra(work, model, signals, epoch, at + i, channel)
+        if late is not None and late.of_sensor[k] >= 0:
+            _compare_stored(work, open_loop, model, place_of(late, late.of_sensor[k], epoch), at + i, channel)
 
 
 @jit
@@ -222,12 +244,12 @@ def update_receiver(work, gains, model, signals, epoch, gate_squared):
 
 
 @inlined
-def update_sensors(work, gains, sensors, model, signals, epoch, gate_squared):
+def update_sensors(work, open_loop, late, gains, sensors, model, signals, epoch, gate_squared):
     """Update by what the sensors beside the receiver measure at an epoch."""
     for k in range(sensors.code.shape[0]):
         if sensors.on[k, epoch] and model.measured[sensors.channel[k]]:
             at = row_of(model, work, sensors.channel[k])
-            fill_sensor(work, model, signals, sensors, k, at, epoch)
+            fill_sensor(work, open_loop, late, model, signals, sensors, k, at, epoch)
             for i in range(sensors.scalars[k]):
                 update_and_count(
                     work, gains, model, signals, epoch, at + i, sensors.channel[k] + i, False, gate_squared

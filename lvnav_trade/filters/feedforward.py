@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.filters import ekf, monitor
-from lvnav_trade.filters.late import correct_stored_errors, predicted_of_stored
+from lvnav_trade.filters.late import correct_stored_errors, place_of, predicted_of_stored
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.covariance import apply_phi
 from lvnav_trade.kernels.jit import inlined, jit
@@ -101,7 +101,7 @@ def _compare_late(work, open_loop, late, model, signals, epoch):
             n = model.n_entry[channel]
             entries, columns = model.entry[channel, :n], model.column[channel, :n]
             work.z[row] = work.z[row] - predicted_of_stored(
-                work.past, late, work.H[row], entries, columns, work.x, epoch
+                work.past, place_of(late, 0, epoch), work.H[row], entries, columns, work.x
             )
 
 
@@ -162,8 +162,8 @@ def process_measurements(work, open_loop, rules, late, gains, sensors, model, si
             ekf.decorrelate(work, work.rx, late, gains, model, signals, epoch)
             _compare_late(work, open_loop, late, model, signals, epoch)
             ekf.update_receiver(work, gains, model, signals, epoch, model.gate_squared)
-        ekf.update_sensors(work, gains, sensors, model, signals, epoch, model.gate_squared)
+        ekf.update_sensors(work, open_loop, late, gains, sensors, model, signals, epoch, model.gate_squared)
     elif (epoch + 1) % model.every == 0:
         _process_permitted(work, open_loop, rules, late, gains, model, signals, epoch)
         gate = where(monitor.is_running(work.watch.state[monitor.MODE]) > 0.0, model.gate_squared, -1.0)
-        ekf.update_sensors(work, gains, sensors, model, signals, epoch, gate)
+        ekf.update_sensors(work, open_loop, late, gains, sensors, model, signals, epoch, gate)

@@ -9,12 +9,12 @@ is added to the one that is reported with them.
 
 from typing import NamedTuple
 
-from lvnav_trade.kernels.attitude import matrix
+from lvnav_trade.kernels.attitude import from_rotation, matrix, multiply
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, where
 from lvnav_trade.kernels.strapdown import Q, R, V, gravity
 from lvnav_trade.kernels.transition import VEL, correct_motion
-from lvnav_trade.records import Floats, Ints
+from lvnav_trade.records import Bools, Floats, Ints
 
 # What is stored of a time of validity: navigation state, last increments, velocity a while before, error state.
 NAV, LAST, EARLY, ERROR, N_PAST = 0, 10, 16, 19, 28
@@ -23,15 +23,24 @@ BEFORE, KNOWN = 0, 3
 
 
 class Late(NamedTuple):
-    """How a filter processes late measurements. extrapolated: or buffered; n_ring states are stored at once, that of an
-    epoch at its number modulo n_ring; valid, early (n_window, 2): first epoch whose state is stored at a window's end,
-    or its velocity before, and the one after the last; delay (n_epoch,) s as the filter takes it; offset (n_epoch,) s
-    from the tick of `valid` to the time of validity; base (n_epoch,) s from `early` to it; interval s between epochs;
-    jitter (s^2), acceleration (m^2/s^4): variances that the filter assumes of the delay and of the acceleration.
+    """How a filter processes late measurements, by line: the receiver is one, each late sensor another.
+
+    extrapolated: the receiver's, which are buffered otherwise, as those of sensors always are; line (n_channel,) of
+    each channel and of_sensor (n_sensor,) of each sensor, -1 not late; of n_ring (n_line,) states that are stored at
+    once, that of an epoch stands at `first` (n_line,) plus its number modulo n_ring; buffered (n_place,): so is what
+    stands there; valid, early (n_line, n_window, 2): first epoch whose state is stored at a window's end, or its
+    velocity before, and the one after the last; offset (n_line, n_epoch) s from the tick of `valid` to the time of
+    validity. Of the receiver: delay (n_epoch,) s as the filter takes it; base (n_epoch,) s from `early` to the time of
+    validity; interval s between epochs; jitter (s^2), acceleration (m^2/s^4): variances that the filter assumes of the
+    delay and of the acceleration.
     """
 
     extrapolated: bool
-    n_ring: int
+    line: Ints
+    of_sensor: Ints
+    n_ring: Ints
+    first: Ints
+    buffered: Bools
     valid: Ints
     early: Ints
     delay: Floats
@@ -43,8 +52,21 @@ class Late(NamedTuple):
 
 
 @jit
+def place_of(late, line, epoch):
+    """Return where the state of an epoch's measurement of a line is stored."""
+    return late.first[line] + epoch % late.n_ring[line]
+
+
+@jit
+def place_of_channel(late, channel, epoch):
+    """Return where the state of an epoch's measurement of a channel is stored; 0 if it is not late."""
+    line = late.line[channel]
+    return place_of(late, line, epoch) if line >= 0 else 0
+
+
+@jit
 def _move(stored, seconds, dt, kind):
-    """Move a stored state by less than a tick; its attitude is that of the tick."""
+    """Move the place and velocity of a stored state by less than a tick."""
     c = matrix(stored[NAV + Q], stored[NAV + Q + 1], stored[NAV + Q + 2], stored[NAV + Q + 3])
     pulled = gravity(kind, stored[NAV + R], stored[NAV + R + 1], stored[NAV + R + 2])
     x, y, z = stored[LAST + 3] / dt, stored[LAST + 4] / dt, stored[LAST + 5] / dt
@@ -55,28 +77,41 @@ def _move(stored, seconds, dt, kind):
         stored[NAV + V + i] = v + seconds * total
 
 
+@jit
+def _turn(stored, seconds, dt):
+    """Turn the attitude of a stored state by less than a tick, as its body turned in the last one."""
+    share, at = seconds / dt, NAV + Q
+    d0, d1, d2, d3 = from_rotation(share * stored[LAST], share * stored[LAST + 1], share * stored[LAST + 2])
+    stored[at], stored[at + 1], stored[at + 2], stored[at + 3] = multiply(
+        stored[at], stored[at + 1], stored[at + 2], stored[at + 3], d0, d1, d2, d3
+    )
+
+
 @inlined
 def keep(past, nav, previous, x, late, window, dt, kind):
     """Store, at the end of a window, the state that a measurement on its way will be compared with.
 
-    past (n_ring + 1, N_PAST) updated; nav (10,), previous (6,) the strapdown's state and last increments; x (n,) error
+    past (n_place + 1, N_PAST) updated; nav (10,), previous (6,) the strapdown's state and last increments; x (n,) error
     state (of a closed loop zero); late : Late, or None where nothing is compensated; dt s of a strapdown step; kind of
     gravity
     """
     if late is not None:
-        for epoch in range(late.early[window, 0], late.early[window, 1]):
-            for i in range(3):
-                past[epoch % late.n_ring, EARLY + i] = nav[V + i] + x[VEL + i]
-        for epoch in range(late.valid[window, 0], late.valid[window, 1]):
-            stored = past[epoch % late.n_ring]
-            for i in range(10):
-                stored[NAV + i] = nav[i]
-            for i in range(6):
-                stored[LAST + i] = previous[i]
-            for i in range(9):
-                stored[ERROR + i] = x[i]
-            if late.offset[epoch] != 0.0:
-                _move(stored, late.offset[epoch], dt, kind)
+        for line in range(late.n_ring.shape[0]):
+            for epoch in range(late.early[line, window, 0], late.early[line, window, 1]):
+                for i in range(3):
+                    past[place_of(late, line, epoch), EARLY + i] = nav[V + i] + x[VEL + i]
+            for epoch in range(late.valid[line, window, 0], late.valid[line, window, 1]):
+                stored = past[place_of(late, line, epoch)]
+                for i in range(10):
+                    stored[NAV + i] = nav[i]
+                for i in range(6):
+                    stored[LAST + i] = previous[i]
+                for i in range(9):
+                    stored[ERROR + i] = x[i]
+                if late.offset[line, epoch] != 0.0:
+                    _move(stored, late.offset[line, epoch], dt, kind)
+                    if late.line[0] != line:  # a lever arm turns by a hundredth of a millimetre
+                        _turn(stored, late.offset[line, epoch], dt)
 
 
 @jit
@@ -84,26 +119,28 @@ def correct_stored(past, late, x):
     """Correct the stored states by the error state x (n,) that is fed back: measurements on their way are compared with
     what the filter would have estimated.
     """
-    if late is not None and not late.extrapolated:
-        for ring in range(late.n_ring):
-            correct_motion(past[ring], x)
+    if late is not None:
+        for place in range(late.buffered.shape[0]):
+            if late.buffered[place]:
+                correct_motion(past[place], x)
 
 
 @jit
 def correct_stored_errors(past, late, x, before):
     """Correct the error states that an open loop stores by what an epoch has added: x (n,) less `before` (n,)."""
-    if late is not None and not late.extrapolated:
-        for ring in range(late.n_ring):
-            for i in range(9):
-                past[ring, ERROR + i] = past[ring, ERROR + i] + x[i] - before[i]
+    if late is not None:
+        for place in range(late.buffered.shape[0]):
+            if late.buffered[place]:
+                for i in range(9):
+                    past[place, ERROR + i] = past[place, ERROR + i] + x[i] - before[i]
 
 
 @jit
-def predicted_of_stored(past, late, h, entries, columns, x, epoch):
+def predicted_of_stored(past, place, h, entries, columns, x):
     """Return what the error state x of an open loop had predicted of a measurement when it was valid, beyond what it
     predicts now.
     """
-    stored, total = past[epoch % late.n_ring], like(x[0], 0.0)
+    stored, total = past[place], like(x[0], 0.0)
     for c in range(columns.shape[0]):
         if columns[c] < 9:
             total = total + h[entries[c]] * (stored[ERROR + columns[c]] - x[columns[c]])
@@ -118,7 +155,7 @@ def carry_on(z, reported, past, P, late, epoch):
 
     P (n, n) of the filter gives the velocity's part. The acceleration of this epoch is stored for the next one.
     """
-    stored, last = past[epoch % late.n_ring], past[late.n_ring]
+    stored, last = past[place_of(late, 0, epoch)], past[late.buffered.shape[0]]
     delay, half = late.delay[epoch], 0.5 * late.delay[epoch] * late.delay[epoch]
     # the velocity that the filter had: of an open loop the inertial system's plus the error state
     at, error, inverse = NAV + V, ERROR + VEL, 1.0 / late.base[epoch]

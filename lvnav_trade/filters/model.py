@@ -11,7 +11,7 @@ from lvnav_trade.kernels.clock import spectral_densities
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL
 from lvnav_trade.layout import EXTRAS, PARAMETERS, RELATIVE, ExtraBlock, ParameterBlock, StateLayout
 from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL, N_ENTRY
-from lvnav_trade.observables.partials import Channels, members
+from lvnav_trade.observables.partials import Channels, members, sensor_states
 from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS, SENSORS
 from lvnav_trade.records import Bools, Floats, Ints
 
@@ -92,12 +92,16 @@ def _extra_blocks(
         labels, member = members(name, channels)
         if labels and name in RELATIVE.values():
             sigma, walk, correlation = (getattr(imu, f"{name}{end}") for end in ("", "_walk", "_correlation"))
-            blocks.append(ExtraBlock(name, labels, offset, member, sigma, math.inf, walk, correlation))
+            blocks.append(ExtraBlock(name, labels, offset, member, sigma, math.inf, EXTRAS[name], walk, correlation))
             offset += len(labels)
         elif labels:
             time_constant = getattr(receiver, f"{name}_time") or math.inf
-            blocks.append(ExtraBlock(name, labels, offset, member, getattr(receiver, name), time_constant))
+            sigma = getattr(receiver, name)
+            blocks.append(ExtraBlock(name, labels, offset, member, sigma, time_constant, EXTRAS[name]))
             offset += len(labels)
+        for state, own, _ in sensor_states(name, channels):
+            blocks.append(ExtraBlock(name, (state.label,), offset, own, state.sigma, state.time_constant, state.unit))
+            offset += 1
     return blocks
 
 
@@ -119,7 +123,7 @@ def state_layout(
         offset += 3 * len(blocks)
         if not considered and channels.tight:
             clock, offset = offset, offset + 2
-        shared = _extra_blocks([n for n in group if n in EXTRAS], imu, receiver, channels, offset)
+        shared = _extra_blocks([n for n in group if n not in PARAMETERS], imu, receiver, channels, offset)
         offset += sum(len(block.labels) for block in shared)
         parameters, extras = parameters + blocks, extras + shared
         if not considered:
@@ -229,7 +233,8 @@ def _row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, whitened: 
     pairs = np.zeros((2, row_type.size, N_ENTRY + len(extras if whitened else layout.extras)), dtype=np.int64)
     for channel, kind in enumerate(row_type.tolist()):
         if whitened:
-            own = [(N_ENTRY + e, at) for e, at in enumerate(extras) if kind in (POSITION, VELOCITY)]
+            stood_for = [e.offset + int(e.member[channel]) for e in layout.extras if e.member[channel] >= 0]
+            own = [(N_ENTRY + e, at) for e, at in enumerate(extras) if kind in (POSITION, VELOCITY) or at in stood_for]
         else:
             own = [(N_ENTRY + f, e.offset + int(e.member[channel])) for f, e in enumerate(layout.extras)
                    if e.member[channel] >= 0]  # fmt: skip

@@ -55,6 +55,12 @@ def normalise(q0, q1, q2, q3):
 def small_rotation(p0, p1, p2, p3, q0, q1, q2, q3):
     """Return the small rotation vector from attitude q to attitude p, in inertial axes (p = rotation * q)."""
     d0, d1, d2, d3 = multiply(p0, p1, p2, p3, q0, -q1, -q2, -q3)
+    return rotation_vector(d0, d1, d2, d3)
+
+
+@jit
+def rotation_vector(d0, d1, d2, d3):
+    """Return the small rotation vector of a quaternion."""
     # twice the vector part lacks the cubic term of the arc sine; q and -q are the same attitude
     factor = where(d0 < 0.0, -2.0, 2.0) * (1.0 + (d1 * d1 + d2 * d2 + d3 * d3) * (1.0 / 6.0))
     return factor * d1, factor * d2, factor * d3

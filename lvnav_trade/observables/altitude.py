@@ -1,6 +1,7 @@
 """Radar altimeter: height over the ellipsoid, less the mean height of the ground, which is known."""
 
 import math
+from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
@@ -10,16 +11,22 @@ from lvnav_trade.kernels.earth import height_and_up
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.strapdown import R
 from lvnav_trade.observables.base import H_POS, clear
-from lvnav_trade.observables.sensor import FlightView, LastingError, SensorCard, SensorModel
+from lvnav_trade.observables.sensor import FlightView, LastingError, SensorCard, SensorModel, StateUnit
 from lvnav_trade.records import Bools, Floats
 from lvnav_trade.units import Fraction, Length, LengthSigma, TimeConstant
 
 
 class AltimeterModel(SensorModel):
-    """Radar altimeter as the filter models it: white noise, and white noise in proportion to the height."""
+    """Radar altimeter as the filter models it: white noise, and white noise in proportion to the height; its bias as a
+    state.
+    """
+
+    states: ClassVar[Mapping[str, StateUnit]] = {"bias": StateUnit("altitude_bias", "m", "m", 1.0)}
 
     sigma: LengthSigma = Field(gt=0.0)
     share: Fraction = 0.0
+    bias: LengthSigma = Field(0.0, description="of the extra state altitude_bias: its initial one-sigma")
+    bias_time: TimeConstant | None = None
 
     def variance(self, flight: FlightView) -> Floats:
         """Return the variance (n_epoch, 1) in m^2."""

@@ -42,6 +42,7 @@ class ImuDifferenceCard(SensorCard):
     labels: ClassVar[tuple[str, ...]] = ("x", "y", "z")
     jacobian: ClassVar[tuple[str, ...]] = ()
     noise_fields: ClassVar[tuple[str, ...]] = ()
+    at_once: ClassVar[bool] = True
 
     name: str = "difference of two units"
     source: str = ""

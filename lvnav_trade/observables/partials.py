@@ -5,6 +5,7 @@ state of the filter on the other. A channel is a kind of row of one satellite (t
 turn) or an axis of the receiver's solution (loose: position, velocity).
 """
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,12 +19,28 @@ SATELLITE_KINDS = ("range_bias", "time_offset", "timing", "troposphere_scale", "
 SOLUTION_KINDS = ("position_bias", "velocity_bias", "timing", "troposphere_scale", "ionosphere_scale")
 
 
+class SensorState(NamedTuple):
+    """An extra state of the filter for a lasting error of a sensor: name, label, initial sigma, time constant (s),
+    unit (SI unit, unit and factor for people), partial (n_epoch, n_scalar) of the scalars, all as the filter assumes.
+    """
+
+    name: str
+    label: str
+    sigma: float
+    time_constant: float
+    unit: tuple[str, str, float]
+    partial: Floats
+
+
 class SensorChannels(NamedTuple):
-    """The channels of a sensor beside the receiver: name, what it measures, and a label for each scalar."""
+    """The channels of a sensor beside the receiver: name, what it measures, a label for each scalar, and the states
+    that a filter may have for its lasting errors.
+    """
 
     name: str
     measures: str
     labels: tuple[str, ...]
+    states: tuple[SensorState, ...] = ()
 
 
 class Channels(NamedTuple):
@@ -121,6 +138,21 @@ def members(kind: str, channels: Channels) -> tuple[tuple[str, ...], Ints]:
     if kind not in RANGE_ONLY:
         member[1:n:2] = owner
     return labels, member
+
+
+def sensor_states(name: str, channels: Channels) -> Iterator[tuple[SensorState, Ints, Floats]]:
+    """Yield the states of a name for lasting errors of sensors, each with its component in each channel, (n_channel,)
+    -1 none, and its partials (n_epoch, n_channel).
+    """
+    for first, sensor in zip(channels.first, channels.sensors, strict=True):
+        own = slice(first, first + len(sensor.labels))
+        for state in sensor.states:
+            if state.name == name:
+                member = np.full(channels.n_channel, -1, dtype=np.int64)
+                member[own] = np.where(np.any(state.partial != 0.0, axis=0), 0, -1)
+                entering = np.zeros((len(state.partial), channels.n_channel))
+                entering[:, own] = state.partial
+                yield state, member, entering
 
 
 def partial(kind: str, geometry: Geometry, channels: Channels) -> Floats:

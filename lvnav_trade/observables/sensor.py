@@ -1,23 +1,28 @@
 """Base classes of the sensors: what every sensor card and every filter model of a sensor has."""
 
+import math
 from abc import abstractmethod
+from collections.abc import Callable, Mapping
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
 from lvnav_trade.records import Bools, Floats
-from lvnav_trade.units import Card, Frequency
+from lvnav_trade.units import Card, Frequency, Pause
 from lvnav_trade.world.conditions import Conditions
 
 N_TRUTH = 4
 """Numbers of a sensor's truth at an epoch."""
+N_KNOWN = 16
+"""Numbers of what a filter knows of a sensor at an epoch."""
 
 
 class FlightView(NamedTuple):
-    """The true flight at the epochs, for sensors: t (n,) s; r_i, v_i (n, 3), q_b_i (n, 4) frame i; height (n,) m over
-    the ellipsoid; theta (n,) rad angle of the Earth; r_rest (n, 3), q_rest (n, 4) place and attitude without the
-    oscillations; standing (n,) whether the vehicle has not yet left the place on the Earth where it stands.
+    """The true flight when a sensor measures, at the epochs or earlier: t (n,) s since lift-off; r_i, v_i (n, 3), q_b_i
+    (n, 4) frame i; height (n,) m over the ellipsoid; theta (n,) rad angle of the Earth; w_ib_b (n, 3) rad/s body rate;
+    epoch: time of lift-off, UTC; r_rest (n, 3), q_rest (n, 4) place and attitude without the oscillations; standing
+    (n,) whether the vehicle has not yet left the place on the Earth where it stands.
     """
 
     t: Floats
@@ -26,14 +31,19 @@ class FlightView(NamedTuple):
     q_b_i: Floats
     height: Floats
     theta: Floats
+    w_ib_b: Floats
+    epoch: str
     r_rest: Floats = np.empty((0, 3))
     q_rest: Floats = np.empty((0, 4))
     standing: Bools = np.empty(0, dtype=np.bool_)
 
 
 class LastingError(NamedTuple):
-    """A random error of a sensor that lasts, added to all its scalars: source and kind (they address its draws), sigma
+    """Random errors of a sensor that last, of one source: source and kind (with a label they address the draws), sigma
     and the field of the card that holds it, time constant in s (inf: constant).
+
+    Each label is an error of its own. `partial` returns the derivative (n_epoch, n_scalar, n_label) of the scalars with
+    respect to them along the flight; None: one error, added to all scalars.
     """
 
     source: str
@@ -41,14 +51,57 @@ class LastingError(NamedTuple):
     sigma: float
     field: str
     time_constant: float
+    labels: tuple[str, ...] = ("",)
+    partial: Callable[[FlightView], Floats] | None = None
+
+    def partials(self, flight: FlightView, n_scalar: int) -> Floats:
+        """Return the derivative (n_epoch, n_scalar, n_label) of the scalars with respect to the errors."""
+        shape = (flight.t.size, n_scalar, len(self.labels))
+        return np.ones(shape) if self.partial is None else np.broadcast_to(self.partial(flight), shape)
+
+
+def each_scalar(n_scalar: int, *own: int) -> Callable[[FlightView], Floats]:
+    """Return partials (1, n_scalar, n) of errors that each act on one scalar: the n scalars `own`, all of them if none
+    is named.
+    """
+    picked = np.eye(n_scalar)[:, list(own) if own else slice(None)]
+    return lambda _: picked[None]
+
+
+class StateUnit(NamedTuple):
+    """An extra state of a filter for a lasting error: its name, SI unit, unit and factor for people."""
+
+    name: str
+    unit: str
+    label_unit: str
+    label_factor: float
 
 
 class SensorModel(Card):
-    """A sensor as the filter models it: one-sigma noise of a measurement and whatever its variance depends on."""
+    """A sensor as the filter models it: one-sigma noise of a measurement and whatever its variance depends on.
+
+    latency: what a filter with `delay_compensation` compensates. states: extra states that stand for lasting errors, by
+    the field that holds their sigma here and in the card; a field of that name and `_time` holds the time constant,
+    without it (or None) they are constant.
+    """
+
+    states: ClassVar[Mapping[str, StateUnit]] = {}
+
+    latency: Pause = Field(0.0, description="as delay_compensation takes it")
+
+    def time_constant(self, field: str) -> float:
+        """Return the time constant (s) that the filter assumes of a lasting error; inf: constant."""
+        return float(getattr(self, f"{field}_time", None) or math.inf)
 
     @abstractmethod
     def variance(self, flight: FlightView) -> Floats:
         """Return the variance (n_epoch, n_scalar) that the filter assumes of the noise, SI."""
+
+    def known(self, flight: FlightView) -> Floats:
+        """Return what the filter knows of the sensor, (n_epoch, at most N_KNOWN), as its kernels read it: a mounting,
+        the place of a station, a map along the flight.
+        """
+        return np.zeros((flight.t.size, 0))
 
 
 class SensorCard(Conditions):
@@ -57,6 +110,7 @@ class SensorCard(Conditions):
     A member of the family states `kind` (a literal of one word), `measurement` (the name that a filter lists), `model`
     (the class of its filter model), `labels` of its scalars and their `unit`, what their Jacobian depends on
     (`jacobian`: position, velocity, attitude), and the name of its noise as an error source; it is added to `SENSORS`.
+    What is `at_once` is known to the computer or formed in it, and has no latency.
     """
 
     measurement: ClassVar[str]
@@ -67,10 +121,12 @@ class SensorCard(Conditions):
     noise: ClassVar[str]
     noise_fields: ClassVar[tuple[str, ...]] = ("sigma",)
     on_pad: ClassVar[bool] = False
+    at_once: ClassVar[bool] = False
 
     name: str
     source: str
     rate: Frequency | None = Field(None, description="of its measurements; none: at every update of the filter")
+    latency: Pause = Field(0.0, description="from the time that a measurement is of to its arrival at the filter")
 
     def matched(self) -> SensorModel:
         """Return the filter model that takes every number from this card."""
@@ -91,3 +147,7 @@ class SensorCard(Conditions):
     def lasting(self) -> tuple[LastingError, ...]:
         """Return its errors that last."""
         return ()
+
+    def refusal(self, epoch: str) -> str:
+        """Return why it cannot be simulated on a flight that lifts off at a time (UTC), empty if it can."""
+        return ""

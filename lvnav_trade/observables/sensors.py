@@ -7,15 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 from pydantic import Field, create_model
 
 from lvnav_trade.kernels.jit import inlined
-from lvnav_trade.observables import altitude, attitude, imu_difference
+from lvnav_trade.observables import altitude, attitude, imu_difference, magnetic, stellar
 from lvnav_trade.observables.altitude import AltimeterCard
 from lvnav_trade.observables.attitude import AttitudeReferenceCard
 from lvnav_trade.observables.imu_difference import AngleDifferenceCard, VelocityDifferenceCard
+from lvnav_trade.observables.magnetic import MagnetometerCard
 from lvnav_trade.observables.pad import azimuth, position, velocity
 from lvnav_trade.observables.pad.azimuth import AzimuthCard
 from lvnav_trade.observables.pad.position import PadPositionCard
 from lvnav_trade.observables.pad.velocity import ZeroVelocityCard
 from lvnav_trade.observables.sensor import SensorCard
+from lvnav_trade.observables.stellar import StarTrackerCard
 from lvnav_trade.units import Card
 
 SENSORS: tuple[type[SensorCard], ...] = (
@@ -26,17 +28,21 @@ SENSORS: tuple[type[SensorCard], ...] = (
     AzimuthCard,
     AngleDifferenceCard,
     VelocityDifferenceCard,
+    StarTrackerCard,
+    MagnetometerCard,
 )
 """The number of a member in the kernels is its place here."""
-ALTIMETER, ATTITUDE_REFERENCE, ZERO_VELOCITY, PAD_POSITION, AZIMUTH, ANGLE_DIFFERENCE, VELOCITY_DIFFERENCE = range(
-    len(SENSORS)
-)
+ALTIMETER, ATTITUDE_REFERENCE, ZERO_VELOCITY, PAD_POSITION, AZIMUTH, ANGLE_DIFFERENCE, VELOCITY_DIFFERENCE = range(7)
+STAR_TRACKER, MAGNETOMETER = range(7, len(SENSORS))
 
 RECEIVER_SOLUTION = ("position", "velocity")
 RANGES = ("pseudorange", "range_rate")
 SENSOR_MEASUREMENTS = tuple(dict.fromkeys(card.measurement for card in SENSORS))
 MEASUREMENTS = (*RECEIVER_SOLUTION, *RANGES, *SENSOR_MEASUREMENTS, "imu")
 """Names of measurements, in the order in which a filter card holds them."""
+
+SENSOR_STATES = {state.name: state for card in SENSORS for state in card.model.states.values()}
+"""Extra states of a filter for lasting errors of sensors, by name."""
 
 if TYPE_CHECKING:
     Sensor = SensorCard
@@ -81,15 +87,19 @@ def measure(out, code, truth, e0, e1, e2):
         position.measure(out, truth, e0, e1, e2)
     elif code == AZIMUTH:
         azimuth.measure(out, truth, e0)
+    elif code == STAR_TRACKER:
+        stellar.measure(out, truth, e0, e1, e2)
+    elif code == MAGNETOMETER:
+        magnetic.measure(out, truth, e0, e1, e2)
     # the difference of two units is summed with their samples
 
 
 @inlined
-def fill(H, z, at, code, observed, nav, theta):
+def fill(H, z, at, code, observed, nav, theta, known):
     """Set the Jacobian rows of a sensor, from row `at` on, and measured minus predicted.
 
     H : (n, n_entry), z : (n,) updated; observed : (4,) of `measure`; nav : (10,) navigation state, frame i;
-    theta : rad, angle of the Earth at the epoch
+    theta : rad, angle of the Earth at the epoch; known : (N_KNOWN,) what the filter knows of the sensor there
     """
     if code == ALTIMETER:
         z[at] = observed[0] - altitude.row(H[at], nav)
@@ -103,3 +113,7 @@ def fill(H, z, at, code, observed, nav, theta):
         azimuth.fill(H, z, at, observed, nav)
     elif code in (ANGLE_DIFFERENCE, VELOCITY_DIFFERENCE):
         imu_difference.fill(H, z, at, observed)
+    elif code == STAR_TRACKER:
+        stellar.fill(H, z, at, observed, nav, known)
+    elif code == MAGNETOMETER:
+        magnetic.fill(H, z, at, observed, nav, known)

@@ -55,6 +55,14 @@ ON_PAD = {
 }
 """Sensors of a flight whose first half is the rest on the pad."""
 DIFFERENCES = ("angle_difference", "velocity_difference")
+TRACKER = {"kind": "star_tracker", "name": "tracker", "source": "test", "boresight": [1.0, 1.0, 0.5],
+           "across": "2 mrad", "about": "10 mrad", "misalignment": "1 mrad", "low_frequency": "1 mrad",
+           "low_frequency_time": "20 s"}  # fmt: skip
+COMPASS = {"kind": "magnetometer", "name": "compass", "source": "test", "sigma": "200 nT", "hard_iron": "200 nT",
+           "soft_iron": "0.3 percent"}  # fmt: skip
+SENSORS = {"attitude": REFERENCE, "altitude": ALTIMETER, "stellar_attitude": TRACKER, "magnetic_field": COMPASS}
+SENSOR_LATENCY = "0.2 s"
+"""Of every sensor, where late measurements are compensated by stored states."""
 LATE = {"receiver.latency": "0.3 s"}
 BUFFERED = {"kind": "buffered"}
 EXTRAPOLATED = {"kind": "extrapolated", "delay_sigma": "1 ms", "acceleration_sigma": "0.1 m/s^2"}
@@ -69,6 +77,8 @@ DIMENSIONS: dict[str, dict[str, dict[str, Any]]] = {
         "ranges": {"filter.measurements": ["pseudorange", "range_rate"]},
         "pseudorange": {"filter.measurements": ["pseudorange"]},
         "solution, attitude": {"filter.measurements": ["position", "velocity", "attitude"]},
+        "ranges, star tracker": {"filter.measurements": ["pseudorange", "range_rate", "stellar_attitude"]},
+        "solution, magnetometer": {"filter.measurements": ["position", "velocity", "magnetic_field"]},
         "ranges, altitude": {"filter.measurements": ["pseudorange", "range_rate", "altitude"]},
         "solution, attitude, imu": {"filter.measurements": ["position", "velocity", "attitude", "imu"]},
         "ranges, attitude, imu": {"filter.measurements": ["pseudorange", "range_rate", "attitude", "imu"]},
@@ -100,6 +110,7 @@ DIMENSIONS: dict[str, dict[str, dict[str, Any]]] = {
         "neglected": {"filter.neglect": ["gyro_bias"]},
         "scale factors": {"filter.extra_states": ["gyro_scale_factor", "accel_scale_factor"],
                           "imu.gyro.scale_factor": "20 ppm", "imu.accel.scale_factor": "300 ppm"},
+        "of sensors": {"sensor states": True},
         "unmodelled": {"imu.accel.misalignment": "0.3 mrad", "imu.gyro.scale_factor": "10 ppm",
                        "gravity": {"sigma": "30 mGal"}},
     },
@@ -164,7 +175,12 @@ def refusal(case: Case) -> str:
         tight="pseudorange" in listed, loose="position" in listed, init=fields.get("filter.init", "from_card"),
         logic=fields.get("filter.logic"), gains=fields.get("gains"),
         delay_compensation=None if late is None else SimpleNamespace(**late),
+        sensor_models=SimpleNamespace(**dict.fromkeys((*SENSORS, *DIFFERENCES), "matched")),
     )  # fmt: skip
+    latency = 1.0 if _lateness(case) else 0.0
+    sensors = {
+        name: SimpleNamespace(measurement=name, latency=latency, at_once=False) for name in SENSORS if name in listed
+    }
     exact = SimpleNamespace(quantisation=0.0)
     trajectory = SimpleNamespace(kind="vehicle", pad_hold=60.0)
     units = tuple(
@@ -172,7 +188,11 @@ def refusal(case: Case) -> str:
         for unit in fields.get("units", [{}])
     )
     imu = SimpleNamespace(units=units, weights="random_walk") if "units" in fields else units[0]
-    sensors = {name: SimpleNamespace(measurement=name, units=(1, 2)) for name in listed if name in DIFFERENCES}
+    sensors |= {
+        name: SimpleNamespace(measurement=name, units=(1, 2), at_once=True, latency=0.0)
+        for name in listed
+        if name in DIFFERENCES
+    }
     found_one = refused(
         SimpleNamespace(filter=card, imu=imu, control=None, sensors=sensors, faults=(), trajectory=trajectory)
     )
@@ -268,14 +288,31 @@ def scenario_of(case: Case) -> tuple[Scenario, str, bool]:
         kind += STEADY  # at a step the estimated acceleration, which scale factors are multiplied with, is wrong
     if set(listed) & set(ON_PAD):
         kind = FROM_PAD + kind
-    found = {"attitude": REFERENCE, "altitude": ALTIMETER} | {name: {"kind": name} for name in DIFFERENCES}
+    found = SENSORS | {name: {"kind": name} for name in DIFFERENCES}
     found |= {name: {"name": name, "source": "test"} | card for name, card in ON_PAD.items()}
-    fields["sensors"] = {name: card for name, card in found.items() if name in listed}
+    late = _lateness(case)
+    fields["sensors"] = {
+        name: card | (late if name in SENSORS else {}) for name, card in found.items() if name in listed
+    }
+    if fields.pop("sensor states", False):
+        fields["filter.extra_states"] = [state for name in listed for state in _STATES.get(name, ())]
     of_unit = {path: value for path, value in fields.items() if path.startswith("imu.")}
     scenario = with_fields(loaded(*BASE), **of_unit)
     if units is not None:
         scenario = with_units(scenario, units)
     return with_fields(scenario, **{path: fields[path] for path in fields if path not in of_unit}), kind, stored
+
+
+_STATES = {
+    "altitude": ["altitude_bias"],
+    "stellar_attitude": ["tracker_misalignment", "tracker_low_frequency"],
+    "magnetic_field": ["hard_iron"],
+}
+
+
+def _lateness(case: Case) -> dict[str, Any]:
+    """Return the latency of a case's sensors."""
+    return {"latency": SENSOR_LATENCY} if case.get("latency", "none").startswith("buffered") else {}
 
 
 class Verdict(NamedTuple):

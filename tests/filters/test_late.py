@@ -17,6 +17,8 @@ from lvnav_trade.filters.late import (
     correct_stored,
     correct_stored_errors,
     keep,
+    place_of,
+    place_of_channel,
     predicted_of_stored,
 )
 from lvnav_trade.kernels.earth import gravity_j4
@@ -31,11 +33,13 @@ DT = 0.005
 def late(**fields):
     """A window in which an epoch's velocity before is kept, one in which its state is, and one in which nothing is."""
     settings = {
-        "extrapolated": True, "n_ring": 1, "valid": np.array([[0, 0], [0, 1], [1, 1]]),
-        "early": np.array([[0, 1], [1, 1], [1, 1]]), "delay": np.array([0.3]), "offset": np.array([0.0]),
+        "extrapolated": True, "line": np.array([0]), "of_sensor": np.array([-1]), "n_ring": np.array([1]),
+        "first": np.array([0]), "valid": np.array([[[0, 0], [0, 1], [1, 1]]]),
+        "early": np.array([[[0, 1], [1, 1], [1, 1]]]), "delay": np.array([0.3]), "offset": np.array([[0.0]]),
         "base": np.array([0.1]), "interval": 1.0, "jitter": 0.0, "acceleration": 0.0,
-    }  # fmt: skip
-    return Late(**(settings | fields))
+    } | fields  # fmt: skip
+    n_place = int(np.sum(settings["n_ring"]))
+    return Late(**{"buffered": np.full(n_place, not settings["extrapolated"])} | settings)
 
 
 @jit
@@ -69,7 +73,7 @@ def test_between_two_ticks_the_state_moves_with_its_own_acceleration():
     nav, previous = state()
     past = np.zeros((2, N_PAST))
     kept = past[0]
-    kept_after(past, nav, previous, np.zeros(9), late(offset=np.array([0.002])), 1)
+    kept_after(past, nav, previous, np.zeros(9), late(offset=np.array([[0.002]])), 1)
     force = previous[3:] / DT + np.array(gravity_j4(*R_I))
     np.testing.assert_allclose(kept[NAV + R : NAV + R + 3], R_I + 0.002 * V_I + 0.5 * 0.002**2 * force, atol=1e-9)
     np.testing.assert_allclose(kept[NAV + V : NAV + V + 3], V_I + 0.002 * force, atol=1e-12)
@@ -112,7 +116,7 @@ def test_a_delay_of_several_epochs_stores_several_states_at_once_each_in_its_pla
     first.
     """
     ends = np.array([[k, k + 1] for k in range(5)])
-    settings = late(n_ring=3, valid=ends, early=ends, offset=np.zeros(5))
+    settings = late(n_ring=np.array([3]), valid=ends[None], early=ends[None], offset=np.zeros((1, 5)))
     nav, previous = state()
     past = np.zeros((4, N_PAST))
     for window in range(5):
@@ -123,14 +127,32 @@ def test_a_delay_of_several_epochs_stores_several_states_at_once_each_in_its_pla
     assert not past[3].any()
 
 
+def test_the_stored_attitude_of_a_sensor_is_turned_by_less_than_a_tick_and_that_of_a_receiver_is_not():
+    nav, previous = state()
+    previous[:3] = 1e-3, -2e-3, 5e-4  # rad in a tick
+    offset = np.array([[0.4 * DT]])
+    own, receivers = (late(offset=offset, line=np.array([line])) for line in (-1, 0))
+    for settings, expected in ((own, 0.4 * previous[:3]), (receivers, np.zeros(3))):
+        past = np.zeros((2, N_PAST))
+        kept_after(past, nav, previous, np.zeros(9), settings, 1)
+        np.testing.assert_allclose(2.0 * past[0, NAV + Q + 1 : NAV + Q + 4], expected, atol=1e-9)
+
+
+def test_lines_have_places_of_their_own_one_behind_the_other():
+    settings = late(n_ring=np.array([2, 3]), first=np.array([0, 2]), line=np.array([0, 0, 1, -1]))
+    assert [place_of(settings, 0, epoch) for epoch in range(4)] == [0, 1, 0, 1]
+    assert [place_of(settings, 1, epoch) for epoch in range(4)] == [2, 3, 4, 2]
+    assert [place_of_channel(settings, channel, 3) for channel in range(4)] == [1, 1, 2, 0]
+
+
 def test_what_is_fed_back_corrects_every_stored_state_of_a_buffered_filter_and_none_of_an_extrapolated_one():
     nav, x = state()[0], 1e-3 * np.arange(1.0, 10.0)
     past = np.zeros((3, N_PAST))
     past[:2, NAV : NAV + 10] = nav
     untouched = past.copy()
-    correct_stored(past, late(n_ring=2), x)
+    correct_stored(past, late(n_ring=np.array([2])), x)
     np.testing.assert_array_equal(past, untouched)
-    correct_stored(past, late(n_ring=2, extrapolated=False), x)
+    correct_stored(past, late(n_ring=np.array([2]), extrapolated=False), x)
     for stored in past[:2]:
         np.testing.assert_allclose(stored[NAV + V : NAV + V + 3] - V_I, x[VEL : VEL + 3], rtol=1e-9)
         np.testing.assert_allclose(stored[NAV + R : NAV + R + 3] - R_I, x[POS : POS + 3], atol=1e-9)
@@ -140,7 +162,7 @@ def test_what_is_fed_back_corrects_every_stored_state_of_a_buffered_filter_and_n
 
 def test_an_open_loop_compares_a_late_measurement_with_the_error_state_of_its_time():
     rng = np.random.default_rng(3)
-    settings, past = late(n_ring=2, extrapolated=False), rng.standard_normal((3, N_PAST))
+    settings, past = late(n_ring=np.array([2]), extrapolated=False), rng.standard_normal((3, N_PAST))
     stored = past.copy()
     x, before, h = rng.standard_normal(12), rng.standard_normal(12), rng.standard_normal(5)
     correct_stored_errors(past, settings, x, before)
@@ -148,6 +170,6 @@ def test_an_open_loop_compares_a_late_measurement_with_the_error_state_of_its_ti
     np.testing.assert_array_equal(past[2], stored[2])
     # a parameter is not stored: what the error state says of it is that of now
     entries, columns = np.array([0, 2, 4]), np.array([POS, VEL + 1, 10])
-    found = predicted_of_stored(past, settings, h, entries, columns, x, 3)
+    found = predicted_of_stored(past, place_of(settings, 0, 3), h, entries, columns, x)
     then = past[1, ERROR : ERROR + 9]
     assert found == pytest.approx(h[0] * (then[POS] - x[POS]) + h[2] * (then[VEL + 1] - x[VEL + 1]), rel=1e-12)

@@ -9,6 +9,7 @@ from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.errors import quoted
 from lvnav_trade.layout import EXTRAS, MISSION, MOTION, PARAMETERS
+from lvnav_trade.observables.sensors import SENSOR_STATES
 from lvnav_trade.units import Card, parse
 
 # Metrics of a vehicle under control: by how many percent less its nozzle moves with the filtered than the raw rate
@@ -27,6 +28,7 @@ _UNITS = (
     | {"solution_velocity": "m/s", "solution_position": "m", "receiver_clock_bias": "m", "receiver_clock_drift": "m/s"}
     | {name: kind.unit for name, kind in PARAMETERS.items()}
     | {name: unit for name, (unit, *_) in EXTRAS.items()}
+    | {name: state.unit for name, state in SENSOR_STATES.items()}
     | {f"{prefix}{name}": unit for prefix in ("", "raw_", "corrected_") for name, unit, *_ in MOTION}
 )
 

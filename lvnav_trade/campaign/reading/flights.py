@@ -19,8 +19,8 @@ from lvnav_trade.campaign.syntax.cards import Shelf, nowhere
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.layout import EXTRAS
 from lvnav_trade.observables.partials import Channels, members
-from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS
-from lvnav_trade.scenario import Scenario, measured
+from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS, SENSOR_STATES
+from lvnav_trade.scenario import Scenario, measured, sensor_model, sensors_used
 from lvnav_trade.world.faults import AnyFault, missing_antenna, missing_satellite
 from lvnav_trade.world.flight.trajectory import TrajectoryCard, build, identity, motion
 from lvnav_trade.world.sky.satellites import satellites
@@ -159,9 +159,23 @@ def _idle(campaign: Campaign, cases: Sequence[Case]) -> Iterator[Mistake]:
             yield written(campaign, listing[0], "base.filter.measurements", message)
 
 
+def _lasting(scenario: Scenario) -> set[str]:
+    """Return the states for lasting errors of the sensors that a filter uses, of those whose sigma it does not take for
+    zero.
+    """
+    used = ((card, sensor_model(scenario, card)) for card in sensors_used(scenario).values())
+    return {model.states[error.field].name for card, model in used for error in card.lasting()
+            if error.field in model.states and getattr(model, error.field) > 0.0}  # fmt: skip
+
+
 def _states(campaign: Campaign, case: Case) -> Iterator[Mistake]:
     """Yield the extra states that no measurement of the filter depends on."""
     card = case.scenario.filter
+    for field in ("extra_states", "consider"):
+        for name in getattr(card, field):
+            absent = None in case.scenario.sensors.values()  # where a sensor is null the filter does without its states
+            if name in SENSOR_STATES and not absent and name not in _lasting(case.scenario):
+                yield written(campaign, case, f"base.filter.{field}", f"{name}: no sensor has such an error")
     if not any(name in EXTRAS for name in (*card.extra_states, *card.consider)):
         return
     known = satellites(case.scenario.constellation, case.scenario.trajectory.epoch)
@@ -174,9 +188,12 @@ def _states(campaign: Campaign, case: Case) -> Iterator[Mistake]:
 
 
 def _windows(campaign: Campaign, case: Case, events: Mapping[str, float]) -> Iterator[Mistake]:
-    """Yield the sensors whose conditions name no event of the flight, or hold at no time of it."""
+    """Yield the sensors that cannot be simulated on a flight, or whose conditions name no event or hold at no time."""
     for name, card in case.scenario.sensors.items():
         if card is not None:
+            reason = card.refusal(case.scenario.trajectory.epoch)
+            if reason:
+                yield written(campaign, case, f"base.sensors.{name}", reason)
             for field, message in switched.of_sensor(card, case.scenario, events):
                 yield written(campaign, case, f"base.sensors.{name}.{field}", message)
 

@@ -205,9 +205,10 @@ def _fields(scenario: Scenario, source: str) -> tuple[Field, ...]:
     for name, card in used.items():
         if source == (card.noise if alone[name] else f"{card.noise} {name}"):
             return tuple((("sensors", name, field), 1) for field in card.noise_fields)
-        for error in card.lasting():
-            if source == error.source:
-                return ((("sensors", name, error.field), 1),)
+        own = [error.field for error in card.lasting()
+               if source == (error.source if alone[name] else f"{error.source} {name}")]  # fmt: skip
+        if own:
+            return tuple((("sensors", name, field), 1) for field in own)
     return fields_of(source)
 
 

@@ -11,6 +11,7 @@ from lvnav_trade.engines.lincov.propagate import fill_inputs
 from lvnav_trade.engines.lincov.receiver_error import clone_back, solution_back
 from lvnav_trade.engines.lincov.samples import fill_partials, nominal_tick
 from lvnav_trade.engines.lincov.update import component_partial, measured_channel, n_entering
+from lvnav_trade.filters.late import place_of_channel
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import apply_phi_transposed
 from lvnav_trade.kernels.jit import inlined, jit
@@ -39,7 +40,7 @@ def _dot(a, b):
 
 
 @jit
-def _update_back(back, gain, h, epoch, channel, time_bin, whitened, ring, signals, true):
+def _update_back(back, gain, h, epoch, channel, time_bin, whitened, place, signals, true):
     """Go back through one update: what its noise put in, and the multipliers before it."""
     source = true.noise_source[channel]
     # what is in a decorrelated solution went in with the solution's own error
@@ -57,7 +58,7 @@ def _update_back(back, gain, h, epoch, channel, time_bin, whitened, ring, signal
             for c in range(true.first_shared):
                 back.c[m, c] -= through * true.differences.reach[row, epoch, c]
         for k in range(true.n_entry[channel]):
-            back.e[m, true.column[ring, channel, k]] -= through * h[true.entry[ring, channel, k]]
+            back.e[m, true.column[place, channel, k]] -= through * h[true.entry[place, channel, k]]
 
 
 @jit
@@ -172,10 +173,10 @@ def go_back(
         time_bin = time_bins[w]
         for row in range(tape.first[w + 1] - 1, tape.first[w] - 1, -1):
             epoch, channel = tape.epoch[row], tape.channel[row]
-            whitened, ring = chain is not None and channel < signals.n_receiver, 0
+            whitened, place = chain is not None and channel < signals.n_receiver, 0
             if late is not None:
-                ring = epoch % late.n_ring
-            _update_back(back, tape.gain[row], tape.h[row], epoch, channel, time_bin, whitened, ring, signals, true)
+                place = place_of_channel(late, channel, epoch)
+            _update_back(back, tape.gain[row], tape.h[row], epoch, channel, time_bin, whitened, place, signals, true)
         if chain is not None and schedule.epoch[w] >= 0:
             solution_back(back, scratch.y, chain, true, schedule.epoch[w], time_bin)
         if schedule.n_tick[w] == 0:

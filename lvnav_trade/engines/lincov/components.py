@@ -43,10 +43,10 @@ class Components(NamedTuple):
 
     nav_rows ... nav_drivers: blocks of the true transition. white (n_length, n_group, N, n_lane) noise of each source;
     initial (n_source, N, N); noise_source (n_channel,) source of the noise of each channel; decay (n_length, N) of the
-    states; n_entry (n_channel,), entry, column of measurements with respect to the N states, by ring place of the clone
-    (n_ring, n_channel, ...); solution: first state of the receiver's error (-1 none) with sources solution_source
-    (n_in,) of its white errors; clone: first state of the clones (-1 none); buffered: innovations are formed with
-    clones. sample_noise (n_source, 6) true variance of a sample's noise, by source; differences of units.
+    states; n_entry (n_channel,), entry, column of measurements with respect to the N states, by place of the clone
+    (n_place, n_channel, ...); solution: first state of the receiver's error (-1 none) with sources solution_source
+    (n_in,) of its white errors; clone: first state of the clones (-1 none). sample_noise (n_source, 6) true variance of
+    a sample's noise, by source; differences of units.
     """
 
     group: Ints
@@ -88,7 +88,6 @@ class Components(NamedTuple):
     solution: int
     solution_source: Ints
     clone: int
-    buffered: bool
     sample_noise: Floats
     differences: Differences
 
@@ -160,9 +159,10 @@ def _shared_tables(sigma: float, time_constant: float, seconds: Floats) -> tuple
 def _of_families(prepared: Prepared, names: list[str]) -> tuple[list[Component], list[int]]:
     """Return the components of the errors that measurements share, and by family that of the filter's extra states."""
     model, signals, found, own = prepared.model, prepared.signals, list[Component](), list[int]()
-    by_name = {block.name: number for number, block in enumerate(prepared.layout.extras)}
+    by_name = {(block.name, label): number for number, block in enumerate(prepared.layout.extras)
+               for label in block.labels}  # fmt: skip
     for number, family in enumerate(prepared.families if model.aided else ()):
-        state = by_name.get(family.state, -1)
+        state = by_name.get((family.state, family.labels[0]), -1)
         factor, noise = _shared_tables(family.sigma, family.time_constant, prepared.lengths)
         entering = signals.shared.member[number] >= 0
         # whether the true partials are not those that the filter's own state has

@@ -20,7 +20,7 @@ from lvnav_trade.filters.ekf import (
     place_antenna,
     row_of,
 )
-from lvnav_trade.filters.late import keep
+from lvnav_trade.filters.late import keep, place_of_channel
 from lvnav_trade.filters.monitor import MODE, begin_watch, check_measurements, is_running, start_filter, update_mode
 from lvnav_trade.kernels.covariance import variance_along
 from lvnav_trade.kernels.groups import group, total_of, whole
@@ -113,16 +113,16 @@ def _update_receiver(out, joint, scratch, tape, nominal, signals, true, model, c
 
 
 @inlined
-def _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, model, gains, epoch):
+def _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, model, late, gains, epoch):
     """Update by what the other sensors measure at an epoch."""
     for k in range(sensors.code.shape[0]):
         if sensors.on[k, epoch] and model.measured[sensors.channel[k]]:
             at = row_of(model, nominal, sensors.channel[k])
-            fill_sensor(nominal, model, signals, sensors, k, at, epoch)
+            fill_sensor(nominal, None, late, model, signals, sensors, k, at, epoch)
             for i in range(sensors.scalars[k]):
                 channel = sensors.channel[k] + i
                 _update(
-                    out, joint, scratch, tape, nominal, signals, true, model, None, gains, at + i, channel,
+                    out, joint, scratch, tape, nominal, signals, true, model, late, gains, at + i, channel,
                     signals.variance[epoch, channel], False, epoch,
                 )  # fmt: skip
 
@@ -152,14 +152,13 @@ def _start(joint, scratch, tape, nominal, watch, rules, signals, true, model, ch
 @inlined
 def _expect(joint, nominal, true, model, signals, late, watch, epoch):
     """Set the mean of every innovation of the receiver: what the mode logic sees in a run without noise."""
-    ring = 0
-    if late is not None:
-        ring = epoch % late.n_ring
     for row in range(n_measured(model, signals, epoch)):
-        channel = channel_of(model, signals, epoch, row)
+        channel, place = channel_of(model, signals, epoch, row), 0
+        if late is not None:
+            place = place_of_channel(late, channel, epoch)
         total = nominal.z[row]
         for k in range(true.n_entry[channel]):
-            total += nominal.H[row, true.entry[ring, channel, k]] * joint.mean[true.column[ring, channel, k]]
+            total += nominal.H[row, true.entry[place, channel, k]] * joint.mean[true.column[place, channel, k]]
         nominal.expected[row], watch.predicted[row] = total, 0.0
 
 
@@ -201,13 +200,13 @@ def _epoch(out, joint, scratch, work, tape, nominal, signals, sensors, true, mod
             _fill(nominal, signals, model, chain, late, epoch)
             _weight(nominal, joint.formal, model, chain, late, gains, epoch)
             _update_receiver(out, joint, scratch, tape, nominal, signals, true, model, chain, late, gains, epoch)
-        _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, model, gains, epoch)
+        _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, model, late, gains, epoch)
     elif (epoch + 1) % model.every == 0:
         _process_permitted(
             out, joint, scratch, tape, nominal, signals, true, model, chain, late, gains, rules, watch, epoch
         )
         if is_running(watch.state[MODE]) > 0.0:
-            _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, model, gains, epoch)
+            _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, model, late, gains, epoch)
 
 
 @inlined

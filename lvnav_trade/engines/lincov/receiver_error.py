@@ -7,7 +7,7 @@ backwards.
 """
 
 from lvnav_trade.filters.ekf import separate
-from lvnav_trade.filters.late import carry_on
+from lvnav_trade.filters.late import carry_on, place_of
 from lvnav_trade.kernels.covariance import enter, whiten
 from lvnav_trade.kernels.groups import group, whole
 from lvnav_trade.kernels.jit import inlined, jit
@@ -127,10 +127,25 @@ def clone_error(joint, true, late, window):
     The error of less than a tick's motion is left out: below a millimetre.
     """
     if late is not None:
-        for epoch in range(late.early[window, 0], late.early[window, 1]):
-            clone_states(joint, true, true.clone + N_CLONE * (epoch % late.n_ring) + N_NAV, VEL, 3)
-        for epoch in range(late.valid[window, 0], late.valid[window, 1]):
-            clone_states(joint, true, true.clone + N_CLONE * (epoch % late.n_ring), 0, N_NAV)
+        for line in range(late.n_ring.shape[0]):
+            for epoch in range(late.early[line, window, 0], late.early[line, window, 1]):
+                clone_states(joint, true, true.clone + N_CLONE * place_of(late, line, epoch) + N_NAV, VEL, 3)
+            for epoch in range(late.valid[line, window, 0], late.valid[line, window, 1]):
+                clone_states(joint, true, true.clone + N_CLONE * place_of(late, line, epoch), 0, N_NAV)
+
+
+@jit
+def _line_back(y, true, late, line, window):
+    for epoch in range(late.valid[line, window, 0], late.valid[line, window, 1]):
+        at = true.clone + N_CLONE * place_of(late, line, epoch)
+        for i in range(N_NAV):
+            y[i] += y[at + i]
+            y[at + i] = 0.0
+    for epoch in range(late.early[line, window, 0], late.early[line, window, 1]):
+        at = true.clone + N_CLONE * place_of(late, line, epoch) + N_NAV
+        for i in range(3):
+            y[VEL + i] += y[at + i]
+            y[at + i] = 0.0
 
 
 @inlined
@@ -138,17 +153,8 @@ def clone_back(back, true, late, window):
     """Go back through `clone_error`."""
     if late is not None:
         for m in range(back.e.shape[0]):
-            y = back.e[m]
-            for epoch in range(late.valid[window, 0], late.valid[window, 1]):
-                at = true.clone + N_CLONE * (epoch % late.n_ring)
-                for i in range(N_NAV):
-                    y[i] += y[at + i]
-                    y[at + i] = 0.0
-            for epoch in range(late.early[window, 0], late.early[window, 1]):
-                at = true.clone + N_CLONE * (epoch % late.n_ring) + N_NAV
-                for i in range(3):
-                    y[VEL + i] += y[at + i]
-                    y[at + i] = 0.0
+            for line in range(late.n_ring.shape[0]):
+                _line_back(back.e[m], true, late, line, window)
 
 
 @jit

@@ -46,7 +46,7 @@ def n_joint(prepared: Prepared) -> int:
     """Return how many states the joint vector has: the filter's, those of the receiver's error, those of clones."""
     chain, late = prepared.chain, prepared.options.late
     solution = 0 if chain is None else chain.move.shape[1]
-    clones = 0 if late is None else N_CLONE * late.n_ring
+    clones = 0 if late is None else N_CLONE * late.buffered.size
     return prepared.layout.n_state + solution + clones
 
 
@@ -65,19 +65,18 @@ def measurement_tables(prepared: Prepared, names: list[str]) -> dict[str, Any]:
     model, chain, late, n = prepared.model, prepared.chain, prepared.options.late, prepared.layout.n_state
     solution = -1 if chain is None else n
     clone = -1 if late is None else n + (0 if chain is None else chain.move.shape[1])
-    buffered = late is not None and not late.extrapolated
-    n_ring, n_receiver = 1 if late is None else late.n_ring, prepared.channels.n_receiver
+    n_place, n_receiver = 1 if late is None else late.buffered.size, prepared.channels.n_receiver
     table = [
-        [_pairs(prepared, channel, solution, clone + N_CLONE * ring, buffered, channel < n_receiver)
-         for channel in range(len(model.n_entry))] for ring in range(n_ring)
+        [_pairs(prepared, channel, solution, clone + N_CLONE * place, channel < n_receiver)
+         for channel in range(len(model.n_entry))] for place in range(n_place)
     ]  # fmt: skip
     width = max((len(pairs) for rows in table for pairs in rows), default=0)
-    shape = (n_ring, len(model.n_entry), width)
+    shape = (n_place, len(model.n_entry), width)
     entry, column = np.zeros(shape, dtype=np.int64), np.zeros(shape, dtype=np.int64)
-    for ring, rows in enumerate(table):
+    for place, rows in enumerate(table):
         for channel, pairs in enumerate(rows):
             for i, (e, c) in enumerate(pairs):
-                entry[ring, channel, i], column[ring, channel, i] = e, c
+                entry[place, channel, i], column[place, channel, i] = e, c
     kinds = np.zeros(0, dtype=np.int64) if chain is None else chain.kind
     return {
         "n_entry": np.array([len(pairs) for pairs in table[0]], dtype=np.int64),
@@ -86,23 +85,22 @@ def measurement_tables(prepared: Prepared, names: list[str]) -> dict[str, Any]:
         "solution": solution,
         "solution_source": np.array([names.index(_WHITE[kind]) for kind in kinds], dtype=np.int64),
         "clone": clone,
-        "buffered": buffered,
     }
 
 
-def _pairs(
-    prepared: Prepared, channel: int, solution: int, clone: int, buffered: bool, of_receiver: bool
-) -> list[tuple[int, int]]:
+def _pairs(prepared: Prepared, channel: int, solution: int, clone: int, of_receiver: bool) -> list[tuple[int, int]]:
     """List entry and state of a channel's Jacobian row; a late measurement is of the errors of a clone."""
     model, chain, late = prepared.model, prepared.chain, prepared.options.late
-    n = model.n_entry[channel]
+    n, line = model.n_entry[channel], -1 if late is None else late.line[channel]
+    extrapolated = late is not None and late.extrapolated and of_receiver
+    buffered = line >= 0 and not extrapolated
     pairs = []
     for e, c in zip(model.entry[channel, :n].tolist(), model.column[channel, :n].tolist(), strict=True):
-        pairs.append((e, clone + c if of_receiver and buffered and c < N_NAV else c))
+        pairs.append((e, clone + c if buffered and c < N_NAV else c))
     if chain is not None and of_receiver:
         own = model.entry.shape[1]
         pairs += [(own + i, solution + int(chain.pick[i])) for i in range(6)]
-        if late is not None and not buffered:
+        if extrapolated:
             pairs += [(own + 6 + i, clone + VEL + i) for i in range(3)]
             pairs += [(own + 9 + i, clone + N_NAV + i) for i in range(3)]
     return pairs

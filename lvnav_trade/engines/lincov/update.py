@@ -3,6 +3,7 @@
 import numpy as np
 
 from lvnav_trade.engines.lincov.receiver_error import N_CLONE, N_NAV
+from lvnav_trade.filters.late import place_of_channel
 from lvnav_trade.kernels.covariance import enter, update_covariance, update_scalar, update_vector, update_with_gain
 from lvnav_trade.kernels.groups import group, total_of, whole
 from lvnav_trade.kernels.jit import inlined, jit
@@ -95,10 +96,11 @@ def _set_gain(gain, K, weight, n_estimated, true, late, epoch):
     """
     for i in range(gain.shape[0]):
         gain[i] = K[i] * weight if i < n_estimated else 0.0
-    if late is not None and true.buffered:
-        for ring in range(late.n_ring):
-            for i in range(N_NAV):
-                gain[true.clone + N_CLONE * ring + i] = gain[i]
+    if late is not None:
+        for place in range(late.buffered.shape[0]):
+            if late.buffered[place]:
+                for i in range(N_NAV):
+                    gain[true.clone + N_CLONE * place + i] = gain[i]
 
 
 @inlined
@@ -143,10 +145,10 @@ def _update_sources(joint, scratch, true, gain, h, entries, columns, source, noi
 @inlined
 def _update_truth(joint, scratch, tape, late, h, innovation, epoch, channel, whitened, signals, true):
     """Update every source and the mean with the gain `scratch.gain`; return the expected square of the innovation."""
-    gain, m, ring = scratch.gain, true.n_entry[channel], 0
+    gain, m, place = scratch.gain, true.n_entry[channel], 0
     if late is not None:
-        ring = epoch % late.n_ring
-    entries, columns = true.entry[ring, channel, :m], true.column[ring, channel, :m]
+        place = place_of_channel(late, channel, epoch)
+    entries, columns = true.entry[place, channel, :m], true.column[place, channel, :m]
     if tape.channel.shape[0] > 0:
         _record(tape, gain, h, epoch, channel)
     noise = 0.0 if whitened else signals.sigma[epoch, measured_channel(signals, channel)] ** 2

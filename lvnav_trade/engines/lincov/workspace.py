@@ -118,7 +118,7 @@ def new_nominal(prepared: Prepared) -> Nominal:
         "observed": (max(1, len(prepared.devices)), 4), "clock_hat": (2,),
         "par": (max(1, len(prepared.layout.parameters)), 3), "x": (model.n_state,),
         "extra": (max(1, model.extra_offset.size),), "reported": (6, 6),
-        "past": (1 + (0 if late is None else late.n_ring), N_PAST), "P": (1, 1),
+        "past": (1 + (0 if late is None else late.buffered.size), N_PAST), "P": (1, 1),
     }))  # fmt: skip
 
 

@@ -171,9 +171,10 @@ class Record(NamedTuple):
 
 class Sensors(NamedTuple):
     """The sensors beside the receiver: code (n_sensor,) of each in the family; channel, scalars (n_sensor,) its first
-    channel and how many it has; on (n_sensor, n_epoch) whether it measures; truth (n_sensor, n_epoch, 4), see the
-    member's module; theta (n_epoch,) rad angle of the Earth; sources (n_sensor,) words. Noise and what the filter
-    assumes of it stand in Signals, by channel.
+    channel and how many it has; on (n_sensor, n_epoch) whether it measures; truth (n_sensor, n_epoch, 4) and what the
+    filter knows, known (n_sensor, n_epoch, N_KNOWN), see the member's module; theta (n_sensor, n_epoch) rad angle of
+    the Earth as the filter takes it; sources (n_sensor,) words. Noise and what the filter assumes of it stand in
+    Signals, by channel.
     """
 
     code: Ints
@@ -181,6 +182,7 @@ class Sensors(NamedTuple):
     scalars: Ints
     on: NDArray[np.bool_]
     truth: Floats
+    known: Floats
     theta: Floats
     sources: NDArray[np.uint64]
 

@@ -1,11 +1,12 @@
 """Parts of a flight that not every case has, from the cards: a receiver that solves itself, late measurements."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from lvnav_trade.engines.setup.inputs import Schedule
+from lvnav_trade.engines.setup.sensors import Sensor
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.filters.base import ReceiverModel
 from lvnav_trade.filters.late import Late
@@ -23,9 +24,16 @@ from lvnav_trade.scenario import Scenario, epoch_interval, solves
 from lvnav_trade.world.receiver.receiver import BancroftSolution, DirectSolution, FilteredSolution, OwnCovariance
 
 
+class DelayTaken(NamedTuple):
+    """A delay that the filter compensates: sensor, its number (-1: the receiver); delay (n_epoch,) s."""
+
+    sensor: int
+    delay: Floats
+
+
 class CloneTimes(NamedTuple):
-    """Ticks at whose end the state of an epoch's measurement is kept, and its velocity before; offset (n_epoch,) s from
-    the tick to the time of validity, base (n_epoch,) s from the earlier tick to it.
+    """Ticks (n_epoch,) at whose end the state of an epoch's measurement is kept, and its velocity before; offset
+    (n_epoch,) s from the tick to the time of validity, base (n_epoch,) s from the earlier tick to it.
     """
 
     valid: Ints
@@ -109,35 +117,67 @@ def solver_of(scenario: Scenario, model: ReceiverModel, most: int) -> Solver | N
     return Solver(point, receiver_filter(reported, epoch_interval(scenario), **card.numbers()))
 
 
-def delay_taken(scenario: Scenario, t_epoch: Floats, t_valid: Floats) -> Floats | None:
-    """Return the delay (n_epoch,) that the filter compensates; None where it does not.
+def delays_taken(
+    scenario: Scenario, t_epoch: Floats, t_valid: Floats, devices: Sequence[Sensor] = ()
+) -> tuple[DelayTaken, ...]:
+    """Return the delays that the filter compensates, the receiver's first; none where it does not.
 
-    t_valid (n_epoch,): when the measurements of the epochs are of, as the receiver stamps them.
+    t_valid (n_epoch,): when the receiver's measurements of the epochs are of, as it stamps them; devices: the sensors
+    that the filter takes.
     """
     card = scenario.filter.delay_compensation
     if card is None or not scenario.filter.aided:
-        return None
-    return t_epoch - t_valid if isinstance(card.delay, str) else np.full(t_epoch.size, card.delay)
+        return ()
+    found = []
+    if scenario.filter.tight or scenario.filter.loose:
+        stamped = isinstance(card.delay, str)
+        found.append(DelayTaken(-1, t_epoch - t_valid if stamped else np.full(t_epoch.size, card.delay)))
+    return (*found, *(DelayTaken(k, d.delay) for k, d in enumerate(devices) if np.any(d.delay > 0.0)))
 
 
-def late_of(scenario: Scenario, delay: Floats | None, at: CloneTimes | None, schedule: Schedule) -> Late | None:
+def late_of(
+    scenario: Scenario,
+    delays: Sequence[DelayTaken],
+    kept: Sequence[CloneTimes],
+    schedule: Schedule,
+    channels: Channels,
+) -> Late | None:
     """Return how late measurements are compensated; None where they are not."""
     card = scenario.filter.delay_compensation
-    if card is None or delay is None or at is None:
+    if card is None or not delays:
         return None
     ends = np.where(schedule.n_tick > 0, schedule.first_tick + schedule.n_tick, -1)
+    ticks, sensors = scenario.imu.rate * epoch_interval(scenario), [taken.sensor for taken in delays]
+    n_ring = np.array([_stored_at_once(at, ticks) for at in kept], dtype=np.int64)
+    extrapolated = card.kind == "extrapolated" and sensors[0] < 0
     return Late(
-        extrapolated=card.kind == "extrapolated",
-        n_ring=_stored_at_once(at, scenario.imu.rate * epoch_interval(scenario)),
-        valid=_epochs_at(ends, at.valid),
-        early=_epochs_at(ends, at.early),
-        delay=delay,
-        offset=at.offset,
-        base=at.base,
+        extrapolated=extrapolated,
+        line=_line_of_channels(sensors, channels),
+        of_sensor=np.array([sensors.index(k) if k in sensors else -1 for k in range(len(channels.sensors))], np.int64),
+        n_ring=n_ring,
+        first=np.cumsum(n_ring) - n_ring,
+        buffered=np.repeat([not extrapolated or sensor >= 0 for sensor in sensors], n_ring),
+        valid=np.stack([_epochs_at(ends, at.valid) for at in kept]),
+        early=np.stack([_epochs_at(ends, at.early) for at in kept]),
+        delay=delays[0].delay,
+        offset=np.stack([at.offset for at in kept]),
+        base=kept[0].base,
         interval=epoch_interval(scenario),
         jitter=card.delay_sigma**2,
         acceleration=card.acceleration_sigma**2,
     )
+
+
+def _line_of_channels(sensors: list[int], channels: Channels) -> Ints:
+    """Return the line of each channel, (n_channel,), -1 not late; sensors: that of each line, -1 the receiver."""
+    line = np.full(channels.n_channel, -1, dtype=np.int64)
+    for number, sensor in enumerate(sensors):
+        if sensor < 0:
+            line[: channels.n_receiver] = number
+        else:
+            first = channels.first[sensor]
+            line[first : first + len(channels.sensors[sensor].labels)] = number
+    return line
 
 
 def _stored_at_once(at: CloneTimes, ticks: float) -> int:
@@ -152,15 +192,24 @@ def _epochs_at(ends: Ints, ticks: Ints) -> Ints:
     return np.stack([np.searchsorted(ticks, ends, side) for side in ("left", "right")], axis=1).astype(np.int64)
 
 
-def clone_times(scenario: Scenario, t_epoch: Floats, delay: Floats | None, t: Floats, group: int) -> CloneTimes | None:
-    """Return when states are kept; t (n_tick + 1,) s of the ticks, a step of the strapdown is `group` of them."""
+def clone_times(
+    scenario: Scenario, t_epoch: Floats, delays: Sequence[DelayTaken], t: Floats, group: int
+) -> tuple[CloneTimes, ...]:
+    """Return when states are kept for each delay; t (n_tick + 1,) s of the ticks, a step of the strapdown is `group` of
+    them.
+    """
     card = scenario.filter.delay_compensation
-    if card is None or delay is None:
-        return None
-    dt, wanted = float(t[1] - t[0]), t_epoch - delay
+    if card is None:
+        return ()
+    return tuple(_clone_times(t_epoch - one.delay, card.base if one.sensor < 0 else 0.0, t, group) for one in delays)
+
+
+def _clone_times(wanted: Floats, before: float, t: Floats, group: int) -> CloneTimes:
+    """Return when states of the times `wanted` (s) are kept, and their velocity `before` (s; 0: none)."""
+    dt = float(t[1] - t[0])
     # a state is stored at the end of a step: the first ones are those of the first two steps
     valid = np.maximum(2 * group, np.rint((wanted - t[0]) / (dt * group)).astype(np.int64) * group)
-    early = np.maximum(group, valid - max(1, round(card.base / (dt * group))) * group)
+    early = np.maximum(group, valid - max(1, round(before / (dt * group))) * group) if before > 0.0 else valid
     offset = wanted - t[valid]
     # what is left of rounding is not worth a step
     offset = np.where(np.abs(offset) < 1e-6 * dt, 0.0, offset)

@@ -12,7 +12,7 @@ from lvnav_trade.engines.setup.families import ErrorFamily, shared_of
 from lvnav_trade.engines.setup.inputs import Options, Record, Report, Schedule, Sensors, Signals, Start, Unit, Units
 from lvnav_trade.engines.setup.options import (
     clone_times,
-    delay_taken,
+    delays_taken,
     every,
     gains_of,
     late_of,
@@ -232,11 +232,11 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     t_epoch = epochs.t
     seen = _seen(scenario, trajectory, t_epoch, float(ref.t[0]))
     unstamped = delay(scenario.faults, trajectory.course, t_epoch)
-    delayed = delay_taken(scenario, t_epoch, np.minimum(t_epoch, seen.t + unstamped))
+    devices = sensors_of(scenario, trajectory, t_epoch, float(ref.t[0]))
+    delayed = delays_taken(scenario, t_epoch, np.minimum(t_epoch, seen.t + unstamped), devices)
     kept = clone_times(scenario, t_epoch, delayed, ref.t, epochs.group)
     at = times_of(scenario, trajectory, ref, epochs, kept, history, every_step_beside)
     imu, receiver, initial = filter_models(scenario)
-    devices = sensors_of(scenario, trajectory, t_epoch, float(ref.t[0]))
     channels, lever_b = channels_of(scenario, seen, devices), np.array(scenario.receiver.lever_b)
     measured = channels._replace(tight=True) if solves(scenario) else channels
     lever_arms = seen.lever_arms if channels.tight else lever_b[None, :]
@@ -293,7 +293,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         options=Options(
             solver,
             rules,
-            late_of(scenario, delayed, kept, at.schedule),
+            late_of(scenario, delayed, kept, at.schedule, channels),
             gains,
             vehicle_of(scenario, trajectory, ref, layout, imu),
             samples_of(scenario, ref, layout, imu),
@@ -302,7 +302,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         ),
         chain=chain,
         devices=devices,
-        sensors=for_kernels(devices, channels, np.asarray(earth_angle(trajectory.theta0, t_epoch))),
+        sensors=for_kernels(devices, channels, t_epoch.size),
         channels=channels,
         channel_names=_channel_names(scenario, channels, report),
     )

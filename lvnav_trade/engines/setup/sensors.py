@@ -1,5 +1,7 @@
 """What the sensors beside the receiver measure on the nominal flight, when, and what the filter assumes of it."""
 
+from collections.abc import Iterable
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -10,8 +12,8 @@ from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.frames import earth_angle, earth_velocity, geodetic_from_ecef
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.observables.imu_difference import ImuDifferenceCard
-from lvnav_trade.observables.partials import Channels, SensorChannels
-from lvnav_trade.observables.sensor import N_TRUTH, FlightView, SensorCard
+from lvnav_trade.observables.partials import Channels, SensorChannels, SensorState
+from lvnav_trade.observables.sensor import N_KNOWN, N_TRUTH, FlightView, LastingError, SensorCard, SensorModel
 from lvnav_trade.observables.sensors import SENSORS
 from lvnav_trade.records import Floats
 from lvnav_trade.scenario import Scenario, difference_of, sensor_model, sensors_used
@@ -26,7 +28,10 @@ STILL = 1e-3
 class Sensor(NamedTuple):
     """A sensor at the epochs: its name in the scenario and its card; its channels; noise, the name of that source; on
     (n_epoch,); truth (n_epoch, 4); sigma and variance (n_epoch, n_scalar) of its noise, true and as the filter assumes;
-    since (n_epoch,) s since the measurement before, of a difference of two inertial units (else empty).
+    lasting: its lasting errors, source and labels its own, each with its partials (n_epoch, n_scalar, n_label); known
+    (n_epoch, N_KNOWN) and theta (n_epoch,) rad angle of the Earth, as the filter takes them; delay (n_epoch,) s that
+    the filter compensates; since (n_epoch,) s since the measurement before, of a difference of two inertial units (else
+    empty).
     """
 
     name: str
@@ -37,7 +42,42 @@ class Sensor(NamedTuple):
     truth: Floats
     sigma: Floats
     variance: Floats
+    lasting: tuple[tuple[LastingError, Floats], ...]
+    known: Floats
+    theta: Floats
+    delay: Floats
     since: Floats
+
+
+def view_of(trajectory: Trajectory, t: Floats) -> FlightView:
+    """Return the true flight at times (n,) s; before its start it is that of the start."""
+    t = np.maximum(t, trajectory.start)
+    at, rest = motion(trajectory, t), motion(at_rest(trajectory), t)
+    standing = np.logical_and.accumulate(np.linalg.norm(earth_velocity(rest.r_i, rest.v_i), axis=1) < STILL)
+    # heights are the same in frame i: it turns about the ellipsoid's axis
+    height, theta = geodetic_from_ecef(at.r_i)[2], np.asarray(earth_angle(trajectory.theta0, t))
+    return FlightView(
+        t, at.r_i, at.v_i, at.q_b_i, height, theta, at.w_ib_b, trajectory.epoch, rest.r_i, rest.q_b_i, standing
+    )
+
+
+def _own(error: LastingError, name: str) -> LastingError:
+    """Return a lasting error under the name of its sensor, where there are several that measure the same."""
+    labels = tuple(" ".join((name, label)).strip() for label in error.labels)
+    return error._replace(source=f"{error.source} {name}", labels=labels)
+
+
+def _states(model: SensorModel, lasting: Iterable[tuple[LastingError, Floats]]) -> tuple[SensorState, ...]:
+    """Return the states that a filter may have for lasting errors."""
+    found = []
+    for error, partials in lasting:
+        if error.field in model.states:
+            state, assumed = model.states[error.field], (getattr(model, error.field), model.time_constant(error.field))
+            found += [
+                SensorState(state.name, label, *assumed, state[1:], np.ascontiguousarray(partials[:, :, k]))
+                for k, label in enumerate(error.labels)
+            ]
+    return tuple(found)
 
 
 def measures(scenario: Scenario, card: SensorCard, course: Course, t_epoch: Floats) -> NDArray[np.bool_]:
@@ -52,15 +92,6 @@ def measures(scenario: Scenario, card: SensorCard, course: Course, t_epoch: Floa
     return on & (np.abs(ticks - np.rint(ticks)) < 1e-6 * max(1.0, rate))
 
 
-def _view(trajectory: Trajectory, t: Floats) -> FlightView:
-    """Return the true flight at times (n,) s."""
-    at, rest = motion(trajectory, t), motion(at_rest(trajectory), t)
-    standing = np.logical_and.accumulate(np.linalg.norm(earth_velocity(rest.r_i, rest.v_i), axis=1) < STILL)
-    # heights are the same in frame i: it turns about the ellipsoid's axis
-    height, theta = geodetic_from_ecef(at.r_i)[2], np.asarray(earth_angle(trajectory.theta0, t))
-    return FlightView(t, at.r_i, at.v_i, at.q_b_i, height, theta, rest.r_i, rest.q_b_i, standing)
-
-
 def _since(on: NDArray[np.bool_], t_epoch: Floats, start: float) -> Floats:
     """Return the time (n_epoch,) s from the measurement before, or from the start (s) of the flight, to each epoch."""
     last = np.maximum.accumulate(np.where(on, t_epoch, start))
@@ -72,47 +103,63 @@ def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, star
     used = sensors_used(scenario)
     if not used:
         return ()
-    view = _view(trajectory, t_epoch)
-    kinds = [card.measurement for card in used.values()]
+    views = cache(lambda delay: view_of(trajectory, t_epoch - delay))
+    kinds, compensates = [card.measurement for card in used.values()], scenario.filter.delay_compensation is not None
     found = []
     for name, card in used.items():
         alone = kinds.count(card.measurement) == 1
-        truth = card.truth(view)
+        model = sensor_model(scenario, card)
+        delay = model.latency if compensates else 0.0
+        view, assumed = views(card.latency), views(delay)
+        truth, known = card.truth(view), model.known(assumed)
         on = measures(scenario, card, trajectory.course, t_epoch) & card.available(view)
         if card.on_pad and not on.any():
             message = "it measures while the vehicle stands on its pad, which is at none of its times"
             raise InputError(records=[Mistake(message, f"sensors.{name}")])
-        sigma, variance = card.noise_sigma(view), sensor_model(scenario, card).variance(view)
-        since = np.zeros(0)
+        sigma, variance, since = card.noise_sigma(view), model.variance(assumed), np.zeros(0)
         if isinstance(card, ImuDifferenceCard):  # summed since the measurement before
             since = _since(on, t_epoch, start)
             sigma = difference_of(scenario, card).random_walk * np.sqrt(np.repeat(since[:, None], 3, axis=1))
             variance = variance * since[:, None]
+        errors = [error if alone else _own(error, name) for error in card.lasting()]
+        lasting = tuple((error, error.partials(view, len(card.labels))) for error in errors)
+        entering = tuple((error, error.partials(assumed, len(card.labels))) for error in errors)
+        channel = card.measurement if alone else name
         found.append(
             Sensor(
                 name,
                 card,
-                SensorChannels(card.measurement if alone else name, card.measurement, card.labels),
+                SensorChannels(channel, card.measurement, card.labels, _states(model, entering)),
                 card.noise if alone else f"{card.noise} {name}",
                 on,
-                np.ascontiguousarray(np.pad(truth, ((0, 0), (0, N_TRUTH - truth.shape[1])))),
+                _padded(truth, N_TRUTH),
                 sigma,
                 variance,
+                lasting,
+                _padded(known, N_KNOWN),
+                assumed.theta,
+                t_epoch - assumed.t,
                 since,
             )
         )
     return tuple(found)
 
 
-def for_kernels(sensors: tuple[Sensor, ...], channels: Channels, theta: Floats) -> Sensors:
-    """Return the sensors in numbers for the kernels; theta (n_epoch,) rad of the Earth."""
-    n, n_epoch = len(sensors), theta.size
+def _padded(values: Floats, width: int) -> Floats:
+    """Return values (n_epoch, at most width) with zeros behind them."""
+    return np.ascontiguousarray(np.pad(values, ((0, 0), (0, width - values.shape[1]))))
+
+
+def for_kernels(sensors: tuple[Sensor, ...], channels: Channels, n_epoch: int) -> Sensors:
+    """Return the sensors in numbers for the kernels."""
+    n = len(sensors)
     return Sensors(
         code=np.array([SENSORS.index(type(sensor.card)) for sensor in sensors], dtype=np.int64),
         channel=np.array(channels.first, dtype=np.int64),
         scalars=np.array([len(sensor.channels.labels) for sensor in sensors], dtype=np.int64),
         on=np.array([sensor.on for sensor in sensors], dtype=np.bool_).reshape(n, n_epoch),
         truth=np.array([sensor.truth for sensor in sensors], dtype=float).reshape(n, n_epoch, N_TRUTH),
-        theta=theta,
+        known=np.array([sensor.known for sensor in sensors], dtype=float).reshape(n, n_epoch, N_KNOWN),
+        theta=np.array([sensor.theta for sensor in sensors], dtype=float).reshape(n, n_epoch),
         sources=np.array([source_word(sensor.noise) for sensor in sensors], dtype=np.uint64),
     )

@@ -15,8 +15,8 @@ from lvnav_trade.frames import matrices
 from lvnav_trade.kernels.clock import clock_step
 from lvnav_trade.kernels.earth import GM
 from lvnav_trade.kernels.random import source_word
-from lvnav_trade.layout import RELATIVE, StateLayout
-from lvnav_trade.observables.partials import LEVER_AXES, Channels, Geometry, partial
+from lvnav_trade.layout import RELATIVE, ExtraBlock, StateLayout
+from lvnav_trade.observables.partials import LEVER_AXES, Channels, Geometry, partial, sensor_states
 from lvnav_trade.records import Floats, Sky
 from lvnav_trade.scenario import Scenario, epoch_interval, solves
 from lvnav_trade.sources import CLOCK_START, CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE
@@ -151,12 +151,15 @@ def lasting_errors(devices: tuple[Sensor, ...], channels: Channels, n_epoch: int
     """Return the lasting errors of the sensors beside the receiver."""
     found = []
     for at, device in zip(channels.first, devices, strict=True):
-        member, partials = np.full(channels.n_channel, -1, dtype=np.int64), np.zeros((n_epoch, channels.n_channel))
-        own = slice(at, at + len(device.channels.labels))
-        member[own], partials[:, own] = 0, 1.0
-        for error in device.card.lasting():
-            if error.sigma > 0.0:
-                names = (error.source, error.kind, "", ("",))
+        own, states = slice(at, at + len(device.channels.labels)), device.card.model.states
+        for error, by_label in device.lasting:
+            state = states[error.field].name if error.field in states else ""
+            for k, label in enumerate(error.labels if error.sigma > 0.0 else ()):
+                member = np.full(channels.n_channel, -1, dtype=np.int64)
+                partials = np.zeros((n_epoch, channels.n_channel))
+                partials[:, own] = by_label[:, :, k]
+                member[own] = np.where(np.any(partials[:, own] != 0.0, axis=0), 0, -1)
+                names = (error.source, error.kind, state, (label,))
                 found.append(ErrorFamily(*names, member, partials, error.sigma, error.time_constant))
     return tuple(found)
 
@@ -258,11 +261,12 @@ def _assumed_variance(
     return _by_channel(channels, seen.t.size, (1.0, 1.0) if solves(scenario) else pair, devices, "variance")
 
 
-def _partial(name: str, geometry: Geometry, channels: Channels, devices: tuple[Sensor, ...]) -> Floats:
-    """Return the derivative (n_epoch, n_channel) of the measurements with respect to an extra state."""
-    found = partial(name, geometry, channels)
+def _extra_partial(block: ExtraBlock, geometry: Geometry, channels: Channels, devices: tuple[Sensor, ...]) -> Floats:
+    """Return the partials (n_epoch, n_channel) of the measurements with respect to an extra block's components."""
+    of_sensors = (entering for state, _, entering in sensor_states(block.name, channels) if state.label in block.labels)
+    found = next(of_sensors, partial(block.name, geometry, channels))
     for at, device in zip(channels.first, devices, strict=True):
-        if RELATIVE.get(device.channels.measures) == name:
+        if RELATIVE.get(device.channels.measures) == block.name:
             found[:, at : at + 3] = device.since[:, None]
     return found
 
@@ -291,7 +295,7 @@ def signals(
     receiver, clock = scenario.receiver, scenario.receiver.clock
     used, n_used = _slots(seen)
     sigma = _by_channel(measured, seen.t.size, _true_sigma(scenario, seen, measured), devices, "sigma")
-    extra = [_partial(block.name, geometry, channels, devices) for block in layout.extras]
+    extra = [_extra_partial(block, geometry, channels, devices) for block in layout.extras]
     interval = epoch_interval(scenario)
     off, off_rate = failed.bias + left[:, :, 0], failed.drift + left[:, :, 1]
     ranges, rates = np.asarray(line.distance + off), np.asarray(line.rate + off_rate)

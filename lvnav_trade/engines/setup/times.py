@@ -1,6 +1,7 @@
 """When a flight is looked at: epochs, history times, ticks whose state is kept, and the windows between them."""
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -89,7 +90,7 @@ def times_of(
     trajectory: Trajectory,
     ref: Reference,
     epochs: Epochs,
-    kept: CloneTimes | None,
+    kept: Sequence[CloneTimes],
     history: float,
     every_step_beside: Floats | None,
 ) -> Times:
@@ -101,6 +102,7 @@ def times_of(
     if every_step_beside is not None:
         t_hist = _with_steps(every_step_beside, ref.t[::per_window], start, rate, n_imu, group)
     hist_tick = _ticks(t_hist, start, rate, n_imu, group)
-    looked = np.zeros(0, dtype=np.int64) if kept is None else np.concatenate([kept.valid, kept.early])
+    none = np.zeros(0, dtype=np.int64)
+    looked = np.concatenate([none, *(ticks for one in kept for ticks in (one.valid, one.early))])
     schedule, lengths = _schedule(n_imu, per_window, hist_tick, epochs.tick, looked)
     return Times(t_hist, hist_tick, schedule, lengths / rate)

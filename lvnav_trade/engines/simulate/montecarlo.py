@@ -53,7 +53,7 @@ Work = namedtuple(
 """Arrays of a run (or of eight in lanes): states, work arrays, and what is output; shapes: `new_work`.
 
 rx (receivers.base.Receiver), open_loop (filters.feedforward.OpenLoop), watch (filters.monitor.Watch), past
-(n_ring + 1, N_PAST) (filters.late), motion (filters.samples.Motion), held (Held), misses (Misses) and units (UnitWork)
+(n_place + 1, N_PAST) (filters.late), motion (filters.samples.Motion), held (Held), misses (Misses) and units (UnitWork)
 belong to options and are None without them.
 """
 
@@ -107,7 +107,7 @@ def _optional_work(prepared: Prepared, n_lane: int) -> dict[str, Any]:
     if prepared.scenario.filter.feedback == "open":
         found["open_loop"] = new_open_loop(n, len(layout.parameters), prepared.model.extra_offset.size, n_lane)
     if options.late is not None:
-        found["past"] = aligned_zeros((options.late.n_ring + 1, N_PAST, *((n_lane,) if n_lane else ())))
+        found["past"] = aligned_zeros((options.late.buffered.size + 1, N_PAST, *((n_lane,) if n_lane else ())))
     if options.rules is not None:
         found["watch"] = new_watch(prepared.t_epoch.size, n_channel, prepared.n_row, n_lane)
     if options.vehicle is not None or options.samples is not None:

@@ -38,6 +38,7 @@ class PadPositionCard(StandingCard):
     jacobian: ClassVar[tuple[str, ...]] = ("position",)
     noise: ClassVar[str] = "pad position noise"
     noise_fields: ClassVar[tuple[str, ...]] = ("jitter",)
+    at_once: ClassVar[bool] = True
 
     kind: Literal["pad_position"] = "pad_position"
     sigma: LengthSigma = Field(gt=0.0, description="of the sway, per axis, as a matched filter assumes it")

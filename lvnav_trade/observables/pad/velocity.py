@@ -40,6 +40,7 @@ class ZeroVelocityCard(StandingCard):
     jacobian: ClassVar[tuple[str, ...]] = ("velocity", "position")
     noise: ClassVar[str] = "zero velocity noise"
     noise_fields: ClassVar[tuple[str, ...]] = ("jitter",)
+    at_once: ClassVar[bool] = True
 
     kind: Literal["zero_velocity"] = "zero_velocity"
     sigma: SpeedSigma = Field(gt=0.0, description="of the sway, per axis, as a matched filter assumes it")

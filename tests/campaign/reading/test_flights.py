@@ -72,6 +72,23 @@ def test_a_state_with_an_effect_is_accepted(study, sets: tuple[str, ...]) -> Non
     assert reported(*sets) == []
 
 
+def test_a_state_of_a_sensor_needs_a_sensor_with_such_an_error_or_one_that_is_null(study) -> None:
+    state = "filter.extra_states=[altitude_bias]"
+    missing = ["--set: base.filter.extra_states: altitude_bias: no sensor has such an error"]
+    assert reported(state) == missing
+    study.edit("campaign.yaml", "  imu: imu/good", "  imu: imu/good\n  sensors: {radar: altimeters/radar_004}")
+    assert reported(LISTED, state) == []
+    assert reported(LISTED, state, "sensors.radar.bias=0 m") == missing
+    assert not any("altitude_bias" in line for line in reported(LISTED, state, "sensors={radar: null}"))
+
+
+def test_a_magnetometer_needs_a_flight_of_a_year_that_the_field_covers(study) -> None:
+    compass = ("sensors={compass: magnetometers/hmr2300}", "filter.measurements=[position, velocity, magnetic_field]")
+    assert reported(*compass) == []
+    (line,) = reported(*compass, "trajectory.epoch=2031-01-01T00:00:00Z")
+    assert line.startswith("--set: base.sensors.compass: a flight of 2031-01-01T00:00:00Z has no field: IGRF-14 covers")
+
+
 def test_stored_gains_of_another_flight_are_a_warning(study) -> None:
     found = load("campaigns/gains/scheduled_gain.yaml")
     lines = flights.warnings(cases(found))

@@ -20,12 +20,12 @@ from lvnav_trade.engines.lincov.receiver_error import (
 )
 from lvnav_trade.engines.lincov.slots import as_lanes
 from lvnav_trade.engines.setup.solution import Chain
-from lvnav_trade.filters.late import Late
 from lvnav_trade.kernels.groups import GROUP, grouped_zeros
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.transition import ATT, POS, VEL
 from tests.building import LOOSE, loaded, prepare_hop, with_fields
 from tests.engines.lincov.small import of_lanes
+from tests.filters.test_late import late as a_late
 
 N_FILTER, M, N_ALL = 4, 3, 9  # four states of the filter, three of a solution's error, two that are cloned
 
@@ -170,7 +170,10 @@ def test_epochs_on_their_way_have_clones_of_their_own_and_go_back_to_the_states_
     joint, true, _ = joint_of(start[None], np.zeros((1, 1, n)), np.zeros((1, 1, 1)), rng.standard_normal(n))
     true = true._replace(clone=N_NAV)
     valid, early = np.array([[4, 5], [5, 6]]), np.array([[5, 5], [4, 4]])
-    late = Late(False, 2, valid, early, np.zeros(6), np.zeros(6), np.ones(6), 1.0, 0.0, 0.0)
+    late = a_late(
+        extrapolated=False, n_ring=np.array([2]), valid=valid[None], early=early[None], delay=np.zeros(6),
+        offset=np.zeros((1, 6)), base=np.ones(6),
+    )  # fmt: skip
     copies = []
     for window in range(2):
         copy, at = np.eye(n), N_NAV + N_CLONE * (valid[window, 0] % 2)
@@ -197,22 +200,21 @@ def tables(kind, **settings):
 def test_only_navigation_errors_of_a_buffered_measurement_are_those_of_its_time():
     prepared, true = tables("buffered")
     model = prepared.model
-    assert true.buffered
+    assert prepared.options.late.buffered.all()
     assert true.clone == prepared.layout.n_state
     for channel in range(6):
         n = model.n_entry[channel]
         own, found = model.column[channel, :n], true.column[0, channel, :n]
         np.testing.assert_array_equal(found, np.where(own < N_NAV, true.clone + own, own))
         assert {ATT, VEL, POS} & set(own.tolist())
-    _, other = tables("extrapolated")
-    assert not other.buffered
+    extrapolated, other = tables("extrapolated")
+    assert not extrapolated.options.late.buffered.any()
     assert other.column[0, 0].min() < N_NAV
 
 
 def test_a_late_solutions_rows_take_its_own_error_off_and_the_velocities_that_it_is_extrapolated_with():
     chain = Chain(*[np.zeros(0)] * 7, np.arange(36.0).reshape(1, 6, 6), np.ones(1, dtype=bool), np.zeros((1, 6)))
-    late = Late(True, 1, np.zeros((1, 2), int), np.zeros((1, 2), int), np.array([0.3]), np.zeros(1), np.array([0.1]),
-                1.0, 0.0, 0.0)  # fmt: skip
+    late = a_late()
 
     class Nominal(NamedTuple):
         H: np.ndarray

@@ -7,14 +7,16 @@ import pytest
 
 from lvnav_trade.engines.setup.inputs import Schedule
 from lvnav_trade.engines.setup.options import (
+    DelayTaken,
     clone_times,
-    delay_taken,
+    delays_taken,
     direct,
     every,
     late_of,
     solver_of,
 )
 from lvnav_trade.filters.base import ReceiverModel
+from lvnav_trade.observables.partials import Channels
 from lvnav_trade.scenario import epoch_interval, filter_models, has_covariance, solves
 from lvnav_trade.world.receiver.receiver import BancroftSolution, DirectSolution, FilteredSolution
 from tests.building import loaded, with_fields
@@ -85,23 +87,26 @@ def compensating(kind="buffered", coupling="tight", **fields):
 
 def test_a_delay_is_the_stamped_one_or_the_filters_own_number():
     t = np.array([1.0, 2.0])
-    assert delay_taken(loaded(), t, t - 0.3) is None
-    np.testing.assert_allclose(delay_taken(compensating(), t, t - [0.3, 0.4]), [0.3, 0.4])
-    np.testing.assert_array_equal(delay_taken(compensating(delay="250 ms"), t, t - 0.3), [0.25, 0.25])
+    assert delays_taken(loaded(), t, t - 0.3) == ()
+    (stamped,), (stated,) = (delays_taken(compensating(**own), t, t - [0.3, 0.4]) for own in ({}, {"delay": "250 ms"}))
+    assert stamped.sensor == stated.sensor == -1
+    np.testing.assert_allclose(stamped.delay, [0.3, 0.4])
+    np.testing.assert_array_equal(stated.delay, [0.25, 0.25])
 
 
 @pytest.mark.parametrize(("delay", "stored"), [(0.3, 1), (0.95, 2), (1.0, 2), (1.1, 2), (2.5, 3), (3.1, 4)])
 def test_a_longer_delay_stores_as_many_states_at_once_as_measurements_are_on_their_way(delay, stored):
     """With 1 s between epochs and 0.1 s of an early velocity: the state of an epoch is stored until it is over."""
     t, t_epoch = np.arange(0.0, 10.001, 0.005), np.arange(1.0, 11.0)
-    delays = np.full(10, delay)
+    delays = (DelayTaken(-1, np.full(10, delay)),)
     kept = clone_times(compensating(), t_epoch, delays, t, 1)
     ticks = np.arange(0, 2000, 20)
     schedule = Schedule(ticks, np.full(100, 20), np.zeros(100), np.full(100, -1), np.full(100, -1))
-    late = late_of(compensating(), delays, kept, schedule)
-    assert late.n_ring == stored
+    late = late_of(compensating(), delays, kept, schedule, Channels(True, ("G01",), ("G",), (True,)))
+    assert (late.n_ring.tolist(), late.first.tolist(), late.line.tolist()) == ([stored], [0], [0, 0])
+    assert late.buffered.tolist() == [True] * stored
     ends = t[ticks + 20]
-    first, after = late.valid[:, 0], late.valid[:, 1]
+    first, after = late.valid[0, :, 0], late.valid[0, :, 1]
     for epoch in range(10):
         at = np.flatnonzero((first <= epoch) & (epoch < after))
         if t_epoch[epoch] - delay >= 0.1:
@@ -110,25 +115,27 @@ def test_a_longer_delay_stores_as_many_states_at_once_as_measurements_are_on_the
 
 def test_states_are_kept_at_the_nearest_step_and_the_rest_is_an_offset():
     t = np.arange(0.0, 10.001, 0.01)
-    kept = clone_times(compensating("extrapolated", "loose"), np.array([5.0]), np.array([0.3]), t, 1)
+    delay = (DelayTaken(-1, np.array([0.3])),)
+    (kept,) = clone_times(compensating("extrapolated", "loose"), np.array([5.0]), delay, t, 1)
     assert (kept.valid.tolist(), kept.early.tolist()) == ([470], [460])
     assert (kept.offset[0], kept.base[0]) == (0.0, pytest.approx(0.1))
-    grouped = clone_times(compensating(), np.array([5.0]), np.array([0.317]), t, 4)
+    (grouped,) = clone_times(compensating(), np.array([5.0]), (DelayTaken(-1, np.array([0.317])),), t, 4)
     assert grouped.valid.tolist() == [468]
     assert grouped.offset[0] == pytest.approx(0.003)
-    assert clone_times(loaded(), np.array([5.0]), None, t, 1) is None
+    assert clone_times(loaded(), np.array([5.0]), (), t, 1) == ()
 
 
 def test_windows_know_which_epochs_state_is_kept_at_their_end():
     scenario = compensating()
     nothing = np.full(3, -1)
     schedule = Schedule(np.array([0, 70, 70]), np.array([70, 0, 30]), np.zeros(3), nothing, nothing)
-    kept = clone_times(scenario, np.array([1.0]), np.array([0.3]), np.arange(0.0, 2.001, 0.01), 1)
-    late = late_of(scenario, np.array([0.3]), kept, schedule)
+    delay, channels = (DelayTaken(-1, np.array([0.3])),), Channels(True, ("G01",), ("G",), (True,))
+    kept = clone_times(scenario, np.array([1.0]), delay, np.arange(0.0, 2.001, 0.01), 1)
+    late = late_of(scenario, delay, kept, schedule, channels)
     # a window of no ticks stores nothing a second time: first epoch and the one after the last
-    assert late.valid.tolist() == [[0, 1], [0, 0], [1, 1]]
-    assert late.n_ring == 1
+    assert late.valid.tolist() == [[[0, 1], [0, 0], [1, 1]]]
+    assert late.n_ring.tolist() == [1]
     assert not late.extrapolated
-    assert late_of(loaded(), None, None, schedule) is None
+    assert late_of(loaded(), (), (), schedule, channels) is None
     assert has_covariance(compensating("extrapolated", "loose"))
     assert not has_covariance(scenario)

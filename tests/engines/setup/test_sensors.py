@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import math
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 
 from lvnav_trade.engines.analysis.observability import observability
 from lvnav_trade.engines.lincov.history import adjoint, covariance
-from lvnav_trade.engines.setup.sensors import for_kernels, measures, sensors_of
+from lvnav_trade.engines.setup.sensors import for_kernels, measures, sensors_of, view_of
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.errors import InputError
+from lvnav_trade.frames import matrices
 from lvnav_trade.observables.altitude import AltimeterCard
+from lvnav_trade.observables.attitude import AttitudeReferenceCard
+from lvnav_trade.observables.sensor import LastingError, each_scalar
 from lvnav_trade.observables.sensors import ALTIMETER, ATTITUDE_REFERENCE
 from lvnav_trade.world.conditions import Course
+from lvnav_trade.world.flight.trajectory import motion
 from tests.building import INERTIAL, LOOSE, MATCHED, hop, loaded, prepare_hop, with_fields
 from tests.engines.modelled import BASELINE, PUBLISHED, SETTINGS, modelled, named
 
@@ -131,7 +136,7 @@ def test_two_sensors_of_one_kind_go_by_their_own_names_and_have_channels_and_noi
     prepared = prepare_hop(two)
     assert prepared.channel_names[-2:] == ("port", "starboard")
     assert [device.noise for device in prepared.devices] == ["altimeter noise port", "altimeter noise starboard"]
-    numbers = for_kernels(prepared.devices, prepared.channels, np.zeros(prepared.t_epoch.size))
+    numbers = for_kernels(prepared.devices, prepared.channels, prepared.t_epoch.size)
     assert numbers.code.tolist() == [ALTIMETER, ALTIMETER] != [ATTITUDE_REFERENCE]
     assert numbers.channel.tolist() == [6, 7]
     assert len(set(numbers.sources.tolist())) == 2
@@ -205,3 +210,119 @@ def test_it_stands_beside_a_receiver_with_a_filter_of_its_own_and_one_run_is_a_l
     np.testing.assert_allclose(ratio, 1.0, atol=3.5 / math.sqrt(2 * N_RUN))
     back = adjoint(prepared, prepared.t_hist[-1])
     np.testing.assert_allclose(back.contribution.sum(axis=(1, 2)), history.true_sigma[-1, :9] ** 2, rtol=1e-8)
+
+
+def agree(prepared, columns, runs=N_RUN, seed=7):
+    """Both engines at the end of the flight; mean and spread of Monte Carlo are those of linear covariance."""
+    cov, block = covariance(prepared), run_block(prepared, seed, 0, runs)
+    expected = np.hypot(cov.true_sigma[-1, columns], cov.mean[-1, columns])
+    ratio = np.sqrt((block.err[:, -1, columns] ** 2).mean(axis=0)) / expected
+    # a handful of columns at once, 99.9 %: 3.5 / sqrt(2 n)
+    np.testing.assert_allclose(ratio, 1.0, atol=3.5 / math.sqrt(2 * runs))
+    back = adjoint(prepared, prepared.t_hist[-1])
+    np.testing.assert_allclose(back.contribution.sum(axis=(1, 2)), cov.true_sigma[-1, :9] ** 2, rtol=1e-7)
+    return cov, block
+
+
+@pytest.mark.parametrize("field", ["extra_states", "consider"])
+@pytest.mark.parametrize("settings", [(LOOSE,), ("base.filter=filters/tight",)], ids=["loose", "tight"])
+def test_a_bias_is_a_state_or_considered_and_both_engines_agree(field, settings):
+    case = radar(*settings, bias="5 m")
+    known = prepare_hop(with_fields(case, **{f"filter.{field}": ["altitude_bias"]}))
+    (at,) = [k for k, output in enumerate(known.outputs) if output.quantity == "altitude_bias"]
+    assert known.outputs[at][1:3] == ("all", "m")
+    cov, _ = agree(known, [6, 7, 8, at])
+    assert cov.true_sigma[-1, DOWN] < 0.5 * sigma_down(case)  # a filter that knows nothing of it follows it
+    np.testing.assert_allclose(cov.formal[-1, [8, at]], cov.true_sigma[-1, [8, at]], rtol=1e-3)
+
+
+def test_a_state_follows_the_numbers_of_the_filter_card():
+    own = {"altitude": {"sigma": "0.3 m", "bias": "0.01 m", "bias_time": "20 s"}}
+    fields = {"filter.extra_states": ["altitude_bias"], "filter.sensor_models": own}
+    prepared = prepare_hop(with_fields(radar(bias="5 m"), **fields))
+    (block,) = prepared.layout.extras
+    assert (block.sigma, block.time_constant, block.labels) == (0.01, 20.0, ("",))
+    with pytest.raises(ValueError, match="altitude_bias is not among the extra states"):
+        with_fields(radar(bias="5 m"), **{"filter.sensor_models": own})
+
+
+OWN = {"kind": "attitude_reference", "name": "test", "source": "none", "sigma": "1 mrad"}
+FIXED = LastingError("mount", "mount", 2e-3, "sigma", math.inf, ("x", "y"), each_scalar(3, 0, 1))
+SLOW = LastingError("drift", "drift", 1e-3, "sigma", 5.0, ("a", "b", "c"), lambda view: matrices(view.q_b_i))
+
+
+def referenced(**fields):
+    base = loaded(MATCHED, LOOSE)
+    listed = [*base.filter.measurements, "attitude"]
+    return with_fields(base, **{"sensors": {"one": {**OWN, **fields}}, "filter.measurements": listed})
+
+
+def test_lasting_errors_act_on_scalars_of_their_own_or_by_partials_in_both_engines():
+    """FIXED: a constant error of each of two axes; SLOW: Gauss-Markov errors of body axes, seen in frame i."""
+    only = with_fields(referenced(), **{"filter.measurements": ["attitude"]})
+    alone = covariance(prepare_hop(only))
+    with patch.object(AttitudeReferenceCard, "lasting", lambda _: (FIXED, SLOW)):
+        prepared = prepare_hop(only)
+        shared = prepared.signals.shared
+        assert shared.start.tolist() == [2e-3] * 2 + [1e-3] * 3
+        assert len({*zip(shared.sources.tolist(), shared.satellites.tolist(), strict=True)}) == 5
+        np.testing.assert_array_equal(
+            shared.member[:, 6:9] >= 0, [[1, 0, 0], [0, 1, 0], [1, 1, 1], [1, 1, 1], [1, 1, 1]]
+        )
+        body = matrices(view_of(prepared.trajectory, prepared.t_epoch).q_b_i)
+        np.testing.assert_array_equal(np.moveaxis(shared.partial[2:, :, 6:9], 0, 2), body)
+        cov, _ = agree(prepared, [0, 1, 2])
+    budget = dict(zip(cov.sources, cov.budget[-1], strict=True))
+    assert budget["mount"][:3].sum() == pytest.approx(2.0 * 2e-3**2, rel=0.2)  # constant: not averaged
+    assert 0.0 < budget["drift"][:3].sum() < 3.0 * 1e-3**2
+    assert "mount" not in alone.sources
+
+
+def test_two_sensors_of_one_kind_draw_lasting_errors_of_their_own():
+    case = with_fields(radar(), sensors={name: {**RADAR, "bias": "2 m"} for name in ("port", "starboard")})
+    prepared = prepare_hop(case)
+    assert len(set(prepared.signals.shared.sources[-2:].tolist())) == 2
+    cov, _ = agree(prepared, [6, 7, 8])
+    assert {"altimeter bias port", "altimeter bias starboard"} < set(cov.sources)
+
+
+LATENCY = 0.13
+
+
+def test_a_latency_that_is_not_compensated_acts_in_both_engines_as_an_error():
+    now, then = (prepare_hop(referenced(latency=f"{late} s", sigma="0.1 mrad")) for late in (0.0, LATENCY))
+    turned = then.devices[0].truth
+    np.testing.assert_allclose(turned, motion(then.trajectory, then.t_epoch - LATENCY).q_b_i, atol=1e-15)
+    cov, block = agree(then, [0, 1, 2], runs=48)
+    # the body turns by 4 deg/s about its x axis and by 1 deg/s across it: a measurement of before is behind by as much
+    behind = np.linalg.norm(motion(then.trajectory, np.array([25.0])).w_ib_b) * LATENCY
+    assert np.linalg.norm(block.err[:, -1, :3].mean(axis=0)) == pytest.approx(behind, rel=0.05)
+    assert np.linalg.norm(cov.mean[-1, :3]) == pytest.approx(behind, rel=0.05)
+    assert np.linalg.norm(covariance(now).mean[-1, :3]) < 1e-9
+
+
+@pytest.mark.parametrize("feedback", ["closed", "open"])
+@pytest.mark.parametrize("latency", [LATENCY, 0.333, 1.4])
+def test_a_buffered_sensor_is_compared_with_the_state_of_its_time(feedback, latency):
+    """333 ms are between two ticks, 1.4 s are more than an interval of the filter."""
+    case = referenced(latency=f"{latency} s", sigma="0.5 mrad")
+    on_time = covariance(prepare_hop(referenced(sigma="0.5 mrad")))
+    case = with_fields(case, **{"filter.delay_compensation": {"kind": "buffered"}, "filter.feedback": feedback})
+    prepared = prepare_hop(case)
+    late = prepared.options.late
+    assert late.n_ring.tolist() == [1, math.floor(latency) + 1]
+    assert late.line.tolist() == [0] * 6 + [1] * 3
+    cov, _ = agree(prepared, [0, 1, 2, 3, 4, 5])
+    assert np.linalg.norm(cov.mean[-1, :3]) < 2e-6  # 0.4 arcsec
+    np.testing.assert_allclose(cov.true_sigma[-1, :3], on_time.true_sigma[-1, :3], rtol=0.2)
+
+
+def test_a_latency_of_a_sensor_alone_is_compensated_and_what_the_filter_takes_it_for_is_its_own():
+    case = referenced(latency="0.2 s")
+    alone = {"filter.measurements": ["attitude"], "filter.delay_compensation": {"kind": "buffered"}}
+    own = {"filter.sensor_models": {"attitude": {"sigma": "1 mrad", "latency": "0.1 s"}}}
+    matched, stated = (prepare_hop(with_fields(case, **alone, **more)) for more in ({}, own))
+    assert matched.options.late.line.tolist() == [-1] * 6 + [0] * 3
+    assert np.linalg.norm(covariance(matched).mean[-1, :3]) < 2e-6
+    behind = np.linalg.norm(motion(stated.trajectory, np.array([25.0])).w_ib_b) * 0.1
+    assert np.linalg.norm(agree(stated, [0, 1, 2], runs=48)[0].mean[-1, :3]) == pytest.approx(behind, rel=0.05)

@@ -25,9 +25,9 @@ def test_a_state_that_is_kept_cuts_its_window_in_two():
     card = with_fields(loaded().filter, delay_compensation={"kind": "buffered", "delay": "333 ms"})
     prepared = prepare_hop(loaded().model_copy(update={"filter": card}))
     late, schedule = prepared.options.late, prepared.schedule
-    at = np.flatnonzero(late.valid[:, 1] > late.valid[:, 0])
+    at = np.flatnonzero(late.valid[0, :, 1] > late.valid[0, :, 0])
     ends = prepared.reference.t[(schedule.first_tick + schedule.n_tick)[at]]
-    np.testing.assert_allclose(ends + late.offset, prepared.t_epoch - 0.333, atol=1e-9)
+    np.testing.assert_allclose(ends + late.offset[0], prepared.t_epoch - 0.333, atol=1e-9)
     assert np.abs(late.offset).max() <= 0.5 / prepared.scenario.imu.rate
 
 
