@@ -140,6 +140,19 @@ class SensorCard(Conditions):
     def noise_sigma(self, flight: FlightView) -> Floats:
         """Return the true one-sigma of the white noise, (n_epoch, n_scalar), SI."""
 
+    @property
+    def scalars(self) -> tuple[str, ...]:
+        """Labels of the scalars that this sensor measures: all of the family's, unless the card picks some."""
+        return self.labels
+
+    def assumed_variance(self, model: SensorModel, flight: FlightView) -> Floats:
+        """Return the variance (n_epoch, n_scalar) that a filter assumes of the noise of what it measures, SI."""
+        return model.variance(flight)
+
+    def known(self, model: SensorModel, flight: FlightView) -> Floats:
+        """Return what a filter knows of it, (n_epoch, at most N_KNOWN): of its model, and of where it stands."""
+        return model.known(flight)
+
     def available(self, flight: FlightView) -> Bools:
         """Return whether it can measure at the epochs, (n_epoch,), beside its rate and its conditions."""
         return np.ones(flight.t.size, dtype=np.bool_)

@@ -7,15 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 from pydantic import Field, create_model
 
 from lvnav_trade.kernels.jit import inlined
-from lvnav_trade.observables import altitude, attitude, imu_difference, magnetic, stellar
+from lvnav_trade.observables import altitude, attitude, ground, imu_difference, magnetic, stellar
 from lvnav_trade.observables.altitude import AltimeterCard
 from lvnav_trade.observables.attitude import AttitudeReferenceCard
+from lvnav_trade.observables.ground import StationCard
 from lvnav_trade.observables.imu_difference import AngleDifferenceCard, VelocityDifferenceCard
 from lvnav_trade.observables.magnetic import MagnetometerCard
 from lvnav_trade.observables.pad import azimuth, position, velocity
 from lvnav_trade.observables.pad.azimuth import AzimuthCard
 from lvnav_trade.observables.pad.position import PadPositionCard
 from lvnav_trade.observables.pad.velocity import ZeroVelocityCard
+from lvnav_trade.observables.pressure import BarometerCard
 from lvnav_trade.observables.sensor import SensorCard
 from lvnav_trade.observables.stellar import StarTrackerCard
 from lvnav_trade.units import Card
@@ -30,10 +32,12 @@ SENSORS: tuple[type[SensorCard], ...] = (
     VelocityDifferenceCard,
     StarTrackerCard,
     MagnetometerCard,
+    BarometerCard,
+    StationCard,
 )
 """The number of a member in the kernels is its place here."""
 ALTIMETER, ATTITUDE_REFERENCE, ZERO_VELOCITY, PAD_POSITION, AZIMUTH, ANGLE_DIFFERENCE, VELOCITY_DIFFERENCE = range(7)
-STAR_TRACKER, MAGNETOMETER = range(7, len(SENSORS))
+STAR_TRACKER, MAGNETOMETER, BAROMETER, GROUND_STATION = range(7, len(SENSORS))
 
 RECEIVER_SOLUTION = ("position", "velocity")
 RANGES = ("pseudorange", "range_rate")
@@ -77,7 +81,7 @@ def measure(out, code, truth, e0, e1, e2):
 
     out : (4,) set; code : the member's number; truth : (4,) at the epoch; e0, e1, e2 : errors of its scalars, SI
     """
-    if code == ALTIMETER:
+    if code in (ALTIMETER, BAROMETER):
         altitude.measure(out, truth, e0)
     elif code == ATTITUDE_REFERENCE:
         attitude.measure(out, truth, e0, e1, e2)
@@ -91,6 +95,8 @@ def measure(out, code, truth, e0, e1, e2):
         stellar.measure(out, truth, e0, e1, e2)
     elif code == MAGNETOMETER:
         magnetic.measure(out, truth, e0, e1, e2)
+    elif code == GROUND_STATION:
+        ground.measure(out, truth, e0, e1, e2)
     # the difference of two units is summed with their samples
 
 
@@ -101,7 +107,7 @@ def fill(H, z, at, code, observed, nav, theta, known):
     H : (n, n_entry), z : (n,) updated; observed : (4,) of `measure`; nav : (10,) navigation state, frame i;
     theta : rad, angle of the Earth at the epoch; known : (N_KNOWN,) what the filter knows of the sensor there
     """
-    if code == ALTIMETER:
+    if code in (ALTIMETER, BAROMETER):
         z[at] = observed[0] - altitude.row(H[at], nav)
     elif code == ATTITUDE_REFERENCE:
         attitude.fill(H, z, at, observed, nav)
@@ -117,3 +123,5 @@ def fill(H, z, at, code, observed, nav, theta, known):
         stellar.fill(H, z, at, observed, nav, known)
     elif code == MAGNETOMETER:
         magnetic.fill(H, z, at, observed, nav, known)
+    elif code == GROUND_STATION:
+        ground.fill(H, z, at, observed, nav, known)

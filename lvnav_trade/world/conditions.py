@@ -1,6 +1,6 @@
 """Conditions on anything that is switched, a sensor or a fault: times, events, altitude, speed, dynamic pressure."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
 from itertools import pairwise
 
@@ -47,7 +47,7 @@ class Conditions(Card):
         names = ("from_", "until", *BOUNDS, *ELEVATIONS)
         return tuple(name.rstrip("_") for name in names if getattr(self, name, None) is not None)
 
-    def _faults(self) -> Iterator[str]:
+    def _faults(self) -> Iterable[str]:
         for low, high in PAIRS:
             least, most = getattr(self, low, None), getattr(self, high, None)
             if least is not None and most is not None and least >= most:
@@ -60,7 +60,7 @@ class SightConditions(Conditions):
     elevation_above: Angle | None = Field(None, description="on at and above this elevation of what is seen")
     elevation_below: Angle | None = Field(None, description="on below this elevation of what is seen")
 
-    def _faults(self) -> Iterator[str]:
+    def _faults(self) -> Iterable[str]:
         yield from super()._faults()
         for name in ELEVATIONS:
             if abs(getattr(self, name) or 0.0) > 0.5 * np.pi:

@@ -60,7 +60,11 @@ TRACKER = {"kind": "star_tracker", "name": "tracker", "source": "test", "boresig
            "low_frequency_time": "20 s"}  # fmt: skip
 COMPASS = {"kind": "magnetometer", "name": "compass", "source": "test", "sigma": "200 nT", "hard_iron": "200 nT",
            "soft_iron": "0.3 percent"}  # fmt: skip
-SENSORS = {"attitude": REFERENCE, "altitude": ALTIMETER, "stellar_attitude": TRACKER, "magnetic_field": COMPASS}
+STATION = {"kind": "ground_station", "name": "station", "source": "test", "latitude": "-38 deg", "longitude": "-55 deg",
+           "range_sigma": "10 m", "angle_sigma": "0.2 mrad", "range_bias": "5 m", "survey": "3 m",
+           "longest_range": "2000 km"}  # fmt: skip
+SENSORS = {"attitude": REFERENCE, "altitude": ALTIMETER, "stellar_attitude": TRACKER, "magnetic_field": COMPASS,
+           "ground_tracking": STATION}  # fmt: skip
 SENSOR_LATENCY = "0.2 s"
 """Of every sensor, where late measurements are compensated by stored states."""
 LATE = {"receiver.latency": "0.3 s"}
@@ -87,6 +91,7 @@ DIMENSIONS: dict[str, dict[str, dict[str, Any]]] = {
         "ranges, zero velocity": {"filter.measurements": ["pseudorange", "range_rate", "zero_velocity"]},
         "solution, differences": {"filter.measurements": ["position", "velocity", "angle_difference",
                                                           "velocity_difference"]},
+        "solution, tracking": {"filter.measurements": ["position", "velocity", "ground_tracking"]},
         "none": {"filter.measurements": []},
     },
     "correction": {"closed": {}, "open": {"filter.feedback": "open"}},

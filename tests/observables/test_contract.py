@@ -105,6 +105,8 @@ def test_every_module_of_the_family_is_examined_here():
         "partials",
         "altitude",
         "imu_difference",  # its row is a difference of samples, see test_imu_difference
+        "ground",
+        "pressure",
         "magnetic",
         "stellar",
         "sensor",

@@ -22,7 +22,7 @@ def test_the_members_give_the_measurements_and_the_models():
 def test_a_card_is_read_by_its_kind():
     assert isinstance(TypeAdapter(Sensor).validate_python(RADAR), AltimeterCard)
     with pytest.raises(ValidationError, match="altimeter"):
-        TypeAdapter(Sensor).validate_python({**RADAR, "kind": "barometer"})
+        TypeAdapter(Sensor).validate_python({**RADAR, "kind": "sextant"})
 
 
 def test_a_matched_model_is_the_sensors_and_a_stated_one_the_filters_own():

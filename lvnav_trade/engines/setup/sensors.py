@@ -111,25 +111,25 @@ def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, star
         model = sensor_model(scenario, card)
         delay = model.latency if compensates else 0.0
         view, assumed = views(card.latency), views(delay)
-        truth, known = card.truth(view), model.known(assumed)
+        truth, known = card.truth(view), card.known(model, assumed)
         on = measures(scenario, card, trajectory.course, t_epoch) & card.available(view)
         if card.on_pad and not on.any():
             message = "it measures while the vehicle stands on its pad, which is at none of its times"
             raise InputError(records=[Mistake(message, f"sensors.{name}")])
-        sigma, variance, since = card.noise_sigma(view), model.variance(assumed), np.zeros(0)
+        sigma, variance, since = card.noise_sigma(view), card.assumed_variance(model, assumed), np.zeros(0)
         if isinstance(card, ImuDifferenceCard):  # summed since the measurement before
             since = _since(on, t_epoch, start)
             sigma = difference_of(scenario, card).random_walk * np.sqrt(np.repeat(since[:, None], 3, axis=1))
             variance = variance * since[:, None]
         errors = [error if alone else _own(error, name) for error in card.lasting()]
-        lasting = tuple((error, error.partials(view, len(card.labels))) for error in errors)
-        entering = tuple((error, error.partials(assumed, len(card.labels))) for error in errors)
+        lasting = tuple((error, error.partials(view, len(card.scalars))) for error in errors)
+        entering = tuple((error, error.partials(assumed, len(card.scalars))) for error in errors)
         channel = card.measurement if alone else name
         found.append(
             Sensor(
                 name,
                 card,
-                SensorChannels(channel, card.measurement, card.labels, _states(model, entering)),
+                SensorChannels(channel, card.measurement, card.scalars, _states(model, entering)),
                 card.noise if alone else f"{card.noise} {name}",
                 on,
                 _padded(truth, N_TRUTH),

@@ -25,7 +25,8 @@ def test_a_field_has_its_units_its_default_and_its_meaning() -> None:
     assert row("base.imu.gyro", "bandwidth") == (f"{units} or none", "none", "first-order bandwidth; none: ideal")
     assert row("filter", "measurements")[:2] == (
         "list of position, velocity, pseudorange, range_rate, altitude, attitude, "
-        "zero_velocity, pad_position, azimuth, angle_difference, velocity_difference, imu", "required",
+        "zero_velocity, pad_position, azimuth, angle_difference, velocity_difference, "
+        "stellar_attitude, magnetic_field, pressure_altitude, ground_tracking, imu", "required",
     )  # fmt: skip
     assert row("filter.logic", "restart_after")[1] == "[data_loss, residual, covariance]"
     assert row("filter.logic", "check_flags")[:2] == ("true or false", "true")

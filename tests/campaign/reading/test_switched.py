@@ -11,7 +11,9 @@ from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading import flights, switched
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.errors import InputError
+from lvnav_trade.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
 from lvnav_trade.world.conditions import Course
+from tests.building import SITE_R, hop
 
 EVENTS = {"liftoff": 0.0, "stage1_cutoff": 150.0, "injection": 540.0}  # the climb holds 60 s and coasts 20 s
 LISTED = "filter.measurements=[pseudorange, range_rate, altitude]"
@@ -67,6 +69,20 @@ def test_a_fault_that_holds_at_no_time_is_refused(study, fault: str, message: st
     except InputError as error:
         lines = [str(one) for one in error.records]
     assert [line.startswith(f"--set: base.faults.0.{message}") for line in lines] == [True] * bool(message)
+
+
+def test_a_station_that_never_sees_the_vehicle_is_refused(study, monkeypatch) -> None:
+    monkeypatch.setattr(switched, "trajectory_of", lambda _: hop())
+    latitude, longitude, _ = geodetic_from_ecef(ecef_from_eci(SITE_R, earth_angle(0.3, 0.0)))
+    place = f"latitude: {float(latitude)!r} rad, longitude: {float(longitude)!r} rad"
+    card = f"card: ground_stations/c_band_radar, {place}"
+    study.edit("campaign.yaml", "  imu: imu/good", f"  imu: imu/good\n  sensors: {{radar: {{{card}}}}}")
+    listed = "filter.measurements=[ground_tracking]"
+    assert reported(listed) == []
+    message = "the station sees the vehicle at no time of the flight"
+    for setting, field in (("longitude=150 deg", "elevation_above"), ("longest_range=90 km", "elevation_above")):
+        (line,) = reported(listed, f"sensors.radar.{setting}")
+        assert line.endswith(f"base.sensors.radar.{field}: {message}")
 
 
 def test_an_elevation_has_no_effect_on_a_simulated_solution(study) -> None:
