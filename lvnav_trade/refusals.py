@@ -92,6 +92,14 @@ REFUSALS = (
         lambda s: s.filter.logic is not None and not _receiver(s),
     ),
     Refusal(
+        "filter.measurements",
+        "zero_rotation says that the attitude on the pad stays, not which it is: standing_attitude is an extra state",
+        lambda s: (
+            "zero_rotation" in s.filter.measurements
+            and "standing_attitude" not in (*s.filter.extra_states, *s.filter.consider)
+        ),
+    ),
+    Refusal(
         "trajectory.pad_hold",
         "the flight begins with its lift-off, and a sensor of the scenario measures on the pad only",
         lambda s: (

@@ -17,6 +17,7 @@ from tests.building import loaded, prepare_hop, with_fields
 THETA0 = 0.3
 SENSORS = {
     "zero_velocity": {"kind": "zero_velocity", "sigma": "1 cm/s", "jitter": "1 cm/s"},
+    "zero_rotation": {"kind": "zero_rotation", "sigma": "0.5 mrad", "jitter": "0.5 mrad", "attitude": "1 deg"},
     "pad_position": {"kind": "pad_position", "sigma": "1 cm", "jitter": "1 cm"},
     "azimuth": {"kind": "azimuth", "sigma": "20 arcsec"},
 }  # fmt: skip
@@ -50,9 +51,10 @@ def aligned(*sensors: str, imu: dict[str, str] | None = None, **fields: Any) -> 
     found = {name: {**SENSORS[name], "name": name, "source": "test"} for name in sensors}
     base = loaded("base.imu=imu/tactical_fog_matched", "base.filter=filters/inertial", "base.imu.rate=20 Hz")
     unit = {f"imu.{name}": value for name, value in (imu or {}).items()}
+    extra = ["standing_attitude"] if "zero_rotation" in sensors else []
     start = {"tilt": "1 deg", "heading": "4 deg", "position": "1 m", "velocity": "0.1 m/s"}
     return with_fields(base, **{
-        "sensors": found, "filter.measurements": list(sensors), "initial": start, **unit,
+        "sensors": found, "filter.measurements": list(sensors), "filter.extra_states": extra, "initial": start, **unit,
         **fields,
     })  # fmt: skip
 

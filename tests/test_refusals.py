@@ -30,6 +30,12 @@ CASES = [
     ((INERTIAL,), {"filter.logic": {}}, "a mode logic checks what the receiver measures"),
     (
         (INERTIAL,),
+        {"filter.measurements": ["zero_rotation"],
+         "sensors": {"still": STANDING | {"kind": "zero_rotation", "sigma": "1 mrad", "attitude": "1 deg"}}},
+        "standing_attitude is an extra state",
+    ),
+    (
+        (INERTIAL,),
         {"filter.measurements": ["zero_velocity"], "sensors": {"still": STANDING}, "trajectory.pad_hold": "0 s"},
         "begins with its lift-off",
     ),

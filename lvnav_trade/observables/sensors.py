@@ -13,9 +13,10 @@ from lvnav_trade.observables.attitude import AttitudeReferenceCard
 from lvnav_trade.observables.ground import StationCard
 from lvnav_trade.observables.imu_difference import AngleDifferenceCard, VelocityDifferenceCard
 from lvnav_trade.observables.magnetic import MagnetometerCard
-from lvnav_trade.observables.pad import azimuth, position, velocity
+from lvnav_trade.observables.pad import azimuth, position, rotation, velocity
 from lvnav_trade.observables.pad.azimuth import AzimuthCard
 from lvnav_trade.observables.pad.position import PadPositionCard
+from lvnav_trade.observables.pad.rotation import ZeroRotationCard
 from lvnav_trade.observables.pad.velocity import ZeroVelocityCard
 from lvnav_trade.observables.pressure import BarometerCard
 from lvnav_trade.observables.sensor import SensorCard
@@ -34,10 +35,11 @@ SENSORS: tuple[type[SensorCard], ...] = (
     MagnetometerCard,
     BarometerCard,
     StationCard,
+    ZeroRotationCard,
 )
 """The number of a member in the kernels is its place here."""
 ALTIMETER, ATTITUDE_REFERENCE, ZERO_VELOCITY, PAD_POSITION, AZIMUTH, ANGLE_DIFFERENCE, VELOCITY_DIFFERENCE = range(7)
-STAR_TRACKER, MAGNETOMETER, BAROMETER, GROUND_STATION = range(7, len(SENSORS))
+STAR_TRACKER, MAGNETOMETER, BAROMETER, GROUND_STATION, ZERO_ROTATION = range(7, len(SENSORS))
 
 RECEIVER_SOLUTION = ("position", "velocity")
 RANGES = ("pseudorange", "range_rate")
@@ -97,6 +99,8 @@ def measure(out, code, truth, e0, e1, e2):
         magnetic.measure(out, truth, e0, e1, e2)
     elif code == GROUND_STATION:
         ground.measure(out, truth, e0, e1, e2)
+    elif code == ZERO_ROTATION:
+        rotation.measure(out, truth, e0, e1, e2)
     # the difference of two units is summed with their samples
 
 
@@ -125,3 +129,5 @@ def fill(H, z, at, code, observed, nav, theta, known):
         magnetic.fill(H, z, at, observed, nav, known)
     elif code == GROUND_STATION:
         ground.fill(H, z, at, observed, nav, known)
+    elif code == ZERO_ROTATION:
+        rotation.fill(H, z, at, observed, nav, theta)

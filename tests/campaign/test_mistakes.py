@@ -44,7 +44,7 @@ def test_several_mistakes_are_reported_together_each_in_its_line(study) -> None:
         "configs/filters/near.yaml:3:29: base.filter.measurements.1: 'range_rat' is not one of position, velocity, "
         "pseudorange, range_rate, altitude, attitude, zero_velocity, pad_position, azimuth, angle_difference, "
         "velocity_difference, stellar_attitude, magnetic_field, pressure_altitude, ground_tracking, "
-        "imu (did you mean 'range_rate'?)",
+        "zero_rotation, imu (did you mean 'range_rate'?)",
     ]
 
 

@@ -50,7 +50,8 @@ ALTIMETER = {"kind": "altimeter", "name": "altimeter", "source": "test", "sigma"
              "highest": "1000 km"}  # fmt: skip
 ON_PAD = {
     "zero_velocity": {"kind": "zero_velocity", "sigma": "5 cm/s", "jitter": "5 cm/s"},
-    "pad_position": {"kind": "pad_position", "sigma": "10 cm", "jitter": "10 cm"},
+    "zero_rotation": {"kind": "zero_rotation", "sigma": "1 mrad", "jitter": "1 mrad", "attitude": "0.3 deg"},
+    "pad_position": {"kind": "pad_position", "sigma": "10 cm", "jitter": "10 cm", "survey": "5 cm"},
     "azimuth": {"kind": "azimuth", "sigma": "1 mrad", "bias": "0.3 mrad"},
 }
 """Sensors of a flight whose first half is the rest on the pad."""
@@ -87,7 +88,8 @@ DIMENSIONS: dict[str, dict[str, dict[str, Any]]] = {
         "solution, attitude, imu": {"filter.measurements": ["position", "velocity", "attitude", "imu"]},
         "ranges, attitude, imu": {"filter.measurements": ["pseudorange", "range_rate", "attitude", "imu"]},
         "attitude": {"filter.measurements": ["attitude"]},
-        "zero velocity, position, azimuth": {"filter.measurements": ["zero_velocity", "pad_position", "azimuth"]},
+        "zero velocity and rotation, position, azimuth": {
+            "filter.measurements": ["zero_velocity", "zero_rotation", "pad_position", "azimuth"]},
         "ranges, zero velocity": {"filter.measurements": ["pseudorange", "range_rate", "zero_velocity"]},
         "solution, differences": {"filter.measurements": ["position", "velocity", "angle_difference",
                                                           "velocity_difference"]},
@@ -178,7 +180,7 @@ def refusal(case: Case) -> str:
     card = SimpleNamespace(
         measurements=listed, aided=bool(listed), models_vehicle="imu" in listed,
         tight="pseudorange" in listed, loose="position" in listed, init=fields.get("filter.init", "from_card"),
-        logic=fields.get("filter.logic"), gains=fields.get("gains"),
+        logic=fields.get("filter.logic"), gains=fields.get("gains"), extra_states=["standing_attitude"], consider=[],
         delay_compensation=None if late is None else SimpleNamespace(**late),
         sensor_models=SimpleNamespace(**dict.fromkeys((*SENSORS, *DIFFERENCES), "matched")),
     )  # fmt: skip
@@ -301,6 +303,8 @@ def scenario_of(case: Case) -> tuple[Scenario, str, bool]:
     }
     if fields.pop("sensor states", False):
         fields["filter.extra_states"] = [state for name in listed for state in _STATES.get(name, ())]
+    if "zero_rotation" in listed:
+        fields["filter.extra_states"] = ["standing_attitude", *fields.get("filter.extra_states", [])]
     of_unit = {path: value for path, value in fields.items() if path.startswith("imu.")}
     scenario = with_fields(loaded(*BASE), **of_unit)
     if units is not None:

@@ -15,6 +15,7 @@ from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.errors import InputError
 from lvnav_trade.kernels.earth import OMEGA
+from lvnav_trade.kernels.transition import GYRO
 from tests.building import prepare_hop, with_fields
 from tests.standing import STILL, aligned, pad, prepared
 
@@ -100,11 +101,25 @@ def test_an_azimuth_gives_heading_to_its_bias_and_its_averaged_noise():
     assert sigma[ROLL] == pytest.approx(np.hypot(noise, bias), rel=1e-2)
 
 
-def test_a_known_position_is_known_to_its_averaged_jitter():
-    known = aligned("zero_velocity", "pad_position", imu=STILL, **FINE)
+def test_zero_rotation_tells_the_gyro_bias_along_the_earths_axis_to_its_random_walk():
+    """Of the rates that gyros show while nothing turns, that along the axis of the Earth no attitude explains."""
+    duration = 600.0
+    unit = {**STILL, "gyro.random_walk": "0.03 deg/sqrt(h)", "gyro.bias_repeatability": "10 deg/h"}
+    still = {"sensors.zero_rotation.sigma": "0.01 mrad", "sensors.zero_rotation.jitter": "0.01 mrad"}
+    p = prepared(aligned("zero_rotation", imu=unit, **still), 50.0, duration)
+    history = covariance(p)
+    at = next(block.offset for block in p.layout.parameters if block.sensor == GYRO)
+    # body axes: x up, y east, z north
+    axis = np.array([np.sin(50.0 * DEG), 0.0, np.cos(50.0 * DEG)])
+    found = np.sqrt(axis @ history.true_cov[-1, at : at + 3, at : at + 3] @ axis)
+    assert found == pytest.approx(0.03 / 60.0 * DEG / np.sqrt(duration), rel=1e-2)
+
+
+def test_a_known_position_is_known_to_its_survey_and_its_averaged_jitter():
+    known = aligned("zero_velocity", "pad_position", imu=STILL, **FINE, **{"sensors.pad_position.survey": "5 cm"})
     history = covariance(prepared(known, 45.0, 100.0))
     noise = 0.01 / 10.0
-    assert history.true_sigma[-1, 6:9] == pytest.approx(noise, rel=5e-2)
+    assert history.true_sigma[-1, 6:9] == pytest.approx(np.hypot(0.05, noise), rel=5e-3)
     assert history.formal[-1, 6:9] == pytest.approx(noise, rel=5e-2)
 
 
@@ -112,18 +127,21 @@ SWAY = json.dumps({"start": "start", "end": "liftoff", "ramp": "2 s", "modes": [
     {"frequency": "0.35 Hz", "axis": "y", "angle": "0.1 mrad", "lever": ["30 m", "0 m", "0 m"], "damping": 0.02},
     {"frequency": "1.1 Hz", "axis": "x", "angle": "0.3 mrad", "lever": ["0 m", "1 m", "0 m"]},
 ]})  # fmt: skip
-NONE = {"zero_velocity": "0 m/s", "pad_position": "0 m"}
-EVERY = ("zero_velocity", "pad_position", "azimuth")
+NONE = {"zero_velocity": "0 m/s", "zero_rotation": "0 rad", "pad_position": "0 m"}
+EVERY = ("zero_velocity", "zero_rotation", "pad_position", "azimuth")
 
 
-@pytest.mark.parametrize("sensors", [("zero_velocity",), ("pad_position",), EVERY[:2]], ids=" ".join)
+@pytest.mark.parametrize("sensors", [("zero_velocity",), ("pad_position",), EVERY], ids=" ".join)
 def test_a_sway_that_is_taken_for_none_is_the_same_error_in_both_engines(sensors):
     """The vehicle moves, the measurement says that it does not: in every run an error by the filter's own gains."""
     exact = {f"sensors.{name}.jitter": none for name, none in NONE.items() if name in sensors}
     start = {"tilt": "1e-6 deg", "heading": "1e-6 deg", "position": "1e-6 m", "velocity": "1e-6 m/s"}
     assumed = {"tilt": "1 deg", "heading": "4 deg", "position": "1 m", "velocity": "0.1 m/s"}
     known = {"initial": start, "filter.initial": assumed | {"clock_bias": "0 m", "clock_drift": "0 m/s"}}
-    p = prepared(aligned(*sensors, imu=STILL, **exact, **known), -38.6, 120.0, SWAY)
+    tiny = {"sensors.azimuth.sigma": "1e-3 arcsec"} if "azimuth" in sensors else {}
+    if "zero_rotation" in sensors:
+        tiny["sensors.zero_rotation.attitude"] = "1e-3 arcsec"
+    p = prepared(aligned(*sensors, imu=STILL, **exact, **known, **tiny), -38.6, 120.0, SWAY)
     history, block = covariance(p), run_block(p, 1, 0, 1)
     late = history.t > -90.0
     for first, size in ((0, 1e-8), (3, 1e-5), (6, 1e-5)):
@@ -179,6 +197,11 @@ def test_a_sensor_of_the_pad_in_a_flight_that_never_stands_is_an_input_error():
 def test_a_flight_that_begins_with_its_lift_off_has_no_pad():
     with pytest.raises(ValueError, match=r"pad_hold.*begins with its lift-off"):
         with_fields(aligned("zero_velocity"), **{"trajectory.pad_hold": "0 s"})
+
+
+def test_zero_rotation_needs_the_attitude_that_stays_as_a_state():
+    with pytest.raises(ValueError, match="standing_attitude is an extra state"):
+        with_fields(aligned("zero_rotation"), **{"filter.extra_states": []})
 
 
 def test_a_vehicle_stands_where_it_stands_although_it_sways():

@@ -18,7 +18,7 @@ SAMPLE = [
     {"measurements": "ranges, altitude", "states": "considered", "vehicle": "spinning"},
     {"measurements": "pseudorange", "states": "scale factors", "vehicle": "oscillating"},
     {
-        "measurements": "zero velocity, position, azimuth",
+        "measurements": "zero velocity and rotation, position, azimuth",
         "vehicle": "oscillating",
         "fault": "gyro bias step",
     },

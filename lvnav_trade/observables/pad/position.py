@@ -1,8 +1,9 @@
 """Known position: the surveyed place where the inertial unit is while its vehicle stands on the pad.
 
-z - z_hat = C_i_e pos + v, axes of frame e.
+z - z_hat = C_i_e pos + s + v, axes of frame e: s the error of the survey, which lasts.
 """
 
+import math
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -13,7 +14,7 @@ from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.strapdown import R
 from lvnav_trade.observables.base import H_POS
 from lvnav_trade.observables.pad.standing import StandingCard, begin_rows, to_earth
-from lvnav_trade.observables.sensor import FlightView, SensorModel
+from lvnav_trade.observables.sensor import FlightView, LastingError, SensorModel, each_scalar
 from lvnav_trade.records import Floats
 from lvnav_trade.units import LengthSigma
 
@@ -43,6 +44,7 @@ class PadPositionCard(StandingCard):
     kind: Literal["pad_position"] = "pad_position"
     sigma: LengthSigma = Field(gt=0.0, description="of the sway, per axis, as a matched filter assumes it")
     jitter: LengthSigma = Field(0.0, description="true white noise per axis, beside the sway of the trajectory")
+    survey: LengthSigma = Field(0.0, description="error of the survey, per axis, the same all the time")
 
     def truth(self, flight: FlightView) -> Floats:
         """Return the place at rest (n_epoch, 3) in m, frame e."""
@@ -51,6 +53,11 @@ class PadPositionCard(StandingCard):
     def noise_sigma(self, flight: FlightView) -> Floats:
         """Return the one-sigma (n_epoch, 3) in m."""
         return np.full((flight.t.size, 3), self.jitter)
+
+    def lasting(self) -> tuple[LastingError, ...]:
+        """Return the error of the survey."""
+        error = LastingError("pad survey", "survey", self.survey, "survey", math.inf, self.labels, each_scalar(3))
+        return (error,)
 
 
 @jit

@@ -26,7 +26,7 @@ def test_a_field_has_its_units_its_default_and_its_meaning() -> None:
     assert row("filter", "measurements")[:2] == (
         "list of position, velocity, pseudorange, range_rate, altitude, attitude, "
         "zero_velocity, pad_position, azimuth, angle_difference, velocity_difference, "
-        "stellar_attitude, magnetic_field, pressure_altitude, ground_tracking, imu", "required",
+        "stellar_attitude, magnetic_field, pressure_altitude, ground_tracking, zero_rotation, imu", "required",
     )  # fmt: skip
     assert row("filter.logic", "restart_after")[1] == "[data_loss, residual, covariance]"
     assert row("filter.logic", "check_flags")[:2] == ("true or false", "true")

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from lvnav_trade.frames import ecef_from_eci
 from lvnav_trade.observables.pad.position import PadPositionCard, fill, measure
 from tests.observables.pad.rows import R_E, THETA, VIEW, assert_rows_are_derivatives, rows, state
 
-CARD = {"name": "test", "source": "none", "sigma": "2 cm"}
+CARD = {"name": "test", "source": "none", "sigma": "2 cm", "survey": "5 cm"}
 
 
 def place(H, z, nav):
@@ -30,6 +31,12 @@ def test_the_innovation_is_the_error_in_the_axes_of_the_earth():
 
 def test_the_rows_are_derivatives():
     assert_rows_are_derivatives(place, 3, PadPositionCard.jacobian)
+
+
+def test_the_error_of_the_survey_lasts_and_is_one_for_each_axis():
+    (survey,) = PadPositionCard.model_validate(CARD).lasting()
+    assert (survey.sigma, survey.labels) == (pytest.approx(0.05), ("x", "y", "z"))
+    np.testing.assert_array_equal(survey.partials(VIEW, 3)[0], np.eye(3))
 
 
 def test_a_matched_filter_assumes_the_sway():
