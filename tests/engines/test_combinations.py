@@ -10,7 +10,8 @@ from pydantic import ValidationError
 
 from lvnav_trade.refusals import REFUSALS
 from tests.building import prepare_hop
-from tests.engines.combinations import DIMENSIONS, covering, evaluate, flight, refusal, scenario_of
+from tests.engines.combinations import DIMENSIONS, covering, evaluate, refusal, scenario_of
+from tests.engines.flown import flight
 
 FIRST = {name: next(iter(levels)) for name, levels in DIMENSIONS.items()}
 SAMPLE = [
