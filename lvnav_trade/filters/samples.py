@@ -14,10 +14,11 @@ from lvnav_trade.records import Floats, Ints
 class VehicleModel(NamedTuple):
     """A filter's model of the vehicle's motion, and the truth that it is compared with.
 
-    motion: first of its six states, rate (3) and specific force (3), body axes; blocks (n_block, 2) sensor and driver
-    of each parameter block of the filter, par (n_block,) its number; columns (6, 1 + n_block) states of each sample's
-    Jacobian row; walk (n_imu, 6) variance of the step that the filter expects of them into each tick; variance (6,)
-    that it assumes of a sample's noise; rate, force (n_imu, 3) true means over the ticks (rad/s, m/s^2, body axes).
+    motion: first of its six states, rate (3) and specific force (3), body axes; blocks (2, n_block, 2) number and
+    driver of each parameter block of gyro and accelerometer, number -1: none; columns (6, 1 + n_block) states of each
+    sample's Jacobian row; walk (n_imu, 6) variance of the step that the filter expects of them into each tick;
+    variance (6,) that it assumes of a sample's noise; rate, force (n_imu, 3) true means over the ticks (rad/s, m/s^2,
+    body axes).
     """
 
     motion: int
@@ -106,8 +107,10 @@ def _predict_samples(work, vehicle, at, dt):
         for sensor in range(2):
             r = 3 * sensor + i
             total = motion.rate[i] if sensor == 0 else motion.force[i]
-            for b in range(vehicle.blocks.shape[0]):
-                total = total + motion.h[r, 1 + b] * work.par[b, i] if vehicle.blocks[b, 0] == sensor else total
+            for k in range(vehicle.blocks.shape[1]):
+                b = vehicle.blocks[sensor, k, 0]
+                if b >= 0:
+                    total = total + motion.h[r, 1 + k] * work.par[b, i]
             motion.sample[r] = work.increments[at, r] / dt
             motion.z[r] = motion.sample[r] - total
 

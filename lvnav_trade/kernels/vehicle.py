@@ -13,7 +13,7 @@ and `bias` + 3, rate at `motion` and acceleration at `motion` + 3, these two las
 
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like
-from lvnav_trade.kernels.transition import GYRO, sensed_driver
+from lvnav_trade.kernels.transition import sensed_driver
 
 N_SAMPLE = 6
 """Rows of a tick: three of the gyro, three of the accelerometer."""
@@ -26,17 +26,17 @@ def fill_samples(h, blocks, rate, force):
 
     Parameters
     ----------
-    h : (6, 1 + n_block); set. blocks : (n_block, 2) int sensor and driver of each parameter block
+    h : (6, 1 + n_block); set. blocks : (2, n_block, 2) int number and driver of each parameter block of gyro and
+        accelerometer; number -1: none
     rate, force : (3,) rate (rad/s) and specific force (m/s^2), body axes
     """
     for r in range(N_SAMPLE):
         h[r, 0] = like(rate[0], 1.0)
-    for b in range(blocks.shape[0]):
-        sensor = blocks[b, 0]
-        u = sensed_driver(sensor, blocks[b, 1], rate, force)
-        for axis in range(3):
-            h[axis, 1 + b] = u[axis] if sensor == GYRO else like(rate[0], 0.0)
-            h[3 + axis, 1 + b] = u[axis] if sensor != GYRO else like(rate[0], 0.0)
+    for sensor in range(2):
+        for k in range(blocks.shape[1]):
+            u = sensed_driver(sensor, blocks[sensor, k, 1], rate, force)
+            for axis in range(3):
+                h[3 * sensor + axis, 1 + k] = u[axis] if blocks[sensor, k, 0] >= 0 else like(rate[0], 0.0)
 
 
 @inlined
@@ -62,10 +62,11 @@ def update_samples(P, x, K, weight, residual, z, variance, h, columns, n_estimat
     """
     n, n_entry = P.shape[0], columns.shape[1]
     for r in range(6):
-        c = columns[r, 0]
+        c, last = columns[r, 0], min(1, n_entry - 1)  # the motion state and, if there is one, a bias in one pass
+        d, factor = columns[r, last], h[r, last] * float(last)
         for i in range(n):
-            K[r, i] = _upper(P, i, c)
-        for k in range(1, n_entry):
+            K[r, i] = _upper(P, i, c) + factor * _upper(P, i, d)
+        for k in range(2, n_entry):
             c = columns[r, k]
             for i in range(n):
                 K[r, i] = K[r, i] + h[r, k] * _upper(P, i, c)

@@ -33,15 +33,18 @@ def vehicle_of(
     if layout.motion < 0:
         return None
     dt = 1.0 / scenario.imu.rate
-    blocks = layout.parameters
-    columns = np.zeros((N_SAMPLE, 1 + len(blocks)), dtype=np.int64)
-    columns[:, 0] = layout.motion + np.arange(N_SAMPLE)
-    for number, block in enumerate(blocks, start=1):
-        columns[:, number] = np.tile(block.offset + np.arange(3), 2)
+    of_sensor = [[(p, block) for p, block in enumerate(layout.parameters) if block.sensor == s] for s in (GYRO, ACCEL)]
+    most = max(map(len, of_sensor))
+    blocks = np.full((2, most, 2), (-1, CONSTANT), dtype=np.int64)
+    columns = np.repeat(layout.motion + np.arange(N_SAMPLE)[:, None], 1 + most, axis=1)
+    for sensor, own in enumerate(of_sensor):
+        for k, (number, block) in enumerate(own):
+            blocks[sensor, k] = number, block.driver
+            columns[3 * sensor : 3 * sensor + 3, 1 + k] = block.offset + np.arange(3)
     noise = _by_sensor(imu.gyro_random_walk**2 / dt, imu.accel_random_walk**2 / dt)
     return VehicleModel(
         motion=layout.motion,
-        blocks=np.array([[block.sensor, block.driver] for block in blocks], dtype=np.int64).reshape(-1, 2),
+        blocks=blocks,
         columns=columns,
         walk=walks(scenario.filter.envelope or EnvelopeCard(), trajectory, ref),
         variance=noise,
