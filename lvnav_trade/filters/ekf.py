@@ -245,15 +245,16 @@ def update_receiver(work, gains, model, signals, epoch, gate_squared):
 
 @inlined
 def update_sensors(work, open_loop, late, gains, sensors, model, signals, epoch, gate_squared):
-    """Update by what the sensors beside the receiver measure at an epoch."""
-    for k in range(sensors.code.shape[0]):
-        if sensors.on[k, epoch] and model.measured[sensors.channel[k]]:
-            at = row_of(model, work, sensors.channel[k])
-            fill_sensor(work, open_loop, late, model, signals, sensors, k, at, epoch)
-            for i in range(sensors.scalars[k]):
-                update_and_count(
-                    work, gains, model, signals, epoch, at + i, sensors.channel[k] + i, False, gate_squared
-                )
+    """Update by what the sensors beside the receiver (Sensors, or None) measure at an epoch."""
+    if sensors is not None:
+        for k in range(sensors.code.shape[0]):
+            if sensors.on[k, epoch] and model.measured[sensors.channel[k]]:
+                at = row_of(model, work, sensors.channel[k])
+                fill_sensor(work, open_loop, late, model, signals, sensors, k, at, epoch)
+                for i in range(sensors.scalars[k]):
+                    update_and_count(
+                        work, gains, model, signals, epoch, at + i, sensors.channel[k] + i, False, gate_squared
+                    )
 
 
 @jit

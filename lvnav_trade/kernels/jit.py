@@ -161,6 +161,16 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]  # numba tells no types
         return numba.types.Dispatcher(self.inner)
 
 
+class Part(CPUDispatcher):  # type: ignore[misc]
+    """A kernel as other kernels call it: a number that a call states, as an axis or a column, makes no version of its
+    own. The compiler of machine code sees such numbers where it inlines.
+    """
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Return the version for types of arguments, literal ones as their kind."""
+        return super().get_call_template(tuple(map(numba.types.unliteral, args)), kws)
+
+
 def _compiled(function: Callable[..., Any], **how: Any) -> Callable[..., Any]:
     if numba.config.DISABLE_JIT:
         return function
@@ -172,6 +182,7 @@ def _compiled(function: Callable[..., Any], **how: Any) -> Callable[..., Any]:
     kernel = numba.njit(**how)(function)
     kernel.__class__ = Kernel
     kernel.inner = numba.njit(**how, no_cpython_wrapper=True, no_cfunc_wrapper=True)(twin)
+    kernel.inner.__class__ = Part
     kernel._cache, kernel.inner._cache = _Cache(function), _Cache(twin)
     return kernel
 

@@ -51,12 +51,13 @@ def _measure(nominal, signals, sensors, differences, tight, epoch):
         for axis in range(3):
             nominal.solution[axis] = signals.position[epoch, axis]
             nominal.solution[3 + axis] = signals.velocity[epoch, axis]
-    for k in range(sensors.code.shape[0]):
-        measure(nominal.observed[k], sensors.code[k], sensors.truth[k, epoch], 0.0, 0.0, 0.0)
-        p = differences.pair_of[k]
-        if p >= 0:
-            for i in range(3):
-                nominal.observed[k, i] = differences.nominal[p, epoch, i]
+    if sensors is not None:
+        for k in range(sensors.code.shape[0]):
+            measure(nominal.observed[k], sensors.code[k], sensors.truth[k, epoch], 0.0, 0.0, 0.0)
+            p = differences.pair_of[k]
+            if p >= 0:
+                for i in range(3):
+                    nominal.observed[k, i] = differences.nominal[p, epoch, i]
 
 
 @inlined
@@ -115,16 +116,17 @@ def _update_receiver(out, joint, scratch, tape, nominal, signals, true, model, c
 @inlined
 def _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, model, late, gains, epoch):
     """Update by what the other sensors measure at an epoch."""
-    for k in range(sensors.code.shape[0]):
-        if sensors.on[k, epoch] and model.measured[sensors.channel[k]]:
-            at = row_of(model, nominal, sensors.channel[k])
-            fill_sensor(nominal, None, late, model, signals, sensors, k, at, epoch)
-            for i in range(sensors.scalars[k]):
-                channel = sensors.channel[k] + i
-                _update(
-                    out, joint, scratch, tape, nominal, signals, true, model, late, gains, at + i, channel,
-                    signals.variance[epoch, channel], False, epoch,
-                )  # fmt: skip
+    if sensors is not None:
+        for k in range(sensors.code.shape[0]):
+            if sensors.on[k, epoch] and model.measured[sensors.channel[k]]:
+                at = row_of(model, nominal, sensors.channel[k])
+                fill_sensor(nominal, None, late, model, signals, sensors, k, at, epoch)
+                for i in range(sensors.scalars[k]):
+                    channel = sensors.channel[k] + i
+                    _update(
+                        out, joint, scratch, tape, nominal, signals, true, model, late, gains, at + i, channel,
+                        signals.variance[epoch, channel], False, epoch,
+                    )  # fmt: skip
 
 
 @inlined

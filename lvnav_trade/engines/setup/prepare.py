@@ -97,7 +97,7 @@ class Prepared(NamedTuple):
     options: Options
     chain: Chain | None
     devices: tuple[Sensor, ...]
-    sensors: Sensors
+    sensors: Sensors | None
     channels: Channels
     channel_names: tuple[str, ...]
 

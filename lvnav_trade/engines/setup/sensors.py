@@ -116,7 +116,9 @@ def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, star
         if card.on_pad and not on.any():
             message = "it measures while the vehicle stands on its pad, which is at none of its times"
             raise InputError(records=[Mistake(message, f"sensors.{name}")])
-        sigma, variance, since = card.noise_sigma(view), card.assumed_variance(model, assumed), np.zeros(0)
+        shape, since = (t_epoch.size, len(card.scalars)), np.zeros(0)
+        sigma = np.array(np.broadcast_to(card.noise_sigma(view), shape))
+        variance = np.array(np.broadcast_to(card.assumed_variance(model, assumed), shape))
         if isinstance(card, ImuDifferenceCard):  # summed since the measurement before
             since = _since(on, t_epoch, start)
             sigma = difference_of(scenario, card).random_walk * np.sqrt(np.repeat(since[:, None], 3, axis=1))
@@ -150,8 +152,10 @@ def _padded(values: Floats, width: int) -> Floats:
     return np.ascontiguousarray(np.pad(values, ((0, 0), (0, width - values.shape[1]))))
 
 
-def for_kernels(sensors: tuple[Sensor, ...], channels: Channels, n_epoch: int) -> Sensors:
-    """Return the sensors in numbers for the kernels."""
+def for_kernels(sensors: tuple[Sensor, ...], channels: Channels, n_epoch: int) -> Sensors | None:
+    """Return the sensors in numbers for the kernels, None without: then nothing of them is compiled."""
+    if not sensors:
+        return None
     n = len(sensors)
     return Sensors(
         code=np.array([SENSORS.index(type(sensor.card)) for sensor in sensors], dtype=np.int64),

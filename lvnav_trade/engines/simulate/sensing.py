@@ -237,17 +237,18 @@ def _sensor_error(work, signals, epoch, channel, normal):
 
 @jit
 def measure_sensors(work, sensors, units, signals, epoch, k0, k1):
-    """Set what the sensors beside the receiver measure at an epoch."""
-    zero = like(work.clock[0], 0.0)
-    for k in range(sensors.code.shape[0]):
-        if sensors.on[k, epoch]:
-            n0, n1, n2, _ = normals(k0, k1, sensors.sources[k], work.run[0], np.uint64(epoch + 1), _ZERO)
-            at, count = sensors.channel[k] + signals.shift, sensors.scalars[k]
-            e0 = _sensor_error(work, signals, epoch, at, n0)
-            e1 = _sensor_error(work, signals, epoch, at + 1, n1) if count > 1 else zero
-            e2 = _sensor_error(work, signals, epoch, at + 2, n2) if count > 2 else zero
-            measure(work.observed[k], sensors.code[k], sensors.truth[k, epoch], e0, e1, e2)
-            take_difference(work, units, k)
+    """Set what the sensors beside the receiver (Sensors, or None) measure at an epoch."""
+    if sensors is not None:
+        zero = like(work.clock[0], 0.0)
+        for k in range(sensors.code.shape[0]):
+            if sensors.on[k, epoch]:
+                n0, n1, n2, _ = normals(k0, k1, sensors.sources[k], work.run[0], np.uint64(epoch + 1), _ZERO)
+                at, count = sensors.channel[k] + signals.shift, sensors.scalars[k]
+                e0 = _sensor_error(work, signals, epoch, at, n0)
+                e1 = _sensor_error(work, signals, epoch, at + 1, n1) if count > 1 else zero
+                e2 = _sensor_error(work, signals, epoch, at + 2, n2) if count > 2 else zero
+                measure(work.observed[k], sensors.code[k], sensors.truth[k, epoch], e0, e1, e2)
+                take_difference(work, units, k)
 
 
 @jit
