@@ -12,8 +12,9 @@ from benchmarks.common import HERE
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load, resolved
 from lvnav_trade.campaign.running import work
-from lvnav_trade.campaign.running.execute import each, manifest
+from lvnav_trade.campaign.running.execute import each
 from lvnav_trade.campaign.running.plan import Block
+from lvnav_trade.campaign.running.provenance import manifest
 from lvnav_trade.store import open_results
 
 BLOCKS, RUNS, REPEATS = 64, 40, 3
@@ -24,7 +25,7 @@ def _seconds(jobs: int, folder: Path) -> float:
     case = cases(campaign)[0]
     results = open_results(folder, campaign.name, resolved(campaign), manifest(campaign, [case]), "fresh")
     job = work.Job(
-        work.engine(), results, campaign.seed, campaign.keep.history, work.asked_of(campaign), folder / ".scratch"
+        work.ENGINE, results, campaign.seed, campaign.keep.history, work.asked_of(campaign), folder / ".scratch"
     )
 
     def fly(numbers: range) -> None:
