@@ -83,9 +83,3 @@ def row(h, nav):
     clear(h)
     h[H_POS], h[H_POS + 1], h[H_POS + 2] = ux, uy, uz
     return height
-
-
-@jit
-def measure(out, truth, error):
-    """Set out[0] to the measured height (m): the true one, truth[0], plus an error (m)."""
-    out[0] = truth[0] + error

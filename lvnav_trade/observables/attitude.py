@@ -5,7 +5,6 @@ z - z_hat = att + v.
 
 from typing import ClassVar, Literal
 
-import numpy as np
 from pydantic import Field
 
 from lvnav_trade.kernels.attitude import from_rotation, multiply, small_rotation
@@ -21,10 +20,6 @@ class AttitudeModel(SensorModel):
     """Attitude reference as the filter models it: white noise per axis."""
 
     sigma: AngleSigma = Field(gt=0.0)
-
-    def variance(self, flight: FlightView) -> Floats:
-        """Return the variance (n_epoch, 3) in rad^2."""
-        return np.full((flight.t.size, 3), self.sigma**2)
 
 
 class AttitudeReferenceCard(SensorCard):
@@ -44,15 +39,11 @@ class AttitudeReferenceCard(SensorCard):
         """Return the attitude (n_epoch, 4), a quaternion from body to frame i."""
         return flight.q_b_i
 
-    def noise_sigma(self, flight: FlightView) -> Floats:
-        """Return the one-sigma (n_epoch, 3) in rad."""
-        return np.full((flight.t.size, 3), self.sigma)
-
 
 @jit
 def measure(out, truth, e0, e1, e2):
-    """Set out (4,) to the measured attitude, a quaternion from body to inertial: the true one turned by errors (rad,
-    frame i).
+    """Set out (4,) to the measured attitude, a quaternion from the body to a frame: the true one turned by errors (rad)
+    about the axes of that frame.
     """
     q0, q1, q2, q3 = from_rotation(e0, e1, e2)
     out[0], out[1], out[2], out[3] = multiply(q0, q1, q2, q3, truth[0], truth[1], truth[2], truth[3])

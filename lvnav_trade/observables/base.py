@@ -47,6 +47,12 @@ def line_of_sight(satellite, at):
 
 
 @jit
+def add(out, truth, e0, e1, e2):
+    """Set out[:3] to what a sensor measures of up to three quantities: the true ones, truth[:3], plus errors."""
+    out[0], out[1], out[2] = truth[0] + e0, truth[1] + e1, truth[2] + e2
+
+
+@jit
 def clear(h):
     """Set the entries of a Jacobian row (10,) to zero, those of extra states apart."""
     zero = like(h[0], 0.0)

@@ -51,8 +51,8 @@ class StationModel(SensorModel):
     angle_bias: AngleSigma = Field(0.0, description="of the extra state station_angle_bias: its initial one-sigma")
 
     def variance(self, flight: FlightView) -> Floats:
-        """Return the variance (n_epoch, 3) of range (m^2), azimuth and elevation (rad^2)."""
-        return np.tile(np.square([self.range_sigma, self.angle_sigma, self.angle_sigma]), (flight.t.size, 1))
+        """Return the variance (1, 3) of range (m^2), azimuth and elevation (rad^2)."""
+        return np.square([[self.range_sigma, self.angle_sigma, self.angle_sigma]])
 
 
 class Look(NamedTuple):
@@ -142,12 +142,11 @@ class StationCard(SensorCard, SightConditions):
         return self.look(flight).values[:, self._own]
 
     def noise_sigma(self, flight: FlightView) -> Floats:
-        """Return the one-sigma (n_epoch, n_scalar) in m or rad."""
-        sigma = np.array([self.range_sigma, self.angle_sigma, self.angle_sigma])[self._own]
-        return np.tile(sigma, (flight.t.size, 1))
+        """Return the one-sigma (1, n_scalar) in m or rad."""
+        return np.array([[self.range_sigma, self.angle_sigma, self.angle_sigma]])[:, self._own]
 
     def assumed_variance(self, model: SensorModel, flight: FlightView) -> Floats:
-        """Return the variance (n_epoch, n_scalar) that a filter assumes, of what is measured."""
+        """Return the variance (1, n_scalar) that a filter assumes, of what is measured."""
         return model.variance(flight)[:, self._own]
 
     def available(self, flight: FlightView) -> Bools:
@@ -196,12 +195,6 @@ class StationCard(SensorCard, SightConditions):
         distance, _, elevation = self.look(flight).values.T
         air = along_line(exponential_refractivity, self.height, np.maximum(elevation, 0.0), distance)
         return self._picked(np.stack([air.excess, 0.0 * distance, air.bending], axis=1)[:, :, None])
-
-
-@jit
-def measure(out, truth, e0, e1, e2):
-    """Set out[:3] to the measured scalars (m, rad): the true ones plus errors."""
-    out[0], out[1], out[2] = truth[0] + e0, truth[1] + e1, truth[2] + e2
 
 
 @jit

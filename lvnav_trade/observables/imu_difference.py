@@ -19,21 +19,17 @@ from lvnav_trade.units import AngleRandomWalk, VelocityRandomWalk
 class AngleDifferenceModel(SensorModel):
     """Difference of angle increments as the filter models it: the random walks of both units together, per axis."""
 
-    random_walk: AngleRandomWalk = Field(gt=0.0)
+    noise_field: ClassVar[str] = "random_walk"
 
-    def variance(self, flight: FlightView) -> Floats:
-        """Return the variance per second (n_epoch, 3) in rad^2/s."""
-        return np.full((flight.t.size, 3), self.random_walk**2)
+    random_walk: AngleRandomWalk = Field(gt=0.0)
 
 
 class VelocityDifferenceModel(SensorModel):
     """Difference of velocity increments as the filter models it: the random walks of both units, per axis."""
 
-    random_walk: VelocityRandomWalk = Field(gt=0.0)
+    noise_field: ClassVar[str] = "random_walk"
 
-    def variance(self, flight: FlightView) -> Floats:
-        """Return the variance per second (n_epoch, 3) in m^2/s^3."""
-        return np.full((flight.t.size, 3), self.random_walk**2)
+    random_walk: VelocityRandomWalk = Field(gt=0.0)
 
 
 class ImuDifferenceCard(SensorCard):
@@ -58,10 +54,6 @@ class ImuDifferenceCard(SensorCard):
 
     def truth(self, flight: FlightView) -> Floats:
         """Return zeros (n_epoch, 3): what is measured is the units' own errors."""
-        return np.zeros((flight.t.size, 3))
-
-    def noise_sigma(self, flight: FlightView) -> Floats:
-        """Return zeros (n_epoch, 3): its noise is that of the units."""
         return np.zeros((flight.t.size, 3))
 
 

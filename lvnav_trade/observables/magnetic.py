@@ -46,10 +46,6 @@ class MagnetometerModel(SensorModel):
         geomagnetism.DEGREE, description="of the field that the filter computes"
     )
 
-    def variance(self, flight: FlightView) -> Floats:
-        """Return the variance (n_epoch, 3) in T^2."""
-        return np.full((flight.t.size, 3), self.sigma**2)
-
     def known(self, flight: FlightView) -> Floats:
         """Return the map along the flight (n_epoch, 15), frame i: field T, gradient T/m, place m."""
         year, r_e = geomagnetism.year_of(flight.epoch), ecef_from_eci(flight.r_i, flight.theta)
@@ -87,10 +83,6 @@ class MagnetometerCard(SensorCard):
         field = eci_from_ecef(geomagnetism.field(r_e, geomagnetism.year_of(flight.epoch)), flight.theta)
         return np.asarray(np.einsum("nij,ni->nj", matrices(flight.q_b_i), field))
 
-    def noise_sigma(self, flight: FlightView) -> Floats:
-        """Return the one-sigma (n_epoch, 3) in T."""
-        return np.full((flight.t.size, 3), self.sigma)
-
     def lasting(self) -> tuple[LastingError, ...]:
         """Return hard iron, of each axis, and soft iron, each entry in proportion to the field of its axis."""
         return (
@@ -110,12 +102,6 @@ class MagnetometerCard(SensorCard):
         for axis in range(3):
             found[:, axis, 3 * axis : 3 * axis + 3] = field
         return found
-
-
-@jit
-def measure(out, truth, e0, e1, e2):
-    """Set out[:3] to the measured field (T, body axes): the true one plus errors."""
-    out[0], out[1], out[2] = truth[0] + e0, truth[1] + e1, truth[2] + e2
 
 
 @jit

@@ -82,10 +82,11 @@ class SensorModel(Card):
 
     latency: what a filter with `delay_compensation` compensates. states: extra states that stand for lasting errors, by
     the field that holds their sigma here and in the card; a field of that name and `_time` holds the time constant,
-    without it (or None) they are constant.
+    without it (or None) they are constant. noise_field: the one that holds the one-sigma of a constant noise.
     """
 
     states: ClassVar[Mapping[str, StateUnit]] = {}
+    noise_field: ClassVar[str] = "sigma"
 
     latency: Pause = Field(0.0, description="as delay_compensation takes it")
 
@@ -93,9 +94,11 @@ class SensorModel(Card):
         """Return the time constant (s) that the filter assumes of a lasting error; inf: constant."""
         return float(getattr(self, f"{field}_time", None) or math.inf)
 
-    @abstractmethod
     def variance(self, flight: FlightView) -> Floats:
-        """Return the variance (n_epoch, n_scalar) that the filter assumes of the noise, SI."""
+        """Return the variance (n_epoch, n_scalar) that the filter assumes of the noise, SI; 1 in place of a number: the
+        same at all epochs, of all scalars.
+        """
+        return np.array([[getattr(self, self.noise_field) ** 2]])
 
     def known(self, flight: FlightView) -> Floats:
         """Return what the filter knows of the sensor, (n_epoch, at most N_KNOWN), as its kernels read it: a mounting,
@@ -136,9 +139,11 @@ class SensorCard(Conditions):
     def truth(self, flight: FlightView) -> Floats:
         """Return what the sensor would measure without error, (n_epoch, at most 4), as its kernels read it."""
 
-    @abstractmethod
     def noise_sigma(self, flight: FlightView) -> Floats:
-        """Return the true one-sigma of the white noise, (n_epoch, n_scalar), SI."""
+        """Return the true one-sigma of the white noise, (n_epoch, n_scalar), SI; 1 in place of a number: the same at
+        all epochs, of all scalars.
+        """
+        return np.array([[getattr(self, self.noise_fields[0]) if self.noise_fields else 0.0]])
 
     @property
     def scalars(self) -> tuple[str, ...]:
@@ -146,7 +151,7 @@ class SensorCard(Conditions):
         return self.labels
 
     def assumed_variance(self, model: SensorModel, flight: FlightView) -> Floats:
-        """Return the variance (n_epoch, n_scalar) that a filter assumes of the noise of what it measures, SI."""
+        """Return the variance that a filter assumes of the noise of what it measures, as `SensorModel.variance`."""
         return model.variance(flight)
 
     def known(self, model: SensorModel, flight: FlightView) -> Floats:

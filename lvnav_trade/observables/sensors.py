@@ -10,6 +10,7 @@ from lvnav_trade.kernels.jit import inlined
 from lvnav_trade.observables import altitude, attitude, ground, imu_difference, magnetic, stellar
 from lvnav_trade.observables.altitude import AltimeterCard
 from lvnav_trade.observables.attitude import AttitudeReferenceCard
+from lvnav_trade.observables.base import add
 from lvnav_trade.observables.ground import StationCard
 from lvnav_trade.observables.imu_difference import AngleDifferenceCard, VelocityDifferenceCard
 from lvnav_trade.observables.magnetic import MagnetometerCard
@@ -83,25 +84,14 @@ def measure(out, code, truth, e0, e1, e2):
 
     out : (4,) set; code : the member's number; truth : (4,) at the epoch; e0, e1, e2 : errors of its scalars, SI
     """
-    if code in (ALTIMETER, BAROMETER):
-        altitude.measure(out, truth, e0)
-    elif code == ATTITUDE_REFERENCE:
+    if code in (ATTITUDE_REFERENCE, ZERO_ROTATION):
         attitude.measure(out, truth, e0, e1, e2)
-    elif code == ZERO_VELOCITY:
-        velocity.measure(out, truth, e0, e1, e2)
-    elif code == PAD_POSITION:
-        position.measure(out, truth, e0, e1, e2)
-    elif code == AZIMUTH:
-        azimuth.measure(out, truth, e0)
     elif code == STAR_TRACKER:
         stellar.measure(out, truth, e0, e1, e2)
-    elif code == MAGNETOMETER:
-        magnetic.measure(out, truth, e0, e1, e2)
-    elif code == GROUND_STATION:
-        ground.measure(out, truth, e0, e1, e2)
-    elif code == ZERO_ROTATION:
-        rotation.measure(out, truth, e0, e1, e2)
-    # the difference of two units is summed with their samples
+    elif code == AZIMUTH:
+        azimuth.measure(out, truth, e0)
+    elif code not in (ANGLE_DIFFERENCE, VELOCITY_DIFFERENCE):  # those are summed with the samples of the units
+        add(out, truth, e0, e1, e2)
 
 
 @inlined

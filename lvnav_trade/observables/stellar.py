@@ -57,8 +57,8 @@ class StarTrackerModel(SensorModel):
         return _no_direction(self.boresight)
 
     def variance(self, flight: FlightView) -> Floats:
-        """Return the variance (n_epoch, 3) in rad^2."""
-        return np.tile(np.square([self.across, self.across, self.about]), (flight.t.size, 1))
+        """Return the variance (1, 3) in rad^2."""
+        return np.square([[self.across, self.across, self.about]])
 
     def known(self, flight: FlightView) -> Floats:
         """Return its mounting (n_epoch, 4), a quaternion from its axes to the body's."""
@@ -106,8 +106,8 @@ class StarTrackerCard(SensorCard):
         return np.asarray(product(flight.q_b_i, np.broadcast_to(axes_of(self.boresight), flight.q_b_i.shape)))
 
     def noise_sigma(self, flight: FlightView) -> Floats:
-        """Return the one-sigma (n_epoch, 3) in rad."""
-        return np.tile([self.across, self.across, self.about], (flight.t.size, 1))
+        """Return the one-sigma (1, 3) in rad."""
+        return np.array([[self.across, self.across, self.about]])
 
     def available(self, flight: FlightView) -> Bools:
         """Return whether Sun, limb and rate allow a solution, (n_epoch,)."""

@@ -25,7 +25,7 @@ def test_an_entry_is_a_card_by_name_or_with_changes_or_written_out(study) -> Non
     card = load("campaign.yaml", [LISTED]).base.sensors["radar"]
     assert (card.sigma, card.bias, card.until) == (3.0, 2.0, "400 s")
     study.edit("campaign.yaml", "{card: altimeters/radar_004, sigma: 3 m, until: 400 s}",
-               "{name: a, source: b, sigma: 1 m, highest: 9 km}")  # fmt: skip
+               "{kind: altimeter, name: a, source: b, sigma: 1 m, highest: 9 km}")  # fmt: skip
     assert load("campaign.yaml", [LISTED]).base.sensors["radar"].kind == "altimeter"
 
 

@@ -138,10 +138,13 @@ def test_a_sway_that_is_taken_for_none_is_the_same_error_in_both_engines(sensors
     start = {"tilt": "1e-6 deg", "heading": "1e-6 deg", "position": "1e-6 m", "velocity": "1e-6 m/s"}
     assumed = {"tilt": "1 deg", "heading": "4 deg", "position": "1 m", "velocity": "0.1 m/s"}
     known = {"initial": start, "filter.initial": assumed | {"clock_bias": "0 m", "clock_drift": "0 m/s"}}
-    tiny = {"sensors.azimuth.sigma": "1e-3 arcsec"} if "azimuth" in sensors else {}
-    if "zero_rotation" in sensors:
-        tiny["sensors.zero_rotation.attitude"] = "1e-3 arcsec"
-    p = prepared(aligned(*sensors, imu=STILL, **exact, **known, **tiny), -38.6, 120.0, SWAY)
+    if "azimuth" in sensors:
+        exact["sensors.azimuth.sigma"] = exact["sensors.zero_rotation.attitude"] = "1e-3 arcsec"
+        # not what the filter assumes: rows that turn by 0.1 mrad would then tell as much as the measurement itself
+        exact["filter.sensor_models"] = {
+            "azimuth": {"sigma": "20 arcsec"}, "zero_rotation": {"sigma": "0.5 mrad", "attitude": "1 deg"}
+        }  # fmt: skip
+    p = prepared(aligned(*sensors, imu=STILL, **exact, **known), -38.6, 120.0, SWAY)
     history, block = covariance(p), run_block(p, 1, 0, 1)
     late = history.t > -90.0
     for first, size in ((0, 1e-8), (3, 1e-5), (6, 1e-5)):

@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from lvnav_trade.frames import ecef_from_geodetic
 from lvnav_trade.kernels.strapdown import N_NAV, Q, R
-from lvnav_trade.observables.altitude import AltimeterCard, measure, row
+from lvnav_trade.observables.altitude import AltimeterCard, row
 from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL, N_ENTRY
 
 PLACES = [(lat, lon, h) for lat in (-90.0, -38.6, 0.0, 13.73, 45.0, 89.99) for lon, h in ((0.0, 10.0), (80.23, 5e3))]
@@ -37,12 +37,6 @@ def test_the_row_is_the_derivative_with_respect_to_position_and_nothing_else(lat
         assert h[H_POS + axis] == pytest.approx(slope, abs=1e-7)
     assert np.linalg.norm(h[H_POS : H_POS + 3]) == pytest.approx(1.0, abs=1e-12)
     assert not np.any(h[[*range(H_ATT, H_ATT + 3), *range(H_VEL, H_VEL + 3), *range(H_RATE, H_RATE + 3), H_CLOCK]])
-
-
-def test_a_measurement_is_the_true_height_with_noise():
-    out = np.zeros(4)
-    measure(out, np.array([1200.0, 0.0, 0.0, 0.0]), -3.0)
-    assert out.tolist() == [1197.0, 0.0, 0.0, 0.0]
 
 
 CARD = {"name": "test", "source": "none", "sigma": "1 m", "highest": "5 km"}

@@ -8,8 +8,8 @@ from pydantic import ValidationError
 
 from lvnav_trade.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, rotation_e_n
 from lvnav_trade.kernels.strapdown import N_NAV, Q, R
-from lvnav_trade.observables.base import H_POS, N_ENTRY
-from lvnav_trade.observables.ground import SCALARS, StationCard, fill, measure
+from lvnav_trade.observables.base import H_POS, N_ENTRY, add
+from lvnav_trade.observables.ground import SCALARS, StationCard, fill
 from lvnav_trade.observables.sensor import FlightView
 
 SITE = (-2.3, -44.4, 50.0)
@@ -69,7 +69,7 @@ def test_innovations_are_differences_of_the_geometry_and_rows_their_derivatives(
     card, n = station(**own), len(measures)
     truth, out = np.zeros(4), np.zeros(4)
     truth[:n] = card.truth(FLIGHT)[k]
-    measure(out, truth, 0.0, 0.0, 0.0)
+    add(out, truth, 0.0, 0.0, 0.0)
     H, z = innovations(card, k, np.zeros(3), out)
     np.testing.assert_allclose(z[:n], 0.0, atol=1e-8)
     assert np.all(np.isnan(z[n:]))  # rows that are not its own stay
@@ -162,4 +162,4 @@ def test_the_matched_model_has_the_cards_own_numbers():
     card = station(range_bias="7 m")
     model = card.matched()
     assert (model.range_sigma, model.angle_sigma, model.range_bias) == (5.0, 1e-4, 7.0)
-    np.testing.assert_allclose(card.assumed_variance(model, FLIGHT), np.tile([25.0, 1e-8, 1e-8], (len(LOOKS), 1)))
+    np.testing.assert_allclose(card.assumed_variance(model, FLIGHT), [[25.0, 1e-8, 1e-8]])

@@ -10,8 +10,8 @@ import pytest
 from lvnav_trade.frames import ecef_from_eci, eci_from_ecef, matrices
 from lvnav_trade.kernels.attitude import from_rotation, multiply
 from lvnav_trade.kernels.strapdown import N_NAV, Q, R
-from lvnav_trade.observables.base import H_ATT, H_POS, N_ENTRY
-from lvnav_trade.observables.magnetic import SOFT, MagnetometerCard, fill, measure
+from lvnav_trade.observables.base import H_ATT, H_POS, N_ENTRY, add
+from lvnav_trade.observables.magnetic import SOFT, MagnetometerCard, fill
 from lvnav_trade.observables.sensor import FlightView
 from lvnav_trade.world.geomagnetism import field, year_of
 
@@ -38,7 +38,7 @@ def field_at(r_i):
 def rows(estimate=TRUE, position=PLACE):
     H, z, nav, observed = np.full((4, N_ENTRY), np.nan), np.full(4, np.nan), np.zeros(N_NAV), np.zeros(4)
     nav[Q : Q + 4], nav[R : R + 3] = estimate, position
-    measure(observed, np.pad(card().truth(view())[0], (0, 1)), 0.0, 0.0, 0.0)
+    add(observed, np.pad(card().truth(view())[0], (0, 1)), 0.0, 0.0, 0.0)
     fill(H, z, 1, observed, nav, np.pad(card().matched().known(view())[0], (0, 1)))
     assert np.isnan(H[0]).all()
     return H[1:], z[1:]
@@ -49,7 +49,7 @@ def test_it_measures_the_field_in_body_axes_and_errors_are_added():
     np.testing.assert_allclose(card().truth(view())[0], body, rtol=1e-12)
     assert 2e-5 < np.linalg.norm(body) < 6e-5  # T
     out = np.zeros(4)
-    measure(out, np.array([1e-5, 2e-5, 3e-5, 0.0]), 1e-7, -2e-7, 3e-7)
+    add(out, np.array([1e-5, 2e-5, 3e-5, 0.0]), 1e-7, -2e-7, 3e-7)
     np.testing.assert_allclose(out, [1.01e-5, 1.98e-5, 3.03e-5, 0.0])
 
 

@@ -31,10 +31,6 @@ class AzimuthModel(SensorModel):
 
     sigma: AngleSigma = Field(gt=0.0)
 
-    def variance(self, flight: FlightView) -> Floats:
-        """Return the variance (n_epoch, 1) in rad^2."""
-        return np.full((flight.t.size, 1), self.sigma**2)
-
 
 class AzimuthCard(StandingCard):
     """Azimuth of a mirror on the vehicle (its normal is the body's y axis), seen from the ground."""
@@ -53,10 +49,6 @@ class AzimuthCard(StandingCard):
         """Return the azimuth of the mirror's normal (n_epoch, 1) in rad."""
         normal = self._normal(flight)
         return np.arctan2(normal[:, 1], normal[:, 0])[:, None]
-
-    def noise_sigma(self, flight: FlightView) -> Floats:
-        """Return the one-sigma (n_epoch, 1) in rad."""
-        return np.full((flight.t.size, 1), self.sigma)
 
     def available(self, flight: FlightView) -> Bools:
         """Return whether the vehicle stands and the mirror's normal is near enough to the horizon, (n_epoch,)."""

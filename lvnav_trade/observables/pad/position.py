@@ -6,14 +6,13 @@ z - z_hat = C_i_e pos + s + v, axes of frame e: s the error of the survey, which
 import math
 from typing import ClassVar, Literal
 
-import numpy as np
 from pydantic import Field
 
 from lvnav_trade.frames import ecef_from_eci
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.strapdown import R
 from lvnav_trade.observables.base import H_POS
-from lvnav_trade.observables.pad.standing import StandingCard, begin_rows, to_earth
+from lvnav_trade.observables.pad.standing import RestCard, begin_rows, to_earth
 from lvnav_trade.observables.sensor import FlightView, LastingError, SensorModel, each_scalar
 from lvnav_trade.records import Floats
 from lvnav_trade.units import LengthSigma
@@ -24,22 +23,15 @@ class PadPositionModel(SensorModel):
 
     sigma: LengthSigma = Field(gt=0.0)
 
-    def variance(self, flight: FlightView) -> Floats:
-        """Return the variance (n_epoch, 3) in m^2."""
-        return np.full((flight.t.size, 3), self.sigma**2)
 
-
-class PadPositionCard(StandingCard):
+class PadPositionCard(RestCard):
     """The surveyed position of the inertial unit of a vehicle that stands on its pad."""
 
     measurement: ClassVar[str] = "pad_position"
     model: ClassVar[type[SensorModel]] = PadPositionModel
-    labels: ClassVar[tuple[str, ...]] = ("x", "y", "z")
     unit: ClassVar[str] = "m"
     jacobian: ClassVar[tuple[str, ...]] = ("position",)
     noise: ClassVar[str] = "pad position noise"
-    noise_fields: ClassVar[tuple[str, ...]] = ("jitter",)
-    at_once: ClassVar[bool] = True
 
     kind: Literal["pad_position"] = "pad_position"
     sigma: LengthSigma = Field(gt=0.0, description="of the sway, per axis, as a matched filter assumes it")
@@ -50,20 +42,10 @@ class PadPositionCard(StandingCard):
         """Return the place at rest (n_epoch, 3) in m, frame e."""
         return ecef_from_eci(flight.r_rest, flight.theta)
 
-    def noise_sigma(self, flight: FlightView) -> Floats:
-        """Return the one-sigma (n_epoch, 3) in m."""
-        return np.full((flight.t.size, 3), self.jitter)
-
     def lasting(self) -> tuple[LastingError, ...]:
         """Return the error of the survey."""
         error = LastingError("pad survey", "survey", self.survey, "survey", math.inf, self.labels, each_scalar(3))
         return (error,)
-
-
-@jit
-def measure(out, truth, e0, e1, e2):
-    """Set out[:3] to the known position (m, frame e): the place at rest, truth[:3], plus errors."""
-    out[0], out[1], out[2] = truth[0] + e0, truth[1] + e1, truth[2] + e2
 
 
 @jit

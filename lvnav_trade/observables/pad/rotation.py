@@ -8,15 +8,14 @@ import math
 from collections.abc import Mapping
 from typing import ClassVar, Literal
 
-import numpy as np
 from pydantic import Field
 
 from lvnav_trade.frames import matrices, quaternions, rotation_i_e
-from lvnav_trade.kernels.attitude import from_rotation, multiply, small_rotation
+from lvnav_trade.kernels.attitude import multiply, small_rotation
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.strapdown import Q
 from lvnav_trade.observables.base import H_ATT
-from lvnav_trade.observables.pad.standing import StandingCard, begin_rows
+from lvnav_trade.observables.pad.standing import RestCard, begin_rows
 from lvnav_trade.observables.sensor import FlightView, LastingError, SensorModel, StateUnit, each_scalar
 from lvnav_trade.records import Floats
 from lvnav_trade.units import AngleSigma
@@ -32,22 +31,15 @@ class ZeroRotationModel(SensorModel):
     sigma: AngleSigma = Field(gt=0.0)
     attitude: AngleSigma = Field(gt=0.0, description="of the extra state standing_attitude: its initial one-sigma")
 
-    def variance(self, flight: FlightView) -> Floats:
-        """Return the variance (n_epoch, 3) in rad^2."""
-        return np.full((flight.t.size, 3), self.sigma**2)
 
-
-class ZeroRotationCard(StandingCard):
+class ZeroRotationCard(RestCard):
     """The attitude relative to the Earth stays while the vehicle stands on its pad, known beforehand to `attitude`."""
 
     measurement: ClassVar[str] = "zero_rotation"
     model: ClassVar[type[SensorModel]] = ZeroRotationModel
-    labels: ClassVar[tuple[str, ...]] = ("x", "y", "z")
     unit: ClassVar[str] = "rad"
     jacobian: ClassVar[tuple[str, ...]] = ("attitude",)
     noise: ClassVar[str] = "zero rotation noise"
-    noise_fields: ClassVar[tuple[str, ...]] = ("jitter",)
-    at_once: ClassVar[bool] = True
 
     kind: Literal["zero_rotation"] = "zero_rotation"
     sigma: AngleSigma = Field(gt=0.0, description="of sway and twist, per axis, as a matched filter assumes it")
@@ -58,21 +50,10 @@ class ZeroRotationCard(StandingCard):
         """Return the attitude at rest (n_epoch, 4), a quaternion from body to frame e."""
         return quaternions(rotation_i_e(flight.theta) @ matrices(flight.q_rest))
 
-    def noise_sigma(self, flight: FlightView) -> Floats:
-        """Return the one-sigma (n_epoch, 3) in rad."""
-        return np.full((flight.t.size, 3), self.jitter)
-
     def lasting(self) -> tuple[LastingError, ...]:
         """Return the error of the attitude that is known beforehand."""
         known = ("attitude", math.inf, self.labels, each_scalar(3))
         return (LastingError("standing attitude", STANDING_ATTITUDE, self.attitude, *known),)
-
-
-@jit
-def measure(out, truth, e0, e1, e2):
-    """Set out (4,) to the known attitude, a quaternion from body to frame e: that at rest turned by errors (rad)."""
-    q0, q1, q2, q3 = from_rotation(e0, e1, e2)
-    out[0], out[1], out[2], out[3] = multiply(q0, q1, q2, q3, truth[0], truth[1], truth[2], truth[3])
 
 
 @jit

@@ -24,6 +24,14 @@ class StandingCard(SensorCard):
         return flight.standing
 
 
+class RestCard(StandingCard):
+    """What is known of a vehicle at rest, axis by axis of frame e: that it does not move, turn, or change its place."""
+
+    labels: ClassVar[tuple[str, ...]] = ("x", "y", "z")
+    noise_fields: ClassVar[tuple[str, ...]] = ("jitter",)
+    at_once: ClassVar[bool] = True
+
+
 @jit
 def begin_rows(H, at, entry, theta):
     """Set three Jacobian rows from `at` on to the matrix from frame i to frame e, from `entry` on; theta rad of the

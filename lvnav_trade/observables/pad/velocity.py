@@ -14,7 +14,7 @@ from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like
 from lvnav_trade.kernels.strapdown import R, V
 from lvnav_trade.observables.base import H_POS, H_VEL
-from lvnav_trade.observables.pad.standing import StandingCard, begin_rows, to_earth
+from lvnav_trade.observables.pad.standing import RestCard, begin_rows, to_earth
 from lvnav_trade.observables.sensor import FlightView, SensorModel
 from lvnav_trade.records import Floats
 from lvnav_trade.units import SpeedSigma
@@ -25,22 +25,15 @@ class ZeroVelocityModel(SensorModel):
 
     sigma: SpeedSigma = Field(gt=0.0)
 
-    def variance(self, flight: FlightView) -> Floats:
-        """Return the variance (n_epoch, 3) in m^2/s^2."""
-        return np.full((flight.t.size, 3), self.sigma**2)
 
-
-class ZeroVelocityCard(StandingCard):
+class ZeroVelocityCard(RestCard):
     """The velocity relative to the Earth is taken for zero while the vehicle stands on its pad."""
 
     measurement: ClassVar[str] = "zero_velocity"
     model: ClassVar[type[SensorModel]] = ZeroVelocityModel
-    labels: ClassVar[tuple[str, ...]] = ("x", "y", "z")
     unit: ClassVar[str] = "m/s"
     jacobian: ClassVar[tuple[str, ...]] = ("velocity", "position")
     noise: ClassVar[str] = "zero velocity noise"
-    noise_fields: ClassVar[tuple[str, ...]] = ("jitter",)
-    at_once: ClassVar[bool] = True
 
     kind: Literal["zero_velocity"] = "zero_velocity"
     sigma: SpeedSigma = Field(gt=0.0, description="of the sway, per axis, as a matched filter assumes it")
@@ -49,16 +42,6 @@ class ZeroVelocityCard(StandingCard):
     def truth(self, flight: FlightView) -> Floats:
         """Return zero, (n_epoch, 3) m/s."""
         return np.zeros((flight.t.size, 3))
-
-    def noise_sigma(self, flight: FlightView) -> Floats:
-        """Return the one-sigma (n_epoch, 3) in m/s."""
-        return np.full((flight.t.size, 3), self.jitter)
-
-
-@jit
-def measure(out, truth, e0, e1, e2):
-    """Set out[:3] to the measured velocity relative to the Earth (m/s, frame e): zero, truth[:3], plus errors."""
-    out[0], out[1], out[2] = truth[0] + e0, truth[1] + e1, truth[2] + e2
 
 
 @jit

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from lvnav_trade.frames import ecef_from_eci
-from lvnav_trade.observables.pad.position import PadPositionCard, fill, measure
+from lvnav_trade.observables.base import add
+from lvnav_trade.observables.pad.position import PadPositionCard, fill
 from tests.observables.pad.rows import R_E, THETA, VIEW, assert_rows_are_derivatives, rows, state
 
 CARD = {"name": "test", "source": "none", "sigma": "2 cm", "survey": "5 cm"}
@@ -18,7 +19,7 @@ def place(H, z, nav):
 
 def test_what_is_known_is_the_place_at_rest_on_the_earth():
     card, out = PadPositionCard.model_validate(CARD), np.zeros(4)
-    measure(out, card.truth(VIEW._replace(r_i=VIEW.r_i + 0.5))[0], 0.0, 0.0, 0.25)
+    add(out, card.truth(VIEW._replace(r_i=VIEW.r_i + 0.5))[0], 0.0, 0.0, 0.25)
     np.testing.assert_allclose(out[:3], R_E + np.array([0.0, 0.0, 0.25]), atol=1e-8)
 
 
@@ -41,5 +42,5 @@ def test_the_error_of_the_survey_lasts_and_is_one_for_each_axis():
 
 def test_a_matched_filter_assumes_the_sway():
     card = PadPositionCard.model_validate({**CARD, "jitter": "1 mm"})
-    np.testing.assert_allclose(card.matched().variance(VIEW), np.full((1, 3), 4e-4))
-    np.testing.assert_array_equal(card.noise_sigma(VIEW), np.full((1, 3), 1e-3))
+    np.testing.assert_allclose(card.matched().variance(VIEW), 4e-4)
+    np.testing.assert_array_equal(card.noise_sigma(VIEW), 1e-3)

@@ -7,7 +7,8 @@ import pytest
 from pydantic import ValidationError
 
 from lvnav_trade.frames import earth_velocity, ecef_from_eci
-from lvnav_trade.observables.pad.velocity import ZeroVelocityCard, fill, measure
+from lvnav_trade.observables.base import add
+from lvnav_trade.observables.pad.velocity import ZeroVelocityCard, fill
 from tests.observables.pad.rows import THETA, VIEW, assert_rows_are_derivatives, rows, state
 
 CARD = {"name": "test", "source": "none", "sigma": "1 cm/s"}
@@ -36,14 +37,14 @@ def test_the_rows_are_derivatives():
 def test_what_is_measured_is_zero_with_its_errors_whatever_the_sway():
     card, out = ZeroVelocityCard.model_validate({**CARD, "jitter": "1 mm/s"}), np.zeros(4)
     moving = VIEW._replace(v_i=VIEW.v_i + 0.3)
-    measure(out, card.truth(moving)[0], 0.1, -0.2, 0.3)
+    add(out, card.truth(moving)[0], 0.1, -0.2, 0.3)
     assert out.tolist() == [0.1, -0.2, 0.3, 0.0]
-    np.testing.assert_array_equal(card.noise_sigma(VIEW), np.full((1, 3), 1e-3))
+    np.testing.assert_array_equal(card.noise_sigma(VIEW), 1e-3)
 
 
 def test_a_matched_filter_assumes_the_sway_and_the_truth_has_none_of_its_own():
     card = ZeroVelocityCard.model_validate(CARD)
-    np.testing.assert_allclose(card.matched().variance(VIEW), np.full((1, 3), 1e-4))
+    np.testing.assert_allclose(card.matched().variance(VIEW), 1e-4)
     assert not card.noise_sigma(VIEW).any()
 
 
