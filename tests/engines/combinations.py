@@ -136,20 +136,49 @@ Case = dict[str, str]
 def covering(seed: int = 1) -> list[Case]:
     """Return cases in which every pair of levels of two dimensions stands at least once, in a case that is not refused
     if there is one; a pair that physics refuses stands in one refused case.
+
+    A case of which new kernels have to be compiled takes as long as ten others: among candidates one that needs none
+    is taken unless it covers far fewer pairs.
     """
     rng = np.random.default_rng(seed)
     names = list(DIMENSIONS)
     levels = {name: list(DIMENSIONS[name]) for name in names}
     left = {((a, x), (b, y)) for a, b in itertools.combinations(names, 2) for x in levels[a] for y in levels[b]}
     cases: list[Case] = []
+    compiled: dict[tuple[object, ...], Case] = {}
     while left:
         (a, x), (b, y) = sorted(left)[rng.integers(len(left))]
-        candidates = [_grown({a: x, b: y}, names, levels, left, rng) for _ in range(30)]
+        pair = {a: x, b: y}
+        begun = [pair] * 30 + [
+            {name: case[name] for name in POLICIES} | pair for case in compiled.values()
+            if all(case[name] == level for name, level in pair.items() if name in POLICIES)
+        ]  # fmt: skip
+        candidates = [_grown(start, names, levels, left, rng) for start in begun]
         possible = [case for case in candidates if not refusal(case)]
-        chosen = max(possible or candidates, key=lambda case: len(_pairs(names, case) & left))
+        chosen = max(
+            possible or candidates,
+            key=lambda case: len(_pairs(names, case) & left) - (0 if kernels_of(case) in compiled else NEW_KERNELS),
+        )
         left -= _pairs(names, chosen) if possible else {((a, x), (b, y))}
+        if possible:
+            compiled.setdefault(kernels_of(chosen), chosen)
         cases.append({name: chosen[name] for name in names})
     return cases
+
+
+POLICIES = ("correction", "gains", "start", "latency", "receiver", "units")
+NEW_KERNELS = 6
+"""Pairs of levels that a case has to cover beyond others, if new kernels have to be compiled for it."""
+
+
+def kernels_of(case: Case) -> tuple[object, ...]:
+    """Return what of a case decides which kernels are compiled: the options of a flight that it has."""
+    listed = DIMENSIONS["measurements"][case["measurements"]]["filter.measurements"]
+    return (
+        bool(set(listed) - {"position", "velocity", "pseudorange", "range_rate", "imu"}), "imu" in listed,
+        case["correction"], case["gains"], case["start"] == "mode logic", case["latency"] == "none", case["receiver"],
+        case["units"] == "one",
+    )  # fmt: skip
 
 
 def _grown(
