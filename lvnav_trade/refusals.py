@@ -63,21 +63,11 @@ REFUSALS = (
     ),
     Refusal(
         "filter.delay_compensation.kind",
-        "a range has no velocity of its own to be extrapolated with; buffered compares it with the stored state",
-        lambda s: _delay(s) is not None and _delay(s).kind == "extrapolated" and s.filter.tight,
-    ),
-    Refusal(
-        "filter.delay_compensation.kind",
-        "a receiver's solution is extrapolated, and the filter takes none; buffered compensates a sensor",
-        lambda s: _delay(s) is not None and _delay(s).kind == "extrapolated" and not _receiver(s),
-    ),
-    Refusal(
-        "filter.delay_compensation.kind",
-        "a solution is extrapolated position and velocity together; the filter takes one of them",
+        "a solution's position is extrapolated by its velocity, and the filter does not take both of them; buffered "
+        "compares whatever is late with the stored state",
         lambda s: (
             _delay(s) is not None
             and _delay(s).kind == "extrapolated"
-            and s.filter.loose
             and not {"position", "velocity"} <= set(s.filter.measurements)
         ),
     ),

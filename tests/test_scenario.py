@@ -107,8 +107,8 @@ def test_what_goes_together_is_accepted(fields):
     ("fields", "reported"),
     [
         ({"filter.measurements": [], LATE: {"kind": "buffered"}}, "takes nothing that could be late"),
-        ({LATE: {"kind": "extrapolated"}}, "a range has no velocity of its own"),
-        ({**LOOSE, LATE: FAIRLY, "filter.measurements": ["position"]}, "position and velocity together"),
+        ({LATE: {"kind": "extrapolated"}}, "does not take both of them"),
+        ({**LOOSE, LATE: FAIRLY, "filter.measurements": ["position"]}, "does not take both of them"),
         ({"filter.init": "from_gnss"}, "both are to be measured"),
         ({"filter.measurements": [], "filter.logic": {}}, "takes nothing of it"),
         ({"filter.measurements": ["position", "pseudorange"]}, "information would be counted twice"),

@@ -32,7 +32,7 @@ NEAR: dict[str, tuple[str, str, str, str]] = {
         "configs/filters/near.yaml",
         "measurements: [pseudorange, range_rate]",
         "measurements: [pseudorange, range_rate]\ndelay_compensation: {kind: extrapolated}",
-        "configs/filters/near.yaml:4:28: base.filter.delay_compensation.kind: a range has no velocity of its own to be extrapolated with; buffered compares it with the stored state",
+        "configs/filters/near.yaml:4:28: base.filter.delay_compensation.kind: a solution's position is extrapolated by its velocity, and the filter does not take both of them; buffered compares whatever is late with the stored state",
     ),
     "a_measurement_that_stands_twice_is_refused": (
         "configs/filters/near.yaml",

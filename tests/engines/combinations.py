@@ -5,11 +5,9 @@
 
 from __future__ import annotations
 
-import itertools
 import sys
 import time
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,9 +21,9 @@ from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.scheduled import schedule_of
 from lvnav_trade.layout import state_names
-from lvnav_trade.refusals import refused
 from lvnav_trade.scenario import Scenario
-from tests.building import UNLIKE, loaded, prepare_hop, with_fields, with_units
+from tests.building import loaded, prepare_hop, with_fields, with_units
+from tests.engines.covering import DIFFERENCES, DIMENSIONS, ON_PAD, SENSORS, Case, covering, lateness
 from tests.engines.flown import FROM_PAD, STEADY, flight
 
 RUNS, SEED = 64, 20261122
@@ -38,202 +36,6 @@ BASE = (
     "base.initial.heading=0.2 deg", "base.initial.position=5 m", "base.initial.velocity=0.1 m/s",
     "base.receiver.lever_b=[1 m, 0.5 m, -0.3 m]",
 )  # fmt: skip
-REFERENCE = {"kind": "attitude_reference", "name": "reference", "source": "test", "sigma": "5 mrad"}
-ALTIMETER = {"kind": "altimeter", "name": "altimeter", "source": "test", "sigma": "20 m", "bias": "10 m",
-             "highest": "1000 km"}  # fmt: skip
-ON_PAD = {
-    "zero_velocity": {"kind": "zero_velocity", "sigma": "5 cm/s", "jitter": "5 cm/s"},
-    "zero_rotation": {"kind": "zero_rotation", "sigma": "1 mrad", "jitter": "1 mrad", "attitude": "0.3 deg"},
-    "pad_position": {"kind": "pad_position", "sigma": "10 cm", "jitter": "10 cm", "survey": "5 cm"},
-    "azimuth": {"kind": "azimuth", "sigma": "1 mrad", "bias": "0.3 mrad"},
-}
-"""Sensors of a flight whose first half is the rest on the pad."""
-DIFFERENCES = ("angle_difference", "velocity_difference")
-TRACKER = {"kind": "star_tracker", "name": "tracker", "source": "test", "boresight": [1.0, 1.0, 0.5],
-           "across": "2 mrad", "about": "10 mrad", "misalignment": "1 mrad", "low_frequency": "1 mrad",
-           "low_frequency_time": "20 s"}  # fmt: skip
-COMPASS = {"kind": "magnetometer", "name": "compass", "source": "test", "sigma": "200 nT", "hard_iron": "200 nT",
-           "soft_iron": "0.3 percent"}  # fmt: skip
-STATION = {"kind": "ground_station", "name": "station", "source": "test", "latitude": "-38 deg", "longitude": "-55 deg",
-           "range_sigma": "10 m", "angle_sigma": "0.2 mrad", "range_bias": "5 m", "survey": "3 m",
-           "longest_range": "2000 km"}  # fmt: skip
-SENSORS = {"attitude": REFERENCE, "altitude": ALTIMETER, "stellar_attitude": TRACKER, "magnetic_field": COMPASS,
-           "ground_tracking": STATION}  # fmt: skip
-SENSOR_LATENCY = "0.2 s"
-"""Of every sensor, where late measurements are compensated by stored states."""
-LATE = {"receiver.latency": "0.3 s"}
-BUFFERED = {"kind": "buffered"}
-EXTRAPOLATED = {"kind": "extrapolated", "delay_sigma": "1 ms", "acceleration_sigma": "0.1 m/s^2"}
-POINT = {"kind": "bancroft", "range_sigma": "2 m", "rate_sigma": "0.1 m/s"}
-FILTERED = {"kind": "filtered", "range_sigma": "2 m", "rate_sigma": "0.1 m/s", "jerk": "3 m/s^3",
-            "clock_noise": "0.1 m/s^2", "start_acceleration": "50 m/s^2", "reported": True}  # fmt: skip
-
-DIMENSIONS: dict[str, dict[str, dict[str, Any]]] = {
-    "measurements": {
-        "solution": {"filter.measurements": ["position", "velocity"]},
-        "position": {"filter.measurements": ["position"]},
-        "ranges": {"filter.measurements": ["pseudorange", "range_rate"]},
-        "pseudorange": {"filter.measurements": ["pseudorange"]},
-        "solution, attitude": {"filter.measurements": ["position", "velocity", "attitude"]},
-        "ranges, star tracker": {"filter.measurements": ["pseudorange", "range_rate", "stellar_attitude"]},
-        "solution, magnetometer": {"filter.measurements": ["position", "velocity", "magnetic_field"]},
-        "ranges, altitude": {"filter.measurements": ["pseudorange", "range_rate", "altitude"]},
-        "solution, attitude, imu": {"filter.measurements": ["position", "velocity", "attitude", "imu"]},
-        "ranges, attitude, imu": {"filter.measurements": ["pseudorange", "range_rate", "attitude", "imu"]},
-        "attitude": {"filter.measurements": ["attitude"]},
-        "zero velocity and rotation, position, azimuth": {
-            "filter.measurements": ["zero_velocity", "zero_rotation", "pad_position", "azimuth"]},
-        "ranges, zero velocity": {"filter.measurements": ["pseudorange", "range_rate", "zero_velocity"]},
-        "solution, differences": {"filter.measurements": ["position", "velocity", "angle_difference",
-                                                          "velocity_difference"]},
-        "solution, tracking": {"filter.measurements": ["position", "velocity", "ground_tracking"]},
-        "none": {"filter.measurements": []},
-    },
-    "correction": {"closed": {}, "open": {"filter.feedback": "open"}},
-    "gains": {"own": {}, "stored": {"gains": True}},
-    "start": {
-        "at once": {},
-        # ten sigma of the start: linear covariance follows the mode logic of the nominal flight
-        "mode logic": {"filter.logic": {"start_after": 3, "wild_position": "3 km", "wild_velocity": "50 m/s"}},
-        "from GNSS": {"filter.init": "from_gnss"},
-    },
-    "latency": {
-        "none": {},
-        "buffered": {**LATE, "filter.delay_compensation": BUFFERED},
-        "buffered, 1.4 s": {"receiver.latency": "1.4 s", "filter.delay_compensation": BUFFERED},
-        "extrapolated": {**LATE, "filter.delay_compensation": EXTRAPOLATED},
-    },
-    "receiver": {"direct": {}, "point": {"receiver.solution": POINT}, "filtered": {"receiver.solution": FILTERED}},
-    "states": {
-        "biases": {},
-        "considered": {"filter.consider": ["accel_scale_factor", "accel_bias"], "imu.accel.scale_factor": "300 ppm"},
-        "neglected": {"filter.neglect": ["gyro_bias"]},
-        "scale factors": {"filter.extra_states": ["gyro_scale_factor", "accel_scale_factor"],
-                          "imu.gyro.scale_factor": "20 ppm", "imu.accel.scale_factor": "300 ppm"},
-        "of sensors": {"sensor states": True},
-        "unmodelled": {"imu.accel.misalignment": "0.3 mrad", "imu.gyro.scale_factor": "10 ppm",
-                       "gravity": {"sigma": "30 mGal"}},
-    },
-    "units": {
-        "one": {},
-        "two": {"units": [{"lever_arm": ["0.3 m", "0 m", "0.1 m"]}, UNLIKE]},
-        "skewed": {"units": [{"axes": [[1, 0, 1.2], [0, 1, 1.2], [-1, 0, 1.2]]},
-                             {"axes": [[0, -1, 1.2]], "lever_arm": ["0.2 m", "0 m", "0 m"]}]},
-    },
-    "vehicle": {"steady": {}, "spinning": {"flight": "spinning"}, "oscillating": {"flight": "oscillating"}},
-    "fault": {
-        "none": {},
-        "gyro bias step": {"faults": [{"kind": "gyro_bias_step", "size": ["20 deg/h", "0 deg/h", "0 deg/h"],
-                                       "start": "20 s", "duration": "15 s"}]},
-        "frozen output": {"faults": [{"kind": "frozen_output", "start": "30 s", "duration": "3 s"}]},
-        "noise": {"faults": [{"kind": "degraded_noise", "factor": 3.0, "start": "20 s", "duration": "20 s"}]},
-    },
-}  # fmt: skip
-
-Case = dict[str, str]
-
-
-def covering(seed: int = 1) -> list[Case]:
-    """Return cases in which every pair of levels of two dimensions stands at least once, in a case that is not refused
-    if there is one; a pair that physics refuses stands in one refused case.
-
-    A case of which new kernels have to be compiled takes as long as ten others: among candidates one that needs none
-    is taken unless it covers far fewer pairs.
-    """
-    rng = np.random.default_rng(seed)
-    names = list(DIMENSIONS)
-    levels = {name: list(DIMENSIONS[name]) for name in names}
-    left = {((a, x), (b, y)) for a, b in itertools.combinations(names, 2) for x in levels[a] for y in levels[b]}
-    cases: list[Case] = []
-    compiled: dict[tuple[object, ...], Case] = {}
-    while left:
-        (a, x), (b, y) = sorted(left)[rng.integers(len(left))]
-        pair = {a: x, b: y}
-        begun = [pair] * 30 + [
-            {name: case[name] for name in POLICIES} | pair for case in compiled.values()
-            if all(case[name] == level for name, level in pair.items() if name in POLICIES)
-        ]  # fmt: skip
-        candidates = [_grown(start, names, levels, left, rng) for start in begun]
-        possible = [case for case in candidates if not refusal(case)]
-        chosen = max(
-            possible or candidates,
-            key=lambda case: len(_pairs(names, case) & left) - (0 if kernels_of(case) in compiled else NEW_KERNELS),
-        )
-        left -= _pairs(names, chosen) if possible else {((a, x), (b, y))}
-        if possible:
-            compiled.setdefault(kernels_of(chosen), chosen)
-        cases.append({name: chosen[name] for name in names})
-    return cases
-
-
-POLICIES = ("correction", "gains", "start", "latency", "receiver", "units")
-NEW_KERNELS = 6
-"""Pairs of levels that a case has to cover beyond others, if new kernels have to be compiled for it."""
-
-
-def kernels_of(case: Case) -> tuple[object, ...]:
-    """Return what of a case decides which kernels are compiled: the options of a flight that it has."""
-    listed = DIMENSIONS["measurements"][case["measurements"]]["filter.measurements"]
-    return (
-        bool(set(listed) - {"position", "velocity", "pseudorange", "range_rate", "imu"}), "imu" in listed,
-        case["correction"], case["gains"], case["start"] == "mode logic", case["latency"] == "none", case["receiver"],
-        case["units"] == "one",
-    )  # fmt: skip
-
-
-def _grown(
-    case: Case, names: list[str], levels: dict[str, list[str]], left: set[Any], rng: np.random.Generator
-) -> Case:
-    """Return a case with the other dimensions filled in, each by a level that covers most new pairs and is possible."""
-    for name in rng.permutation([n for n in names if n not in case]).tolist():
-        gain = np.array([sum(_key(names, (o, case[o]), (name, lv)) in left for o in case) for lv in levels[name]])
-        order = np.lexsort((rng.random(gain.size), -gain))
-        ranked = [case | {name: levels[name][int(k)]} for k in order]
-        case = next((one for one in ranked if not refusal(one)), ranked[0])
-    return case
-
-
-def refusal(case: Case) -> str:
-    """Return why a case is refused, empty if it is not; what it leaves open is at its first level."""
-    fields: dict[str, Any] = {}
-    for name, found in DIMENSIONS.items():
-        fields |= found[case.get(name, next(iter(found)))]
-    listed, late = fields["filter.measurements"], fields.get("filter.delay_compensation")
-    card = SimpleNamespace(
-        measurements=listed, aided=bool(listed), models_vehicle="imu" in listed,
-        tight="pseudorange" in listed, loose="position" in listed, init=fields.get("filter.init", "from_card"),
-        logic=fields.get("filter.logic"), gains=fields.get("gains"), extra_states=["standing_attitude"], consider=[],
-        delay_compensation=None if late is None else SimpleNamespace(**late),
-        sensor_models=SimpleNamespace(**dict.fromkeys((*SENSORS, *DIFFERENCES), "matched")),
-    )  # fmt: skip
-    latency = 1.0 if _lateness(case) else 0.0
-    sensors = {
-        name: SimpleNamespace(measurement=name, latency=latency, at_once=False) for name in SENSORS if name in listed
-    }
-    exact = SimpleNamespace(quantisation=0.0)
-    trajectory = SimpleNamespace(kind="vehicle", pad_hold=60.0)
-    units = tuple(
-        SimpleNamespace(gyro=exact, accel=exact, directions=np.array(unit.get("axes", np.eye(3)), dtype=float))
-        for unit in fields.get("units", [{}])
-    )
-    imu = SimpleNamespace(units=units, weights="random_walk") if "units" in fields else units[0]
-    sensors |= {
-        name: SimpleNamespace(measurement=name, units=(1, 2), at_once=True, latency=0.0)
-        for name in listed
-        if name in DIFFERENCES
-    }
-    found_one = refused(
-        SimpleNamespace(filter=card, imu=imu, control=None, sensors=sensors, faults=(), trajectory=trajectory)
-    )
-    return "" if found_one is None else f"{found_one.path}: {found_one.reason}"
-
-
-def _key(names: list[str], one: tuple[str, str], two: tuple[str, str]) -> tuple[tuple[str, str], tuple[str, str]]:
-    return (one, two) if names.index(one[0]) < names.index(two[0]) else (two, one)
-
-
-def _pairs(names: list[str], case: Case) -> set[tuple[tuple[str, str], tuple[str, str]]]:
-    return {((a, case[a]), (b, case[b])) for a, b in itertools.combinations(names, 2)}
 
 
 def scenario_of(case: Case) -> tuple[Scenario, str, bool]:
@@ -256,7 +58,7 @@ def scenario_of(case: Case) -> tuple[Scenario, str, bool]:
         kind = FROM_PAD + kind
     found = SENSORS | {name: {"kind": name} for name in DIFFERENCES}
     found |= {name: {"name": name, "source": "test"} | card for name, card in ON_PAD.items()}
-    late = _lateness(case)
+    late = lateness(case)
     fields["sensors"] = {
         name: card | (late if name in SENSORS else {}) for name, card in found.items() if name in listed
     }
@@ -276,11 +78,6 @@ _STATES = {
     "stellar_attitude": ["tracker_misalignment", "tracker_low_frequency"],
     "magnetic_field": ["hard_iron"],
 }
-
-
-def _lateness(case: Case) -> dict[str, Any]:
-    """Return the latency of a case's sensors."""
-    return {"latency": SENSOR_LATENCY} if case.get("latency", "none").startswith("buffered") else {}
 
 
 class Verdict(NamedTuple):
