@@ -10,6 +10,7 @@ from lvnav_trade.errors import InputError, writing
 from lvnav_trade.metrics import CSV, METRICS
 from lvnav_trade.report import diagnostics as explained
 from lvnav_trade.report import evidence, flight
+from lvnav_trade.report import models as registered
 from lvnav_trade.report.blocks import Block, Blocks, Picture, Section, Text
 from lvnav_trade.report.escape import csv_text, render, source
 from lvnav_trade.report.summary import summary
@@ -41,12 +42,13 @@ SECTIONS: dict[str, tuple[str, Blocks]] = {
     "motion": ("Rate and acceleration", flight.motion),
     "control": ("The vehicle under control", flight.control),
     "observability": ("Observability", explained.observability),
+    "models": ("What checks these models", registered.models),
     "reproduce": ("How to reproduce", evidence.reproduce),
 }
 """Every section by name, in the order in which they stand unless the campaign says otherwise; one that has nothing to
 show stands on the page only where it was asked for by name.
 """
-_WHERE_ANY = ("spot_check", "transitions", "logic", "motion", "nozzle", "turning")
+_WHERE_ANY = ("spot_check", "transitions", "logic", "motion", "nozzle", "turning", "models")
 """CSV tables that are written only where they have rows."""
 
 
@@ -67,7 +69,7 @@ def build(folder: Path | str, sections: Sequence[str] | None = None) -> Path:
     made = [section for section in made if section.blocks]
     title = str(tables.manifest.get("campaign") or tables.campaign.get("name"))
     asked = str(tables.campaign.get("description") or "")
-    frames = {name: METRICS[name](tables) for name in CSV}
+    frames = {name: METRICS[name](tables) for name in CSV} | {"models": registered.evidence(tables)}
     csv = {f"{name}.csv": csv_text(frame) for name, frame in frames.items() if len(frame) or name not in _WHERE_ANY}
     pages = {"report.html": _html_page(title, asked, made), "report.md": markdown_page(title, asked, made)}
     place.publish("report", {**csv, **pictures(made), **pages})

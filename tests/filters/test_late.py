@@ -80,7 +80,7 @@ def test_between_two_ticks_the_state_moves_with_its_own_acceleration():
     np.testing.assert_array_equal(kept[NAV + Q : NAV + Q + 4], nav[:4])
 
 
-def test_a_solution_carried_on_is_an_euler_step_with_the_covariance_of_equation_7_20():
+def test_an_extrapolated_solution_is_an_euler_step_with_the_covariance_of_equation_7_20():
     rng = np.random.default_rng(2)
     root = rng.standard_normal((9, 9))
     P, base = root @ root.T, np.diag([4.0] * 3 + [0.01] * 3)

@@ -1,0 +1,242 @@
+"""The register of evidence is true: its tests exist, nothing is missing in it, and the report says what is in it."""
+
+from __future__ import annotations
+
+import ast
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+
+from lvnav_trade.campaign.definition.axes import cases
+from lvnav_trade.campaign.reading.load import load, resolved
+from lvnav_trade.campaign.syntax import fields
+from lvnav_trade.filters.base import FilterCard
+from lvnav_trade.report import build, models
+from lvnav_trade.scenario import Scenario
+from lvnav_trade.store import load as results_of
+from lvnav_trade.world.receiver.receiver import ReceiverCard
+from lvnav_trade.world.sensors.imu import AccelCard, GyroCard
+from tests import synthetic
+from tests.building import loaded, with_fields
+from tests.engines.combinations import scenario_of
+from tests.engines.covering import covering, refusal
+
+ROOT = Path(__file__).parents[2]
+REGISTRY = models.registry()
+ENTRIES = {entry["name"]: entry for entry in REGISTRY["model"]}
+CHECKS = [(name, check) for name, entry in ENTRIES.items() for check in entry["checks"]]
+CONDITIONS = {**{name: entry["used"] for name, entry in ENTRIES.items()}, **REGISTRY["where"]}
+
+
+def sets_of(conditions: Any) -> list[dict[str, Any]]:
+    return [conditions] if isinstance(conditions, dict) else list(conditions)
+
+
+def listed(path: str) -> set[Any]:
+    """Return the values that entries name at a path."""
+    found = [one[path] for entry in ENTRIES.values() for one in sets_of(entry["used"]) if path in one]
+    return {value for wanted in found for value in (wanted if isinstance(wanted, list) else [wanted])}
+
+
+# -------------------------------------------------------------------------------------------------- it is well formed
+
+
+@cache
+def functions(file: str) -> set[str]:
+    tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
+    return {node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+
+
+@pytest.mark.parametrize(("name", "check"), CHECKS, ids=[f"{name}-{k}" for k, (name, _) in enumerate(CHECKS)])
+def test_the_test_of_a_check_exists(name, check):
+    file, _, function = check["test"].partition("::")
+    assert function.startswith("test_")
+    assert function in functions(file)
+    assert set(check) == {"by", "shown", "test"}
+    assert check["by"] in REGISTRY["sorts"]
+
+
+def test_every_entry_says_what_it_leaves_out_and_stands_once():
+    assert len(ENTRIES) == len(REGISTRY["model"])
+    for entry in ENTRIES.values():
+        assert set(entry) - {"where"} == {"name", "used", "checks", "omits"}
+        assert entry["omits"].endswith(".")
+    assert set(REGISTRY["sorts"]) == {check["by"] for _, check in CHECKS}
+    assert {entry["where"] for entry in ENTRIES.values() if "where" in entry} == set(REGISTRY["where"])
+
+
+def kinds_at(kind: Any, path: str) -> list[Any]:
+    """Return the annotations at a path of the scenario; `*` is every item, entry or field."""
+    if not path:
+        return [kind]
+    key, _, rest = path.partition(".")
+    inside = fields.entries(kind) or fields.item(kind, 0)
+    if inside is not None and key != "*":
+        return []
+    of_models = [by for model in fields.models(kind) for by in [fields.by_key(model)]]
+    below = [inside] if inside is not None else []
+    if inside is None or key == "*":
+        below += [info.annotation for by in of_models for name, info in by.items() if key in ("*", name)]
+    return [found for one in below for found in kinds_at(one, rest)]
+
+
+def words_of(kind: Any) -> set[Any]:
+    inside = fields.item(kind, 0)
+    return set(fields.literals(kind)) | (set(fields.literals(inside)) if inside is not None else set())
+
+
+@pytest.mark.parametrize("name", CONDITIONS)
+def test_paths_and_values_of_a_condition_are_those_of_a_scenario(name):
+    for one in sets_of(CONDITIONS[name]):
+        for path, wanted in one.items():
+            found = kinds_at(Scenario, path)
+            assert found, path
+            if not isinstance(wanted, bool):
+                known = {word for kind in found for word in words_of(kind)}
+                assert set(wanted if isinstance(wanted, list) else [wanted]) <= known, path
+
+
+# ------------------------------------------------------------------------------------------------- nothing is missing
+
+
+def families(model: Any, path: str = "", seen: set[Any] | None = None) -> dict[str, set[str]]:
+    """Return the words of `kind` of every family of settings, by path."""
+    seen = set() if seen is None else seen
+    if model in seen:
+        return {}
+    seen.add(model)
+    found: dict[str, set[str]] = {}
+    for key, info in fields.by_key(model).items():
+        inside = fields.entries(info.annotation) or fields.item(info.annotation, 0)
+        held, here = (info.annotation, f"{path}{key}.") if inside is None else (inside, f"{path}{key}.*.")
+        members = fields.models(held)
+        if len(set(fields.tags(held))) > 1:
+            found[f"{here}kind"] = set(fields.tags(held))
+        for member in members:
+            found |= families(member, here, seen)
+    return found
+
+
+FAMILIES = families(Scenario)
+
+
+def test_the_families_are_found():
+    assert {"trajectory.kind", "constellation.kind", "sensors.*.kind", "faults.*.kind"} <= set(FAMILIES)
+    assert {"receiver.solution.kind", "atmosphere.troposphere.kind"} <= set(FAMILIES)
+    assert len(FAMILIES["sensors.*.kind"]) == 12
+    assert len(FAMILIES["faults.*.kind"]) == 12
+
+
+@pytest.mark.parametrize("path", FAMILIES)
+def test_every_member_of_a_family_has_an_entry(path):
+    assert FAMILIES[path] == listed(path)
+
+
+def test_every_measurement_has_an_entry():
+    (kind,) = kinds_at(Scenario, "filter.measurements")
+    assert words_of(kind) <= listed("filter.measurements")
+
+
+PLAIN = {
+    # names; rates and sizes of what other entries are about; what a filter assumes of it
+    Scenario: {"filter", "receiver", "imu", "sensors", "faults", "atmosphere", "frame", "diverged"},
+    FilterCard: {"name", "source", "covariance_rate", "update_rate", "imu", "receiver", "initial", "sensor_models",
+                 "envelope", "corrections", "report_imu_samples"},
+    ReceiverCard: {"name", "source", "rate", "multipath_time", "channels", "pseudorange_sigma", "range_rate_sigma",
+                   "clock"},
+    GyroCard: {"instability_time", "full_scale"},
+    AccelCard: {"instability_time", "full_scale"},
+}  # fmt: skip
+PLACES = {
+    Scenario: ("",), FilterCard: ("filter.",), ReceiverCard: ("receiver.",),
+    GyroCard: ("imu.*.", "imu.units.*.*."), AccelCard: ("imu.*.", "imu.units.*.*."),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("card", PLAIN)
+def test_every_field_of_the_main_cards_has_an_entry_or_is_plain(card):
+    for place in PLACES[card]:
+        named = {key for key in fields.by_key(card) if listed(f"{place}{key}") or listed(f"{place}{key}.kind")}
+        assert set(fields.by_key(card)) - named == PLAIN[card], place
+
+
+# ------------------------------------------------------------------------------------------------ entries are in use
+
+
+PATCH = {"name": "patch", "pattern": {"kind": "table", "angle": ["0 deg", "90 deg"], "gain": ["3 dBi", "-3 dBi"]}}
+PORT = {"kind": "barometer", "name": "port", "source": "test", "sigma": "20 Pa", "highest": "20 km"}
+OF_TESTS = (
+    # tests of the sky, of delays, of cards and of linear covariance fly these; no campaign that is shipped does
+    {"constellation": {"kind": "almanac", "almanac": "current.alm"}},
+    {"constellation": {"kind": "rinex", "rinex": "brdc.nav"}},
+    {"receiver.antennas": [PATCH]},
+    {"atmosphere": {"troposphere": {"kind": "ray_traced", "profile": {"kind": "bean_thayer"}}}},
+    {"atmosphere": {"troposphere": {"kind": "ray_traced", "profile": {"kind": "exponential"}}}},
+    {"sensors": {"port": PORT}, "filter.measurements": ["pseudorange", "pressure_altitude"]},
+    {"imu.gyro.quantisation": "1e-6 rad", "filter.update": "joseph", "filter.gate": 4.0, "filter.gravity": "j2"},
+)
+
+
+@cache
+def flown() -> list[dict[str, Any]]:
+    """Return the scenarios of the shipped campaigns and of the combination matrix, as nested data."""
+    shipped = [path for path in sorted((ROOT / "campaigns").rglob("*.yaml")) if path.name != "study.yaml"]
+    found = [case.scenario for path in shipped for case in cases(load(path))]
+    found += [scenario_of(case)[0] for case in covering() if not refusal(case)]
+    found += [with_fields(loaded(), **fields) for fields in OF_TESTS]
+    return [scenario.model_dump(mode="json") for scenario in found]
+
+
+@pytest.mark.parametrize("name", ENTRIES)
+def test_an_entry_is_used_by_a_shipped_campaign_or_a_scenario_of_the_tests(name):
+    assert any(models.is_used(ENTRIES[name], scenario) for scenario in flown())
+
+
+# ------------------------------------------------------------------------------------------------------- on the page
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    axes = "axes=[{path: imu, cards: [imu/tactical_fog, imu/navigation_matched], labels: [fine, coarse]}]"
+    campaign = load("campaigns/smoke.yaml", [axes, "faults=[{kind: clock_jump, start: 10 s, size: 3 m}]"])
+    folder = tmp_path_factory.mktemp("models") / "results"
+    return build(synthetic.results(folder, n_run=40, campaign=resolved(campaign)))
+
+
+def test_the_page_has_a_row_for_each_model_in_use_and_for_no_other(page):
+    text = (page.parent / "report.md").read_text(encoding="utf-8").partition("## What checks these models")[2]
+    rows = {line.split("|")[1].strip() for line in text.partition("\n## ")[0].splitlines() if line.startswith("| ")}
+    found = list(models.scenarios(results_of(page.parent)).values())
+    used = {name for name, entry in ENTRIES.items() if any(models.is_used(entry, one) for one in found)}
+    assert rows - {"model", "---"} == used
+    assert {"Strapdown", "Pseudorange and range rate", "Fault: jump of the receiver's clock", "No troposphere"} <= used
+    assert not used & {"Star tracker", "Stored gains", "Several inertial units", "Solution: stated noise"}
+
+
+def test_the_csv_table_has_every_check_with_its_test(page):
+    frame = pd.read_csv(page.parent / "models.csv", keep_default_na=False)
+    strapdown = frame[frame.model == "Strapdown"]
+    assert list(strapdown.test) == [check["test"] for check in ENTRIES["Strapdown"]["checks"]]
+    assert set(frame[frame.model == "IMU: g-sensitivity"].cases) == {"imu=fine"}
+    assert set(strapdown.cases) == {"all"}
+
+
+def test_a_model_that_nothing_checks_is_said_so(page, monkeypatch):
+    entry = {"name": "Phlogiston", "used": {}, "checks": [], "omits": "Everything."}
+    monkeypatch.setattr(models, "registry", lambda: {**REGISTRY, "model": [entry]})
+    (_, table) = models.models(results_of(page.parent))
+    assert table.rows == (("Phlogiston", "Nothing independent.", "Everything."),)
+
+
+@pytest.mark.parametrize(
+    ("value", "wanted"),
+    [("0.0 rad", False), ("0.1 deg", True), (["0.0 m", "0.0 m"], False), (["0.0 m", "1.0 m"], True), (None, False),
+     ({}, False), ("stage1_cutoff", True), (0, False), (3, True), (False, False), ({"sigma": "0 m"}, True)],
+)  # fmt: skip
+def test_true_stands_for_anything_but_nothing_zero_empty_and_false(value, wanted):
+    entry = {"used": {"field": True}}
+    assert models.is_used(entry, {"field": value}) is wanted
+    assert models.is_used({"used": {"field": False}}, {"field": value}) is not wanted
