@@ -73,12 +73,14 @@ class Results:
 
 
 def check(campaign: str | Path, sets: Sequence[str] = ()) -> Campaign:
-    """Return the campaign of a file after every check that needs no flight, and those that need its trajectories.
+    """Return the campaign of a file after every check that needs no run: those of its trajectories too, and that
+    whatever it states has an effect on a case.
 
     InputError: one line per mistake.
     """
     found = load_campaign(campaign, sets)
     _events(found)
+    execute.check_effect(found, cases(found), work.ENGINE)
     return found
 
 

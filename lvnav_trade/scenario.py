@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
@@ -191,37 +191,57 @@ def _with_differences(model: ImuModel, scenario: Scenario) -> ImuModel:
     return model.model_copy(update=found)
 
 
-def _matched_receiver(scenario: Scenario) -> ReceiverModel:
-    """Take every number from the truth; what several causes put into a range of its own is one bias, as slow as the
-    largest of them.
+class _Matched:
+    """A filter model that takes its numbers from the truth, each when it is asked for: nothing is read without need."""
+
+    def __init__(self, **numbers: Callable[[], Any]) -> None:
+        self._numbers = numbers
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_") or name not in self._numbers:
+            raise AttributeError(name)
+        return self._numbers[name]()
+
+
+def _matched_receiver(scenario: Scenario) -> Any:
+    """Return a `ReceiverModel` that takes every number from the truth; what several causes put into a range of its own
+    is one bias, as slow as the largest of them. A receiver that solves reports the covariance of its solutions.
     """
-    receiver, air = scenario.receiver, scenario.atmosphere
-    solution = receiver.solution if isinstance(receiver.solution, DirectSolution) else None
-    parts = parts_of(scenario.constellation)
-    biases = [(p.range_error, p.range_error_time) for p in parts] + [(receiver.multipath, receiver.multipath_time)]
-    largest = max(((p.time_offset, p.time_offset_time) for p in parts), key=lambda pair: pair[0])
-    return ReceiverModel.model_construct(
-        pseudorange_sigma=receiver.pseudorange_sigma,
-        range_rate_sigma=receiver.range_rate_sigma,
-        # a receiver that solves tells the covariance of each of its solutions
-        position_sigma=solution.position_sigma if solution else 0.0,
-        velocity_sigma=solution.velocity_sigma if solution else 0.0,
-        clock_h0=receiver.clock.h0,
-        clock_h_minus2=receiver.clock.h_minus2,
-        range_bias=math.hypot(max(sigma for sigma, _ in biases[:-1]), receiver.multipath),
-        range_bias_time=max(biases, key=lambda pair: pair[0])[1],
-        time_offset=largest[0],
-        time_offset_time=largest[1],
-        troposphere_scale=air.troposphere_scale,
-        troposphere_scale_time=air.troposphere_scale_time,
-        ionosphere_scale=air.ionosphere_scale,
-        ionosphere_scale_time=air.ionosphere_scale_time,
-        timing=receiver.latency_error,
-        timing_time=None,
-        position_bias=solution.position_bias if solution else 0.0,
-        position_bias_time=solution.bias_time if solution else None,
-        velocity_bias=solution.velocity_bias if solution else 0.0,
-        velocity_bias_time=solution.bias_time if solution else None,
+    receiver, air, parts = scenario.receiver, scenario.atmosphere, parts_of(scenario.constellation)
+
+    def largest(*pairs: tuple[float, float | None]) -> tuple[float, float | None]:
+        return max(pairs, key=lambda pair: pair[0])
+
+    def offset() -> tuple[float, float | None]:
+        return largest(*((part.time_offset, part.time_offset_time) for part in parts))
+
+    def of_solution(name: str, otherwise: float | None) -> Callable[[], Any]:
+        return lambda: getattr(receiver.solution, name) if isinstance(receiver.solution, DirectSolution) else otherwise
+
+    return _Matched(
+        pseudorange_sigma=lambda: receiver.pseudorange_sigma,
+        range_rate_sigma=lambda: receiver.range_rate_sigma,
+        position_sigma=of_solution("position_sigma", 0.0),
+        velocity_sigma=of_solution("velocity_sigma", 0.0),
+        clock_h0=lambda: receiver.clock.h0,
+        clock_h_minus2=lambda: receiver.clock.h_minus2,
+        range_bias=lambda: math.hypot(max(part.range_error for part in parts), receiver.multipath),
+        range_bias_time=lambda: largest(
+            *((part.range_error, part.range_error_time) for part in parts),
+            (receiver.multipath, receiver.multipath_time),
+        )[1],
+        time_offset=lambda: offset()[0],
+        time_offset_time=lambda: offset()[1],
+        troposphere_scale=lambda: air.troposphere_scale,
+        troposphere_scale_time=lambda: air.troposphere_scale_time,
+        ionosphere_scale=lambda: air.ionosphere_scale,
+        ionosphere_scale_time=lambda: air.ionosphere_scale_time,
+        timing=lambda: receiver.latency_error,
+        timing_time=lambda: None,
+        position_bias=of_solution("position_bias", 0.0),
+        position_bias_time=of_solution("bias_time", None),
+        velocity_bias=of_solution("velocity_bias", 0.0),
+        velocity_bias_time=of_solution("bias_time", None),
     )
 
 
@@ -234,7 +254,12 @@ def filter_models(scenario: Scenario) -> tuple[ImuModel, ReceiverModel, InitialM
     receiver = _matched_receiver(scenario) if isinstance(card.receiver, str) else card.receiver
     if isinstance(card.initial, str):
         start = InitialModel.model_construct(
-            **initial.model_dump(), clock_bias=clock.initial_bias, clock_drift=clock.initial_drift
+            tilt=initial.tilt,
+            heading=initial.heading,
+            position=initial.position,
+            velocity=initial.velocity,
+            clock_bias=clock.initial_bias,
+            clock_drift=clock.initial_drift,
         )
     else:
         start = card.initial

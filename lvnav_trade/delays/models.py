@@ -1,7 +1,6 @@
 """Delays of the models on arrays of epochs and satellites; those of traced rays from a table, computed once."""
 
-from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.interpolate import RectBivariateSpline
@@ -11,6 +10,7 @@ from lvnav_trade.kernels.earth import ECCENTRICITY_2, SEMI_MINOR
 from lvnav_trade.kernels.media import ionosphere, refractivity, troposphere
 from lvnav_trade.kernels.media.ionosphere import DISPERSION, L1
 from lvnav_trade.kernels.media.refractivity import EARTH_RADIUS, lowest_height, ray
+from lvnav_trade.reads import remembered
 from lvnav_trade.records import Floats
 
 BOTTOM, TOP = -1e3, 120e3  # m: below, the value at the bottom holds; above, a ray that does not dip has no delay
@@ -95,9 +95,14 @@ def profile(card: cards.RefractivityProfile) -> refractivity.Profile:
     return refractivity.sampled(lambda h: refractivity.exponential_refractivity(h, card.surface, card.scale_height))
 
 
-@lru_cache(maxsize=8)
 def table(card: cards.RayTracedTroposphere) -> tuple[RectBivariateSpline, RectBivariateSpline]:
-    """Return the table of a model; half a second once, then remembered.
+    """Return the table of a model; half a second once, then remembered."""
+    return _table(card, card)
+
+
+@remembered(8)
+def _table(_: cards.RayTracedTroposphere, card: cards.RayTracedTroposphere) -> tuple[Any, Any]:
+    """Return the table of a model.
 
     Splines of ln(delay): over height and elevation upwards, over lowest height and distance to it downwards. Both have
     the same heights along one axis and the same rays at elevation zero, so that they meet there.

@@ -267,19 +267,6 @@ class FilterCard(Card):
             raise ValueError(f"{', '.join(both)}: neglected and considered, choose one")
         if self.logic is not None and self.logic.correct_after > 0.0 and self.feedback == "closed":
             raise ValueError("logic.correct_after delays the outputs of an open loop: it needs feedback: open")
-        for name in type(self.sensor_models).model_fields:
-            model = getattr(self.sensor_models, name)
-            if isinstance(model, str):
-                continue
-            if name not in self.measurements:
-                raise ValueError(f"sensor_models.{name}: {name} is not among the measurements")
-            if model.latency > 0.0 and self.delay_compensation is None:
-                raise ValueError(f"sensor_models.{name}.latency: without delay_compensation nothing is compensated")
-            for field, state in model.states.items():
-                if getattr(model, field) > 0.0 and state.name not in (*self.extra_states, *self.consider):
-                    raise ValueError(f"sensor_models.{name}.{field}: {state.name} is not among the extra states")
-        if self.envelope is not None and not self.models_vehicle:
-            raise ValueError("envelope: only a filter with imu among its measurements models the vehicle")
         if self.strapdown_rate is not None and self.models_vehicle:
             raise ValueError("strapdown_rate: a filter with imu among its measurements takes every sample")
         return self

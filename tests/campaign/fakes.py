@@ -49,11 +49,14 @@ class Fake:
     def engine(self) -> Engine:
         return Engine(
             self.events, self.prepare, self.run_block, self.covariance, self.summarise, self.nothing, self.explain,
-            self.beyond, self.nothing, self.nothing,
+            self.beyond, self.nothing, self.nothing, self.used,
         )  # fmt: skip
 
     def nothing(self, *_: Any) -> None:
         """Compile nothing, draw nothing."""
+
+    def used(self, prepared: Any, read: Any) -> None:
+        """Know of no effect."""
 
     def beyond(self, requirements: Any, case: str, prepared: Any, covariance: CovHistory, summary: Any) -> Any:
         """Every fourth run of the unit called poor is beyond its bounds, none of the good one."""

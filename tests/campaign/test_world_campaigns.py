@@ -34,6 +34,13 @@ def name(path: Path) -> str:
     return path.stem
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("path", FILES, ids=name)
+def test_whatever_a_campaign_states_has_an_effect(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert api.check(path).name == path.stem
+
+
 @pytest.mark.parametrize("path", FILES, ids=name)
 def test_every_campaign_is_well_put(path: Path, tmp_path: Path) -> None:
     campaign = load(path)

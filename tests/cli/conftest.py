@@ -19,7 +19,10 @@ def events(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, float]:
     def none(*_: object) -> None:
         raise AssertionError("nothing should be computed")
 
-    monkeypatch.setattr(work, "ENGINE", Engine(lambda scenario: times, *[none] * 9))
+    def nothing(*_: object) -> None:
+        """Prepare nothing, and know of no effect."""
+
+    monkeypatch.setattr(work, "ENGINE", Engine(lambda scenario: times, nothing, *[none] * 8, nothing))
     return times
 
 

@@ -24,13 +24,16 @@ COMMON: dict[str, Any] = {
     "keep": {"history": "20 s"},
 }
 _FROM = {"start": "stage1_cutoff", "duration": "30 s"}
+_RANGE_FAULTS: list[list[dict[str, Any]]] = [
+    [{"kind": "range_bias", "size": "50 m", "drift": "1 m/s", **_FROM}],
+    [{"kind": "clock_jump", "size": "100 m", "start": "stage1_cutoff"}],
+]
 _FAULTS: list[list[dict[str, Any]]] = [
     [],
     [{"kind": "satellite_outage", "keep": 0, **_FROM}],
     [{"kind": "antenna_failure", "antennas": [1, 3, 4], **_FROM}],
     [{"kind": "degraded_noise", "factor": 5, **_FROM}],
-    [{"kind": "range_bias", "size": "50 m", "drift": "1 m/s", **_FROM}],
-    [{"kind": "clock_jump", "size": "100 m", "start": "stage1_cutoff"}],
+    *_RANGE_FAULTS,
     [{"kind": "latency_change", "by": "20 ms", **_FROM}],
     [{"kind": "gyro_bias_step", "size": ["20 deg/h"] * 3, **_FROM}],
     [{"kind": "accel_bias_step", "size": ["5 mg"] * 3, **_FROM}],
@@ -40,7 +43,12 @@ _SOLUTION_FAULTS: list[list[dict[str, Any]]] = [
     [{"kind": "wild_samples", "sigma": "50 m", **_FROM}],
     [{"kind": "frozen_output", "start": "stage1_cutoff", "duration": "3 s"}],
 ]
-_LATE = {"card": "receivers/l1_two_metre", "latency": "100 ms", "latency_per_satellite": "10 ms"}
+_LATE = {
+    "card": "receivers/l1_two_metre",
+    "latency": "100 ms",
+    "latency_per_satellite": "10 ms",
+    "latency_error": "1 ms",
+}
 _FILTERED = {"kind": "filtered", "range_sigma": "2 m", "rate_sigma": "0.1 m/s", "clock_noise": "0.005 m/s^2"}
 _RECOVERY = {
     "trajectory": "trajectories/recovery_polar",
@@ -68,7 +76,7 @@ CAMPAIGNS: dict[str, dict[str, Any]] = {
     "faults of signals": {"base": {"receiver": "receivers/l1_four_patch"}, "axes": _axis("faults", _FAULTS)},
     "faults of solutions": {
         "base": {"receiver": "receivers/l1_four_patch", "filter": "filters/loose"},
-        "axes": _axis("faults", _FAULTS + _SOLUTION_FAULTS),
+        "axes": _axis("faults", [one for one in _FAULTS if one not in _RANGE_FAULTS] + _SOLUTION_FAULTS),
     },
     "late ranges": {
         "base": {"receiver": _LATE},

@@ -18,10 +18,8 @@ def test_the_defaults_are_those_of_section_2_3():
     assert (card.before_change, card.after_change) == (1.0, 2.0)
 
 
-def test_only_a_filter_with_a_model_of_the_vehicle_has_an_envelope():
+def test_an_envelope_changes_what_it_names():
     assert FilterCard(measurements=MODELLED, envelope={"burn": "1 rad/s^2"}, **BASE).envelope.burn == 1.0
-    with pytest.raises(ValueError, match="envelope: only a filter with imu among its measurements"):
-        FilterCard(measurements=["position", "velocity"], envelope={}, **BASE)
 
 
 def test_a_filter_that_measures_every_sample_has_no_strapdown_rate():

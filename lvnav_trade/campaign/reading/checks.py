@@ -1,7 +1,7 @@
 """What must fit together before anything is flown: rates, noise, the reporting frame, names of cases, axes, levels."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -63,11 +63,7 @@ def measurements(scenario: Scenario, base: Node) -> Iterator[Mistake]:
 
 
 def requirements(campaign: Campaign, root: Node) -> Iterator[Mistake]:
-    """Yield the requirements that name an axis which the reporting frame does not have, or share a name; and a
-    campaign that would stop by requirements and has none.
-    """
-    if campaign.monte_carlo is not None and campaign.monte_carlo.stop and not campaign.requirements:
-        yield mistake_at(root, "monte_carlo.stop", "there is no requirement that could be decided")
+    """Yield the requirements that name an axis which the reporting frame does not have, or share a name."""
     known = FRAME_AXES[campaign.base.frame]
     names = [requirement.name for requirement in campaign.requirements]
     for index, (name, requirement) in enumerate(zip(names, campaign.requirements, strict=True)):
@@ -77,6 +73,31 @@ def requirements(campaign: Campaign, root: Node) -> Iterator[Mistake]:
             yield mistake_at(root, f"requirements.{index}.metric", message)
         if name in names[:index]:
             yield mistake_at(root, f"requirements.{index}.name", f"{name!r} stands twice")
+
+
+_WITHOUT: tuple[tuple[str, Callable[[Campaign], bool], str], ...] = (
+    (
+        "monte_carlo.stop",
+        lambda c: c.monte_carlo is not None and c.monte_carlo.stop is not None and not c.requirements,
+        "there is no requirement that could be decided",
+    ),
+    (
+        "covariance.window",
+        lambda c: c.covariance.window is not None and not c.covariance.observability,
+        "no effect: observability is off",
+    ),
+    ("design", lambda c: c.design != "grid" and not c.axes, "no effect: the campaign has no axes"),
+)
+"""The campaign's own settings that mean nothing without another: path, whether it is so, message. Reading does not show
+it: they are read once runs have been flown.
+"""
+
+
+def without_effect(campaign: Campaign, root: Node) -> Iterator[Mistake]:
+    """Yield the campaign's own settings that have no effect."""
+    for path, applies, message in _WITHOUT:
+        if applies(campaign):
+            yield mistake_at(root, path, message)
 
 
 def statements(campaign: Campaign, root: Node) -> Iterator[Mistake]:

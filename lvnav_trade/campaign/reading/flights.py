@@ -1,4 +1,4 @@
-"""What shows once flights are known: events, faults, phases, sensors without effect; the flight of a card alone."""
+"""What shows once flights are known: events, faults, phases, sensors; the flight of a card alone."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
@@ -17,10 +17,8 @@ from lvnav_trade.campaign.reading.explain import explain
 from lvnav_trade.campaign.syntax import fields, tree
 from lvnav_trade.campaign.syntax.cards import Shelf, nowhere
 from lvnav_trade.errors import InputError, Mistake
-from lvnav_trade.layout import EXTRAS
-from lvnav_trade.observables.partials import Channels, members
-from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS, SENSOR_STATES
-from lvnav_trade.scenario import Scenario, measured, sensor_model, sensors_used
+from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS
+from lvnav_trade.scenario import Scenario, measured
 from lvnav_trade.world.faults import AnyFault, missing_antenna, missing_satellite
 from lvnav_trade.world.flight.trajectory import TrajectoryCard, build, identity, motion
 from lvnav_trade.world.sky.satellites import satellites
@@ -28,15 +26,14 @@ from lvnav_trade.world.sky.satellites import satellites
 
 def mistakes(campaign: Campaign, cases: Sequence[Case], events: Mapping[str, Mapping[str, float]]) -> list[Mistake]:
     """Return what does not fit the flights of the cases: statements on events that they do not have, phases without
-    length, faults and sensors outside them, and sensors, measurements and states without effect.
+    length, faults and sensors outside them, and measurements that no sensor gives.
 
     `events` holds for each case digest the times (s) of its trajectory's events in time order.
     """
     found = chain(
         *(_named(campaign, case, events[case.id]) for case in cases),
-        *(_states(campaign, case) for case in cases),
         *(_windows(campaign, case, events[case.id]) for case in cases),
-        _idle(campaign, cases),
+        _unmeasured(campaign, cases),
     )
     return list(dict.fromkeys(found))
 
@@ -145,46 +142,13 @@ def _sensors(cases: Sequence[Case]) -> Iterator[tuple[str, list[Case], list[Case
         yield name, used[True], used[False]
 
 
-def _idle(campaign: Campaign, cases: Sequence[Case]) -> Iterator[Mistake]:
-    """Yield the sensors that no case uses, and the measurements whose sensor is null in every case."""
-    for name, using, idle in _sensors(cases):
-        if idle and not using:
-            measurement = idle[0].scenario.sensors[name].measurement  # type: ignore[union-attr]
-            message = f"no effect: {measurement} is not among the measurements of any filter"
-            yield written(campaign, idle[0], f"base.sensors.{name}", message)
+def _unmeasured(campaign: Campaign, cases: Sequence[Case]) -> Iterator[Mistake]:
+    """Yield the measurements whose sensor is null in every case."""
     for name in SENSOR_MEASUREMENTS:
         listing = [case for case in cases if name in case.scenario.filter.measurements]
         if listing and not any(name in measured(case.scenario) for case in listing):
             message = f"no sensor of the scenario measures {name} in any case"
             yield written(campaign, listing[0], "base.filter.measurements", message)
-
-
-def _lasting(scenario: Scenario) -> set[str]:
-    """Return the states for lasting errors of the sensors that a filter uses, of those whose sigma it does not take for
-    zero.
-    """
-    used = ((card, sensor_model(scenario, card)) for card in sensors_used(scenario).values())
-    return {model.states[error.field].name for card, model in used for error in card.lasting()
-            if error.field in model.states and getattr(model, error.field) > 0.0}  # fmt: skip
-
-
-def _states(campaign: Campaign, case: Case) -> Iterator[Mistake]:
-    """Yield the extra states that no measurement of the filter depends on."""
-    card = case.scenario.filter
-    for field in ("extra_states", "consider"):
-        for name in getattr(card, field):
-            absent = None in case.scenario.sensors.values()  # where a sensor is null the filter does without its states
-            if name in SENSOR_STATES and not absent and name not in _lasting(case.scenario):
-                yield written(campaign, case, f"base.filter.{field}", f"{name}: no sensor has such an error")
-    if not any(name in EXTRAS for name in (*card.extra_states, *card.consider)):
-        return
-    known = satellites(case.scenario.constellation, case.scenario.trajectory.epoch)
-    channels = Channels(card.tight, known.names, known.systems, (True,) * len(known.names))
-    for field in ("extra_states", "consider"):
-        for name in getattr(card, field):
-            if name in EXTRAS and not ((card.tight or card.loose) and members(name, channels)[0]):
-                message = f"{name}: no measurement of the filter depends on it"
-                yield written(campaign, case, f"base.filter.{field}", message)
 
 
 def _windows(campaign: Campaign, case: Case, events: Mapping[str, float]) -> Iterator[Mistake]:

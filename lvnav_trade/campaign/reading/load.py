@@ -67,7 +67,6 @@ class _Loader:
             self._raise()
         self.root, in_sets = splice(self.root, self.shelf)
         self.mistakes += in_sets
-        self._refuse_unused(axes)
         root = self._expand(self._with_base_from(axes), Campaign, "")
         found = self._validate(root, Campaign, "")
         base = root.value["base"]
@@ -78,13 +77,24 @@ class _Loader:
         whole = found.model_copy(update={"axes": tuple(whole_axes)})
         self._check_cases(base, axes, levels)
         self._raise()
-        self.mistakes += [*checks.requirements(whole, root), *checks.equal_cases(whole.design, whole.axes, self.root)]
+        self.mistakes += [*checks.requirements(whole, root), *checks.without_effect(whole, root)]
+        self.mistakes += checks.equal_cases(whole.design, whole.axes, self.root)
         if is_narrowed:
             whole = checks.narrowed(whole)
         self.mistakes += checks.statements(whole, root)
         self._raise()
-        whole._written = tree.Written(root)
+        whole._written = self._written(root, axes, levels)
         return whole
+
+    def _written(self, root: tree.Node, axes: list[Varied], levels: list[list[tree.Node]]) -> tree.Written:
+        """Return the expanded tree, the levels of the axes, and the paths at which an axis filled the base."""
+        paths = [varied.axis.steps for varied in axes]
+        filled = [".".join(path) for path in paths if tree.find(self.root, ["base", *path]) is None]
+        placed = [
+            [(node, level.place) for node, level in zip(nodes, varied.levels, strict=True)]
+            for nodes, varied in zip(levels, axes, strict=True)
+        ]
+        return tree.Written(root, placed, filled)
 
     def _raise(self) -> None:
         refuse_all(sorted(dict.fromkeys(self.mistakes), key=lambda record: (record.file, record.line, record.column)))
@@ -121,18 +131,6 @@ class _Loader:
                 message = _no_field(axis.path, Scenario, axis.steps[0], tree.hint(axis.path, Scenario.model_fields))
                 self.mistakes.append(tree.mistake_at(self.root, f"axes.{index}.path", message))
         return found
-
-    def _refuse_unused(self, axes: list[Varied]) -> None:
-        """Note the fields of a card that the base changes and no case has: an axis puts another card in its place."""
-        for axis, _ in axes if self.design != "one_at_a_time" else ():  # its first case is the base
-            path = ["base", *axis.steps]
-            node = tree.find(self.root, path)
-            if node is None or not node.is_map or "card" not in node.value:
-                continue
-            message = f"no case has it: the axis {quoted(axis.path)} replaces it; write it in the axis's values"
-            for key, where in node.keys.items():
-                if key != "card":
-                    self.mistakes.append(tree.mistake(where, ".".join((*path, key)), message))
 
     def _with_base_from(self, axes: list[Varied]) -> tree.Node:
         """Return the tree in which the first level of an axis stands in for a field that the base leaves out."""
@@ -227,15 +225,12 @@ def _no_field(path: str, kind: Any, key: str, near: str) -> str:
     return f"{quoted(path)}: {old}" if old else f"{quoted(path)} is not a field of the base{near}"
 
 
-_HERE = "--set"
-
-
 def apply(root: tree.Node, assignment: str, shelf: Shelf) -> tree.Node:
     """Return the campaign's tree with one assignment laid on top; InputError where it has no sense."""
     text, equals, value = assignment.partition("=")
     if not equals or not text.strip():
-        raise InputError(f"{_HERE} {quoted(assignment)}: should be path=value, such as monte_carlo.runs=500")
-    path = full_path(text.strip(), _HERE)
+        raise InputError(f"{tree.HERE} {quoted(assignment)}: should be path=value, such as monte_carlo.runs=500")
+    path = full_path(text.strip(), tree.HERE)
     _refuse_varied(root, path)
     return _set(root, path, _value(value, path), Campaign, shelf, "")
 
@@ -253,11 +248,11 @@ def full_path(text: str, where: str) -> list[str]:
 
 def _value(text: str, path: list[str]) -> tree.Node:
     """Return the YAML value of an assignment, standing nowhere in a file."""
-    where = nowhere(_HERE)
+    where = nowhere(tree.HERE)
     if not text.strip():
         raise tree.refuse(where, ".".join(path), "has no value after '='")
     try:
-        return tree.from_plain(tree.plain(tree.parse(text, _HERE, where.folder)), where)
+        return tree.from_plain(tree.plain(tree.parse(text, tree.HERE, where.folder)), where)
     except InputError as error:
         raise tree.refuse(where, ".".join(path), f"{quoted(text)}: {error.records[0].message}") from None
 
@@ -272,7 +267,7 @@ def _refuse_varied(root: tree.Node, path: list[str]) -> None:
         steps = str(varied.value).removeprefix("base.").split(".") if varied else []
         if steps and steps == path[1 : 1 + len(steps)]:
             message = f"is varied by axis {index} ({varied.value if varied else ''}); set axes.{index} instead"
-            raise tree.refuse(nowhere(_HERE), ".".join(path), message)
+            raise tree.refuse(nowhere(tree.HERE), ".".join(path), message)
 
 
 def _set(node: tree.Node, path: list[str], value: tree.Node, kind: fields.Kind, shelf: Shelf, at: str) -> tree.Node:

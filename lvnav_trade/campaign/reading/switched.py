@@ -1,4 +1,4 @@
-"""Conditions of faults and sensors beside the flights of their cases: what holds at no time, or has no effect."""
+"""Conditions of faults and sensors beside the flights of their cases: what holds at no time."""
 
 from collections.abc import Iterator, Mapping
 
@@ -9,9 +9,9 @@ from lvnav_trade.engines.setup.sensors import view_of
 from lvnav_trade.errors import InputError
 from lvnav_trade.observables.ground import StationCard
 from lvnav_trade.observables.sensor import SensorCard
-from lvnav_trade.scenario import Scenario, solves
+from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.conditions import BOUNDS, ELEVATIONS, Conditions, Course, inside, never
-from lvnav_trade.world.faults import AnyFault, DegradedNoise, WildSamples, periods
+from lvnav_trade.world.faults import AnyFault, periods
 
 Found = Iterator[tuple[str, str]]
 """Field and message of each mistake."""
@@ -44,9 +44,6 @@ def of_fault(fault: AnyFault, scenario: Scenario, events: Mapping[str, float]) -
     yield from conditions
     if fault.start is not None and not conditions:
         yield from _timed(fault, fault.start, course)
-    simulated = scenario.filter.loose and not solves(scenario)
-    if simulated and isinstance(fault, DegradedNoise | WildSamples) and fault.by_elevation:
-        yield fault.by_elevation[0], "no effect: the receiver's solution is simulated, not solved from ranges"
 
 
 def _course(conditions: Conditions, scenario: Scenario, events: Mapping[str, float]) -> Course:

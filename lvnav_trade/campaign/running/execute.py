@@ -17,6 +17,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading import flights
+from lvnav_trade.campaign.reading.effect import Effects
 from lvnav_trade.campaign.reading.load import resolved
 from lvnav_trade.campaign.running import work
 from lvnav_trade.campaign.running.lock import locked
@@ -25,6 +26,7 @@ from lvnav_trade.campaign.running.progress import Progress
 from lvnav_trade.campaign.running.provenance import manifest, without_folders
 from lvnav_trade.campaign.running.stopping import Stopping
 from lvnav_trade.campaign.running.work import Answer, Done, Job
+from lvnav_trade.engines.analysis.effect import Used
 from lvnav_trade.errors import InputError, refuse_all, system_message
 from lvnav_trade.store import scratch
 from lvnav_trade.store.contents import owned
@@ -75,8 +77,22 @@ def check_flight(
         for record in flights.located(campaign, case, events[key].records)
     ]
     times = {case.id: events[_flight_of(case)] for case in found}
-    refuse_all(grounded or flights.mistakes(campaign, found, times))
+    refuse_all(grounded or [*flights.mistakes(campaign, found, times), *Effects(campaign, found).mistakes({})])
     return times
+
+
+def check_effect(campaign: Campaign, found: Sequence[Case], engine: work.Engine) -> None:
+    """Refuse what the campaign states and no case reads: as many cases are put together as it takes to see that each
+    statement is read in one of them.
+    """
+    effects = Effects(campaign, found)
+    known: dict[str, Used | None] = {}
+    while (case := effects.next(known)) is not None:
+        try:
+            _, known[case.id] = work.prepared_with(engine, case, campaign.keep.history)
+        except InputError as error:
+            raise InputError(records=flights.located(campaign, case, error.records)) from None
+    refuse_all(effects.mistakes(known))
 
 
 def _flight_of(case: Case) -> str:
@@ -222,8 +238,10 @@ class _Run:
             self.watch.advance(1)
             if one.error:
                 self._fail(f"{self.labels[one.case]}: linear covariance: {one.error}", lost=True)
-            if len(found) == len(self.cases) and on_answers is not None:
-                on_answers([found[case.id] for case in self.cases], self.cases)
+            if len(found) == len(self.cases):
+                refuse_all(Effects(self.campaign, self.cases).mistakes({key: one.used for key, one in found.items()}))
+                if on_answers is not None:
+                    on_answers([found[case.id] for case in self.cases], self.cases)
         return [found[case.id] for case in self.cases]
 
     def _per_case(self, name: str, function: Any, units: Sequence[Any], what: str) -> set[str]:

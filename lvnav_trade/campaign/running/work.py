@@ -10,7 +10,7 @@ import signal
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
@@ -22,6 +22,7 @@ from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.running import stopping
 from lvnav_trade.campaign.running.plan import Block
+from lvnav_trade.engines.analysis import effect
 from lvnav_trade.engines.analysis import explain as explained
 from lvnav_trade.engines.lincov import history as lincov
 from lvnav_trade.engines.setup import starts
@@ -29,6 +30,7 @@ from lvnav_trade.engines.setup.prepare import prepare, trajectory_of
 from lvnav_trade.engines.setup.recorded import table_of
 from lvnav_trade.engines.simulate import montecarlo, statistics
 from lvnav_trade.errors import InputError, Mistake
+from lvnav_trade.reads import recorded
 from lvnav_trade.records import Asked, CovHistory, Output
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.steering import nozzle
@@ -47,7 +49,8 @@ class Engine(NamedTuple):
     explain(scenario, prepared, covariance, asked) what is behind the covariance;
     beyond(requirements, case, prepared, covariance, summary) how many runs of a block do not keep each requirement;
     starts(prepared, seed, n) what the first n runs draw once; control(scenario, seed, n) the missions of n runs of a
-    vehicle under control, None without one.
+    vehicle under control, None without one; used(prepared, paths that were read while it was prepared) what has an
+    effect on it, None where that is not known.
     """
 
     events: Callable[[Scenario], dict[str, float]]
@@ -60,6 +63,7 @@ class Engine(NamedTuple):
     beyond: Callable[..., stopping.Counts]
     starts: Callable[[Any, int, int], Any]
     control: Callable[[Scenario, int, int], Any]
+    used: Callable[[Any, Collection[str]], effect.Used | None]
 
 
 def _events(scenario: Scenario) -> dict[str, float]:
@@ -87,6 +91,7 @@ def _about(path: str) -> Iterator[None]:
 ENGINE = Engine(
     _events, prepare, montecarlo.run_block, lincov.covariance, statistics.summarise, montecarlo.compile_kernels,
     explained.explain, stopping.beyond, starts.start_draws, nozzle.controlled,
+    effect.used,
 )  # fmt: skip
 
 
@@ -130,6 +135,7 @@ class Answer(NamedTuple):
     rows: tuple[tuple[str, float, float, str], ...] = ()  # quantity, true, formal, unit
     error: str = ""
     mistakes: tuple[Mistake, ...] = ()  # of the user's, that show only when the case is put together
+    used: effect.Used | None = None  # what of the scenario has an effect; None where that is not known
 
 
 class Done(NamedTuple):
@@ -156,11 +162,11 @@ def events_of(engine: Engine, case: Case) -> dict[str, float] | InputError:
 def answer(job: Job, case: Case) -> Answer:
     """Compute a case's linear covariance and leave it on the scratch disk for the workers that need it."""
     try:
-        prepared = _prepared(job, case)
+        prepared, used = _whole(job, case)
         file = _scratch_file(job, case)
         if not scratch.is_sound(file, CovHistory, _identity(job, case)):
             scratch.write(file, job.engine.covariance(prepared), _identity(job, case))
-        return _answer(case, prepared, _covariance(job, case))
+        return _answer(case, prepared, _covariance(job, case))._replace(used=used)
     except InputError as error:
         return Answer(case.id, "", mistakes=error.records)
     except Exception as error:
@@ -237,17 +243,30 @@ def close(job: Job, case: Case, runs: int) -> Done:
         return Done(case.id, 0, runs, error=_message(error))
 
 
-_kept: dict[tuple[Any, str, float], Any] = {}
+_kept: dict[tuple[Any, str, float], tuple[Any, effect.Used | None]] = {}
 
 
 def _prepared(job: Job, case: Case) -> Any:
-    """Return the prepared case; a worker keeps the last two, because blocks come case by case."""
+    return _whole(job, case)[0]
+
+
+def _whole(job: Job, case: Case) -> tuple[Any, effect.Used | None]:
+    """Return the prepared case and what has an effect on it; a worker keeps the last two, because blocks come case by
+    case.
+    """
     key = (job.engine.prepare, case.id, job.history)
     if key not in _kept:
         while len(_kept) >= 2:
             del _kept[next(iter(_kept))]
-        _kept[key] = job.engine.prepare(case.scenario, job.history)
+        _kept[key] = prepared_with(job.engine, case, job.history)
     return _kept[key]
+
+
+def prepared_with(engine: Engine, case: Case, history: float) -> tuple[Any, effect.Used | None]:
+    """Return a case made ready, with the step (s) of its history, and what of its scenario has an effect on it."""
+    with recorded(case.scenario) as reads:
+        prepared = engine.prepare(case.scenario, history)
+    return prepared, engine.used(prepared, reads.paths)
 
 
 def _scratch_file(job: Job, case: Case) -> Path:

@@ -4,7 +4,7 @@ import difflib
 import io
 import os
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,6 +19,9 @@ from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
 from lvnav_trade.errors import InputError, Mistake, quoted, refuse_all
 from lvnav_trade.input_files import read_bytes
 from lvnav_trade.limits import LIST_LENGTH, QUOTED_LENGTH, WORD_LENGTH, YAML_ALIASES, YAML_BYTES, YAML_DEPTH, YAML_NODES
+
+HERE = "--set"
+"""Where values of the command line stand, in place of a file."""
 
 
 class Place(NamedTuple):
@@ -52,8 +55,16 @@ class Node:
 class Written:
     """The tree that settings were read from. Any two are equal: settings are compared by what they say."""
 
-    def __init__(self, root: Node | None = None) -> None:
-        self.root = root
+    def __init__(
+        self,
+        root: Node | None = None,
+        levels: Sequence[Sequence[tuple[Node, Place]]] = (),
+        filled: Collection[str] = (),
+    ) -> None:
+        """levels: of each axis, expanded, and where each was written; filled: paths of the base that it leaves out, at
+        which the first level of an axis stands.
+        """
+        self.root, self.levels, self.filled = root, levels, frozenset(filled)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Written)

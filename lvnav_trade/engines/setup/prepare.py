@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,6 +33,7 @@ from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.layout import StateLayout, outputs, solution_outputs
 from lvnav_trade.observables.partials import Channels
+from lvnav_trade.reads import remembered
 from lvnav_trade.records import Floats, Ints, Output, Reference, Sky
 from lvnav_trade.scenario import Scenario, epoch_interval, filter_models, has_covariance, reported, solves
 from lvnav_trade.scenario import measured as measured_by
@@ -107,9 +107,9 @@ class Prepared(NamedTuple):
         return max(6, 2 * self.signals.used.shape[1]) + self.channels.n_channel - self.channels.n_receiver
 
 
-@lru_cache(maxsize=4)
-def _built(identity: str, kind: type[TrajectoryCard]) -> Trajectory:
-    return build(kind.model_validate_json(identity.partition("\n")[0]))
+@remembered(4)
+def _built(identity: str, card: TrajectoryCard) -> Trajectory:
+    return build(card)
 
 
 def _identity(card: TrajectoryCard) -> str:
@@ -123,14 +123,14 @@ def trajectory_of(scenario: Scenario) -> Trajectory:
     InputError where it cannot be flown, or where a user's own file contradicts itself.
     """
     card = scenario.trajectory
-    flight = _built(_identity(card), type(card))
+    flight = _built(_identity(card), card)
     trajectory_contradiction(card, equivalent(scenario.imu))
     return flight
 
 
-@lru_cache(maxsize=4)
-def _sampled(identity: str, kind: type[TrajectoryCard], rate: float) -> Reference:
-    return reference(_built(identity, kind), rate)
+@remembered(4)
+def _sampled(identity: str, card: TrajectoryCard, rate: float) -> Reference:
+    return reference(_built(identity, card), rate)
 
 
 def _profiles(card: ImuCard | ImuSet, faults: Sequence[AnyFault], course: Course) -> list[Profile]:
@@ -225,9 +225,8 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         History times (s) of a block; they are kept, and every covariance step is recorded beside them (for a replay:
         where windows are cut, and so the last bit of every number, is as in the block).
     """
-    kind, text = type(scenario.trajectory), _identity(scenario.trajectory)
-    trajectory, card = _built(text, kind), scenario.filter
-    ref = _sampled(text, kind, scenario.imu.rate)
+    flown, text, card = scenario.trajectory, _identity(scenario.trajectory), scenario.filter
+    trajectory, ref = _built(text, flown), _sampled(text, flown, scenario.imu.rate)
     epochs = epochs_of(scenario, ref)
     t_epoch = epochs.t
     seen = _seen(scenario, trajectory, t_epoch, float(ref.t[0]))

@@ -1,6 +1,6 @@
 """What the sensors beside the receiver measure on the nominal flight, when, and what the filter assumes of it."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from functools import cache
 from typing import NamedTuple
 
@@ -67,11 +67,13 @@ def _own(error: LastingError, name: str) -> LastingError:
     return error._replace(source=f"{error.source} {name}", labels=labels)
 
 
-def _states(model: SensorModel, lasting: Iterable[tuple[LastingError, Floats]]) -> tuple[SensorState, ...]:
-    """Return the states that a filter may have for lasting errors."""
+def _states(
+    model: SensorModel, lasting: Iterable[tuple[LastingError, Floats]], wanted: Collection[str]
+) -> tuple[SensorState, ...]:
+    """Return the states for lasting errors that a filter has, of those that it names."""
     found = []
     for error, partials in lasting:
-        if error.field in model.states:
+        if error.field in model.states and model.states[error.field].name in wanted:
             state, assumed = model.states[error.field], (getattr(model, error.field), model.time_constant(error.field))
             found += [
                 SensorState(state.name, label, *assumed, state[1:], np.ascontiguousarray(partials[:, :, k]))
@@ -105,6 +107,7 @@ def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, star
         return ()
     views = cache(lambda delay: view_of(trajectory, t_epoch - delay))
     kinds, compensates = [card.measurement for card in used.values()], scenario.filter.delay_compensation is not None
+    states = (*scenario.filter.extra_states, *scenario.filter.consider)
     found = []
     for name, card in used.items():
         alone = kinds.count(card.measurement) == 1
@@ -131,7 +134,7 @@ def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, star
             Sensor(
                 name,
                 card,
-                SensorChannels(channel, card.measurement, card.scalars, _states(model, entering)),
+                SensorChannels(channel, card.measurement, card.scalars, _states(model, entering, states)),
                 card.noise if alone else f"{card.noise} {name}",
                 on,
                 _padded(truth, N_TRUTH),

@@ -16,7 +16,7 @@ from lvnav_trade.kernels.clock import clock_step
 from lvnav_trade.kernels.earth import GM
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.layout import RELATIVE, ExtraBlock, StateLayout
-from lvnav_trade.observables.partials import LEVER_AXES, Channels, Geometry, partial, sensor_states
+from lvnav_trade.observables.partials import LEVER_AXES, Channels, Geometry, members, partial, sensor_states
 from lvnav_trade.records import Floats, Sky
 from lvnav_trade.scenario import Scenario, epoch_interval, solves
 from lvnav_trade.sources import CLOCK_START, CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE
@@ -115,36 +115,48 @@ def letters(part: Part) -> tuple[str, ...]:
     return (LETTERS[part.system],)
 
 
-def causes_of(scenario: Scenario) -> list[Cause]:
-    """Return the causes of errors that measurements share, as the cards of the truth state them."""
-    receiver = scenario.receiver
-    found = [
-        Cause("multipath", "range_bias", "range_bias", receiver.multipath, receiver.multipath_time),
-        Cause("latency error", "timing", "timing", receiver.latency_error),
-        Cause("latency jitter", "timing", "", receiver.latency_sigma, 0.0),
-        *(Cause("lever arm", axis, "", receiver.lever_error) for axis in LEVER_AXES),
-    ]
-    if not solves(scenario):
-        solution = direct(scenario)
-        position, time_constant = solution.position_bias, solution.bias_time
-        found.append(Cause("solution position bias", "position_bias", "position_bias", position, time_constant))
-    air = scenario.atmosphere
-    found += [
-        _scale("troposphere", air.troposphere_scale, air.troposphere_scale_time),
-        _scale("ionosphere", air.ionosphere_scale, air.ionosphere_scale_time),
-    ]
+def causes_of(scenario: Scenario, channels: Channels) -> list[Cause]:
+    """Return the causes of errors that the measurements of these channels share, as the cards of the truth state them.
+
+    Nothing is read of a card for causes that enter no measurement.
+    """
+    receiver, air = scenario.receiver, scenario.atmosphere
+    found: list[Cause] = []
+
+    def enters(kind: str) -> bool:
+        return bool(members(kind, channels)[0])
+
+    if enters("range_bias"):
+        found.append(Cause("multipath", "range_bias", "range_bias", receiver.multipath, receiver.multipath_time))
+    if enters("timing"):
+        found.append(Cause("latency error", "timing", "timing", receiver.latency_error))
+        found.append(Cause("latency jitter", "timing", "", receiver.latency_sigma, 0.0))
+    found += [Cause("lever arm", axis, "", receiver.lever_error) for axis in LEVER_AXES if enters(axis)]
+    solution = None if solves(scenario) else direct(scenario)
+    if solution is not None and enters("position_bias"):
+        found.append(_of_solution("position", solution.position_bias, solution.bias_time))
+    if enters("troposphere_scale"):
+        found.append(_scale("troposphere", air.troposphere_scale, air.troposphere_scale_time))
+    if enters("ionosphere_scale"):
+        found.append(_scale("ionosphere", air.ionosphere_scale, air.ionosphere_scale_time))
     for part in parts_of(scenario.constellation):
         systems = letters(part)
-        residual, time_constant = part.range_error, part.range_error_time or math.inf
-        found.append(
-            Cause("satellite clock and ephemeris", "range_bias", "range_bias", residual, time_constant, systems)
-        )
-        offset, time_constant = part.time_offset, part.time_offset_time or math.inf
-        found.append(Cause("system time offset", "time_offset", "time_offset", offset, time_constant, systems))
-    if not solves(scenario):
-        velocity, time_constant = direct(scenario).velocity_bias, direct(scenario).bias_time
-        found.append(Cause("solution velocity bias", "velocity_bias", "velocity_bias", velocity, time_constant))
+        if enters("range_bias"):
+            residual, time_constant = part.range_error, part.range_error_time or math.inf
+            found.append(
+                Cause("satellite clock and ephemeris", "range_bias", "range_bias", residual, time_constant, systems)
+            )
+        if enters("time_offset"):
+            offset, time_constant = part.time_offset, part.time_offset_time or math.inf
+            found.append(Cause("system time offset", "time_offset", "time_offset", offset, time_constant, systems))
+    if solution is not None and enters("velocity_bias"):
+        found.append(_of_solution("velocity", solution.velocity_bias, solution.bias_time))
     return found
+
+
+def _of_solution(quantity: str, sigma: float, time_constant: float) -> Cause:
+    kind = f"{quantity}_bias"
+    return Cause(f"solution {quantity} bias", kind, kind, sigma, time_constant)
 
 
 def lasting_errors(devices: tuple[Sensor, ...], channels: Channels, n_epoch: int) -> tuple[ErrorFamily, ...]:
@@ -168,7 +180,7 @@ def families(
     scenario: Scenario, geometry: Geometry, channels: Channels, failed: Failures, devices: tuple[Sensor, ...] = ()
 ) -> tuple[ErrorFamily, ...]:
     """Return the errors that the measurements of a case share, wild samples of a fault among them."""
-    found = families_of(causes_of(scenario), geometry, channels)
+    found = families_of(causes_of(scenario, channels), geometry, channels)
     found += lasting_errors(devices, channels, len(failed.jump))
     partial_of_wild = np.zeros((len(failed.jump), channels.n_channel))
     if channels.tight:

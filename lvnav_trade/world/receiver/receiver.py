@@ -56,6 +56,10 @@ class _Solver(Card):
         return data
 
 
+def _values(card: Card, without: set[str]) -> dict[str, Any]:
+    return {name: getattr(card, name) for name in type(card).model_fields if name not in without}
+
+
 class DirectSolution(Card):
     """No solver: true position and velocity plus white noise per axis, whatever satellites are seen."""
 
@@ -88,7 +92,7 @@ class BancroftSolution(_Solver):
 
     def numbers(self) -> dict[str, Any]:
         """Return the settings of the point solver, SI, by the names of its arguments."""
-        return self.model_dump(exclude={"kind", "reported_covariance", "reported"})
+        return _values(self, {"kind", "reported_covariance", "reported"})
 
 
 class FilteredSolution(_Solver):
@@ -140,7 +144,7 @@ class FilteredSolution(_Solver):
     def numbers(self) -> dict[str, Any]:
         """Return the settings of the filter, SI, by the names of its arguments."""
         driven = {"jerk", "jerk_gain", "acceleration_noise", "acceleration_gain"}
-        found = self.model_dump(exclude={"kind", "reported_covariance", "point", "reported", *driven})
+        found = _values(self, {"kind", "reported_covariance", "point", "reported", *driven})
         drive = (self.acceleration_noise, self.acceleration_gain) if self.jerk is None else (self.jerk, self.jerk_gain)
         return found | {"acceleration": self.jerk is not None, "drive_sigma": drive[0], "drive_gain": drive[1]}
 

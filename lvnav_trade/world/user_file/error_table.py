@@ -1,7 +1,6 @@
 """A recording of a receiver's errors, of the user's own: the card, its rows, and what a flight sees of them."""
 
 from collections.abc import Iterator
-from functools import lru_cache
 from typing import ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -10,6 +9,7 @@ from pydantic import Field
 from lvnav_trade.errors import InputError
 from lvnav_trade.frames import rotation_i_e, rotation_i_n
 from lvnav_trade.kernels.earth import OMEGA
+from lvnav_trade.reads import remembered
 from lvnav_trade.records import Floats
 from lvnav_trade.units import Card, Fraction, Pause
 from lvnav_trade.world.user_file.columns import LengthUnit, SpeedUnit, Three, TimeColumn
@@ -101,12 +101,12 @@ class Recording(NamedTuple):
 
 def recording(card: ErrorTable) -> Recording:
     """Return the rows of a card's file; InputError names file, row and fault."""
-    return _recording(card, content_of(card.file))
+    return _recording((card.model_dump_json(), content_of(card.file)), card)
 
 
-@lru_cache(maxsize=4)
-def _recording(card: ErrorTable, content: str) -> Recording:
-    """Return the rows of a card; `content` is the digest of its file, so that a changed one is read again."""
+@remembered(4)
+def _recording(identity: tuple[str, str], card: ErrorTable) -> Recording:
+    """Return the rows of a card; identity: the card and the digest of its file: a changed one is read again."""
     parts = [part for part in (card.position, card.velocity) if part is not None]
     names = list(dict.fromkeys([card.time.column, *(name for part in parts for name in part.columns)]))
     table, places = read_columns(card.file, names, card.delimiter, FEWEST, "a recording")

@@ -3,7 +3,6 @@
 import hashlib
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -16,6 +15,7 @@ from lvnav_trade.frames import earth_angle, earth_velocity, ecef_from_eci, eci_f
 from lvnav_trade.input_files import read_bytes
 from lvnav_trade.kernels.earth import gravity_along
 from lvnav_trade.limits import DATA_BYTES
+from lvnav_trade.reads import remembered
 from lvnav_trade.records import Floats
 from lvnav_trade.world.ascent.launch import achieved
 from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY
@@ -149,13 +149,12 @@ def content_of(file: str) -> str:
 
 
 def _path_of(card: TableTrajectory) -> Fitted:
-    return _fitted(card.model_dump_json(), content_of(card.file))
+    return _fitted((card.model_dump_json(), content_of(card.file)), card)
 
 
-@lru_cache(maxsize=4)
-def _fitted(card_json: str, content: str) -> Fitted:
-    """Return the path of a card's file; `content` is the digest of the file, so that a changed one is read again."""
-    card = TableTrajectory.model_validate_json(card_json)
+@remembered(4)
+def _fitted(identity: tuple[str, str], card: TableTrajectory) -> Fitted:
+    """Return the path of a card's file; identity: the card and the digest of the file: a changed one is read again."""
     rows = read_rows(card)
     marks = _marks(card.events, rows.t)
     for name, time in card.events.items():

@@ -1,18 +1,13 @@
-"""Sensors, measurements and states without effect are input errors; where only cases differ there is a warning."""
+"""Measurements that no sensor gives are input errors; where only cases differ there is a warning."""
 
 from __future__ import annotations
-
-import pytest
 
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading import flights
 from lvnav_trade.campaign.reading.load import load
 
 EVENTS = {"liftoff": 0.0, "stage1_cutoff": 150.0, "injection": 540.0}  # the climb holds 60 s and coasts 20 s
-STAR = "sensors={star: {kind: attitude_reference, name: a, source: b, sigma: 20 arcsec}}"
-RADAR = "sensors.radar=altimeters/radar_004"
 LISTED = "filter.measurements=[pseudorange, range_rate, altitude]"
-SOLUTION = "filter.measurements=[position, velocity]"
 
 
 def reported(*sets: str) -> list[str]:
@@ -23,14 +18,6 @@ def reported(*sets: str) -> list[str]:
 
 def warned(*sets: str) -> list[str]:
     return flights.warnings(cases(load("campaign.yaml", sets)))
-
-
-def test_a_sensor_that_no_filter_uses_is_refused(study) -> None:
-    assert reported() == []
-    assert reported(STAR) == [
-        "--set: base.sensors.star: no effect: attitude is not among the measurements of any filter"
-    ]
-    assert reported(RADAR, LISTED) == []
 
 
 def test_a_sensor_that_some_cases_use_is_a_warning(study) -> None:
@@ -44,42 +31,6 @@ def test_a_sensor_that_some_cases_use_is_a_warning(study) -> None:
 def test_a_measurement_whose_sensor_is_null_in_every_case_is_refused(study) -> None:
     (line,) = reported("sensors={radar: null}", LISTED)
     assert line.endswith("base.filter.measurements: no sensor of the scenario measures altitude in any case")
-
-
-@pytest.mark.parametrize(
-    ("sets", "path"),
-    [
-        (("filter.extra_states=[position_bias]",), "extra_states: position_bias"),
-        (("filter.consider=[velocity_bias]",), "consider: velocity_bias"),
-        (("filter.extra_states=[range_bias]", SOLUTION), "extra_states: range_bias"),
-        (("filter.extra_states=[time_offset]",), "extra_states: time_offset"),
-        (("filter.extra_states=[timing]", "filter.measurements=[]"), "extra_states: timing"),
-    ],
-)
-def test_a_state_that_no_measurement_depends_on_is_refused(study, sets: tuple[str, ...], path: str) -> None:
-    assert reported(*sets) == [f"--set: base.filter.{path}: no measurement of the filter depends on it"]
-
-
-@pytest.mark.parametrize(
-    "sets",
-    [
-        ("filter.extra_states=[position_bias]", SOLUTION),
-        ("filter.extra_states=[range_bias, timing, gyro_scale_factor]",),
-        ("filter.extra_states=[gyro_scale_factor]", "filter.measurements=[]"),
-    ],
-)
-def test_a_state_with_an_effect_is_accepted(study, sets: tuple[str, ...]) -> None:
-    assert reported(*sets) == []
-
-
-def test_a_state_of_a_sensor_needs_a_sensor_with_such_an_error_or_one_that_is_null(study) -> None:
-    state = "filter.extra_states=[altitude_bias]"
-    missing = ["--set: base.filter.extra_states: altitude_bias: no sensor has such an error"]
-    assert reported(state) == missing
-    study.edit("campaign.yaml", "  imu: imu/good", "  imu: imu/good\n  sensors: {radar: altimeters/radar_004}")
-    assert reported(LISTED, state) == []
-    assert reported(LISTED, state, "sensors.radar.bias=0 m") == missing
-    assert not any("altitude_bias" in line for line in reported(LISTED, state, "sensors={radar: null}"))
 
 
 def test_a_magnetometer_needs_a_flight_of_a_year_that_the_field_covers(study) -> None:

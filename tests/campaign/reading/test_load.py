@@ -8,7 +8,6 @@ import pytest
 
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load, resolved
-from lvnav_trade.errors import InputError
 
 DEG_PER_HOUR = math.radians(1.0) / 3600.0
 
@@ -73,13 +72,3 @@ def test_every_default_is_filled_in_when_a_campaign_is_resolved(study) -> None:
     text = resolved(load(study.path))
     for key in ("covariance_rate: 10.0 Hz", "gravity: j4", "history: 1.0 s", "design: grid", "kick_angle:"):
         assert key in text
-
-
-def test_a_change_to_a_card_that_every_case_replaces_is_refused_and_that_of_a_base_that_flies_is_not(study) -> None:
-    study.edit("campaign.yaml", "imu: imu/good", "imu: {card: imu/good, rate: 100 Hz}")
-    study.path.write_text(study.path.read_text() + "axes: [{path: imu, cards: [imu/good, imu/poor]}]\n")
-    with pytest.raises(InputError) as caught:
-        load("campaign.yaml")
-    message = "no case has it: the axis 'imu' replaces it; write it in the axis's values"
-    assert str(caught.value) == f"campaign.yaml:5:25: base.imu.rate: {message}"
-    assert load("campaign.yaml", ["design=one_at_a_time"]).base.imu.rate == 100.0

@@ -29,7 +29,7 @@ AXES = "axes: [{path: imu, cards: [imu/good, imu/poor]}, {path: filter.gate, val
         ("constellation.almanac=my.alm", lambda c: Path(c.base.constellation.almanac).name, "my.alm"),
         ("initial.tilt=1 mrad", lambda c: c.base.initial.tilt, 1e-3),
         ("faults=[{start: 100 s, duration: 30 s, kind: satellite_outage}]", lambda c: c.base.faults[0].duration, 30.0),
-        ("design=zip", lambda c: c.design, "zip"),
+        ("frame=ecef", lambda c: c.base.frame, "ecef"),
     ],
 )
 def test_set_changes_one_thing(study, assignment: str, get, value: object) -> None:

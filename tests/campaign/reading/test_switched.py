@@ -85,14 +85,6 @@ def test_a_station_that_never_sees_the_vehicle_is_refused(study, monkeypatch) ->
         assert line.endswith(f"base.sensors.radar.{field}: {message}")
 
 
-def test_an_elevation_has_no_effect_on_a_simulated_solution(study) -> None:
-    noisy = "faults=[{kind: degraded_noise, factor: 3, elevation_below: 20 deg}]"
-    assert reported(noisy) == []
-    assert reported(noisy, SOLUTION) == [
-        "--set: base.faults.0.elevation_below: no effect: the receiver's solution is simulated, not solved from ranges"
-    ]
-
-
 @pytest.mark.parametrize(("start", "message"), [("-30 s", ""), ("liftoff", "from: holds after the lift-off only")])
 def test_a_sensor_of_the_pad_is_used_before_the_lift_off(study, start: str, message: str) -> None:
     still = f"sensors={{still: {{kind: zero_velocity, name: a, source: b, sigma: 1 cm/s, from: {start}}}}}"

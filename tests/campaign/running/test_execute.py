@@ -13,6 +13,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import execute
+from lvnav_trade.engines.analysis.effect import Used
 from lvnav_trade.errors import InputError, Mistake
 
 TWO = "axes: [{path: imu, cards: [imu/good, imu/poor]}]\nmonte_carlo: {runs: 100}\n"
@@ -64,6 +65,23 @@ def test_a_mistake_that_shows_late_is_reported_at_its_place_before_anything_is_f
     with pytest.raises(InputError, match=r"^configs/receivers/plain.yaml:1:1: base.receiver.latency: too late$"):
         run(fake)
     assert flown(fake) == []
+
+
+def test_what_no_case_reads_is_reported_before_anything_is_flown(study, run, fakes, monkeypatch) -> None:
+    study.edit("campaign.yaml", "filter: filters/near", "filter: {card: filters/near, gate: 5}")
+    nothing = Used(frozenset(), (), {})
+
+    def knowing(**known: Used | None):
+        fake = fakes.Fake()
+        monkeypatch.setattr(fake, "used", lambda prepared, read: known[prepared.name.split()[0]])
+        return fake
+
+    assert run(knowing(good=nothing, poor=None))[1].failures == ()  # of one case nothing is known
+    fake = knowing(good=nothing, poor=nothing)
+    answers: list[object] = []
+    with pytest.raises(InputError, match=r"^campaign.yaml:8:32: base.filter.gate: no effect: "):
+        run(fake, mode="fresh", on_answers=lambda *found: answers.append(found))
+    assert (flown(fake), answers) == ([], [])
 
 
 def test_the_tables_hold_every_run_once(run, fakes) -> None:

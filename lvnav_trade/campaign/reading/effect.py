@@ -1,0 +1,296 @@
+"""Settings without effect: what a campaign states, and no case reads."""
+
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from fnmatch import fnmatchcase
+from typing import Any, NamedTuple
+
+from lvnav_trade.campaign.definition.axes import Case, axis_names
+from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.syntax import fields, tree
+from lvnav_trade.campaign.syntax.tree import HERE, Node, Place, is_index, join
+from lvnav_trade.engines.analysis.effect import Used
+from lvnav_trade.errors import Mistake, quoted
+from lvnav_trade.scenario import Scenario
+
+_DESCRIPTIONS = ("kind", "name", "source")
+# States that no measurement touches are refused in a card too: whoever names the filter wants to estimate them.
+_OF_FILTERS = re.compile(r"filter\.(extra_states|consider)\.\d+")
+# Every case has one of these, so that a whole one has an effect wherever it stands.
+_ALWAYS = frozenset(name for name, field in Scenario.model_fields.items() if field.is_required())
+_UNREAD = "no effect: nothing that is computed for this campaign reads it"
+_HINTS = (
+    ("filter.sensor_models.*.latency", "without delay_compensation nothing is compensated"),
+    (
+        "filter.sensor_models.*.*",
+        "no sensor that the filter uses has such an error, or no state of the filter is of it",
+    ),
+    ("filter.sensor_models.*", "it is not among the measurements, or no sensor of the scenario gives it"),
+    ("filter.envelope*", "only a filter with imu among its measurements models the vehicle"),
+    ("filter.imu.*", "no state of the filter is of it; name it among the extra states"),
+    ("filter.receiver.*", "no state or measurement of the filter is of it"),
+    ("receiver.solution.*", "the filter does not take the receiver's solution"),
+    ("receiver.tracking*", "it needs antennas, a link or loops"),
+)
+"""What would read a setting, by patterns of paths; the first that fits."""
+
+
+class Stated(NamedTuple):
+    """Something that is stated: path below the scenario, place, and what is stated within.
+
+    counts: the path whose reading counts for it; is_whole: reading anything within does; is_card: what is within are
+    fields of a card; must_act: it must have an effect; is_override: it stands beside the card that it changes; is_own:
+    it stands in no card.
+    """
+
+    path: str
+    place: Place
+    within: tuple["Stated", ...]
+    counts: str
+    is_whole: bool
+    is_card: bool
+    must_act: bool
+    is_override: bool
+    is_own: bool
+
+    @property
+    def shown(self) -> str:
+        """The path in messages: a word of a list stands under that of the list."""
+        above, _, last = self.path.rpartition(".")
+        return f"base.{above if is_index(last) and not self.is_whole else self.path}"
+
+
+class _Reader:
+    """Turns expanded trees into what is stated in them; `own` files are those that state something."""
+
+    def __init__(self, own: Collection[str]) -> None:
+        self.own = own
+
+    def is_own(self, place: Place) -> bool:
+        return place.file in self.own
+
+    def stated(
+        self, node: Node, kind: Any, path: str, place: Place, counts: str = "", is_free: bool = True,
+        is_override: bool = False,
+    ) -> Stated:  # fmt: skip
+        """Return what a node states; counts: path whose reading counts for it; is_free: it could be left out."""
+        within = tuple(one for one in self._within(node, kind, path) if one.must_act or one.within)
+        is_whole = _holds(node, kind)
+        is_own = self.is_own(place) or (not is_whole and self.is_own(node.place))
+        must_act = (
+            is_free and is_own and node.value is not None and not (is_whole and path in _ALWAYS)
+        )  # null: that there is none
+        must_act |= _OF_FILTERS.fullmatch(path) is not None
+        is_card = node.is_map and fields.entries(kind) is None
+        at = node.place if node.place.file == HERE and not is_whole else place  # a value set on top of what is written
+        return Stated(path, at, within, counts or path, is_whole, is_card, must_act, is_override, is_own)
+
+    def _within(self, node: Node, kind: Any, path: str) -> Iterator[Stated]:
+        if node.is_map:
+            yield from self._fields(node, kind, path)
+        elif node.is_list:
+            for number, child in enumerate(node.value):
+                below = fields.item(kind, number)
+                if fields.models(below):
+                    yield self.stated(child, below, join(path, number), child.place)
+                elif fields.literals(below):
+                    yield self.stated(child, below, join(path, number), child.place, path)
+
+    def _fields(self, node: Node, kind: Any, path: str) -> Iterator[Stated]:
+        held, model = fields.entries(kind), fields.member(kind, node)
+        is_inline = self.is_own(node.place)
+        for key, child in node.value.items():
+            below, at = held or (fields.child(model, key) if model else None), join(path, key)
+            if below is None or (model is not None and key in _DESCRIPTIONS):
+                continue
+            info = fields.by_key(model).get(key) if model is not None else None
+            is_part = is_inline and child.place.file == node.place.file  # not set on top
+            is_free = not (is_part and info is not None and info.is_required())
+            is_field = held is None or (child.is_map and fields.models(held))
+            yield self.stated(child, below, at, node.keys[key], "" if is_field else path, is_free, not is_inline)
+
+
+def _holds(node: Node, kind: Any) -> bool:
+    """Return whether a node holds anything of which reading counts for it; a word that says which kind it is, does not,
+    nor do entries that there are none of.
+    """
+    if node.is_map:
+        return any(child.value is not None for key, child in node.value.items() if key not in _DESCRIPTIONS)
+    return node.is_list and bool(node.value) and bool(fields.models(fields.item(kind, 0)))
+
+
+class _Root(NamedTuple):
+    """What the base states (axis -1), or a level of an axis."""
+
+    axis: int
+    level: int
+    stated: Stated
+
+    def demands(self) -> Iterator[Stated]:
+        """Yield everything in it that must have an effect."""
+        found = [self.stated]
+        while found:
+            one = found.pop()
+            found += one.within
+            if one.must_act:
+                yield one
+
+
+class Effects:
+    """What a campaign states, and the cases in which each of it stands.
+
+    Stated is what its file says, what is set on top, and the levels of its axes. Cards are descriptions of things, the
+    user's own as well: nobody has to delete fields of a card for a campaign. So is a resolved campaign, which says
+    everything. What cannot be left out where it stands is no statement either.
+    """
+
+    def __init__(self, campaign: Campaign, cases: Sequence[Case]) -> None:
+        self.campaign, self.cases = campaign, cases
+        names = axis_names(campaign.axes)
+        self.levels = {
+            case.id: [_level(case, *one) for one in zip(names, campaign.axes, strict=True)] for case in cases
+        }
+        self.steps = [[*axis.steps] for axis in campaign.axes]
+        self.roots = [*_roots(campaign)]
+
+    def next(self, known: Mapping[str, Used | None]) -> Case | None:
+        """Return the case to look at next: that in which most stands that is not known to have an effect; None where
+        nothing is left to be found.
+        """
+        open_ = [
+            (root, one) for root in self.roots for one in root.demands()
+            if not any(_acts(one, used) for used in self._seen(root, one, known))
+        ]  # fmt: skip
+        left = [case for case in self.cases if case.id not in known]
+        counts = [sum(self._stands(root, one, case) for root, one in open_) for case in left]
+        most = max(counts, default=0)
+        return left[counts.index(most)] if most else None
+
+    def mistakes(self, known: Mapping[str, Used | None]) -> list[Mistake]:
+        """Return what has no effect in any case, each where it is written; known: what was found of the cases."""
+        found = [one for root in self.roots for one in self._fruitless(root, root.stated, known)]
+        return list(dict.fromkeys(found))
+
+    def _fruitless(self, root: _Root, one: Stated, known: Mapping[str, Used | None]) -> list[Mistake]:
+        within = [found for below in one.within for found in self._fruitless(root, below, known)]
+        message, is_idle = self._message(root, one, known)
+        if not message or (within and not is_idle and not (one.is_card and len(within) > 1)):
+            return within
+        return [tree.mistake(one.place, one.shown, message)]
+
+    def _message(self, root: _Root, one: Stated, known: Mapping[str, Used | None]) -> tuple[str, bool]:
+        """Say why something has no effect, and whether it is read nevertheless; nothing where it has one, or where that
+        is not known.
+        """
+        if not one.must_act:
+            return "", False
+        standing = [case for case in self.cases if self._stands(root, one, case)]
+        if not standing:
+            return self._replaced(root, one), False
+        seen = [known.get(case.id) for case in standing]
+        if any(used is None or _acts(one, used) for used in seen):
+            return "", False
+        reason = next((reason for used in seen if used and (reason := _idle(one, used))), "")
+        return reason or _hinted(one.path, standing[0].scenario), bool(reason)
+
+    def _replaced(self, root: _Root, one: Stated) -> str:
+        """Say which axis replaces a changed field of a card in every case; what the axis itself varies may stand in the
+        base, and settings without a card too, because a base is whole by itself.
+        """
+        is_there = root.axis < 0 or any(chosen[root.axis] == root.level for chosen in self.levels.values())
+        for axis, steps in enumerate(self.steps):
+            is_below = _is_at_or_below(one.path, steps) and one.path != ".".join(steps)
+            if axis > root.axis and is_there and one.is_override and is_below:
+                path = quoted(self.campaign.axes[axis].path)
+                return f"no case has it: the axis {path} replaces it; write it in the axis's values"
+        return ""
+
+    def _stands(self, root: _Root, one: Stated, case: Case) -> bool:
+        """Return whether something stands in a case. The values that an axis gives to one field stand for each other,
+        unless they go with levels of other axes: whether a field is read is no matter of its value.
+        """
+        chosen = self.levels[case.id]
+        if root.axis >= 0 and chosen[root.axis] != root.level:
+            is_value = not one.is_whole and one.path == ".".join(self.steps[root.axis])
+            if not is_value or chosen[root.axis] is None or self.campaign.design == "zip":
+                return False
+        return not any(
+            axis > root.axis and level is not None and _is_at_or_below(one.path, self.steps[axis])
+            for axis, level in enumerate(chosen)
+        )
+
+    def _seen(self, root: _Root, one: Stated, known: Mapping[str, Used | None]) -> Iterator[Used]:
+        """Yield what was found of the cases in which something stands."""
+        for case in self.cases:
+            used = known.get(case.id)
+            if used is not None and self._stands(root, one, case):
+                yield used
+
+
+def _is_at_or_below(path: str, steps: Sequence[str]) -> bool:
+    return path.split(".")[: len(steps)] == [*steps]
+
+
+def _level(case: Case, name: str, axis: Any) -> int | None:
+    labels, label = axis.labels or (), case.axes.get(name)
+    return labels.index(label) if label in labels else None
+
+
+def _roots(campaign: Campaign) -> Iterator[_Root]:
+    """Yield what the base states, and what each level of the axes does."""
+    written = campaign.written
+    base = tree.find(written.root, ["base"]) if written.root is not None else None
+    if base is None or written.root is None:
+        return
+    is_resolved = {*written.root.value} >= {*Campaign.model_fields} and {*base.value} >= {*Scenario.model_fields}
+    reader = _Reader((HERE,) if is_resolved else (HERE, written.root.place.file))
+    whole = reader.stated(base, Scenario, "", base.place, is_free=False)
+    filled = {".".join(axis.steps) for axis in campaign.axes} & written.filled
+    yield _Root(-1, 0, whole._replace(within=tuple(_without(whole.within, filled))))
+    for number, (axis, levels) in enumerate(zip(campaign.axes, written.levels, strict=True)):
+        for level, (node, place) in enumerate(levels):
+            yield _Root(number, level, reader.stated(node, _kind_at(base, axis.steps), ".".join(axis.steps), place))
+
+
+def _kind_at(base: Node, steps: Sequence[str]) -> Any:
+    """Return the annotation at a path of the base."""
+    kind: Any = Scenario
+    node: Node | None = base
+    for key in steps:
+        kind = fields.child(kind, key, node)
+        node = tree.find(node, [key]) if node is not None else None
+    return kind
+
+
+def _without(found: Sequence[Stated], paths: Collection[str]) -> Iterator[Stated]:
+    """Yield what is stated, without what stands at these paths: the first level of an axis in a base that has none."""
+    for one in found:
+        if one.path not in paths:
+            yield one._replace(within=tuple(_without(one.within, paths)))
+
+
+def _acts(one: Stated, used: Used) -> bool:
+    """Return whether something has an effect on a case: it, or anything within it, is read and not idle."""
+    if _idle(one, used):
+        return False
+    if any(_is_at_or_below(one.path, whole.split(".")) for whole in used.whole):
+        return True
+    return any(path.startswith(f"{one.path}.") for path in used.read) if one.is_whole else one.counts in used.read
+
+
+def _idle(one: Stated, used: Used) -> str:
+    """Return why something has no effect though it is read; empty where that is not so."""
+    steps = one.path.split(".")
+    above = (".".join(steps[: k + 1]) for k in range(len(steps)))
+    return next((used.idle[at] for at in above if at in used.idle and (one.is_own or at not in used.exact)), "")
+
+
+def _hinted(path: str, scenario: Scenario) -> str:
+    """Return the message on something that nothing reads, with what would read it where that is known."""
+    steps = path.split(".")
+    if steps[0] == "sensors" and len(steps) == 2:
+        card = scenario.sensors.get(steps[1])
+        if card is not None and card.measurement not in scenario.filter.measurements:
+            return f"no effect: {card.measurement} is not among the measurements of any filter"
+    hint = next((words for pattern, words in _HINTS if fnmatchcase(path, pattern)), "")
+    return f"no effect: {hint}" if hint else _UNREAD

@@ -1,0 +1,104 @@
+"""Which settings of a case have an effect on it: what was read of its cards, less what is read and has none."""
+
+from collections.abc import Collection, Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.layout import PARAMETERS
+from lvnav_trade.observables.sensors import SENSOR_STATES
+from lvnav_trade.scenario import Scenario, solves
+from lvnav_trade.world.faults import ClockJump, DegradedNoise, RangeBias, WildSamples
+
+_FLIGHT_LOOP = ("filter.feedback",)
+_CONTROL = ("control", "filter.envelope", "trajectory")
+
+
+class Used(NamedTuple):
+    """What has an effect on a case, by dotted paths of the scenario.
+
+    read: fields that were read while it was prepared; whole: settings that are read whole after that; idle: what has
+    no effect though it was read, with the reason; exact: states of the filter that are known exactly, which a card may
+    hold for units with larger errors.
+    """
+
+    read: frozenset[str]
+    whole: tuple[str, ...]
+    idle: Mapping[str, str]
+    exact: frozenset[str] = frozenset()
+
+
+def used(prepared: Prepared, read: Collection[str]) -> Used:
+    """Return what has an effect on a case; read: paths of what its preparation read.
+
+    The flight loop and the vehicle under control read their cards after that: what they take is named here, and a test
+    flies a case to see that nothing is missing.
+    """
+    scenario = prepared.scenario
+    whole: tuple[str, ...] = _FLIGHT_LOOP
+    if scenario.control is not None:
+        steered = (name for name, card in scenario.sensors.items() if card and card.measurement == "attitude")
+        whole += (*_CONTROL, *(f"sensors.{name}" for name in steered))
+    exact = dict(_exact(prepared))
+    idle = dict([*_untouched(prepared), *_late(prepared), *_of_ranges(scenario)])
+    return Used(frozenset(read), whole, exact | idle, frozenset(exact.keys() - idle.keys()))
+
+
+def _named(prepared: Prepared) -> Iterator[tuple[str, str]]:
+    """Yield path and name of the states that the filter card names."""
+    for field in ("extra_states", "consider"):
+        for number, name in enumerate(getattr(prepared.scenario.filter, field)):
+            yield f"filter.{field}.{number}", name
+
+
+def _uncertain(prepared: Prepared) -> set[str]:
+    """Return the names of the states that are not known exactly, or are driven."""
+    blocks: list[Any] = [*prepared.layout.extras, *prepared.layout.parameters]
+    return {block.name for block in blocks if block.sigma > 0.0 or block.walk > 0.0}
+
+
+def _untouched(prepared: Prepared) -> Iterator[tuple[str, str]]:
+    """Yield the states that no measurement touches: their column of the Jacobian is zero at every epoch."""
+    layout, taken = prepared.layout, prepared.model.measured
+    entering = np.any(prepared.signals.partial != 0.0, axis=1)
+    touched = {block.name for block, row in zip(layout.extras, entering, strict=True)
+               if np.any(row & (block.member >= 0) & taken)}  # fmt: skip
+    for path, name in _named(prepared):
+        if name in SENSOR_STATES and name not in touched & _uncertain(prepared):
+            yield path, f"{name}: no sensor has such an error"
+        elif name not in PARAMETERS and name not in touched:
+            yield path, f"{name}: no measurement of the filter depends on it"
+
+
+def _exact(prepared: Prepared) -> Iterator[tuple[str, str]]:
+    for path, name in _named(prepared):
+        if name not in _uncertain(prepared):
+            yield path, f"{name}: its one-sigma is zero, and nothing drives it"
+
+
+def _late(prepared: Prepared) -> Iterator[tuple[str, str]]:
+    """Yield the compensation of delays where nothing is late, and what only an extrapolated solution has."""
+    card, late = prepared.scenario.filter.delay_compensation, prepared.options.late
+    if card is None:
+        return
+    is_late = late is not None and (np.any(late.delay > 0.0) or any(np.any(d.delay > 0.0) for d in prepared.devices))
+    if not is_late:
+        yield "filter.delay_compensation", "nothing arrives late: no latency of the receiver or of a sensor"
+    elif card.kind == "buffered":
+        for field in ("delay_sigma", "acceleration_sigma", "base"):
+            yield f"filter.delay_compensation.{field}", "only an extrapolated solution has it; this one is buffered"
+
+
+def _of_ranges(scenario: Scenario) -> Iterator[tuple[str, str]]:
+    """Yield the faults of ranges, and of satellites, where no range is measured and no solution made of ranges."""
+    if scenario.filter.tight or solves(scenario):
+        return
+    what = "solution is simulated, not solved from ranges" if scenario.filter.loose else "measurements are not taken"
+    reason = f"no effect: the receiver's {what}"
+    for number, fault in enumerate(scenario.faults):
+        if isinstance(fault, RangeBias | ClockJump):
+            yield f"faults.{number}", reason
+        elif isinstance(fault, DegradedNoise | WildSamples):
+            for field in (*fault.by_elevation, *(("satellites",) if fault.satellites else ())):
+                yield f"faults.{number}.{field}", reason
