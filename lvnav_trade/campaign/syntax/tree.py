@@ -270,7 +270,7 @@ class _Conversion:
 def _scalar(raw: ScalarNode) -> Any:
     """Return the value of a plain word by YAML 1.2: dates, ``no`` and ``12:30`` stay text."""
     kind = str(raw.tag).rpartition(":")[2]
-    text = raw.value
+    text = raw.value.replace("\a", "") if raw.style == ">" else raw.value  # the parser's marks of where it folded
     try:
         if kind == "int":
             return int(text, 0) if text.lstrip("+-")[:2].lower() in ("0x", "0o") else int(text)

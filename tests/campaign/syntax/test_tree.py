@@ -24,6 +24,11 @@ def test_a_tree_that_is_dumped_reads_back_to_the_same() -> None:
     assert tree.plain(tree.parse(text, "f", Path())) == {**data, **numbers}
 
 
+def test_a_text_that_is_folded_over_lines_is_one_line() -> None:
+    node = tree.parse("a: >-\n  one\n  two\n\n  three\n", "f", Path())
+    assert tree.plain(node) == {"a": "one two\nthree"}
+
+
 def test_rows_of_a_table_are_lines() -> None:
     data = {"gain": [[1.0, -2e-27], [3.0, 4.0]], "knots": [{"at": 1.0, "row": [5, 6]}]}
     text = tree.dump(data)
