@@ -48,13 +48,13 @@ def _place_at(work, model, nav, increments, first, dt):
 
 
 @jit
-def place_antenna(work, late, model, dt, epoch):
+def place_antenna(work, past, late, model, dt, epoch):
     """Set the estimated state of every antenna from the navigation state and the last tick's rate; for a buffered late
-    measurement (Late, or None) they are those of the time when it was valid.
+    measurement (Late, or None) they are those of the time when it was valid, in the stored states `past`.
     """
     _place_at(work, model, work.nav, work.previous, 0, dt)
     if late is not None and not late.extrapolated and late.line[0] == 0:
-        stored = work.past[place_of(late, 0, epoch)]
+        stored = past[place_of(late, 0, epoch)]
         _place_at(work, model, stored, stored, LAST, dt)
 
 
@@ -108,25 +108,25 @@ def row_of(model, work, channel):
 
 
 @jit
-def _compare_stored(work, open_loop, model, place, at, channel):
+def _compare_stored(work, past, open_loop, model, place, at, channel):
     """Correct the innovation of a late row of an open loop for what its error state has changed by since it was valid,
     up to this epoch.
     """
     if open_loop is not None:
         n = model.n_entry[channel]
         work.z[at] = work.z[at] - predicted_of_stored(
-            work.past, place, work.H[at], model.entry[channel, :n], model.column[channel, :n], open_loop.x
+            past, place, work.H[at], model.entry[channel, :n], model.column[channel, :n], open_loop.x
         )
 
 
 @jit
-def fill_sensor(work, open_loop, late, model, signals, sensors, k, at, epoch):
+def fill_sensor(work, past, open_loop, late, model, signals, sensors, k, at, epoch):
     """Set the rows of sensor k, from row `at` on; z holds measured minus predicted. Those of a late sensor that is
     compensated (Late, or None) are compared with the state of the time when they were valid.
     """
     code, theta, known = sensors.code[k], sensors.theta[k, epoch], sensors.known[k, epoch]
     if late is not None and late.of_sensor[k] >= 0:
-        stored = work.past[place_of(late, late.of_sensor[k], epoch)]
+        stored = past[place_of(late, late.of_sensor[k], epoch)]
         fill(work.H, work.z, at, code, work.observed[k], stored, theta, known)
     else:
         fill(work.H, work.z, at, code, work.observed[k], work.nav, theta, known)
@@ -134,7 +134,7 @@ def fill_sensor(work, open_loop, late, model, signals, sensors, k, at, epoch):
         channel = sensors.channel[k] + i
         work.z[at + i] = work.z[at + i] - _add_extra(work, model, signals, epoch, at + i, channel)
         if late is not None and late.of_sensor[k] >= 0:
-            _compare_stored(work, open_loop, model, place_of(late, late.of_sensor[k], epoch), at + i, channel)
+            _compare_stored(work, past, open_loop, model, place_of(late, late.of_sensor[k], epoch), at + i, channel)
 
 
 @jit
@@ -156,7 +156,7 @@ def channel_of(model, signals, epoch, row):
 
 
 @jit
-def decorrelate(work, rx, late, gains, model, signals, epoch):
+def decorrelate(work, past, rx, late, gains, model, signals, epoch):
     """Decorrelate the rows of a solution by the covariance that it comes with, if it comes with one. With stored gains
     (Gains) they stay as they are.
     """
@@ -170,7 +170,7 @@ def decorrelate(work, rx, late, gains, model, signals, epoch):
                 else:  # a simulated solution: the filter's own variances
                     work.reported[i, j] = like(work.x[0], signals.variance[epoch, i] if i == j else 0.0)
         if late is not None and late.extrapolated:
-            carry_on(work.z, work.reported, work.past, work.P, late, epoch)
+            carry_on(work.z, work.reported, past, work.P, late, epoch)
         if gains is None:
             separate(work.reported, model)
             whiten(work.reported, work.z, work.H, 6, work.H.shape[1])
@@ -244,13 +244,13 @@ def update_receiver(work, gains, model, signals, epoch, gate_squared):
 
 
 @inlined
-def update_sensors(work, open_loop, late, gains, sensors, model, signals, epoch, gate_squared):
+def update_sensors(work, past, open_loop, late, gains, sensors, model, signals, epoch, gate_squared):
     """Update by what the sensors beside the receiver (Sensors, or None) measure at an epoch."""
     if sensors is not None:
         for k in range(sensors.code.shape[0]):
             if sensors.on[k, epoch] and model.measured[sensors.channel[k]]:
                 at = row_of(model, work, sensors.channel[k])
-                fill_sensor(work, open_loop, late, model, signals, sensors, k, at, epoch)
+                fill_sensor(work, past, open_loop, late, model, signals, sensors, k, at, epoch)
                 for i in range(sensors.scalars[k]):
                     update_and_count(
                         work, gains, model, signals, epoch, at + i, sensors.channel[k] + i, False, gate_squared
@@ -276,11 +276,11 @@ def correct_receiver(work, model):
 
 
 @jit
-def correct(work, late, model):
+def correct(work, past, late, model):
     """Feed the error state back and set it to zero."""
     x = work.x
     correct_motion(work.nav, x)
-    correct_stored(work.past, late, x)
+    correct_stored(past, late, x)
     correct_parameters(work, model)
     correct_receiver(work, model)
     processes.gather(work.tables, work.par, model.par_sensor, model.par_driver)

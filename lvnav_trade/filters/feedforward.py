@@ -48,12 +48,12 @@ def propagate_open_loop(work, open_loop, model, length):
 
 
 @jit
-def apply_feedback(work, open_loop, late, model):
+def apply_feedback(work, past, open_loop, late, model):
     """Feed the error state back in a closed loop; in an open one correct what late measurements are compared with."""
     if open_loop is None:
-        ekf.correct(work, late, model)
+        ekf.correct(work, past, late, model)
     else:
-        correct_stored_errors(work.past, late, work.x, open_loop.x)
+        correct_stored_errors(past, late, work.x, open_loop.x)
 
 
 @jit
@@ -82,7 +82,7 @@ def apply_correction(work, open_loop, watch, model):
     if watch is not None:
         for i in range(work.x.shape[0]):
             work.x[i] = where(monitor.is_correcting(watch.state[monitor.MODE]) > 0.0, work.x[i], 0.0)
-    ekf.correct(work, None, model)
+    ekf.correct(work, None, None, model)
 
 
 @jit
@@ -93,7 +93,7 @@ def remove_correction(work, open_loop, model):
 
 
 @jit
-def _compare_late(work, open_loop, late, model, signals, epoch):
+def _compare_late(work, past, open_loop, late, model, signals, epoch):
     """Correct the innovations of an open loop for what its error state has changed by since they were valid."""
     if open_loop is not None and late is not None and not late.extrapolated:
         for row in range(ekf.n_measured(model, signals, epoch)):
@@ -101,19 +101,19 @@ def _compare_late(work, open_loop, late, model, signals, epoch):
             n = model.n_entry[channel]
             entries, columns = model.entry[channel, :n], model.column[channel, :n]
             work.z[row] = work.z[row] - predicted_of_stored(
-                work.past, place_of(late, 0, epoch), work.H[row], entries, columns, work.x
+                past, place_of(late, 0, epoch), work.H[row], entries, columns, work.x
             )
 
 
 @jit
-def _predict_rows(work, model, signals, epoch):
+def _predict_rows(work, watch, model, signals, epoch):
     """Set what the error state predicts of every row's measured minus predicted."""
     for row in range(ekf.n_measured(model, signals, epoch)):
         channel = ekf.channel_of(model, signals, epoch, row)
         total = like(work.x[0], 0.0)
         for c in range(model.n_entry[channel]):
             total = total + work.H[row, model.entry[channel, c]] * work.x[model.column[channel, c]]
-        work.watch.predicted[row] = total
+        watch.predicted[row] = total
 
 
 @jit
@@ -128,18 +128,18 @@ def _sample_variance(out, rx, variance, from_gnss):
 
 
 @inlined
-def _process_permitted(work, open_loop, rules, late, gains, model, signals, epoch):
+def _process_permitted(work, rx, past, watch, open_loop, rules, late, gains, model, signals, epoch):
     """Process the receiver's measurements at an epoch if the mode logic permits, and make its transitions."""
-    watch, n_row = work.watch, ekf.n_measured(model, signals, epoch)
+    n_row = ekf.n_measured(model, signals, epoch)
     if rules.good[epoch]:
         ekf.fill_receiver(work, model, signals, epoch)
-        _compare_late(work, open_loop, late, model, signals, epoch)
-        _predict_rows(work, model, signals, epoch)
+        _compare_late(work, past, open_loop, late, model, signals, epoch)
+        _predict_rows(work, watch, model, signals, epoch)
     monitor.check_measurements(watch, rules, model, signals, epoch, work.z, n_row)
     if rules.good[epoch]:
-        _sample_variance(watch.predicted, work.rx, signals.variance[epoch], rules.from_gnss)
+        _sample_variance(watch.predicted, rx, signals.variance[epoch], rules.from_gnss)
         monitor.start_filter(work.P, work.x, watch, rules, work.z)
-        ekf.decorrelate(work, work.rx, late, gains, model, signals, epoch)
+        ekf.decorrelate(work, past, rx, late, gains, model, signals, epoch)
         used = watch.sample[0] > 0.0
         ekf.update_receiver(work, gains, model, signals, epoch, where(used, model.gate_squared, -1.0))
         for row in range(n_row):
@@ -149,21 +149,21 @@ def _process_permitted(work, open_loop, rules, late, gains, model, signals, epoc
 
 
 @inlined
-def process_measurements(work, open_loop, rules, late, gains, sensors, model, signals, epoch, dt):
+def process_measurements(work, rx, past, watch, open_loop, rules, late, gains, sensors, model, signals, epoch, dt):
     """Process what the receiver and the other sensors measure at an epoch; if the filter has a mode logic, once it
     permits.
     """
     if open_loop is not None:
         _copy(open_loop.x, work.x)
-    ekf.place_antenna(work, late, model, dt, epoch)
+    ekf.place_antenna(work, past, late, model, dt, epoch)
     if rules is None:
         if ekf.n_measured(model, signals, epoch) > 0:
             ekf.fill_receiver(work, model, signals, epoch)
-            ekf.decorrelate(work, work.rx, late, gains, model, signals, epoch)
-            _compare_late(work, open_loop, late, model, signals, epoch)
+            ekf.decorrelate(work, past, rx, late, gains, model, signals, epoch)
+            _compare_late(work, past, open_loop, late, model, signals, epoch)
             ekf.update_receiver(work, gains, model, signals, epoch, model.gate_squared)
-        ekf.update_sensors(work, open_loop, late, gains, sensors, model, signals, epoch, model.gate_squared)
+        ekf.update_sensors(work, past, open_loop, late, gains, sensors, model, signals, epoch, model.gate_squared)
     elif (epoch + 1) % model.every == 0:
-        _process_permitted(work, open_loop, rules, late, gains, model, signals, epoch)
-        gate = where(monitor.is_running(work.watch.state[monitor.MODE]) > 0.0, model.gate_squared, -1.0)
-        ekf.update_sensors(work, open_loop, late, gains, sensors, model, signals, epoch, gate)
+        _process_permitted(work, rx, past, watch, open_loop, rules, late, gains, model, signals, epoch)
+        gate = where(monitor.is_running(watch.state[monitor.MODE]) > 0.0, model.gate_squared, -1.0)
+        ekf.update_sensors(work, past, open_loop, late, gains, sensors, model, signals, epoch, gate)

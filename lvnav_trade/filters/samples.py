@@ -66,15 +66,15 @@ def begin_motion(motion, samples):
 
 
 @jit
-def last_sample(work, samples, n_tick, dt):
+def last_sample(work, motion, samples, n_tick, dt):
     """Store the last sample of a window as it left the unit."""
     if samples is not None:
         for i in range(N_SAMPLE):
-            work.motion.sample[i] = work.increments[n_tick - 1, i] / dt
+            motion.sample[i] = work.increments[n_tick - 1, i] / dt
 
 
 @jit
-def correct_vehicle(work, model, vehicle):
+def correct_vehicle(work, motion, model, vehicle):
     """Feed back the errors of the estimated motion and of the IMU's parameters, open loop or closed."""
     if vehicle is not None:
         correct_parameters(work, model)
@@ -82,15 +82,15 @@ def correct_vehicle(work, model, vehicle):
             for i in range(3):
                 work.x[model.par_offset[b] + i] = like(work.x[0], 0.0)
         for i in range(6):
-            to, at = work.motion.rate if i < 3 else work.motion.force, vehicle.motion + i
+            to, at = motion.rate if i < 3 else motion.force, vehicle.motion + i
             to[i % 3] = to[i % 3] + work.x[at]
             work.x[at] = like(work.x[0], 0.0)
 
 
 @inlined
-def _correct_tick(work, open_loop, model, vehicle):
+def _correct_tick(work, motion, open_loop, model, vehicle):
     """Add the error state to the estimates after a tick; an open loop leaves attitude, velocity and position alone."""
-    correct_vehicle(work, model, vehicle)
+    correct_vehicle(work, motion, model, vehicle)
     if open_loop is None:
         correct_motion(work.nav, work.x)
         correct_receiver(work, model)
@@ -99,9 +99,8 @@ def _correct_tick(work, open_loop, model, vehicle):
 
 
 @inlined
-def _predict_samples(work, vehicle, at, dt):
+def _predict_samples(work, motion, vehicle, at, dt):
     """Set z to samples minus predicted ones: estimated motion plus what the estimated parameters add."""
-    motion = work.motion
     fill_samples(motion.h, vehicle.blocks, motion.rate, motion.force)
     for i in range(3):
         for sensor in range(2):
@@ -116,20 +115,20 @@ def _predict_samples(work, vehicle, at, dt):
 
 
 @inlined
-def sample_window(work, open_loop, unit, model, vehicle, first, n_tick):
+def sample_window(work, motion, open_loop, unit, model, vehicle, first, n_tick):
     """Update by the samples of a window, tick by tick, and put the estimates in the place of the increments; what is
     slow is propagated at the end of the window.
     """
-    m, motion = vehicle.motion, work.motion
+    m = vehicle.motion
     for k in range(n_tick):
-        _predict_samples(work, vehicle, k, unit.dt)
+        _predict_samples(work, motion, vehicle, k, unit.dt)
         for i in range(N_SAMPLE):
             work.P[m + i, m + i] = work.P[m + i, m + i] + vehicle.walk[first + k, i]
         update_samples(
             work.P, work.x, motion.K, motion.weight, motion.residual, motion.z, vehicle.variance, motion.h,
             vehicle.columns, model.n_estimated,
         )  # fmt: skip
-        _correct_tick(work, open_loop, model, vehicle)
+        _correct_tick(work, motion, open_loop, model, vehicle)
         for i in range(3):
             work.increments[0, i] = unit.dt * motion.rate[i]
             work.increments[0, 3 + i] = unit.dt * motion.force[i]

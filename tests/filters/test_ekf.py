@@ -14,7 +14,7 @@ from tests.building import LOOSE, MATCHED, case, loaded, prepare_hop, with_field
 
 
 def work_of(prepared):
-    work = new_work(prepared, lanes=False)
+    work, _ = new_work(prepared, lanes=False)
     work.nav[:] = prepared.start.nav
     work.P[:] = prepared.start.P
     return work
@@ -25,7 +25,7 @@ def test_feedback_adds_the_error_to_the_estimate():
     work, x = work_of(prepared), np.arange(1.0, 18.0) * 1e-4
     work.x[:] = x
     before = work.nav.copy()
-    correct(work, None, prepared.model)
+    correct(work, None, None, prepared.model)
     np.testing.assert_allclose(small_rotation(*work.nav[Q : Q + 4], *before[Q : Q + 4]), x[ATT : ATT + 3], atol=1e-15)
     np.testing.assert_allclose(work.nav[V : V + 3] - before[V : V + 3], x[VEL : VEL + 3], atol=1e-12)
     np.testing.assert_allclose(work.nav[R : R + 3] - before[R : R + 3], x[POS : POS + 3], atol=2e-9)
@@ -43,7 +43,7 @@ def test_the_antenna_swings_with_the_rate_of_the_last_tick():
     prepared = prepare_hop(scenario.model_copy(update={"receiver": receiver}))
     work = work_of(prepared)
     work.previous[:3] = 0.005 * np.array([0.1, -0.2, 0.3])
-    place_antenna(work, None, prepared.model, 0.005, 0)
+    place_antenna(work, None, None, prepared.model, 0.005, 0)
     C = np.reshape(np.array(matrix(*work.nav[Q : Q + 4])), (3, 3))
     lever = np.array([1.0, 2.0, -1.0])
     np.testing.assert_allclose(work.antenna[0, :3], work.nav[R : R + 3] + C @ lever, rtol=1e-14)

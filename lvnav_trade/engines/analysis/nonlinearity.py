@@ -207,7 +207,7 @@ def _predicted(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Floa
     work.clock_hat[:] = -d[model.clock : model.clock + 2] if model.clock >= 0 else 0.0
     for extra, offset in enumerate(model.extra_offset):
         work.extra[extra] = -d[offset]
-    place_antenna(work, None, model, prepared.unit.dt, epoch)
+    place_antenna(work, None, None, model, prepared.unit.dt, epoch)
     fill_receiver(work, model, prepared.signals, epoch)
     return work.z[: 2 * prepared.signals.n_used[epoch] if model.tight else 6].copy()
 

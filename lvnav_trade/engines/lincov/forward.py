@@ -120,7 +120,7 @@ def _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, 
         for k in range(sensors.code.shape[0]):
             if sensors.on[k, epoch] and model.measured[sensors.channel[k]]:
                 at = row_of(model, nominal, sensors.channel[k])
-                fill_sensor(nominal, None, late, model, signals, sensors, k, at, epoch)
+                fill_sensor(nominal, nominal.past, None, late, model, signals, sensors, k, at, epoch)
                 for i in range(sensors.scalars[k]):
                     channel = sensors.channel[k] + i
                     _update(
@@ -194,7 +194,7 @@ def _epoch(out, joint, scratch, work, tape, nominal, signals, sensors, true, mod
         joint.mean[model.clock] += signals.clock_jump[epoch]
     if chain is not None:
         advance_solution(joint, scratch, chain, true, epoch)
-    place_antenna(nominal, late, model, dt, epoch)
+    place_antenna(nominal, nominal.past, late, model, dt, epoch)
     _measure(nominal, signals, sensors, true.differences, model.tight, epoch)
     if rules is None:
         solved = chain is None or chain.solved[epoch]

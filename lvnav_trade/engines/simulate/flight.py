@@ -15,13 +15,13 @@ from lvnav_trade.kernels.vehicle import N_SAMPLE
 
 
 @inlined
-def _advance(work, unit, model, vehicle, samples, first, n_tick, dt):
+def _advance(work, motion, open_loop, unit, model, vehicle, samples, first, n_tick, dt):
     """Let the filter propagate its motion over a window: by the compensated increments, or by its model of the vehicle
     with every sample as a measurement.
     """
-    last_sample(work, samples, n_tick, unit.dt)
+    last_sample(work, motion, samples, n_tick, unit.dt)
     if vehicle is not None:
-        sample_window(work, work.open_loop, unit, model, vehicle, first, n_tick)
+        sample_window(work, motion, open_loop, unit, model, vehicle, first, n_tick)
     else:
         processes.compensate(work.increments, n_tick, work.tables[0], work.tables[1], model.biases_only, unit.dt)
         if model.group > 1:
@@ -30,10 +30,10 @@ def _advance(work, unit, model, vehicle, samples, first, n_tick, dt):
 
 
 @jit
-def _count_samples(work, vehicle, model, epoch):
+def _count_samples(work, motion, vehicle, model, epoch):
     """Count the samples of the last tick before an epoch among its innovations, behind the channels of sensors."""
     if vehicle is not None:
-        motion, at = work.motion, model.n_entry.shape[0]
+        at = model.n_entry.shape[0]
         for i in range(N_SAMPLE):
             normalised = motion.residual[i] * sqrt(motion.weight[i])
             work.innovation[epoch, at + i] = normalised
@@ -42,44 +42,47 @@ def _count_samples(work, vehicle, model, epoch):
 
 
 @inlined
-def fly(work, schedule, unit, signals, sensors, start, history, model, options, k0, k1):
-    """Simulate one run (float64 arrays) or eight (lane views) from start to end; `work` is filled.
+def fly(work, parts, schedule, unit, signals, sensors, start, history, model, options, k0, k1):
+    """Simulate one run (float64 arrays) or eight (lane views) from start to end; `work` and `parts` are filled.
 
     Parameters
     ----------
-    work : Work; schedule : Schedule; unit : Unit; signals : Signals; sensors : Sensors; start : Start
+    work : Work; parts : Parts; schedule : Schedule; unit : Unit; signals : Signals; sensors : Sensors; start : Start
     history : Record; model : FilterModel; options : Options
     k0, k1 : key words of the campaign's seed
     """
-    begin(work, unit, options.units, signals, start, model, k0, k1)
-    begin_solver(work, options.solver)
-    begin_watch(work.watch)
-    begin_motion(work.motion, options.samples)
+    begin(work, parts.own, unit, options.units, signals, start, model, k0, k1)
+    begin_solver(work, parts.rx, options.solver)
+    begin_watch(parts.watch)
+    begin_motion(parts.motion, options.samples)
     dt = unit.dt * model.group
     for w in range(schedule.n_tick.shape[0]):
         first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
         if n_tick > 0:
-            sense(work, unit, options.units, first, n_tick, k0, k1)
-            _advance(work, unit, model, options.vehicle, options.samples, first, n_tick, dt)
+            sense(work, parts.own, unit, options.units, first, n_tick, k0, k1)
+            _advance(
+                work, parts.motion, parts.open_loop, unit, model, options.vehicle, options.samples, first, n_tick, dt
+            )
             predict_window(work, model, schedule.length[w])
-            propagate_open_loop(work, work.open_loop, model, schedule.length[w])
-            keep(work.past, work.nav, work.previous, work.x, options.late, w, dt, model.gravity)
+            propagate_open_loop(work, parts.open_loop, model, schedule.length[w])
+            keep(parts.past, work.nav, work.previous, work.x, options.late, w, dt, model.gravity)
         epoch = schedule.epoch[w]
         if epoch >= 0:
             clear_epoch(work, epoch)
-            _count_samples(work, options.vehicle, model, epoch)
+            _count_samples(work, parts.motion, options.vehicle, model, epoch)
         if epoch >= 0 and model.aided:
-            observe(work, options.solver, signals, model.tight, epoch, k0, k1)
-            hold_solution(work, options.solver, options.report, epoch)
-            measure_sensors(work, sensors, options.units, signals, epoch, k0, k1)
+            observe(work, parts.rx, options.solver, signals, model.tight, epoch, k0, k1)
+            hold_solution(work, parts.rx, parts.held, options.solver, options.report, epoch)
+            measure_sensors(work, parts.own, sensors, options.units, signals, epoch, k0, k1)
             process_measurements(
-                work, work.open_loop, options.rules, options.late, options.gains, sensors, model, signals, epoch, dt
-            )
-            correct_vehicle(work, model, options.vehicle)
-            apply_feedback(work, work.open_loop, options.late, model)
+                work, parts.rx, parts.past, parts.watch, parts.open_loop, options.rules, options.late, options.gains,
+                sensors, model, signals, epoch, dt,
+            )  # fmt: skip
+            correct_vehicle(work, parts.motion, model, options.vehicle)
+            apply_feedback(work, parts.past, parts.open_loop, options.late, model)
         if schedule.hist[w] >= 0:
             tick = max(0, first + n_tick - 1)
             record(
-                work, work.open_loop, options.vehicle, options.samples, options.report, options.misses, history,
-                signals.shared, options.units, model, tick, schedule.hist[w],
+                work, parts.open_loop, parts.watch, parts.own, parts.motion, parts.held, parts.missed, options.vehicle,
+                options.samples, options.report, history, signals.shared, options.units, model, tick, schedule.hist[w],
             )  # fmt: skip

@@ -47,20 +47,24 @@ Work = namedtuple(
     "Work",
     "run nav sums previous increments P X D x K H z antenna rate true_par true_tables par tables remainder clock "
     "clock_hat shared extra ranges solution err sigma nees nis n_row n_reject innovation failed t_failed reported "
-    "observed rx open_loop watch past motion held misses units",
-    defaults=(None, None, None, None, None, None, None, None),
+    "observed",
 )
-"""Arrays of a run (or of eight in lanes): states, work arrays, and what is output; shapes: `new_work`.
+"""Arrays of a run (or of eight in lanes): states, work arrays, and what is output; shapes: `new_work`."""
+
+Parts = namedtuple(
+    "Parts", "rx open_loop watch past motion held missed own", defaults=(None, None, None, None, None, None, None, None)
+)
+"""Arrays that belong to options and are None without them; whatever does without is compiled once for all options.
 
 rx (receivers.base.Receiver), open_loop (filters.feedforward.OpenLoop), watch (filters.monitor.Watch), past
-(n_place + 1, N_PAST) (filters.late), motion (filters.samples.Motion), held (Held), misses (Misses) and units (UnitWork)
-belong to options and are None without them.
+(n_place + 1, N_PAST) (filters.late), motion (filters.samples.Motion), held (Held), missed (Misses) and own (UnitWork).
 """
 
 
 @jit
 def fly_lanes(
     work: Any,
+    parts: Any,
     schedule: Any,
     unit: Any,
     signals: Any,
@@ -73,10 +77,10 @@ def fly_lanes(
     k1: Any,
 ) -> None:
     """Fly eight runs: `fly` on lane views of arrays whose last axis is the runs."""
-    fly(view(work), schedule, unit, signals, sensors, start, history, model, options, k0, k1)
+    fly(view(work), view(parts), schedule, unit, signals, sensors, start, history, model, options, k0, k1)
 
 
-def new_work(prepared: Prepared, lanes: bool) -> Work:
+def new_work(prepared: Prepared, lanes: bool) -> tuple[Work, Parts]:
     """Return the arrays of one run, or of eight in lanes, zero. None is empty: a lane view of no length has no type."""
     model, signals, layout = prepared.model, prepared.signals, prepared.layout
     n, n_row, n_lane = layout.n_state, prepared.n_row, WIDTH if lanes else 0
@@ -95,10 +99,10 @@ def new_work(prepared: Prepared, lanes: bool) -> Work:
         "t_failed": (1,), "reported": (6, 6), "observed": (max(1, len(prepared.devices)), 4),
     }, n_lane)  # fmt: skip
     arrays["run"] = arrays["run"].view(np.uint64)
-    return Work(**arrays, **_optional_work(prepared, n_lane))
+    return Work(**arrays), _new_parts(prepared, n_lane)
 
 
-def _optional_work(prepared: Prepared, n_lane: int) -> dict[str, Any]:
+def _new_parts(prepared: Prepared, n_lane: int) -> Parts:
     """Return the arrays of the options that a case has."""
     options, layout, found = prepared.options, prepared.layout, dict[str, Any]()
     n, n_channel = layout.n_state, prepared.channels.n_receiver
@@ -117,15 +121,16 @@ def _optional_work(prepared: Prepared, n_lane: int) -> dict[str, Any]:
         found["held"] = Held(**zeros_of({"error": (N_RECEIVER,), "covariance": (N_RECEIVER, N_RECEIVER)}, n_lane))
     if options.units is not None:
         n_tick = int(prepared.schedule.n_tick.max(initial=0))
-        found["units"] = new_units(options.units.n_axis.size, n_tick, options.units.pair_sensor.size, n_lane)
+        found["own"] = new_units(options.units.n_axis.size, n_tick, options.units.pair_sensor.size, n_lane)
     if options.misses is not None:
-        found["misses"] = Misses(**zeros_of(dict.fromkeys(Misses._fields, (prepared.t_hist.size, n)), n_lane))
-    return found
+        found["missed"] = Misses(**zeros_of(dict.fromkeys(Misses._fields, (prepared.t_hist.size, n)), n_lane))
+    return Parts(**found)
 
 
-def _fly(prepared: Prepared, seed: int, first: int, lanes: bool) -> Work:
+def _fly(prepared: Prepared, seed: int, first: int, lanes: bool) -> tuple[Work, Parts]:
     """Fly a run, or eight from `first` on."""
-    work, runs = new_work(prepared, lanes), np.arange(first, first + (WIDTH if lanes else 1), dtype=np.uint64)
+    work, parts = new_work(prepared, lanes)
+    runs = np.arange(first, first + (WIDTH if lanes else 1), dtype=np.uint64)
     work.run[0] = runs if lanes else runs[0]
     chosen = np.flatnonzero(prepared.signals.shared.given)
     if chosen.size:
@@ -133,8 +138,8 @@ def _fly(prepared: Prepared, seed: int, first: int, lanes: bool) -> Work:
         work.shared[chosen] = values if lanes else values[:, 0]
     p = prepared
     fixed = (p.schedule, p.unit, p.signals, p.sensors, p.start, p.record, p.model, p.options)
-    (fly_lanes if lanes else fly)(work, *fixed, *seed_words(seed))
-    return work
+    (fly_lanes if lanes else fly)(work, parts, *fixed, *seed_words(seed))
+    return work, parts
 
 
 def compile_kernels(prepared: Prepared) -> None:
@@ -153,7 +158,7 @@ def simulated(prepared: Prepared, seed: int, n_run: int) -> Iterator[Misses]:
     """Yield what the transition misses of runs 0 to n_run - 1, some runs at a time, runs on the first axis."""
     lanes = not config.DISABLE_JIT
     for first in range(0, n_run, WIDTH if lanes else 1):
-        misses = _fly(prepared, seed, first, lanes).misses
+        misses = _fly(prepared, seed, first, lanes)[1].missed
         yield Misses(*(_by_run(array, lanes)[: n_run - first] for array in misses))
 
 
@@ -173,12 +178,12 @@ def run_block(prepared: Prepared, seed: int, first_run: int, n_run: int, lanes: 
     changes = [NO_CHANGES]
     for done in range(0, n_run, width):
         first, new = first_run + done, min(width, n_run - done)
-        work = _fly(prepared, seed, first, use_lanes)
+        work, parts = _fly(prepared, seed, first, use_lanes)
         for name, kind in _OUTPUT.items():
             runs = _by_run(getattr(work, name), use_lanes)
             joined.setdefault(name, np.empty((n_run, *runs.shape[1:]), dtype=kind))[done : done + new] = runs[:new]
-        if work.watch is not None:
-            changes.append(_changes(prepared, work.watch, first, new, use_lanes))
+        if parts.watch is not None:
+            changes.append(_changes(prepared, parts.watch, first, new, use_lanes))
     joined |= {name: joined[name][:, 0] for name in ("failed", "t_failed")}
     return RunBlock(
         first_run=first_run, t=prepared.t_hist, t_epoch=prepared.t_epoch, changes=np.concatenate(changes), **joined

@@ -69,7 +69,7 @@ def _record_vector(err, sigma, at, x, P, state, c0, c1, c2):
 
 
 @jit
-def _record_states(work, history, shared, units, model, hist):
+def _record_states(work, own, history, shared, units, model, hist):
     """Write errors (truth minus estimate), the filter's sigma and NEES at a history time, in reporting axes."""
     x, P, err, sigma = work.x, work.P, work.err[hist], work.sigma[hist]
     _navigation_errors(x, work, history, model, hist)
@@ -78,7 +78,7 @@ def _record_states(work, history, shared, units, model, hist):
         x[model.clock] = work.clock[0] + history.since[hist] * work.clock[1] - work.clock_hat[0]
         x[model.clock + 1] = work.clock[1] - work.clock_hat[1]
     _extra_errors(work, shared, model)
-    add_relative_biases(work, units)
+    add_relative_biases(work, own, units)
     q, axes = history.q[hist], history.axes[hist]
     c = matrix(q[0], q[1], q[2], q[3])
     for i in range(3):
@@ -107,22 +107,22 @@ def _check(work, history, hist):
 
 
 @jit
-def _motion_errors(work, vehicle, tick):
+def _motion_errors(work, motion, vehicle, tick):
     """Set the errors of the states of the vehicle's motion: those of the tick that ends here."""
     if vehicle is not None:
         for i in range(3):
-            work.x[vehicle.motion + i] = vehicle.rate[tick, i] - work.motion.rate[i]
-            work.x[vehicle.motion + 3 + i] = vehicle.force[tick, i] - work.motion.force[i]
+            work.x[vehicle.motion + i] = vehicle.rate[tick, i] - motion.rate[i]
+            work.x[vehicle.motion + 3 + i] = vehicle.force[tick, i] - motion.force[i]
 
 
 @jit
-def _record_samples(work, samples, model, tick, hist):
+def _record_samples(work, motion, samples, model, tick, hist):
     """Write the errors of the last samples of rate and specific force: raw, and corrected by the estimated bias."""
     if samples is not None:
         n = model.n_state
         for i in range(N_SAMPLE):
             true = samples.rate[tick, i % 3] if i < 3 else samples.force[tick, i % 3]
-            error = true - work.motion.sample[i]
+            error = true - motion.sample[i]
             work.err[hist, n + i] = error
             work.sigma[hist, n + i] = sqrt(like(error, samples.raw[i]))
             block, state = samples.par[i // 3], samples.bias[i]
@@ -135,9 +135,8 @@ def _record_samples(work, samples, model, tick, hist):
 
 
 @jit
-def _own_error(work, filtering, point_model, point):
+def _own_error(work, rx, held, filtering, point_model, point):
     """Set the error of the receiver's own estimate, frame i, where there is a solution, and its own covariance."""
-    rx, held = work.rx, work.held
     valid = rx.solution[0] == rx.solution[0]
     if filtering is None:
         for i in range(4):
@@ -159,19 +158,19 @@ def _own_error(work, filtering, point_model, point):
 
 
 @jit
-def hold_solution(work, solver, report, epoch):
+def hold_solution(work, rx, held, solver, report, epoch):
     """Hold the error of the receiver's last solution, as of its time of validity, and its filter's innovations."""
     if report is not None:
-        _own_error(work, solver.filter, solver.point, report.point[epoch])
+        _own_error(work, rx, held, solver.filter, solver.point, report.point[epoch])
         for i in range(report.n_channel):
-            work.innovation[epoch, report.first_channel + i] = work.rx.innovation[i]
+            work.innovation[epoch, report.first_channel + i] = rx.innovation[i]
 
 
 @jit
-def _record_solution(work, report, history, model, hist):
+def _record_solution(work, held, report, history, model, hist):
     """Write the error of the receiver's last solution in reporting axes: velocity, position, clock."""
     if report is not None:
-        held, axes, at = work.held, history.axes[hist], report.first_output
+        axes, at = history.axes[hist], report.first_output
         err, sigma = work.err[hist], work.sigma[hist]
         for i in range(3):
             c0, c1, c2 = axes[i, 0], axes[i, 1], axes[i, 2]
@@ -183,29 +182,30 @@ def _record_solution(work, report, history, model, hist):
 
 
 @jit
-def _record_misses(work, misses, history, model, hist):
+def _record_misses(work, missed, history, model, hist):
     """Write the error of the inertial system, and what the filter's transition missed of it since the history time
     before; the error state starts from the error again.
     """
-    if misses is not None:
-        _navigation_errors(work.misses.error[hist], work, history, model, hist)
+    if missed is not None:
+        _navigation_errors(missed.error[hist], work, history, model, hist)
         for i in range(model.n_state):
-            error = work.misses.error[hist, i]
-            work.misses.missed[hist, i] = error - work.x[i] if hist > 0 else like(error, 0.0)
+            error = missed.error[hist, i]
+            missed.missed[hist, i] = error - work.x[i] if hist > 0 else like(error, 0.0)
             work.x[i] = error
 
 
 @inlined
-def record(work, open_loop, vehicle, samples, report, misses, history, shared, units, model, tick, hist):
+def record(work, open_loop, watch, own, motion, held, missed, vehicle, samples, report, history, shared, units, model,
+           tick, hist):  # fmt: skip
     """Record at a history time: of an open loop the sum of inertial system and error state, which goes nowhere else."""
-    if misses is not None:
-        _record_misses(work, misses, history, model, hist)
+    if missed is not None:
+        _record_misses(work, missed, history, model, hist)
         return
     if open_loop is not None:
-        apply_correction(work, open_loop, work.watch, model)
-    _motion_errors(work, vehicle, tick)
-    _record_states(work, history, shared, units, model, hist)
+        apply_correction(work, open_loop, watch, model)
+    _motion_errors(work, motion, vehicle, tick)
+    _record_states(work, own, history, shared, units, model, hist)
     if open_loop is not None:
         remove_correction(work, open_loop, model)
-    _record_samples(work, samples, model, tick, hist)
-    _record_solution(work, report, history, model, hist)
+    _record_samples(work, motion, samples, model, tick, hist)
+    _record_solution(work, held, report, history, model, hist)

@@ -18,7 +18,7 @@ _ZERO, _ONE = np.uint64(0), np.uint64(1)
 
 
 @jit
-def begin(work, unit, units, signals, start, model, k0, k1):
+def begin(work, own, unit, units, signals, start, model, k0, k1):
     """Set every state of a run at tick 0: true parameters and clock drawn, the estimate off by its initial error."""
     run = work.run[0]
     q = from_errors(work, start, k0, k1, run)
@@ -34,8 +34,8 @@ def begin(work, unit, units, signals, start, model, k0, k1):
     processes.zero_all(work.tables)
     processes.zero_all(work.true_par)
     processes.start(work.true_par, unit.sigma, unit.sources, k0, k1, run)
-    begin_units(work.units, units)
-    _gather_tables(work, unit, units)
+    begin_units(own, units)
+    _gather_tables(work, own, unit, units)
     n0, n1, _, _ = normals(k0, k1, signals.sources[3], run, _ZERO, _ZERO)
     work.clock[0], work.clock[1] = signals.clock_start[0] * n0, signals.clock_start[1] * n1
     work.clock_hat[0], work.clock_hat[1] = like(n0, 0.0), like(n0, 0.0)
@@ -81,15 +81,15 @@ def profile_value(unit, profile, axis, t):
 
 
 @jit
-def _gather_tables(work, unit, units):
+def _gather_tables(work, own, unit, units):
     """Set what true parameters multiply; of several units (Units) in the tables of each, and in those of the fused
     triad.
     """
     if units is None:
         processes.gather(work.true_tables, work.true_par, unit.sensors, unit.drivers)
     else:
-        gather_units(work.units, units, work.true_par, unit.sensors, unit.drivers)
-        fuse_tables(work.true_tables, work.units, units)
+        gather_units(own, units, work.true_par, unit.sensors, unit.drivers)
+        fuse_tables(work.true_tables, own, units)
 
 
 @jit
@@ -103,15 +103,15 @@ def _add_profiles(tables, unit, tick):
 
 
 @jit
-def _set_true_tables(work, unit, units, tick):
+def _set_true_tables(work, own, unit, units, tick):
     """Set what true parameters and profiles multiply, for the process step that starts at a tick."""
     if units is None:
         processes.gather(work.true_tables, work.true_par, unit.sensors, unit.drivers)
         _add_profiles(work.true_tables, unit, tick)
     else:
-        gather_units(work.units, units, work.true_par, unit.sensors, unit.drivers)
-        _add_profiles(work.units.tables, unit, tick)
-        fuse_tables(work.true_tables, work.units, units)
+        gather_units(own, units, work.true_par, unit.sensors, unit.drivers)
+        _add_profiles(own.tables, unit, tick)
+        fuse_tables(work.true_tables, own, units)
 
 
 @jit
@@ -125,7 +125,7 @@ def _miss_gravity(work, value, seconds):
 
 
 @inlined
-def _sense_ticks(work, unit, units, at, tick, count, k0, k1):
+def _sense_ticks(work, own, unit, units, at, tick, count, k0, k1):
     """Fill rows of the window's increments, from row `at` on, for ticks of one process step."""
     if units is None:
         processes.corrupt(
@@ -133,13 +133,13 @@ def _sense_ticks(work, unit, units, at, tick, count, k0, k1):
             unit.white, work.remainder, unit, k0, k1, work.run[0],
         )  # fmt: skip
     else:
-        sense_units(work, units, at, tick, count, unit.dt, k0, k1)
+        sense_units(work, own, units, at, tick, count, unit.dt, k0, k1)
 
 
 @inlined
-def sense(work, unit, units, first, n_tick, k0, k1):
-    """Fill the window's increments with what the unit, or the triad fused of several (Units), puts out; varying
-    parameters step on their own clock.
+def sense(work, own, unit, units, first, n_tick, k0, k1):
+    """Fill the window's increments with what the unit, or the triad fused of several (Units and, own, their UnitWork),
+    puts out; varying parameters step on their own clock.
     """
     run, done = work.run[0], 0
     while done < n_tick:
@@ -149,9 +149,9 @@ def sense(work, unit, units, first, n_tick, k0, k1):
             if tick > 0:
                 epoch = np.uint64(tick // unit.process_ticks)
                 processes.step(work.true_par, unit.decay, unit.walk, unit.sources, k0, k1, run, epoch)
-            _set_true_tables(work, unit, units, tick)
+            _set_true_tables(work, own, unit, units, tick)
         count = min(n_tick - done, unit.process_ticks - phase)
-        _sense_ticks(work, unit, units, done, tick, count, k0, k1)
+        _sense_ticks(work, own, unit, units, done, tick, count, k0, k1)
         if unit.gravity >= 0:
             _miss_gravity(work, work.true_par[unit.gravity], unit.dt * count)
         done += count
@@ -184,10 +184,10 @@ def _shared_error(work, shared, epoch, channel):
 
 
 @jit
-def begin_solver(work, solver):
+def begin_solver(work, rx, solver):
     """Switch the receiver on where it solves itself; it looks for its first fix where the estimate is."""
     if solver is not None:
-        switch_on(work.rx, work.nav[R], work.nav[R + 1], work.nav[R + 2])
+        switch_on(rx, work.nav[R], work.nav[R + 1], work.nav[R + 2])
 
 
 @jit
@@ -218,15 +218,15 @@ def _measure_directly(work, signals, word, epoch, k0, k1):
 
 
 @jit
-def _solve(work, solver, signals, epoch):
+def _solve(work, rx, solver, signals, epoch):
     """Let the receiver solve: its solution is the filter's measurement."""
     solve(
-        work.rx, solver.point, solver.filter, signals.satellite[epoch], signals.satellite_velocity[epoch],
+        rx, solver.point, solver.filter, signals.satellite[epoch], signals.satellite_velocity[epoch],
         signals.used[epoch], signals.n_used[epoch], work.ranges,
     )  # fmt: skip
     if not signals.frozen[epoch]:  # the receiver goes on behind a frozen output
         for i in range(6):
-            work.solution[i] = work.rx.solution[i]
+            work.solution[i] = rx.solution[i]
 
 
 @jit
@@ -236,7 +236,7 @@ def _sensor_error(work, signals, epoch, channel, normal):
 
 
 @jit
-def measure_sensors(work, sensors, units, signals, epoch, k0, k1):
+def measure_sensors(work, own, sensors, units, signals, epoch, k0, k1):
     """Set what the sensors beside the receiver (Sensors, or None) measure at an epoch."""
     if sensors is not None:
         zero = like(work.clock[0], 0.0)
@@ -248,20 +248,20 @@ def measure_sensors(work, sensors, units, signals, epoch, k0, k1):
                 e1 = _sensor_error(work, signals, epoch, at + 1, n1) if count > 1 else zero
                 e2 = _sensor_error(work, signals, epoch, at + 2, n2) if count > 2 else zero
                 measure(work.observed[k], sensors.code[k], sensors.truth[k, epoch], e0, e1, e2)
-                take_difference(work, units, k)
+                take_difference(work, own, units, k)
 
 
 @jit
-def observe(work, solver, signals, tight, epoch, k0, k1):
+def observe(work, rx, solver, signals, tight, epoch, k0, k1):
     """Step the receiver to the epoch and fill the measurements that the filter uses; a frozen output stays.
 
-    solver : Solver, or None where the solution is simulated (loose) or there is none (tight)
+    rx, solver : Receiver and Solver, or None where the solution is simulated (loose) or there is none (tight)
     """
     word = np.uint64(epoch + 1)
     _step_receiver(work, signals, word, epoch, k0, k1)
     if solver is not None:
         _measure_ranges(work, signals, word, epoch, k0, k1)
-        _solve(work, solver, signals, epoch)
+        _solve(work, rx, solver, signals, epoch)
         return
     if signals.frozen[epoch]:
         return

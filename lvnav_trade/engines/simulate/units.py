@@ -55,25 +55,25 @@ def begin_units(own, units):
 
 
 @jit
-def take_difference(work, units, k):
+def take_difference(work, own, units, k):
     """Set what sensor k measures, if that is a difference of two units, to its sum since the measurement before."""
     if units is not None:
         p = units.pair_of[k]
         if p >= 0:
             for i in range(3):
-                work.observed[k, i] = work.units.difference[p, i]
-                work.units.difference[p, i] = like(work.units.difference[p, i], 0.0)
+                work.observed[k, i] = own.difference[p, i]
+                own.difference[p, i] = like(own.difference[p, i], 0.0)
 
 
 @jit
-def add_relative_biases(work, units):
+def add_relative_biases(work, own, units):
     """Add to the errors of the states of relative biases the true ones."""
     if units is not None:
         for p in range(units.pair_sensor.shape[0]):
             at = units.pair_state[p]
             if at >= 0:
                 for k in range(units.n_axis.shape[0]):
-                    table = work.units.tables[2 * k + units.pair_sensor[p]]
+                    table = own.tables[2 * k + units.pair_sensor[p]]
                     for c in range(units.n_axis[k]):
                         for i in range(3):
                             work.x[at + i] = work.x[at + i] + units.pair_solved[p, k, i, c] * table[BIAS + c]
@@ -212,10 +212,10 @@ def _fuse(increments, own, units, at, n_tick, dt):
 
 
 @jit
-def sense_units(work, units, at, first_tick, n_tick, dt, k0, k1):
+def sense_units(work, own, units, at, first_tick, n_tick, dt, k0, k1):
     """Fill rows of the window's increments with those of the fused triad; what each unit puts out stays in
-    `work.units.sensed`.
+    `own.sensed`.
     """
     for k in range(units.n_axis.shape[0]):
-        _sense_triad(work.units, units, k, at, first_tick, n_tick, dt, k0, k1, work.run[0])
-    _fuse(work.increments, work.units, units, at, n_tick, dt)
+        _sense_triad(own, units, k, at, first_tick, n_tick, dt, k0, k1, work.run[0])
+    _fuse(work.increments, own, units, at, n_tick, dt)

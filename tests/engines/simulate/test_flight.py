@@ -57,7 +57,7 @@ def test_compiled_and_interpreted_code_fly_the_same_run(kind, tmp_path):
 
 def scene(settings=()):
     prepared = case(*settings)
-    work = new_work(prepared, lanes=False)
+    work, _ = new_work(prepared, lanes=False)
     return prepared, work
 
 

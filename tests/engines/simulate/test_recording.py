@@ -19,11 +19,9 @@ from tests.engines.modelled import BASELINE, modelled
 from tests.engines.simulate.test_flight import scene
 
 
-def recorded(work, prepared, history, hist):
-    """Record a run of a case without options."""
-    record(
-        work, work.open_loop, None, None, None, None, history, prepared.signals.shared, None, prepared.model, 0, hist
-    )
+def recorded(work, prepared, history, hist, open_loop=None):
+    nothing = (None,) * 8  # no mode logic, no part of another option
+    record(work, open_loop, *nothing, history, prepared.signals.shared, None, prepared.model, 0, hist)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -44,7 +42,7 @@ def test_an_error_that_is_injected_computed_and_fed_back_leaves_nothing(seed):
     work.x[:] = error
     work.x[:3] = C @ error[:3]  # reported in body axes, fed back in frame i
     assert np.abs(error[:9]).min() > 0.0
-    correct(work, None, model)
+    correct(work, None, None, model)
     np.testing.assert_array_equal(work.x, 0.0)
     recorded(work, prepared, at_start, 0)
     left = work.err[0]
@@ -70,15 +68,15 @@ def test_of_an_open_loop_the_sum_is_recorded_and_the_inertial_system_stays_as_it
     scenario = loaded(LOOSE)
     scenario = scenario.model_copy(update={"filter": with_fields(scenario.filter, feedback="open")})
     prepared = prepare_hop(scenario)
-    work = new_work(prepared, lanes=False)
+    work, parts = new_work(prepared, lanes=False)
     work.nav[:], work.P[:] = prepared.start.nav, np.eye(prepared.model.n_state)
     x = 1e-3 * np.arange(1.0, prepared.model.n_state + 1.0)
     axes = np.tile(np.eye(3), (prepared.t_hist.size, 1, 1))
     history = prepared.record._replace(axes=axes)
-    recorded(work, prepared, history, 0)
+    recorded(work, prepared, history, 0, parts.open_loop)
     alone = work.err[0].copy()
     work.x[:] = x
-    recorded(work, prepared, history, 0)
+    recorded(work, prepared, history, 0, parts.open_loop)
     np.testing.assert_allclose(alone[VEL : VEL + 3] - work.err[0, VEL : VEL + 3], x[VEL : VEL + 3], atol=1e-11)
     np.testing.assert_allclose(alone[POS : POS + 3] - work.err[0, POS : POS + 3], x[POS : POS + 3], atol=2e-9)
     np.testing.assert_allclose(alone[9:15] - work.err[0, 9:15], x[9:15], atol=1e-15)

@@ -44,7 +44,7 @@ def collect(out, work, unit, k0, k1):
         work.remainder[:] = 0.0
         processes.start(work.true_par, unit.sigma, unit.sources, k0, k1, work.run[0])
         processes.gather(work.true_tables, work.true_par, unit.sensors, unit.drivers)
-        sense(work, unit, None, 0, out.shape[1], k0, k1)
+        sense(work, None, unit, None, 0, out.shape[1], k0, k1)
         out[run] = work.increments
 
 
