@@ -47,7 +47,10 @@ def _from_pad(kind: str) -> Trajectory:
 
     def upright(t: Floats) -> Floats:
         x, side = (eci_from_ecef(np.tile(axis, (t.size, 1)), earth_angle(0.3, t)) for axis in (-down, east))
-        roll = 2.0 * np.pi * 0.8 * np.maximum(0.0, t - lift_off) if kind == "spinning" else np.zeros(t.size)
+        # the spin builds up in five seconds: at once, it would be 5 m/s of a lever arm's speed that nothing expects
+        since = np.maximum(0.0, t - lift_off)
+        turned = np.where(since < 5.0, 0.1 * since**2, since - 2.5)
+        roll = 2.0 * np.pi * 0.8 * turned if kind == "spinning" else np.zeros(t.size)
         return quaternions(body_axes(x, side, roll))
 
     before = pad_times(lift_off, lift_off)
