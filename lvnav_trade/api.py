@@ -358,6 +358,5 @@ def exit_code(verdicts: Sequence[str], failures: Sequence[Any]) -> int:
     """Return the exit code of a finished campaign; failed runs come first, because no verdict is safe beside them."""
     if failures:
         return FAILED
-    if "violated" in verdicts:
-        return VIOLATED
-    return UNDECIDED if {"undecided", "not confirmed"} & set(verdicts) else MET
+    undecided = {"undecided", "not confirmed"} & set(verdicts)
+    return VIOLATED if "violated" in verdicts else UNDECIDED if undecided else MET

@@ -18,9 +18,7 @@ def printable(text: str) -> str:
 
 def shortened(text: str, most: int) -> str:
     """Return the text with its middle left out where it is longer than `most` characters."""
-    if len(text) <= most:
-        return text
-    return f"{text[: most - 20]} ... {text[-15:]}"
+    return text if len(text) <= most else f"{text[: most - 20]} ... {text[-15:]}"
 
 
 def quoted(value: object) -> str:

@@ -76,8 +76,7 @@ def eci_from_ecef(r_e: ArrayLike, theta: ArrayLike) -> Floats:
 def earth_velocity(r_i: ArrayLike, v_i: ArrayLike) -> Floats:
     """Return the velocity relative to the rotating Earth, (..., 3) m/s in inertial components."""
     r_i, v_i = np.asarray(r_i, dtype=float), np.asarray(v_i, dtype=float)
-    turn = np.stack([-r_i[..., 1], r_i[..., 0], np.zeros_like(r_i[..., 0])], axis=-1)
-    return np.asarray(v_i - OMEGA * turn)
+    return np.asarray(v_i - OMEGA * np.stack([-r_i[..., 1], r_i[..., 0], np.zeros_like(r_i[..., 0])], axis=-1))
 
 
 # --- geodetic and local frames ----------------------------------------------------------------------------------------
@@ -193,8 +192,7 @@ def quaternions(C: Floats) -> Floats:
     s0, s1, s2, s3 = squares.T
     rows = np.array([[s0, wx, wy, wz], [wx, s1, xy, xz], [wy, xy, s2, yz], [wz, xz, yz, s3]])
     q = unit(rows[k, :, np.arange(len(k))])
-    turns = np.where(np.sum(q[1:] * q[:-1], axis=1) < 0.0, -1.0, 1.0)
-    q[1:] *= np.cumprod(turns)[:, None]
+    q[1:] *= np.cumprod(np.where(np.sum(q[1:] * q[:-1], axis=1) < 0.0, -1.0, 1.0))[:, None]
     return q
 
 

@@ -62,8 +62,8 @@ EXTRAS = {
     "gyro_relative_bias": ("rad/s", "deg/h", _DEG_H),
     "accel_relative_bias": ("m/s^2", "mg", _MG),
 }
+# Extra states of a filter that measures the difference of two inertial units, by measurement.
 RELATIVE = {"angle_difference": "gyro_relative_bias", "velocity_difference": "accel_relative_bias"}
-"""Extra states of a filter that measures the difference of two inertial units, by measurement."""
 
 
 class ExtraBlock(NamedTuple):
@@ -181,6 +181,12 @@ MISSION = {
         ("impact_error_cross", "m", "km", 1e-3),
     )
 }
+
+
+def split_metric(name: str) -> tuple[str, str]:
+    """Take ``velocity_error_3d`` apart into quantity and axis; an axis left out is the norm, 3d."""
+    quantity, _, axis = name.partition("_error")
+    return quantity, axis.removeprefix("_") or "3d"
 
 
 def solution_outputs(frame: str) -> tuple[Output, ...]:

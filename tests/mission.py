@@ -12,7 +12,8 @@ from scipy.integrate import solve_ivp
 from lvnav_trade.engines.simulate.statistics import summarise
 from lvnav_trade.frames import Elements, state_from_elements
 from lvnav_trade.kernels.earth import GM, J2, SEMI_MAJOR
-from lvnav_trade.store import CaseInfo, open_results
+from lvnav_trade.store.tables import CaseInfo
+from lvnav_trade.store.write import open_results
 from tests import synthetic
 
 CASE = "cccccccccccc"

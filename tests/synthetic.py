@@ -16,7 +16,8 @@ from lvnav_trade.engines.setup.starts import StartDraws
 from lvnav_trade.engines.simulate.statistics import summarise
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.records import LOST, TRACK, AdjointBudget, CovHistory, Output, Reference, RunBlock, Sky, Transition
-from lvnav_trade.store import CaseInfo, open_results
+from lvnav_trade.store.tables import CaseInfo
+from lvnav_trade.store.write import open_results
 from lvnav_trade.world.conditions import Course
 from lvnav_trade.world.faults import SatelliteOutage
 

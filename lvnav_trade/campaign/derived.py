@@ -154,15 +154,13 @@ class Behind(NamedTuple):
 
 def behind(part: Part, campaign: Campaign) -> Behind:
     """Return what a study asks for of a campaign beside its results."""
-    noise: list[tuple[float, ProcessNoise]] = []
-    if part.noise is not None:
-        first = cases(campaign)[0]
-        noise = [(step, process_noise(campaign, first, part.noise.runs, step)) for step in part.noise.steps]
-    single = None
-    if part.single is not None:
-        chosen = part.single
-        single = flight_of(campaign, _case(campaign, chosen.aided), _case(campaign, chosen.unaided), chosen.run)
-    return Behind(tuple(noise), single)
+    noise: tuple[tuple[float, ProcessNoise], ...] = ()
+    if (asked := part.noise) is not None:
+        noise = tuple((step, process_noise(campaign, cases(campaign)[0], asked.runs, step)) for step in asked.steps)
+    if (chosen := part.single) is None:
+        return Behind(noise)
+    aided, unaided = (_case(campaign, levels) for levels in (chosen.aided, chosen.unaided))
+    return Behind(noise, flight_of(campaign, aided, unaided, chosen.run))
 
 
 def _case(campaign: Campaign, levels: Levels) -> Case:

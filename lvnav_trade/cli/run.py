@@ -60,8 +60,7 @@ def _answer(results: Any, answers: Sequence[Any], report: bool) -> Answer:
     if len(verdicts):
         lines.insert(0, table(list(verdicts.columns), list(verdicts.itertuples(index=False))))
     if len(failures) > _MOST:
-        more = len(failures) - _MOST
-        lines.append(f"failed: {more} more; all of them: column failed of the table runs, or --json")
+        lines.append(f"failed: {len(failures) - _MOST} more; all of them: column failed of the table runs, or --json")
     lines.append(f"report: {page}" if page else f"results: {results.folder}")
     content = {
         "folder": str(results.folder),

@@ -1,8 +1,9 @@
 """Cards of the tropospheric and ionospheric models, of the true atmosphere and of what the filter corrects."""
 
-from typing import Annotated, Literal, Self
+from collections.abc import Iterator
+from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from lvnav_trade.units import (
     Angle,
@@ -26,11 +27,9 @@ class StandardProfile(Card):
     wet: float = Field(44.8, ge=0.0, description="wet refractivity at sea level, (n - 1) x 1e6")
     wet_scale_height: ScaleHeight = 2000.0
 
-    @model_validator(mode="after")
-    def _untrapped(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         if self.wet / self.wet_scale_height > 0.05:
-            raise ValueError("wet / wet_scale_height should be at most 50 per km: vapour that falls faster traps rays")
-        return self
+            yield "wet / wet_scale_height should be at most 50 per km: vapour that falls faster traps rays"
 
 
 class BeanThayerProfile(Card):

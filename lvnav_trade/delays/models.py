@@ -110,8 +110,7 @@ def _table(_: cards.RayTracedTroposphere, card: cards.RayTracedTroposphere) -> t
     air, far = profile(card.profile), card.satellite_radius
     heights = np.concatenate([np.arange(-1e3, 15e3, 500.0), np.arange(15e3, 30e3, 1e3), np.linspace(30e3, TOP, 37)])
     bend = np.linspace(0.0, np.arcsinh(1.0 / _FLAT), 40)
-    elevation = np.arcsin(np.minimum(_FLAT * np.sinh(bend), 1.0))
-    upwards = ray(air, heights[:, None], elevation, far).delay
+    upwards = ray(air, heights[:, None], np.arcsin(np.minimum(_FLAT * np.sinh(bend), 1.0)), far).delay
     reach = np.linspace(0.0, np.arcsinh(FARTHEST / _NEAR), 46)
     distance = _NEAR * np.sinh(reach)
     radius = np.hypot(EARTH_RADIUS + heights[:, None], distance)
@@ -139,8 +138,7 @@ def interpolated(card: cards.RayTracedTroposphere, height: Floats, elevation: Fl
     delay = np.zeros(elevation.shape)
     dips = (elevation < 0.0) & (lowest < TOP)
     rises = (elevation >= 0.0) & (height < TOP)
-    bend = np.arcsinh(np.sin(elevation[rises]) / _FLAT)
-    delay[rises] = np.exp(up.ev(np.maximum(height[rises], BOTTOM), bend))
+    delay[rises] = np.exp(up.ev(np.maximum(height[rises], BOTTOM), np.arcsinh(np.sin(elevation[rises]) / _FLAT)))
     low = np.maximum(lowest[dips], BOTTOM)
     distance = np.sqrt(np.maximum(height[dips] - low, 0.0) * (2.0 * EARTH_RADIUS + height[dips] + low))
     delay[dips] = np.exp(down.ev(low, np.arcsinh(np.minimum(distance, FARTHEST) / _NEAR)))

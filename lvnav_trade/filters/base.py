@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -22,8 +22,9 @@ from lvnav_trade.observables.sensors import (
 from lvnav_trade.units import Card
 
 Matched = Literal["matched"]
+# Standard states; what else is a state of the filter is named in its card.
 BIASES = ("gyro_bias", "accel_bias")
-"""Standard states; what else is a state of the filter is named in its card."""
+# Measurements of the filter kinds of earlier versions.
 _KINDS = {
     "inertial": "[]",
     "loose": "[position, velocity]",
@@ -31,7 +32,6 @@ _KINDS = {
     "referenced": "[position, velocity, attitude] and report_imu_samples: true",
     "vehicle_model": "[position, velocity, attitude, imu] and report_imu_samples: true",
 }
-"""Measurements of the filter kinds of earlier versions."""
 
 
 class ImuModel(Card):
@@ -260,16 +260,14 @@ class FilterCard(Card):
             )
         return tuple(name for name in MEASUREMENTS if name in listed)
 
-    @model_validator(mode="after")
-    def _decided(self) -> Self:
+    def _faults(self) -> Iterator[str]:
         both = sorted(set(self.neglect) & set(self.consider))
         if both:
-            raise ValueError(f"{', '.join(both)}: neglected and considered, choose one")
+            yield f"{', '.join(both)}: neglected and considered, choose one"
         if self.logic is not None and self.logic.correct_after > 0.0 and self.feedback == "closed":
-            raise ValueError("logic.correct_after delays the outputs of an open loop: it needs feedback: open")
+            yield "logic.correct_after delays the outputs of an open loop: it needs feedback: open"
         if self.strapdown_rate is not None and self.models_vehicle:
-            raise ValueError("strapdown_rate: a filter with imu among its measurements takes every sample")
-        return self
+            yield "strapdown_rate: a filter with imu among its measurements takes every sample"
 
     @property
     def tight(self) -> bool:

@@ -16,10 +16,10 @@ from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS, SENSORS
 from lvnav_trade.records import Bools, Floats, Ints
 
 PSEUDORANGE, RANGE_RATE, POSITION, VELOCITY, FIRST_SENSOR = range(5)
+# The number of each type of measurement in the kernels, by name.
 TYPES = {"pseudorange": PSEUDORANGE, "range_rate": RANGE_RATE, "position": POSITION, "velocity": VELOCITY} | {
     name: FIRST_SENSOR + k for k, name in enumerate(SENSOR_MEASUREMENTS)
 }
-"""The number of each type of measurement in the kernels, by name."""
 BIAS_OF = {"gyro_bias": "gyro_relative_bias", "accel_bias": "accel_relative_bias"}
 
 
@@ -90,14 +90,10 @@ def _extra_blocks(
     blocks = []
     for name in names:
         labels, member = members(name, channels)
-        if labels and name in RELATIVE.values():
-            sigma, walk, correlation = (getattr(imu, f"{name}{end}") for end in ("", "_walk", "_correlation"))
-            blocks.append(ExtraBlock(name, labels, offset, member, sigma, math.inf, EXTRAS[name], walk, correlation))
-            offset += len(labels)
-        elif labels:
-            time_constant = getattr(receiver, f"{name}_time") or math.inf
-            sigma = getattr(receiver, name)
-            blocks.append(ExtraBlock(name, labels, offset, member, sigma, time_constant, EXTRAS[name]))
+        if labels:
+            card = imu if name in RELATIVE.values() else receiver
+            sigma, time, *more = (getattr(card, name + end, 0.0) for end in ("", "_time", "_walk", "_correlation"))
+            blocks.append(ExtraBlock(name, labels, offset, member, sigma, time or math.inf, EXTRAS[name], *more))
             offset += len(labels)
         for state, own, _ in sensor_states(name, channels):
             blocks.append(ExtraBlock(name, (state.label,), offset, own, state.sigma, state.time_constant, state.unit))
@@ -195,8 +191,7 @@ def _densities(card: FilterCard, layout: StateLayout, imu: ImuModel, receiver: R
 
 def _row_types(channels: Channels) -> Ints:
     """Return the row type of each channel."""
-    n_sat = len(channels.satellites)
-    types = [PSEUDORANGE, RANGE_RATE] * n_sat if channels.tight else [POSITION] * 3 + [VELOCITY] * 3
+    types = [PSEUDORANGE, RANGE_RATE] * len(channels.satellites) if channels.tight else [POSITION] * 3 + [VELOCITY] * 3
     types += [TYPES[sensor.measures] for sensor in channels.sensors for _ in sensor.labels]
     return np.array(types, dtype=np.int64)
 

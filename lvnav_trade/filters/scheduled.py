@@ -2,18 +2,18 @@
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import Literal, NamedTuple, Self
+from typing import Literal, NamedTuple
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from lvnav_trade.records import Bools, Floats
 from lvnav_trade.units import Card
 
+# The measurements that gains are for unless the schedule names others, in the order of their updates, frame i.
 ROWS = ("position x", "position y", "position z", "velocity x", "velocity y", "velocity z")
-"""The measurements that gains are for unless the schedule names others, in the order of their updates, frame i."""
 
 Column = tuple[float, ...]
 
@@ -31,12 +31,9 @@ class GainSegment(Card):
     event: str
     knots: tuple[GainKnot, ...] = Field(min_length=1)
 
-    @model_validator(mode="after")
-    def _rising(self) -> Self:
-        times = [knot.since for knot in self.knots]
-        if any(after <= before for before, after in pairwise(times)):
-            raise ValueError(f"segment {self.event!r}: the times of its knots should rise")
-        return self
+    def _faults(self) -> Iterator[str]:
+        if any(after.since <= before.since for before, after in pairwise(self.knots)):
+            yield f"segment {self.event!r}: the times of its knots should rise"
 
 
 class GainSchedule(Card):
@@ -54,23 +51,20 @@ class GainSchedule(Card):
     segments: tuple[GainSegment, ...] = Field(min_length=1)
     digest: str = Field(description="of states and segments: numbers that were changed by hand are refused")
 
-    @model_validator(mode="after")
-    def _whole(self) -> Self:
-        found = digest_of(self.states, self.segments, self.measurements)
+    def _faults(self) -> Iterator[str]:
+        found, n = digest_of(self.states, self.segments, self.measurements), len(self.states)
         if found != self.digest:
-            raise ValueError(f"its numbers have digest {found}, not {self.digest}: compute the schedule again")
-        n = len(self.states)
+            yield f"its numbers have digest {found}, not {self.digest}: compute the schedule again"
         knots = [knot for segment in self.segments for knot in segment.knots]
         if any(len(column) != n for knot in knots for column in knot.gain):
-            raise ValueError(f"the gain of a measurement should have {n} numbers, one a state")
+            yield f"the gain of a measurement should have {n} numbers, one a state"
         if any(len(knot.gain) != len(self.measurements) for knot in knots):
-            raise ValueError(f"a knot should have {len(self.measurements)} gains, one a measurement")
-        return self
+            yield f"a knot should have {len(self.measurements)} gains, one a measurement"
 
 
+# Share of a gain's largest size on the flight below which it is zero: rounding reaches 2.5e-11 of that size, so what
+# is smaller has fewer digits than are stored, and other ones on another processor.
 NEGLIGIBLE = 1e-6
-"""Share of a gain's largest size on the flight below which it is zero: rounding reaches 2.5e-11 of that size, so what
-is smaller has fewer digits than are stored, and other ones on another processor."""
 
 
 class Gains(NamedTuple):
@@ -129,8 +123,7 @@ def thin(t: Floats, gains: Floats, tolerance: float, negligible: Floats | float 
     point that lies furthest off is made a knot, again and again (Douglas and Peucker).
     """
     flat = gains.reshape(len(t), -1)
-    least = np.maximum(np.ravel(negligible) / tolerance, 1e-300)
-    flat = flat / np.maximum(np.abs(flat).max(axis=0), least)
+    flat = flat / np.maximum(np.abs(flat).max(axis=0), np.maximum(np.ravel(negligible) / tolerance, 1e-300))
     kept, open_spans = {0, len(t) - 1}, [(0, len(t) - 1)]
     while open_spans:
         first, last = open_spans.pop()
@@ -181,10 +174,9 @@ def schedule_of(
             for i in thin(since, gains[chosen], tolerance, negligible)
         ]
         segments.append(GainSegment(event=event, knots=tuple(knots)))
-    digest = digest_of(tuple(states), segments, measurements)
     return GainSchedule(
         name=name, source=source, by=by, states=tuple(states), measurements=tuple(measurements),
-        segments=tuple(segments), digest=digest,
+        segments=tuple(segments), digest=digest_of(tuple(states), segments, measurements),
     )  # fmt: skip
 
 

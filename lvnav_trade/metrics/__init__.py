@@ -23,7 +23,7 @@ from lvnav_trade.metrics.published import interpretations, references
 from lvnav_trade.metrics.requirements.confirmation import expected, improvements, spot_check, verdicts
 from lvnav_trade.metrics.signals import in_view, losses, outages, recovery, tracking, transitions
 from lvnav_trade.metrics.vehicle import motion, nozzle, turning, worth
-from lvnav_trade.store import Tables, load
+from lvnav_trade.store.read import Tables, load
 
 
 def _of_results(metric: Callable[[Tables], pd.DataFrame]) -> Callable[[Path | str | Tables], pd.DataFrame]:
@@ -36,6 +36,7 @@ def _of_results(metric: Callable[[Tables], pd.DataFrame]) -> Callable[[Path | st
     return of_results
 
 
+# Every metric by name; each takes a results folder, or its tables, and returns a tidy frame.
 METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
     "rms": _of_results(rms),
     "agreement": _of_results(agreement),
@@ -76,12 +77,11 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
     "worth": _of_results(worth),
     "interpretations": _of_results(interpretations),
 }
-"""Every metric by name; each takes a results folder, or its tables, and returns a tidy frame."""
 
+# The metrics that stand beside a report as CSV, with the columns that users and their CI rely on.
 CSV = (
     "rms", "agreement", "controlled", "references", "requirements", "budget", "expected", "spot_check", "sensitivity",
     "orbit", "correction", "impact", "corridor", "transitions", "logic", "motion", "nozzle", "turning",
 )  # fmt: skip
-"""The metrics that stand beside a report as CSV, with the columns that users and their CI rely on."""
 
 __all__ = ["CSV", "METRICS", "agreement", "budget", "rms", "verdicts"]

@@ -8,13 +8,13 @@ from scipy import stats
 from lvnav_trade.metrics.basics.probability import holm, mean_square_interval
 from lvnav_trade.metrics.basics.select import pick
 from lvnav_trade.records import MODES, Floats
-from lvnav_trade.store import Tables
+from lvnav_trade.store.read import Tables
 
 ALPHA = 0.05
 WHITE_ALPHA = 0.01
 _LEAST_PAIRS = 100  # channels with fewer pairs say nothing: a satellite seen for a few epochs
+# Times at which the modes of all runs are reported.
 STEPS = 400
-"""Times at which the modes of all runs are reported."""
 
 
 def nees(tables: Tables) -> pd.DataFrame:
@@ -88,8 +88,7 @@ def consistency(tables: Tables) -> pd.DataFrame:
             inside = group.inside[group[value].notna()]
             part = inside.mean() if len(inside) else float("nan")
             found.append((case, test, group[value].mean(), group.expected_ratio.mean(), part, len(inside)))
-    names = ["case", "test", "mean_ratio", "expected_ratio", "inside_ratio", "time_count"]
-    return pd.DataFrame(found, columns=names)
+    return pd.DataFrame(found, columns=["case", "test", "mean_ratio", "expected_ratio", "inside_ratio", "time_count"])
 
 
 def autocorrelation(tables: Tables) -> pd.DataFrame:
@@ -128,14 +127,17 @@ def logic(tables: Tables) -> pd.DataFrame:
     """Return how often each change happened and why: case, from_mode, to_mode, reason, change_count, run_count (runs
     with one at least), run_ratio, first_s, median_s, last_s. Empty where no filter has a logic.
     """
-    groups = tables.logic.groupby(["case", "from_mode", "to_mode", "reason"], sort=False)
-    found = groups.agg(
-        change_count=("t_s", "size"),
-        run_count=("run_number", "nunique"),
-        first_s=("t_s", "min"),
-        median_s=("t_s", "median"),
-        last_s=("t_s", "max"),
-    ).reset_index()
+    found = (
+        tables.logic.groupby(["case", "from_mode", "to_mode", "reason"], sort=False)
+        .agg(
+            change_count=("t_s", "size"),
+            run_count=("run_number", "nunique"),
+            first_s=("t_s", "min"),
+            median_s=("t_s", "median"),
+            last_s=("t_s", "max"),
+        )
+        .reset_index()
+    )
     runs = found.case.map(tables.cases.set_index("case").run_count).astype(float)
     found.insert(6, "run_ratio", found.run_count.astype(float) / runs)
     return found.assign(case=found.case.map(tables.labels))

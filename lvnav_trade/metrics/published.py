@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade import units
-from lvnav_trade.layout import MISSION
+from lvnav_trade.layout import MISSION, split_metric
 from lvnav_trade.metrics.basics.select import (
     SAME_TIME,
     errors_at,
@@ -17,30 +17,23 @@ from lvnav_trade.metrics.basics.select import (
     phase,
     pick,
     rows_between,
-    split_metric,
     time_mean,
 )
-from lvnav_trade.metrics.errors.covariances import (
-    LINEAR_ATTITUDE,
-    NUMERICAL,
-    beyond_at_start,
-    beyond_linear,
-    observed,
-)
+from lvnav_trade.metrics.errors.covariances import LINEAR_ATTITUDE, NUMERICAL, beyond_at_start, beyond_linear, observed
 from lvnav_trade.metrics.filter import whiteness
 from lvnav_trade.metrics.vehicle import nozzle
 from lvnav_trade.records import Floats
-from lvnav_trade.store import Tables
+from lvnav_trade.store.read import Tables
 from lvnav_trade.store.schema import error_column, rms_column
 
+# Columns of the history behind a statistic, with runs and without.
 _SIGMAS = {"formal": ("filter_sigma_si", "lincov_formal_si"), "lincov": ("lincov_true_si", "lincov_true_si")}
-"""Columns of the history behind a statistic, with runs and without."""
+# Metrics of a whole flight, and what they are.
 _WHOLE = {
     "observable_states": "least of all stretches",
     "nozzle_movement_pitch": "less with the filtered rate, flight",
     "nozzle_movement_yaw": "less with the filtered rate, flight",
 }
-"""Metrics of a whole flight, and what they are."""
 COLUMNS = [
     "source", "item", "case", "metric", "unit", "published", "ours", "ratio", "band_low", "band_high", "in_band",
     "remark",
@@ -48,8 +41,8 @@ COLUMNS = [
 INTERPRETATIONS = ["during", "error", "case", "stated_percent", "raw_percent", "unbiased_percent"]
 _RAW, _UNBIASED = "raw_", "corrected_"
 _SMALLER = " < "
+# Innovation channels whose name ends with an axis, not with what of a satellite.
 _BY_AXIS = ("position", "velocity", "attitude", "gyro", "accelerometer")
-"""Innovation channels whose name ends with an axis, not with what of a satellite."""
 
 
 class Ours(NamedTuple):
@@ -212,8 +205,7 @@ def _of_signals(tables: Tables, case: str, stated: Mapping[str, Any], unit: str)
         counts = rows.groupby("t_s").tracked.sum().rename("value").reset_index()
     else:
         counts = rows[rows.tracked].assign(value=rows[f"{metric}_m"].abs())
-    chosen = _within(tables, case, counts, stated) if len(counts) else counts
-    value = chosen.value.dropna().to_numpy(dtype=float)
+    value = _within(tables, case, counts, stated).value.dropna().to_numpy(dtype=float) if len(counts) else np.empty(0)
     if not len(value):
         return _NOT_FLOWN
     scale = 1.0 if metric == "satellites_tracked" else _scale(unit, "m")
@@ -244,7 +236,6 @@ def references(tables: Tables, stated: Mapping[str, Any] | None = None) -> pd.Da
 def _row(
     stated: Mapping[str, Any], remarks: Sequence[str], band: tuple[float, float], tested: float, **cells: Any
 ) -> dict[str, Any]:
-    text = "; ".join(remark for remark in (str(stated.get("remark") or ""), *remarks) if remark)
     return {
         "source": stated["source"],
         "item": stated.get("item") or "",
@@ -253,7 +244,7 @@ def _row(
         "band_low": float(band[0]),
         "band_high": float(band[1]),
         "in_band": bool(band[0] <= tested <= band[1]),
-        "remark": text,
+        "remark": "; ".join(remark for remark in (str(stated.get("remark") or ""), *remarks) if remark),
     }
 
 

@@ -3,21 +3,13 @@
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.metrics.basics.select import (
-    NAVIGATION,
-    SAME_TIME,
-    at_time,
-    faults,
-    lincov_rms,
-    pick,
-    series,
-)
-from lvnav_trade.store import Tables
+from lvnav_trade.metrics.basics.select import NAVIGATION, SAME_TIME, at_time, faults, lincov_rms, pick, series
+from lvnav_trade.store.read import Tables
 
+# Seconds after the end of a fault at which the recovery is read.
 AFTER = 10.0
-"""Seconds after the end of a fault at which the recovery is read."""
+# Satellites of a position and a time.
 FIX = 4
-"""Satellites of a position and a time."""
 
 
 def in_view(tables: Tables) -> pd.DataFrame:
@@ -45,8 +37,7 @@ def outages(tables: Tables) -> pd.DataFrame:
         for fault in faults(tables, case).itertuples():
             end, after = (at_time(error, t) for t in (fault.t_end_s, fault.t_end_s + AFTER))
             ahead = error[error.t_s < fault.t_s - SAME_TIME]
-            momentary = fault.t_end_s <= fault.t_s and len(ahead)
-            before = ahead.iloc[-1] if momentary else at_time(error, fault.t_s)
+            before = ahead.iloc[-1] if fault.t_end_s <= fault.t_s and len(ahead) else at_time(error, fault.t_s)
             footprint = error[error.t_s.between(fault.t_s, fault.t_end_s + AFTER)]
             growth = end.error / before.error if before.error > 0 else np.nan
             errors = (before.error, end.error, after.error, footprint.error.max())
@@ -67,13 +58,17 @@ def losses(tables: Tables) -> pd.DataFrame:
     Columns: case, reason, loss_count, satellite_count, first_s, last_s. Empty where no receiver has channels.
     """
     changes = transitions(tables)
-    groups = changes[changes.from_state == "track"].groupby(["case", "reason"], sort=False)
-    return groups.agg(
-        loss_count=("satellite", "size"),
-        satellite_count=("satellite", "nunique"),
-        first_s=("t_s", "min"),
-        last_s=("t_s", "max"),
-    ).reset_index()
+    return (
+        changes[changes.from_state == "track"]
+        .groupby(["case", "reason"], sort=False)
+        .agg(
+            loss_count=("satellite", "size"),
+            satellite_count=("satellite", "nunique"),
+            first_s=("t_s", "min"),
+            last_s=("t_s", "max"),
+        )
+        .reset_index()
+    )
 
 
 def tracked_over_time(tables: Tables, case: str) -> pd.DataFrame:

@@ -10,7 +10,7 @@ from scipy import stats
 from lvnav_trade.metrics.basics.probability import rms_interval
 from lvnav_trade.metrics.basics.select import flight_events, pick, time_mean
 from lvnav_trade.records import Floats
-from lvnav_trade.store import Tables
+from lvnav_trade.store.read import Tables
 
 QUANTITIES = ("rate", "acceleration")
 COLUMNS = [

@@ -11,18 +11,18 @@ from matplotlib.ticker import FuncFormatter
 from lvnav_trade.metrics.basics.select import history_of, pick
 from lvnav_trade.metrics.errors.covariances import contributions
 from lvnav_trade.plots.style import PALETTE, canvas, drawing, legend_below, mark_events, over_time
-from lvnav_trade.store import Tables
+from lvnav_trade.store.read import Tables
 
 MOST_SOURCES = 7
 MOST_ROWS = 12
 _SOURCES = (*PALETTE[:6], "#8C6D31")
 REST = "all others"
 _REST = "#c4c9d1"
+# Every other layer is hatched: neighbours differ in black and white.
 _HATCHES = ("", "////", "", "....", "", "xxxx", "", "")
-"""Every other layer is hatched: neighbours differ in black and white."""
 _BIASED = 0.01  # part of the mean square from which on the mean error is drawn beside the variance
+# Percent: smaller contributions are left white, sources with a smaller sum are drawn together.
 _LEAST, _LEAST_ROW = 1e-2, 0.05
-"""Percent: smaller contributions are left white, sources with a smaller sum are drawn together."""
 
 
 @drawing
@@ -77,8 +77,7 @@ def _root_axis(ax: Any, top: float) -> None:
     ax.set_yscale("function", functions=(lambda y: np.sqrt(np.maximum(y, 0.0)), np.square))
     ax.set_ylim(0.0, max(top * 1.08, 1e-300))
     step = _round_step(np.sqrt(top) / 4.0) if top > 0 else 1.0
-    ticks = np.arange(0.0, np.sqrt(max(top, 0.0)) * 1.04 + 1e-12, step)
-    ax.set_yticks(ticks**2)
+    ax.set_yticks(np.arange(0.0, np.sqrt(max(top, 0.0)) * 1.04 + 1e-12, step) ** 2)
     ax.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{np.sqrt(max(y, 0.0)):.4g}"))
     ax.minorticks_off()
 

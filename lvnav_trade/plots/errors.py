@@ -14,7 +14,8 @@ from lvnav_trade.metrics.basics.probability import rms_interval
 from lvnav_trade.metrics.basics.select import history_of, lincov_rms, phase, pick
 from lvnav_trade.metrics.errors.covariances import REJECTS_TOO_MUCH
 from lvnav_trade.metrics.errors.rms import ranking
-from lvnav_trade.metrics.filter import autocorrelation, modes, nees, nis
+from lvnav_trade.metrics.filter import autocorrelation as autocorrelation_of
+from lvnav_trade.metrics.filter import modes, nees, nis
 from lvnav_trade.metrics.published import cases_of
 from lvnav_trade.plots.style import (
     PALETTE,
@@ -28,12 +29,13 @@ from lvnav_trade.plots.style import (
     with_gaps,
 )
 from lvnav_trade.records import MODES
-from lvnav_trade.store import Tables
+from lvnav_trade.store.read import Tables
 
 _LEAST = 0.2  # autocorrelation that is always within the panels: chance is not blown up
 _ONE_FLIGHT = 600  # innovations of a channel in one flight, one a second
 _OWN = "dots: filter's own sigma over its true error"
 Cases = Sequence[Mapping[str, str]]
+# Look of each mode: hatching tells them apart where there is no colour.
 _LOOKS = {
     "waiting": {"facecolor": "0.85"},
     "converging": {"facecolor": PALETTE[5], "hatch": "..."},
@@ -41,7 +43,6 @@ _LOOKS = {
     "predicting": {"facecolor": PALETTE[4], "hatch": "////"},
     "stopped": {"facecolor": PALETTE[1], "hatch": "xxx"},
 }
-"""Look of each mode: hatching tells them apart where there is no colour."""
 
 
 @drawing
@@ -186,13 +187,13 @@ def _over(rows: pd.DataFrame, column: str, base: pd.DataFrame) -> pd.Series[floa
 
 
 @drawing
-def autocorrelations(tables: Tables, cases: Cases = (), channels: str = "") -> Figure:
+def autocorrelation(tables: Tables, cases: Cases = (), channels: str = "") -> Figure:
     """Draw the autocorrelation of every innovation channel of chosen cases, a panel each; `channels` picks by a word.
 
     Grey: where the value of one flight of white innovations lies with 95 % probability.
     """
     labels = [tables.labels[case] for wanted in cases for case in cases_of(tables, wanted)]
-    frame = autocorrelation(tables)
+    frame = autocorrelation_of(tables)
     frame = frame[frame.channel.str.contains(channels, regex=False) & (frame.pair_count >= 100)]
     shown = list(dict.fromkeys(labels or frame.case))
     columns = min(3, max(1, len(shown)))
@@ -258,8 +259,8 @@ def logic(tables: Tables, case: str) -> Figure:
     figure, axes = panel(2.2)
     for mode in MODES:
         if (upper[mode] > lower[mode]).any():
-            edge = {"edgecolor": "white", "linewidth": 0.0, "step": "post"}
-            axes.fill_between(wide.index, lower[mode], upper[mode], label=mode, **edge, **_LOOKS[mode])
+            style = {"label": mode, "edgecolor": "white", "linewidth": 0.0, **_LOOKS[mode]}
+            axes.fill_between(wide.index, lower[mode], upper[mode], step="post", **style)
     if wide.empty:
         axes.text(0.5, 0.5, "the filter has no logic", transform=axes.transAxes, ha="center", color="0.4")
     axes.set(xlim=(history.t_s.min(), history.t_s.max()), ylim=(0.0, 100.0), ylabel="runs (%)")

@@ -15,7 +15,7 @@ from lvnav_trade.metrics.mission.impact import corridor_of, ellipse
 from lvnav_trade.metrics.mission.impact import impact as impact_points
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, message, over_time, scale_up
 from lvnav_trade.records import Floats
-from lvnav_trade.store import Tables
+from lvnav_trade.store.read import Tables
 
 _Component = tuple[str, int, str]  # metric, component of its error, label
 _PLANES: tuple[tuple[_Component, _Component], ...] = (
@@ -136,8 +136,7 @@ def _chart(ax: Any, tables: Tables, case: str, rows: pd.DataFrame) -> None:
 
 def _magnification(major_km: float, width_deg: float) -> float:
     """Return the power of ten, at least 1, that makes an ellipse of this semi-axis visible."""
-    wanted = _SEEN * width_deg * 111.0 / max(major_km, 1e-9)
-    return float(10.0 ** max(0, np.floor(np.log10(wanted))))
+    return float(10.0 ** max(0, np.floor(np.log10(_SEEN * width_deg * 111.0 / max(major_km, 1e-9)))))
 
 
 def _sizes(ax: Any, tables: Tables, case: str, rows: pd.DataFrame) -> None:

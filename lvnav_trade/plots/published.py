@@ -10,7 +10,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from lvnav_trade.metrics.published import cases_of, name_of, ours
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, legend_below, line_of, look, panel, scale_up
-from lvnav_trade.store import Tables
+from lvnav_trade.store.read import Tables
 from lvnav_trade.units import parse
 
 _DRAWN = 0.02, 50.0  # ratios that are drawn where they are; one beyond is an arrow at the end of the axis
@@ -18,6 +18,7 @@ _UNITS = {"velocity": "m/s", "position": "m"}
 _ERRORS = (("attitude", "rad", 1e3, "mrad"), ("velocity", "m_per_s", 1.0, "m/s"), ("position", "m", 1.0, "m"))
 
 
+@look()
 def ratios(references: pd.DataFrame) -> Figure:
     """Draw ours over published of every number, with its band; those outside stand out.
 
@@ -28,18 +29,16 @@ def ratios(references: pd.DataFrame) -> Figure:
     names = [row.item if alone[row.Index] else f"{row.item or row.metric}: {row.case}" for row in frame.itertuples()]
     place = np.arange(len(frame))
     low, high, ratio = (column.clip(*_DRAWN) for column in (frame.band_low, frame.band_high, frame.ratio))
-    with look():
-        figure, ax = panel(1.1 + 0.17 * len(frame))
-        ax.hlines(place, low, high, color="#9ca3af", lw=5, alpha=0.6, label="band")
-        for inside, colour, marker in ((True, PALETTE[0], "o"), (False, PALETTE[1], "D")):
-            chosen = (frame.in_band == inside).to_numpy()
-            label = "in band" if inside else "out of band"
-            for end, sign in ((0.0, marker), (-1.0, "<"), (1.0, ">")):
-                here = chosen & (np.sign(frame.ratio - ratio) == end).to_numpy()
-                ax.plot(ratio[here], place[here], sign, color=colour, ms=4.5, label="" if end else label)
-        ax.axvline(1.0, color=GREY, lw=0.8)
-        _ratio_axes(ax, names, "ours / published (-)")
-        return legend_below(figure, ax)
+    figure, ax = panel(1.1 + 0.17 * len(frame))
+    ax.hlines(place, low, high, color="#9ca3af", lw=5, alpha=0.6, label="band")
+    for inside, colour, marker, label in ((True, PALETTE[0], "o", "in band"), (False, PALETTE[1], "D", "out of band")):
+        chosen = (frame.in_band == inside).to_numpy()
+        for end, sign in ((0.0, marker), (-1.0, "<"), (1.0, ">")):
+            here = chosen & (np.sign(frame.ratio - ratio) == end).to_numpy()
+            ax.plot(ratio[here], place[here], sign, color=colour, ms=4.5, label="" if end else label)
+    ax.axvline(1.0, color=GREY, lw=0.8)
+    _ratio_axes(ax, names, "ours / published (-)")
+    return legend_below(figure, ax)
 
 
 def _ratio_axes(ax: Any, names: Sequence[str], label: str) -> None:
@@ -108,8 +107,7 @@ def missions(tables: Tables, flown: Sequence[Mapping[str, Any]]) -> Figure | Non
         for one in mine:
             name = str(one["item"]).partition(",")[0]
             ax.axvline(float(one["value"]), lw=1.3, label=name, color=line_of(names.index(name))["color"])
-        rms = float(np.sqrt(np.mean(found**2)))
-        ax.axvline(rms, color=PALETTE[0], lw=3.5, alpha=0.3, label="our RMS")
+        ax.axvline(float(np.sqrt(np.mean(found**2))), color=PALETTE[0], lw=3.5, alpha=0.3, label="our RMS")
         ax.set(
             xlim=(0.0, max(found[int(0.995 * (len(found) - 1))], 1.1 * max(float(one["value"]) for one in mine))),
             ylim=(0.0, 100.0),
@@ -178,51 +176,47 @@ def _sizes(names: Sequence[str]) -> tuple[list[float], str | None]:
     return numbers, first or "-"
 
 
+@look()
 def single(table: pd.DataFrame) -> Figure:
     """Draw position and velocity axis by axis, the error and its estimate above each other, what is left below; table
     as of campaign.behind.flight_of.
     """
     names = [name.removesuffix("_true") for name in table.columns if name.endswith("_true")]
     kinds = [kind for kind in ("position", "velocity") if any(name.startswith(kind) for name in names)]
-    with look():
-        figure, grid = canvas(2 * len(kinds), 3, 1.35, sharex=True)
-        for row, kind in enumerate(kinds):
-            for column, name in enumerate(one for one in names if one.startswith(kind)):
-                above, below = grid[2 * row : 2 * row + 2, column]
-                above.plot(table.t_s, table[f"{name}_true"], color=PALETTE[1], label="error of the inertial system")
-                above.plot(table.t_s, table[f"{name}_estimated"], color="black", ls="--", lw=1.0, label="estimated")
-                below.plot(table.t_s, table[f"{name}_left"], color=PALETTE[0], lw=0.9, label="left in the aided output")
-                below.axhline(0.0, color=GREY, lw=0.5)
-                above.set_title(f"{kind}, {name.removeprefix(f'{kind}_')}", fontsize=8)
-                above.set_ylabel(_UNITS[kind])
-                below.set_ylabel(f"left ({_UNITS[kind]})")
-        for ax in grid[-1]:
-            ax.set_xlabel("time since lift-off (s)")
-        above, below = (ax.get_legend_handles_labels() for ax in grid[:2, 0])
-        figure.legend(above[0] + below[0], above[1] + below[1], loc="outside lower center", ncols=3)
+    figure, grid = canvas(2 * len(kinds), 3, 1.35, sharex=True)
+    for row, kind in enumerate(kinds):
+        for column, name in enumerate(one for one in names if one.startswith(kind)):
+            above, below = grid[2 * row : 2 * row + 2, column]
+            above.plot(table.t_s, table[f"{name}_true"], color=PALETTE[1], label="error of the inertial system")
+            above.plot(table.t_s, table[f"{name}_estimated"], color="black", ls="--", lw=1.0, label="estimated")
+            below.plot(table.t_s, table[f"{name}_left"], color=PALETTE[0], lw=0.9, label="left in the aided output")
+            below.axhline(0.0, color=GREY, lw=0.5)
+            above.set_title(f"{kind}, {name.removeprefix(f'{kind}_')}", fontsize=8)
+            above.set_ylabel(_UNITS[kind])
+            below.set_ylabel(f"left ({_UNITS[kind]})")
+    for ax in grid[-1]:
+        ax.set_xlabel("time since lift-off (s)")
+    above, below = (ax.get_legend_handles_labels() for ax in grid[:2, 0])
+    figure.legend(above[0] + below[0], above[1] + below[1], loc="outside lower center", ncols=3)
     return figure
 
 
+@look()
 def steps(table: pd.DataFrame, phases: Sequence[tuple[str, float, float]] = ()) -> Figure:
     """Draw the unaided error and what the transition misses of it per step, one sigma per axis, logarithmic.
 
     table as of campaign.estimate.steps_table; phases: name, start and end s, marked by lines.
     """
-    with look():
-        figure, grid = canvas(3, 1, 1.7)
-        for ax, (name, unit, factor, label) in zip(grid[:, 0], _ERRORS, strict=True):
-            for column, text, style in (
-                (f"{name}_error_{unit}", "error itself", {"color": PALETTE[1], "ls": "--"}),
-                (f"{name}_missed_{unit}", "missed by the transition in a step", {"color": PALETTE[0]}),
-                (
-                    f"{name}_missed_mean_{unit}",
-                    "mean of what is missed, norm",
-                    {"color": "black", "lw": 0.8, "ls": ":"},
-                ),
-            ):
-                ax.plot(table.t_s, factor * table[column].where(table[column] > 0.0), label=text, **style)
-            for _, start, _ in phases:
-                ax.axvline(start, color="0.6", lw=0.5)
-            ax.set(yscale="log", ylabel=f"{name}, one sigma\n({label})", xlim=(table.t_s.min(), table.t_s.max()))
-        grid[-1, 0].set_xlabel("time since lift-off (s)")
-        return legend_below(figure, grid[-1, 0])
+    figure, grid = canvas(3, 1, 1.7)
+    for ax, (name, unit, factor, label) in zip(grid[:, 0], _ERRORS, strict=True):
+        for column, text, style in (
+            (f"{name}_error_{unit}", "error itself", {"color": PALETTE[1], "ls": "--"}),
+            (f"{name}_missed_{unit}", "missed by the transition in a step", {"color": PALETTE[0]}),
+            (f"{name}_missed_mean_{unit}", "mean of what is missed, norm", {"color": "black", "lw": 0.8, "ls": ":"}),
+        ):
+            ax.plot(table.t_s, factor * table[column].where(table[column] > 0.0), label=text, **style)
+        for _, start, _ in phases:
+            ax.axvline(start, color="0.6", lw=0.5)
+        ax.set(yscale="log", ylabel=f"{name}, one sigma\n({label})", xlim=(table.t_s.min(), table.t_s.max()))
+    grid[-1, 0].set_xlabel("time since lift-off (s)")
+    return legend_below(figure, grid[-1, 0])

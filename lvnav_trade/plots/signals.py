@@ -11,10 +11,11 @@ from matplotlib.patches import Patch
 from lvnav_trade.metrics.basics.select import final_event, flight_events, pick
 from lvnav_trade.metrics.signals import in_view, recovery
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, event_key, legend_below, over_time, panel, scale_up
-from lvnav_trade.store import Tables
+from lvnav_trade.store.read import Tables
 
 _FAINT = "#c4c9d1"
 _MARKERS = "os^Dv<>p*h"  # by number of antenna
+# State, what the legend says, look; the last for whatever is none of the others.
 _STATES = (
     ("track", "tracked", {"color": PALETTE[0]}),
     ("acquire", "acquired, not yet measured", {"color": PALETTE[5]}),
@@ -22,16 +23,15 @@ _STATES = (
     ("lost", "lost", {"color": PALETTE[1], "markerfacecolor": "none"}),
     ("", "not tracked", {"color": _FAINT}),
 )
-"""State, what the legend says, look; the last for whatever is none of the others."""
+# Height of a bar and its look: heights tell states apart where there is no colour.
 _LOOKS: dict[str, tuple[float, dict[str, Any]]] = {
     "track": (0.8, {"facecolor": PALETTE[0]}),
     "acquire": (0.6, {"facecolor": PALETTE[5], "edgecolor": "black", "linewidth": 0.3}),
     "search": (0.42, {"facecolor": PALETTE[4], "edgecolor": "white", "hatch": "////", "linewidth": 0.0}),
     "lost": (0.14, {"facecolor": PALETTE[1]}),
 }
-"""Height of a bar and its look: heights tell states apart where there is no colour."""
+# Marker of why tracking ended.
 _REASONS = {"dynamics": "v", "weak signal": "o", "no antenna": "X", "fault": "s", "out of view": ">"}
-"""Marker of why tracking ended."""
 LAYERS = ("troposphere", "ionosphere")
 _LEAST = 1e-3  # metres: less is not drawn where an axis is logarithmic
 
@@ -182,8 +182,7 @@ def _from_rows(rows: pd.DataFrame) -> pd.DataFrame:
     for name, one in rows[rows.tracked].groupby("satellite"):
         at = np.searchsorted(times, one.t_s.to_numpy())
         first = np.flatnonzero(np.diff(at, prepend=-2) > 1)
-        last = np.append(first[1:], len(at)) - 1
-        ends = np.minimum(at[last] + 1, len(times) - 1)
+        ends = np.minimum(at[np.append(first[1:], len(at)) - 1] + 1, len(times) - 1)
         found += [(name, "track", start, stop) for start, stop in zip(times[at[first]], times[ends], strict=True)]
     return pd.DataFrame(found, columns=["satellite", "state", "t_s", "t_end_s"])
 
@@ -192,8 +191,7 @@ def _mark_losses(axes: Any, changes: pd.DataFrame, names: list[str]) -> None:
     for reason, group in pick(changes, from_state="track").groupby("reason", sort=False):
         style = {"marker": _REASONS.get(str(reason), "P"), "ms": 4.5, "color": "black", "mfc": "white", "mew": 0.8}
         places = [names.index(name) for name in group.satellite]
-        label = f"tracking ends: {reason}"
-        axes.plot(group.t_s, places, ls="none", label=label, clip_on=False, zorder=4, **style)
+        axes.plot(group.t_s, places, ls="none", label=f"tracking ends: {reason}", clip_on=False, zorder=4, **style)
 
 
 def layers_of(rows: pd.DataFrame) -> list[str]:
@@ -231,8 +229,7 @@ def _lines(axes: Any, rows: pd.DataFrame, column: str, colour: str) -> None:
     for number, (_, one) in enumerate(rows.groupby("satellite")):
         label = "each satellite tracked" if number == 0 else None
         axes.plot(times, one.set_index("t_s")[column].reindex(times), color=colour, lw=0.6, alpha=0.6, label=label)
-    median = rows.groupby("t_s")[column].median().reindex(times)
-    axes.plot(times, median, color="black", lw=1.7, label="their median")
+    axes.plot(times, rows.groupby("t_s")[column].median().reindex(times), color="black", lw=1.7, label="their median")
 
 
 @drawing

@@ -1,7 +1,8 @@
 """One look for all figures: sizes for a printed page, colours that the colour-blind can tell apart, marks of events."""
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import wraps
 from itertools import pairwise
 from pathlib import Path
@@ -16,14 +17,16 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from lvnav_trade.metrics.basics.select import pick
-from lvnav_trade.store import Tables, load
+from lvnav_trade.store.read import Tables, load
 
+# Every figure by name, as `drawing` finds them
+PLOTS: dict[str, Callable[..., Any]] = {}
 _Options = ParamSpec("_Options")
 _Drawn = TypeVar("_Drawn")
+# Inches: the text width of an A4 page.
 WIDTH = 7.4
-"""Inches: the text width of an A4 page."""
+# Okabe and Ito's colours, darkest contrasts first; further cases repeat them with other dashes.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#8C6D31")
-"""Okabe and Ito's colours, darkest contrasts first; further cases repeat them with other dashes."""
 DASHES = ("-", "--", "-.", ":")
 GREY = "#6b7280"
 _HANDLE, _LETTER = 0.55, 0.058  # inches of a legend's line with what is around it, and of a letter of 8 points
@@ -51,15 +54,21 @@ _LOOK: Any = {
 }
 
 
+@contextmanager
+def look() -> Iterator[None]:
+    """Fill and save figures in one look; as a decorator too."""
+    with mpl.rc_context(_LOOK):
+        yield
+
+
+@look()
 def canvas(rows: int = 1, columns: int = 1, height: float = 2.6, **kwargs: Any) -> tuple[Figure, Any]:
     """Return a figure of the page's width with rows x columns axes (always a 2-D array), `height` inches per row.
 
     It is not registered with pyplot: nothing piles up, and threads may draw.
     """
-    with mpl.rc_context(_LOOK):
-        figure = Figure(figsize=(WIDTH, height * rows), layout="constrained")
-        axes = figure.subplots(rows, columns, squeeze=False, **kwargs)
-    return figure, axes
+    figure = Figure(figsize=(WIDTH, height * rows), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, **kwargs)
 
 
 def panel(height: float) -> tuple[Figure, Any]:
@@ -68,21 +77,17 @@ def panel(height: float) -> tuple[Figure, Any]:
     return figure, grid[0, 0]
 
 
-def look() -> Any:
-    """Return the context in which a figure is filled and saved."""
-    return mpl.rc_context(_LOOK)
-
-
 def drawing(
     plot: Callable[Concatenate[Tables, _Options], _Drawn],
 ) -> Callable[Concatenate[Path | str | Tables, _Options], _Drawn]:
-    """Return a plot of tables that takes a results folder too and draws in the look of all figures."""
+    """Put a plot of tables among `PLOTS`; return it so that it takes a results folder too and draws in one look."""
 
     @wraps(plot)
+    @look()
     def drawn(results: Path | str | Tables, /, *args: _Options.args, **kwargs: _Options.kwargs) -> _Drawn:
-        with look():
-            return plot(load(results), *args, **kwargs)
+        return plot(load(results), *args, **kwargs)
 
+    PLOTS[plot.__name__] = drawn
     return drawn
 
 
@@ -242,12 +247,10 @@ def with_gaps(rows: pd.DataFrame) -> pd.DataFrame:
 def scale_up(axis: Any, values: Iterable[float], from_zero: bool = True) -> None:
     """Make an axis (ax.xaxis or ax.yaxis) logarithmic where its values span a factor of 30, else begin it at zero."""
     found = [value for value in values if value == value and value > 0]
-    x = axis.axis_name == "x"
     if found and max(found) > 30 * min(found):
-        (axis.axes.set_xscale if x else axis.axes.set_yscale)("log")
-        few = max(found) < 300 * min(found)
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
+        axis.axes.set(**{f"{axis.axis_name}scale": "log"})
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if max(found) < 300 * min(found) else (1.0,)))
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axis.set_minor_formatter(NullFormatter())
     elif from_zero:
-        (axis.axes.set_xlim if x else axis.axes.set_ylim)(0)
+        axis.axes.set(**{f"{axis.axis_name}lim": 0})

@@ -6,8 +6,8 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.plots.style import canvas, drawing
-from lvnav_trade.store import Tables
+from lvnav_trade.plots.style import drawing, panel
+from lvnav_trade.store.read import Tables
 
 _WORST = 100.0  # larger ratios have its colour
 _DARK = 15.0  # above it the colour asks for white letters
@@ -38,8 +38,7 @@ def validity(tables: Tables) -> Figure:
         at = rows.index(levels.loc[case, down]), columns.index(levels.loc[case, across])
         image[at] = furthest.get(label, np.nan)
         marks[at] = "–" if outside.get(label, False) else "✗" if refuted.get(label, False) else ""
-    figure, grid = canvas(1, 1, 1.3 + 0.32 * len(rows))
-    ax = grid[0, 0]
+    figure, ax = panel(1.3 + 0.32 * len(rows))
     ax.grid(visible=False)
     cells = ax.pcolormesh(np.ma.masked_invalid(image), norm=LogNorm(1.0, _WORST), cmap="YlOrBr")
     for (row, column), mark in marks.items():

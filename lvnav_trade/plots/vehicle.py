@@ -13,7 +13,7 @@ from lvnav_trade.metrics.published import interpretations as interpretations_fra
 from lvnav_trade.metrics.vehicle import nozzle
 from lvnav_trade.metrics.vehicle import worth as worth_of
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, event_key, legend_below, line_of, over_time, panel
-from lvnav_trade.store import Tables
+from lvnav_trade.store.read import Tables
 
 G = 9.80665
 _AXES = ("pitch", "yaw")
@@ -60,8 +60,7 @@ def motion(tables: Tables, case: str, quantity: str) -> Figure:
                 ax.plot(rows.t_s, rows.rms_si * factor, color=colour, lw=0.7, alpha=0.7, label=label)
         ax.plot(raw.t_s, raw.lincov_formal_si * factor, color=PALETTE[1], label="raw, formal")
         ax.plot(estimate.t_s, estimate.lincov_formal_si * factor, color="black", label="filtered, formal")
-        true = lincov_rms(estimate) * factor
-        ax.plot(estimate.t_s, true, color=PALETTE[2], ls="--", label="filtered, LinCov true")
+        ax.plot(estimate.t_s, lincov_rms(estimate) * factor, color=PALETTE[2], ls="--", label="filtered, LinCov true")
         ax.set(ylabel=f"{axis}\n({unit}, 1 sigma)", ylim=(0.0, 1.6 * float(raw.lincov_formal_si.max()) * factor))
     over_time(grid[:, 0], tables, case)
     return legend_below(figure, grid[0, 0], columns=3)
@@ -149,8 +148,7 @@ def singular(tables: Tables, case: str) -> Figure:
     ):
         first, last = (middle - reach)[chosen], (middle + reach)[chosen]
         ax.hlines(rows.singular_ratio[chosen], first, last, color=colour, lw=1.6, label=label)
-    tolerance = float(rows.tolerance_ratio.iloc[0])
-    ax.axhline(tolerance, color=GREY, ls=":", label="tolerance of the rank with information")
+    ax.axhline(float(rows.tolerance_ratio.iloc[0]), color=GREY, ls=":", label="tolerance of the rank with information")
     ax.set(yscale="log", xlabel="time since lift-off (s)", ylabel="singular value (-)")
     return legend_below(figure, ax, columns=3)
 
@@ -230,7 +228,7 @@ def worth(tables: Tables, cases: Sequence[Mapping[str, str]] = ()) -> Figure:
 
 
 @drawing
-def envelopes(tables: Tables, case: str) -> Figure:
+def turning(tables: Tables, case: str) -> Figure:
     """Draw angular acceleration and lateral jerk of one run, pitch, in their envelopes over the first seconds."""
     rows = pick(tables.motion, case=case, axis="pitch")
     figure, grid = canvas(2, 1, 2.4, sharex=True)

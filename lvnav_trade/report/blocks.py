@@ -16,7 +16,7 @@ from lvnav_trade.metrics import METRICS
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.style import look
 from lvnav_trade.report.escape import note, texts
-from lvnav_trade.store import Tables
+from lvnav_trade.store.read import Tables
 
 COLOURS = 96
 """Colours kept in a picture, far from each other: line art loses nothing that one could see, not even the colour of a

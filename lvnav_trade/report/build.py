@@ -14,8 +14,8 @@ from lvnav_trade.report import models as registered
 from lvnav_trade.report.blocks import Block, Blocks, Picture, Section, Text
 from lvnav_trade.report.escape import csv_text, render, source
 from lvnav_trade.report.summary import summary
-from lvnav_trade.store import Tables, load
 from lvnav_trade.store.contents import owned
+from lvnav_trade.store.read import Tables, load
 
 
 def _agreement(tables: Tables) -> list[Block]:

@@ -14,8 +14,8 @@ from lvnav_trade.errors import InputError, writing
 from lvnav_trade.metrics.comparison.comparison import Comparison
 from lvnav_trade.report.blocks import number, percent
 from lvnav_trade.report.escape import render, xml_text
-from lvnav_trade.store import Tables, load
 from lvnav_trade.store.contents import MANIFEST, RESOLVED, owned
+from lvnav_trade.store.read import Tables, load
 
 EXIT = {"not worse": 0, "worse": 1, "undecided": 3}
 """Exit codes of the verdicts."""

@@ -26,7 +26,7 @@ from lvnav_trade.report.blocks import (
 )
 from lvnav_trade.report.escape import data_json, note
 from lvnav_trade.report.evidence import NAVIGATION, separate_events
-from lvnav_trade.store import Tables
+from lvnav_trade.store.read import Tables
 
 _LEAST_SHARE = 0.01  # part of the variance below which a source is summed with others in a table
 

@@ -35,7 +35,7 @@ from lvnav_trade.report.blocks import (
     words,
 )
 from lvnav_trade.report.escape import note
-from lvnav_trade.store import Tables
+from lvnav_trade.store.read import Tables
 
 _FACT_UNITS = (
     ("gee_m", "_m", "km", 1e-3), ("_m_per_s", "_m_per_s", "m/s", 1.0), ("_m_s", "_m_s", "m/s", 1.0),

@@ -16,7 +16,7 @@ from lvnav_trade.report.blocks import (
     words,
 )
 from lvnav_trade.report.escape import note
-from lvnav_trade.store import Tables
+from lvnav_trade.store.read import Tables
 
 
 @of("orbit", "No case ends in an orbit that clears the ground.")

@@ -25,8 +25,8 @@ from lvnav_trade.report.escape import csv_text, note
 from lvnav_trade.report.evidence import logic_tables
 from lvnav_trade.report.flight import control_tables, motion_summary, observed_table
 from lvnav_trade.report.kml import flights, kml
-from lvnav_trade.store import Tables
 from lvnav_trade.store.contents import owned
+from lvnav_trade.store.read import Tables
 
 
 class Answered(NamedTuple):

@@ -5,13 +5,14 @@ from typing import Any
 
 import pandas as pd
 
+from lvnav_trade.layout import split_metric
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.basics.select import mean_at, split_metric
+from lvnav_trade.metrics.basics.select import mean_at
 from lvnav_trade.metrics.errors.covariances import by_case, why_not_applicable
 from lvnav_trade.metrics.requirements.improvements import asked
 from lvnav_trade.metrics.requirements.requirements import where
 from lvnav_trade.report.blocks import Block, Text, figure, number, percent, table, words
-from lvnav_trade.store import Tables
+from lvnav_trade.store.read import Tables
 
 _FEW = 4  # cases that are all named beside their verdict
 _WORDS = {  # of verdicts, from the best to the worst

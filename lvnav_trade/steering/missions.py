@@ -72,8 +72,7 @@ def fly_missions(
     `every` is the number of ticks from record to record.
     """
     n_tick = launch.body.t.size - 1
-    n_record = (n_tick - 1) // every + 1
-    history = np.zeros((runs, n_record, 2, loop.N_RECORD))
+    history = np.zeros((runs, (n_tick - 1) // every + 1, 2, loop.N_RECORD))
     sums = np.zeros((runs, 2, loop.N_PHASE, loop.N_SUM))
     movement = np.empty((runs, 2))
     k0, k1 = seed_words(seed)

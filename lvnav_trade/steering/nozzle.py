@@ -16,19 +16,19 @@ from lvnav_trade.world.control.ascent import Ascent, ascend
 from lvnav_trade.world.control.cards import FeedbackCard
 from lvnav_trade.world.sensors.units import equivalent
 
+# Rates that the controller is fed, a mission each.
 FEEDS = ("raw", "filtered", "true")
-"""Rates that the controller is fed, a mission each."""
 PHASES = ("burn", "coast", "change")
 AXES = ("pitch", "yaw")
+# Seconds from lift-off of which one run's motion is kept beside its envelopes.
 SHOWN = 100.0
-"""Seconds from lift-off of which one run's motion is kept beside its envelopes."""
 _BIN = 0.05
 
 
 class Controlled(NamedTuple):
     """Missions of a case; axes are pitch and yaw.
 
-    runs; burns (n_burn, 2) s; t (n,) s; total (n_feed, n_run, n_burn + 1, 2) movement of the nozzle over the flight and
+    t (n,) s; total (n_feed, n_run, n_burn + 1, 2) movement of the nozzle over the flight and
     in each burn, rad; mean, low, high (n_feed, n, 2) of the runs so far; turning (n_feed, 2, N_PHASE, 8): ticks of all
     runs, part of them with angular acceleration and with jerk in the envelope, furthest of both over it, root mean
     square of attitude error (rad) and of the fed rate's error, formal sigma of that (rad/s); shown_t (k,) s and shown
@@ -36,8 +36,6 @@ class Controlled(NamedTuple):
     twentieth of a second the tick that is furthest out.
     """
 
-    runs: int
-    burns: Floats
     t: Floats
     total: Floats
     mean: Floats
@@ -71,14 +69,11 @@ def controlled(scenario: Scenario, seed: int, runs: int) -> Controlled | None:
         return None
     launch = launch_of(scenario)
     missions = [fly_missions(launch, feedback(scenario, feed), runs, seed) for feed in FEEDS]
-    spans = np.array(_burns_of(scenario))
     moved = np.stack([flown.history[..., loop.MOVED] for flown in missions])
     shown_t, shown = _shown(launch, feedback(scenario, "filtered"), seed)
     return Controlled(
-        runs=runs,
-        burns=spans,
         t=missions[0].t,
-        total=_totals(missions, spans),
+        total=_totals(missions, np.array(_burns_of(scenario))),
         mean=moved.mean(axis=1),
         low=moved.min(axis=1),
         high=moved.max(axis=1),
@@ -120,19 +115,17 @@ def _turning(launch: Launch, flown: Missions, feed: str) -> Floats:
     furthest = flown.sums.max(axis=0)
     ticks = np.where(sums[..., loop.TICKS] > 0.0, sums[..., loop.TICKS], np.nan)
     raw = launch.imu.gyro.random_walk * np.sqrt(launch.imu.rate) if feed == "raw" else np.nan
-    formal = _formal(launch, flown) if feed == "filtered" else np.full((2, loop.N_PHASE), raw)
     return np.stack([
         sums[..., loop.TICKS], sums[..., loop.INSIDE_TURNING] / ticks, sums[..., loop.INSIDE_JERK] / ticks,
         furthest[..., loop.TURNING_RATIO], furthest[..., loop.JERK_RATIO],
         np.sqrt(sums[..., loop.SQUARE_ERROR] / ticks), np.sqrt(sums[..., loop.SQUARE_RATE] / ticks),
-        formal,
+        _formal(launch, flown) if feed == "filtered" else np.full((2, loop.N_PHASE), raw),
     ], axis=-1)  # fmt: skip
 
 
 def _formal(launch: Launch, flown: Missions) -> Floats:
     """Return the root mean square (2, N_PHASE) of the filter's sigma of the rate, NaN of a phase that there is not."""
-    every = round((launch.body.t.size - 1) / flown.t.size)
-    phase = launch.phase[: -1 : max(1, every)][: flown.t.size]
+    phase = launch.phase[: -1 : max(1, round((launch.body.t.size - 1) / flown.t.size))][: flown.t.size]
     found = np.full((2, loop.N_PHASE), np.nan)
     for number in np.unique(phase):
         found[:, number] = np.sqrt(np.mean(flown.history[:, phase == number, :, loop.FORMAL] ** 2, axis=(0, 1)))

@@ -39,8 +39,7 @@ def write(folder: Path, summary: BlockSummary, identity: str = "") -> Path:
     path = folder / f"{summary.first_run}-{summary.n_run}.parquet"
     table = _pack(summary)
     identity = _with_runs(identity, summary)
-    checksum = _checksum(_rows(table), identity.encode())
-    table = table.replace_schema_metadata({_IDENTITY: identity, _CHECKSUM: checksum})
+    table = table.replace_schema_metadata({_IDENTITY: identity, _CHECKSUM: _checksum(_rows(table), identity.encode())})
     # neither a dictionary of its few large values nor the smallest and the largest of them is of use
     replace_table(table, path, use_dictionary=False, write_statistics=False)
     for other in paths(folder):

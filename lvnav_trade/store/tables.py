@@ -222,16 +222,16 @@ def _budget(prepared: Prepared, cov: CovHistory) -> dict[str, Any]:
     for event, times, chosen in blocks:
         source, output, time = np.indices((len(cov.sources), len(chosen), len(times))).reshape(3, -1)
         at = (times[time], source, np.array(chosen, dtype=int)[output])
-        names = _names(tuple(every[k] for k in chosen), 1)
-        piece = {
-            "event": np.full(source.size, event),
-            "t_s": cov.t[at[0]],
-            "source": np.array(cov.sources)[source],
-            **{part: values[output] for part, values in names.items()},
-            "sigma_si": np.sqrt(variance[at]),
-            "share_ratio": share[at],
-        }
-        pieces.append(piece)
+        pieces.append(
+            {
+                "event": np.full(source.size, event),
+                "t_s": cov.t[at[0]],
+                "source": np.array(cov.sources)[source],
+                **{part: values[output] for part, values in _names(tuple(every[k] for k in chosen), 1).items()},
+                "sigma_si": np.sqrt(variance[at]),
+                "share_ratio": share[at],
+            }
+        )
     return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
 
 

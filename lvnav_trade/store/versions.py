@@ -58,9 +58,7 @@ def _canonical(value: Any) -> str:
     """Write a tree so that equal trees give equal texts whatever the order of keys."""
     if isinstance(value, dict):
         return "{" + ",".join(f"{key!s}:{_canonical(value[key])}" for key in sorted(value, key=str)) + "}"
-    if isinstance(value, list | tuple):
-        return "[" + ",".join(map(_canonical, value)) + "]"
-    return repr(value)
+    return "[" + ",".join(map(_canonical, value)) + "]" if isinstance(value, list | tuple) else repr(value)
 
 
 def environment() -> dict[str, str]:

@@ -25,8 +25,6 @@ from lvnav_trade.store.schema import TABLES, arrow_schema
 from lvnav_trade.store.tables import CaseInfo, case_tables, row_tables, starts_table
 from lvnav_trade.store.versions import RESULTS_VERSION, across_machines, campaign_digest, environment
 
-__all__ = ["CaseInfo", "Results", "open_results"]
-
 # Those that compute: another version of one may round otherwise
 _LIBRARIES = tuple((name, f"with another {name}") for name in ("numpy", "numba", "scipy"))
 

@@ -29,7 +29,7 @@ def events(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, float]:
 @pytest.fixture(scope="module")
 def variants(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with results and three candidates."""
-    from lvnav_trade.store import load
+    from lvnav_trade.store.read import load
     from tests import synthetic
     from tests.metrics.variants import variant, worse
 

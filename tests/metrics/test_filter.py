@@ -9,7 +9,7 @@ from scipy import stats
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.errors.covariances import why_not_applicable
 from lvnav_trade.metrics.filter import accepted_moments, nees, nis
-from lvnav_trade.store import Tables, load
+from lvnav_trade.store.read import Tables, load
 from tests import synthetic
 
 RUNS = 40

@@ -11,7 +11,7 @@ import pandas as pd
 from ruamel.yaml import YAML
 
 from lvnav_trade.report.compare import keep_base
-from lvnav_trade.store import Tables, load
+from lvnav_trade.store.read import Tables, load
 
 Change = Callable[[pd.DataFrame], pd.DataFrame]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from lvnav_trade.store import load
+from lvnav_trade.store.read import load
 from tests import synthetic
 
 

@@ -7,8 +7,8 @@ import pytest
 
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.plots import PLOTS
-from lvnav_trade.plots.errors import autocorrelations, errors, relative
-from lvnav_trade.store import load
+from lvnav_trade.plots.errors import autocorrelation, errors, relative
+from lvnav_trade.store.read import load
 from tests import synthetic
 
 CASE = "aaaaaaaaaaaa"
@@ -48,7 +48,7 @@ def test_ranking_bars_are_the_ranking(good):
 
 @pytest.fixture(scope="module")
 def tables(tmp_path_factory):
-    from lvnav_trade.store import load
+    from lvnav_trade.store.read import load
 
     return load(synthetic.results(tmp_path_factory.mktemp("chosen"), n_run=40))
 
@@ -71,7 +71,7 @@ def test_all_cases_are_drawn_where_none_is_chosen(tables):
 
 
 def test_every_case_has_a_panel_with_a_line_per_channel(tables):
-    figure = autocorrelations(tables, [{"imu": "fine"}], "rate")
+    figure = autocorrelation(tables, [{"imu": "fine"}], "rate")
     panel = next(ax for ax in figure.axes if ax.get_title() == "imu=fine")
     assert len(panel.get_lines()) == synthetic.N_SAT
     assert list(panel.get_lines()[0].get_xdata()) == list(range(1, 11))

@@ -9,7 +9,7 @@ from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.select import errors_at
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.mission import _magnification, outline_of
-from lvnav_trade.store import load
+from lvnav_trade.store.read import load
 from tests import mission as flights
 from tests.metrics.mechanics.test_mission import falling
 from tests.metrics.mission.test_impact import INSIDE, with_corridor

@@ -10,7 +10,7 @@ import pytest
 
 from lvnav_trade.metrics.published import ours, references
 from lvnav_trade.plots.published import locus, missions, ratios, single, spread, steps
-from lvnav_trade.store import load
+from lvnav_trade.store.read import load
 from tests import synthetic
 
 STATED = {"metric": "velocity_error_3d", "at": "injection"}

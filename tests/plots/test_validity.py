@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.plots.validity import is_a_grid, validity
-from lvnav_trade.store import Tables
+from lvnav_trade.store.read import Tables
 
 LEVELS = {f"{h}{g}": {"heading": h, "gap": g} for h in ("1 deg", "10 deg") for g in ("0 s", "100 s")}
 

@@ -8,7 +8,7 @@ import pytest
 
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.style import look
-from lvnav_trade.plots.vehicle import apart, envelopes, interpretations, motion, singular, sweep, worth
+from lvnav_trade.plots.vehicle import apart, interpretations, motion, singular, sweep, turning, worth
 from tests.vehicle_tables import FILTERED, LESS, RAW, SIGMA, tables
 
 CASE = "aaaaaaaaaaaa"
@@ -94,7 +94,7 @@ def test_the_envelope_is_drawn_on_both_sides(monkeypatch):
             "jerk_m_per_s3": 0.0, "jerk_bound_m_per_s3": 10.0}  # fmt: skip
     monkeypatch.setattr("lvnav_trade.plots.style.load", lambda tables: tables)
     other = pd.DataFrame(rows | {"axis": "yaw", "turning_bound_rad_per_s2": 9.0})
-    figure = envelopes(_Tables(pd.concat([pd.DataFrame(rows), other])), "a")
+    figure = turning(_Tables(pd.concat([pd.DataFrame(rows), other])), "a")
     for axes, bound in zip(figure.axes, (0.02, 10.0), strict=True):
         shown = [line.get_ydata()[0] for line in axes.get_lines()]
         np.testing.assert_allclose(sorted(shown), [-bound, 0.0, bound])

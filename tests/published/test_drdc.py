@@ -15,7 +15,7 @@ from lvnav_trade.campaign.syntax.cards import campaign_file
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.report import build
 from lvnav_trade.steering import nozzle as controlled
-from lvnav_trade.store import load as results_of
+from lvnav_trade.store.read import load as results_of
 from tests.building import flying, hop
 from tests.steering.launches import steady_launch
 

@@ -10,7 +10,7 @@ import pytest
 from lvnav_trade.errors import InputError
 from lvnav_trade.metrics.comparison.comparison import compare, parse_effects
 from lvnav_trade.report import compare as reported
-from lvnav_trade.store import load
+from lvnav_trade.store.read import load
 from tests import synthetic
 from tests.metrics.variants import variant, worse
 

@@ -8,7 +8,7 @@ import pytest
 from lvnav_trade.report import build, flight
 from lvnav_trade.report.blocks import Picture, Table
 from lvnav_trade.report.flight import control, control_tables, motion, motion_summary, motion_table
-from lvnav_trade.store import load
+from lvnav_trade.store.read import load
 from tests import mission as flights
 from tests import synthetic
 from tests.metrics.mechanics.test_mission import falling

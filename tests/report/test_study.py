@@ -14,7 +14,7 @@ from lvnav_trade.errors import InputError
 from lvnav_trade.metrics.published import references
 from lvnav_trade.report.blocks import Table, Text
 from lvnav_trade.report.study import Answered, build, missions_table, noise_table, study_tables
-from lvnav_trade.store import load
+from lvnav_trade.store.read import load
 from tests import synthetic
 
 STUDY = Study.model_validate(

@@ -9,7 +9,7 @@ import pandas as pd
 
 from lvnav_trade.report import build
 from lvnav_trade.report.summary import _largest_sources, summary
-from lvnav_trade.store import load
+from lvnav_trade.store.read import load
 from tests import synthetic
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from lvnav_trade.errors import InputError
-from lvnav_trade.store import open_results
 from lvnav_trade.store.contents import CONTENTS, owned
 from lvnav_trade.store.files import replace_file
+from lvnav_trade.store.write import open_results
 from tests import synthetic
 from tests.synthetic import CAMPAIGN
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lvnav_trade.store import load
 from lvnav_trade.store.diagnostics import explained_rows
+from lvnav_trade.store.read import load
 from tests import synthetic
 from tests.synthetic import covariance
 

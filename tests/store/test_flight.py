@@ -10,8 +10,8 @@ import pytest
 from lvnav_trade.engines.setup.atmosphere import Delays
 from lvnav_trade.frames import earth_angle, matrices, rotation_i_n
 from lvnav_trade.records import IDLE, LOST
-from lvnav_trade.store import load
 from lvnav_trade.store.flight import STEP, flight_columns
+from lvnav_trade.store.read import load
 from lvnav_trade.store.tables import thresholds
 from tests import synthetic
 

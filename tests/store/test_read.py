@@ -10,8 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from lvnav_trade.errors import InputError
-from lvnav_trade.store import load
-from lvnav_trade.store.read import read_table
+from lvnav_trade.store.read import load, read_table
 from tests import synthetic
 
 

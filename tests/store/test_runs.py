@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from lvnav_trade.engines.simulate.statistics import merge, summarise
-from lvnav_trade.store import load
+from lvnav_trade.store.read import load
 from lvnav_trade.store.tables import row_tables
 from tests import synthetic
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pyarrow.parquet as pq
 
-from lvnav_trade.store import TABLES, load
-from lvnav_trade.store.schema import SUFFIXES, arrow_schema, error_column
+from lvnav_trade.store.read import load
+from lvnav_trade.store.schema import SUFFIXES, TABLES, arrow_schema, error_column
 from tests import synthetic
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.store import load
+from lvnav_trade.store.read import load
 from tests import synthetic
 from tests.synthetic import block, covariance
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 
-from lvnav_trade.store import load
+from lvnav_trade.store.read import load
 from lvnav_trade.store.versions import _COMPUTES, _COMPUTES_TOO, PACKAGE, campaign_digest
 from tests.synthetic import CAMPAIGN
 

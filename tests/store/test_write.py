@@ -11,8 +11,12 @@ import pytest
 
 from lvnav_trade.engines.simulate.statistics import merge, summarise
 from lvnav_trade.errors import InputError
-from lvnav_trade.store import TABLES, CaseInfo, load, open_results, write
+from lvnav_trade.store import write
+from lvnav_trade.store.read import load
+from lvnav_trade.store.schema import TABLES
+from lvnav_trade.store.tables import CaseInfo
 from lvnav_trade.store.versions import RESULTS_VERSION, campaign_digest
+from lvnav_trade.store.write import open_results
 from tests import synthetic
 from tests.synthetic import CAMPAIGN, EVENTS, OUTPUTS, block, covariance
 

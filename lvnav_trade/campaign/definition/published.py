@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.errors import quoted
-from lvnav_trade.layout import EXTRAS, MISSION, MOTION, PARAMETERS
+from lvnav_trade.layout import EXTRAS, MISSION, MOTION, PARAMETERS, split_metric
 from lvnav_trade.observables.sensors import SENSOR_STATES
 from lvnav_trade.units import Card, parse
 
@@ -35,12 +35,6 @@ _UNITS = (
 Case = dict[str, str]
 
 
-def taken_apart(metric: str) -> tuple[str, str]:
-    """Return quantity and axis of the metric of an error; an axis left out is the norm, 3d."""
-    quantity, _, axis = metric.partition("_error")
-    return quantity, axis.removeprefix("_") or "3d"
-
-
 def unit_of(metric: str) -> str:
     """Return the SI unit of a metric, ``%`` or ``-`` of those that have none."""
     if metric in MISSION:
@@ -49,13 +43,13 @@ def unit_of(metric: str) -> str:
         return "-" if metric == COUNTED[0] else "m"
     if metric in STEERED or metric == RANK:
         return "%" if metric in STEERED else "-"
-    unit = _UNITS[taken_apart(metric)[0]]
+    unit = _UNITS[split_metric(metric)[0]]
     return "dimensionless" if unit == "1" else unit
 
 
 def _metric(name: str) -> str:
     stated = re.fullmatch(r"[a-z][a-z_]*_error(_[a-z0-9]+)?", name)
-    if name not in _NO_ERRORS and not (stated and taken_apart(name)[0] in _UNITS):
+    if name not in _NO_ERRORS and not (stated and split_metric(name)[0] in _UNITS):
         near = hint(name, (*_NO_ERRORS, "position_error_3d", "velocity_error_3d", "attitude_error_3d"))
         raise ValueError(f"{quoted(name)} is not a metric{near}")
     return name

@@ -120,8 +120,7 @@ class Requirement(Card):
         """The events that it names: the one, or both ends of the phase."""
         if self.during is None:
             return (self.at or "injection",)
-        ends = () if self.during == FLIGHT else self.during.split(" to ")
-        return tuple(end for end in ends if end not in ENDS)
+        return tuple(end for end in self.during.split(" to ") if self.during != FLIGHT and end not in ENDS)
 
     @field_validator("below", mode="before")
     @classmethod

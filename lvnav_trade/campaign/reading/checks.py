@@ -6,12 +6,11 @@ from operator import attrgetter
 from typing import Any, NamedTuple
 
 from lvnav_trade.campaign.definition.axes import BASE_LABEL, case_label, choice, get, levels
-from lvnav_trade.campaign.definition.published import taken_apart
 from lvnav_trade.campaign.definition.schema import Axis, Campaign
 from lvnav_trade.campaign.syntax.tree import Node, hint, mistake, mistake_at, nearest
 from lvnav_trade.errors import Mistake, quoted
 from lvnav_trade.layout import AXES as FRAME_AXES
-from lvnav_trade.layout import MISSION
+from lvnav_trade.layout import MISSION, split_metric
 from lvnav_trade.limits import AXES, CASES
 from lvnav_trade.scenario import Scenario, filter_models, solves
 
@@ -67,7 +66,7 @@ def requirements(campaign: Campaign, root: Node) -> Iterator[Mistake]:
     known = FRAME_AXES[campaign.base.frame]
     names = [requirement.name for requirement in campaign.requirements]
     for index, (name, requirement) in enumerate(zip(names, campaign.requirements, strict=True)):
-        quantity, axis = taken_apart(requirement.metric)
+        quantity, axis = split_metric(requirement.metric)
         if requirement.metric not in MISSION and quantity != "attitude" and axis not in (*known, "3d"):
             message = f"{requirement.metric!r}: frame {campaign.base.frame} has the axes {', '.join(known)}"
             yield mistake_at(root, f"requirements.{index}.metric", message)
@@ -111,7 +110,7 @@ def statements(campaign: Campaign, root: Node) -> Iterator[Mistake]:
     axes = {"attitude": ["roll", "pitch", "yaw"], "velocity": known, "position": known}
     for key in ("references", "orderings"):
         for index, one in enumerate(getattr(campaign, key)):
-            quantity, axis = taken_apart(one.metric)
+            quantity, axis = split_metric(one.metric)
             if quantity in axes and axis not in (*axes[quantity], "3d"):
                 message = f"{quoted(one.metric)}: no such axis; {quantity} has {', '.join(axes[quantity])}"
                 yield mistake_at(root, f"{key}.{index}.metric", message)

@@ -6,9 +6,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
-from rich.progress import Progress as RichProgress
+from rich import console, progress
 
 
 class Progress:
@@ -55,12 +53,12 @@ class Bar(Progress):
     """A bar for terminals."""
 
     def __init__(self) -> None:
-        self.bar = RichProgress(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(),
-            console=Console(stderr=True),
+        self.bar = progress.Progress(
+            progress.TextColumn("{task.description}"),
+            progress.BarColumn(),
+            progress.MofNCompleteColumn(),
+            progress.TimeRemainingColumn(),
+            console=console.Console(stderr=True),
             transient=True,
         )
 
@@ -101,6 +99,4 @@ def staged(watch: Progress | None, name: str) -> Iterator[None]:
 
 def choose(quiet: bool) -> Progress:
     """Return what suits where the messages go."""
-    if quiet:
-        return Progress()
-    return Bar() if sys.stderr.isatty() and not os.environ.get("CI") else Plain()
+    return Progress() if quiet else Bar() if sys.stderr.isatty() and not os.environ.get("CI") else Plain()

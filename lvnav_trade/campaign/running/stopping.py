@@ -56,8 +56,9 @@ def _decided(k: int, requirement: Requirement, blocks: Sequence[Counts], block: 
     known = [count for count in beyond if count is not None]
     if len(known) < len(beyond):
         return None
-    found = decide(list(itertools.accumulate(known)), requirement.probability, requirement.confidence, block)
-    return None if found.verdict == "undecided" else found.runs
+    counts = list(itertools.accumulate(known))
+    verdict, runs = decide(counts, requirement.probability, requirement.confidence, block)
+    return None if verdict == "undecided" else runs
 
 
 def beyond(

@@ -113,8 +113,7 @@ def job_of(campaign: Campaign, engine: Engine, folder: Path) -> Job:
     """Return the job of a campaign, without results yet; requirements: those of a campaign that stops by them."""
     is_early = campaign.monte_carlo is not None and campaign.monte_carlo.stop is not None
     tested = tuple(one.model_dump(mode="json") for one in campaign.requirements if is_early)
-    place = folder / scratch.FOLDER
-    return Job(engine, None, campaign.seed, campaign.keep.history, asked_of(campaign), place, tested)
+    return Job(engine, None, campaign.seed, campaign.keep.history, asked_of(campaign), folder / scratch.FOLDER, tested)
 
 
 def asked_of(campaign: Campaign) -> Asked:

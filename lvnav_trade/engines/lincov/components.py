@@ -21,8 +21,8 @@ from lvnav_trade.world.sensors.units import keyed, mounted
 Flags = NDArray[np.bool_]
 
 GRAVITY = -2
+# Time constant (s) of noise that is new in every window.
 WHITE_TIME = 1e-12
-"""Time constant (s) of noise that is new in every window."""
 
 
 class Components(NamedTuple):
@@ -218,7 +218,7 @@ def _initial(prepared: Prepared, names: list[str]) -> Floats:
 def components(prepared: Prepared) -> Components:
     """Turn the truth's cards into numbers; the filter's card is asked only which states it has."""
     names, model, n = source_names(prepared), prepared.model, n_joint(prepared)
-    blocks, by_samples = _blocks(prepared, names), prepared.layout.motion >= 0
+    blocks, by_samples, units = _blocks(prepared, names), prepared.layout.motion >= 0, prepared.options.units
     sensor, driver, matched, profile, triad = np.array(
         [[block.sensor, block.driver, block.matched, block.profile, block.triad] for block in blocks], dtype=np.int64
     ).reshape(-1, 5).T.copy()  # fmt: skip
@@ -239,7 +239,7 @@ def components(prepared: Prepared) -> Components:
         matched=matched,
         profile=profile,
         triad=triad,
-        stands=_stands(prepared, sensor, driver, triad),
+        stands=np.zeros((0, 3, 0)) if units is None else stands_for(prepared.layout, units, sensor, driver, triad),
         first=first,
         moving=moving,
         sampled=sampled,
@@ -258,11 +258,6 @@ def components(prepared: Prepared) -> Components:
         sample_noise=_sample_noise(prepared, names),
         differences=differences(prepared, sensor, driver, triad, profile, first, int(count.sum())),
     )
-
-
-def _stands(prepared: Prepared, sensor: Ints, driver: Ints, triad: Ints) -> Floats:
-    units = prepared.options.units
-    return np.zeros((0, 3, 0)) if units is None else stands_for(prepared.layout, units, sensor, driver, triad)
 
 
 def initial_state(prepared: Prepared, true: Components) -> tuple[Floats, Floats, Floats]:

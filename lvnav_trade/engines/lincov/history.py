@@ -28,16 +28,15 @@ from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.receivers import base as receiver
 from lvnav_trade.records import AdjointBudget, CovHistory, Floats
 
+# Velocity, position, clock bias and drift of a receiver's solution.
 N_SOLUTION = 8
-"""Velocity, position, clock bias and drift of a receiver's solution."""
 
 
 def _pass(prepared: Prepared, true: Components, tape: Tape) -> Recorded:
     options = prepared.options
     out = new_record(prepared, true.group.size)
-    watch = None
-    if options.rules is not None:
-        watch = new_watch(prepared.t_epoch.size, prepared.channels.n_receiver, prepared.n_row)
+    sizes = (prepared.t_epoch.size, prepared.channels.n_receiver, prepared.n_row)
+    watch = None if options.rules is None else new_watch(*sizes)
     axes_att = np.ascontiguousarray(np.swapaxes(matrices(prepared.record.q), 1, 2))
     forward(
         out, new_joint(prepared, true), new_scratch(prepared, true), new_sample_scratch(prepared, true), tape,

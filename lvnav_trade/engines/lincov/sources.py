@@ -46,8 +46,7 @@ def n_joint(prepared: Prepared) -> int:
     """Return how many states the joint vector has: the filter's, those of the receiver's error, those of clones."""
     chain, late = prepared.chain, prepared.options.late
     solution = 0 if chain is None else chain.move.shape[1]
-    clones = 0 if late is None else N_CLONE * late.buffered.size
-    return prepared.layout.n_state + solution + clones
+    return prepared.layout.n_state + solution + (0 if late is None else N_CLONE * late.buffered.size)
 
 
 # By the codes of `solution`.
@@ -70,8 +69,7 @@ def measurement_tables(prepared: Prepared, names: list[str]) -> dict[str, Any]:
         [_pairs(prepared, channel, solution, clone + N_CLONE * place, channel < n_receiver)
          for channel in range(len(model.n_entry))] for place in range(n_place)
     ]  # fmt: skip
-    width = max((len(pairs) for rows in table for pairs in rows), default=0)
-    shape = (n_place, len(model.n_entry), width)
+    shape = (n_place, len(model.n_entry), max((len(pairs) for rows in table for pairs in rows), default=0))
     entry, column = np.zeros(shape, dtype=np.int64), np.zeros(shape, dtype=np.int64)
     for place, rows in enumerate(table):
         for channel, pairs in enumerate(rows):
@@ -94,9 +92,8 @@ def _pairs(prepared: Prepared, channel: int, solution: int, clone: int, of_recei
     n, line = model.n_entry[channel], -1 if late is None else late.line[channel]
     extrapolated = late is not None and late.extrapolated and of_receiver
     buffered = line >= 0 and not extrapolated
-    pairs = []
-    for e, c in zip(model.entry[channel, :n].tolist(), model.column[channel, :n].tolist(), strict=True):
-        pairs.append((e, clone + c if buffered and c < N_NAV else c))
+    stated = zip(model.entry[channel, :n].tolist(), model.column[channel, :n].tolist(), strict=True)
+    pairs = [(e, clone + c if buffered and c < N_NAV else c) for e, c in stated]
     if chain is not None and of_receiver:
         own = model.entry.shape[1]
         pairs += [(own + i, solution + int(chain.pick[i])) for i in range(6)]

@@ -76,24 +76,24 @@ class Recorded(NamedTuple):
     worst_ratio: Floats
 
 
+# Work arrays of the nominal run, by the names that the filter's kernels read; shapes: `new_nominal`.
 Nominal = namedtuple(
     "Nominal",
     "nav sums previous increments antenna rate H z expected ranges solution observed clock_hat par x extra reported "
     "past P",
 )
-"""Work arrays of the nominal run, by the names that the filter's kernels read; shapes: `new_nominal`."""
+# Work arrays of the forward pass; shapes: `new_scratch`.
 Scratch = namedtuple(
     "Scratch", "D D_true block input mean_input shift K x gain deviation receiver y b seen noise spread budget"
 )
-"""Work arrays of the forward pass; shapes: `new_scratch`."""
+# Work arrays of a filter that measures the samples of its IMU; shapes: `new_sample_scratch`.
 SampleScratch = namedtuple(
     "SampleScratch",
     "sums h K gain weight residual still seen deviation moved expected turned moved_source Y S noise a seen_source "
     "through",
 )
-"""Work arrays of a filter that measures the samples of its IMU; shapes: `new_sample_scratch`."""
+# Work arrays of the backward pass; shapes: `new_backward_scratch`.
 BackwardScratch = namedtuple("BackwardScratch", "D y input mean_input block sums h b a")
-"""Work arrays of the backward pass; shapes: `new_backward_scratch`."""
 
 
 def _record(kind: Any, alone: dict[str, tuple[int, ...]], grouped: dict[str, tuple[int, ...]]) -> Any:

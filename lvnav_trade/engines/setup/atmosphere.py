@@ -9,7 +9,7 @@ import numpy as np
 
 from lvnav_trade.delays.cards import AtmosphereCard, CorrectionsCard, correction_models
 from lvnav_trade.delays.models import Geometry, ionosphere_delay, troposphere_delay
-from lvnav_trade.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
+from lvnav_trade.frames import earth_angle, ecef_from_eci, geodetic_from_ecef, unit
 from lvnav_trade.records import Floats, Sky
 from lvnav_trade.world.flight.trajectory import Trajectory
 from lvnav_trade.world.receiver.receiver import ReceiverCard
@@ -42,25 +42,17 @@ def _geometry(trajectory: Trajectory, receiver: ReceiverCard, seen: Sky, shift: 
     """Return where the antenna stands and looks `shift` seconds after each epoch, and those times (n_epoch,)."""
     t = np.clip(seen.t + shift, trajectory.start, trajectory.end)
     at, _ = antenna(trajectory, receiver, t)
-    moved = seen.r_i + (t - seen.t)[:, None, None] * seen.v_i
-    line = moved - at[:, None, :]
-    direction = line / np.linalg.norm(line, axis=2, keepdims=True)
-    azimuth, elevation = look_angles(trajectory.theta0, t, at, direction)
+    line = seen.r_i + (t - seen.t)[:, None, None] * seen.v_i - at[:, None, :]
+    azimuth, elevation = look_angles(trajectory.theta0, t, at, unit(line))
     latitude, longitude, height = geodetic_from_ecef(ecef_from_eci(at, earth_angle(trajectory.theta0, t)))
     lift_off = datetime.fromisoformat(trajectory.epoch)
     start = lift_off + timedelta(seconds=leap_seconds(lift_off))
-    midnight = start.replace(hour=0, minute=0, second=0, microsecond=0)
-    seconds = (start - midnight).total_seconds() + t
-    day = float(start.timetuple().tm_yday)
-    return Geometry(day, seconds, latitude, longitude, height, azimuth, elevation), t
+    seconds = (start - start.replace(hour=0, minute=0, second=0, microsecond=0)).total_seconds() + t
+    return Geometry(float(start.timetuple().tm_yday), seconds, latitude, longitude, height, azimuth, elevation), t
 
 
 def delays(
-    trajectory: Trajectory,
-    receiver: ReceiverCard,
-    seen: Sky,
-    atmosphere: AtmosphereCard,
-    corrections: CorrectionsCard,
+    trajectory: Trajectory, receiver: ReceiverCard, seen: Sky, atmosphere: AtmosphereCard, corrections: CorrectionsCard
 ) -> Delays:
     """Return true and assumed delays along the nominal flight.
 
@@ -77,8 +69,7 @@ def delays(
             return np.zeros((*seen.tracked.shape, 2))
         before, now, after = (value(place) for place, _ in places())
         seconds = (places()[2][1] - places()[0][1])[:, None]
-        both = np.stack([now, carrier * (after - before) / seconds], axis=2)
-        return np.where(seen.tracked[:, :, None], both, 0.0)
+        return np.where(seen.tracked[:, :, None], np.stack([now, carrier * (after - before) / seconds], axis=2), 0.0)
 
     air, charge = atmosphere.troposphere, atmosphere.ionosphere
     air_hat, charge_hat = correction_models(corrections, atmosphere)

@@ -13,12 +13,7 @@ from lvnav_trade.filters.late import Late
 from lvnav_trade.filters.scheduled import Gains, gains_at
 from lvnav_trade.layout import StateLayout, state_names
 from lvnav_trade.observables.partials import Channels
-from lvnav_trade.receivers.base import (
-    ReportedCovariance,
-    Solver,
-    point_model,
-    receiver_filter,
-)
+from lvnav_trade.receivers.base import ReportedCovariance, Solver, point_model, receiver_filter
 from lvnav_trade.records import Floats, Ints
 from lvnav_trade.scenario import Scenario, epoch_interval, solves
 from lvnav_trade.world.receiver.receiver import BancroftSolution, DirectSolution, FilteredSolution, OwnCovariance
@@ -98,8 +93,7 @@ def _reported(
     card: BancroftSolution | FilteredSolution, scenario: Scenario, model: ReceiverModel
 ) -> ReportedCovariance:
     """Return the covariance that goes out with a solution; a filter that has numbers of its own assumes those."""
-    own = isinstance(scenario.filter.receiver, str)
-    reported = card.reported_covariance if own else model
+    reported = card.reported_covariance if isinstance(scenario.filter.receiver, str) else model
     if isinstance(reported, OwnCovariance):
         return ReportedCovariance(correlated=reported.correlated, factor=reported.factor)
     return ReportedCovariance(False, False, 1.0, reported.position_sigma**2, reported.velocity_sigma**2)
@@ -136,11 +130,7 @@ def delays_taken(
 
 
 def late_of(
-    scenario: Scenario,
-    delays: Sequence[DelayTaken],
-    kept: Sequence[CloneTimes],
-    schedule: Schedule,
-    channels: Channels,
+    scenario: Scenario, delays: Sequence[DelayTaken], kept: Sequence[CloneTimes], schedule: Schedule, channels: Channels
 ) -> Late | None:
     """Return how late measurements are compensated; None where they are not."""
     card = scenario.filter.delay_compensation
@@ -182,8 +172,7 @@ def _line_of_channels(sensors: list[int], channels: Channels) -> Ints:
 
 def _stored_at_once(at: CloneTimes, ticks: float) -> int:
     """Return how many states are stored at once; `ticks` between epochs. A state is stored until its epoch is over."""
-    epochs = np.arange(1, at.valid.size + 1)
-    ahead = np.floor(epochs - np.minimum(at.valid, at.early) / ticks + 1e-9) + 1
+    ahead = np.floor(np.arange(1, at.valid.size + 1) - np.minimum(at.valid, at.early) / ticks + 1e-9) + 1
     return max(1, int(ahead.max(initial=1)))
 
 

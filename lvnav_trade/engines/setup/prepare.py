@@ -9,14 +9,7 @@ import numpy as np
 from lvnav_trade.engines.setup.atmosphere import Delays, delays
 from lvnav_trade.engines.setup.families import ErrorFamily, shared_of
 from lvnav_trade.engines.setup.inputs import Options, Record, Report, Schedule, Sensors, Signals, Start, Unit, Units
-from lvnav_trade.engines.setup.options import (
-    clone_times,
-    delays_taken,
-    every,
-    gains_of,
-    late_of,
-    solver_of,
-)
+from lvnav_trade.engines.setup.options import clone_times, delays_taken, every, gains_of, late_of, solver_of
 from lvnav_trade.engines.setup.recorded import Recorded, recorded
 from lvnav_trade.engines.setup.sensors import Sensor, for_kernels, sensors_of
 from lvnav_trade.engines.setup.signals import Line, channels_of, families, geometry_of, signals
@@ -39,21 +32,8 @@ from lvnav_trade.scenario import Scenario, epoch_interval, filter_models, has_co
 from lvnav_trade.scenario import measured as measured_by
 from lvnav_trade.sources import IMU_NOISE
 from lvnav_trade.world.conditions import Course
-from lvnav_trade.world.faults import (
-    AccelBiasStep,
-    AnyFault,
-    GyroBiasStep,
-    delay,
-    failures,
-    periods,
-)
-from lvnav_trade.world.flight.trajectory import (
-    Trajectory,
-    TrajectoryCard,
-    build,
-    content,
-    reference,
-)
+from lvnav_trade.world.faults import AccelBiasStep, AnyFault, GyroBiasStep, delay, failures, periods
+from lvnav_trade.world.flight.trajectory import Trajectory, TrajectoryCard, build, content, reference
 from lvnav_trade.world.flight.trajectory import refuse_contradiction as trajectory_contradiction
 from lvnav_trade.world.gravity import disturbance
 from lvnav_trade.world.receiver.visibility import sky

@@ -52,8 +52,7 @@ def recorded(
     errors = in_frame_i(sampled(card, seen.t), card.frame, line.position, earth_angle(theta0, seen.t))
     hold(frozen, np.swapaxes(errors, 0, 1))
     mean = errors.mean(axis=0)
-    flat = (errors - mean).reshape(card.starts, -1)
-    left, size, shapes = np.linalg.svd(flat, full_matrices=False)
+    left, size, shapes = np.linalg.svd((errors - mean).reshape(card.starts, -1), full_matrices=False)
     count = int(np.count_nonzero(size > _NEGLIGIBLE * max(float(size[0]), float(np.max(np.abs(errors))))))
     values = left[:, :count].T * np.sqrt(card.starts)
     entering = (size[:count, None] * shapes[:count] / np.sqrt(card.starts)).reshape(count, n_epoch, 6)
@@ -68,8 +67,7 @@ def recorded(
 
 def values_of(found: Recorded, seed: int, runs: NDArray[Any]) -> Floats:
     """Return the values (n_component, n_run) that runs have by the starts they draw."""
-    starts = [start_of(seed, int(run), found.values.shape[1]) for run in runs]
-    return found.values[:, starts]
+    return found.values[:, [start_of(seed, int(run), found.values.shape[1]) for run in runs]]
 
 
 def start_of(seed: int, run: int, n_start: int) -> int:

@@ -21,8 +21,8 @@ from lvnav_trade.world.conditions import Course, inside
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
 from lvnav_trade.world.truth import at_rest
 
+# m/s over the Earth below which a vehicle stands: splines of the pad keep it to 1e-8, a launch passes it at once.
 STILL = 1e-3
-"""m/s over the Earth below which a vehicle stands: splines of the pad keep it to 1e-8, a launch passes it at once."""
 
 
 class Sensor(NamedTuple):
@@ -71,15 +71,16 @@ def _states(
     model: SensorModel, lasting: Iterable[tuple[LastingError, Floats]], wanted: Collection[str]
 ) -> tuple[SensorState, ...]:
     """Return the states for lasting errors that a filter has, of those that it names."""
-    found = []
-    for error, partials in lasting:
-        if error.field in model.states and model.states[error.field].name in wanted:
-            state, assumed = model.states[error.field], (getattr(model, error.field), model.time_constant(error.field))
-            found += [
-                SensorState(state.name, label, *assumed, state[1:], np.ascontiguousarray(partials[:, :, k]))
-                for k, label in enumerate(error.labels)
-            ]
-    return tuple(found)
+    known = [(model.states[error.field], error, partials) for error, partials in lasting if error.field in model.states]
+    return tuple(
+        SensorState(
+            state.name, label, getattr(model, error.field), model.time_constant(error.field), state[1:],
+            np.ascontiguousarray(partials[:, :, k]),
+        )
+        for state, error, partials in known
+        if state.name in wanted
+        for k, label in enumerate(error.labels)
+    )  # fmt: skip
 
 
 def measures(scenario: Scenario, card: SensorCard, course: Course, t_epoch: Floats) -> NDArray[np.bool_]:
@@ -96,8 +97,7 @@ def measures(scenario: Scenario, card: SensorCard, course: Course, t_epoch: Floa
 
 def _since(on: NDArray[np.bool_], t_epoch: Floats, start: float) -> Floats:
     """Return the time (n_epoch,) s from the measurement before, or from the start (s) of the flight, to each epoch."""
-    last = np.maximum.accumulate(np.where(on, t_epoch, start))
-    return np.asarray(t_epoch - np.concatenate([[start], last[:-1]]))
+    return np.asarray(t_epoch - np.concatenate([[start], np.maximum.accumulate(np.where(on, t_epoch, start))[:-1]]))
 
 
 def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: float = 0.0) -> tuple[Sensor, ...]:

@@ -22,12 +22,7 @@ from lvnav_trade.scenario import Scenario, epoch_interval, solves
 from lvnav_trade.sources import CLOCK_START, CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE
 from lvnav_trade.world.faults import Failures
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
-from lvnav_trade.world.sky.constellation import (
-    LETTERS,
-    Part,
-    RinexConstellation,
-    parts_of,
-)
+from lvnav_trade.world.sky.constellation import LETTERS, Part, RinexConstellation, parts_of
 
 
 def channels_of(scenario: Scenario, seen: Sky, devices: tuple[Sensor, ...] = ()) -> Channels:
@@ -74,8 +69,7 @@ class Line:
         """Range and range rate with respect to the lever arm in body axes, (n_epoch, n_sat, 2, 3)."""
         towards = np.einsum("esi,eij->esj", self.direction, self.C_b_i)  # u in body axes
         swinging = np.cross(towards, self.at.w_ib_b[:, None, :])  # u . (w x l) = l . (u x w)
-        drifting = np.einsum("esi,eij->esj", self.drift, self.C_b_i)
-        return np.stack([-towards, -swinging - drifting], axis=2)
+        return np.stack([-towards, -swinging - np.einsum("esi,eij->esj", self.drift, self.C_b_i)], axis=2)
 
 
 def _pull(r_i: Floats) -> Floats:

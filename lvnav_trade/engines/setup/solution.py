@@ -12,13 +12,7 @@ from numpy.typing import NDArray
 
 from lvnav_trade.engines.setup.inputs import Signals
 from lvnav_trade.engines.setup.signals import Line
-from lvnav_trade.receivers.base import (
-    BIAS,
-    DRIFT,
-    N_STATE,
-    ReceiverFilter,
-    Solver,
-)
+from lvnav_trade.receivers.base import BIAS, DRIFT, N_STATE, ReceiverFilter, Solver
 from lvnav_trade.receivers.cascade import (
     SOLUTION,
     Gains,

@@ -30,8 +30,7 @@ def _schedule(n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints, ke
     history time on the same tick gets a window of no ticks. Returns the schedule and the distinct window lengths in
     ticks.
     """
-    steps = np.arange(0, n_imu + 1, per_window)
-    bounds = np.unique(np.concatenate([steps, hist_tick, epoch_tick, kept, [0, n_imu]]))
+    bounds = np.unique(np.concatenate([np.arange(0, n_imu, per_window), hist_tick, epoch_tick, kept, [0, n_imu]]))
     begin = np.concatenate([[0], bounds[:-1]])
     epoch, hist = np.full(bounds.size, -1), np.full(bounds.size, -1)
     epoch[np.searchsorted(bounds, epoch_tick)] = np.arange(epoch_tick.size)
@@ -51,8 +50,7 @@ def _schedule(n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints, ke
 def _with_steps(t_hist: Floats, steps: Floats, start: float, rate: float, n_imu: int, group: int) -> Floats:
     """Return history times and covariance steps (s), sorted; a step on the tick of a history time stands once."""
     grid = (start, rate, n_imu, group)
-    new = ~np.isin(_ticks(steps, *grid), _ticks(t_hist, *grid))
-    return np.sort(np.concatenate([t_hist, steps[new]]))
+    return np.sort(np.concatenate([t_hist, steps[~np.isin(_ticks(steps, *grid), _ticks(t_hist, *grid))]]))
 
 
 class Epochs(NamedTuple):
@@ -102,7 +100,6 @@ def times_of(
     if every_step_beside is not None:
         t_hist = _with_steps(every_step_beside, ref.t[::per_window], start, rate, n_imu, group)
     hist_tick = _ticks(t_hist, start, rate, n_imu, group)
-    none = np.zeros(0, dtype=np.int64)
-    looked = np.concatenate([none, *(ticks for one in kept for ticks in (one.valid, one.early))])
+    looked = np.concatenate([np.zeros(0, dtype=np.int64), *(ticks for one in kept for ticks in (one.valid, one.early))])
     schedule, lengths = _schedule(n_imu, per_window, hist_tick, epochs.tick, looked)
     return Times(t_hist, hist_tick, schedule, lengths / rate)

@@ -98,10 +98,9 @@ def _pairs(card: ImuSet, devices: tuple[Sensor, ...], layout: StateLayout) -> di
             solved = np.array([columns[sensor] for columns in difference(card, first - 1, second - 1)])
             of[number] = len(found)
             found.append((sensor, solved, state.get(RELATIVE[device.card.measurement], -1)))
-    n = len(triads_of(card))
     return {
         "pair_sensor": np.array([sensor for sensor, _, _ in found], dtype=np.int64),
-        "pair_solved": np.array([solved for _, solved, _ in found]).reshape(len(found), n, 3, 3),
+        "pair_solved": np.array([solved for _, solved, _ in found]).reshape(len(found), len(triads_of(card)), 3, 3),
         "pair_state": np.array([at for _, _, at in found], dtype=np.int64),
         "pair_of": of,
     }

@@ -2,7 +2,6 @@
 
 import math
 import re
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,13 +40,12 @@ def vehicle_of(
         for k, (number, block) in enumerate(own):
             blocks[sensor, k] = number, block.driver
             columns[3 * sensor : 3 * sensor + 3, 1 + k] = block.offset + np.arange(3)
-    noise = _by_sensor(imu.gyro_random_walk**2 / dt, imu.accel_random_walk**2 / dt)
     return VehicleModel(
         motion=layout.motion,
         blocks=blocks,
         columns=columns,
         walk=walks(scenario.filter.envelope or EnvelopeCard(), trajectory, ref),
-        variance=noise,
+        variance=_by_sensor(imu.gyro_random_walk**2 / dt, imu.accel_random_walk**2 / dt),
         rate=ref.dtheta / dt,
         force=ref.dvel / dt,
     )
@@ -82,7 +80,7 @@ def walks(card: EnvelopeCard, trajectory: Trajectory, ref: Reference) -> Floats:
     found = envelopes(
         card, t, burning(trajectory, t), changes(trajectory), ref.w_ib_b[:-1, 1:], np.zeros((t.size, 2))
     )  # fmt: skip
-    return np.hstack([found.turning, found.jerk]) ** 2 * (t[1] - t[0]) ** 2
+    return np.hstack(found) ** 2 * (t[1] - t[0]) ** 2
 
 
 def burning(trajectory: Trajectory, t: Floats) -> Flags:
@@ -108,24 +106,17 @@ def burns(trajectory: Trajectory) -> list[tuple[float, float]]:
     return found if start is None else [*found, (start, trajectory.end)]
 
 
-class Envelopes(NamedTuple):
-    """Standard deviations (n, 3) of angular acceleration (rad/s^2: roll, pitch, yaw) and jerk (m/s^3: x, y, z)."""
-
-    turning: Floats
-    jerk: Floats
-
-
 def changing(card: EnvelopeCard, t: Floats, changes: Floats) -> Flags:
     """Return whether each time (n,) lies within the window around a change of phase (k,), s."""
     begin = np.searchsorted(changes, t - card.after_change, side="left")
-    end = np.searchsorted(changes, t + card.before_change, side="right")
-    return np.asarray(end > begin)
+    return np.asarray(np.searchsorted(changes, t + card.before_change, side="right") > begin)
 
 
 def envelopes(
     card: EnvelopeCard, t: Floats, burning: Flags, changes: Floats, commanded_rate: Floats, nozzle_command: Floats
-) -> Envelopes:
-    """Return the envelopes on even ticks t (n,) from commanded rate (n, 2) rad/s and nozzle angles (n, 2), pitch, yaw.
+) -> tuple[Floats, Floats]:
+    """Return the envelopes on even ticks t (n,) from commanded rate (n, 2) rad/s and nozzle angles (n, 2), pitch, yaw:
+    standard deviations (n, 3) of angular acceleration (rad/s^2: roll, pitch, yaw) and of jerk (m/s^3: x, y, z).
 
     Derivatives are finite differences to the tick before, with the nozzle centred before the first; what is commanded
     at a tick counts from the next one on. A phase that is changing is no coast: the air and the next motor may already
@@ -143,7 +134,7 @@ def envelopes(
     jerk[:, 1], jerk[:, 2] = pushed[:, 1], pushed[:, 0]
     jerk[:, 0] = np.where(burning, card.axial_burn, card.axial_coast)
     jerk[change, 0] = card.axial_change
-    return Envelopes(turning, jerk)
+    return turning, jerk
 
 
 def _slope(value: Floats, before: Floats, dt: float) -> Floats:

@@ -54,14 +54,13 @@ def watched(
     if logic.pdop_below is not None:
         good &= dilution() < logic.pdop_below
     position, velocity = logic.wild_position or math.inf, logic.wild_velocity or math.inf
-    spread = (logic.covariance_position or math.inf, logic.covariance_velocity or math.inf)
     return Rules(
         interval=1.0 / card.update_rate,
         good=good,
         limits=np.tile([position, velocity], len(channels.satellites))
         if channels.tight
         else np.repeat([position, velocity], 3),
-        spread=np.repeat(np.square(spread), 3),
+        spread=np.repeat(np.square((logic.covariance_position or math.inf, logic.covariance_velocity or math.inf)), 3),
         start_after=float(logic.start_after),
         correct_after=logic.correct_after,
         stop_after=logic.stop_after or math.inf,

@@ -11,15 +11,15 @@ from lvnav_trade.records import NO_CHANGES, Floats, Output, RunBlock
 
 Counts = NDArray[np.int64]
 
+# Axis name of the norm of a three-axis quantity.
 NORM = "3d"
-"""Axis name of the norm of a three-axis quantity."""
+# Width of a histogram bin in ln(|error| / scale): quantiles come out within half of it, 1 %.
 BIN = 0.02
-"""Width of a histogram bin in ln(|error| / scale): quantiles come out within half of it, 1 %."""
+# Range of |error| / scale that the bins resolve; below is one bin, above another.
 LOWEST, HIGHEST = 1e-3, 1e3
-"""Range of |error| / scale that the bins resolve; below is one bin, above another."""
 N_BIN = int(np.ceil(np.log(HIGHEST / LOWEST) / BIN)) + 2
+# Lags of the innovation products: 0 to 10 epochs.
 N_LAG = 11
-"""Lags of the innovation products: 0 to 10 epochs."""
 NOT_FINITE = 1
 
 
@@ -97,15 +97,13 @@ def norm_groups(outputs: tuple[Output, ...]) -> dict[str, list[int]]:
 
 def columns(outputs: tuple[Output, ...]) -> tuple[Output, ...]:
     """Return the outputs and after them one `Output` with axis "3d" per three-axis quantity."""
-    norms = tuple(outputs[indices[0]]._replace(axis=NORM) for indices in norm_groups(outputs).values())
-    return (*outputs, *norms)
+    return (*outputs, *(outputs[indices[0]]._replace(axis=NORM) for indices in norm_groups(outputs).values()))
 
 
 def add_norms(components: Floats, outputs: tuple[Output, ...]) -> Floats:
     """Append to components (..., n_out) the root sum of squares of each three-axis quantity: (..., n_column)."""
-    groups = norm_groups(outputs).values()
-    norms = [np.sqrt(np.sum(components[..., indices] ** 2, axis=-1)) for indices in groups]
-    return np.concatenate([components, *(norm[..., None] for norm in norms)], axis=-1)
+    squares = (components[..., indices] ** 2 for indices in norm_groups(outputs).values())
+    return np.concatenate([components, *(np.sqrt(np.sum(one, axis=-1))[..., None] for one in squares)], axis=-1)
 
 
 def summarise(
@@ -132,7 +130,8 @@ def summarise(
     failed = np.where(np.isfinite(block.err).all(axis=(1, 2)) | (block.failed != 0), block.failed, NOT_FINITE)
     until = _sound_until(block, failed)
     alive, alive_epoch = (None if until is None else t < until[:, None] for t in (block.t, block.t_epoch))
-    unit = _usable(add_norms(scale, outputs))
+    unit = add_norms(scale, outputs)
+    unit = np.where(np.isfinite(unit) & (unit > 0), unit, 1.0)  # what LinCov holds for zero is counted in SI units
     lag_sum, lag_count = _lag_products(_or(block.innovation, alive_epoch, np.nan))
     t_bound = np.unique(np.concatenate([block.t[[0, -1]], block.t[at_event]]))
     return BlockSummary(
@@ -161,7 +160,7 @@ def summarise(
         event_nees=block.nees[:, at_event],
         t_bound=t_bound,
         worst=_by_span(block.t, error, t_bound, lambda _, span: np.abs(span).max(axis=1)),
-        mean_square=_by_span(block.t, error, t_bound, _mean_square),
+        mean_square=_by_span(block.t, error, t_bound, lambda t, e: np.trapezoid(e**2, t, axis=1) / (t[-1] - t[0])),
         changes=block.changes,
     )
 
@@ -178,9 +177,7 @@ def _sound_until(block: RunBlock, failed: NDArray[np.int8]) -> Floats | None:
 
 def _or(values: Any, alive: NDArray[np.bool_] | None, after: float = 0.0) -> Any:
     """Return values (n_run, n, ...) of runs that count, (n_run, n), and `after` of those that failed before."""
-    if alive is None:
-        return values
-    return np.where(alive.reshape(*alive.shape, *[1] * (values.ndim - 2)), values, after)
+    return values if alive is None else np.where(alive.reshape(*alive.shape, *[1] * (values.ndim - 2)), values, after)
 
 
 def _count(alive: NDArray[np.bool_] | None, runs: int, t: Floats) -> Counts:
@@ -195,21 +192,12 @@ def _by_span(t: Floats, error: Floats, bounds: Floats, value: Callable[[Floats, 
     return np.stack(spans, axis=1) if spans else np.zeros((error.shape[0], 0, error.shape[2]))
 
 
-def _mean_square(t: Floats, error: Floats) -> Floats:
-    return np.asarray(np.trapezoid(error**2, t, axis=1) / (t[-1] - t[0]))
-
-
 def _history_index(t: Floats, names: tuple[str, ...], t_event: Floats) -> NDArray[np.intp]:
     index = np.clip(np.searchsorted(t, t_event - 1e-9), 0, len(t) - 1)
     for name, wanted, found in zip(names, t_event, t[index], strict=True):
         if abs(wanted - found) > 1e-6:
             raise ValueError(f"event {name} at {wanted} s is not a history time (nearest after it {found} s)")
     return index
-
-
-def _usable(scale: Floats) -> Floats:
-    """Replace what cannot be divided by: an error that LinCov holds for zero is counted in SI units."""
-    return np.where(np.isfinite(scale) & (scale > 0), scale, 1.0)
 
 
 def _histogram(error: Floats, scale: Floats) -> NDArray[np.uint8 | np.uint32]:
@@ -219,11 +207,9 @@ def _histogram(error: Floats, scale: Floats) -> NDArray[np.uint8 | np.uint32]:
     row = np.arange(n_hist) * N_BIN
     for column in range(n_column):  # one column at a time bounds the memory of the count
         with np.errstate(divide="ignore"):
-            ratio = np.abs(error[:, :, column]) / (scale[:, column] * LOWEST)
-            place = np.floor(np.log(ratio) / BIN) + 1
+            place = np.floor(np.log(np.abs(error[:, :, column]) / (scale[:, column] * LOWEST)) / BIN) + 1
         bins = np.clip(place, 0, N_BIN - 1).astype(np.int64)
-        flat = np.bincount((row + bins).ravel(), minlength=n_hist * N_BIN)
-        counts[:, column] = flat.reshape(n_hist, N_BIN)
+        counts[:, column] = np.bincount((row + bins).ravel(), minlength=n_hist * N_BIN).reshape(n_hist, N_BIN)
     return counts
 
 

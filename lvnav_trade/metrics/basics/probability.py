@@ -28,24 +28,20 @@ def mean_square_interval(freedom: ArrayLike, alpha: float = 0.05) -> tuple[Float
     """Return (low, high) between which chi-square / freedom lies with probability 1 - alpha."""
     given = np.asarray(freedom, dtype=float)
     usable = np.where(given > 0, given, np.nan)
-    low, high = (np.asarray(stats.chi2.ppf(p, usable) / usable) for p in (alpha / 2.0, 1.0 - alpha / 2.0))
-    return low, high
+    return stats.chi2.ppf(alpha / 2.0, usable) / usable, stats.chi2.ppf(1.0 - alpha / 2.0, usable) / usable
 
 
 def success_bounds(runs: int, failures: int, confidence: float) -> tuple[float, float]:
     """Return the one-sided lower and the one-sided upper Clopper-Pearson bound on the probability of success."""
     good = runs - failures
     low = float(stats.beta.ppf(1.0 - confidence, good, failures + 1)) if good else 0.0
-    high = float(stats.beta.ppf(confidence, good + 1, failures)) if failures else 1.0
-    return low, high
+    return low, (float(stats.beta.ppf(confidence, good + 1, failures)) if failures else 1.0)
 
 
 def success_verdict(runs: int, failures: int, probability: float, confidence: float) -> str:
     """Return "met" or "violated" where the bounds show it of a probability of success, else "undecided"."""
     low, high = success_bounds(runs, failures, confidence)
-    if runs and low >= probability:
-        return "met"
-    return "violated" if high < probability else "undecided"
+    return "met" if runs and low >= probability else "violated" if high < probability else "undecided"
 
 
 def shows(runs: int, failures: int, probability: float, confidence: float) -> bool:
@@ -104,8 +100,7 @@ def _slice(left: Floats, weight: Floats, centre: float, sigma: float) -> tuple[F
     x = 0.5 * (high + low)[:, None] + half * np.sin(angle)
     density = np.exp(-0.5 * ((x - centre) / sigma) ** 2) / (sigma * np.sqrt(2.0 * np.pi))
     step = half * np.cos(angle) * (0.5 * np.pi * _WEIGHTS)
-    remaining = np.maximum(left[:, None] - x**2, 0.0)
-    return remaining.ravel(), (weight[:, None] * density * step).ravel()
+    return np.maximum(left[:, None] - x**2, 0.0).ravel(), (weight[:, None] * density * step).ravel()
 
 
 def _between(radius: Floats, centre: float, sigma: float) -> Floats:

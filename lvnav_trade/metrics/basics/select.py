@@ -10,15 +10,15 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from lvnav_trade.layout import MISSION
+from lvnav_trade.layout import MISSION, split_metric
 from lvnav_trade.metrics.mechanics.mission import people, sizes_at
-from lvnav_trade.store import Tables
+from lvnav_trade.store.read import Tables
 from lvnav_trade.store.schema import error_column
 from lvnav_trade.units import parse
 
 NAVIGATION = ("attitude", "velocity", "position")
+# Seconds: one instant.
 SAME_TIME = 1e-6
-"""Seconds: one instant."""
 _INSTANT = re.compile(r"\s*(?P<event>[A-Za-z_]\w*)\s*(?:(?P<sign>[+-])\s*(?P<offset>\S.*))?$")
 _Found = TypeVar("_Found")  # frame or list
 
@@ -33,12 +33,6 @@ def pick(rows: pd.DataFrame, **wanted: str) -> pd.DataFrame:
 def history_of(tables: Tables, case: str, quantity: str, axis: str) -> pd.DataFrame:
     """Return the history of one error of a case."""
     return pick(tables.history, case=case, quantity=quantity, axis=axis)
-
-
-def split_metric(name: str) -> tuple[str, str]:
-    """Take ``velocity_error_3d`` apart into quantity and axis; an axis left out is the norm."""
-    quantity, _, axis = name.partition("_error")
-    return quantity, axis.lstrip("_") or "3d"
 
 
 class Errors(NamedTuple):
@@ -58,11 +52,9 @@ def errors_at(tables: Tables, case: str, event: str, metric: str) -> Errors | No
     if metric in MISSION:
         size = sizes_at(tables, case, event, metric)
         return None if size is None else Errors(size, *people(metric))
-    known = errors_named(tables, case, metric)
-    if known is None:
+    if (known := errors_named(tables, case, metric)) is None:
         return None
-    units, column = known
-    chosen = pick(tables.runs, case=case, event=event)
+    (units, column), chosen = known, pick(tables.runs, case=case, event=event)
     return units._replace(size=error_sizes(chosen, column)) if column in chosen.columns else units
 
 
@@ -114,10 +106,9 @@ def phases(tables: Tables, case: str) -> list[tuple[str, float, float]]:
     """Return name, start and end (s since lift-off) of the flight, of the intervals between events, and of events."""
     start, end = ends_of(tables, case)
     events = [(row.event, row.t_s) for row in flight_events(tables, case).itertuples() if start <= row.t_s <= end]
-    bounds = [("start", start), *events, ("end", end)]
     between = [
         (f"{first} to {second}", t_first, t_second)
-        for (first, t_first), (second, t_second) in pairwise(bounds)
+        for (first, t_first), (second, t_second) in pairwise([("start", start), *events, ("end", end)])
         if t_second - t_first > SAME_TIME
     ]
     return [("flight", max(start, 0.0), end), *between, *((name, at, at) for name, at in events)]

@@ -11,6 +11,7 @@ import pandas as pd
 
 from lvnav_trade import units
 from lvnav_trade.errors import InputError
+from lvnav_trade.layout import split_metric
 from lvnav_trade.metrics.basics.select import (
     Errors,
     at_time,
@@ -21,21 +22,20 @@ from lvnav_trade.metrics.basics.select import (
     lincov_rms,
     number_in,
     pick,
-    split_metric,
 )
 from lvnav_trade.metrics.comparison import paired
 from lvnav_trade.metrics.comparison.matching import Pair, left_out, match
 from lvnav_trade.metrics.requirements.improvements import expected
 from lvnav_trade.metrics.requirements.requirements import errors_of, where
-from lvnav_trade.store import Tables, load
+from lvnav_trade.store.read import Tables, load
 
 COLUMNS = [
     "case", "kind", "metric", "event", "statistic", "unit", "base", "candidate", "scale", "change", "low", "high",
     "effect", "verdict", "runs", "effective_runs", "remark",
 ]  # fmt: skip
 CONFIDENCE = 0.95
+# Smallest change of an error that is of interest unless said otherwise.
 DEFAULT = "5 %"
-"""Smallest change of an error that is of interest unless said otherwise."""
 DEFAULT_METRICS = ("velocity_error_3d", "position_error_3d", "attitude_error_3d")
 FAILED_RUNS = "failed runs"
 FAILED_EFFECT = "1 %"
@@ -67,8 +67,7 @@ class Comparison(NamedTuple):
     @property
     def verdict(self) -> str:
         """The worst word of all rows: one that is worse makes the candidate worse, one undecided leaves it open."""
-        words = set(self.frame.verdict)
-        return next((word for word in ("worse", "undecided") if word in words), "not worse")
+        return next((word for word in ("worse", "undecided") if word in set(self.frame.verdict)), "not worse")
 
 
 def parse_effect(key: str, amount: str) -> Effect:

@@ -7,12 +7,12 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.errors import InputError, Mistake
+from lvnav_trade.errors import InputError, Mistake, refuse_all
 from lvnav_trade.metrics.basics.select import SAME_TIME, flight_events, pick
-from lvnav_trade.store import Tables
+from lvnav_trade.store.read import Tables
 
+# Metres by which two flights that are the same may differ: roundings of another compiler, not another flight.
 _SAME_PLACE = 1.0
-"""Metres by which two flights that are the same may differ: roundings of another compiler, not another flight."""
 _EARTH = 6378137.0
 
 
@@ -44,25 +44,19 @@ def match(base: Tables, candidate: Tables, mapping: Mapping[str, str] | None = N
             "runs belong together only on the same draws"
         )
     pairs = _pairs(base, candidate, dict(mapping or {}))
-    mistakes = [
-        Mistake(f"does not compare: {why}") for pair in pairs if (why := _another_flight(base, candidate, pair))
-    ]
-    if mistakes:
-        raise InputError(records=mistakes)
+    reasons = (_another_flight(base, candidate, pair) for pair in pairs)
+    refuse_all([Mistake(f"does not compare: {why}") for why in reasons if why])
     return pairs
 
 
 def left_out(base: Tables, candidate: Tables, pairs: Sequence[Pair]) -> list[str]:
     """Say which cases have no partner."""
-    notes = []
-    for tables, kept, other in (
-        (base, {pair.base for pair in pairs}, candidate),
-        (candidate, {pair.candidate for pair in pairs}, base),
-    ):
-        alone = [label for case, label in tables.labels.items() if case not in kept]
-        if alone:
-            notes.append(f"Not compared, because {other.folder} has no such case: {'; '.join(alone)}.")
-    return notes
+    sides = ((base, {pair.base for pair in pairs}, candidate), (candidate, {pair.candidate for pair in pairs}, base))
+    return [
+        f"Not compared, because {other.folder} has no such case: {'; '.join(alone)}."
+        for tables, kept, other in sides
+        if (alone := [label for case, label in tables.labels.items() if case not in kept])
+    ]
 
 
 def _pairs(base: Tables, candidate: Tables, mapping: dict[str, str]) -> list[Pair]:
@@ -134,5 +128,4 @@ def _distance(first: pd.DataFrame, second: pd.DataFrame) -> float:
     north = (both.latitude_rad - both.latitude_rad_other) * _EARTH
     turned = np.angle(np.exp(1j * (both.longitude_rad - both.longitude_rad_other)))
     east = turned * _EARTH * np.cos(both.latitude_rad)
-    up = both.altitude_m - both.altitude_m_other
-    return float(np.sqrt(north**2 + east**2 + up**2).max())
+    return float(np.sqrt(north**2 + east**2 + (both.altitude_m - both.altitude_m_other) ** 2).max())

@@ -10,10 +10,10 @@ from lvnav_trade.records import Floats
 
 Truths = NDArray[np.bool_]
 
+# Resamples of the runs behind the bounds of a quantile's change.
 RESAMPLES = 2000
-"""Resamples of the runs behind the bounds of a quantile's change."""
+# A quantile needs so many runs on either side of it, or else no bound is given.
 FEWEST_BEYOND = 5
-"""A quantile needs so many runs on either side of it, or else no bound is given."""
 _CHUNK = 2**22
 
 
@@ -39,9 +39,8 @@ def rms_change(base: Floats, candidate: Floats, relative: bool, alpha_low: float
     The bounds are Student's, with the jackknife's variance of ln(candidate / base), or of the difference where not
     `relative` (Efron and Stein 1981: the jackknife's variance is not too small on average).
     """
-    n = len(base)
+    n, scale = len(base), np.log if relative else np.asarray
     sizes = np.sqrt(np.mean(base**2)), np.sqrt(np.mean(candidate**2))
-    scale = np.log if relative else np.asarray
     with np.errstate(divide="ignore", invalid="ignore"):
         first, second = (scale(_rms_without(part)) for part in (base, candidate))
         centre = float(scale(sizes[1]) - scale(sizes[0]))
@@ -58,8 +57,7 @@ def rms_change(base: Floats, candidate: Floats, relative: bool, alpha_low: float
 def _rms_without(error: Floats) -> Floats:
     """Return the root mean square of all runs but one, for each run."""
     square = error**2
-    others = np.maximum(square.sum() - square, 0.0)
-    return np.asarray(np.sqrt(others / max(1, len(error) - 1)))
+    return np.asarray(np.sqrt(np.maximum(square.sum() - square, 0.0) / max(1, len(error) - 1)))
 
 
 def _jackknife(without: Floats) -> float:
@@ -87,13 +85,11 @@ def quantile_change(
     n = pair.shape[1]
     rank = max(1, int(np.ceil(probability * n - 1e-9))) - 1
     at = np.sort(pair, axis=1)[:, rank]
-    change = _difference(at[0], at[1], relative)
-    head = (float(at[0]), float(at[1]), float(change))
+    head = (float(at[0]), float(at[1]), float(_difference(at[0], at[1], relative)))
     if min(n * probability, n * (1.0 - probability)) < FEWEST_BEYOND - 1e-9:
         return Change(*head, float("nan"), float("nan"), float("nan"))
     drawn = _resampled(pair, rank)
-    changes = _difference(drawn[0], drawn[1], relative)
-    low, high = np.quantile(changes, [alpha_low, 1.0 - alpha_high])
+    low, high = np.quantile(_difference(drawn[0], drawn[1], relative), [alpha_low, 1.0 - alpha_high])
     measured = np.log(drawn) if relative and np.all(drawn > 0.0) else drawn
     apart, paired = float(measured.var(axis=1).sum()), float(np.var(measured[1] - measured[0]))
     return Change(*head, float(low), float(high), _worth(n, apart, paired))
@@ -152,6 +148,4 @@ def _score_limit(n: int, more: int, less: int, z: float) -> float:
 
 def verdict(low: float, high: float, effect: float) -> str:
     """Return "worse" where the change is shown to be above the smallest effect of interest, "not worse" where below."""
-    if low > effect:
-        return "worse"
-    return "not worse" if high < effect else "undecided"
+    return "worse" if low > effect else "not worse" if high < effect else "undecided"

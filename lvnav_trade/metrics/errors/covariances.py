@@ -7,30 +7,22 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.metrics.basics.probability import ratio_interval
-from lvnav_trade.metrics.basics.select import (
-    NAVIGATION,
-    SAME_TIME,
-    at_time,
-    flight_events,
-    history_of,
-    pick,
-    series,
-)
+from lvnav_trade.metrics.basics.select import NAVIGATION, SAME_TIME, at_time, flight_events, history_of, pick, series
 from lvnav_trade.records import Floats
-from lvnav_trade.store import Tables
+from lvnav_trade.store.read import Tables
 
+# A gate that rejects more than this part of good rows is not what linear covariance describes.
 REJECTS_TOO_MUCH = 0.01
-"""A gate that rejects more than this part of good rows is not what linear covariance describes."""
+# rad; a larger one-sigma of attitude at or before lift-off is beyond the linear form: 1 - cos is 4 % of 5 deg.
 LINEAR_ATTITUDE = math.radians(5.0)
-"""rad; a larger one-sigma of attitude at or before lift-off is beyond the linear form: 1 - cos is 4 % of 5 deg."""
 AGREEMENT = ["case", "event", "state", "unit", "monte_carlo", "lincov", "ratio", "low", "high", "agree"]
+# Probability that any row of a case disagrees although both engines describe the same errors.
 ALPHA = 0.01
-"""Probability that any row of a case disagrees although both engines describe the same errors."""
+# Share of the variance below which a source counts as zero: smaller ones have fewer than six digits, and other ones on
+# another machine.
 LEAST_SHARE = 1e-9
-"""Share of the variance below which a source counts as zero: smaller ones have fewer than six digits, and other ones on
-another machine."""
+# Of the largest singular value: what is below is lost to rounding.
 NUMERICAL = 1e-10
-"""Of the largest singular value: what is below is lost to rounding."""
 OBSERVED = [
     "case", "stretches", "states", "least_rank", "least_rank_with_information", "smallest_ratio",
     "position_against_bias_ratio", "weakest",
@@ -86,9 +78,8 @@ def why_not_applicable(tables: Tables, case: str) -> str:
     """Say why linear covariance does not describe a case at every epoch; empty where it does."""
     if bool(tables.cases.set_index("case").logic.get(case)):
         return "the filter starts, leaves out and stops by a logic of its own, run by run"
-    checked = (tables.campaign.get("covariance") or {}).get("spot_check")
-    beyond = "" if checked else beyond_at_start(tables, case)  # else the spot check tells, by runs
-    if beyond:
+    checked = (tables.campaign.get("covariance") or {}).get("spot_check")  # then that tells, by runs
+    if not checked and (beyond := beyond_at_start(tables, case)):
         return beyond
     rows = pick(tables.innovations, case=case)
     rejected = rows.false_rejection_ratio.max()

@@ -22,21 +22,21 @@ from lvnav_trade.metrics.basics.select import (
     time_mean,
 )
 from lvnav_trade.records import Floats
-from lvnav_trade.store import Tables
+from lvnav_trade.store.read import Tables
 
 COLUMNS = [
     "case", "phase_or_event", "metric", "axis", "unit", "rms", "low", "high", "formal_sigma", "lincov_true_sigma",
 ]  # fmt: skip
 SIGMAS = 3.0
+# Part of a Gaussian that lies within three sigmas.
 GAUSSIAN = 0.9973
-"""Part of a Gaussian that lies within three sigmas."""
 _TAIL = 0.025  # of each side of the interval
 CONTROLLED = [
     "case", "event", "metric", "unit", "runs", "rms", "low", "high", "controlled_rms", "controlled_low",
     "controlled_high", "effective_runs", "lincov", "known_share_ratio",
 ]  # fmt: skip
+# Each tenth of the runs is controlled by what the others say of how errors follow from draws.
 FOLDS = 10
-"""Each tenth of the runs is controlled by what the others say of how errors follow from draws."""
 
 
 def rms(tables: Tables) -> pd.DataFrame:
@@ -61,8 +61,7 @@ def rms(tables: Tables) -> pd.DataFrame:
                 continue
             means = (time_mean(part.t_s.to_numpy(), part[of].to_numpy()) for of in ("rms", "formal", "true"))
             size, formal_sigma, true = map(np.sqrt, means)
-            freedom = float(part.run_count.min() * part.dof_ratio.min())
-            values = (size, *rms_interval(size, freedom), formal_sigma, true)
+            values = (size, *rms_interval(size, float(part.run_count.min() * part.dof_ratio.min())), formal_sigma, true)
             head = (tables.labels[case], name, f"{quantity}_error", axis, unit)
             rows.append((*head, *(float(value) * factor for value in values)))
     return pd.DataFrame(rows, columns=COLUMNS)
@@ -84,12 +83,12 @@ def ranking(tables: Tables) -> pd.DataFrame:
             n = int(row.run_count)
             value = row.rms_si if n else row.expected
             low, high = rms_interval(value, n * row.dof_ratio)
-            bounds = {f"{quantity}_low": float(low) * factor, f"{quantity}_high": float(high) * factor}
             found[case] |= {
                 "event": event,
                 "run_count": n,
                 quantity: value * factor,
-                **bounds,
+                f"{quantity}_low": float(low) * factor,
+                f"{quantity}_high": float(high) * factor,
                 f"{quantity}_unit": unit,
             }
     frame = pd.DataFrame(list(found.values()))
@@ -168,9 +167,8 @@ def _paired(tables: Tables, pair: tuple[str, str], event: str, quantity: str) ->
     first, second = (errors.to_numpy(dtype=float)[:n] for errors in both)
     unit, factor = tables.people[quantity, "3d"]
     sizes = [factor * float(np.sqrt(np.mean(np.sum(e**2, axis=1)))) for e in (first, second, second - first)]
-    names = ("first_rms", "second_rms", "difference_rms", "difference_ratio")
-    values = dict(zip(names, (*sizes, sizes[2] / min(sizes[:2])), strict=True))
-    return {"quantity": quantity, "unit": unit, **values}
+    found = {"quantity": quantity, "unit": unit, "first_rms": sizes[0], "second_rms": sizes[1]}
+    return found | {"difference_rms": sizes[2], "difference_ratio": sizes[2] / min(sizes[:2])}
 
 
 class Controlled(NamedTuple):
@@ -218,8 +216,7 @@ def controlled_rms(error: Floats, draws: Floats) -> Controlled:
 def _slope(error: Floats, draws: Floats) -> Floats:
     """Return how the error (n, k) follows the draws (n, m): least squares (m, k), drawn to zero where runs are few."""
     centred = error - error.mean(axis=0)
-    gram = draws.T @ draws + draws.shape[1] * np.eye(draws.shape[1])
-    return np.asarray(np.linalg.solve(gram, draws.T @ centred))
+    return np.asarray(np.linalg.solve(draws.T @ draws + draws.shape[1] * np.eye(draws.shape[1]), draws.T @ centred))
 
 
 def controlled(tables: Tables) -> pd.DataFrame:
@@ -235,8 +232,7 @@ def controlled(tables: Tables) -> pd.DataFrame:
         starts = pick(tables.starts, case=case)
         draws = starts.pivot(index="run_number", columns=["source", "axis"], values="draw_ratio")
         for quantity in NAVIGATION:
-            errors = errors_by_axis(tables, case, event, quantity)
-            good = pick(errors, failure="").drop(columns="failure").dropna()
+            good = pick(errors_by_axis(tables, case, event, quantity), failure="").drop(columns="failure").dropna()
             both = draws.index.intersection(good.index)
             if good.shape[1] == 3 and len(both) >= 2 * FOLDS:
                 values = _row(tables, case, event, quantity, good.loc[both].to_numpy(), draws.loc[both].to_numpy())
@@ -252,6 +248,6 @@ def _row(tables: Tables, case: str, event: str, quantity: str, error: Floats, dr
     at = at_time(history.assign(expected=lincov_rms(history)), t)
     rms = float(np.sqrt((error**2).sum(axis=1).mean()))
     plain = (rms, *map(float, rms_interval(rms, len(error) * at.dof_ratio)))
-    found = controlled_rms(error, draws)
-    sizes = [value * factor for value in (*plain, *found[:3])]
-    return unit, len(error), *sizes, found.effective_runs, float(at.expected) * factor, found.known
+    *controlled, worth, known = controlled_rms(error, draws)
+    sizes = [value * factor for value in (*plain, *controlled)]
+    return unit, len(error), *sizes, worth, float(at.expected) * factor, known

@@ -14,8 +14,8 @@ from lvnav_trade.kernels.earth import ECCENTRICITY_2, GM, OMEGA, SEMI_MINOR
 from lvnav_trade.metrics.mechanics.meanorbit import mean_anomaly, oblateness
 from lvnav_trade.records import Floats
 
+# Height in m below which no point of impact is reported: it would be the vehicle's own place.
 LOWEST = 1e3
-"""Height in m below which no point of impact is reported: it would be the vehicle's own place."""
 _STEPS = 160  # steps of the numerical fall: centimetres over half a revolution
 
 
@@ -72,8 +72,7 @@ def _kepler_fall(r_i: Floats, v_i: Floats) -> Floats:
     anomaly = np.mod(np.arctan2(-ey, ex), 2.0 * np.pi)
     radius = np.full_like(r, SEMI_MINOR)
     for _ in range(30):  # the ellipsoid is nearly round: each round gains a factor of 300 over the slope of the fall
-        down = 2.0 * np.pi - np.arccos((p / radius - 1.0) / e)
-        angle = np.mod(down - anomaly, 2.0 * np.pi)
+        angle = np.mod(2.0 * np.pi - np.arccos((p / radius - 1.0) / e) - anomaly, 2.0 * np.pi)
         sine = np.cos(angle) * towards[:, 2] + np.sin(angle) * ahead[:, 2]
         radius = SEMI_MINOR / np.sqrt(1.0 - ECCENTRICITY_2 * (1.0 - sine**2))
     a = p / (1.0 - e * e)
@@ -83,8 +82,7 @@ def _kepler_fall(r_i: Floats, v_i: Floats) -> Floats:
 def _pull(state: Floats, j2: bool) -> Floats:
     """Return the derivative (n, 6) of states in free fall."""
     r_i = state[:, :3]
-    distance = np.linalg.norm(r_i, axis=1, keepdims=True)
-    pull = -GM * r_i / distance**3
+    pull = -GM * r_i / np.linalg.norm(r_i, axis=1, keepdims=True) ** 3
     return np.concatenate([state[:, 3:], pull + oblateness(r_i) if j2 else pull], axis=1)
 
 
@@ -96,8 +94,7 @@ def _fly(r_i: Floats, v_i: Floats, time: Floats, j2: bool, steps: int) -> Floats
         first = _pull(state, j2)
         second = _pull(state + 0.5 * dt * first, j2)
         third = _pull(state + 0.5 * dt * second, j2)
-        fourth = _pull(state + dt * third, j2)
-        state = state + dt / 6.0 * (first + 2.0 * (second + third) + fourth)
+        state = state + dt / 6.0 * (first + 2.0 * (second + third) + _pull(state + dt * third, j2))
     return state
 
 
@@ -107,8 +104,7 @@ def _to_ground(fall: Floats, state: Floats, j2: bool) -> tuple[Floats, Floats]:
         # the height does not depend on the longitude, so inertial components will do
         latitude, longitude, height = geodetic_from_ecef(state[:, :3])
         up = -rotation_e_n(latitude, longitude)[:, 2]
-        step = -height / np.sum(state[:, 3:] * up, axis=1)
-        step = np.clip(step, -60.0, 60.0)
+        step = np.clip(-height / np.sum(state[:, 3:] * up, axis=1), -60.0, 60.0)
         state = _fly(state[:, :3], state[:, 3:], step, j2, 4)
         fall = fall + step
     _, _, height = geodetic_from_ecef(state[:, :3])

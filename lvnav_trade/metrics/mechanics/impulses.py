@@ -16,8 +16,8 @@ from lvnav_trade.kernels.earth import GM
 from lvnav_trade.metrics.mechanics.meanorbit import osculating
 from lvnav_trade.records import Floats
 
+# Places along the revolution where an impulse may be; between two of them 0.2 % are lost.
 PLACES = 48
-"""Places along the revolution where an impulse may be; between two of them 0.2 % are lost."""
 _ROUNDS = 400
 _CHUNK = 512
 _FLOOR = 1e-9  # least part of the weight that a place keeps, so that what is solved stays regular
@@ -91,8 +91,7 @@ def _least(error: Floats, pushes: Floats, tolerance: float) -> Correction:
     best, bound = np.full(len(error), np.inf), np.zeros(len(error))
     left = np.arange(len(error))
     for _ in range(_ROUNDS):
-        metric = (weight @ squares).reshape(-1, 5, 5)
-        primer = np.linalg.solve(metric, goal[left, :, None])[:, :, 0]
+        primer = np.linalg.solve((weight @ squares).reshape(-1, 5, 5), goal[left, :, None])[:, :, 0]
         length = np.sqrt(sum((primer @ one) ** 2 for one in flat))
         best[left] = np.minimum(best[left], np.sum(weight * length, axis=1))
         bound[left] = np.maximum(bound[left], np.sum(primer * goal[left], axis=1) / length.max(axis=1))
@@ -111,7 +110,6 @@ def least_at(r_i: ArrayLike, v_i: ArrayLike, error: ArrayLike) -> Correction:
     orbit is no ellipse that is flown round.
     """
     error = np.atleast_2d(np.asarray(error, dtype=float))
-    orbit = osculating(r_i, v_i)
-    if not bool(orbit.elliptic):
+    if not bool(osculating(r_i, v_i).elliptic):
         return Correction(np.full(len(error), np.nan), np.full(len(error), np.nan))
     return least(error @ orbit_errors(r_i, v_i).T, control(r_i, v_i))

@@ -15,8 +15,8 @@ from lvnav_trade.frames import unit
 from lvnav_trade.kernels.earth import GM, J2, SEMI_MAJOR
 from lvnav_trade.records import Floats
 
+# Beyond it the quadrature over a revolution loses digits, and so near to a fall no revolution is flown.
 MOST_ECCENTRIC = 0.9
-"""Beyond it the quadrature over a revolution loses digits, and so near to a fall no revolution is flown."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 
@@ -68,15 +68,13 @@ def osculating(r_i: ArrayLike, v_i: ArrayLike) -> Orbit:
     r_i, v_i = np.asarray(r_i, dtype=float), np.asarray(v_i, dtype=float)
     h_i = np.cross(r_i, v_i)
     r = np.linalg.norm(r_i, axis=-1)
-    energy = 0.5 * np.sum(v_i * v_i, axis=-1) - GM / r
-    return Orbit(energy, h_i, np.cross(v_i, h_i) / GM - r_i / r[..., None])
+    return Orbit(0.5 * np.sum(v_i * v_i, axis=-1) - GM / r, h_i, np.cross(v_i, h_i) / GM - r_i / r[..., None])
 
 
 def mean(r_i: ArrayLike, v_i: ArrayLike) -> Orbit:
     """Return the orbits of states r_i, v_i (..., 3) averaged over J2; NaN where the orbit is no fit ellipse."""
     found = osculating(r_i, v_i)
-    offset = _offset(found, np.asarray(r_i, dtype=float))
-    return Orbit(*(a - b for a, b in zip(found, offset, strict=True)))
+    return Orbit(*(a - b for a, b in zip(found, _offset(found, np.asarray(r_i, dtype=float)), strict=True)))
 
 
 def extremes(r_i: ArrayLike, v_i: ArrayLike, points: int = 180) -> tuple[Floats, Floats]:
@@ -122,24 +120,19 @@ def _offset(orbit: Orbit, r_i: Floats) -> Orbit:
     r = h**2 / GM / (1.0 + ex * c + ey * s)
     along_i = r[..., None] * (c[:, None] * towards + s[:, None] * ahead)
     v_i = (GM / h)[..., None] * (-(s + ey)[..., None] * towards + (c + ex)[..., None] * ahead)
-    anomaly, period = _gained(angle, ex, ey)
+    e = np.hypot(ex, ey)
+    start = np.arctan2(-ey, ex)  # true anomaly of the position
+    anomaly = mean_anomaly(start + angle, e) - mean_anomaly(start, e)  # gained since
     share = (0.5 - anomaly / (2.0 * np.pi)) * weight * r**2 / h  # (T/2 - t) / T dt
     pull = oblateness(along_i)
     turn = np.cross(along_i, pull)
     change = (np.cross(pull, orbit.h_i[..., None, :]) + np.cross(v_i, turn)) / GM
-    bad = np.where(fit & np.isfinite(period[..., 0]), 0.0, np.nan)
+    bad = np.where(fit & np.isfinite(np.sqrt(1.0 - e * e)[..., 0]), 0.0, np.nan)
     return Orbit(
         bad - np.sum(share * np.sum(v_i * pull, axis=-1), axis=-1),
         bad[..., None] - np.sum(share[..., None] * turn, axis=-2),
         bad[..., None] - np.sum(share[..., None] * change, axis=-2),
     )
-
-
-def _gained(angle: Floats, ex: Floats, ey: Floats) -> tuple[Floats, Floats]:
-    """Return the mean anomaly gained over an angle of position, growing from 0 to 2 pi, and sqrt(1 - e^2)."""
-    e = np.hypot(ex, ey)
-    start = np.arctan2(-ey, ex)  # true anomaly of the position
-    return mean_anomaly(start + angle, e) - mean_anomaly(start, e), np.sqrt(1.0 - e * e)
 
 
 def mean_anomaly(true: Floats, e: Floats) -> Floats:

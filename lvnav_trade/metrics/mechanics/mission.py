@@ -19,10 +19,10 @@ from lvnav_trade.layout import MISSION
 from lvnav_trade.metrics.mechanics import impulses, meanorbit
 from lvnav_trade.metrics.mechanics.freefall import impact, offsets
 from lvnav_trade.records import Floats
-from lvnav_trade.store import Tables
+from lvnav_trade.store.read import Tables
 
+# Steps of the central differences, m/s and m: their second order is 1e-6 of the first, round-off less.
 STEP = np.array([1e-2] * 3 + [10.0] * 3)
-"""Steps of the central differences, m/s and m: their second order is 1e-6 of the first, round-off less."""
 DRAWS = 2**11
 _LEAST_SIGMAS = 3.0
 

@@ -17,7 +17,7 @@ from lvnav_trade.metrics.mechanics.freefall import Impact, offsets
 from lvnav_trade.metrics.mechanics.freefall import impact as fall_of
 from lvnav_trade.metrics.mechanics.mission import Law, State
 from lvnav_trade.records import Floats
-from lvnav_trade.store import Tables
+from lvnav_trade.store.read import Tables
 
 COLUMNS = [
     "case", "event", "t_s", "latitude_deg", "longitude_deg", "heading_deg", "fall_s", "down_sigma_km",
@@ -83,8 +83,7 @@ def probability(polygon: ArrayLike, mean: ArrayLike, covariance: ArrayLike) -> t
     outside = float(np.sum(sign * (special.owens_t(h, b) - special.owens_t(h, a))))
     around = np.sign(np.sum(start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0]))
     margin = float(np.hypot(np.clip(0.0, first, last), away).min())
-    inside = around * (winding - outside)
-    return float(np.clip(inside, 0.0, 1.0)), margin if around * winding > 0.5 else -margin
+    return float(np.clip(around * (winding - outside), 0.0, 1.0)), margin if around * winding > 0.5 else -margin
 
 
 def contains(polygon: ArrayLike, points: ArrayLike) -> NDArray[np.bool_]:

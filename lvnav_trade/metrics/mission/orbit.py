@@ -9,7 +9,7 @@ from lvnav_trade.metrics.basics.select import final_event, flight_events, once
 from lvnav_trade.metrics.mechanics import impulses, meanorbit, mission
 from lvnav_trade.metrics.mechanics.mission import State
 from lvnav_trade.records import Floats
-from lvnav_trade.store import Tables
+from lvnav_trade.store.read import Tables
 
 COLUMNS = [
     "case", "event", "quantity", "unit", "osculating", "averaged", "lincov_sigma", "filter_sigma", "lincov_bias",
@@ -19,6 +19,7 @@ CORRECTION = [
     "case", "event", "unit", "by", "count", "mean", "q50", "q95", "q99", "velocity_q99", "position_q99",
 ]  # fmt: skip
 _DRAWS = 2**10
+# Quantities of an orbit, and the component of the error metric that belongs to each.
 QUANTITIES = {
     "semi-major axis": ("semi_major_axis_error", 0), "perigee height": ("perigee_error", 0),
     "apogee height": ("apogee_error", 0), "eccentricity": ("eccentricity_error", 0),
@@ -26,7 +27,6 @@ QUANTITIES = {
     "eccentricity ahead of the node": ("eccentricity_vector_error", 1),
     "inclination": ("inclination_error", 0), "node": ("node_error", 0),
 }  # fmt: skip
-"""Quantities of an orbit, and the component of the error metric that belongs to each."""
 
 
 def orbit(tables: Tables) -> pd.DataFrame:
@@ -116,14 +116,17 @@ def correction(tables: Tables) -> pd.DataFrame:
     velocity_q99, position_q99: the last if only the error of velocity, or of position, were there. In an orbit that
     steers by the estimate it is what a perfect orbit determination would find to be corrected.
     """
-    rows = []
-    for case, label in tables.labels.items():
-        for state in orbital_states(tables, case)[-1:]:
-            law = mission.law_at(tables, case, state.event)
-            drawn, good = mission.draws(law.mean, law.true, _DRAWS), mission.good_errors(tables, case, state)
-            for by, errors in (("linear covariance", drawn), ("Monte Carlo", good)):
-                if len(errors):
-                    rows.append((label, state.event, "m/s", by, len(errors), *_costs(state, errors)))
+    rows = [
+        (label, state.event, "m/s", by, len(errors), *_costs(state, errors))
+        for case, label in tables.labels.items()
+        for state in orbital_states(tables, case)[-1:]
+        for law in (mission.law_at(tables, case, state.event),)
+        for by, errors in (
+            ("linear covariance", mission.draws(law.mean, law.true, _DRAWS)),
+            ("Monte Carlo", mission.good_errors(tables, case, state)),
+        )
+        if len(errors)
+    ]
     return pd.DataFrame(rows, columns=CORRECTION)
 
 

@@ -11,15 +11,15 @@ from lvnav_trade.metrics.basics.select import NAVIGATION, at_time, errors_at, er
 from lvnav_trade.metrics.errors.covariances import why_not_applicable
 from lvnav_trade.metrics.requirements import improvements as by_covariance
 from lvnav_trade.metrics.requirements import requirements as by_runs
-from lvnav_trade.store import Tables
+from lvnav_trade.store.read import Tables
 
 COLUMNS = [
     "case", "event", "t_s", "error", "runs", "unit", "expected", "found", "ratio", "chance_ratio", "verdict",
 ]  # fmt: skip
+# Probability that any row of a campaign disagrees although both engines describe the same errors.
 ALPHA = 0.01
-"""Probability that any row of a campaign disagrees although both engines describe the same errors."""
+# Part of all runs that linear covariance predicts beyond the quantile that is tested.
 TAIL = 1e-3
-"""Part of all runs that linear covariance predicts beyond the quantile that is tested."""
 NOT_CONFIRMED = "not confirmed"
 
 
@@ -36,8 +36,7 @@ def spot_check(tables: Tables) -> pd.DataFrame:
     flown = tables.with_frames(runs=tables.spot_runs)
     rows = [row for case in tables.labels for row in (*_sizes(flown, case), *_tails(flown, case))]
     frame = pd.DataFrame(rows, columns=COLUMNS[:-1])
-    outside = {label for case, label in tables.labels.items() if why_not_applicable(tables, case)}
-    applies = ~frame.case.isin(outside)
+    applies = ~frame.case.isin({label for case, label in tables.labels.items() if why_not_applicable(tables, case)})
     agree = np.where(frame.chance_ratio < ALPHA / max(1, int(applies.sum())), "disagree", "agree")
     return frame.assign(verdict=np.where(applies, agree, "not applicable"))
 

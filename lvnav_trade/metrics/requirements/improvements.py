@@ -8,13 +8,13 @@ import numpy as np
 import pandas as pd
 from scipy import optimize, special
 
-from lvnav_trade.layout import MISSION
+from lvnav_trade.layout import MISSION, split_metric
 from lvnav_trade.metrics.basics.probability import norm_probability, norm_quantile
-from lvnav_trade.metrics.basics.select import flight_events, history_of, number_in, pick, rows_between, split_metric
+from lvnav_trade.metrics.basics.select import flight_events, history_of, number_in, pick, rows_between
 from lvnav_trade.metrics.errors.covariances import Gaussian, gaussian, why_not_applicable
 from lvnav_trade.metrics.mechanics.mission import expected_at, people
 from lvnav_trade.metrics.requirements.requirements import phase_of, verdicts, where, with_unit
-from lvnav_trade.store import Tables
+from lvnav_trade.store.read import Tables
 
 UNKNOWN = "linear covariance does not hold this error there"
 ABOVE_ONLY = "the worst of a phase: linear covariance bounds its probability from above only"
@@ -22,8 +22,8 @@ EXPECTED = [
     "requirement", "case", "verdict", "probability", "expected_probability", "estimate", "limit", "reason",
 ]  # fmt: skip
 IMPROVEMENTS = ["requirement", "case", "verdict", "source", "factor_ratio", "share_ratio", "remark"]
+# Smaller factors are no advice: no sensor gets twenty times better.
 LEAST = 0.05
-"""Smaller factors are no advice: no sensor gets twenty times better."""
 
 
 class Asked(NamedTuple):
@@ -103,8 +103,7 @@ def expected(tables: Tables) -> pd.DataFrame:
     rejects too many good rows. estimate: the error that the asked fraction stays below. Of the worst error in a phase
     the probability is no more than that of its worst moment, which is what stands there: it can show a violation only.
     """
-    rows = [_expected(tables, *pair) for pair in _pairs(tables)]
-    return pd.DataFrame(rows, columns=EXPECTED)
+    return pd.DataFrame([_expected(tables, *pair) for pair in _pairs(tables)], columns=EXPECTED)
 
 
 def _expected(tables: Tables, requirement: Mapping[str, Any], case: str, found: Asked | str) -> dict[str, Any]:
@@ -187,5 +186,4 @@ def _turning(found: Asked) -> tuple[str, float, float, str]:
         factor = _factor(found, names)
         if not np.isnan(factor):
             return ", ".join(names), factor, sum(share[name] for name in names), "together"
-    nothing = f"not even all error sources together, each times {LEAST:g}, would do"
-    return "", float("nan"), float("nan"), nothing
+    return "", float("nan"), float("nan"), f"not even all error sources together, each times {LEAST:g}, would do"

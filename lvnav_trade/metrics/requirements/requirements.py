@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from itertools import count, islice
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -22,14 +22,14 @@ from lvnav_trade.metrics.basics.select import (
     rows_between,
 )
 from lvnav_trade.records import Floats
-from lvnav_trade.store import Tables
+from lvnav_trade.store.read import Tables
 
 COLUMNS = [
     "requirement", "case", "verdict", "estimate", "limit", "probability", "confidence", "runs", "failures",
     "runs_to_decide",
 ]  # fmt: skip
+# Word of a campaign that stops once every requirement is decided; runs in a block where it is not said.
 DECIDED, BLOCK = "decided", 40
-"""Word of a campaign that stops once every requirement is decided; runs in a block where it is not said."""
 _NEGLIGIBLE = 1e-18
 _FURTHEST = 100_000  # looks ahead for the number of further runs; beyond them there is no telling
 
@@ -54,8 +54,7 @@ def verdicts(tables: Tables) -> pd.DataFrame:
 def decide_fixed(runs: int, failures: int, probability: float, confidence: float) -> tuple[str, int]:
     """Return the verdict and how many further runs, all of them good, would show that the requirement is met."""
     verdict = success_verdict(runs, failures, probability, confidence)
-    more = max(1, runs_needed(failures, probability, confidence) - runs) if verdict == "undecided" else 0
-    return verdict, more
+    return verdict, max(1, runs_needed(failures, probability, confidence) - runs) if verdict == "undecided" else 0
 
 
 def decide_in_order(failed: Any, probability: float, confidence: float, block: int) -> tuple[str, int]:
@@ -64,7 +63,7 @@ def decide_in_order(failed: Any, probability: float, confidence: float, block: i
     failed (n_run,) truth values in the order of the runs; runs after the last whole block are not looked at.
     """
     counts = np.cumsum(np.asarray(failed, dtype=int))[block - 1 :: block].tolist()
-    verdict = decide(counts, probability, confidence, block).verdict
+    verdict, _ = decide(counts, probability, confidence, block)
     return verdict, further_runs(counts, probability, confidence, block) if verdict == "undecided" else 0
 
 
@@ -121,21 +120,12 @@ def where(requirement: Mapping[str, Any]) -> str:
 
 def _quantile(error: np.ndarray[Any, Any], probability: float) -> float:
     """Return the order statistic that at least this fraction of the runs stays at or below."""
-    if not len(error):
-        return float("nan")
-    return float(np.sort(error)[int(np.ceil(probability * len(error) - 1e-9)) - 1])
+    return float(np.sort(error)[int(np.ceil(probability * len(error) - 1e-9)) - 1]) if len(error) else float("nan")
 
 
 def with_unit(value: float, unit: str) -> str:
     """Write a value with its unit, three digits; empty where there is none, ∞ where so many runs failed."""
     return "" if np.isnan(value) else f"∞ {unit}" if np.isinf(value) else f"{float(f'{value:.3g}'):g} {unit}"
-
-
-class Decision(NamedTuple):
-    """met, violated or undecided; the runs after which it was decided, or else those looked at."""
-
-    verdict: str
-    runs: int
 
 
 def spent(runs: int, probability: float, confidence: float) -> float:
@@ -144,8 +134,7 @@ def spent(runs: int, probability: float, confidence: float) -> float:
     n / (n + n0) of it, n0 the runs that would decide without a failure at a single look. It depends on neither the
     number of runs planned nor on how many there will be: a campaign may be made longer after it was looked at.
     """
-    scale = runs_needed(0, probability, confidence)
-    return (1.0 - confidence) * runs / (runs + scale)
+    return (1.0 - confidence) * runs / (runs + runs_needed(0, probability, confidence))
 
 
 def _edges(side: int, probability: float, confidence: float, block: int) -> Iterator[int]:
@@ -196,15 +185,17 @@ def boundaries(probability: float, confidence: float, block: int, looks: int) ->
     return low, high
 
 
-def decide(failures: Sequence[int], probability: float, confidence: float, block: int) -> Decision:
-    """Return the verdict of the first look that decides; `failures` (n_look,) are those of all runs up to each look."""
+def decide(failures: Sequence[int], probability: float, confidence: float, block: int) -> tuple[str, int]:
+    """Return the verdict of the first look that decides, and the runs after which it did, or else those looked at;
+    `failures` (n_look,) are those of all runs up to each look.
+    """
     low, high = boundaries(probability, confidence, block, len(failures))
     for look, failed in enumerate(failures):
         if failed <= low[look]:
-            return Decision("met", (look + 1) * block)
+            return "met", (look + 1) * block
         if failed >= high[look]:
-            return Decision("violated", (look + 1) * block)
-    return Decision("undecided", len(failures) * block)
+            return "violated", (look + 1) * block
+    return "undecided", len(failures) * block
 
 
 def further_runs(failures: Sequence[int], probability: float, confidence: float, block: int) -> int:

@@ -121,8 +121,7 @@ def _propulsion(ascent: Ascent, t: Floats) -> tuple[Ints, Ints, Floats, Floats]:
     """Return the stage that burns (0: none), the lowest stage, mass (kg) and thrust (N), each (n,), at times t (n,)."""
     motor, stack = np.zeros(t.size, dtype=np.int64), np.ones(t.size, dtype=np.int64)
     mass, thrust = np.empty(t.size), np.zeros(t.size)
-    starts = np.array([leg.t[0] for leg in ascent.legs])
-    index = np.maximum(np.searchsorted(starts, t, side="right") - 1, 0)
+    index = np.maximum(np.searchsorted([leg.t[0] for leg in ascent.legs], t, side="right") - 1, 0)
     number = 1
     for k, leg in enumerate(ascent.legs):
         here = index == k

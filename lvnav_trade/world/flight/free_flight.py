@@ -41,8 +41,7 @@ def attitude(modes: Sequence[Mode], t: Floats, y: Floats) -> Floats:
         if first == t.size:
             continue
         here = slice(first, None)
-        goal = frames.quaternions(mode.axes(t[here], y[here]))
-        way = product(q[here] * [1.0, -1.0, -1.0, -1.0], goal)
+        way = product(q[here] * [1.0, -1.0, -1.0, -1.0], frames.quaternions(mode.axes(t[here], y[here])))
         way *= np.where(way[0, 0] < 0.0, -1.0, 1.0)
         length = np.linalg.norm(way[:, 1:], axis=1)
         angle = 2.0 * np.arctan2(length, way[:, 0])

@@ -171,8 +171,7 @@ class _Flight(Flown):
 
     def _law(self, law: Pointing) -> Axes:
         if law == "inertial":
-            first = along_velocity()(np.array([self.t]), self.y[None])[0]
-            return fixed_to_stars(self.axes() if self.modes else first)
+            return fixed_to_stars(self.axes() if self.modes else along_velocity()(np.array([self.t]), self.y[None])[0])
         if law == "airspeed":
             across = unit(np.cross(self.y[3:6], self.y[:3]))
             return along_airspeed(ecef_from_eci(across, earth_angle(self.theta0, self.t)), self.theta0)

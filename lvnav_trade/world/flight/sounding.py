@@ -149,8 +149,7 @@ def spin_angle(steps: tuple[SpinStep, ...], events: dict[str, float], start: flo
         times += [at, at + d]
         before = step.frequency
     rows.append([0.0] * 5 + [before])
-    rate = PPoly(2.0 * math.pi * np.array(rows).T, np.array([*times, end + 1.0]))
-    return rate.antiderivative()
+    return PPoly(2.0 * math.pi * np.array(rows).T, np.array([*times, end + 1.0])).antiderivative()
 
 
 def launch(card: SoundingFlight) -> Trajectory:
@@ -163,8 +162,7 @@ def launch(card: SoundingFlight) -> Trajectory:
     flight.events["max_q"], pressure = _max_q(flight)
     events = dict(sorted(flight.events.items(), key=lambda item: item[1]))
     spin = spin_angle(card.spin, events, float(t[0]), float(t[-1]))
-    pad = site_phase(card.site, flight.theta0, card.pad_hold, q_b_i, spin)
-    flown = (*pad, *phases(flight.stretches, q_b_i, spin))
+    flown = (*site_phase(card.site, flight.theta0, card.pad_hold, q_b_i, spin), *phases(flight.stretches, q_b_i, spin))
     return Trajectory(flown, events, flight.theta0, card.epoch, _facts(card, flight, pressure))
 
 
@@ -178,8 +176,7 @@ class _Flight(Flown):
         mass = card.payload + sum(stage.propellant + stage.dry for stage in card.stages)
         theta0 = frames.gmst(card.epoch)
         start = np.concatenate([*pad_state(card.site, float(frames.earth_angle(theta0, 0.0))), [mass]])
-        air = Drag(card.reference_area, np.array(card.mach), np.array(card.drag_coefficient))
-        super().__init__(theta0, start, air)
+        super().__init__(theta0, start, Drag(card.reference_area, np.array(card.mach), np.array(card.drag_coefficient)))
         self.modes.append(Mode(-math.inf, 0.0, along_airspeed(right, theta0, at_rest=self.rail_e)))
         self.events["liftoff"] = 0.0
 
@@ -233,8 +230,7 @@ class _Flight(Flown):
         there = self.ahead("", coast, _STEP)
         C_i_n = frames.rotation_i_n(there.y[-1:, :3], np.array(frames.earth_angle(self.theta0, there.t[-1])))[0]
         along = C_i_n @ frames.earth_velocity(there.y[-1, :3], there.y[-1, 3:6])
-        level = along[:2] / np.hypot(*along[:2]) * math.cos(elevation)
-        x = C_i_n.T @ np.array([*level, -math.sin(elevation)])
+        x = C_i_n.T @ np.array([*(along[:2] / np.hypot(*along[:2]) * math.cos(elevation)), -math.sin(elevation)])
         right = frames.eci_from_ecef(self.right_e, frames.earth_angle(self.theta0, there.t[-1]))
         self.hold(body_axes(x[None], right[None], np.zeros(1))[0], float(there.t[-1]) - self.card.turn_time)
 
@@ -242,8 +238,7 @@ class _Flight(Flown):
         thrust = self.motor(stage)
         if number > 1:
             self.events[f"stage{number}_ignition"] = self.t
-        left = stage.burn_time - (self.t if number == 1 else 0.0)
-        self.leg(f"stage {number} burn", left, thrust)
+        self.leg(f"stage {number} burn", stage.burn_time - (self.t if number == 1 else 0.0), thrust)
         self.events[f"stage{number}_cutoff"] = self.t
         if stage.separation_delay is not None:
             self.leg(f"stage {number} coast", stage.separation_delay)
@@ -269,8 +264,7 @@ class _Flight(Flown):
             last = mark == self.card.end_altitude
             found = self.ahead("descent", _LONGEST, _STEP, until=self.above(mark))
             if last:  # a whole second is the end of a tick at every rate
-                whole = max(math.floor(found.t[-1]), math.ceil(self.t + 1e-6))
-                found = self.ahead("descent", whole - self.t, _STEP)
+                found = self.ahead("descent", max(math.floor(found.t[-1]), math.ceil(self.t + 1e-6)) - self.t, _STEP)
             self.keep(found)
             if not last:
                 self.nose_first(self.card.turn_time)
@@ -333,8 +327,7 @@ def _max_q(flight: _Flight) -> tuple[float, float]:
             continue
         for t, y in zip(stretch.t.tolist(), stretch.y, strict=True):
             density = atmosphere(height(t, y, flight.theta0))[0]
-            q = 0.5 * density * float(np.sum(frames.earth_velocity(y[:3], y[3:6]) ** 2))
-            best = max(best, (q, t))
+            best = max(best, (0.5 * density * float(np.sum(frames.earth_velocity(y[:3], y[3:6]) ** 2)), t))
     return best[1], best[0]
 
 

@@ -44,8 +44,7 @@ def build(card: TrajectoryCard) -> Trajectory:
     InputError where it cannot be flown or rebuilt, or where an oscillation does not lie within it.
     """
     flight = _BUILDERS[type(card)](card)
-    span = (flight.start, flight.end)
-    return oscillating(flight, oscillations(card.oscillation, flight.events, span))
+    return oscillating(flight, oscillations(card.oscillation, flight.events, (flight.start, flight.end)))
 
 
 def content(card: TrajectoryCard) -> str:

@@ -138,8 +138,7 @@ def received_power(card: LinkCard, distance: Floats, off_nadir: Floats) -> Float
 
 def carrier_to_noise(card: LinkCard, power: Floats) -> Floats:
     """Return C/N0 (dB-Hz) of a signal whose power at the antenna's output is given in dBW."""
-    noise = BOLTZMANN_DB + 10.0 * math.log10(card.system_temperature)
-    return np.asarray(power - noise - card.implementation_loss)
+    return np.asarray(power - (BOLTZMANN_DB + 10.0 * math.log10(card.system_temperature)) - card.implementation_loss)
 
 
 def off_nadir(r_sat: Floats, direction: Floats) -> Floats:

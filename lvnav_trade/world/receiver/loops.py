@@ -102,8 +102,7 @@ def rate_sigma(card: LoopsCard, cn0: Floats, wavelength: float) -> Floats:
     """Return the thermal noise (m/s, one sigma) of the range rate at C/N0 (dB-Hz); wavelength in m."""
     if card.carrier == "fll":
         return wavelength * frequency_sigma(card, cn0)
-    length = wavelength / (2.0 * math.pi) * phase_sigma(card, cn0)
-    return np.asarray(math.sqrt(2.0) * length / card.rate_interval)
+    return np.asarray(math.sqrt(2.0) * (wavelength / (2.0 * math.pi) * phase_sigma(card, cn0)) / card.rate_interval)
 
 
 def lag(card: LoopsCard, acceleration: Floats, jerk: Floats, wavelength: float) -> Floats:
@@ -145,8 +144,6 @@ def holds(card: LoopsCard, cn0: Floats, trail: Floats, jitter: Floats, accelerat
     if card.carrier == "pll":
         carrier = np.hypot(phase_sigma(card, cn0), jitter) + trail / 3.0 <= PHASE_LIMIT
     else:
-        noise = 3.0 * frequency_sigma(card, cn0, NEAR_THRESHOLD)
-        carrier = noise + trail <= 0.25 / card.integration
+        carrier = 3.0 * frequency_sigma(card, cn0, NEAR_THRESHOLD) + trail <= 0.25 / card.integration
     behind = 0.0 if card.code_aided else np.abs(acceleration) * (NATURAL[2] / card.code_bandwidth) ** 2
-    code = 3.0 * code_sigma(card, cn0) + behind <= 0.5 * card.spacing * card.chip
-    return np.asarray(carrier & code)
+    return np.asarray(carrier & (3.0 * code_sigma(card, cn0) + behind <= 0.5 * card.spacing * card.chip))

@@ -101,8 +101,7 @@ def receive(
     cn0 = heard.cn0[at]
     transitions: tuple[Transition, ...] = ()
     if receiver.tracking is None:
-        available = arrival.expected & ~arrival.faulty & heard.held[at]
-        tracked = highest(arrival.elevation, available, receiver.channels)
+        tracked = highest(arrival.elevation, arrival.expected & ~arrival.faulty & heard.held[at], receiver.channels)
         state = np.where(tracked, TRACK, IDLE).astype(np.int8)
     else:
         signals = _signals(receiver, receiver.tracking, arrival, steps, heard)
@@ -110,8 +109,7 @@ def receive(
         state = states[at]
         # A channel that waits for its signal to come back is still in track, but has nothing to measure.
         tracked = (state == TRACK) & heard.held[at] & ~arrival.faulty
-    known = heard.heard[at] & (receiver.link is not None)
-    shown = np.where(known, cn0, np.nan)
+    shown = np.where(heard.heard[at] & (receiver.link is not None), cn0, np.nan)
     return Reception(tracked, heard.antenna[at], shown, *_noise(receiver, cn0), state, transitions)
 
 
@@ -136,8 +134,7 @@ def _divided(t: Floats, count: int) -> tuple[Floats, NDArray[np.int64]]:
 
     The last part ends at the epoch itself, to the bit.
     """
-    part = np.arange(1, count + 1) / count
-    fine = t[:-1, None] + np.diff(t)[:, None] * part
+    fine = t[:-1, None] + np.diff(t)[:, None] * (np.arange(1, count + 1) / count)
     fine[:, -1] = t[1:]
     return fine.ravel(), np.repeat(np.arange(1, t.size), count)
 
@@ -147,8 +144,7 @@ def _hear(
 ) -> _Heard:
     at = motion(trajectory, steps.t)
     # a row vector times C_b_i: the components along the body's axes
-    direction_b = arrival.direction_i[steps.owner] @ matrices(at.q_b_i)
-    level = gains(receiver.antennas, direction_b)
+    level = gains(receiver.antennas, arrival.direction_i[steps.owner] @ matrices(at.q_b_i))
     if antenna_alive is not None:
         level = np.where(antenna_alive[steps.owner][:, None, :], level, -np.inf)
     antenna = np.argmax(level, axis=-1)
@@ -156,8 +152,7 @@ def _hear(
     heard, link, loops = np.isfinite(gain), receiver.link, receiver.loops
     if link is None:
         return _Heard(antenna, gain, heard, heard, heard)
-    power = received_power(link, arrival.distance, arrival.off_nadir)
-    quiet = carrier_to_noise(link, power[steps.owner] + gain)
+    quiet = carrier_to_noise(link, received_power(link, arrival.distance, arrival.off_nadir)[steps.owner] + gain)
     floor = -np.inf if receiver.tracking is None else receiver.tracking.track_above
     if loops is None:
         held = heard & (quiet >= floor)

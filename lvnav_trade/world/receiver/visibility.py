@@ -64,7 +64,6 @@ def sky(
     arrival = Arrival(t_epoch, above.names, direction, distance, angle, elevation, pull, visible, faulty)
     if antenna_alive is None and any(isinstance(fault, AntennaFailure) for fault in faults):
         antenna_alive = antennas_alive(faults, trajectory.course, t_epoch, len(receiver.antennas))
-    found = receive(receiver, trajectory, arrival, antenna_alive)
     return Sky(
         t=t_epoch,
         names=above.names,
@@ -74,7 +73,7 @@ def sky(
         azimuth=azimuth,
         elevation=elevation,
         lever_arms=np.array(receiver.lever_arms),
-        **found._asdict(),
+        **receive(receiver, trajectory, arrival, antenna_alive)._asdict(),
     )
 
 
@@ -99,8 +98,7 @@ def range_pull(direction: Floats, distance: Floats, sent: Transmission, antenna_
     Gravity on the satellite along the line, and the square of the speed across it over the distance: few m/s^2, for
     loops that trail behind acceleration.
     """
-    radius = np.linalg.norm(sent.r_i, axis=-1)
-    falling = -GM_GPS * np.sum(direction * sent.r_i, axis=-1) / radius**3
+    falling = -GM_GPS * np.sum(direction * sent.r_i, axis=-1) / np.linalg.norm(sent.r_i, axis=-1) ** 3
     speed = sent.v_i - antenna_v[:, None, :]
     across = np.sum(speed * speed, axis=-1) - np.sum(direction * speed, axis=-1) ** 2
     return np.asarray(falling + across / distance)

@@ -39,7 +39,7 @@ class Broadcast(NamedTuple):
 
     elements: as broadcast, columns (n_sat,) by name as of `Ephemeris`, toe and toc counted from the reference; node
     is the longitude of the node at toe, and node_rate its rate relative to the Earth, or, of geostationary satellites
-    of BeiDou (tilted), to axes that do not turn; earth_rate (rad/s) of their system.
+    of BeiDou (tilted), to axes that do not turn; earth_rate (rad/s) and letter of their system.
     """
 
     names: tuple[str, ...]
@@ -51,11 +51,7 @@ class Broadcast(NamedTuple):
     relativity_factor: Floats  # s/m^0.5
     tilted: Bools
     earth_rate: Floats
-
-    @property
-    def systems(self) -> tuple[str, ...]:
-        """Letters of the systems, (n_sat,)."""
-        return tuple(name[0] for name in self.names)
+    systems: tuple[str, ...]
 
     def ecef(self, t: Floats) -> tuple[Floats, Floats]:
         """Return position (m) and Earth-relative velocity (m/s), (..., n_sat, 3) each, in the Earth-fixed axes of t.
@@ -135,7 +131,6 @@ def broadcast(ephemerides: Sequence[Ephemeris], reference: float) -> Broadcast:
     tilted = np.array([item.name in GEOSTATIONARY for item in ephemerides], dtype=bool)
     gm = np.where(galileo, GM_GALILEO, np.where(beidou, GM_BEIDOU, GM_GPS))
     rate = np.where(beidou, EARTH_RATE_BEIDOU, EARTH_RATE_GPS)
-    factor = np.where(galileo, RELATIVITY_GALILEO, np.where(beidou, RELATIVITY_BEIDOU, RELATIVITY_GPS))
     return Broadcast(
         names=tuple(item.name for item in ephemerides),
         elements=of | {"toe": toe, "toc": toc},
@@ -143,9 +138,10 @@ def broadcast(ephemerides: Sequence[Ephemeris], reference: float) -> Broadcast:
         mean_motion=np.sqrt(gm / axis**3) + of["mean_motion_difference"],
         node=np.mod(of["node"] - rate * of["week_second"], 2.0 * np.pi),
         node_rate=of["node_rate"] - np.where(tilted, 0.0, rate),
-        relativity_factor=factor,
+        relativity_factor=np.where(galileo, RELATIVITY_GALILEO, np.where(beidou, RELATIVITY_BEIDOU, RELATIVITY_GPS)),
         tilted=tilted,
         earth_rate=rate,
+        systems=tuple(item.name[0] for item in ephemerides),
     )
 
 
@@ -159,11 +155,7 @@ class Integrated(NamedTuple):
     a_e: Floats  # acceleration by Moon and Sun
     clock_bias: Floats  # s
     clock_drift: Floats  # s/s
-
-    @property
-    def systems(self) -> tuple[str, ...]:
-        """Letters of the systems, (n_sat,)."""
-        return tuple(name[0] for name in self.names)
+    systems: tuple[str, ...]  # letters
 
     def ecef(self, t: Floats) -> tuple[Floats, Floats]:
         """Return position (m) and Earth-relative velocity (m/s), (..., n_sat, 3) each, in the Earth-fixed axes of t.
@@ -181,8 +173,7 @@ class Integrated(NamedTuple):
         below = np.clip(np.floor(steps).astype(np.int64), first, last - 1)
         which = np.arange(self.start.size)
         left = [part[below - first, which] for part in nodes]
-        right = [part[below - first + 1, which] for part in nodes]
-        return _between(left, right, (steps - below)[..., None])
+        return _between(left, [part[below - first + 1, which] for part in nodes], (steps - below)[..., None])
 
     def clock(self, t: Floats) -> Floats:
         """Return what the satellites' clocks are ahead, (..., n_sat) s; relativity is part of what they broadcast."""
@@ -196,7 +187,8 @@ class Integrated(NamedTuple):
 def integrated(states: Sequence[StateVector], reference: float) -> Integrated:
     """Return the satellites of the states, times counted from `reference` (s of GPS time), in the order given."""
     names, time, bias, drift, r_e, v_e, a_e, _ = zip(*states, strict=True)
-    return Integrated(names, np.array(time) - reference, *map(np.array, (r_e, v_e, a_e, bias, drift)))
+    arrays = map(np.array, (r_e, v_e, a_e, bias, drift))
+    return Integrated(names, np.array(time) - reference, *arrays, systems=tuple(name[0] for name in names))
 
 
 def acceleration(r_e: Floats, v_e: Floats, a_e: Floats) -> Floats:
@@ -255,5 +247,4 @@ def _between(left: list[Floats], right: list[Floats], s: Floats) -> tuple[Floats
     c4 = -15.0 * gap + 7.0 * gap_v - gap_a
     c5 = 6.0 * gap - 3.0 * gap_v + 0.5 * gap_a
     r = r0 + s * (v0 + s * (0.5 * a0 + s * (c3 + s * (c4 + s * c5))))
-    v = v0 + s * (a0 + s * (3.0 * c3 + s * (4.0 * c4 + s * (5.0 * c5))))
-    return r, v / STEP
+    return r, (v0 + s * (a0 + s * (3.0 * c3 + s * (4.0 * c4 + s * (5.0 * c5))))) / STEP

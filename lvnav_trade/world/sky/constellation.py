@@ -286,13 +286,12 @@ def _almanac_orbits(records: list[AlmanacRecord], elapsed: Floats, beidou: bool)
     of = dict(zip(AlmanacRecord._fields, np.array(records, dtype=float).T, strict=True))
     axis = of["root_axis"] ** 2
     mean_motion = np.sqrt(gm / axis**3)
-    node = of["node"] - rate * of["applicability"] + (of["node_rate"] - rate) * elapsed
     return Orbits(
         names=tuple(f"{letter}{record.prn:02d}" for record in records),
         semi_major_axis=axis,
         eccentricity=of["eccentricity"],
         inclination=of["inclination"],
-        node=np.mod(node, 2.0 * math.pi),
+        node=np.mod(of["node"] - rate * of["applicability"] + (of["node_rate"] - rate) * elapsed, 2.0 * math.pi),
         node_rate=of["node_rate"],
         perigee=of["perigee"],
         mean_anomaly=np.mod(of["mean_anomaly"] + mean_motion * elapsed, 2.0 * math.pi),

@@ -17,7 +17,7 @@ from lvnav_trade.campaign.running.stopping import Stopping, beyond
 from lvnav_trade.engines.simulate.statistics import summarise
 from lvnav_trade.errors import InputError
 from lvnav_trade.metrics.requirements.requirements import decide, errors_of
-from lvnav_trade.store import load as read
+from lvnav_trade.store.read import load as read
 from tests import synthetic
 
 ASKED = """\
@@ -43,8 +43,8 @@ def flown(fakes, campaign, folder, jobs=1, **how):
 
 def test_a_case_flies_no_further_than_to_its_decision(fakes, campaign, tmp_path):
     fake, runs = flown(fakes, campaign, tmp_path / "a")
-    good = max(decide([0] * 50, 0.95, 0.9, 40).runs, decide([0] * 50, 0.9, 0.9, 40).runs)
-    poor = max(decide(list(range(10, 500, 10)), p, 0.9, 40).runs for p in (0.95, 0.9))
+    good = max(decide([0] * 50, 0.95, 0.9, 40)[1], decide([0] * 50, 0.9, 0.9, 40)[1])
+    poor = max(decide(list(range(10, 500, 10)), p, 0.9, 40)[1] for p in (0.95, 0.9))
     assert runs == {"imu=good": good, "imu=poor": poor}
     assert good == 80
     assert sum(call.n for call in fake.calls if call.what == "block") == good + poor

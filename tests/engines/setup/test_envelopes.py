@@ -69,24 +69,24 @@ def test_a_commanded_turn_widens_the_envelope_by_the_published_lag():
     t = np.arange(2001) * dt
     rate = np.column_stack([0.01 * t, np.zeros(t.size)])
     nozzle = np.column_stack([np.zeros(t.size), 0.2 * t])
-    found = envelopes(card, t, np.ones(t.size, dtype=bool), np.array([-100.0]), rate, nozzle)
+    turning, jerk = envelopes(card, t, np.ones(t.size, dtype=bool), np.array([-100.0]), rate, nozzle)
     since = np.maximum(t - dt, 0.0)
-    np.testing.assert_allclose(found.turning[:, 1], 5.0 * 0.01 * (1.0 - np.exp(-since / 2.0)) + 0.02, atol=1e-12)
-    np.testing.assert_allclose(found.turning[:, 2], 0.02, atol=1e-15)
-    np.testing.assert_allclose(found.turning[:, 0], 0.002, atol=1e-15)
-    np.testing.assert_allclose(found.jerk[:, 1], 30.0 * 0.2 * (1.0 - np.exp(-since / 0.035)) + 10.0, atol=1e-9)
-    np.testing.assert_allclose(found.jerk[:, 2], 10.0, atol=1e-12)
+    np.testing.assert_allclose(turning[:, 1], 5.0 * 0.01 * (1.0 - np.exp(-since / 2.0)) + 0.02, atol=1e-12)
+    np.testing.assert_allclose(turning[:, 2], 0.02, atol=1e-15)
+    np.testing.assert_allclose(turning[:, 0], 0.002, atol=1e-15)
+    np.testing.assert_allclose(jerk[:, 1], 30.0 * 0.2 * (1.0 - np.exp(-since / 0.035)) + 10.0, atol=1e-9)
+    np.testing.assert_allclose(jerk[:, 2], 10.0, atol=1e-12)
 
 
 def test_phases_have_the_published_numbers_and_changes_last_from_one_second_before_to_two_after():
     card, t = EnvelopeCard(), np.arange(0.0, 20.0, 0.005)
     burning, changes = t < 10.0, np.array([10.0])
     still = np.zeros((t.size, 2))
-    found = envelopes(card, t, burning, changes, still, still)
+    turning, jerk = envelopes(card, t, burning, changes, still, still)
     inside = changing(card, t, changes)
     np.testing.assert_array_equal(inside, (t >= 9.0 - 1e-9) & (t <= 12.0 + 1e-9))
-    assert set(found.jerk[inside, 0]) == {15000.0}
-    assert set(found.jerk[~inside & burning, 0]) == {15.0}
-    assert set(found.jerk[~inside & ~burning, 0]) == {10.0}
-    assert set(found.turning[~inside & ~burning, 1]) == {0.002}
-    assert set(found.turning[inside | burning, 2]) == {0.02}
+    assert set(jerk[inside, 0]) == {15000.0}
+    assert set(jerk[~inside & burning, 0]) == {15.0}
+    assert set(jerk[~inside & ~burning, 0]) == {10.0}
+    assert set(turning[~inside & ~burning, 1]) == {0.002}
+    assert set(turning[inside | burning, 2]) == {0.02}

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from lvnav_trade.layout import split_metric
 from lvnav_trade.metrics.basics.select import (
     errors_at,
     final_event,
@@ -13,10 +14,9 @@ from lvnav_trade.metrics.basics.select import (
     once,
     phase,
     phases,
-    split_metric,
     time_mean,
 )
-from lvnav_trade.store import load
+from lvnav_trade.store.read import load
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from lvnav_trade.metrics.errors.covariances import (
     sensitivity,
     why_not_applicable,
 )
-from lvnav_trade.store import load
+from lvnav_trade.store.read import load
 from tests import synthetic
 from tests.vehicle_tables import tables
 

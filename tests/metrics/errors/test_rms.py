@@ -8,7 +8,7 @@ import pytest
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.probability import success_bounds
 from lvnav_trade.metrics.errors.rms import GAUSSIAN, SIGMAS, controlled, controlled_rms, coverage, paired_levels
-from lvnav_trade.store import load
+from lvnav_trade.store.read import load
 from lvnav_trade.store.schema import error_column
 from tests import synthetic
 from tests.synthetic import covariance

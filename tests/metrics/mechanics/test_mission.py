@@ -10,7 +10,7 @@ from lvnav_trade.kernels.earth import GM, OMEGA
 from lvnav_trade.layout import MISSION
 from lvnav_trade.metrics.basics.select import errors_at
 from lvnav_trade.metrics.mechanics import meanorbit, mission
-from lvnav_trade.store import load
+from lvnav_trade.store.read import load
 from tests import mission as flights
 from tests import synthetic
 

@@ -13,7 +13,7 @@ from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.mechanics import mission
 from lvnav_trade.metrics.mechanics.freefall import offsets
 from lvnav_trade.metrics.mission.impact import beside, contains, corridor_of, ellipse, metres, probability
-from lvnav_trade.store import load
+from lvnav_trade.store.read import load
 from tests import mission as flights
 from tests import synthetic
 from tests.metrics.mechanics.test_mission import falling

@@ -11,7 +11,7 @@ from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.select import errors_at
 from lvnav_trade.metrics.mechanics import meanorbit
 from lvnav_trade.metrics.mission.orbit import QUANTITIES, orbital_states
-from lvnav_trade.store import load
+from lvnav_trade.store.read import load
 from tests import mission as flights
 
 

@@ -9,7 +9,7 @@ from scipy import stats
 from lvnav_trade.metrics.basics.probability import norm_probability, norm_quantile
 from lvnav_trade.metrics.errors.covariances import why_not_applicable
 from lvnav_trade.metrics.requirements.improvements import ABOVE_ONLY, UNKNOWN, asked, expected, improvements
-from lvnav_trade.store import load
+from lvnav_trade.store.read import load
 from tests import synthetic
 
 AT_END = 1.0 + 0.01 * 99.5  # growth of the sigmas of the fine unit at injection
