@@ -149,13 +149,13 @@ class Integrated(NamedTuple):
     """One broadcast state per satellite, (n_sat,) and (n_sat, 3), SI; `start` (s) counts from a reference."""
 
     names: tuple[str, ...]
+    systems: tuple[str, ...]  # letters
     start: Floats
     r_e: Floats
     v_e: Floats
     a_e: Floats  # acceleration by Moon and Sun
     clock_bias: Floats  # s
     clock_drift: Floats  # s/s
-    systems: tuple[str, ...]  # letters
 
     def ecef(self, t: Floats) -> tuple[Floats, Floats]:
         """Return position (m) and Earth-relative velocity (m/s), (..., n_sat, 3) each, in the Earth-fixed axes of t.
@@ -187,8 +187,8 @@ class Integrated(NamedTuple):
 def integrated(states: Sequence[StateVector], reference: float) -> Integrated:
     """Return the satellites of the states, times counted from `reference` (s of GPS time), in the order given."""
     names, time, bias, drift, r_e, v_e, a_e, _ = zip(*states, strict=True)
-    arrays = map(np.array, (r_e, v_e, a_e, bias, drift))
-    return Integrated(names, np.array(time) - reference, *arrays, systems=tuple(name[0] for name in names))
+    systems, arrays = tuple(name[0] for name in names), map(np.array, (r_e, v_e, a_e, bias, drift))
+    return Integrated(names, systems, np.array(time) - reference, *arrays)
 
 
 def acceleration(r_e: Floats, v_e: Floats, a_e: Floats) -> Floats:

@@ -100,7 +100,9 @@ def _contents(card: RinexConstellation) -> tuple[str, list[Navigation], list[Eph
     """Return the names of a card's files, what is in them, their records, and the letters of the systems to take."""
     files = (card.rinex,) if isinstance(card.rinex, str) else card.rinex
     navigation = [read_navigation(file) for file in files]
-    every: list[Ephemeris | StateVector] = [item for file in navigation for item in (*file.ephemerides, *file.states)]
+    every: list[Ephemeris | StateVector] = []
+    for file in navigation:
+        every += [*file.ephemerides, *file.states]
     known = sorted({item.name[0] for item in every})
     letters = known if card.systems is None else [LETTERS[system] for system in card.systems]
     return ", ".join(files), navigation, every, letters
