@@ -29,8 +29,6 @@ Randomness
     A draw depends on the campaign's seed, the run, the source and the epoch; never on the case, worker or order.
 """
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:

@@ -25,10 +25,8 @@ def quoted(value: object) -> str:
     """Return a value of the user in quotes as a message repeats it, in a bounded number of characters."""
     if isinstance(value, str):
         return repr(shortened(value, QUOTED_LENGTH))
-    if isinstance(value, dict):
-        return "a mapping"
-    if isinstance(value, list | tuple):
-        return "a list"
+    if isinstance(value, dict | list | tuple):
+        return "a mapping" if isinstance(value, dict) else "a list"
     if isinstance(value, int) and abs(value) >= 10**QUOTED_LENGTH:
         return "a number of too many digits"
     return shortened(repr(value), QUOTED_LENGTH)

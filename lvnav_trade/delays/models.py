@@ -8,7 +8,6 @@ from scipy.interpolate import RectBivariateSpline
 from lvnav_trade.delays import cards
 from lvnav_trade.kernels.earth import ECCENTRICITY_2, SEMI_MINOR
 from lvnav_trade.kernels.media import ionosphere, refractivity, troposphere
-from lvnav_trade.kernels.media.ionosphere import DISPERSION, L1
 from lvnav_trade.kernels.media.refractivity import EARTH_RADIUS, lowest_height, ray
 from lvnav_trade.reads import remembered
 from lvnav_trade.records import Floats
@@ -64,7 +63,7 @@ def troposphere_delay(model: cards.TroposphereModel, geometry: Geometry) -> Floa
     return np.zeros(elevation.shape)
 
 
-def ionosphere_delay(model: cards.IonosphereModel, geometry: Geometry, frequency: float = L1) -> Floats:
+def ionosphere_delay(model: cards.IonosphereModel, geometry: Geometry, frequency: float = ionosphere.L1) -> Floats:
     """Return the ionospheric group delay (n_epoch, n_sat) in m at a frequency (Hz).
 
     It is added to pseudoranges and subtracted from carrier ranges (and their rates): code is late, phase is early.
@@ -73,11 +72,11 @@ def ionosphere_delay(model: cards.IonosphereModel, geometry: Geometry, frequency
     if isinstance(model, cards.KlobucharIonosphere):
         place = (_column(geometry.latitude), _column(geometry.longitude), geometry.azimuth, elevation)
         delay = ionosphere.klobuchar(model.alpha, model.beta, _column(geometry.seconds_of_day), *place)
-        return np.asarray(delay * (L1 / frequency) ** 2)
+        return np.asarray(delay * (ionosphere.L1 / frequency) ** 2)
     if isinstance(model, cards.ContentIonosphere):
         slant = ionosphere.lear_slant if model.slant == "lear" else ionosphere.chapman_slant
         share = slant(elevation, _column(geometry.height), model.peak, model.scale_height)
-        return np.asarray(DISPERSION / frequency**2 * model.vertical * share)
+        return np.asarray(ionosphere.DISPERSION / frequency**2 * model.vertical * share)
     return np.zeros(elevation.shape)
 
 

@@ -1,7 +1,5 @@
 """Filter card: what the filter assumes, estimates and how often it works."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
@@ -19,7 +17,6 @@ from lvnav_trade.observables.sensors import (
     Measurement,
     SensorModels,
 )
-from lvnav_trade.units import Card
 
 Matched = Literal["matched"]
 # Standard states; what else is a state of the filter is named in its card.
@@ -34,7 +31,7 @@ _KINDS = {
 }
 
 
-class ImuModel(Card):
+class ImuModel(units.Card):
     """What the filter assumes of its inertial unit; `matched` in the filter card takes each number from the truth."""
 
     gyro_random_walk: units.AngleRandomWalk
@@ -60,7 +57,7 @@ class ImuModel(Card):
     accel_relative_bias_correlation: float = Field(0.0, gt=-1.0, lt=1.0, description="with accel_bias, at the start")
 
 
-class ReceiverModel(Card):
+class ReceiverModel(units.Card):
     """What the filter assumes of the receiver's measurement noise and clock."""
 
     pseudorange_sigma: units.LengthSigma
@@ -85,7 +82,7 @@ class ReceiverModel(Card):
     velocity_bias_time: units.TimeConstant | None = None
 
 
-class InitialModel(Card):
+class InitialModel(units.Card):
     """The filter's one-sigma at the start: tilt (north, east axes) and heading, position and velocity per axis."""
 
     tilt: units.AngleSigma
@@ -104,7 +101,7 @@ else:
     ExtraState = Literal[tuple(name for name in (*PARAMETERS, *EXTRAS, *SENSOR_STATES) if name not in BIASES)]
 
 
-class EnvelopeCard(Card):
+class EnvelopeCard(units.Card):
     """Standard deviations of the steps of rate and acceleration (random walks), by phase and by what is commanded.
 
     Pitch and yaw: |gain / (time s + 1) commanded angular acceleration| + what is unknown in burns or coasts; lateral
@@ -129,7 +126,7 @@ class EnvelopeCard(Card):
     start_acceleration: units.AccelerationSigma = Field(20.0, description="of the acceleration before the first sample")
 
 
-class DelayCompensation(Card):
+class DelayCompensation(units.Card):
     """How a filter meets measurements that are late: at the state that its unit had then, or propagated to the present.
 
     It acts on the receiver and on every sensor that has a latency.
@@ -154,7 +151,7 @@ class DelayCompensation(Card):
 Persisting = Literal["data_loss", "residual", "covariance"]
 
 
-class LogicCard(Card):
+class LogicCard(units.Card):
     """When a filter starts, what it accepts, when it gives up and starts again; a rule that is left out is off."""
 
     check_flags: bool = Field(True, description="leave out what the receiver says is invalid, or put out before")
@@ -177,7 +174,7 @@ class LogicCard(Card):
     )
 
 
-class FilterCard(Card):
+class FilterCard(units.Card):
     """A navigation filter: error-state, mechanised in the inertial frame.
 
     Closed loop: what it estimates is fed back to the strapdown at every epoch. Open loop: the strapdown is left alone,

@@ -208,19 +208,17 @@ def _row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, whitened: 
     """Return per channel how many entries its Jacobian row has, which, and the states that they stand for; a whitened
     solution's rows have the entries of all of them.
     """
-    position = [(H_POS + i, POS + i) for i in range(3)]
-    velocity = [(H_VEL + i, VEL + i) for i in range(3)]
-    attitude = [(H_ATT + i, ATT + i) for i in range(3)] if has_lever else []
+    navigation = (("position", H_POS, POS), ("velocity", H_VEL, VEL), ("attitude", H_ATT, ATT))
+    whole = {name: [(entry + i, state + i) for i in range(3)] for name, entry, state in navigation}
+    position, velocity, attitude = whole["position"], whole["velocity"], whole["attitude"] if has_lever else []
     rate = [(H_RATE + i, _rate_state(layout) + i) for i in range(3)] if has_lever and _rate_state(layout) >= 0 else []
-    bias = [(H_CLOCK, layout.clock)] if layout.clock >= 0 else []
-    drift = [(H_CLOCK, layout.clock + 1)] if layout.clock >= 0 else []
+    bias, drift = ([(H_CLOCK, layout.clock + k)] if layout.clock >= 0 else [] for k in (0, 1))
     types = {
         PSEUDORANGE: position + attitude + bias,
         RANGE_RATE: position + attitude + velocity + rate + drift,
         POSITION: position + attitude + (velocity + rate if whitened else []),
         VELOCITY: velocity + attitude + rate + (position if whitened else []),
     }
-    whole = {"position": position, "velocity": velocity, "attitude": [(H_ATT + i, ATT + i) for i in range(3)]}
     for card in SENSORS:
         types[TYPES[card.measurement]] = [pair for name in card.jacobian for pair in whole[name]]
     extras = [e.offset + i for e in layout.extras for i in range(len(e.labels))]

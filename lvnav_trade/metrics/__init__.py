@@ -83,5 +83,3 @@ CSV = (
     "rms", "agreement", "controlled", "references", "requirements", "budget", "expected", "spot_check", "sensitivity",
     "orbit", "correction", "impact", "corridor", "transitions", "logic", "motion", "nozzle", "turning",
 )  # fmt: skip
-
-__all__ = ["CSV", "METRICS", "agreement", "budget", "rms", "verdicts"]

@@ -168,19 +168,17 @@ def _per_run(tables: Tables, case: str, stated: Mapping[str, Any], column: str) 
 
 def _of_nozzle(tables: Tables, case: str, axis: str) -> Ours:
     """Return by how many percent less a nozzle moves with the filtered than with the raw rate, over the flight."""
-    rows = pick(nozzle(tables), case=tables.labels[case], axis=axis, burn="flight")
-    if rows.empty:
-        return Ours(np.nan, "no vehicle under control, or fewer than two runs")
-    row = rows.iloc[0]
-    return Ours(row.less_percent, f"{row.runs} paired runs, 95 %: {row.low_percent:.1f} to {row.high_percent:.1f} %")
+    for row in pick(nozzle(tables), case=tables.labels[case], axis=axis, burn="flight").itertuples():
+        interval = f"{row.low_percent:.1f} to {row.high_percent:.1f} %"
+        return Ours(float(row.less_percent), f"{row.runs} paired runs, 95 %: {interval}")
+    return Ours(np.nan, "no vehicle under control, or fewer than two runs")
 
 
 def _of_rank(tables: Tables, case: str) -> Ours:
-    rows = pick(observed(tables), case=tables.labels[case])
-    if rows.empty:
-        return _MISSING
-    row = rows.iloc[0]
-    return Ours(float(row.least_rank), f"{row.stretches} stretches, singular values above {NUMERICAL:g} of the largest")
+    for row in pick(observed(tables), case=tables.labels[case]).itertuples():
+        above = f"{row.stretches} stretches, singular values above {NUMERICAL:g} of the largest"
+        return Ours(float(row.least_rank), above)
+    return _MISSING
 
 
 def _of_mission(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Ours:

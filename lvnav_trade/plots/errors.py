@@ -10,12 +10,10 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.probability import rms_interval
 from lvnav_trade.metrics.basics.select import history_of, lincov_rms, phase, pick
 from lvnav_trade.metrics.errors.covariances import REJECTS_TOO_MUCH
-from lvnav_trade.metrics.errors.rms import ranking
-from lvnav_trade.metrics.filter import autocorrelation as autocorrelation_of
-from lvnav_trade.metrics.filter import modes, nees, nis
 from lvnav_trade.metrics.published import cases_of
 from lvnav_trade.plots.style import (
     PALETTE,
@@ -102,7 +100,7 @@ def _together(
 @drawing
 def rank(tables: Tables) -> Figure:
     """Draw the cases in order of their 3-D velocity error at injection, position beside it, with 95 % intervals."""
-    frame = ranking(tables)
+    frame = METRICS["ranking"](tables)
     quantities = [name for name in ("velocity", "position") if name in frame]
     figure, grid = canvas(1, max(1, len(quantities)), 1.05 + 0.26 * len(frame), sharey=True)
     place = np.arange(len(frame))
@@ -193,7 +191,7 @@ def autocorrelation(tables: Tables, cases: Cases = (), channels: str = "") -> Fi
     Grey: where the value of one flight of white innovations lies with 95 % probability.
     """
     labels = [tables.labels[case] for wanted in cases for case in cases_of(tables, wanted)]
-    frame = autocorrelation_of(tables)
+    frame = METRICS["autocorrelation"](tables)
     frame = frame[frame.channel.str.contains(channels, regex=False) & (frame.pair_count >= 100)]
     shown = list(dict.fromkeys(labels or frame.case))
     columns = min(3, max(1, len(shown)))
@@ -222,7 +220,7 @@ def consistency(tables: Tables, case: str) -> Figure:
     most endangered row. ANIS is of accepted rows, over what the gate leaves of a matched filter's.
     """
     gated = not pd.isna(tables.cases.set_index("case").gate_ratio[case])
-    errors, innovations = (with_gaps(pick(found, case=tables.labels[case])) for found in (nees(tables), nis(tables)))
+    errors, innovations = (with_gaps(pick(METRICS[name](tables), case=tables.labels[case])) for name in ("nees", "nis"))
     figure, grid = canvas(2 + gated, 1, 2.1, sharex=True)
     _panel(grid[0, 0], errors, "anees_ratio", "ANEES per degree\nof freedom (-)")
     _panel(grid[1, 0], innovations, "anis_ratio", "ANIS per row,\ncorrected (-)" if gated else "ANIS per row (-)")
@@ -252,7 +250,9 @@ def _panel(ax: Any, rows: pd.DataFrame, value: str, name: str) -> None:
 @drawing
 def logic(tables: Tables, case: str) -> Figure:
     """Draw the part of runs in each mode over time, modes on top of each other; events as lines, faults shaded."""
-    wide = pick(modes(tables), case=tables.labels[case]).pivot(index="t_s", columns="mode", values="run_ratio")
+    wide = pick(METRICS["modes"](tables), case=tables.labels[case]).pivot(
+        index="t_s", columns="mode", values="run_ratio"
+    )
     upper = 100.0 * wide.reindex(columns=list(MODES)).astype(float).cumsum(axis=1)
     lower = upper.shift(axis=1, fill_value=0.0)
     history = pick(tables.history, case=case)

@@ -7,10 +7,10 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
+from lvnav_trade.layout import MISSION
 from lvnav_trade.metrics.basics.probability import outline_of
 from lvnav_trade.metrics.basics.select import final_event
 from lvnav_trade.metrics.mechanics import impulses, meanorbit, mission
-from lvnav_trade.metrics.mechanics.mission import Law, State
 from lvnav_trade.metrics.mission.impact import corridor_of, ellipse
 from lvnav_trade.metrics.mission.impact import impact as impact_points
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, message, over_time, scale_up
@@ -52,8 +52,8 @@ def orbit(tables: Tables, case: str) -> Figure:
     return figure
 
 
-def _plane(ax: Any, state: State, law: Law, good: Floats, pair: tuple[_Component, _Component]) -> None:
-    _, units, factors = zip(*(mission.people(metric) for metric, _, _ in pair), strict=True)
+def _plane(ax: Any, state: mission.State, law: mission.Law, good: Floats, pair: tuple[_Component, _Component]) -> None:
+    *_, units, factors = zip(*(MISSION[metric] for metric, _, _ in pair), strict=True)
     scale = np.array(factors)
 
     def errors(error: Floats) -> Floats:
@@ -76,7 +76,7 @@ def _plane(ax: Any, state: State, law: Law, good: Floats, pair: tuple[_Component
     ax.margins(0.08)
 
 
-def _cost(ax: Any, state: State, law: Law, good: Floats) -> None:
+def _cost(ax: Any, state: mission.State, law: mission.Law, good: Floats) -> None:
     drawn = mission.draws(law.mean, law.true, 1024)
     for name, error, colour, dashes in (("runs", good, PALETTE[0], "-"), ("LinCov", drawn, PALETTE[1], "--")):
         if len(error):

@@ -6,12 +6,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.select import NAVIGATION, flight_events, history_of, lincov_rms, pick
 from lvnav_trade.metrics.errors.covariances import is_position_bias
 from lvnav_trade.metrics.published import cases_of, short_names
-from lvnav_trade.metrics.published import interpretations as interpretations_frame
-from lvnav_trade.metrics.vehicle import nozzle
-from lvnav_trade.metrics.vehicle import worth as worth_of
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, event_key, legend_below, line_of, over_time, panel
 from lvnav_trade.store.read import Tables
 
@@ -111,7 +109,7 @@ def interpretations(tables: Tables) -> Figure:
     """Draw by how much the estimates lie below the raw samples in every case that references hold so, phase by phase:
     against the sample as it is, and without bias on either side; what is stated as marks.
     """
-    frame = interpretations_frame(tables)
+    frame = METRICS["interpretations"](tables)
     phases, errors, cases = (list(dict.fromkeys(frame[name])) for name in ("during", "error", "case"))
     bars = [(case, column) for column in ("raw_percent", "unbiased_percent") for case in cases]
     width, place = 0.8 / len(bars), np.arange(len(errors))
@@ -175,7 +173,7 @@ def sweep(tables: Tables) -> Figure:
     """Draw by how much less the nozzle moves with the filtered rate over the rate gain, with intervals of paired runs,
     for every other setting of the cases; the band of what is published shaded.
     """
-    found = nozzle(tables)
+    found = METRICS["nozzle"](tables)
     found = found[(found.burn == "flight") & found.less_percent.notna()]
     lines: dict[str, dict[str, float]] = {}
     for case, levels in tables.levels.items():
@@ -202,7 +200,7 @@ def worth(tables: Tables, cases: Sequence[Mapping[str, str]] = ()) -> Figure:
     """Draw what feeds the controller is worth, all cases or those asked for: movement of the nozzle with the raw, the
     filtered and the true rate, by how much the filtered one is less, and the attitude's error in burns.
     """
-    frame = worth_of(tables)
+    frame = METRICS["worth"](tables)
     wanted = [case for asked in cases for case in cases_of(tables, asked)] or list(tables.labels)
     names = {tables.labels[case]: name for case, name in short_names(tables, wanted).items()}
     place = np.arange(len(names))

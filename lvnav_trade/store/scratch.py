@@ -5,13 +5,12 @@ import io
 import json
 import logging
 import re
-import typing
 import zipfile
 import zlib
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import numpy as np
 
@@ -95,10 +94,10 @@ def record_types(root: type) -> dict[str, type]:
     waiting: list[Any] = [root]
     while waiting:
         kind = waiting.pop()
-        waiting += typing.get_args(kind)
+        waiting += get_args(kind)
         if isinstance(kind, type) and hasattr(kind, "_fields") and kind.__name__ not in found:
             found[kind.__name__] = kind
-            waiting += typing.get_type_hints(kind).values()
+            waiting += get_type_hints(kind).values()
     return found
 
 

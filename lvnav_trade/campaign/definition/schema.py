@@ -1,7 +1,5 @@
 """The campaign: a base scenario, axes to vary, runs, seed, what to keep, requirements."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator
@@ -15,7 +13,6 @@ from lvnav_trade.campaign.syntax.tree import Written, hint
 from lvnav_trade.errors import InputError, quoted
 from lvnav_trade.layout import MISSION
 from lvnav_trade.scenario import Scenario
-from lvnav_trade.units import Angle, Card, Duration
 
 _FRAME_AXES = ("north", "east", "down", "x", "y", "z", "radial", "along", "cross")
 _AXES = {"position": _FRAME_AXES, "velocity": _FRAME_AXES, "attitude": ("roll", "pitch", "yaw")}
@@ -27,7 +24,7 @@ METRICS = (
 )
 
 
-class MonteCarlo(Card):
+class MonteCarlo(units.Card):
     """How many runs per case; leave it out for linear covariance alone."""
 
     runs: int = Field(description="runs per case, each with its own draws; with stop the most there may be")
@@ -53,7 +50,7 @@ class MonteCarlo(Card):
             yield f"stop looks after every block of {self.block} runs; {more} runs are whole blocks"
 
 
-class Axis(Card):
+class Axis(units.Card):
     """One thing that is varied: the path of a field of the base, and the cards or values it takes."""
 
     path: str = Field(description="field of the base scenario, dotted: imu, filter.gate, faults.0.keep")
@@ -78,7 +75,7 @@ class Axis(Card):
             yield "two levels have the same label"
 
 
-class Requirement(Card):
+class Requirement(units.Card):
     """A bound that a stated fraction of flights must keep, and the confidence at which the runs must show it."""
 
     name: str
@@ -140,7 +137,7 @@ class Requirement(Card):
         return f"{value!r} {unit_of(self.metric)}"
 
 
-class Covariance(Card):
+class Covariance(units.Card):
     """What linear covariance leaves."""
 
     budget: bool = Field(True, description="store the variance of every error source over the flight")
@@ -152,7 +149,9 @@ class Covariance(Card):
         "further linear covariances per source that matters",
     )
     observability: bool = Field(True, description="what the measurements tell in each phase of flight")
-    window: Duration | None = Field(None, gt=0, description="or in each window of this length, in place of phases")
+    window: units.Duration | None = Field(
+        None, gt=0, description="or in each window of this length, in place of phases"
+    )
     error_bound: bool = Field(
         False, description="whether the noise that the filter assumes keeps its error bounded (q I <= Q, r I <= R)"
     )
@@ -168,13 +167,13 @@ class Covariance(Card):
         return runs
 
 
-class Keep(Card):
+class Keep(units.Card):
     """What is stored of a flight."""
 
-    history: Duration = Field(1.0, gt=0, description="step of the stored histories; events are always kept")
+    history: units.Duration = Field(1.0, gt=0, description="step of the stored histories; events are always kept")
 
 
-class Compare(Card):
+class Compare(units.Card):
     """How a candidate is held against these results."""
 
     confidence: float = Field(0.95, ge=0.5, lt=1)
@@ -197,16 +196,16 @@ class Compare(Card):
         return effects
 
 
-class Report(Card):
+class Report(units.Card):
     """What the page shows."""
 
     sections: tuple[str, ...] | None = Field(None, description="sections in order; all if absent")
 
 
-class Corridor(Card):
+class Corridor(units.Card):
     """A polygon of latitudes and longitudes; the estimated point of impact must stay inside with a probability."""
 
-    polygon: tuple[tuple[Angle, Angle], ...] = Field(
+    polygon: tuple[tuple[units.Angle, units.Angle], ...] = Field(
         description="corners in order, each [latitude, longitude] with units; edges are straight in both angles"
     )
     probability: float = Field(0.999, gt=0, lt=1, description="fraction of flights that must stay inside")
@@ -223,7 +222,7 @@ class Corridor(Card):
         return corners
 
 
-class Campaign(Card):
+class Campaign(units.Card):
     """A trade-off question. Once loaded, cards are expanded and every default is filled in."""
 
     name: str

@@ -25,7 +25,6 @@ from lvnav_trade.campaign.running.plan import Block, blocks
 from lvnav_trade.campaign.running.progress import Progress
 from lvnav_trade.campaign.running.provenance import manifest, without_folders
 from lvnav_trade.campaign.running.stopping import Stopping
-from lvnav_trade.campaign.running.work import Answer, Done, Job
 from lvnav_trade.engines.analysis.effect import Used
 from lvnav_trade.errors import InputError, refuse_all, system_message
 from lvnav_trade.store import scratch
@@ -43,7 +42,7 @@ class Halted(Exception):
 class Outcome(NamedTuple):
     """What a campaign left: linear covariance's answers, failed units and runs as lines."""
 
-    answers: tuple[Answer, ...]
+    answers: tuple[work.Answer, ...]
     failures: tuple[str, ...]
 
 
@@ -55,7 +54,7 @@ class Store(NamedTuple):
 
 
 STORE = Store(open_results, partial(owned, kind="results"))
-OnAnswers = Callable[[Sequence[Answer], Sequence[Case]], None]
+OnAnswers = Callable[[Sequence[work.Answer], Sequence[Case]], None]
 
 
 def check_flight(
@@ -218,12 +217,12 @@ class _Run:
                 )
         self.timings[name] = round(time.monotonic() - start, 3)
 
-    def _answers(self, on_answers: OnAnswers | None) -> list[Answer]:
+    def _answers(self, on_answers: OnAnswers | None) -> list[work.Answer]:
         """Find every case's linear covariance; with several workers the flight is compiled beside it, and what explains
         the first case after it, so that a fresh machine compiles on all of them.
         """
         self.watch.stage("linear covariance", len(self.cases))
-        found: dict[str, Answer] = {}
+        found: dict[str, work.Answer] = {}
         units: list[tuple[Any, ...]] = [(self.job, case, None) for case in self.cases]
         if self.jobs > 1 and self.campaign.monte_carlo:
             units.insert(0, (self.job, self.cases[0], work.compile_flight))
@@ -264,7 +263,7 @@ class _Run:
             for one in itertools.chain(*each(self.jobs, work.tally, [(self.job, case) for case in held], ordered=True)):
                 self._look(one)
         self.watch.stage("runs", sum(unit.n_run for unit in units))
-        lost: list[Done] = []
+        lost: list[work.Done] = []
         for one in self._stage("monte_carlo", work.fly, self._wanted(units)):
             self.watch.advance(one.n_run)
             self._look(one)
@@ -279,12 +278,12 @@ class _Run:
                 self._fail(f"{self.labels[one.case]}, run {number} {why}; {again}")
         return {one.case for one in lost if self.stopping.wants(one.case, one.first_run)}
 
-    def _look(self, one: Done) -> None:
+    def _look(self, one: work.Done) -> None:
         """Take a block in where blocks decide when their case ends."""
         if not one.error:
             self.stopping.note(one.case, one.first_run, one.n_run, one.beyond)
 
-    def _wanted(self, units: Sequence[Block]) -> Iterator[tuple[Job, Block]]:
+    def _wanted(self, units: Sequence[Block]) -> Iterator[tuple[work.Job, Block]]:
         """Yield the blocks still wanted when their turn comes: a case may be decided by then."""
         for unit in units:
             if self.stopping.wants(unit.case.id, unit.first_run):

@@ -33,8 +33,14 @@ from lvnav_trade.scenario import measured as measured_by
 from lvnav_trade.sources import IMU_NOISE
 from lvnav_trade.world.conditions import Course
 from lvnav_trade.world.faults import AccelBiasStep, AnyFault, GyroBiasStep, delay, failures, periods
-from lvnav_trade.world.flight.trajectory import Trajectory, TrajectoryCard, build, content, reference
-from lvnav_trade.world.flight.trajectory import refuse_contradiction as trajectory_contradiction
+from lvnav_trade.world.flight.trajectory import (
+    Trajectory,
+    TrajectoryCard,
+    build,
+    content,
+    reference,
+    refuse_contradiction,
+)
 from lvnav_trade.world.gravity import disturbance
 from lvnav_trade.world.receiver.visibility import sky
 from lvnav_trade.world.sensors.imu import ErrorBlock, ImuCard
@@ -104,7 +110,7 @@ def trajectory_of(scenario: Scenario) -> Trajectory:
     """
     card = scenario.trajectory
     flight = _built(_identity(card), card)
-    trajectory_contradiction(card, equivalent(scenario.imu))
+    refuse_contradiction(card, equivalent(scenario.imu))
     return flight
 
 
@@ -326,8 +332,7 @@ def _start(scenario: Scenario, ref: Reference, C_n_i: Floats, P: Floats) -> Star
     initial = scenario.initial
     attitude = C_n_i @ np.diag([initial.tilt, initial.tilt, initial.heading])
     roots = np.array([attitude, np.eye(3) * initial.velocity, np.eye(3) * initial.position])
-    names = ("initial attitude", "initial velocity", "initial position")
-    words = np.array([source_word(name) for name in names], dtype=np.uint64)
+    words = np.array([source_word(f"initial {name}") for name in ("attitude", "velocity", "position")], dtype=np.uint64)
     return Start(np.concatenate([ref.q_b_i[0], ref.v_i[0], ref.r_i[0]]), roots, words, P)
 
 

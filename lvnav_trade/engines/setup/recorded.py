@@ -72,6 +72,5 @@ def values_of(found: Recorded, seed: int, runs: NDArray[Any]) -> Floats:
 
 def start_of(seed: int, run: int, n_start: int) -> int:
     """Return the start that a run draws, 0 to n_start - 1: a matter of seed and run alone."""
-    k0, k1 = seed_words(seed)
-    word = philox(np.uint64(0), np.uint64(run), source_word(f"{SOURCE} start"), np.uint64(0), k0, k1)[0]
+    word = philox(np.uint64(0), np.uint64(run), source_word(f"{SOURCE} start"), np.uint64(0), *seed_words(seed))[0]
     return int(word) * n_start >> 32

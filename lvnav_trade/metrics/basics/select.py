@@ -11,7 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from lvnav_trade.layout import MISSION, split_metric
-from lvnav_trade.metrics.mechanics.mission import people, sizes_at
+from lvnav_trade.metrics.mechanics.mission import sizes_at
 from lvnav_trade.store.read import Tables
 from lvnav_trade.store.schema import error_column
 from lvnav_trade.units import parse
@@ -51,7 +51,7 @@ def errors_at(tables: Tables, case: str, event: str, metric: str) -> Errors | No
     """
     if metric in MISSION:
         size = sizes_at(tables, case, event, metric)
-        return None if size is None else Errors(size, *people(metric))
+        return None if size is None else Errors(size, *MISSION[metric][2:])
     if (known := errors_named(tables, case, metric)) is None:
         return None
     (units, column), chosen = known, pick(tables.runs, case=case, event=event)

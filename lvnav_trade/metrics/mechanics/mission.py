@@ -6,7 +6,7 @@ error of the injection.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -15,7 +15,6 @@ from scipy import special
 from scipy.stats import qmc
 
 from lvnav_trade import frames
-from lvnav_trade.layout import MISSION
 from lvnav_trade.metrics.mechanics import impulses, meanorbit
 from lvnav_trade.metrics.mechanics.freefall import impact, offsets
 from lvnav_trade.records import Floats
@@ -227,9 +226,3 @@ def expected_at(tables: Tables, case: str, event: str, metric: str) -> tuple[Flo
         return reason
     slope = jacobian(state, metric)
     return slope @ law.mean, slope @ law.true @ slope.T
-
-
-def people(metric: str) -> tuple[str, str, float]:
-    """Return SI unit, unit for people and its factor of a mission metric."""
-    found: Any = MISSION[metric]
-    return found.unit, found.label_unit, found.label_factor

@@ -12,10 +12,7 @@ from lvnav_trade.kernels.earth import ECCENTRICITY_2, SEMI_MAJOR
 from lvnav_trade.metrics.basics.probability import success_verdict
 from lvnav_trade.metrics.basics.select import number_in, once, pick
 from lvnav_trade.metrics.errors.covariances import why_not_applicable
-from lvnav_trade.metrics.mechanics import mission
-from lvnav_trade.metrics.mechanics.freefall import Impact, offsets
-from lvnav_trade.metrics.mechanics.freefall import impact as fall_of
-from lvnav_trade.metrics.mechanics.mission import Law, State
+from lvnav_trade.metrics.mechanics import freefall, mission
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
 
@@ -121,16 +118,16 @@ def _case_rows(tables: Tables, case: str) -> list[dict[str, Any]]:
     if not states:
         return []
     true = _arrays(states)
-    points, slopes = fall_of(*true), _slopes(*(part.tobytes() for part in true))
+    points, slopes = freefall.impact(*true), _slopes(*(part.tobytes() for part in true))
     return [
-        _row(states[k], laws[k], Impact(*(value[k] for value in points)), slopes[k], corridor)
+        _row(states[k], laws[k], freefall.Impact(*(value[k] for value in points)), slopes[k], corridor)
         | _runs(tables, case, states[k], corridor)
         for k in np.argsort([state.t for state in states], kind="stable")
         if np.isfinite(points.fall[k])
     ]
 
 
-def _arrays(states: list[State]) -> tuple[Floats, Floats, Floats]:
+def _arrays(states: list[mission.State]) -> tuple[Floats, Floats, Floats]:
     """Return positions and velocities (n, 3), frame i, and Earth angles (n,) of true states."""
     position, velocity = np.array([state.r_i for state in states]), np.array([state.v_i for state in states])
     return position, velocity, np.array([state.earth_angle for state in states])
@@ -183,19 +180,21 @@ def outside_runs(tables: Tables, case: str, corridor: Corridor) -> tuple[int, in
     return (int(np.any(bad, axis=0).sum()), len(bad[0])) if bad else (0, 0)
 
 
-def _outside(state: State, error: Floats, corridor: Corridor) -> NDArray[np.bool_]:
+def _outside(state: mission.State, error: Floats, corridor: Corridor) -> NDArray[np.bool_]:
     """Return which estimated points are outside; none where the true state has no point of impact."""
     out = np.zeros(len(error), dtype=bool)
     good = np.isfinite(error).all(axis=1)
-    if not good.any() or not np.isfinite(fall_of(*_arrays([state])).fall[0]):
+    if not good.any() or not np.isfinite(freefall.impact(*_arrays([state])).fall[0]):
         return out
-    estimated = fall_of(state.r_i - error[good, 3:], state.v_i - error[good, :3], state.earth_angle, lowest=0.0)
+    estimated = freefall.impact(state.r_i - error[good, 3:], state.v_i - error[good, :3], state.earth_angle, lowest=0.0)
     points = np.stack([estimated.latitude, beside(estimated.longitude, corridor.corners)], axis=1)
     out[good] = ~contains(corridor.corners, points)
     return out
 
 
-def _row(state: State, law: Law, point: Impact, slope: Floats, corridor: Corridor | None) -> dict[str, Any]:
+def _row(
+    state: mission.State, law: mission.Law, point: freefall.Impact, slope: Floats, corridor: Corridor | None
+) -> dict[str, Any]:
     """Return what linear covariance says of the point of impact at one time, kilometres and degrees; slope: `_slopes`.
 
     Where the fall only just grazes the ground, and neighbours have none, no error is reported.
@@ -232,16 +231,16 @@ def _slopes(r_i: bytes, v_i: bytes, earth_angle: bytes) -> Floats:
     long.
     """
     r, v, theta = np.frombuffer(r_i).reshape(-1, 3), np.frombuffer(v_i).reshape(-1, 3), np.frombuffer(earth_angle)
-    true = fall_of(r, v, theta)
+    true = freefall.impact(r, v, theta)
 
     def errors(error: Floats) -> Floats:
         """Return the errors at impact (m, n * 2) of errors (m, 6) at every state."""
         m, n = len(error), len(r)
         off = np.repeat(error, n, axis=0)
-        estimated = fall_of(
+        estimated = freefall.impact(
             np.tile(r, (m, 1)) - off[:, 3:], np.tile(v, (m, 1)) - off[:, :3], np.tile(theta, m), lowest=0.0
         )
-        found = -offsets(np.tile(true.r_e, (m, 1)), estimated.r_e, np.tile(true.heading, m))
+        found = -freefall.offsets(np.tile(true.r_e, (m, 1)), estimated.r_e, np.tile(true.heading, m))
         return np.asarray(found.reshape(m, n * 2))
 
     slopes = mission.derivative(errors).reshape(len(r), 2, 6) * 1e-3
@@ -249,7 +248,7 @@ def _slopes(r_i: bytes, v_i: bytes, earth_angle: bytes) -> Floats:
     return slopes
 
 
-def _inside(corridor: Corridor, point: Impact, covariance: Floats, bias: Floats) -> tuple[float, float]:
+def _inside(corridor: Corridor, point: freefall.Impact, covariance: Floats, bias: Floats) -> tuple[float, float]:
     """Return probability and margin of the estimated point, true less error; edges are straight in the angles."""
     c, s = np.cos(point.heading), np.sin(point.heading)
     north_east = np.array([[c, -s], [s, c]])
@@ -259,7 +258,7 @@ def _inside(corridor: Corridor, point: Impact, covariance: Floats, bias: Floats)
     return probability(plane, -north_east @ bias, spread)
 
 
-def _runs(tables: Tables, case: str, state: State, corridor: Corridor | None) -> dict[str, Any]:
+def _runs(tables: Tables, case: str, state: mission.State, corridor: Corridor | None) -> dict[str, Any]:
     """Return what the runs say at an event; no runs between events."""
     if not state.event:
         return {"runs": 0}

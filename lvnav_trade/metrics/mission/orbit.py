@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from lvnav_trade.layout import MISSION
 from lvnav_trade.metrics.basics.select import final_event, flight_events, once
 from lvnav_trade.metrics.mechanics import impulses, meanorbit, mission
-from lvnav_trade.metrics.mechanics.mission import State
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
 
@@ -48,7 +48,7 @@ def orbit(tables: Tables) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def orbital_states(tables: Tables, case: str) -> list[State]:
+def orbital_states(tables: Tables, case: str) -> list[mission.State]:
     """Return the states at the final event and at earlier ones whose orbit clears the ground; not those at its time."""
     final = final_event(tables, case)
     last = mission.state_at(tables, case, final)
@@ -76,14 +76,14 @@ def values(orbit_of: meanorbit.Orbit) -> dict[str, float]:
     return {name: float(value) for name, value in zip(QUANTITIES, found, strict=True)}
 
 
-def _rows(tables: Tables, case: str, state: State) -> list[dict[str, Any]]:
+def _rows(tables: Tables, case: str, state: mission.State) -> list[dict[str, Any]]:
     law = mission.law_at(tables, case, state.event)
     now, average = (values(orbit_of(state.r_i, state.v_i)) for orbit_of in (meanorbit.osculating, meanorbit.mean))
     good = mission.good_errors(tables, case, state)
     flown, drawn = (mission.orbit_errors(state, some) for some in (good, mission.draws(law.mean, law.true)))
     rows: list[dict[str, Any]] = []
     for name, (metric, component) in QUANTITIES.items():
-        _, unit, factor = mission.people(metric)
+        *_, unit, factor = MISSION[metric]
         row = {"quantity": name, "unit": unit, "osculating": now[name] * factor, "averaged": average[name] * factor}
         row["remark"] = mission.applies(state, metric, law.true)
         if not row["remark"]:
@@ -130,7 +130,7 @@ def correction(tables: Tables) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=CORRECTION)
 
 
-def _costs(state: State, error: Floats) -> list[float]:
+def _costs(state: mission.State, error: Floats) -> list[float]:
     """Return the values of `CORRECTION` from the mean on."""
     keep = (np.ones(6), np.repeat([1.0, 0.0], 3), np.repeat([0.0, 1.0], 3))
     whole, velocity, position = (impulses.least_at(state.r_i, state.v_i, error * kept).delta_v for kept in keep)

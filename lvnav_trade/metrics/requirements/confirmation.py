@@ -54,17 +54,13 @@ def _sizes(flown: Tables, case: str) -> list[tuple[Any, ...]]:
             errors = errors_by_axis(flown, case, moment.event, quantity).filter(like=f"{quantity}_{axis}_").to_numpy()
             if sigma <= 0.0 or not errors.size:
                 continue
-            n, rms, expected = len(errors), _rms(errors), float(np.hypot(sigma, mean))
+            n, expected = len(errors), float(np.hypot(sigma, mean))
+            rms = float(np.sqrt(np.mean(errors**2))) if np.isfinite(errors).all() else float("inf")  # a run failed
             law, size = ncx2(n, n * (mean / sigma) ** 2), n * (rms / sigma) ** 2
             chance = 2.0 * min(law.cdf(size), law.sf(size))
             head = (flown.labels[case], moment.event, moment.t_s, f"{quantity} {axis}", n, unit)
             found.append((*head, expected * factor, rms * factor, rms / expected, chance))
     return found
-
-
-def _rms(errors: np.ndarray[Any, Any]) -> float:
-    """Return the root mean square; infinite where a run failed."""
-    return float(np.sqrt(np.mean(errors**2))) if np.isfinite(errors).all() else float("inf")
 
 
 def _tails(flown: Tables, case: str) -> list[tuple[Any, ...]]:

@@ -12,7 +12,7 @@ from lvnav_trade.layout import MISSION, split_metric
 from lvnav_trade.metrics.basics.probability import norm_probability, norm_quantile
 from lvnav_trade.metrics.basics.select import flight_events, history_of, number_in, pick, rows_between
 from lvnav_trade.metrics.errors.covariances import Gaussian, gaussian, why_not_applicable
-from lvnav_trade.metrics.mechanics.mission import expected_at, people
+from lvnav_trade.metrics.mechanics.mission import expected_at
 from lvnav_trade.metrics.requirements.requirements import phase_of, verdicts, where, with_unit
 from lvnav_trade.store.read import Tables
 
@@ -56,7 +56,7 @@ def asked(tables: Tables, requirement: Mapping[str, Any], case: str) -> Asked | 
         found = expected_at(tables, case, at, metric)
         if not isinstance(found, tuple):
             return found or UNKNOWN
-        law, (si, unit, factor) = Gaussian(*found, {}), people(metric)
+        law, (_, _, si, unit, factor) = Gaussian(*found, {}), MISSION[metric]
     elif (quantity, axis) in tables.people:
         unit, factor = tables.people[quantity, axis]
         si = str(pick(tables.outputs, quantity=quantity, axis=axis).unit.iloc[0])
@@ -166,8 +166,7 @@ def _factor(found: Asked, names: tuple[str, ...]) -> float:
 def _improvement(found: Asked) -> tuple[str, float, float, str]:
     """Return source, factor_ratio, share_ratio and remark."""
     if found.kept() >= found.probability:
-        as_it_is = "linear covariance expects it to be met as it is"
-        return "", float("nan"), float("nan"), ABOVE_ONLY if found.above_only else as_it_is
+        return "", np.nan, np.nan, ABOVE_ONLY if found.above_only else "linear covariance expects it to be met as it is"
     source, factor, share, remark = _turning(found)
     alone = f"to keep it at {found.moment}; the whole phase may take more" if found.above_only else ""
     return source, factor, share, "; ".join(filter(None, [remark, alone]))

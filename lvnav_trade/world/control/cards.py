@@ -10,13 +10,12 @@ from pydantic import Field
 from lvnav_trade import units
 from lvnav_trade.frames import rotation_e_n
 from lvnav_trade.records import Floats
-from lvnav_trade.units import Card, require_rising
 from lvnav_trade.world.sensors.imu import ImuCard
 
 _UNIFORM = 0.28867513459481287  # radius of gyration of a uniform rod, in its lengths: 1 / sqrt(12)
 
 
-class Nozzle(Card):
+class Nozzle(units.Card):
     """A thrust nozzle on two axes and its actuators: a first-order lag within limits of rate and deflection."""
 
     time_constant: units.TimeConstant
@@ -25,7 +24,7 @@ class Nozzle(Card):
     misalignment: units.AngleSigma = Field(0.0, description="of the thrust, constant over a burn, per axis")
 
 
-class Thrusters(Card):
+class Thrusters(units.Card):
     """Pairs of lateral thrusters that hold the attitude while no motor burns: on or off, with a dead band.
 
     They open where attitude error plus `lead` times rate error leaves the dead band, and close within the part
@@ -39,7 +38,7 @@ class Thrusters(Card):
     release: float = Field(0.5, ge=0.0, lt=1.0)
 
 
-class Stack(Card):
+class Stack(units.Card):
     """The vehicle while one stage is the lowest: a body of a length, whose mass is that of the ascent."""
 
     length: Annotated[units.Length, Field(gt=0.0)]
@@ -55,7 +54,7 @@ class Stack(Card):
     )
 
 
-class RotationCard(Card):
+class RotationCard(units.Card):
     """How a launch vehicle turns in pitch and yaw, about the ascent of its vehicle card.
 
     Roll is held; the axes do not couple. Bending, sloshing, jet damping and the nozzle's own inertia are left out.
@@ -79,7 +78,7 @@ class RotationCard(Card):
         return np.asarray(mass * (stack.gyration * stack.length) ** 2)
 
 
-class Gains(Card):
+class Gains(units.Card):
     """Nozzle angle commanded per attitude error (rad per rad), per rate error, and per integral of attitude error."""
 
     attitude: float = Field(ge=0.0)
@@ -87,7 +86,7 @@ class Gains(Card):
     integral: units.GainPerSecond = 0.0
 
 
-class Turn(Card):
+class Turn(units.Card):
     """A turn manoeuvre laid over the ascent's attitude: by an angle, from an event on, along a quintic in time."""
 
     start: str = Field(description="event of the flight, with a duration added or not, or a time since lift-off")
@@ -96,7 +95,7 @@ class Turn(Card):
     duration: units.TimeConstant
 
 
-class Guidance(Card):
+class Guidance(units.Card):
     """Corrections of the commanded attitude while a motor burns: steps, one every period, against lateral speed.
 
     The step asks for the angle at which the thrust takes the estimated lateral speed away within `time`.
@@ -111,7 +110,7 @@ class Guidance(Card):
     )
 
 
-class ControllerCard(Card):
+class ControllerCard(units.Card):
     """An attitude controller: proportional, rate and integral gains by stage, and how its commands come about.
 
     Nozzle command = attitude gain x attitude error + rate gain x rate error + integral gain x integral. Errors are of
@@ -127,7 +126,7 @@ class ControllerCard(Card):
     guidance: Guidance | None = Field(None, description="none: the ascent's attitude is not corrected")
 
 
-class FeedbackCard(Card):
+class FeedbackCard(units.Card):
     """What feeds the controller: which rate, which attitude, and how large the gyro's noise per sample is taken.
 
     `filtered` is the gyro through a filter that models the rate as a random walk. `navigation` attitude integrates the
@@ -149,7 +148,7 @@ def rate_noise(imu: ImuCard, reading: str) -> float:
     return float(imu.gyro.random_walk * (imu.rate if reading == "published" else math.sqrt(imu.rate)))
 
 
-class WindCard(Card):
+class WindCard(units.Card):
     """Horizontal wind and gusts across the path over geodetic height; straight between the heights, and none above.
 
     A run's steady wind is the profile times 1 + spread n along its direction, and spread n' of it across, n and n'
@@ -170,7 +169,7 @@ class WindCard(Card):
         for name in ("speed", "gust", "gust_length"):
             if len(getattr(self, name)) != len(self.height):
                 yield f"{len(self.height)} heights but {len(getattr(self, name))} entries of {name}"
-        require_rising("height", self.height)
+        units.require_rising("height", self.height)
 
 
 def air(card: WindCard, latitude: Floats, longitude: Floats, height: Floats) -> tuple[Floats, Floats, Floats]:
@@ -186,7 +185,7 @@ def air(card: WindCard, latitude: Floats, longitude: Floats, height: Floats) -> 
     return steady, gust, np.interp(height, card.height, card.gust_length)
 
 
-class ControlledCard(Card):
+class ControlledCard(units.Card):
     """The vehicle of the ascent as a body that is steered in pitch and yaw, fed by its own navigation.
 
     It is flown with the raw, the filtered and the true rate on the same draws. Unit, attitude reference and the

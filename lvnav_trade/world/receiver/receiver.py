@@ -6,14 +6,13 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from lvnav_trade import units
-from lvnav_trade.units import Card
 from lvnav_trade.world.receiver.link import AntennaCard, LinkCard
 from lvnav_trade.world.receiver.loops import LoopsCard
 from lvnav_trade.world.receiver.tracking import TrackingCard
 from lvnav_trade.world.user_file.error_table import ErrorTable
 
 
-class OwnCovariance(Card):
+class OwnCovariance(units.Card):
     """The solver's own covariance of position and velocity goes out with every solution."""
 
     kind: Literal["own"] = "own"
@@ -21,7 +20,7 @@ class OwnCovariance(Card):
     correlated: bool = Field(True, description="whole; or its diagonal alone")
 
 
-class ConstantCovariance(Card):
+class ConstantCovariance(units.Card):
     """The same sigma per axis goes out with every solution."""
 
     kind: Literal["constant"]
@@ -41,7 +40,7 @@ RangeSigma = Annotated[units.LengthSigma, Field(gt=0.0, description="assumed by 
 RateSigma = Annotated[units.SpeedSigma, Field(gt=0.0, description="and of its range rates")]
 
 
-class _Solver(Card):
+class _Solver(units.Card):
     """What the cards of receivers that solve for themselves have in common."""
 
     OLD_KEYS: ClassVar[Mapping[str, str]] = {"told": "replaced by reported_covariance"}
@@ -56,11 +55,11 @@ class _Solver(Card):
         return data
 
 
-def _values(card: Card, without: set[str]) -> dict[str, Any]:
+def _values(card: units.Card, without: set[str]) -> dict[str, Any]:
     return {name: getattr(card, name) for name in type(card).model_fields if name not in without}
 
 
-class DirectSolution(Card):
+class DirectSolution(units.Card):
     """No solver: true position and velocity plus white noise per axis, whatever satellites are seen."""
 
     kind: Literal["direct"] = "direct"
@@ -159,7 +158,7 @@ class FilteredSolution(_Solver):
 SolutionCard = Annotated[DirectSolution | BancroftSolution | FilteredSolution, Field(discriminator="kind")]
 
 
-class ClockCard(Card):
+class ClockCard(units.Card):
     """A receiver oscillator by its power-law coefficients (one-sided): h0 (s), h_minus2 (1/s)."""
 
     h0: float = Field(ge=0)
@@ -168,7 +167,7 @@ class ClockCard(Card):
     initial_drift: units.SpeedSigma = 0.0
 
 
-class ReceiverCard(Card):
+class ReceiverCard(units.Card):
     """A GNSS receiver and its antennas: what is true of its measurements.
 
     Without antennas, link, loops and tracking it measures every satellite above the mask, at once and with constant
