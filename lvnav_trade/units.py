@@ -279,6 +279,13 @@ class Card(BaseModel):
         return schema
 
 
+class NamedCard(Card):
+    """A card of something that has a name, and where its numbers are from."""
+
+    name: str
+    source: str
+
+
 Length = quantity("m")
 Duration = quantity("s")
 Angle = quantity("rad")

@@ -174,7 +174,7 @@ class LogicCard(units.Card):
     )
 
 
-class FilterCard(units.Card):
+class FilterCard(units.NamedCard):
     """A navigation filter: error-state, mechanised in the inertial frame.
 
     Closed loop: what it estimates is fed back to the strapdown at every epoch. Open loop: the strapdown is left alone,
@@ -188,8 +188,6 @@ class FilterCard(units.Card):
         "reference": "replaced by sensor_models.attitude",
     }
 
-    name: str
-    source: str
     measurements: tuple[Measurement, ...] = Field(
         description="[]: inertial; of the receiver either its solution (position, velocity) or ranges (pseudorange, "
         "range_rate); of sensors; imu: samples of the IMU"

@@ -190,7 +190,6 @@ def _densities(card: FilterCard, layout: StateLayout, imu: ImuModel, receiver: R
 
 
 def _row_types(channels: Channels) -> Ints:
-    """Return the row type of each channel."""
     types = [PSEUDORANGE, RANGE_RATE] * len(channels.satellites) if channels.tight else [POSITION] * 3 + [VELOCITY] * 3
     types += [TYPES[sensor.measures] for sensor in channels.sensors for _ in sensor.labels]
     return np.array(types, dtype=np.int64)

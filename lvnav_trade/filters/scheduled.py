@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from lvnav_trade.records import Bools, Floats
-from lvnav_trade.units import Card
+from lvnav_trade.units import Card, NamedCard
 
 # The measurements that gains are for unless the schedule names others, in the order of their updates, frame i.
 ROWS = ("position x", "position y", "position z", "velocity x", "velocity y", "velocity z")
@@ -36,11 +36,9 @@ class GainSegment(Card):
             yield f"segment {self.event!r}: the times of its knots should rise"
 
 
-class GainSchedule(Card):
+class GainSchedule(NamedCard):
     """Gains of a filter's states for its measurements, computed once on the flight that `source` names."""
 
-    name: str
-    source: str
     flight: str = Field("", description="name of the trajectory that it was computed for")
     flight_digest: str = Field("", description="of that trajectory: a filter on another one gives a warning")
     by: Literal["event", "time"] = Field("event", description="what a segment's times count from")

@@ -110,10 +110,10 @@ def heatmap(tables: Tables, case: str, quantity: str) -> Figure:
     start, ax = grid[0]
     scale = LogNorm(_LEAST, max(float(np.nanmax(image)), 10 * _LEAST))
     _cells(start, np.array([0.0, 1.0]), image[:, :1], scale)
-    bar = figure.colorbar(_cells(ax, edges[1:], image[:, 1:], scale), ax=ax, pad=0.09, fraction=0.035)
-    bar.set_label(f"part of the variance at\n{event}, per {edges[1] - edges[0]:g} s (%)")
-    bar.formatter = FuncFormatter(lambda value, _: f"{value:g}")
-    bar.update_ticks()
+    label = f"part of the variance at\n{event}, per {edges[1] - edges[0]:g} s (%)"
+    plain = FuncFormatter(lambda value, _: f"{value:g}")
+    cells = _cells(ax, edges[1:], image[:, 1:], scale)
+    figure.colorbar(cells, ax=ax, pad=0.09, fraction=0.035, label=label, format=plain)
     start.set(yticks=np.arange(len(names)) + 0.5, yticklabels=names, xticks=[0.5], xticklabels=["at the\nstart"])
     start.set(xlabel="drawn", ylabel="error source", ylim=(len(names), 0.0))
     for row, name in enumerate(names):

@@ -69,8 +69,8 @@ def _carrier(axes: Any, rows: pd.DataFrame, case: pd.Series) -> None:
             axes.plot(times, line.cn0_db_hz.where(shown), lw=0.7, color=colour, label=None if number else label)
     median = rows[rows.tracked].groupby("t_s").cn0_db_hz.median().reindex(times)
     axes.plot(times, median, color="black", lw=1.9, label="median of those tracked")
-    found, kept = case.acquire_above_db_hz, case.track_above_db_hz
-    for value, name, dashes in ((found, "found above", "--"), (kept, "kept above", ":")):
+    found, kept = (case.acquire_above_db_hz, "found above", "--"), (case.track_above_db_hz, "kept above", ":")
+    for value, name, dashes in (found, kept):
         if value == value:
             axes.axhline(value, color=PALETTE[1], lw=1.0, ls=dashes, label=f"{name} {value:g} dB-Hz")
     axes.set_ylabel("C/N0 (dB-Hz)")

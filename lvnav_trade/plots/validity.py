@@ -48,7 +48,6 @@ def validity(tables: Tables) -> Figure:
         ax.text(column + 0.5, row + 0.5, f"{mark} {size}".strip(), ha="center", va="center", fontsize=8, color=colour)
     ax.set(xticks=np.arange(len(columns)) + 0.5, xticklabels=columns, xlabel=across.replace("_", " "))
     ax.set(yticks=np.arange(len(rows)) + 0.5, yticklabels=rows, ylabel=down.replace("_", " "))
-    bar = figure.colorbar(cells, ax=ax, pad=0.02)
-    bar.set_label("furthest ratio of RMS\nto linear covariance (-)")
+    bar = figure.colorbar(cells, ax=ax, pad=0.02, label="furthest ratio of RMS\nto linear covariance (-)")
     bar.set_ticks([1, 2, 5, 10, 20, 50, 100], labels=["1", "2", "5", "10", "20", "50", "100"])
     return figure

@@ -33,9 +33,7 @@ class Results:
     """The folder of one campaign's results, open for writing."""
 
     def __init__(self, folder: OwnedFolder, manifest: dict[str, Any]) -> None:
-        self.folder = folder.folder
-        self.owned = folder
-        self.manifest = manifest
+        self.folder, self.owned, self.manifest = folder.folder, folder, manifest
 
     def case_folder(self, case_id: str) -> Path:
         """Return the folder that holds the parts of a case."""

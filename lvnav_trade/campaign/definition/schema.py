@@ -63,16 +63,15 @@ class Axis(units.Card):
         """The steps of its path below the base."""
         return self.path.removeprefix("base.").split(".")
 
-    def _faults(self) -> Iterator[str]:
-        levels = self.cards or self.values or ()
-        if (self.cards is None) == (self.values is None):
-            yield "an axis has either cards or values"
-        if not levels:
-            yield "an axis needs at least one card or value"
-        if self.labels is not None and len(self.labels) != len(levels):
-            yield f"{len(self.labels)} labels for {len(levels)} levels"
-        if self.labels is not None and len(set(self.labels)) != len(self.labels):
-            yield "two levels have the same label"
+    def _faults(self) -> list[str]:
+        levels, labels = self.cards or self.values or (), self.labels or ()
+        rules = {
+            "an axis has either cards or values": (self.cards is None) == (self.values is None),
+            "an axis needs at least one card or value": not levels,
+            f"{len(labels)} labels for {len(levels)} levels": self.labels is not None and len(labels) != len(levels),
+            "two levels have the same label": len(set(labels)) != len(labels),
+        }
+        return [fault for fault, found in rules.items() if found]
 
 
 class Requirement(units.Card):

@@ -220,10 +220,7 @@ def solution_outputs_of(prepared: Prepared, history: CovHistory, out: Recorded) 
     if report is None or chain is None:
         return history
     turn = _turn(prepared)
-    own = chain.own.copy()
-    for epoch in range(1, len(chain.solved)):
-        if not chain.solved[epoch]:
-            own[epoch] = own[epoch - 1]
+    own = chain.own[np.maximum.accumulate(np.where(chain.solved, np.arange(len(chain.solved)), 0))]
     last = _last_epoch(prepared)
     formal = (
         turn @ np.concatenate([own, np.zeros((1, receiver.N_STATE, receiver.N_STATE))])[last] @ np.swapaxes(turn, 1, 2)
@@ -255,7 +252,6 @@ def _turn(prepared: Prepared) -> Floats:
 
 
 def _diagonal(variance: Floats) -> Floats:
-    """Return diagonal matrices (n, k, k) of variances (n, k)."""
     return np.asarray(variance[:, :, None] * np.eye(variance.shape[1]))
 
 

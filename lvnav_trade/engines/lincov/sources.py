@@ -19,11 +19,13 @@ def source_names(prepared: Prepared) -> list[str]:
     names, owners = ["initial attitude", "initial velocity", "initial position"], dict(mounted(scenario.imu)).items()
     names += [keyed(f"{label} random walk", number) for number, _ in owners for label in ("gyro", "accelerometer")]
     names += list(dict.fromkeys(block.source for block in prepared.sources))
-    for number, unit in owners:
-        for label, card in (("gyro", unit.gyro), ("accelerometer", unit.accel)):
-            names += [keyed(f"{label} quantisation", number)] * (card.quantisation > 0.0)
-    if model.aided:
-        names += list(dict.fromkeys(family.source for family in prepared.families))
+    names += [
+        keyed(f"{label} quantisation", number)
+        for number, unit in owners
+        for label, card in (("gyro", unit.gyro), ("accelerometer", unit.accel))
+        if card.quantisation > 0.0
+    ]
+    names += list(dict.fromkeys(family.source for family in prepared.families if model.aided))
     if model.tight:
         names += ["receiver clock start", "receiver clock", "pseudorange noise", "range-rate noise"]
     elif prepared.options.solver is not None:

@@ -28,8 +28,7 @@ from lvnav_trade.layout import StateLayout, outputs, solution_outputs
 from lvnav_trade.observables.partials import Channels
 from lvnav_trade.reads import remembered
 from lvnav_trade.records import Floats, Ints, Output, Reference, Sky
-from lvnav_trade.scenario import Scenario, epoch_interval, filter_models, has_covariance, reported, solves
-from lvnav_trade.scenario import measured as measured_by
+from lvnav_trade.scenario import Scenario, epoch_interval, filter_models, has_covariance, measured, reported, solves
 from lvnav_trade.sources import IMU_NOISE
 from lvnav_trade.world.conditions import Course
 from lvnav_trade.world.faults import AccelBiasStep, AnyFault, GyroBiasStep, delay, failures, periods
@@ -223,11 +222,11 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     at = times_of(scenario, trajectory, ref, epochs, kept, history, every_step_beside)
     imu, receiver, initial = filter_models(scenario)
     channels, lever_b = channels_of(scenario, seen, devices), np.array(scenario.receiver.lever_b)
-    measured = channels._replace(tight=True) if solves(scenario) else channels
+    received = channels._replace(tight=True) if solves(scenario) else channels
     lever_arms = seen.lever_arms if channels.tight else lever_b[None, :]
     layout, model = build_filter_model(
         card, imu, receiver, lever_arms, at.lengths, channels, epochs.group, every(scenario), has_covariance(scenario),
-        solves(scenario), measured_by(scenario),
+        solves(scenario), measured(scenario),
     )  # fmt: skip
     gains = gains_of(scenario, layout, channels, t_epoch, trajectory.events)
     if gains is not None:
@@ -237,12 +236,12 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     geometry = geometry_of(line, seen.tracked, late_by.troposphere, late_by.ionosphere)
     modelled = geometry_of(line, seen.tracked, late_by.modelled_troposphere, late_by.modelled_ionosphere)
     failed = failures(scenario.faults, trajectory.course, t_epoch, seen.names, seen.elevation, seen.tracked)
-    tabled = recorded(scenario, trajectory.theta0, line, seen, measured, failed.frozen)
-    shared_errors = (*families(scenario, geometry, measured, failed, devices), *tabled.families)
-    shared = shared_of(shared_errors, layout, epoch_interval(scenario), (t_epoch.size, measured.n_channel))
+    tabled = recorded(scenario, trajectory.theta0, line, seen, received, failed.frozen)
+    shared_errors = (*families(scenario, geometry, received, failed, devices), *tabled.families)
+    shared = shared_of(shared_errors, layout, epoch_interval(scenario), (t_epoch.size, received.n_channel))
     left = late_by.left + time_offsets(scenario.constellation, seen.systems, trajectory.epoch, seen.t)
     truth = signals(
-        scenario, seen, line, receiver, layout, modelled, channels, measured, shared, failed, left, tabled.mean, devices
+        scenario, seen, line, receiver, layout, modelled, channels, received, shared, failed, left, tabled.mean, devices
     )  # fmt: skip
     blocks = (*blocks_of(scenario.imu), *disturbance(scenario.gravity))
     units = units_of(scenario, ref, trajectory.course, devices, layout)
@@ -301,8 +300,8 @@ def _seen(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: fl
         now = sky(above, receiver, trajectory, t_epoch, scenario.faults)
         late = late + receiver.latency_per_satellite * now.tracked.sum(axis=1)
     # where the latency falls, a later epoch still measures no earlier
-    measured = np.maximum.accumulate(np.maximum(start, t_epoch - late))
-    return sky(above, receiver, trajectory, measured, scenario.faults)
+    times = np.maximum.accumulate(np.maximum(start, t_epoch - late))
+    return sky(above, receiver, trajectory, times, scenario.faults)
 
 
 def _report(
@@ -318,14 +317,12 @@ def _report(
 
 def _channel_names(scenario: Scenario, channels: Channels, report: Report | None) -> tuple[str, ...]:
     """Return the names of all innovations: of the filter's channels, of the IMU's samples, of the receiver's own."""
-    if not measured_by(scenario):
+    if not measured(scenario):
         return ("none",)
-    names = list(channels.names)
-    if "imu" in scenario.filter.measurements:
-        names += [f"{sensor} {axis}" for sensor in ("gyro", "accelerometer") for axis in "xyz"]
-    if report is not None and report.n_channel:
-        names += [f"receiver {name} {what}" for name in channels.satellites for what in ("range", "range rate")]
-    return tuple(names)
+    sensors = ("gyro", "accelerometer") if "imu" in scenario.filter.measurements else ()
+    solved = channels.satellites if report is not None and report.n_channel else ()
+    own = [f"receiver {name} {what}" for name in solved for what in ("range", "range rate")]
+    return (*channels.names, *(f"{sensor} {axis}" for sensor in sensors for axis in "xyz"), *own)
 
 
 def _start(scenario: Scenario, ref: Reference, C_n_i: Floats, P: Floats) -> Start:

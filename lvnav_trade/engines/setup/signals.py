@@ -22,6 +22,7 @@ from lvnav_trade.scenario import Scenario, epoch_interval, solves
 from lvnav_trade.sources import CLOCK_START, CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE
 from lvnav_trade.world.faults import Failures
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
+from lvnav_trade.world.receiver.visibility import point_of
 from lvnav_trade.world.sky.constellation import LETTERS, Part, RinexConstellation, parts_of
 
 
@@ -45,9 +46,9 @@ class Line:
     def __init__(self, trajectory: Trajectory, lever_b: Floats, seen: Sky) -> None:
         at = motion(trajectory, seen.t)
         self.at, self.C_b_i = at, matrices(at.q_b_i)
-        self.position, self.velocity = self._point(lever_b)
+        self.position, self.velocity = point_of(at, self.C_b_i, lever_b)
         self.push = _pull(at.r_i) + np.einsum("nij,nj->ni", self.C_b_i, at.f_b)
-        points = [self._point(lever) for lever in seen.lever_arms]
+        points = [point_of(at, self.C_b_i, lever) for lever in seen.lever_arms]
         places, speeds = (np.stack(arrays, axis=1) for arrays in zip(*points, strict=True))
         line = seen.r_i - np.take_along_axis(places, seen.antenna[:, :, None], axis=1)
         moving = seen.v_i - np.take_along_axis(speeds, seen.antenna[:, :, None], axis=1)
@@ -58,11 +59,6 @@ class Line:
         self.drift = (moving - self.rate[:, :, None] * self.direction) / self.distance[:, :, None]
         pulled = np.einsum("esi,esi->es", self.direction, _pull(seen.r_i) - self.push[:, None, :])
         self.acceleration = across / self.distance + pulled
-
-    def _point(self, lever_b: Floats) -> tuple[Floats, Floats]:
-        """Return position and velocity (n_epoch, 3) of a point of the vehicle, frame i."""
-        swing = np.einsum("nij,nj->ni", self.C_b_i, np.cross(self.at.w_ib_b, lever_b))
-        return self.at.r_i + self.C_b_i @ lever_b, self.at.v_i + swing
 
     @property
     def lever(self) -> Floats:
@@ -97,11 +93,6 @@ def geometry_of(line: Line, tracked: NDArray[np.bool_], troposphere: Floats, ion
     )
 
 
-def _scale(layer: str, sigma: float, time: float | None) -> Cause:
-    kind = f"{layer}_scale"
-    return Cause(f"{layer} scale", kind, kind, sigma, time or math.inf)
-
-
 def letters(part: Part) -> tuple[str, ...]:
     """Return the letters of the systems of a part."""
     if isinstance(part, RinexConstellation):
@@ -129,10 +120,10 @@ def causes_of(scenario: Scenario, channels: Channels) -> list[Cause]:
     solution = None if solves(scenario) else direct(scenario)
     if solution is not None and enters("position_bias"):
         found.append(_of_solution("position", solution.position_bias, solution.bias_time))
-    if enters("troposphere_scale"):
-        found.append(_scale("troposphere", air.troposphere_scale, air.troposphere_scale_time))
-    if enters("ionosphere_scale"):
-        found.append(_scale("ionosphere", air.ionosphere_scale, air.ionosphere_scale_time))
+    for layer in ("troposphere_scale", "ionosphere_scale"):
+        if enters(layer):
+            sigma, time = (getattr(air, name) for name in (layer, f"{layer}_time"))
+            found.append(Cause(layer.replace("_", " "), layer, layer, sigma, time or math.inf))
     for part in parts_of(scenario.constellation):
         systems = letters(part)
         if enters("range_bias"):

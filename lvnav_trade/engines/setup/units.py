@@ -107,7 +107,6 @@ def _pairs(card: ImuSet, devices: tuple[Sensor, ...], layout: StateLayout) -> di
 
 
 def _white(card: ImuSet, triad: Triad, dt: float) -> list[float]:
-    """Return per-tick sigma of gyro and accelerometer, and their quantisation steps."""
     unit = card.units[triad.unit]
     return [
         unit.gyro.random_walk * dt**0.5, unit.accel.random_walk * dt**0.5, unit.gyro.quantisation,

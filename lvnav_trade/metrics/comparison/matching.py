@@ -88,7 +88,6 @@ def _pairs(base: Tables, candidate: Tables, mapping: dict[str, str]) -> list[Pai
 
 
 def _check(tables: Tables, names: Iterable[str]) -> None:
-    """Refuse names that neither a case nor a level has."""
     levels = [level for held in tables.levels.values() for _, level in sorted(held.items())]
     words = list(dict.fromkeys([*tables.labels, *tables.labels.values(), *levels]))
     for name in names:

@@ -107,11 +107,9 @@ class Fairing(Card):
     after_ignition: units.Pause = Field(description="time between that ignition and the release")
 
 
-class VehicleCard(Card):
+class VehicleCard(units.NamedCard):
     """A launch vehicle as a point mass with stages, strap-on boosters, drag and a load limit."""
 
-    name: str
-    source: str
     stages: tuple[Stage, ...] = Field(min_length=1)
     boosters: tuple[Boosters, ...] = Field((), description="groups of strap-on boosters of the first stage")
     payload: units.Mass

@@ -54,14 +54,12 @@ class Stack(units.Card):
     )
 
 
-class RotationCard(units.Card):
+class RotationCard(units.NamedCard):
     """How a launch vehicle turns in pitch and yaw, about the ascent of its vehicle card.
 
     Roll is held; the axes do not couple. Bending, sloshing, jet damping and the nozzle's own inertia are left out.
     """
 
-    name: str
-    source: str
     stacks: tuple[Stack, ...] = Field(min_length=1, description="one for each stage, from the first")
     nozzle: Nozzle
     thrusters: Thrusters
@@ -110,7 +108,7 @@ class Guidance(units.Card):
     )
 
 
-class ControllerCard(units.Card):
+class ControllerCard(units.NamedCard):
     """An attitude controller: proportional, rate and integral gains by stage, and how its commands come about.
 
     Nozzle command = attitude gain x attitude error + rate gain x rate error + integral gain x integral. Errors are of
@@ -118,8 +116,6 @@ class ControllerCard(units.Card):
     the command begins where the vehicle points and goes over to the ascent's attitude by the lag of `command_time`.
     """
 
-    name: str
-    source: str
     gains: tuple[Gains, ...] = Field(min_length=1, description="one for each stage, from the first")
     command_time: units.TimeConstant = Field(2.0, description="critically damped lag that smooths steps of the command")
     turns: tuple[Turn, ...] = ()
@@ -148,7 +144,7 @@ def rate_noise(imu: ImuCard, reading: str) -> float:
     return float(imu.gyro.random_walk * (imu.rate if reading == "published" else math.sqrt(imu.rate)))
 
 
-class WindCard(units.Card):
+class WindCard(units.NamedCard):
     """Horizontal wind and gusts across the path over geodetic height; straight between the heights, and none above.
 
     A run's steady wind is the profile times 1 + spread n along its direction, and spread n' of it across, n and n'
@@ -156,8 +152,6 @@ class WindCard(units.Card):
     length that vary with height.
     """
 
-    name: str
-    source: str
     height: tuple[units.Length, ...] = Field(min_length=2, description="rising, of all tables")
     speed: tuple[units.SpeedSigma, ...] = Field(description="of the steady wind")
     direction: units.Angle = Field(description="from which it blows, clockwise from north")

@@ -153,8 +153,6 @@ def orbit(card: OrbitalFlight) -> Trajectory:
 
 
 class _Flight(Flown):
-    """A flight of legs and a descent."""
-
     def __init__(self, card: OrbitalFlight) -> None:
         self.card, at, theta0 = card, card.orbit, gmst(card.epoch)
         a, e = SEMI_MAJOR + 0.5 * (at.apogee + at.perigee), 0.5 * (at.apogee - at.perigee)

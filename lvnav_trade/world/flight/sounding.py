@@ -167,8 +167,6 @@ def launch(card: SoundingFlight) -> Trajectory:
 
 
 class _Flight(Flown):
-    """A flight from the rail over the apogee and down."""
-
     def __init__(self, card: SoundingFlight, elevation: float) -> None:
         up, downrange, right = site_axes(card.site, card.rail.azimuth)
         self.card, self.elevation, self.right_e, self.held = card, elevation, right, False

@@ -134,8 +134,7 @@ class FilteredSolution(_Solver):
     def _faults(self) -> Iterator[str]:
         if (self.jerk is None) == (self.acceleration_noise is None):
             yield "state jerk (a filter with acceleration) or acceleration_noise (one without), not both"
-        other = self.acceleration_gain if self.jerk is not None else self.jerk_gain
-        if other:
+        if self.acceleration_gain if self.jerk is not None else self.jerk_gain:
             yield "jerk_gain goes with jerk, acceleration_gain with acceleration_noise"
         if self.acceleration_noise is not None and self.acceleration_time is not None:
             yield "acceleration_time: there is no acceleration to decay, state jerk for it"
@@ -167,7 +166,7 @@ class ClockCard(units.Card):
     initial_drift: units.SpeedSigma = 0.0
 
 
-class ReceiverCard(units.Card):
+class ReceiverCard(units.NamedCard):
     """A GNSS receiver and its antennas: what is true of its measurements.
 
     Without antennas, link, loops and tracking it measures every satellite above the mask, at once and with constant
@@ -175,8 +174,6 @@ class ReceiverCard(units.Card):
     lock of C/N0 and of the motion; tracking makes searching and pulling in take their time.
     """
 
-    name: str
-    source: str
     rate: units.Frequency = Field(1.0, description="of its measurements; a filter uses all of them or every n-th")
     latency: units.Pause = Field(
         0.0, description="age of a measurement when the filter takes it for present; not compensated"

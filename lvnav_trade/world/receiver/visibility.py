@@ -8,7 +8,7 @@ import numpy as np
 from lvnav_trade import frames
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.kernels.earth import OMEGA, SEMI_MAJOR, SEMI_MINOR
-from lvnav_trade.records import Floats, Sky
+from lvnav_trade.records import Floats, Motion, Sky
 from lvnav_trade.world.faults import AntennaFailure, AnyFault, Mask, antennas_alive, lost
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
 from lvnav_trade.world.receiver.link import off_nadir
@@ -107,7 +107,13 @@ def range_pull(direction: Floats, distance: Floats, sent: Transmission, antenna_
 def antenna(trajectory: Trajectory, receiver: ReceiverCard, t: Floats) -> tuple[Floats, Floats]:
     """Return true position (m) and velocity (m/s) of the antenna in frame i, (n_epoch, 3) each, lever arm included."""
     at = motion(trajectory, t)
-    lever_b, C_b_i = np.array(receiver.lever_b), frames.matrices(at.q_b_i)
+    return point_of(at, frames.matrices(at.q_b_i), np.array(receiver.lever_b))
+
+
+def point_of(at: Motion, C_b_i: Floats, lever_b: Floats) -> tuple[Floats, Floats]:
+    """Return position (m) and velocity (m/s), (n_epoch, 3) each, frame i, of a point (3,) m of a vehicle whose motion
+    is `at` and whose attitude C_b_i (n_epoch, 3, 3).
+    """
     return at.r_i + C_b_i @ lever_b, at.v_i + np.einsum("nij,nj->ni", C_b_i, np.cross(at.w_ib_b, lever_b))
 
 

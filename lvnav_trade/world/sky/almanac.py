@@ -180,7 +180,6 @@ _Row = tuple[int, list[str]]  # number and words of a line
 
 
 def _next(rows: list[_Row], at: int) -> int:
-    """Return the index of the next line that is not blank."""
     return next((k for k in range(at, len(rows)) if rows[k][1]), max(at, len(rows)))
 
 
