@@ -3,11 +3,8 @@
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OTHER_0, OWN_0, OWN_1
-from lvnav_trade.records import Output
+from lvnav_trade.records import Ints, Output
 
 
 class ParameterKind(NamedTuple):
@@ -75,7 +72,7 @@ class ExtraBlock(NamedTuple):
     name: str
     labels: tuple[str, ...]
     offset: int
-    member: NDArray[np.int64]
+    member: Ints
     sigma: float
     time_constant: float
     unit: tuple[str, str, float]

@@ -49,15 +49,20 @@ class GainSchedule(NamedCard):
     segments: tuple[GainSegment, ...] = Field(min_length=1)
     digest: str = Field(description="of states and segments: numbers that were changed by hand are refused")
 
-    def _faults(self) -> Iterator[str]:
-        found, n = digest_of(self.states, self.segments, self.measurements), len(self.states)
-        if found != self.digest:
-            yield f"its numbers have digest {found}, not {self.digest}: compute the schedule again"
-        knots = [knot for segment in self.segments for knot in segment.knots]
-        if any(len(column) != n for knot in knots for column in knot.gain):
-            yield f"the gain of a measurement should have {n} numbers, one a state"
-        if any(len(knot.gain) != len(self.measurements) for knot in knots):
-            yield f"a knot should have {len(self.measurements)} gains, one a measurement"
+    def _faults(self) -> list[str]:
+        digest, n, m = (
+            digest_of(self.states, self.segments, self.measurements),
+            len(self.states),
+            len(self.measurements),
+        )
+        gains = [knot.gain for segment in self.segments for knot in segment.knots]
+        uneven = any(len(column) != n for gain in gains for column in gain)
+        rules = {
+            f"its numbers have digest {digest}, not {self.digest}: compute the schedule again": digest != self.digest,
+            f"the gain of a measurement should have {n} numbers, one a state": uneven,
+            f"a knot should have {m} gains, one a measurement": any(len(gain) != m for gain in gains),
+        }
+        return [fault for fault, found in rules.items() if found]
 
 
 # Share of a gain's largest size on the flight below which it is zero: rounding reaches 2.5e-11 of that size, so what

@@ -14,9 +14,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-from numpy.typing import NDArray
 
 from lvnav_trade.metrics.basics.select import pick
+from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables, load
 
 # Every figure by name, as `drawing` finds them
@@ -166,7 +166,7 @@ def _flown(events: pd.DataFrame) -> pd.DataFrame:
     return events[events.kind == "event"].sort_values(["t_s", "event"], kind="stable")
 
 
-def _groups(t: NDArray[np.float64], room: float) -> list[tuple[int, int]]:
+def _groups(t: Floats, room: float) -> list[tuple[int, int]]:
     """Return (first, last) of each group of events that are closer than `room` to its first."""
     firsts: list[int] = []
     for index, time in enumerate(t):
@@ -186,7 +186,7 @@ def _leftward(starts: list[float]) -> list[bool]:
     return [start >= turn for start in starts]
 
 
-def _apart(groups: list[list[str]], places: NDArray[np.float64], leftward: list[bool]) -> list[str]:
+def _apart(groups: list[list[str]], places: Floats, leftward: list[bool]) -> list[str]:
     """Return the names of groups of events at places (inches); where two that lean towards each other would meet, each
     names the first of its group.
     """

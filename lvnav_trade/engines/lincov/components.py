@@ -5,7 +5,6 @@ from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lvnav_trade.engines.lincov.slots import Component, as_lanes, by_length, slot_tables
 from lvnav_trade.engines.lincov.sources import measurement_tables, n_joint, noise_sources, source_names
@@ -14,11 +13,9 @@ from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.filters.model import transition_blocks
 from lvnav_trade.kernels.clock import spectral_densities
 from lvnav_trade.kernels.transition import ACCEL, ATT, CONSTANT, GYRO, POS, VEL
-from lvnav_trade.records import Floats, Ints
+from lvnav_trade.records import Bools, Floats, Ints
 from lvnav_trade.world.sensors.imu import ImuCard
 from lvnav_trade.world.sensors.units import keyed, mounted
-
-Flags = NDArray[np.bool_]
 
 GRAVITY = -2
 # Time constant (s) of noise that is new in every window.
@@ -52,9 +49,9 @@ class Components(NamedTuple):
     group: Ints
     lane: Ints
     n_slot: Ints
-    followed: Flags
-    moves: Flags
-    samples: Flags
+    followed: Bools
+    moves: Bools
+    samples: Bools
     factor: Floats
     noise: Floats
     echo: Floats
@@ -69,8 +66,8 @@ class Components(NamedTuple):
     triad: Ints
     stands: Floats
     first: Ints
-    moving: Flags
-    sampled: Flags
+    moving: Bools
+    sampled: Bools
     by_samples: bool
     first_shared: int
     shared_family: Ints

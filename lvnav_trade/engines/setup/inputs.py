@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.records import Floats, Ints
+from lvnav_trade.records import Bools, Floats, Ints
 
 
 class Schedule(NamedTuple):
@@ -99,7 +99,7 @@ class Shared(NamedTuple):
     sources: NDArray[np.uint64]
     satellites: NDArray[np.uint64]
     extra: Ints
-    given: NDArray[np.bool_]
+    given: Bools
 
 
 class Signals(NamedTuple):
@@ -134,7 +134,7 @@ class Signals(NamedTuple):
     clock_step: Floats
     clock_start: Floats
     clock_jump: Floats
-    frozen: NDArray[np.bool_]
+    frozen: Bools
     interval: float
     n_receiver: int
     shift: int
@@ -180,7 +180,7 @@ class Sensors(NamedTuple):
     code: Ints
     channel: Ints
     scalars: Ints
-    on: NDArray[np.bool_]
+    on: Bools
     truth: Floats
     known: Floats
     theta: Floats

@@ -40,9 +40,8 @@ class CloneTimes(NamedTuple):
 def direct(scenario: Scenario) -> DirectSolution:
     """Return what is true of a simulated solution; a tight filter behind a solving receiver takes none."""
     card = scenario.receiver.solution
-    if isinstance(card, DirectSolution):
-        return card
-    return DirectSolution.model_construct(position_sigma=0.0, velocity_sigma=0.0)
+    none = DirectSolution.model_construct(position_sigma=0.0, velocity_sigma=0.0)
+    return card if isinstance(card, DirectSolution) else none
 
 
 def every(scenario: Scenario) -> int:

@@ -10,7 +10,7 @@ from lvnav_trade.engines.setup.signals import Line, hold
 from lvnav_trade.frames import earth_angle
 from lvnav_trade.kernels.random import philox, seed_words, source_word
 from lvnav_trade.observables.partials import Channels
-from lvnav_trade.records import Floats, Sky
+from lvnav_trade.records import Bools, Floats, Sky
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.receiver.receiver import DirectSolution
 from lvnav_trade.world.user_file.error_table import ErrorTable, in_frame_i, sampled
@@ -35,9 +35,7 @@ def table_of(scenario: Scenario) -> ErrorTable | None:
     return solution.error_table if isinstance(solution, DirectSolution) else None
 
 
-def recorded(
-    scenario: Scenario, theta0: float, line: Line, seen: Sky, channels: Channels, frozen: NDArray[np.bool_]
-) -> Recorded:
+def recorded(scenario: Scenario, theta0: float, line: Line, seen: Sky, channels: Channels, frozen: Bools) -> Recorded:
     """Return the recorded errors of the receiver's solution at the epochs of a flight; zeros where there are none.
 
     A frozen epoch (n_epoch,) has the errors of the one before.

@@ -5,7 +5,6 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lvnav_trade.engines.setup.inputs import Sensors
 from lvnav_trade.errors import InputError, Mistake
@@ -15,7 +14,7 @@ from lvnav_trade.observables.imu_difference import ImuDifferenceCard
 from lvnav_trade.observables.partials import Channels, SensorChannels, SensorState
 from lvnav_trade.observables.sensor import N_KNOWN, N_TRUTH, FlightView, LastingError, SensorCard, SensorModel
 from lvnav_trade.observables.sensors import SENSORS
-from lvnav_trade.records import Floats
+from lvnav_trade.records import Bools, Floats
 from lvnav_trade.scenario import Scenario, difference_of, sensor_model, sensors_used
 from lvnav_trade.world.conditions import Course, inside
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
@@ -38,7 +37,7 @@ class Sensor(NamedTuple):
     card: SensorCard
     channels: SensorChannels
     noise: str
-    on: NDArray[np.bool_]
+    on: Bools
     truth: Floats
     sigma: Floats
     variance: Floats
@@ -83,7 +82,7 @@ def _states(
     )  # fmt: skip
 
 
-def measures(scenario: Scenario, card: SensorCard, course: Course, t_epoch: Floats) -> NDArray[np.bool_]:
+def measures(scenario: Scenario, card: SensorCard, course: Course, t_epoch: Floats) -> Bools:
     """Return at which epochs (n_epoch,) s a sensor measures, (n_epoch,) bool.
 
     Its measurements stand at multiples of its interval since lift-off, on epochs of the filter. InputError names an
@@ -95,7 +94,7 @@ def measures(scenario: Scenario, card: SensorCard, course: Course, t_epoch: Floa
     return on & (np.abs(ticks - np.rint(ticks)) < 1e-6 * max(1.0, rate))
 
 
-def _since(on: NDArray[np.bool_], t_epoch: Floats, start: float) -> Floats:
+def _since(on: Bools, t_epoch: Floats, start: float) -> Floats:
     """Return the time (n_epoch,) s from the measurement before, or from the start (s) of the flight, to each epoch."""
     return np.asarray(t_epoch - np.concatenate([[start], np.maximum.accumulate(np.where(on, t_epoch, start))[:-1]]))
 

@@ -17,7 +17,7 @@ from lvnav_trade.kernels.earth import GM
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.layout import RELATIVE, ExtraBlock, StateLayout
 from lvnav_trade.observables.partials import LEVER_AXES, Channels, Geometry, members, partial, sensor_states
-from lvnav_trade.records import Floats, Sky
+from lvnav_trade.records import Bools, Floats, Sky
 from lvnav_trade.scenario import Scenario, epoch_interval, solves
 from lvnav_trade.sources import CLOCK_START, CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE
 from lvnav_trade.world.faults import Failures
@@ -73,12 +73,12 @@ def _pull(r_i: Floats) -> Floats:
     return -GM * r_i / np.linalg.norm(r_i, axis=-1, keepdims=True) ** 3
 
 
-def _in_solution(line: Line, tracked: NDArray[np.bool_], errors: Floats) -> Floats:
+def _in_solution(line: Line, tracked: Bools, errors: Floats) -> Floats:
     """Return what errors of ranges and rates (n_epoch, n_sat, 2) put into a least-squares solution, (n_epoch, 6)."""
     return np.hstack([_shifts(line, tracked, errors[:, :, 0]), _shifts(line, tracked, errors[:, :, 1])])
 
 
-def geometry_of(line: Line, tracked: NDArray[np.bool_], troposphere: Floats, ionosphere: Floats) -> Geometry:
+def geometry_of(line: Line, tracked: Bools, troposphere: Floats, ionosphere: Floats) -> Geometry:
     """Return what partials of measurements are made of; delays (n_epoch, n_sat, 2) with their rates."""
     return Geometry(
         rate=line.rate,
@@ -224,7 +224,7 @@ def _grown(sigma: Floats, channels: Channels, failed: Failures) -> Floats:
     return grown
 
 
-def _shifts(line: Line, tracked: NDArray[np.bool_], errors: Floats) -> Floats:
+def _shifts(line: Line, tracked: Bools, errors: Floats) -> Floats:
     """Return what errors of ranges or rates (n_epoch, n_sat) put into a least-squares solution, (n_epoch, 3)."""
     shift = np.zeros((len(errors), 3))
     for epoch in np.flatnonzero(np.any(np.where(tracked, errors, 0.0) != 0.0, axis=1)):
@@ -235,7 +235,7 @@ def _shifts(line: Line, tracked: NDArray[np.bool_], errors: Floats) -> Floats:
     return shift
 
 
-def hold(frozen: NDArray[np.bool_], *tables: NDArray[Any]) -> None:
+def hold(frozen: Bools, *tables: NDArray[Any]) -> None:
     """Let every frozen epoch repeat the one before, in place: tables (n_epoch, ...) updated."""
     for epoch in np.flatnonzero(frozen):
         for table in tables:

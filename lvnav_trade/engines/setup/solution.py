@@ -8,7 +8,6 @@ simulated solution is the case without memory: s+ = -w - c. See `receivers.casca
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lvnav_trade.engines.setup.inputs import Signals
 from lvnav_trade.engines.setup.signals import Line
@@ -24,7 +23,7 @@ from lvnav_trade.receivers.cascade import (
     reported_covariance,
     started,
 )
-from lvnav_trade.records import Floats, Ints
+from lvnav_trade.records import Bools, Floats, Ints
 
 # Where a white error comes from.
 RANGE, RATE, CLOCK, PLACE, SPEED = 0, 1, 2, 3, 4
@@ -47,7 +46,7 @@ class Chain(NamedTuple):
     push: Floats
     pick: Ints
     reported: Floats
-    solved: NDArray[np.bool_]
+    solved: Bools
     point: Floats
     own: Floats = np.zeros((0, N_STATE, N_STATE))
 
@@ -99,7 +98,7 @@ _NOTHING = Gains(
 )
 
 
-def _coasts(model: ReceiverFilter, n_used: Ints, begun: int) -> NDArray[np.bool_]:
+def _coasts(model: ReceiverFilter, n_used: Ints, begun: int) -> Bools:
     """Return whether the receiver's filter hands out a solution at each epoch: begun, not coasted too long."""
     found, idle = np.zeros(n_used.size, dtype=bool), 0.0
     for k in range(begun, n_used.size):
@@ -185,7 +184,7 @@ def solved(solver: Solver, signals: Signals, point: Floats, acceleration: Floats
     return _with_output(chain, signals.frozen) if signals.frozen.any() else chain
 
 
-def _with_output(chain: Chain, frozen: NDArray[np.bool_]) -> Chain:
+def _with_output(chain: Chain, frozen: Bools) -> Chain:
     """Return the chain with six states more, the error of what the receiver puts out: that of its estimate, or while
     its output is frozen the one before and what the true motion adds.
     """

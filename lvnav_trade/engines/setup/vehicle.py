@@ -4,7 +4,6 @@ import math
 import re
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lvnav_trade.engines.setup.inputs import Samples
 from lvnav_trade.filters.base import EnvelopeCard, ImuModel
@@ -12,12 +11,10 @@ from lvnav_trade.filters.samples import VehicleModel
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.layout import StateLayout
-from lvnav_trade.records import Floats, Reference
+from lvnav_trade.records import Bools, Floats, Reference
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.control.ascent import changes
 from lvnav_trade.world.truth import Trajectory
-
-Flags = NDArray[np.bool_]
 
 
 def _by_sensor(gyro: float, accel: float) -> Floats:
@@ -83,7 +80,7 @@ def walks(card: EnvelopeCard, trajectory: Trajectory, ref: Reference) -> Floats:
     return np.hstack(found) ** 2 * (t[1] - t[0]) ** 2
 
 
-def burning(trajectory: Trajectory, t: Floats) -> Flags:
+def burning(trajectory: Trajectory, t: Floats) -> Bools:
     """Return whether a motor burns at times t (n,): from lift-off or an ignition to the next cut-off (`burns`)."""
     found = np.zeros(t.size, dtype=bool)
     for start, end in burns(trajectory):
@@ -106,14 +103,14 @@ def burns(trajectory: Trajectory) -> list[tuple[float, float]]:
     return found if start is None else [*found, (start, trajectory.end)]
 
 
-def changing(card: EnvelopeCard, t: Floats, changes: Floats) -> Flags:
+def changing(card: EnvelopeCard, t: Floats, changes: Floats) -> Bools:
     """Return whether each time (n,) lies within the window around a change of phase (k,), s."""
     begin = np.searchsorted(changes, t - card.after_change, side="left")
     return np.asarray(np.searchsorted(changes, t + card.before_change, side="right") > begin)
 
 
 def envelopes(
-    card: EnvelopeCard, t: Floats, burning: Flags, changes: Floats, commanded_rate: Floats, nozzle_command: Floats
+    card: EnvelopeCard, t: Floats, burning: Bools, changes: Floats, commanded_rate: Floats, nozzle_command: Floats
 ) -> tuple[Floats, Floats]:
     """Return the envelopes on even ticks t (n,) from commanded rate (n, 2) rad/s and nozzle angles (n, 2), pitch, yaw:
     standard deviations (n, 3) of angular acceleration (rad/s^2: roll, pitch, yaw) and of jerk (m/s^3: x, y, z).

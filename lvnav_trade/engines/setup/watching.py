@@ -4,22 +4,20 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lvnav_trade.engines.setup.inputs import Signals
 from lvnav_trade.engines.setup.solution import Chain
 from lvnav_trade.filters.base import FilterCard, LogicCard
 from lvnav_trade.filters.monitor import Rules
 from lvnav_trade.observables.partials import Channels
-from lvnav_trade.records import Floats
+from lvnav_trade.records import Bools, Floats
 from lvnav_trade.world.faults import Failures
 
-Mask = NDArray[np.bool_]
 _ERRORS = ("data_loss", "residual", "covariance")
 _UNGUARDED = LogicCard(check_flags=False)
 
 
-def pdop(direction: Floats, tracked: Mask) -> Floats:
+def pdop(direction: Floats, tracked: Bools) -> Floats:
     """Return the dilution of precision of position, (n_epoch,): inf without four satellites, or all in one cone.
 
     direction (n_epoch, n_sat, 3) unit vectors to the satellites; tracked (n_epoch, n_sat).

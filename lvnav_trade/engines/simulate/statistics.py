@@ -7,9 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.records import NO_CHANGES, Floats, Output, RunBlock
-
-Counts = NDArray[np.int64]
+from lvnav_trade.records import NO_CHANGES, Bools, Floats, Ints, Output, RunBlock
 
 # Axis name of the norm of a three-axis quantity.
 NORM = "3d"
@@ -39,13 +37,13 @@ class BlockSummary(NamedTuple):
     rule). changes (n_change, 5) of what filters with a logic do: see RunBlock.
     """
 
-    runs: Counts
+    runs: Ints
     failed: NDArray[np.int8]
     t_failed: Floats
     t: Floats
     scale: Floats
-    n_good: Counts
-    n_good_epoch: Counts
+    n_good: Ints
+    n_good_epoch: Ints
     total: Floats
     squares: Floats
     sigma_squares: Floats
@@ -53,10 +51,10 @@ class BlockSummary(NamedTuple):
     nees: Floats
     t_epoch: Floats
     nis: Floats
-    n_row: Counts
-    n_reject: Counts
+    n_row: Ints
+    n_reject: Ints
     lag_sum: Floats
-    lag_count: Counts
+    lag_count: Ints
     events: tuple[str, ...]
     t_event: Floats
     event_error: Floats
@@ -175,12 +173,12 @@ def _sound_until(block: RunBlock, failed: NDArray[np.int8]) -> Floats | None:
     return np.asarray(np.where(failed == 0, np.inf, np.minimum(first_bad, stated)))
 
 
-def _or(values: Any, alive: NDArray[np.bool_] | None, after: float = 0.0) -> Any:
+def _or(values: Any, alive: Bools | None, after: float = 0.0) -> Any:
     """Return values (n_run, n, ...) of runs that count, (n_run, n), and `after` of those that failed before."""
     return values if alive is None else np.where(alive.reshape(*alive.shape, *[1] * (values.ndim - 2)), values, after)
 
 
-def _count(alive: NDArray[np.bool_] | None, runs: int, t: Floats) -> Counts:
+def _count(alive: Bools | None, runs: int, t: Floats) -> Ints:
     """Return how many runs count at the times (n,)."""
     return np.full(len(t), runs, dtype=np.int64) if alive is None else alive.sum(axis=0, dtype=np.int64)
 
@@ -213,7 +211,7 @@ def _histogram(error: Floats, scale: Floats) -> NDArray[np.uint8 | np.uint32]:
     return counts
 
 
-def _lag_products(innovation: Floats) -> tuple[Floats, Counts]:
+def _lag_products(innovation: Floats) -> tuple[Floats, Ints]:
     """Sum products of innovations l epochs apart where both exist: innovation (n_run, n_epoch, n_channel)."""
     n_epoch, n_channel = innovation.shape[1:]
     there = np.isfinite(innovation)
@@ -254,7 +252,7 @@ def merge(parts: Iterable[BlockSummary], rows: bool = True) -> BlockSummary:
     return first._replace(**sums, **whole)
 
 
-def _check_follows(first: BlockSummary, runs_before: Counts, part: BlockSummary) -> None:
+def _check_follows(first: BlockSummary, runs_before: Ints, part: BlockSummary) -> None:
     if part.first_run <= runs_before[-1]:
         raise ValueError(f"run {part.first_run} is in two parts, or the parts are not in run order")
     same = all(np.array_equal(getattr(first, name), getattr(part, name)) for name in _SHARED)

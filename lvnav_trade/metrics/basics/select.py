@@ -8,10 +8,10 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from lvnav_trade.layout import MISSION, split_metric
 from lvnav_trade.metrics.mechanics.mission import sizes_at
+from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
 from lvnav_trade.store.schema import error_column
 from lvnav_trade.units import parse
@@ -38,7 +38,7 @@ def history_of(tables: Tables, case: str, quantity: str, axis: str) -> pd.DataFr
 class Errors(NamedTuple):
     """|error| of every run (n_run,), in the SI `unit`, infinite for a failed run; unit for people and its factor."""
 
-    size: NDArray[np.float64]
+    size: Floats
     unit: str
     label_unit: str
     label_factor: float
@@ -72,7 +72,7 @@ def number_in(value: Any, unit: str) -> float:
     return parse(value, unit) if isinstance(value, str) else float(value)
 
 
-def error_sizes(runs: pd.DataFrame, column: str) -> NDArray[np.float64]:
+def error_sizes(runs: pd.DataFrame, column: str) -> Floats:
     """Return |error| in a column, infinite where a run failed or the error is not finite."""
     values = runs[column].to_numpy(dtype=float)
     return np.where((runs.failure.to_numpy() != "") | ~np.isfinite(values), np.inf, np.abs(values))

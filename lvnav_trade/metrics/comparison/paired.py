@@ -3,12 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import optimize, stats
 
-from lvnav_trade.records import Floats
-
-Truths = NDArray[np.bool_]
+from lvnav_trade.records import Bools, Floats
 
 # Resamples of the runs behind the bounds of a quantile's change.
 RESAMPLES = 2000
@@ -114,7 +111,7 @@ def _resampled(pair: Floats, rank: int) -> Floats:
     return found
 
 
-def beyond_change(base: Truths, candidate: Truths, alpha_low: float, alpha_high: float) -> Change:
+def beyond_change(base: Bools, candidate: Bools, alpha_low: float, alpha_high: float) -> Change:
     """Return the change of the fraction of runs beyond a limit, with score bounds for paired fractions (Tango 1998).
 
     Only runs beyond it in one case and not in the other tell anything, as in McNemar's test.

@@ -9,11 +9,11 @@ last. (Kozai, Astronomical Journal 64, 1959, has the classical elements, singula
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from lvnav_trade.frames import unit
 from lvnav_trade.kernels.earth import GM, J2, SEMI_MAJOR
-from lvnav_trade.records import Floats
+from lvnav_trade.records import Bools, Floats
 
 # Beyond it the quadrature over a revolution loses digits, and so near to a fall no revolution is flown.
 MOST_ECCENTRIC = 0.9
@@ -58,7 +58,7 @@ class Orbit(NamedTuple):
         return np.mod(np.arctan2(self.h_i[..., 0], -self.h_i[..., 1]), 2.0 * np.pi)
 
     @property
-    def elliptic(self) -> NDArray[np.bool_]:
+    def elliptic(self) -> Bools:
         """Whether the orbit is an ellipse that is not too eccentric to be averaged."""
         return np.asarray((self.energy < 0.0) & (self.eccentricity < MOST_ECCENTRIC))
 

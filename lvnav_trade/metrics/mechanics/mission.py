@@ -10,14 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import special
 from scipy.stats import qmc
 
 from lvnav_trade import frames
 from lvnav_trade.metrics.mechanics import impulses, meanorbit
 from lvnav_trade.metrics.mechanics.freefall import impact, offsets
-from lvnav_trade.records import Floats
+from lvnav_trade.records import Bools, Floats
 from lvnav_trade.store.read import Tables
 
 # Steps of the central differences, m/s and m: their second order is 1e-6 of the first, round-off less.
@@ -89,7 +89,7 @@ def law_at(tables: Tables, case: str, event: str) -> Law:
     return laws(tables, case)[[state.event for state in states(tables, case)].index(event)]
 
 
-def run_errors(tables: Tables, case: str, state: State) -> tuple[Floats, NDArray[np.bool_]]:
+def run_errors(tables: Tables, case: str, state: State) -> tuple[Floats, Bools]:
     """Return the errors (n_run, 6) of velocity and position, frame i, at the state's event, and which runs failed."""
     runs = tables.runs
     chosen = runs[(runs.case == case) & (runs.event == state.event)]

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import special
 
 from lvnav_trade.kernels.earth import ECCENTRICITY_2, SEMI_MAJOR
@@ -13,7 +13,7 @@ from lvnav_trade.metrics.basics.probability import success_verdict
 from lvnav_trade.metrics.basics.select import number_in, once, pick
 from lvnav_trade.metrics.errors.covariances import why_not_applicable
 from lvnav_trade.metrics.mechanics import freefall, mission
-from lvnav_trade.records import Floats
+from lvnav_trade.records import Bools, Floats
 from lvnav_trade.store.read import Tables
 
 COLUMNS = [
@@ -83,7 +83,7 @@ def probability(polygon: ArrayLike, mean: ArrayLike, covariance: ArrayLike) -> t
     return float(np.clip(around * (winding - outside), 0.0, 1.0)), margin if around * winding > 0.5 else -margin
 
 
-def contains(polygon: ArrayLike, points: ArrayLike) -> NDArray[np.bool_]:
+def contains(polygon: ArrayLike, points: ArrayLike) -> Bools:
     """Return which points (n, 2) lie in a polygon (m, 2): a ray from each crosses an odd number of edges."""
     start, points = np.asarray(polygon, dtype=float), np.asarray(points, dtype=float)
     end = np.roll(start, -1, axis=0)
@@ -180,7 +180,7 @@ def outside_runs(tables: Tables, case: str, corridor: Corridor) -> tuple[int, in
     return (int(np.any(bad, axis=0).sum()), len(bad[0])) if bad else (0, 0)
 
 
-def _outside(state: mission.State, error: Floats, corridor: Corridor) -> NDArray[np.bool_]:
+def _outside(state: mission.State, error: Floats, corridor: Corridor) -> Bools:
     """Return which estimated points are outside; none where the true state has no point of impact."""
     out = np.zeros(len(error), dtype=bool)
     good = np.isfinite(error).all(axis=1)

@@ -129,14 +129,14 @@ class OrbitalFlight(FlightCard):
     pad_hold: ClassVar[float] = 0.0  # the flight begins with its first event
     coast_after_injection: ClassVar[float] = 0.0  # and ends with the last one
 
-    def _faults(self) -> Iterator[str]:
+    def _faults(self) -> list[str]:
         refuse_drag_table(self.mach, self.drag_coefficient)
-        names = [leg.name for leg in self.legs]
-        if len(set(names)) < len(names):
-            yield "two legs have the same name"
         burnt = sum(leg.flow * leg.duration for leg in self.legs)
-        if burnt >= self.mass:
-            yield f"the burns use {burnt:g} kg, the mass is {self.mass:g} kg"
+        rules = {
+            "two legs have the same name": len({leg.name for leg in self.legs}) < len(self.legs),
+            f"the burns use {burnt:g} kg, the mass is {self.mass:g} kg": burnt >= self.mass,
+        }
+        return [fault for fault, found in rules.items() if found]
 
 
 def orbit(card: OrbitalFlight) -> Trajectory:

@@ -5,11 +5,10 @@ from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
-from lvnav_trade.records import Floats
+from lvnav_trade.records import Bools, Floats
 from lvnav_trade.units import AngleSigma, Card, Frequency, JitterPerForce, TimeConstant
 
 # Natural frequency (rad/s) of a loop is its noise bandwidth (Hz) over this, by order: Kaplan and Hegarty, table 5.6.
@@ -134,7 +133,7 @@ def coherence_loss(card: LoopsCard, trail: Floats, jitter: Floats) -> Floats:
     return np.asarray(np.minimum(loss, _LARGEST_LOSS))
 
 
-def holds(card: LoopsCard, cn0: Floats, trail: Floats, jitter: Floats, acceleration: Floats) -> NDArray[np.bool_]:
+def holds(card: LoopsCard, cn0: Floats, trail: Floats, jitter: Floats, acceleration: Floats) -> Bools:
     """Return whether carrier and code loop stay in lock.
 
     Phase loop: sigma + lag / 3 within 15 deg. Frequency loop: 3 sigma + lag within a quarter of the rate of

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.frames import matrices
-from lvnav_trade.records import IDLE, TRACK, Floats, Transition
+from lvnav_trade.records import IDLE, TRACK, Bools, Floats, Ints, Transition
 from lvnav_trade.world.faults import highest
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
 from lvnav_trade.world.receiver.link import carrier_to_noise, gains, received_power
@@ -20,7 +20,6 @@ from lvnav_trade.world.receiver.tracking import (
     HELD,
     HIDDEN,
     WEAK,
-    Mask,
     Signals,
     TrackingCard,
     track,
@@ -46,15 +45,15 @@ class Arrival(NamedTuple):
     off_nadir: Floats
     elevation: Floats
     pull: Floats
-    expected: Mask
-    faulty: Mask
+    expected: Bools
+    faulty: Bools
 
 
 class Reception(NamedTuple):
     """What becomes of the signals, (n_epoch, n_sat) each; see records.Sky."""
 
-    tracked: Mask
-    antenna: NDArray[np.int64]
+    tracked: Bools
+    antenna: Ints
     cn0: Floats
     range_sigma: Floats
     rate_sigma: Floats
@@ -68,7 +67,7 @@ class _Steps(NamedTuple):
     """
 
     t: Floats
-    owner: NDArray[np.int64]
+    owner: Ints
     each: int
 
 
@@ -77,15 +76,15 @@ class _Heard(NamedTuple):
     if the vehicle were at rest.
     """
 
-    antenna: NDArray[np.int64]
+    antenna: Ints
     cn0: Floats
-    heard: Mask
-    held: Mask
-    calm: Mask
+    heard: Bools
+    held: Bools
+    calm: Bools
 
 
 def receive(
-    receiver: ReceiverCard, trajectory: Trajectory, arrival: Arrival, antenna_alive: Mask | None = None
+    receiver: ReceiverCard, trajectory: Trajectory, arrival: Arrival, antenna_alive: Bools | None = None
 ) -> Reception:
     """Return what the receiver makes of the signals.
 
@@ -129,7 +128,7 @@ def _steps(t: Floats, receiver: ReceiverCard) -> _Steps:
     return _Steps(np.concatenate([t[:1], fine]), np.concatenate([[0], owner]), count)
 
 
-def _divided(t: Floats, count: int) -> tuple[Floats, NDArray[np.int64]]:
+def _divided(t: Floats, count: int) -> tuple[Floats, Ints]:
     """Return the ends of `count` equal parts of every interval of t, and the number of the later end of the interval.
 
     The last part ends at the epoch itself, to the bit.
@@ -140,7 +139,7 @@ def _divided(t: Floats, count: int) -> tuple[Floats, NDArray[np.int64]]:
 
 
 def _hear(
-    receiver: ReceiverCard, trajectory: Trajectory, arrival: Arrival, steps: _Steps, antenna_alive: Mask | None
+    receiver: ReceiverCard, trajectory: Trajectory, arrival: Arrival, steps: _Steps, antenna_alive: Bools | None
 ) -> _Heard:
     at = motion(trajectory, steps.t)
     # a row vector times C_b_i: the components along the body's axes
@@ -169,7 +168,7 @@ def _hear(
 
 def _dynamics(
     receiver: ReceiverCard, loops: LoopsCard, trajectory: Trajectory, arrival: Arrival, steps: _Steps,
-    antenna: NDArray[np.int64],
+    antenna: Ints,
 ) -> tuple[Floats, Floats]:  # fmt: skip
     """Return the greatest acceleration (m/s^2) and jerk (m/s^3) of the range during each step, (n_step, n_sat) each.
 

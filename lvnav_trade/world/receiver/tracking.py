@@ -8,10 +8,8 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from lvnav_trade.kernels.random import philox, seed_words, source_word
-from lvnav_trade.records import ACQUIRE, IDLE, LOST, SEARCH, TRACK, TRACKING, Floats, Transition
+from lvnav_trade.records import ACQUIRE, IDLE, LOST, SEARCH, TRACK, TRACKING, Bools, Floats, Transition
 from lvnav_trade.units import Card, CarrierToNoise, Pause
-
-Mask = NDArray[np.bool_]
 
 # Why a signal is not held, in the order in which one hides the other; the first holds it.
 HELD, DYNAMICS, WEAK, DEAF, FAULT, HIDDEN = range(6)
@@ -58,9 +56,9 @@ class Signals(NamedTuple):
     """
 
     t: Floats
-    expected: Mask
+    expected: Bools
     cause: NDArray[np.int8]
-    strong: Mask
+    strong: Bools
     elevation: Floats
 
 
