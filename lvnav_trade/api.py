@@ -235,9 +235,8 @@ def study(
         answered.append(Answered(part, held.tables, campaign.model_dump(mode="json"), behind(part, campaign)))
         verdicts = references(held.tables, answered[-1].stated)
         counts[campaign.name] = (len(verdicts), int(verdicts.in_band.sum()))
-    page = build(found, answered, Path(keep))
     stated, held_up = (sum(one[k] for one in counts.values()) for k in (0, 1))
-    return Studied(page, counts, stated, held_up, failures)
+    return Studied(build(found, answered, Path(keep)), counts, stated, held_up, failures)
 
 
 def compare(

@@ -144,7 +144,6 @@ def elements_from_state(r_i: ArrayLike, v_i: ArrayLike) -> Elements:
     h_i = np.cross(r_i, v_i)
     e_i = np.cross(v_i, h_i) / GM - r_i / r[..., None]
     e = np.linalg.norm(e_i, axis=-1)
-    inclination = np.arctan2(np.hypot(h_i[..., 0], h_i[..., 1]), h_i[..., 2])
     flat = np.hypot(h_i[..., 0], h_i[..., 1]) < 1e-12 * np.linalg.norm(h_i, axis=-1)
     node = np.where(flat, 0.0, np.arctan2(h_i[..., 0], -h_i[..., 1]))
     towards = np.stack([np.cos(node), np.sin(node), np.zeros_like(node)], axis=-1)
@@ -153,7 +152,7 @@ def elements_from_state(r_i: ArrayLike, v_i: ArrayLike) -> Elements:
     return Elements(
         1.0 / (2.0 / r - np.sum(v_i * v_i, axis=-1) / GM),
         e,
-        inclination,
+        np.arctan2(np.hypot(h_i[..., 0], h_i[..., 1]), h_i[..., 2]),
         np.mod(node, 2.0 * np.pi),
         np.mod(perigee, 2.0 * np.pi),
         np.mod(_angle(r_i, towards, across) - perigee, 2.0 * np.pi),

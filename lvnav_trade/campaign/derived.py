@@ -179,9 +179,7 @@ def flight_of(campaign: Campaign, aided: Case, unaided: Case, run: int) -> pd.Da
     if not np.array_equal(flown[0].t_hist, flown[1].t_hist):
         raise InputError(f"study.yaml: {campaign.name}: the two cases of a single flight do not fly the same flight")
     table = {"t_s": flown[0].t_hist}
-    for column, output in enumerate(flown[0].outputs[:9]):
-        if output.quantity == "attitude":
-            continue
+    for column, output in enumerate(flown[0].outputs[3:9], start=3):  # behind attitude
         left, true = errors[0][:, column], errors[1][:, column]
         name = f"{output.quantity}_{output.axis}"
         table |= {f"{name}_true": true, f"{name}_estimated": true - left, f"{name}_left": left}

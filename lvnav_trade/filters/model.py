@@ -273,14 +273,13 @@ def build_filter_model(
         rows, columns, kinds, drivers = rows[gradient], columns[gradient], kinds[gradient], drivers[gradient]
     decay, noise = window_tables(layout, _densities(card, layout, imu, receiver), seconds)
     row_type = _row_types(channels)
-    taken = [kind for name, kind in TYPES.items() if name in measurements]
     count, entry, column = _row_tables(layout, row_type, bool(np.any(lever_arms)), has_covariance)
     extra_offset, extra_member = _extra_tables(layout, channels.n_channel)
     model = FilterModel(
         aided=any(name in TYPES for name in measurements),
         tight=channels.tight,
         solves=solves,
-        measured=np.isin(row_type, taken),
+        measured=np.isin(row_type, [kind for name, kind in TYPES.items() if name in measurements]),
         n_receiver=channels.n_receiver if channels.receiver else 0,
         rate_sign=1.0 if layout.motion >= 0 else -1.0,
         gravity={"point": strapdown.POINT, "j2": strapdown.J2, "j4": strapdown.J4}[card.gravity],

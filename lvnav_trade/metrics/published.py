@@ -69,9 +69,8 @@ def name_of(stated: Mapping[str, Any]) -> str:
     """Return the metric, the statistic where it is not the root mean square, and where it holds."""
     if str(stated["metric"]) in _WHOLE:
         return f"{stated['metric']}, {_WHOLE[str(stated['metric'])]}"
-    statistic = stated.get("statistic", "rms")
     words = {"rms": "", "worst": "worst ", "least": "least ", "formal": "filter's own sigma of "}
-    first, during = words.get(statistic, "linear covariance of "), stated.get("during")
+    first, during = words.get(stated.get("statistic", "rms"), "linear covariance of "), stated.get("during")
     place = f", {during}" if during else f" at {stated.get('at') or 'injection'}"
     return f"{first}{stated['metric']}{place}"
 

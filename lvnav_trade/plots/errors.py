@@ -120,10 +120,9 @@ def rank(tables: Tables) -> Figure:
 @drawing
 def errors(tables: Tables, quantity: str, cases: Cases = (), axis: str = "3d", during: str | None = None) -> Figure:
     """Draw one error of chosen cases (all if none is) over time: Monte-Carlo RMS as lines, LinCov's as thin dashes."""
-    frames = _frames(tables, quantity, cases, axis, during)
     unit, factor = tables.people[quantity, axis]
     label = f"{_named(quantity, axis)}\n({unit}; short dashes: LinCov)"
-    return _together(tables, frames, factor, label, 3.2, dashes=True)
+    return _together(tables, _frames(tables, quantity, cases, axis, during), factor, label, 3.2, dashes=True)
 
 
 @drawing

@@ -215,9 +215,8 @@ def _budget(prepared: Prepared, cov: CovHistory) -> dict[str, Any]:
     total = variance.sum(axis=1, keepdims=True)
     share = np.divide(variance, total, out=np.zeros_like(variance), where=total > 0)
     summed = [k for k, output in enumerate(every) if output.axis == NORM and output.quantity in _DRAWN]
-    blocks = [("", np.arange(len(cov.t)), summed)]
-    for name, t in prepared.trajectory.events.items():
-        blocks.append((name, np.array([np.argmin(np.abs(cov.t - t))]), list(range(len(every)))))
+    at_events = [(name, np.array([np.argmin(np.abs(cov.t - t))])) for name, t in prepared.trajectory.events.items()]
+    blocks = [("", np.arange(len(cov.t)), summed), *((*at, list(range(len(every)))) for at in at_events)]
     pieces: list[dict[str, Any]] = []
     for event, times, chosen in blocks:
         source, output, time = np.indices((len(cov.sources), len(chosen), len(times))).reshape(3, -1)
@@ -306,12 +305,11 @@ WHOLE = "flight"  # what stands for all burns together
 
 def controlled_columns(found: Controlled) -> dict[str, dict[str, Any]]:
     """Return the columns of `nozzle`, `movement`, `turning` and `motion`."""
-    burns = np.array([WHOLE] + [f"burn {number}" for number in range(1, found.total.shape[2])])
     feed, run, burn, axis = np.indices(found.total.shape).reshape(4, -1)
     nozzle = {
         "feed": np.array(FEEDS)[feed],
         "run_number": run,
-        "burn": burns[burn],
+        "burn": np.array([WHOLE] + [f"burn {number}" for number in range(1, found.total.shape[2])])[burn],
         "axis": np.array(AXES)[axis],
         "moved_rad": found.total.ravel(),
     }

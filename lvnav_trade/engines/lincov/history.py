@@ -234,10 +234,9 @@ def solution_outputs_of(prepared: Prepared, history: CovHistory, out: Recorded) 
 def _last_epoch(prepared: Prepared) -> np.ndarray:
     """Return the epoch (n_hist,) that was last at each history time; -1, an entry of zeros at the end, before any."""
     schedule = prepared.schedule
-    latest = np.maximum.accumulate(schedule.epoch)
     found = np.full(prepared.t_hist.size, -1, dtype=np.int64)
     at = schedule.hist >= 0
-    found[schedule.hist[at]] = latest[at]
+    found[schedule.hist[at]] = np.maximum.accumulate(schedule.epoch)[at]
     return found
 
 

@@ -26,9 +26,8 @@ class Component(NamedTuple):
 
 def places_of(count: list[int]) -> tuple[Ints, Ints, Ints]:
     """Return group and lane of every source and the slots of every group; sources of many components stand together."""
-    order = np.argsort(-np.array(count), kind="stable")
     place = np.empty(len(count), dtype=np.int64)
-    place[order] = np.arange(len(count))
+    place[np.argsort(-np.array(count), kind="stable")] = np.arange(len(count))
     group, lane = place // GROUP, place % GROUP
     n_slot = np.zeros(-(-len(count) // GROUP), dtype=np.int64)
     np.maximum.at(n_slot, group, np.array(count))

@@ -52,7 +52,6 @@ def recorded(scenario: Scenario, theta0: float, line: Line, seen: Sky, channels:
     mean = errors.mean(axis=0)
     left, size, shapes = np.linalg.svd((errors - mean).reshape(card.starts, -1), full_matrices=False)
     count = int(np.count_nonzero(size > _NEGLIGIBLE * max(float(size[0]), float(np.max(np.abs(errors))))))
-    values = left[:, :count].T * np.sqrt(card.starts)
     entering = (size[:count, None] * shapes[:count] / np.sqrt(card.starts)).reshape(count, n_epoch, 6)
     everywhere = np.where(np.arange(channels.n_channel) < 6, 0, -1)
     entering = np.pad(entering, ((0, 0), (0, 0), (0, channels.n_channel - 6)))
@@ -60,7 +59,7 @@ def recorded(scenario: Scenario, theta0: float, line: Line, seen: Sky, channels:
         ErrorFamily(SOURCE, RECORDED, "", (str(number),), everywhere, shape, 1.0, float("inf"))
         for number, shape in enumerate(entering)
     )
-    return Recorded(mean, families, values)
+    return Recorded(mean, families, left[:, :count].T * np.sqrt(card.starts))
 
 
 def values_of(found: Recorded, seed: int, runs: NDArray[Any]) -> Floats:

@@ -88,10 +88,9 @@ def measures(scenario: Scenario, card: SensorCard, course: Course, t_epoch: Floa
     Its measurements stand at multiples of its interval since lift-off, on epochs of the filter. InputError names an
     event that the flight does not have.
     """
-    on = inside(course.holding(card), t_epoch)
     rate = card.rate or scenario.filter.update_rate
     ticks = t_epoch * rate
-    return on & (np.abs(ticks - np.rint(ticks)) < 1e-6 * max(1.0, rate))
+    return inside(course.holding(card), t_epoch) & (np.abs(ticks - np.rint(ticks)) < 1e-6 * max(1.0, rate))
 
 
 def _since(on: Bools, t_epoch: Floats, start: float) -> Floats:

@@ -125,6 +125,5 @@ def _distance(first: pd.DataFrame, second: pd.DataFrame) -> float:
     if both.empty:
         return 0.0
     north = (both.latitude_rad - both.latitude_rad_other) * _EARTH
-    turned = np.angle(np.exp(1j * (both.longitude_rad - both.longitude_rad_other)))
-    east = turned * _EARTH * np.cos(both.latitude_rad)
+    east = np.angle(np.exp(1j * (both.longitude_rad - both.longitude_rad_other))) * _EARTH * np.cos(both.latitude_rad)
     return float(np.sqrt(north**2 + east**2 + (both.altitude_m - both.altitude_m_other) ** 2).max())

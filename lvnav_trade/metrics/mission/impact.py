@@ -253,9 +253,8 @@ def _inside(corridor: Corridor, point: freefall.Impact, covariance: Floats, bias
     c, s = np.cos(point.heading), np.sin(point.heading)
     north_east = np.array([[c, -s], [s, c]])
     here = np.array([point.latitude, beside(point.longitude, corridor.corners)])
-    plane = (corridor.corners - here) * metres(float(point.latitude)) * 1e-3
     spread = north_east @ covariance @ north_east.T + 1e-12 * np.eye(2)  # a millimetre, so that nothing is singular
-    return probability(plane, -north_east @ bias, spread)
+    return probability((corridor.corners - here) * metres(float(point.latitude)) * 1e-3, -north_east @ bias, spread)
 
 
 def _runs(tables: Tables, case: str, state: mission.State, corridor: Corridor | None) -> dict[str, Any]:

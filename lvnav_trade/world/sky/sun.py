@@ -23,9 +23,8 @@ def sun_direction(epoch: str, t: Floats, theta: Floats) -> Floats:
     longitude, anomaly = 280.460 + 0.9856474 * days, np.radians(357.528 + 0.9856003 * days)
     ecliptic = np.radians(longitude + 1.915 * np.sin(anomaly) + 0.020 * np.sin(2.0 * anomaly))
     obliquity = np.radians(23.439 - 4e-7 * days)
-    right_ascension = np.arctan2(np.cos(obliquity) * np.sin(ecliptic), np.cos(ecliptic))
     declination = np.arcsin(np.sin(obliquity) * np.sin(ecliptic))
     # from the meridian of Greenwich, which frame i has at theta
-    angle = right_ascension - (gmst(epoch) + OMEGA * t) + theta
+    angle = np.arctan2(np.cos(obliquity) * np.sin(ecliptic), np.cos(ecliptic)) - (gmst(epoch) + OMEGA * t) + theta
     across = np.cos(declination)
     return np.stack([across * np.cos(angle), across * np.sin(angle), np.sin(declination)], axis=-1)
