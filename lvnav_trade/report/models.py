@@ -12,7 +12,7 @@ import pandas as pd
 from lvnav_trade.campaign.definition.axes import put
 from lvnav_trade.report.blocks import Block, Text, stated
 from lvnav_trade.report.escape import note, source
-from lvnav_trade.store import Tables
+from lvnav_trade.store.read import Tables
 
 Conditions = Mapping[str, Any] | Sequence[Mapping[str, Any]]
 _FEW = 2  # cases that are named one by one

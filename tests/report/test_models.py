@@ -16,7 +16,7 @@ from lvnav_trade.campaign.syntax import fields
 from lvnav_trade.filters.base import FilterCard
 from lvnav_trade.report import build, models
 from lvnav_trade.scenario import Scenario
-from lvnav_trade.store import load as results_of
+from lvnav_trade.store.read import load as results_of
 from lvnav_trade.world.receiver.receiver import ReceiverCard
 from lvnav_trade.world.sensors.imu import AccelCard, GyroCard
 from tests import synthetic
