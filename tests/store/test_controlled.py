@@ -14,7 +14,7 @@ def found() -> Controlled:
     turning[:, :, 1, 0] = 0.0  # no coast
     turning[:, :, [0, 2], 0] = 100.0
     return Controlled(
-        runs=4, burns=np.array([[0.0, 5.0]]), t=np.arange(3.0), total=rng.uniform(size=(3, 4, 2, 2)),
+        t=np.arange(3.0), total=rng.uniform(size=(3, 4, 2, 2)),
         mean=rng.uniform(size=(3, 3, 2)), low=np.zeros((3, 3, 2)), high=np.ones((3, 3, 2)), turning=turning,
         shown_t=np.arange(5.0), shown=rng.uniform(size=(5, 2, 4)),
     )  # fmt: skip
