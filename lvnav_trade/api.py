@@ -78,16 +78,23 @@ def check(campaign: str | Path, sets: Sequence[str] = ()) -> Campaign:
 
     InputError: one line per mistake.
     """
+    return examine(campaign, sets)[0]
+
+
+def examine(campaign: str | Path, sets: Sequence[str] = ()) -> tuple[Campaign, dict[str, list[str]]]:
+    """Return the campaign of a file after the checks of `check`, and what is to be said of it: lines by kind
+    (``beyond_limits``, ``warnings``, ``notes``).
+    """
     found = load_campaign(campaign, sets)
-    _events(found)
+    remarks = _checked(found).remarks
     execute.check_effect(found, cases(found), work.ENGINE)
-    return found
+    return found, remarks
 
 
 def plan(campaign: str | Path, sets: Sequence[str] = (), folder: str | Path | None = None) -> Estimate:
     """Return the cases of a campaign, what they will take, and what of it `folder` (``results/NAME``) holds already."""
     found = load_campaign(campaign, sets)
-    duration = {case: max(events.values()) - min(events.values()) for case, events in _events(found).items()}
+    duration = {case: max(times.values()) - min(times.values()) for case, times in _checked(found).events.items()}
     return estimate(found, _place(found, folder), duration)
 
 
@@ -95,8 +102,8 @@ def _place(campaign: Campaign, folder: str | Path | None) -> Path:
     return Path("results", campaign.name) if folder is None else Path(folder)
 
 
-def _events(campaign: Campaign) -> dict[str, dict[str, float]]:
-    """Return the event times of each case digest; InputError where the campaign does not fit them."""
+def _checked(campaign: Campaign) -> execute.Checked:
+    """Return events and remarks of the cases; InputError where the campaign does not fit its flights."""
     _check_sections(campaign)
     return execute.check_flight(campaign, cases(campaign), work.ENGINE, jobs=1)
 

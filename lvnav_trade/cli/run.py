@@ -53,12 +53,15 @@ def run(
 
 def _answer(results: Any, answers: Sequence[Any], report: bool) -> Answer:
     """Return verdicts and where the results are, with the exit code that they mean."""
+    from lvnav_trade.campaign.reading.flights import KINDS, remark_lines
+
     verdicts, failures = results.requirements, results.failures
-    warned = results.tables.manifest.get("warnings", [])
+    remarks = {name: results.tables.manifest.get(name, []) for name in KINDS}
     page = results.folder / "report.html" if report else None
-    lines = [f"warning: {line}" for line in warned] + [f"failed: {line}" for line in failures[:_MOST]]
+    lines = remark_lines(remarks) + [f"failed: {line}" for line in failures[:_MOST]]
     if len(verdicts):
-        lines.insert(0, table(list(verdicts.columns), list(verdicts.itertuples(index=False))))
+        at = 1 if remarks["beyond_limits"] else 0
+        lines.insert(at, table(list(verdicts.columns), list(verdicts.itertuples(index=False))))
     if len(failures) > _MOST:
         lines.append(f"failed: {len(failures) - _MOST} more; all of them: column failed of the table runs, or --json")
     lines.append(f"report: {page}" if page else f"results: {results.folder}")
@@ -66,7 +69,7 @@ def _answer(results: Any, answers: Sequence[Any], report: bool) -> Answer:
         "folder": str(results.folder),
         "report": str(page) if page else None,
         "failures": failures,
-        "warnings": warned,
+        **remarks,
         "covariance": [{**answer._asdict(), "rows": [list(row) for row in answer.rows]} for answer in answers],
         "requirements": json.loads(verdicts.to_json(orient="records")),  # what is not a number is null
     }
@@ -87,14 +90,13 @@ def check(campaign: CampaignFile, sets: Sets = None) -> Answer:
     """Validate a campaign without running it."""
     from lvnav_trade import api
     from lvnav_trade.campaign.definition.axes import cases
-    from lvnav_trade.campaign.reading.flights import warnings
+    from lvnav_trade.campaign.reading.flights import remark_lines
 
-    found = cases(api.check(campaign, sets or ()))
-    warned = warnings(found)
+    loaded, remarks = api.examine(campaign, sets or ())
+    found = cases(loaded)
     good = f"{campaign}: good, {len(found)} {'case' if len(found) == 1 else 'cases'}"
     known = [{"id": case.id, "label": case.label} for case in found]
-    lines = [*(f"warning: {line}" for line in warned), good]
-    return Answer("\n".join(lines), {"warnings": warned, "cases": known, "mistakes": []})
+    return Answer("\n".join([*remark_lines(remarks), good]), {**remarks, "cases": known, "mistakes": []})
 
 
 @verb()

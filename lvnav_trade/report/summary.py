@@ -23,8 +23,9 @@ _WORDS = {  # of verdicts, from the best to the worst
 def summary(tables: Tables) -> list[Block]:
     """Return the answer: what each requirement says of the cases, how sure it is, and the ranking."""
     verdicts = METRICS["requirements"](tables)
-    blocks: list[Block] = [Text(_scale(tables)), *_together(verdicts)]
+    blocks: list[Block] = [*_beyond(tables), Text(_scale(tables)), *_together(verdicts)]
     blocks += [Text(f"{line}.", "Warning:") for line in tables.manifest.get("warnings", [])]
+    blocks += [Text(f"{line}.", "Note:") for line in tables.manifest.get("notes", [])]
     for requirement in tables.campaign.get("requirements") or ():
         blocks += _answer(tables, requirement, verdicts[verdicts.requirement == requirement["name"]])
     if not len(verdicts):
@@ -32,6 +33,12 @@ def summary(tables: Tables) -> list[Block]:
     at = words(METRICS["ranking"](tables).event.iloc[0])
     blocks += [_ranking(tables), figure(tables, "rank", name="ranking", event=at)]
     return blocks + [Text(" ".join(sentences)) for sentences in [_agreement(tables)] if sentences]
+
+
+def _beyond(tables: Tables) -> list[Block]:
+    """Say what of the flights is beyond usual limits, because their cards allow it: nobody should overlook it."""
+    lines = tables.manifest.get("beyond_limits", [])
+    return [Text(f"{'; '.join(lines)}. All results below rest on that.", "Beyond usual limits:")] if lines else []
 
 
 def _together(verdicts: pd.DataFrame) -> list[Block]:

@@ -4,7 +4,7 @@ A roll of many turns and what oscillates stand beside the splines, as formulas.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import chain, pairwise
@@ -44,15 +44,28 @@ class Phase(NamedTuple):
     oscillations: tuple[Oscillation, ...] = ()
 
 
+BEYOND, WARNING, NOTE = "beyond usual limits", "warning", "note"
+
+
+class Remark(NamedTuple):
+    """What a user should know of a flight: kind (`BEYOND`, `WARNING` or `NOTE`), and the text, without a full stop."""
+
+    kind: str
+    text: str
+
+
 @dataclass(frozen=True)
 class Trajectory:
-    """The true flight. Phases follow one another without a gap; events (s), in order of time; facts for the report."""
+    """The true flight. Phases follow one another without a gap; events (s), in order of time; facts for the report;
+    remarks on the file that it was made from.
+    """
 
     phases: tuple[Phase, ...]
     events: dict[str, float]
     theta0: float
     epoch: str
     facts: dict[str, float | str] = field(default_factory=dict)
+    remarks: tuple[Remark, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "events", dict(sorted(self.events.items(), key=lambda event: event[1])))
@@ -71,6 +84,10 @@ class Trajectory:
     def instants(self) -> dict[str, float]:
         """Times (s) that a fault may start at: the events, and ``start`` and ``end`` of the flight."""
         return {"start": self.start, "end": self.end, **self.events}
+
+    def remarked(self, kind: str, texts: Iterable[str]) -> "Trajectory":
+        """Return the flight with further remarks of a kind."""
+        return replace(self, remarks=(*self.remarks, *(Remark(kind, text) for text in texts)))
 
     @cached_property
     def course(self) -> Course:

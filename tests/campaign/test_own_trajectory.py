@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
+import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -87,6 +90,70 @@ def test_every_unit_of_an_axis_checks_the_file(mine: Path) -> None:
     Path("campaign.yaml").write_text(CAMPAIGN + "axes: [{path: imu, cards: [imu/tactical_fog, imu/navigation]}]\n")
     with pytest.raises(InputError, match="of what 'Navigation grade"):
         api.check("campaign.yaml")
+
+
+def bend_attitude(file: Path, at: float) -> None:
+    """Turn the body by 60 deg about its y axis in the row of one time (s): a wrong digit of an angle does as much."""
+    lines = file.read_text().splitlines()
+    for k, line in enumerate(lines):
+        fields = line.split(",")
+        if not line.startswith(("#", "time")) and float(fields[0]) == at:
+            q = np.array([float(one) for one in fields[-4:]])
+            c, s = np.cos(np.pi / 6.0), np.sin(np.pi / 6.0)
+            w, x, y, z = q
+            turned = [w * c - y * s, x * c - z * s, y * c + w * s, z * c + x * s]
+            lines[k] = ",".join([*fields[:-4], *(f"{one:.9f}" for one in turned)])
+    file.write_text("\n".join(lines) + "\n")
+
+
+def test_a_flight_beyond_what_is_usual_is_refused_at_the_field_that_would_allow_it(mine: Path) -> None:
+    bend_attitude(mine, 200.0)
+    with pytest.raises(InputError) as caught:
+        api.check("campaign.yaml")
+    (line,) = str(caught.value).splitlines()
+    where, text = line.split(": base.trajectory.highest_rate: ")
+    assert re.fullmatch(r".*\.yaml:\d+:\d+", where)
+    assert re.search(
+        r"mine\.csv: pitch and yaw rate of [\d.]+ deg/s at (199|200)\S* s; at most 60 deg/s is usual: is a", text
+    )
+    assert text.endswith("; if it is true, raise highest_rate")
+    done = CliRunner().invoke(app, ["check", "campaign.yaml"])
+    assert (done.exit_code, done.stderr.count("\n")) == (2, 1)
+
+
+def test_a_limit_that_is_set_too_low_is_named_where_it_was_written(mine: Path) -> None:
+    own = CAMPAIGN.replace("file: mine.csv}", "file: mine.csv, highest_load: 2 g}")
+    Path("campaign.yaml").write_text(own)
+    with pytest.raises(
+        InputError, match=r"^campaign.yaml:4:\d+: base.trajectory.highest_load: .* at most 2 g is allowed"
+    ):
+        api.check("campaign.yaml")
+
+
+def test_what_a_card_allows_beyond_the_usual_leads_what_check_prints(mine: Path) -> None:
+    bend_attitude(mine, 200.0)
+    allowed = ["--set", "trajectory.highest_rate=900 deg/s"]
+    done = CliRunner().invoke(app, ["check", "campaign.yaml", *allowed])
+    assert done.exit_code == 0
+    first, last = done.output.splitlines()
+    assert first.startswith("beyond usual limits: example_table: pitch and yaw rate of ")
+    assert first.endswith("(usually at most 60 deg/s)")
+    assert last == "campaign.yaml: good, 1 case"
+    found = json.loads(CliRunner().invoke(app, ["check", "campaign.yaml", *allowed, "--json"]).output)
+    assert first == f"beyond usual limits: {found['beyond_limits'][0]}"
+    assert (found["warnings"], found["notes"]) == ([], [])
+    unneeded = api.examine("campaign.yaml", ["trajectory.highest_rate=900 deg/s", "trajectory.highest_load=90 g"])[1]
+    assert unneeded["beyond_limits"] == found["beyond_limits"]
+
+
+def test_events_that_are_not_declared_are_suggested_by_check(mine: Path) -> None:
+    done = CliRunner().invoke(app, ["check", "campaign.yaml", "--set", "trajectory.events.stage2_ignition=170 s"])
+    said = "the specific force jumps where no event is declared; as YAML: events: {stage"
+    (line,) = done.stderr.splitlines() if done.exit_code else done.output.splitlines()[:1]
+    assert f"{said}2_ignition: 158.49 s}}" in line
+    done = CliRunner().invoke(app, ["check", "campaign.yaml", "--set", "trajectory.events={}"])
+    assert done.exit_code == 2
+    assert f"{said}1_cutoff: 150.49 s, stage2_ignition: 158.49 s, stage2_cutoff: 549.31 s}}" in done.stderr
 
 
 def test_the_verb_writes_the_flight_of_a_card(mine: Path) -> None:

@@ -7,6 +7,8 @@ cut-off from the fraction of the interval without thrust, staging 96.79 s later 
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -16,6 +18,7 @@ from lvnav_trade.errors import InputError
 from lvnav_trade.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
 from lvnav_trade.world.flight.trajectory import build, motion, refuse_contradiction
 from lvnav_trade.world.sensors.imu import ImuCard
+from lvnav_trade.world.truth import BEYOND
 from lvnav_trade.world.user_file.columns import TableTrajectory
 from lvnav_trade.world.user_file.table import residuals
 
@@ -45,6 +48,7 @@ def settings(path, **own):
                 "unit": "deg",
             },
             "events": {"stage1_cutoff": "37.383 s", "stage2_ignition": "134.1745 s", "stage2_cutoff": "195.368 s"},
+            "highest_load": "30 g",
             **own,
         }
     )
@@ -83,6 +87,14 @@ def test_what_is_left_is_below_a_tenth_of_every_shipped_unit(refdata, root, reco
     worst = max((one for one in residuals(own) if one.what == "position"), key=lambda one: one.size)
     assert worst.size < 1e-3
     record_property("check-case 17: worst position residual", f"{worst.size * 1e3:.2f} mm at {worst.time:.1f} s")
+
+
+def test_the_load_of_its_second_burn_is_beyond_the_usual_and_said(flight, refdata):
+    (remark,) = flight.remarks
+    assert remark.kind == BEYOND
+    assert re.match(r"specific force of 26\.[89]\d* g at 195\.\d+ s \(usually at most 25 g\)", remark.text)
+    with pytest.raises(InputError, match=r"specific force of 26\.[89].* at most 25 g is usual: .* raise highest_load"):
+        build(settings(refdata / FILE, moving_reference=MOVING, highest_load="25 g"))
 
 
 def test_undeclared_the_moving_point_is_refused_and_the_jump_too(refdata, root):

@@ -8,6 +8,7 @@ import shutil
 import pandas as pd
 
 from lvnav_trade.report import build
+from lvnav_trade.report.blocks import Text
 from lvnav_trade.report.summary import _largest_sources, summary
 from lvnav_trade.store.read import load
 from tests import synthetic
@@ -39,6 +40,23 @@ def test_warnings_of_a_campaign_stand_in_the_first_section(page, tmp_path):
     ]
     assert len(texts) == 1
     assert line in str(texts[0])
+
+
+def test_what_is_beyond_usual_limits_leads_the_first_section_and_notes_follow_warnings(page, tmp_path):
+    folder = shutil.copytree(page.parent, tmp_path / "beyond")
+    manifest = json.loads((folder / "manifest.json").read_text())
+    said = {"beyond_limits": ["a: specific force 33.7 g at 268 s", "b: roll rate 3000 deg/s"], "notes": ["a: a hole"]}
+    (folder / "manifest.json").write_text(json.dumps({**manifest, **said, "warnings": ["a: a warning"]}))
+    first, *others = summary(load(folder))
+    assert first == Text(
+        "a: specific force 33.7 g at 268 s; b: roll rate 3000 deg/s. All results below rest on that.",
+        "Beyond usual limits:",
+    )
+    leads = [getattr(block, "lead", "") for block in others]
+    assert leads.index("Note:") == leads.index("Warning:") + 1
+    assert "Beyond usual limits:" not in leads
+    plain = [getattr(block, "lead", "") for block in summary(load(page.parent))]
+    assert not {"Beyond usual limits:", "Note:"} & set(plain)
 
 
 def test_a_violated_phase_names_the_largest_source_at_its_worst_event(page):

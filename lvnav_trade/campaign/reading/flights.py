@@ -22,6 +22,10 @@ from lvnav_trade.scenario import Scenario, measured
 from lvnav_trade.world.faults import AnyFault, missing_antenna, missing_satellite
 from lvnav_trade.world.flight.trajectory import TrajectoryCard, build, identity, motion
 from lvnav_trade.world.sky.satellites import satellites
+from lvnav_trade.world.truth import BEYOND, NOTE, WARNING, Remark
+
+# Kinds of remarks by their name in the manifest, the most important first
+KINDS = {"beyond_limits": BEYOND, "warnings": WARNING, "notes": NOTE}
 
 
 def mistakes(campaign: Campaign, cases: Sequence[Case], events: Mapping[str, Mapping[str, float]]) -> list[Mistake]:
@@ -106,6 +110,20 @@ def located(campaign: Campaign, case: Case, mistakes: Sequence[Mistake]) -> list
         else written(campaign, case, f"base.{one.path.removeprefix('base.')}", one.message)
         for one in mistakes
     ]
+
+
+def remarks(cases: Sequence[Case], of_flights: Sequence[Remark]) -> dict[str, list[str]]:
+    """Return what is to be said of a campaign that can be flown: lines by kind, as the manifest and JSON name them."""
+    said = {kind: list(dict.fromkeys(one.text for one in of_flights if one.kind == kind)) for kind in KINDS.values()}
+    found = {name: said[kind] for name, kind in KINDS.items()}
+    return found | {"warnings": found["warnings"] + warnings(cases)}
+
+
+def remark_lines(found: Mapping[str, Sequence[str]]) -> list[str]:
+    """Return remarks as lines to print, each with its kind; what is beyond usual limits in one line, which leads."""
+    beyond = "; ".join(found.get("beyond_limits", ()))
+    lines = [f"{BEYOND}: {beyond}"] if beyond else []
+    return lines + [f"{KINDS[name]}: {line}" for name in ("warnings", "notes") for line in found.get(name, ())]
 
 
 def warnings(cases: Sequence[Case]) -> list[str]:

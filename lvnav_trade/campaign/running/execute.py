@@ -57,27 +57,29 @@ STORE = Store(open_results, partial(owned, kind="results"))
 OnAnswers = Callable[[Sequence[work.Answer], Sequence[Case]], None]
 
 
-def check_flight(
-    campaign: Campaign, found: Sequence[Case], engine: work.Engine, jobs: int
-) -> dict[str, dict[str, float]]:
-    """Build every distinct trajectory; refuse what cannot fly, and faults and requirements that do not fit a flight.
+class Checked(NamedTuple):
+    """Event times (s) by case digest, and what is to be said of the cases, by kind as `flights.remarks`."""
 
-    Returns the event times (s) of each case digest.
-    """
+    events: dict[str, dict[str, float]]
+    remarks: dict[str, list[str]]
+
+
+def check_flight(campaign: Campaign, found: Sequence[Case], engine: work.Engine, jobs: int) -> Checked:
+    """Build every distinct trajectory; refuse what cannot fly, and faults and requirements that do not fit a flight."""
     distinct: dict[str, Case] = {}
     for case in found:
         distinct.setdefault(_flight_of(case), case)
-    results = each(jobs, work.events_of, [(engine, case) for case in distinct.values()], ordered=True)
-    events = dict(zip(distinct, results, strict=True))
-    grounded = [
+    results = each(jobs, work.flown, [(engine, case) for case in distinct.values()], ordered=True)
+    flown = dict(zip(distinct, results, strict=True))
+    refuse_all([
         record
         for key, case in distinct.items()
-        if isinstance(events[key], InputError)
-        for record in flights.located(campaign, case, events[key].records)
-    ]
-    times = {case.id: events[_flight_of(case)] for case in found}
-    refuse_all(grounded or [*flights.mistakes(campaign, found, times), *Effects(campaign, found).mistakes({})])
-    return times
+        if isinstance(flown[key], InputError)
+        for record in flights.located(campaign, case, flown[key].records)
+    ])  # fmt: skip
+    times = {case.id: flown[_flight_of(case)].events for case in found}
+    refuse_all([*flights.mistakes(campaign, found, times), *Effects(campaign, found).mistakes({})])
+    return Checked(times, flights.remarks(found, [one for flight in flown.values() for one in flight.remarks]))
 
 
 def check_effect(campaign: Campaign, found: Sequence[Case], engine: work.Engine) -> None:
@@ -164,7 +166,7 @@ class _Run:
         self.deaths = 0
         self.job = work.job_of(campaign, engine, folder)
         self.stopping = Stopping(campaign)
-        check_flight(campaign, self.cases, engine, jobs)
+        self.remarks = check_flight(campaign, self.cases, engine, jobs).remarks
 
     def all(self, keep: Store, mode: Mode, on_answers: OnAnswers | None) -> Outcome:
         """Go through the stages; this process holds the lock of the folder."""
@@ -182,7 +184,7 @@ class _Run:
         lost = self._per_case("tables", work.close, ends, "tables")
         _end_workers(self.jobs)  # the page is made by this process alone: their memory is of no use to it
         reported = {
-            "warnings": flights.warnings(self.cases),
+            **self.remarks,
             "timings_s": self.timings,
             "lost": [*map(without_folders, self.lost)],
             "workers_died": self.deaths,

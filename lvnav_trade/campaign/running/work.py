@@ -36,6 +36,7 @@ from lvnav_trade.scenario import Scenario
 from lvnav_trade.steering import nozzle
 from lvnav_trade.store import scratch
 from lvnav_trade.world.sky.satellites import satellites
+from lvnav_trade.world.truth import Remark
 from lvnav_trade.world.user_file.error_table import refuse_short
 
 WHY = {1: "is not finite", 2: "diverged"}
@@ -50,7 +51,7 @@ class Engine(NamedTuple):
     beyond(requirements, case, prepared, covariance, summary) how many runs of a block do not keep each requirement;
     starts(prepared, seed, n) what the first n runs draw once; control(scenario, seed, n) the missions of n runs of a
     vehicle under control, None without one; used(prepared, paths that were read while it was prepared) what has an
-    effect on it, None where that is not known.
+    effect on it, None where that is not known; remarks(scenario) on its flight.
     """
 
     events: Callable[[Scenario], dict[str, float]]
@@ -64,6 +65,14 @@ class Engine(NamedTuple):
     starts: Callable[[Any, int, int], Any]
     control: Callable[[Scenario, int, int], Any]
     used: Callable[[Any, Collection[str]], effect.Used | None]
+    remarks: Callable[[Scenario], tuple[Remark, ...]] = lambda scenario: ()
+
+
+class Flown(NamedTuple):
+    """Times (s) of a flight's events, and what is to be said of it."""
+
+    events: dict[str, float]
+    remarks: tuple[Remark, ...] = ()
 
 
 def _events(scenario: Scenario) -> dict[str, float]:
@@ -79,6 +88,12 @@ def _events(scenario: Scenario) -> dict[str, float]:
     return dict(flight.events)
 
 
+def _remarks(scenario: Scenario) -> tuple[Remark, ...]:
+    """Return the remarks on a flight that `_events` has accepted, with the name of its trajectory."""
+    name = scenario.trajectory.name
+    return tuple(one._replace(text=f"{name}: {one.text}") for one in trajectory_of(scenario).remarks)
+
+
 @contextmanager
 def _about(path: str) -> Iterator[None]:
     """Let a mistake that is found within say which field it is about."""
@@ -92,6 +107,7 @@ ENGINE = Engine(
     _events, prepare, montecarlo.run_block, lincov.covariance, statistics.summarise, montecarlo.compile_kernels,
     explained.explain, stopping.beyond, starts.start_draws, nozzle.controlled,
     effect.used,
+    _remarks,
 )  # fmt: skip
 
 
@@ -150,10 +166,10 @@ class Done(NamedTuple):
     beyond: stopping.Counts = ()
 
 
-def events_of(engine: Engine, case: Case) -> dict[str, float] | InputError:
-    """Return the event times of a case's trajectory, or why it cannot be flown."""
+def flown(engine: Engine, case: Case) -> Flown | InputError:
+    """Return events and remarks of a case's trajectory, or why it cannot be flown."""
     try:
-        return engine.events(case.scenario)
+        return Flown(engine.events(case.scenario), engine.remarks(case.scenario))
     except InputError as error:
         return error
 

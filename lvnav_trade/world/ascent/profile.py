@@ -15,11 +15,20 @@ from lvnav_trade.errors import InputError
 from lvnav_trade.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, gmst, rotation_e_n, unit
 from lvnav_trade.kernels.earth import ECCENTRICITY_2, OMEGA, SEMI_MAJOR, gravity_along
 from lvnav_trade.records import Floats
-from lvnav_trade.units import Angle, Duration, Length, Pause, Speed, TimeConstant
+from lvnav_trade.units import Acceleration, Angle, AngularRate, Duration, Length, Pause, Speed, TimeConstant
 from lvnav_trade.world.ascent.dynamics import Drag, accelerations, fly
 from lvnav_trade.world.ascent.launch import achieved, pad_knots, site_phase
 from lvnav_trade.world.ascent.legs import COASTING, site_axes
-from lvnav_trade.world.ascent.record import Climb, Record, read, residual_facts, smooth
+from lvnav_trade.world.ascent.plausibility import OutsideFlight, Peak, within_limits
+from lvnav_trade.world.ascent.record import (
+    LONGEST_HOLE,
+    Climb,
+    Record,
+    force_along,
+    read,
+    residual_facts,
+    smooth,
+)
 from lvnav_trade.world.ascent.steering_law import (
     Steering,
     ascent_attitude,
@@ -27,16 +36,19 @@ from lvnav_trade.world.ascent.steering_law import (
     stretch_knots,
     thrust_directions,
 )
-from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY, FlightCard, Roll, Site
+from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY, Roll, Site
+from lvnav_trade.world.holes import bridged, described
+from lvnav_trade.world.jumps import missing_events
 from lvnav_trade.world.oscillation import OscillationCard
-from lvnav_trade.world.truth import Phase, Trajectory, joined, motion, position_spline
+from lvnav_trade.world.truth import NOTE, WARNING, Phase, Trajectory, joined, motion, position_spline
 
 _STEP = 0.5  # s between knots
+_COARSEST = 5.0  # s over which the force of a record is averaged, at most, to tell a jump from noise
 _UPRIGHT = (4.0, 12.0)  # s; thrust is vertical before, along the specific force after, blended between
 _BREAK = re.compile(r"stage\d+_(ignition|cutoff)(_\d+)?$")
 
 
-class RecordedAscent(FlightCard):
+class RecordedAscent(OutsideFlight):
     """A trajectory rebuilt from a record of Earth-relative speed and altitude against time.
 
     The file is CSV with the header ``time_s,speed_m_s,altitude_m``; lines that begin with # are comments. Altitude
@@ -57,6 +69,18 @@ class RecordedAscent(FlightCard):
     roll: Roll = Roll()
     coast_after_injection: TimeConstant = 20.0
     oscillation: tuple[OscillationCard, ...] = Field((), description="coning and vibration, by parts of the flight")
+    highest_load: Annotated[Acceleration, Field(gt=0.0)] = Field(
+        147.09975,  # 15 g: launchers end a burn with 4 to 7 g, the lightest of solid motors with 13 g
+        description="greatest specific force; beyond it the flight is refused",
+    )
+    highest_spin: Annotated[AngularRate, Field(gt=0.0)] = Field(
+        0.5235987755982988,  # 30 deg/s: a record holds no attitude, so that it cannot show a spin
+        description="greatest body rate about the roll axis; beyond it the flight is refused",
+    )
+    highest_misfit: Annotated[float, Field(gt=0.0)] = Field(
+        2.0,
+        description="RMS of flight minus record in sigmas of the stated noises; beyond it the flight is refused",
+    )
 
     def _faults(self) -> Iterator[str]:
         if (self.azimuth is None) == (self.inclination is None):
@@ -191,9 +215,9 @@ def rebuild(card: RecordedAscent) -> Trajectory:
     Altitude and level speed are fitted together to the record; the ground track is a great circle of the ellipsoid's
     normals (fixed to the Earth) from the site by the azimuth; the body's x axis lies along the specific force, drag and
     thrust not being distinguished, and turns smoothly through the coasts. InputError where the record is broken or does
-    not reach injection, or the inclination is out of reach.
+    not reach injection, the inclination is out of reach, or the flight is beyond a limit of the card.
     """
-    record = _until_injection(card, read(card.file))
+    record, notes = _until_injection(card, read(card.file))
     breaks = sorted(time for name, time in card.events.items() if _BREAK.match(name) and time < record.t[-1])
     cutoffs = [time for name, time in card.events.items() if _BREAK.match(name) and "cutoff" in name]
     coasts = [span for span in pairwise([*breaks, card.events["injection"]]) if span[0] in cutoffs]
@@ -214,22 +238,39 @@ def rebuild(card: RecordedAscent) -> Trajectory:
         "smoothing_misfit": climb.misfit,
         **residual_facts("smoothing", record, climb.speed(record.t), climb.altitude(record.t)),
     })  # fmt: skip
-    return flight
+    noise = card.speed_noise + STANDARD_GRAVITY * card.altitude_noise / np.maximum(record.speed, 1.0)  # of the climb
+    missing = missing_events(record.t, force_along(record), flight.events, _COARSEST, noise)
+    flight = flight.remarked(NOTE, notes).remarked(WARNING, [missing] if missing else [])
+    return within_limits(flight, card, card.file, (_misfit(card, record, climb),))
 
 
-def _until_injection(card: RecordedAscent, record: Record) -> Record:
+def _misfit(card: RecordedAscent, record: Record, climb: Climb) -> Peak:
+    """Return the misfit with the time of the row that is farthest off, in sigmas."""
+    speed = (climb.speed(record.t) - record.speed) / card.speed_noise
+    altitude = (climb.altitude(record.t) - record.altitude) / card.altitude_noise
+    return Peak("highest_misfit", climb.misfit, float(record.t[np.argmax(np.hypot(speed, altitude))]))
+
+
+def _until_injection(card: RecordedAscent, record: Record) -> tuple[Record, list[str]]:
+    """Return the rows from lift-off, where the vehicle rests, to injection, and what is said of holes in them."""
     injection = card.events["injection"]
-    usual = float(np.median(np.diff(record.t)))
     for name, time in card.events.items():
         if not 0.0 <= time <= injection:
             raise InputError(f"{card.name}: event {name!r} at {time:g} s is outside lift-off to injection")
-    if record.t[0] > usual or record.t[-1] < injection - usual:
+    usual = float(np.median(np.diff(record.t)))
+    if record.t[0] > 0.0:
+        record = Record(*(np.append(0.0, column) for column in record))
+    first, end = np.searchsorted(record.t, [0.0, injection], side="right")  # and a row on either side
+    record = Record(*(column[max(first - 1, 0) : end + 1] for column in record))
+    short, last = bridged(record.t, injection - usual, LONGEST_HOLE, card.file)
+    record = Record(*(column[: None if last is None else last.row + 1] for column in record))
+    if record.t[-1] < injection - usual:
         raise InputError(
             f"{card.file}: the record goes from {record.t[0]:g} to {record.t[-1]:g} s, lift-off to injection at "
             f"{injection:g} s is needed"
         )
     t = np.concatenate([[0.0], record.t[(record.t > 0.0) & (record.t < injection)], [injection]])
-    return Record(t, *(np.interp(t, record.t, column) for column in record[1:]))
+    return Record(t, *(np.interp(t, record.t, column) for column in record[1:])), described(short)
 
 
 def _azimuth(card: RecordedAscent, climb: Climb, breaks: list[float]) -> float:

@@ -20,11 +20,12 @@ from lvnav_trade.world.ascent.vehicle import Recorded, Site
 from lvnav_trade.world.truth import Trajectory, motion
 
 HEADER = ["time_s", "speed_m_s", "altitude_m"]
-_GAP = 6.0  # times the usual interval: what a fit can still bridge
 _SPACING = 5.0  # s between knots
+LONGEST_HOLE = _SPACING  # s that the fit bridges whatever the rate: between two knots it resolves nothing
 _COAST_NOISE = 0.2  # m/s^2, how far a coast may depart from free fall on a sphere that does not turn
 _WEIGHTS = (-3.0, 5.0)  # log10 of the weight of squared jerk between which the record's noise is sought
 _STEPS = 12  # of the fit, at most; a handful are usual
+_UPRIGHT = 30.0  # m/s; a slower vehicle still climbs as it stood on its pad
 _STEEPEST = 1e-3  # m/s; below this the speed has no direction and its row no derivative
 
 
@@ -40,7 +41,7 @@ def read(path: str) -> Record:
     """Return the record in a CSV file with the header ``time_s,speed_m_s,altitude_m``; # begins a comment line.
 
     InputError names file, line and fault: no such file, wrong header, a field that is no finite number, a time that
-    does not rise, a gap, a negative speed, fewer than 12 rows.
+    does not rise, a negative speed, fewer than 12 rows.
     """
     rows: list[list[float]] = []
     for index, (number, line) in enumerate(text_lines(path, DATA_BYTES)):
@@ -51,15 +52,7 @@ def read(path: str) -> Record:
             raise InputError(f"{where}: the header is {quoted(','.join(fields))}, expected {','.join(HEADER)!r}")
     if len(rows) < 12:
         raise InputError(f"{path}: {len(rows)} rows of data, an ascent needs 12 or more")
-    record = Record(*np.array(rows).T.copy())
-    interval = np.diff(record.t)
-    usual, k = float(np.median(interval)), int(np.argmax(interval))
-    if interval[k] > _GAP * usual:
-        raise InputError(
-            f"{path}: no data between {record.t[k]:g} s and {record.t[k + 1]:g} s, where rows are {usual:g} s apart "
-            f"elsewhere"
-        )
-    return record
+    return Record(*np.array(rows).T.copy())
 
 
 def _row(fields: list[str], before: list[float] | None, where: str) -> list[float]:
@@ -111,6 +104,17 @@ def residual_facts(of: str, record: Record, speed: Floats, altitude: Floats) -> 
         facts[f"{of}_{name}_worst_{unit}"] = float(residual[worst])
         facts[f"{of}_{name}_worst_at_s"] = float(record.t[worst])
     return facts
+
+
+def force_along(record: Record) -> Floats:
+    """Return the mean specific force along the path (n - 1,) in m/s^2 over each interval of a record: acceleration and
+    the part of gravity along the climb, which begins upright. The Earth neither turns nor is round here.
+    """
+    interval, mean = np.diff(record.t), 0.5 * (record.speed[1:] + record.speed[:-1])
+    rise = np.diff(record.altitude) / interval
+    steepness = np.where(mean < _UPRIGHT, 1.0, rise / np.maximum(mean, _UPRIGHT))
+    radius = SEMI_MAJOR + 0.5 * (record.altitude[1:] + record.altitude[:-1])
+    return np.asarray(np.diff(record.speed) / interval + GM / radius**2 * steepness)
 
 
 class Climb(NamedTuple):

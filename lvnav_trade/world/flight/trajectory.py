@@ -14,7 +14,8 @@ from lvnav_trade.world.oscillation import oscillations
 from lvnav_trade.world.sensors.imu import ImuCard
 from lvnav_trade.world.truth import Phase, Trajectory, motion, oscillating, reference
 from lvnav_trade.world.user_file.columns import TableTrajectory
-from lvnav_trade.world.user_file.table import content_of, from_table, require_consistent, residuals
+from lvnav_trade.world.user_file.contradiction import require_consistent
+from lvnav_trade.world.user_file.table import content_of, from_table, residuals, undeclared
 
 __all__ = [
     "Phase",
@@ -62,4 +63,4 @@ def identity(card: TrajectoryCard) -> str:
 def refuse_contradiction(card: TrajectoryCard, imu: ImuCard) -> None:
     """InputError where a user's own file contradicts itself by more than an inertial unit would let pass."""
     if isinstance(card, TableTrajectory):
-        require_consistent(residuals(card), imu, card.file)
+        require_consistent(residuals(card), imu, card.file, undeclared(card))

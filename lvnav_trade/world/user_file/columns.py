@@ -7,7 +7,8 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import AfterValidator, Field
 
 from lvnav_trade.units import Angle, AngleSigma, Card, Duration, LengthSigma, Pause, SpeedSigma, parse
-from lvnav_trade.world.ascent.vehicle import FlightCard, Roll
+from lvnav_trade.world.ascent.plausibility import OutsideFlight
+from lvnav_trade.world.ascent.vehicle import Roll
 from lvnav_trade.world.oscillation import OscillationCard
 
 _NAME = re.compile(r"[A-Za-z_]\w*$")
@@ -91,7 +92,7 @@ class AttitudeColumns(Card):
             yield "unit is for Euler angles, and they need it"
 
 
-class TableTrajectory(FlightCard):
+class TableTrajectory(OutsideFlight):
     """A trajectory in a file of the user's own, CSV or Parquet, one row per time.
 
     Force may jump at the events, and only there. Where velocity is given, the true velocity is a spline through its

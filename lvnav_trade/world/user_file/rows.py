@@ -3,7 +3,7 @@
 import csv
 import difflib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,10 +17,12 @@ from lvnav_trade.kernels.earth import OMEGA, SEMI_MAJOR
 from lvnav_trade.limits import DATA_BYTES, DATA_ROWS, FIELD_LENGTH
 from lvnav_trade.records import Floats
 from lvnav_trade.units import parse
+from lvnav_trade.world.holes import Hole, bridged, described
 from lvnav_trade.world.user_file.columns import AttitudeColumns, PositionColumns, TableTrajectory, VelocityColumns
 
 FEWEST = 12  # rows from which a flight can be rebuilt
-_GAP = 6.0  # times the longer of the intervals beside it: what a spline can still bridge
+LONGEST_HOLE = 1.0  # s that a spline bridges whatever the rate: rows of a whole ascent may be as far apart
+_LARGEST_TURN = 1.0  # rad in a hole; half a turn would leave open which way the body turned
 
 
 def read_columns(
@@ -121,16 +123,25 @@ def refuse_unordered(t: Floats, path: str, places: list[str]) -> Floats:
     return interval
 
 
-def refuse_bad_times(t: Floats, path: str, places: list[str]) -> None:
-    """InputError where times t (n,) in s repeat, go back, or leave a gap that no spline bridges."""
-    interval = refuse_unordered(t, path, places)
-    beside = np.maximum(np.append(interval[1:], 0.0), np.append(0.0, interval[:-1]))
-    k = int(np.argmax(interval / beside))
-    if interval[k] > _GAP * beside[k]:
-        raise InputError(
-            f"{path}:{places[k + 1]}: no data between {t[k]:g} s and {t[k + 1]:g} s, where rows beside are "
-            f"{beside[k]:g} s apart"
-        )
+def usable(t: Floats, events: Mapping[str, float], path: str, places: list[str]) -> tuple[int, list[Hole], list[str]]:
+    """Return how many rows at times t (n,) in s can be flown, the holes among them, and what is said of both.
+
+    InputError where times repeat or go back, or leave a hole before the last event that is longer than what is bridged;
+    such a hole behind it ends the flight.
+    """
+    refuse_unordered(t, path, places)
+    short, last = bridged(t, max(events.values(), default=math.inf), LONGEST_HOLE, path, places)
+    if last is None:
+        return t.size, short, described(short)
+    span = f"{last.start:.6g} to {last.end:.6g} s"
+    return (
+        last.row + 1,
+        short,
+        [
+            *described(short),
+            f"no data from {span}, after the last event: the flight ends there and the rows behind it are left out",
+        ],
+    )
 
 
 def rounding(column: Floats) -> float:
@@ -156,7 +167,7 @@ class Rows(NamedTuple):
     """Rows in SI, frame i: t (n,) s from lift-off, r_i (n, 3), v_i (n, 3) or none, q_b_i (n, 4) or none.
 
     noise: one sigma of a component of a row of position (m), velocity (m/s), attitude (rad); theta0: Earth angle at
-    lift-off.
+    lift-off; notes: on holes.
     """
 
     t: Floats
@@ -165,6 +176,7 @@ class Rows(NamedTuple):
     q_b_i: Floats | None
     noise: tuple[float, ...]
     theta0: float
+    notes: tuple[str, ...] = ()
 
 
 def read_rows(card: TableTrajectory) -> Rows:
@@ -175,7 +187,9 @@ def read_rows(card: TableTrajectory) -> Rows:
     q_b_i, noise_q = (None, 0.0) if card.attitude is None else read.attitudes(card.attitude, r_i)
     seen, stated = (noise_r, noise_v, noise_q), (card.position_noise, card.velocity_noise, card.attitude_noise)
     noise = (own if given is None else given for own, given in zip(seen, stated, strict=True))
-    return Rows(read.t, r_i, v_i, q_b_i, tuple(noise), read.theta0)
+    if q_b_i is not None:
+        read.refuse_lost_turns(q_b_i)
+    return Rows(read.t, r_i, v_i, q_b_i, tuple(noise), read.theta0, tuple(read.notes))
 
 
 def si(unit: str, base: str) -> float:
@@ -194,9 +208,12 @@ class _Reader:
         parts = [part for part in (card.position, card.velocity, card.attitude) if part is not None]
         names = list(dict.fromkeys([card.time.column, *(name for part in parts for name in part.columns)]))
         table, self.places = read_columns(card.file, names, card.delimiter)
-        self.file, self.column = card.file, dict(zip(names, table.T, strict=True))
-        self.t = (self.column[card.time.column] - card.time.liftoff) * si(card.time.unit, "s")
-        refuse_bad_times(self.t, card.file, self.places)
+        t = (table[:, names.index(card.time.column)] - card.time.liftoff) * si(card.time.unit, "s")
+        count, self.holes, self.notes = usable(t, card.events, card.file, self.places)
+        if count < FEWEST:
+            raise InputError(f"{card.file}: {count} rows before {self.notes[-1]}; a trajectory needs {FEWEST} or more")
+        self.file, self.column = card.file, dict(zip(names, table[:count].T, strict=True))
+        self.t = t[:count]
         self.theta0 = frames.gmst(card.epoch)
         self.theta = frames.earth_angle(self.theta0, self.t)
         # from the axes of frame i to the file's, about z
@@ -208,6 +225,18 @@ class _Reader:
     def refuse(self, wrong: NDArray[np.bool_], fault: Callable[[int], str]) -> None:
         """InputError with the fault of the first row that is wrong (n,)."""
         refuse_first(wrong, self.file, self.places, fault)
+
+    def refuse_lost_turns(self, q_b_i: Floats) -> None:
+        """InputError where the body, as fast as beside a hole, turns so far in it that the rows leave the turn open."""
+        angle = 2.0 * np.arccos(np.minimum(1.0, np.abs(np.sum(q_b_i[1:] * q_b_i[:-1], axis=1))))
+        rate = angle / np.diff(self.t)
+        for hole in self.holes:
+            turn = hole.length * max(rate[k] for k in (hole.row - 1, hole.row + 1) if 0 <= k < rate.size)
+            if turn > _LARGEST_TURN:
+                raise InputError(
+                    f"{self.file}:{self.places[hole.row + 1]}: no data between {hole.start:g} s and {hole.end:g} s, "
+                    f"in which the body turns by some {math.degrees(turn):.0f} deg"
+                )
 
     def positions(self, part: PositionColumns) -> tuple[Floats, float]:
         """Return r_i (n, 3) and one sigma of its rounding."""

@@ -1,8 +1,7 @@
 """The true flight of a user's own file: splines through its rows, jumps of its reference point, contradictions."""
 
 import hashlib
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -18,76 +17,19 @@ from lvnav_trade.limits import DATA_BYTES
 from lvnav_trade.reads import remembered
 from lvnav_trade.records import Floats
 from lvnav_trade.world.ascent.launch import achieved
+from lvnav_trade.world.ascent.plausibility import within_limits
 from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY
-from lvnav_trade.world.sensors.imu import ImuCard
-from lvnav_trade.world.truth import Phase, Trajectory, motion, pad_phase, pad_times
+from lvnav_trade.world.jumps import missing_events
+from lvnav_trade.world.truth import NOTE, WARNING, Phase, Trajectory, motion, pad_phase, pad_times
 from lvnav_trade.world.user_file.columns import TableTrajectory
+from lvnav_trade.world.user_file.contradiction import Residual, added
 from lvnav_trade.world.user_file.rows import Rows, read_rows
 from lvnav_trade.world.user_file.splines import along_path, fit
 
-ALLOWED = 0.1  # of the unit's one-sigma growth
-SHORTEST = 10.0  # s; a shorter interval counts as one of this length, rows know no better
-_ROUNDINGS = 5.0  # sigmas of a row's noise by which the worst of thousands may be off without meaning anything
-_SHOWN = {  # unit in messages, SI units to it, and what contradicts what
-    "position": ("m", 1.0, "its velocity, integrated, and its position part"),
-    "velocity": ("m/s", 1.0, "the spline and its velocity part"),
-    "attitude": ("deg", 180.0 / math.pi, "the spline and its attitude part"),
-}
 _SAME = 1e-6  # s; two times closer than this are one
 _REST = 1.0  # m/s relative to the Earth; more than this is no lift-off
-_MOST_LOAD = 100.0  # standard gravities; beyond, rows or events are wrong
+_COARSEST = 2.0  # s over which the force of the rows is averaged, at most, to tell a jump from noise
 _COMPONENTS = 0.5 * np.sqrt(0.75)  # RMS of a quaternion's four components for one radian of rotation per axis
-
-
-class Residual(NamedTuple):
-    """The worst contradiction of one stretch between events.
-
-    what: position (integrated velocity minus rows, since the first row of the stretch), velocity or attitude (truth
-    minus rows). start, end s of the stretch, time s of the worst row, size of the vector there (m, m/s, rad), noise one
-    sigma of a component of a row.
-    """
-
-    what: str
-    start: float
-    end: float
-    time: float
-    size: float
-    noise: float
-
-
-def growth(imu: ImuCard, what: str, interval: float) -> float:
-    """Return one sigma per axis of what an inertial unit alone adds to an error over an interval (s), SI.
-
-    White noise of density n and a constant bias b (repeatability and instability) of the sensor that integrates into
-    it: attitude and velocity n^2 T + (b T)^2, position n^2 T^3 / 3 + (b T^2 / 2)^2. What else the card holds would only
-    widen it.
-    """
-    sensor = imu.gyro if what == "attitude" else imu.accel
-    bias = math.hypot(sensor.bias_repeatability, sensor.bias_instability)
-    if what == "position":
-        return math.hypot(sensor.random_walk * math.sqrt(interval**3 / 3.0), 0.5 * bias * interval**2)
-    return math.hypot(sensor.random_walk * math.sqrt(interval), bias * interval)
-
-
-def limit(residual: Residual, imu: ImuCard) -> float:
-    """Return the size (SI) up to which a residual is allowed: a tenth of the growth, and what the rows' noise makes."""
-    interval = max(residual.end - residual.start, SHORTEST)
-    return ALLOWED * growth(imu, residual.what, interval) + _ROUNDINGS * residual.noise
-
-
-def require_consistent(residuals: Sequence[Residual], imu: ImuCard, file: str) -> None:
-    """InputError with place and size of the worst residual, where one is beyond its limit for this unit."""
-    beyond = [one for one in residuals if one.size > limit(one, imu)]
-    if not beyond:
-        return
-    worst = max(beyond, key=lambda one: one.size / max(limit(one, imu), 1e-300))
-    unit, factor, text = _SHOWN[worst.what]
-    raise InputError(
-        f"{file}: {text} by {worst.size * factor:.3g} {unit} at {worst.time:.9g} s (from {worst.start:.9g} s on); "
-        f"allowed are {limit(worst, imu) * factor:.3g} {unit}, {ALLOWED:g} of what {imu.name!r} drifts from "
-        f"{worst.start:.9g} to {worst.end:.9g} s: is an event missing, a frame or unit wrong, does the reference point "
-        f"move?"
-    )
 
 
 class Jump(NamedTuple):
@@ -100,7 +42,8 @@ class Jump(NamedTuple):
 
 class Fitted(NamedTuple):
     """What is left of the rows: the position spline in frame i, edges (s) of its stretches, what was removed from the
-    rows, RMS and worst of spline minus rows of position, and the residuals.
+    rows, RMS and worst of spline minus rows of position, the residuals, and what is said of events that the card does
+    not declare.
     """
 
     rows: Rows
@@ -109,11 +52,12 @@ class Fitted(NamedTuple):
     jumps: tuple[Jump, ...]
     misfit: tuple[float, float, float]
     residuals: tuple[Residual, ...]
+    missing: str = ""
 
 
 def from_table(card: TableTrajectory) -> Trajectory:
-    """Return the flight of a user's file; InputError where the file is broken, contradicts itself grossly, or an event
-    lies outside it.
+    """Return the flight of a user's file; InputError where the file is broken, contradicts itself grossly, an event
+    lies outside it, or the flight is beyond a limit of the card.
     """
     path = _path_of(card)
     rows, edges, hold = path.rows, path.edges, card.pad_hold
@@ -134,8 +78,15 @@ def from_table(card: TableTrajectory) -> Trajectory:
         name = next((name for name, time in marks.items() if abs(time - begin) < _SAME), "start")
         phases.append(Phase(f"from {name}", begin, end, path.position, attitude))
     flight = Trajectory(tuple(phases), _named_events(marks, card.events), rows.theta0, card.epoch)
+    flight = flight.remarked(NOTE, rows.notes).remarked(WARNING, [path.missing] if path.missing else [])
+    flight = within_limits(flight, card, card.file)
     flight.facts.update(_facts(card, path, flight))
     return flight
+
+
+def undeclared(card: TableTrajectory) -> str:
+    """Return what is said of events that jumps of the force suggest and the card does not declare; empty for none."""
+    return _path_of(card).missing
 
 
 def residuals(card: TableTrajectory) -> tuple[Residual, ...]:
@@ -165,15 +116,13 @@ def _fitted(identity: tuple[str, str], card: TableTrajectory) -> Fitted:
     breaks = sorted({time for time in marks.values() if rows.t[0] + _SAME < time < rows.t[-1] - _SAME})
     breaks = [time for k, time in enumerate(breaks) if k == 0 or time - breaks[k - 1] > _SAME]
     edges = [float(rows.t[0]), *breaks, float(rows.t[-1])]
-    path = (_by_position if rows.v_i is None else _by_velocity)(card, rows, edges, marks)
-    t, force = _force(path)
-    load = np.linalg.norm(force, axis=1) / STANDARD_GRAVITY
-    k = int(np.argmax(load))
-    if load[k] > _MOST_LOAD:
-        raise InputError(
-            f"{card.file}: the rows need a specific force of {load[k]:.3g} g at {t[k]:.6g} s: is an event missing "
-            f"there, or are the rows noisier than their digits (state position_noise or velocity_noise)?"
-        )
+    t, force, noise = _rows_force(rows)
+    missing = missing_events(t, force, marks, _COARSEST, noise)
+    try:
+        path = (_by_position if rows.v_i is None else _by_velocity)(card, rows, edges, marks)
+    except InputError as error:
+        raise InputError(f"{error}{added(missing)}") from None
+    path = path._replace(missing=missing)
     if rows.q_b_i is None:
         return path
     size = _angles(_turning(rows, rows.t, rows.q_b_i)(rows.t), rows.q_b_i)
@@ -290,6 +239,19 @@ def _force(path: Fitted) -> tuple[Floats, Floats]:
     edges = path.edges
     t = np.concatenate([np.linspace(a, b, max(8, int((b - a) / 0.05)) + 2)[1:-1] for a, b in pairwise(edges)])
     return t, path.position(t, 2) - gravity_along(path.position(t))
+
+
+def _rows_force(rows: Rows) -> tuple[Floats, Floats, float]:
+    """Return times (n,), the mean specific force (n - 1,) in m/s^2 between them, and one sigma of the velocities that
+    it comes from, by the rows alone: those of velocity, or differences of the position, which stand between its rows.
+    """
+    t, r, v, noise = rows.t, rows.r_i, rows.v_i, rows.noise[1]
+    if v is None:
+        noise = 2.0 * rows.noise[0] / float(np.median(np.diff(t)))
+        v = np.diff(r, axis=0) / np.diff(t)[:, None]
+        t, r = 0.5 * (t[1:] + t[:-1]), 0.5 * (r[1:] + r[:-1])
+    force = np.diff(v, axis=0) / np.diff(t)[:, None] - gravity_along(0.5 * (r[1:] + r[:-1]))
+    return t, np.linalg.norm(force, axis=1), noise
 
 
 def _turning(rows: Rows, t: Floats, q_b_i: Floats) -> BSpline:

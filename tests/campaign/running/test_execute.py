@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import hashlib
 import itertools
+import sys
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.running import execute
 from lvnav_trade.engines.analysis.effect import Used
 from lvnav_trade.errors import InputError, Mistake
+from lvnav_trade.world.truth import BEYOND, NOTE, WARNING, Remark
 
 TWO = "axes: [{path: imu, cards: [imu/good, imu/poor]}]\nmonte_carlo: {runs: 100}\n"
 
@@ -55,6 +57,18 @@ def test_runs_are_flown_in_blocks_of_forty_case_by_case(run) -> None:
     fake, outcome = run()
     assert flown(fake) == ALL
     assert outcome.failures == ()
+
+
+def test_remarks_on_the_flights_are_kept_by_kind_each_once(study, fakes, monkeypatch) -> None:
+    study.append(TWO)
+    said = (Remark(BEYOND, "a: 33 g"), Remark(NOTE, "a: a hole"), Remark(WARNING, "a: no event"))
+    engine = fakes.Fake().engine()._replace(remarks=lambda scenario: said)
+    finished: list[dict[str, object]] = []
+    kept = fakes.store()
+    monkeypatch.setattr(sys.modules["fakes"].Kept, "finish", lambda self, extra: finished.append(extra))
+    execute.run(load(study.path), Path("results"), jobs=1, engine=engine, keep=kept)
+    names = ("beyond_limits", "warnings", "notes")
+    assert [finished[0][name] for name in names] == [["a: 33 g"], ["a: no event"], ["a: a hole"]]
 
 
 def test_a_mistake_that_shows_late_is_reported_at_its_place_before_anything_is_flown(run, fakes) -> None:

@@ -132,9 +132,9 @@ def test_a_flight_that_cannot_be_is_returned_and_not_raised(job, case: Case, mon
     def out_of_reach(scenario: Any) -> dict[str, float]:
         raise InputError("lacks 300 m/s")
 
-    found = work.events_of(todo.engine._replace(events=out_of_reach), case)
+    found = work.flown(todo.engine._replace(events=out_of_reach), case)
     assert isinstance(found, InputError)
-    assert work.events_of(todo.engine, case) == {"liftoff": 0.0, "stage1_cutoff": 1.0, "injection": 2.0}
+    assert work.flown(todo.engine, case) == ({"liftoff": 0.0, "stage1_cutoff": 1.0, "injection": 2.0}, ())
 
 
 def test_an_almanac_that_cannot_be_read_is_found_before_anything_is_flown(study) -> None:

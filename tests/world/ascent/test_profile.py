@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from ruamel.yaml import YAML
 from scipy.interpolate import make_interp_spline
 
 from lvnav_trade.errors import InputError
@@ -22,7 +23,7 @@ from lvnav_trade.frames import (
 from lvnav_trade.world.ascent.profile import RecordedAscent, course, rebuild, tracks_of
 from lvnav_trade.world.ascent.record import Climb, read
 from lvnav_trade.world.ascent.vehicle import Site
-from lvnav_trade.world.truth import motion
+from lvnav_trade.world.truth import BEYOND, NOTE, WARNING, motion
 from tests.world.flights import record_card, record_settings, recorded
 
 SITE = Site(latitude="-38.6 deg", longitude="-62 deg", height="20 m")
@@ -146,3 +147,122 @@ def test_an_event_outside_the_flight_is_refused():
 def test_a_record_that_ends_before_injection_is_refused():
     with pytest.raises(InputError, match="goes from 0 to 558 s, lift-off to injection at 600 s is needed"):
         rebuild(record_card(events={"injection": "600 s"}))
+
+
+def rows_of_the_shipped_flight(hole=None, until=None, noise=1.0):
+    """Time, speed, altitude (n, 3) of the shipped record's flight at 2 Hz, at 10 Hz from 290 to 315 s, with the noise
+    that is stated times a factor; without the rows in a hole, and with rows until a time after injection.
+    """
+    t = np.unique(np.round(np.concatenate([np.arange(0.0, 558.5, 0.5), np.arange(290.0, 315.0, 0.1)]), 6))
+    m = motion(recorded(), t)
+    speed = np.linalg.norm(earth_velocity(m.r_i, m.v_i), axis=1)
+    height = geodetic_from_ecef(ecef_from_eci(m.r_i, earth_angle(recorded().theta0, t)))[2]
+    rows = np.column_stack([t, speed, height - record_card().site.height])
+    rows[1:, 1:] += np.random.default_rng(5).standard_normal((t.size - 1, 2)) * noise * [2.0, 100.0]
+    rows = np.abs(rows)
+    if until is not None:
+        later = np.arange(until - 1.0, until, 0.5)
+        rows = np.concatenate([rows, np.column_stack([later, 0.0 * later + 7500.0, 0.0 * later + 720e3])])
+    return rows if hole is None else rows[(rows[:, 0] <= hole[0]) | (rows[:, 0] >= hole[1])]
+
+
+def card_of(folder, rows, **changes):
+    file = folder / "record.csv"
+    lines = [",".join(f"{value:.3f}" for value in row) for row in rows]
+    file.write_text("\n".join(["time_s,speed_m_s,altitude_m", *lines]))
+    return record_card(file=str(file), **changes)
+
+
+def wrong_digits(share=0.15):
+    """The shipped record with a leading or second digit misread in a share of the rows."""
+    rows, rng = np.column_stack(read(record_settings()["file"])), np.random.default_rng(2)
+    for k in np.flatnonzero(rng.random(len(rows)) < share):
+        column = 1 + int(rng.integers(2))
+        rows[k, column] += rng.choice([-1.0, 1.0, 2.0]) * 10.0 ** (
+            math.floor(math.log10(max(rows[k, column], 1.0))) - 1
+        )
+    return np.abs(rows)
+
+
+def notes(flight):
+    return [one.text for one in flight.remarks if one.kind == NOTE]
+
+
+LIMITS = ("highest_load", "highest_rate", "highest_spin", "highest_misfit")
+
+
+def test_a_record_with_wrong_digits_is_refused_at_the_fields_that_would_let_it_fly(tmp_path):
+    with pytest.raises(InputError) as caught:
+        rebuild(card_of(tmp_path, wrong_digits()))
+    found = {one.path.removeprefix("trajectory."): one.message for one in caught.value.records}
+    assert {"highest_load", "highest_misfit"} <= set(found) <= set(LIMITS)
+    for field, message in found.items():
+        assert message.startswith(f"{tmp_path}/record.csv: ")
+        assert " is usual: " in message
+        assert message.endswith(f"; if it is true, raise {field}")
+    assert "RMS misfit to the record" in found["highest_misfit"]
+
+
+def test_limits_that_are_raised_let_a_record_with_wrong_digits_fly_and_say_so(tmp_path):
+    raised = {
+        "highest_load": "1000 g",
+        "highest_rate": "9000 deg/s",
+        "highest_spin": "9000 deg/s",
+        "highest_misfit": 900,
+    }
+    flight = rebuild(card_of(tmp_path, wrong_digits(), **raised))
+    (line,) = (one.text for one in flight.remarks if one.kind == BEYOND)
+    assert "RMS misfit to the record" in line
+    assert "specific force" in line
+    assert "(usually at most 15 g)" in line
+
+
+@pytest.mark.parametrize("hole", [(300.0, 300.83), (300.0, 304.9)])
+def test_a_hole_that_the_fit_bridges_is_filled_and_said(tmp_path, hole):
+    rows = (rows_of_the_shipped_flight(one) for one in (None, hole))
+    whole, flight = (rebuild(card_of(tmp_path, one, highest_rate="120 deg/s")) for one in rows)
+    assert notes(whole) == []
+    (note,) = notes(flight)
+    assert note.startswith("no data from 300 to ")
+    t = np.linspace(hole[0], hole[1], 20)
+    assert np.max(np.linalg.norm(motion(flight, t).v_i - motion(whole, t).v_i, axis=1)) < 4.0
+
+
+def test_a_longer_hole_is_refused_with_its_place(tmp_path):
+    with pytest.raises(
+        InputError, match=r"record.csv: no data between 300 s and 305.2 s, where rows beside are 0.1 s apart"
+    ):
+        rebuild(card_of(tmp_path, rows_of_the_shipped_flight((300.0, 305.15))))
+
+
+def test_a_gap_after_injection_is_no_reason_to_refuse(tmp_path):
+    flight = rebuild(card_of(tmp_path, rows_of_the_shipped_flight(until=700.0)))
+    assert flight.remarks == ()
+    assert flight.events["injection"] == 558.0
+    late = {**record_settings()["events"], "injection": "600 s"}
+    own = card_of(tmp_path, rows_of_the_shipped_flight(until=700.0), events=late)
+    with pytest.raises(InputError, match="no data between 558 s and 699 s"):
+        rebuild(own)
+
+
+def test_a_record_that_begins_after_lift_off_begins_at_rest_there(tmp_path):
+    flight = rebuild(card_of(tmp_path, np.column_stack(read(record_settings()["file"]))[2:]))  # from 10 s on
+    m = motion(flight, [0.0])
+    assert np.linalg.norm(earth_velocity(m.r_i, m.v_i)) < 1e-6
+
+
+def test_a_record_without_events_of_stages_suggests_them(tmp_path):
+    raised = {
+        "highest_misfit": 100,
+        "highest_rate": "9000 deg/s",
+        "highest_spin": "9000 deg/s",
+        "highest_load": "900 g",
+    }
+    raised |= {"speed_noise": "0.2 m/s", "altitude_noise": "10 m", "events": {"injection": "558 s"}}
+    flight = rebuild(card_of(tmp_path, rows_of_the_shipped_flight(noise=0.1), **raised))
+    (line,) = (one.text for one in flight.remarks if one.kind == WARNING)
+    found = YAML(typ="safe").load(line.partition("as YAML: ")[2])["events"]
+    assert list(found) == ["stage1_cutoff", "stage2_ignition"]
+    times = [float(time.split()[0]) for time in found.values()]
+    assert times == pytest.approx([150.0, 161.0], abs=2.5)
+    assert recorded().remarks == ()  # the shipped card declares them, and noise suggests no more

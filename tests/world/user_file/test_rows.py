@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from lvnav_trade.errors import InputError
 from lvnav_trade.frames import gmst, matrices
 from lvnav_trade.kernels.earth import OMEGA
-from lvnav_trade.world.user_file.rows import read_columns, read_rows, refuse_bad_times, rounding
+from lvnav_trade.world.user_file.rows import read_columns, read_rows, rounding, usable
 from tests.world.tables import EPOCH, card, path, to_earth, write
 
 ROWS = "\n".join(f"{k},{k * k},0" for k in range(20))
@@ -81,11 +81,62 @@ def test_a_column_of_words_or_a_missing_one_in_a_parquet_file_is_refused(tmp_pat
 )
 def test_times_that_repeat_go_back_or_leave_a_gap_are_refused(t, fault):
     with pytest.raises(InputError, match=fault):
-        refuse_bad_times(np.array(t), "a.csv", [str(k) for k in range(5, 5 + len(t))])
+        usable(np.array(t), {}, "a.csv", [str(k) for k in range(5, 5 + len(t))])
 
 
 def test_a_change_of_rate_is_no_gap():
-    refuse_bad_times(np.concatenate([np.arange(0.0, 5.0, 0.1), np.arange(5.0, 30.0)]), "a.csv", [""] * 100)
+    t = np.concatenate([np.arange(0.0, 5.0, 0.1), np.arange(5.0, 30.0)])
+    assert usable(t, {}, "a.csv", [""] * 100) == (t.size, [], [])
+
+
+def with_holes(*spans):
+    """Times at 30 Hz over 60 s, none within the spans, and their places."""
+    t = np.arange(0.0, 60.0, 1.0 / 30.0)
+    t = t[~np.any([(t > begin) & (t < end) for begin, end in spans], axis=0)]
+    return t, [str(k) for k in range(t.size)]
+
+
+def test_a_hole_of_less_than_a_second_is_filled_whatever_the_rate_and_said():
+    t, places = with_holes((20.0, 20.83))
+    count, (hole,), notes = usable(t, {}, "a.csv", places)
+    assert (count, hole.start) == (t.size, pytest.approx(20.0))
+    assert notes == ["no data from 20 to 20.8333 s: a spline through the rows beside fills the hole"]
+    _, both, (note,) = usable(*with_holes((20.0, 20.83), (30.0, 30.9))[:1], {}, "a.csv", places)
+    assert len(both) == 2
+    assert note.startswith("2 holes without data, the longest from 30 to 30.9")
+    with pytest.raises(
+        InputError, match=r"no data between 20 s and 21\.2 s, where rows beside are 0\.0333 s apart; at "
+    ):
+        usable(*with_holes((20.0, 21.2))[:1], {}, "a.csv", places)
+
+
+def test_a_hole_after_the_last_event_ends_the_flight_and_one_before_it_is_refused():
+    t, places = with_holes((40.0, 55.0))
+    count, holes, notes = usable(t, {"injection": 39.5}, "a.csv", places)
+    assert (t[count - 1], holes) == (pytest.approx(40.0), [])
+    assert notes == [
+        "no data from 40 to 55 s, after the last event: the flight ends there and the rows behind it are left out"
+    ]
+    for events in ({}, {"injection": 45.0}, {"injection": 39.5, "separation": 58.0}):
+        with pytest.raises(InputError, match="no data between 40 s and 55 s"):
+            usable(t, events, "a.csv", places)
+
+
+def turning(tmp_path, rate, **own):
+    """A file of `path` at 30 Hz with a hole of 0.8 s, whose body rolls at a rate (rad/s)."""
+    t, _ = with_holes((20.0, 20.8))
+    r, v = path(t)
+    angle = 0.5 * rate * t
+    columns = {"t": t, **dict(zip("xyz", r.T, strict=True)), **dict(zip(("vx", "vy", "vz"), v.T, strict=True))}
+    columns |= {"q0": np.cos(angle), "q1": np.sin(angle), "q2": 0.0 * t, "q3": 0.0 * t}
+    attitude = {"form": "quaternion", "frame": "eci", "columns": ["q0", "q1", "q2", "q3"], "scalar": "first"}
+    return card(write(tmp_path, columns, attitude={**attitude, "turns": "body_to_frame"}, **own))
+
+
+def test_a_body_that_turns_far_in_a_hole_is_refused(tmp_path):
+    assert len(read_rows(turning(tmp_path, 1.0)).notes) == 1
+    with pytest.raises(InputError, match=r"mine\.csv:603: no data between 20 s .* the body turns by some 229 deg"):
+        read_rows(turning(tmp_path, 5.0))
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -13,7 +11,9 @@ from lvnav_trade.errors import InputError
 from lvnav_trade.frames import matrices
 from lvnav_trade.world.flight.trajectory import build, content, motion, refuse_contradiction
 from lvnav_trade.world.sensors.imu import ImuCard
-from lvnav_trade.world.user_file.table import Residual, growth, limit, require_consistent, residuals
+from lvnav_trade.world.truth import NOTE, WARNING
+from lvnav_trade.world.user_file.contradiction import PRECISION, require_consistent
+from lvnav_trade.world.user_file.table import residuals
 from tests.world.flights import CONFIGS, ascent
 from tests.world.tables import BREAK, card, example_settings, path, write
 
@@ -104,7 +104,7 @@ def test_a_jump_where_no_event_is_declared_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"position steps by 5 m beside its velocity between 59\.5 and 60 s, where no"):
         build(card(settings))
     write(tmp_path, named("xyz", r + np.outer(T >= 60.0, [300.0, 0.0, 400.0])))
-    with pytest.raises(InputError, match=r"specific force of \d+ g at (59|60).* is an event missing there"):
+    with pytest.raises(InputError, match=r"specific force of [\d.]+ g at (59|60).* is an event missing there"):
         build(card({**settings, "velocity": None}))
 
 
@@ -225,51 +225,72 @@ def test_an_attitude_noisier_than_stated_is_a_residual(tmp_path):
         require_consistent(residuals(smooth), imu(), "bent.csv")
 
 
-IMU = ImuCard.model_validate(
+IDEAL = ImuCard.model_validate(
     {
-        "name": "unit",
+        "name": "ideal",
         "source": "test",
-        "gyro": {"random_walk": "0.1 deg/sqrt(h)", "bias_repeatability": "3 deg/h", "bias_instability": "4 deg/h"},
-        "accel": {"random_walk": "0.2 mg/sqrt(Hz)", "bias_repeatability": "1 mg"},
+        "gyro": {"random_walk": 0, "bias_repeatability": 0},
+        "accel": {"random_walk": 0, "bias_repeatability": 0},
     }
 )
 
 
-def test_growth_is_that_of_many_integrated_noises_and_biases():
-    # 4000 draws, 100 s at 10 Hz: the sampling error of a sigma is 1.1 %
-    rng, n, dt, steps = np.random.default_rng(3), 4000, 0.1, 1000
-    walk, bias = 0.2e-3 * 9.80665, 1e-3 * 9.80665
-    a = rng.normal(0.0, walk / math.sqrt(dt), (n, steps)) + rng.normal(0.0, bias, (n, 1))
-    v = np.cumsum(a, axis=1) * dt
-    assert np.std(v[:, -1]) == pytest.approx(growth(IMU, "velocity", 100.0), rel=0.04)
-    assert np.std(np.sum(v, axis=1) * dt) == pytest.approx(growth(IMU, "position", 100.0), rel=0.04)
+@pytest.mark.parametrize("rate", [2.0, 10.0, 50.0])
+def test_rows_that_carry_all_digits_pass_an_ideal_unit(tmp_path, rate, record_property):
+    t = np.arange(0.0, 80.0 + 0.5 / rate, 1.0 / rate)
+    r, v = path(t)
+    turn = 0.5 * 0.02 * t
+    q = np.column_stack([np.cos(turn), np.sin(turn), 0.0 * t, 0.0 * t])
+    columns = {"t": t, **named("xyz", r), **named(("vx", "vy", "vz"), v), **named(("q0", "q1", "q2", "q3"), q)}
+    attitude = {"form": "quaternion", "frame": "eci", "columns": ["q0", "q1", "q2", "q3"], "scalar": "first"}
+    settings = write(tmp_path, columns, attitude={**attitude, "turns": "body_to_frame"})
+    own = card(settings, largest_force_angle="180 deg")
+    worst = {what: max(one.size for one in residuals(own) if one.what == what) for what in PRECISION}
+    assert worst["position"] > 0.0
+    record_property(f"rows of all digits at {rate:g} Hz, worst residuals", worst)
+    refuse_contradiction(own, IDEAL)
 
 
-def test_growth_of_each_kind_is_the_closed_form():
-    assert growth(IMU, "attitude", 3600.0) == pytest.approx(math.radians(math.hypot(0.1, 5.0)))  # after an hour
-    bias, walk = 1e-3 * 9.80665, 0.2e-3 * 9.80665
-    assert growth(IMU, "velocity", 100.0) == pytest.approx(math.hypot(100.0 * bias, 10.0 * walk))
-    expected = math.hypot(5000.0 * bias, walk * math.sqrt(1e6 / 3.0))
-    assert growth(IMU, "position", 100.0) == pytest.approx(expected)
+def test_a_file_without_events_suggests_them_where_its_force_jumps(tmp_path):
+    flight = build(card(write(tmp_path, events={})))
+    (line,) = (one.text for one in flight.remarks if one.kind == WARNING)
+    assert line.endswith("as YAML: events: {fall_1: 40.00 s}")
+    assert build(card(write(tmp_path))).remarks == ()
+    assert build(card(example_settings())).remarks == ()
+    with pytest.raises(
+        InputError, match=r"does the reference point move\? the specific force jumps .*fall_1: 40\.00 s"
+    ):
+        refuse_contradiction(card(write(tmp_path, events={})), imu())
 
 
-def test_the_limit_is_a_tenth_of_the_growth_over_the_stretch_and_what_rounding_makes():
-    one = Residual("position", 20.0, 120.0, 50.0, 1.0, 0.01)
-    assert limit(one, IMU) == pytest.approx(0.1 * growth(IMU, "position", 100.0) + 0.05)
-    short = one._replace(end=20.5)  # a stretch of half a second counts as ten
-    assert limit(short, IMU) == pytest.approx(0.1 * growth(IMU, "position", 10.0) + 0.05)
+def test_a_refusal_of_the_shipped_example_without_events_brings_those_that_let_it_fly():
+    own = example_settings()
+    with pytest.raises(InputError, match=r"the position steps by .* where no event is declared") as caught:
+        build(card(own, events={}))
+    found = YAML(typ="safe").load(str(caught.value).partition("as YAML: ")[2])["events"]
+    times = {"stage1_cutoff": 150.4932, "stage2_ignition": 158.4932, "stage2_cutoff": 549.3082}
+    assert list(found) == list(times)
+    assert all(float(found[name].split()[0]) == pytest.approx(time, abs=0.05) for name, time in times.items())
+    assert build(card(own, events=found)).remarks == ()
+    (line,) = (one.text for one in build(card(own, events={**found, "stage2_ignition": "200 s"})).remarks)
+    assert "events: {stage2_ignition: 158.49 s}" in line
 
 
-def test_the_worst_point_beyond_its_limit_is_named_with_place_and_size():
-    good = Residual("velocity", 0.0, 100.0, 30.0, 0.09, 0.0)
-    allowed = limit(good, IMU)
-    require_consistent([good._replace(size=0.999 * allowed)], IMU, "mine.csv")
-    bad = [good._replace(size=1.001 * allowed), Residual("position", 100.0, 200.0, 150.25, 60.0, 0.0)]
-    with pytest.raises(InputError, match=r"mine.csv: its velocity, .* by 60 m at 150.25 s .*allowed are 4\.9"):
-        require_consistent(bad, IMU, "mine.csv")
-    with pytest.raises(InputError, match=r"velocity part by 0\.0982 m/s at 30 s"):
-        require_consistent(bad[:1], IMU, "mine.csv")
+def test_a_step_at_an_undeclared_event_is_refused_with_the_events_that_the_force_suggests(tmp_path):
+    r, _ = path(T)
+    settings = write(tmp_path, named("xyz", r + np.outer(T >= BREAK, [3.0, 0.0, 4.0])), events={})
+    with pytest.raises(InputError, match=r"where no event is declared: .* events: \{fall_1: 40\.00 s\}"):
+        build(card(settings))
 
 
-def test_a_file_without_residuals_passes():
-    require_consistent([], IMU, "mine.csv")
+def test_holes_are_said_and_a_gap_after_the_last_event_ends_the_flight(tmp_path):
+    t = np.arange(0.0, 80.0, 1.0 / 30.0)
+    t = t[~((t > 20.0) & (t < 20.8)) & ~((t > 60.0) & (t < 75.0))]
+    r, v = path(t)
+    flight = build(card(write(tmp_path, {"t": t, **named("xyz", r), **named(("vx", "vy", "vz"), v)})))
+    first, second = (one.text for one in flight.remarks if one.kind == NOTE)
+    assert first.startswith("no data from 20 to 20.8 s")
+    assert second.startswith("no data from 60 to 75 s, after the last event: the flight ends there")
+    assert flight.end == pytest.approx(60.0)
+    between = np.linspace(20.0, 20.8, 9)
+    assert np.max(np.linalg.norm(motion(flight, between).r_i - path(between)[0], axis=1)) < 1e-3

@@ -1,0 +1,115 @@
+"""Limits of a flight that comes from a file: beyond them it is refused, unless its card raises them."""
+
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from lvnav_trade.errors import InputError, Mistake
+from lvnav_trade.units import Acceleration, AngularRate
+from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY, FlightCard
+from lvnav_trade.world.truth import BEYOND, WARNING, Trajectory, motion
+
+_STEP = 0.05  # s at most between the times at which a flight is looked at
+_RATE = "is a row wrong there, an event early or late, an angle in another unit, or does one jump by a turn?"
+_SHOWN = {  # by field: what it limits, unit in messages, SI units of it, and what is probably wrong beyond it
+    "highest_load": (
+        "specific force", "g", STANDARD_GRAVITY, "is an event missing there, are digits wrong, or are the rows noisier "
+        "than stated or than their digits?",
+    ),
+    "highest_rate": ("pitch and yaw rate", "deg/s", math.pi / 180.0, _RATE),
+    "highest_spin": ("roll rate", "deg/s", math.pi / 180.0, _RATE),
+    "highest_misfit": (
+        "RMS misfit to the record", "sigma", 1.0, "are digits wrong, is an event missing, or is the noise larger than "
+        "stated?",
+    ),
+}  # fmt: skip
+
+
+class OutsideFlight(FlightCard):
+    """What cards of flights that come from a file have in common: how far beyond the usual they may go.
+
+    A flight that exceeds a limit is refused. A higher limit lets it fly, and the report then begins with what is beyond
+    the usual one, which is the default.
+    """
+
+    highest_load: Annotated[Acceleration, Field(gt=0.0)] = Field(
+        245.16625,  # 25 g: of the sounding rockets in use those with the strongest first motor reach some 20 g
+        description="greatest specific force; beyond it the flight is refused",
+    )
+    highest_rate: Annotated[AngularRate, Field(gt=0.0)] = Field(
+        1.0471975511965976,  # 60 deg/s: ascents turn at a few deg/s, at some 30 where attitude follows noisy rows
+        description="greatest body rate across the roll axis; beyond it the flight is refused",
+    )
+    highest_spin: Annotated[AngularRate, Field(gt=0.0)] = Field(
+        37.69911184307752,  # 6 turns a second: sounding rockets and spun-up stages make 1 to 5
+        description="greatest body rate about the roll axis; beyond it the flight is refused",
+    )
+
+
+class Peak(NamedTuple):
+    """The largest value (SI) of what a field of the card limits, and its time in s."""
+
+    field: str
+    size: float
+    time: float
+
+
+def peaks(flight: Trajectory) -> tuple[Peak, ...]:
+    """Return the largest specific force (m/s^2), body rate across the roll axis and about it (rad/s) of a flight."""
+    spans = ((one.start, one.end, max(8, math.ceil((one.end - one.start) / _STEP)) + 2) for one in flight.phases)
+    t = np.concatenate([np.linspace(*span)[1:-1] for span in spans])
+    at = motion(flight, t)
+    sizes = {
+        "highest_load": np.linalg.norm(at.f_b, axis=1),
+        "highest_rate": np.hypot(at.w_ib_b[:, 1], at.w_ib_b[:, 2]),
+        "highest_spin": np.abs(at.w_ib_b[:, 0]),
+    }
+    return tuple(Peak(name, float(np.max(size)), float(t[np.argmax(size)])) for name, size in sizes.items())
+
+
+def within_limits(flight: Trajectory, card: OutsideFlight, file: str, further: tuple[Peak, ...] = ()) -> Trajectory:
+    """Return a flight with a remark on what its card allows beyond the usual.
+
+    further: peaks beside those of `peaks`. InputError with value, time and limit of everything that is beyond what the
+    card allows, each at its field.
+    """
+    found = [*further, *peaks(flight)]
+    refused = [peak for peak in found if peak.size > getattr(card, peak.field)]
+    if refused:
+        causes = [remark.text for remark in flight.remarks if remark.kind == WARNING]
+        raise InputError(
+            records=[Mistake(_refusal(card, file, peak, causes), f"trajectory.{peak.field}") for peak in refused]
+        )
+    beyond = [
+        f"{_described(peak)} (usually at most {_shown(peak.field, _usual(card, peak.field))})"
+        for peak in found
+        if peak.size > _usual(card, peak.field)
+    ]
+    return flight.remarked(BEYOND, [", ".join(beyond)] if beyond else [])
+
+
+def _usual(card: OutsideFlight, field: str) -> float:
+    """Return the limit that a card has unless it states another (SI)."""
+    return float(type(card).model_fields[field].default)
+
+
+def _shown(field: str, size: float) -> str:
+    _, unit, factor, _ = _SHOWN[field]
+    return f"{size / factor:.4g} {unit}"
+
+
+def _described(peak: Peak) -> str:
+    when = "with the worst row at" if peak.field == "highest_misfit" else "at"
+    return f"{_SHOWN[peak.field][0]} of {_shown(peak.field, peak.size)} {when} {peak.time:.6g} s"
+
+
+def _refusal(card: OutsideFlight, file: str, peak: Peak, causes: list[str]) -> str:
+    allowed = getattr(card, peak.field)
+    word = "usual" if allowed == _usual(card, peak.field) else "allowed"
+    hints = "; ".join([_SHOWN[peak.field][3], *causes])
+    return (
+        f"{file}: {_described(peak)}; at most {_shown(peak.field, allowed)} is {word}: {hints}; if it is true, raise "
+        f"{peak.field}"
+    )
