@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from lvnav_trade.campaign.derived import ProcessNoise
+    from lvnav_trade.campaign.running.selfcheck import Checked
     from lvnav_trade.filters.scheduled import GainSchedule
     from lvnav_trade.metrics.comparison.comparison import Comparison
 
@@ -332,6 +333,22 @@ def _case_of(campaign: str | Path | Campaign, sets: Sequence[str], case: str | N
     loaded = campaign if isinstance(campaign, Campaign) else load_campaign(campaign, sets)
     every = cases(loaded)
     return loaded, find(every, case) if case else every[0]
+
+
+def selfcheck(
+    campaign: str | Path, sets: Sequence[str] = (), jobs: int = -1, progress: Progress | None = None
+) -> list[Checked]:
+    """Check the configuration of every distinct case: error definitions, Jacobians, propagation over gaps, innovations
+    and draws. The statistics of a campaign fail by chance with 1 %; the same campaign always gives the same figures.
+
+    Raises
+    ------
+    InputError
+        A mistake in the campaign: nothing has been checked.
+    """
+    from lvnav_trade.campaign.running.selfcheck import selfcheck as checks
+
+    return checks(check(campaign, sets), jobs, progress)
 
 
 def write_kml(

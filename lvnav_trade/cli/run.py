@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from lvnav_trade.campaign.definition.schema import Campaign
 
 _MOST = 10  # failed runs that are listed one by one
+VERDICTS = ("passed", "failed", "not checked")
 
 
 @verb()
@@ -108,6 +109,34 @@ def plan(campaign: CampaignFile, sets: Sets = None, out: Out = None) -> Answer:
     rows = table(["case", "label", "runs", "done"], [list(row.values()) for row in found.cases])
     cost = f"{found.disk_mb:.0f} MB of disk, {found.memory_mb:.0f} MB a job"
     return Answer(f"{rows}\nabout {found.seconds:.0f} s of one core once compiled, {cost}", found._asdict())
+
+
+@verb()
+def selfcheck(
+    campaign: CampaignFile,
+    sets: Sets = None,
+    jobs: Jobs = -1,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="no progress")] = False,
+) -> Answer:
+    """Check the configuration of every case by itself.
+
+    Error definitions, Jacobians against differences, linear against nonlinear propagation over gaps, innovations and
+    gate, statistics of the draws. Exit code 0 all passed, 1 one failed, 2 a mistake in the campaign.
+    """
+    from lvnav_trade import api
+    from lvnav_trade.campaign.running.progress import choose
+
+    found = api.selfcheck(campaign, sets or (), jobs, choose(quiet))
+    every = len({label for one in found for label in one.cases})
+    rows = [
+        ["all" if len(cases) == every else "; ".join(cases), check.kind, check.what, *check.words, check.where]
+        for check, cases in found
+    ]
+    counts = {verdict: sum(one.check.verdict == verdict for one in found) for verdict in VERDICTS}
+    said = ", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count)
+    lines = [table(["case", "check", "of", "figure", "allowed", "verdict", "where"], rows), said]
+    content = {"counts": counts, "checks": [one.check.content() | {"cases": list(one.cases)} for one in found]}
+    return Answer("\n".join(lines), content, api.VIOLATED if counts["failed"] else api.MET)
 
 
 @verb()

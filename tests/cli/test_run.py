@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from lvnav_trade.campaign.running import selfcheck
+from lvnav_trade.engines.analysis.selfcheck.check import Check
 from tests.cli.calling import call
 
 SMOKE = "campaigns/smoke.yaml"
@@ -27,6 +29,30 @@ def test_gains_of_another_flight_are_a_warning(events: dict[str, float]) -> None
     assert result.exit_code == 0
     (reported,) = json.loads(call("check", SMOKE, "--set", gains, "--json").output)["warnings"]
     assert reported.startswith(line)
+
+
+@pytest.mark.parametrize(("figure", "code"), [(0.1, 0), (0.5, 1), (float("nan"), 1)])
+def test_a_self_check_prints_a_line_a_check_and_fails_with_one(
+    events: dict[str, float], monkeypatch: pytest.MonkeyPatch, figure: float, code: int
+) -> None:
+    checks = [
+        Check("Jacobian", "pseudorange", figure, high=0.3, where="position x"),
+        Check("draws", "x", reason="none"),
+    ]
+    monkeypatch.setattr(selfcheck, "check_scenario", lambda *given: checks)
+    result = call("selfcheck", SMOKE, "-j", "1", "-q")
+    assert result.exit_code == code
+    line = next(line for line in result.output.splitlines() if "pseudorange" in line)
+    assert line.split()[:3] == ["all", "Jacobian", "pseudorange"]
+    assert ("at most 0.3" in line, "passed" in line) == (True, code == 0)
+    content = json.loads(call("selfcheck", SMOKE, "-j", "1", "-q", "--json").stdout)
+    assert content["exit_code"] == code
+    assert content["counts"] == {"passed": 1 - code, "failed": code, "not checked": 1}
+    assert (content["checks"][0]["high"], content["checks"][1]["figure"]) == (0.3, None)
+
+
+def test_a_self_check_of_a_bad_campaign_is_exit_code_two(events: dict[str, float]) -> None:
+    assert call("selfcheck", SMOKE, "--set", "filter.gate=-1").exit_code == 2
 
 
 def test_a_fault_after_the_flight_is_refused(events: dict[str, float]) -> None:

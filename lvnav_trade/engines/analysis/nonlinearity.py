@@ -4,20 +4,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lvnav_trade.engines.analysis.estimate import increments, navigation_at, place, tick_at
 from lvnav_trade.engines.lincov.history import turns
 from lvnav_trade.engines.lincov.workspace import Nominal, new_nominal
 from lvnav_trade.engines.setup.prepare import Prepared
-from lvnav_trade.filters.ekf import fill_receiver, place_antenna
+from lvnav_trade.filters.ekf import fill_receiver
 from lvnav_trade.kernels import transition
-from lvnav_trade.kernels.attitude import from_rotation, multiply, small_rotation
+from lvnav_trade.kernels.attitude import small_rotation
 from lvnav_trade.kernels.covariance import apply_phi
 from lvnav_trade.kernels.strapdown import N_SUM, Q, R, V, mechanise
-from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL
 from lvnav_trade.records import CovHistory, Floats
 
 _PIECES = 60
 """Of a gap: biases of the estimate stand still within each."""
-_driver = getattr(transition.driver, "py_func", transition.driver)  # the formula itself, for arrays of ticks
 
 
 class Nonlinearity(NamedTuple):
@@ -99,29 +98,7 @@ def _ticks(prepared: Prepared) -> tuple[int, int]:
 
 def _start_tick(prepared: Prepared, time: float) -> int:
     """Return the tick at a time, or the last from which an update interval remains."""
-    t = prepared.reference.t
-    tick = int(np.argmin(np.abs(t - time)))
-    return max(0, min(tick, t.size - 1 - _ticks(prepared)[0]))
-
-
-def _nav(prepared: Prepared, tick: int, d: Floats) -> Floats:
-    """Return the estimated navigation state (10,) that is in error by d (truth minus estimate) at a tick."""
-    reference = prepared.reference
-    q = multiply(*from_rotation(-d[ATT], -d[ATT + 1], -d[ATT + 2]), *reference.q_b_i[tick])
-    return np.concatenate([q, reference.v_i[tick] - d[VEL : VEL + 3], reference.r_i[tick] - d[POS : POS + 3]])
-
-
-def _increments(prepared: Prepared, first: int, n_tick: int, d: Floats) -> Floats:
-    """Return increments (n_tick, 6) compensated with parameters in error by d: what is left of them is added."""
-    ticks = slice(first, first + n_tick)
-    true = np.hstack([prepared.reference.dtheta[ticks], prepared.reference.dvel[ticks]])
-    found = true.copy()
-    dt = prepared.unit.dt
-    for block in prepared.layout.parameters:
-        own, other = (slice(0, 3), slice(3, 6)) if block.sensor == GYRO else (slice(3, 6), slice(0, 3))
-        inputs = _driver(block.driver, *(true[:, own] / dt).T, *(true[:, other] / dt).T)
-        found[:, own] += np.stack(inputs, axis=1) * d[block.offset : block.offset + 3] * dt
-    return found
+    return max(0, min(tick_at(prepared, time), prepared.reference.t.size - 1 - _ticks(prepared)[0]))
 
 
 def _windows(prepared: Prepared, start: int) -> list[tuple[int, int, Floats]]:
@@ -151,15 +128,15 @@ def _flown(prepared: Prepared, start: int, d: Floats, windows: Windows | None = 
     """Return the navigation error (9,) at the end of the windows (none: one update interval) after an error d, by the
     strapdown itself.
     """
-    nav, exact = _nav(prepared, start, d), _nav(prepared, start, np.zeros_like(d))
+    nav, exact = navigation_at(prepared, start, d), navigation_at(prepared, start, np.zeros_like(d))
     left = d.copy()
     sums, none = np.zeros(N_SUM), np.zeros_like(d)
-    before = _increments(prepared, max(0, start - 1), 1, none)[0]
+    before = increments(prepared, max(0, start - 1), 1, none)[0]
     previous, previous_exact = before.copy(), before.copy()
     kind, dt = prepared.model.gravity, prepared.unit.dt
     for first, n_tick, decay in windows or _windows(prepared, start):
-        mechanise(nav, sums, previous, _increments(prepared, first, n_tick, left), n_tick, dt, kind)
-        mechanise(exact, sums, previous_exact, _increments(prepared, first, n_tick, none), n_tick, dt, kind)
+        mechanise(nav, sums, previous, increments(prepared, first, n_tick, left), n_tick, dt, kind)
+        mechanise(exact, sums, previous_exact, increments(prepared, first, n_tick, none), n_tick, dt, kind)
         left = decay * left
     turned = small_rotation(*exact[Q : Q + 4], *nav[Q : Q + 4])
     return np.concatenate([turned, exact[V : V + 3] - nav[V : V + 3], exact[R : R + 3] - nav[R : R + 3]])
@@ -168,11 +145,11 @@ def _flown(prepared: Prepared, start: int, d: Floats, windows: Windows | None = 
 def _linear(prepared: Prepared, start: int, d: Floats, windows: Windows | None = None) -> Floats:
     """Return the same (n_state,) by the filter's own transition."""
     model, dt = prepared.model, prepared.unit.dt
-    nav, sums, none = _nav(prepared, start, np.zeros_like(d)), np.zeros(N_SUM), np.zeros_like(d)
+    nav, sums, none = navigation_at(prepared, start, np.zeros_like(d)), np.zeros(N_SUM), np.zeros_like(d)
     previous, error = np.zeros(6), d.copy()
     blocks = np.zeros((model.block_rows.size, 9))
     for first, n_tick, decay in windows or _windows(prepared, start):
-        mechanise(nav, sums, previous, _increments(prepared, first, n_tick, none), n_tick, dt, model.gravity)
+        mechanise(nav, sums, previous, increments(prepared, first, n_tick, none), n_tick, dt, model.gravity)
         seconds = n_tick * dt
         transition.fill(blocks, model.block_kinds, model.block_drivers, sums, nav[R], nav[R + 1], nav[R + 2], seconds)
         apply_phi(error, blocks, model.block_rows, model.block_columns, decay, model.clock, seconds)
@@ -200,14 +177,8 @@ def _rows(prepared: Prepared, time: float, directions: Floats, formal: Floats) -
 
 def _predicted(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Floats:
     """Return the predicted measurements of an epoch by an estimate in error by d, up to their sign."""
-    model, t = prepared.model, prepared.reference.t
-    tick = int(np.argmin(np.abs(t - prepared.t_epoch[epoch])))
-    work.nav[:] = _nav(prepared, tick, d)
-    work.previous[:] = _increments(prepared, max(0, tick - 1), 1, d)[0]
-    work.clock_hat[:] = -d[model.clock : model.clock + 2] if model.clock >= 0 else 0.0
-    for extra, offset in enumerate(model.extra_offset):
-        work.extra[extra] = -d[offset]
-    place_antenna(work, None, None, model, prepared.unit.dt, epoch)
+    model = prepared.model
+    place(prepared, work, epoch, d)
     fill_receiver(work, model, prepared.signals, epoch)
     return work.z[: 2 * prepared.signals.n_used[epoch] if model.tight else 6].copy()
 

@@ -1,0 +1,58 @@
+"""An estimate that is in error by a known vector: its navigation state, its increments, what it predicts.
+
+The error is truth minus estimate, states in storage order, frame i.
+"""
+
+import numpy as np
+
+from lvnav_trade.engines.lincov.workspace import Nominal
+from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.filters.ekf import place_antenna
+from lvnav_trade.kernels import transition
+from lvnav_trade.kernels.attitude import from_rotation, multiply
+from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL
+from lvnav_trade.records import Floats
+
+_driver = getattr(transition.driver, "py_func", transition.driver)  # the formula itself, for arrays of ticks
+
+
+def navigation(q: Floats, v: Floats, r: Floats, d: Floats) -> Floats:
+    """Return the estimated navigation state (10,) that is in error by d (n_state,); q (4,), v, r (3,) of the truth."""
+    turned = multiply(*from_rotation(-d[ATT], -d[ATT + 1], -d[ATT + 2]), *q)
+    return np.concatenate([turned, v - d[VEL : VEL + 3], r - d[POS : POS + 3]])
+
+
+def navigation_at(prepared: Prepared, tick: int, d: Floats) -> Floats:
+    """Return the estimated navigation state (10,) that is in error by d at a tick."""
+    reference = prepared.reference
+    return navigation(reference.q_b_i[tick], reference.v_i[tick], reference.r_i[tick], d)
+
+
+def increments(prepared: Prepared, first: int, n_tick: int, d: Floats) -> Floats:
+    """Return increments (n_tick, 6) compensated with parameters in error by d: what is left of them is added."""
+    ticks = slice(first, first + n_tick)
+    true = np.hstack([prepared.reference.dtheta[ticks], prepared.reference.dvel[ticks]])
+    found = true.copy()
+    dt = prepared.unit.dt
+    for block in prepared.layout.parameters:
+        own, other = (slice(0, 3), slice(3, 6)) if block.sensor == GYRO else (slice(3, 6), slice(0, 3))
+        inputs = _driver(block.driver, *(true[:, own] / dt).T, *(true[:, other] / dt).T)
+        found[:, own] += np.stack(inputs, axis=1) * d[block.offset : block.offset + 3] * dt
+    return found
+
+
+def tick_at(prepared: Prepared, time: float) -> int:
+    """Return the tick nearest to a time (s)."""
+    return int(np.argmin(np.abs(prepared.reference.t - time)))
+
+
+def place(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: float | None = None) -> None:
+    """Set the estimate in `work` to one that is in error by d, at the time of an epoch or at another one (s)."""
+    model = prepared.model
+    tick = tick_at(prepared, prepared.t_epoch[epoch] if time is None else time)
+    work.nav[:] = navigation_at(prepared, tick, d)
+    work.previous[:] = increments(prepared, max(0, tick - 1), 1, d)[0]
+    work.clock_hat[:] = -d[model.clock : model.clock + 2] if model.clock >= 0 else 0.0
+    for extra, offset in enumerate(model.extra_offset):
+        work.extra[extra] = -d[offset]
+    place_antenna(work, None, None, model, prepared.unit.dt, epoch)

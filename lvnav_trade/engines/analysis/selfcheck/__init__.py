@@ -1,0 +1,1 @@
+"""Checks of a configuration of the user's own: start with `case.py`, which calls the others."""

@@ -1,0 +1,73 @@
+"""Innovations of some runs against the degrees of freedom that they should have: mean square, refusals of the gate."""
+
+import math
+
+import numpy as np
+from scipy import stats
+
+from lvnav_trade.engines.analysis.selfcheck.check import Check
+from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.engines.simulate.montecarlo import run_block
+from lvnav_trade.kernels.vehicle import N_SAMPLE
+from lvnav_trade.records import CovHistory, Floats
+
+RUNS = 32
+KIND = "innovations"
+GATED = 0.01
+"""Probability that a good measurement is rejected, beyond which linear covariance does not describe the filter."""
+
+
+def innovations(prepared: Prepared, history: CovHistory, seed: int) -> list[Check]:
+    """Return checks of the mean square of a normalised innovation, and of how many lie beyond the gate.
+
+    A filter that models all that is true has 1 for each scalar (chi-square with as many degrees of freedom as scalars);
+    of one that does not, linear covariance knows the mean square. Runs are those of the campaign's first numbers; the
+    bounds hold for innovations that are correlated within a run too, because they come from the spread of the runs.
+    """
+    reason = _why_not(prepared, history)
+    if reason:
+        return [Check(KIND, "mean square", reason=reason)]
+    block = run_block(prepared, seed, 0, RUNS)
+    channels = prepared.channels.n_channel + N_SAMPLE * (prepared.options.vehicle is not None)
+    z = block.innovation[block.failed == 0][:, :, :channels]
+    if len(z) < RUNS // 2:
+        return [Check(KIND, "mean square", where=f"{RUNS - len(z)} of {RUNS} runs failed")]
+    count = np.isfinite(z).sum(axis=(1, 2))
+    expected = float(history.expected_nis.sum() / history.n_row.sum())
+    square = np.nansum(z**2, axis=(1, 2)) / count
+    where = f"{int(count.mean())} scalars a run, {len(z)} runs; expected {expected:.3f}"
+    law = _law(square, expected, expected * math.sqrt(2.0 / count.sum()))
+    return [Check(KIND, "mean square", float(square.mean()), where=where, law=law), *_gate(prepared, history, z, count)]
+
+
+def _gate(prepared: Prepared, history: CovHistory, z: Floats, count: Floats) -> list[Check]:
+    """Return the check of the gate, none without one: how many innovations lie beyond it, of how many are expected."""
+    gate = math.sqrt(prepared.model.gate_squared)
+    if math.isinf(gate):
+        return []
+    rows = history.n_row > 0
+    ratio = history.expected_nis[rows] / history.n_row[rows]
+    chance = stats.chi2.sf(prepared.model.gate_squared / ratio, 1)
+    part = float(np.sum(chance * history.n_row[rows]) / history.n_row.sum())
+    beyond, total = (np.abs(z) > gate).sum(axis=(1, 2)), int(count.sum())
+    where = f"beyond {gate:g} sigma, of {total}; expected {part * total:.3g}"
+    spread = float(beyond.std(ddof=1)) * math.sqrt(len(z))
+    poisson = math.sqrt(max(part * total, 1e-300))
+    wide = spread > 1.5 * poisson and part * total > 20.0
+    law = stats.norm(part * total, spread) if wide else stats.binom(total, part)
+    return [Check(KIND, "refused by the gate", float(beyond.sum()), where=where, law=law)]
+
+
+def _law(values: Floats, expected: float, least: float) -> object:
+    """Return the distribution of the mean of values (n_run,) about what is expected; least: its smallest deviation."""
+    return stats.t(len(values) - 1, expected, max(least, float(values.std(ddof=1)) / math.sqrt(len(values))))
+
+
+def _why_not(prepared: Prepared, history: CovHistory) -> str:
+    if not history.n_row.sum():
+        return "the filter takes no measurement on this flight"
+    if prepared.options.rules is not None:
+        return "a mode logic decides run by run which measurements are used"
+    if history.false_rejection.max(initial=0.0) > GATED:
+        return "the gate rejects more than 1 % of good measurements, and linear covariance knows no gate"
+    return ""

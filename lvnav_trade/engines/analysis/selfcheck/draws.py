@@ -1,0 +1,159 @@
+"""Statistics of what runs draw, of the IMU and the start: mean, variance and correlation against the cards' numbers."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from scipy import stats
+
+from lvnav_trade.engines.analysis.selfcheck.check import Check
+from lvnav_trade.engines.setup.prepare import Prepared, reporting_axes
+from lvnav_trade.engines.simulate.montecarlo import new_work
+from lvnav_trade.engines.simulate.sensing import from_errors
+from lvnav_trade.engines.simulate.units import new_units, sense_units
+from lvnav_trade.kernels import processes
+from lvnav_trade.kernels.attitude import small_rotation
+from lvnav_trade.kernels.random import seed_words
+from lvnav_trade.kernels.strapdown import R, V
+from lvnav_trade.records import Floats
+from lvnav_trade.sources import label_of
+from lvnav_trade.world.sensors.imu import ErrorBlock, ImuCard
+from lvnav_trade.world.sensors.units import triads_of
+
+RUNS = 128
+KIND = "draws"
+_STEPS = 400
+"""Steps of the IMU's processes over which their correlation is looked at, at most."""
+_TICKS, _NOISE_RUNS = 500, 16
+
+
+def moments(what: str, z: Floats, where: str = "") -> list[Check]:
+    """Return checks of mean and variance of draws that should be standard normals."""
+    n = z.size
+    return [
+        Check(KIND, f"{what}, mean (sigma)", float(z.mean()), where=where, law=stats.norm(0.0, 1.0 / math.sqrt(n))),
+        Check(KIND, f"{what}, variance", float(np.mean(z**2)), where=where, law=stats.chi2(n, scale=1.0 / n)),
+    ]
+
+
+def correlation(what: str, first: Floats, later: Floats, expected: float, seconds: float) -> Check:
+    """Return the check of the correlation of standard normals with what they have become after some seconds."""
+    law = stats.norm(expected, math.sqrt((1.0 + expected**2) / first.size))
+    where = f"after {seconds:.3g} s; expected {expected:.3f}"
+    return Check(KIND, f"{what}, correlation", float(np.mean(first * later)), where=where, law=law)
+
+
+def of_imu(prepared: Prepared, seed: int) -> list[Check]:
+    """Return the checks of the parameters of the IMU (and of gravity), source by source, and of its white noise."""
+    checks: list[Check] = []
+    first, later, lags = _processes(prepared, seed)
+    step = prepared.unit.process_ticks * prepared.unit.dt
+    for source in dict.fromkeys(block.source for block in prepared.sources):
+        own = [(k, block) for k, block in enumerate(prepared.sources) if block.source == source]
+        k, block = own[0]
+        what, at = label_of(source), [k for k, _ in own]
+        if block.sigma > 0.0:
+            checks += moments(what, first[:, at] / block.sigma, "at the start")
+        if lags[k]:
+            sigma = math.sqrt(_variance(block, step, lags[k]))
+            checks += moments(what, later[:, at] / sigma, f"after {lags[k] * step:.3g} s")
+        if lags[k] and math.isfinite(block.time_constant):
+            expected = math.exp(-lags[k] * step / block.time_constant)
+            checks.append(correlation(what, first[:, at] / sigma, later[:, at] / sigma, expected, lags[k] * step))
+    for what, z in _white(prepared, seed):
+        checks += moments(what, z)
+        checks.append(correlation(what, z[:, :-1], z[:, 1:], 0.0, prepared.unit.dt))
+    return checks
+
+
+def _variance(block: ErrorBlock, step: float, count: int) -> float:
+    """Return the variance of an error parameter after some steps, by the numbers of its card."""
+    if math.isinf(block.time_constant):
+        return block.sigma**2 + block.walk**2 * step * count
+    decay = math.exp(-2.0 * step / block.time_constant)
+    return block.sigma**2 + block.walk**2 * step * (1.0 - decay**count) / (1.0 - decay)
+
+
+def _lag(block: ErrorBlock, step: float) -> int:
+    """Return after how many steps a parameter is looked at again, 0 for one that does not vary."""
+    if math.isinf(block.time_constant):
+        return _STEPS if block.walk > 0.0 else 0
+    return min(_STEPS, max(1, round(block.time_constant / step)))
+
+
+def _processes(prepared: Prepared, seed: int) -> tuple[Floats, Floats, list[int]]:
+    """Return the parameters (n_run, n_block, 3) as runs start with them, and after so many steps each."""
+    unit, (k0, k1) = prepared.unit, seed_words(seed)
+    lags = [_lag(block, unit.process_ticks * unit.dt) for block in prepared.sources]
+    shape = (RUNS, len(lags), 3)
+    first, later, values = np.zeros(shape), np.zeros(shape), np.zeros((max(1, len(lags)), 3))
+    due = {lag: np.array([lag == one for one in lags]) for lag in set(lags)}
+    for run in range(RUNS if lags else 0):
+        processes.start(values, unit.sigma, unit.sources, k0, k1, np.uint64(run))
+        first[run] = values
+        for step in range(1, max(lags) + 1):
+            processes.step(values, unit.decay, unit.walk, unit.sources, k0, k1, np.uint64(run), np.uint64(step))
+            if step in due:
+                later[run, due[step]] = values[due[step]]
+    return first, later, lags
+
+
+def _white(prepared: Prepared, seed: int) -> Iterator[tuple[str, Floats]]:
+    """Yield the white noise of every sensor of every unit, (n_run, n_tick, n_axis) in the sigma of its card."""
+    imu, n = prepared.scenario.imu, min(_TICKS, len(prepared.unit.dtheta))
+    if isinstance(imu, ImuCard):
+        noise, names = _of_unit(prepared, seed, n)[:, None], [""]
+        owners, axes = [imu], [3]
+    else:
+        noise, triads = _of_units(prepared, seed, n), triads_of(imu)
+        owners, axes = [imu.units[triad.unit] for triad in triads], [triad.n_axis for triad in triads]
+        names = [f"unit {triad.unit + 1} " for triad in triads]
+    for triad, (card, name) in enumerate(zip(owners, names, strict=True)):
+        for first, label, sensor in ((0, "gyro", card.gyro), (3, "accelerometer", card.accel)):
+            sigma = sensor.random_walk * math.sqrt(prepared.unit.dt)
+            if sigma > 0.0:
+                yield f"{name}{label} random walk", noise[:, triad, :, first : first + axes[triad]] / sigma
+
+
+def _of_unit(prepared: Prepared, seed: int, n: int) -> Floats:
+    """Return what a unit without other errors adds to increments, (n_run, n, 6)."""
+    unit, tables, out = prepared.unit, np.zeros((2, processes.N_TABLE)), np.zeros((_NOISE_RUNS, n, 6))
+    white = np.array([*unit.white[:2], 0.0, 0.0])  # what quantisation holds back is no noise of its own
+    for run in range(_NOISE_RUNS):
+        processes.corrupt(
+            out[run], 0, 0, n, unit.dtheta, unit.dvel, tables[0], tables[1], white, np.zeros(6), unit,
+            *seed_words(seed), np.uint64(run),
+        )  # fmt: skip
+    return np.asarray(out - np.hstack([unit.dtheta[:n], unit.dvel[:n]]))
+
+
+def _of_units(prepared: Prepared, seed: int, n: int) -> Floats:
+    """Return the same of several units, (n_run, n_triad, n, 6): half the difference of two runs each."""
+    units, (work, _) = prepared.options.units, new_work(prepared, lanes=False)
+    own = new_units(units.n_axis.size, n, units.pair_sensor.size)
+    work = work._replace(increments=np.zeros((n, 6)))
+    quiet = units._replace(white=units.white * np.array([1.0, 1.0, 0.0, 0.0]))
+    sensed = []
+    for run in range(2 * _NOISE_RUNS):
+        work.run[0] = run
+        sense_units(work, own, quiet, 0, 0, n, prepared.unit.dt, *seed_words(seed))
+        sensed.append(own.sensed.copy())
+    runs = np.array(sensed)
+    return np.asarray((runs[::2] - runs[1::2]) / math.sqrt(2.0))
+
+
+def of_start(prepared: Prepared, seed: int) -> list[Check]:
+    """Return the checks of the errors that the estimate starts with: tilt, heading, velocity, position."""
+    (work, _), start, card = new_work(prepared, lanes=False), prepared.start, prepared.scenario.initial
+    ref, errors = prepared.reference, np.empty((RUNS, 9))
+    C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], prepared.trajectory.theta0)[0]
+    for run in range(RUNS):
+        q = from_errors(work, start, *seed_words(seed), np.uint64(run))
+        errors[run, :3] = C_n_i @ small_rotation(*start.nav[:4], *q)
+        errors[run, 3:6] = start.nav[V : V + 3] - work.nav[V : V + 3]
+        errors[run, 6:] = start.nav[R : R + 3] - work.nav[R : R + 3]
+    parts = (
+        ("initial tilt", card.tilt, errors[:, :2]), ("initial heading", card.heading, errors[:, 2]),
+        ("initial velocity", card.velocity, errors[:, 3:6]), ("initial position", card.position, errors[:, 6:]),
+    )  # fmt: skip
+    return [check for what, sigma, found in parts if sigma > 0.0 for check in moments(what, found / sigma)]

@@ -1,0 +1,38 @@
+"""Linear against nonlinear propagation over every gap of the measurements, at the errors that the filter assumes."""
+
+from lvnav_trade.engines.analysis.nonlinearity import nonlinearity
+from lvnav_trade.engines.analysis.selfcheck.check import Check
+from lvnav_trade.engines.analysis.spot_check import gaps
+from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.layout import state_names
+from lvnav_trade.records import CovHistory
+
+ALLOWED = 0.1
+"""Sigmas at the end of a gap, which a one-sigma error at its beginning may be off its linear propagation."""
+KIND = "propagation"
+
+
+def propagation(prepared: Prepared, history: CovHistory, events: dict[str, float]) -> list[Check]:
+    """Return a check for every gap without measurements, and one for the update intervals at the events.
+
+    Directions are one-sigma errors of the filter's own covariance at the beginning of the gap, each flown plus and
+    minus by the strapdown and by the filter's transition. Figures are in the filter's own sigma at the end.
+    """
+    if prepared.options.vehicle is not None:
+        return [Check(KIND, "transition", reason="samples of the IMU are measurements: there is no window without one")]
+    formal = history._replace(true_cov=history.formal_cov)
+    names = state_names(prepared.layout)
+    stretches = [(f"gap of {gap.end - gap.begin:.0f} s", gap.begin, gap.end) for gap in gaps(history)]
+    if not (history.n_row > 0).any():
+        stretches = [("the whole flight, unaided", float(history.t[0]), float(history.t[-1]))]
+    found = []
+    for what, begin, end in stretches:
+        index = nonlinearity(prepared, formal, begin, end=end)
+        where = f"{names[index.state]}, {begin:g} to {end:g} s"
+        found.append(Check(KIND, what, max(index.motion, index.transition), high=ALLOWED, where=where))
+    intervals = [(nonlinearity(prepared, formal, t), name) for name, t in events.items()]
+    if intervals:
+        index, event = max(intervals, key=lambda one: max(one[0].motion, one[0].transition))
+        where = f"{names[index.state]} at {event}"
+        found.append(Check(KIND, "update interval", max(index.motion, index.transition), high=ALLOWED, where=where))
+    return found

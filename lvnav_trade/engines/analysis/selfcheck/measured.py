@@ -1,0 +1,185 @@
+"""Statistics of what runs draw, of receiver and sensors: mean, variance and correlation against the cards' numbers."""
+
+import math
+from collections import defaultdict
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.engines.analysis.estimate import navigation_at, tick_at
+from lvnav_trade.engines.analysis.selfcheck.check import Check
+from lvnav_trade.engines.analysis.selfcheck.draws import RUNS, correlation, moments
+from lvnav_trade.engines.setup.families import RECORDED
+from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.engines.simulate.montecarlo import Work, new_work
+from lvnav_trade.engines.simulate.sensing import begin, measure_sensors, observe
+from lvnav_trade.kernels.clock import step_covariance
+from lvnav_trade.kernels.random import seed_words
+from lvnav_trade.observables.base import N_ENTRY
+from lvnav_trade.observables.imu_difference import ImuDifferenceCard
+from lvnav_trade.observables.sensors import fill, measure
+from lvnav_trade.records import Bools, Floats, Ints
+from lvnav_trade.scenario import solves
+from lvnav_trade.sources import label_of
+from lvnav_trade.world.faults import DegradedNoise, active
+from lvnav_trade.world.receiver.receiver import DirectSolution
+
+_EPOCHS = 24
+_OF_SENSOR = 8
+"""Further epochs of a sensor that measures at few of the others."""
+
+
+class Drawn(NamedTuple):
+    """What runs draw at some epochs: start (n_run, 2) and steps (n_run, n_epoch, 2) of the clock, bias and drift;
+    shared (n_run, 1 + n_epoch, n_component) errors that measurements share, from the start on; white: by source the
+    noise of measurements, in the sigma of its card.
+    """
+
+    start: Floats
+    steps: Floats
+    shared: Floats
+    white: dict[str, Floats]
+
+
+def of_measurements(prepared: Prepared, seed: int) -> list[Check]:
+    """Return the checks of the receiver's clock, of all that lasts in measurements, and of their white noise."""
+    if not prepared.t_epoch.size or not prepared.model.aided:
+        return []
+    drawn = _drawn(prepared, seed)
+    checks = _clock(prepared, drawn) if _ranges(prepared) and prepared.channels.receiver else []
+    at, interval = 0, prepared.signals.interval
+    for family in prepared.families:
+        own = slice(at, at + len(family.labels))
+        at = own.stop
+        if family.kind == RECORDED:
+            continue
+        z = drawn.shared[:, :, own] / family.sigma
+        what = label_of(family.source)
+        checks += moments(what, z[:, 0], "at the start")
+        if math.isfinite(family.time_constant):
+            lag = min(z.shape[1] - 1, max(1, round(family.time_constant / interval)))
+            expected = math.exp(-lag * interval / family.time_constant) if family.time_constant > 0.0 else 0.0
+            checks += moments(what, z[:, lag], f"after {lag * interval:.3g} s")
+            checks.append(correlation(what, z[:, 0], z[:, lag], expected, lag * interval))
+    return checks + [check for what, z in drawn.white.items() for check in moments(what, z)]
+
+
+def _ranges(prepared: Prepared) -> bool:
+    """Return whether the receiver draws ranges: for the filter, or for a solution of its own."""
+    return bool(prepared.model.tight or solves(prepared.scenario))
+
+
+def _clock(prepared: Prepared, drawn: Drawn) -> list[Check]:
+    """Return the checks of the receiver's clock: start, and steps of bias and drift."""
+    card = prepared.scenario.receiver.clock
+    q11, _, q22 = step_covariance(prepared.signals.interval, card.h0, card.h_minus2)
+    checks: list[Check] = []
+    for what, sigma, found in (
+        ("clock bias", card.initial_bias, drawn.start[:, 0]), ("clock drift", card.initial_drift, drawn.start[:, 1]),
+        ("step of clock bias", math.sqrt(q11), drawn.steps[..., 0]),
+        ("step of clock drift", math.sqrt(q22), drawn.steps[..., 1]),
+    ):  # fmt: skip
+        checks += moments(what, found / sigma) if sigma > 0.0 else []
+    return checks
+
+
+def _epochs(prepared: Prepared) -> Ints:
+    """Return epochs over the flight, with some of each sensor; none at which the output stands still."""
+    alive = ~prepared.signals.frozen
+    wanted = [np.flatnonzero(alive)]
+    wanted += [np.flatnonzero(device.on & alive) for device in prepared.devices]
+    counts = [_EPOCHS] + [_OF_SENSOR] * len(prepared.devices)
+    chosen = [
+        some[np.linspace(0, some.size - 1, n).astype(int)] for some, n in zip(wanted, counts, strict=True) if some.size
+    ]
+    return np.unique(np.concatenate(chosen))
+
+
+def _plain(prepared: Prepared) -> Bools:
+    """Return at which epochs (n_epoch,) no fault makes noise grow."""
+    plain = np.ones(prepared.t_epoch.size, dtype=np.bool_)
+    faults, course = prepared.scenario.faults, prepared.trajectory.course
+    for _, _, within, *_ in active(faults, DegradedNoise, course, prepared.t_epoch):
+        plain &= ~within
+    return plain
+
+
+def _drawn(prepared: Prepared, seed: int) -> Drawn:
+    """Let the receiver and the sensors of some runs measure the nominal flight at some epochs, one after another."""
+    signals, (k0, k1), epochs = prepared.signals, seed_words(seed), _epochs(prepared)
+    (work, parts), plain, ranges = new_work(prepared, lanes=False), _plain(prepared), _ranges(prepared)
+    clean = {epoch: _innovations(prepared, work, epoch, exact=True) for epoch in epochs.tolist()}
+    start, steps = np.empty((RUNS, 2)), np.empty((RUNS, epochs.size, 2))
+    shared, white = np.zeros((RUNS, 1 + epochs.size, signals.shared.start.size)), defaultdict[str, list[Floats]](list)
+    for run in range(RUNS):
+        work.run[0] = run
+        begin(work, parts.own, prepared.unit, prepared.options.units, signals, prepared.start, prepared.model, k0, k1)
+        start[run], shared[run, 0] = work.clock, work.shared[: shared.shape[2]]
+        for k, epoch in enumerate(epochs.tolist()):
+            bias, drift = work.clock
+            observe(work, None, None, signals, ranges, epoch, k0, k1)
+            measure_sensors(work, parts.own, prepared.sensors, None, signals, epoch, k0, k1)
+            bias += signals.interval * drift + signals.clock_jump[epoch]
+            steps[run, k] = work.clock - (bias, drift)
+            shared[run, k + 1] = work.shared[: shared.shape[2]]
+            if plain[epoch] and prepared.channels.receiver:
+                _add_receiver(white, prepared, work, epoch, ranges)
+            for name, found in _innovations(prepared, work, epoch).items():
+                z, sigma = found[0] - clean[epoch][name][0], found[1]
+                white[name].append(z[sigma > 0.0] / sigma[sigma > 0.0])
+    joined = {name: np.concatenate(parts) for name, parts in white.items()}
+    return Drawn(start, steps, shared, {name: z for name, z in joined.items() if z.size})
+
+
+def _shared_errors(prepared: Prepared, work: Work, epoch: int, channels: Ints) -> Floats:
+    """Return what errors that measurements share add to channels (n,) of what is measured."""
+    shared = prepared.signals.shared
+    if not shared.member.size:
+        return np.zeros(channels.size)
+    member = shared.member[:, channels]
+    values = np.where(member >= 0, work.shared[np.maximum(member, 0)], 0.0)
+    return np.asarray(np.sum(shared.partial[:, epoch, channels] * values, axis=0))
+
+
+def _add_receiver(white: dict[str, list[Floats]], prepared: Prepared, work: Work, epoch: int, ranges: bool) -> None:
+    """Add the white noise of what the receiver has measured, in the sigma of its card (or of its loops)."""
+    signals, sky, card = prepared.signals, prepared.sky, prepared.scenario.receiver
+    if ranges:
+        s = signals.used[epoch, : signals.n_used[epoch]]
+        for k, (name, true, sigma) in enumerate((
+            ("pseudorange noise", signals.range, sky.range_sigma), ("range-rate noise", signals.rate, sky.rate_sigma),
+        )):  # fmt: skip
+            error = work.ranges[: s.size, k] - true[epoch, s] - work.clock[k]
+            error -= _shared_errors(prepared, work, epoch, 2 * s + k)
+            white[name].append(error[sigma[epoch, s] > 0.0] / sigma[epoch, s][sigma[epoch, s] > 0.0])
+        return
+    assert isinstance(card.solution, DirectSolution)
+    true = np.concatenate([signals.position[epoch], signals.velocity[epoch]])
+    error = work.solution - true - _shared_errors(prepared, work, epoch, np.arange(6))
+    for k, (name, sigma) in enumerate((
+        ("position solution noise", card.solution.position_sigma),
+        ("velocity solution noise", card.solution.velocity_sigma),
+    )):  # fmt: skip
+        if sigma > 0.0:
+            white[name].append(error[3 * k : 3 * k + 3] / sigma)
+
+
+def _innovations(prepared: Prepared, work: Work, epoch: int, exact: bool = False) -> dict[str, tuple[Floats, Floats]]:
+    """Return by source of noise the innovations (n_scalar,) of the sensors that measure at an epoch, less the errors
+    that last, at the truth; and the sigma of the noise. exact: of measurements without error.
+    """
+    found, H, z = {}, np.zeros((4, N_ENTRY)), np.zeros(4)
+    none = np.zeros(prepared.layout.n_state)
+    for k, device in enumerate(prepared.devices):
+        if not device.on[epoch] or isinstance(device.card, ImuDifferenceCard):  # their noise is that of the units
+            continue
+        sensors, n = prepared.sensors, len(device.channels.labels)
+        assert sensors is not None  # the case has this one
+        if exact:
+            measure(work.observed[k], sensors.code[k], sensors.truth[k, epoch], 0.0, 0.0, 0.0)
+        nav = navigation_at(prepared, tick_at(prepared, prepared.t_epoch[epoch] - device.delay[epoch]), none)
+        fill(H, z, 0, sensors.code[k], work.observed[k], nav, sensors.theta[k, epoch], sensors.known[k, epoch])
+        channels = np.arange(n) + sensors.channel[k] + prepared.signals.shift
+        lasting = np.zeros(n) if exact else _shared_errors(prepared, work, epoch, channels)
+        found[device.noise] = (z[:n] - lasting, device.sigma[epoch, :n])
+    return found

@@ -1,0 +1,89 @@
+"""Definition of the error: a known error that is put into the estimate is found, and gone once it is fed back."""
+
+import numpy as np
+
+from lvnav_trade.engines.analysis.estimate import navigation
+from lvnav_trade.engines.analysis.selfcheck.check import Check
+from lvnav_trade.engines.lincov.history import turns
+from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.engines.simulate.montecarlo import Parts, Work, new_work
+from lvnav_trade.engines.simulate.recording import record
+from lvnav_trade.filters.ekf import correct
+from lvnav_trade.filters.samples import correct_vehicle
+from lvnav_trade.layout import state_names
+from lvnav_trade.records import Floats
+
+SIZE = {"attitude": 1e-3, "velocity": 1.0, "position": 100.0}
+"""Errors that are put in (rad, m/s, m); any other state: its unit."""
+ALLOWED = 1e-6
+"""Part of the error that may be missed: rounding of positions, and of the rotation of a milliradian."""
+
+
+def sizes(prepared: Prepared) -> Floats:
+    """Return the error (n_state,) that is put into each state, SI."""
+    names = [name.partition(" ")[0] for name in state_names(prepared.layout)]
+    return np.array([SIZE.get(name, 1.0 / prepared.outputs[k].label_factor) for k, name in enumerate(names)])
+
+
+def round_trip(prepared: Prepared) -> list[Check]:
+    """Return a check for each quantity of the filter's state, at start, middle and end of the flight: a known error is
+    put in, found by the recording of runs, fed back by the filter, and found again. Figures are parts of the error.
+    """
+    (work, parts), size, names = new_work(prepared, lanes=False), sizes(prepared), state_names(prepared.layout)
+    turn = turns(prepared)
+    worst: dict[str, tuple[float, str]] = {}
+    for hist in sorted({0, prepared.t_hist.size // 2, prepared.t_hist.size - 1}):
+        for state, name in enumerate(names):
+            d = np.zeros(prepared.layout.n_state)
+            d[state] = size[state]
+            _put_in(prepared, work, parts, hist, d)
+            found = turn[hist].T @ _found(prepared, work, parts, hist)
+            _feed_back(prepared, work, parts, found)
+            left = turn[hist].T @ _found(prepared, work, parts, hist)
+            missed = float(max(np.abs((found - d) / size).max(), np.abs(left / size).max()))
+            quantity = name.partition(" ")[0]
+            if not missed <= worst.get(quantity, (-1.0, ""))[0]:
+                worst[quantity] = (missed, f"{name} at {prepared.t_hist[hist]:g} s")
+    return [
+        Check("error definition", quantity, missed, high=ALLOWED, where=where)
+        for quantity, (missed, where) in worst.items()
+    ]
+
+
+def _tick(prepared: Prepared, hist: int) -> int:
+    """Return the tick that ends at a history time."""
+    return max(0, round((prepared.t_hist[hist] - prepared.unit.start) / prepared.unit.dt) - 1)
+
+
+def _put_in(prepared: Prepared, work: Work, parts: Parts, hist: int, d: Floats) -> None:
+    """Set the estimate of a run without true parameters, clock and shared errors to one that is in error by d."""
+    model, truth, vehicle = prepared.model, prepared.record, prepared.options.vehicle
+    work.nav[:] = navigation(truth.q[hist], truth.v[hist], truth.r[hist], d)
+    work.P[:] = np.eye(model.n_state)
+    for block, offset in enumerate(model.par_offset):
+        work.par[block] = -d[offset : offset + 3]
+    if model.clock >= 0:
+        work.clock_hat[:] = -d[model.clock : model.clock + 2]
+    for extra, offset in enumerate(model.extra_offset):
+        work.extra[extra] = -d[offset]
+    if vehicle is not None:
+        tick, at = _tick(prepared, hist), vehicle.motion
+        parts.motion.rate[:] = vehicle.rate[tick] - d[at : at + 3]
+        parts.motion.force[:] = vehicle.force[tick] - d[at + 3 : at + 6]
+
+
+def _found(prepared: Prepared, work: Work, parts: Parts, hist: int) -> Floats:
+    """Return the error (n_state,) that a run records, in reporting axes."""
+    options = prepared.options
+    record(
+        work, None, None, parts.own, parts.motion, None, None, options.vehicle, None, None, prepared.record,
+        prepared.signals.shared, options.units, prepared.model, _tick(prepared, hist), hist,
+    )  # fmt: skip
+    return np.array(work.err[hist, : prepared.layout.n_state])
+
+
+def _feed_back(prepared: Prepared, work: Work, parts: Parts, x: Floats) -> None:
+    """Let the filter correct its estimate by an error state x (n_state,), frame i."""
+    work.x[:] = x
+    correct_vehicle(work, parts.motion, prepared.model, prepared.options.vehicle)
+    correct(work, None, None, prepared.model)
