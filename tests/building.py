@@ -19,9 +19,10 @@ from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.syntax.cards import campaign_file
 from lvnav_trade.engines.setup import prepare as room
 from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.filters.base import ReceiverModel
 from lvnav_trade.frames import quaternions
 from lvnav_trade.kernels.earth import gravity_j4
-from lvnav_trade.scenario import Scenario
+from lvnav_trade.scenario import Scenario, filter_models
 from lvnav_trade.world.flight.trajectory import Phase, Trajectory, reference
 from lvnav_trade.world.truth import attitude_spline, position_spline
 
@@ -50,6 +51,13 @@ def with_fields(card: Any, **fields: Any) -> Any:
             at = at[key]
         at[last] = value
     return type(card).model_validate(text)
+
+
+def assumed_receiver(scenario: Scenario, **numbers: float) -> ReceiverModel:
+    """Return what the filter of a scenario assumes of the receiver, each number at hand, some of them replaced."""
+    _, model, _ = filter_models(scenario)
+    own = {name: getattr(model, name) for name in ReceiverModel.model_fields}
+    return ReceiverModel.model_construct(**own | numbers)
 
 
 def with_units(scenario: Scenario, units: list[dict[str, Any]], **fields: Any) -> Scenario:

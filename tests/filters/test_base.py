@@ -22,7 +22,6 @@ def test_a_plain_card_is_matched_second_order_at_ten_hertz_and_one_hertz_without
     "wrong",
     [
         {"measurements": ["unscented"]},
-        {"sensor_models": {"attitude": {"sigma": "1 deg"}}},
         {"extra_states": ["gyro_bias_bias"]},
         {"consider": ["clock"]},
         {"neglect": ["gyro_scale_factor"]},

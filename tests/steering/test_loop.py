@@ -111,12 +111,12 @@ def test_envelopes_in_the_loop_are_those_of_the_formula():
     launch = steady_launch(rate=rate, wind=((5.0, 0.0), (-3.0, 0.0)), moment=0.002, force=0.02, gust=2.0)
     history = flown(launch, FeedbackCard(noise="published")).history[0]
     body, n = launch.body, len(history)
-    found = envelopes(
+    turning, jerk = envelopes(
         launch.envelope, body.t[:n], np.ones(n, dtype=bool), np.array([-100.0]), rate[:n], history[:, :, ASKED]
     )
-    np.testing.assert_allclose(history[:, :, TURNING_BOUND], found.turning[:, 1:], rtol=1e-9)
-    np.testing.assert_allclose(history[:, 0, JERK_BOUND], found.jerk[:, 2], rtol=1e-9)
-    np.testing.assert_allclose(history[:, 1, JERK_BOUND], found.jerk[:, 1], rtol=1e-9)
+    np.testing.assert_allclose(history[:, :, TURNING_BOUND], turning[:, 1:], rtol=1e-9)
+    np.testing.assert_allclose(history[:, 0, JERK_BOUND], jerk[:, 2], rtol=1e-9)
+    np.testing.assert_allclose(history[:, 1, JERK_BOUND], jerk[:, 1], rtol=1e-9)
 
 
 def test_ticks_inside_the_envelope_are_counted_as_the_history_shows():

@@ -13,7 +13,7 @@ from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.kernels.transition import ATT
 from lvnav_trade.records import Asked
 from lvnav_trade.scenario import filter_models
-from tests.building import INERTIAL, LOOSE, MATCHED, ascent, case, loaded, prepare_hop
+from tests.building import INERTIAL, LOOSE, MATCHED, ascent, assumed_receiver, case, loaded, prepare_hop
 from tests.engines.modelled import BASELINE, modelled
 
 PAD = np.array([-60.0, 0.0])
@@ -64,11 +64,11 @@ def test_the_singular_values_say_how_far_the_filter_s_own_covariance_shrinks(set
     product of 1 + s^2: the forward filter and the stacked rows reach it by different ways.
     """
     scenario = loaded(*settings)
-    imu, receiver, initial = filter_models(scenario)
+    imu, _, initial = filter_models(scenario)
     quiet = dict.fromkeys(("gyro_random_walk", "accel_random_walk", "gyro_bias_walk", "accel_bias_walk"), 0.0)
     update = {
         "imu": imu.model_copy(update=quiet),
-        "receiver": receiver.model_copy(update={"clock_h0": 0.0, "clock_h_minus2": 0.0}),
+        "receiver": assumed_receiver(scenario, clock_h0=0.0, clock_h_minus2=0.0),
         "initial": initial.model_copy(update={"clock_bias": 100.0, "clock_drift": 1.0}),
     }
     prepared = prepare_hop(scenario.model_copy(update={"filter": scenario.filter.model_copy(update=update)}))

@@ -13,7 +13,7 @@ import pytest
 from lvnav_trade.engines.setup.prepare import prepare
 from lvnav_trade.engines.simulate.montecarlo import new_work, run_block
 from lvnav_trade.scenario import filter_models
-from tests.building import INERTIAL, LOOSE, ascent, case, hop, loaded, prepare_hop, with_fields
+from tests.building import INERTIAL, LOOSE, ascent, assumed_receiver, case, hop, loaded, prepare_hop, with_fields
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -83,8 +83,10 @@ def perfect(*settings, lever=(0.0, 0.0, 0.0)):
 
 
 def _text(prepared, which):
-    imu, receiver, initial = filter_models(prepared.scenario)
-    return {"imu": imu, "receiver": receiver, "initial": initial}[which].model_dump(mode="json")
+    imu, _, initial = filter_models(prepared.scenario)
+    return {"imu": imu, "receiver": assumed_receiver(prepared.scenario), "initial": initial}[which].model_dump(
+        mode="json"
+    )
 
 
 @pytest.mark.parametrize("settings", [(), (LOOSE,), (INERTIAL,)], ids=["tight", "loose", "inertial"])
