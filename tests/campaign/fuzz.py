@@ -17,7 +17,7 @@ from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.errors import InputError
-from lvnav_trade.world.user_file.rows import read_columns, refuse_bad_times
+from lvnav_trade.world.user_file.rows import read_columns, usable
 
 CAMPAIGN = """\
   faults:
@@ -252,7 +252,7 @@ def read_table(file: Path) -> None:
     with bounded(5.0):
         try:
             table, places = read_columns(str(file), ["t_s", "x_m"], ",")
-            refuse_bad_times(table[:, 0], str(file), places)
+            usable(table[:, 0], {}, str(file), places)
         except InputError as error:
             fit_to_be_read(str(error))
             return
