@@ -51,6 +51,7 @@ class ParameterBlock(NamedTuple):
 EXTRAS = {
     "range_bias": ("m", "m", 1.0),
     "time_offset": ("m", "m", 1.0),
+    "range_rate_offset": ("m/s", "m/s", 1.0),
     "timing": ("s", "ms", 1e3),
     "troposphere_scale": ("1", "%", 1e2),
     "ionosphere_scale": ("1", "%", 1e2),

@@ -215,6 +215,9 @@ def _matched_receiver(scenario: Scenario) -> Any:
     def offset() -> tuple[float, float | None]:
         return largest(*((part.time_offset, part.time_offset_time) for part in parts))
 
+    def multipath() -> float:
+        return receiver.amplification * receiver.multipath
+
     def of_solution(name: str, otherwise: float | None) -> Callable[[], Any]:
         return lambda: getattr(receiver.solution, name) if isinstance(receiver.solution, DirectSolution) else otherwise
 
@@ -225,10 +228,14 @@ def _matched_receiver(scenario: Scenario) -> Any:
         velocity_sigma=of_solution("velocity_sigma", 0.0),
         clock_h0=lambda: receiver.clock.h0,
         clock_h_minus2=lambda: receiver.clock.h_minus2,
-        range_bias=lambda: math.hypot(max(part.range_error for part in parts), receiver.multipath),
+        range_bias=lambda: math.hypot(max(part.range_error for part in parts), multipath()),
         range_bias_time=lambda: largest(
             *((part.range_error, part.range_error_time) for part in parts),
-            (receiver.multipath, receiver.multipath_time),
+            (multipath(), receiver.multipath_time),
+        )[1],
+        range_rate_offset=lambda: math.hypot(receiver.range_rate_offset, receiver.range_rate_instability),
+        range_rate_offset_time=lambda: largest(
+            (receiver.range_rate_offset, None), (receiver.range_rate_instability, receiver.range_rate_instability_time)
         )[1],
         time_offset=lambda: offset()[0],
         time_offset_time=lambda: offset()[1],

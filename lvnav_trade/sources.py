@@ -53,6 +53,8 @@ _OTHERS = {
     "velocity solution noise": _linear("receiver.solution.velocity_sigma"),
     "solution position bias": _linear("receiver.solution.position_bias"),
     "solution velocity bias": _linear("receiver.solution.velocity_bias"),
+    "range-rate offset": _linear("receiver.range_rate_offset"),
+    "range-rate instability": _linear("receiver.range_rate_instability"),
     "multipath": _linear("receiver.multipath"),
     "latency error": _linear("receiver.latency_error"),
     "latency jitter": _linear("receiver.latency_sigma"),

@@ -184,10 +184,13 @@ class CorrectionsCard(Card):
 
 
 def correction_models(
-    corrections: CorrectionsCard, atmosphere: AtmosphereCard
+    corrections: CorrectionsCard, atmosphere: AtmosphereCard, has_ionosphere: bool = True
 ) -> tuple[TroposphereModel, IonosphereModel]:
-    """Return the models to correct with: the card's own, or the true ones where `matched` is asked for."""
-    troposphere, ionosphere = corrections.troposphere, corrections.ionosphere
+    """Return the models to correct with: the card's own, or the true ones where `matched` is asked for. Measurements
+    that have no ionosphere are not corrected for it.
+    """
+    troposphere = corrections.troposphere
+    ionosphere = corrections.ionosphere if has_ionosphere else NoIonosphere()
     return (
         atmosphere.troposphere if isinstance(troposphere, Matched) else troposphere,
         atmosphere.ionosphere if isinstance(ionosphere, Matched) else ionosphere,

@@ -9,6 +9,7 @@ from lvnav_trade import units
 from lvnav_trade.delays.cards import CorrectionsCard
 from lvnav_trade.filters.scheduled import GainSchedule
 from lvnav_trade.layout import EXTRAS, PARAMETERS
+from lvnav_trade.noise import NoiseBy
 from lvnav_trade.observables.sensors import (
     MEASUREMENTS,
     RANGES,
@@ -66,10 +67,15 @@ class ReceiverModel(units.Card):
     velocity_sigma: units.SpeedSigma
     clock_h0: float = Field(ge=0)
     clock_h_minus2: float = Field(ge=0)
+    noise_by: NoiseBy = ()
     range_bias: units.LengthSigma = Field(0.0, description="of each satellite, as a state; its initial one-sigma")
     range_bias_time: units.TimeConstant | None = None
     time_offset: units.LengthSigma = Field(0.0, description="of each further system's time, in range")
     time_offset_time: units.TimeConstant | None = None
+    range_rate_offset: units.SpeedSigma = Field(
+        0.0, description="of all range rates alike, beside the clock's drift; its initial one-sigma"
+    )
+    range_rate_offset_time: units.TimeConstant | None = None
     timing: units.Pause = Field(0.0, description="error of the time tags")
     timing_time: units.TimeConstant | None = None
     troposphere_scale: units.Fraction = 0.0

@@ -15,7 +15,10 @@ from lvnav_trade.records import Floats, Ints
 
 LEVER_AXES = ("lever_x", "lever_y", "lever_z")
 RANGE_ONLY = ("range_bias", "time_offset")
-SATELLITE_KINDS = ("range_bias", "time_offset", "timing", "troposphere_scale", "ionosphere_scale", *LEVER_AXES)
+RATE_ONLY = ("range_rate_offset",)
+SATELLITE_KINDS = (
+    *RANGE_ONLY, *RATE_ONLY, "timing", "troposphere_scale", "ionosphere_scale", *LEVER_AXES,
+)  # fmt: skip
 SOLUTION_KINDS = ("position_bias", "velocity_bias", "timing", "troposphere_scale", "ionosphere_scale")
 
 
@@ -134,7 +137,8 @@ def members(kind: str, channels: Channels) -> tuple[tuple[str, ...], Ints]:
         owner = [labels.index(s) if s in labels else -1 for s in channels.systems]
     else:
         labels, owner = ("",), [0] * len(channels.satellites)
-    member[0:n:2] = owner
+    if kind not in RATE_ONLY:
+        member[0:n:2] = owner
     if kind not in RANGE_ONLY:
         member[1:n:2] = owner
     return labels, member
@@ -170,6 +174,7 @@ def partial(kind: str, geometry: Geometry, channels: Channels) -> Floats:
             "ionosphere_scale": np.moveaxis(geometry.ionosphere, -1, 0),
             **{axis: np.moveaxis(geometry.lever[..., i], -1, 0) for i, axis in enumerate(LEVER_AXES)},
             **dict.fromkeys(RANGE_ONLY, (1.0, 0.0)),
+            **dict.fromkeys(RATE_ONLY, (0.0, 1.0)),
         }
     else:
         first, second = slice(0, 3), slice(3, n)

@@ -27,6 +27,8 @@ LABELS = {"name", "source"}
 HEARING = {"antennas", "link", "loops", "tracking"}
 # Models of delays: tests/delays walks their fields, tests/engines/setup/test_atmosphere.py what engines make of them.
 DELAYS = {"corrections"}
+# Tables of factors on noise: tests/test_noise.py, tests/engines/setup/test_receiver_noise.py walk their fields.
+NOISE = {"noise_by"}
 # A recording in a file: tests/world/user_file/test_error_table.py walks its fields.
 RECORDED = {"error_table"}
 # A model of the vehicle and its attitude reference: tests/engines/setup/test_vehicle.py walks them on such a filter.
@@ -48,6 +50,7 @@ IMU = {
 }  # fmt: skip
 RECEIVER = {
     "rate": "2 Hz", "lever_b": ["1 m", "0.5 m", "-0.3 m"], "latency_error": "2 ms", "multipath": "1 m", "channels": 32,
+    "range_rate_offset": "0.1 m/s", "range_rate_instability": "0.1 m/s",
     "solution.position_bias": "2 m", "solution.velocity_bias": "0.1 m/s",
 }  # fmt: skip
 OWN_IMU = {
@@ -60,7 +63,8 @@ OWN_IMU = {
 OWN_RECEIVER = {
     "pseudorange_sigma": "3 m", "range_rate_sigma": "0.2 m/s", "position_sigma": "3 m", "velocity_sigma": "0.2 m/s",
     "clock_h0": 2e-20, "clock_h_minus2": 3e-23, "range_bias": "2 m", "range_bias_time": "50 s",
-    "time_offset": "3 m", "time_offset_time": "500 s", "timing": "3 ms", "timing_time": "500 s",
+    "time_offset": "3 m", "time_offset_time": "500 s", "range_rate_offset": "0.2 m/s", "range_rate_offset_time": "90 s",
+    "timing": "3 ms", "timing_time": "500 s",
     "troposphere_scale": "10 percent", "troposphere_scale_time": "500 s", "ionosphere_scale": "30 percent",
     "ionosphere_scale_time": "500 s", "position_bias": "3 m", "position_bias_time": "30 s",
     "velocity_bias": "0.2 m/s", "velocity_bias_time": "30 s",
@@ -73,8 +77,8 @@ CORRECTIONS = {"troposphere": {"kind": "spilker"}, "ionosphere": {"kind": "conte
 FILTER = {
     "extra_states": [
         "gyro_scale_factor", "accel_scale_factor", "gyro_misalignment", "accel_misalignment", "gyro_g_sensitivity",
-        "range_bias", "time_offset", "timing", "troposphere_scale", "ionosphere_scale", "position_bias",
-        "velocity_bias",
+        "range_bias", "time_offset", "range_rate_offset", "timing", "troposphere_scale", "ionosphere_scale",
+        "position_bias", "velocity_bias",
     ],
 }  # fmt: skip
 
@@ -100,6 +104,8 @@ OTHER = {
         "rate": "0.5 Hz", "mask": "40 deg", "mask_height": "100 km", "latency": "0.1 s", "latency_error": "4 ms",
         "latency_per_satellite": "10 ms", "latency_sigma": "3 ms", "multipath": "3 m", "multipath_time": "20 s",
         "lever_error": "0.5 m", "lever_b": ["1 m", "0.5 m", "0.3 m"], "channels": 5,
+        "range_rate_offset": "0.2 m/s", "range_rate_instability": "0.2 m/s", "range_rate_instability_time": "9 s",
+        "frequencies": "L1_L5",
         "pseudorange_sigma": "3 m", "range_rate_sigma": "0.2 m/s", "solution.kind": "bancroft",
         "solution.position_bias": "3 m", "solution.velocity_bias": "0.3 m/s", "solution.bias_time": "20 s",
         "solution.position_sigma": "4 m", "solution.velocity_sigma": "0.3 m/s", "clock.h0": 2e-19,
@@ -118,7 +124,9 @@ OTHER = {
         "receiver.pseudorange_sigma": "4 m", "receiver.range_rate_sigma": "0.3 m/s", "receiver.position_sigma": "4 m",
         "receiver.velocity_sigma": "0.3 m/s", "receiver.clock_h0": 2e-19, "receiver.clock_h_minus2": 3e-22,
         "receiver.range_bias": "3 m", "receiver.range_bias_time": "40 s", "receiver.time_offset": "4 m",
-        "receiver.time_offset_time": "400 s", "receiver.timing": "4 ms", "receiver.timing_time": "400 s",
+        "receiver.time_offset_time": "400 s",
+        "receiver.range_rate_offset": "0.4 m/s", "receiver.range_rate_offset_time": "50 s",
+        "receiver.timing": "4 ms", "receiver.timing_time": "400 s",
         "receiver.troposphere_scale": "20 percent", "receiver.troposphere_scale_time": "400 s",
         "receiver.ionosphere_scale": "20 percent", "receiver.ionosphere_scale_time": "400 s",
         "receiver.position_bias": "4 m", "receiver.position_bias_time": "20 s", "receiver.velocity_bias": "0.3 m/s",
@@ -136,7 +144,7 @@ def leaves(model, before=""):
     for name, field in model.model_fields.items():
         within = [a for a in (field.annotation, *get_args(field.annotation)) if isinstance(a, type)]
         inner = [a for a in within if issubclass(a, BaseModel)]
-        if name in DELAYS | RECORDED | POLICIES | MODELLED | SENSORS | RELATIVE or (
+        if name in DELAYS | NOISE | RECORDED | POLICIES | MODELLED | SENSORS | RELATIVE or (
             model is ReceiverCard and name in HEARING
         ):
             continue

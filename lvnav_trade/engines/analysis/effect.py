@@ -7,7 +7,8 @@ import numpy as np
 
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.layout import PARAMETERS
-from lvnav_trade.observables.sensors import SENSOR_STATES
+from lvnav_trade.noise import idle_tables
+from lvnav_trade.observables.sensors import RANGES, SENSOR_STATES
 from lvnav_trade.scenario import Scenario, solves
 from lvnav_trade.world.faults import ClockJump, DegradedNoise, RangeBias, WildSamples
 
@@ -41,7 +42,7 @@ def used(prepared: Prepared, read: Collection[str]) -> Used:
         steered = (name for name, card in scenario.sensors.items() if card and card.measurement == "attitude")
         whole += (*_CONTROL, *(f"sensors.{name}" for name in steered))
     exact = dict(_exact(prepared))
-    idle = dict([*_untouched(prepared), *_late(prepared), *_of_ranges(scenario)])
+    idle = dict([*_untouched(prepared), *_late(prepared), *_of_ranges(scenario), *_of_noise(scenario)])
     return Used(frozenset(read), whole, exact | idle, frozenset(exact.keys() - idle.keys()))
 
 
@@ -88,6 +89,17 @@ def _late(prepared: Prepared) -> Iterator[tuple[str, str]]:
     elif card.kind == "buffered":
         for field in ("delay_sigma", "acceleration_sigma", "base"):
             yield f"filter.delay_compensation.{field}", "only an extrapolated solution has it; this one is buffered"
+
+
+def _of_noise(scenario: Scenario) -> Iterator[tuple[str, str]]:
+    """Yield the factors on noise of what is not measured: by the receiver, or by the filter."""
+    model, taken = scenario.filter.receiver, scenario.filter.measurements
+    for path, tables, measured in (
+        ("receiver", scenario.receiver.noise_by, RANGES if solves(scenario) else taken),
+        ("filter.receiver", () if isinstance(model, str) else model.noise_by, () if solves(scenario) else taken),
+    ):
+        for number in idle_tables(tables, measured):
+            yield f"{path}.noise_by.{number}", "no effect: none of these measurements is taken"
 
 
 def _of_ranges(scenario: Scenario) -> Iterator[tuple[str, str]]:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.delays.cards import AtmosphereCard, CorrectionsCard, correction_models
+from lvnav_trade.delays.cards import AtmosphereCard, CorrectionsCard, NoIonosphere, correction_models
 from lvnav_trade.delays.models import Geometry, ionosphere_delay, troposphere_delay
 from lvnav_trade.frames import earth_angle, ecef_from_eci, geodetic_from_ecef, unit
 from lvnav_trade.records import Floats, Sky
@@ -71,8 +71,9 @@ def delays(
         seconds = (places()[2][1] - places()[0][1])[:, None]
         return np.where(seen.tracked[:, :, None], np.stack([now, carrier * (after - before) / seconds], axis=2), 0.0)
 
-    air, charge = atmosphere.troposphere, atmosphere.ionosphere
-    air_hat, charge_hat = correction_models(corrections, atmosphere)
+    # of two frequencies nothing of first order is there, and nothing is corrected
+    air, charge = atmosphere.troposphere, NoIonosphere() if receiver.is_dual else atmosphere.ionosphere
+    air_hat, charge_hat = correction_models(corrections, atmosphere, not receiver.is_dual)
     return Delays(
         along(air.kind, lambda g: troposphere_delay(air, g), 1.0),
         along(charge.kind, lambda g: ionosphere_delay(charge, g), -1.0),

@@ -1,6 +1,7 @@
 """What a receiver measures on the nominal flight, and what is common to all runs of it: Signals for the kernels."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -16,12 +17,16 @@ from lvnav_trade.kernels.clock import clock_step
 from lvnav_trade.kernels.earth import GM
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.layout import RELATIVE, ExtraBlock, StateLayout
+from lvnav_trade.noise import NoiseFactor
 from lvnav_trade.observables.partials import LEVER_AXES, Channels, Geometry, members, partial, sensor_states
+from lvnav_trade.observables.sensors import RANGES, RECEIVER_SOLUTION
 from lvnav_trade.records import Bools, Floats, Sky
 from lvnav_trade.scenario import Scenario, epoch_interval, solves
 from lvnav_trade.sources import CLOCK_START, CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE
 from lvnav_trade.world.faults import Failures
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
+from lvnav_trade.world.receiver.dynamics import factors
+from lvnav_trade.world.receiver.receiver import ReceiverCard
 from lvnav_trade.world.receiver.visibility import point_of
 from lvnav_trade.world.sky.constellation import LETTERS, Part, RinexConstellation, parts_of
 
@@ -44,7 +49,7 @@ class Line:
     """
 
     def __init__(self, trajectory: Trajectory, lever_b: Floats, seen: Sky) -> None:
-        at = motion(trajectory, seen.t)
+        at, self.trajectory, self.t = motion(trajectory, seen.t), trajectory, seen.t
         self.at, self.C_b_i = at, matrices(at.q_b_i)
         self.position, self.velocity = point_of(at, self.C_b_i, lever_b)
         self.push = _pull(at.r_i) + np.einsum("nij,nj->ni", self.C_b_i, at.f_b)
@@ -59,6 +64,10 @@ class Line:
         self.drift = (moving - self.rate[:, :, None] * self.direction) / self.distance[:, :, None]
         pulled = np.einsum("esi,esi->es", self.direction, _pull(seen.r_i) - self.push[:, None, :])
         self.acceleration = across / self.distance + pulled
+
+    def noise_factors(self, tables: Sequence[NoiseFactor], measurements: Sequence[str]) -> list[Floats | float]:
+        """Return the factor (n_epoch, 1) on the sigma of each measurement."""
+        return factors(tables, measurements, self.trajectory, self.t)
 
     @property
     def lever(self) -> Floats:
@@ -112,7 +121,10 @@ def causes_of(scenario: Scenario, channels: Channels) -> list[Cause]:
         return bool(members(kind, channels)[0])
 
     if enters("range_bias"):
-        found.append(Cause("multipath", "range_bias", "range_bias", receiver.multipath, receiver.multipath_time))
+        multipath = receiver.amplification * receiver.multipath
+        found.append(Cause("multipath", "range_bias", "range_bias", multipath, receiver.multipath_time))
+    if enters("range_rate_offset"):
+        found += _of_rates(receiver)
     if enters("timing"):
         found.append(Cause("latency error", "timing", "timing", receiver.latency_error))
         found.append(Cause("latency jitter", "timing", "", receiver.latency_sigma, 0.0))
@@ -120,7 +132,7 @@ def causes_of(scenario: Scenario, channels: Channels) -> list[Cause]:
     solution = None if solves(scenario) else direct(scenario)
     if solution is not None and enters("position_bias"):
         found.append(_of_solution("position", solution.position_bias, solution.bias_time))
-    for layer in ("troposphere_scale", "ionosphere_scale"):
+    for layer in ("troposphere_scale",) if receiver.is_dual else ("troposphere_scale", "ionosphere_scale"):
         if enters(layer):
             sigma, time = (getattr(air, name) for name in (layer, f"{layer}_time"))
             found.append(Cause(layer.replace("_", " "), layer, layer, sigma, time or math.inf))
@@ -137,6 +149,15 @@ def causes_of(scenario: Scenario, channels: Channels) -> list[Cause]:
     if solution is not None and enters("velocity_bias"):
         found.append(_of_solution("velocity", solution.velocity_bias, solution.bias_time))
     return found
+
+
+def _of_rates(receiver: ReceiverCard) -> list[Cause]:
+    """Return the errors that range rates have in common beside the drift of the clock of the ranges."""
+    kind, time = "range_rate_offset", receiver.range_rate_instability_time
+    return [
+        Cause("range-rate offset", kind, kind, receiver.range_rate_offset),
+        Cause("range-rate instability", kind, kind, receiver.range_rate_instability, time),
+    ]
 
 
 def _of_solution(quantity: str, sigma: float, time_constant: float) -> Cause:
@@ -208,12 +229,13 @@ def _by_channel(
     return table
 
 
-def _true_sigma(scenario: Scenario, seen: Sky, channels: Channels) -> tuple[Any, Any]:
+def _true_sigma(scenario: Scenario, seen: Sky, line: Line, channels: Channels) -> tuple[Any, Any]:
     """Return the two sigmas of white noise of a receiver in which nothing has failed; see `_by_channel`."""
     if channels.tight:
         return seen.range_sigma, seen.rate_sigma
     solution = direct(scenario)
-    return solution.position_sigma, solution.velocity_sigma
+    of_position, of_velocity = line.noise_factors(scenario.receiver.noise_by, RECEIVER_SOLUTION)
+    return solution.position_sigma * of_position, solution.velocity_sigma * of_velocity
 
 
 def _grown(sigma: Floats, channels: Channels, failed: Failures) -> Floats:
@@ -243,17 +265,17 @@ def hold(frozen: Bools, *tables: NDArray[Any]) -> None:
 
 
 def _assumed_variance(
-    scenario: Scenario, model: ReceiverModel, channels: Channels, seen: Sky, devices: tuple[Sensor, ...]
+    scenario: Scenario, model: ReceiverModel, channels: Channels, seen: Sky, line: Line, devices: tuple[Sensor, ...]
 ) -> Floats:
     """Return the variance (n_epoch, n_channel) that the filter gives rows: its own numbers, or what the receiver tells
     of its noise where the card says so; one for a receiver that reports the covariance with every solution.
     """
     if isinstance(scenario.filter.receiver, str):
-        sigma = _true_sigma(scenario, seen, channels)
-    elif channels.tight:
-        sigma = model.pseudorange_sigma, model.range_rate_sigma
+        sigma = _true_sigma(scenario, seen, line, channels)
     else:
-        sigma = model.position_sigma, model.velocity_sigma
+        stated = RANGES if channels.tight else RECEIVER_SOLUTION
+        grown = line.noise_factors(model.noise_by, stated)
+        sigma = tuple(getattr(model, f"{name}_sigma") * factor for name, factor in zip(stated, grown, strict=True))
     pair = sigma[0] ** 2, sigma[1] ** 2
     return _by_channel(channels, seen.t.size, (1.0, 1.0) if solves(scenario) else pair, devices, "variance")
 
@@ -291,7 +313,7 @@ def signals(
     """
     receiver, clock = scenario.receiver, scenario.receiver.clock
     used, n_used = _slots(seen)
-    sigma = _by_channel(measured, seen.t.size, _true_sigma(scenario, seen, measured), devices, "sigma")
+    sigma = _by_channel(measured, seen.t.size, _true_sigma(scenario, seen, line, measured), devices, "sigma")
     extra = [_extra_partial(block, geometry, channels, devices) for block in layout.extras]
     interval = epoch_interval(scenario)
     off, off_rate = failed.bias + left[:, :, 0], failed.drift + left[:, :, 1]
@@ -313,7 +335,7 @@ def signals(
         satellite_velocity=np.ascontiguousarray(seen.v_i),
         antenna=seen.antenna if channels.tight else np.zeros_like(seen.antenna),
         sigma=_grown(sigma, measured, failed),
-        variance=_assumed_variance(scenario, model, channels, seen, devices),
+        variance=_assumed_variance(scenario, model, channels, seen, line, devices),
         partial=np.array(extra).reshape(len(extra), seen.t.size, channels.n_channel),
         clock_step=np.array(clock_step(interval, receiver.clock.h0, receiver.clock.h_minus2)),
         clock_start=np.array([clock.initial_bias, clock.initial_drift]),

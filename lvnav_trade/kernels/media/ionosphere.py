@@ -10,10 +10,23 @@ from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 Floats = NDArray[np.float64]
 
 L1 = 1575.42e6  # Hz
+L2, L5 = 1227.60e6, 1176.45e6  # Hz
 DISPERSION = 40.3  # m^3/s^2: metres of delay per electron content (1/m^2), times frequency squared
 EARTH_RADIUS = 6371e3  # m
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 _PANELS = (-2.0, -0.5, 1.0, 3.0, 7.0, 20.0)  # scale heights from the peak, between which the integral is smooth
+
+# --- two frequencies --------------------------------------------------------------------------------------------------
+
+
+def free_combination(first: float, second: float) -> tuple[float, float]:
+    """Return the weights of ranges at two frequencies (Hz) whose sum is free of the ionosphere of first order.
+
+    They add up to one. Noise of equal sigma on both is amplified by the root of their squares' sum.
+    """
+    a, b = first * first, second * second
+    return a / (a - b), -b / (a - b)
+
 
 # --- broadcast model --------------------------------------------------------------------------------------------------
 

@@ -1,11 +1,14 @@
 """Cards of a receiver, its oscillator and its solutions: simulated, point by point, or its own filter's."""
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from lvnav_trade import units
+from lvnav_trade.kernels.media.ionosphere import L1, L2, L5, free_combination
+from lvnav_trade.noise import NoiseBy
 from lvnav_trade.world.receiver.link import AntennaCard, LinkCard
 from lvnav_trade.world.receiver.loops import LoopsCard
 from lvnav_trade.world.receiver.tracking import TrackingCard
@@ -166,6 +169,9 @@ class ClockCard(units.Card):
     initial_drift: units.SpeedSigma = 0.0
 
 
+_SECOND = {"L1_L2": L2, "L1_L5": L5}
+
+
 class ReceiverCard(units.NamedCard):
     """A GNSS receiver and its antennas: what is true of its measurements.
 
@@ -183,6 +189,14 @@ class ReceiverCard(units.NamedCard):
     latency_sigma: units.Pause = Field(0.0, description="one-sigma of what is added to it at random, epoch by epoch")
     multipath: units.LengthSigma = Field(0.0, description="Gauss-Markov error of every pseudorange of its own")
     multipath_time: units.TimeConstant = 60.0
+    range_rate_offset: units.SpeedSigma = Field(
+        0.0, description="of all range rates alike, constant in a run: what is not the drift of the ranges' clock"
+    )
+    range_rate_instability: units.SpeedSigma = Field(0.0, description="the same, but a Gauss-Markov error")
+    range_rate_instability_time: units.TimeConstant = 60.0
+    frequencies: Literal["L1", "L1_L2", "L1_L5"] = Field(
+        "L1", description="two: combined so that the ionosphere of first order is gone and noise is amplified"
+    )
     lever_error: units.LengthSigma = Field(0.0, description="of the antenna's place on the vehicle, per body axis")
     mask: units.Angle = Field(0.0, description="elevation mask above the local horizontal")
     mask_height: Annotated[units.Length, Field(gt=0.0)] | None = Field(
@@ -196,6 +210,7 @@ class ReceiverCard(units.NamedCard):
     channels: int = Field(16, ge=1, le=64, description="satellites tracked at most; the highest are kept")
     pseudorange_sigma: units.LengthSigma = Field(description="with loops: what is there beside their thermal noise")
     range_rate_sigma: units.SpeedSigma = Field(description="with loops: what is there beside their thermal noise")
+    noise_by: NoiseBy = ()
     solution: SolutionCard
     clock: ClockCard
     antennas: tuple[AntennaCard, ...] = Field((), description="none: one at lever_b that hears all directions alike")
@@ -206,6 +221,18 @@ class ReceiverCard(units.NamedCard):
     def _faults(self) -> Iterator[str]:
         if self.loops is not None and self.link is None:
             yield "loops need a link: their noise follows from its C/N0"
+
+    @property
+    def is_dual(self) -> bool:
+        """Whether ranges of two frequencies are combined: they have no ionosphere of first order."""
+        return self.frequencies != "L1"
+
+    @property
+    def amplification(self) -> float:
+        """Factor on noise and multipath of ranges and range rates by the combination; equal sigma at both frequencies,
+        independent of each other.
+        """
+        return math.hypot(*free_combination(L1, _SECOND[self.frequencies])) if self.is_dual else 1.0
 
     @property
     def lever_arms(self) -> tuple[tuple[float, float, float], ...]:

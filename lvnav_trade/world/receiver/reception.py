@@ -10,6 +10,7 @@ from lvnav_trade.frames import matrices
 from lvnav_trade.records import IDLE, TRACK, Bools, Floats, Ints, Transition
 from lvnav_trade.world.faults import highest
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
+from lvnav_trade.world.receiver.dynamics import factors
 from lvnav_trade.world.receiver.link import carrier_to_noise, gains, received_power
 from lvnav_trade.world.receiver.loops import LoopsCard, code_sigma, coherence_loss, holds, lag, rate_sigma, shaking
 from lvnav_trade.world.receiver.receiver import ReceiverCard
@@ -93,7 +94,7 @@ def receive(
     n_epoch = arrival.t.size
     simple = not receiver.antennas and receiver.link is None and receiver.tracking is None
     if n_epoch == 0 or (simple and antenna_alive is None):
-        return _plain(receiver, arrival)
+        return _plain(receiver, trajectory, arrival)
     steps = _steps(arrival.t, receiver)
     heard = _hear(receiver, trajectory, arrival, steps, antenna_alive)
     at = np.arange(n_epoch) * steps.each
@@ -109,15 +110,17 @@ def receive(
         # A channel that waits for its signal to come back is still in track, but has nothing to measure.
         tracked = (state == TRACK) & heard.held[at] & ~arrival.faulty
     shown = np.where(heard.heard[at] & (receiver.link is not None), cn0, np.nan)
-    return Reception(tracked, heard.antenna[at], shown, *_noise(receiver, cn0), state, transitions)
+    noise = _noise(receiver, trajectory, arrival.t, cn0)
+    return Reception(tracked, heard.antenna[at], shown, *noise, state, transitions)
 
 
-def _plain(receiver: ReceiverCard, arrival: Arrival) -> Reception:
+def _plain(receiver: ReceiverCard, trajectory: Trajectory, arrival: Arrival) -> Reception:
     """Return the reception of a receiver that measures the highest satellites above its mask, whatever happens."""
     tracked = highest(arrival.elevation, arrival.expected & ~arrival.faulty, receiver.channels)
     antenna, state = np.zeros(tracked.shape, dtype=np.int64), np.where(tracked, TRACK, IDLE).astype(np.int8)
     unknown = np.full(tracked.shape, np.nan)
-    return Reception(tracked, antenna, unknown, *_noise(receiver, unknown), state, ())
+    noise = _noise(receiver, trajectory, arrival.t, unknown)
+    return Reception(tracked, antenna, unknown, *noise, state, ())
 
 
 def _steps(t: Floats, receiver: ReceiverCard) -> _Steps:
@@ -213,12 +216,21 @@ def _signals(receiver: ReceiverCard, tracking: TrackingCard, arrival: Arrival, s
     return Signals(steps.t, expected, cause, strong, arrival.elevation[steps.owner])
 
 
-def _noise(receiver: ReceiverCard, cn0: Floats) -> tuple[Floats, Floats]:
-    """Return the sigma of range (m) and range rate (m/s): of the loops and of what the card adds, squares summed."""
+def _noise(receiver: ReceiverCard, trajectory: Trajectory, t: Floats, cn0: Floats) -> tuple[Floats, Floats]:
+    """Return the sigma of range (m) and range rate (m/s) at times t (n_epoch,) s, (n_epoch, n_sat) each: of the loops
+    and of what the card adds, squares summed, grown by its tables and by a combination of two frequencies.
+    """
+    of_range, of_rate = factors(receiver.noise_by, ("pseudorange", "range_rate"), trajectory, t)
+    code, rate = _thermal(receiver, cn0)
+    same = receiver.amplification * np.ones(cn0.shape)
+    return code * (of_range * same), rate * (of_rate * same)
+
+
+def _thermal(receiver: ReceiverCard, cn0: Floats) -> tuple[Floats | float, Floats | float]:
+    """Return the sigma of range and range rate at one frequency, whatever the flight does."""
     loops, link = receiver.loops, receiver.link
-    same = np.ones(cn0.shape)
     if loops is None or link is None:
-        return receiver.pseudorange_sigma * same, receiver.range_rate_sigma * same
+        return receiver.pseudorange_sigma, receiver.range_rate_sigma
     bounded = np.maximum(cn0, 0.0)  # what is fainter than any loop can hold is not measured: the tables stay finite
     code, rate = code_sigma(loops, bounded), rate_sigma(loops, bounded, link.wavelength)
     return np.hypot(receiver.pseudorange_sigma, code), np.hypot(receiver.range_rate_sigma, rate)

@@ -29,6 +29,8 @@ RADAR = "sensors.radar=altimeters/radar_004"
 LISTED = "filter.measurements=[pseudorange, range_rate, altitude]"
 SOLUTION = "filter.measurements=[position, velocity]"
 SIMULATED = "the receiver's solution is simulated, not solved from ranges"
+GROWN = "{altitude: [0 km, 9 km], factor: [1, 2], of: [pseudorange]}"
+TWO_FREQUENCIES = "filter.corrections.ionosphere: no effect: ranges of two frequencies have no ionospheric delay"
 UNREAD = "no effect: nothing that is computed for this campaign reads it"
 
 
@@ -68,6 +70,12 @@ def refused(*sets: str) -> list[str]:
         (("filter.envelope={burn: 1 deg/s^2}",), "filter.envelope"),
         (("receiver.solution.position_bias=3 m",), "receiver.solution.position_bias: no effect: the filter does not"),
         (("receiver.multipath=3 m", SOLUTION), f"receiver.multipath: {UNREAD}"),
+        (("receiver.range_rate_offset=1 m/s", SOLUTION), f"receiver.range_rate_offset: {UNREAD}"),
+        (("filter.corrections={ionosphere: {kind: content}}", "receiver.frequencies=L1_L2"), TWO_FREQUENCIES),
+        (("filter.extra_states=[ionosphere_scale]", "atmosphere={ionosphere: {kind: content}, ionosphere_scale: 0.2}",
+          "receiver.frequencies=L1_L2"), "atmosphere"),
+        ((f"receiver.noise_by=[{GROWN}]", SOLUTION), "receiver.noise_by.0: no effect: none of these measurements"),
+        ((f"receiver.noise_by=[{GROWN}]",), ""),
         (("receiver.solution.bias_time=9 s", SOLUTION), ""),
         (("filter.extra_states=[position_bias]",), "filter.extra_states: position_bias: no measurement of the filter"),
         (("filter.consider=[velocity_bias]",), "filter.consider: velocity_bias: no measurement of the filter"),

@@ -35,6 +35,10 @@ CAUSES = {
     "solution through air": ("loose", {}, "troposphere scale", "troposphere_scale"),
     "residuals": ("tight", {}, "satellite clock and ephemeris", "range_bias"),
     "system time": ("tight", {}, "system time offset", "time_offset"),
+    "range rates": (
+        "tight", {"range_rate_instability": "0.5 m/s", "range_rate_instability_time": "10 s"},
+        "range-rate instability", "range_rate_offset",
+    ),
 }  # fmt: skip
 RAYS, LAYER = {"kind": "ray_traced"}, {"kind": "content"}
 # By name: other fields of the scenario, and what the filter corrects (the truth's mean, so that the scale remains).

@@ -10,15 +10,31 @@ import pytest
 from scipy.integrate import quad
 
 from lvnav_trade.kernels.media.ionosphere import (
+    DISPERSION,
     EARTH_RADIUS,
+    L1,
+    L2,
+    L5,
     chapman_slant,
     content_above,
+    free_combination,
     klobuchar,
     lear_slant,
     median_height,
 )
 
 PEAK, SCALE = 420e3, 100e3
+
+
+@pytest.mark.parametrize(("second", "amplified"), [(L2, 2.978), (L5, 2.588)])
+def test_a_combination_of_two_frequencies_has_no_ionosphere_and_the_published_noise(second, amplified):
+    # Misra and Enge, Global Positioning System, 2nd ed., section 5.3: 2.546 and 1.546 of L1 and L2
+    weights = np.array(free_combination(L1, second))
+    assert weights.sum() == pytest.approx(1.0, abs=1e-12)
+    delays = DISPERSION * 60e16 / np.array([L1, second]) ** 2
+    assert delays[0] == pytest.approx(9.74, abs=0.01)
+    assert weights @ delays == pytest.approx(0.0, abs=1e-12)
+    assert np.hypot(*weights) == pytest.approx(amplified, abs=5e-4)
 
 
 def test_klobuchar_has_the_values_of_rtklib(refdata):

@@ -1,0 +1,33 @@
+"""What a receiver's noise may depend on along the nominal flight: altitude, specific force, jerk."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lvnav_trade.frames import earth_angle, ecef_from_eci, geodetic_from_ecef, matrices
+from lvnav_trade.noise import Dynamics, NoiseFactor, noise_factor
+from lvnav_trade.records import Floats
+from lvnav_trade.world.flight.trajectory import Trajectory, motion
+
+HALF_STEP = 0.05  # s to either side of a time for the change of specific force
+
+
+def dynamics_at(trajectory: Trajectory, t: Floats) -> Dynamics:
+    """Return altitude, specific force and jerk at times t (n,) s of a flight."""
+    at = motion(trajectory, t)
+    height = geodetic_from_ecef(ecef_from_eci(at.r_i, earth_angle(trajectory.theta0, t)))[2]
+    ends = [np.clip(t + shift, trajectory.start, trajectory.end) for shift in (-HALF_STEP, HALF_STEP)]
+    before, after = (motion(trajectory, end) for end in ends)
+    first, last = (np.einsum("nij,nj->ni", matrices(one.q_b_i), one.f_b) for one in (before, after))
+    jerk = np.linalg.norm(last - first, axis=1) / (ends[1] - ends[0])
+    return Dynamics(np.asarray(height), np.linalg.norm(at.f_b, axis=1), jerk)
+
+
+def factors(
+    tables: Sequence[NoiseFactor], measurements: Sequence[str], trajectory: Trajectory, t: Floats
+) -> list[Floats | float]:
+    """Return the factor (n, 1) on the sigma of each measurement at times t (n,) s; one where there are no tables."""
+    if not tables:
+        return [1.0 for _ in measurements]
+    at = dynamics_at(trajectory, t)
+    return [noise_factor(tables, measurement, at)[:, None] for measurement in measurements]
