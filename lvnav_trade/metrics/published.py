@@ -1,42 +1,23 @@
-"""Our number for a published one, and published numbers, orders of cases and innovations compared with ours."""
+"""Published numbers, orders of cases, innovations and statements compared with ours."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import product
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from lvnav_trade import units
-from lvnav_trade.layout import MISSION, split_metric
-from lvnav_trade.metrics.basics.select import (
-    SAME_TIME,
-    errors_at,
-    history_of,
-    instant,
-    phase,
-    pick,
-    rows_between,
-    time_mean,
-)
-from lvnav_trade.metrics.errors.covariances import LINEAR_ATTITUDE, NUMERICAL, beyond_at_start, beyond_linear, observed
+from lvnav_trade.layout import split_metric
+from lvnav_trade.metrics.basics.select import pick
 from lvnav_trade.metrics.filter import whiteness
-from lvnav_trade.metrics.vehicle import nozzle
-from lvnav_trade.records import Floats
+from lvnav_trade.metrics.numbers import Ours, cases_of, columns, name_of, ours
+from lvnav_trade.metrics.statements import FAILS, HOLDS, NOT_SET_UP, NUMBERS, Value, value_of, verdict
+from lvnav_trade.metrics.statements import rows as statement_rows
 from lvnav_trade.store.read import Tables
-from lvnav_trade.store.schema import error_column, rms_column
 
-# Columns of the history behind a statistic, with runs and without.
-_SIGMAS = {"formal": ("filter_sigma_si", "lincov_formal_si"), "lincov": ("lincov_true_si", "lincov_true_si")}
-# Metrics of a whole flight, and what they are.
-_WHOLE = {
-    "observable_states": "least of all stretches",
-    "nozzle_movement_pitch": "less with the filtered rate, flight",
-    "nozzle_movement_yaw": "less with the filtered rate, flight",
-}
 COLUMNS = [
-    "source", "item", "case", "metric", "unit", "published", "ours", "ratio", "band_low", "band_high", "in_band",
-    "remark",
+    "id", "source", "item", "case", "metric", "unit", "published", "formal", "true", "monte_carlo", "low", "high",
+    "ours", "ratio", "band_low", "band_high", "in_band", "percentile", "verdict", "remark",
 ]  # fmt: skip
 INTERPRETATIONS = ["during", "error", "case", "stated_percent", "raw_percent", "unbiased_percent"]
 _RAW, _UNBIASED = "raw_", "corrected_"
@@ -45,198 +26,60 @@ _SMALLER = " < "
 _BY_AXIS = ("position", "velocity", "attitude", "gyro", "accelerometer")
 
 
-class Ours(NamedTuple):
-    """Our number in a unit; what should be said of it; the same of each run by itself, sorted, where that is known."""
-
-    value: float
-    remark: str = ""
-    runs: Floats = np.empty(0)
-
-
-_MISSING, _NOT_FLOWN = Ours(np.nan, "not among our results"), Ours(np.nan, "not in our flight")
-
-
-def cases_of(tables: Tables, wanted: Mapping[str, str]) -> list[str]:
-    """Return the digests of the cases whose axes have the levels wanted."""
-    return [
-        case
-        for case, levels in tables.levels.items()
-        if all(levels.get(axis) == str(level) for axis, level in wanted.items())
-    ]
-
-
-def name_of(stated: Mapping[str, Any]) -> str:
-    """Return the metric, the statistic where it is not the root mean square, and where it holds."""
-    if str(stated["metric"]) in _WHOLE:
-        return f"{stated['metric']}, {_WHOLE[str(stated['metric'])]}"
-    words = {"rms": "", "worst": "worst ", "least": "least ", "formal": "filter's own sigma of "}
-    first, during = words.get(stated.get("statistic", "rms"), "linear covariance of "), stated.get("during")
-    place = f", {during}" if during else f" at {stated.get('at') or 'injection'}"
-    return f"{first}{stated['metric']}{place}"
-
-
-def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Ours:
-    """Return our number for what is stated of a case, in `unit`; NaN with the reason where these results lack it."""
-    metric = str(stated["metric"])
-    if metric in MISSION:
-        return _of_mission(tables, case, stated, unit)
-    if metric.startswith("nozzle_movement_"):
-        return _of_nozzle(tables, case, metric.rpartition("_")[2])
-    if metric == "observable_states":
-        return _of_rank(tables, case)
-    if metric == "satellites_tracked" or metric.endswith("_left"):
-        return _of_signals(tables, case, stated, unit)
-    quantity, axis = split_metric(metric)
-    rows = history_of(tables, case, quantity, axis)
-    if rows.empty:
-        return _MISSING
-    scale, statistic = _scale(unit, str(rows.unit.iloc[0])), str(stated.get("statistic", "rms"))
-    if scale is None:
-        return Ours(np.nan, f"unit {unit} does not fit")
-    if statistic == "worst":
-        found = _per_run(tables, case, stated, error_column(quantity, axis, rows.unit.iloc[0]))
-        if not len(found):
-            return Ours(np.nan, "no runs, or the phase does not begin and end at events")
-        return Ours(float(np.median(found)) / scale, "", found / scale)
-    chosen = _within(tables, case, rows, stated)
-    if chosen.empty:
-        return _NOT_FLOWN
-    with_runs = bool(chosen.run_count.iloc[0])
-    beyond = _beyond_linear(tables, case, stated, quantity, unit) if statistic == "lincov" else ""
-    if beyond:
-        return Ours(np.nan, f"not applicable: {beyond}")
-    if statistic in _SIGMAS:
-        square = chosen[_SIGMAS[statistic][0 if with_runs else 1]] ** 2
-    else:
-        square = chosen.rms_si**2 if with_runs else chosen.lincov_true_si**2 + chosen.lincov_mean_si**2
-    value = float(np.sqrt(time_mean(chosen.t_s.to_numpy(), square.to_numpy()))) / scale
-    return Ours(value, "" if with_runs else "linear covariance", _each(tables, case, stated, rows) / scale)
-
-
-def _beyond_linear(tables: Tables, case: str, stated: Mapping[str, Any], quantity: str, unit: str) -> str:
-    """Say why linear covariance has no number beside what is stated of an attitude: one of the two is not small."""
-    published = float(stated.get("value", 0.0)) * (_scale(unit, "rad") or 0.0) if quantity == "attitude" else 0.0
-    return beyond_linear(published) if published > LINEAR_ATTITUDE else beyond_at_start(tables, case)
-
-
-def _scale(unit: str, si: str) -> float | None:
-    """Return how many SI units one unit of the publication is; None where it is one of another kind."""
-    try:
-        return units.parse(f"1 {unit}", si)
-    except ValueError:
-        return None
-
-
-def _within(tables: Tables, case: str, rows: pd.DataFrame, stated: Mapping[str, Any]) -> pd.DataFrame:
-    """Return the rows of a history at the event, or during the phase, that a statement names; none where not flown."""
-    if stated.get("during"):
-        return rows_between(rows, *phase(tables, case, str(stated["during"])))
-    at = instant(tables, case, str(stated.get("at") or "injection"))
-    if not np.isfinite(at):
-        return rows.iloc[:0]
-    nearest = int(np.argmin(np.abs(rows.t_s.to_numpy() - at)))
-    return rows.iloc[nearest : nearest + 1]
-
-
-def _each(tables: Tables, case: str, stated: Mapping[str, Any], rows: pd.DataFrame) -> Floats:
-    """Return the number of every run by itself, SI and sorted; empty where it is not stored."""
-    if stated.get("statistic", "rms") != "rms":
-        return np.empty(0)
-    if stated.get("during"):
-        return _per_run(tables, case, stated, rms_column(*split_metric(str(stated["metric"])), rows.unit.iloc[0]))
-    errors = errors_at(tables, case, str(stated.get("at") or "injection"), str(stated["metric"]))
-    return np.empty(0) if errors is None else np.sort(errors.size)
-
-
-def _per_run(tables: Tables, case: str, stated: Mapping[str, Any], column: str) -> Floats:
-    """Return each run's largest, or root mean square, error of a phase between events, SI and sorted; none where the
-    results lack it. A failed run's is infinite.
-    """
-    first, last = phase(tables, case, str(stated["during"]))
-    within = rows_between(pick(tables.worst, case=case), first, last, end="t_end_s")
-    lacks = within.empty or column not in within.columns or within[column].isna().all()
-    if lacks or abs(within.t_s.min() - first) > SAME_TIME or abs(within.t_end_s.max() - last) > SAME_TIME:
-        return np.empty(0)
-    size = within[column].astype(float).mask(within.failure != "", np.inf)
-    if "_rms_" not in column:
-        return np.sort(size.groupby(within.run_number).max().to_numpy())
-    length = within.t_end_s - within.t_s
-    total, duration = (part.groupby(within.run_number).sum() for part in (size**2 * length, length))
-    return np.sort(np.sqrt((total / duration).to_numpy()))
-
-
-def _of_nozzle(tables: Tables, case: str, axis: str) -> Ours:
-    """Return by how many percent less a nozzle moves with the filtered than with the raw rate, over the flight."""
-    for row in pick(nozzle(tables), case=tables.labels[case], axis=axis, burn="flight").itertuples():
-        interval = f"{row.low_percent:.1f} to {row.high_percent:.1f} %"
-        return Ours(float(row.less_percent), f"{row.runs} paired runs, 95 %: {interval}")
-    return Ours(np.nan, "no vehicle under control, or fewer than two runs")
-
-
-def _of_rank(tables: Tables, case: str) -> Ours:
-    for row in pick(observed(tables), case=tables.labels[case]).itertuples():
-        above = f"{row.stretches} stretches, singular values above {NUMERICAL:g} of the largest"
-        return Ours(float(row.least_rank), above)
-    return _MISSING
-
-
-def _of_mission(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Ours:
-    """Return the root mean square over runs of a number of the orbit or the point of impact."""
-    metric = str(stated["metric"])
-    scale = _scale(unit, MISSION[metric].unit)
-    found = errors_at(tables, case, str(stated.get("at") or "injection"), metric)
-    if scale is None:
-        return Ours(np.nan, f"unit {unit} does not fit")
-    if found is None or not len(found.size):
-        return _MISSING
-    return Ours(float(np.sqrt(np.mean(found.size**2))) / scale, "", np.sort(found.size) / scale)
-
-
-def _of_signals(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Ours:
-    """Return how many satellites are tracked, or what corrections leave of their delays: the same in every run."""
-    rows = pick(tables.satellites, case=case)
-    if rows.empty:
-        return _MISSING
-    metric, statistic = str(stated["metric"]), str(stated.get("statistic", "rms"))
-    if metric == "satellites_tracked":
-        counts = rows.groupby("t_s").tracked.sum().rename("value").reset_index()
-    else:
-        counts = rows[rows.tracked].assign(value=rows[f"{metric}_m"].abs())
-    value = _within(tables, case, counts, stated).value.dropna().to_numpy(dtype=float) if len(counts) else np.empty(0)
-    if not len(value):
-        return _NOT_FLOWN
-    scale = 1.0 if metric == "satellites_tracked" else _scale(unit, "m")
-    if scale is None:
-        return Ours(np.nan, f"unit {unit} does not fit")
-    found = {"worst": value.max(), "least": value.min()}.get(statistic, np.sqrt(np.mean(value**2)))
-    return Ours(float(found) / scale)
-
-
 def references(tables: Tables, stated: Mapping[str, Any] | None = None) -> pd.DataFrame:
     """Return what the campaign holds for published beside ours; `stated` in place of what was asked with these results.
 
     Numbers: ours in the unit of the publication, RMS error of the runs (LinCov without runs) or the statistic that is
     stated; in_band says whether ours / published lies in the band. Orders of cases: published is empty, ours the
-    largest ratio of a case to the next, which must lie in the band. Innovations: ours the largest autocorrelation. What
-    these results cannot give keeps its row, with a remark.
+    largest ratio of a case to the next, which must lie in the band. Innovations: ours the largest autocorrelation.
+    Statements: a row for each choice of the axes that they leave open, ours the value of the expression. What these
+    results cannot give keeps its row, with a remark.
+
+    formal, true, monte_carlo: the same by formal sigma, by the true error of linear covariance, and by the runs, whose
+    95 % interval is low to high; verdict: whether they keep the bounds; percentile: part of our runs below a published
+    single run, in percent.
     """
     campaign = tables.campaign if stated is None else stated
+    name = str(campaign.get("name") or tables.campaign.get("name") or "")
     rows = [
-        make(tables, case, one)
-        for key, make in (("references", _number), ("orderings", _ordering), ("innovations", _innovations))
-        for one in campaign.get(key) or ()
-        for case in (cases_of(tables, one.get("case") or {}) if make is not _ordering else ()) or (None,)
+        {**row, "id": one.get("id") or f"{name} {key} {number}"}
+        for key, make in _MADE.items()
+        for number, one in enumerate(campaign.get(key) or (), 1)
+        for row in make(tables, one)
     ]
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
+def _of_cases(make: Callable[..., dict[str, Any]]) -> Callable[..., Iterator[dict[str, Any]]]:
+    """Return what makes a row for each case that a statement names; one without a case where there is none."""
+
+    def rows(tables: Tables, one: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+        yield from (make(tables, case, one) for case in cases_of(tables, one.get("case") or {}) or (None,))
+
+    return rows
+
+
 def _row(
-    stated: Mapping[str, Any], remarks: Sequence[str], band: tuple[float, float], tested: float, **cells: Any
+    stated: Mapping[str, Any],
+    remarks: Sequence[str],
+    band: tuple[float, float],
+    tested: float,
+    found: Value | None = None,
+    scale: float = 1.0,
+    **cells: Any,
 ) -> dict[str, Any]:
+    """Return a row; found: the value three times, of which that of the statistic must lie in `scale` times the band."""
+    ends, word = sorted(scale * end for end in band), HOLDS if band[0] <= tested <= band[1] else FAILS
+    if found is not None:
+        number = {"formal": "formal", "lincov": "true"}.get(str(stated.get("statistic")), "monte_carlo")
+        number = "true" if number == "monte_carlo" and np.isnan(found.monte_carlo) else number
+        word = verdict(found, ends[0], ends[1], (number,))
     return {
         "source": stated["source"],
         "item": stated.get("item") or "",
         "unit": "-",
+        **({key: getattr(found, key) for key in (*NUMBERS, "low", "high")} if found is not None else {}),
+        "verdict": word if np.isfinite(tested) else NOT_SET_UP,
         **cells,
         "band_low": float(band[0]),
         "band_high": float(band[1]),
@@ -253,12 +96,15 @@ def _number(tables: Tables, case: str | None, published: Mapping[str, Any]) -> d
     elif case is not None:
         found = ours(tables, case, published, unit) if against is None else _smaller(tables, case, published, against)
     words = ", how much smaller" if against is not None else f", how much below {than}" if than is not None else ""
-    ratio = found.value / value
+    ratio, below = found.value / value, _below_published(published, found)
     return _row(
         published,
-        (_single(published, found), found.remark),
+        (_single(below, found), found.remark),
         published.get("band", (0.5, 2.0)),
         ratio,
+        _three(tables, case, published),
+        value,
+        percentile=below,
         case=tables.labels[case] if case is not None else "",
         metric=name_of(published) + words,
         unit=unit,
@@ -286,15 +132,32 @@ def _in_si(tables: Tables, case: str, stated: Mapping[str, Any]) -> Ours:
     return ours(tables, case, stated, unit)
 
 
-def _single(published: Mapping[str, Any], found: Ours) -> str:
+def _three(tables: Tables, case: str | None, published: Mapping[str, Any]) -> Value | None:
+    """Return our number three times; nothing where there is no case."""
+    than, against = published.get("than"), published.get("against")
+    other = cases_of(tables, against) if against is not None else [case]
+    if case is None or len(other) != 1:
+        return None
+    unit = str(published["unit"]) if than is None and against is None else "-"
+    terms = {"a": columns(tables, case, published, unit)}
+    if unit == "-" and (than is not None or against is not None):
+        terms["b"] = columns(tables, str(other[0]), {**published, "metric": than or published["metric"]}, unit)
+    return value_of("100 * (1 - a / b)" if "b" in terms else "a", terms)
+
+
+def _below_published(published: Mapping[str, Any], found: Ours) -> float:
+    """Return the part (%) of our runs below a published single run; NaN where it is not of one."""
     if not published.get("single") or not len(found.runs):
-        return ""
-    below = float(np.mean(found.runs < float(published["value"])))
-    return f"a single flight: {100 * below:.0f} % of our {len(found.runs)} flights lie below it"
+        return float("nan")
+    return 100.0 * float(np.mean(found.runs < float(published["value"])))
 
 
-def _ordering(tables: Tables, _: str | None, stated: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the largest ratio of a case to the next of an order, smallest first."""
+def _single(below: float, found: Ours) -> str:
+    return f"a single flight: {below:.0f} % of our {len(found.runs)} flights lie below it" if below == below else ""
+
+
+def _ordering(tables: Tables, stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yield the largest ratio of a case to the next of an order, smallest first."""
     groups = [cases_of(tables, wanted) for wanted in stated["cases"]]
     alone = all(len(group) == 1 for group in groups)
     found = [_in_si(tables, group[0], stated) for group in groups] if alone else []
@@ -302,11 +165,14 @@ def _ordering(tables: Tables, _: str | None, stated: Mapping[str, Any]) -> dict[
     worst = float(np.max(values[:-1] / values[1:])) if len(values) else np.nan
     unit = tables.people.get(split_metric(str(stated["metric"])), ("m", 1.0))[0]
     text = _SMALLER.join(f"{value:.3g}" for value in values) + f" {unit}" if len(values) else "not one case each"
-    return _row(
+    terms = {f"a{k}": columns(tables, group[0], stated, "-") for k, group in enumerate(groups)} if alone else {}
+    largest = f"max({', '.join(f'a{k} / a{k + 1}' for k in range(len(terms) - 1))})"
+    yield _row(
         stated,
         (text, *dict.fromkeys(one.remark for one in found)),
         (0.0, float(stated.get("factor") or 1.0)),
         worst,
+        value_of(largest, terms) if terms else None,
         case=_SMALLER.join(tables.labels[group[0]] if group else "?" for group in groups),
         metric=name_of(stated) + ", ratio to the next",
         ours=worst,
@@ -330,8 +196,17 @@ def _innovations(tables: Tables, case: str | None, stated: Mapping[str, Any]) ->
         largest,
         case=label,
         metric=f"{words} innovations, largest autocorrelation".strip(),
+        monte_carlo=largest,
         ours=largest,
     )
+
+
+_MADE: dict[str, Callable[[Tables, Mapping[str, Any]], Iterable[dict[str, Any]]]] = {
+    "references": _of_cases(_number),
+    "orderings": _ordering,
+    "innovations": _of_cases(_innovations),
+    "statements": statement_rows,
+}
 
 
 def _named(channel: str, words: str) -> bool:

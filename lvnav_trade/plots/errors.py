@@ -14,7 +14,7 @@ from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.probability import rms_interval
 from lvnav_trade.metrics.basics.select import history_of, lincov_rms, phase, pick
 from lvnav_trade.metrics.errors.covariances import REJECTS_TOO_MUCH
-from lvnav_trade.metrics.published import cases_of
+from lvnav_trade.metrics.numbers import cases_of
 from lvnav_trade.plots.style import (
     PALETTE,
     canvas,

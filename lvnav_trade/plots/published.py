@@ -8,7 +8,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from lvnav_trade.metrics.published import cases_of, name_of, ours
+from lvnav_trade.metrics.numbers import cases_of, name_of, ours
+from lvnav_trade.metrics.statements import NUMBERS, bounds
+from lvnav_trade.metrics.statements import locus as values_along
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, legend_below, line_of, look, panel, scale_up
 from lvnav_trade.store.read import Tables
 from lvnav_trade.units import parse
@@ -118,6 +120,31 @@ def missions(tables: Tables, flown: Sequence[Mapping[str, Any]]) -> Figure | Non
 
 
 @drawing
+def bound(tables: Tables, stated: Mapping[str, Any]) -> Figure:
+    """Draw the value of a statement over its axis, by formal sigma, true error and runs, with its bounds as lines."""
+    figure, ax = panel(3.0)
+    runs, shown = 1, (*(stated.get("tested_by") or NUMBERS), "true")
+    for number, (others, values) in enumerate(values_along(tables, stated)):
+        names = [level for level, _ in values]
+        sizes, kind = _sizes(names)
+        runs = max(runs, *(value.runs for _, value in values))
+        for column, style in (("formal", ":"), ("true", "-"), ("monte_carlo", "--")):
+            y = [getattr(value, column) for _, value in values]
+            if column in shown and np.isfinite(y).any():
+                words = column.replace("_", " ")
+                label = f"{others}: {words}" if others else words
+                ax.plot(sizes, y, marker="o", ms=3.5, label=label, color=line_of(number)["color"], ls=style)
+        _levels(ax, sizes, names, kind)
+    for limit in bounds(stated, runs):
+        if np.isfinite(limit):
+            ax.axhline(limit, color=PALETTE[1], lw=1.2, label="bound")
+    unit = str(stated.get("unit") or "-")
+    axis = str(stated["along"]).replace("_", " ") + (f" ({kind})" if kind else "")
+    ax.set(xlabel=axis, ylabel=f"{stated['value']} ({unit})")
+    return legend_below(figure, ax)
+
+
+@drawing
 def locus(
     tables: Tables,
     axis: str,
@@ -150,16 +177,21 @@ def locus(
     if published is not None:
         ax.axhline(published, color="black", lw=1.1, label="published")
         ax.axhspan(published * band[0], published * band[1], color="#9ca3af", alpha=0.25, lw=0, label="band")
-    if kind is None:
-        ax.set_xticks(sizes, names)
-    else:
-        scale_up(ax.xaxis, sizes, from_zero=False)
+    _levels(ax, sizes, names, kind)
     scale_up(ax.yaxis, [*frame.value, *([published] if published else [])])
     ax.set(
         xlabel=axis.replace("_", " ") + (f" ({kind})" if kind else ""),
         ylabel=f"{name_of(stated).replace('_', ' ')}\n({unit})".replace(", ", ",\n"),
     )
     return legend_below(figure, ax, columns=2)
+
+
+def _levels(ax: Any, sizes: Sequence[float], names: Sequence[str], kind: str | None) -> None:
+    """Mark the levels of an axis: by their names where they are no numbers of one unit."""
+    if kind is None:
+        ax.set_xticks(sizes, names)
+    else:
+        scale_up(ax.xaxis, sizes, from_zero=False)
 
 
 def _sizes(names: Sequence[str]) -> tuple[list[float], str | None]:

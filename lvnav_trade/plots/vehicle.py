@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.select import NAVIGATION, flight_events, history_of, lincov_rms, pick
 from lvnav_trade.metrics.errors.covariances import is_position_bias
-from lvnav_trade.metrics.published import cases_of, short_names
+from lvnav_trade.metrics.numbers import cases_of
+from lvnav_trade.metrics.published import short_names
 from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, event_key, legend_below, line_of, over_time, panel
 from lvnav_trade.store.read import Tables
 

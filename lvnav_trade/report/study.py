@@ -15,7 +15,8 @@ from lvnav_trade.campaign.reading.study import Figure, Part, Study
 from lvnav_trade.errors import InputError, writing
 from lvnav_trade.metrics.errors.covariances import agreement, by_case
 from lvnav_trade.metrics.errors.rms import coverage, paired_levels
-from lvnav_trade.metrics.published import cases_of, ours, references
+from lvnav_trade.metrics.numbers import cases_of, ours
+from lvnav_trade.metrics.published import references
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.published import ratios, single, steps
 from lvnav_trade.report.blocks import Block, Section, Text, number, of, percent, picture, stated, table, words
@@ -25,6 +26,7 @@ from lvnav_trade.report.escape import csv_text, note
 from lvnav_trade.report.evidence import logic_tables
 from lvnav_trade.report.flight import control_tables, motion_summary, observed_table
 from lvnav_trade.report.kml import flights, kml
+from lvnav_trade.report.statements import is_statement, verdicts, with_those_not_set_up
 from lvnav_trade.store.contents import owned
 from lvnav_trade.store.read import Tables
 
@@ -52,6 +54,7 @@ def build(study: Study, answered: Sequence[Answered], folder: Path | str) -> Pat
     """
     target = owned(folder, "study")
     published = _together(answered, [references(one.tables, one.stated) for one in answered])
+    published = with_those_not_set_up(published, study.not_set_up)
     agreed = _together(answered, [agreement(one.tables).dropna(subset="monte_carlo") for one in answered])
     assumptions: list[Block] = [Text(f"{k}. {text}") for k, text in enumerate(study.assumptions, 1)]
     sections = [
@@ -88,7 +91,9 @@ def _together(answered: Sequence[Answered], frames: Sequence[pd.DataFrame]) -> p
     return pd.concat([frame for frame in named if len(frame)] or named[:1], ignore_index=True)
 
 
-def _answer(answered: Sequence[Answered], frame: pd.DataFrame) -> Section:
+def _answer(answered: Sequence[Answered], every: pd.DataFrame) -> Section:
+    numbered = is_statement(every, [one.stated for one in answered])
+    frame = every[~numbered]
     numbers, orders = frame[frame.published.notna()], frame[frame.published.isna()]
     counted = (
         (numbers, "numbers lie in the band that their campaign states"),
@@ -97,7 +102,8 @@ def _answer(answered: Sequence[Answered], frame: pd.DataFrame) -> Section:
     blocks: list[Block] = [
         Text(f"{int(rows.in_band.sum())} of {len(rows)} published {what}.") for rows, what in counted if len(rows)
     ]
-    blocks.append(table(pd.DataFrame([_line(one, frame) for one in answered]), "The campaigns of this study."))
+    blocks += verdicts(every[numbered])
+    blocks.append(table(pd.DataFrame([_line(one, every) for one in answered]), "The campaigns of this study."))
     if len(numbers):
         blocks.append(picture("ratios", ratios(numbers), "All published numbers at once."))
     outside = frame[~frame.in_band]
@@ -125,7 +131,7 @@ def _campaign(one: Answered) -> Section:
     part, tables = one.part, one.tables
     question = part.question or str(one.stated.get("description") or "")
     blocks: list[Block] = [Text(" ".join(question.split()))] if question else []
-    frame = references(tables, one.stated)
+    frame = references(tables, {**one.stated, "statements": ()})  # those stand in the answer
     if len(frame):
         blocks.append(stated("study_references", frame, sources="; ".join(dict.fromkeys(frame.source))))
     blocks += [*missions_table(tables, one.flown), *motion_summary(tables), *control_tables(tables, brief=True)]
@@ -172,6 +178,7 @@ def _draw(one: Answered, figure: Figure) -> Drawing | None:
         "autocorrelation": (many, figure.channels),
         "locus": (figure.axis, metric, figure.unit, figure.published, figure.band, many),
         "missions": (one.flown,),
+        "bound": (next((s for s in one.stated.get("statements") or () if s.get("id") == figure.statement), {}),),
         "sweep": (),
         "interpretations": (),
         "worth": (many,),

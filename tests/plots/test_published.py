@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lvnav_trade.metrics.published import ours, references
+from lvnav_trade.metrics.numbers import ours
+from lvnav_trade.metrics.published import references
 from lvnav_trade.plots.published import locus, missions, ratios, single, spread, steps
 from lvnav_trade.store.read import load
 from tests import synthetic

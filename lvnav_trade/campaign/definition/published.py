@@ -1,4 +1,4 @@
-"""What others published: numbers that ours are held against, orders of cases, statements on innovations."""
+"""What others published: numbers that ours are held against, orders of cases, statements, innovations."""
 
 import re
 from collections.abc import Iterator
@@ -9,6 +9,7 @@ from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.errors import quoted
 from lvnav_trade.layout import EXTRAS, MISSION, MOTION, PARAMETERS, split_metric
+from lvnav_trade.metrics.basics import expression
 from lvnav_trade.observables.sensors import SENSOR_STATES
 from lvnav_trade.units import Card, parse
 
@@ -17,7 +18,9 @@ STEERED = tuple(f"nozzle_movement_{axis}" for axis in ("pitch", "yaw"))
 RANK = "observable_states"  # metric: the least number of observable states of any stretch
 # Metrics that are no error of the navigation: read off the signals, the same in every run
 COUNTED = ("satellites_tracked", "troposphere_left", "ionosphere_left")
-_NO_ERRORS = (*MISSION, *COUNTED, *STEERED, RANK)
+# Mean of the normalised estimation error squared per degree of freedom, over the events of a phase
+NEES = tuple(f"{quantity}_nees" for quantity in ("attitude", "velocity", "position"))
+_NO_ERRORS = (*MISSION, *COUNTED, *STEERED, RANK, *NEES)
 # Words of a phase that are no events: from lift-off on; the first and the last time of the flight
 FLIGHT, ENDS = "flight", ("start", "end")
 _INSTANT = re.compile(r"\s*(?P<event>[A-Za-z_]\w*)\s*(?:[+-]\s*(?P<offset>\S.*))?$")
@@ -43,6 +46,8 @@ def unit_of(metric: str) -> str:
         return "-" if metric == COUNTED[0] else "m"
     if metric in STEERED or metric == RANK:
         return "%" if metric in STEERED else "-"
+    if metric in NEES:
+        return "-"
     unit = _UNITS[split_metric(metric)[0]]
     return "dimensionless" if unit == "1" else unit
 
@@ -98,13 +103,14 @@ def _place(event: str | None, info: ValidationInfo) -> str | None:
 class Stated(Card):
     """What every statement has: where it is from, what it is about, and what is said of it."""
 
+    id: str = Field("", max_length=60, description="name of the row in the CSV; from its place if absent")
     source: str
     item: str = ""
     remark: str = ""
 
 
-class _Measured(Stated):
-    """A statement on a metric, at an event or during a phase."""
+class Measured(Card):
+    """A metric at an event or during a phase."""
 
     metric: Annotated[str, AfterValidator(_metric)] = Field(
         description="such as velocity_error_3d, gyro_bias_error_x, perigee_error; satellites_tracked, troposphere_left"
@@ -132,9 +138,11 @@ class _Measured(Stated):
             yield f"statistic {self.statistic} is of a phase; give during in place of at"
         if self.statistic == "least" and self.metric not in COUNTED:
             yield f"statistic least is of what is counted ({', '.join(COUNTED)})"
+        if self.metric in NEES and (self.during is None or self.statistic != "rms"):
+            yield f"{self.metric} is a mean over a phase; give during, and no statistic"
 
 
-class Published(_Measured):
+class Published(Measured, Stated):
     """A published number that ours is held against."""
 
     case: Case = Field({}, description="level of each axis, by its label")
@@ -178,7 +186,7 @@ class Published(_Measured):
             yield f"than: {self.than} is in {unit_of(self.than)}, {self.metric} in {unit_of(self.metric)}"
 
 
-class Ordering(_Measured):
+class Ordering(Measured, Stated):
     """A published order of cases by a metric, the smallest first; it holds where each is below the next."""
 
     cases: tuple[Case, ...] = Field(min_length=2, description="level of each axis, by its label; smallest first")
@@ -198,3 +206,58 @@ class Innovations(Stated):
         description="autocorrelation at lags 1 to 10 above which a channel is called correlated; of 600 white "
         "innovations of one flight it is below 0.12 in 97 % of flights, of 300 below 0.17",
     )
+
+
+class Term(Measured):
+    """A number of a case that an expression of a statement names."""
+
+    case: Case = Field({}, description="level of each axis, by its label; the axes left out take each level in turn")
+
+    def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
+        if self.statistic in ("formal", "lincov"):
+            yield f"statistic {self.statistic} is a column of every statement; leave it out"
+
+
+class Statement(Stated):
+    """A statement with a number: an expression of metrics of cases has bounds that it must keep.
+
+    It is evaluated with formal sigmas, with the true errors of linear covariance, and with the runs, paired.
+    """
+
+    value: str = Field(description="expression of the terms: 'a / b', 'max(a, b) / min(a, b)', '100 * (a / b - 1)'")
+    terms: dict[str, Term] = Field(min_length=1, description="by the names in the expression")
+    unit: str = Field("-", description="of the terms and of the value; -: a ratio, all terms in SI units")
+    case: Case = Field({}, description="levels of axes that hold for every term")
+    at_least: float | None = None
+    at_most: float | None = None
+    probability: float | None = Field(
+        None, gt=0.5, lt=1, description="of a NEES: it is at most its upper bound at this probability (chi-square)"
+    )
+    tested_by: tuple[Literal["formal", "true", "monte_carlo"], ...] = Field(
+        ("formal", "true", "monte_carlo"), min_length=1, description="numbers that must all keep the bounds"
+    )
+    along: str = Field("", description="axis over which the page shows the value, and where it would hold")
+
+    def case_of(self, name: str) -> Case:
+        """Return the levels that a term is of, those of the whole statement among them."""
+        return self.case | self.terms[name].case
+
+    def _faults(self) -> Iterator[str]:
+        named = expression.names(self.value)
+        if set(named) != set(self.terms):
+            odd = sorted(set(named) ^ set(self.terms))
+            yield f"value: {quoted(self.value)} and the terms do not have the same names ({', '.join(odd)})"
+        if (self.at_least, self.at_most, self.probability) == (None, None, None):
+            yield "there is no bound; give at_least, at_most, or the probability of a NEES"
+        if self.at_least is not None and self.at_most is not None and self.at_least > self.at_most:
+            yield f"at_least {self.at_least:g} is above at_most {self.at_most:g}"
+        nees = [term.metric in NEES for term in self.terms.values()]
+        if self.probability is not None and (self.at_most is not None or len(nees) != 1 or not all(nees)):
+            yield "probability is the bound of a single NEES, in place of at_most"
+        for name, term in self.terms.items():
+            si = unit_of(term.metric)
+            if self.unit != "-" and si not in ("-", "%"):
+                parse(f"1 {self.unit}", si)
+            elif self.unit not in ("-", si):
+                yield f"unit: {quoted(self.unit)} does not fit {term.metric} of the term {name}; expected {si!r}"

@@ -8,7 +8,16 @@ from typing import Any, Literal
 from pydantic import Field, PrivateAttr, ValidationInfo, field_serializer, field_validator
 
 from lvnav_trade import limits, units
-from lvnav_trade.campaign.definition.published import ENDS, FLIGHT, Innovations, Ordering, Published, place, unit_of
+from lvnav_trade.campaign.definition.published import (
+    ENDS,
+    FLIGHT,
+    Innovations,
+    Ordering,
+    Published,
+    Statement,
+    place,
+    unit_of,
+)
 from lvnav_trade.campaign.syntax.tree import Written, hint
 from lvnav_trade.errors import InputError, quoted
 from lvnav_trade.layout import MISSION
@@ -242,6 +251,9 @@ class Campaign(units.Card):
     )
     innovations: tuple[Innovations, ...] = Field(
         (), max_length=limits.STATEMENTS, description="published statements on the innovations"
+    )
+    statements: tuple[Statement, ...] = Field(
+        (), max_length=limits.STATEMENTS, description="published statements, each a bound on an expression of metrics"
     )
     corridor: Corridor | None = Field(None, description="where the point of impact must stay")
     report: Report = Report()

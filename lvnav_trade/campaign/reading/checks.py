@@ -12,6 +12,7 @@ from lvnav_trade.errors import Mistake, quoted
 from lvnav_trade.layout import AXES as FRAME_AXES
 from lvnav_trade.layout import MISSION, split_metric
 from lvnav_trade.limits import AXES, CASES
+from lvnav_trade.metrics.statements import readings
 from lvnav_trade.scenario import Scenario, filter_models, solves
 
 _RATES = {
@@ -100,20 +101,47 @@ def without_effect(campaign: Campaign, root: Node) -> Iterator[Mistake]:
 
 
 def statements(campaign: Campaign, root: Node) -> Iterator[Mistake]:
-    """Yield what references, orderings and statements on innovations name and the campaign does not have."""
+    """Yield what references, orderings and other statements name and the campaign does not have."""
     cases = named_cases(campaign)
+    yield from _expressions(campaign, cases, root)
     for path, wanted, single in _cases_wanted(campaign):
         if message := unknown_case(wanted, cases, single):
             yield mistake_at(root, path, message)
     frames = {str(v) for axis in campaign.axes if axis.path == "frame" for v in axis.values or ()}
     known = list(dict.fromkeys(name for frame in sorted({campaign.base.frame, *frames}) for name in FRAME_AXES[frame]))
     axes = {"attitude": ["roll", "pitch", "yaw"], "velocity": known, "position": known}
-    for key in ("references", "orderings"):
-        for index, one in enumerate(getattr(campaign, key)):
-            quantity, axis = split_metric(one.metric)
-            if quantity in axes and axis not in (*axes[quantity], "3d"):
-                message = f"{quoted(one.metric)}: no such axis; {quantity} has {', '.join(axes[quantity])}"
-                yield mistake_at(root, f"{key}.{index}.metric", message)
+    named = [(f"{key}.{k}", one) for key in ("references", "orderings") for k, one in enumerate(getattr(campaign, key))]
+    named += [
+        (f"statements.{k}.terms.{name}", term)
+        for k, one in enumerate(campaign.statements)
+        for name, term in one.terms.items()
+    ]
+    for path, one in named:
+        quantity, axis = split_metric(one.metric)
+        if quantity in axes and axis not in (*axes[quantity], "3d") and not one.metric.endswith("_nees"):
+            message = f"{quoted(one.metric)}: no such axis; {quantity} has {', '.join(axes[quantity])}"
+            yield mistake_at(root, f"{path}.metric", message)
+
+
+def _expressions(campaign: Campaign, cases: Sequence[Mapping[str, str]], root: Node) -> Iterator[Mistake]:
+    """Yield what is wrong with the cases of statements: each term has exactly one, for some choice of the axes left."""
+    ids = [one.id for one in campaign.statements]
+    for index, one in enumerate(campaign.statements):
+        path = f"statements.{index}"
+        if one.along and (not cases or one.along not in cases[0]):
+            known = list(cases[0]) if cases else []
+            yield mistake_at(root, f"{path}.along", f"no axis {quoted(one.along)}{_meant(one.along, known)}")
+        if one.id and one.id in ids[:index]:
+            yield mistake_at(root, f"{path}.id", f"{quoted(one.id)} stands twice")
+        wanted = {name: one.case_of(name) for name in one.terms}
+        unknown = {name: message for name, levels in wanted.items() if (message := unknown_case(levels, cases))}
+        if not unknown and next(readings(cases, wanted), None) is None:
+            unknown = {name: unknown_case(levels, cases, True) for name, levels in wanted.items()}
+            unknown = {name: text for name, text in unknown.items() if text} or {
+                next(iter(one.terms)): "the terms have no case in common for any choice of the axes left out"
+            }
+        for name, message in unknown.items():
+            yield mistake_at(root, f"{path}.terms.{name}.case", message)
 
 
 def _cases_wanted(campaign: Campaign) -> Iterator[tuple[str, Mapping[str, str], bool]]:
@@ -140,6 +168,12 @@ def narrowed(campaign: Campaign) -> Campaign:
             "references": tuple(r for r in campaign.references if stands(r.case, r.against or {})),
             "orderings": tuple(order for order in campaign.orderings if stands(*order.cases)),
             "innovations": tuple(one for one in campaign.innovations if stands(one.case)),
+            "statements": tuple(
+                one
+                for one in campaign.statements
+                if next(readings(cases, {name: one.case_of(name) for name in one.terms}), None) is not None
+                and (not one.along or one.along in cases[0])
+            ),
         }
     )
 
@@ -159,6 +193,10 @@ def of_study(part: Any, campaign: Campaign) -> Iterator[tuple[str, str]]:
     for path, one in wanted:
         if message := unknown_case(one, cases):
             yield path, message
+    for i, figure in enumerate(part.figures):
+        along = {one.id: one.along for one in campaign.statements}
+        if figure.plot == "bound" and not along.get(figure.statement):
+            yield f"figures.{i}.statement", f"no statement {quoted(figure.statement)} that is along an axis"
     if part.paired and part.paired not in cases[0]:
         yield "paired", f"no axis {quoted(part.paired)}{_meant(part.paired, cases[0])}"
 

@@ -50,6 +50,12 @@ def _named(campaign: Campaign, case: Case, times: Mapping[str, float]) -> Iterat
         for index, one in enumerate(getattr(campaign, key))
         for event in one.events
     ]
+    wanted += [
+        (f"statements.{index}.terms.{name}.{'during' if term.during else 'at'}", event)
+        for index, one in enumerate(campaign.statements)
+        for name, term in one.terms.items()
+        for event in term.events
+    ]
     if campaign.covariance.at is not None:
         wanted.append(("covariance.at", campaign.covariance.at))
     for path, event in wanted:

@@ -5,7 +5,7 @@ from typing import Literal, NamedTuple
 
 from pydantic import Field, ValidationError, field_validator
 
-from lvnav_trade.campaign.definition.published import Case, Published
+from lvnav_trade.campaign.definition.published import Case, Published, Stated
 from lvnav_trade.campaign.definition.schema import Campaign, MonteCarlo
 from lvnav_trade.campaign.reading.checks import of_study
 from lvnav_trade.campaign.reading.explain import explain
@@ -22,8 +22,8 @@ class Figure(Card):
     """A figure of a campaign that the study shows."""
 
     plot: Literal[
-        "errors", "relative", "locus", "spread", "envelope", "budget", "consistency", "autocorrelation", "trajectory",
-        "satellites", "sky", "timeline", "delays", "latency", "orbit", "impact", "logic",
+        "errors", "relative", "locus", "spread", "bound", "envelope", "budget", "consistency", "autocorrelation",
+        "trajectory", "satellites", "sky", "timeline", "delays", "latency", "orbit", "impact", "logic",
         "missions", "motion", "ignition", "singular", "movement", "sweep", "turning", "worth", "interpretations",
         "apart",
     ]  # fmt: skip
@@ -38,6 +38,7 @@ class Figure(Card):
     metric: str = Field("position_error_3d", description="of locus")
     at: str | None = Field(None, description="of locus: event; injection if no phase is given")
     statistic: str = Field("rms", description="of locus, as in references")
+    statement: str = Field("", description="of bound: id of the statement, drawn over the axis that it is along")
     unit: str = Field("m", description="of locus")
     published: float | None = Field(None, description="of locus: the published value, in that unit")
     band: tuple[float, float] = Field((0.5, 2.0), description="of locus: of ours / published")
@@ -89,6 +90,9 @@ class Study(Card):
     title: str
     description: str = Field(description="the introduction: what is reproduced, from where")
     assumptions: tuple[str, ...] = Field((), description="what the publication leaves open, and how it is filled")
+    not_set_up: tuple[Stated, ...] = Field(
+        (), description="statements of the publication that no campaign answers; remark: what is missing"
+    )
     campaigns: tuple[Part, ...] = Field((), description="in the order in which they stand; all of the folder if absent")
 
     @field_validator("campaigns")

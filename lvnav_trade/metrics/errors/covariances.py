@@ -50,10 +50,17 @@ def gaussian(tables: Tables, case: str, event: str, quantity: str, axis: str) ->
     return Gaussian(np.array(mean), found.pop(""), found)
 
 
-def _matrix(rows: pd.DataFrame, axes: list[str], wanted: list[str]) -> Floats:
+def formal_covariance(tables: Tables, case: str, event: str, quantity: str) -> Floats | None:
+    """Return the filter's own covariance (3, 3) of a quantity at an event, of the nominal flight; None if unknown."""
+    rows = pick(tables.covariances, case=case, event=event, quantity=quantity, source="")
+    axes = list(dict.fromkeys(rows.axis))
+    return _matrix(rows, axes, axes, "formal_si2") if axes else None
+
+
+def _matrix(rows: pd.DataFrame, axes: list[str], wanted: list[str], column: str = "true_si2") -> Floats:
     matrix = np.zeros((len(axes), len(axes)))
     i, j = (pd.Index(axes).get_indexer(names) for names in (rows.axis, rows.other_axis))
-    matrix[i, j] = matrix[j, i] = rows.true_si2.to_numpy()
+    matrix[i, j] = matrix[j, i] = rows[column].to_numpy()
     chosen = [axes.index(name) for name in wanted]
     return matrix[np.ix_(chosen, chosen)]
 

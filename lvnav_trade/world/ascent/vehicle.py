@@ -229,6 +229,11 @@ class FlightCard(Card):
     name: str
     source: str
     epoch: units.Epoch = Field(description="lift-off, ISO 8601 UTC")
+    named_times: dict[str, str] = Field(
+        {},
+        description="further events by names of your own: '60 s', or 'stage1_cutoff + 20 s'; faults and statements can "
+        "name them, and every run is stored there",
+    )
 
 
 class VehicleAscent(FlightCard):

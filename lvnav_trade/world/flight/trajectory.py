@@ -2,12 +2,15 @@
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
+from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.world.ascent.launch import build_ascent
 from lvnav_trade.world.ascent.profile import RecordedAscent, rebuild
 from lvnav_trade.world.ascent.vehicle import VehicleAscent
+from lvnav_trade.world.events import resolve
 from lvnav_trade.world.flight.orbital import OrbitalFlight, orbit
 from lvnav_trade.world.flight.sounding import SoundingFlight, launch
 from lvnav_trade.world.oscillation import oscillations
@@ -40,12 +43,30 @@ _BUILDERS: dict[type, Callable[[Any], Trajectory]] = {
 
 
 def build(card: TrajectoryCard) -> Trajectory:
-    """Return the true flight of a trajectory card, its oscillations laid over it.
+    """Return the true flight of a trajectory card, its oscillations laid over it, the times that it names among the
+    events.
 
-    InputError where it cannot be flown or rebuilt, or where an oscillation does not lie within it.
+    InputError where it cannot be flown or rebuilt, or where an oscillation or a named time does not lie within it.
     """
     flight = _BUILDERS[type(card)](card)
+    if card.named_times:
+        flight = replace(flight, events=flight.events | _named(flight, card.named_times))
     return oscillating(flight, oscillations(card.oscillation, flight.events, (flight.start, flight.end)))
+
+
+def _named(flight: Trajectory, wanted: Mapping[str, str]) -> dict[str, float]:
+    """Return the times (s) that a card names; InputError where one is outside the flight or has an event's name."""
+    found = {}
+    for name, text in wanted.items():
+        try:
+            if not name.isidentifier() or name in flight.instants:
+                raise InputError(f"{name!r} is an event already, or no name for one")
+            found[name] = resolve(text, flight.instants)
+            if not flight.start <= found[name] <= flight.end:
+                raise InputError(f"{text!r} ({found[name]:g} s) is outside the flight")
+        except InputError as error:
+            raise InputError(records=[Mistake(str(error), path=f"trajectory.named_times.{name}")]) from None
+    return found
 
 
 def content(card: TrajectoryCard) -> str:
@@ -55,7 +76,7 @@ def content(card: TrajectoryCard) -> str:
 
 def identity(card: TrajectoryCard) -> str:
     """Return 16 hex digits of a flight: every number of its card and the content of the file that it names."""
-    data = card.model_dump(mode="json", exclude_defaults=True, exclude={"name", "source", "file"})
+    data = card.model_dump(mode="json", exclude_defaults=True, exclude={"name", "source", "file", "named_times"})
     text = json.dumps([type(card).__name__, data, content(card)], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 

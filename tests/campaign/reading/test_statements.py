@@ -16,6 +16,10 @@ ORDER = (
     "orderings:\n  - {source: x, metric: velocity_error_3d, cases: [{imu: good, gate: '4'}, {imu: poor, gate: '4'}]}\n"
 )
 WHITE = "innovations:\n  - {source: x, case: {imu: good}}\n"
+RATIO = (
+    "statements:\n  - {source: x, id: one, value: a / b, at_most: 2, along: gate, case: {gate: '4'}, terms: {"
+    "a: {case: {imu: good}, metric: velocity_error_3d}, b: {case: {imu: poor}, metric: velocity_error_3d}}}\n"
+)
 
 
 def reported(study, text: str) -> str:
@@ -26,9 +30,13 @@ def reported(study, text: str) -> str:
 
 
 def test_statements_on_cases_that_are_there_are_read(study) -> None:
-    study.append(AXES + PUBLISHED + ORDER + WHITE)
+    study.append(AXES + PUBLISHED + ORDER + WHITE + RATIO)
     found = load(study.path)
-    assert (len(found.references), len(found.orderings), len(found.innovations)) == (1, 1, 1)
+    counts = (found.references, found.orderings, found.innovations, found.statements)
+    assert [*map(len, counts)] == [1, 1, 1, 1]
+    assert found.statements[0].case_of("b") == {"gate": "4", "imu": "poor"}
+    fewer = load(study.path, ["axes.0.cards=[imu/good]"])
+    assert fewer.statements == ()
 
 
 @pytest.mark.parametrize(
@@ -54,6 +62,20 @@ def test_statements_on_cases_that_are_there_are_read(study) -> None:
         (PUBLISHED.replace("value: 1", "value: true"), "references.0.value: should be a number, not true"),
         (PUBLISHED.replace("value: 1", "value: 1, than: position_error_3d").replace("m/s", "'%'"),
          "than: position_error_3d is in m, velocity_error_3d in m/s"),
+        (RATIO.replace("imu: good", "imu: goood"), "statements.0.terms.a.case: no level 'goood' of the axis imu"),
+        (RATIO.replace(", case: {gate: '4'}", "").replace("imu: good}", "imu: good, gate: '4'}"),
+         "statements.0.terms.b.case: 2 cases have these levels; name one"),
+        (RATIO.replace("along: gate", "along: gates"), "statements.0.along: no axis 'gates' (did you mean 'gate'?)"),
+        (RATIO + RATIO.partition("\n")[2], "statements.1.id: 'one' stands twice"),
+        (RATIO.replace("velocity_error_3d}}", "velocity_error_x}}"), "statements.0.terms.b.metric: 'velocity_error_x': no such axis"),
+        (RATIO.replace("velocity_error_3d}}", "velocity_nees}}"), "velocity_nees is a mean over a phase; give during"),
+        (RATIO.replace("a / b", "a / c"), "value: 'a / c' and the terms do not have the same names (b, c)"),
+        (RATIO.replace("a / b", "a ** b"), "should be made of terms, numbers, + - * /"),
+        (RATIO.replace("at_most: 2, ", ""), "there is no bound; give at_least, at_most, or the probability of a NEES"),
+        (RATIO.replace("at_most: 2", "at_most: 2, at_least: 3"), "at_least 3 is above at_most 2"),
+        (RATIO.replace("at_most: 2", "probability: 0.99"), "probability is the bound of a single NEES"),
+        (RATIO.replace("at_most: 2", "at_most: 2, unit: m"), "'1 m' has the wrong unit; expected speed"),
+        (RATIO.replace("3d}}", "3d, statistic: formal}}"), "statistic formal is a column of every statement; leave it out"),
     ],
 )  # fmt: skip
 def test_what_is_not_there_is_reported(study, text: str, message: str) -> None:
@@ -78,10 +100,11 @@ def test_a_study_is_reported_the_cases_and_axes_that_its_campaigns_do_not_have(s
     study.write(
         "study.yaml",
         "title: x\ndescription: x\ncampaigns:\n  - campaign: campaign\n    paired: imuu\n"
-        "    figures: [{plot: envelope, case: {imu: pur}}]\n    kml: {gate: '7'}\n",
+        "    figures: [{plot: envelope, case: {imu: pur}}, {plot: bound, statement: one}]\n    kml: {gate: '7'}\n",
     )
     with pytest.raises(InputError) as caught:
         load_study(study.folder)
     records = {record.path: record for record in caught.value.records}
-    assert sorted(records) == ["campaigns.0.figures.0.case", "campaigns.0.kml", "campaigns.0.paired"]
+    figures = ["campaigns.0.figures.0.case", "campaigns.0.figures.1.statement"]
+    assert sorted(records) == [*figures, "campaigns.0.kml", "campaigns.0.paired"]
     assert all(record.file == "study.yaml" and record.line for record in records.values())

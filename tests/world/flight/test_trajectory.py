@@ -76,3 +76,33 @@ def test_an_oscillation_that_names_no_event_is_refused():
     card = SoundingFlight.model_validate(sounding_settings(oscillation=[SHAKEN | {"start": "injection"}]))
     with pytest.raises(InputError, match="no event 'injection'"):
         build(card)
+
+
+def test_named_times_are_events_and_change_nothing_else():
+    named = {"minute": "60 s", "burning": "stage2_ignition + 20 s"}
+    card, calm = ascent_card(named_times=named), ascent()
+    found = build(card)
+    assert found.events == calm.events | {"minute": 60.0, "burning": calm.events["stage2_ignition"] + 20.0}
+    assert list(found.events.values()) == sorted(found.events.values())
+    assert found.course.begin(60.0) == calm.course.begin(60.0)
+    for one, other in zip(motion(found, [60.0]), motion(calm, [60.0]), strict=True):
+        assert np.array_equal(one, other)
+    assert identity(card) == identity(ascent_card())
+
+
+@pytest.mark.parametrize(
+    ("named", "message"),
+    [
+        ({"minute": "60"}, "'60' is not a time"),
+        ({"minute": "stage7_cutoff + 2 s"}, "no event 'stage7_cutoff'"),
+        ({"liftoff": "2 s"}, "'liftoff' is an event already"),
+        ({"one minute": "60 s"}, "'one minute' is an event already, or no name for one"),
+        ({"late": "5 h"}, "'5 h' (18000 s) is outside the flight"),
+    ],
+)
+def test_a_named_time_that_cannot_be_is_refused_with_its_name(named, message):
+    with pytest.raises(InputError) as caught:
+        build(ascent_card(named_times=named))
+    (record,) = caught.value.records
+    assert message in record.message
+    assert record.path == f"trajectory.named_times.{next(iter(named))}"

@@ -1,0 +1,284 @@
+"""Our number for a published one: the error of a case, what its signals show, or what is derived from them."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from lvnav_trade import units
+from lvnav_trade.layout import MISSION, split_metric
+from lvnav_trade.metrics.basics.select import (
+    SAME_TIME,
+    errors_at,
+    errors_by_axis,
+    flight_events,
+    history_of,
+    instant,
+    phase,
+    pick,
+    rows_between,
+    time_mean,
+)
+from lvnav_trade.metrics.errors.covariances import (
+    LINEAR_ATTITUDE,
+    NUMERICAL,
+    beyond_at_start,
+    beyond_linear,
+    formal_covariance,
+    gaussian,
+    observed,
+)
+from lvnav_trade.metrics.vehicle import nozzle
+from lvnav_trade.records import Floats
+from lvnav_trade.store.read import Tables
+from lvnav_trade.store.schema import error_column, rms_column
+
+# Columns of the history behind a statistic, with runs and without.
+_SIGMAS = {"formal": ("filter_sigma_si", "lincov_formal_si"), "lincov": ("lincov_true_si", "lincov_true_si")}
+# Metrics of a whole flight, and what they are.
+_WHOLE = {
+    "observable_states": "least of all stretches",
+    "nozzle_movement_pitch": "less with the filtered rate, flight",
+    "nozzle_movement_yaw": "less with the filtered rate, flight",
+}
+
+
+class Ours(NamedTuple):
+    """Our number in a unit; what should be said of it; the same of each run by itself, sorted, where that is known."""
+
+    value: float
+    remark: str = ""
+    runs: Floats = np.empty(0)
+
+
+_MISSING, _NOT_FLOWN = Ours(np.nan, "not among our results"), Ours(np.nan, "not in our flight")
+
+
+def cases_of(tables: Tables, wanted: Mapping[str, str]) -> list[str]:
+    """Return the digests of the cases whose axes have the levels wanted."""
+    return [
+        case
+        for case, levels in tables.levels.items()
+        if all(levels.get(axis) == str(level) for axis, level in wanted.items())
+    ]
+
+
+def name_of(stated: Mapping[str, Any]) -> str:
+    """Return the metric, the statistic where it is not the root mean square, and where it holds."""
+    if str(stated["metric"]) in _WHOLE:
+        return f"{stated['metric']}, {_WHOLE[str(stated['metric'])]}"
+    words = {"rms": "", "worst": "worst ", "least": "least ", "formal": "filter's own sigma of "}
+    first, during = words.get(stated.get("statistic", "rms"), "linear covariance of "), stated.get("during")
+    place = f", {during}" if during else f" at {stated.get('at') or 'injection'}"
+    return f"{first}{stated['metric']}{place}"
+
+
+def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Ours:
+    """Return our number for what is stated of a case, in `unit`; NaN with the reason where these results lack it."""
+    metric = str(stated["metric"])
+    if metric in MISSION:
+        return _of_mission(tables, case, stated, unit)
+    if metric.startswith("nozzle_movement_"):
+        return _of_nozzle(tables, case, metric.rpartition("_")[2])
+    if metric == "observable_states":
+        return _of_rank(tables, case)
+    if metric == "satellites_tracked" or metric.endswith("_left"):
+        return _of_signals(tables, case, stated, unit)
+    quantity, axis = split_metric(metric)
+    rows = history_of(tables, case, quantity, axis)
+    if rows.empty:
+        return _MISSING
+    scale, statistic = _scale(unit, str(rows.unit.iloc[0])), str(stated.get("statistic", "rms"))
+    if scale is None:
+        return Ours(np.nan, f"unit {unit} does not fit")
+    if statistic == "worst":
+        found = _per_run(tables, case, stated, error_column(quantity, axis, rows.unit.iloc[0]))
+        if not len(found):
+            return Ours(np.nan, "no runs, or the phase does not begin and end at events")
+        return Ours(float(np.median(found)) / scale, "", np.sort(found) / scale)
+    chosen = _within(tables, case, rows, stated)
+    if chosen.empty:
+        return _NOT_FLOWN
+    with_runs = bool(chosen.run_count.iloc[0])
+    beyond = _beyond_linear(tables, case, stated, quantity, unit) if statistic == "lincov" else ""
+    if beyond:
+        return Ours(np.nan, f"not applicable: {beyond}")
+    if statistic in _SIGMAS:
+        square = chosen[_SIGMAS[statistic][0 if with_runs else 1]] ** 2
+    else:
+        square = chosen.rms_si**2 if with_runs else chosen.lincov_true_si**2 + chosen.lincov_mean_si**2
+    value = float(np.sqrt(time_mean(chosen.t_s.to_numpy(), square.to_numpy()))) / scale
+    each = np.sort(_each(tables, case, stated, rows)) / scale if statistic == "rms" else np.empty(0)
+    return Ours(value, "" if with_runs else "linear covariance", each)
+
+
+class Columns(NamedTuple):
+    """Our number three times: formal sigma, true error of linear covariance (sigma and mean), runs; NaN where there is
+    none. runs (n_run,): what it is the mean of, in the order of the runs, squares if is_root; empty where not stored.
+    """
+
+    formal: float
+    true: float
+    monte_carlo: float
+    remark: str = ""
+    runs: Floats = np.empty(0)
+    is_root: bool = True
+
+
+_NO_COLUMNS = Columns(np.nan, np.nan, np.nan)
+
+
+def columns(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Columns:
+    """Return the three numbers of what is stated of a case, in `unit` ("-": SI).
+
+    What is the same in every run (signals) is a true number; statistics other than the root mean square are of runs.
+    """
+    metric, statistic = str(stated["metric"]), str(stated.get("statistic", "rms"))
+    if metric.endswith("_nees"):
+        return _nees(tables, case, stated)
+    quantity, axis = split_metric(metric)
+    rows = history_of(tables, case, quantity, axis)
+    if rows.empty or statistic in ("worst", "least"):
+        return _other_columns(tables, case, stated, unit)
+    scale, chosen = 1.0 if unit == "-" else _scale(unit, str(rows.unit.iloc[0])), _within(tables, case, rows, stated)
+    if scale is None or chosen.empty:
+        return _NO_COLUMNS._replace(remark=_NOT_FLOWN.remark if scale else f"unit {unit} does not fit")
+    t, drawn = chosen.t_s.to_numpy(), chosen.rms_si if chosen.run_count.iloc[0] else np.nan * chosen.rms_si
+    formal, true, runs = (
+        float(np.sqrt(time_mean(t, square.to_numpy(dtype=float)))) / scale
+        for square in (chosen.lincov_formal_si**2, chosen.lincov_true_si**2 + chosen.lincov_mean_si**2, drawn**2)
+    )
+    return Columns(formal, true, runs, runs=(_each(tables, case, stated, rows) / scale) ** 2)
+
+
+def _other_columns(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Columns:
+    """Return the columns of what is no error in the history: of the runs where it differs between them."""
+    metric = str(stated["metric"])
+    si = MISSION[metric].unit if metric in MISSION else "m" if metric.endswith("_left") else "-"
+    found = ours(tables, case, stated, si if unit == "-" else unit)
+    if not len(found.runs):
+        return _NO_COLUMNS._replace(true=found.value, remark=found.remark)
+    sizes = errors_at(tables, case, str(stated.get("at") or "injection"), metric) if metric in MISSION else None
+    scale = 1.0 if unit == "-" else _scale(unit, si) or np.nan
+    squares = np.empty(0) if sizes is None else (sizes.size / scale) ** 2
+    return _NO_COLUMNS._replace(monte_carlo=found.value, remark=found.remark, runs=squares)
+
+
+def _nees(tables: Tables, case: str, stated: Mapping[str, Any]) -> Columns:
+    """Return e' P^-1 e per degree of freedom, mean over the events of a phase: P formal, of the nominal flight."""
+    quantity = str(stated["metric"]).removesuffix("_nees")
+    first, last = phase(tables, case, str(stated["during"]))
+    expected, runs = [], []
+    for event in rows_between(flight_events(tables, case), first, last).event:
+        formal = formal_covariance(tables, case, event, quantity)
+        true = gaussian(tables, case, event, quantity, "3d")
+        if formal is None or true is None or not np.all(np.linalg.eigvalsh(formal) > 0.0):
+            continue
+        weight = np.linalg.inv(formal) / len(formal)
+        expected.append(float(np.trace(weight @ (true.covariance + np.outer(true.mean, true.mean)))))
+        rows = errors_by_axis(tables, case, event, quantity)
+        errors = rows.drop(columns="failure").to_numpy(dtype=float)
+        runs.append(np.where(rows.failure == "", np.einsum("ri,ij,rj->r", errors, weight, errors), np.inf))
+    if not expected:
+        return _NO_COLUMNS._replace(remark="no event with a covariance in this phase")
+    each = np.mean(runs, axis=0)
+    at = f"at {len(expected)} events"
+    return Columns(1.0, float(np.mean(expected)), float(np.mean(each)) if len(each) else np.nan, at, each, False)
+
+
+def _beyond_linear(tables: Tables, case: str, stated: Mapping[str, Any], quantity: str, unit: str) -> str:
+    """Say why linear covariance has no number beside what is stated of an attitude: one of the two is not small."""
+    published = float(stated.get("value", 0.0)) * (_scale(unit, "rad") or 0.0) if quantity == "attitude" else 0.0
+    return beyond_linear(published) if published > LINEAR_ATTITUDE else beyond_at_start(tables, case)
+
+
+def _scale(unit: str, si: str) -> float | None:
+    """Return how many SI units one unit of the publication is; None where it is one of another kind."""
+    try:
+        return units.parse(f"1 {unit}", si)
+    except ValueError:
+        return None
+
+
+def _within(tables: Tables, case: str, rows: pd.DataFrame, stated: Mapping[str, Any]) -> pd.DataFrame:
+    """Return the rows of a history at the event, or during the phase, that a statement names; none where not flown."""
+    if stated.get("during"):
+        return rows_between(rows, *phase(tables, case, str(stated["during"])))
+    at = instant(tables, case, str(stated.get("at") or "injection"))
+    if not np.isfinite(at):
+        return rows.iloc[:0]
+    nearest = int(np.argmin(np.abs(rows.t_s.to_numpy() - at)))
+    return rows.iloc[nearest : nearest + 1]
+
+
+def _each(tables: Tables, case: str, stated: Mapping[str, Any], rows: pd.DataFrame) -> Floats:
+    """Return the number of every run by itself, SI, in the order of the runs; empty where it is not stored."""
+    if stated.get("during"):
+        return _per_run(tables, case, stated, rms_column(*split_metric(str(stated["metric"])), rows.unit.iloc[0]))
+    errors = errors_at(tables, case, str(stated.get("at") or "injection"), str(stated["metric"]))
+    return np.empty(0) if errors is None else errors.size
+
+
+def _per_run(tables: Tables, case: str, stated: Mapping[str, Any], column: str) -> Floats:
+    """Return each run's largest, or root mean square, error of a phase between events, SI, in the order of the runs;
+    none where the results lack it. A failed run's is infinite.
+    """
+    first, last = phase(tables, case, str(stated["during"]))
+    within = rows_between(pick(tables.worst, case=case), first, last, end="t_end_s")
+    lacks = within.empty or column not in within.columns or within[column].isna().all()
+    if lacks or abs(within.t_s.min() - first) > SAME_TIME or abs(within.t_end_s.max() - last) > SAME_TIME:
+        return np.empty(0)
+    size = within[column].astype(float).mask(within.failure != "", np.inf)
+    if "_rms_" not in column:
+        return size.groupby(within.run_number).max().to_numpy()
+    length = within.t_end_s - within.t_s
+    total, duration = (part.groupby(within.run_number).sum() for part in (size**2 * length, length))
+    return np.sqrt((total / duration).to_numpy())
+
+
+def _of_nozzle(tables: Tables, case: str, axis: str) -> Ours:
+    """Return by how many percent less a nozzle moves with the filtered than with the raw rate, over the flight."""
+    for row in pick(nozzle(tables), case=tables.labels[case], axis=axis, burn="flight").itertuples():
+        interval = f"{row.low_percent:.1f} to {row.high_percent:.1f} %"
+        return Ours(float(row.less_percent), f"{row.runs} paired runs, 95 %: {interval}")
+    return Ours(np.nan, "no vehicle under control, or fewer than two runs")
+
+
+def _of_rank(tables: Tables, case: str) -> Ours:
+    for row in pick(observed(tables), case=tables.labels[case]).itertuples():
+        above = f"{row.stretches} stretches, singular values above {NUMERICAL:g} of the largest"
+        return Ours(float(row.least_rank), above)
+    return _MISSING
+
+
+def _of_mission(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Ours:
+    """Return the root mean square over runs of a number of the orbit or the point of impact."""
+    metric = str(stated["metric"])
+    scale = _scale(unit, MISSION[metric].unit)
+    found = errors_at(tables, case, str(stated.get("at") or "injection"), metric)
+    if scale is None:
+        return Ours(np.nan, f"unit {unit} does not fit")
+    if found is None or not len(found.size):
+        return _MISSING
+    return Ours(float(np.sqrt(np.mean(found.size**2))) / scale, "", np.sort(found.size) / scale)
+
+
+def _of_signals(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Ours:
+    """Return how many satellites are tracked, or what corrections leave of their delays: the same in every run."""
+    rows = pick(tables.satellites, case=case)
+    if rows.empty:
+        return _MISSING
+    metric, statistic = str(stated["metric"]), str(stated.get("statistic", "rms"))
+    if metric == "satellites_tracked":
+        counts = rows.groupby("t_s").tracked.sum().rename("value").reset_index()
+    else:
+        counts = rows[rows.tracked].assign(value=rows[f"{metric}_m"].abs())
+    value = _within(tables, case, counts, stated).value.dropna().to_numpy(dtype=float) if len(counts) else np.empty(0)
+    if not len(value):
+        return _NOT_FLOWN
+    scale = 1.0 if metric == "satellites_tracked" else _scale(unit, "m")
+    if scale is None:
+        return Ours(np.nan, f"unit {unit} does not fit")
+    found = {"worst": value.max(), "least": value.min()}.get(statistic, np.sqrt(np.mean(value**2)))
+    return Ours(float(found) / scale)

@@ -1,0 +1,64 @@
+"""Which statements of a publication hold, by how much, and which do not: the first tables of a study."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import pandas as pd
+
+from lvnav_trade.campaign.definition.published import Stated
+from lvnav_trade.metrics.published import COLUMNS
+from lvnav_trade.metrics.statements import FAILS, HOLDS, NOT_SET_UP, UNDECIDED
+from lvnav_trade.report.blocks import Block, Text, stated
+
+# Headings of the tables by verdict, in their order
+_HEADINGS = {
+    HOLDS: "Statements that hold.",
+    FAILS: "Statements that do not hold here.",
+    UNDECIDED: "Statements that these runs do not decide.",
+    NOT_SET_UP: "Statements that are not set up, and what is missing.",
+}
+
+
+def with_those_not_set_up(frame: pd.DataFrame, missing: Sequence[Stated]) -> pd.DataFrame:
+    """Return a table of references with a row for each statement that no campaign answers."""
+    rows = [
+        {**one.model_dump(), "case": "", "metric": "", "unit": "-", "in_band": False, "verdict": NOT_SET_UP}
+        for one in missing
+    ]
+    return pd.concat([frame, pd.DataFrame(rows, columns=COLUMNS)], ignore_index=True) if rows else frame
+
+
+def is_statement(frame: pd.DataFrame, campaigns: Sequence[Mapping[str, Any]]) -> pd.Series:
+    """Whether each row of a table of references is of a statement, or of one that is not set up."""
+    names = {
+        one.get("id") or f"{campaign.get('name')} statements {k}"
+        for campaign in campaigns
+        for k, one in enumerate(campaign.get("statements") or (), 1)
+    }
+    return frame.id.isin(names) | (frame["case"] == "")
+
+
+def verdicts(frame: pd.DataFrame) -> list[Block]:
+    """Return how many numbered statements hold, and a table of the rows of each verdict; nothing without rows."""
+    if frame.empty:
+        return []
+    number = frame["item"].str.split(" ").str[0].where(frame["item"].str.startswith("#"), frame["item"])
+    order = number.str.extract(r"(\d+)", expand=False).astype(float)
+    groups = frame.verdict.groupby(number, sort=False).agg(lambda words: frozenset(words))
+    only = {word: int((groups == frozenset([word])).sum()) for word in _HEADINGS}
+    said = {
+        HOLDS: "hold in every reading",
+        FAILS: "do not hold here",
+        UNDECIDED: "are undecided",
+        NOT_SET_UP: "are not set up",
+    }
+    counts = [f"{only[word]} {said[word]}" for word in said if only[word]]
+    if mixed := len(groups) - sum(only.values()):
+        counts.append(f"{mixed} hold in part: for some readings or some of their conditions")
+    blocks: list[Block] = [Text(f"Of {len(groups)} statements {', '.join(counts)}.")]
+    rows = frame.assign(order=order).sort_values("order", kind="stable")
+    for word, heading in _HEADINGS.items():
+        mine = rows[rows.verdict == word]
+        if len(mine):
+            blocks.append(stated("not_set_up" if word == NOT_SET_UP else "statements", mine, heading=heading))
+    return blocks

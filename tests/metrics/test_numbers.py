@@ -1,0 +1,110 @@
+"""Our number for a published one, against the runs themselves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lvnav_trade.metrics.numbers import cases_of, name_of, ours
+from tests import synthetic
+
+CASE, FAILED = "aaaaaaaaaaaa", 3
+PHASE = "liftoff to injection"
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    """Errors (n_run, n_hist, n_out) of the good runs of the first case, and the times."""
+    block = synthetic.block(synthetic.covariance(1.0), 0, 200)
+    return np.delete(block.err, FAILED, axis=0), block.t
+
+
+def test_a_phase_is_the_mean_over_runs_and_time(good, drawn):
+    err, t = drawn
+    within = (t >= 0.0) & (t <= 99.5)
+    square = (err[:, within, 3] ** 2).mean(axis=0)
+    begun = t[within] < 50.0  # until then the run that fails counts too
+    sound = synthetic.block(synthetic.covariance(1.0), FAILED, 1).err[0, within, 3] ** 2
+    square[begun] = ((199 * square + sound) / 200)[begun]
+    area = (0.5 * (square[1:] + square[:-1]) * np.diff(t[within])).sum() / 99.5
+    found = ours(good, CASE, {"metric": "velocity_error_north", "during": PHASE}, "cm/s")
+    assert found.value == pytest.approx(100 * np.sqrt(area), rel=1e-9)
+    assert len(found.runs) == 200  # each by itself, a failed one infinite
+    assert np.isinf(found.runs[-1])
+    own = np.sqrt(np.trapezoid(err[:, within, 3] ** 2, t[within], axis=1) / 99.5)
+    np.testing.assert_allclose(np.sort(found.runs)[:-1], np.sort(100 * own), rtol=1e-9)
+
+
+def test_the_worst_is_the_median_over_runs_of_each_runs_largest(good, drawn):
+    err, t = drawn
+    within = (t >= 0.0) & (t <= 99.5)
+    largest = np.append(np.sqrt((err[:, within, 6:9] ** 2).sum(axis=2)).max(axis=1), np.inf)
+    found = ours(good, CASE, {"metric": "position_error_3d", "during": PHASE, "statistic": "worst"}, "m")
+    assert found.value == pytest.approx(np.median(largest), rel=1e-12)
+
+
+def test_a_window_that_begins_after_an_event_is_read_off_the_history(good, drawn):
+    err, t = drawn
+    within = (t >= 50.0) & (t <= 60.0)
+    square = (err[:, within, 8] ** 2).mean(axis=0)
+    stated = {"metric": "position_error_down", "during": "stage1_cutoff + 10 s to stage1_cutoff + 20 s"}
+    found = ours(good, CASE, stated, "m")
+    assert found.value == pytest.approx(np.sqrt(np.trapezoid(square, t[within]) / 10.0), rel=1e-9)
+    assert not len(found.runs)
+    assert np.isnan(ours(good, CASE, stated | {"statistic": "worst"}, "m").value)
+
+
+def test_sigmas_of_the_filter_and_of_linear_covariance_are_those_of_the_gaussians(good, alone):
+    stated = {"metric": "velocity_error_down", "at": "injection"}
+    sigma = 0.2 * 1.995
+    for results in (good, alone):
+        for statistic in ("formal", "lincov"):
+            found = ours(results, CASE, stated | {"statistic": statistic}, "m/s")
+            assert found.value == pytest.approx(sigma, rel=1e-9)
+    assert ours(alone, CASE, stated, "m/s").remark == "linear covariance"
+
+
+def test_an_attitude_beyond_five_degrees_has_no_linear_covariance_beside_it(good):
+    stated = {"metric": "attitude_error_roll", "at": "injection", "statistic": "lincov", "value": 48.8}
+    found = ours(good, CASE, stated, "deg")
+    assert np.isnan(found.value)
+    assert found.remark == "not applicable: an attitude error of 49 deg (one sigma) is beyond the linear form (5 deg)"
+    assert ours(good, CASE, stated | {"value": 4.9}, "deg").value > 0.0
+    assert ours(good, CASE, stated | {"statistic": "formal"}, "deg").value > 0.0
+
+
+def test_satellites_are_counted_and_what_is_left_of_delays_is_the_worst(good):
+    during = {"metric": "satellites_tracked", "during": "flight"}
+    assert ours(good, CASE, during | {"statistic": "least"}, "-").value == 0.0  # in the outage
+    assert ours(good, CASE, during | {"statistic": "worst"}, "-").value == synthetic.N_SAT
+    left = ours(good, CASE, {"metric": "ionosphere_left", "during": "flight", "statistic": "worst"}, "m")
+    assert left.value == pytest.approx(2.5)
+
+
+@pytest.mark.parametrize(
+    ("stated", "unit", "why"),
+    [
+        ({"metric": "gyro_bias_error_x"}, "deg/h", "not among our results"),
+        ({"metric": "velocity_error_3d"}, "m", "unit m does not fit"),
+        ({"metric": "velocity_error_3d", "at": "touchdown"}, "m/s", "not in our flight"),
+    ],
+)
+def test_what_these_results_lack_is_said(good, stated, unit, why):
+    found = ours(good, CASE, stated, unit)
+    assert np.isnan(found.value)
+    assert found.remark == why
+
+
+def test_cases_are_found_by_the_levels_of_their_axes(good):
+    assert cases_of(good, {"imu": "coarse"}) == ["bbbbbbbbbbbb"]
+    assert len(cases_of(good, {})) == 2
+    assert cases_of(good, {"imu": "none"}) == []
+
+
+def test_a_statement_is_named_by_statistic_metric_and_place():
+    assert name_of({"metric": "observable_states"}) == "observable_states, least of all stretches"
+    assert name_of({"metric": "velocity_error_3d"}) == "velocity_error_3d at injection"
+    assert (
+        name_of({"metric": "position_error_x", "during": PHASE, "statistic": "worst"})
+        == "worst position_error_x, liftoff to injection"
+    )

@@ -1,0 +1,154 @@
+"""Statements: an expression three times, its interval over paired runs, its verdict, and where a bound is reached."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lvnav_trade.metrics.numbers import Columns, columns
+from lvnav_trade.metrics.published import references
+from lvnav_trade.metrics.statements import (
+    FAILS,
+    HOLDS,
+    NOT_SET_UP,
+    UNDECIDED,
+    Value,
+    bounds,
+    readings,
+    value_of,
+    verdict,
+    where_bound,
+)
+from tests import synthetic
+
+FINE, COARSE = {"imu": "fine"}, {"imu": "coarse"}
+SPEED = {"metric": "velocity_error_3d", "at": "injection"}
+
+
+def rows(tables, **stated):
+    return references(tables, {"name": "synthetic", "statements": [{"source": "A paper", **stated}]})
+
+
+def wilson_hilferty(freedom: int) -> float:
+    """Return the 99 % quantile of chi-square over its degrees of freedom, by the cube of a Gaussian."""
+    return (1.0 - 2.0 / (9.0 * freedom) + 2.3263 * np.sqrt(2.0 / (9.0 * freedom))) ** 3
+
+
+def test_a_ratio_of_paired_runs_is_known_better_than_either(good):
+    terms = {"a": SPEED | {"case": COARSE}, "b": SPEED | {"case": FINE}}
+    found = rows(good, id="s1", item="#1 three times", value="a / b", terms=terms, at_least=2.99, at_most=3.01).iloc[0]
+    assert (found.id, found["item"], found.verdict) == ("s1", "#1 three times", HOLDS)
+    # the same draws, three times as large: nothing is left of the sampling error
+    np.testing.assert_allclose([found.formal, found.monte_carlo, found.low, found.high], 3.0, rtol=1e-9)
+    assert found.true == pytest.approx(3.0, rel=1e-9)
+    assert "1 of 200 runs failed and are left out" in found.remark
+
+
+def test_the_interval_of_unpaired_numbers_is_that_of_two_samples(good):
+    """Velocity north over east: independent draws, so var(ln ratio) = 1 / n for root mean squares of Gaussians."""
+    terms = {"a": {"metric": "velocity_error_north"}, "b": {"metric": "velocity_error_east"}}
+    terms = {name: term | {"at": "injection", "case": FINE} for name, term in terms.items()}
+    found = rows(good, value="a / b", terms=terms, at_least=0.1).iloc[0]
+    half = np.log(found.high / found.low) / 2.0
+    assert half == pytest.approx(1.97 * np.sqrt(1.0 / 199), rel=0.15)
+    assert found.low < found.monte_carlo < found.high
+    assert found.id == "synthetic statements 1"
+
+
+def test_axes_that_no_term_names_are_read_level_by_level(good):
+    spread = {"a": {"metric": "velocity_error_3d"}, "b": {"metric": "velocity_error_east"}}
+    found = rows(good, value="a / b", terms={k: v | {"at": "injection"} for k, v in spread.items()}, at_least=1.0)
+    assert list(found["case"]) == ["imu=fine", "imu=coarse"]
+    assert list(found.verdict) == [HOLDS, HOLDS]
+
+
+def test_a_phase_between_events_is_paired_too_and_another_has_no_interval(good):
+    terms = {"a": {"metric": "velocity_error_3d", "during": "liftoff to injection", "case": COARSE}}
+    terms["b"] = terms["a"] | {"case": FINE}
+    found = rows(good, value="a / b", terms=terms, at_least=2.0).iloc[0]
+    assert found.low == pytest.approx(3.0, rel=1e-9)
+    terms = {name: term | {"during": "stage1_cutoff + 5 s to injection"} for name, term in terms.items()}
+    found = rows(good, value="a / b", terms=terms, at_least=2.0).iloc[0]
+    assert np.isnan(found.low)
+    assert found.monte_carlo == pytest.approx(3.0, rel=1e-9)
+    assert "without an interval" in found.remark
+
+
+def test_runs_that_linear_covariance_does_not_describe_fail_by_the_runs_alone(wrong):
+    """Runs 1.6 times as large as said: the size of an error, in its unit, by three columns."""
+    stated = {"value": "a", "unit": "cm/s", "terms": {"a": SPEED | {"case": FINE}}, "at_most": 70.0}
+    found = rows(wrong, **stated).iloc[0]
+    sigma = 100 * 1.995 * np.sqrt(0.1**2 + 0.12**2 + 0.2**2)
+    assert found.formal == pytest.approx(sigma, rel=1e-9)
+    assert found.monte_carlo > 1.4 * found.true
+    assert (found.verdict, found.unit) == (FAILS, "cm/s")
+    assert rows(wrong, **stated, tested_by=["formal", "true"]).iloc[0].verdict == HOLDS
+
+
+def test_the_nees_of_matched_runs_is_one_and_of_larger_ones_their_square(good, wrong):
+    stated = {"value": "n", "terms": {"n": {"metric": "velocity_nees", "during": "flight", "case": FINE}}}
+    stated |= {"at_least": 0.3, "probability": 0.99}
+    found = rows(good, **stated).iloc[0]
+    assert (found.formal, found.verdict) == (1.0, HOLDS)
+    mean = (synthetic.MEAN[4] / synthetic.SIGMA[4]) ** 2 / 3.0
+    assert found.true == pytest.approx(1.0 + mean, rel=1e-9)
+    assert found.monte_carlo == pytest.approx(1.0 + mean, rel=0.1)
+    assert found.band_high == pytest.approx(wilson_hilferty(3 * 199), abs=2e-4)  # one run failed
+    found = rows(wrong, **stated).iloc[0]
+    assert found.monte_carlo == pytest.approx(1.6**2 + mean, rel=0.15)
+    assert found.verdict == FAILS
+
+
+def test_without_runs_linear_covariance_decides_and_says_so(alone):
+    terms = {"a": SPEED | {"case": COARSE}, "b": SPEED | {"case": FINE}}
+    found = rows(alone, value="a / b", terms=terms, at_least=2.0).iloc[0]
+    assert found.verdict == HOLDS
+    assert "linear covariance alone" in found.remark
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "word"), [(0.9, 1.1, HOLDS), (0.9, 1.3, UNDECIDED), (1.25, 1.3, FAILS), (np.nan, np.nan, FAILS)]
+)
+def test_an_interval_holds_inside_fails_outside_and_leaves_open_what_is_across(low, high, word):
+    found = Value(1.0, 1.0, 1.3 if np.isnan(low) else 1.2, low, high, 200, ())
+    assert verdict(found, np.nan, 1.2, ("formal", "true", "monte_carlo")) == word
+    assert verdict(found, np.nan, 1.2, ("true",)) == HOLDS
+
+
+def test_what_has_no_number_is_not_set_up():
+    assert verdict(Value(*[np.nan] * 5, 0, ()), 0.0, 1.0, ("true",)) == NOT_SET_UP
+
+
+def test_the_interval_covers_the_truth_as_often_as_it_says():
+    generator, inside = np.random.default_rng(5), 0
+    for _ in range(400):
+        common = generator.standard_normal(60)
+        a, b = ((common + 0.5 * generator.standard_normal(60)) ** 2 for _ in range(2))
+        found = value_of("a / b", {k: Columns(1.0, 1.0, 1.0, runs=v) for k, v in {"a": a, "b": 4.0 * b}.items()})
+        inside += found.low < 0.5 < found.high
+    assert 0.92 * 400 < inside < 0.98 * 400
+
+
+def test_a_reading_needs_one_case_for_each_term():
+    known = [{"imu": i, "start": s} for i in ("fine", "coarse") for s in ("a", "b")]
+    found = list(readings(known, {"x": FINE, "y": COARSE}))
+    assert found == [({"start": "a"}, {"x": 0, "y": 2}), ({"start": "b"}, {"x": 1, "y": 3})]
+    assert list(readings(known, {"x": FINE, "y": {"start": "a"}})) == []
+
+
+def test_where_a_bound_is_reached_is_interpolated_between_levels():
+    values = [(f"{x} m/s", Value(np.nan, y, *[np.nan] * 3, 0, ())) for x, y in ((0.1, 0.8), (0.01, 0.4))]
+    assert where_bound(values, np.nan, 0.6) == "0.0316 m/s"  # half way of the logarithm
+    assert where_bound(values, np.nan, 0.9) == ""
+
+
+def test_the_bound_of_a_nees_is_that_of_its_runs():
+    assert bounds({"at_least": 0.3}, 200)[0] == 0.3
+    assert bounds({"probability": 0.99}, 200)[1] == pytest.approx(wilson_hilferty(600), abs=2e-4)
+
+
+def test_what_signals_show_is_a_true_number(good):
+    found = columns(
+        good, "aaaaaaaaaaaa", {"metric": "satellites_tracked", "during": "flight", "statistic": "least"}, "-"
+    )
+    assert (found.true, np.isnan(found.formal), np.isnan(found.monte_carlo)) == (0.0, True, True)
