@@ -322,7 +322,7 @@ JitterPerForce = quantity("rad*s**2/m", minimum=0.0)
 AngularAccelerationSigma = quantity("rad/s**2", minimum=0.0)
 GainPerSecond = quantity("1/s", minimum=0.0)
 JerkSigma = quantity("m/s**3", minimum=0.0)
-FieldSigma = quantity("T", minimum=0.0)
+FluxDensitySigma = quantity("T", minimum=0.0)
 JerkGain = quantity("1/s**2", minimum=0.0)
 RangeGain = quantity("m*s**2", minimum=0.0)
 

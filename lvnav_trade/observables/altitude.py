@@ -44,6 +44,7 @@ class AltimeterCard(SensorCard):
     jacobian: ClassVar[tuple[str, ...]] = ("position",)
     noise: ClassVar[str] = "altimeter noise"
     noise_fields: ClassVar[tuple[str, ...]] = ("sigma", "share")
+    able: ClassVar[str] = "the height is within its range"
 
     kind: Literal["altimeter"] = "altimeter"
     sigma: LengthSigma = Field(gt=0.0, description="white noise of a measurement")
@@ -70,6 +71,11 @@ class AltimeterCard(SensorCard):
     def available(self, flight: FlightView) -> Bools:
         """Return whether the height is within its range, (n_epoch,)."""
         return np.asarray((flight.height >= self.lowest) & (flight.height <= self.highest))
+
+    @property
+    def limiting(self) -> str:
+        """Its greatest height."""
+        return "highest"
 
     def lasting(self) -> tuple[LastingError, ...]:
         """Return its bias."""

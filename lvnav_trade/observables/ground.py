@@ -27,7 +27,7 @@ from lvnav_trade.observables.base import H_POS, clear
 from lvnav_trade.observables.sensor import FlightView, LastingError, SensorCard, SensorModel, StateUnit
 from lvnav_trade.records import Bools, Floats
 from lvnav_trade.units import Angle, AngleSigma, Fraction, Length, LengthSigma, TimeConstant, distinct
-from lvnav_trade.world.conditions import SightConditions
+from lvnav_trade.world.conditions import ELEVATIONS, SightConditions
 
 Scalar = Literal["range", "azimuth", "elevation"]
 SCALARS: tuple[Scalar, ...] = ("range", "azimuth", "elevation")
@@ -81,6 +81,7 @@ class StationCard(SensorCard, SightConditions):
     jacobian: ClassVar[tuple[str, ...]] = ("position",)
     noise: ClassVar[str] = "ground tracking noise"
     noise_fields: ClassVar[tuple[str, ...]] = ("range_sigma", "angle_sigma")
+    able: ClassVar[str] = "the station sees the vehicle"
 
     kind: Literal["ground_station"] = "ground_station"
     latitude: Angle = Field(description="geodetic, of the station as surveyed")
@@ -153,6 +154,11 @@ class StationCard(SensorCard, SightConditions):
         """Return whether the vehicle is above the mask and near enough, (n_epoch,)."""
         distance, _, elevation = self.look(flight).values.T
         return np.asarray((distance <= self.longest_range) & (elevation >= 0.0) & self.sights(elevation))
+
+    @property
+    def limiting(self) -> str:
+        """Its elevation mask, or else its longest range."""
+        return next((name for name in ELEVATIONS if name in self.stated), "longest_range")
 
     def known(self, model: SensorModel, flight: FlightView) -> Floats:
         """Return where the station stands and from which direction angles count, (n_epoch, 14)."""

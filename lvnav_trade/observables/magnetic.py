@@ -18,7 +18,7 @@ from lvnav_trade.kernels.strapdown import Q, R
 from lvnav_trade.observables.base import H_ATT, H_POS, clear
 from lvnav_trade.observables.sensor import FlightView, LastingError, SensorCard, SensorModel, StateUnit, each_scalar
 from lvnav_trade.records import Floats
-from lvnav_trade.units import FieldSigma, Fraction
+from lvnav_trade.units import FluxDensitySigma, Fraction
 from lvnav_trade.world import geomagnetism
 
 _NANOTESLA = 1e9
@@ -39,8 +39,8 @@ class MagnetometerModel(SensorModel):
         "soft_iron": StateUnit("soft_iron", "1", "%", 1e2),
     }
 
-    sigma: FieldSigma = Field(gt=0.0)
-    hard_iron: FieldSigma = Field(0.0, description="of the extra state hard_iron: its initial one-sigma")
+    sigma: FluxDensitySigma = Field(gt=0.0)
+    hard_iron: FluxDensitySigma = Field(0.0, description="of the extra state hard_iron: its initial one-sigma")
     soft_iron: Fraction = Field(0.0, description="of the extra state soft_iron: its initial one-sigma")
     degree: Annotated[int, Field(ge=1, le=geomagnetism.DEGREE)] = Field(
         geomagnetism.DEGREE, description="of the field that the filter computes"
@@ -66,8 +66,10 @@ class MagnetometerCard(SensorCard):
     noise: ClassVar[str] = "magnetometer noise"
 
     kind: Literal["magnetometer"] = "magnetometer"
-    sigma: FieldSigma = Field(gt=0.0, description="white noise of a measurement, per axis")
-    hard_iron: FieldSigma = Field(0.0, description="field of the vehicle and offset, constant in body axes, per axis")
+    sigma: FluxDensitySigma = Field(gt=0.0, description="white noise of a measurement, per axis")
+    hard_iron: FluxDensitySigma = Field(
+        0.0, description="field of the vehicle and offset, constant in body axes, per axis"
+    )
     soft_iron: Fraction = Field(
         0.0, description="each entry of the matrix by which the field is distorted: scale, coupling, misalignment"
     )

@@ -56,6 +56,7 @@ class BarometerCard(SensorCard):
     unit: ClassVar[str] = "m"
     jacobian: ClassVar[tuple[str, ...]] = ("position",)
     noise: ClassVar[str] = "barometer noise"
+    able: ClassVar[str] = "the height is within its range"
 
     kind: Literal["barometer"] = "barometer"
     sigma: Pressure = Field(description="white noise of the static pressure; dp / (rho g) of height")
@@ -81,6 +82,11 @@ class BarometerCard(SensorCard):
     def available(self, flight: FlightView) -> Bools:
         """Return whether it is low enough, (n_epoch,)."""
         return np.asarray(flight.height <= self.highest)
+
+    @property
+    def limiting(self) -> str:
+        """Its greatest height."""
+        return "highest"
 
     def lasting(self) -> tuple[LastingError, ...]:
         """Return its bias, its scale error and the error of its port."""

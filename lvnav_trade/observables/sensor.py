@@ -113,7 +113,8 @@ class SensorCard(Conditions):
     A member of the family states `kind` (a literal of one word), `measurement` (the name that a filter lists), `model`
     (the class of its filter model), `labels` of its scalars and their `unit`, what their Jacobian depends on
     (`jacobian`: position, velocity, attitude), and the name of its noise as an error source; it is added to `SENSORS`.
-    What is `at_once` is known to the computer or formed in it, and has no latency.
+    What is `at_once` is known to the computer or formed in it, and has no latency. `able` says in messages when it is
+    available.
     """
 
     measurement: ClassVar[str]
@@ -125,6 +126,7 @@ class SensorCard(Conditions):
     noise_fields: ClassVar[tuple[str, ...]] = ("sigma",)
     on_pad: ClassVar[bool] = False
     at_once: ClassVar[bool] = False
+    able: ClassVar[str] = "it can measure"
 
     name: str
     source: str
@@ -161,6 +163,11 @@ class SensorCard(Conditions):
     def available(self, flight: FlightView) -> Bools:
         """Return whether it can measure at the epochs, (n_epoch,), beside its rate and its conditions."""
         return np.ones(flight.t.size, dtype=np.bool_)
+
+    @property
+    def limiting(self) -> str:
+        """The field that keeps it from measuring where it never can, empty where it has none."""
+        return self.stated[0] if self.stated else ""
 
     def lasting(self) -> tuple[LastingError, ...]:
         """Return its errors that last."""

@@ -77,6 +77,7 @@ class StarTrackerCard(SensorCard):
     jacobian: ClassVar[tuple[str, ...]] = ("attitude",)
     noise: ClassVar[str] = "star tracker noise"
     noise_fields: ClassVar[tuple[str, ...]] = ("across", "about")
+    able: ClassVar[str] = "Sun, Earth and body rate allow a solution"
 
     kind: Literal["star_tracker"] = "star_tracker"
     boresight: Direction = Field((1.0, 0.0, 0.0), description="direction in body axes, of any length")

@@ -183,7 +183,7 @@ def _windows(campaign: Campaign, case: Case, events: Mapping[str, float]) -> Ite
             if reason:
                 yield written(campaign, case, f"base.sensors.{name}", reason)
             for field, message in switched.of_sensor(card, case.scenario, events):
-                yield written(campaign, case, f"base.sensors.{name}.{field}", message)
+                yield written(campaign, case, f"base.sensors.{name}.{field}".rstrip("."), message)
 
 
 _STEP = 1.0  # s between points

@@ -7,10 +7,9 @@ import numpy as np
 from lvnav_trade.engines.setup.prepare import trajectory_of
 from lvnav_trade.engines.setup.sensors import view_of
 from lvnav_trade.errors import InputError
-from lvnav_trade.observables.ground import StationCard
 from lvnav_trade.observables.sensor import SensorCard
 from lvnav_trade.scenario import Scenario
-from lvnav_trade.world.conditions import BOUNDS, ELEVATIONS, Conditions, Course, inside, never
+from lvnav_trade.world.conditions import BOUNDS, Conditions, Course, inside, never
 from lvnav_trade.world.faults import AnyFault, periods
 
 Found = Iterator[tuple[str, str]]
@@ -22,19 +21,16 @@ def of_sensor(card: SensorCard, scenario: Scenario, events: Mapping[str, float])
     course = _course(card, scenario, events)
     found = list(_never(card, course))
     yield from found
-    if card.on_pad and card.stated and not found and min(start for start, _ in course.holding(card)) >= 0.0:
-        yield card.stated[0], "holds after the lift-off only, and it measures on the pad only"
-    if isinstance(card, StationCard) and not found:
-        yield from _unseen(card, scenario)
+    if not found and type(card).available is not SensorCard.available:
+        yield from _unable(card, scenario)
 
 
-def _unseen(card: StationCard, scenario: Scenario) -> Found:
-    """Yield a condition of a station that sees the vehicle at no time of the flight while its conditions hold."""
+def _unable(card: SensorCard, scenario: Scenario) -> Found:
+    """Yield what keeps a sensor from measuring at any time of the flight at which its conditions hold."""
     flight = trajectory_of(scenario)
     t = np.arange(flight.start, flight.end, 1.0 / (card.rate or scenario.filter.update_rate))
     if not np.any(inside(flight.course.holding(card), t) & card.available(view_of(flight, t))):
-        field = next((name for name in ELEVATIONS if name in card.stated), "longest_range")
-        yield field, "the station sees the vehicle at no time of the flight"
+        yield card.limiting, f"{card.able} at no time of the flight while its conditions hold"
 
 
 def of_fault(fault: AnyFault, scenario: Scenario, events: Mapping[str, float]) -> Found:

@@ -51,7 +51,7 @@ def fly(work, parts, schedule, unit, signals, sensors, start, history, model, op
     history : Record; model : FilterModel; options : Options
     k0, k1 : key words of the campaign's seed
     """
-    begin(work, parts.own, unit, options.units, signals, start, model, k0, k1)
+    begin(work, parts.units, unit, options.units, signals, start, model, k0, k1)
     begin_solver(work, parts.rx, options.solver)
     begin_watch(parts.watch)
     begin_motion(parts.motion, options.samples)
@@ -59,7 +59,7 @@ def fly(work, parts, schedule, unit, signals, sensors, start, history, model, op
     for w in range(schedule.n_tick.shape[0]):
         first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
         if n_tick > 0:
-            sense(work, parts.own, unit, options.units, first, n_tick, k0, k1)
+            sense(work, parts.units, unit, options.units, first, n_tick, k0, k1)
             _advance(
                 work, parts.motion, parts.open_loop, unit, model, options.vehicle, options.samples, first, n_tick, dt
             )
@@ -73,7 +73,7 @@ def fly(work, parts, schedule, unit, signals, sensors, start, history, model, op
         if epoch >= 0 and model.aided:
             observe(work, parts.rx, options.solver, signals, model.tight, epoch, k0, k1)
             hold_solution(work, parts.rx, parts.held, options.solver, options.report, epoch)
-            measure_sensors(work, parts.own, sensors, options.units, signals, epoch, k0, k1)
+            measure_sensors(work, parts.units, sensors, options.units, signals, epoch, k0, k1)
             process_measurements(
                 work, parts.rx, parts.past, parts.watch, parts.open_loop, options.rules, options.late, options.gains,
                 sensors, model, signals, epoch, dt,
@@ -83,6 +83,7 @@ def fly(work, parts, schedule, unit, signals, sensors, start, history, model, op
         if schedule.hist[w] >= 0:
             tick = max(0, first + n_tick - 1)
             record(
-                work, parts.open_loop, parts.watch, parts.own, parts.motion, parts.held, parts.missed, options.vehicle,
-                options.samples, options.report, history, signals.shared, options.units, model, tick, schedule.hist[w],
+                work, parts.open_loop, parts.watch, parts.units, parts.motion, parts.held, parts.missed,
+                options.vehicle, options.samples, options.report, history, signals.shared, options.units, model, tick,
+                schedule.hist[w],
             )  # fmt: skip

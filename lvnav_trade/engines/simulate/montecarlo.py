@@ -52,12 +52,15 @@ Work = namedtuple(
 """Arrays of a run (or of eight in lanes): states, work arrays, and what is output; shapes: `new_work`."""
 
 Parts = namedtuple(
-    "Parts", "rx open_loop watch past motion held missed own", defaults=(None, None, None, None, None, None, None, None)
+    "Parts",
+    "rx open_loop watch past motion held missed units",
+    defaults=(None, None, None, None, None, None, None, None),
 )
 """Arrays that belong to options and are None without them; whatever does without is compiled once for all options.
 
 rx (receivers.base.Receiver), open_loop (filters.feedforward.OpenLoop), watch (filters.monitor.Watch), past
-(n_place + 1, N_PAST) (filters.late), motion (filters.samples.Motion), held (Held), missed (Misses) and own (UnitWork).
+(n_place + 1, N_PAST) (filters.late), motion (filters.samples.Motion), held (Held), missed (Misses) and units
+(UnitWork).
 """
 
 
@@ -121,7 +124,7 @@ def _new_parts(prepared: Prepared, n_lane: int) -> Parts:
         found["held"] = Held(**zeros_of({"error": (N_RECEIVER,), "covariance": (N_RECEIVER, N_RECEIVER)}, n_lane))
     if options.units is not None:
         n_tick = int(prepared.schedule.n_tick.max(initial=0))
-        found["own"] = new_units(options.units.n_axis.size, n_tick, options.units.pair_sensor.size, n_lane)
+        found["units"] = new_units(options.units.n_axis.size, n_tick, options.units.pair_sensor.size, n_lane)
     if options.misses is not None:
         found["missed"] = Misses(**zeros_of(dict.fromkeys(Misses._fields, (prepared.t_hist.size, n)), n_lane))
     return Parts(**found)

@@ -18,6 +18,7 @@ class StandingCard(SensorCard):
     """
 
     on_pad: ClassVar[bool] = True
+    able: ClassVar[str] = "the vehicle stands on its pad"
 
     def available(self, flight: FlightView) -> Bools:
         """Return whether the vehicle stands, (n_epoch,)."""

@@ -14,9 +14,11 @@ from lvnav_trade.errors import InputError
 from lvnav_trade.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
 from lvnav_trade.world.conditions import Course
 from tests.building import SITE_R, hop
+from tests.standing import pad
 
 EVENTS = {"liftoff": 0.0, "stage1_cutoff": 150.0, "injection": 540.0}  # the climb holds 60 s and coasts 20 s
 LISTED = "filter.measurements=[pseudorange, range_rate, altitude]"
+UNABLE = switched._unable
 SOLUTION = "filter.measurements=[position, velocity]"
 
 
@@ -26,6 +28,18 @@ def climbing(monkeypatch: pytest.MonkeyPatch) -> None:
     instants = {"start": -60.0, "end": 560.0, **EVENTS}
     course = Course(instants, lambda t: np.maximum(t, 0.0) * np.array([[400.0], [10.0], [1.0]]))
     monkeypatch.setattr(switched, "trajectory_of", lambda _: SimpleNamespace(course=course))
+    monkeypatch.setattr(switched, "_unable", lambda *_: iter(()))  # it needs a whole trajectory: `flying`
+
+
+@pytest.fixture
+def flying(monkeypatch: pytest.MonkeyPatch):
+    """Let sensors be seen beside a trajectory."""
+
+    def fly(trajectory) -> None:
+        monkeypatch.setattr(switched, "trajectory_of", lambda _: trajectory)
+        monkeypatch.setattr(switched, "_unable", UNABLE)
+
+    return fly
 
 
 def reported(*sets: str) -> list[str]:
@@ -71,22 +85,33 @@ def test_a_fault_that_holds_at_no_time_is_refused(study, fault: str, message: st
     assert [line.startswith(f"--set: base.faults.0.{message}") for line in lines] == [True] * bool(message)
 
 
-def test_a_station_that_never_sees_the_vehicle_is_refused(study, monkeypatch) -> None:
-    monkeypatch.setattr(switched, "trajectory_of", lambda _: hop())
+def test_a_station_that_never_sees_the_vehicle_is_refused(study, flying) -> None:
+    flying(hop())
     latitude, longitude, _ = geodetic_from_ecef(ecef_from_eci(SITE_R, earth_angle(0.3, 0.0)))
     place = f"latitude: {float(latitude)!r} rad, longitude: {float(longitude)!r} rad"
     card = f"card: ground_stations/c_band_radar, {place}"
     study.edit("campaign.yaml", "  imu: imu/good", f"  imu: imu/good\n  sensors: {{radar: {{{card}}}}}")
     listed = "filter.measurements=[ground_tracking]"
     assert reported(listed) == []
-    message = "the station sees the vehicle at no time of the flight"
+    message = "the station sees the vehicle at no time of the flight while its conditions hold"
     for setting, field in (("longitude=150 deg", "elevation_above"), ("longest_range=90 km", "elevation_above")):
         (line,) = reported(listed, f"sensors.radar.{setting}")
         assert line.endswith(f"base.sensors.radar.{field}: {message}")
 
 
-@pytest.mark.parametrize(("start", "message"), [("-30 s", ""), ("liftoff", "from: holds after the lift-off only")])
-def test_a_sensor_of_the_pad_is_used_before_the_lift_off(study, start: str, message: str) -> None:
+def test_a_sensor_that_can_measure_at_no_time_is_refused(study, flying) -> None:
+    flying(hop())
+    tracker = "sensors={tracker: {card: star_trackers/miniature, highest_rate: 1 deg/h}}"
+    (line,) = reported(tracker, "filter.measurements=[pseudorange, range_rate, stellar_attitude]")
+    why = "Sun, Earth and body rate allow a solution at no time of the flight while its conditions hold"
+    assert line == f"--set: base.sensors.tracker: {why}"
+
+
+@pytest.mark.parametrize(
+    ("start", "message"), [("-30 s", ""), ("liftoff", "from: the vehicle stands on its pad at no")]
+)
+def test_a_sensor_of_the_pad_is_used_before_the_lift_off(study, flying, start: str, message: str) -> None:
+    flying(pad(45.0, 60.0))
     still = f"sensors={{still: {{kind: zero_velocity, name: a, source: b, sigma: 1 cm/s, from: {start}}}}}"
     lines = reported(still, "filter.measurements=[pseudorange, range_rate, zero_velocity]")
     assert [line.startswith(f"--set: base.sensors.still.{message}") for line in lines] == [True] * bool(message)

@@ -113,12 +113,12 @@ def _drawn(prepared: Prepared, seed: int) -> Drawn:
     shared, white = np.zeros((RUNS, 1 + epochs.size, signals.shared.start.size)), defaultdict[str, list[Floats]](list)
     for run in range(RUNS):
         work.run[0] = run
-        begin(work, parts.own, prepared.unit, prepared.options.units, signals, prepared.start, prepared.model, k0, k1)
+        begin(work, parts.units, prepared.unit, prepared.options.units, signals, prepared.start, prepared.model, k0, k1)
         start[run], shared[run, 0] = work.clock, work.shared[: shared.shape[2]]
         for k, epoch in enumerate(epochs.tolist()):
             bias, drift = work.clock
             observe(work, None, None, signals, ranges, epoch, k0, k1)
-            measure_sensors(work, parts.own, prepared.sensors, None, signals, epoch, k0, k1)
+            measure_sensors(work, parts.units, prepared.sensors, None, signals, epoch, k0, k1)
             bias += signals.interval * drift + signals.clock_jump[epoch]
             steps[run, k] = work.clock - (bias, drift)
             shared[run, k + 1] = work.shared[: shared.shape[2]]
