@@ -17,7 +17,7 @@ from lvnav_trade.kernels.covariance import N_NAV_ERROR, predict, update_scalar
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import aligned_zeros, view
 from lvnav_trade.kernels.random import normals
-from lvnav_trade.kernels.strapdown import N_SUM, mechanise
+from lvnav_trade.kernels.strapdown import J4, N_SUM, full_rate, mechanise
 from lvnav_trade.kernels.vector import WIDTH
 
 REPEATS, TICKS = 2000, 20
@@ -51,9 +51,9 @@ def _fills(D, kinds, drivers, sums, r, repeats):
 
 
 @jit
-def _mechanises(nav, sums, previous, increments, ticks, repeats):
+def _mechanises(nav, sums, previous, increments, how, ticks, repeats):
     for _ in range(repeats):
-        mechanise(view(nav), view(sums), view(previous), view(increments), ticks, 0.005, 2)
+        mechanise(view(nav), view(sums), view(previous), view(increments), ticks, 0.005, how, 0.0)
 
 
 @jit
@@ -116,7 +116,7 @@ def kernels(prepared: Prepared) -> list[Kernel]:
         ),
         _time(
             "strapdown, a tick",
-            lambda: _mechanises(nav, sums, previous, increments, TICKS, flights), flights * TICKS, 260,
+            lambda: _mechanises(nav, sums, previous, increments, full_rate(J4), TICKS, flights), flights * TICKS, 260,
         ),
         _time("transition blocks", lambda: _fills(D, kinds, drivers, sums, r, REPEATS), REPEATS, 140),
         _time(

@@ -8,6 +8,7 @@ from pydantic import Field, field_validator, model_validator
 from lvnav_trade import units
 from lvnav_trade.delays.cards import CorrectionsCard
 from lvnav_trade.filters.scheduled import GainSchedule
+from lvnav_trade.filters.strapdown import StrapdownCard
 from lvnav_trade.layout import EXTRAS, PARAMETERS
 from lvnav_trade.noise import NoiseBy
 from lvnav_trade.observables.sensors import (
@@ -181,7 +182,7 @@ class LogicCard(units.Card):
 
 
 class FilterCard(units.NamedCard):
-    """A navigation filter: error-state, mechanised in the inertial frame.
+    """A navigation filter: error-state, its errors in the inertial frame whatever the strapdown is integrated in.
 
     Closed loop: what it estimates is fed back to the strapdown at every epoch. Open loop: the strapdown is left alone,
     the estimate is added to its output. With `imu` among the measurements, rate and acceleration of the vehicle are
@@ -192,6 +193,7 @@ class FilterCard(units.NamedCard):
         "kind": "replaced by measurements, such as [pseudorange, range_rate]",
         "altimeter": "replaced by sensor_models.altitude",
         "reference": "replaced by sensor_models.attitude",
+        "strapdown_rate": "replaced by strapdown.ratio, the increments to a step",
     }
 
     measurements: tuple[Measurement, ...] = Field(
@@ -199,8 +201,11 @@ class FilterCard(units.NamedCard):
         "range_rate); of sensors; imu: samples of the IMU"
     )
     extra_states: tuple[ExtraState, ...] = ()
-    strapdown_rate: units.Frequency | None = Field(
-        None, description="increments are added up to this rate before the strapdown; none: the unit's own rate"
+    strapdown: StrapdownCard = Field(StrapdownCard(), description="how increments are integrated")
+    mechanisation: Literal["inertial", "earth", "pad"] = Field(
+        "inertial",
+        description="frame of the strapdown's integration; earth: Earth-centred, Earth-fixed; pad: the same axes about "
+        "the start of the flight",
     )
     covariance_rate: units.Frequency = 10.0
     update_rate: units.Frequency = 1.0
@@ -267,8 +272,8 @@ class FilterCard(units.NamedCard):
             yield f"{', '.join(both)}: neglected and considered, choose one"
         if self.logic is not None and self.logic.correct_after > 0.0 and self.feedback == "closed":
             yield "logic.correct_after delays the outputs of an open loop: it needs feedback: open"
-        if self.strapdown_rate is not None and self.models_vehicle:
-            yield "strapdown_rate: a filter with imu among its measurements takes every sample"
+        if self.strapdown.ratio > 1 and self.models_vehicle:
+            yield "strapdown.ratio: a filter with imu among its measurements takes every sample"
 
     @property
     def tight(self) -> bool:

@@ -6,8 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.filters.base import BIASES, EnvelopeCard, FilterCard, ImuModel, InitialModel, ReceiverModel
-from lvnav_trade.kernels import strapdown, transition
+from lvnav_trade.filters.strapdown import strapdown_of
+from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.clock import spectral_densities
+from lvnav_trade.kernels.strapdown import Strapdown
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL
 from lvnav_trade.layout import EXTRAS, PARAMETERS, RELATIVE, ExtraBlock, ParameterBlock, StateLayout
 from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL, N_ENTRY
@@ -28,10 +30,10 @@ class FilterModel(NamedTuple):
 
     aided: it has measurements; tight: ranges are among them; solves: the receiver solves for itself; measured
     (n_channel,): the channel is processed; n_receiver of them are the receiver's (0: none is processed); rate_sign: see
-    `observables.base.antenna`; gravity code; block_rows, block_columns, block_kinds, block_drivers (n_block,); seconds
-    (n_length,) distinct window lengths, decay and noise (n_length, n_state) per length; clock index; n_estimated,
-    n_state; par_sensor, par_driver, par_offset (n_par,); biases_only (no scale factor or misalignment); fading (any
-    decay); gate_squared; joseph; group (ticks to a strapdown step); row_type, n_entry (n_channel,), entry and column
+    `observables.base.antenna`; strapdown: its algorithm; block_rows, block_columns, block_kinds, block_drivers
+    (n_block,); seconds (n_length,) distinct window lengths, decay and noise (n_length, n_state) per length; clock
+    index; n_estimated, n_state; par_sensor, par_driver, par_offset (n_par,); biases_only (no scale factor or
+    misalignment); fading (any decay); gate_squared; joseph; row_type, n_entry (n_channel,), entry and column
     (n_channel, n) by channel; lever_arms (n_antenna, 3) m; extra_offset (n_extra,) state of each extra one,
     extra_member (n_extra_family, n_channel) extra state in a channel, -1 none; every: of how many epochs the filter
     takes the last; has_covariance: solutions come with a covariance of their own and are decorrelated.
@@ -43,7 +45,7 @@ class FilterModel(NamedTuple):
     measured: Bools
     n_receiver: int
     rate_sign: float
-    gravity: int
+    strapdown: Strapdown
     block_rows: Ints
     block_columns: Ints
     block_kinds: Ints
@@ -61,7 +63,6 @@ class FilterModel(NamedTuple):
     fading: bool
     gate_squared: float
     joseph: bool
-    group: int
     row_type: Ints
     n_entry: Ints
     entry: Ints
@@ -253,7 +254,7 @@ def build_filter_model(
     lever_arms: Floats,
     seconds: Floats,
     channels: Channels,
-    group: int = 1,
+    strapdown: Strapdown | None = None,
     every: int = 1,
     has_covariance: bool = False,
     solves: bool = False,
@@ -261,10 +262,10 @@ def build_filter_model(
 ) -> tuple[StateLayout, FilterModel]:
     """Turn a filter card and its filter models into numbers.
 
-    lever_arms (n_antenna, 3) m of the antennas; seconds (n_length,) are the window lengths that will occur; group the
-    ticks of the unit to a strapdown step; every: of how many epochs one is taken; has_covariance: solutions come with a
-    covariance of their own and are decorrelated. Long because a record of 32 numbers is filled here, each by an
-    expression of its own.
+    lever_arms (n_antenna, 3) m of the antennas; seconds (n_length,) are the window lengths that will occur; strapdown:
+    its algorithm (none: that of the card, in the inertial frame); every: of how many epochs one is taken;
+    has_covariance: solutions come with a covariance of their own and are decorrelated. Long because a record of 32
+    numbers is filled here, each by an expression of its own.
     """
     layout = state_layout(card, imu, receiver, channels, measurements)
     rows, columns, kinds, drivers = transition_blocks(layout.parameters, card.transition_order)
@@ -282,7 +283,7 @@ def build_filter_model(
         measured=np.isin(row_type, [kind for name, kind in TYPES.items() if name in measurements]),
         n_receiver=channels.n_receiver if channels.receiver else 0,
         rate_sign=1.0 if layout.motion >= 0 else -1.0,
-        gravity={"point": strapdown.POINT, "j2": strapdown.J2, "j4": strapdown.J4}[card.gravity],
+        strapdown=strapdown or strapdown_of(card.strapdown, card.gravity),
         block_rows=rows,
         block_columns=columns,
         block_kinds=kinds,
@@ -300,7 +301,6 @@ def build_filter_model(
         fading=bool(np.any(decay != 1.0)),
         gate_squared=math.inf if card.gate is None else card.gate**2,
         joseph=card.update == "joseph",
-        group=group,
         row_type=row_type,
         n_entry=count,
         entry=entry,

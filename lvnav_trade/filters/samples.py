@@ -132,7 +132,9 @@ def sample_window(work, motion, open_loop, unit, model, vehicle, first, n_tick):
         for i in range(3):
             work.increments[0, i] = unit.dt * motion.rate[i]
             work.increments[0, 3 + i] = unit.dt * motion.force[i]
-        mechanise(work.nav, work.sums, work.previous, work.increments, 1, unit.dt, model.gravity)
+        mechanise(
+            work.nav, work.sums, work.previous, work.increments, 1, unit.dt, model.strapdown, unit.dt * (first + k)
+        )
         advance(work.P, motion.moved, work.sums, unit.dt, m)
         if open_loop is not None:
             advance_vector(work.x, work.sums, unit.dt, m)

@@ -149,19 +149,6 @@ def compensate(increments, n_tick, gyro, accel, biases_only, dt):
 
 
 @jit
-def combine(increments, n_tick, group):
-    """Add up each `group` of rows into one, as a unit that puts out increments more slowly would; increments
-    updated.
-    """
-    for step in range(n_tick // group):
-        for i in range(6):
-            total = increments[step * group, i]
-            for k in range(1, group):
-                total = total + increments[step * group + k, i]
-            increments[step, i] = total
-
-
-@jit
 def zero_all(values):
     """Set every entry of a matrix of values to zero."""
     for i in range(values.shape[0]):

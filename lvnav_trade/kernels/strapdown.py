@@ -1,9 +1,17 @@
-"""Inertial-frame strapdown over a window of IMU ticks, with coning and sculling compensation."""
+"""Strapdown over a window of IMU ticks: coning and sculling compensation, frames of mechanisation."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from lvnav_trade.kernels.attitude import cross, from_rotation, matrix, multiply, normalise
-from lvnav_trade.kernels.earth import gravity_j2, gravity_j4, gravity_point
-from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.earth import OMEGA, gravity_j2, gravity_j4, gravity_point
+from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like
+
+Floats = NDArray[np.float64]
 
 # Offsets in the navigation state and in the sums over a window that the transition needs.
 Q, V, R = 0, 4, 7
@@ -24,20 +32,97 @@ def gravity(kind, x, y, z):
     return gravity_j4(x, y, z)
 
 
+class Strapdown(NamedTuple):
+    """How increments become attitude, velocity and position.
+
+    gravity: code; subsamples: increments to a step; weights (subsamples - 1,) of all of them but the last, for the
+    product of their weighted sum with the last (none: no such product); across: weight of the product of the sums of
+    the step before and of this one; at_end: no compensation, the velocity gained has the attitude at the end of the
+    step; rotating: integrated in Earth-fixed axes, which are at `angle` (rad) at tick 0, about `origin` (3,) m;
+    approximate: linear covariance counts its error on the nominal flight.
+    """
+
+    gravity: int
+    subsamples: int
+    weights: Floats
+    across: float
+    at_end: bool
+    rotating: bool
+    angle: float
+    origin: Floats
+    approximate: bool
+
+
+def full_rate(gravity: int) -> Strapdown:
+    """Return the two-sample algorithm of every tick, in the inertial frame."""
+    return Strapdown(gravity, 1, np.zeros(0), 1.0 / 12.0, False, False, 0.0, np.zeros(3), False)
+
+
+@inlined
+def _within(increments, first, how):
+    """Return coning (3) and sculling (3) by the increments of a step, which begin at row `first`."""
+    last = first + how.subsamples - 1
+    px = py = pz = ux = uy = uz = like(increments[last, 0], 0.0)
+    for j in range(how.weights.shape[0]):
+        weight, at = how.weights[j], first + j
+        px, py, pz = px + weight * increments[at, 0], py + weight * increments[at, 1], pz + weight * increments[at, 2]
+        ux, uy, uz = ux + weight * increments[at, 3], uy + weight * increments[at, 4], uz + weight * increments[at, 5]
+    wx, wy, wz = increments[last, 0], increments[last, 1], increments[last, 2]
+    cx, cy, cz = cross(px, py, pz, wx, wy, wz)
+    ax, ay, az = cross(px, py, pz, increments[last, 3], increments[last, 4], increments[last, 5])
+    bx, by, bz = cross(ux, uy, uz, wx, wy, wz)
+    return cx, cy, cz, ax + bx, ay + by, az + bz
+
+
+@inlined
+def _fictitious(x, y, vx, vy):
+    """Return centrifugal and Coriolis acceleration (m/s^2) along the first two Earth-fixed axes; none is along the
+    third.
+    """
+    return OMEGA * OMEGA * x + 2.0 * OMEGA * vy, OMEGA * OMEGA * y - 2.0 * OMEGA * vx
+
+
 @jit
-def mechanise(nav, sums, previous, increments, n_tick, dt, kind):
-    """Advance the navigation state over the first `n_tick` increments.
+def to_earth_fixed(nav, how, angle):
+    """Turn a navigation state (10,) from the inertial frame into Earth-fixed axes about `how.origin`; angle (rad)."""
+    c, s, ch, sh = math.cos(angle), math.sin(angle), math.cos(0.5 * angle), math.sin(0.5 * angle)
+    rx, ry = nav[R], nav[R + 1]
+    vx, vy = nav[V] + OMEGA * ry, nav[V + 1] - OMEGA * rx
+    nav[V], nav[V + 1] = c * vx + s * vy, c * vy - s * vx
+    nav[R], nav[R + 1] = c * rx + s * ry - how.origin[0], c * ry - s * rx - how.origin[1]
+    nav[R + 2] = nav[R + 2] - how.origin[2]
+    q = multiply(ch, 0.0, 0.0, -sh, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
+    nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = q
 
-    Two-sample coning and sculling with the previous tick (Savage 1998, parts 1 and 2); gravity at the middle of each
-    tick. Long because its state stays in registers over the loop.
 
-    Parameters
-    ----------
-    nav : (10,) quaternion b to i, velocity (m/s), position (m), frame i; updated
-    sums : (18,) set to the window's integral of C_b_i dt (9), velocity gained (3), angle (3) and specific-force (3)
-        increments summed
-    previous : (6,) increments of the tick before; updated
-    increments : (n, 6) compensated angle (rad) and velocity (m/s) increments, body frame
+@jit
+def to_inertial(nav, how, angle):
+    """Turn a navigation state (10,) from Earth-fixed axes about `how.origin` back into the inertial frame."""
+    c, s, ch, sh = math.cos(angle), math.sin(angle), math.cos(0.5 * angle), math.sin(0.5 * angle)
+    x, y, vx, vy = nav[R] + how.origin[0], nav[R + 1] + how.origin[1], nav[V], nav[V + 1]
+    nav[R], nav[R + 1], nav[R + 2] = c * x - s * y, s * x + c * y, nav[R + 2] + how.origin[2]
+    nav[V], nav[V + 1] = c * vx - s * vy - OMEGA * nav[R + 1], s * vx + c * vy + OMEGA * nav[R]
+    q = multiply(ch, 0.0, 0.0, sh, nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
+    nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3] = q
+
+
+@jit
+def _turn_sums(sums, angle):
+    """Turn the integral of the attitude and the velocity gained from Earth-fixed axes into frame i."""
+    c, s = math.cos(angle), math.sin(angle)
+    for i in range(3):
+        x, y = sums[SUM_C + i], sums[SUM_C + 3 + i]
+        sums[SUM_C + i], sums[SUM_C + 3 + i] = c * x - s * y, s * x + c * y
+    x, y = sums[SUM_V], sums[SUM_V + 1]
+    sums[SUM_V], sums[SUM_V + 1] = c * x - s * y, s * x + c * y
+
+
+@inlined
+def _integrate(nav, sums, previous, increments, n_step, dt, how, general):
+    """Integrate the steps of a window in the frame that nav is in; the parameters are those of `mechanise`.
+
+    general : whether `how` may be other than `full_rate`. A caller states it as a constant, so that what it does not
+        need is not compiled. Long because its state stays in registers over the loop.
     """
     q0, q1, q2, q3 = nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3]
     vx, vy, vz = nav[V], nav[V + 1], nav[V + 2]
@@ -48,28 +133,52 @@ def mechanise(nav, sums, previous, increments, n_tick, dt, kind):
     m0, m1, m2, m3, m4, m5, m6, m7, m8 = zero, zero, zero, zero, zero, zero, zero, zero, zero
     gained_x, gained_y, gained_z = zero, zero, zero
     th_x, th_y, th_z, f_x, f_y, f_z = zero, zero, zero, zero, zero, zero
-    half, twelfth = 0.5 * dt, 1.0 / 12.0
-    for k in range(n_tick):
-        wx, wy, wz = increments[k, 0], increments[k, 1], increments[k, 2]
-        fx, fy, fz = increments[k, 3], increments[k, 4], increments[k, 5]
+    half, turned = 0.5 * dt, 0.5 * OMEGA * dt
+    rotating, at_end, n_sample, across = False, False, 1, 1.0 / 12.0
+    if general:
+        rotating, at_end, n_sample, across = how.rotating, how.at_end, how.subsamples, how.across
+    for k in range(n_step):
+        first = k * n_sample
+        wx, wy, wz = increments[first, 0], increments[first, 1], increments[first, 2]
+        fx, fy, fz = increments[first, 3], increments[first, 4], increments[first, 5]
+        for at in range(first + 1, first + n_sample):
+            wx, wy, wz = wx + increments[at, 0], wy + increments[at, 1], wz + increments[at, 2]
+            fx, fy, fz = fx + increments[at, 3], fy + increments[at, 4], fz + increments[at, 5]
         coning_x, coning_y, coning_z = cross(px, py, pz, wx, wy, wz)
-        rotation_x, rotation_y, rotation_z = cross(wx, wy, wz, fx, fy, fz)
+        coning_x, coning_y, coning_z = across * coning_x, across * coning_y, across * coning_z
         ax, ay, az = cross(px, py, pz, fx, fy, fz)
         bx, by, bz = cross(ux, uy, uz, wx, wy, wz)
-        dx = fx + 0.5 * rotation_x + twelfth * (ax + bx)
-        dy = fy + 0.5 * rotation_y + twelfth * (ay + by)
-        dz = fz + 0.5 * rotation_z + twelfth * (az + bz)
+        sx, sy, sz = across * (ax + bx), across * (ay + by), across * (az + bz)
+        if general and how.weights.shape[0] > 0:
+            ix, iy, iz, jx, jy, jz = _within(increments, first, how)
+            coning_x, coning_y, coning_z = coning_x + ix, coning_y + iy, coning_z + iz
+            sx, sy, sz = sx + jx, sy + jy, sz + jz
+        e0, e1, e2, e3 = from_rotation(wx + coning_x, wy + coning_y, wz + coning_z)
+        if at_end:
+            b0, b1, b2, b3, b4, b5, b6, b7, b8 = matrix(e0, e1, e2, e3)
+            dx, dy, dz = b0 * fx + b1 * fy + b2 * fz, b3 * fx + b4 * fy + b5 * fz, b6 * fx + b7 * fy + b8 * fz
+        else:
+            rotation_x, rotation_y, rotation_z = cross(wx, wy, wz, fx, fy, fz)
+            dx, dy, dz = fx + 0.5 * rotation_x + sx, fy + 0.5 * rotation_y + sy, fz + 0.5 * rotation_z + sz
         sx, sy, sz = c0 * dx + c1 * dy + c2 * dz, c3 * dx + c4 * dy + c5 * dz, c6 * dx + c7 * dy + c8 * dz
-        gx, gy, gz = gravity(kind, rx + half * vx, ry + half * vy, rz + half * vz)
+        if rotating:
+            sx, sy = sx + turned * sy, sy - turned * sx
+            x, y = how.origin[0] + rx + half * vx, how.origin[1] + ry + half * vy
+            gx, gy, gz = gravity(how.gravity, x, y, how.origin[2] + rz + half * vz)
+            kx, ky = _fictitious(x, y, vx, vy)
+            kx, ky = _fictitious(x, y, vx + 0.5 * (sx + dt * (gx + kx)), vy + 0.5 * (sy + dt * (gy + ky)))
+            gx, gy = gx + kx, gy + ky
+            q0, q1, q2, q3 = multiply(1.0 - 0.5 * turned * turned, 0.0, 0.0, -turned, q0, q1, q2, q3)
+        else:
+            gx, gy, gz = gravity(how.gravity, rx + half * vx, ry + half * vy, rz + half * vz)
         nx, ny, nz = vx + sx + dt * gx, vy + sy + dt * gy, vz + sz + dt * gz
         rx, ry, rz = rx + half * (vx + nx), ry + half * (vy + ny), rz + half * (vz + nz)
         vx, vy, vz = nx, ny, nz
         gained_x += sx
         gained_y += sy
         gained_z += sz
-        e0, e1, e2, e3 = from_rotation(wx + twelfth * coning_x, wy + twelfth * coning_y, wz + twelfth * coning_z)
         q0, q1, q2, q3 = multiply(q0, q1, q2, q3, e0, e1, e2, e3)
-        # the mean of C over the tick by the trapezoidal rule: a body that spins turns by 0.2 rad in a tick
+        # the mean of C over the step by the trapezoidal rule: a body that spins turns by 0.2 rad in a step
         m0, m1, m2 = m0 + c0, m1 + c1, m2 + c2
         m3, m4, m5 = m3 + c3, m4 + c4, m5 + c5
         m6, m7, m8 = m6 + c6, m7 + c7, m8 + c8
@@ -90,6 +199,35 @@ def mechanise(nav, sums, previous, increments, n_tick, dt, kind):
     sums[SUM_V], sums[SUM_V + 1], sums[SUM_V + 2] = gained_x, gained_y, gained_z
     sums[SUM_TH], sums[SUM_TH + 1], sums[SUM_TH + 2] = th_x, th_y, th_z
     sums[SUM_F], sums[SUM_F + 1], sums[SUM_F + 2] = f_x, f_y, f_z
+
+
+@jit
+def mechanise(nav, sums, previous, increments, n_step, dt, how, seconds):
+    """Advance the navigation state over the first `n_step` steps of increments.
+
+    Coning and sculling compensation (Savage 1998, parts 1 and 2; Ignagni 1996) as `how` states; gravity at the middle
+    of each step. In rotating axes the state is turned into them, integrated with centrifugal and Coriolis acceleration,
+    and turned back.
+
+    Parameters
+    ----------
+    nav : (10,) quaternion b to i, velocity (m/s), position (m), frame i; updated
+    sums : (18,) set to the window's integral of C_b_i dt (9), velocity gained (3), angle (3) and specific-force (3)
+        increments summed
+    previous : (6,) increments of the step before, summed; updated
+    increments : (n, 6) compensated angle (rad) and velocity (m/s) increments, body frame; how.subsamples to a step
+    dt : seconds of a step; how : Strapdown; seconds : from tick 0 to the first step
+    """
+    if not how.approximate and not how.rotating:
+        _integrate(nav, sums, previous, increments, n_step, dt, how, False)
+        return
+    if how.rotating:
+        to_earth_fixed(nav, how, how.angle + OMEGA * seconds)
+    _integrate(nav, sums, previous, increments, n_step, dt, how, True)
+    if how.rotating:
+        end = how.angle + OMEGA * (seconds + n_step * dt)
+        to_inertial(nav, how, end)
+        _turn_sums(sums, end - OMEGA * 0.5 * n_step * dt)
 
 
 @jit

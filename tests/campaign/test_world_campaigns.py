@@ -24,7 +24,6 @@ BEYOND = {
     "alignment": ["wind, .*sigma=2 cm/s", "imu=navigation, .*pad_hold=60 s", "FOG, bias known"],
     "faults": ["frozen output"],  # kilometres of error within a second, in a filter without a gate
     "latency": ["300 ms late#1"],  # taken for present: the mean error is 2.3 km at injection
-    "vibration": ["100 Hz", "50 Hz"],  # an error of the strapdown's own
 }
 BY_COVARIANCE = ["validity"]  # without runs of their own: their spot check is what they are about
 FAULTS = 11

@@ -23,5 +23,5 @@ def test_an_envelope_changes_what_it_names():
 
 
 def test_a_filter_that_measures_every_sample_has_no_strapdown_rate():
-    with pytest.raises(ValueError, match="strapdown_rate: a filter with imu among its measurements takes every sample"):
-        FilterCard(measurements=MODELLED, strapdown_rate="100 Hz", **BASE)
+    with pytest.raises(ValueError, match=r"strapdown\.ratio: a filter with imu among its .* every sample"):
+        FilterCard(measurements=MODELLED, strapdown={"ratio": 2}, **BASE)

@@ -203,7 +203,7 @@ def test_settings_reach_the_numbers_of_the_kernels():
     assert math.isinf(plain.gate_squared)
     assert other.gate_squared == 9.0
     assert (plain.joseph, other.joseph) == (False, True)
-    assert plain.gravity != other.gravity
+    assert plain.strapdown.gravity != other.strapdown.gravity
     assert set(other.block_kinds) != set(plain.block_kinds)
     assert plain.fading  # the accelerometer bias has a time constant here
 

@@ -21,6 +21,7 @@ from lvnav_trade.kernels.strapdown import (
     Q,
     R,
     V,
+    full_rate,
     mechanise,
 )
 
@@ -40,7 +41,7 @@ def fly(nav, increments, dt, kind=POINT, previous=None, forget=False):
     for k in range(len(increments)):
         if forget:
             previous[:] = 0.0
-        mechanise(nav, sums, previous, increments[k : k + 1], 1, dt, kind)
+        mechanise(nav, sums, previous, increments[k : k + 1], 1, dt, full_rate(kind), 0.0)
         gained += sums[SUM_V : SUM_V + 3]
     return nav, gained
 
@@ -152,7 +153,7 @@ def test_a_circular_orbit_of_a_point_mass_closes():
     seconds, T = 600.0, 0.005
     nav, sums, previous = start(v=(0.0, n * radius, 0.0), r=(radius, 0.0, 0.0)), np.zeros(N_SUM), np.zeros(6)
     for _ in range(round(seconds / 1.0)):
-        mechanise(nav, sums, previous, np.zeros((200, 6)), 200, T, POINT)
+        mechanise(nav, sums, previous, np.zeros((200, 6)), 200, T, full_rate(POINT), 0.0)
     angle = n * seconds
     # rounding of 120 000 additions at 7e6 m: 1e-9 m each, as a walk of 3e-7 m, and of the velocity, 1e-12 m/s each
     exact_r = radius * np.array([math.cos(angle), math.sin(angle), 0.0])
@@ -175,10 +176,10 @@ def test_the_sums_over_a_window_are_the_integrals_that_their_docstring_names():
     for k in range(len(increments)):
         total_c += 0.5 * dt * np.array(matrix(*ticked[Q : Q + 4]))
         last = ticked[V : V + 3].copy()
-        mechanise(ticked, scratch, before, increments[k : k + 1], 1, dt, POINT)
+        mechanise(ticked, scratch, before, increments[k : k + 1], 1, dt, full_rate(POINT), 0.0)
         total_c += 0.5 * dt * np.array(matrix(*ticked[Q : Q + 4]))
         total_v += ticked[V : V + 3] - last
-    mechanise(nav, sums, previous, increments, len(increments), dt, POINT)
+    mechanise(nav, sums, previous, increments, len(increments), dt, full_rate(POINT), 0.0)
     # normalising every tick or once leaves differences of rounding
     np.testing.assert_allclose(nav, ticked, rtol=1e-13, atol=1e-12)
     np.testing.assert_allclose(sums[SUM_C : SUM_C + 9], total_c, rtol=0, atol=1e-13)
@@ -196,7 +197,7 @@ def test_the_integral_of_the_attitude_of_a_spinning_body_is_good_to_the_square_o
     exact = np.array([seconds, 0.0, 0.0, 0.0, s, -c, 0.0, c, s])
     for n in (20, 40):
         T, sums = seconds / n, np.zeros(N_SUM)
-        mechanise(start(), sums, np.zeros(6), spin_increments(rate, 0.0, T, n), n, T, POINT)
+        mechanise(start(), sums, np.zeros(6), spin_increments(rate, 0.0, T, n), n, T, full_rate(POINT), 0.0)
         errors.append(np.abs(sums[SUM_C : SUM_C + 9] - exact).max())
         assert errors[-1] == pytest.approx((rate * T) ** 2 / 12.0 * np.abs([s, c]).max(), rel=0.01)
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=1e-2)
@@ -206,8 +207,8 @@ def test_a_window_cut_in_two_is_the_same_flight():
     increments, dt = random_window()
     whole, parts = start(r=(6.6e6, 0.0, 1e5)), start(r=(6.6e6, 0.0, 1e5))
     sums, p, q = np.zeros(N_SUM), np.zeros(6), np.zeros(6)
-    mechanise(whole, sums, p, increments, 40, dt, J4)
-    mechanise(parts, sums, q, increments, 17, dt, J4)
-    mechanise(parts, sums, q, increments[17:], 23, dt, J4)
+    mechanise(whole, sums, p, increments, 40, dt, full_rate(J4), 0.0)
+    mechanise(parts, sums, q, increments, 17, dt, full_rate(J4), 0.0)
+    mechanise(parts, sums, q, increments[17:], 23, dt, full_rate(J4), 0.0)
     # a float64 at 7e6 m counts in 1e-9 m
     np.testing.assert_allclose(parts, whole, rtol=1e-14, atol=1e-8)

@@ -9,7 +9,7 @@ from lvnav_trade.filters.model import transition_blocks
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.attitude import from_rotation, multiply, small_rotation
 from lvnav_trade.kernels.earth import gravity_gradient
-from lvnav_trade.kernels.strapdown import J2, N_SUM, SUM_C, SUM_F, SUM_TH, SUM_V, Q, R, V, mechanise
+from lvnav_trade.kernels.strapdown import J2, N_SUM, SUM_C, SUM_F, SUM_TH, SUM_V, Q, R, V, full_rate, mechanise
 from lvnav_trade.kernels.transition import ACCEL, ATT, GYRO, POS, SQUARE, VEL, driver, fill
 from lvnav_trade.layout import ParameterBlock
 
@@ -72,8 +72,8 @@ def grown(x, n_tick, dt):
     tables = tables_of(x[9:])
     both = sensed(np.vstack([before, increments]), tables, dt)
     sums = np.zeros(N_SUM)
-    mechanise(hat, sums, both[0].copy(), both[1:], n_tick, dt, J2)
-    mechanise(nav, sums, before.copy(), increments, n_tick, dt, J2)
+    mechanise(hat, sums, both[0].copy(), both[1:], n_tick, dt, full_rate(J2), 0.0)
+    mechanise(nav, sums, before.copy(), increments, n_tick, dt, full_rate(J2), 0.0)
     out = np.empty(9)
     out[ATT : ATT + 3] = small_rotation(*nav[Q : Q + 4], *hat[Q : Q + 4])
     out[VEL : VEL + 3] = nav[V : V + 3] - hat[V : V + 3]

@@ -144,7 +144,7 @@ PLAIN = {
     # names; rates and sizes of what other entries are about; what a filter assumes of it
     Scenario: {"filter", "receiver", "imu", "sensors", "faults", "atmosphere", "frame", "diverged"},
     FilterCard: {"name", "source", "covariance_rate", "update_rate", "imu", "receiver", "initial", "sensor_models",
-                 "envelope", "corrections", "report_imu_samples"},
+                 "envelope", "corrections", "report_imu_samples", "strapdown"},
     ReceiverCard: {"name", "source", "rate", "multipath_time", "range_rate_instability_time", "channels",
                    "pseudorange_sigma", "range_rate_sigma",
                    "clock"},
@@ -179,7 +179,14 @@ OF_TESTS = (
     {"atmosphere": {"troposphere": {"kind": "ray_traced", "profile": {"kind": "bean_thayer"}}}},
     {"atmosphere": {"troposphere": {"kind": "ray_traced", "profile": {"kind": "exponential"}}}},
     {"sensors": {"port": PORT}, "filter.measurements": ["pseudorange", "pressure_altitude"]},
-    {"imu.gyro.quantisation": "1e-6 rad", "filter.update": "joseph", "filter.gate": 4.0, "filter.gravity": "j2"},
+    {
+        "imu.gyro.quantisation": "1e-6 rad",
+        "filter.update": "joseph",
+        "filter.gate": 4.0,
+        "filter.gravity": "j2",
+        "filter.mechanisation": "earth",
+        "filter.strapdown.algorithm": "summed",
+    },
 )
 
 

@@ -17,7 +17,6 @@ from lvnav_trade.scenario import Scenario, filter_models, solves
 
 _RATES = {
     "imu.rate": "IMU rate",
-    "filter.strapdown_rate": "strapdown rate",
     "filter.covariance_rate": "covariance rate",
     "filter.update_rate": "update rate",
     "receiver.rate": "receiver rate",
@@ -31,8 +30,6 @@ def rates(scenario: Scenario, base: Node) -> Iterator[Mistake]:
         ("imu.rate", "filter.covariance_rate"),
         ("filter.covariance_rate", "filter.update_rate"),
     ]
-    if scenario.filter.strapdown_rate is not None:
-        pairs += [("imu.rate", "filter.strapdown_rate"), ("filter.strapdown_rate", "filter.covariance_rate")]
     if scenario.filter.tight or scenario.filter.loose:
         pairs.append(("receiver.rate", "filter.update_rate"))
     divisors = [(name, path, attrgetter(path)(scenario)) for name, path in pairs] + [
@@ -45,6 +42,10 @@ def rates(scenario: Scenario, base: Node) -> Iterator[Mistake]:
         ratio = fast / slow
         if ratio <= 1 - 1e-9 or abs(ratio - round(ratio)) >= 1e-9 * ratio:
             yield mistake_at(base, path, f"{slow:g} Hz does not divide the {_RATES[name]} of {fast:g} Hz", "base")
+    most = round(scenario.imu.rate / scenario.filter.covariance_rate)
+    if scenario.filter.strapdown.ratio > max(1, most):
+        message = f"a step longer than a covariance step of {most} increments; at most {most} fit"
+        yield mistake_at(base, "filter.strapdown.ratio", message, "base")
 
 
 def measurements(scenario: Scenario, base: Node) -> Iterator[Mistake]:

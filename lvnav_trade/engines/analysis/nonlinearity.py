@@ -12,7 +12,7 @@ from lvnav_trade.filters.ekf import fill_receiver
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.attitude import small_rotation
 from lvnav_trade.kernels.covariance import apply_phi
-from lvnav_trade.kernels.strapdown import N_SUM, Q, R, V, mechanise
+from lvnav_trade.kernels.strapdown import N_SUM, Q, R, V, full_rate, mechanise
 from lvnav_trade.records import CovHistory, Floats
 
 _PIECES = 60
@@ -133,10 +133,10 @@ def _flown(prepared: Prepared, start: int, d: Floats, windows: Windows | None = 
     sums, none = np.zeros(N_SUM), np.zeros_like(d)
     before = increments(prepared, max(0, start - 1), 1, none)[0]
     previous, previous_exact = before.copy(), before.copy()
-    kind, dt = prepared.model.gravity, prepared.unit.dt
+    how, dt = full_rate(prepared.model.strapdown.gravity), prepared.unit.dt
     for first, n_tick, decay in windows or _windows(prepared, start):
-        mechanise(nav, sums, previous, increments(prepared, first, n_tick, left), n_tick, dt, kind)
-        mechanise(exact, sums, previous_exact, increments(prepared, first, n_tick, none), n_tick, dt, kind)
+        mechanise(nav, sums, previous, increments(prepared, first, n_tick, left), n_tick, dt, how, 0.0)
+        mechanise(exact, sums, previous_exact, increments(prepared, first, n_tick, none), n_tick, dt, how, 0.0)
         left = decay * left
     turned = small_rotation(*exact[Q : Q + 4], *nav[Q : Q + 4])
     return np.concatenate([turned, exact[V : V + 3] - nav[V : V + 3], exact[R : R + 3] - nav[R : R + 3]])
@@ -147,9 +147,9 @@ def _linear(prepared: Prepared, start: int, d: Floats, windows: Windows | None =
     model, dt = prepared.model, prepared.unit.dt
     nav, sums, none = navigation_at(prepared, start, np.zeros_like(d)), np.zeros(N_SUM), np.zeros_like(d)
     previous, error = np.zeros(6), d.copy()
-    blocks = np.zeros((model.block_rows.size, 9))
+    blocks, how = np.zeros((model.block_rows.size, 9)), full_rate(model.strapdown.gravity)
     for first, n_tick, decay in windows or _windows(prepared, start):
-        mechanise(nav, sums, previous, increments(prepared, first, n_tick, none), n_tick, dt, model.gravity)
+        mechanise(nav, sums, previous, increments(prepared, first, n_tick, none), n_tick, dt, how, 0.0)
         seconds = n_tick * dt
         transition.fill(blocks, model.block_kinds, model.block_drivers, sums, nav[R], nav[R + 1], nav[R + 2], seconds)
         apply_phi(error, blocks, model.block_rows, model.block_columns, decay, model.clock, seconds)

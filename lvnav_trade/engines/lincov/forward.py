@@ -216,7 +216,7 @@ def _clone(joint, nominal, true, model, reference, tick, dt, late, window):
     """Store the state and clone its error, for a measurement that is on its way."""
     if late is not None:
         place(nominal.nav, reference, tick)
-        keep(nominal.past, nominal.nav, nominal.previous, nominal.x, late, window, dt, model.gravity)
+        keep(nominal.past, nominal.nav, nominal.previous, nominal.x, late, window, dt, model.strapdown.gravity)
         clone_error(joint, true, late, window)
 
 
@@ -329,21 +329,22 @@ def forward(
     the nominal flight, vehicle : VehicleModel, samples : Samples, report : Report, units : Units; or None
     """
     begin_watch(watch)
+    step = unit.dt * model.strapdown.subsamples
     for w in range(schedule.n_tick.shape[0]):
         first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
         if n_tick > 0:
             if vehicle is not None:
                 sample_window(joint, scratch, work, tape, true, unit, units, model, vehicle, reference, first, n_tick)
-            nominal_window(nominal, reference, first, n_tick, unit.dt, model.gravity)
+            nominal_window(nominal, reference, first, n_tick, unit.dt, model.strapdown)
             propagate(joint, scratch, nominal, true, unit, units, model, schedule.length[w], first, n_tick, reference)
             if tape.channel.shape[0] > 0:
                 record_window(tape, w, nominal)
-            _clone(joint, nominal, true, model, reference, first + n_tick, unit.dt, late, w)
+            _clone(joint, nominal, true, model, reference, first + n_tick, step, late, w)
         epoch, hist = schedule.epoch[w], schedule.hist[w]
         if epoch >= 0 and model.aided:
             place(nominal.nav, reference, first + n_tick)
             _epoch(
-                out, joint, scratch, work, tape, nominal, signals, sensors, true, model, unit.dt, chain, late, gains,
+                out, joint, scratch, work, tape, nominal, signals, sensors, true, model, step, chain, late, gains,
                 rules, watch, vehicle, epoch,
             )  # fmt: skip
             if report is not None and chain.solved[epoch]:

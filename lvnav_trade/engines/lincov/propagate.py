@@ -4,24 +4,26 @@ from lvnav_trade.engines.lincov.components import GRAVITY
 from lvnav_trade.engines.lincov.units import REMAINDER, unit_input_matrix
 from lvnav_trade.engines.simulate.sensing import profile_value
 from lvnav_trade.kernels import transition
+from lvnav_trade.kernels.attitude import small_rotation
 from lvnav_trade.kernels.covariance import apply_phi, enter, predict
 from lvnav_trade.kernels.groups import group
 from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.strapdown import J4, R, gravity, mechanise, place
+from lvnav_trade.kernels.strapdown import J4, Q, R, V, gravity, mechanise, place
 from lvnav_trade.kernels.transition import ATT, ATT_GYRO, GYRO, POS, VEL, VEL_ACCEL, VEL_GYRO, parameter_block
 
 N_NAV = 9
 
 
 @jit
-def nominal_window(nominal, reference, first, n_tick, dt, kind):
+def nominal_window(nominal, reference, first, n_tick, dt, how):
     """Mechanise the ideal unit's increments over a window from the true state: the sums that the transition needs."""
     place(nominal.nav, reference, first)
     for k in range(n_tick):
         for axis in range(3):
             nominal.increments[k, axis] = reference.dtheta[first + k, axis]
             nominal.increments[k, 3 + axis] = reference.dvel[first + k, axis]
-    mechanise(nominal.nav, nominal.sums, nominal.previous, nominal.increments, n_tick, dt, kind)
+    n_step, step = n_tick // how.subsamples, dt * how.subsamples
+    mechanise(nominal.nav, nominal.sums, nominal.previous, nominal.increments, n_step, step, how, dt * first)
 
 
 @jit
@@ -206,8 +208,10 @@ def _set_deviation(deviation, unit, nav, model, first, n_tick, reference):
             deviation[3 + axis] += unit.dvel[k, axis] - reference.dvel[k, axis]
     x, y, z = nav[R], nav[R + 1], nav[R + 2]
     tx, ty, tz = gravity(J4, x, y, z)
-    ox, oy, oz = gravity(model.gravity, x, y, z)
+    ox, oy, oz = gravity(model.strapdown.gravity, x, y, z)
     deviation[6], deviation[7], deviation[8] = tx - ox, ty - oy, tz - oz
+    if model.strapdown.approximate:  # the strapdown's own error over the window has the gravity's in it
+        deviation[6] = deviation[7] = deviation[8] = 0.0
 
 
 @jit
@@ -224,6 +228,17 @@ def _add_deviation(mean, deviation, sums, seconds, sensed):
         mean[ATT + i] -= turned
         mean[VEL + i] += deviation[6 + i] * seconds - gained
         mean[POS + i] += 0.5 * seconds * (deviation[6 + i] * seconds - gained)
+
+
+@jit
+def _add_strapdown_error(mean, nav, reference, tick):
+    """Add to the mean what the strapdown misses over a window that it began at the true state."""
+    q = reference.q_b_i[tick]
+    x, y, z = small_rotation(q[0], q[1], q[2], q[3], nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
+    mean[ATT], mean[ATT + 1], mean[ATT + 2] = mean[ATT] + x, mean[ATT + 1] + y, mean[ATT + 2] + z
+    for i in range(3):
+        mean[VEL + i] += reference.v_i[tick, i] - nav[V + i]
+        mean[POS + i] += reference.r_i[tick, i] - nav[R + i]
 
 
 @inlined
@@ -244,3 +259,5 @@ def propagate(joint, scratch, nominal, true, unit, units, model, length, first, 
     _advance_profiles(joint, scratch, true, unit, units, model, sums, length, first, n_tick)
     _set_deviation(scratch.deviation, unit, nav, model, first, n_tick, reference)
     _add_deviation(joint.mean, scratch.deviation, sums, seconds, not true.by_samples)
+    if model.strapdown.approximate:
+        _add_strapdown_error(joint.mean, nav, reference, first + n_tick)

@@ -20,8 +20,10 @@ from lvnav_trade.engines.setup.vehicle import samples_of, vehicle_of
 from lvnav_trade.engines.setup.watching import left_out, pdop, watched
 from lvnav_trade.filters.base import EnvelopeCard
 from lvnav_trade.filters.model import FilterModel, build_filter_model, initial_covariance
+from lvnav_trade.filters.strapdown import strapdown_of
 from lvnav_trade.frames import earth_angle, rotation_i_e, rotation_i_n, rotation_i_o
 from lvnav_trade.kernels.random import source_word
+from lvnav_trade.kernels.strapdown import Strapdown
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.layout import StateLayout, outputs, solution_outputs
@@ -225,8 +227,8 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     received = channels._replace(tight=True) if solves(scenario) else channels
     lever_arms = seen.lever_arms if channels.tight else lever_b[None, :]
     layout, model = build_filter_model(
-        card, imu, receiver, lever_arms, at.lengths, channels, epochs.group, every(scenario), has_covariance(scenario),
-        solves(scenario), measured(scenario),
+        card, imu, receiver, lever_arms, at.lengths, channels, _strapdown(scenario, trajectory, ref), every(scenario),
+        has_covariance(scenario), solves(scenario), measured(scenario),
     )  # fmt: skip
     gains = gains_of(scenario, layout, channels, t_epoch, trajectory.events)
     if gains is not None:
@@ -290,6 +292,12 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         channels=channels,
         channel_names=_channel_names(scenario, channels, report),
     )
+
+
+def _strapdown(scenario: Scenario, trajectory: Trajectory, ref: Reference) -> Strapdown:
+    """Return the algorithm of the strapdown, with the Earth's angle and the place where the flight starts."""
+    card, angle = scenario.filter, float(earth_angle(trajectory.theta0, ref.t[0]))
+    return strapdown_of(card.strapdown, card.gravity, card.mechanisation, angle, ref.r_i[0])
 
 
 def _seen(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: float) -> Sky:

@@ -25,12 +25,15 @@ def _history_times(trajectory: Trajectory, start: float, end: float, every: floa
     return np.unique(np.concatenate([[start], grid, events]))
 
 
-def _schedule(n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints, kept: Ints) -> tuple[Schedule, Ints]:
-    """Cut the flight into windows at covariance steps, epochs, history times and ticks whose state is kept; a second
-    history time on the same tick gets a window of no ticks. Returns the schedule and the distinct window lengths in
-    ticks.
+def _schedule(
+    n_imu: int, per_window: int, hist_tick: Ints, epoch_tick: Ints, kept: Ints, group: int
+) -> tuple[Schedule, Ints]:
+    """Cut the flight into windows at covariance steps, each at the strapdown step nearest to it (`group` ticks),
+    epochs, history times and ticks whose state is kept; a second history time on the same tick gets a window of no
+    ticks. Returns the schedule and the distinct window lengths in ticks.
     """
-    bounds = np.unique(np.concatenate([np.arange(0, n_imu, per_window), hist_tick, epoch_tick, kept, [0, n_imu]]))
+    steps = np.rint(np.arange(0, n_imu, per_window) / group).astype(np.int64) * group
+    bounds = np.unique(np.concatenate([steps, hist_tick, epoch_tick, kept, [0, n_imu]]))
     begin = np.concatenate([[0], bounds[:-1]])
     epoch, hist = np.full(bounds.size, -1), np.full(bounds.size, -1)
     epoch[np.searchsorted(bounds, epoch_tick)] = np.arange(epoch_tick.size)
@@ -74,7 +77,7 @@ class Times(NamedTuple):
 def epochs_of(scenario: Scenario, ref: Reference) -> Epochs:
     """Return the epochs of a flight, on ticks of the strapdown."""
     rate, start, end = scenario.imu.rate, float(ref.t[0]), float(ref.t[-1])
-    group = 1 if scenario.filter.strapdown_rate is None else round(rate / scenario.filter.strapdown_rate)
+    group = scenario.filter.strapdown.ratio
     n_imu = ref.dtheta.shape[0] // group * group
     interval = epoch_interval(scenario)
     n_epoch = math.floor((end - start) / interval + 1e-9)
@@ -101,5 +104,5 @@ def times_of(
         t_hist = _with_steps(every_step_beside, ref.t[::per_window], start, rate, n_imu, group)
     hist_tick = _ticks(t_hist, start, rate, n_imu, group)
     looked = np.concatenate([np.zeros(0, dtype=np.int64), *(ticks for one in kept for ticks in (one.valid, one.early))])
-    schedule, lengths = _schedule(n_imu, per_window, hist_tick, epochs.tick, looked)
+    schedule, lengths = _schedule(n_imu, per_window, hist_tick, epochs.tick, looked, group)
     return Times(t_hist, hist_tick, schedule, lengths / rate)

@@ -24,9 +24,10 @@ def _advance(work, motion, open_loop, unit, model, vehicle, samples, first, n_ti
         sample_window(work, motion, open_loop, unit, model, vehicle, first, n_tick)
     else:
         processes.compensate(work.increments, n_tick, work.tables[0], work.tables[1], model.biases_only, unit.dt)
-        if model.group > 1:
-            processes.combine(work.increments, n_tick, model.group)
-        mechanise(work.nav, work.sums, work.previous, work.increments, n_tick // model.group, dt, model.gravity)
+        how = model.strapdown
+        mechanise(
+            work.nav, work.sums, work.previous, work.increments, n_tick // how.subsamples, dt, how, unit.dt * first
+        )
 
 
 @jit
@@ -55,7 +56,7 @@ def fly(work, parts, schedule, unit, signals, sensors, start, history, model, op
     begin_solver(work, parts.rx, options.solver)
     begin_watch(parts.watch)
     begin_motion(parts.motion, options.samples)
-    dt = unit.dt * model.group
+    dt = unit.dt * model.strapdown.subsamples
     for w in range(schedule.n_tick.shape[0]):
         first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
         if n_tick > 0:
@@ -65,7 +66,7 @@ def fly(work, parts, schedule, unit, signals, sensors, start, history, model, op
             )
             predict_window(work, model, schedule.length[w])
             propagate_open_loop(work, parts.open_loop, model, schedule.length[w])
-            keep(parts.past, work.nav, work.previous, work.x, options.late, w, dt, model.gravity)
+            keep(parts.past, work.nav, work.previous, work.x, options.late, w, dt, model.strapdown.gravity)
         epoch = schedule.epoch[w]
         if epoch >= 0:
             clear_epoch(work, epoch)

@@ -220,3 +220,10 @@ def test_a_fault_at_the_end_of_the_flight_is_refused(study) -> None:
     study.edit("campaign.yaml", "imu: imu/good", f"imu: imu/good\n  faults: [{fault}]")
     with pytest.raises(InputError, match="at or after the end of the flight"):
         api.check("campaign.yaml")
+
+
+def test_a_step_of_the_strapdown_is_not_longer_than_one_of_the_covariance(study) -> None:
+    measured = "measurements: [pseudorange, range_rate]"
+    study.edit("configs/filters/near.yaml", measured, f"{measured}\ncovariance_rate: 50 Hz\nstrapdown: {{ratio: 5}}")
+    with pytest.raises(InputError, match=r"ratio: a step longer than a covariance step of 4 increments; at most 4 fit"):
+        load("campaign.yaml")

@@ -33,7 +33,7 @@ def test_a_state_that_is_kept_cuts_its_window_in_two():
 
 def test_epochs_are_on_ticks_of_the_strapdown():
     prepared = case()
-    card = with_fields(prepared.scenario.filter, strapdown_rate="50 Hz")
+    card = with_fields(prepared.scenario.filter, strapdown={"ratio": 4})
     epochs = epochs_of(prepared.scenario.model_copy(update={"filter": card}), prepared.reference)
     assert epochs.group == 4
     assert not np.any(epochs.tick % 4)

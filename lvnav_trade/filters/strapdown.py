@@ -1,0 +1,100 @@
+"""Algorithms of the strapdown: how the increments of a step are combined, and in which frame they are integrated.
+
+For coning of angular frequency w the cross product of two increments depends only on how far apart they are. With
+b = w T, T the time of a subsample, and increments of amplitude a,
+
+    (increment k) x (increment k + d) = 4 a^2 sin(b / 2)^2 sin(d b)         along the axis of the cone
+    coning of a step of N subsamples  = a^2 / 2 (N b - sin(N b))
+
+The optimised class (Ignagni, J. Guidance Control Dynamics 19, 1996) takes the weighted sum of all but the last
+increment times the last, and the product of the sums of the step before and of this one. Its weights make as many
+terms of the series in b equal as there are weights: Miller's 2/3, (9/20, 27/20), ... without the step before, 1/12 for
+one increment with it. The same weights compensate sculling (the duality of Roscoe, same journal 24, 2001).
+"""
+
+from collections.abc import Iterator
+from fractions import Fraction
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from lvnav_trade import units
+from lvnav_trade.kernels import strapdown
+from lvnav_trade.kernels.strapdown import Strapdown
+from lvnav_trade.records import Floats
+
+GRAVITY = {"point": strapdown.POINT, "j2": strapdown.J2, "j4": strapdown.J4}
+
+
+class StrapdownCard(units.Card):
+    """How many increments of the unit make one step of the strapdown, and what compensates the motion within it."""
+
+    algorithm: Literal["summed", "two_sample", "optimised", "optimised_present"] = Field(
+        "two_sample",
+        description="summed: none; two_sample: by the sums of the step before and of this one; optimised: by these and "
+        "every increment of this step; optimised_present: by those of this step alone",
+    )
+    ratio: int = Field(1, ge=1, le=8, description="increments of the unit to a step")
+
+    def _faults(self) -> Iterator[str]:
+        if self.algorithm == "optimised_present" and self.ratio == 1:
+            yield "optimised_present: a step of one increment has no other to compensate by; take a ratio of 2 or more"
+
+
+def optimised_weights(subsamples: int, with_previous: bool) -> tuple[Floats, float]:
+    """Return the weights (subsamples - 1,) of all increments of a step but the last, in their order, and that of the
+    step before (0 without it).
+
+    Of b^(2 m + 1), m from 1, the product of increments that are d apart has 2 d^n - (d + 1)^n - (d - 1)^n, n = 2 m + 1,
+    that of the sums of two steps N^n (2 - 2^n), and the coning -N^n / 2, all over n! and with the same sign.
+    """
+    n, apart = subsamples, list(range(subsamples - 1, 0, -1))
+    rows = []
+    for power in range(3, 3 + 2 * (len(apart) + with_previous), 2):
+        row = [Fraction(2 * d**power - (d + 1) ** power - (d - 1) ** power) for d in apart]
+        row += [Fraction(n**power * (2 - 2**power))] if with_previous else []
+        rows.append([*row, Fraction(-(n**power), 2)])
+    found = [float(value) for value in _solved(rows)]
+    across = found.pop() if with_previous else 0.0
+    return np.array(found, dtype=float), across
+
+
+def _solved(rows: list[list[Fraction]]) -> list[Fraction]:
+    """Return the solution of linear equations, each a row of coefficients with its right side last (Gauss-Jordan)."""
+    for k in range(len(rows)):
+        pivot = next(i for i in range(k, len(rows)) if rows[i][k] != 0)
+        rows[k], rows[pivot] = rows[pivot], rows[k]
+        rows[k] = [value / rows[k][k] for value in rows[k]]
+        for i, row in enumerate(rows):
+            if i != k:
+                rows[i] = [value - row[k] * own for value, own in zip(row, rows[k], strict=True)]
+    return [row[-1] for row in rows]
+
+
+def strapdown_of(
+    card: StrapdownCard, gravity: str, mechanisation: str = "inertial", angle: float = 0.0, start: Floats | None = None
+) -> Strapdown:
+    """Return a strapdown in numbers; angle (rad) from the i to the e x axis, and start (3,) m of the flight in frame i,
+    both at tick 0.
+    """
+    weights, across = np.zeros(0), 0.0
+    if card.algorithm == "two_sample":
+        across = 1.0 / 12.0
+    elif card.algorithm != "summed":
+        weights, across = optimised_weights(card.ratio, card.algorithm == "optimised")
+    origin = np.zeros(3)
+    if mechanisation == "pad" and start is not None:
+        c, s = np.cos(angle), np.sin(angle)
+        origin = np.array([c * start[0] + s * start[1], c * start[1] - s * start[0], start[2]])
+    return Strapdown(
+        gravity=GRAVITY[gravity],
+        subsamples=card.ratio,
+        weights=weights,
+        across=across,
+        at_end=card.algorithm == "summed",
+        rotating=mechanisation != "inertial",
+        angle=angle,
+        origin=origin,
+        approximate=card.algorithm != "two_sample" or card.ratio > 1,
+    )
