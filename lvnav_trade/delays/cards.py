@@ -149,7 +149,21 @@ class ContentIonosphere(Card):
     )
 
 
-_Ionosphere = NoIonosphere | KlobucharIonosphere | ContentIonosphere
+class EpsteinIonosphere(Card):
+    """Two half Epstein layers, thinner below the peak than above it, integrated along the ray."""
+
+    kind: Literal["epstein"] = "epstein"
+    vertical: ElectronContent = Field(20e16, description="at the ground")
+    peak: ScaleHeight = 350e3
+    bottom: ScaleHeight = Field(40e3, description="thickness below the peak")
+    top: ScaleHeight = Field(90e3, description="thickness above the peak")
+
+    def _faults(self) -> Iterator[str]:
+        if self.peak < 4.0 * self.bottom:
+            yield "peak should be at least four times the thickness below it: the layer ends above the ground"
+
+
+_Ionosphere = NoIonosphere | KlobucharIonosphere | ContentIonosphere | EpsteinIonosphere
 IonosphereModel = Annotated[_Ionosphere, Field(discriminator="kind")]
 
 # --- truth and corrections --------------------------------------------------------------------------------------------

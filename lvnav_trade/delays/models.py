@@ -77,6 +77,10 @@ def ionosphere_delay(model: cards.IonosphereModel, geometry: Geometry, frequency
         slant = ionosphere.lear_slant if model.slant == "lear" else ionosphere.chapman_slant
         share = slant(elevation, _column(geometry.height), model.peak, model.scale_height)
         return np.asarray(ionosphere.DISPERSION / frequency**2 * model.vertical * share)
+    if isinstance(model, cards.EpsteinIonosphere):
+        layer = (model.peak, model.bottom, model.top)
+        share = ionosphere.epstein_slant(elevation, _column(geometry.height), *layer)
+        return np.asarray(ionosphere.DISPERSION / frequency**2 * model.vertical * share)
     return np.zeros(elevation.shape)
 
 

@@ -29,6 +29,7 @@ from lvnav_trade.metrics.errors.covariances import (
     gaussian,
     observed,
 )
+from lvnav_trade.metrics.signals import REACQUIRED, is_of_signals, reacquisition_times, values_of
 from lvnav_trade.metrics.vehicle import nozzle
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
@@ -83,7 +84,7 @@ def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Our
         return _of_nozzle(tables, case, metric.rpartition("_")[2])
     if metric == "observable_states":
         return _of_rank(tables, case)
-    if metric == "satellites_tracked" or metric.endswith("_left"):
+    if is_of_signals(metric):
         return _of_signals(tables, case, stated, unit)
     quantity, axis = split_metric(metric)
     rows = history_of(tables, case, quantity, axis)
@@ -152,10 +153,26 @@ def columns(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> 
     return Columns(formal, true, runs, runs=(_each(tables, case, stated, rows) / scale) ** 2)
 
 
+def difference(tables: Tables, case: str, other: str, stated: Mapping[str, Any], unit: str) -> Columns:
+    """Return the root mean square of the difference of two cases' errors at an event, run by run and axis by axis."""
+    quantity, axis = split_metric(str(stated["metric"]))
+    both = [errors_by_axis(tables, one, str(stated.get("at") or "injection"), quantity) for one in (case, other)]
+    failed = (both[0].failure != "") | (both[1].failure != "")
+    first, second = (one.drop(columns="failure") for one in both)
+    chosen = [name for name in first.columns if axis == "3d" or f"_{axis}_" in name]
+    scale = 1.0 if unit == "-" else _scale(unit, str(pick(tables.outputs, case=case, quantity=quantity).unit.iloc[0]))
+    if scale is None or not chosen or first.empty:
+        return _NO_COLUMNS._replace(remark="no runs" if scale else f"unit {unit} does not fit")
+    squares = ((first[chosen] - second[chosen]) ** 2).sum(axis=1).mask(failed, np.inf).to_numpy() / scale**2
+    sound = squares[np.isfinite(squares)]
+    return _NO_COLUMNS._replace(monte_carlo=float(np.sqrt(sound.mean())) if len(sound) else np.nan, runs=squares)
+
+
 def _other_columns(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Columns:
     """Return the columns of what is no error in the history: of the runs where it differs between them."""
     metric = str(stated["metric"])
-    si = MISSION[metric].unit if metric in MISSION else "m" if metric.endswith("_left") else "-"
+    of_signals = {"satellites_tracked": "-", REACQUIRED: "s"}.get(metric, "m") if is_of_signals(metric) else "-"
+    si = MISSION[metric].unit if metric in MISSION else of_signals
     found = ours(tables, case, stated, si if unit == "-" else unit)
     if not len(found.runs):
         return _NO_COLUMNS._replace(true=found.value, remark=found.remark)
@@ -265,20 +282,21 @@ def _of_mission(tables: Tables, case: str, stated: Mapping[str, Any], unit: str)
 
 
 def _of_signals(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Ours:
-    """Return how many satellites are tracked, or what corrections leave of their delays: the same in every run."""
-    rows = pick(tables.satellites, case=case)
-    if rows.empty:
-        return _MISSING
+    """Return how many satellites are tracked, or what their delays are: the same in every run."""
     metric, statistic = str(stated["metric"]), str(stated.get("statistic", "rms"))
-    if metric == "satellites_tracked":
-        counts = rows.groupby("t_s").tracked.sum().rename("value").reset_index()
-    else:
-        counts = rows[rows.tracked].assign(value=rows[f"{metric}_m"].abs())
-    value = _within(tables, case, counts, stated).value.dropna().to_numpy(dtype=float) if len(counts) else np.empty(0)
-    if not len(value):
-        return _NOT_FLOWN
-    scale = 1.0 if metric == "satellites_tracked" else _scale(unit, "m")
+    scale = 1.0 if metric == "satellites_tracked" else _scale(unit, "s" if metric == REACQUIRED else "m")
     if scale is None:
         return Ours(np.nan, f"unit {unit} does not fit")
-    found = {"worst": value.max(), "least": value.min()}.get(statistic, np.sqrt(np.mean(value**2)))
-    return Ours(float(found) / scale)
+    if metric == REACQUIRED:
+        times = reacquisition_times(tables, case, str(stated.get("at") or "injection"))
+        return Ours(float(np.median(times)) / scale) if len(times) else _NOT_FLOWN
+    rows = values_of(tables, case, metric, stated.get("elevation"), stated.get("altitude"))
+    rows = _within(tables, case, rows, stated) if len(rows) else rows
+    value = rows.value.dropna().to_numpy(dtype=float) if len(rows) else np.empty(0)
+    if not len(value):
+        return _NOT_FLOWN if len(pick(tables.satellites, case=case)) else _MISSING
+    if metric.endswith("_height"):
+        found = float(rows.height[rows.value.idxmax()])
+    else:
+        found = float({"worst": value.max(), "least": value.min()}.get(statistic, np.sqrt(np.mean(value**2))))
+    return Ours(found / scale)

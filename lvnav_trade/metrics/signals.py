@@ -1,15 +1,89 @@
 """Satellites: how many are tracked, errors while they are not, why they are lost, how soon they are back."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.metrics.basics.select import NAVIGATION, SAME_TIME, at_time, faults, lincov_rms, pick, series
+from lvnav_trade.metrics.basics.select import (
+    NAVIGATION,
+    SAME_TIME,
+    at_time,
+    faults,
+    instant,
+    lincov_rms,
+    number_in,
+    pick,
+    series,
+)
+from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
 
 # Seconds after the end of a fault at which the recovery is read.
 AFTER = 10.0
 # Satellites of a position and a time.
 FIX = 4
+REACQUIRED = "reacquisition_time"
+_AIR = 7500.0  # m, scale height of the delay of the air
+_SIGNALS = ("satellites_tracked", "air_crossing_height", REACQUIRED)
+
+
+def is_of_signals(metric: str) -> bool:
+    """Whether a metric is read off the signals: the same in every run."""
+    return metric in _SIGNALS or (metric.startswith(("troposphere", "ionosphere")) and "_error" not in metric)
+
+
+def values_of(
+    tables: Tables,
+    case: str,
+    metric: str,
+    elevation: Sequence[Any] | None = None,
+    altitude: Sequence[Any] | None = None,
+) -> pd.DataFrame:
+    """Return the values of a metric of signals: t_s, value (SI), height (altitude of the vehicle, m); a row for each
+    tracked satellite and epoch, or for each epoch.
+
+    elevation (rad, or with units), altitude (m, or with units): from and to. A change is that of one satellite from an
+    epoch to the next, in size; of the crossing of air it is climb rate times exp(-altitude / 7.5 km).
+    """
+    truth = pick(tables.reference, case=case).sort_values("t_s", kind="stable")
+    rows = pick(tables.satellites, case=case)
+    if metric == "air_crossing_height":
+        t, height = truth.t_s.to_numpy(), truth.altitude_m.to_numpy()
+        rows = pd.DataFrame({"t_s": t, "value": np.gradient(height, t) * np.exp(-height / _AIR), "height": height})
+    elif metric == "satellites_tracked":
+        rows = rows.groupby("t_s").tracked.sum().rename("value").reset_index()
+        return rows.assign(height=np.nan)
+    else:
+        rows = rows[rows.tracked].sort_values(["satellite", "t_s"], kind="stable")
+        column = metric.removesuffix("_height").removesuffix("_change") + "_m"
+        value = rows[column]
+        if "_change" in metric:
+            step = rows.groupby("satellite").t_s.diff()
+            value = rows.groupby("satellite")[column].diff().where(step < 1.5 * step.min())
+        height = np.interp(rows.t_s, truth.t_s, truth.altitude_m)
+        rows = rows.assign(value=value.abs(), height=height)
+        if elevation is not None:
+            low, high = (number_in(end, "rad") for end in elevation)
+            rows = rows[rows.elevation_rad.between(low, high)]
+    if altitude is not None:
+        low, high = (number_in(end, "m") for end in altitude)
+        rows = rows[rows.height.between(low, high)]
+    return rows[["t_s", "value", "height"]].reset_index(drop=True)
+
+
+def reacquisition_times(tables: Tables, case: str, at: str) -> Floats:
+    """Return how long (s) after an instant each satellite is tracked again that was tracked before and is lost then;
+    infinite where it never is.
+    """
+    t0 = instant(tables, case, at)
+    tracked = tracked_over_time(tables, case)
+    before, after = tracked[tracked.index <= t0 + SAME_TIME], tracked[tracked.index > t0 + SAME_TIME]
+    if before.empty or after.empty:
+        return np.empty(0)
+    lost = [name for name in tracked.columns if before[name].any() and not before[name].iloc[-1]]
+    return np.array([float(after.index[after[name]].min()) - t0 if after[name].any() else np.inf for name in lost])
 
 
 def in_view(tables: Tables) -> pd.DataFrame:

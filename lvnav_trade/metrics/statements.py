@@ -2,19 +2,22 @@
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import stats
 
 from lvnav_trade.metrics.basics import expression
-from lvnav_trade.metrics.numbers import Columns, columns, name_of
+from lvnav_trade.metrics.numbers import Columns, cases_of, columns, difference, name_of
+from lvnav_trade.metrics.signals import REACQUIRED, reacquisition_times
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
+from lvnav_trade.units import parse
 
 HOLDS, FAILS, UNDECIDED, NOT_SET_UP = "holds", "does not hold here", "undecided", "not set up"
 NUMBERS = ("formal", "true", "monte_carlo")
+NOTHING = (np.nan, np.nan, np.nan, "no such case")
 _LEVEL = 0.95
 _NUMBER = re.compile(r"[-+]?\d+(\.\d*)?([eE][-+]?\d+)?")
 _FEWEST = 8  # runs that give an interval
@@ -32,21 +35,38 @@ class Value(NamedTuple):
     remarks: tuple[str, ...]
 
 
-def readings(
-    known: Sequence[Mapping[str, str]], wanted: Mapping[str, Mapping[str, str]]
-) -> Iterator[tuple[dict[str, str], dict[str, int]]]:
-    """Yield the levels of the axes that no term names, all those of the cases in turn, and the case of each term.
+class Reading(NamedTuple):
+    """Levels of the axes that no term names, and the number of each term's case."""
 
-    known: level of every axis of each case; wanted: levels that each term names. Where a term does not have exactly one
-    case, there is no reading.
+    levels: dict[str, str]
+    cases: dict[str, int]
+
+
+def readings(known: Sequence[Mapping[str, str]], wanted: Mapping[str, Mapping[str, str]]) -> list[Reading]:
+    """Return the cases of each term for all levels, in turn, of the axes that no term names.
+
+    known: level of every axis of each case; wanted: levels that each term names. Axes that vary together (design zip)
+    need not all be named: the fewest are read that leave each term one case.
     """
     named = {axis for levels in wanted.values() for axis in levels}
     free = [axis for axis in (known[0] if known else ()) if axis not in named]
-    for choice in dict.fromkeys(tuple(levels[axis] for axis in free) for levels in known):
-        open_levels = dict(zip(free, choice, strict=True))
-        found = {name: _matching(known, {**levels, **open_levels}) for name, levels in wanted.items()}
-        if all(len(cases) == 1 for cases in found.values()):
-            yield open_levels, {name: cases[0] for name, cases in found.items()}
+    for size in range(len(free) + 1):
+        found = [_read_by(known, wanted, axes) for axes in combinations(free, size)]
+        if most := max(found, key=len, default=[]):
+            return most
+    return []
+
+
+def _read_by(
+    known: Sequence[Mapping[str, str]], wanted: Mapping[str, Mapping[str, str]], axes: Sequence[str]
+) -> list[Reading]:
+    found = []
+    for choice in dict.fromkeys(tuple(levels[axis] for axis in axes) for levels in known):
+        levels = dict(zip(axes, choice, strict=True))
+        cases = {name: _matching(known, {**one, **levels}) for name, one in wanted.items()}
+        if all(len(one) == 1 for one in cases.values()):
+            found.append(Reading(levels, {name: one[0] for name, one in cases.items()}))
+    return found
 
 
 def _matching(known: Sequence[Mapping[str, str]], levels: Mapping[str, str]) -> list[int]:
@@ -168,9 +188,37 @@ def _read(
 ) -> Iterator[tuple[dict[str, str], Value]]:
     cases = list(tables.levels)
     unit = str(stated.get("unit") or "-")
-    for levels, chosen in readings(list(tables.levels.values()), wanted):
-        terms = {name: columns(tables, cases[k], stated["terms"][name], unit) for name, k in chosen.items()}
+    known = list(tables.levels.values())
+    whole = {name: {**levels, **_first(known, stated["terms"][name])} for name, levels in wanted.items()}
+    for levels, chosen in readings(known, whole):
+        terms = {name: _over(tables, cases[k], stated["terms"][name], unit) for name, k in chosen.items()}
         yield levels, value_of(str(stated["value"]), terms)
+
+
+def _first(known: Sequence[Mapping[str, str]], term: Mapping[str, Any]) -> dict[str, str]:
+    """Return the first level of the axis over which a term takes the median, in whose place all levels stand."""
+    over = str(term.get("over") or "")
+    return {over: known[0][over]} if over and known else {}
+
+
+def _over(tables: Tables, case: str, term: Mapping[str, Any], unit: str) -> Columns:
+    """Return the numbers of a term: of its case, or the median over all levels of an axis."""
+    over = str(term.get("over") or "")
+    if term.get("minus") is not None:
+        wanted = {**tables.levels[case], **term["minus"]}
+        others = cases_of(tables, wanted)
+        return difference(tables, case, others[0], term, unit) if others else Columns(*NOTHING)
+    if not over:
+        return columns(tables, case, term, unit)
+    mine = {axis: level for axis, level in tables.levels[case].items() if axis != over}
+    cases = [other for other, levels in tables.levels.items() if mine.items() <= levels.items()]
+    if term["metric"] == REACQUIRED:
+        times = np.concatenate([reacquisition_times(tables, one, str(term.get("at") or "injection")) for one in cases])
+        scale = parse(f"1 {unit}", "s") if unit != "-" else 1.0
+        return Columns(np.nan, float(np.median(times)) / scale, np.nan, f"median of {len(times)} acquisitions")
+    found = [columns(tables, one, term, unit) for one in cases]
+    formal, true, runs = (float(np.median([getattr(one, number) for one in found])) for number in NUMBERS)
+    return Columns(formal, true, runs, f"median of {len(found)} cases")
 
 
 def _name(stated: Mapping[str, Any]) -> str:
@@ -190,11 +238,15 @@ def locus(tables: Tables, stated: Mapping[str, Any]) -> list[tuple[str, list[tup
 def _locus(
     tables: Tables, stated: Mapping[str, Any], wanted: Mapping[str, Mapping[str, str]], along: str
 ) -> dict[tuple[tuple[str, str], ...], list[tuple[str, Value]]]:
-    free = {name: {axis: level for axis, level in levels.items() if axis != along} for name, levels in wanted.items()}
+    known = list(tables.levels.values())
     found: dict[tuple[tuple[str, str], ...], list[tuple[str, Value]]] = {}
-    for levels, value in _read(tables, stated, free):
-        others = tuple(sorted((axis, level) for axis, level in levels.items() if axis != along))
-        found.setdefault(others, []).append((levels[along], value))
+    for level in dict.fromkeys(levels[along] for levels in known):
+        moved = {name: {**levels, along: level} for name, levels in wanted.items()}
+        there = {name for name, levels in moved.items() if _matching(known, levels)}
+        if there:  # a term that has no case there stays where it is
+            asked = {name: moved[name] if name in there else levels for name, levels in wanted.items()}
+            for levels, value in _read(tables, stated, asked):
+                found.setdefault(tuple(sorted(levels.items())), []).append((level, value))
     return found
 
 

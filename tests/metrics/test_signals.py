@@ -7,7 +7,8 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.signals import _recovered
+from lvnav_trade.metrics.numbers import columns
+from lvnav_trade.metrics.signals import _recovered, reacquisition_times, values_of
 
 
 def test_satellites_vanish_during_the_outage(good):
@@ -91,3 +92,38 @@ def test_a_fault_up_to_the_end_of_the_flight_has_no_recovery(sky):
     assert found["gone_count"] == found["lost_count"] == 3
     assert np.isnan(found["to_fix_s"])
     assert np.isnan(found["to_all_s"])
+
+
+def test_the_change_of_a_delay_is_that_of_one_satellite_within_the_bounds_of_elevation_and_altitude(good):
+    case = next(iter(good.labels))
+    rows = values_of(good, case, "troposphere_change", ("20 deg", "30 deg"), ("1 km", "5 km"))
+    sky = good.satellites[(good.satellites.case == case) & good.satellites.tracked]
+    truth = good.reference[good.reference.case == case]
+    chosen = []
+    for _, one in sky.sort_values("t_s").groupby("satellite"):
+        height = np.interp(one.t_s, truth.t_s, truth.altitude_m)
+        inside = one.elevation_rad.between(*np.radians([20.0, 30.0])) & (height >= 1e3) & (height <= 5e3)
+        chosen += list(np.abs(np.diff(one.troposphere_m, prepend=np.nan))[inside])
+    assert len(chosen) > 5
+    np.testing.assert_allclose(np.sort(rows.value), np.sort(chosen), rtol=1e-12)
+    found = columns(good, case, {"metric": "troposphere_change", "during": "flight", "statistic": "worst"}, "mm")
+    assert found.true == pytest.approx(1e3 * values_of(good, case, "troposphere_change").value.max())
+    peak = columns(good, case, {"metric": "troposphere_change_height", "during": "flight"}, "km")
+    every = values_of(good, case, "troposphere_change")
+    assert peak.true == pytest.approx(every.height[every.value.idxmax()] / 1e3)
+
+
+def test_air_is_crossed_fastest_where_climb_rate_times_density_is_largest(good):
+    """A climb at 20 m/s^2: v exp(-h / H) is largest at h = H / 2, since v is the root of 2 a h."""
+    case = next(iter(good.labels))
+    found = columns(good, case, {"metric": "air_crossing_height", "during": "flight"}, "km")
+    assert found.true == pytest.approx(7.5 / 2, abs=0.3)
+
+
+def test_satellites_come_back_one_after_the_other_after_the_outage(good):
+    case = next(iter(good.labels))
+    times = reacquisition_times(good, case, "stage1_cutoff + 34 s")  # a second before the first is back
+    np.testing.assert_allclose(np.sort(times), np.arange(1.0, 9.0))
+    assert len(reacquisition_times(good, case, "liftoff + 20 s")) == 0
+    stated = {"metric": "reacquisition_time", "at": "stage1_cutoff + 34 s"}
+    assert columns(good, case, stated, "s").true == pytest.approx(4.5)

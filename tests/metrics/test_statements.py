@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -14,6 +16,7 @@ from lvnav_trade.metrics.statements import (
     UNDECIDED,
     Value,
     bounds,
+    locus,
     readings,
     value_of,
     verdict,
@@ -22,6 +25,7 @@ from lvnav_trade.metrics.statements import (
 from tests import synthetic
 
 FINE, COARSE = {"imu": "fine"}, {"imu": "coarse"}
+NAMES = ("history", "runs", "events", "outputs", "labels", "people", "worst", "consistency", "campaign", "cases")
 SPEED = {"metric": "velocity_error_3d", "at": "injection"}
 
 
@@ -131,9 +135,20 @@ def test_the_interval_covers_the_truth_as_often_as_it_says():
 
 def test_a_reading_needs_one_case_for_each_term():
     known = [{"imu": i, "start": s} for i in ("fine", "coarse") for s in ("a", "b")]
-    found = list(readings(known, {"x": FINE, "y": COARSE}))
+    found = readings(known, {"x": FINE, "y": COARSE})
     assert found == [({"start": "a"}, {"x": 0, "y": 2}), ({"start": "b"}, {"x": 1, "y": 3})]
-    assert list(readings(known, {"x": FINE, "y": {"start": "a"}})) == []
+    assert readings(known, {"x": FINE, "y": {"start": "a"}}) == []
+
+
+def test_axes_that_vary_together_need_not_all_be_named():
+    known = [
+        {"imu": imu, "tilt": tilt, "start": start}
+        for imu, own in (("fine", "1 mrad"), ("coarse", "3 mrad"))
+        for start, tilt in (("own", own), ("same", "2 mrad"))
+    ]
+    found = readings(known, {"x": FINE, "y": COARSE})
+    assert found == [({"start": "own"}, {"x": 0, "y": 2}), ({"start": "same"}, {"x": 1, "y": 3})]
+    assert readings(known, {"x": FINE}) == [({"tilt": "1 mrad"}, {"x": 0}), ({"tilt": "2 mrad"}, {"x": 1})]
 
 
 def test_where_a_bound_is_reached_is_interpolated_between_levels():
@@ -152,3 +167,42 @@ def test_what_signals_show_is_a_true_number(good):
         good, "aaaaaaaaaaaa", {"metric": "satellites_tracked", "during": "flight", "statistic": "least"}, "-"
     )
     assert (found.true, np.isnan(found.formal), np.isnan(found.monte_carlo)) == (0.0, True, True)
+
+
+def test_the_median_over_an_axis_stands_for_its_levels_and_acquisitions_are_taken_together(good):
+    term = SPEED | {"over": "imu"}
+    found = rows(good, value="a", unit="m/s", terms={"a": term}, at_least=0.1).iloc[0]
+    sizes = [100 * 1.995 * f * np.sqrt(0.1**2 + 0.12**2 + 0.2**2) / 100 for f in (1.0, 3.0)]
+    assert found.formal == pytest.approx(np.mean(sizes), rel=1e-9)
+    term = {"metric": "reacquisition_time", "at": "stage1_cutoff + 34 s", "over": "imu"}
+    found = rows(good, value="a", unit="s", terms={"a": term}, at_most=5.0, tested_by=["true"]).iloc[0]
+    assert (found.true, found.verdict) == (4.5, HOLDS)
+    assert "median of 16 acquisitions" in found.remark
+
+
+def test_errors_of_two_cases_are_subtracted_run_by_run(good):
+    """The same draws, three times as large: the difference is twice the smaller one's error."""
+    term = SPEED | {"case": COARSE, "minus": FINE}
+    found = rows(good, value="a", unit="cm/s", terms={"a": term}, at_most=1.0, tested_by=["monte_carlo"]).iloc[0]
+    own = rows(good, value="a", unit="cm/s", terms={"a": SPEED | {"case": FINE}}, at_most=1.0).iloc[0]
+    assert found.monte_carlo == pytest.approx(2.0 * own.monte_carlo, rel=1e-9)
+    assert found.low == pytest.approx(2.0 * own.low, rel=1e-9)
+    assert np.isnan(found.true)
+    east = term | {"metric": "velocity_error_east"}
+    found = rows(good, value="a", unit="m/s", terms={"a": east}, at_most=1.0, tested_by=["monte_carlo"]).iloc[0]
+    alone = SPEED | {"case": FINE, "metric": "velocity_error_east"}
+    own = rows(good, value="a", unit="m/s", terms={"a": alone}, at_most=1.0).iloc[0]
+    assert found.monte_carlo == pytest.approx(2.0 * own.monte_carlo, rel=1e-9)
+
+
+def test_a_locus_follows_its_axis_and_terms_without_a_case_there_stay(good):
+    terms = {"a": SPEED | {"case": COARSE}, "b": SPEED | {"case": FINE}}
+    stated = {"source": "x", "value": "a / b", "terms": terms, "at_most": 2.0, "along": "imu", "case": {}}
+    ((others, values),) = locus(good, stated)  # both terms move: one at each level
+    assert others == ""
+    assert [(level, round(value.formal, 9)) for level, value in values] == [("fine", 1.0), ("coarse", 1.0)]
+    levels = good.levels | {"aaaaaaaaaaaa": {"imu": "fine", "set": "x"}, "bbbbbbbbbbbb": {"imu": "coarse", "set": "y"}}
+    terms = {"a": SPEED | {"case": {"set": "y", "imu": "coarse"}}, "b": SPEED | {"case": {"set": "x"}}}
+    tables = SimpleNamespace(**{name: getattr(good, name) for name in NAMES}, levels=levels, cache={})
+    ((_, values),) = locus(tables, stated | {"terms": terms})
+    assert [(level, round(value.formal, 9)) for level, value in values] == [("fine", 3.0), ("coarse", 3.0)]

@@ -11,13 +11,21 @@ from lvnav_trade.errors import quoted
 from lvnav_trade.layout import EXTRAS, MISSION, MOTION, PARAMETERS, split_metric
 from lvnav_trade.metrics.basics import expression
 from lvnav_trade.observables.sensors import SENSOR_STATES
-from lvnav_trade.units import Card, parse
+from lvnav_trade.units import Angle, Card, Length, parse
 
 # Metrics of a vehicle under control: by how many percent less its nozzle moves with the filtered than the raw rate
 STEERED = tuple(f"nozzle_movement_{axis}" for axis in ("pitch", "yaw"))
 RANK = "observable_states"  # metric: the least number of observable states of any stretch
 # Metrics that are no error of the navigation: read off the signals, the same in every run
-COUNTED = ("satellites_tracked", "troposphere_left", "ionosphere_left")
+_DELAYS = ("troposphere", "troposphere_left", "ionosphere", "ionosphere_left")
+COUNTED = (
+    "satellites_tracked",
+    *_DELAYS,
+    *(f"{delay}_change" for delay in _DELAYS),  # from an epoch to the next, of a satellite that is tracked at both
+    "troposphere_change_height",  # altitude at which it is largest
+    "air_crossing_height",  # altitude at which climb rate times density (7.5 km) is largest
+    "reacquisition_time",
+)
 # Mean of the normalised estimation error squared per degree of freedom, over the events of a phase
 NEES = tuple(f"{quantity}_nees" for quantity in ("attitude", "velocity", "position"))
 _NO_ERRORS = (*MISSION, *COUNTED, *STEERED, RANK, *NEES)
@@ -43,7 +51,7 @@ def unit_of(metric: str) -> str:
     if metric in MISSION:
         return MISSION[metric].unit
     if metric in COUNTED:
-        return "-" if metric == COUNTED[0] else "m"
+        return {COUNTED[0]: "-", COUNTED[-1]: "s"}.get(metric, "m")
     if metric in STEERED or metric == RANK:
         return "%" if metric in STEERED else "-"
     if metric in NEES:
@@ -127,6 +135,9 @@ class Measured(Card):
         "the same of the smallest, of what is counted; formal: the filter's own sigma; lincov: sigma of the true error",
     )
 
+    elevation: tuple[Angle, Angle] | None = Field(None, description="of signals: of the satellites, from and to")
+    altitude: tuple[Length, Length] | None = Field(None, description="of signals: of the vehicle, from and to")
+
     @property
     def events(self) -> tuple[str, ...]:
         """The events that it names."""
@@ -138,6 +149,10 @@ class Measured(Card):
             yield f"statistic {self.statistic} is of a phase; give during in place of at"
         if self.statistic == "least" and self.metric not in COUNTED:
             yield f"statistic least is of what is counted ({', '.join(COUNTED)})"
+        if (self.elevation or self.altitude) and self.metric not in COUNTED[1:-2]:
+            yield f"elevation and altitude choose signals ({', '.join(COUNTED[1:-2])})"
+        if any(pair is not None and pair[0] >= pair[1] for pair in (self.elevation, self.altitude)):
+            yield "elevation and altitude go from the smaller to the larger"
         if self.metric in NEES and (self.during is None or self.statistic != "rms"):
             yield f"{self.metric} is a mean over a phase; give during, and no statistic"
 
@@ -212,9 +227,15 @@ class Term(Measured):
     """A number of a case that an expression of a statement names."""
 
     case: Case = Field({}, description="level of each axis, by its label; the axes left out take each level in turn")
+    minus: Case | None = Field(
+        None, description="levels of another case, whose errors are subtracted run by run and axis by axis; at an event"
+    )
+    over: str = Field("", description="axis over whose levels the median is taken; of reacquisition times all together")
 
     def _faults(self) -> Iterator[str]:
         yield from super()._faults()
+        if self.minus is not None and (self.at is None or self.statistic != "rms" or "_error" not in self.metric):
+            yield "minus is of an error at an event, without a statistic"
         if self.statistic in ("formal", "lincov"):
             yield f"statistic {self.statistic} is a column of every statement; leave it out"
 

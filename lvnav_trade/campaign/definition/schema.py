@@ -78,7 +78,6 @@ class Axis(units.Card):
             "an axis has either cards or values": (self.cards is None) == (self.values is None),
             "an axis needs at least one card or value": not levels,
             f"{len(labels)} labels for {len(levels)} levels": self.labels is not None and len(labels) != len(levels),
-            "two levels have the same label": len(set(labels)) != len(labels),
         }
         return [fault for fault, found in rules.items() if found]
 

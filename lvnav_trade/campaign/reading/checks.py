@@ -135,8 +135,16 @@ def _expressions(campaign: Campaign, cases: Sequence[Mapping[str, str]], root: N
         if one.id and one.id in ids[:index]:
             yield mistake_at(root, f"{path}.id", f"{quoted(one.id)} stands twice")
         wanted = {name: one.case_of(name) for name in one.terms}
+        for name, term in one.terms.items():
+            if term.over and cases and term.over not in cases[0]:
+                message = f"no axis {quoted(term.over)}{_meant(term.over, cases[0])}"
+                yield mistake_at(root, f"{path}.terms.{name}.over", message)
+            elif term.over and cases:
+                wanted[name] |= {term.over: cases[0][term.over]}
+            if term.minus is not None and (message := unknown_case(wanted[name] | term.minus, cases)):
+                yield mistake_at(root, f"{path}.terms.{name}.minus", message)
         unknown = {name: message for name, levels in wanted.items() if (message := unknown_case(levels, cases))}
-        if not unknown and next(readings(cases, wanted), None) is None:
+        if not unknown and not readings(cases, wanted):
             unknown = {name: unknown_case(levels, cases, True) for name, levels in wanted.items()}
             unknown = {name: text for name, text in unknown.items() if text} or {
                 next(iter(one.terms)): "the terms have no case in common for any choice of the axes left out"
@@ -172,7 +180,7 @@ def narrowed(campaign: Campaign) -> Campaign:
             "statements": tuple(
                 one
                 for one in campaign.statements
-                if next(readings(cases, {name: one.case_of(name) for name in one.terms}), None) is not None
+                if readings(cases, {name: one.case_of(name) for name in one.terms})
                 and (not one.along or one.along in cases[0])
             ),
         }
@@ -307,7 +315,8 @@ def bad_levels(
             yield mistake(place, path, message)
         elif kind == "one_at_a_time" and label == BASE_LABEL:
             yield mistake(place, path, f"{label!r} is the label of the base; give labels")
-    if len(set(labels)) < len(labels):
+    named = dict(zip(labels, values, strict=True))
+    if any(named[label] != value for label, value in zip(labels, values, strict=True)):
         yield mistake(place, path, "two levels have the same label; give labels")
 
 

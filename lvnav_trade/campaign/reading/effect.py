@@ -117,6 +117,9 @@ def _holds(node: Node, kind: Any) -> bool:
     nor do entries that there are none of.
     """
     if node.is_map:
+        held = fields.entries(kind)
+        if held is not None and not fields.models(held):
+            return False  # plain values by names of the user's own are read as one
         return any(child.value is not None for key, child in node.value.items() if key not in _DESCRIPTIONS)
     return node.is_list and bool(node.value) and bool(fields.models(fields.item(kind, 0)))
 

@@ -169,10 +169,12 @@ class _Loader:
         changed = (Scenario.model_validate(design.put(base, axis.steps, tree.plain(value))) for value in values)
         plain = [design.get(scenario.model_dump(mode="json"), axis.steps) for scenario in changed]
         names = [design.level_label(axis, number) for number in range(len(values))]
-        names = [  # a number on those that would otherwise be equal
-            name if names.count(name) == 1 else f"{name}#{names[: number + 1].count(name)}"
-            for number, name in enumerate(names)
-        ]
+        if axis.labels is None:  # a number on those that would otherwise be equal, where they differ
+            alike = [[other for other, name in enumerate(names) if name == mine] for mine in names]
+            names = [
+                name if all(plain[k] == plain[number] for k in same) else f"{name}#{same.index(number) + 1}"
+                for number, (name, same) in enumerate(zip(names, alike, strict=True))
+            ]
         self.mistakes += checks.bad_levels(self.design, varied, plain, names, index)
         return axis.model_copy(
             update={"path": ".".join(axis.steps), "cards": None, "values": tuple(plain), "labels": tuple(names)}

@@ -1,6 +1,8 @@
-"""Ionospheric group delay: Klobuchar's broadcast model, and a Chapman layer seen from any height."""
+"""Ionospheric group delay: Klobuchar's broadcast model, and layers of Chapman and Epstein seen from any height."""
 
 import math
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -116,15 +118,25 @@ def chapman_slant(elevation: ArrayLike, height: ArrayLike, peak: float, scale: f
     elevation (...,) rad, height (...,) m; peak, scale m. The layer ends 20 scale heights above its peak, with 2e-9
     of the content beyond.
     """
+    density = partial(_chapman, peak=peak, scale=scale)
+    return along_ray(elevation, height, peak + scale * np.array(_PANELS), density) / (scale * _beyond(0.0, peak, scale))
+
+
+def along_ray(elevation: ArrayLike, height: ArrayLike, edges: ArrayLike, density: Callable[[Floats], Floats]) -> Floats:
+    """Return the integral (...,) m of a density over height along straight rays.
+
+    elevation (...,) rad, height (...,) m; edges (k,) m, rising: heights between which the density is smooth, it ends at
+    the last; density of heights (...,) m.
+    """
     el, h = np.broadcast_arrays(np.asarray(elevation, dtype=float), np.asarray(height, dtype=float))
     start, impact = (EARTH_RADIUS + h) * np.sin(el), (EARTH_RADIUS + h) * np.cos(el)
-    edges = EARTH_RADIUS + np.maximum(peak + scale * np.array(_PANELS), 0.0)
-    bounds = np.sqrt(np.maximum(edges**2 - impact[..., None] ** 2, 0.0))
+    radii = EARTH_RADIUS + np.maximum(np.asarray(edges, dtype=float), 0.0)
+    bounds = np.sqrt(np.maximum(radii**2 - impact[..., None] ** 2, 0.0))
     bounds = np.concatenate([np.zeros_like(bounds[..., :1]), bounds], axis=-1)
-    density = _layer(impact, np.maximum(bounds, np.maximum(start, 0.0)[..., None]), peak, scale)
+    found = _panels(impact, np.maximum(bounds, np.maximum(start, 0.0)[..., None]), density)
     dips = start < 0.0
-    density[dips] += _layer(impact[dips], np.minimum(bounds[dips], -start[dips][:, None]), peak, scale)
-    return np.asarray(density / (scale * _beyond(0.0, peak, scale)))
+    found[dips] += _panels(impact[dips], np.minimum(bounds[dips], -start[dips][:, None]), density)
+    return np.asarray(found)
 
 
 def _beyond(height: ArrayLike, peak: float, scale: float) -> Floats:
@@ -132,10 +144,36 @@ def _beyond(height: ArrayLike, peak: float, scale: float) -> Floats:
     return np.asarray(-math.e * np.expm1(-np.exp(-(np.asarray(height, dtype=float) - peak) / scale)))
 
 
-def _layer(impact: Floats, bounds: Floats, peak: float, scale: float) -> Floats:
-    """Return the integral (m) of exp(1 - z - exp(-z)) along straight rays over panels between the bounds (..., m)."""
+def _panels(impact: Floats, bounds: Floats, density: Callable[[Floats], Floats]) -> Floats:
+    """Return the integral (m) of a density of height along straight rays over panels between the bounds (..., m)."""
     half = 0.5 * np.diff(bounds, axis=-1)[..., None]
     along = bounds[..., :-1, None] + half * (1.0 + _NODES)
-    z = (np.sqrt(impact[..., None, None] ** 2 + along**2) - EARTH_RADIUS - peak) / scale
-    z = np.maximum(z, -5.0)  # nothing is left there, nor through the Earth
-    return np.asarray(np.sum(half * _WEIGHTS * np.exp(1.0 - z - np.exp(-z)), axis=(-2, -1)))
+    height = np.sqrt(impact[..., None, None] ** 2 + along**2) - EARTH_RADIUS
+    return np.asarray(np.sum(half * _WEIGHTS * density(height), axis=(-2, -1)))
+
+
+def _chapman(height: Floats, peak: float, scale: float) -> Floats:
+    """Return Chapman's layer exp(1 - z - exp(-z))."""
+    z = np.maximum((height - peak) / scale, -5.0)  # nothing is left there, nor through the Earth
+    return np.asarray(np.exp(1.0 - z - np.exp(-z)))
+
+
+# --- Epstein layer ----------------------------------------------------------------------------------------------------
+
+
+def epstein_slant(elevation: ArrayLike, height: ArrayLike, peak: float, bottom: float, top: float) -> Floats:
+    """Return slant content over vertical content at the ground, (...,), of two half Epstein layers, along the ray.
+
+    The density is 4 exp(z) / (1 + exp(z))^2, z = (h - peak) / B, with the thickness B of its bottom side below the peak
+    and of its top side above it (m), as in the NeQuick family (Di Giovanni and Radicella 1990). The layer ends 20
+    thicknesses above the peak, with 2e-9 of the content beyond. elevation (...,) rad, height (...,) m.
+    """
+    edges = [*(peak + bottom * z for z in (-8.0, -4.0, -2.0, -1.0, 0.0)), *(peak + top * z for z in (1, 2, 4, 8, 20))]
+    density = partial(_epstein, peak=peak, bottom=bottom, top=top)
+    below = 4.0 * bottom * (1.0 / (1.0 + math.exp(-peak / bottom)) - 0.5)
+    return along_ray(elevation, height, edges, density) / (below + 2.0 * top)
+
+
+def _epstein(height: Floats, peak: float, bottom: float, top: float) -> Floats:
+    z = (height - peak) / np.where(height < peak, bottom, top)
+    return np.asarray(1.0 / np.cosh(0.5 * np.maximum(z, -60.0)) ** 2)

@@ -210,3 +210,7 @@ def test_states_of_a_card_may_be_those_of_units_with_larger_errors_but_not_of_no
     own.write_text("name: mine\nsource: test\nmeasurements: [pseudorange]\nextra_states: [timing, position_bias]\n")
     message = "position_bias: no measurement of the filter depends on it"
     assert refused("filter=filters/mine") == [f"configs/filters/mine.yaml:4:24: base.filter.extra_states: {message}"]
+
+
+def test_times_of_names_of_the_users_own_have_an_effect_as_a_whole(campaign: Path) -> None:
+    assert refused('trajectory={card: trajectories/two_stage_leo, named_times: {minute: "60 s"}}') == []

@@ -123,3 +123,19 @@ def test_an_axis_into_a_list_that_another_level_does_not_have_is_reported(study)
     study.edit("campaign.yaml", "imu: imu/good", f"imu: imu/good\n  faults: [{fault}]")
     with pytest.raises(InputError, match="'0' is not an item of a list of 0"):
         load(study.path)
+
+
+def test_levels_of_a_zip_that_are_equal_share_a_label_and_others_do_not(study) -> None:
+    axes = (
+        "axes:\n  - {path: imu, cards: [imu/good, imu/good, imu/poor]}\n"
+        "  - {path: filter.gate, values: [4, 5, 4], labels: [narrow, wide, narrow]}\ndesign: zip\n"
+    )
+    study.append(axes)
+    assert [case.label for case in cases(load(study.path))] == [
+        "imu=good, gate=narrow", "imu=good, gate=wide", "imu=poor, gate=narrow"
+    ]  # fmt: skip
+
+
+def test_levels_of_a_zip_that_differ_need_labels_of_their_own(study) -> None:
+    axes = "axes:\n  - {path: filter.gate, values: [4, 5], labels: [same, same]}\ndesign: zip\n"
+    assert "axes.0.values: two levels have the same label; give labels" in reported(study, axes)

@@ -17,6 +17,7 @@ from lvnav_trade.kernels.media.ionosphere import (
     L5,
     chapman_slant,
     content_above,
+    epstein_slant,
     free_combination,
     klobuchar,
     lear_slant,
@@ -113,3 +114,28 @@ def test_both_slants_are_continuous_at_the_horizon():
     for slant in (lear_slant, chapman_slant):
         below, above = (slant(np.full(4, side), height, PEAK, SCALE) for side in (-1e-9, 1e-9))
         assert below == pytest.approx(above, rel=1e-5)
+
+
+def epstein(height):
+    return 1.0 / np.cosh((height - 350e3) / (2.0 * np.where(height < 350e3, 40e3, 90e3))) ** 2
+
+
+@pytest.mark.parametrize(
+    ("height", "degrees"), [(0.0, 90.0), (50e3, 10.0), (150e3, 0.0), (350e3, -10.0), (600e3, 40.0)]
+)
+def test_epsteins_layer_is_that_of_adaptive_quadrature(height, degrees):
+    elevation = np.radians(degrees)
+    impact, start = (EARTH_RADIUS + height) * np.cos(elevation), (EARTH_RADIUS + height) * np.sin(elevation)
+    points = np.linspace(start, np.sqrt((EARTH_RADIUS + 2150e3) ** 2 - impact**2), 60)
+    slant = sum(
+        quad(lambda s: epstein(np.hypot(impact, s) - EARTH_RADIUS), a, b, epsabs=1e-3, limit=200)[0]
+        for a, b in itertools.pairwise(points)
+    )
+    vertical = quad(epstein, 0.0, 2150e3, points=[350e3], epsabs=1e-3, limit=200)[0]
+    assert epstein_slant(elevation, height, 350e3, 40e3, 90e3) == pytest.approx(slant / vertical, rel=1e-5)
+
+
+def test_what_is_above_the_peak_of_epsteins_layer_is_twice_its_thickness():
+    share = epstein_slant(0.5 * np.pi, np.array([0.0, 350e3]), 350e3, 40e3, 90e3)
+    ground = 2.0 * 90e3 + 4.0 * 40e3 * (1.0 / (1.0 + np.exp(-350.0 / 40.0)) - 0.5)
+    assert share == pytest.approx([1.0, 2.0 * 90e3 / ground], rel=1e-6)
