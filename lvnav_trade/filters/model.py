@@ -28,12 +28,13 @@ BIAS_OF = {"gyro_bias": "gyro_relative_bias", "accel_bias": "accel_relative_bias
 class FilterModel(NamedTuple):
     """A filter in numbers, for the kernels. Index arrays int64; per-window tables by window length.
 
-    aided: it has measurements; tight: ranges are among them; solves: the receiver solves for itself; measured
-    (n_channel,): the channel is processed; n_receiver of them are the receiver's (0: none is processed); rate_sign: see
-    `observables.base.antenna`; strapdown: its algorithm; block_rows, block_columns, block_kinds, block_drivers
-    (n_block,); seconds (n_length,) distinct window lengths, decay and noise (n_length, n_state) per length; clock
-    index; n_estimated, n_state; par_sensor, par_driver, par_offset (n_par,); biases_only (no scale factor or
-    misalignment); fading (any decay); gate_squared; joseph; row_type, n_entry (n_channel,), entry and column
+    aided: it has measurements, or the receiver solves beside it; tight: ranges are among them; solves: the receiver
+    solves for itself; measured (n_channel,): the channel is processed; n_receiver of them are the receiver's (0: none
+    is processed); rate_sign: see `observables.base.antenna`; strapdown: its algorithm; block_rows, block_columns,
+    block_kinds, block_drivers (n_block,); seconds (n_length,) distinct window lengths, decay and noise (n_length,
+    n_state) per length; clock index; n_estimated, n_state; par_sensor, par_driver, par_offset (n_par,); biases_only (no
+    scale factor or misalignment); fading (any decay); gate_squared; joseph; row_type, n_entry (n_channel,), entry and
+    column
     (n_channel, n) by channel; lever_arms (n_antenna, 3) m; extra_offset (n_extra,) state of each extra one,
     extra_member (n_extra_family, n_channel) extra state in a channel, -1 none; every: of how many epochs the filter
     takes the last; has_covariance: solutions come with a covariance of their own and are decorrelated.
@@ -277,7 +278,7 @@ def build_filter_model(
     count, entry, column = _row_tables(layout, row_type, bool(np.any(lever_arms)), has_covariance)
     extra_offset, extra_member = _extra_tables(layout, channels.n_channel)
     model = FilterModel(
-        aided=any(name in TYPES for name in measurements),
+        aided=solves or any(name in TYPES for name in measurements),
         tight=channels.tight,
         solves=solves,
         measured=np.isin(row_type, [kind for name, kind in TYPES.items() if name in measurements]),

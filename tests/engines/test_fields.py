@@ -29,6 +29,8 @@ HEARING = {"antennas", "link", "loops", "tracking"}
 DELAYS = {"corrections"}
 # Tables of factors on noise: tests/test_noise.py, tests/engines/setup/test_receiver_noise.py walk their fields.
 NOISE = {"noise_by"}
+# Noise of the carrier, of a receiver that smooths its ranges: tests/engines/setup/test_smoothing.py.
+PHASE = {"carrier_phase_sigma"}
 # A recording in a file: tests/world/user_file/test_error_table.py walks its fields.
 RECORDED = {"error_table"}
 # A model of the vehicle and its attitude reference: tests/engines/setup/test_vehicle.py walks them on such a filter.
@@ -144,7 +146,7 @@ def leaves(model, before=""):
     for name, field in model.model_fields.items():
         within = [a for a in (field.annotation, *get_args(field.annotation)) if isinstance(a, type)]
         inner = [a for a in within if issubclass(a, BaseModel)]
-        if name in DELAYS | NOISE | RECORDED | POLICIES | MODELLED | SENSORS | RELATIVE or (
+        if name in DELAYS | NOISE | PHASE | RECORDED | POLICIES | MODELLED | SENSORS | RELATIVE or (
             model is ReceiverCard and name in HEARING
         ):
             continue

@@ -21,7 +21,7 @@ from lvnav_trade.noise import NoiseFactor
 from lvnav_trade.observables.partials import LEVER_AXES, Channels, Geometry, members, partial, sensor_states
 from lvnav_trade.observables.sensors import RANGES, RECEIVER_SOLUTION
 from lvnav_trade.records import Bools, Floats, Sky
-from lvnav_trade.scenario import Scenario, epoch_interval, solves
+from lvnav_trade.scenario import Scenario, epoch_interval, smoothing_of, solves
 from lvnav_trade.sources import CLOCK_START, CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE
 from lvnav_trade.world.faults import Failures
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
@@ -232,7 +232,11 @@ def _by_channel(
 def _true_sigma(scenario: Scenario, seen: Sky, line: Line, channels: Channels) -> tuple[Any, Any]:
     """Return the two sigmas of white noise of a receiver in which nothing has failed; see `_by_channel`."""
     if channels.tight:
-        return seen.range_sigma, seen.rate_sigma
+        smoothing, receiver = smoothing_of(scenario), scenario.receiver
+        if smoothing is None or smoothing.velocity == "doppler":
+            return seen.range_sigma, seen.rate_sigma
+        of_phase = receiver.amplification * receiver.carrier_phase_sigma
+        return seen.range_sigma, math.sqrt(2.0) * of_phase / smoothing.rate_interval
     solution = direct(scenario)
     of_position, of_velocity = line.noise_factors(scenario.receiver.noise_by, RECEIVER_SOLUTION)
     return solution.position_sigma * of_position, solution.velocity_sigma * of_velocity
