@@ -11,6 +11,7 @@ from lvnav_trade.noise import idle_tables
 from lvnav_trade.observables.sensors import RANGES, SENSOR_STATES
 from lvnav_trade.scenario import Scenario, solves
 from lvnav_trade.world.faults import ClockJump, DegradedNoise, RangeBias, WildSamples
+from lvnav_trade.world.receiver.receiver import DirectSolution
 
 _FLIGHT_LOOP = ("filter.feedback",)
 _CONTROL = ("control", "filter.envelope", "trajectory")
@@ -103,9 +104,13 @@ def _of_noise(scenario: Scenario) -> Iterator[tuple[str, str]]:
 
 
 def _of_ranges(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    """Yield the faults of ranges, and of satellites, where no range is measured and no solution made of ranges."""
+    """Yield the faults of ranges, and of satellites, where no range is measured and no solution made of ranges; and a
+    solver whose solution nobody takes or reports.
+    """
     if scenario.filter.tight or solves(scenario):
         return
+    if not isinstance(scenario.receiver.solution, DirectSolution):
+        yield "receiver.solution", "no effect: the filter does not take the solution, and it is not reported"
     what = "solution is simulated, not solved from ranges" if scenario.filter.loose else "measurements are not taken"
     reason = f"no effect: the receiver's {what}"
     for number, fault in enumerate(scenario.faults):

@@ -229,7 +229,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     lever_arms = seen.lever_arms if channels.tight else lever_b[None, :]
     layout, model = build_filter_model(
         card, imu, receiver, lever_arms, at.lengths, channels, _strapdown(scenario, trajectory, ref), every(scenario),
-        has_covariance(scenario), solves(scenario), measured(scenario),
+        has_covariance(scenario), solves(scenario), measured(scenario), initial.clock_drift,
     )  # fmt: skip
     gains = gains_of(scenario, layout, channels, t_epoch, trajectory.events)
     if gains is not None:
