@@ -9,7 +9,7 @@ from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.layout import PARAMETERS
 from lvnav_trade.noise import idle_tables
 from lvnav_trade.observables.sensors import RANGES, SENSOR_STATES
-from lvnav_trade.scenario import Scenario, solves
+from lvnav_trade.scenario import Scenario, smoothing_of, solves
 from lvnav_trade.world.faults import ClockJump, DegradedNoise, RangeBias, WildSamples
 from lvnav_trade.world.receiver.receiver import DirectSolution
 
@@ -95,8 +95,9 @@ def _late(prepared: Prepared) -> Iterator[tuple[str, str]]:
 def _of_noise(scenario: Scenario) -> Iterator[tuple[str, str]]:
     """Yield the factors on noise of what is not measured: by the receiver, or by the filter."""
     model, taken = scenario.filter.receiver, scenario.filter.measurements
+    solved = (*RANGES, "carrier_phase") if smoothing_of(scenario) is not None else RANGES
     for path, tables, measured in (
-        ("receiver", scenario.receiver.noise_by, RANGES if solves(scenario) else taken),
+        ("receiver", scenario.receiver.noise_by, solved if solves(scenario) else taken),
         ("filter.receiver", () if isinstance(model, str) else model.noise_by, () if solves(scenario) else taken),
     ):
         for number in idle_tables(tables, measured):

@@ -247,19 +247,24 @@ def _by_channel(
     return table
 
 
-def rate_sigma_of(scenario: Scenario, seen: Sky) -> Floats:
+def rate_sigma_of(scenario: Scenario, seen: Sky, trajectory: Trajectory) -> Floats:
     """Return the sigma of range rates (n_epoch, n_sat): of the Doppler, or of differences of carrier phase."""
     smoothing, receiver = smoothing_of(scenario), scenario.receiver
     if smoothing is None or smoothing.velocity == "doppler":
         return seen.rate_sigma
-    of_phase = receiver.amplification * receiver.carrier_phase_sigma
-    return np.full(seen.rate_sigma.shape, math.sqrt(2.0) * of_phase / smoothing.rate_interval)
+    return math.sqrt(2.0) / smoothing.rate_interval * phase_sigma(receiver, seen, trajectory)
+
+
+def phase_sigma(receiver: ReceiverCard, seen: Sky, trajectory: Trajectory) -> Floats:
+    """Return the sigma of carrier phase (n_epoch, n_sat) m."""
+    (grown,) = factors(receiver.noise_by, ("carrier_phase",), trajectory, seen.t)
+    return np.full(seen.rate_sigma.shape, receiver.amplification * receiver.carrier_phase_sigma) * grown
 
 
 def _true_sigma(scenario: Scenario, seen: Sky, line: Line, channels: Channels) -> tuple[Any, Any]:
     """Return the two sigmas of white noise of a receiver in which nothing has failed; see `_by_channel`."""
     if channels.tight:
-        return seen.range_sigma, rate_sigma_of(scenario, seen)
+        return seen.range_sigma, rate_sigma_of(scenario, seen, line.trajectory)
     solution = direct(scenario)
     of_position, of_velocity = line.noise_factors(scenario.receiver.noise_by, RECEIVER_SOLUTION)
     return solution.position_sigma * of_position, solution.velocity_sigma * of_velocity

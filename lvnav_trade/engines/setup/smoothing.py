@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lvnav_trade.engines.setup.families import ErrorFamily
-from lvnav_trade.engines.setup.signals import Line
+from lvnav_trade.engines.setup.signals import Line, phase_sigma
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.receivers.hatch import Smoothing, divergence, gains
 from lvnav_trade.records import Bools, Floats, Sky
@@ -35,16 +35,16 @@ def _locked(seen: Sky) -> Bools:
 
 
 def smoothing_numbers(
-    scenario: Scenario, gain: Floats | None, seen: Sky, families: Sequence[ErrorFamily]
+    scenario: Scenario, gain: Floats | None, seen: Sky, line: Line, families: Sequence[ErrorFamily]
 ) -> Smoothing | None:
     """Return the smoothing in numbers for the kernels; families: the errors that ranges share."""
     if gain is None:
         return None
-    receiver, n = scenario.receiver, 2 * len(seen.names)
+    n = 2 * len(seen.names)
     code = [_in_code(family) * np.broadcast_to(family.partial[:, 0:n:2], gain.shape) for family in families]
     return Smoothing(
         gain=gain,
-        sigma=np.full(gain.shape, receiver.amplification * receiver.carrier_phase_sigma),
+        sigma=phase_sigma(scenario.receiver, seen, line.trajectory),
         code=np.array(code).reshape(len(code), *gain.shape),
         source=np.uint64(source_word(PHASE_NOISE)),
     )

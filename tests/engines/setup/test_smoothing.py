@@ -128,3 +128,17 @@ def test_an_uncoupled_system_reports_both_solutions_and_fuses_nothing():
     coupled = flown(None, False)[1]
     np.testing.assert_allclose(history.true_sigma[:, N_STATE:], coupled.true_sigma[:, N_STATE:], rtol=1e-9)
     np.testing.assert_allclose(history.budget.sum(axis=1), history.true_sigma**2, rtol=1e-9, atol=1e-30)
+
+
+def test_noise_of_the_carrier_has_tables_of_its_own():
+    grown = {"specific_force": ["0 m/s^2", "20 m/s^2"], "factor": [1.0, 4.0], "of": ["carrier_phase"]}
+    scenario = prepared((("velocity", "centred"),)).scenario
+    plain, more = prepare_hop(scenario), prepare_hop(with_fields(scenario, **{"receiver.noise_by": [grown]}))
+    rates = slice(1, 2 * len(plain.sky.names), 2)
+    for epoch, factor in ((5, 4.0), (-1, 1.0)):  # under thrust, and without
+        ratio = more.options.solver.smoothing.sigma[epoch] / plain.options.solver.smoothing.sigma[epoch]
+        np.testing.assert_allclose(ratio, factor, rtol=1e-3)
+        np.testing.assert_allclose(
+            more.signals.sigma[epoch, rates] / plain.signals.sigma[epoch, rates], factor, rtol=1e-3
+        )
+    np.testing.assert_array_equal(more.signals.sigma[:, ::2], plain.signals.sigma[:, ::2])

@@ -148,7 +148,7 @@ def _add_receiver(white: dict[str, list[Floats]], prepared: Prepared, work: Work
     signals, sky, card = prepared.signals, prepared.sky, prepared.scenario.receiver
     if ranges:
         s = signals.used[epoch, : signals.n_used[epoch]]
-        rate_sigma = rate_sigma_of(prepared.scenario, sky)
+        rate_sigma = rate_sigma_of(prepared.scenario, sky, prepared.trajectory)
         for k, (name, true, sigma) in enumerate((
             ("pseudorange noise", signals.range, sky.range_sigma), ("range-rate noise", signals.rate, rate_sigma),
         )):  # fmt: skip
