@@ -56,7 +56,7 @@ def verdicts(frame: pd.DataFrame) -> list[Block]:
     if mixed := len(groups) - sum(only.values()):
         counts.append(f"{mixed} hold in part: for some readings or some of their conditions")
     blocks: list[Block] = [Text(f"Of {len(groups)} statements {', '.join(counts)}.")]
-    rows = frame.assign(order=order).sort_values("order", kind="stable")
+    rows = frame.assign(order=order).sort_values("order", kind="stable").dropna(axis="columns", how="all")
     for word, heading in _HEADINGS.items():
         mine = rows[rows.verdict == word]
         if len(mine):

@@ -22,7 +22,9 @@ ELSEWHERE = (
 )  # of a grid of two axes, see test_validity; of a vehicle, see test_vehicle
 
 
+SIZE = {"metric": "velocity_error_3d", "at": "injection"}
 ARGUMENTS = {
+    "bound": ({"value": "a", "terms": {"a": SIZE}, "unit": "m/s", "along": "imu", "at_most": 1.0},),
     "trajectory": (CASE,),
     "satellites": (CASE,),
     "sky": (CASE,),

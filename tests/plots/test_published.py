@@ -10,7 +10,7 @@ import pytest
 
 from lvnav_trade.metrics.numbers import ours
 from lvnav_trade.metrics.published import references
-from lvnav_trade.plots.published import locus, missions, ratios, single, spread, steps
+from lvnav_trade.plots.published import bound, locus, missions, ratios, single, spread, steps
 from lvnav_trade.store.read import load
 from tests import synthetic
 
@@ -117,3 +117,13 @@ def test_three_panels_with_units_and_a_line_for_every_phase():
     assert [ax.get_ylabel().split("(")[-1] for ax in figure.axes] == ["mrad)", "m/s)", "m)"]
     assert "s)" in figure.axes[-1].get_xlabel()
     assert all(len(ax.lines) == 5 for ax in figure.axes)
+
+
+def test_the_value_of_a_statement_stands_over_its_axis_with_its_bounds(tables):
+    size = {"metric": "velocity_error_3d", "at": "injection"}
+    stated = {"value": "a", "terms": {"a": size}, "unit": "cm/s", "along": "imu", "at_least": 20.0, "at_most": 70.0}
+    ax = bound(tables, stated).axes[0]
+    lines = {line.get_label(): line.get_ydata() for line in ax.get_lines()}
+    np.testing.assert_allclose(lines["formal"], 199.5 * np.sqrt(0.1**2 + 0.12**2 + 0.2**2) * np.array([1.0, 3.0]))
+    assert sorted(float(line.get_ydata()[0]) for line in ax.get_lines() if line.get_label() == "bound") == [20.0, 70.0]
+    assert [tick.get_text() for tick in ax.get_xticklabels()] == ["fine", "coarse"]
