@@ -97,6 +97,11 @@ class StateLayout(NamedTuple):
     motion: int = -1
     samples: bool = False
 
+    @property
+    def has_reduced_clock(self) -> bool:
+        """Whether of the clock the bias alone is estimated: the drift behind it is taken for zero."""
+        return self.clock >= 0 and self.clock + 1 == self.n_estimated
+
 
 # Rate and acceleration of the vehicle: SI unit, unit and factor for people
 MOTION = (("rate", "rad/s", "deg/h", _DEG_H), ("acceleration", "m/s^2", "mg", _MG))

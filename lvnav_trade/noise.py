@@ -9,7 +9,7 @@ from pydantic import Field
 from lvnav_trade.records import Floats
 from lvnav_trade.units import AccelerationSigma, Card, JerkSigma, Length, require_rising
 
-Noisy = Literal["pseudorange", "range_rate", "position", "velocity"]
+Noisy = Literal["pseudorange", "range_rate", "carrier_phase", "position", "velocity"]
 NOISY: tuple[Noisy, ...] = get_args(Noisy)
 QUANTITIES = ("altitude", "specific_force", "jerk")
 

@@ -21,7 +21,7 @@ from lvnav_trade.world.control.cards import ControlledCard
 from lvnav_trade.world.faults import Fault
 from lvnav_trade.world.flight.trajectory import TrajectoryCard
 from lvnav_trade.world.gravity import GravityCard
-from lvnav_trade.world.receiver.receiver import DirectSolution, ReceiverCard
+from lvnav_trade.world.receiver.receiver import DirectSolution, ReceiverCard, SmoothingCard
 from lvnav_trade.world.sensors.imu import ImuCard
 from lvnav_trade.world.sensors.units import Imu, ImuSet, RelativeErrors, equivalent, relative_errors
 from lvnav_trade.world.sky.constellation import Constellation, parts_of
@@ -140,14 +140,25 @@ def difference_of(scenario: Scenario, sensor: ImuDifferenceCard) -> RelativeErro
 
 
 def solves(scenario: Scenario) -> bool:
-    """Return whether a loose filter takes the solution of a receiver that solves for it itself."""
-    return scenario.filter.loose and not isinstance(scenario.receiver.solution, DirectSolution)
+    """Return whether the receiver solves for itself: a loose filter takes its solution, or the solution is reported
+    beside a filter that takes nothing of the receiver (an uncoupled system).
+    """
+    card = scenario.receiver.solution
+    if isinstance(card, DirectSolution) or scenario.filter.tight:
+        return False
+    return scenario.filter.loose or card.reported
 
 
 def reported(scenario: Scenario) -> bool:
     """Return whether errors of the receiver's own solution are reported beside those of the filter that takes it."""
     card = scenario.receiver.solution
     return solves(scenario) and not isinstance(card, DirectSolution) and card.reported
+
+
+def smoothing_of(scenario: Scenario) -> SmoothingCard | None:
+    """Return the carrier smoothing of the receiver's ranges before it solves; none where it does not solve."""
+    card = scenario.receiver.solution
+    return card.smoothing if solves(scenario) and not isinstance(card, DirectSolution) else None
 
 
 def has_covariance(scenario: Scenario) -> bool:

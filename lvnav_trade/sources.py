@@ -11,8 +11,8 @@ Field = tuple[tuple[str, ...], int]
 
 # Keys of draws that are not those of one source.
 IMU_NOISE = "inertial unit white noise"
-CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE, CLOCK_START = (
-    "receiver clock", "range noise", "solution noise", "receiver clock start",
+CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE, CLOCK_START, PHASE_NOISE = (
+    "receiver clock", "range noise", "solution noise", "receiver clock start", "carrier-phase noise",
 )  # fmt: skip
 
 
@@ -49,6 +49,7 @@ _OTHERS = {
     "receiver clock": ((("receiver", "clock", "h0"), 2), (("receiver", "clock", "h_minus2"), 2)),
     "pseudorange noise": _linear("receiver.pseudorange_sigma"),
     "range-rate noise": _linear("receiver.range_rate_sigma"),
+    "carrier-phase noise": _linear("receiver.carrier_phase_sigma"),
     "position solution noise": _linear("receiver.solution.position_sigma"),
     "velocity solution noise": _linear("receiver.solution.velocity_sigma"),
     "solution position bias": _linear("receiver.solution.position_bias"),

@@ -201,6 +201,14 @@ class FilterCard(units.NamedCard):
         "range_rate); of sensors; imu: samples of the IMU"
     )
     extra_states: tuple[ExtraState, ...] = ()
+    clock: Literal["two_state", "one_state", "differenced"] = Field(
+        "two_state",
+        description="of the receiver, where ranges are measured: bias and drift; bias alone, its drift taken for white "
+        "noise; none that lasts: ranges less that of a reference satellite",
+    )
+    reference_satellite: str | None = Field(
+        None, description="of the differences, such as G05, while it is in use; none: the highest"
+    )
     strapdown: StrapdownCard = Field(StrapdownCard(), description="how increments are integrated")
     mechanisation: Literal["inertial", "earth", "pad"] = Field(
         "inertial",
@@ -272,6 +280,8 @@ class FilterCard(units.NamedCard):
             yield f"{', '.join(both)}: neglected and considered, choose one"
         if self.logic is not None and self.logic.correct_after > 0.0 and self.feedback == "closed":
             yield "logic.correct_after delays the outputs of an open loop: it needs feedback: open"
+        if self.clock == "one_state" and "range_rate" in self.measurements:
+            yield "clock: one_state takes the drift for white noise, and every range_rate measures the drift"
         if self.strapdown.ratio > 1 and self.models_vehicle:
             yield "strapdown.ratio: a filter with imu among its measurements takes every sample"
 

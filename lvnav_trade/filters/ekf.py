@@ -232,14 +232,44 @@ def fill_receiver(work, model, signals, epoch):
         fill_loose(work, model, signals, epoch)
 
 
+@jit
+def is_reference(signals, epoch, row):
+    """Return whether a row is of the satellite that others are differenced with."""
+    return signals.reference[epoch] >= 0 and row // 2 == signals.reference[epoch]
+
+
+@jit
+def take_reference(work, model, signals, epoch, n_row, limit):
+    """Make bias and drift of the clock what the reference satellite's range and range rate say, and forget what was
+    known of them.
+
+    The other rows less the reference's follow: their clock is the reference's error, which all of them share. This is
+    the difference of measurements, with the noise that differences have in common in the clock's state in place of
+    off-diagonal terms to be whitened. limit: below zero where nothing is taken.
+    """
+    if n_row > 0 and signals.reference[epoch] >= 0:
+        for k in range(2):
+            row = 2 * signals.reference[epoch] + k
+            channel = channel_of(model, signals, epoch, row)
+            if model.measured[channel]:
+                n = model.n_entry[channel]
+                update_with_gain(
+                    work.P, work.x, work.K, work.H[row], model.entry[channel, :n], model.column[channel, :n],
+                    model.clock_gain[k], work.z[row], like(work.x[0], signals.variance[epoch, channel]), limit,
+                    model.n_estimated,
+                )  # fmt: skip
+
+
 @inlined
 def update_receiver(work, gains, model, signals, epoch, gate_squared):
     """Update by what the receiver measures at an epoch: pseudorange and range rate of every satellite in use, or
     position and velocity of a solution axis by axis, as far as they are among the filter's measurements.
     """
-    for row in range(n_measured(model, signals, epoch)):
+    n_row = n_measured(model, signals, epoch)
+    take_reference(work, model, signals, epoch, n_row, where(gate_squared >= 0.0, np.inf, gate_squared))
+    for row in range(n_row):
         channel = channel_of(model, signals, epoch, row)
-        if model.measured[channel]:
+        if model.measured[channel] and not is_reference(signals, epoch, row):
             update_and_count(work, gains, model, signals, epoch, row, channel, model.has_covariance, gate_squared)
 
 

@@ -28,15 +28,17 @@ BIAS_OF = {"gyro_bias": "gyro_relative_bias", "accel_bias": "accel_relative_bias
 class FilterModel(NamedTuple):
     """A filter in numbers, for the kernels. Index arrays int64; per-window tables by window length.
 
-    aided: it has measurements; tight: ranges are among them; solves: the receiver solves for itself; measured
-    (n_channel,): the channel is processed; n_receiver of them are the receiver's (0: none is processed); rate_sign: see
-    `observables.base.antenna`; strapdown: its algorithm; block_rows, block_columns, block_kinds, block_drivers
-    (n_block,); seconds (n_length,) distinct window lengths, decay and noise (n_length, n_state) per length; clock
-    index; n_estimated, n_state; par_sensor, par_driver, par_offset (n_par,); biases_only (no scale factor or
-    misalignment); fading (any decay); gate_squared; joseph; row_type, n_entry (n_channel,), entry and column
+    aided: it has measurements, or the receiver solves beside it; tight: ranges are among them; solves: the receiver
+    solves for itself; measured (n_channel,): the channel is processed; n_receiver of them are the receiver's (0: none
+    is processed); rate_sign: see `observables.base.antenna`; strapdown: its algorithm; block_rows, block_columns,
+    block_kinds, block_drivers (n_block,); seconds (n_length,) distinct window lengths, decay and noise (n_length,
+    n_state) per length; clock index; n_estimated, n_state; par_sensor, par_driver, par_offset (n_par,); biases_only (no
+    scale factor or misalignment); fading (any decay); gate_squared; joseph; row_type, n_entry (n_channel,), entry and
+    column
     (n_channel, n) by channel; lever_arms (n_antenna, 3) m; extra_offset (n_extra,) state of each extra one,
     extra_member (n_extra_family, n_channel) extra state in a channel, -1 none; every: of how many epochs the filter
-    takes the last; has_covariance: solutions come with a covariance of their own and are decorrelated.
+    takes the last; has_covariance: solutions come with a covariance of their own and are decorrelated; clock_gain (2,
+    n_state) that makes bias or drift what a reference satellite measures.
     """
 
     aided: bool
@@ -72,6 +74,7 @@ class FilterModel(NamedTuple):
     extra_member: Ints
     every: int
     has_covariance: bool
+    clock_gain: Floats
 
 
 def _parameter_blocks(names: list[str], imu: ImuModel, offset: int) -> list[ParameterBlock]:
@@ -118,7 +121,8 @@ def state_layout(
         group = [n for n in wanted if (n in card.consider) == considered]
         blocks = _parameter_blocks([n for n in group if n in PARAMETERS], imu, offset)
         offset += 3 * len(blocks)
-        if not considered and channels.tight:
+        reduced = channels.tight and card.clock == "one_state"
+        if not considered and channels.tight and not reduced:
             clock, offset = offset, offset + 2
         shared = _extra_blocks([n for n in group if n not in PARAMETERS], imu, receiver, channels, offset)
         offset += sum(len(block.labels) for block in shared)
@@ -126,7 +130,9 @@ def state_layout(
         if not considered:
             if "imu" in measurements:
                 motion, offset = offset, offset + 6
-            n_estimated = offset
+            clock = offset if reduced else clock
+            n_estimated = offset = offset + reduced
+            offset += reduced  # the drift, which stays zero and known
     return StateLayout(
         tuple(parameters), clock, n_estimated, offset, tuple(extras), motion, samples=card.report_imu_samples
     )
@@ -175,7 +181,7 @@ def window_tables(layout: StateLayout, densities: Floats, seconds: Floats) -> tu
     return decay, noise
 
 
-def _densities(card: FilterCard, layout: StateLayout, imu: ImuModel, receiver: ReceiverModel) -> Floats:
+def _densities(card: FilterCard, layout: StateLayout, imu: ImuModel, receiver: ReceiverModel, drift: float) -> Floats:
     found = np.zeros(layout.n_state)
     # with a model of the vehicle the noise of samples enters by their rows, and nowhere else
     by_window = layout.motion < 0
@@ -186,7 +192,11 @@ def _densities(card: FilterCard, layout: StateLayout, imu: ImuModel, receiver: R
     for extra in layout.extras:
         found[extra.offset : extra.offset + len(extra.labels)] = extra.walk**2
     if layout.clock >= 0:
-        found[layout.clock : layout.clock + 2] = spectral_densities(receiver.clock_h0, receiver.clock_h_minus2)
+        bias, walk = spectral_densities(receiver.clock_h0, receiver.clock_h_minus2)
+        if layout.has_reduced_clock:  # of an update interval the same variance as that of bias and drift
+            interval = 1.0 / card.update_rate
+            bias, walk = bias + walk * interval**2 / 3.0 + drift**2 * interval, 0.0
+        found[layout.clock : layout.clock + 2] = bias, walk
     return found
 
 
@@ -259,25 +269,27 @@ def build_filter_model(
     has_covariance: bool = False,
     solves: bool = False,
     measurements: tuple[str, ...] = (),
+    drift: float = 0.0,
 ) -> tuple[StateLayout, FilterModel]:
     """Turn a filter card and its filter models into numbers.
 
     lever_arms (n_antenna, 3) m of the antennas; seconds (n_length,) are the window lengths that will occur; strapdown:
     its algorithm (none: that of the card, in the inertial frame); every: of how many epochs one is taken;
-    has_covariance: solutions come with a covariance of their own and are decorrelated. Long because a record of 32
-    numbers is filled here, each by an expression of its own.
+    has_covariance: solutions come with a covariance of their own and are decorrelated; drift: one-sigma (m/s) of the
+    clock's, that a clock of one state takes for white. Long because a record of 32 numbers is filled here, each by an
+    expression of its own.
     """
     layout = state_layout(card, imu, receiver, channels, measurements)
     rows, columns, kinds, drivers = transition_blocks(layout.parameters, card.transition_order)
     if "imu" in measurements:  # all but the gradient of gravity is propagated sample by sample
         gradient = kinds == transition.VEL_POS
         rows, columns, kinds, drivers = rows[gradient], columns[gradient], kinds[gradient], drivers[gradient]
-    decay, noise = window_tables(layout, _densities(card, layout, imu, receiver), seconds)
+    decay, noise = window_tables(layout, _densities(card, layout, imu, receiver, drift), seconds)
     row_type = _row_types(channels)
     count, entry, column = _row_tables(layout, row_type, bool(np.any(lever_arms)), has_covariance)
     extra_offset, extra_member = _extra_tables(layout, channels.n_channel)
     model = FilterModel(
-        aided=any(name in TYPES for name in measurements),
+        aided=solves or any(name in TYPES for name in measurements),
         tight=channels.tight,
         solves=solves,
         measured=np.isin(row_type, [kind for name, kind in TYPES.items() if name in measurements]),
@@ -310,6 +322,7 @@ def build_filter_model(
         extra_member=extra_member,
         every=every,
         has_covariance=has_covariance,
+        clock_gain=np.eye(2, layout.n_state, k=layout.clock) if layout.clock >= 0 else np.zeros((2, layout.n_state)),
     )
     return layout, model
 
@@ -326,7 +339,8 @@ def initial_covariance(
         variance[states] = sigma**2
     biases = {BIAS_OF[b.name]: b for b in layout.parameters if b.name in BIAS_OF}
     if clock >= 0:
-        variance[clock : clock + 2] = initial.clock_bias**2, initial.clock_drift**2
+        drift = 0.0 if layout.has_reduced_clock else initial.clock_drift
+        variance[clock : clock + 2] = initial.clock_bias**2, drift**2
     if motion >= 0 and envelope is not None:
         variance[motion : motion + 3] = envelope.start_rate**2
         variance[motion + 3 : motion + 6] = envelope.start_acceleration**2

@@ -91,10 +91,13 @@ class ReceiverFilter(NamedTuple):
 
 
 class Solver(NamedTuple):
-    """How a receiver makes a solution of its measurements: the point solution, and the filter behind it (or None)."""
+    """How a receiver makes a solution of its measurements: the point solution, the filter behind it, and the carrier
+    smoothing in front of both (or None).
+    """
 
     point: PointModel
     filter: Any = None
+    smoothing: Any = None
 
 
 class Receiver(NamedTuple):
@@ -103,8 +106,9 @@ class Receiver(NamedTuple):
     near (3,) m where the point solution is looked for; fix (8,) the point solution; inverse (4, 4) of its normal
     matrix; verdict (2,) its quality and number of satellites; nav (11,), P (11, 11) state and covariance of the filter;
     innovation (2 n_sat,) normalised, by satellite (range and range rate in turn), not-a-number where there is none;
-    memory (10,); used (2,) quality of the filtered solution and rows accepted; solution (6,) position and velocity
-    handed out, not-a-number where there is none, covariance (6, 6) reported with it; the rest is work.
+    average (n_sat,) m of code minus carrier, by satellite; memory (10,); used (2,) quality of the filtered solution and
+    rows accepted; solution (6,) position and velocity handed out, not-a-number where there is none, covariance (6, 6)
+    reported with it; the rest is work.
     """
 
     near: Floats
@@ -124,6 +128,7 @@ class Receiver(NamedTuple):
     solution: Floats
     covariance: Floats
     innovation: Floats
+    average: Floats
 
 
 def new_receiver(lanes: int = 0, n_sat: int = 64) -> Receiver:
@@ -133,6 +138,7 @@ def new_receiver(lanes: int = 0, n_sat: int = 64) -> Receiver:
         "near": (3,), "fix": (N_FIX,), "inverse": (4, 4), "normal": (4, 4), "sides": (2, 4), "verdict": (2,),
         "nav": (n,), "P": (n, n), "x": (n,), "K": (n,), "h": (N_ENTRY,), "at": (21,), "memory": (N_MEMORY,),
         "used": (2,), "solution": (6,), "covariance": (6, 6), "innovation": (2 * n_sat,),
+        "average": (n_sat,),
     }  # fmt: skip
     return Receiver(**zeros_of(shapes, lanes))
 
@@ -149,6 +155,8 @@ def switch_on(rx: Any, x: Any, y: Any, z: Any) -> None:
     for i in range(N_MEMORY):
         rx.memory[i] = zero
     rx.memory[SINCE] = zero - 1.0
+    for s in range(rx.average.shape[0]):
+        rx.average[s] = zero
 
 
 def point_model(

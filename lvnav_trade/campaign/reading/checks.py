@@ -30,7 +30,7 @@ def rates(scenario: Scenario, base: Node) -> Iterator[Mistake]:
         ("imu.rate", "filter.covariance_rate"),
         ("filter.covariance_rate", "filter.update_rate"),
     ]
-    if scenario.filter.tight or scenario.filter.loose:
+    if scenario.filter.tight or scenario.filter.loose or solves(scenario):
         pairs.append(("receiver.rate", "filter.update_rate"))
     divisors = [(name, path, attrgetter(path)(scenario)) for name, path in pairs] + [
         ("filter.update_rate", f"sensors.{name}.rate", card.rate)

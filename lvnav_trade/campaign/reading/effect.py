@@ -28,6 +28,8 @@ _HINTS = (
     ("filter.sensor_models.*", "it is not among the measurements, or no sensor of the scenario gives it"),
     ("filter.envelope*", "only a filter with imu among its measurements models the vehicle"),
     ("filter.imu.*", "no state of the filter is of it; name it among the extra states"),
+    ("filter.clock", "only a filter that measures ranges has a clock"),
+    ("filter.reference_satellite", "clock: differenced has one"),
     ("filter.corrections.ionosphere*", "ranges of two frequencies have no ionospheric delay of first order"),
     ("atmosphere.ionosphere*", "ranges of two frequencies have no ionospheric delay of first order"),
     ("filter.receiver.*", "no state or measurement of the filter is of it"),

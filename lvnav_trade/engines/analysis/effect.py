@@ -9,8 +9,9 @@ from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.layout import PARAMETERS
 from lvnav_trade.noise import idle_tables
 from lvnav_trade.observables.sensors import RANGES, SENSOR_STATES
-from lvnav_trade.scenario import Scenario, solves
+from lvnav_trade.scenario import Scenario, smoothing_of, solves
 from lvnav_trade.world.faults import ClockJump, DegradedNoise, RangeBias, WildSamples
+from lvnav_trade.world.receiver.receiver import DirectSolution
 
 _FLIGHT_LOOP = ("filter.feedback",)
 _CONTROL = ("control", "filter.envelope", "trajectory")
@@ -94,8 +95,9 @@ def _late(prepared: Prepared) -> Iterator[tuple[str, str]]:
 def _of_noise(scenario: Scenario) -> Iterator[tuple[str, str]]:
     """Yield the factors on noise of what is not measured: by the receiver, or by the filter."""
     model, taken = scenario.filter.receiver, scenario.filter.measurements
+    solved = (*RANGES, "carrier_phase") if smoothing_of(scenario) is not None else RANGES
     for path, tables, measured in (
-        ("receiver", scenario.receiver.noise_by, RANGES if solves(scenario) else taken),
+        ("receiver", scenario.receiver.noise_by, solved if solves(scenario) else taken),
         ("filter.receiver", () if isinstance(model, str) else model.noise_by, () if solves(scenario) else taken),
     ):
         for number in idle_tables(tables, measured):
@@ -103,9 +105,13 @@ def _of_noise(scenario: Scenario) -> Iterator[tuple[str, str]]:
 
 
 def _of_ranges(scenario: Scenario) -> Iterator[tuple[str, str]]:
-    """Yield the faults of ranges, and of satellites, where no range is measured and no solution made of ranges."""
+    """Yield the faults of ranges, and of satellites, where no range is measured and no solution made of ranges; and a
+    solver whose solution nobody takes or reports.
+    """
     if scenario.filter.tight or solves(scenario):
         return
+    if not isinstance(scenario.receiver.solution, DirectSolution):
+        yield "receiver.solution", "no effect: the filter does not take the solution, and it is not reported"
     what = "solution is simulated, not solved from ranges" if scenario.filter.loose else "measurements are not taken"
     reason = f"no effect: the receiver's {what}"
     for number, fault in enumerate(scenario.faults):

@@ -1,5 +1,7 @@
 """The forward pass of linear covariance: the filter's covariance by its own model, the true one by source."""
 
+import numpy as np
+
 from lvnav_trade.engines.lincov.propagate import nominal_window, propagate
 from lvnav_trade.engines.lincov.receiver_error import (
     advance_solution,
@@ -16,13 +18,14 @@ from lvnav_trade.filters.ekf import (
     fill_loose,
     fill_sensor,
     fill_tight,
+    is_reference,
     n_measured,
     place_antenna,
     row_of,
 )
 from lvnav_trade.filters.late import keep, place_of_channel
 from lvnav_trade.filters.monitor import MODE, begin_watch, check_measurements, is_running, start_filter, update_mode
-from lvnav_trade.kernels.covariance import variance_along
+from lvnav_trade.kernels.covariance import update_with_gain, variance_along
 from lvnav_trade.kernels.groups import group, total_of, whole
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.strapdown import place
@@ -98,12 +101,31 @@ def _update(
 
 
 @inlined
+def _take_reference(joint, scratch, tape, nominal, signals, true, model, late, epoch, n_row):
+    """Make bias and drift of the clock what the reference satellite says, as the filter does."""
+    if n_row > 0 and signals.reference[epoch] >= 0:
+        for k in range(2):
+            row = 2 * signals.reference[epoch] + k
+            channel = channel_of(model, signals, epoch, row)
+            if model.measured[channel]:
+                n, h = model.n_entry[channel], nominal.H[row]
+                update_with_gain(
+                    joint.formal, scratch.x, scratch.K, h, model.entry[channel, :n], model.column[channel, :n],
+                    model.clock_gain[k], 0.0, signals.variance[epoch, channel], np.inf, model.n_estimated,
+                )  # fmt: skip
+                replace_state(
+                    joint, scratch, tape, late, model.clock + k, h, nominal.z[row], epoch, channel, False, signals, true
+                )
+
+
+@inlined
 def _update_receiver(out, joint, scratch, tape, nominal, signals, true, model, chain, late, gains, epoch):
     """Update by what the receiver measures at an epoch."""
-    whitened = chain is not None
-    for row in range(n_measured(model, signals, epoch)):
+    whitened, n_row = chain is not None, n_measured(model, signals, epoch)
+    _take_reference(joint, scratch, tape, nominal, signals, true, model, late, epoch, n_row)
+    for row in range(n_row):
         channel = channel_of(model, signals, epoch, row)
-        if model.measured[channel]:
+        if model.measured[channel] and not is_reference(signals, epoch, row):
             variance = signals.variance[epoch, channel]
             if whitened:
                 variance = 1.0 if gains is None else nominal.reported[row, row]

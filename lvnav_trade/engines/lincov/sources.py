@@ -9,7 +9,7 @@ from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.filters.model import POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY
 from lvnav_trade.kernels.transition import VEL
 from lvnav_trade.records import Ints
-from lvnav_trade.sources import label_of
+from lvnav_trade.sources import PHASE_NOISE, label_of
 from lvnav_trade.world.sensors.units import keyed, mounted
 
 
@@ -30,6 +30,7 @@ def source_names(prepared: Prepared) -> list[str]:
         names += ["receiver clock start", "receiver clock", "pseudorange noise", "range-rate noise"]
     elif prepared.options.solver is not None:
         names += ["receiver clock", "pseudorange noise", "range-rate noise"]
+        names += [] if prepared.options.solver.smoothing is None else [PHASE_NOISE]
     elif model.n_receiver:
         names += ["position solution noise", "velocity solution noise"]
     return names + [device.noise for device in prepared.devices]
@@ -58,6 +59,7 @@ _WHITE = (
     "receiver clock",
     "position solution noise",
     "velocity solution noise",
+    PHASE_NOISE,
 )
 
 

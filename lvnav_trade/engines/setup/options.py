@@ -14,6 +14,7 @@ from lvnav_trade.filters.scheduled import Gains, gains_at
 from lvnav_trade.layout import StateLayout, state_names
 from lvnav_trade.observables.partials import Channels
 from lvnav_trade.receivers.base import ReportedCovariance, Solver, point_model, receiver_filter
+from lvnav_trade.receivers.hatch import Smoothing
 from lvnav_trade.records import Floats, Ints
 from lvnav_trade.scenario import Scenario, epoch_interval, solves
 from lvnav_trade.world.receiver.receiver import BancroftSolution, DirectSolution, FilteredSolution, OwnCovariance
@@ -98,16 +99,16 @@ def _reported(
     return ReportedCovariance(False, False, 1.0, reported.position_sigma**2, reported.velocity_sigma**2)
 
 
-def solver_of(scenario: Scenario, model: ReceiverModel, most: int) -> Solver | None:
+def solver_of(scenario: Scenario, model: ReceiverModel, most: int, smoothing: Smoothing | None = None) -> Solver | None:
     """Return how the receiver of a case solves, None where it does not; `most` satellites at once."""
     card = scenario.receiver.solution
     if isinstance(card, DirectSolution) or not solves(scenario):
         return None
     reported = _reported(card, scenario, model)
     if isinstance(card, BancroftSolution):
-        return Solver(point_model(reported, **card.numbers(), most=most))
+        return Solver(point_model(reported, **card.numbers(), most=most), None, smoothing)
     point = point_model(reported, **card.fix.numbers(), most=most)
-    return Solver(point, receiver_filter(reported, epoch_interval(scenario), **card.numbers()))
+    return Solver(point, receiver_filter(reported, epoch_interval(scenario), **card.numbers()), smoothing)
 
 
 def delays_taken(

@@ -13,6 +13,7 @@ from lvnav_trade.engines.setup.options import clone_times, delays_taken, every, 
 from lvnav_trade.engines.setup.recorded import Recorded, recorded
 from lvnav_trade.engines.setup.sensors import Sensor, for_kernels, sensors_of
 from lvnav_trade.engines.setup.signals import Line, channels_of, families, geometry_of, signals
+from lvnav_trade.engines.setup.smoothing import smoothing_gains, smoothing_numbers, smoothing_offsets
 from lvnav_trade.engines.setup.solution import Chain, chain_of
 from lvnav_trade.engines.setup.times import epochs_of, times_of
 from lvnav_trade.engines.setup.units import arriving, fused, units_of
@@ -228,7 +229,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     lever_arms = seen.lever_arms if channels.tight else lever_b[None, :]
     layout, model = build_filter_model(
         card, imu, receiver, lever_arms, at.lengths, channels, _strapdown(scenario, trajectory, ref), every(scenario),
-        has_covariance(scenario), solves(scenario), measured(scenario),
+        has_covariance(scenario), solves(scenario), measured(scenario), initial.clock_drift,
     )  # fmt: skip
     gains = gains_of(scenario, layout, channels, t_epoch, trajectory.events)
     if gains is not None:
@@ -242,6 +243,8 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     shared_errors = (*families(scenario, geometry, received, failed, devices), *tabled.families)
     shared = shared_of(shared_errors, layout, epoch_interval(scenario), (t_epoch.size, received.n_channel))
     left = late_by.left + time_offsets(scenario.constellation, seen.systems, trajectory.epoch, seen.t)
+    gain = smoothing_gains(scenario, seen)
+    left = left + smoothing_offsets(scenario, gain, late_by.ionosphere[:, :, 0], line)
     truth = signals(
         scenario, seen, line, receiver, layout, modelled, channels, received, shared, failed, left, tabled.mean, devices
     )  # fmt: skip
@@ -250,7 +253,8 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], trajectory.theta0)[0].T
     P = initial_covariance(layout, initial, C_n_i, card.envelope or EnvelopeCard())
     rules = watched(card, failed, truth, channels, lambda: pdop(line.direction, seen.tracked), P)
-    solver = solver_of(scenario, receiver, truth.used.shape[1])
+    smoothing = smoothing_numbers(scenario, gain, seen, line, shared_errors)
+    solver = solver_of(scenario, receiver, truth.used.shape[1], smoothing)
     chain = chain_of(solver, has_covariance(scenario), truth, line)
     truth = left_out(rules, truth, chain)
     if chain is not None and solver is not None:
@@ -325,7 +329,7 @@ def _report(
 
 def _channel_names(scenario: Scenario, channels: Channels, report: Report | None) -> tuple[str, ...]:
     """Return the names of all innovations: of the filter's channels, of the IMU's samples, of the receiver's own."""
-    if not measured(scenario):
+    if not measured(scenario) and not solves(scenario):
         return ("none",)
     sensors = ("gyro", "accelerometer") if "imu" in scenario.filter.measurements else ()
     solved = channels.satellites if report is not None and report.n_channel else ()

@@ -11,6 +11,7 @@ from lvnav_trade.engines.setup.families import Cause, ErrorFamily, families_of
 from lvnav_trade.engines.setup.inputs import Shared, Signals
 from lvnav_trade.engines.setup.options import direct
 from lvnav_trade.engines.setup.sensors import Sensor
+from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.filters.base import ReceiverModel
 from lvnav_trade.frames import matrices
 from lvnav_trade.kernels.clock import clock_step
@@ -20,10 +21,10 @@ from lvnav_trade.layout import RELATIVE, ExtraBlock, StateLayout
 from lvnav_trade.noise import NoiseFactor
 from lvnav_trade.observables.partials import LEVER_AXES, Channels, Geometry, members, partial, sensor_states
 from lvnav_trade.observables.sensors import RANGES, RECEIVER_SOLUTION
-from lvnav_trade.records import Bools, Floats, Sky
-from lvnav_trade.scenario import Scenario, epoch_interval, solves
+from lvnav_trade.records import Bools, Floats, Ints, Sky
+from lvnav_trade.scenario import Scenario, epoch_interval, smoothing_of, solves
 from lvnav_trade.sources import CLOCK_START, CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE
-from lvnav_trade.world.faults import Failures
+from lvnav_trade.world.faults import Failures, missing_satellite
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
 from lvnav_trade.world.receiver.dynamics import factors
 from lvnav_trade.world.receiver.receiver import ReceiverCard
@@ -212,6 +213,23 @@ def _slots(seen: Sky) -> tuple[np.ndarray, np.ndarray]:
     return used, n_used
 
 
+def _references(scenario: Scenario, channels: Channels, seen: Sky, used: Ints, n_used: Ints) -> Ints:
+    """Return the slot (n_epoch,) of the satellite that ranges of others are differenced with, -1 none: the one named,
+    while it is in use, or the highest. InputError where the name is none of the constellation.
+    """
+    found, card = np.full(n_used.size, -1, dtype=np.int64), scenario.filter
+    if not channels.tight or card.clock != "differenced":
+        return found
+    name = card.reference_satellite
+    if name is not None and name not in seen.names:
+        raise InputError(records=[Mistake(missing_satellite(name, seen.names), "filter.reference_satellite")])
+    for epoch in np.flatnonzero(n_used):
+        use = used[epoch, : n_used[epoch]]
+        named = np.flatnonzero(use == (-1 if name is None else seen.names.index(name)))
+        found[epoch] = named[0] if named.size else np.argmax(seen.elevation[epoch, use])
+    return found
+
+
 def _by_channel(
     channels: Channels, n_epoch: int, pair: tuple[Any, Any], devices: tuple[Sensor, ...], field: str
 ) -> Floats:
@@ -229,10 +247,24 @@ def _by_channel(
     return table
 
 
+def rate_sigma_of(scenario: Scenario, seen: Sky, trajectory: Trajectory) -> Floats:
+    """Return the sigma of range rates (n_epoch, n_sat): of the Doppler, or of differences of carrier phase."""
+    smoothing, receiver = smoothing_of(scenario), scenario.receiver
+    if smoothing is None or smoothing.velocity == "doppler":
+        return seen.rate_sigma
+    return math.sqrt(2.0) / smoothing.rate_interval * phase_sigma(receiver, seen, trajectory)
+
+
+def phase_sigma(receiver: ReceiverCard, seen: Sky, trajectory: Trajectory) -> Floats:
+    """Return the sigma of carrier phase (n_epoch, n_sat) m."""
+    (grown,) = factors(receiver.noise_by, ("carrier_phase",), trajectory, seen.t)
+    return np.full(seen.rate_sigma.shape, receiver.amplification * receiver.carrier_phase_sigma) * grown
+
+
 def _true_sigma(scenario: Scenario, seen: Sky, line: Line, channels: Channels) -> tuple[Any, Any]:
     """Return the two sigmas of white noise of a receiver in which nothing has failed; see `_by_channel`."""
     if channels.tight:
-        return seen.range_sigma, seen.rate_sigma
+        return seen.range_sigma, rate_sigma_of(scenario, seen, line.trajectory)
     solution = direct(scenario)
     of_position, of_velocity = line.noise_factors(scenario.receiver.noise_by, RECEIVER_SOLUTION)
     return solution.position_sigma * of_position, solution.velocity_sigma * of_velocity
@@ -343,6 +375,7 @@ def signals(
         frozen=failed.frozen,
         interval=interval,
         n_receiver=channels.n_receiver,
+        reference=_references(scenario, channels, seen, used, n_used),
         shift=measured.n_receiver - channels.n_receiver,
         sources=np.array([source_word(name) for name in names], dtype=np.uint64),
         shared=shared,

@@ -23,10 +23,11 @@ from lvnav_trade.receivers.cascade import (
     reported_covariance,
     started,
 )
+from lvnav_trade.receivers.hatch import Smoothing
 from lvnav_trade.records import Bools, Floats, Ints
 
 # Where a white error comes from.
-RANGE, RATE, CLOCK, PLACE, SPEED = 0, 1, 2, 3, 4
+RANGE, RATE, CLOCK, PLACE, SPEED, PHASE = 0, 1, 2, 3, 4, 5
 
 
 class Chain(NamedTuple):
@@ -130,7 +131,10 @@ def _moved(model: ReceiverFilter, point: Floats, acceleration: Floats, begun: in
 def chain_of(solver: Solver | None, has_covariance: bool, truth: Signals, line: Line) -> Chain | None:
     """Return how a solution's error goes on, where solutions come with a covariance of their own."""
     if solver is not None:
-        return solved(solver, truth, np.hstack([line.position, line.velocity]), line.push)
+        chain = solved(solver, truth, np.hstack([line.position, line.velocity]), line.push)
+        if solver.smoothing is not None:
+            chain = _with_smoothing(chain, solver.smoothing, truth)
+        return _with_output(chain, truth.frozen) if truth.frozen.any() else chain
     return simulated(truth) if has_covariance else None
 
 
@@ -168,7 +172,7 @@ def solved(solver: Solver, signals: Signals, point: Floats, acceleration: Floats
         shared[k] = -gains.gain @ _shared(signals, k, channels)
         push[k] = gains.keep @ moved[k] - gains.gain @ innovation[:n_row]
         reported[k] = reported_covariance(out, gains.P) if solved_at[k] else reported[k]
-    chain = Chain(
+    return Chain(
         move=move,
         white=white,
         variance=variance,
@@ -181,7 +185,6 @@ def solved(solver: Solver, signals: Signals, point: Floats, acceleration: Floats
         point=point,
         own=own,
     )
-    return _with_output(chain, signals.frozen) if signals.frozen.any() else chain
 
 
 def _with_output(chain: Chain, frozen: Bools) -> Chain:
@@ -203,3 +206,43 @@ def _with_output(chain: Chain, frozen: Bools) -> Chain:
             white[k, m:], shared[k, m:] = chain.white[k, chain.pick], chain.shared[k, chain.pick]
             push[k, m:] = chain.push[k, chain.pick]
     return chain._replace(move=move, white=white, shared=shared, push=push, pick=np.arange(m, m + 6))
+
+
+def _with_smoothing(chain: Chain, smoothing: Smoothing, signals: Signals) -> Chain:
+    """Return the chain of a receiver that smooths its ranges: a state more for every satellite that is ever in use, the
+    error of its average of code minus carrier, and a white error more for every slot, that of the carrier.
+
+    With the gain a the error of a smoothed range is (1 - a) D + a v + (1 - a) n + (p - (1 - a) d) c, v the white error
+    of the code, n of the carrier, p and d what errors c that measurements share put into code and code minus carrier.
+    """
+    ever = np.flatnonzero(np.any(smoothing.gain > 0.0, axis=0))
+    m, n_slot, more = chain.move.shape[1], signals.used.shape[1], ever.size
+    n_in = chain.white.shape[2]
+    move = np.pad(chain.move, ((0, 0), (0, more), (0, more)))
+    white = np.pad(chain.white, ((0, 0), (0, more), (0, n_slot)))
+    variance = np.pad(chain.variance, ((0, 0), (0, n_slot)))
+    shared, push = np.pad(chain.shared, ((0, 0), (0, more), (0, 0))), np.pad(chain.push, ((0, 0), (0, more)))
+    move[:, range(m, m + more), range(m, m + more)] = 1.0
+    place = {int(satellite): m + number for number, satellite in enumerate(ever)}
+    for k in range(len(push)):
+        for slot, satellite in enumerate(signals.used[k, : signals.n_used[k]].tolist()):
+            state, code, phase = place[satellite], 2 * slot, n_in + slot
+            a, taken = smoothing.gain[k, satellite], chain.white[k, :, code]  # minus the solver's gain
+            differing = _code_minus_carrier(signals, smoothing, k, satellite)
+            move[k, :m, state], move[k, state, state] = (1.0 - a) * taken, 1.0 - a
+            white[k, :m, code], white[k, state, code] = a * taken, a
+            white[k, :m, phase], white[k, state, phase] = (1.0 - a) * taken, -a
+            variance[k, [code, phase]] = signals.sigma[k, 2 * satellite] ** 2, smoothing.sigma[k, satellite] ** 2
+            shared[k, :m] -= (1.0 - a) * np.outer(taken, differing)
+            shared[k, state] = a * differing
+    kind = np.concatenate([chain.kind, np.full(n_slot, PHASE)])
+    return chain._replace(move=move, white=white, variance=variance, kind=kind, shared=shared, push=push)
+
+
+def _code_minus_carrier(signals: Signals, smoothing: Smoothing, epoch: int, satellite: int) -> Floats:
+    """Return code minus carrier of a satellite with respect to the components (n_component,) that are shared."""
+    found = np.zeros(signals.shared.start.size)
+    for family, member in enumerate(signals.shared.member[:, 2 * satellite].tolist()):
+        if member >= 0:
+            found[member] += smoothing.code[family, epoch, satellite]
+    return found

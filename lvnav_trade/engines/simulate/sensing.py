@@ -13,6 +13,7 @@ from lvnav_trade.observables import ranges, solution
 from lvnav_trade.observables.sensors import measure
 from lvnav_trade.receivers.base import switch_on
 from lvnav_trade.receivers.ekf_gnss import solve
+from lvnav_trade.receivers.hatch import smooth
 
 _ZERO, _ONE = np.uint64(0), np.uint64(1)
 
@@ -261,6 +262,7 @@ def observe(work, rx, solver, signals, tight, epoch, k0, k1):
     _step_receiver(work, signals, word, epoch, k0, k1)
     if solver is not None:
         _measure_ranges(work, signals, word, epoch, k0, k1)
+        smooth(rx, work.ranges, work.shared, solver.smoothing, signals, work.run[0], word, epoch, k0, k1)
         _solve(work, rx, solver, signals, epoch)
         return
     if signals.frozen[epoch]:

@@ -43,6 +43,24 @@ RangeSigma = Annotated[units.LengthSigma, Field(gt=0.0, description="assumed by 
 RateSigma = Annotated[units.SpeedSigma, Field(gt=0.0, description="and of its range rates")]
 
 
+class SmoothingCard(units.Card):
+    """Pseudoranges smoothed by carrier phase before they are solved (Hatch filter), satellite by satellite.
+
+    It begins anew where a satellite is tracked again, and at another antenna. Phase noise is `carrier_phase_sigma`.
+    """
+
+    time: units.TimeConstant = Field(100.0, description="window: mean of so long, then a gain of interval over this")
+    velocity: Literal["doppler", "backward", "centred"] = Field(
+        "doppler",
+        description="range rates: of the Doppler; or differences of carrier phase over an interval that ends at the "
+        "epoch (late by half of it); or one that is centred on it",
+    )
+    rate_interval: units.TimeConstant = Field(0.1, description="of differences of carrier phase")
+
+
+Smoothing = Annotated[SmoothingCard | None, Field(description="of the ranges by carrier phase; none: code alone")]
+
+
 class _Solver(units.Card):
     """What the cards of receivers that solve for themselves have in common."""
 
@@ -89,12 +107,13 @@ class BancroftSolution(_Solver):
     least_quality: Literal[1, 2, 3] = Field(
         1, description="handed out from: 1 inconsistent residuals, 2 four satellites (no test), 3 consistent residuals"
     )
+    smoothing: Smoothing = None
     reported_covariance: ReportedCovariance = OwnCovariance()
     reported: Reported = False
 
     def numbers(self) -> dict[str, Any]:
         """Return the settings of the point solver, SI, by the names of its arguments."""
-        return _values(self, {"kind", "reported_covariance", "reported"})
+        return _values(self, {"kind", "reported_covariance", "reported", "smoothing"})
 
 
 class FilteredSolution(_Solver):
@@ -131,6 +150,7 @@ class FilteredSolution(_Solver):
         None, description="no solution goes out when no measurement has been accepted for longer; none: it always does"
     )
     point: BancroftSolution | None = Field(None, description="that starts it; none: the default with its sigmas")
+    smoothing: Smoothing = None
     reported_covariance: ReportedCovariance = OwnCovariance()
     reported: Reported = False
 
@@ -145,7 +165,7 @@ class FilteredSolution(_Solver):
     def numbers(self) -> dict[str, Any]:
         """Return the settings of the filter, SI, by the names of its arguments."""
         driven = {"jerk", "jerk_gain", "acceleration_noise", "acceleration_gain"}
-        found = _values(self, {"kind", "reported_covariance", "point", "reported", *driven})
+        found = _values(self, {"kind", "reported_covariance", "point", "reported", "smoothing", *driven})
         drive = (self.acceleration_noise, self.acceleration_gain) if self.jerk is None else (self.jerk, self.jerk_gain)
         return found | {"acceleration": self.jerk is not None, "drive_sigma": drive[0], "drive_gain": drive[1]}
 
@@ -170,6 +190,8 @@ class ClockCard(units.Card):
 
 
 _SECOND = {"L1_L2": L2, "L1_L5": L5}
+_LEAST_WINDOW = 1.5  # epochs; below, a window rounds to one
+_HALF = 0.5  # of the interval; so successive differences have no phase in common
 
 
 class ReceiverCard(units.NamedCard):
@@ -210,6 +232,7 @@ class ReceiverCard(units.NamedCard):
     channels: int = Field(16, ge=1, le=64, description="satellites tracked at most; the highest are kept")
     pseudorange_sigma: units.LengthSigma = Field(description="with loops: what is there beside their thermal noise")
     range_rate_sigma: units.SpeedSigma = Field(description="with loops: what is there beside their thermal noise")
+    carrier_phase_sigma: units.LengthSigma = Field(0.002, description="white noise of the carrier phase")
     noise_by: NoiseBy = ()
     solution: SolutionCard
     clock: ClockCard
@@ -221,6 +244,11 @@ class ReceiverCard(units.NamedCard):
     def _faults(self) -> Iterator[str]:
         if self.loops is not None and self.link is None:
             yield "loops need a link: their noise follows from its C/N0"
+        smoothing = getattr(self.solution, "smoothing", None)
+        if smoothing is not None and smoothing.time * self.rate < _LEAST_WINDOW:
+            yield "solution.smoothing.time: a window of one epoch smooths nothing"
+        if smoothing is not None and smoothing.velocity != "doppler" and smoothing.rate_interval * self.rate > _HALF:
+            yield "solution.smoothing.rate_interval: at most half of the interval between epochs"
 
     @property
     def is_dual(self) -> bool:

@@ -30,6 +30,9 @@ LISTED = "filter.measurements=[pseudorange, range_rate, altitude]"
 SOLUTION = "filter.measurements=[position, velocity]"
 SIMULATED = "the receiver's solution is simulated, not solved from ranges"
 GROWN = "{altitude: [0 km, 9 km], factor: [1, 2], of: [pseudorange]}"
+INERTIAL = "filter.measurements=[]"
+SOLVER = "kind: bancroft, range_sigma: 1 m, rate_sigma: 0.1 m/s"
+CLOCKLESS = "no effect: only a filter that measures ranges has a clock"
 TWO_FREQUENCIES = "filter.corrections.ionosphere: no effect: ranges of two frequencies have no ionospheric delay"
 UNREAD = "no effect: nothing that is computed for this campaign reads it"
 
@@ -76,6 +79,11 @@ def refused(*sets: str) -> list[str]:
           "receiver.frequencies=L1_L2"), "atmosphere"),
         ((f"receiver.noise_by=[{GROWN}]", SOLUTION), "receiver.noise_by.0: no effect: none of these measurements"),
         ((f"receiver.noise_by=[{GROWN}]",), ""),
+        ((INERTIAL, f"receiver.solution={{{SOLVER}, reported: true}}"), ""),
+        ((INERTIAL, f"receiver.solution={{{SOLVER}, reported: true, smoothing: {{time: 9 s}}}}"), ""),
+        (("filter.clock=differenced", SOLUTION), f"filter.clock: {CLOCKLESS}"),
+        (("filter.reference_satellite=G01",), "filter.reference_satellite: no effect: clock: differenced has one"),
+        (("filter.clock=differenced", "filter.reference_satellite=A1"), ""),
         (("receiver.solution.bias_time=9 s", SOLUTION), ""),
         (("filter.extra_states=[position_bias]",), "filter.extra_states: position_bias: no measurement of the filter"),
         (("filter.consider=[velocity_bias]",), "filter.consider: velocity_bias: no measurement of the filter"),
@@ -113,6 +121,21 @@ def test_a_setting_without_effect_is_refused(sets: tuple[str, ...], message: str
     lines = refused(*sets)
     path = message.removeprefix("!") if message.startswith("!") else f"base.{message}"
     assert [line.startswith(f"--set: {path}") for line in lines] == [True] * bool(message)
+
+
+def test_a_receiver_that_solves_for_nobody_is_refused_unless_its_solution_is_reported(campaign: Path) -> None:
+    text = campaign.read_text()
+
+    def lines(more: str) -> list[str]:
+        card = f"receiver: {{card: receivers/l1_two_metre, solution: {{{SOLVER}{more}}}}}"
+        campaign.write_text(text.replace("receiver: receivers/l1_two_metre", card))
+        return refused(INERTIAL)
+
+    assert [line.split("base.")[1] for line in lines("")] == [
+        "receiver.solution: no effect: the filter does not take the solution, and it is not reported"
+    ]
+    assert lines(", reported: true, smoothing: {time: 9 s}") == []
+    assert "receiver.solution.smoothing" in lines(", reported: true, smoothing: {rate_interval: 0.2 s}")[0]
 
 
 def test_the_place_is_that_of_what_is_stated(campaign: Path) -> None:

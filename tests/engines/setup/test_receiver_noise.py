@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from lvnav_trade.engines.analysis.selfcheck.measured import of_measurements
 from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.noise import noise_factor
 from lvnav_trade.scenario import filter_models
 from lvnav_trade.world.receiver.dynamics import dynamics_at
 from tests.building import LOOSE, MATCHED, loaded, prepare_hop, with_fields
+from tests.engines.analysis.checked import failed
 
 RUNS, ALPHA = 400, 1e-3
 # the short flight has 20 s of thrust, 19 m/s^2, and then none
@@ -72,6 +74,11 @@ def test_a_matched_filter_has_the_schedule_and_one_with_numbers_of_its_own_only_
     stated = own(plain, noise_by=GROWN)
     np.testing.assert_allclose(stated.signals.variance, grown.signals.variance, rtol=1e-12)
     np.testing.assert_array_equal(stated.signals.sigma, plain.signals.sigma)
+
+
+@pytest.mark.parametrize("coupling", ["tight", "loose"])
+def test_the_self_check_expects_the_noise_of_the_schedule(coupling):
+    assert failed(of_measurements(flown(coupling, "grown"), 20261121)) == []
 
 
 def test_a_conservative_schedule_of_the_filter_alone_covers_more_than_is_true():

@@ -11,17 +11,19 @@ from lvnav_trade.engines.analysis.selfcheck.check import Check
 from lvnav_trade.engines.analysis.selfcheck.draws import RUNS, correlation, moments
 from lvnav_trade.engines.setup.families import RECORDED
 from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.engines.setup.signals import rate_sigma_of
 from lvnav_trade.engines.simulate.montecarlo import Work, new_work
 from lvnav_trade.engines.simulate.sensing import begin, measure_sensors, observe
 from lvnav_trade.kernels.clock import step_covariance
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.observables.base import N_ENTRY
 from lvnav_trade.observables.imu_difference import ImuDifferenceCard
-from lvnav_trade.observables.sensors import fill, measure
+from lvnav_trade.observables.sensors import RECEIVER_SOLUTION, fill, measure
 from lvnav_trade.records import Bools, Floats, Ints
 from lvnav_trade.scenario import solves
 from lvnav_trade.sources import label_of
 from lvnav_trade.world.faults import DegradedNoise, active
+from lvnav_trade.world.receiver.dynamics import factors
 from lvnav_trade.world.receiver.receiver import DirectSolution
 
 _EPOCHS = 24
@@ -146,8 +148,9 @@ def _add_receiver(white: dict[str, list[Floats]], prepared: Prepared, work: Work
     signals, sky, card = prepared.signals, prepared.sky, prepared.scenario.receiver
     if ranges:
         s = signals.used[epoch, : signals.n_used[epoch]]
+        rate_sigma = rate_sigma_of(prepared.scenario, sky, prepared.trajectory)
         for k, (name, true, sigma) in enumerate((
-            ("pseudorange noise", signals.range, sky.range_sigma), ("range-rate noise", signals.rate, sky.rate_sigma),
+            ("pseudorange noise", signals.range, sky.range_sigma), ("range-rate noise", signals.rate, rate_sigma),
         )):  # fmt: skip
             error = work.ranges[: s.size, k] - true[epoch, s] - work.clock[k]
             error -= _shared_errors(prepared, work, epoch, 2 * s + k)
@@ -156,12 +159,13 @@ def _add_receiver(white: dict[str, list[Floats]], prepared: Prepared, work: Work
     assert isinstance(card.solution, DirectSolution)
     true = np.concatenate([signals.position[epoch], signals.velocity[epoch]])
     error = work.solution - true - _shared_errors(prepared, work, epoch, np.arange(6))
+    grown = factors(card.noise_by, RECEIVER_SOLUTION, prepared.trajectory, sky.t[epoch : epoch + 1])
     for k, (name, sigma) in enumerate((
         ("position solution noise", card.solution.position_sigma),
         ("velocity solution noise", card.solution.velocity_sigma),
     )):  # fmt: skip
         if sigma > 0.0:
-            white[name].append(error[3 * k : 3 * k + 3] / sigma)
+            white[name].append(error[3 * k : 3 * k + 3] / (sigma * np.ravel(grown[k])))
 
 
 def _innovations(prepared: Prepared, work: Work, epoch: int, exact: bool = False) -> dict[str, tuple[Floats, Floats]]:

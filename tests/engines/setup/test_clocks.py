@@ -1,0 +1,146 @@
+"""Clocks of the filter: bias and drift, bias alone, or ranges less that of a reference satellite."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+from scipy.stats import chi2
+
+from lvnav_trade.engines.lincov.history import adjoint, covariance
+from lvnav_trade.engines.simulate.montecarlo import run_block
+from lvnav_trade.errors import InputError
+from lvnav_trade.kernels.covariance import update_scalar, update_with_gain
+from lvnav_trade.scenario import filter_models
+from tests.building import MATCHED, loaded, prepare_hop, with_fields
+
+RUNS = 200
+NAVIGATION = slice(0, 9)
+
+
+@lru_cache(maxsize=16)
+def prepared(clock="two_state", *changes):
+    fields = {name: dict(value) if isinstance(value, tuple) else value for name, value in changes}
+    return prepare_hop(with_fields(loaded(MATCHED), **{"filter.clock": clock} | fields))
+
+
+def unbounded():
+    """What a filter assumes of the receiver but for the clock: noise of 10 km and 1 km/s a second."""
+    _, model, _ = filter_models(loaded(MATCHED))
+    numbers = {"pseudorange_sigma": " m", "position_sigma": " m", "range_rate_sigma": " m/s", "velocity_sigma": " m/s"}
+    text = {name: f"{getattr(model, name)}{unit}" for name, unit in numbers.items()}
+    c = 299792458.0
+    return text | {"clock_h0": 2.0 * 1e8 / c**2, "clock_h_minus2": 1e6 / (2.0 * np.pi**2 * c**2)}
+
+
+def whitened_differences(P, H, R, reference):
+    """The covariance after differences against a reference satellite, whitened and taken one by one, by dense algebra:
+    Bierman, Factorization Methods for Discrete Sequential Estimation, section IV.7.
+    """
+    others = [i for i in range(len(H)) if i != reference]
+    D = np.eye(len(H))[others] - np.eye(len(H))[reference]
+    root = np.linalg.cholesky(D @ np.diag(R) @ D.T)
+    for row in np.linalg.solve(root, D @ H):
+        K = P @ row / (row @ P @ row + 1.0)
+        P = P - np.outer(K, row @ P)
+    return P
+
+
+@pytest.mark.parametrize("reference", [0, 3])
+def test_taking_the_reference_for_the_clock_is_differencing_and_whitening(reference):
+    draw = np.random.default_rng(4)
+    n, m = 6, 5  # five states, and the clock behind them
+    root, H = draw.normal(size=(n - 1, n - 1)), draw.normal(size=(m, n - 1))
+    R, P = draw.uniform(0.5, 4.0, m), np.zeros((n, n))
+    P[:5, :5], P[5, 5] = root @ root.T, 7.0
+    expected = whitened_differences(P[:5, :5], H, R, reference)
+    rows, every = np.hstack([H, np.ones((m, 1))]), np.arange(n)
+    x, K = np.zeros(n), np.zeros(n)
+    update_with_gain(P, x, K, rows[reference], every, every, np.eye(n)[5], 0.0, R[reference], np.inf, n)
+    for i in set(range(m)) - {reference}:
+        update_scalar(P, x, K, rows[i], every, every, 0.0, R[i], np.inf, n, False)
+    np.testing.assert_allclose(P[:5, :5], expected, rtol=1e-10, atol=1e-12)
+
+
+def test_differences_are_a_clock_of_unbounded_noise_and_whichever_satellite_is_the_reference():
+    differenced = prepared("differenced")
+    limit = prepared("two_state", ("filter.receiver", tuple(unbounded().items())))
+    one, other = covariance(differenced), covariance(limit)
+    for field in ("formal", "true_sigma"):
+        a, b = (getattr(history, field)[1:, NAVIGATION] for history in (one, other))
+        np.testing.assert_allclose(a, b, rtol=1e-6)
+    runs = [run_block(case, 3, 0, 8).err[:, :, NAVIGATION] for case in (differenced, limit)]
+    assert np.all(np.abs(runs[0] - runs[1]) <= 1e-5 * one.true_sigma[None, :, NAVIGATION])
+    use = differenced.signals.used[0, : differenced.signals.n_used[0]]
+    lowest = use[np.argmin(differenced.sky.elevation[0, use])]
+    assert use[differenced.signals.reference[0]] != lowest
+    named = covariance(prepared("differenced", ("filter.reference_satellite", differenced.sky.names[lowest])))
+    np.testing.assert_allclose(named.formal[:, NAVIGATION], one.formal[:, NAVIGATION], rtol=1e-7)
+
+
+def test_differences_cost_what_the_clock_knew():
+    modelled, differenced = covariance(prepared()), covariance(prepared("differenced"))
+    ratio = differenced.formal[-1, NAVIGATION] / modelled.formal[-1, NAVIGATION]
+    assert np.all(ratio > 1.0 - 1e-9)
+    # drift and vertical velocity are alike in range rates from above: 1.8 times the sigma after 30 s
+    assert 1.5 < ratio[5] < 2.1
+    assert np.all(differenced.n_row == modelled.n_row - 2)
+
+
+def agree(case):
+    history, runs = covariance(case), run_block(case, 5, 0, RUNS)
+    at = [4, 10, 20, len(case.t_hist) - 1]
+    ratio = np.mean(runs.err[:, at][:, :, NAVIGATION] ** 2, axis=0) / (
+        history.true_sigma[at][:, NAVIGATION] ** 2 + history.mean[at][:, NAVIGATION] ** 2
+    )
+    low, high = chi2.ppf([5e-4 / ratio.size, 1.0 - 5e-4 / ratio.size], RUNS) / RUNS
+    assert np.all((ratio > low) & (ratio < high)), ratio.round(2)
+    np.testing.assert_allclose(history.budget.sum(axis=1), history.true_sigma**2, rtol=1e-9, atol=1e-30)
+    back = adjoint(case, 30.0)
+    np.testing.assert_allclose(
+        back.contribution.sum(axis=2).T, history.budget[-1, :, :9], rtol=1e-8, atol=1e-12 * history.budget[-1].max()
+    )
+    return history
+
+
+def test_both_engines_difference():
+    agree(prepared("differenced"))
+
+
+RANGES = ("filter.measurements", ("pseudorange",))
+CLOCK = ("receiver.clock", (("h0", 2e-19), ("h_minus2", 2e-20), ("initial_bias", "300 m"), ("initial_drift", "2 m/s")))
+STILL = ("receiver.clock", (("h0", 2e-19), ("h_minus2", 0.0), ("initial_bias", "300 m")))
+
+
+def of_ranges(clock, oscillator):
+    name, fields = oscillator
+    return prepare_hop(
+        with_fields(loaded(MATCHED), **{"filter.clock": clock, RANGES[0]: list(RANGES[1]), name: dict(fields)})
+    )
+
+
+def test_a_clock_without_drift_has_one_state():
+    two, one = (covariance(of_ranges(clock, STILL)) for clock in ("two_state", "one_state"))
+    np.testing.assert_allclose(one.formal[:, NAVIGATION], two.formal[:, NAVIGATION], rtol=1e-9)
+    np.testing.assert_allclose(one.true_sigma[:, NAVIGATION], two.true_sigma[:, NAVIGATION], rtol=1e-9)
+
+
+def test_one_state_takes_the_drift_for_white_noise_in_both_engines():
+    case = of_ranges("one_state", CLOCK)
+    layout = case.layout
+    assert layout.clock + 1 == layout.n_estimated == layout.n_state - 1
+    history = agree(case)
+    assert np.all(history.formal[:, layout.clock + 1] == 0.0)
+    # a drift of 2 m/s and more is in the noise of the bias: formal sigma covers what is true
+    assert np.all(history.expected_nees[5:] < 1.05 * layout.n_estimated)
+    two = covariance(of_ranges("two_state", CLOCK))
+    assert np.all(history.true_sigma[-1, 6:9] > two.true_sigma[-1, 6:9])
+
+
+def test_what_makes_no_sense_is_refused():
+    with pytest.raises(ValidationError, match="one_state takes the drift for white noise"):
+        with_fields(loaded(MATCHED).filter, clock="one_state")
+    with pytest.raises(InputError, match="'G99' is not in the constellation"):
+        prepared("differenced", ("filter.reference_satellite", "G99"))
