@@ -1,10 +1,12 @@
 """The one numba decorator; cache folder named by source digest."""
 
+import gc
 import hashlib
 import itertools
 import os
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import FunctionType
 from typing import Any
@@ -146,6 +148,22 @@ class _Cache(FunctionCache):  # type: ignore[misc]
     _impl_class = _Kept
 
 
+_COLLECTED_AFTER = 100_000  # new objects; Python's own number is 700 or 2,000
+
+
+@contextmanager
+def _seldom_collected() -> Iterator[None]:
+    """Let Python look for garbage less often: nearly all that the compiler holds is in use, and to go through it again
+    and again is a tenth of its time.
+    """
+    usual = gc.get_threshold()
+    gc.set_threshold(_COLLECTED_AFTER, *usual[1:])
+    try:
+        yield
+    finally:
+        gc.set_threshold(*usual)
+
+
 class Kernel(CPUDispatcher):  # type: ignore[misc]  # numba tells no types
     """A kernel that other kernels call by its twin `inner`, which has no entry for Python.
 
@@ -154,6 +172,11 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]  # numba tells no types
     """
 
     inner: Any
+
+    def compile(self, sig: Any) -> Any:
+        """Compile for a signature, and all that it calls, or load it from the cache."""
+        with _seldom_collected():
+            return super().compile(sig)
 
     @property
     def _numba_type_(self) -> Any:

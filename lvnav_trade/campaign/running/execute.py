@@ -220,14 +220,14 @@ class _Run:
         self.timings[name] = round(time.monotonic() - start, 3)
 
     def _answers(self, on_answers: OnAnswers | None) -> list[work.Answer]:
-        """Find every case's linear covariance; with several workers the flight is compiled beside it, and what explains
-        the first case after it, so that a fresh machine compiles on all of them.
+        """Find every case's linear covariance; with several workers another compiles what explains and flies the first
+        case beside it, so that a fresh machine compiles on all of them.
         """
         self.watch.stage("linear covariance", len(self.cases))
         found: dict[str, work.Answer] = {}
         units: list[tuple[Any, ...]] = [(self.job, case, None) for case in self.cases]
         if self.jobs > 1 and self.campaign.monte_carlo:
-            units.insert(0, (self.job, self.cases[0], work.compile_flight))
+            units.insert(0, (self.job, self.cases[0], work.compile_kernels))
             units.append((self.job, self.cases[0], work.explain))
         for one in self._stage("covariance", work.answer_or_ahead, units):
             if one is None:

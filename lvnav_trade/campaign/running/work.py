@@ -26,7 +26,7 @@ from lvnav_trade.engines.analysis import effect
 from lvnav_trade.engines.analysis import explain as explained
 from lvnav_trade.engines.lincov import history as lincov
 from lvnav_trade.engines.setup import starts
-from lvnav_trade.engines.setup.prepare import prepare, trajectory_of
+from lvnav_trade.engines.setup.prepare import Prepared, prepare, trajectory_of
 from lvnav_trade.engines.setup.recorded import table_of
 from lvnav_trade.engines.simulate import montecarlo, statistics
 from lvnav_trade.errors import InputError, Mistake
@@ -46,7 +46,8 @@ class Engine(NamedTuple):
     """The functions that compute; another set takes their place in tests.
 
     events(scenario) -> name: time; prepare(scenario, history step); run_block(prepared, seed, first, n);
-    covariance(prepared); summarise(block, events, scale, outputs); compile_kernels(prepared) before a block is flown;
+    covariance(prepared); summarise(block, events, scale, outputs); compile_kernels(prepared, asked) what explains the
+    covariance and what flies runs, before either is wanted;
     explain(scenario, prepared, covariance, asked) what is behind the covariance;
     beyond(requirements, case, prepared, covariance, summary) how many runs of a block do not keep each requirement;
     starts(prepared, seed, n) what the first n runs draw once; control(scenario, seed, n) the missions of n runs of a
@@ -59,7 +60,7 @@ class Engine(NamedTuple):
     run_block: Callable[[Any, int, int, int], Any]
     covariance: Callable[[Any], CovHistory]
     summarise: Callable[..., Any]
-    compile_kernels: Callable[[Any], None]
+    compile_kernels: Callable[[Any, Asked], None]
     explain: Callable[..., Any]
     beyond: Callable[..., stopping.Counts]
     starts: Callable[[Any, int, int], Any]
@@ -103,8 +104,15 @@ def _about(path: str) -> Iterator[None]:
         raise InputError(records=[record._replace(path=record.path or path) for record in error.records]) from None
 
 
+def _compile_kernels(prepared: Prepared, asked: Asked) -> None:
+    explained.compile_kernels(
+        prepared, asked
+    )  # first: another worker wants it after the forward pass, the flight later
+    montecarlo.compile_kernels(prepared)
+
+
 ENGINE = Engine(
-    _events, prepare, montecarlo.run_block, lincov.covariance, statistics.summarise, montecarlo.compile_kernels,
+    _events, prepare, montecarlo.run_block, lincov.covariance, statistics.summarise, _compile_kernels,
     explained.explain, stopping.beyond, starts.start_draws, nozzle.controlled,
     effect.used,
     _remarks,
@@ -199,9 +207,9 @@ def answer_or_ahead(job: Job, case: Case, ahead: Callable[[Job, Case], Any] | No
     return None
 
 
-def compile_flight(job: Job, case: Case) -> None:
-    """Compile what will fly a case."""
-    job.engine.compile_kernels(_prepared(job, case))
+def compile_kernels(job: Job, case: Case) -> None:
+    """Compile what will explain and fly a case."""
+    job.engine.compile_kernels(_prepared(job, case), job.asked)
 
 
 def explain(job: Job, case: Case) -> Done:

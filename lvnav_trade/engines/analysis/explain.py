@@ -9,7 +9,13 @@ from lvnav_trade.engines.analysis.error_bound import ErrorBound, error_bound
 from lvnav_trade.engines.analysis.nonlinearity import Nonlinearity, nonlinearity
 from lvnav_trade.engines.analysis.observability import TOLERANCE, in_words, observability
 from lvnav_trade.engines.analysis.spot_check import gaps, spot_check
-from lvnav_trade.engines.lincov.history import adjoint, covariance, forward_tape, source_covariances, turns
+from lvnav_trade.engines.lincov.history import (
+    adjoint,
+    covariance,
+    forward_tape,
+    source_covariances,
+    turns,
+)
 from lvnav_trade.engines.lincov.sources import source_labels
 from lvnav_trade.engines.lincov.workspace import Tape
 from lvnav_trade.engines.setup.prepare import Prepared, prepare

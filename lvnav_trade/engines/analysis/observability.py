@@ -15,7 +15,7 @@ from lvnav_trade.kernels.covariance import apply_phi
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.strapdown import N_SUM
 from lvnav_trade.kernels.vehicle import N_SAMPLE, advance_vector, fill_samples
-from lvnav_trade.records import Floats
+from lvnav_trade.records import Floats, Ints
 
 TOLERANCE = 1e-2
 
@@ -58,7 +58,7 @@ def fold(triangle, row):
 
 
 @jit
-def _fold_samples(triangle, phi, row_of, sums, h, unit, vehicle, reference, first, n_tick):
+def _fold_samples(triangle, phi, row_of, sums, h, dt, vehicle, reference, first, n_tick):
     """Fold in the samples of a window's ticks, and carry the transition over them; return how many rows."""
     n = phi.shape[0]
     for tick in range(first, first + n_tick):
@@ -71,60 +71,97 @@ def _fold_samples(triangle, phi, row_of, sums, h, unit, vehicle, reference, firs
                     total += h[r, k] * phi[j, vehicle.columns[r, k]]
                 row_of[j] = weight * total
             fold(triangle, row_of)
-        nominal_tick(sums, reference, tick, unit.dt)
+        nominal_tick(sums, reference, tick, dt)
         for j in range(n):
-            advance_vector(phi[j], sums, unit.dt, vehicle.motion)
+            advance_vector(phi[j], sums, dt, vehicle.motion)
     return N_SAMPLE * n_tick
 
 
+class _Rows(NamedTuple):
+    """What a stretch needs of schedule, tape and model: arrays of the same names, and weight (n_update,), one over the
+    sigma of each row's noise. The records as a whole would take ten times as long to compile.
+    """
+
+    first_tick: Ints
+    n_tick: Ints
+    length: Ints
+    first: Ints
+    channel: Ints
+    sums: Floats
+    position: Floats
+    h: Floats
+    weight: Floats
+    n_entry: Ints
+    entry: Ints
+    column: Ints
+    seconds: Floats
+    decay: Floats
+    blocks: tuple[Ints, Ints, Ints, Ints]
+    clock: int
+
+
 @jit
-def _gather(triangle, phi, D, row_of, sums, h, tape, schedule, unit, signals, true, model, vehicle, reference,
-            first_window, last_window):  # fmt: skip
+def _gather(triangle, phi, D, row_of, sums, h, rows, dt, vehicle, reference, first_window, last_window):
     """Fold in every row of a stretch, times the transition since its start, in sigmas of its noise; return how many.
 
     triangle (n, n) and phi (n, n), the columns of the transition, updated; D (n_block, 9), row_of (n,), sums (18,) and
-    h (6, n_entry) work. Where samples of the IMU are measurements, rate and specific force are taken for constant over
-    a stretch, which asks most of the other states.
+    h (6, n_entry) work; rows : _Rows. Where samples of the IMU are measurements (vehicle: VehicleModel, reference:
+    Reference, dt s, or None), rate and specific force are taken for constant over a stretch, which asks most of the
+    other states.
     """
     n, count = phi.shape[0], 0
+    block_rows, block_columns, kinds, drivers = rows.blocks
     for w in range(first_window, last_window + 1):
-        if schedule.n_tick[w] > 0:
+        if rows.n_tick[w] > 0:
             if vehicle is not None:
-                first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
-                count += _fold_samples(triangle, phi, row_of, sums, h, unit, vehicle, reference, first, n_tick)
-            length, at = schedule.length[w], tape.position[w]
-            seconds, decay = model.seconds[length], model.decay[length]
-            transition.fill(D, true.nav_kinds, true.nav_drivers, tape.sums[w], at[0], at[1], at[2], seconds)
+                first, n_tick = rows.first_tick[w], rows.n_tick[w]
+                count += _fold_samples(triangle, phi, row_of, sums, h, dt, vehicle, reference, first, n_tick)
+            at = rows.position[w]
+            seconds, decay = rows.seconds[rows.length[w]], rows.decay[rows.length[w]]
+            transition.fill(D, kinds, drivers, rows.sums[w], at[0], at[1], at[2], seconds)
             for j in range(n):
-                apply_phi(phi[j], D, true.nav_rows, true.nav_columns, decay, model.clock, seconds)
-        for row in range(tape.first[w], tape.first[w + 1]):
-            channel = tape.channel[row]
-            whitened = model.has_covariance and channel < signals.n_receiver
-            variance = 1.0 if whitened else signals.variance[tape.epoch[row], channel]
-            weight = 1.0 / np.sqrt(variance)
+                apply_phi(phi[j], D, block_rows, block_columns, decay, rows.clock, seconds)
+        for row in range(rows.first[w], rows.first[w + 1]):
+            channel = rows.channel[row]
             for j in range(n):
                 total = 0.0
-                for k in range(model.n_entry[channel]):
-                    total += tape.h[row, model.entry[channel, k]] * phi[j, model.column[channel, k]]
-                row_of[j] = weight * total
+                for k in range(rows.n_entry[channel]):
+                    total += rows.h[row, rows.entry[channel, k]] * phi[j, rows.column[channel, k]]
+                row_of[j] = rows.weight[row] * total
             fold(triangle, row_of)
             count += 1
     return count
 
 
-def _stretch(prepared: Prepared, true: Components, tape: Tape, start: float, end: float) -> Stretch:
-    schedule, n = prepared.schedule, prepared.layout.n_state
-    ends = prepared.reference.t[schedule.first_tick + schedule.n_tick]
-    inside = np.flatnonzero((ends > start + 1e-9) & (ends <= end + 1e-9))
-    first, last = int(inside[0]), int(inside[-1])
-    vehicle = prepared.options.vehicle
+def _rows(prepared: Prepared, true: Components, tape: Tape) -> _Rows:
+    schedule, model, signals = prepared.schedule, prepared.model, prepared.signals
+    used = slice(0, int(tape.used[0]))
+    whitened = model.has_covariance & (tape.channel[used] < signals.n_receiver)
+    variance = np.where(whitened, 1.0, signals.variance[tape.epoch[used], tape.channel[used]])
+    return _Rows(
+        schedule.first_tick, schedule.n_tick, schedule.length, tape.first, tape.channel, tape.sums, tape.position,
+        tape.h, 1.0 / np.sqrt(variance), model.n_entry, model.entry, model.column, model.seconds, model.decay,
+        (true.nav_rows, true.nav_columns, true.nav_kinds, true.nav_drivers), model.clock,
+    )  # fmt: skip
+
+
+def _folded(prepared: Prepared, rows: _Rows, first: int, last: int) -> tuple[int, Floats]:
+    """Return how many rows the windows from first to last have, and the triangle (n, n) that they fold into."""
+    n, vehicle = prepared.layout.n_state, prepared.options.vehicle
     n_entry = 1 if vehicle is None else vehicle.columns.shape[1]
     triangle, phi = np.zeros((n, n)), np.eye(n)  # row j of phi is the column of Phi that belongs to state j
     count = _gather(
-        triangle, phi, np.zeros((true.nav_rows.size, 9)), np.zeros(n), np.zeros(N_SUM), np.zeros((N_SAMPLE, n_entry)),
-        tape, schedule, prepared.unit, prepared.signals, true, prepared.model, vehicle, prepared.reference, first,
-        last,
+        triangle, phi, np.zeros((rows.blocks[0].size, 9)), np.zeros(n), np.zeros(N_SUM), np.zeros((N_SAMPLE, n_entry)),
+        rows, prepared.unit.dt, vehicle, None if vehicle is None else prepared.reference, first, last,
     )  # fmt: skip
+    return count, triangle
+
+
+def _stretch(prepared: Prepared, rows: _Rows, start: float, end: float) -> Stretch:
+    schedule, n = prepared.schedule, prepared.layout.n_state
+    ends = prepared.reference.t[schedule.first_tick + schedule.n_tick]
+    inside = np.flatnonzero((ends > start + 1e-9) & (ends <= end + 1e-9))
+    count, triangle = _folded(prepared, rows, int(inside[0]), int(inside[-1]))
     scale, root = initial_spread(prepared.start.P)
     asked = scale > 0.0  # a state of no initial sigma is known, not unobservable
     root = root[np.ix_(asked, asked)]
@@ -157,11 +194,10 @@ def observability(prepared: Prepared, edges: Floats, tape: Tape | None = None) -
     Evaluated on the nominal flight with the filter's measurements there; edges outside it are moved to its ends.
     `tape` is the forward pass where it is known already.
     """
-    true = components(prepared)
-    tape = tape or forward_tape(prepared)
+    rows = _rows(prepared, components(prepared), tape or forward_tape(prepared))
     t = prepared.reference.t
     marks = np.unique(np.clip(edges, t[0], t[-1]))
-    return [_stretch(prepared, true, tape, float(a), float(b)) for a, b in pairwise(marks)]
+    return [_stretch(prepared, rows, float(a), float(b)) for a, b in pairwise(marks)]
 
 
 def in_words(direction: Floats, names: tuple[str, ...], threshold: float = 0.3) -> str:

@@ -14,7 +14,7 @@ from lvnav_trade.engines.lincov.update import component_partial, measured_channe
 from lvnav_trade.filters.late import place_of_channel
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import apply_phi_transposed
-from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.vehicle import N_SAMPLE, advance_vector_transposed, fill_samples
 from lvnav_trade.records import Floats
 
@@ -30,7 +30,7 @@ class Backward(NamedTuple):
     contribution: Floats
 
 
-@inlined
+@jit
 def _dot(a, b):
     """Return the sum of products over the length of `a`; `b` may be longer."""
     total = 0.0
@@ -109,7 +109,7 @@ def _start_back(back, true):
             back.contribution[m, true.source[c], 0] += through * through * true.start[c]
 
 
-@inlined
+@jit
 def _samples_back(back, scratch, tape, true, unit, units, vehicle, reference, tick, time_bin):
     """Go back through the propagation and the update of a tick whose samples are measurements."""
     nominal_tick(scratch.sums, reference, tick, unit.dt)
@@ -138,7 +138,7 @@ def _samples_back(back, scratch, tape, true, unit, units, vehicle, reference, ti
                 y[vehicle.columns[r, k]] -= scratch.y[r] * scratch.h[r, k]
 
 
-@inlined
+@jit
 def _window_back(back, scratch, tape, w, true, units, model, schedule, time_bin):
     """Go back through the propagation of a window."""
     length = schedule.length[w]

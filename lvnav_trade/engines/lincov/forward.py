@@ -27,7 +27,7 @@ from lvnav_trade.filters.late import keep, place_of_channel
 from lvnav_trade.filters.monitor import MODE, begin_watch, check_measurements, is_running, start_filter, update_mode
 from lvnav_trade.kernels.covariance import update_with_gain, variance_along
 from lvnav_trade.kernels.groups import group, total_of, whole
-from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.strapdown import place
 from lvnav_trade.kernels.transition import ATT, POS, VEL, sensed_driver
 from lvnav_trade.kernels.vehicle import N_SAMPLE
@@ -63,7 +63,7 @@ def _measure(nominal, signals, sensors, differences, tight, epoch):
                     nominal.observed[k, i] = differences.nominal[p, epoch, i]
 
 
-@inlined
+@jit
 def _fill(nominal, signals, model, chain, late, epoch):
     """Fill what the filter compares the receiver's measurements with."""
     if model.tight:
@@ -77,7 +77,7 @@ def _fill(nominal, signals, model, chain, late, epoch):
             complete_rows(nominal, chain, late, epoch)
 
 
-@inlined
+@jit
 def _weight(nominal, formal, model, chain, late, gains, epoch):
     """Decorrelate the rows of a solution that comes with a covariance; with stored gains they stay as they are."""
     if chain is not None:
@@ -86,7 +86,7 @@ def _weight(nominal, formal, model, chain, late, gains, epoch):
             decorrelate(nominal, model)
 
 
-@inlined
+@jit
 def _update(
     out, joint, scratch, tape, nominal, signals, true, model, late, gains, row, channel, variance, whitened, epoch
 ):
@@ -100,7 +100,7 @@ def _update(
     out.n_row[epoch] += 1
 
 
-@inlined
+@jit
 def _take_reference(joint, scratch, tape, nominal, signals, true, model, late, epoch, n_row):
     """Make bias and drift of the clock what the reference satellite says, as the filter does."""
     if n_row > 0 and signals.reference[epoch] >= 0:
@@ -118,7 +118,7 @@ def _take_reference(joint, scratch, tape, nominal, signals, true, model, late, e
                 )
 
 
-@inlined
+@jit
 def _update_receiver(out, joint, scratch, tape, nominal, signals, true, model, chain, late, gains, epoch):
     """Update by what the receiver measures at an epoch."""
     whitened, n_row = chain is not None, n_measured(model, signals, epoch)
@@ -135,7 +135,7 @@ def _update_receiver(out, joint, scratch, tape, nominal, signals, true, model, c
             )  # fmt: skip
 
 
-@inlined
+@jit
 def _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, model, late, gains, epoch):
     """Update by what the other sensors measure at an epoch."""
     if sensors is not None:
@@ -151,7 +151,7 @@ def _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, 
                     )  # fmt: skip
 
 
-@inlined
+@jit
 def _start(joint, scratch, tape, nominal, watch, rules, signals, true, model, chain, late, epoch):
     """Start the filter on the nominal flight: its covariance as the mode logic sets it, and the error that it starts
     with, that of the sample if it starts from one.
@@ -173,7 +173,7 @@ def _start(joint, scratch, tape, nominal, watch, rules, signals, true, model, ch
                 )  # fmt: skip
 
 
-@inlined
+@jit
 def _expect(joint, nominal, true, model, signals, late, watch, epoch):
     """Set the mean of every innovation of the receiver: what the mode logic sees in a run without noise."""
     for row in range(n_measured(model, signals, epoch)):
@@ -186,7 +186,7 @@ def _expect(joint, nominal, true, model, signals, late, watch, epoch):
         nominal.expected[row], watch.predicted[row] = total, 0.0
 
 
-@inlined
+@jit
 def _process_permitted(
     out, joint, scratch, tape, nominal, signals, true, model, chain, late, gains, rules, watch, epoch
 ):
@@ -205,7 +205,7 @@ def _process_permitted(
     update_mode(watch, rules, epoch, joint.formal)
 
 
-@inlined
+@jit
 def _epoch(out, joint, scratch, work, tape, nominal, signals, sensors, true, model, dt, chain, late, gains, rules,
            watch, vehicle, epoch):  # fmt: skip
     """Update by what the filter would process at an epoch."""
@@ -233,7 +233,7 @@ def _epoch(out, joint, scratch, work, tape, nominal, signals, sensors, true, mod
             _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, model, late, gains, epoch)
 
 
-@inlined
+@jit
 def _clone(joint, nominal, true, model, reference, tick, dt, late, window):
     """Store the state and clone its error, for a measurement that is on its way."""
     if late is not None:

@@ -68,6 +68,16 @@ def forward_tape(prepared: Prepared) -> Tape:
     return tape
 
 
+def empty_tape(prepared: Prepared) -> Tape:
+    """Return the tape of a flight without updates, in which nothing is recorded."""
+    return new_tape(prepared.schedule.n_tick.size, 1, n_joint(prepared), row_width(prepared))
+
+
+def compile_backward(prepared: Prepared) -> None:
+    """Compile the backward pass (or load it from the cache): it goes back over the first window of an empty tape."""
+    adjoint(prepared, float(prepared.t_hist[0]), tape=empty_tape(prepared))
+
+
 def turns(prepared: Prepared) -> Floats:
     """Return the matrices (n_hist, n, n) from the filter's error state to the reporting axes at the history times."""
     n, record = prepared.layout.n_state, prepared.record

@@ -7,7 +7,7 @@ from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.attitude import small_rotation
 from lvnav_trade.kernels.covariance import apply_phi, enter, predict
 from lvnav_trade.kernels.groups import group
-from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.strapdown import J4, Q, R, V, gravity, mechanise, place
 from lvnav_trade.kernels.transition import ATT, ATT_GYRO, GYRO, POS, VEL, VEL_ACCEL, VEL_GYRO, parameter_block
 
@@ -76,7 +76,7 @@ def fill_inputs(scratch, true, units, sums, seconds, first, n_tick):
                     scratch.b[true.group[source], k + axis, i, true.lane[source]] = scratch.input[i, axis]
 
 
-@inlined
+@jit
 def _enter(P, y, b, variance, echo):
     """Let components c of one group, a lane each, enter P and y = Cov(x, c) by b (9,), before c decays.
 
@@ -98,7 +98,7 @@ def _enter(P, y, b, variance, echo):
         y[i] = y[i] + b[i] * variance
 
 
-@inlined
+@jit
 def _advance_components(joint, scratch, true, length, g):
     """Let the components of one group act over a window, then decay and be driven."""
     factors, noises = group(true.factor[length], g), group(true.noise[length], g)
@@ -146,7 +146,7 @@ def _drive_states(joint, true, length):
                 joint.cross[g, k, at, lane] += noise
 
 
-@inlined
+@jit
 def propagate_sources(joint, scratch, true, units, model, sums, length, first, n_tick):
     """Propagate what is true over a window, source by source, and the mean; scratch.D_true holds the transition."""
     seconds, decay, D = model.seconds[length], true.decay[length], scratch.D_true
@@ -241,7 +241,7 @@ def _add_strapdown_error(mean, nav, reference, tick):
         mean[POS + i] += reference.r_i[tick, i] - nav[R + i]
 
 
-@inlined
+@jit
 def propagate(joint, scratch, nominal, true, unit, units, model, length, first, n_tick, reference):
     """Propagate everything over one window: the filter's own covariance by its model, each source's by the truth's.
 

@@ -10,7 +10,7 @@ from lvnav_trade.filters.ekf import separate
 from lvnav_trade.filters.late import carry_on, place_of
 from lvnav_trade.kernels.covariance import enter, whiten
 from lvnav_trade.kernels.groups import group, whole
-from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like
 from lvnav_trade.kernels.transition import VEL
 
@@ -120,7 +120,7 @@ def clone_states(joint, true, to, first, n):
     _copy_vector(joint.mean, to, first, n)
 
 
-@inlined
+@jit
 def clone_error(joint, true, late, window):
     """Clone the navigation error at the end of a window, as `filters.late.keep` stores the state.
 
@@ -148,7 +148,7 @@ def _line_back(y, true, late, line, window):
             y[at + i] = 0.0
 
 
-@inlined
+@jit
 def clone_back(back, true, late, window):
     """Go back through `clone_error`."""
     if late is not None:

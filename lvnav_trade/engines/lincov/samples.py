@@ -4,7 +4,7 @@ from lvnav_trade.engines.lincov.units import add_unit_profiles, fill_unit_partia
 from lvnav_trade.engines.simulate.sensing import profile_value
 from lvnav_trade.kernels.attitude import cross, matrix
 from lvnav_trade.kernels.groups import group, whole
-from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like
 from lvnav_trade.kernels.transition import sensed_driver
 from lvnav_trade.kernels.vehicle import (
@@ -74,7 +74,7 @@ def _deviations(z, true, unit, units, reference, tick):
         add_unit_profiles(z, true, unit, units, t)
 
 
-@inlined
+@jit
 def _enter(P, y, through, seen, S, a, variance, gain):
     """Let components c, a lane each, enter by the samples: a (6,) partials, y = Cov(x, c) after the update by H."""
     n = P.shape[0]
@@ -95,7 +95,7 @@ def _enter(P, y, through, seen, S, a, variance, gain):
             S[r, q] = S[r, q] + a[r] * seen[q] + seen[r] * a[q] + a[r] * a[q] * variance
 
 
-@inlined
+@jit
 def _update_sources(joint, work, true, columns):
     h, gain = work.h, work.gain
     for g in range(true.n_slot.shape[0]):
@@ -111,7 +111,7 @@ def _update_sources(joint, work, true, columns):
                     _enter(P, cross_g[k], whole(work.through), seen, S, a, variance[k, 0], gain)
 
 
-@inlined
+@jit
 def update_tick(joint, scratch, work, tape, true, unit, units, model, vehicle, reference, tick):
     """Update by the samples of a tick: the filter's covariance, and with those gains every source and the mean."""
     m, mean, n = vehicle.motion, joint.mean, model.n_state
@@ -141,7 +141,7 @@ def update_tick(joint, scratch, work, tape, true, unit, units, model, vehicle, r
             mean[i] -= work.gain[r, i] * work.deviation[r]
 
 
-@inlined
+@jit
 def propagate_tick(joint, work, true, vehicle, reference, tick, dt):
     """Propagate over a tick what its motion states move."""
     nominal_tick(work.sums, reference, tick, dt)
@@ -155,7 +155,7 @@ def propagate_tick(joint, work, true, vehicle, reference, tick, dt):
     advance_vector(joint.mean, work.sums, dt, vehicle.motion)
 
 
-@inlined
+@jit
 def sample_window(joint, scratch, work, tape, true, unit, units, model, vehicle, reference, first, n_tick):
     """Process the samples of a window, tick by tick; the covariances are whole again at its end."""
     for tick in range(first, first + n_tick):

@@ -13,7 +13,7 @@ from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.setup.units import along_axes
 from lvnav_trade.engines.simulate.sensing import profile_value
 from lvnav_trade.kernels.attitude import cross
-from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.strapdown import SUM_C, SUM_V
 from lvnav_trade.kernels.transition import ATT, CONSTANT, GYRO, OTHER_0, OTHER_2, OWN_0, OWN_2, POS, SQUARE, VEL
 from lvnav_trade.layout import StateLayout
@@ -98,7 +98,7 @@ def fill_unit_partials(a, true, units, tick, dt):
                     a[true.group[source], k + c, 3 * sensor + i, true.lane[source]] = entering
 
 
-@inlined
+@jit
 def _tick_input(units, triad, sensor, c, driver, tick, dt):
     """Return what a parameter of axis c multiplies in the sample of a tick."""
     a, f = units.dtheta[triad, tick], units.dvel[triad, tick]

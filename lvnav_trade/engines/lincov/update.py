@@ -6,7 +6,7 @@ from lvnav_trade.engines.lincov.receiver_error import N_CLONE, N_NAV
 from lvnav_trade.filters.late import place_of_channel
 from lvnav_trade.kernels.covariance import enter, update_covariance, update_scalar, update_vector, update_with_gain
 from lvnav_trade.kernels.groups import group, total_of, whole
-from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.jit import jit
 from lvnav_trade.observables.base import N_ENTRY
 
 
@@ -103,7 +103,7 @@ def _set_gain(gain, K, weight, n_estimated, true, late, epoch):
                     gain[true.clone + N_CLONE * place + i] = gain[i]
 
 
-@inlined
+@jit
 def _update_formal(joint, scratch, gains, h, entries, columns, epoch, channel, variance, model):
     """Update the filter's own covariance; return the weight. The gain, `scratch.K` times weight, is its own, or stored
     (Gains).
@@ -123,7 +123,7 @@ def _update_formal(joint, scratch, gains, h, entries, columns, epoch, channel, v
     return weight
 
 
-@inlined
+@jit
 def _update_sources(joint, scratch, true, gain, h, entries, columns, source, noise):
     """Update every source's covariance and those with the components; return the innovation's true variance."""
     total = noise
@@ -142,7 +142,7 @@ def _update_sources(joint, scratch, true, gain, h, entries, columns, source, noi
     return total
 
 
-@inlined
+@jit
 def _update_truth(joint, scratch, tape, late, h, innovation, epoch, channel, whitened, signals, true):
     """Update every source and the mean with the gain `scratch.gain`; return the expected square of the innovation."""
     gain, m, place = scratch.gain, true.n_entry[channel], 0
@@ -161,7 +161,7 @@ def _update_truth(joint, scratch, tape, late, h, innovation, epoch, channel, whi
     return total + offset * offset
 
 
-@inlined
+@jit
 def replace_state(joint, scratch, tape, late, at, h, innovation, epoch, channel, whitened, signals, true):
     """Replace the error of one state by that of a measurement of it: an update with the gain one, in every source and
     in the mean. The filter's own covariance is set elsewhere.
@@ -171,7 +171,7 @@ def replace_state(joint, scratch, tape, late, at, h, innovation, epoch, channel,
     _update_truth(joint, scratch, tape, late, h, innovation, epoch, channel, whitened, signals, true)
 
 
-@inlined
+@jit
 def update_joint(
     joint, scratch, tape, late, gains, h, innovation, epoch, channel, variance, whitened, signals, true, model
 ):
