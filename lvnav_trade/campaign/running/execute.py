@@ -220,8 +220,8 @@ class _Run:
         self.timings[name] = round(time.monotonic() - start, 3)
 
     def _answers(self, on_answers: OnAnswers | None) -> list[work.Answer]:
-        """Find every case's linear covariance; with several workers another compiles what explains and flies the first
-        case beside it, so that a fresh machine compiles on all of them.
+        """Find every case's linear covariance; with several workers another compiles the backward pass and the flight
+        of the first case beside it, so that a fresh machine compiles on all of them.
         """
         self.watch.stage("linear covariance", len(self.cases))
         found: dict[str, work.Answer] = {}

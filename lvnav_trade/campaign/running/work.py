@@ -46,8 +46,8 @@ class Engine(NamedTuple):
     """The functions that compute; another set takes their place in tests.
 
     events(scenario) -> name: time; prepare(scenario, history step); run_block(prepared, seed, first, n);
-    covariance(prepared); summarise(block, events, scale, outputs); compile_kernels(prepared, asked) what explains the
-    covariance and what flies runs, before either is wanted;
+    covariance(prepared); summarise(block, events, scale, outputs); compile_kernels(prepared, asked) the backward pass
+    and what flies runs, before either is wanted;
     explain(scenario, prepared, covariance, asked) what is behind the covariance;
     beyond(requirements, case, prepared, covariance, summary) how many runs of a block do not keep each requirement;
     starts(prepared, seed, n) what the first n runs draw once; control(scenario, seed, n) the missions of n runs of a
@@ -105,9 +105,8 @@ def _about(path: str) -> Iterator[None]:
 
 
 def _compile_kernels(prepared: Prepared, asked: Asked) -> None:
-    explained.compile_kernels(
-        prepared, asked
-    )  # first: another worker wants it after the forward pass, the flight later
+    if asked.adjoint:  # first: another worker wants it after the forward pass, the flight later
+        lincov.compile_backward(prepared)
     montecarlo.compile_kernels(prepared)
 
 
@@ -208,7 +207,7 @@ def answer_or_ahead(job: Job, case: Case, ahead: Callable[[Job, Case], Any] | No
 
 
 def compile_kernels(job: Job, case: Case) -> None:
-    """Compile what will explain and fly a case."""
+    """Compile the backward pass of a case and what will fly it."""
     job.engine.compile_kernels(_prepared(job, case), job.asked)
 
 
