@@ -233,6 +233,7 @@ def _matched_receiver(scenario: Scenario) -> Any:
         return lambda: getattr(receiver.solution, name) if isinstance(receiver.solution, DirectSolution) else otherwise
 
     return _Matched(
+        noise_by=lambda: receiver.noise_by,
         pseudorange_sigma=lambda: receiver.pseudorange_sigma,
         range_rate_sigma=lambda: receiver.range_rate_sigma,
         position_sigma=of_solution("position_sigma", 0.0),

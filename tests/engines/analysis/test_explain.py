@@ -31,7 +31,7 @@ ACCEL = {"bias_repeatability": "1 mg", "bias_instability": "0.1 mg", "random_wal
 RECEIVER = {
     "clock.initial_bias": "100 m", "clock.initial_drift": "1 m/s", "multipath": "1 m", "latency_error": "1 ms",
     "latency_sigma": "1 ms", "lever_error": "0.1 m", "solution.position_bias": "1 m",
-    "solution.velocity_bias": "0.1 m/s",
+    "solution.velocity_bias": "0.1 m/s", "range_rate_offset": "0.1 m/s", "range_rate_instability": "0.1 m/s",
 }  # fmt: skip
 ELSEWHERE = {
     "troposphere scale", "ionosphere scale", "satellite clock and ephemeris", "system time offset",
