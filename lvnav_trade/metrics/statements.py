@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import stats
 
-from lvnav_trade.metrics.basics import expression
+from lvnav_trade import expression
 from lvnav_trade.metrics.numbers import Columns, cases_of, columns, difference, name_of
 from lvnav_trade.metrics.signals import REACQUIRED, reacquisition_times
 from lvnav_trade.records import Floats

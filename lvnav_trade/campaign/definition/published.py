@@ -6,10 +6,10 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
+from lvnav_trade import expression
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.errors import quoted
 from lvnav_trade.layout import EXTRAS, MISSION, MOTION, PARAMETERS, split_metric
-from lvnav_trade.metrics.basics import expression
 from lvnav_trade.observables.sensors import SENSOR_STATES
 from lvnav_trade.units import Angle, Card, Length, parse
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.metrics.basics.expression import evaluate, is_product, names
+from lvnav_trade.expression import evaluate, is_product, names
 
 
 @pytest.mark.parametrize(
