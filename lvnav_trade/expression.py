@@ -1,9 +1,13 @@
-"""Arithmetic of named numbers written as text: ``a / b``, ``max(a, b, c) / min(a, b, c)``, ``100 * (a / b - 1)``."""
+"""Arithmetic of named numbers written as text, and the cases that the names stand for.
+
+``a / b``, ``max(a, b, c) / min(a, b, c)``, ``100 * (a / b - 1)``.
+"""
 
 import ast
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
-from typing import Any
+from itertools import combinations
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -71,3 +75,42 @@ def evaluate(text: str, values: Mapping[str, Any]) -> Any:
 
     with np.errstate(divide="ignore", invalid="ignore"):
         return value(_parsed(text))
+
+
+class Reading(NamedTuple):
+    """Levels of the axes that no term names, and the number of each term's case."""
+
+    levels: dict[str, str]
+    cases: dict[str, int]
+
+
+def matching(known: Sequence[Mapping[str, str]], levels: Mapping[str, str]) -> list[int]:
+    """Return the numbers of the cases (level of every axis of each) that have all the levels."""
+    return [k for k, one in enumerate(known) if all(one.get(axis) == level for axis, level in levels.items())]
+
+
+def readings(known: Sequence[Mapping[str, str]], wanted: Mapping[str, Mapping[str, str]]) -> list[Reading]:
+    """Return the cases of each term for all levels, in turn, of the axes that no term names.
+
+    known: level of every axis of each case; wanted: levels that each term names. Axes that vary together (design zip)
+    need not all be named: the fewest are read that leave each term one case.
+    """
+    named = {axis for levels in wanted.values() for axis in levels}
+    free = [axis for axis in (known[0] if known else ()) if axis not in named]
+    for size in range(len(free) + 1):
+        found = [_read_by(known, wanted, axes) for axes in combinations(free, size)]
+        if most := max(found, key=len, default=[]):
+            return most
+    return []
+
+
+def _read_by(
+    known: Sequence[Mapping[str, str]], wanted: Mapping[str, Mapping[str, str]], axes: Sequence[str]
+) -> list[Reading]:
+    found = []
+    for choice in dict.fromkeys(tuple(levels[axis] for axis in axes) for levels in known):
+        levels = dict(zip(axes, choice, strict=True))
+        cases = {name: matching(known, {**one, **levels}) for name, one in wanted.items()}
+        if all(len(one) == 1 for one in cases.values()):
+            found.append(Reading(levels, {name: one[0] for name, one in cases.items()}))
+    return found

@@ -2,13 +2,14 @@
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import combinations, pairwise
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import stats
 
 from lvnav_trade import expression
+from lvnav_trade.expression import matching, readings
 from lvnav_trade.metrics.numbers import Columns, cases_of, columns, difference, name_of
 from lvnav_trade.metrics.signals import REACQUIRED, reacquisition_times
 from lvnav_trade.records import Floats
@@ -33,44 +34,6 @@ class Value(NamedTuple):
     high: float
     runs: int
     remarks: tuple[str, ...]
-
-
-class Reading(NamedTuple):
-    """Levels of the axes that no term names, and the number of each term's case."""
-
-    levels: dict[str, str]
-    cases: dict[str, int]
-
-
-def readings(known: Sequence[Mapping[str, str]], wanted: Mapping[str, Mapping[str, str]]) -> list[Reading]:
-    """Return the cases of each term for all levels, in turn, of the axes that no term names.
-
-    known: level of every axis of each case; wanted: levels that each term names. Axes that vary together (design zip)
-    need not all be named: the fewest are read that leave each term one case.
-    """
-    named = {axis for levels in wanted.values() for axis in levels}
-    free = [axis for axis in (known[0] if known else ()) if axis not in named]
-    for size in range(len(free) + 1):
-        found = [_read_by(known, wanted, axes) for axes in combinations(free, size)]
-        if most := max(found, key=len, default=[]):
-            return most
-    return []
-
-
-def _read_by(
-    known: Sequence[Mapping[str, str]], wanted: Mapping[str, Mapping[str, str]], axes: Sequence[str]
-) -> list[Reading]:
-    found = []
-    for choice in dict.fromkeys(tuple(levels[axis] for axis in axes) for levels in known):
-        levels = dict(zip(axes, choice, strict=True))
-        cases = {name: _matching(known, {**one, **levels}) for name, one in wanted.items()}
-        if all(len(one) == 1 for one in cases.values()):
-            found.append(Reading(levels, {name: one[0] for name, one in cases.items()}))
-    return found
-
-
-def _matching(known: Sequence[Mapping[str, str]], levels: Mapping[str, str]) -> list[int]:
-    return [k for k, one in enumerate(known) if all(one.get(axis) == level for axis, level in levels.items())]
 
 
 def value_of(text: str, terms: Mapping[str, Columns]) -> Value:
@@ -242,7 +205,7 @@ def _locus(
     found: dict[tuple[tuple[str, str], ...], list[tuple[str, Value]]] = {}
     for level in dict.fromkeys(levels[along] for levels in known):
         moved = {name: {**levels, along: level} for name, levels in wanted.items()}
-        there = {name for name, levels in moved.items() if _matching(known, levels)}
+        there = {name for name, levels in moved.items() if matching(known, levels)}
         if there:  # a term that has no case there stays where it is
             asked = {name: moved[name] if name in there else levels for name, levels in wanted.items()}
             for levels, value in _read(tables, stated, asked):

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from lvnav_trade.expression import readings
 from lvnav_trade.metrics.numbers import Columns, columns
 from lvnav_trade.metrics.published import references
 from lvnav_trade.metrics.statements import (
@@ -17,7 +18,6 @@ from lvnav_trade.metrics.statements import (
     Value,
     bounds,
     locus,
-    readings,
     value_of,
     verdict,
     where_bound,

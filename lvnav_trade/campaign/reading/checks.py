@@ -9,10 +9,10 @@ from lvnav_trade.campaign.definition.axes import BASE_LABEL, case_label, choice,
 from lvnav_trade.campaign.definition.schema import Axis, Campaign
 from lvnav_trade.campaign.syntax.tree import Node, hint, mistake, mistake_at, nearest
 from lvnav_trade.errors import Mistake, quoted
+from lvnav_trade.expression import readings
 from lvnav_trade.layout import AXES as FRAME_AXES
 from lvnav_trade.layout import MISSION, split_metric
 from lvnav_trade.limits import AXES, CASES
-from lvnav_trade.metrics.statements import readings
 from lvnav_trade.scenario import Scenario, filter_models, solves
 
 _RATES = {
