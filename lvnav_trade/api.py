@@ -213,7 +213,8 @@ def study(
     keep : where report.md, figures/, references.csv and agreement.csv go
     runs : runs per case in place of the campaigns' own
     results : where the campaigns' results go; ``results/FOLDER`` if absent
-    fresh : begin again instead of resuming; only_page : run nothing, take the results that are there
+    fresh : begin again instead of resuming; only_page : run nothing, take the results that are there; campaigns without
+        results are listed as not flown
     progress : makes the progress of one campaign; on_campaign(name, results) is called when one is done
 
     Raises
@@ -231,9 +232,14 @@ def study(
     place = Path(results) if results is not None else Path("results") / (found.name or Path(folder).name)
     answered: list[Answered] = []
     failures: list[str] = []
-    counts = {}
+    counts: dict[str, tuple[int, int]] = {}
+    unflown = [one.campaign for one in questions if only_page and not (place / one.campaign.name).is_dir()]
+    if len(unflown) == len(questions):
+        unflown = []  # the first of them is reported
     for part, campaign in questions:
         mine = place / campaign.name
+        if campaign in unflown:
+            continue
         if not only_page:
             run(campaign, (), mine, jobs, fresh, report=False, progress=progress() if progress else None)
         held = load(mine)
@@ -244,7 +250,7 @@ def study(
         verdicts = references(held.tables, answered[-1].stated)
         counts[campaign.name] = (len(verdicts), int(verdicts.in_band.sum()))
     stated, held_up = (sum(one[k] for one in counts.values()) for k in (0, 1))
-    return Studied(build(found, answered, Path(keep)), counts, stated, held_up, failures)
+    return Studied(build(found, answered, Path(keep), unflown), counts, stated, held_up, failures)
 
 
 def compare(

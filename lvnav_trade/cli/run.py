@@ -242,7 +242,7 @@ def cards(
 @verb()
 def study(
     folder: Annotated[
-        str, typer.Argument(metavar="FOLDER", help="folder of campaigns, or one of the tool's: conae, drdc, gains")
+        str, typer.Argument(metavar="FOLDER", help="folder of campaigns, or one of the tool's: conae, dlr, drdc, gains")
     ],
     keep: Annotated[Path, typer.Option("--keep", metavar="FOLDER", help="where the study's report goes")],
     runs: Annotated[int | None, typer.Option("--runs", help="runs per case, in place of the campaigns' own")] = None,

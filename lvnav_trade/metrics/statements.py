@@ -17,6 +17,7 @@ from lvnav_trade.store.read import Tables
 from lvnav_trade.units import parse
 
 HOLDS, FAILS, UNDECIDED, NOT_SET_UP = "holds", "does not hold here", "undecided", "not set up"
+NOT_FLOWN = "not flown"
 NUMBERS = ("formal", "true", "monte_carlo")
 NOTHING = (np.nan, np.nan, np.nan, "no such case")
 _LEVEL = 0.95

@@ -6,8 +6,9 @@ from typing import Any
 import pandas as pd
 
 from lvnav_trade.campaign.definition.published import Stated
+from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.metrics.published import COLUMNS
-from lvnav_trade.metrics.statements import FAILS, HOLDS, NOT_SET_UP, UNDECIDED
+from lvnav_trade.metrics.statements import FAILS, HOLDS, NOT_FLOWN, NOT_SET_UP, UNDECIDED
 from lvnav_trade.report.blocks import Block, Text, stated
 
 # Headings of the tables by verdict, in their order
@@ -16,16 +17,26 @@ _HEADINGS = {
     FAILS: "Statements that do not hold here.",
     UNDECIDED: "Statements that these runs do not decide.",
     NOT_SET_UP: "Statements that are not set up, and what is missing.",
+    NOT_FLOWN: "Statements whose campaign has no results yet.",
 }
 
 
-def with_those_not_set_up(frame: pd.DataFrame, missing: Sequence[Stated]) -> pd.DataFrame:
-    """Return a table of references with a row for each statement that no campaign answers."""
-    rows = [
-        {**one.model_dump(), "case": "", "metric": "", "unit": "-", "in_band": False, "verdict": NOT_SET_UP}
-        for one in missing
+def with_those_left_out(frame: pd.DataFrame, missing: Sequence[Stated], unflown: Sequence[Campaign]) -> pd.DataFrame:
+    """Return a table of references with a row for each statement that no campaign answers, and for those of campaigns
+    without results.
+    """
+    rows = [(one, NOT_SET_UP, one.remark) for one in missing]
+    rows += [
+        (one, NOT_FLOWN, f"campaign {campaign.name}; {one.remark}".removesuffix("; "))
+        for campaign in unflown
+        for one in campaign.statements
     ]
-    return pd.concat([frame, pd.DataFrame(rows, columns=COLUMNS)], ignore_index=True) if rows else frame
+    left = {"case": "", "metric": "", "unit": "-", "in_band": False}
+    found = [
+        {"id": one.id, "source": one.source, "item": one.item, **left, "verdict": word, "remark": remark}
+        for one, word, remark in rows
+    ]
+    return pd.concat([frame, pd.DataFrame(found, columns=COLUMNS)], ignore_index=True) if found else frame
 
 
 def is_statement(frame: pd.DataFrame, campaigns: Sequence[Mapping[str, Any]]) -> pd.Series:
@@ -51,6 +62,7 @@ def verdicts(frame: pd.DataFrame) -> list[Block]:
         FAILS: "do not hold here",
         UNDECIDED: "are undecided",
         NOT_SET_UP: "are not set up",
+        NOT_FLOWN: "are not flown yet",
     }
     counts = [f"{only[word]} {said[word]}" for word in said if only[word]]
     if mixed := len(groups) - sum(only.values()):
@@ -60,5 +72,7 @@ def verdicts(frame: pd.DataFrame) -> list[Block]:
     for word, heading in _HEADINGS.items():
         mine = rows[rows.verdict == word]
         if len(mine):
-            blocks.append(stated("not_set_up" if word == NOT_SET_UP else "statements", mine, heading=heading))
+            blocks.append(
+                stated("left_out" if word in (NOT_SET_UP, NOT_FLOWN) else "statements", mine, heading=heading)
+            )
     return blocks

@@ -11,6 +11,7 @@ import pandas as pd
 from matplotlib.figure import Figure as Drawing
 
 from lvnav_trade.campaign.definition.published import Case
+from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.study import Figure, Part, Study
 from lvnav_trade.errors import InputError, writing
 from lvnav_trade.metrics.errors.covariances import agreement, by_case
@@ -26,7 +27,7 @@ from lvnav_trade.report.escape import csv_text, note
 from lvnav_trade.report.evidence import logic_tables
 from lvnav_trade.report.flight import control_tables, motion_summary, observed_table
 from lvnav_trade.report.kml import flights, kml
-from lvnav_trade.report.statements import is_statement, verdicts, with_those_not_set_up
+from lvnav_trade.report.statements import is_statement, verdicts, with_those_left_out
 from lvnav_trade.store.contents import owned
 from lvnav_trade.store.read import Tables
 
@@ -47,14 +48,15 @@ class Answered(NamedTuple):
         return [one.model_dump(mode="json") for one in self.part.flown]
 
 
-def build(study: Study, answered: Sequence[Answered], folder: Path | str) -> Path:
+def build(study: Study, answered: Sequence[Answered], folder: Path | str, unflown: Sequence[Campaign] = ()) -> Path:
     """Write report.md, figures/ and the two CSV tables of a study into a folder; return the page.
 
-    What an earlier page left there is replaced. InputError where the folder cannot be written.
+    unflown: campaigns without results, whose statements are listed as such. What an earlier page left there is
+    replaced. InputError where the folder cannot be written.
     """
     target = owned(folder, "study")
     published = _together(answered, [references(one.tables, one.stated) for one in answered])
-    published = with_those_not_set_up(published, study.not_set_up)
+    published = with_those_left_out(published, study.not_set_up, unflown)
     agreed = _together(answered, [agreement(one.tables).dropna(subset="monte_carlo") for one in answered])
     assumptions: list[Block] = [Text(f"{k}. {text}") for k, text in enumerate(study.assumptions, 1)]
     sections = [

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pandas as pd
 
-from lvnav_trade.campaign.definition.published import Stated
+from lvnav_trade.campaign.definition.published import Stated, Statement
 from lvnav_trade.metrics.published import COLUMNS
 from lvnav_trade.report.blocks import Table, Text
-from lvnav_trade.report.statements import is_statement, verdicts, with_those_not_set_up
+from lvnav_trade.report.statements import is_statement, verdicts, with_those_left_out
 
+SIZE = {"metric": "velocity_error_3d", "at": "injection"}
 ROWS = [
     {"id": "p references 1", "item": "a number", "verdict": "holds", "case": "p: x"},
     {"id": "b", "item": "#10 second", "verdict": "does not hold here", "case": "p: x"},
@@ -20,22 +23,26 @@ CAMPAIGN = {"name": "p", "statements": [{"id": "a"}, {"id": "b"}, {}]}
 
 
 def test_statements_are_counted_by_number_and_stand_in_the_order_of_their_numbers() -> None:
-    frame = with_those_not_set_up(pd.DataFrame(ROWS, columns=COLUMNS), [Stated(source="x", item="#4 fourth")])
+    bound = {"source": "x", "item": "#5 fifth", "value": "a", "terms": {"a": SIZE}, "at_most": 1.0}
+    unflown = SimpleNamespace(name="later", statements=[Statement.model_validate(bound)])
+    missing = [Stated(source="x", item="#4 fourth")]
+    frame = with_those_left_out(pd.DataFrame(ROWS, columns=COLUMNS), missing, [unflown])
+    assert list(frame.remark.iloc[-2:]) == ["", "campaign later"]
     chosen = frame[is_statement(frame, [CAMPAIGN])]
     assert "a number" not in set(chosen["item"])
     blocks = verdicts(chosen)
     assert isinstance(blocks[0], Text)
     assert blocks[0].text == (
-        "Of 4 statements 1 hold in every reading, 1 do not hold here, 1 are not set up, "
+        "Of 5 statements 1 hold in every reading, 1 do not hold here, 1 are not set up, 1 are not flown yet, "
         "1 hold in part: for some readings or some of their conditions."
     )
     tables = [block for block in blocks if isinstance(block, Table)]
     assert [[row[0] for row in table.rows] for table in tables] == [
-        ["#2 first, one reading", "#3 third"], ["#10 second"], ["#2 first, another"], ["#4 fourth"]
+        ["#2 first, one reading", "#3 third"], ["#10 second"], ["#2 first, another"], ["#4 fourth"], ["#5 fifth"]
     ]  # fmt: skip
 
 
 def test_a_study_without_statements_says_nothing_of_them() -> None:
     frame = pd.DataFrame(ROWS[:1], columns=COLUMNS)
     assert verdicts(frame[is_statement(frame, [{"name": "p"}])]) == []
-    assert with_those_not_set_up(frame, []) is frame
+    assert with_those_left_out(frame, [], []) is frame
