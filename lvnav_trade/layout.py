@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OTHER_0, OWN_0, OWN_1
+from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OTHER_0, OWN_0, OWN_1, SQUARE
 from lvnav_trade.records import Ints, Output
 
 
@@ -18,7 +18,7 @@ class ParameterKind(NamedTuple):
 
 
 _DEG_H = 206264.80624709636
-_MG = 1e3 / 9.80665
+_DEG_S, _MG = 180.0 / math.pi, 1e3 / 9.80665
 
 # Every kind of inertial parameter by name; a kind with several drivers takes several blocks of three.
 PARAMETERS = {
@@ -26,6 +26,8 @@ PARAMETERS = {
     "accel_bias": ParameterKind(ACCEL, (CONSTANT,), "m/s^2", "mg", _MG),
     "gyro_scale_factor": ParameterKind(GYRO, (OWN_0,), "1", "ppm", 1e6),
     "accel_scale_factor": ParameterKind(ACCEL, (OWN_0,), "1", "ppm", 1e6),
+    "gyro_nonlinearity": ParameterKind(GYRO, (SQUARE,), "s/rad", "ppm/(deg/s)", 1e6 / _DEG_S),
+    "accel_nonlinearity": ParameterKind(ACCEL, (SQUARE,), "s^2/m", "ppm/g", 1e9 / _MG),
     "gyro_misalignment": ParameterKind(GYRO, (OWN_1, OWN_1 + 1), "rad", "mrad", 1e3),
     "accel_misalignment": ParameterKind(ACCEL, (OWN_1, OWN_1 + 1), "rad", "mrad", 1e3),
     "gyro_g_sensitivity": ParameterKind(

@@ -24,6 +24,7 @@ AXES = 20  # axes of a campaign
 CASES = 500  # cases of a campaign
 RUNS = 1_000_000  # runs of a case
 SPOT_CHECK = 32  # fewest runs of a spot check of linear covariance
+STREAM = 86_400.0  # s of a stream of an inertial unit
 FAULTS = 100  # faults of a case
 STATEMENTS = 1_000  # requirements, references, orderings or statements on innovations of a campaign
 

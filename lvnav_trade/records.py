@@ -164,7 +164,7 @@ class Asked(NamedTuple):
     """What linear covariance leaves of a case: budget by source over the flight; and of the event `at` (empty:
     injection, or else the last one) when each source acted, what a better one is worth, by source the covariance at
     `events` too; observability by phase, or by windows of that many seconds; bounds of the assumed noise; the runs of
-    a spot check, with the campaign's seed.
+    a spot check, with the campaign's seed; and of its inertial units the Allan deviation of a stream of `allan` s.
     """
 
     at: str = ""
@@ -177,6 +177,7 @@ class Asked(NamedTuple):
     error_bound: bool = False
     spot_check: int = 0
     seed: int = 0
+    allan: float = 0.0
 
 
 class AdjointBudget(NamedTuple):

@@ -177,14 +177,17 @@ def _matched_imu(imu: ImuCard) -> ImuModel:
     """Take every number from the truth; drift that no bias state of its own models is added to their walk."""
     model: dict[str, Any] = {"gyro_g_sensitivity": imu.gyro.g_sensitivity}
     for name, sensor in (("gyro", imu.gyro), ("accel", imu.accel)):
-        drift = sensor.bias_instability * math.sqrt(2.0 / sensor.instability_time)
+        instability = sensor.instability
+        drift = instability.sigma * math.sqrt(2.0 / instability.time_constant)
         model |= {
             f"{name}_random_walk": sensor.random_walk,
-            f"{name}_bias": math.hypot(sensor.bias_repeatability, sensor.bias_instability),
+            f"{name}_bias": math.hypot(sensor.bias_repeatability, instability.sigma),
             f"{name}_bias_walk": math.hypot(sensor.rate_random_walk, drift),
             f"{name}_bias_time": None,
             f"{name}_scale_factor": sensor.scale_factor,
             f"{name}_misalignment": sensor.misalignment,
+            f"{name}_nonlinearity": sensor.nonlinearity,
+            f"{name}_full_scale": sensor.full_scale,
         }
     # SI numbers are not quantities with a unit, so they bypass the reading of cards
     return ImuModel.model_construct(**model)

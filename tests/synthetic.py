@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from lvnav_trade.engines.analysis.error_bound import ErrorBound
 from lvnav_trade.engines.analysis.explain import FACTORS, Explanation, PhaseView, Sensitivity, SourceCovariance
@@ -16,6 +17,7 @@ from lvnav_trade.engines.setup.starts import StartDraws
 from lvnav_trade.engines.simulate.statistics import summarise
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.records import LOST, TRACK, AdjointBudget, CovHistory, Output, Reference, RunBlock, Sky, Transition
+from lvnav_trade.store.read import Tables
 from lvnav_trade.store.tables import CaseInfo
 from lvnav_trade.store.write import open_results
 from lvnav_trade.world.conditions import Course
@@ -286,3 +288,17 @@ def results(
         written.write_case(case, prepared(logic), reported, parts, explanation(reported) if explained else None, drawn)
     written.finish({"timings_s": {}, "cases": [case.id for case, _ in CASES]})
     return folder
+
+
+def with_allan_curves(tables: Tables) -> tuple[str, Tables]:
+    """Return the first case, and the tables with Allan deviations of both of its sensors."""
+    case, tau = next(iter(tables.labels)), np.array([0.1, 1.0, 10.0, 100.0])
+    white, walk = 1e-6 / np.sqrt(tau), 1e-8 * np.sqrt(tau / 3.0)
+    rows = [
+        pd.DataFrame({
+            "case": case, "sensor": sensor, "unit": unit, "tau_s": tau, "stream_si": 1.1 * np.hypot(white, walk),
+            "card_si": np.hypot(white, walk), "white_si": white, "instability_si": 0.0 * tau, "walk_si": walk,
+        })
+        for sensor, unit in (("gyro", "rad/s"), ("accelerometer", "m/s^2"))
+    ]  # fmt: skip
+    return case, tables.with_frames(allan=pd.concat(rows, ignore_index=True))

@@ -45,7 +45,13 @@ class ImuModel(units.Card):
     accel_bias_walk: units.AccelerationRandomWalk = 0.0
     accel_bias_time: units.TimeConstant | None = None
     gyro_scale_factor: units.Fraction = 0.0
+    gyro_scale_factor_walk: units.ScaleDrift = Field(0.0, description="also to cover what is no state: nonlinearity")
     accel_scale_factor: units.Fraction = 0.0
+    accel_scale_factor_walk: units.ScaleDrift = 0.0
+    gyro_nonlinearity: units.Fraction = Field(0.0, description="scale-factor error at full scale")
+    gyro_full_scale: Annotated[units.AngularRate, Field(gt=0.0)] = 8.7266462599716477  # 500 deg/s
+    accel_nonlinearity: units.Fraction = 0.0
+    accel_full_scale: Annotated[units.Acceleration, Field(gt=0.0)] = 294.1995  # 30 g
     gyro_misalignment: units.AngleSigma = 0.0
     accel_misalignment: units.AngleSigma = 0.0
     gyro_g_sensitivity: units.GSensitivity = 0.0
@@ -57,6 +63,11 @@ class ImuModel(units.Card):
     accel_relative_bias: units.AccelerationSigma = 0.0
     accel_relative_bias_walk: units.AccelerationRandomWalk = 0.0
     accel_relative_bias_correlation: float = Field(0.0, gt=-1.0, lt=1.0, description="with accel_bias, at the start")
+
+    def sigma(self, name: str) -> float:
+        """Return the one-sigma of a parameter (SI); of a nonlinearity its slope, the error at full scale over that."""
+        value = float(getattr(self, name))
+        return value / getattr(self, name.replace("nonlinearity", "full_scale")) if "nonlinearity" in name else value
 
 
 class ReceiverModel(units.Card):

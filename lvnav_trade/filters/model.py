@@ -84,7 +84,7 @@ def _parameter_blocks(names: list[str], imu: ImuModel, offset: int) -> list[Para
         kind = PARAMETERS[name]
         for part, driver in enumerate(kind.drivers):
             at = offset + 3 * len(blocks)
-            blocks.append(ParameterBlock(name, part, at, kind.sensor, driver, getattr(imu, name), walk, time_constant))
+            blocks.append(ParameterBlock(name, part, at, kind.sensor, driver, imu.sigma(name), walk, time_constant))
     return blocks
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from lvnav_trade.metrics import filter, published, signals, vehicle
+from lvnav_trade.metrics import filter, inertial, published, signals, vehicle
 from lvnav_trade.metrics.errors import covariances, rms
 from lvnav_trade.metrics.mission import impact, orbit
 from lvnav_trade.metrics.requirements import confirmation
@@ -33,6 +33,7 @@ _NAMED: dict[Any, tuple[str, ...]] = {
     confirmation: ("expected", "spot_check", "improvements"),
     orbit: ("orbit", "correction"),
     impact: ("impact",),
+    inertial: ("allan",),
     vehicle: ("motion", "nozzle", "turning", "worth"),
     published: ("references", "interpretations"),
 }
@@ -46,5 +47,5 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
 # The metrics that stand beside a report as CSV, with the columns that users and their CI rely on.
 CSV = (
     "rms", "agreement", "controlled", "references", "requirements", "budget", "expected", "spot_check", "sensitivity",
-    "orbit", "correction", "impact", "corridor", "transitions", "logic", "motion", "nozzle", "turning",
+    "orbit", "correction", "impact", "corridor", "transitions", "logic", "motion", "nozzle", "turning", "allan",
 )  # fmt: skip

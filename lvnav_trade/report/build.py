@@ -41,6 +41,7 @@ SECTIONS: dict[str, tuple[str, Blocks]] = {
     "grades": ("What a better sensor is worth", explained.grades),
     "motion": ("Rate and acceleration", flight.motion),
     "control": ("The vehicle under control", flight.control),
+    "allan": ("Inertial units", flight.allan),
     "observability": ("Observability", explained.observability),
     "models": ("What checks these models", registered.models),
     "reproduce": ("How to reproduce", evidence.reproduce),
@@ -48,7 +49,7 @@ SECTIONS: dict[str, tuple[str, Blocks]] = {
 """Every section by name, in the order in which they stand unless the campaign says otherwise; one that has nothing to
 show stands on the page only where it was asked for by name.
 """
-_WHERE_ANY = ("spot_check", "transitions", "logic", "motion", "nozzle", "turning", "models")
+_WHERE_ANY = ("spot_check", "transitions", "logic", "motion", "nozzle", "turning", "allan", "models")
 """CSV tables that are written only where they have rows."""
 
 

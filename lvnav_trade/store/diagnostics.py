@@ -25,6 +25,7 @@ def explained_rows(prepared: Prepared, cov: CovHistory, found: Explanation | Non
         "observability": _observability(found),
         "nonlinearity": _nonlinearity(found),
         "error_bound": _error_bound(found),
+        "allan": _allan(found),
     }
 
 
@@ -146,6 +147,15 @@ def _nonlinearity(found: Explanation) -> Rows:
             "row_ratio": part.rows,
         }
         for event, part in found.nonlinear
+    ]
+
+
+def _allan(found: Explanation) -> Rows:
+    names = ("stream_si", "card_si", "white_si", "instability_si", "walk_si")
+    return [
+        {"sensor": one.sensor, "unit": one.unit, "tau_s": float(tau), **dict(zip(names, map(float, row), strict=True))}
+        for one in found.allan
+        for tau, *row in zip(one.tau, one.stream, one.card, one.white, one.instability, one.walk, strict=True)
     ]
 
 

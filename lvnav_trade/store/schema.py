@@ -23,6 +23,8 @@ SI_SUFFIX = {
     "rad": "rad",
     "rad/s": "rad_per_s",
     "rad*s/m": "rad_s_per_m",
+    "s/rad": "s_per_rad",
+    "s^2/m": "s2_per_m",
     "dimensionless": "ratio",
     "": "ratio",
     "1": "ratio",

@@ -14,7 +14,7 @@ NEAR: dict[str, tuple[str, str, str, str]] = {
         "campaign.yaml",
         "seed: 7",
         "seed: 7\nkeep: {everything: yes}",
-        "campaign.yaml:3:8: keep.everything: unknown key (known: history)",
+        "campaign.yaml:3:8: keep.everything: unknown key (known: history, allan)",
     ),
     "a_kind_that_is_written_as_a_card_is_told_how_it_is_written": (
         "campaign.yaml",

@@ -31,6 +31,8 @@ DELAYS = {"corrections"}
 NOISE = {"noise_by"}
 # Noise of the carrier, of a receiver that smooths its ranges: tests/engines/setup/test_smoothing.py.
 PHASE = {"carrier_phase_sigma"}
+# Flicker noise by fitted processes: tests/world/sensors/test_imu.py walks its fields.
+FITTED = {"instability_fit"}
 # A recording in a file: tests/world/user_file/test_error_table.py walks its fields.
 RECORDED = {"error_table"}
 # A model of the vehicle and its attitude reference: tests/engines/setup/test_vehicle.py walks them on such a filter.
@@ -61,7 +63,8 @@ OWN_IMU = {
     "gyro_bias_walk": "1 deg/h/sqrt(h)", "gyro_bias_time": "60 s", "accel_bias": "3 mg",
     "accel_bias_walk": "1 mg/sqrt(h)", "accel_bias_time": "60 s", "gyro_scale_factor": "500 ppm",
     "accel_scale_factor": "2000 ppm", "gyro_misalignment": "1 mrad", "accel_misalignment": "1 mrad",
-    "gyro_g_sensitivity": "1 deg/h/g",
+    "gyro_g_sensitivity": "1 deg/h/g", "gyro_nonlinearity": "200 ppm", "accel_nonlinearity": "600 ppm",
+    "gyro_scale_factor_walk": "1 percent/sqrt(h)", "accel_scale_factor_walk": "1 percent/sqrt(h)",
 }  # fmt: skip
 OWN_RECEIVER = {
     "pseudorange_sigma": "3 m", "range_rate_sigma": "0.2 m/s", "position_sigma": "3 m", "velocity_sigma": "0.2 m/s",
@@ -80,6 +83,7 @@ CORRECTIONS = {"troposphere": {"kind": "spilker"}, "ionosphere": {"kind": "conte
 FILTER = {
     "extra_states": [
         "gyro_scale_factor", "accel_scale_factor", "gyro_misalignment", "accel_misalignment", "gyro_g_sensitivity",
+        "gyro_nonlinearity", "accel_nonlinearity",
         "range_bias", "time_offset", "range_rate_offset", "timing", "troposphere_scale", "ionosphere_scale",
         "position_bias", "velocity_bias",
     ],
@@ -124,6 +128,9 @@ OTHER = {
         "imu.accel_bias": "4 mg", "imu.accel_bias_walk": "2 mg/sqrt(h)", "imu.accel_bias_time": "30 s",
         "imu.gyro_scale_factor": "600 ppm", "imu.accel_scale_factor": "3000 ppm", "imu.gyro_misalignment": "2 mrad",
         "imu.accel_misalignment": "2 mrad", "imu.gyro_g_sensitivity": "2 deg/h/g",
+        "imu.gyro_nonlinearity": "400 ppm", "imu.gyro_full_scale": "300 deg/s", "imu.accel_nonlinearity": "900 ppm",
+        "imu.accel_full_scale": "20 g", "imu.gyro_scale_factor_walk": "2 percent/sqrt(h)",
+        "imu.accel_scale_factor_walk": "2 percent/sqrt(h)",
         "receiver.pseudorange_sigma": "4 m", "receiver.range_rate_sigma": "0.3 m/s", "receiver.position_sigma": "4 m",
         "receiver.velocity_sigma": "0.3 m/s", "receiver.clock_h0": 2e-19, "receiver.clock_h_minus2": 3e-22,
         "receiver.range_bias": "3 m", "receiver.range_bias_time": "40 s", "receiver.time_offset": "4 m",
@@ -147,7 +154,7 @@ def leaves(model, before=""):
     for name, field in model.model_fields.items():
         within = [a for a in (field.annotation, *get_args(field.annotation)) if isinstance(a, type)]
         inner = [a for a in within if issubclass(a, BaseModel)]
-        if name in DELAYS | NOISE | PHASE | RECORDED | POLICIES | MODELLED | SENSORS | RELATIVE or (
+        if name in DELAYS | NOISE | PHASE | FITTED | RECORDED | POLICIES | MODELLED | SENSORS | RELATIVE or (
             (model is ReceiverCard and name in HEARING) or (model is FilterCard and name == "clock")
         ):
             continue

@@ -19,7 +19,7 @@ from lvnav_trade.filters.model import (
     window_tables,
 )
 from lvnav_trade.kernels.covariance import predict
-from lvnav_trade.kernels.transition import ATT, POS, VEL
+from lvnav_trade.kernels.transition import ATT, POS, SQUARE, VEL
 from lvnav_trade.layout import StateLayout
 from lvnav_trade.observables.partials import Channels
 
@@ -195,6 +195,21 @@ def test_the_first_covariance_is_the_filter_model_in_the_axes_of_the_start():
     assert np.count_nonzero(P - np.diag(np.diag(P))) == np.count_nonzero(
         (C_n_i @ expected @ C_n_i.T) - np.diag(np.diag(C_n_i @ expected @ C_n_i.T))
     )
+
+
+def test_a_nonlinearity_is_the_slope_of_the_scale_factor_and_its_walk_covers_it():
+    imu = IMU.model_copy(update={
+        "accel_nonlinearity": 3e-4, "accel_full_scale": 300.0, "accel_scale_factor": 1e-3,
+        "accel_scale_factor_walk": 2e-5,
+    })  # fmt: skip
+    states = card(extra_states=("accel_scale_factor", "accel_nonlinearity"))
+    layout, model = build_filter_model(states, imu, RECEIVER, np.zeros((1, 3)), SECONDS, channels())
+    scale, slope = (
+        next(b for b in layout.parameters if b.name == f"accel_{name}") for name in ("scale_factor", "nonlinearity")
+    )
+    assert slope.sigma == pytest.approx(1e-6, rel=1e-12)  # 1/(m/s^2)
+    assert slope.driver == SQUARE
+    np.testing.assert_allclose(model.noise[:, scale.offset], SECONDS * 4e-10, rtol=1e-12)
 
 
 def test_settings_reach_the_numbers_of_the_kernels():

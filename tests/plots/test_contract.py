@@ -19,7 +19,8 @@ ELSEWHERE = (
     "turning",
     "worth",
     "interpretations",
-)  # of a grid of two axes, see test_validity; of a vehicle, see test_vehicle
+    "allan",
+)  # of a grid of two axes, see test_validity; of a vehicle, see test_vehicle; of an IMU, see test_inertial
 
 
 SIZE = {"metric": "velocity_error_3d", "at": "injection"}

@@ -190,6 +190,7 @@ OF_TESTS = (
         "filter.gravity": "j2",
         "filter.mechanisation": "earth",
         "filter.strapdown.algorithm": "summed",
+        "imu.gyro.instability_fit": {"processes": 2},
     },
 )
 

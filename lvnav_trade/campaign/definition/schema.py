@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Iterator
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, PrivateAttr, ValidationInfo, field_serializer, field_validator
 
@@ -178,6 +178,9 @@ class Keep(units.Card):
     """What is stored of a flight."""
 
     history: units.Duration = Field(1.0, gt=0, description="step of the stored histories; events are always kept")
+    allan: Annotated[units.Duration, Field(ge=100.0, le=limits.STREAM)] | None = Field(
+        None, description="length of a stream of each case's inertial units, whose Allan deviation is stored"
+    )
 
 
 class Compare(units.Card):

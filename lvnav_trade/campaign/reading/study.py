@@ -25,7 +25,7 @@ class Figure(Card):
         "errors", "relative", "locus", "spread", "bound", "envelope", "budget", "consistency", "autocorrelation",
         "trajectory", "satellites", "sky", "timeline", "delays", "latency", "orbit", "impact", "logic",
         "missions", "motion", "ignition", "singular", "movement", "sweep", "turning", "worth", "interpretations",
-        "apart",
+        "apart", "allan",
     ]  # fmt: skip
     caption: str = ""
     case: Case = Field(default_factory=dict, description="level of each axis: the one case that is drawn")

@@ -144,7 +144,7 @@ def asked_of(campaign: Campaign) -> Asked:
     card = campaign.covariance
     events = tuple(dict.fromkeys(event for requirement in campaign.requirements for event in requirement.events))
     given = card.model_dump() | {"at": card.at or "", "window": card.window or 0.0}
-    return Asked(events=events, seed=campaign.seed, **given)
+    return Asked(events=events, seed=campaign.seed, allan=campaign.keep.allan or 0.0, **given)
 
 
 class Answer(NamedTuple):

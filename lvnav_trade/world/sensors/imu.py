@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from pydantic import Field
 
@@ -10,6 +10,7 @@ from lvnav_trade import units
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OTHER_0, OWN_0, OWN_1, SQUARE
 from lvnav_trade.records import Floats
 from lvnav_trade.units import Card
+from lvnav_trade.world.sensors.allan import Process, fit_floor
 
 
 class Ramp(Card):
@@ -35,7 +36,58 @@ class AccelRamp(Ramp):
     amplitude: tuple[units.Acceleration, units.Acceleration, units.Acceleration]
 
 
-class GyroCard(Card):
+_FIT = (
+    "bias_instability is that of the Allan deviation, whose floor is 0.664 of it, by fitted processes; none: it is "
+    "sigma of one process of instability_time"
+)
+
+
+class InstabilityFit(Card):
+    """Flicker noise by several Gauss-Markov processes, fitted to the flat part of the Allan deviation."""
+
+    processes: int = Field(ge=1, le=6)
+    shortest: units.TimeConstant = Field(1.0, description="averaging times between which the Allan deviation is flat")
+    longest: units.TimeConstant = 1000.0
+
+    def _faults(self) -> Iterator[str]:
+        if self.longest < 10.0 * self.shortest:
+            yield "the longest averaging time should be ten times the shortest or more"
+
+
+class SensorCard(Card):
+    """A triad with a bias that varies."""
+
+    if TYPE_CHECKING:  # fields of the cards below, in their order
+        bias_instability: float
+        instability_time: float
+        instability_fit: InstabilityFit | None
+
+    @property
+    def instability_processes(self) -> tuple[Process, ...]:
+        """The Gauss-Markov processes of the true bias instability; none without one."""
+        if self.bias_instability <= 0.0:
+            return ()
+        if self.instability_fit is None:
+            return (Process(self.bias_instability, self.instability_time),)
+        fit = self.instability_fit
+        return fit_floor(self.bias_instability, fit.processes, fit.shortest, fit.longest)
+
+    @property
+    def instability(self) -> Process:
+        """What one process has of them: their sigma together, and the drift over a short time of the slowest."""
+        if self.bias_instability <= 0.0 or self.instability_fit is None:
+            return Process(self.bias_instability, self.instability_time)
+        found = self.instability_processes
+        variance, slowest = sum(one.sigma**2 for one in found), found[-1]
+        return Process(math.sqrt(variance), slowest.time_constant * variance / slowest.sigma**2)
+
+    @property
+    def instability_sigma(self) -> float:
+        """One-sigma of the bias instability."""
+        return self.instability.sigma
+
+
+class GyroCard(SensorCard):
     """Errors of the gyro triad, one sigma per axis (rows of table 1 of Trigo and Theil)."""
 
     bandwidth: units.Frequency | None = Field(None, description="first-order bandwidth; none: ideal")
@@ -45,6 +97,7 @@ class GyroCard(Card):
     bias_repeatability: units.AngularRateSigma = 0.0
     bias_instability: units.AngularRateSigma = 0.0
     instability_time: units.TimeConstant = 100.0
+    instability_fit: InstabilityFit | None = Field(None, description=_FIT)
     g_sensitivity: units.GSensitivity = 0.0
     scale_factor: units.Fraction = Field(0.0, description="repeatability")
     scale_factor_drift: units.ScaleDrift = 0.0
@@ -54,7 +107,7 @@ class GyroCard(Card):
     temperature: GyroRamp | None = None
 
 
-class AccelCard(Card):
+class AccelCard(SensorCard):
     """Errors of the accelerometer triad, one sigma per axis."""
 
     bandwidth: units.Frequency | None = Field(None, description="first-order bandwidth; none: ideal")
@@ -64,6 +117,7 @@ class AccelCard(Card):
     bias_repeatability: units.AccelerationSigma = 0.0
     bias_instability: units.AccelerationSigma = 0.0
     instability_time: units.TimeConstant = 100.0
+    instability_fit: InstabilityFit | None = Field(None, description=_FIT)
     scale_factor: units.Fraction = Field(0.0, description="repeatability")
     scale_factor_drift: units.ScaleDrift = 0.0
     nonlinearity: units.Fraction = Field(
@@ -108,7 +162,10 @@ def error_blocks(card: ImuCard) -> list[ErrorBlock]:
     for name, sensor, of in (("gyro", GYRO, card.gyro), ("accelerometer", ACCEL, card.accel)):
         blocks += [
             ErrorBlock(f"{name} bias repeatability", 0, sensor, CONSTANT, of.bias_repeatability),
-            ErrorBlock(f"{name} bias instability", 0, sensor, CONSTANT, of.bias_instability, 0.0, of.instability_time),
+            *(
+                ErrorBlock(f"{name} bias instability", part, sensor, CONSTANT, one.sigma, 0.0, one.time_constant)
+                for part, one in enumerate(of.instability_processes)
+            ),
             ErrorBlock(f"{name} rate random walk", 0, sensor, CONSTANT, 0.0, of.rate_random_walk),
             ErrorBlock(f"{name} scale factor", 0, sensor, OWN_0, of.scale_factor),
             ErrorBlock(f"{name} scale-factor drift", 0, sensor, OWN_0, 0.0, of.scale_factor_drift),

@@ -120,7 +120,7 @@ def _sizes(card: ImuSet, sensor: str) -> Floats:
     if card.weights == "equal":
         return np.ones(len(cards))
     if card.weights == "bias":
-        return np.array([math.hypot(one.bias_repeatability, one.bias_instability) for one in cards])
+        return np.array([math.hypot(one.bias_repeatability, one.instability_sigma) for one in cards])
     return np.array([one.random_walk for one in cards])
 
 
@@ -209,8 +209,9 @@ def relative_errors(imu: ImuSet, sensor: int, first: int, second: int) -> Relati
     for triad, columns in zip(triads_of(imu), difference(imu, first, second), strict=True):
         unit, D, A = imu.units[triad.unit], columns[sensor], (triad.gyro, triad.accel)[sensor]
         card = (unit.gyro, unit.accel)[sensor]
-        lasting = card.bias_repeatability**2 + card.bias_instability**2
-        drift = card.rate_random_walk**2 + card.bias_instability**2 * 2.0 / card.instability_time
+        instability = card.instability
+        lasting = card.bias_repeatability**2 + instability.sigma**2
+        drift = card.rate_random_walk**2 + instability.sigma**2 * 2.0 / instability.time_constant
         size = float(np.sum(D**2)) / 3.0
         noise, bias, walk = noise + card.random_walk**2 * size, bias + lasting * size, walk + drift * size
         shared += lasting * float(np.sum(D * A)) / 3.0
@@ -272,16 +273,17 @@ def _fused_matrix(imu: ImuSet, sensor: int, own: str, across: str) -> tuple[floa
 
 def _fused_card(imu: ImuSet, sensor: int) -> dict[str, Any]:
     cards = [unit.gyro if sensor == GYRO else unit.accel for unit in imu.units]
-    names = ["random_walk", "rate_random_walk", "bias_repeatability", "bias_instability", "quantisation"]
+    names = ["random_walk", "rate_random_walk", "bias_repeatability", "quantisation"]
     found: dict[str, Any] = {name: _fused(imu, sensor, name) for name in names}
+    found["bias_instability"] = _fused(imu, sensor, "instability_sigma")
     found["scale_factor"], found["misalignment"] = _fused_matrix(imu, sensor, "scale_factor", "misalignment")
     found["scale_factor_drift"], _ = _fused_matrix(imu, sensor, "scale_factor_drift", "")
     if sensor == GYRO:
         found["g_sensitivity"] = _fused(imu, sensor, "g_sensitivity")
     # the driving noise of several Gauss-Markov processes adds up: the time constant that goes with their sum
     drive = sum(
-        card.bias_instability**2 / card.instability_time * float(np.sum((t.gyro if sensor == GYRO else t.accel) ** 2))
-        for t in triads_of(imu) for card in [cards[t.unit]]
+        one.sigma**2 / one.time_constant * float(np.sum((t.gyro if sensor == GYRO else t.accel) ** 2))
+        for t in triads_of(imu) for one in [cards[t.unit].instability]
     ) / 3.0  # fmt: skip
     found["instability_time"] = found["bias_instability"] ** 2 / drive if drive > 0.0 else 100.0
     return found

@@ -43,7 +43,7 @@ def growth(imu: ImuCard, what: str, interval: float) -> float:
     widen it.
     """
     sensor = imu.gyro if what == "attitude" else imu.accel
-    bias = math.hypot(sensor.bias_repeatability, sensor.bias_instability)
+    bias = math.hypot(sensor.bias_repeatability, sensor.instability_sigma)
     if what == "position":
         return math.hypot(sensor.random_walk * math.sqrt(interval**3 / 3.0), 0.5 * bias * interval**2)
     return math.hypot(sensor.random_walk * math.sqrt(interval), bias * interval)

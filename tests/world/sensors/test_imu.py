@@ -16,6 +16,7 @@ from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.jit import making_arrays
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.records import Reference
+from lvnav_trade.world.sensors.allan import overlapping
 from lvnav_trade.world.sensors.imu import AccelCard, GyroCard, ImuCard, error_blocks, lag
 
 DEG, HOUR, G = math.pi / 180.0, 3600.0, 9.80665
@@ -189,6 +190,35 @@ def test_nonlinearity_is_its_fraction_of_the_input_at_full_scale_and_grows_with_
     )[:, 0]
     assert has_sigma(error[:, GYRO] / RATE**2, 100e-6 / 2.0)
     assert has_sigma(error[:, ACCEL] / FORCE**2, 300e-6 / (30.0 * G))
+
+
+def test_fitted_processes_put_out_the_flat_allan_deviation_of_a_bias_instability():
+    fit = {"processes": 4, "shortest": "1 s", "longest": "300 s"}
+    card = {"bias_instability": "3 deg/h", "instability_fit": fit}
+    error = simulate(card, n_run=12, seconds=4000.0, rate=10.0, moving=False)[:, :, GYRO]
+    streams = error.transpose(1, 0, 2).reshape(40_000, -1)
+    level = np.sqrt(np.mean(overlapping(streams, 0.1, [20, 60, 200, 600]) ** 2, axis=1))
+    # 36 streams of 66 intervals of the longest time: 1.5 % a deviation, and 1 % of the fit
+    np.testing.assert_allclose(level, 0.664 * 3.0 * DEG / HOUR, rtol=0.06)
+
+
+def test_a_fit_is_one_cause_of_several_parts():
+    fitted = GyroCard(bias_instability="3 deg/h", instability_fit={"processes": 3})
+    plain = GyroCard(bias_instability="3 deg/h", instability_time="30 s")
+    blocks = error_blocks(ImuCard(name="x", source="x", gyro=fitted, accel=AccelCard()))
+    assert [(b.source, b.part) for b in blocks] == [("gyro bias instability", k) for k in range(3)]
+    (alone,) = error_blocks(ImuCard(name="x", source="x", gyro=plain, accel=AccelCard()))
+    assert (alone.sigma, alone.time_constant) == (plain.bias_instability, 30.0) == plain.instability
+    slowest = fitted.instability_processes[-1]
+    one = fitted.instability  # what a bias state of a matched filter has of them
+    assert one.sigma == pytest.approx(math.hypot(*(p.sigma for p in fitted.instability_processes)), rel=1e-12)
+    drift = [p.sigma * math.sqrt(2.0 / p.time_constant) for p in (one, slowest)]
+    assert drift[0] == pytest.approx(drift[1], rel=1e-12)
+
+
+def test_a_fit_spans_a_decade_or_more():
+    with pytest.raises(ValidationError, match="longest averaging time should be ten times the shortest"):
+        GyroCard(bias_instability="3 deg/h", instability_fit={"processes": 2, "shortest": "10 s", "longest": "50 s"})
 
 
 def test_errors_of_different_causes_are_independent():

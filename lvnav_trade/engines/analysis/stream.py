@@ -1,0 +1,116 @@
+"""Allan deviation of a case's inertial units: a simulated stream of a unit at rest, beside the curve of its card."""
+
+import math
+from collections import namedtuple
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lvnav_trade.engines.setup.inputs import Unit
+from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.engines.simulate.sensing import sense
+from lvnav_trade.kernels import processes
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.random import seed_words
+from lvnav_trade.kernels.transition import CONSTANT
+from lvnav_trade.records import Floats
+from lvnav_trade.world.sensors import allan
+from lvnav_trade.world.sensors.imu import AccelCard, GyroCard, ImuCard
+from lvnav_trade.world.sensors.units import triads_of
+
+_LEAST = 10  # intervals of the longest averaging time in the stream
+_PER_DECADE = 6
+
+# The arrays of a run that the unit uses, by the names that its kernels read.
+_Work = namedtuple("_Work", "run nav true_par true_tables increments remainder")
+
+
+class Curve(NamedTuple):
+    """Allan deviation of a sensor over tau (n,) s: of the stream, root mean square of the axes, and by the card: all
+    processes, and white noise with quantisation, bias instability and random walk alone; unit: SI.
+    """
+
+    sensor: str
+    unit: str
+    tau: Floats
+    stream: Floats
+    card: Floats
+    white: Floats
+    instability: Floats
+    walk: Floats
+
+
+@jit
+def _collect(out: Any, work: Any, unit: Any, count: Any, k0: Any, k1: Any) -> None:
+    """Fill out (n, 6) with what a unit puts out over `count` ticks each, as means over them."""
+    for k in range(out.shape[0]):
+        sense(work, None, unit, None, k * count, count, k0, k1)
+        for i in range(6):
+            total = 0.0
+            for tick in range(count):
+                total += work.increments[tick, i]
+            out[k, i] = total / (count * unit.dt)
+
+
+def _at_rest(prepared: Prepared, triad: int, card: ImuCard, n_tick: int) -> Unit:
+    """Return a unit of the case at rest, alone, its blocks those of the triad; no warming, nothing of the flight."""
+    unit, none = prepared.unit, np.zeros((n_tick, 3))
+    own = unit.sensors // 2 == triad
+    white = [sensor.random_walk * math.sqrt(unit.dt) for sensor in (card.gyro, card.accel)]
+    at_hand = {name: getattr(unit, name)[: own.size][own] for name in ("sigma", "decay", "walk", "sources", "drivers")}
+    empty = {name: getattr(unit, name)[:0] for name in ("profile_sensor", "profile_start", "profile_end", "profile")}
+    return unit._replace(
+        **at_hand, **empty, sensors=unit.sensors[own] % 2, dtheta=none, dvel=none, gravity=-1, drifting=True,
+        white=np.array([*white, card.gyro.quantisation, card.accel.quantisation]),
+        biases_only=bool(np.all(at_hand["drivers"] == CONSTANT)),
+    )  # fmt: skip
+
+
+def _stream(unit: Unit, n_mean: int, seed: int) -> Floats:
+    """Return the means over its process steps (n_mean, 6) of what a unit at rest puts out."""
+    n_block, out = max(1, unit.sigma.size), np.zeros((n_mean, 6))
+    work = _Work(
+        np.zeros(1, dtype=np.uint64), np.zeros(10), np.zeros((n_block, 3)), np.zeros((2, processes.N_TABLE)),
+        np.zeros((unit.process_ticks, 6)), np.zeros(6),
+    )  # fmt: skip
+    words = seed_words(seed)
+    processes.start(work.true_par, unit.sigma, unit.sources, *words, work.run[0])
+    _collect(out, work, unit, unit.process_ticks, *words)
+    return out
+
+
+def by_card(card: GyroCard | AccelCard, tau: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the Allan deviation that a card states over tau (n,) s: white noise with quantisation, bias instability,
+    random walk. What quantisation holds back is uniform over a step and independent: sqrt(3) times its sigma over tau.
+    """
+    white = allan.together(allan.white(card.random_walk, tau), 0.5 * card.quantisation / tau)
+    instability = np.zeros_like(tau)
+    if card.bias_instability > 0.0 and card.instability_fit is not None:
+        instability = np.full_like(tau, card.bias_instability * allan.FLOOR)
+    elif card.bias_instability > 0.0:
+        instability = allan.gauss_markov(card.instability, tau)
+    return white, instability, allan.random_walk(card.rate_random_walk, tau)
+
+
+def allan_curves(prepared: Prepared, seconds: float, seed: int) -> tuple[Curve, ...]:
+    """Return the Allan deviations of gyros and accelerometers of every unit of a case, from a stream of that many
+    seconds; none where it is shorter than two intervals.
+    """
+    imu, dt = prepared.scenario.imu, prepared.unit.dt * prepared.unit.process_ticks
+    n_mean = math.floor(seconds / dt)
+    most = n_mean // _LEAST
+    if most < 1:
+        return ()
+    count = max(2, math.ceil(_PER_DECADE * math.log10(max(most, 2))))
+    factors = np.unique(np.rint(np.geomspace(1, most, count)).astype(np.int64)).tolist()
+    tau, found = dt * np.array(factors, dtype=float), []
+    owners = [(0, imu, "")] if isinstance(imu, ImuCard) else [
+        (k, imu.units[triad.unit], f"unit {triad.unit + 1} ") for k, triad in enumerate(triads_of(imu))
+    ]  # fmt: skip
+    for triad, card, name in owners:
+        means = _stream(_at_rest(prepared, triad, card, n_mean * prepared.unit.process_ticks), n_mean, seed)
+        for first, label, sensor, unit in ((0, "gyro", card.gyro, "rad/s"), (3, "accelerometer", card.accel, "m/s^2")):
+            deviation = np.sqrt(np.mean(allan.overlapping(means[:, first : first + 3], dt, factors) ** 2, axis=1))
+            parts = by_card(sensor, tau)
+            found.append(Curve(f"{name}{label}", unit, tau, deviation, allan.together(*parts), *parts))
+    return tuple(found)
