@@ -57,11 +57,15 @@ EXTRAS = {
     "timing": ("s", "ms", 1e3),
     "troposphere_scale": ("1", "%", 1e2),
     "ionosphere_scale": ("1", "%", 1e2),
+    "troposphere_scale_by_satellite": ("1", "%", 1e2),
+    "ionosphere_scale_by_satellite": ("1", "%", 1e2),
     "position_bias": ("m", "m", 1.0),
     "velocity_bias": ("m/s", "m/s", 1.0),
     "gyro_relative_bias": ("rad/s", "deg/h", _DEG_H),
     "accel_relative_bias": ("m/s^2", "mg", _MG),
 }
+# Extra states that a filter has one of for each satellite, for what is one error in truth.
+BY_SATELLITE = {f"{name}_by_satellite": name for name in ("troposphere_scale", "ionosphere_scale")}
 # Extra states of a filter that measures the difference of two inertial units, by measurement.
 RELATIVE = {"angle_difference": "gyro_relative_bias", "velocity_difference": "accel_relative_bias"}
 
@@ -81,6 +85,18 @@ class ExtraBlock(NamedTuple):
     unit: tuple[str, str, float]
     walk: float = 0.0
     correlation: float = 0.0
+
+
+def standing_for(extras: tuple[ExtraBlock, ...], state: str, label: str) -> list[tuple[int, int]]:
+    """Return block and number (of all extra states) of the states that stand for an error: the one of its name and
+    label, or those of all satellites where the filter has one for each.
+    """
+    labelled = [(k, block.name, own) for k, block in enumerate(extras) for own in block.labels]
+    return [
+        (k, number)
+        for number, (k, name, own) in enumerate(labelled)
+        if (name, own) == (state, label) or (state and BY_SATELLITE.get(name) == state)
+    ]
 
 
 class StateLayout(NamedTuple):
@@ -192,6 +208,12 @@ def split_metric(name: str) -> tuple[str, str]:
     """Take ``velocity_error_3d`` apart into quantity and axis; an axis left out is the norm, 3d."""
     quantity, _, axis = name.partition("_error")
     return quantity, axis.removeprefix("_") or "3d"
+
+
+def backup_outputs(frame: str) -> tuple[Output, ...]:
+    """Return what is reported of a strapdown that is never corrected, behind all other outputs."""
+    attitude = [Output("backup_attitude", axis, "rad", "mrad", 1e3) for axis in _BODY["rate"]]
+    return (*attitude, *_moving("backup_", frame))
 
 
 def solution_outputs(frame: str) -> tuple[Output, ...]:

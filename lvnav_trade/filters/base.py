@@ -9,7 +9,7 @@ from lvnav_trade import units
 from lvnav_trade.delays.cards import CorrectionsCard
 from lvnav_trade.filters.scheduled import GainSchedule
 from lvnav_trade.filters.strapdown import StrapdownCard
-from lvnav_trade.layout import EXTRAS, PARAMETERS
+from lvnav_trade.layout import BY_SATELLITE, EXTRAS, PARAMETERS, RELATIVE
 from lvnav_trade.noise import NoiseBy
 from lvnav_trade.observables.sensors import (
     MEASUREMENTS,
@@ -19,6 +19,7 @@ from lvnav_trade.observables.sensors import (
     Measurement,
     SensorModels,
 )
+from lvnav_trade.observables.tuning import RegionNoiseCard, UnderweightingCard
 
 Matched = Literal["matched"]
 # Standard states; what else is a state of the filter is named in its card.
@@ -114,9 +115,11 @@ class InitialModel(units.Card):
 if TYPE_CHECKING:
     ParameterState = str
     ExtraState = str
+    NoiseState = str
 else:
     ParameterState = Literal[(*PARAMETERS, *EXTRAS, *SENSOR_STATES)]
     ExtraState = Literal[tuple(name for name in (*PARAMETERS, *EXTRAS, *SENSOR_STATES) if name not in BIASES)]
+    NoiseState = Literal[tuple(name for name in (*EXTRAS, *SENSOR_STATES) if name not in RELATIVE.values())]
 
 
 class EnvelopeCard(units.Card):
@@ -228,13 +231,27 @@ class FilterCard(units.NamedCard):
     )
     covariance_rate: units.Frequency = 10.0
     update_rate: units.Frequency = 1.0
+    transition_rate: units.Frequency | None = Field(
+        None,
+        description="how often the transition is linearised, at what is known by then; none: at every covariance step, "
+        "with the integrals of the strapdown over it",
+    )
     consider: tuple[ParameterState, ...] = Field((), description="not estimated, but their covariance counts (Schmidt)")
+    as_noise: tuple[NoiseState, ...] = Field(
+        (),
+        description="taken for measurement noise that the rows of an epoch share, new at every epoch: covariance "
+        "R + s^2 t t', s its sigma and t how each row depends on it",
+    )
     neglect: tuple[Literal["gyro_bias", "accel_bias"], ...] = Field((), description="standard states left out")
     update: Literal["symmetric", "joseph"] = "symmetric"
     transition_order: Literal[1, 2] = 2
     gate: float | None = Field(None, gt=0, description="innovation gate in sigma per row; none: no gate")
     gravity: Literal["point", "j2", "j4"] = "j4"
-    feedback: Literal["closed", "open"] = "closed"
+    feedback: Literal["closed", "open", "direct"] = Field(
+        "closed",
+        description="closed: the error state is fed back to the strapdown once an epoch; open: added to the outputs; "
+        "direct: total states are corrected by every scalar measurement (to first order the same as closed)",
+    )
     init: Literal["from_card", "from_gnss"] = Field(
         "from_card", description="position and velocity, and their covariance, when the filter starts"
     )
@@ -255,6 +272,15 @@ class FilterCard(units.NamedCard):
         0.0, description="process noise beyond the unit's own, root PSD per axis"
     )
     velocity_noise: units.VelocityRandomWalk = 0.0
+
+    backup: bool = Field(
+        False, description="a second strapdown, never corrected, takes the same increments; its errors are reported too"
+    )
+    underweighting: tuple[UnderweightingCard, ...] = Field((), description="of measurements, while conditions hold")
+    fading_memory: units.TimeConstant | None = Field(
+        None, description="the covariance of what is estimated grows by exp(2 t / this); none: nothing is forgotten"
+    )
+    region_noise: tuple[RegionNoiseCard, ...] = Field((), description="variance added at a change of operating region")
 
     report_imu_samples: bool = Field(
         False, description="errors of the IMU's samples, raw and corrected, are reported beside the states"
@@ -289,12 +315,32 @@ class FilterCard(units.NamedCard):
         both = sorted(set(self.neglect) & set(self.consider))
         if both:
             yield f"{', '.join(both)}: neglected and considered, choose one"
-        if self.logic is not None and self.logic.correct_after > 0.0 and self.feedback == "closed":
+        for name in self.as_noise:
+            other = next((f for f in ("extra_states", "consider") if name in getattr(self, f)), None)
+            if other is not None:
+                yield f"as_noise: {name} is in {other} too, choose one"
+        named = {*self.extra_states, *self.consider, *self.as_noise}
+        for each, whole in BY_SATELLITE.items():
+            if {each, whole} <= named:
+                yield f"{each} and {whole} model the same delay, choose one"
+        if self.logic is not None and self.logic.correct_after > 0.0 and self.feedback != "open":
             yield "logic.correct_after delays the outputs of an open loop: it needs feedback: open"
         if self.clock == "one_state" and "range_rate" in self.measurements:
             yield "clock: one_state takes the drift for white noise, and every range_rate measures the drift"
         if self.strapdown.ratio > 1 and self.models_vehicle:
             yield "strapdown.ratio: a filter with imu among its measurements takes every sample"
+        if self.transition_rate is not None and self.models_vehicle:
+            yield "transition_rate: a filter with imu among its measurements propagates by every sample"
+        if self.backup and self.models_vehicle:
+            yield "backup: a filter with imu among its measurements has no strapdown of increments to run beside"
+        if self.transition_rate is not None and self.transition_rate > self.covariance_rate:
+            yield "transition_rate: exceeds covariance_rate, at which the covariance is propagated"
+        if self.underweighting and not self.aided:
+            yield "underweighting: the filter has no measurement that it could act on"
+        for number, weighted in enumerate(self.underweighting):
+            for name in weighted.measurements:
+                if name not in self.measurements:
+                    yield f"underweighting.{number}.measurements: {name} is not among the filter's measurements"
 
     @property
     def tight(self) -> bool:

@@ -4,7 +4,7 @@ import numpy as np
 
 from lvnav_trade.filters.late import LAST, carry_on, correct_stored, place_of, predicted_of_stored
 from lvnav_trade.kernels import processes, transition
-from lvnav_trade.kernels.covariance import predict, update_scalar, update_with_gain, whiten
+from lvnav_trade.kernels.covariance import inflate, predict, update_scalar, update_with_gain, whiten
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, where
 from lvnav_trade.kernels.strapdown import R
@@ -15,18 +15,43 @@ from lvnav_trade.observables.ranges import range_row, rate_row
 from lvnav_trade.observables.sensors import fill
 
 
+@jit
+def forget(P, model, length):
+    """Let the covariance forget over a window of a known length index, where the filter has a fading memory."""
+    if model.inflation[length] != 1.0:
+        inflate(P, model.inflation[length], model.n_estimated)
+
+
+@jit
+def inject(P, model, injection):
+    """Add the variances of a change of operating region, by number, -1 none."""
+    if injection >= 0:
+        for i in range(P.shape[0]):
+            P[i, i] = P[i, i] + model.injected[injection, i]
+
+
 @inlined
-def predict_window(work, model, length):
-    """Propagate covariance, fading parameters and clock estimate over a window of a known length index."""
+def predict_covariance(P, D, model, length, injection):
+    """Propagate a covariance over a window of a known length index by the blocks D of its transition; injection: number
+    of what a change of operating region adds at its end, -1 none.
+    """
+    forget(P, model, length)
+    predict(
+        P, D, model.block_rows, model.block_columns, model.decay[length], model.noise[length], model.clock,
+        model.seconds[length],
+    )  # fmt: skip
+    inject(P, model, injection)
+
+
+@inlined
+def predict_window(work, model, length, injection):
+    """Propagate covariance, fading parameters and clock estimate over a window; see `predict_covariance`."""
     seconds = model.seconds[length]
     transition.fill(
         work.D, model.block_kinds, model.block_drivers, work.sums, work.nav[R], work.nav[R + 1], work.nav[R + 2],
         seconds,
     )  # fmt: skip
-    predict(
-        work.P, work.D, model.block_rows, model.block_columns, model.decay[length], model.noise[length],
-        model.clock, seconds,
-    )  # fmt: skip
+    predict_covariance(work.P, work.D, model, length, injection)
     if model.clock >= 0:
         work.clock_hat[0] = work.clock_hat[0] + seconds * work.clock_hat[1]
     if model.fading:
@@ -166,7 +191,7 @@ def decorrelate(work, past, rx, late, gains, model, signals, epoch):
         for i in range(6):
             for j in range(6):
                 if rx is not None:
-                    work.reported[i, j] = rx.covariance[i, j]
+                    work.reported[i, j] = rx.covariance[i, j] * (signals.scale[epoch, i] * signals.scale[epoch, j])
                 else:  # a simulated solution: the filter's own variances
                     work.reported[i, j] = like(work.x[0], signals.variance[epoch, i] if i == j else 0.0)
         if late is not None and late.extrapolated:
@@ -198,13 +223,13 @@ def update_and_count(work, gains, model, signals, epoch, row, channel, whitened,
         variance = 1.0 if whitened else signals.variance[epoch, channel]
         normalised, weight = update_scalar(
             work.P, work.x, work.K, work.H[row], entries, columns, work.z[row], variance, gate_squared,
-            model.n_estimated, model.joseph,
+            model.n_estimated, model.joseph, signals.beta[epoch, channel],
         )  # fmt: skip
     else:
         variance = work.reported[row, row] if whitened else like(work.x[0], signals.variance[epoch, channel])
         normalised, weight = update_with_gain(
             work.P, work.x, work.K, work.H[row], entries, columns, gains.gain[epoch, channel], work.z[row], variance,
-            gate_squared, model.n_estimated,
+            gate_squared, model.n_estimated, signals.beta[epoch, channel],
         )  # fmt: skip
     work.innovation[epoch, channel] = normalised
     accepted = weight > 0.0
@@ -260,8 +285,19 @@ def take_reference(work, model, signals, epoch, n_row, limit):
                 )  # fmt: skip
 
 
+@jit
+def _correct_receiver_row(work, past, late, direct, model, signals, epoch, dt):
+    """In a direct filter (direct, or None) correct the total state by a row, and linearise the rows that are left at
+    it. A solution with a covariance of its own is one measurement: it is linearised once.
+    """
+    if direct is not None and not model.has_covariance:
+        correct(work, past, late, model)
+        place_antenna(work, past, late, model, dt, epoch)
+        fill_receiver(work, model, signals, epoch)
+
+
 @inlined
-def update_receiver(work, gains, model, signals, epoch, gate_squared):
+def update_receiver(work, past, late, direct, gains, model, signals, epoch, dt, gate_squared):
     """Update by what the receiver measures at an epoch: pseudorange and range rate of every satellite in use, or
     position and velocity of a solution axis by axis, as far as they are among the filter's measurements.
     """
@@ -271,10 +307,19 @@ def update_receiver(work, gains, model, signals, epoch, gate_squared):
         channel = channel_of(model, signals, epoch, row)
         if model.measured[channel] and not is_reference(signals, epoch, row):
             update_and_count(work, gains, model, signals, epoch, row, channel, model.has_covariance, gate_squared)
+            _correct_receiver_row(work, past, late, direct, model, signals, epoch, dt)
+    _correct_at_once(work, past, late, direct, model)
+
+
+@jit
+def _correct_at_once(work, past, late, direct, model):
+    """Correct the total state of a direct filter (direct, or None)."""
+    if direct is not None:
+        correct(work, past, late, model)
 
 
 @inlined
-def update_sensors(work, past, open_loop, late, gains, sensors, model, signals, epoch, gate_squared):
+def update_sensors(work, past, open_loop, direct, late, gains, sensors, model, signals, epoch, gate_squared):
     """Update by what the sensors beside the receiver (Sensors, or None) measure at an epoch."""
     if sensors is not None:
         for k in range(sensors.code.shape[0]):
@@ -285,6 +330,9 @@ def update_sensors(work, past, open_loop, late, gains, sensors, model, signals, 
                     update_and_count(
                         work, gains, model, signals, epoch, at + i, sensors.channel[k] + i, False, gate_squared
                     )
+                    if direct is not None:
+                        correct(work, past, late, model)
+                        fill_sensor(work, past, open_loop, late, model, signals, sensors, k, at, epoch)
 
 
 @jit

@@ -1,5 +1,8 @@
 """What is done with the error state: a closed loop feeds it back to the strapdown, an open loop adds it to the outputs.
 
+A direct filter has none: its update acts on the total state after every scalar measurement, so that the next one is
+linearised there. A closed loop linearises all scalars of an epoch where the epoch begins.
+
 In an open loop the error state stays beside the inertial system: it is propagated with the transition of every window,
 measurements are linearised at the uncorrected state, and the sum of both goes into the records and nowhere else. For
 small errors that is the closed loop; a large error of the inertial system leaves its second order in the measurements
@@ -117,18 +120,18 @@ def _predict_rows(work, watch, model, signals, epoch):
 
 
 @jit
-def _sample_variance(out, rx, variance, from_gnss):
+def _sample_variance(out, rx, variance, scale, from_gnss):
     """Set the variances (6,) of a solution that a filter starts from: the receiver's, or what the filter assumes."""
     if from_gnss:
         for row in range(6):
             if rx is None:
                 out[row] = like(out[0], variance[row])
             else:
-                out[row] = rx.covariance[row, row]
+                out[row] = rx.covariance[row, row] * (scale[row] * scale[row])
 
 
 @inlined
-def _process_permitted(work, rx, past, watch, open_loop, rules, late, gains, model, signals, epoch):
+def _process_permitted(work, rx, past, watch, open_loop, direct, rules, late, gains, model, signals, epoch, dt):
     """Process the receiver's measurements at an epoch if the mode logic permits, and make its transitions."""
     n_row = ekf.n_measured(model, signals, epoch)
     if rules.good[epoch]:
@@ -137,11 +140,12 @@ def _process_permitted(work, rx, past, watch, open_loop, rules, late, gains, mod
         _predict_rows(work, watch, model, signals, epoch)
     monitor.check_measurements(watch, rules, model, signals, epoch, work.z, n_row)
     if rules.good[epoch]:
-        _sample_variance(watch.predicted, rx, signals.variance[epoch], rules.from_gnss)
+        _sample_variance(watch.predicted, rx, signals.variance[epoch], signals.scale[epoch], rules.from_gnss)
         monitor.start_filter(work.P, work.x, watch, rules, work.z)
         ekf.decorrelate(work, past, rx, late, gains, model, signals, epoch)
         used = watch.sample[0] > 0.0
-        ekf.update_receiver(work, gains, model, signals, epoch, where(used, model.gate_squared, -1.0))
+        gate = where(used, model.gate_squared, -1.0)
+        ekf.update_receiver(work, past, late, direct, gains, model, signals, epoch, dt, gate)
         for row in range(n_row):
             channel = ekf.channel_of(model, signals, epoch, row)
             work.innovation[epoch, channel] = where(used, work.innovation[epoch, channel], np.nan)
@@ -149,7 +153,9 @@ def _process_permitted(work, rx, past, watch, open_loop, rules, late, gains, mod
 
 
 @inlined
-def process_measurements(work, rx, past, watch, open_loop, rules, late, gains, sensors, model, signals, epoch, dt):
+def process_measurements(
+    work, rx, past, watch, open_loop, direct, rules, late, gains, sensors, model, signals, epoch, dt
+):
     """Process what the receiver and the other sensors measure at an epoch; if the filter has a mode logic, once it
     permits.
     """
@@ -161,9 +167,12 @@ def process_measurements(work, rx, past, watch, open_loop, rules, late, gains, s
             ekf.fill_receiver(work, model, signals, epoch)
             ekf.decorrelate(work, past, rx, late, gains, model, signals, epoch)
             _compare_late(work, past, open_loop, late, model, signals, epoch)
-            ekf.update_receiver(work, gains, model, signals, epoch, model.gate_squared)
-        ekf.update_sensors(work, past, open_loop, late, gains, sensors, model, signals, epoch, model.gate_squared)
+            gate = model.gate_squared
+            ekf.update_receiver(work, past, late, direct, gains, model, signals, epoch, dt, gate)
+        ekf.update_sensors(
+            work, past, open_loop, direct, late, gains, sensors, model, signals, epoch, model.gate_squared
+        )
     elif (epoch + 1) % model.every == 0:
-        _process_permitted(work, rx, past, watch, open_loop, rules, late, gains, model, signals, epoch)
+        _process_permitted(work, rx, past, watch, open_loop, direct, rules, late, gains, model, signals, epoch, dt)
         gate = where(monitor.is_running(watch.state[monitor.MODE]) > 0.0, model.gate_squared, -1.0)
-        ekf.update_sensors(work, past, open_loop, late, gains, sensors, model, signals, epoch, gate)
+        ekf.update_sensors(work, past, open_loop, direct, late, gains, sensors, model, signals, epoch, gate)

@@ -11,7 +11,7 @@ from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.clock import spectral_densities
 from lvnav_trade.kernels.strapdown import Strapdown
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL
-from lvnav_trade.layout import EXTRAS, PARAMETERS, RELATIVE, ExtraBlock, ParameterBlock, StateLayout
+from lvnav_trade.layout import BY_SATELLITE, EXTRAS, PARAMETERS, RELATIVE, ExtraBlock, ParameterBlock, StateLayout
 from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL, N_ENTRY
 from lvnav_trade.observables.partials import Channels, members, sensor_states
 from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS, SENSORS
@@ -22,6 +22,8 @@ PSEUDORANGE, RANGE_RATE, POSITION, VELOCITY, FIRST_SENSOR = range(5)
 TYPES = {"pseudorange": PSEUDORANGE, "range_rate": RANGE_RATE, "position": POSITION, "velocity": VELOCITY} | {
     name: FIRST_SENSOR + k for k, name in enumerate(SENSOR_MEASUREMENTS)
 }
+# Time constant (s) of what is new in every window.
+NO_MEMORY = 1e-12
 BIAS_OF = {"gyro_bias": "gyro_relative_bias", "accel_bias": "accel_relative_bias"}
 
 
@@ -33,12 +35,12 @@ class FilterModel(NamedTuple):
     is processed); rate_sign: see `observables.base.antenna`; strapdown: its algorithm; block_rows, block_columns,
     block_kinds, block_drivers (n_block,); seconds (n_length,) distinct window lengths, decay and noise (n_length,
     n_state) per length; clock index; n_estimated, n_state; par_sensor, par_driver, par_offset (n_par,); biases_only (no
-    scale factor or misalignment); fading (any decay); gate_squared; joseph; row_type, n_entry (n_channel,), entry and
-    column
-    (n_channel, n) by channel; lever_arms (n_antenna, 3) m; extra_offset (n_extra,) state of each extra one,
-    extra_member (n_extra_family, n_channel) extra state in a channel, -1 none; every: of how many epochs the filter
-    takes the last; has_covariance: solutions come with a covariance of their own and are decorrelated; clock_gain (2,
-    n_state) that makes bias or drift what a reference satellite measures.
+    scale factor or misalignment); fading (any decay); inflation (n_length,) factor of deviations by fading memory;
+    injected (n_injection, n_state) variance of a change of operating region; gate_squared; joseph; row_type, n_entry
+    (n_channel,), entry and column (n_channel, n) by channel; lever_arms (n_antenna, 3) m; extra_offset (n_extra,) state
+    of each extra one, extra_member (n_extra_family, n_channel) extra state in a channel, -1 none; every: of how many
+    epochs the filter takes the last; has_covariance: solutions come with a covariance of their own and are
+    decorrelated; clock_gain (2, n_state) that makes bias or drift what a reference satellite measures.
     """
 
     aided: bool
@@ -63,6 +65,8 @@ class FilterModel(NamedTuple):
     par_offset: Ints
     biases_only: bool
     fading: bool
+    inflation: Floats
+    injected: Floats
     gate_squared: float
     joseph: bool
     row_type: Ints
@@ -89,18 +93,26 @@ def _parameter_blocks(names: list[str], imu: ImuModel, offset: int) -> list[Para
 
 
 def _extra_blocks(
-    names: list[str], imu: ImuModel, receiver: ReceiverModel, channels: Channels, offset: int
+    names: list[str],
+    imu: ImuModel,
+    receiver: ReceiverModel,
+    channels: Channels,
+    offset: int,
+    as_noise: tuple[str, ...] = (),
 ) -> list[ExtraBlock]:
     blocks = []
     for name in names:
         labels, member = members(name, channels)
         if labels:
-            card = imu if name in RELATIVE.values() else receiver
-            sigma, time, *more = (getattr(card, name + end, 0.0) for end in ("", "_time", "_walk", "_correlation"))
-            blocks.append(ExtraBlock(name, labels, offset, member, sigma, time or math.inf, EXTRAS[name], *more))
+            card, field = imu if name in RELATIVE.values() else receiver, BY_SATELLITE.get(name, name)
+            ends = ("", "_walk", "_correlation")
+            sigma, *more = (getattr(card, field + end, 0.0) for end in ends)
+            time = NO_MEMORY if name in as_noise else getattr(card, f"{field}_time", None) or math.inf
+            blocks.append(ExtraBlock(name, labels, offset, member, sigma, time, EXTRAS[name], *more))
             offset += len(labels)
         for state, own, _ in sensor_states(name, channels):
-            blocks.append(ExtraBlock(name, (state.label,), offset, own, state.sigma, state.time_constant, state.unit))
+            time = NO_MEMORY if name in as_noise else state.time_constant
+            blocks.append(ExtraBlock(name, (state.label,), offset, own, state.sigma, time, state.unit))
             offset += 1
     return blocks
 
@@ -109,9 +121,9 @@ def state_layout(
     card: FilterCard, imu: ImuModel, receiver: ReceiverModel, channels: Channels, measurements: tuple[str, ...] = ()
 ) -> StateLayout:
     """Lay out the states of a filter: navigation, estimated parameters, clock, estimated extra states, and then what
-    is considered.
+    is considered. Noise that rows share is a state without memory: estimated within an epoch, then forgotten.
     """
-    wanted = [n for n in (*BIASES, *card.extra_states) if n not in card.neglect]
+    wanted = [n for n in (*BIASES, *card.extra_states, *card.as_noise) if n not in card.neglect]
     wanted += [state for name, state in RELATIVE.items() if name in measurements and state not in wanted]
     wanted += [n for n in card.consider if n not in wanted]
     parameters: list[ParameterBlock] = []
@@ -124,7 +136,9 @@ def state_layout(
         reduced = channels.tight and card.clock == "one_state"
         if not considered and channels.tight and not reduced:
             clock, offset = offset, offset + 2
-        shared = _extra_blocks([n for n in group if n not in PARAMETERS], imu, receiver, channels, offset)
+        shared = _extra_blocks(
+            [n for n in group if n not in PARAMETERS], imu, receiver, channels, offset, card.as_noise
+        )
         offset += sum(len(block.labels) for block in shared)
         parameters, extras = parameters + blocks, extras + shared
         if not considered:
@@ -311,6 +325,8 @@ def build_filter_model(
         par_offset=np.array([b.offset for b in layout.parameters], dtype=np.int64),
         biases_only=all(b.driver == transition.CONSTANT for b in layout.parameters),
         fading=bool(np.any(decay != 1.0)),
+        inflation=np.exp(seconds / (card.fading_memory or math.inf)),
+        injected=np.zeros((1, layout.n_state)),
         gate_squared=math.inf if card.gate is None else card.gate**2,
         joseph=card.update == "joseph",
         row_type=row_type,

@@ -106,8 +106,19 @@ def predict(P, blocks, rows, columns, decay, noise, clock, seconds):
         P[i, i] = P[i, i] + 0.5 * noise[i]
 
 
+@jit
+def inflate(P, factor, n_estimated):
+    """Let a covariance forget (fading memory): P <- A P A, A the factor for every estimated state, one for the rest."""
+    for i in range(n_estimated):
+        for j in range(n_estimated):
+            P[i, j] = P[i, j] * (factor * factor)
+        for j in range(n_estimated, P.shape[0]):
+            P[i, j] = P[i, j] * factor
+            P[j, i] = P[j, i] * factor
+
+
 @inlined
-def _met(P, x, K, h, entries, columns, innovation, variance, n):
+def _met(P, x, K, h, entries, columns, innovation, variance, beta, n):
     """Set K to P h; return the variance of a row's innovation, and what earlier rows of the epoch have left of it."""
     for i in range(n):
         k = P[i, columns[0]] * h[entries[0]]
@@ -117,13 +128,13 @@ def _met(P, x, K, h, entries, columns, innovation, variance, n):
     s = 0.0 * x[0] + variance
     residual = innovation
     for c in range(columns.shape[0]):
-        s = s + h[entries[c]] * K[columns[c]]
+        s = s + (1.0 + beta) * h[entries[c]] * K[columns[c]]
         residual = residual - h[entries[c]] * x[columns[c]]
     return s, residual
 
 
 @jit
-def update_scalar(P, x, K, h, entries, columns, innovation, variance, gate_squared, n_estimated, joseph):
+def update_scalar(P, x, K, h, entries, columns, innovation, variance, gate_squared, n_estimated, joseph, beta=0.0):
     """Update the error state and its covariance by one scalar measurement, z - z_hat = h . x + v.
 
     All rows of an epoch are linearised at one point: `innovation` is the one before the epoch, and what earlier rows of
@@ -137,13 +148,14 @@ def update_scalar(P, x, K, h, entries, columns, innovation, variance, gate_squar
     variance : of v
     gate_squared : largest square of the normalised innovation that is accepted (inf: all)
     joseph : bool, write the update in Joseph's form
+    beta : under-weighting (Lear): the filter assumes beta h P h' of noise beside the variance
 
     Returns
     -------
     normalised innovation (before the gate), weight (1 / innovation variance, 0 where rejected)
     """
     n = P.shape[0]
-    s, residual = _met(P, x, K, h, entries, columns, innovation, variance, n)
+    s, residual = _met(P, x, K, h, entries, columns, innovation, variance, beta, n)
     accepted = residual * residual <= gate_squared * s
     inverse = 1.0 / s
     weight = where(accepted, inverse, 0.0)
@@ -163,14 +175,14 @@ def update_scalar(P, x, K, h, entries, columns, innovation, variance, gate_squar
 
 
 @jit
-def update_with_gain(P, x, K, h, entries, columns, gain, innovation, variance, gate_squared, n_estimated):
+def update_with_gain(P, x, K, h, entries, columns, gain, innovation, variance, gate_squared, n_estimated, beta=0.0):
     """Update as `update_scalar` does, but with a given gain (n,): floats, the same in every run.
 
     The covariance is propagated in Joseph's form: it is what the filter's model says of that gain, and decides
     nothing but the gate.
     """
     n = P.shape[0]
-    s, residual = _met(P, x, K, h, entries, columns, innovation, variance, n)
+    s, residual = _met(P, x, K, h, entries, columns, innovation, variance, beta, n)
     accepted = residual * residual <= gate_squared * s
     step = where(accepted, residual, 0.0)
     for i in range(n_estimated):

@@ -13,10 +13,10 @@ other half. That is right to second order in the window (Strang, SIAM J. Numer. 
 that Phi written as a sum would need.
 """
 
-from lvnav_trade.kernels.attitude import cross, from_rotation, multiply, normalise
+from lvnav_trade.kernels.attitude import cross, from_rotation, matrix, multiply, normalise
 from lvnav_trade.kernels.earth import gravity_gradient
 from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.strapdown import SUM_C, SUM_F, SUM_TH, SUM_V, Q, R, V
+from lvnav_trade.kernels.strapdown import N_SUM, SUM_C, SUM_F, SUM_TH, SUM_V, Q, R, V
 
 ATT, VEL, POS = 0, 3, 6
 
@@ -130,6 +130,40 @@ def fill(blocks, kinds, drivers, sums, x, y, z, seconds):
                 block[i] = share * seconds + 0.0 * x if i % 4 == 0 else 0.0 * x
         else:
             parameter_block(block, kind, drivers[b], sums, seconds)
+
+
+# What a window does to the rates at which the transition is linearised: nothing is stored, they stay as they are, they
+# become what is known at its start, or (nothing is known yet) its own means.
+EVERY_WINDOW, KEPT, RENEWED, FIRST = range(4)
+
+
+@jit
+def linearise(rates, nav, code):
+    """Take what is known at the start of a window for the rates of the strapdown's sums: the attitude, and the mean
+    specific force and rate of the window before.
+
+    rates : (2, 18) those that the transition is linearised at, and the means of the last window; updated
+    """
+    if code == RENEWED:
+        c = matrix(nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
+        now, last = rates[0], rates[1]
+        for i in range(9):
+            now[SUM_C + i] = c[i]
+        for i in range(3):
+            now[SUM_TH + i], now[SUM_F + i] = last[SUM_TH + i], last[SUM_F + i]
+        for i in range(3):
+            now[SUM_V + i] = c[3 * i] * now[SUM_F] + c[3 * i + 1] * now[SUM_F + 1] + c[3 * i + 2] * now[SUM_F + 2]
+
+
+@jit
+def linearised_sums(rates, sums, seconds, code):
+    """Replace the sums of a window by those at the rates of `linearise`; keep its own means for the next time."""
+    if code != EVERY_WINDOW:
+        for i in range(N_SUM):
+            rates[1, i] = sums[i] / seconds
+            if code == FIRST:
+                rates[0, i] = rates[1, i]
+            sums[i] = rates[0, i] * seconds
 
 
 @jit

@@ -10,14 +10,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lvnav_trade.layout import RELATIVE
+from lvnav_trade.layout import BY_SATELLITE, RELATIVE
 from lvnav_trade.records import Floats, Ints
 
 LEVER_AXES = ("lever_x", "lever_y", "lever_z")
 RANGE_ONLY = ("range_bias", "time_offset")
 RATE_ONLY = ("range_rate_offset",)
 SATELLITE_KINDS = (
-    *RANGE_ONLY, *RATE_ONLY, "timing", "troposphere_scale", "ionosphere_scale", *LEVER_AXES,
+    *RANGE_ONLY, *RATE_ONLY, "timing", "troposphere_scale", "ionosphere_scale", *BY_SATELLITE, *LEVER_AXES,
 )  # fmt: skip
 SOLUTION_KINDS = ("position_bias", "velocity_bias", "timing", "troposphere_scale", "ionosphere_scale")
 
@@ -110,9 +110,9 @@ class Geometry(NamedTuple):
 def members(kind: str, channels: Channels) -> tuple[tuple[str, ...], Ints]:
     """Return the components of a kind by their labels, and which one stands in each channel, (n_channel,), -1 none.
 
-    A range bias has a component for each satellite that is ever tracked, a time offset one for each system but GPS (or
-    the first), a solution's bias one for each axis of frame i, a relative bias of two inertial units one for each body
-    axis, everything else one for all channels.
+    A range bias, or a scale factor by satellite, has a component for each satellite that is ever tracked, a time offset
+    one for each system but GPS (or the first), a solution's bias one for each axis of frame i, a relative bias of two
+    inertial units one for each body axis, everything else one for all channels.
     """
     member, n = np.full(channels.n_channel, -1, dtype=np.int64), channels.n_receiver
     if kind in RELATIVE.values():
@@ -128,7 +128,7 @@ def members(kind: str, channels: Channels) -> tuple[tuple[str, ...], Ints]:
         return ("x", "y", "z") if kind in axes else ("",), member
     if kind not in SATELLITE_KINDS:
         return (), member
-    if kind == "range_bias":
+    if kind == "range_bias" or kind in BY_SATELLITE:
         labels = tuple(name for name, seen in zip(channels.satellites, channels.seen, strict=True) if seen)
         owner = [labels.index(n) if n in labels else -1 for n in channels.satellites]
     elif kind == "time_offset":
@@ -184,5 +184,5 @@ def partial(kind: str, geometry: Geometry, channels: Channels) -> Floats:
             "ionosphere_scale": np.hsplit(geometry.solution_ionosphere, 2),
             **dict.fromkeys(("position_bias", "velocity_bias"), (1.0, 1.0)),
         }
-    found[:, first], found[:, second] = pairs.get(kind, (0.0, 0.0))
+    found[:, first], found[:, second] = pairs.get(BY_SATELLITE.get(kind, kind), (0.0, 0.0))
     return found

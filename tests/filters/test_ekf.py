@@ -72,7 +72,7 @@ def test_a_clock_estimate_runs_on_by_its_drift_and_a_gauss_markov_estimate_decay
     work.clock_hat[:], work.par[:] = [100.0, -3.0], 1.0
     length = int(np.argmax(prepared.lengths))
     seconds = prepared.lengths[length]
-    predict_window(work, prepared.model, length)
+    predict_window(work, prepared.model, length, -1)
     np.testing.assert_allclose(work.clock_hat, [100.0 - 3.0 * seconds, -3.0], rtol=1e-15)
     np.testing.assert_allclose(work.par[0], np.exp(-seconds / 2.0), rtol=1e-14)
     np.testing.assert_array_equal(work.par[1], 1.0)

@@ -79,7 +79,8 @@ def linear(gain, mismatch=True):
     decay[BIAS:], white[WALKED, VEL] = DECAY_HAT, WALK**2 * DT
     joint, scratch, true, model = small(
         P, variance, factor=factors, noise=noise, decay=decay, white=white, blocks=BLOCKS, rows=ROWS,
-        columns=COLUMNS, seconds=DT, state=np.where(np.arange(n_source) == BIASED, BIAS, -1), first_shared=FIXED,
+        columns=COLUMNS, seconds=DT, states=np.array([BIAS]),
+        state_from=(np.arange(n_source + 1) > BIASED).astype(np.int64), first_shared=FIXED,
         shared_family=np.array([-1]),
     )  # fmt: skip
     of_lanes(joint.cross, BIASED)[0, BIAS] = SIGMA_BIAS**2

@@ -183,6 +183,15 @@ OF_TESTS = (
     {"atmosphere": {"troposphere": {"kind": "ray_traced", "profile": {"kind": "exponential"}}}},
     {"atmosphere": {"ionosphere": {"kind": "epstein"}}},
     {"sensors": {"port": PORT}, "filter.measurements": ["pseudorange", "pressure_altitude"]},
+    {"atmosphere": {"troposphere": {"kind": "spilker"}}, "filter.as_noise": ["troposphere_scale"]},
+    {
+        "filter.underweighting": [{"beta": 0.2}],
+        "filter.fading_memory": "60 s",
+        "filter.transition_rate": "1 Hz",
+        "filter.region_noise": [{"force_change": "5 m/s^2", "velocity": "1 m/s"}],
+        "filter.feedback": "direct",
+        "filter.backup": True,
+    },
     {
         "imu.gyro.quantisation": "1e-6 rad",
         "filter.update": "joseph",

@@ -36,6 +36,7 @@ _INSTANT = re.compile(r"\s*(?P<event>[A-Za-z_]\w*)\s*(?:[+-]\s*(?P<offset>\S.*))
 # SI unit of every quantity of which results hold an error
 _UNITS = (
     {"attitude": "rad", "velocity": "m/s", "position": "m", "clock_bias": "m", "clock_drift": "m/s"}
+    | {"backup_attitude": "rad", "backup_velocity": "m/s", "backup_position": "m"}
     | {"solution_velocity": "m/s", "solution_position": "m", "receiver_clock_bias": "m", "receiver_clock_drift": "m/s"}
     | {name: kind.unit for name, kind in PARAMETERS.items()}
     | {name: unit for name, (unit, *_) in EXTRAS.items()}

@@ -15,7 +15,7 @@ from lvnav_trade.scenario import Scenario
 
 _DESCRIPTIONS = ("kind", "name", "source")
 # States that no measurement touches are refused in a card too: whoever names the filter wants to estimate them.
-_OF_FILTERS = re.compile(r"filter\.(extra_states|consider)\.\d+")
+_OF_FILTERS = re.compile(r"filter\.(extra_states|consider|as_noise)\.\d+")
 # Every case has one of these, so that a whole one has an effect wherever it stands.
 _ALWAYS = frozenset(name for name, field in Scenario.model_fields.items() if field.is_required())
 _UNREAD = "no effect: nothing that is computed for this campaign reads it"

@@ -184,6 +184,8 @@ def _windows(campaign: Campaign, case: Case, events: Mapping[str, float]) -> Ite
                 yield written(campaign, case, f"base.sensors.{name}", reason)
             for field, message in switched.of_sensor(card, case.scenario, events):
                 yield written(campaign, case, f"base.sensors.{name}.{field}".rstrip("."), message)
+    for field, message in switched.of_filter(case.scenario, events):
+        yield written(campaign, case, f"base.filter.{field}", message)
 
 
 _STEP = 1.0  # s between points

@@ -1,4 +1,4 @@
-"""Conditions of faults and sensors beside the flights of their cases: what holds at no time."""
+"""Conditions of faults, sensors and a filter's tuning beside the flights of their cases: what holds at no time."""
 
 from collections.abc import Iterator, Mapping
 
@@ -40,6 +40,14 @@ def of_fault(fault: AnyFault, scenario: Scenario, events: Mapping[str, float]) -
     yield from conditions
     if fault.start is not None and not conditions:
         yield from _timed(fault, fault.start, course)
+
+
+def of_filter(scenario: Scenario, events: Mapping[str, float]) -> Found:
+    """Yield the conditions of a filter's tuning that hold at no time of the flight; events: times (s)."""
+    for name in ("underweighting", "region_noise"):
+        for number, card in enumerate(getattr(scenario.filter, name)):
+            for field, message in _never(card, _course(card, scenario, events)):
+                yield f"{name}.{number}.{field}", message
 
 
 def _course(conditions: Conditions, scenario: Scenario, events: Mapping[str, float]) -> Course:

@@ -49,7 +49,7 @@ def used(prepared: Prepared, read: Collection[str]) -> Used:
 
 def _named(prepared: Prepared) -> Iterator[tuple[str, str]]:
     """Yield path and name of the states that the filter card names."""
-    for field in ("extra_states", "consider"):
+    for field in ("extra_states", "consider", "as_noise"):
         for number, name in enumerate(getattr(prepared.scenario.filter, field)):
             yield f"filter.{field}.{number}", name
 

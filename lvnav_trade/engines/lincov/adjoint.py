@@ -67,17 +67,19 @@ def _components_back(back, scratch, sums, true, units, model, length, first, n_t
     decay = true.decay[length]
     fill_inputs(scratch, true, units, sums, model.seconds[length], first, n_tick)
     for c in range(true.source.shape[0]):
-        source, k, at = true.source[c], true.slot[c], true.state[c]
+        source, k, states = true.source[c], true.slot[c], (true.state_from[c], true.state_from[c + 1])
         g, lane = true.group[source], true.lane[source]
         factor, noise = true.factor[length, g, k, 0, lane], true.noise[length, g, k, 0, lane]
         echo = 1.0 if true.echo[length, g, k, 0, lane] > 0.0 else 0.0
         b = scratch.b[g, k, ..., lane]
         for m in range(back.e.shape[0]):
             through, entered = back.c[m, c], 0.0
-            if at >= 0:  # the component and the filter's error in it are driven by the same noise
+            # the component and the filter's errors in it are driven by the same noise
+            for p in range(states[0], states[1]):
+                at = true.states[p]
                 through += back.e[m, at]
-                entered = (factor - decay[at]) * back.e[m, at]
-            elif true.moves[g, k]:
+                entered += (factor - decay[at]) * back.e[m, at]
+            if states[0] == states[1] and true.moves[g, k]:
                 entered = _dot(b, back.e[m])
                 through -= echo * entered
             back.contribution[m, source, time_bin] += through * through * noise
@@ -105,7 +107,9 @@ def _start_back(back, true):
                 for k in range(n):
                     back.contribution[m, source, 0] += back.e[m, i] * true.initial[source, i, k] * back.e[m, k]
         for c in range(true.source.shape[0]):
-            through = back.c[m, c] + (back.e[m, true.state[c]] if true.state[c] >= 0 else 0.0)
+            through = back.c[m, c]
+            for p in range(true.state_from[c], true.state_from[c + 1]):
+                through += back.e[m, true.states[p]]
             back.contribution[m, true.source[c], 0] += through * through * true.start[c]
 
 

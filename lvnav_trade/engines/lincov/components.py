@@ -13,6 +13,7 @@ from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.filters.model import transition_blocks
 from lvnav_trade.kernels.clock import spectral_densities
 from lvnav_trade.kernels.transition import ACCEL, ATT, CONSTANT, GYRO, POS, VEL
+from lvnav_trade.layout import standing_for
 from lvnav_trade.records import Bools, Floats, Ints
 from lvnav_trade.world.sensors.imu import ImuCard
 from lvnav_trade.world.sensors.units import keyed, mounted
@@ -29,7 +30,8 @@ class Components(NamedTuple):
     states is followed; moves: enters attitude, velocity or position while they are propagated; samples: enters the
     samples of the IMU, as measurements. factor, noise (n_length, n_group, n_slot, 1, n_lane) decay and driving
     variance over a window, echo the part of the noise that enters the states with the opposite sign (quantisation).
-    source, slot (n_component,) of each component, state of the filter for the same thing (-1 none), start variance.
+    source, slot (n_component,) of each component, start variance; those of states (n_pair,) from state_from[c] to
+    state_from[c + 1] (n_component + 1,) are the filter's for component c.
 
     Blocks of three components: sensor, driver (REMAINDER, GRAVITY: see there), matched (first state of the filter for
     the same thing, -1 none), profile (that is its mean, -1 none), triad of a set, stands (n_block, 3, n_state) how much
@@ -57,7 +59,8 @@ class Components(NamedTuple):
     echo: Floats
     source: Ints
     slot: Ints
-    state: Ints
+    states: Ints
+    state_from: Ints
     start: Floats
     sensor: Ints
     driver: Ints
@@ -136,12 +139,12 @@ def _of_block(prepared: Prepared, block: _Block, moves: bool, samples: bool) -> 
         factor = np.exp(-seconds / block.time_constant)
         noise = block.walk * seconds - block.variance * np.expm1(-2.0 * seconds / block.time_constant)
     alike = block.matched >= 0 and np.array_equal(factor, prepared.model.decay[:, block.matched])
-    states = range(block.matched, block.matched + 3) if block.matched >= 0 else (-1, -1, -1)
+    states = [(block.matched + i,) for i in range(3)] if block.matched >= 0 else [(), (), ()]
     return [
         Component(
-            block.source, factor, noise, block.variance, state, not alike, moves, samples, block.driver == REMAINDER
+            block.source, factor, noise, block.variance, own, not alike, moves, samples, block.driver == REMAINDER
         )
-        for state in states
+        for own in states
     ]
 
 
@@ -156,21 +159,20 @@ def _shared_tables(sigma: float, time_constant: float, seconds: Floats) -> tuple
 def _of_families(prepared: Prepared, names: list[str]) -> tuple[list[Component], list[int]]:
     """Return the components of the errors that measurements share, and by family that of the filter's extra states."""
     model, signals, found, own = prepared.model, prepared.signals, list[Component](), list[int]()
-    by_name = {(block.name, label): number for number, block in enumerate(prepared.layout.extras)
-               for label in block.labels}  # fmt: skip
+    shared = signals.shared
     for number, family in enumerate(prepared.families if model.aided else ()):
-        state = by_name.get((family.state, family.labels[0]), -1)
+        stand = standing_for(prepared.layout.extras, family.state, family.labels[0])
+        state = stand[0][0] if stand else -1
         factor, noise = _shared_tables(family.sigma, family.time_constant, prepared.lengths)
-        entering = signals.shared.member[number] >= 0
+        entering = shared.member[number] >= 0
         # whether the true partials are not those that the filter's own state has
         differs = prepared.chain is not None or state < 0 or not np.array_equal(
-            signals.shared.partial[number], np.where(entering, signals.partial[state], 0.0)
+            shared.partial[number], np.where(entering, signals.partial[state], 0.0)
         )  # fmt: skip
         for _ in family.labels:
-            extra = signals.shared.extra[len(found)]
-            at = int(model.extra_offset[extra]) if extra >= 0 else -1
-            follow = differs or not np.array_equal(factor, model.decay[:, at])
-            found.append(Component(names.index(family.source), factor, noise, family.sigma**2, at, follow))
+            states = tuple(model.extra_offset[shared.state_of[shared.error_of == len(found)]].tolist())
+            follow = differs or any(not np.array_equal(factor, model.decay[:, at]) for at in states)
+            found.append(Component(names.index(family.source), factor, noise, family.sigma**2, states, follow))
         own.append(state)
     return found, own
 
@@ -264,9 +266,9 @@ def initial_state(prepared: Prepared, true: Components) -> tuple[Floats, Floats,
     sources, start = true.initial.copy(), np.zeros((len(true.initial), true.followed.shape[1], 1))
     cross = np.zeros((*start.shape[:2], n_joint(prepared)))
     start[true.source, true.slot, 0] = true.start
-    for source, slot, at, variance in zip(true.source, true.slot, true.state, true.start, strict=True):
-        if at >= 0:
-            sources[source, at, at] += variance
-            cross[source, slot, at] += variance
+    for c, (source, slot, variance) in enumerate(zip(true.source, true.slot, true.start, strict=True)):
+        states = true.states[true.state_from[c] : true.state_from[c + 1]]
+        sources[source, states[:, None], states] += variance
+        cross[source, slot, states] += variance
     sources, cross, start = (as_lanes(values, true.group, true.lane) for values in (sources, cross, start))
     return sources, cross, start

@@ -306,7 +306,7 @@ def _write_components(out, hist, joint, true, samples, tick):
             out.samples[hist, source, r] += variance
             if at < 0:
                 out.samples[hist, source, 6 + r] += variance
-            elif true.state[c] != at:
+            elif true.state_from[c] == true.state_from[c + 1] or true.states[true.state_from[c]] != at:
                 shared = 2.0 * u[axis] * joint.cross[g, k, at, lane]
                 out.samples[hist, source, 6 + r] += variance + shared
 
@@ -357,8 +357,8 @@ def forward(
         if n_tick > 0:
             if vehicle is not None:
                 sample_window(joint, scratch, work, tape, true, unit, units, model, vehicle, reference, first, n_tick)
-            nominal_window(nominal, reference, first, n_tick, unit.dt, model.strapdown)
-            propagate(joint, scratch, nominal, true, unit, units, model, schedule.length[w], first, n_tick, reference)
+            nominal_window(nominal, reference, first, n_tick, unit.dt, model.strapdown, schedule.linearised[w])
+            propagate(joint, scratch, nominal, true, unit, units, model, schedule, w, reference)
             if tape.channel.shape[0] > 0:
                 record_window(tape, w, nominal)
             _clone(joint, nominal, true, model, reference, first + n_tick, step, late, w)

@@ -28,12 +28,16 @@ from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.receivers import base as receiver
 from lvnav_trade.records import AdjointBudget, CovHistory, Floats
 
+# Attitude, velocity and position.
+N_MOTION = 9
 # Velocity, position, clock bias and drift of a receiver's solution.
 N_SOLUTION = 8
 
 
-def _pass(prepared: Prepared, true: Components, tape: Tape) -> Recorded:
+def _pass(prepared: Prepared, true: Components, tape: Tape, aided: bool = True) -> Recorded:
+    """Return what a forward pass records; not aided: no measurement is processed."""
     options = prepared.options
+    model = prepared.model._replace(aided=prepared.model.aided and aided)
     out = new_record(prepared, true.group.size)
     sizes = (prepared.t_epoch.size, prepared.channels.n_receiver, prepared.n_row)
     watch = None if options.rules is None else new_watch(*sizes)
@@ -41,7 +45,7 @@ def _pass(prepared: Prepared, true: Components, tape: Tape) -> Recorded:
     forward(
         out, new_joint(prepared, true), new_scratch(prepared, true), new_sample_scratch(prepared, true), tape,
         new_nominal(prepared), prepared.schedule, prepared.unit, prepared.signals, prepared.sensors, prepared.record,
-        axes_att, prepared.model, true, prepared.reference, prepared.chain, options.late, options.gains,
+        axes_att, model, true, prepared.reference, prepared.chain, options.late, options.gains,
         options.rules, watch, options.vehicle, options.samples, options.report, options.units,
     )  # fmt: skip
     return out
@@ -49,9 +53,17 @@ def _pass(prepared: Prepared, true: Components, tape: Tape) -> Recorded:
 
 def covariance(prepared: Prepared) -> CovHistory:
     """Return the filter's own and the true covariance of a case over its nominal flight, the true one by source."""
-    true = components(prepared)
-    out = _pass(prepared, true, new_tape(0, 0, n_joint(prepared), row_width(prepared)))
-    return solution_outputs_of(prepared, sample_outputs(prepared, true, _history(prepared, out), out), out)
+    true, tape = components(prepared), new_tape(0, 0, n_joint(prepared), row_width(prepared))
+    out = _pass(prepared, true, tape)
+    found = solution_outputs_of(prepared, sample_outputs(prepared, true, _history(prepared, out), out), out)
+    if prepared.options.backup is None:
+        return found
+    # nothing of a strapdown that is never corrected depends on measurements: it is the same pass without them
+    alone, motion = _pass(prepared, true, tape, aided=False), slice(0, N_MOTION)
+    turn = turns(prepared)[:, motion, motion]
+    formal, total = (turn @ P[:, motion, motion] @ np.swapaxes(turn, 1, 2) for P in (alone.formal, alone.true))
+    mean = np.einsum("hij,hj->hi", turn, alone.mean[:, motion])
+    return _behind(found, alone.budget[:, :, motion], mean, formal, total)
 
 
 def forward_tape(prepared: Prepared) -> Tape:

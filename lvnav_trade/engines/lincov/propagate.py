@@ -3,21 +3,38 @@
 from lvnav_trade.engines.lincov.components import GRAVITY
 from lvnav_trade.engines.lincov.units import REMAINDER, unit_input_matrix
 from lvnav_trade.engines.simulate.sensing import profile_value
+from lvnav_trade.filters.ekf import predict_covariance
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.attitude import small_rotation
 from lvnav_trade.kernels.covariance import apply_phi, enter, predict
 from lvnav_trade.kernels.groups import group
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.strapdown import J4, Q, R, V, gravity, mechanise, place
-from lvnav_trade.kernels.transition import ATT, ATT_GYRO, GYRO, POS, VEL, VEL_ACCEL, VEL_GYRO, parameter_block
+from lvnav_trade.kernels.transition import (
+    ATT,
+    ATT_GYRO,
+    EVERY_WINDOW,
+    GYRO,
+    POS,
+    VEL,
+    VEL_ACCEL,
+    VEL_GYRO,
+    linearise,
+    linearised_sums,
+    parameter_block,
+)
 
 N_NAV = 9
 
 
 @jit
-def nominal_window(nominal, reference, first, n_tick, dt, how):
-    """Mechanise the ideal unit's increments over a window from the true state: the sums that the transition needs."""
+def nominal_window(nominal, reference, first, n_tick, dt, how, linearised=EVERY_WINDOW):
+    """Mechanise the ideal unit's increments over a window from the true state: the sums that the transition needs.
+
+    linearised : what the window does to the rates of `transition.linearise`
+    """
     place(nominal.nav, reference, first)
+    linearise(nominal.rates, nominal.nav, linearised)
     for k in range(n_tick):
         for axis in range(3):
             nominal.increments[k, axis] = reference.dtheta[first + k, axis]
@@ -125,25 +142,26 @@ def _enter_states(joint, true, b, decay, length):
     The filter takes off its estimate by the same blocks, so only what the estimate misses remains: in e already.
     """
     for c in range(true.source.shape[0]):
-        if true.state[c] >= 0:
-            source, k = true.source[c], true.slot[c]
+        for p in range(true.state_from[c], true.state_from[c + 1]):
+            source, k, at = true.source[c], true.slot[c], true.states[p]
             g, lane = true.group[source], true.lane[source]
-            b[0] = true.factor[length, g, k, 0, lane] - decay[true.state[c]]
+            b[0] = true.factor[length, g, k, 0, lane] - decay[at]
             P, y = joint.sources[g, ..., lane], joint.cross[g, ..., lane]
-            enter(P, y[k], joint.variance[g, k, 0, lane], b, true.state[c])
+            enter(P, y[k], joint.variance[g, k, 0, lane], b, at)
 
 
 @jit
 def _drive_states(joint, true, length):
     """Let the driving noise of components enter the states that the filter has for them."""
     for c in range(true.source.shape[0]):
-        source, k, at = true.source[c], true.slot[c], true.state[c]
+        source, k, first, last = true.source[c], true.slot[c], true.state_from[c], true.state_from[c + 1]
         g, lane = true.group[source], true.lane[source]
-        if at >= 0:
-            noise = true.noise[length, g, k, 0, lane]
-            joint.sources[g, at, at, lane] += noise
+        noise = true.noise[length, g, k, 0, lane]
+        for p in range(first, last):
+            for q in range(first, last):
+                joint.sources[g, true.states[p], true.states[q], lane] += noise
             if true.followed[g, k]:
-                joint.cross[g, k, at, lane] += noise
+                joint.cross[g, k, true.states[p], lane] += noise
 
 
 @jit
@@ -241,19 +259,29 @@ def _add_strapdown_error(mean, nav, reference, tick):
         mean[POS + i] += reference.r_i[tick, i] - nav[R + i]
 
 
+@inlined
+def _propagate_formal(formal, scratch, nominal, model, length, injection, linearised):
+    """Propagate the filter's own covariance over a window, as `filters.ekf.predict_window` does."""
+    seconds, nav = model.seconds[length], nominal.nav
+    for i in range(nominal.sums.shape[0]):
+        nominal.held[i] = nominal.sums[i]
+    linearised_sums(nominal.rates, nominal.held, seconds, linearised)
+    transition.fill(
+        scratch.D, model.block_kinds, model.block_drivers, nominal.held, nav[R], nav[R + 1], nav[R + 2], seconds
+    )
+    predict_covariance(formal, scratch.D, model, length, injection)
+
+
 @jit
-def propagate(joint, scratch, nominal, true, unit, units, model, length, first, n_tick, reference):
+def propagate(joint, scratch, nominal, true, unit, units, model, schedule, w, reference):
     """Propagate everything over one window: the filter's own covariance by its model, each source's by the truth's.
 
     Where the samples of the IMU are measurements, what they propagate is propagated already, tick by tick.
     """
+    length, first, n_tick = schedule.length[w], schedule.first_tick[w], schedule.n_tick[w]
     seconds, sums, nav = model.seconds[length], nominal.sums, nominal.nav
     x, y, z = nav[R], nav[R + 1], nav[R + 2]
-    transition.fill(scratch.D, model.block_kinds, model.block_drivers, sums, x, y, z, seconds)
-    predict(
-        joint.formal, scratch.D, model.block_rows, model.block_columns, model.decay[length],
-        model.noise[length], model.clock, seconds,
-    )  # fmt: skip
+    _propagate_formal(joint.formal, scratch, nominal, model, length, schedule.injection[w], schedule.linearised[w])
     transition.fill(scratch.D_true, true.nav_kinds, true.nav_drivers, sums, x, y, z, seconds)
     propagate_sources(joint, scratch, true, units, model, sums, length, first, n_tick)
     _advance_profiles(joint, scratch, true, unit, units, model, sums, length, first, n_tick)

@@ -9,15 +9,15 @@ from lvnav_trade.records import Floats, Ints
 
 
 class Component(NamedTuple):
-    """A scalar error of a source: decay and driving variance (n_length,), variance at the start, first state of the
-    filter for the same thing (-1 none); flags as of Components, and whether its noise echoes.
+    """A scalar error of a source: decay and driving variance (n_length,), variance at the start, states of the filter
+    for the same thing; flags as of Components, and whether its noise echoes.
     """
 
     source: int
     factor: Floats
     noise: Floats
     start: float
-    state: int = -1
+    states: tuple[int, ...] = ()
     followed: bool = False
     moves: bool = False
     samples: bool = False
@@ -65,7 +65,8 @@ def slot_tables(components: list[Component], n_source: int, n_length: int) -> di
         "group": group, "lane": lane, "n_slot": n_slot, "followed": flags[0], "moves": flags[1], "samples": flags[2],
         "factor": factor, "noise": noise, "echo": echo, "slot": np.array(slot, dtype=np.int64),
         "source": np.array([one.source for one in components], dtype=np.int64),
-        "state": np.array([one.state for one in components], dtype=np.int64),
+        "states": np.array([state for one in components for state in one.states], dtype=np.int64),
+        "state_from": np.cumsum([0, *(len(one.states) for one in components)], dtype=np.int64),
         "start": np.array([one.start for one in components], dtype=float),
     }  # fmt: skip
 

@@ -104,19 +104,19 @@ def _set_gain(gain, K, weight, n_estimated, true, late, epoch):
 
 
 @jit
-def _update_formal(joint, scratch, gains, h, entries, columns, epoch, channel, variance, model):
+def _update_formal(joint, scratch, gains, h, entries, columns, epoch, channel, variance, beta, model):
     """Update the filter's own covariance; return the weight. The gain, `scratch.K` times weight, is its own, or stored
     (Gains).
     """
     if gains is None:
         _, weight = update_scalar(
             joint.formal, scratch.x, scratch.K, h, entries, columns, 0.0, variance, np.inf, model.n_estimated,
-            model.joseph,
+            model.joseph, beta,
         )  # fmt: skip
         return weight
     gain = gains.gain[epoch, channel]
     _, weight = update_with_gain(
-        joint.formal, scratch.x, scratch.K, h, entries, columns, gain, 0.0, variance, np.inf, model.n_estimated
+        joint.formal, scratch.x, scratch.K, h, entries, columns, gain, 0.0, variance, np.inf, model.n_estimated, beta
     )
     for i in range(model.n_estimated):
         scratch.K[i] = gain[i] / weight
@@ -184,7 +184,7 @@ def update_joint(
     n = model.n_entry[channel]
     weight = _update_formal(
         joint, scratch, gains, h, model.entry[channel, :n], model.column[channel, :n], epoch, channel, variance,
-        model,
+        signals.beta[epoch, channel], model,
     )  # fmt: skip
     _set_gain(scratch.gain, scratch.K, weight, model.n_estimated, true, late, epoch)
     return _update_truth(joint, scratch, tape, late, h, innovation, epoch, channel, whitened, signals, true) * weight

@@ -79,8 +79,8 @@ class Recorded(NamedTuple):
 # Work arrays of the nominal run, by the names that the filter's kernels read; shapes: `new_nominal`.
 Nominal = namedtuple(
     "Nominal",
-    "nav sums previous increments antenna rate H z expected ranges solution observed clock_hat par x extra reported "
-    "past P",
+    "nav sums rates held previous increments antenna rate H z expected ranges solution observed clock_hat par x extra "
+    "reported past P",
 )
 # Work arrays of the forward pass; shapes: `new_scratch`.
 Scratch = namedtuple(
@@ -111,7 +111,7 @@ def new_nominal(prepared: Prepared) -> Nominal:
     """Return the work arrays of the nominal run, empty."""
     model, late, signals = prepared.model, prepared.options.late, prepared.signals
     return Nominal(**zeros_of({
-        "nav": (10,), "sums": (N_SUM,), "previous": (6,),
+        "nav": (10,), "sums": (N_SUM,), "rates": (2, N_SUM), "held": (N_SUM,), "previous": (6,),
         "increments": (int(prepared.schedule.n_tick.max()), 6), "antenna": (len(model.lever_arms), 21),
         "rate": (3,), "H": (prepared.n_row, row_width(prepared)), "z": (prepared.n_row,),
         "expected": (prepared.n_row,), "ranges": (signals.used.shape[1], 2), "solution": (6,),

@@ -7,7 +7,7 @@ import numpy as np
 
 from lvnav_trade.engines.setup.inputs import Shared
 from lvnav_trade.kernels.random import source_word
-from lvnav_trade.layout import StateLayout
+from lvnav_trade.layout import StateLayout, standing_for
 from lvnav_trade.observables.partials import Channels, Geometry, members, partial
 from lvnav_trade.records import Floats, Ints
 
@@ -80,8 +80,8 @@ def shared_of(
         (n_epoch, n_channel).
     """
     n_channel = shape[1]
-    names = [(block.name, label) for block in layout.extras for label in block.labels]
     labelled = [(family, label) for family in families for label in family.labels]
+    stand = [[number for _, number in standing_for(layout.extras, family.state, label)] for family, label in labelled]
     counts = np.array([len(family.labels) for family in families], dtype=np.int64)
     first = np.cumsum(counts) - counts
     sigma = np.array([family.sigma for family in families], dtype=float)
@@ -98,9 +98,8 @@ def shared_of(
         walk=np.repeat(sigma * np.sqrt(1.0 - factor * factor), counts),
         sources=np.array([source_word(f"{family.source} {family.kind}") for family, _ in labelled], dtype=np.uint64),
         satellites=np.array([source_word(label) if label else 0 for _, label in labelled], dtype=np.uint64),
-        extra=np.array(
-            [names.index(key) if (key := (family.state, label)) in names else -1 for family, label in labelled],
-            dtype=np.int64,
-        ),
+        extra=np.array([found[0] if found else -1 for found in stand], dtype=np.int64),
+        error_of=np.array([m for m, found in enumerate(stand) for _ in found], dtype=np.int64),
+        state_of=np.array([number for found in stand for number in found], dtype=np.int64),
         given=np.array([family.kind == RECORDED for family, _ in labelled], dtype=np.bool_),
     )

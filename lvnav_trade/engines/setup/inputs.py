@@ -9,8 +9,9 @@ from lvnav_trade.records import Bools, Floats, Ints
 
 
 class Schedule(NamedTuple):
-    """Windows of IMU ticks: first_tick, n_tick, length (index of its length), epoch and hist (-1: none), all
-    (n_window,).
+    """Windows of IMU ticks: first_tick, n_tick, length (index of its length), epoch and hist (-1: none), injection
+    (number of the variances of the filter's model that are added at its end, -1 none), linearised (see
+    `transition.linearise`), all (n_window,).
     """
 
     first_tick: Ints
@@ -18,6 +19,8 @@ class Schedule(NamedTuple):
     length: Ints
     epoch: Ints
     hist: Ints
+    injection: Ints
+    linearised: Ints
 
 
 class Unit(NamedTuple):
@@ -87,8 +90,9 @@ class Shared(NamedTuple):
 
     member (n_family, n_channel) component of the family in the channel, -1 none; partial (n_family, n_epoch, n_channel)
     of the measurement with respect to it; start (n_component,) sigma, decay and walk (n_component,) over an interval of
-    epochs; sources, satellites (n_component,) words; extra (n_component,) extra state of the filter that stands for the
-    same thing, -1 none; given (n_component,): set before the flight, not drawn.
+    epochs; sources, satellites (n_component,) words; extra (n_component,) first extra state of the filter that stands
+    for the same thing, -1 none; error_of, state_of (n_pair,): component and extra state of all that do; given
+    (n_component,): set before the flight, not drawn.
     """
 
     member: Ints
@@ -99,6 +103,8 @@ class Shared(NamedTuple):
     sources: NDArray[np.uint64]
     satellites: NDArray[np.uint64]
     extra: Ints
+    error_of: Ints
+    state_of: Ints
     given: Bools
 
 
@@ -110,7 +116,8 @@ class Signals(NamedTuple):
     range, rate (n_epoch, n_sat) m and m/s that the receiver would measure without clock and random errors, less what
     the filter corrects; position, velocity (n_epoch, 3) the same of its solution, frame i; satellite,
     satellite_velocity (n_epoch, n_sat, 3) as the filter knows them; antenna (n_epoch, n_sat) that receives; sigma
-    (n_epoch, n_channel) of white noise; variance (n_epoch, n_channel) as the filter assumes; partial (n_extra_family,
+    (n_epoch, n_channel) of white noise; variance (n_epoch, n_channel) as the filter assumes, with the factor of its
+    tuning, whose root is scale, and beta of its under-weighting (n_epoch, n_channel); partial (n_extra_family,
     n_epoch, n_channel) of rows with respect to the filter's extra states, as it assumes; clock_step (3,) Cholesky
     factor over an epoch; clock_start (2,) sigma; clock_jump (n_epoch,) m; frozen (n_epoch,): the output is that of the
     epoch before; interval s between epochs; n_receiver: channels of the receiver in the filter, which come first;
@@ -131,6 +138,8 @@ class Signals(NamedTuple):
     antenna: Ints
     sigma: Floats
     variance: Floats
+    scale: Floats
+    beta: Floats
     partial: Floats
     clock_step: Floats
     clock_start: Floats
@@ -224,7 +233,9 @@ class Options(NamedTuple):
     the filter has a mode logic; late (filters.late.Late): late measurements are compensated; gains
     (filters.scheduled.Gains): stored ones; vehicle (filters.samples.VehicleModel): samples of the IMU are measurements;
     samples (Samples), report (Report): of them or of the receiver's solution something is reported; misses (True): what
-    the filter's transition misses is recorded in place of errors; units (Units): several inertial units are fused.
+    the filter's transition misses is recorded in place of errors; units (Units): several inertial units are fused;
+    direct (True): the filter corrects its total state scalar by scalar; backup (int): errors of a strapdown that is
+    never corrected are reported, from that output on.
     """
 
     solver: Any = None
@@ -236,3 +247,5 @@ class Options(NamedTuple):
     report: Any = None
     misses: Any = None
     units: Any = None
+    direct: Any = None
+    backup: Any = None

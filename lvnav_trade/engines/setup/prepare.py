@@ -16,6 +16,7 @@ from lvnav_trade.engines.setup.signals import Line, channels_of, families, geome
 from lvnav_trade.engines.setup.smoothing import smoothing_gains, smoothing_numbers, smoothing_offsets
 from lvnav_trade.engines.setup.solution import Chain, chain_of
 from lvnav_trade.engines.setup.times import epochs_of, times_of
+from lvnav_trade.engines.setup.tuning import underweighted, with_linearisation, with_regions
 from lvnav_trade.engines.setup.units import arriving, fused, units_of
 from lvnav_trade.engines.setup.vehicle import samples_of, vehicle_of
 from lvnav_trade.engines.setup.watching import left_out, pdop, watched
@@ -27,7 +28,7 @@ from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.strapdown import Strapdown
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
 from lvnav_trade.kernels.vehicle import N_SAMPLE
-from lvnav_trade.layout import StateLayout, outputs, solution_outputs
+from lvnav_trade.layout import StateLayout, backup_outputs, outputs, solution_outputs
 from lvnav_trade.observables.partials import Channels
 from lvnav_trade.reads import remembered
 from lvnav_trade.records import Floats, Ints, Output, Reference, Sky
@@ -231,6 +232,8 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         card, imu, receiver, lever_arms, at.lengths, channels, _strapdown(scenario, trajectory, ref), every(scenario),
         has_covariance(scenario), solves(scenario), measured(scenario), initial.clock_drift,
     )  # fmt: skip
+    schedule, model = with_regions(card.region_noise, trajectory.course, ref, at.schedule, model, layout)
+    schedule = with_linearisation(card, scenario.imu.rate, schedule)
     gains = gains_of(scenario, layout, channels, t_epoch, trajectory.events)
     if gains is not None:
         model = model._replace(measured=model.measured & gains.stored)
@@ -248,6 +251,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     truth = signals(
         scenario, seen, line, receiver, layout, modelled, channels, received, shared, failed, left, tabled.mean, devices
     )  # fmt: skip
+    truth = underweighted(card.underweighting, trajectory.course, model.row_type, t_epoch, truth)
     blocks = (*blocks_of(scenario.imu), *disturbance(scenario.gravity))
     units = units_of(scenario, ref, trajectory.course, devices, layout)
     C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], trajectory.theta0)[0].T
@@ -258,19 +262,22 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     chain = chain_of(solver, has_covariance(scenario), truth, line)
     truth = left_out(rules, truth, chain)
     if chain is not None and solver is not None:
+        scale = truth.scale[:, :6]
+        chain = chain._replace(reported=chain.reported * scale[:, :, None] * scale[:, None, :])
         truth.variance[:, :6] = np.diagonal(chain.reported, axis1=1, axis2=2)
     report = _report(scenario, chain, channels, layout, solver)
+    shown = (*outputs(layout, scenario.frame), *(solution_outputs(scenario.frame) if reported(scenario) else ()))
     return Prepared(
         scenario=scenario,
         trajectory=trajectory,
         reference=ref,
         sky=seen,
-        outputs=(*outputs(layout, scenario.frame), *(solution_outputs(scenario.frame) if reported(scenario) else ())),
+        outputs=(*shown, *(backup_outputs(scenario.frame) if card.backup else ())),
         layout=layout,
         model=model,
         sources=blocks,
         families=shared_errors,
-        schedule=at.schedule,
+        schedule=schedule,
         unit=_unit(scenario, ref, blocks, trajectory.course, units),
         signals=truth,
         start=_start(scenario, ref, C_n_i, P),
@@ -283,12 +290,14 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         options=Options(
             solver,
             rules,
-            late_of(scenario, delayed, kept, at.schedule, channels),
+            late_of(scenario, delayed, kept, schedule, channels),
             gains,
             vehicle_of(scenario, trajectory, ref, layout, imu),
             samples_of(scenario, ref, layout, imu),
             report,
             units=units,
+            direct=True if card.feedback == "direct" else None,
+            backup=len(shown) if card.backup else None,
         ),
         chain=chain,
         devices=devices,

@@ -105,7 +105,7 @@ def sensors_of(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, star
         return ()
     views = cache(lambda delay: view_of(trajectory, t_epoch - delay))
     kinds, compensates = [card.measurement for card in used.values()], scenario.filter.delay_compensation is not None
-    states = (*scenario.filter.extra_states, *scenario.filter.consider)
+    states = (*scenario.filter.extra_states, *scenario.filter.consider, *scenario.filter.as_noise)
     found = []
     for name, card in used.items():
         alone = kinds.count(card.measurement) == 1

@@ -354,6 +354,7 @@ def signals(
     velocity = line.velocity + _shifts(line, seen.tracked, off_rate) + tabled[:, 3:]
     if not solves(scenario):  # else the receiver goes on behind a frozen output
         hold(failed.frozen, used, n_used, ranges, rates, position, velocity)
+    variance = _assumed_variance(scenario, model, channels, seen, line, devices)
     names = (CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE, CLOCK_START)
     return Signals(
         used=used,
@@ -367,7 +368,9 @@ def signals(
         satellite_velocity=np.ascontiguousarray(seen.v_i),
         antenna=seen.antenna if channels.tight else np.zeros_like(seen.antenna),
         sigma=_grown(sigma, measured, failed),
-        variance=_assumed_variance(scenario, model, channels, seen, line, devices),
+        variance=variance,
+        scale=np.ones_like(variance),
+        beta=np.zeros_like(variance),
         partial=np.array(extra).reshape(len(extra), seen.t.size, channels.n_channel),
         clock_step=np.array(clock_step(interval, receiver.clock.h0, receiver.clock.h_minus2)),
         clock_start=np.array([clock.initial_bias, clock.initial_drift]),

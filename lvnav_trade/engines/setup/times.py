@@ -47,7 +47,8 @@ def _schedule(
     order = np.argsort(np.concatenate([bounds[kept_rows], hist_tick[seconds]]), kind="stable")
     first, counts, epoch, hist = np.ascontiguousarray(np.concatenate([rows, more])[order].T)
     lengths, which = np.unique(counts, return_inverse=True)
-    return Schedule(first, counts, which.astype(np.int64), epoch, hist), lengths
+    nothing = np.zeros_like(first)
+    return Schedule(first, counts, which.astype(np.int64), epoch, hist, nothing - 1, nothing), lengths
 
 
 def _with_steps(t_hist: Floats, steps: Floats, start: float, rate: float, n_imu: int, group: int) -> Floats:

@@ -2,6 +2,7 @@
 
 from lvnav_trade.engines.simulate.recording import hold_solution, record
 from lvnav_trade.engines.simulate.sensing import begin, begin_solver, measure_sensors, observe, sense
+from lvnav_trade.filters.backup import advance_backup, begin_backup, predict_backup
 from lvnav_trade.filters.ekf import clear_epoch, predict_window
 from lvnav_trade.filters.feedforward import apply_feedback, process_measurements, propagate_open_loop
 from lvnav_trade.filters.late import keep
@@ -11,6 +12,7 @@ from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import sqrt
 from lvnav_trade.kernels.strapdown import mechanise
+from lvnav_trade.kernels.transition import linearise, linearised_sums
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 
 
@@ -55,16 +57,21 @@ def fly(work, parts, schedule, unit, signals, sensors, start, history, model, op
     begin(work, parts.units, unit, options.units, signals, start, model, k0, k1)
     begin_solver(work, parts.rx, options.solver)
     begin_watch(parts.watch)
+    begin_backup(parts.backup, work)
     begin_motion(parts.motion, options.samples)
     dt = unit.dt * model.strapdown.subsamples
     for w in range(schedule.n_tick.shape[0]):
         first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
         if n_tick > 0:
+            linearise(work.rates, work.nav, schedule.linearised[w])
             sense(work, parts.units, unit, options.units, first, n_tick, k0, k1)
+            advance_backup(parts.backup, work, model, n_tick, dt, unit.dt * first)
             _advance(
                 work, parts.motion, parts.open_loop, unit, model, options.vehicle, options.samples, first, n_tick, dt
             )
-            predict_window(work, model, schedule.length[w])
+            linearised_sums(work.rates, work.sums, model.seconds[schedule.length[w]], schedule.linearised[w])
+            predict_window(work, model, schedule.length[w], schedule.injection[w])
+            predict_backup(parts.backup, work, model, schedule.length[w], schedule.injection[w])
             propagate_open_loop(work, parts.open_loop, model, schedule.length[w])
             keep(parts.past, work.nav, work.previous, work.x, options.late, w, dt, model.strapdown.gravity)
         epoch = schedule.epoch[w]
@@ -76,15 +83,15 @@ def fly(work, parts, schedule, unit, signals, sensors, start, history, model, op
             hold_solution(work, parts.rx, parts.held, options.solver, options.report, epoch)
             measure_sensors(work, parts.units, sensors, options.units, signals, epoch, k0, k1)
             process_measurements(
-                work, parts.rx, parts.past, parts.watch, parts.open_loop, options.rules, options.late, options.gains,
-                sensors, model, signals, epoch, dt,
+                work, parts.rx, parts.past, parts.watch, parts.open_loop, options.direct, options.rules, options.late,
+                options.gains, sensors, model, signals, epoch, dt,
             )  # fmt: skip
             correct_vehicle(work, parts.motion, model, options.vehicle)
             apply_feedback(work, parts.past, parts.open_loop, options.late, model)
         if schedule.hist[w] >= 0:
             tick = max(0, first + n_tick - 1)
             record(
-                work, parts.open_loop, parts.watch, parts.units, parts.motion, parts.held, parts.missed,
-                options.vehicle, options.samples, options.report, history, signals.shared, options.units, model, tick,
-                schedule.hist[w],
+                work, parts.open_loop, parts.watch, parts.units, parts.motion, parts.held, parts.missed, parts.backup,
+                options.vehicle, options.samples, options.report, options.backup, history, signals.shared,
+                options.units, model, tick, schedule.hist[w],
             )  # fmt: skip

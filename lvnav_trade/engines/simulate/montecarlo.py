@@ -12,6 +12,7 @@ from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.engines.setup.recorded import values_of
 from lvnav_trade.engines.simulate.flight import fly
 from lvnav_trade.engines.simulate.units import new_units
+from lvnav_trade.filters.backup import new_backup
 from lvnav_trade.filters.feedforward import new_open_loop
 from lvnav_trade.filters.late import N_PAST
 from lvnav_trade.filters.monitor import Watch, new_watch
@@ -45,22 +46,21 @@ class Misses(NamedTuple):
 
 Work = namedtuple(
     "Work",
-    "run nav sums previous increments P X D x K H z antenna rate true_par true_tables par tables remainder clock "
+    "run nav sums rates previous increments P X D x K H z antenna rate true_par true_tables par tables remainder clock "
     "clock_hat shared extra ranges solution err sigma nees nis n_row n_reject innovation failed t_failed reported "
     "observed",
 )
 """Arrays of a run (or of eight in lanes): states, work arrays, and what is output; shapes: `new_work`."""
 
 Parts = namedtuple(
-    "Parts",
-    "rx open_loop watch past motion held missed units",
-    defaults=(None, None, None, None, None, None, None, None),
-)
+    "Parts", "rx open_loop watch past motion held missed units backup",
+    defaults=(None, None, None, None, None, None, None, None, None),
+)  # fmt: skip
 """Arrays that belong to options and are None without them; whatever does without is compiled once for all options.
 
 rx (receivers.base.Receiver), open_loop (filters.feedforward.OpenLoop), watch (filters.monitor.Watch), past
-(n_place + 1, N_PAST) (filters.late), motion (filters.samples.Motion), held (Held), missed (Misses) and units
-(UnitWork).
+(n_place + 1, N_PAST) (filters.late), motion (filters.samples.Motion), held (Held), missed (Misses), units (UnitWork)
+and backup (filters.backup.Backup).
 """
 
 
@@ -90,7 +90,7 @@ def new_work(prepared: Prepared, lanes: bool) -> tuple[Work, Parts]:
     n_hist, n_epoch, n_out = prepared.t_hist.size, prepared.t_epoch.size, len(prepared.outputs)
     n_par, n_true, n_extra = len(layout.parameters), prepared.unit.sigma.size, model.extra_offset.size
     arrays = zeros_of({
-        "run": (1,), "nav": (10,), "sums": (N_SUM,), "previous": (6,),
+        "run": (1,), "nav": (10,), "sums": (N_SUM,), "rates": (2, N_SUM), "previous": (6,),
         "increments": (int(prepared.schedule.n_tick.max(initial=0)), 6), "P": (n, n), "X": (n, n),
         "D": (model.block_rows.size, 9), "x": (n,), "K": (n,), "H": (n_row, model.entry.shape[1]), "z": (n_row,),
         "antenna": (len(model.lever_arms), 21), "rate": (3,), "true_par": (max(1, n_true), 3),
@@ -127,6 +127,8 @@ def _new_parts(prepared: Prepared, n_lane: int) -> Parts:
         found["units"] = new_units(options.units.n_axis.size, n_tick, options.units.pair_sensor.size, n_lane)
     if options.misses is not None:
         found["missed"] = Misses(**zeros_of(dict.fromkeys(Misses._fields, (prepared.t_hist.size, n)), n_lane))
+    if options.backup is not None:
+        found["backup"] = new_backup(n, n_lane)
     return Parts(**found)
 
 
@@ -148,7 +150,7 @@ def _fly(prepared: Prepared, seed: int, first: int, lanes: bool) -> tuple[Work, 
 def compile_kernels(prepared: Prepared) -> None:
     """Compile what flies runs (or load it from the cache) without flying any: a flight of no windows."""
     none = np.zeros(0, dtype=np.int64)
-    grounded = prepared._replace(schedule=Schedule(none, none, none, none, none))
+    grounded = prepared._replace(schedule=Schedule(*[none] * len(Schedule._fields)))
     _fly(grounded, 0, 0, not config.DISABLE_JIT)
 
 

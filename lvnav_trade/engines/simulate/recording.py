@@ -41,20 +41,25 @@ def _extra_errors(work, shared, model):
     """
     for e in range(model.extra_offset.shape[0]):
         work.x[model.extra_offset[e]] = -work.extra[e]
-    for m in range(shared.extra.shape[0]):
-        if shared.extra[m] >= 0:
-            at = model.extra_offset[shared.extra[m]]
-            work.x[at] = work.x[at] + work.shared[m]
+    for p in range(shared.error_of.shape[0]):
+        at = model.extra_offset[shared.state_of[p]]
+        work.x[at] = work.x[at] + work.shared[shared.error_of[p]]
+
+
+@jit
+def _motion_error(x, nav, history, hist):
+    """Set the errors (truth minus estimate) of attitude, velocity and position of a navigation state."""
+    q = history.q[hist]
+    x[ATT], x[ATT + 1], x[ATT + 2] = small_rotation(q[0], q[1], q[2], q[3], nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
+    for i in range(3):
+        x[VEL + i] = history.v[hist, i] - nav[V + i]
+        x[POS + i] = history.r[hist, i] - nav[R + i]
 
 
 @jit
 def _navigation_errors(x, work, history, model, hist):
     """Set the errors (truth minus estimate) of attitude, velocity, position and parameters at a history time."""
-    nav, q = work.nav, history.q[hist]
-    x[ATT], x[ATT + 1], x[ATT + 2] = small_rotation(q[0], q[1], q[2], q[3], nav[Q], nav[Q + 1], nav[Q + 2], nav[Q + 3])
-    for i in range(3):
-        x[VEL + i] = history.v[hist, i] - nav[V + i]
-        x[POS + i] = history.r[hist, i] - nav[R + i]
+    _motion_error(x, work.nav, history, hist)
     for b in range(model.par_offset.shape[0]):
         for i in range(3):
             true = true_parameter(work.true_tables, model.par_sensor[b], model.par_driver[b], i)
@@ -69,6 +74,25 @@ def _record_vector(err, sigma, at, x, P, state, c0, c1, c2):
 
 
 @jit
+def _record_motion(err, sigma, first, x, P, history, hist):
+    """Write the errors of attitude, velocity and position and their sigmas, in reporting axes, from an output on."""
+    q, axes = history.q[hist], history.axes[hist]
+    c = matrix(q[0], q[1], q[2], q[3])
+    for i in range(3):
+        _record_vector(err, sigma, first + ATT + i, x, P, ATT, c[i], c[3 + i], c[6 + i])
+        for at in (VEL, POS):
+            _record_vector(err, sigma, first + at + i, x, P, at, axes[i, 0], axes[i, 1], axes[i, 2])
+
+
+@jit
+def _record_backup(work, backup, first, history, hist):
+    """Write the errors of a strapdown that is never corrected, from an output on."""
+    if backup is not None:
+        _motion_error(backup.x, backup.nav, history, hist)
+        _record_motion(work.err[hist], work.sigma[hist], first, backup.x, backup.P, history, hist)
+
+
+@jit
 def _record_states(work, own, history, shared, units, model, hist):
     """Write errors (truth minus estimate), the filter's sigma and NEES at a history time, in reporting axes."""
     x, P, err, sigma = work.x, work.P, work.err[hist], work.sigma[hist]
@@ -79,12 +103,7 @@ def _record_states(work, own, history, shared, units, model, hist):
         x[model.clock + 1] = work.clock[1] - work.clock_hat[1]
     _extra_errors(work, shared, model)
     add_relative_biases(work, own, units)
-    q, axes = history.q[hist], history.axes[hist]
-    c = matrix(q[0], q[1], q[2], q[3])
-    for i in range(3):
-        _record_vector(err, sigma, ATT + i, x, P, ATT, c[i], c[3 + i], c[6 + i])
-        for at in (VEL, POS):
-            _record_vector(err, sigma, at + i, x, P, at, axes[i, 0], axes[i, 1], axes[i, 2])
+    _record_motion(err, sigma, 0, x, P, history, hist)
     for i in range(9, model.n_state):
         err[i] = x[i]
         sigma[i] = sqrt(P[i, i])
@@ -195,8 +214,8 @@ def _record_misses(work, missed, history, model, hist):
 
 
 @inlined
-def record(work, open_loop, watch, own, motion, held, missed, vehicle, samples, report, history, shared, units, model,
-           tick, hist):  # fmt: skip
+def record(work, open_loop, watch, own, motion, held, missed, backup, vehicle, samples, report, of_backup, history,
+           shared, units, model, tick, hist):  # fmt: skip
     """Record at a history time: of an open loop the sum of inertial system and error state, which goes nowhere else."""
     if missed is not None:
         _record_misses(work, missed, history, model, hist)
@@ -209,3 +228,4 @@ def record(work, open_loop, watch, own, motion, held, missed, vehicle, samples, 
         remove_correction(work, open_loop, model)
     _record_samples(work, motion, samples, model, tick, hist)
     _record_solution(work, held, report, history, model, hist)
+    _record_backup(work, backup, of_backup, history, hist)

@@ -85,6 +85,19 @@ def test_a_fault_that_holds_at_no_time_is_refused(study, fault: str, message: st
     assert [line.startswith(f"--set: base.faults.0.{message}") for line in lines] == [True] * bool(message)
 
 
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("underweighting=[{beta: 0.2, above: 900 km}]", "underweighting.0.above: holds at no time of the flight"),
+        ("region_noise=[{velocity: 1 m/s, from: lift}]", "region_noise.0.from: 'lift': no event 'lift'"),
+        ("underweighting=[{beta: 0.2, below: 9 km}]", ""),
+    ],
+)
+def test_a_tuning_that_holds_at_no_time_is_refused(study, setting: str, message: str) -> None:
+    lines = reported(f"filter.{setting}")
+    assert [line.startswith(f"--set: base.filter.{message}") for line in lines] == [True] * bool(message)
+
+
 def test_a_station_that_never_sees_the_vehicle_is_refused(study, flying) -> None:
     flying(hop())
     latitude, longitude, _ = geodetic_from_ecef(ecef_from_eci(SITE_R, earth_angle(0.3, 0.0)))

@@ -18,8 +18,8 @@ Joint = namedtuple("Joint", "mean sources cross variance")
 Work = namedtuple("Work", "D_true block input shift y b seen noise spread")
 Truth = namedtuple(
     "Truth",
-    "group lane n_slot followed moves factor noise echo source slot state sensor driver profile first moving "
-    "nav_rows nav_columns white decay first_shared shared_family",
+    "group lane n_slot followed moves factor noise echo source slot states state_from sensor driver profile first "
+    "moving nav_rows nav_columns white decay first_shared shared_family",
 )
 FilterModel = namedtuple("FilterModel", "seconds clock")
 
@@ -49,7 +49,8 @@ def small(starts, variances, *, factor, noise, decay, white, blocks, rows, colum
         "factor": table(np.reshape(factor, (n_source, 1, 1, 1))),
         "noise": table(np.reshape(noise, (n_source, 1, 1, 1))),
         "echo": table(np.zeros((n_source, 1, 1, 1))), "source": place, "slot": np.zeros(n_source, dtype=np.int64),
-        "state": np.full(n_source, -1), "sensor": none, "driver": none, "profile": none, "first": none,
+        "states": none, "state_from": np.zeros(n_source + 1, dtype=np.int64),
+        "sensor": none, "driver": none, "profile": none, "first": none,
         "moving": np.zeros(0, dtype=np.bool_), "nav_rows": rows, "nav_columns": columns,
         "white": table(white[:, None]), "decay": decay[None], "first_shared": 0, "shared_family": none,
     }  # fmt: skip

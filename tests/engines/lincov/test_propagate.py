@@ -43,7 +43,7 @@ def test_a_parameter_that_the_filter_does_not_carry_enters_as_the_blocks_of_the_
     np.testing.assert_allclose(b, phi[:9, 9:], rtol=1e-13)
 
 
-N, STATE = 12, 10
+N, STATES = 12, np.array([10, 11])  # two states of the filter for one error: a factor of each satellite
 ROWS, COLUMNS = np.array([3, 6]), np.array([0, 3])
 
 
@@ -73,14 +73,14 @@ def test_components_act_as_in_the_dense_joint_covariance(variance, noise):
     joint, scratch, true, model = small(
         [one[:N, :N] for one in full], [variance] * 2, factor=[factor] * 2, noise=[noise] * 2, decay=decay,
         white=np.zeros((2, N)), blocks=blocks, rows=ROWS, columns=COLUMNS, seconds=0.1,
-        state=np.array([-1, STATE]),
+        states=STATES, state_from=np.array([0, 0, 2]),
     )  # fmt: skip
     for source, one in enumerate(full):
         of_lanes(joint.cross, source)[0] = one[:N, N]
     of_lanes(scratch.b, 0)[0] = entering[:9]
     propagate(joint, scratch, true, model)
     inside, driven = np.zeros(N), np.zeros(N)
-    inside[STATE], driven[STATE] = factor - decay[STATE], 1.0
+    inside[STATES], driven[STATES] = factor - decay[STATES], 1.0
     for source, (b, g) in enumerate([(entering, np.zeros(N)), (inside, driven)]):
         A, drive = np.block([[phi, b[:, None]], [np.zeros(N), factor]]), np.append(g, 1.0)
         expected = A @ full[source] @ A.T + noise * np.outer(drive, drive)

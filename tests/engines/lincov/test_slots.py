@@ -26,12 +26,12 @@ def test_a_value_of_a_source_is_in_its_lane_and_nowhere_else():
 
 
 def test_a_component_keeps_its_decay_noise_and_flags():
-    first = Component(1, np.array([1.0, 0.9]), np.array([0.0, 0.2]), 4.0, state=9, followed=True)
+    first = Component(1, np.array([1.0, 0.9]), np.array([0.0, 0.2]), 4.0, states=(9, 11), followed=True)
     second = Component(1, np.ones(2), np.array([0.0, 0.3]), 9.0, moves=True, echoes=True)
     table = slot_tables([first, second], 2, 2)
     group, lane = table["group"][1], table["lane"][1]
     assert table["slot"].tolist() == [0, 1]
-    assert table["state"].tolist() == [9, -1]
+    assert (table["states"].tolist(), table["state_from"].tolist()) == ([9, 11], [0, 2, 2])
     assert table["start"].tolist() == [4.0, 9.0]
     assert table["factor"][1, group, 0, 0, lane] == 0.9
     assert table["noise"][1, group, :, 0, lane].tolist() == [0.2, 0.3]

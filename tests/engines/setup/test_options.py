@@ -101,7 +101,8 @@ def test_a_longer_delay_stores_as_many_states_at_once_as_measurements_are_on_the
     delays = (DelayTaken(-1, np.full(10, delay)),)
     kept = clone_times(compensating(), t_epoch, delays, t, 1)
     ticks = np.arange(0, 2000, 20)
-    schedule = Schedule(ticks, np.full(100, 20), np.zeros(100), np.full(100, -1), np.full(100, -1))
+    none = np.full(100, -1)
+    schedule = Schedule(ticks, np.full(100, 20), np.zeros(100), none, none, none, np.zeros(100))
     late = late_of(compensating(), delays, kept, schedule, Channels(True, ("G01",), ("G",), (True,)))
     assert (late.n_ring.tolist(), late.first.tolist(), late.line.tolist()) == ([stored], [0], [0, 0])
     assert late.buffered.tolist() == [True] * stored
@@ -128,7 +129,9 @@ def test_states_are_kept_at_the_nearest_step_and_the_rest_is_an_offset():
 def test_windows_know_which_epochs_state_is_kept_at_their_end():
     scenario = compensating()
     nothing = np.full(3, -1)
-    schedule = Schedule(np.array([0, 70, 70]), np.array([70, 0, 30]), np.zeros(3), nothing, nothing)
+    schedule = Schedule(
+        np.array([0, 70, 70]), np.array([70, 0, 30]), np.zeros(3), nothing, nothing, nothing, np.zeros(3)
+    )
     delay, channels = (DelayTaken(-1, np.array([0.3])),), Channels(True, ("G01",), ("G",), (True,))
     kept = clone_times(scenario, np.array([1.0]), delay, np.arange(0.0, 2.001, 0.01), 1)
     late = late_of(scenario, delay, kept, schedule, channels)

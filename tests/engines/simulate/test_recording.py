@@ -20,7 +20,7 @@ from tests.engines.simulate.test_flight import scene
 
 
 def recorded(work, prepared, history, hist, open_loop=None):
-    nothing = (None,) * 8  # no mode logic, no part of another option
+    nothing = (None,) * 10  # no mode logic, no part of another option
     record(work, open_loop, *nothing, history, prepared.signals.shared, None, prepared.model, 0, hist)
 
 

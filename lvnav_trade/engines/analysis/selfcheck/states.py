@@ -76,8 +76,8 @@ def _found(prepared: Prepared, work: Work, parts: Parts, hist: int) -> Floats:
     """Return the error (n_state,) that a run records, in reporting axes."""
     options = prepared.options
     record(
-        work, None, None, parts.units, parts.motion, None, None, options.vehicle, None, None, prepared.record,
-        prepared.signals.shared, options.units, prepared.model, _tick(prepared, hist), hist,
+        work, None, None, parts.units, parts.motion, None, None, None, options.vehicle, None, None, None,
+        prepared.record, prepared.signals.shared, options.units, prepared.model, _tick(prepared, hist), hist,
     )  # fmt: skip
     return np.array(work.err[hist, : prepared.layout.n_state])
 

@@ -1,0 +1,101 @@
+"""A filter's tuning on the nominal flight: weights of measurements, noise of a change of region, held transitions."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lvnav_trade.engines.setup.inputs import Schedule, Signals
+from lvnav_trade.filters.base import FilterCard
+from lvnav_trade.filters.model import TYPES, FilterModel
+from lvnav_trade.kernels.transition import ATT, EVERY_WINDOW, FIRST, KEPT, POS, RENEWED, VEL
+from lvnav_trade.layout import StateLayout
+from lvnav_trade.observables.tuning import RegionNoiseCard, UnderweightingCard
+from lvnav_trade.records import Bools, Floats, Ints, Reference
+from lvnav_trade.world.conditions import ROUNDING, Course, inside
+
+
+def underweighted(
+    cards: Sequence[UnderweightingCard], course: Course, row_type: Ints, t_epoch: Floats, signals: Signals
+) -> Signals:
+    """Return the signals with what the filter assumes of its measurements: row_type (n_channel,) of the channels,
+    t_epoch (n_epoch,) s.
+    """
+    beta, factor = signals.beta.copy(), np.ones_like(signals.variance)
+    for card in cards:
+        kinds = [TYPES[name] for name in card.measurements or TYPES]
+        on = inside(course.holding(card), t_epoch)[:, None] & np.isin(row_type, kinds)
+        beta += np.where(on, card.beta, 0.0)
+        factor *= np.where(on, card.noise_factor, 1.0)
+    return signals._replace(beta=beta, scale=np.sqrt(factor), variance=signals.variance * factor)
+
+
+def with_regions(
+    cards: Sequence[RegionNoiseCard],
+    course: Course,
+    ref: Reference,
+    schedule: Schedule,
+    model: FilterModel,
+    layout: StateLayout,
+) -> tuple[Schedule, FilterModel]:
+    """Return the windows at whose end variance is added to states, and how much; ref: the true motion, tick by tick."""
+    if not cards:
+        return schedule, model
+    moved = schedule.n_tick > 0
+    first, end = schedule.first_tick[moved], schedule.first_tick[moved] + schedule.n_tick[moved]
+    added = np.zeros((schedule.n_tick.size, layout.n_state))
+    for card in cards:
+        changed = np.zeros(schedule.n_tick.size, dtype=bool)
+        changed[moved] = _changes(card, course, ref, first, end)
+        added[changed] += _variance(card, layout)
+    at = np.flatnonzero(np.any(added > 0.0, axis=1))
+    number = np.full(schedule.n_tick.size, -1, dtype=np.int64)
+    number[at] = np.arange(at.size)
+    return schedule._replace(injection=number), model._replace(injected=added[at] if at.size else model.injected)
+
+
+def _changes(card: RegionNoiseCard, course: Course, ref: Reference, first: Ints, end: Ints) -> Bools:
+    """Return the windows (n,) at whose end the flight is in another region than before; first, end (n,) ticks."""
+    held = course.holding(card)
+    if card.force_change is None and card.rate_change is None:
+        edges = np.array([edge for interval in held for edge in interval])
+        since, until = ref.t[first][:, None] + ROUNDING, ref.t[end][:, None] + ROUNDING
+        return np.asarray(np.any((edges >= since) & (edges < until), axis=1))
+    found = np.zeros(first.size, dtype=bool)
+    for limit, increments in ((card.force_change, ref.dvel), (card.rate_change, ref.dtheta)):
+        if limit is not None:
+            summed = np.concatenate([np.zeros((1, 3)), np.cumsum(increments, axis=0)])
+            found |= _jumps((summed[end] - summed[first]) / (ref.t[end] - ref.t[first])[:, None], limit)
+    return found & inside(held, ref.t[end])
+
+
+def _jumps(values: Floats, limit: float) -> Bools:
+    """Return where values (n, 3) have changed by a limit since the last time that they had, (n,)."""
+    found, last = np.zeros(len(values), dtype=bool), values[0]
+    for k, value in enumerate(values):
+        if np.linalg.norm(value - last) >= limit:
+            found[k], last = True, value
+    return found
+
+
+def _variance(card: RegionNoiseCard, layout: StateLayout) -> Floats:
+    """Return what a change of region adds to the variance of the states, (n_state,)."""
+    variance = np.zeros(layout.n_state)
+    blocks = {"attitude": ATT, "velocity": VEL, "position": POS}
+    for name, at in [*blocks.items(), *((block.name, block.offset) for block in layout.parameters)]:
+        variance[at : at + 3] = getattr(card, name) ** 2
+    if layout.clock >= 0:
+        variance[layout.clock : layout.clock + 2] = card.clock_bias**2, card.clock_drift**2
+    return variance
+
+
+def with_linearisation(card: FilterCard, rate: float, schedule: Schedule) -> Schedule:
+    """Return the windows with what each does to the rates that the transition is linearised at; rate: of the IMU."""
+    if card.transition_rate is None:
+        return schedule
+    moved, codes = schedule.n_tick > 0, np.full(schedule.n_tick.size, EVERY_WINDOW)
+    step = schedule.first_tick[moved] // max(1, round(rate / card.transition_rate))
+    own = np.where(np.diff(step, prepend=-1) > 0, RENEWED, KEPT)
+    # nothing is known before the first window: it is linearised at its own means, and the next one begins anew
+    own[:2] = (FIRST, RENEWED)[: own.size]
+    codes[moved] = own
+    return schedule._replace(linearised=codes)

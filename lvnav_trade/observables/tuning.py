@@ -1,0 +1,72 @@
+"""Cards of a filter's tuning that depend on where the flight is: weights of measurements, process noise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from pydantic import Field
+
+from lvnav_trade.observables.sensors import MEASUREMENTS
+from lvnav_trade.units import (
+    AccelerationSigma,
+    AngleSigma,
+    AngularRateSigma,
+    Fraction,
+    GSensitivity,
+    LengthSigma,
+    SpeedSigma,
+)
+from lvnav_trade.world.conditions import Conditions
+
+if TYPE_CHECKING:
+    Weighted = str
+else:
+    Weighted = Literal[tuple(name for name in MEASUREMENTS if name != "imu")]
+
+
+class UnderweightingCard(Conditions):
+    """Measurements given less weight than the model of their errors asks for, while conditions hold.
+
+    The filter assumes beta h P h' + factor R in place of R: Lear's under-weighting (Zanetti, DeMars and Bishop 2010,
+    scalar by scalar) and a larger noise. Where several hold, betas add and factors multiply.
+    """
+
+    beta: float = Field(0.0, ge=0.0, description="of h P h', the variance that the state brings to the innovation")
+    noise_factor: float = Field(1.0, gt=0.0, description="of the assumed noise variance")
+    measurements: tuple[Weighted, ...] = Field((), description="none: all that the filter has")
+
+    def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
+        if self.beta == 0.0 and self.noise_factor == 1.0:
+            yield "beta: is 0 and noise_factor 1, which changes nothing"
+
+
+class RegionNoiseCard(Conditions):
+    """Process noise at a change of operating region: one-sigma that is added to states at that time.
+
+    With a threshold: whenever the specific force or the rate of the nominal flight has changed by it since the last
+    time, while the conditions hold. Without: when the conditions begin to hold and when they end.
+    """
+
+    force_change: Annotated[AccelerationSigma, Field(gt=0.0)] | None = Field(
+        None, description="change of the specific force vector, body axes, that is a new region"
+    )
+    rate_change: Annotated[AngularRateSigma, Field(gt=0.0)] | None = None
+    attitude: AngleSigma = 0.0
+    velocity: SpeedSigma = 0.0
+    position: LengthSigma = 0.0
+    gyro_bias: AngularRateSigma = 0.0
+    accel_bias: AccelerationSigma = 0.0
+    gyro_scale_factor: Fraction = 0.0
+    accel_scale_factor: Fraction = 0.0
+    gyro_misalignment: AngleSigma = 0.0
+    accel_misalignment: AngleSigma = 0.0
+    gyro_g_sensitivity: GSensitivity = 0.0
+    clock_bias: LengthSigma = 0.0
+    clock_drift: SpeedSigma = 0.0
+
+    def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
+        if self.force_change is None and self.rate_change is None and not self.stated:
+            yield "force_change: is missing, or rate_change, or a condition such as from or above"

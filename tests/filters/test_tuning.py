@@ -1,0 +1,186 @@
+"""Conservative tuning: under-weighting, fading memory, process noise of a change of region, a transition held."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lvnav_trade.engines.lincov.history import covariance
+from lvnav_trade.engines.simulate.montecarlo import run_block
+from lvnav_trade.kernels.covariance import inflate, update_scalar
+from lvnav_trade.kernels.strapdown import N_SUM, SUM_C, SUM_F, SUM_TH, SUM_V
+from lvnav_trade.kernels.transition import FIRST, KEPT, RENEWED, linearise, linearised_sums
+from tests.building import (
+    INERTIAL,
+    LOOSE,
+    MATCHED,
+    assumed_receiver,
+    flight,
+    loaded,
+    prepare_hop,
+    turning,
+    with_fields,
+)
+from tests.engines.lincov.test_history import agrees, inside
+
+NOISES = ("pseudorange_sigma", "range_rate_sigma")
+ONE = np.zeros(1, dtype=np.int64)
+NOISELESS = {"gyro_random_walk": "0 rad/sqrt(s)", "accel_random_walk": "0 m/s/sqrt(s)", "gyro_bias": "1 deg/h",
+             "accel_bias": "1 mg"}  # fmt: skip
+
+
+def flown(*settings, flight=None, **fields):
+    scenario = loaded(MATCHED, *settings)
+    return prepare_hop(scenario.model_copy(update={"filter": with_fields(scenario.filter, **fields)}), flight)
+
+
+def formal(prepared):
+    return covariance(prepared).formal
+
+
+# ------------------------------------------------------------------------------------------------------ under-weighting
+
+
+@pytest.mark.parametrize("joseph", [False, True])
+def test_an_underweighted_scalar_update_is_lears(joseph):
+    """K = P / ((1 + beta) P + R), P+ = (1 - K) P (1 - K) + K (R + beta P) K: Zanetti et al. 2010, equations 14, 17."""
+    P, x, K = np.array([[4.0]]), np.zeros(1), np.zeros(1)
+    normalised, weight = update_scalar(P, x, K, np.ones(1), ONE, ONE, 3.0, 1.0, np.inf, 1, joseph, 0.5)
+    gain = 4.0 / (1.5 * 4.0 + 1.0)
+    assert x[0] == pytest.approx(3.0 * gain, rel=1e-14)
+    assert P[0, 0] == pytest.approx((1.0 - gain) ** 2 * 4.0 + gain**2 * (1.0 + 0.5 * 4.0), rel=1e-14)
+    assert (normalised, weight) == pytest.approx((3.0 / 7.0**0.5, 1.0 / 7.0), rel=1e-14)
+
+
+def test_a_noise_factor_is_a_receiver_of_larger_noise_as_the_filter_assumes_it():
+    receiver = assumed_receiver(loaded(MATCHED))
+    noisier = receiver.model_copy(update={name: 2.0 * getattr(receiver, name) for name in NOISES})
+    one = flown(underweighting=[{"noise_factor": 4.0, "from": "0 s"}])
+    other, same = flown(), flown(receiver=noisier.model_dump(mode="json"))
+    np.testing.assert_allclose(formal(one), formal(same), rtol=1e-10)
+    assert np.all(formal(one)[-1, 3:9] > 1.2 * formal(other)[-1, 3:9])
+
+
+def test_the_covariance_that_a_solution_comes_with_grows_by_the_factor():
+    """A factor of the filter's tuning, and the same factor that the receiver reports: both engines."""
+    scenario = loaded(MATCHED, LOOSE)
+    tuned = with_fields(scenario.filter, underweighting=[{"noise_factor": 3.0, "from": "0 s"}])
+
+    def solving(factor, card):
+        solution = {"kind": "bancroft", "range_sigma": "2 m", "rate_sigma": "0.1 m/s",
+                    "reported_covariance": {"kind": "own", "factor": factor}}  # fmt: skip
+        receiver = with_fields(scenario.receiver, solution=solution)
+        return prepare_hop(scenario.model_copy(update={"receiver": receiver, "filter": card}))
+
+    one, other = solving(1.0, tuned), solving(3.0, scenario.filter)
+    np.testing.assert_allclose(formal(one), formal(other), rtol=1e-10)
+    blocks = [run_block(prepared, 5, 0, 8) for prepared in (one, other)]
+    np.testing.assert_allclose(blocks[0].sigma, blocks[1].sigma, rtol=1e-9)
+
+
+# ------------------------------------------------------------------------------------------------------- fading memory
+
+
+@pytest.mark.parametrize("alpha", [1.01, 1.2])
+def test_a_fading_memory_filter_of_a_constant_has_the_gain_of_the_closed_form(alpha):
+    """P = alpha^2 P R / (P + R) has the root R (alpha^2 - 1): the gain is 1 - 1 / alpha^2 (Simon, section 7.4)."""
+    P, x, K, R = np.array([[100.0]]), np.zeros(1), np.zeros(1), 2.0
+    for _ in range(4000):
+        inflate(P, alpha, 1)
+        before = P[0, 0]
+        update_scalar(P, x, K, np.ones(1), ONE, ONE, 0.0, R, np.inf, 1, False)
+    assert before == pytest.approx(R * (alpha**2 - 1.0), rel=1e-12)
+    assert before / (before + R) == pytest.approx(1.0 - alpha**-2, rel=1e-12)
+
+
+def test_what_is_considered_is_not_inflated_but_its_correlations_are():
+    P = np.array([[4.0, 1.0], [1.0, 9.0]])
+    inflate(P, 2.0, 1)
+    np.testing.assert_array_equal(P, [[16.0, 2.0], [2.0, 9.0]])
+
+
+def test_without_noise_and_measurements_sigmas_grow_by_the_exponential_of_the_time():
+    plain, faded = (flown(INERTIAL, imu=NOISELESS, **more) for more in ({}, {"fading_memory": "40 s"}))
+    growth = np.exp(plain.t_hist / 40.0)[:, None]
+    np.testing.assert_allclose(formal(faded), formal(plain) * growth, rtol=1e-10)
+    np.testing.assert_array_equal(covariance(faded).true_sigma, covariance(plain).true_sigma)
+
+
+# ----------------------------------------------------------------------------------------- change of operating region
+
+
+def test_a_change_of_region_adds_its_variance_then_and_velocity_carries_it_on():
+    """0.5 m/s at 10 s is 0.25 m^2/s^2 more of velocity from then on, and 0.25 tau^2 more of position."""
+    entry = {"from": "10 s", "velocity": "0.5 m/s"}
+    plain, more = (covariance(flown(INERTIAL, imu=NOISELESS, **f)) for f in ({}, {"region_noise": [entry]}))
+    added, t = more.formal**2 - plain.formal**2, plain.t
+    np.testing.assert_allclose(added[t < 10.0], 0.0, atol=1e-15)
+    after = t >= 10.0
+    np.testing.assert_allclose(added[after, 3:6], 0.25, rtol=2e-3)
+    np.testing.assert_allclose(added[after, 6:9], 0.25 * np.tile((t[after, None] - 10.0) ** 2, 3), rtol=1e-3, atol=1e-6)
+    np.testing.assert_array_equal(more.true_sigma, plain.true_sigma)
+
+
+# ------------------------------------------------------------------------------------------------------ transition held
+
+
+def test_a_held_transition_is_that_of_the_attitude_and_force_known_at_its_start():
+    rates, sums, nav = np.zeros((2, N_SUM)), np.arange(1.0, 19.0), np.zeros(10)
+    nav[:4] = np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)  # 90 deg about z
+    first = sums.copy()
+    linearise(rates, nav, FIRST)
+    linearised_sums(rates, sums, 2.0, FIRST)
+    np.testing.assert_allclose(sums, first)
+    linearise(rates, nav, RENEWED)
+    sums = np.full(N_SUM, 7.0)
+    linearised_sums(rates, sums, 0.5, RENEWED)
+    np.testing.assert_allclose(sums[SUM_C : SUM_C + 9], 0.5 * np.array([0, -1, 0, 1, 0, 0, 0, 0, 1]), atol=1e-15)
+    force = first[SUM_F : SUM_F + 3] / 2.0
+    np.testing.assert_allclose(sums[SUM_F : SUM_F + 3], 0.5 * force)
+    np.testing.assert_allclose(sums[SUM_V : SUM_V + 3], 0.5 * np.array([-force[1], force[0], force[2]]))
+    np.testing.assert_allclose(sums[SUM_TH : SUM_TH + 3], 0.25 * first[SUM_TH : SUM_TH + 3])
+    kept = sums.copy()
+    linearised_sums(rates, sums, 1.0, KEPT)
+    np.testing.assert_allclose(sums, 2.0 * kept)
+    linearise(rates, nav, RENEWED)  # the means of the last window, not those that it was propagated with
+    np.testing.assert_allclose(rates[0, SUM_F : SUM_F + 3], kept[SUM_F : SUM_F + 3])
+
+
+def test_a_transition_that_is_linearised_less_often_is_further_off():
+    """Pitch of 1 deg/s, roll of 4 deg/s under 30 m/s^2: the error falls with the interval, 0.1 s is good to 1 %."""
+    exact = formal(flown())
+    off = [np.abs(formal(flown(transition_rate=rate)) / exact - 1.0).max() for rate in ("10 Hz", "1 Hz", "0.2 Hz")]
+    assert off[0] < 0.01
+    assert 3.0 * off[0] < off[1]
+    assert 3.0 * off[1] < off[2]
+
+
+def test_a_steady_flight_needs_no_linearisation():
+    """Constant force, no rotation: what was known at the start is true throughout."""
+    nose = turning(np.zeros(1))
+    force = 20.0 * np.array([0.6, 0.64, 0.48])
+    steady = flight([(20.0, lambda t: force)], lambda t: np.tile(nose, (t.size, 1)))
+    found = [formal(flown(flight=steady, transition_rate=rate)) for rate in (None, "0.1 Hz")]
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-6)
+
+
+# --------------------------------------------------------------------------------------------------------- all together
+
+ALL = {
+    "underweighting": [{"beta": 0.4, "until": "15 s"}, {"noise_factor": 2.0, "from": "10 s"}],
+    "fading_memory": "30 s",
+    "region_noise": [{"force_change": "10 m/s^2", "velocity": "0.1 m/s", "accel_bias": "1 mg"}],
+    "transition_rate": "0.5 Hz",
+}
+
+
+def test_both_engines_agree_on_a_filter_that_is_tuned_in_every_way():
+    prepared = flown(**ALL)
+    ratio, interval = agrees(prepared, 400, (10.0, 20.0, 30.0))
+    assert inside(ratio, interval), (ratio, interval)
+    cov, block = covariance(prepared), run_block(prepared, 3, 0, 8)
+    np.testing.assert_allclose(block.sigma, np.broadcast_to(cov.formal, block.sigma.shape), rtol=0.02)
+    # conservative: it claims less than it has, and has more than the best filter
+    best = covariance(flown())
+    assert np.all(cov.formal[-1, 3:9] > cov.true_sigma[-1, 3:9])
+    assert np.all(cov.true_sigma[-1, 3:9] > best.true_sigma[-1, 3:9])

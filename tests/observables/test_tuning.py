@@ -1,0 +1,24 @@
+"""Cards of a filter's tuning: what they refuse."""
+
+from __future__ import annotations
+
+import pytest
+from pydantic import ValidationError
+
+from tests.building import loaded, with_fields
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"underweighting": [{"from": "0 s"}]}, "changes nothing"),
+        ({"measurements": [], "underweighting": [{"beta": 0.2}]}, "underweighting: the filter has no measurement"),
+        ({"underweighting": [{"beta": 0.2, "measurements": ["position"]}]}, "position is not among"),
+        ({"region_noise": [{"velocity": "1 m/s"}]}, "force_change: is missing"),
+        ({"transition_rate": "20 Hz"}, "transition_rate: exceeds covariance_rate"),
+        ({"fading_memory": "0 s"}, "fading_memory"),
+    ],
+)
+def test_a_tuning_that_cannot_be_meant_is_an_input_error(fields, message):
+    with pytest.raises(ValidationError, match=message):
+        with_fields(loaded().filter, **fields)
