@@ -31,6 +31,8 @@ from lvnav_trade.world.receiver.receiver import ReceiverCard
 from lvnav_trade.world.receiver.visibility import point_of
 from lvnav_trade.world.sky.constellation import LETTERS, Part, RinexConstellation, parts_of
 
+_DRAWS = (CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE, CLOCK_START)
+
 
 def channels_of(scenario: Scenario, seen: Sky, devices: tuple[Sensor, ...] = ()) -> Channels:
     """Return the channels of a case."""
@@ -343,7 +345,7 @@ def signals(
     (n_epoch, n_sat, 2): what corrections leave of delays and of systems' times, in ranges and rates; tabled (n_epoch,
     6): errors of the solution that are the same in every run, frame i; devices: sensors beside the receiver.
     """
-    receiver, clock = scenario.receiver, scenario.receiver.clock
+    clock = scenario.receiver.clock
     used, n_used = _slots(seen)
     sigma = _by_channel(measured, seen.t.size, _true_sigma(scenario, seen, line, measured), devices, "sigma")
     extra = [_extra_partial(block, geometry, channels, devices) for block in layout.extras]
@@ -355,7 +357,6 @@ def signals(
     if not solves(scenario):  # else the receiver goes on behind a frozen output
         hold(failed.frozen, used, n_used, ranges, rates, position, velocity)
     variance = _assumed_variance(scenario, model, channels, seen, line, devices)
-    names = (CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE, CLOCK_START)
     return Signals(
         used=used,
         n_used=n_used,
@@ -372,7 +373,7 @@ def signals(
         scale=np.ones_like(variance),
         beta=np.zeros_like(variance),
         partial=np.array(extra).reshape(len(extra), seen.t.size, channels.n_channel),
-        clock_step=np.array(clock_step(interval, receiver.clock.h0, receiver.clock.h_minus2)),
+        clock_step=np.array(clock_step(interval, clock.h0, clock.h_minus2)),
         clock_start=np.array([clock.initial_bias, clock.initial_drift]),
         clock_jump=failed.jump,
         frozen=failed.frozen,
@@ -380,6 +381,6 @@ def signals(
         n_receiver=channels.n_receiver,
         reference=_references(scenario, channels, seen, used, n_used),
         shift=measured.n_receiver - channels.n_receiver,
-        sources=np.array([source_word(name) for name in names], dtype=np.uint64),
+        sources=np.array([source_word(name) for name in _DRAWS], dtype=np.uint64),
         shared=shared,
     )
