@@ -239,7 +239,6 @@ def _matched_receiver(scenario: Scenario) -> Any:
         noise_by=lambda: receiver.noise_by,
         pseudorange_sigma=lambda: receiver.pseudorange_sigma,
         range_rate_sigma=lambda: receiver.range_rate_sigma,
-        noise_by=lambda: receiver.noise_by,
         position_sigma=of_solution("position_sigma", 0.0),
         velocity_sigma=of_solution("velocity_sigma", 0.0),
         clock_h0=lambda: receiver.clock.h0,

@@ -259,7 +259,7 @@ def _add_strapdown_error(mean, nav, reference, tick):
         mean[POS + i] += reference.r_i[tick, i] - nav[R + i]
 
 
-@inlined
+@jit
 def _propagate_formal(formal, scratch, nominal, model, length, injection, linearised):
     """Propagate the filter's own covariance over a window, as `filters.ekf.predict_window` does."""
     seconds, nav = model.seconds[length], nominal.nav

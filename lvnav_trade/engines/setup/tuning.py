@@ -82,7 +82,7 @@ def _variance(card: RegionNoiseCard, layout: StateLayout) -> Floats:
     variance = np.zeros(layout.n_state)
     blocks = {"attitude": ATT, "velocity": VEL, "position": POS}
     for name, at in [*blocks.items(), *((block.name, block.offset) for block in layout.parameters)]:
-        variance[at : at + 3] = getattr(card, name) ** 2
+        variance[at : at + 3] = getattr(card, name, 0.0) ** 2
     if layout.clock >= 0:
         variance[layout.clock : layout.clock + 2] = card.clock_bias**2, card.clock_drift**2
     return variance
