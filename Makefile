@@ -14,11 +14,11 @@ from_wheels := $(if $(WHEELS),--no-index --find-links "$(WHEELS)")
 wheels_needed := pip 'hatchling>=1.27,<2' editables
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint unit smoke slow bounds lowest bench study-conae study-drdc study-gains wheelhouse clean
+.PHONY: help demo test lint unit smoke slow bounds lowest bench study-conae study-dlr study-drdc study-gains wheelhouse clean
 
 help:
 	@sed -n 's/^# //p' Makefile | head -4
-	@echo 'also: make slow | bounds | lowest | bench | study-conae | study-drdc | study-gains | wheelhouse | clean'
+	@echo 'also: make slow | bounds | lowest | bench | study-conae | study-dlr | study-drdc | study-gains | wheelhouse | clean'
 
 # A stamp stands for an installation and is older than pyproject.toml when that must be repeated.
 $(bin)/python:
@@ -96,7 +96,7 @@ bench: $(VENV)/.installed-bench
 	@$(bin)/python -m benchmarks.run
 
 # A published study again, every campaign of its folder: an hour or so; killed, the same command goes on.
-study-conae study-drdc study-gains: study-%: $(VENV)/.installed
+study-conae study-dlr study-drdc study-gains: study-%: $(VENV)/.installed
 	@$(bin)/lvnav-trade study $* --keep reports/$* --jobs $(JOBS)
 
 wheelhouse: pyproject.toml | $(bin)/python

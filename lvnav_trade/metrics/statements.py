@@ -120,7 +120,9 @@ def rows(tables: Tables, stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     }
     along = stated.get("along") or ""
     locus = _locus(tables, stated, wanted, along) if along else {}
+    found_any = False
     for levels, found in _read(tables, stated, wanted):
+        found_any = True
         low, high = bounds(stated, found.runs or int((tables.campaign.get("monte_carlo") or {}).get("runs") or 1))
         word = verdict(found, low, high, stated.get("tested_by") or NUMBERS)
         remarks = [str(stated.get("remark") or ""), *found.remarks]
@@ -145,6 +147,10 @@ def rows(tables: Tables, stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
             "verdict": word,
             "remark": "; ".join(dict.fromkeys(remark for remark in remarks if remark)),
         }
+    if not found_any:
+        named = {key: str(stated.get(key) or "") for key in ("id", "source", "item")}
+        missing = {"case": "", "metric": _name(stated), "unit": stated.get("unit") or "-", "in_band": False}
+        yield {**named, **missing, "verdict": NOT_FLOWN, "remark": "its cases are not among the results"}
 
 
 def _read(

@@ -1,0 +1,61 @@
+"""The study of paper 001: its statements are all there with their bounds, and a small version of a campaign answers."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from lvnav_trade import api
+from lvnav_trade.campaign.reading.study import load_study
+from lvnav_trade.metrics.published import references
+
+FOLDER = Path(__file__).resolve().parents[2] / "campaigns" / "dlr"
+LATER = {27, 28, 29, 34, 35, 36}
+# Bounds by number of the statement, at_least and at_most of its rows, chosen before anything was flown
+BOUNDS = {
+    1: {(1, None)}, 2: {(None, 0.5), (None, 1)}, 3: {(5, None)}, 4: {(None, 0.1)}, 5: {(None, 1.05), (1, None)},
+    6: {(5, None), (3, None)}, 7: {(None, 1.3)}, 8: {(1.3, None), (1, None)}, 9: {(0.5, 2)}, 10: {(0.5, 2)},
+    11: {(None, 1), (0.98, 1.1)}, 12: {(100, None), (None, 1)}, 13: {(3, None)}, 14: {(1.139, None), (0.3, None)},
+    15: {(None, 1)}, 16: {(None, 1)}, 17: {(None, 1), (0.98, 1.02)}, 18: {(None, 1)}, 19: {(None, 0.6)},
+    20: {(0.8, 1), (1, None)}, 21: {(1, 1.5), (1.5, None)}, 22: {(None, 1.1)}, 23: {(0.7, 1)}, 24: {(0.8, None)},
+    25: {(None, 0.75), (0.1, None)}, 26: {(None, 1.3)}, 30: {(0.98, 1.02), (1.02, None)},
+    31: {(1.139, None), (0.3, None)},
+    32: {(None, 1.5), (0.3, None)}, 33: {(0.98, 1.02), (1, None)}, 37: {(0.99, 1.01), (1.2, None)}, 38: {(None, 0.5)},
+    39: {(None, 0.3)}, 40: {(None, 1), (2, None)}, 41: {(None, 1)}, 42: {(0.99, 1.01)},
+    43: {(0.98, 1.02)}, 44: {(None, 1)},
+}  # fmt: skip
+
+
+def number(item: str) -> int:
+    found = re.match(r"#(\d+) ", item)
+    assert found, item
+    return int(found[1])
+
+
+def test_every_statement_is_tested_with_its_bounds_or_named_as_not_set_up() -> None:
+    study, questions = load_study(FOLDER)
+    assert {one.campaign.name for one in questions} == {path.stem for path in FOLDER.glob("*.yaml")} - {"study"}
+    stated: dict[int, set[tuple[float | None, float | None]]] = {}
+    for one in questions:
+        for statement in one.campaign.statements:
+            assert statement.id.startswith(f"dlr-{number(statement.item):02d}")
+            stated.setdefault(number(statement.item), set()).add((statement.at_least, statement.at_most))
+    missing = {number(one.item) for one in study.not_set_up}
+    assert missing >= LATER
+    assert all(one.remark for one in study.not_set_up)
+    assert set(stated) | missing == set(range(1, 45))
+    assert {key: bounds for key, bounds in stated.items() if not bounds <= BOUNDS[key]} == {}
+
+
+def test_the_grade_of_the_unit_decides_what_it_did(tmp_path: Path) -> None:
+    """Linear covariance alone: position is that of the fixes, velocity and attitude are those of the unit."""
+    asked = ("monte_carlo=null", "covariance={budget: false, adjoint: false, observability: false}", "keep.history=5 s")
+    frame = references(api.run(FOLDER / "imu_grades.yaml", asked, tmp_path, jobs=1, report=False).tables)
+    found = frame.set_index(["id", "case"])
+    first = {id_: rows.iloc[0] for id_, rows in frame.groupby("id")}
+    assert len(found) == 14  # two starts
+    assert first["dlr-07"].verdict == first["dlr-08-attitude"].verdict == first["dlr-08-velocity"].verdict == "holds"
+    assert first["dlr-06-fog"].true == pytest.approx(4.3, abs=0.2)  # below the bound of 5: the start decides
+    assert "linear covariance alone" in first["dlr-09"].remark
