@@ -59,6 +59,9 @@ EXTRAS = {
     "ionosphere_scale": ("1", "%", 1e2),
     "troposphere_scale_by_satellite": ("1", "%", 1e2),
     "ionosphere_scale_by_satellite": ("1", "%", 1e2),
+    "ambiguity": ("m", "m", 1.0),
+    "phase_noise": ("m", "mm", 1e3),
+    "code_noise": ("m", "m", 1.0),
     "position_bias": ("m", "m", 1.0),
     "velocity_bias": ("m/s", "m/s", 1.0),
     "gyro_relative_bias": ("rad/s", "deg/h", _DEG_H),
@@ -66,6 +69,8 @@ EXTRAS = {
 }
 # Extra states that a filter has one of for each satellite, for what is one error in truth.
 BY_SATELLITE = {f"{name}_by_satellite": name for name in ("troposphere_scale", "ionosphere_scale")}
+# Extra states that a filter has by what it measures of satellites: no card names them.
+OF_OBSERVABLES = ("ambiguity", "phase_noise", "code_noise")
 # Extra states of a filter that measures the difference of two inertial units, by measurement.
 RELATIVE = {"angle_difference": "gyro_relative_bias", "velocity_difference": "accel_relative_bias"}
 
@@ -103,8 +108,9 @@ class StateLayout(NamedTuple):
     """Attitude, velocity, position (0, 3, 6), parameter blocks, clock (bias, drift; -1 for none), extra blocks, in
     storage order; last the motion of the vehicle (rate, acceleration; -1 for none).
 
-    States from n_estimated on are considered, not estimated. samples: the samples of the inertial unit are reported
-    beside the states.
+    States from n_estimated on are considered, not estimated, but n_delayed of them from `delayed` on, of which nothing
+    is reported: noises of an epoch (extra blocks), then, from `clone` on (-1 for none), what the states `cloned` were
+    at the epoch before. samples: the samples of the inertial unit are reported beside the states.
     """
 
     parameters: tuple[ParameterBlock, ...]
@@ -114,6 +120,16 @@ class StateLayout(NamedTuple):
     extras: tuple[ExtraBlock, ...] = ()
     motion: int = -1
     samples: bool = False
+    delayed: int = 0
+    n_delayed: int = 0
+    clone: int = -1
+    cloned: tuple[int, ...] = ()
+
+    @property
+    def reported(self) -> tuple[int, ...]:
+        """The states of which errors are reported."""
+        hidden = range(self.delayed, self.delayed + self.n_delayed)
+        return tuple(i for i in range(self.n_state) if i not in hidden)
 
     @property
     def has_reduced_clock(self) -> bool:
@@ -134,7 +150,10 @@ def state_names(layout: StateLayout) -> tuple[str, ...]:
     axes.
     """
     axes = [f"{name} {axis}" for name in ("attitude", "velocity", "position") for axis in "xyz"]
-    return (*axes, *(f"{output.quantity} {output.axis}" for output in outputs(layout, "inertial")[9 : layout.n_state]))
+    names = [*axes, *(f"{output.quantity} {output.axis}" for output in state_outputs(layout, "inertial")[9:])]
+    for clone, state in enumerate(layout.cloned, start=layout.clone):
+        names[clone] = f"delayed_{names[state]}"
+    return tuple(names)
 
 
 AXES = {
@@ -146,10 +165,17 @@ AXES = {
 
 
 def outputs(layout: StateLayout, frame: str) -> tuple[Output, ...]:
-    """Return what each column of a history holds, in the order of the states.
+    """Return what each column of a history holds, in the order of the states that are reported.
 
     Attitude error is reported in body axes (roll, pitch, yaw), velocity and position in the axes of `frame`.
     """
+    of_states = state_outputs(layout, frame)
+    beside = [output for kind in SAMPLES for output in _of_motion(f"{kind}_")] if layout.samples else []
+    return (*(of_states[i] for i in layout.reported), *beside)
+
+
+def state_outputs(layout: StateLayout, frame: str) -> list[Output]:
+    """Return quantity and unit of every state; a clone has those of the state that it is of."""
     attitude = [Output("attitude", axis, "rad", "mrad", 1e3) for axis in _BODY["rate"]]
     table: dict[int, Output] = dict(enumerate(attitude + _moving("", frame)))
     for block in layout.parameters:
@@ -165,8 +191,8 @@ def outputs(layout: StateLayout, frame: str) -> tuple[Output, ...]:
             table[extra.offset + i] = Output(extra.name, label or "all", *extra.unit)
     if layout.motion >= 0:
         table.update(enumerate(_of_motion(""), start=layout.motion))
-    beside = [output for kind in SAMPLES for output in _of_motion(f"{kind}_")] if layout.samples else []
-    return (*(table[i] for i in range(layout.n_state)), *beside)
+    table.update({layout.clone + k: table[state] for k, state in enumerate(layout.cloned)})
+    return [table[i] for i in range(layout.n_state)]
 
 
 def _moving(prefix: str, frame: str) -> list[Output]:

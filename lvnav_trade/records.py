@@ -77,8 +77,9 @@ class Sky(NamedTuple):
 
     antenna (n_epoch, n_sat) number of the antenna that hears the satellite best; cn0 (n_epoch, n_sat) dB-Hz as the
     loops have it, NaN where there is no link budget or nothing is heard; range_sigma (m), rate_sigma (m/s) (n_epoch,
-    n_sat) true white noise; state (n_epoch, n_sat) int8, see TRACKING; lever_arms (n_antenna, 3) m, phase centres
-    from the inertial unit, body axes; transitions of the receiver's channels in order of time (none without a
+    n_sat) true white noise, phase_sigma (m) that of a carrier phase; continuous (n_epoch, n_sat) bool: the carrier was
+    followed since the epoch before; state (n_epoch, n_sat) int8, see TRACKING; lever_arms (n_antenna, 3) m, phase
+    centres from the inertial unit, body axes; transitions of the receiver's channels in order of time (none without a
     tracking card).
     """
 
@@ -93,6 +94,8 @@ class Sky(NamedTuple):
     cn0: Floats
     range_sigma: Floats
     rate_sigma: Floats
+    phase_sigma: Floats
+    continuous: NDArray[np.bool_]
     state: NDArray[np.int8]
     lever_arms: Floats
     systems: tuple[str, ...]

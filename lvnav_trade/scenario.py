@@ -264,6 +264,8 @@ def _matched_receiver(scenario: Scenario) -> Any:
         position_bias_time=of_solution("bias_time", None),
         velocity_bias=of_solution("velocity_bias", 0.0),
         velocity_bias_time=of_solution("bias_time", None),
+        carrier_phase_sigma=lambda: receiver.carrier_phase_sigma,
+        ambiguity=lambda: receiver.carrier_ambiguity,
     )
 
 

@@ -50,6 +50,7 @@ _OTHERS = {
     "pseudorange noise": _linear("receiver.pseudorange_sigma"),
     "range-rate noise": _linear("receiver.range_rate_sigma"),
     "carrier-phase noise": _linear("receiver.carrier_phase_sigma"),
+    "carrier ambiguity": _linear("receiver.carrier_ambiguity"),
     "position solution noise": _linear("receiver.solution.position_sigma"),
     "velocity solution noise": _linear("receiver.solution.velocity_sigma"),
     "solution position bias": _linear("receiver.solution.position_bias"),

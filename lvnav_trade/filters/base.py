@@ -9,11 +9,12 @@ from lvnav_trade import units
 from lvnav_trade.delays.cards import CorrectionsCard
 from lvnav_trade.filters.scheduled import GainSchedule
 from lvnav_trade.filters.strapdown import StrapdownCard
-from lvnav_trade.layout import BY_SATELLITE, EXTRAS, PARAMETERS, RELATIVE
+from lvnav_trade.layout import BY_SATELLITE, EXTRAS, OF_OBSERVABLES, PARAMETERS, RELATIVE
 from lvnav_trade.noise import NoiseBy
+from lvnav_trade.observables.partials import DIFFERENCES
 from lvnav_trade.observables.sensors import (
     MEASUREMENTS,
-    RANGES,
+    OBSERVABLES,
     RECEIVER_SOLUTION,
     SENSOR_STATES,
     Measurement,
@@ -99,6 +100,8 @@ class ReceiverModel(units.Card):
     position_bias_time: units.TimeConstant | None = None
     velocity_bias: units.SpeedSigma = 0.0
     velocity_bias_time: units.TimeConstant | None = None
+    carrier_phase_sigma: units.LengthSigma = 0.002
+    ambiguity: units.LengthSigma = Field(10.0, description="of a carrier phase, as a state; one-sigma at every start")
 
 
 class InitialModel(units.Card):
@@ -117,9 +120,11 @@ if TYPE_CHECKING:
     ExtraState = str
     NoiseState = str
 else:
-    ParameterState = Literal[(*PARAMETERS, *EXTRAS, *SENSOR_STATES)]
-    ExtraState = Literal[tuple(name for name in (*PARAMETERS, *EXTRAS, *SENSOR_STATES) if name not in BIASES)]
-    NoiseState = Literal[tuple(name for name in (*EXTRAS, *SENSOR_STATES) if name not in RELATIVE.values())]
+    ParameterState = Literal[tuple(n for n in (*PARAMETERS, *EXTRAS, *SENSOR_STATES) if n not in OF_OBSERVABLES)]
+    ExtraState = Literal[
+        tuple(n for n in (*PARAMETERS, *EXTRAS, *SENSOR_STATES) if n not in (*BIASES, *OF_OBSERVABLES))
+    ]
+    NoiseState = Literal[tuple(n for n in (*EXTRAS, *SENSOR_STATES) if n not in (*RELATIVE.values(), *OF_OBSERVABLES))]
 
 
 class EnvelopeCard(units.Card):
@@ -212,7 +217,7 @@ class FilterCard(units.NamedCard):
 
     measurements: tuple[Measurement, ...] = Field(
         description="[]: inertial; of the receiver either its solution (position, velocity) or ranges (pseudorange, "
-        "range_rate); of sensors; imu: samples of the IMU"
+        "range_rate, carrier_phase, tdcp, delta_pseudorange); of sensors; imu: samples of the IMU"
     )
     extra_states: tuple[ExtraState, ...] = ()
     clock: Literal["two_state", "one_state", "differenced"] = Field(
@@ -268,6 +273,15 @@ class FilterCard(units.NamedCard):
     delay_compensation: DelayCompensation | None = Field(
         None, description="none: a late measurement is taken as present"
     )
+    delayed_state: Literal["augmented", "consider", "back_propagated"] = Field(
+        "augmented",
+        description="of a difference of two epochs, the state at the earlier one: estimated beside the present one, "
+        "considered, or found from the present one by the inverse transition",
+    )
+    previous_noise: Literal["white", "estimated"] = Field(
+        "white",
+        description="of a difference, the noise of the earlier epoch: new in every difference, or a state",
+    )
     attitude_noise: units.AngleRandomWalk = Field(
         0.0, description="process noise beyond the unit's own, root PSD per axis"
     )
@@ -304,11 +318,14 @@ class FilterCard(units.NamedCard):
         twice = next((name for name in listed if listed.count(name) > 1), None)
         if twice is not None:
             raise ValueError(f"{twice!r} stands twice")
-        if set(listed) & set(RECEIVER_SOLUTION) and set(listed) & set(RANGES):
+        if set(listed) & set(RECEIVER_SOLUTION) and set(listed) & set(OBSERVABLES):
             raise ValueError(
                 "the receiver's solution is computed from the same ranges: information would be counted twice; "
                 "take position and velocity, or pseudorange and range_rate"
             )
+        for difference, whole in DIFFERENCES.items():
+            if {difference, whole} <= set(listed):
+                raise ValueError(f"{difference} is the change of {whole}: information would be counted twice")
         return tuple(name for name in MEASUREMENTS if name in listed)
 
     def _faults(self) -> Iterator[str]:
@@ -342,10 +359,20 @@ class FilterCard(units.NamedCard):
                 if name not in self.measurements:
                     yield f"underweighting.{number}.measurements: {name} is not among the filter's measurements"
 
+        if self.delayed_state == "back_propagated" and self.models_vehicle:
+            yield "delayed_state: samples of the IMU are updates between epochs; no transition leads back through them"
+        if self.delayed_state == "back_propagated" and (self.as_noise or self.fading_memory is not None):
+            yield "delayed_state: what a filter forgets between epochs, no transition leads back through"
+
     @property
     def tight(self) -> bool:
         """Whether ranges of the receiver are measured."""
-        return any(name in self.measurements for name in RANGES)
+        return any(name in self.measurements for name in OBSERVABLES)
+
+    @property
+    def differences(self) -> tuple[str, ...]:
+        """The measurements that are differences of two successive epochs."""
+        return tuple(name for name in self.measurements if name in DIFFERENCES)
 
     @property
     def loose(self) -> bool:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from lvnav_trade.filters.delayed import correct_earlier, is_present
 from lvnav_trade.filters.late import LAST, carry_on, correct_stored, place_of, predicted_of_stored
 from lvnav_trade.kernels import processes, transition
 from lvnav_trade.kernels.covariance import inflate, predict, update_scalar, update_with_gain, whiten
@@ -10,8 +11,8 @@ from lvnav_trade.kernels.lanes import like, where
 from lvnav_trade.kernels.strapdown import R
 from lvnav_trade.kernels.transition import correct_motion
 from lvnav_trade.observables import solution
-from lvnav_trade.observables.base import N_ENTRY, antenna, line_of_sight
-from lvnav_trade.observables.ranges import range_row, rate_row
+from lvnav_trade.observables.base import D_EXTRA, N_ENTRY, antenna, line_of_sight
+from lvnav_trade.observables.ranges import range_row, rate_row, subtract_earlier
 from lvnav_trade.observables.sensors import fill
 
 
@@ -101,18 +102,61 @@ def _add_extra(work, model, signals, epoch, row, channel):
 
 
 @jit
-def fill_tight(work, model, signals, epoch):
-    """Set the rows of every satellite in use: pseudorange and range rate in turn; z holds measured minus predicted."""
+def _subtract_extra(work, earlier, delayed, model, signals, epoch, row, channel):
+    """Set the entries of a difference for extra states at its earlier epoch; return what their estimates take off the
+    prediction.
+    """
+    h = work.H[row]
+    total = like(work.x[0], 0.0)
+    for f in range(model.extra_member.shape[0]):
+        e = model.extra_member[f, channel]
+        if e >= 0:
+            partial = like(work.x[0], signals.partial[f, epoch - 1, channel])
+            h[delayed.earlier + D_EXTRA + f] = -partial
+            total = total + partial * earlier.extra[e]
+    return total
+
+
+@jit
+def _fill_further(work, earlier, delayed, model, signals, epoch):
+    """Set the rows of what is measured of satellites beside pseudorange and range rate: phases, differences."""
+    for slot in range(signals.n_used[epoch]):
+        s = signals.used[epoch, slot]
+        a = signals.antenna[epoch, s]
+        for kind in range(2, model.n_kind):
+            row, channel = model.n_kind * slot + kind, model.n_kind * s + kind
+            if not delayed.present[epoch, channel]:
+                continue
+            ux, uy, uz, distance = line_of_sight(signals.satellite[epoch, s], work.antenna[a])
+            predicted = range_row(work.H[row], work.antenna[a], ux, uy, uz, distance, work.clock_hat[0])
+            predicted = predicted + _add_extra(work, model, signals, epoch, row, channel)
+            if delayed.difference[kind]:
+                before = earlier.antenna[signals.antenna[epoch - 1, s]]
+                ux, uy, uz, distance = line_of_sight(signals.satellite[epoch - 1, s], before)
+                predicted = predicted - subtract_earlier(
+                    work.H[row], delayed.earlier, before, ux, uy, uz, distance, earlier.clock[0]
+                )
+                predicted = predicted - _subtract_extra(work, earlier, delayed, model, signals, epoch, row, channel)
+            work.z[row] = work.ranges[slot, kind] - predicted
+
+
+@jit
+def fill_tight(work, earlier, delayed, model, signals, epoch):
+    """Set the rows of every satellite in use: pseudorange and range rate, then what else is measured of it (Delayed, or
+    None); z holds measured minus predicted.
+    """
     for slot in range(signals.n_used[epoch]):
         s = signals.used[epoch, slot]
         at = work.antenna[signals.antenna[epoch, s]]
         ux, uy, uz, distance = line_of_sight(signals.satellite[epoch, s], at)
-        moving, row = signals.satellite_velocity[epoch, s], 2 * slot
+        moving, row, channel = signals.satellite_velocity[epoch, s], model.n_kind * slot, model.n_kind * s
         predicted = range_row(work.H[row], at, ux, uy, uz, distance, work.clock_hat[0])
-        work.z[row] = work.ranges[slot, 0] - (predicted + _add_extra(work, model, signals, epoch, row, 2 * s))
+        work.z[row] = work.ranges[slot, 0] - (predicted + _add_extra(work, model, signals, epoch, row, channel))
         row = row + 1
         predicted = rate_row(work.H[row], at, moving, ux, uy, uz, distance, work.clock_hat[1])
-        work.z[row] = work.ranges[slot, 1] - (predicted + _add_extra(work, model, signals, epoch, row, 2 * s + 1))
+        work.z[row] = work.ranges[slot, 1] - (predicted + _add_extra(work, model, signals, epoch, row, channel + 1))
+    if delayed is not None:
+        _fill_further(work, earlier, delayed, model, signals, epoch)
 
 
 @jit
@@ -170,14 +214,14 @@ def n_measured(model, signals, epoch):
     if (epoch + 1) % model.every != 0 or model.n_receiver == 0:
         return 0
     if model.tight:
-        return 2 * signals.n_used[epoch]
+        return model.n_kind * signals.n_used[epoch]
     return 6 if model.solves or signals.n_used[epoch] >= 4 else 0
 
 
 @jit
 def channel_of(model, signals, epoch, row):
     """Return the channel of a row of the receiver at an epoch."""
-    return 2 * signals.used[epoch, row // 2] + row % 2 if model.tight else row
+    return model.n_kind * signals.used[epoch, row // model.n_kind] + row % model.n_kind if model.tight else row
 
 
 @jit
@@ -249,18 +293,19 @@ def clear_epoch(work, epoch):
 
 
 @inlined
-def fill_receiver(work, model, signals, epoch):
+def fill_receiver(work, earlier, delayed, model, signals, epoch):
     """Set the rows of what the receiver measures at an epoch, all linearised at one point."""
     if model.tight:
-        fill_tight(work, model, signals, epoch)
+        fill_tight(work, earlier, delayed, model, signals, epoch)
     else:
         fill_loose(work, model, signals, epoch)
 
 
 @jit
-def is_reference(signals, epoch, row):
-    """Return whether a row is of the satellite that others are differenced with."""
-    return signals.reference[epoch] >= 0 and row // 2 == signals.reference[epoch]
+def is_reference(model, signals, epoch, row):
+    """Return whether a row is the range or range rate of the satellite that others are differenced with."""
+    first = model.n_kind * signals.reference[epoch]
+    return first >= 0 and first <= row and row < first + 2
 
 
 @jit
@@ -274,7 +319,7 @@ def take_reference(work, model, signals, epoch, n_row, limit):
     """
     if n_row > 0 and signals.reference[epoch] >= 0:
         for k in range(2):
-            row = 2 * signals.reference[epoch] + k
+            row = model.n_kind * signals.reference[epoch] + k
             channel = channel_of(model, signals, epoch, row)
             if model.measured[channel]:
                 n = model.n_entry[channel]
@@ -286,28 +331,29 @@ def take_reference(work, model, signals, epoch, n_row, limit):
 
 
 @jit
-def _correct_receiver_row(work, past, late, direct, model, signals, epoch, dt):
+def _correct_receiver_row(work, past, earlier, late, delayed, direct, model, signals, epoch, dt):
     """In a direct filter (direct, or None) correct the total state by a row, and linearise the rows that are left at
     it. A solution with a covariance of its own is one measurement: it is linearised once.
     """
     if direct is not None and not model.has_covariance:
+        correct_earlier(work.x, earlier, delayed, model)
         correct(work, past, late, model)
         place_antenna(work, past, late, model, dt, epoch)
-        fill_receiver(work, model, signals, epoch)
+        fill_receiver(work, earlier, delayed, model, signals, epoch)
 
 
 @inlined
-def update_receiver(work, past, late, direct, gains, model, signals, epoch, dt, gate_squared):
-    """Update by what the receiver measures at an epoch: pseudorange and range rate of every satellite in use, or
-    position and velocity of a solution axis by axis, as far as they are among the filter's measurements.
+def update_receiver(work, past, earlier, late, delayed, direct, gains, model, signals, epoch, dt, gate_squared):
+    """Update by what the receiver measures at an epoch: the observables of every satellite in use, or position and
+    velocity of a solution axis by axis, as far as they are among the filter's measurements.
     """
     n_row = n_measured(model, signals, epoch)
     take_reference(work, model, signals, epoch, n_row, where(gate_squared >= 0.0, np.inf, gate_squared))
     for row in range(n_row):
         channel = channel_of(model, signals, epoch, row)
-        if model.measured[channel] and not is_reference(signals, epoch, row):
+        if is_present(delayed, model, epoch, channel) and not is_reference(model, signals, epoch, row):
             update_and_count(work, gains, model, signals, epoch, row, channel, model.has_covariance, gate_squared)
-            _correct_receiver_row(work, past, late, direct, model, signals, epoch, dt)
+            _correct_receiver_row(work, past, earlier, late, delayed, direct, model, signals, epoch, dt)
     _correct_at_once(work, past, late, direct, model)
 
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.filters import ekf, monitor
+from lvnav_trade.filters.delayed import find_earlier, renew
 from lvnav_trade.filters.late import correct_stored_errors, place_of, predicted_of_stored
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.covariance import apply_phi
@@ -131,11 +132,13 @@ def _sample_variance(out, rx, variance, scale, from_gnss):
 
 
 @inlined
-def _process_permitted(work, rx, past, watch, open_loop, direct, rules, late, gains, model, signals, epoch, dt):
+def _process_permitted(
+    work, rx, past, earlier, watch, open_loop, direct, rules, late, delayed, gains, model, signals, epoch, dt
+):
     """Process the receiver's measurements at an epoch if the mode logic permits, and make its transitions."""
     n_row = ekf.n_measured(model, signals, epoch)
     if rules.good[epoch]:
-        ekf.fill_receiver(work, model, signals, epoch)
+        ekf.fill_receiver(work, earlier, delayed, model, signals, epoch)
         _compare_late(work, past, open_loop, late, model, signals, epoch)
         _predict_rows(work, watch, model, signals, epoch)
     monitor.check_measurements(watch, rules, model, signals, epoch, work.z, n_row)
@@ -145,7 +148,7 @@ def _process_permitted(work, rx, past, watch, open_loop, direct, rules, late, ga
         ekf.decorrelate(work, past, rx, late, gains, model, signals, epoch)
         used = watch.sample[0] > 0.0
         gate = where(used, model.gate_squared, -1.0)
-        ekf.update_receiver(work, past, late, direct, gains, model, signals, epoch, dt, gate)
+        ekf.update_receiver(work, past, earlier, late, delayed, direct, gains, model, signals, epoch, dt, gate)
         for row in range(n_row):
             channel = ekf.channel_of(model, signals, epoch, row)
             work.innovation[epoch, channel] = where(used, work.innovation[epoch, channel], np.nan)
@@ -154,7 +157,7 @@ def _process_permitted(work, rx, past, watch, open_loop, direct, rules, late, ga
 
 @inlined
 def process_measurements(
-    work, rx, past, watch, open_loop, direct, rules, late, gains, sensors, model, signals, epoch, dt
+    work, rx, past, earlier, watch, open_loop, direct, rules, late, delayed, gains, sensors, model, signals, epoch, dt
 ):
     """Process what the receiver and the other sensors measure at an epoch; if the filter has a mode logic, once it
     permits.
@@ -162,17 +165,21 @@ def process_measurements(
     if open_loop is not None:
         _copy(open_loop.x, work.x)
     ekf.place_antenna(work, past, late, model, dt, epoch)
+    find_earlier(work.P, earlier, delayed)
+    renew(work.P, work.x, work.extra, delayed, model, epoch)
     if rules is None:
         if ekf.n_measured(model, signals, epoch) > 0:
-            ekf.fill_receiver(work, model, signals, epoch)
+            ekf.fill_receiver(work, earlier, delayed, model, signals, epoch)
             ekf.decorrelate(work, past, rx, late, gains, model, signals, epoch)
             _compare_late(work, past, open_loop, late, model, signals, epoch)
             gate = model.gate_squared
-            ekf.update_receiver(work, past, late, direct, gains, model, signals, epoch, dt, gate)
+            ekf.update_receiver(work, past, earlier, late, delayed, direct, gains, model, signals, epoch, dt, gate)
         ekf.update_sensors(
             work, past, open_loop, direct, late, gains, sensors, model, signals, epoch, model.gate_squared
         )
     elif (epoch + 1) % model.every == 0:
-        _process_permitted(work, rx, past, watch, open_loop, direct, rules, late, gains, model, signals, epoch, dt)
+        _process_permitted(
+            work, rx, past, earlier, watch, open_loop, direct, rules, late, delayed, gains, model, signals, epoch, dt
+        )
         gate = where(monitor.is_running(watch.state[monitor.MODE]) > 0.0, model.gate_squared, -1.0)
         ekf.update_sensors(work, past, open_loop, direct, late, gains, sensors, model, signals, epoch, gate)

@@ -6,22 +6,28 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.filters.base import BIASES, EnvelopeCard, FilterCard, ImuModel, InitialModel, ReceiverModel
+from lvnav_trade.filters.delayed import cloned_states, earlier_entries
 from lvnav_trade.filters.strapdown import strapdown_of
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.clock import spectral_densities
 from lvnav_trade.kernels.strapdown import Strapdown
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL
 from lvnav_trade.layout import BY_SATELLITE, EXTRAS, PARAMETERS, RELATIVE, ExtraBlock, ParameterBlock, StateLayout
-from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL, N_ENTRY
+from lvnav_trade.observables.base import D_EXTRA, H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL, N_ENTRY
 from lvnav_trade.observables.partials import Channels, members, sensor_states
 from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS, SENSORS
 from lvnav_trade.records import Bools, Floats, Ints
 
-PSEUDORANGE, RANGE_RATE, POSITION, VELOCITY, FIRST_SENSOR = range(5)
+PSEUDORANGE, RANGE_RATE, POSITION, VELOCITY, CARRIER_PHASE, TDCP, DELTA_PSEUDORANGE, FIRST_SENSOR = range(8)
 # The number of each type of measurement in the kernels, by name.
-TYPES = {"pseudorange": PSEUDORANGE, "range_rate": RANGE_RATE, "position": POSITION, "velocity": VELOCITY} | {
-    name: FIRST_SENSOR + k for k, name in enumerate(SENSOR_MEASUREMENTS)
-}
+TYPES = {
+    "pseudorange": PSEUDORANGE, "range_rate": RANGE_RATE, "position": POSITION, "velocity": VELOCITY,
+    "carrier_phase": CARRIER_PHASE, "tdcp": TDCP, "delta_pseudorange": DELTA_PSEUDORANGE,
+} | {name: FIRST_SENSOR + k for k, name in enumerate(SENSOR_MEASUREMENTS)}  # fmt: skip
+# States of an observable that a filter has without its card naming them.
+NOISE_STATES = {"tdcp": "phase_noise", "delta_pseudorange": "code_noise"}
+# One-sigma (m) of the receiver's clock at an epoch before the filter starts: such a difference tells nothing.
+UNKNOWN = 1e6
 # Time constant (s) of what is new in every window.
 NO_MEMORY = 1e-12
 BIAS_OF = {"gyro_bias": "gyro_relative_bias", "accel_bias": "accel_relative_bias"}
@@ -32,11 +38,12 @@ class FilterModel(NamedTuple):
 
     aided: it has measurements, or the receiver solves beside it; tight: ranges are among them; solves: the receiver
     solves for itself; measured (n_channel,): the channel is processed; n_receiver of them are the receiver's (0: none
-    is processed); rate_sign: see `observables.base.antenna`; strapdown: its algorithm; block_rows, block_columns,
-    block_kinds, block_drivers (n_block,); seconds (n_length,) distinct window lengths, decay and noise (n_length,
-    n_state) per length; clock index; n_estimated, n_state; par_sensor, par_driver, par_offset (n_par,); biases_only (no
-    scale factor or misalignment); fading (any decay); inflation (n_length,) factor of deviations by fading memory;
-    injected (n_injection, n_state) variance of a change of operating region; gate_squared; joseph; row_type, n_entry
+    is processed), n_kind of each satellite; rate_sign: see `observables.base.antenna`; strapdown: its algorithm;
+    block_rows, block_columns, block_kinds, block_drivers (n_block,); seconds (n_length,) distinct window lengths, decay
+    and noise (n_length, n_state) per length; clock index; n_estimated states that updates correct, n_assessed of NEES,
+    n_state, reported (n_reported,) states; par_sensor, par_driver, par_offset (n_par,); biases_only (no scale factor or
+    misalignment); fading (any decay); inflation (n_length,) factor of deviations by fading memory; injected
+    (n_injection, n_state) variance of a change of operating region; gate_squared; joseph; row_type, n_entry
     (n_channel,), entry and column (n_channel, n) by channel; lever_arms (n_antenna, 3) m; extra_offset (n_extra,) state
     of each extra one, extra_member (n_extra_family, n_channel) extra state in a channel, -1 none; every: of how many
     epochs the filter takes the last; has_covariance: solutions come with a covariance of their own and are
@@ -48,6 +55,7 @@ class FilterModel(NamedTuple):
     solves: bool
     measured: Bools
     n_receiver: int
+    n_kind: int
     rate_sign: float
     strapdown: Strapdown
     block_rows: Ints
@@ -59,7 +67,9 @@ class FilterModel(NamedTuple):
     noise: Floats
     clock: int
     n_estimated: int
+    n_assessed: int
     n_state: int
+    reported: Ints
     par_sensor: Ints
     par_driver: Ints
     par_offset: Ints
@@ -118,17 +128,24 @@ def _extra_blocks(
 
 
 def state_layout(
-    card: FilterCard, imu: ImuModel, receiver: ReceiverModel, channels: Channels, measurements: tuple[str, ...] = ()
-) -> StateLayout:
-    """Lay out the states of a filter: navigation, estimated parameters, clock, estimated extra states, and then what
-    is considered. Noise that rows share is a state without memory: estimated within an epoch, then forgotten.
+    card: FilterCard, imu: ImuModel, receiver: ReceiverModel, channels: Channels, measurements: tuple[str, ...] = (),
+    has_lever: bool = False, n_clone: int = 0,
+) -> StateLayout:  # fmt: skip
+    """Lay out the states of a filter: navigation, estimated parameters, clock, estimated extra states, what belongs to
+    the earlier epoch of differences, and then what is considered. Noise that rows share is a state without memory:
+    estimated within an epoch, then forgotten.
+
+    has_lever: an antenna is away from the inertial unit; n_clone: how many states are cloned, where that is known.
     """
+    differences = tuple(name for name in card.differences if name in measurements)
+    noises = [NOISE_STATES[name] for name in differences if card.previous_noise == "estimated"]
     wanted = [n for n in (*BIASES, *card.extra_states, *card.as_noise) if n not in card.neglect]
     wanted += [state for name, state in RELATIVE.items() if name in measurements and state not in wanted]
+    wanted += ["ambiguity"] if "carrier_phase" in measurements else []
     wanted += [n for n in card.consider if n not in wanted]
     parameters: list[ParameterBlock] = []
     extras: list[ExtraBlock] = []
-    offset, clock, motion, n_estimated = 9, -1, -1, 9
+    offset, clock, motion, n_estimated, delayed, n_delayed = 9, -1, -1, 9, 9, 0
     for considered in (False, True):
         group = [n for n in wanted if (n in card.consider) == considered]
         blocks = _parameter_blocks([n for n in group if n in PARAMETERS], imu, offset)
@@ -147,9 +164,18 @@ def state_layout(
             clock = offset if reduced else clock
             n_estimated = offset = offset + reduced
             offset += reduced  # the drift, which stays zero and known
-    return StateLayout(
+            delayed = offset
+            extras += (own := _extra_blocks(noises, imu, receiver, channels, offset))
+            n_delayed = sum(len(block.labels) for block in own) + n_clone
+            offset += n_delayed
+    found = StateLayout(
         tuple(parameters), clock, n_estimated, offset, tuple(extras), motion, samples=card.report_imu_samples
     )
+    cloned = cloned_states(found, channels, differences, has_lever)
+    if len(cloned) != n_clone:
+        return state_layout(card, imu, receiver, channels, measurements, has_lever, len(cloned))
+    clone = delayed + n_delayed - n_clone if n_clone else -1
+    return found._replace(delayed=delayed, n_delayed=n_delayed, clone=clone, cloned=cloned)
 
 
 def transition_blocks(parameters: tuple[ParameterBlock, ...], order: int) -> tuple[Ints, Ints, Ints, Ints]:
@@ -215,7 +241,9 @@ def _densities(card: FilterCard, layout: StateLayout, imu: ImuModel, receiver: R
 
 
 def _row_types(channels: Channels) -> Ints:
-    types = [PSEUDORANGE, RANGE_RATE] * len(channels.satellites) if channels.tight else [POSITION] * 3 + [VELOCITY] * 3
+    types = [POSITION] * 3 + [VELOCITY] * 3
+    if channels.tight:
+        types = [TYPES[name] for name in channels.observables] * len(channels.satellites)
     types += [TYPES[sensor.measures] for sensor in channels.sensors for _ in sensor.labels]
     return np.array(types, dtype=np.int64)
 
@@ -238,7 +266,7 @@ def _row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, whitened: 
     rate = [(H_RATE + i, _rate_state(layout) + i) for i in range(3)] if has_lever and _rate_state(layout) >= 0 else []
     bias, drift = ([(H_CLOCK, layout.clock + k)] if layout.clock >= 0 else [] for k in (0, 1))
     types = {
-        PSEUDORANGE: position + attitude + bias,
+        **dict.fromkeys((PSEUDORANGE, CARRIER_PHASE, TDCP, DELTA_PSEUDORANGE), position + attitude + bias),
         RANGE_RATE: position + attitude + velocity + rate + drift,
         POSITION: position + attitude + (velocity + rate if whitened else []),
         VELOCITY: velocity + attitude + rate + (position if whitened else []),
@@ -247,7 +275,9 @@ def _row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, whitened: 
         types[TYPES[card.measurement]] = [pair for name in card.jacobian for pair in whole[name]]
     extras = [e.offset + i for e in layout.extras for i in range(len(e.labels))]
     count = np.zeros(row_type.size, dtype=np.int64)
-    pairs = np.zeros((2, row_type.size, N_ENTRY + len(extras if whitened else layout.extras)), dtype=np.int64)
+    width = N_ENTRY + len(extras if whitened else layout.extras)
+    n_earlier = D_EXTRA + len(layout.extras) if layout.cloned else 0
+    pairs = np.zeros((2, row_type.size, width + n_earlier), dtype=np.int64)
     for channel, kind in enumerate(row_type.tolist()):
         if whitened:
             stood_for = [e.offset + int(e.member[channel]) for e in layout.extras if e.member[channel] >= 0]
@@ -256,6 +286,8 @@ def _row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, whitened: 
             own = [(N_ENTRY + f, e.offset + int(e.member[channel])) for f, e in enumerate(layout.extras)
                    if e.member[channel] >= 0]  # fmt: skip
         found = types[kind] + own
+        if kind in (TDCP, DELTA_PSEUDORANGE) and layout.cloned:
+            found += earlier_entries(layout, found, width)
         count[channel] = len(found)
         pairs[:, channel, : len(found)] = np.transpose(found)
     return count, pairs[0], pairs[1]
@@ -293,7 +325,7 @@ def build_filter_model(
     clock's, that a clock of one state takes for white. Long because a record of 32 numbers is filled here, each by an
     expression of its own.
     """
-    layout = state_layout(card, imu, receiver, channels, measurements)
+    layout = state_layout(card, imu, receiver, channels, measurements, bool(np.any(lever_arms)))
     rows, columns, kinds, drivers = transition_blocks(layout.parameters, card.transition_order)
     if "imu" in measurements:  # all but the gradient of gravity is propagated sample by sample
         gradient = kinds == transition.VEL_POS
@@ -302,12 +334,15 @@ def build_filter_model(
     row_type = _row_types(channels)
     count, entry, column = _row_tables(layout, row_type, bool(np.any(lever_arms)), has_covariance)
     extra_offset, extra_member = _extra_tables(layout, channels.n_channel)
+    corrected = layout.delayed + layout.n_delayed if layout.n_delayed else layout.n_estimated
+    considers = bool(layout.cloned) and card.delayed_state == "consider"
     model = FilterModel(
         aided=solves or any(name in TYPES for name in measurements),
         tight=channels.tight,
         solves=solves,
         measured=np.isin(row_type, [kind for name, kind in TYPES.items() if name in measurements]),
         n_receiver=channels.n_receiver if channels.receiver else 0,
+        n_kind=len(channels.observables),
         rate_sign=1.0 if layout.motion >= 0 else -1.0,
         strapdown=strapdown or strapdown_of(card.strapdown, card.gravity),
         block_rows=rows,
@@ -318,8 +353,10 @@ def build_filter_model(
         decay=decay,
         noise=noise,
         clock=layout.clock,
-        n_estimated=layout.n_estimated,
+        n_estimated=corrected - (len(layout.cloned) if considers else 0),
+        n_assessed=layout.n_estimated,
         n_state=layout.n_state,
+        reported=np.array(layout.reported, dtype=np.int64),
         par_sensor=np.array([b.sensor for b in layout.parameters], dtype=np.int64),
         par_driver=np.array([b.driver for b in layout.parameters], dtype=np.int64),
         par_offset=np.array([b.offset for b in layout.parameters], dtype=np.int64),
@@ -361,6 +398,8 @@ def initial_covariance(
         variance[motion : motion + 3] = envelope.start_rate**2
         variance[motion + 3 : motion + 6] = envelope.start_acceleration**2
     P = np.diag(variance)
+    for clone, state in enumerate(layout.cloned, start=layout.clone):
+        P[clone, clone] = UNKNOWN**2 if state == clock else variance[state]
     tilt = np.diag([initial.tilt**2, initial.tilt**2, initial.heading**2])
     P[ATT : ATT + 3, ATT : ATT + 3] = C_n_i @ tilt @ C_n_i.T
     for extra in layout.extras:

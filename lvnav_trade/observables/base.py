@@ -12,6 +12,8 @@ from lvnav_trade.kernels.strapdown import Q, R, V
 
 # Where the entries of a row stand; H_RATE: of the error of the body rate, by the antenna's swing.
 H_POS, H_ATT, H_VEL, H_CLOCK, H_RATE, N_ENTRY = 0, 3, 6, 9, 10, 13
+# Where those of the earlier epoch of a difference stand, behind all others; its extra states follow.
+D_POS, D_ATT, D_CLOCK, D_EXTRA = 0, 3, 6, 7
 
 
 @jit

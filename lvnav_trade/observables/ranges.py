@@ -1,8 +1,12 @@
-"""Pseudorange and range rate (Doppler): distance to the satellite at transmission, and its rate, plus the clock."""
+"""Pseudorange and range rate (Doppler): distance to the satellite at transmission, and its rate, plus the clock.
+
+A carrier phase, in metres, is a range too, with a constant of its own (Trigo and Theil, eq. 8 times the wavelength); a
+difference of two epochs (eq. 9) is the row of the later range less that of the earlier one.
+"""
 
 from lvnav_trade.kernels.attitude import cross
 from lvnav_trade.kernels.jit import jit
-from lvnav_trade.observables.base import H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL
+from lvnav_trade.observables.base import D_ATT, D_CLOCK, D_POS, H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL
 
 
 @jit
@@ -16,6 +20,18 @@ def range_row(h, at, ux, uy, uz, distance, clock_bias):
     for i in range(3):
         h[H_VEL + i], h[H_RATE + i] = 0.0 * ux, 0.0 * ux
     h[H_CLOCK] = 0.0 * ux + 1.0
+    return distance + clock_bias
+
+
+@jit
+def subtract_earlier(h, first, at, ux, uy, uz, distance, clock_bias):
+    """Set the entries of a difference that are of its earlier epoch, from `first` on, and return what that range takes
+    off the prediction (m); the rest as of `range_row`, at the earlier epoch.
+    """
+    h[first + D_POS], h[first + D_POS + 1], h[first + D_POS + 2] = ux, uy, uz
+    ax, ay, az = cross(at[6], at[7], at[8], ux, uy, uz)
+    h[first + D_ATT], h[first + D_ATT + 1], h[first + D_ATT + 2] = ax, ay, az
+    h[first + D_CLOCK] = 0.0 * ux - 1.0
     return distance + clock_bias
 
 

@@ -19,6 +19,7 @@ from lvnav_trade.observables.pad.azimuth import AzimuthCard
 from lvnav_trade.observables.pad.position import PadPositionCard
 from lvnav_trade.observables.pad.rotation import ZeroRotationCard
 from lvnav_trade.observables.pad.velocity import ZeroVelocityCard
+from lvnav_trade.observables.partials import FURTHER
 from lvnav_trade.observables.pressure import BarometerCard
 from lvnav_trade.observables.sensor import SensorCard
 from lvnav_trade.observables.stellar import StarTrackerCard
@@ -44,8 +45,9 @@ STAR_TRACKER, MAGNETOMETER, BAROMETER, GROUND_STATION, ZERO_ROTATION = range(7, 
 
 RECEIVER_SOLUTION = ("position", "velocity")
 RANGES = ("pseudorange", "range_rate")
+OBSERVABLES = (*RANGES, *FURTHER)
 SENSOR_MEASUREMENTS = tuple(dict.fromkeys(card.measurement for card in SENSORS))
-MEASUREMENTS = (*RECEIVER_SOLUTION, *RANGES, *SENSOR_MEASUREMENTS, "imu")
+MEASUREMENTS = (*RECEIVER_SOLUTION, *OBSERVABLES, *SENSOR_MEASUREMENTS, "imu")
 """Names of measurements, in the order in which a filter card holds them."""
 
 SENSOR_STATES = {state.name: state for card in SENSORS for state in card.model.states.values()}

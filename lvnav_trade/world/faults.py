@@ -70,12 +70,10 @@ class RangeBias(TimedInSight):
     drift: Speed = 0.0
 
 
-class ClockJump(Conditions):
-    """The receiver's clock jumps by so much range, once."""
+class Jump(Conditions):
+    """Something that jumps once."""
 
-    kind: Literal["clock_jump"] = "clock_jump"
     start: str | None = Field(None, description="time, or relative to an event; or conditions, once they begin to hold")
-    size: Length
 
     @property
     def duration(self) -> float:
@@ -88,8 +86,33 @@ class ClockJump(Conditions):
             yield (
                 "start: is missing, or a condition such as from or above"
                 if self.start is None
-                else ("start: a clock jumps once, at its start or when its conditions begin to hold")
+                else (f"start: {self.once} once, at its start or when its conditions begin to hold")
             )
+
+    @property
+    def once(self) -> str:
+        """What jumps, in words."""
+        return "a clock jumps"
+
+
+class ClockJump(Jump):
+    """The receiver's clock jumps by so much range, once."""
+
+    kind: Literal["clock_jump"] = "clock_jump"
+    size: Length
+
+
+class CycleSlip(Jump):
+    """The carrier phases of some satellites jump by so many cycles, once, and the receiver does not notice."""
+
+    kind: Literal["cycle_slip"] = "cycle_slip"
+    satellites: Names = Field((), description="such as G05; the highest at the start if empty")
+    size: float = Field(description="cycles of the carrier")
+
+    @property
+    def once(self) -> str:
+        """What jumps, in words."""
+        return "a phase slips"
 
 
 class WildSamples(TimedInSight):
@@ -154,6 +177,7 @@ AnyFault = (
     | DegradedNoise
     | RangeBias
     | ClockJump
+    | CycleSlip
     | WildSamples
     | FrozenOutput
     | InvalidOutput
@@ -167,14 +191,16 @@ Fault = Annotated[AnyFault, Field(discriminator="kind")]
 
 class Failures(NamedTuple):
     """What faults do at the epochs. noise (n_epoch, n_sat) factor on white noise, solution_noise (n_epoch,); bias and
-    drift (n_epoch, n_sat) m and m/s in range and its rate; jump (n_epoch,) m of the clock at this epoch; wild (n_epoch,
-    n_sat) and solution_wild (n_epoch,) sigma (m); frozen, invalid (n_epoch,).
+    drift (n_epoch, n_sat) m and m/s in range and its rate; slip (n_epoch, n_sat) cycles in the carrier phase; jump
+    (n_epoch,) m of the clock at this epoch; wild (n_epoch, n_sat) and solution_wild (n_epoch,) sigma (m); frozen,
+    invalid (n_epoch,).
     """
 
     noise: Floats
     solution_noise: Floats
     bias: Floats
     drift: Floats
+    slip: Floats
     jump: Floats
     wild: Floats
     solution_wild: Floats
@@ -206,7 +232,7 @@ def periods(number: int, fault: AnyFault, course: Course) -> Intervals:
     """
     try:
         start = None if fault.start is None else course.time(fault.start, "start")
-        if isinstance(fault, ClockJump):
+        if isinstance(fault, Jump):
             if start is not None:
                 return ((start, start),)
             return tuple((course.begin(one), course.begin(one)) for one, _ in course.holding(fault)[:1])
@@ -306,9 +332,9 @@ def failures(
     and tracked (n_epoch, n_sat).
     """
     n, shape = t.size, (t.size, len(names))
-    bias, drift, jump, wild, solution_wild = (np.zeros(size) for size in (shape, shape, n, shape, n))
+    bias, drift, slip, jump, wild, solution_wild = (np.zeros(size) for size in (shape, shape, shape, n, shape, n))
     frozen, invalid = np.zeros((2, n), dtype=bool)
-    out = Failures(np.ones(shape), np.ones(n), bias, drift, jump, wild, solution_wild, frozen, invalid)
+    out = Failures(np.ones(shape), np.ones(n), bias, drift, slip, jump, wild, solution_wild, frozen, invalid)
     for number, fault, within, *_ in active(faults, DegradedNoise, course, t):
         struck = _struck(number, fault, within, elevation, tracked) & _named(number, fault.satellites, names)
         out.noise[struck] *= fault.factor
@@ -321,6 +347,10 @@ def failures(
         struck = _struck(number, fault, within, elevation, tracked) & hit
         bias += np.where(struck, (fault.size + fault.drift * (t - start))[:, None], 0.0)
         drift[struck] += fault.drift
+    for number, fault, _, start, _ in active(faults, CycleSlip, course, t):
+        first = min(int(np.searchsorted(t, start - ROUNDING)), n - 1)
+        hit = _named(number, fault.satellites, names)
+        slip[first:] += fault.size * (hit if fault.satellites else highest(elevation[first], tracked[first], 1))
     for _, fault, _, start, _ in active(faults, ClockJump, course, t):
         jump[min(int(np.searchsorted(t, start - ROUNDING)), n - 1)] += fault.size
     for number, fault, within, *_ in active(faults, WildSamples, course, t):

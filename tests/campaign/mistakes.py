@@ -94,7 +94,7 @@ BAD: dict[str, tuple[str, str, str, str]] = {
         "configs/filters/near.yaml",
         "measurements: [pseudorange, range_rate]",
         "measurements: [pseudorange, range_rat]",
-        "configs/filters/near.yaml:3:29: base.filter.measurements.1: 'range_rat' is not one of position, velocity, pseudorange, range_rate, altitude, attitude, zero_velocity, pad_position, azimuth, angle_difference, velocity_difference, stellar_attitude, magnetic_field, pressure_altitude, ground_tracking, zero_rotation, imu (did you mean 'range_rate'?)",
+        "configs/filters/near.yaml:3:29: base.filter.measurements.1: 'range_rat' is not one of position, velocity, pseudorange, range_rate, carrier_phase, tdcp, delta_pseudorange, altitude, attitude, zero_velocity, pad_position, azimuth, angle_difference, velocity_difference, stellar_attitude, magnetic_field, pressure_altitude, ground_tracking, zero_rotation, imu (did you mean 'range_rate'?)",
     ),
     "a_bare_word_where_matched_is_meant_is_refused": (
         "configs/filters/near.yaml",

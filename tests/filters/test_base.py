@@ -51,3 +51,37 @@ def test_a_filter_model_is_read_in_the_datasheets_units():
     assert model.accel_random_walk == pytest.approx(50e-6 * 9.80665, rel=1e-12)
     assert model.gyro_bias == pytest.approx(math.radians(1.0) / 3600.0, rel=1e-12)
     assert model.gyro_bias_time is None
+
+
+@pytest.mark.parametrize(
+    ("listed", "reason"),
+    [
+        (["carrier_phase", "tdcp"], "tdcp is the change of carrier_phase: information would be counted twice"),
+        (["pseudorange", "delta_pseudorange"], "delta_pseudorange is the change of pseudorange"),
+        (["position", "tdcp"], "the receiver's solution is computed from the same ranges"),
+    ],
+)
+def test_the_same_information_twice_is_refused(listed, reason):
+    with pytest.raises(ValidationError, match=reason):
+        FilterCard(**PLAIN | {"measurements": listed})
+
+
+@pytest.mark.parametrize("listed", [["tdcp"], ["delta_pseudorange"], ["carrier_phase", "range_rate"],
+                                    ["pseudorange", "range_rate", "tdcp"], ["tdcp", "delta_pseudorange"]])  # fmt: skip
+def test_any_other_observables_go_together(listed):
+    card = FilterCard(**PLAIN | {"measurements": listed})
+    assert card.tight
+    assert set(card.differences) == set(listed) & {"tdcp", "delta_pseudorange"}
+
+
+def test_no_inverse_transition_leads_back_through_samples_that_are_measurements():
+    with pytest.raises(ValidationError, match="samples of the IMU are updates between epochs"):
+        FilterCard(**PLAIN | {"measurements": ["tdcp", "imu"], "delayed_state": "back_propagated"})
+    assert FilterCard(**PLAIN | {"measurements": ["tdcp", "imu"]}).models_vehicle
+
+
+@pytest.mark.parametrize("state", ["ambiguity", "phase_noise", "code_noise"])
+def test_states_that_a_filter_has_by_what_it_measures_are_not_named(state):
+    for field in ("extra_states", "consider"):
+        with pytest.raises(ValidationError):
+            FilterCard(**PLAIN | {field: [state]})

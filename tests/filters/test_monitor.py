@@ -34,12 +34,12 @@ from lvnav_trade.records import AIDING, CONVERGING, MODES, PREDICTING, REASONS, 
 
 N_EPOCH, N = 60, 9
 # As much of the filter and of the measurements as says which channel a row is of.
-FilterModel = namedtuple("FilterModel", "tight measured")
+FilterModel = namedtuple("FilterModel", "tight measured n_kind")
 Signals = namedtuple("Signals", "used")
 P0 = np.diag([1e-6] * 3 + [4.0] * 3 + [100.0] * 3)
 SIGMA = 5.0
 VARIANCE = np.array([SIGMA**2] * 3 + [0.01] * 3)
-LOOSE, NO_RANGES = FilterModel(False, np.ones(6, dtype=bool)), Signals(np.zeros((N_EPOCH, 0), dtype=np.int64))
+LOOSE, NO_RANGES = FilterModel(False, np.ones(6, dtype=bool), 2), Signals(np.zeros((N_EPOCH, 0), dtype=np.int64))
 
 
 def rules(**changed):
@@ -241,7 +241,7 @@ def test_ranges_are_checked_by_the_channels_of_their_satellites():
     """
     taken = np.ones(6, dtype=bool)
     taken[5] = False  # the range rate of the third satellite
-    model, signals = FilterModel(True, taken), Signals(np.array([[0, 2, 0], [2, 0, 0], [0, 1, 0]]))
+    model, signals = FilterModel(True, taken, 2), Signals(np.array([[0, 2, 0], [2, 0, 0], [0, 1, 0]]))
     limits = np.array([10.0, 1.0, 10.0, 1.0, 10.0, 1.0])
     settings, watch = rules(limits=limits, start_after=2.0), new_watch(3, 6, 6)
     begin_watch(watch)

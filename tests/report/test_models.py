@@ -127,7 +127,7 @@ def test_the_families_are_found():
     assert {"trajectory.kind", "constellation.kind", "sensors.*.kind", "faults.*.kind"} <= set(FAMILIES)
     assert {"receiver.solution.kind", "atmosphere.troposphere.kind"} <= set(FAMILIES)
     assert len(FAMILIES["sensors.*.kind"]) == 12
-    assert len(FAMILIES["faults.*.kind"]) == 12
+    assert len(FAMILIES["faults.*.kind"]) == 13
 
 
 @pytest.mark.parametrize("path", FAMILIES)
@@ -145,10 +145,10 @@ PLAIN = {
     Scenario: {"filter", "receiver", "imu", "sensors", "faults", "atmosphere", "frame", "diverged"},
     FilterCard: {"name", "source", "covariance_rate", "update_rate", "imu", "receiver", "initial", "sensor_models",
                  "envelope", "corrections", "report_imu_samples", "strapdown",
-                 "reference_satellite"},
+                 "reference_satellite", "delayed_state", "previous_noise"},
     ReceiverCard: {"name", "source", "rate", "multipath_time", "range_rate_instability_time", "channels",
                    "pseudorange_sigma", "range_rate_sigma", "carrier_phase_sigma",
-                   "clock"},
+                   "carrier_ambiguity", "clock"},
     GyroCard: {"instability_time", "full_scale"},
     AccelCard: {"instability_time", "full_scale"},
 }  # fmt: skip
@@ -175,6 +175,11 @@ OF_TESTS = (
     {"constellation": {"kind": "almanac", "almanac": "current.alm"}},
     {"constellation": {"kind": "rinex", "rinex": "brdc.nav"}},
     {"receiver.antennas": [PATCH]},
+    {"filter.measurements": ["pseudorange", "carrier_phase"], "receiver.cycle_slips": {"rate": "2 1/h"}},
+    {
+        "filter.measurements": ["pseudorange", "tdcp"],
+        "faults": [{"kind": "cycle_slip", "size": 1.0, "start": "9 s"}],
+    },
     {"receiver.noise_by": [{"altitude": ["0 km", "9 km"], "factor": [1.0, 2.0]}], "receiver.frequencies": "L1_L5"},
     {"receiver.range_rate_offset": "0.1 m/s", "filter.clock": "differenced", "filter.reference_satellite": "G01"},
     {"filter.clock": "one_state", "filter.measurements": ["pseudorange"]},

@@ -8,9 +8,10 @@ import numpy as np
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.layout import PARAMETERS
 from lvnav_trade.noise import idle_tables
+from lvnav_trade.observables.partials import DIFFERENCES, PHASES
 from lvnav_trade.observables.sensors import RANGES, SENSOR_STATES
 from lvnav_trade.scenario import Scenario, smoothing_of, solves
-from lvnav_trade.world.faults import ClockJump, DegradedNoise, RangeBias, WildSamples
+from lvnav_trade.world.faults import ClockJump, CycleSlip, DegradedNoise, RangeBias, WildSamples
 from lvnav_trade.world.receiver.receiver import DirectSolution
 
 _FLIGHT_LOOP = ("filter.feedback",)
@@ -43,7 +44,9 @@ def used(prepared: Prepared, read: Collection[str]) -> Used:
         steered = (name for name, card in scenario.sensors.items() if card and card.measurement == "attitude")
         whole += (*_CONTROL, *(f"sensors.{name}" for name in steered))
     exact = dict(_exact(prepared))
-    idle = dict([*_untouched(prepared), *_late(prepared), *_of_ranges(scenario), *_of_noise(scenario)])
+    idle = dict([
+        *_untouched(prepared), *_late(prepared), *_of_ranges(scenario), *_of_noise(scenario), *_of_phases(prepared),
+    ])  # fmt: skip
     return Used(frozenset(read), whole, exact | idle, frozenset(exact.keys() - idle.keys()))
 
 
@@ -94,7 +97,8 @@ def _late(prepared: Prepared) -> Iterator[tuple[str, str]]:
 
 def _of_noise(scenario: Scenario) -> Iterator[tuple[str, str]]:
     """Yield the factors on noise of what is not measured: by the receiver, or by the filter."""
-    model, taken = scenario.filter.receiver, scenario.filter.measurements
+    model, listed = scenario.filter.receiver, scenario.filter.measurements
+    taken = [DIFFERENCES.get(name, name) for name in listed]
     solved = (*RANGES, "carrier_phase") if smoothing_of(scenario) is not None else RANGES
     for path, tables, measured in (
         ("receiver", scenario.receiver.noise_by, solved if solves(scenario) else taken),
@@ -120,3 +124,15 @@ def _of_ranges(scenario: Scenario) -> Iterator[tuple[str, str]]:
         elif isinstance(fault, DegradedNoise | WildSamples):
             for field in (*fault.by_elevation, *(("satellites",) if fault.satellites else ())):
                 yield f"faults.{number}.{field}", reason
+
+
+def _of_phases(prepared: Prepared) -> Iterator[tuple[str, str]]:
+    """Yield what belongs to carrier phases, where none is measured."""
+    if any(name in PHASES for name in prepared.channels.further):
+        return
+    reason = "no effect: no carrier phase is measured (carrier_phase, tdcp)"
+    for field in ("carrier_phase_sigma", "cycle_slips"):
+        yield f"receiver.{field}", reason
+    for number, fault in enumerate(prepared.scenario.faults):
+        if isinstance(fault, CycleSlip):
+            yield f"faults.{number}", reason

@@ -9,7 +9,7 @@ from lvnav_trade.engines.lincov.components import components
 from lvnav_trade.engines.lincov.workspace import Tape
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.errors import InputError
-from lvnav_trade.filters.model import POSITION, PSEUDORANGE, TYPES
+from lvnav_trade.filters.model import CARRIER_PHASE, DELTA_PSEUDORANGE, POSITION, PSEUDORANGE, TDCP, TYPES
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import predict
 from lvnav_trade.kernels.jit import jit
@@ -18,7 +18,9 @@ from lvnav_trade.records import Floats
 
 FLOOR = 1e-9
 """An eigenvalue of the noise's correlation below counts as nothing: sums of thousands of windows are exact to 1e-12."""
-_UNITS = {TYPES[card.measurement]: card.unit for card in SENSORS} | {PSEUDORANGE: "m", POSITION: "m"}
+_UNITS = {TYPES[card.measurement]: card.unit for card in SENSORS} | dict.fromkeys(
+    (PSEUDORANGE, POSITION, CARRIER_PHASE, TDCP, DELTA_PSEUDORANGE), "m"
+)
 
 
 class ErrorBound(NamedTuple):
@@ -85,8 +87,10 @@ def error_bound(prepared: Prepared, tape: Tape) -> ErrorBound:
         noise, np.zeros((n, n)), np.zeros((true.nav_rows.size, 9)), tape, prepared.schedule, true,
         model,
     )  # fmt: skip
+    own = np.array(prepared.layout.reported)
+    noise, n = noise[:, own[:, None], own], own.size
     kept = noise[1:] if updates > 1 else noise  # before the first update the stretch may be shorter than an interval
-    scale = initial_spread(prepared.start.P)[0]
+    scale = initial_spread(prepared.start.P[np.ix_(own, own)])[0]
     safe = np.where(scale > 0.0, scale, 1.0)
     kept = kept / np.outer(safe, safe)
     root = np.sqrt(np.einsum("kii->ki", kept))

@@ -5,8 +5,9 @@ The error is truth minus estimate, states in storage order, frame i.
 
 import numpy as np
 
-from lvnav_trade.engines.lincov.workspace import Nominal
+from lvnav_trade.engines.lincov.workspace import Nominal, new_nominal_earlier
 from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.filters.delayed import Earlier, store_estimate
 from lvnav_trade.filters.ekf import place_antenna
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.attitude import from_rotation, multiply
@@ -56,3 +57,18 @@ def place(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: float 
     for extra, offset in enumerate(model.extra_offset):
         work.extra[extra] = -d[offset]
     place_antenna(work, None, None, model, prepared.unit.dt, epoch)
+
+
+def place_earlier(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Earlier | None:
+    """Return what the filter stores of the epoch before one, in error by the clones in d (n_state,); None where no
+    difference of epochs is measured. Changes the navigation state of `work`.
+    """
+    delayed, model = prepared.options.delayed, prepared.model
+    earlier = new_nominal_earlier(prepared)
+    if delayed is None or earlier is None:
+        return None
+    own = np.zeros_like(d)
+    own[delayed.cloned] = d[delayed.clone + np.arange(delayed.cloned.size)]
+    place(prepared, work, max(0, epoch - 1), own)
+    store_estimate(work, earlier, work.past, None, delayed, model, epoch)
+    return earlier

@@ -4,11 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines.analysis.estimate import increments, navigation_at, place, tick_at
+from lvnav_trade.engines.analysis.estimate import increments, navigation_at, place, place_earlier, tick_at
 from lvnav_trade.engines.lincov.history import turns
 from lvnav_trade.engines.lincov.workspace import Nominal, new_nominal
 from lvnav_trade.engines.setup.prepare import Prepared
-from lvnav_trade.filters.ekf import fill_receiver
+from lvnav_trade.filters.ekf import channel_of, fill_receiver
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.attitude import small_rotation
 from lvnav_trade.kernels.covariance import apply_phi
@@ -73,10 +73,15 @@ def nonlinearity(
 
 def _covariances(prepared: Prepared, history: CovHistory, hist: int) -> tuple[Floats, Floats]:
     """Return the formal and the true covariance (n_state, n_state) at a history time, frame i."""
-    turn = turns(prepared)[hist]
+    turn, layout = turns(prepared)[hist], prepared.layout
     states = slice(0, len(turn))  # what is reported beside them is no state
     formal, true = (turn.T @ cov[hist, states, states] @ turn for cov in (history.formal_cov, history.true_cov))
-    return formal, true
+    if not layout.n_delayed:
+        return formal, true
+    whole = np.zeros((layout.n_state, len(turn)))  # a clone is what it is of, a noise of an epoch nothing
+    whole[layout.reported, range(len(turn))] = 1.0
+    whole[layout.clone : layout.clone + len(layout.cloned)] = whole[list(layout.cloned)]
+    return whole @ formal @ whole.T, whole @ true @ whole.T
 
 
 def _factor(covariance: Floats) -> Floats:
@@ -167,7 +172,7 @@ def _rows(prepared: Prepared, time: float, directions: Floats, formal: Floats) -
         return float("nan")
     work = new_nominal(prepared)
     expected = _predicted(prepared, work, epoch, np.zeros(directions.shape[1]))
-    sigma = _innovation_sigma(prepared, work, epoch, len(expected), formal)
+    sigma = _innovation_sigma(prepared, work, epoch, formal)
     bent = [
         _predicted(prepared, work, epoch, d) + _predicted(prepared, work, epoch, -d) - 2.0 * expected
         for d in directions
@@ -177,19 +182,28 @@ def _rows(prepared: Prepared, time: float, directions: Floats, formal: Floats) -
 
 def _predicted(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Floats:
     """Return the predicted measurements of an epoch by an estimate in error by d, up to their sign."""
-    model = prepared.model
+    model, signals, delayed = prepared.model, prepared.signals, prepared.options.delayed
+    earlier = place_earlier(prepared, work, epoch, d)
     place(prepared, work, epoch, d)
-    fill_receiver(work, model, prepared.signals, epoch)
-    return work.z[: 2 * prepared.signals.n_used[epoch] if model.tight else 6].copy()
+    fill_receiver(work, earlier, delayed, model, signals, epoch)
+    return work.z[_present(prepared, epoch)]
 
 
-def _innovation_sigma(prepared: Prepared, work: Nominal, epoch: int, n_row: int, formal: Floats) -> Floats:
+def _present(prepared: Prepared, epoch: int) -> list[int]:
+    """Return the rows that the receiver has at an epoch."""
+    model, signals, delayed = prepared.model, prepared.signals, prepared.options.delayed
+    n_row = model.n_kind * signals.n_used[epoch] if model.tight else 6
+    return [row for row in range(n_row)
+            if delayed is None or delayed.present[epoch, channel_of(model, signals, epoch, row)]]  # fmt: skip
+
+
+def _innovation_sigma(prepared: Prepared, work: Nominal, epoch: int, formal: Floats) -> Floats:
     """Return the filter's sigma of the innovations of the rows that `work` holds."""
-    model, signals, sigma = prepared.model, prepared.signals, np.empty(n_row)
-    for row in range(n_row):
-        channel = 2 * signals.used[epoch, row // 2] + row % 2 if model.tight else row
+    model, signals, sigma = prepared.model, prepared.signals, []
+    for row in _present(prepared, epoch):
+        channel = channel_of(model, signals, epoch, row)
         n = model.n_entry[channel]
         h = np.zeros(prepared.layout.n_state)
         h[model.column[channel, :n]] = work.H[row, model.entry[channel, :n]]
-        sigma[row] = np.sqrt(h @ formal @ h + signals.variance[epoch, channel])
-    return sigma
+        sigma.append(np.sqrt(h @ formal @ h + signals.variance[epoch, channel]))
+    return np.array(sigma)

@@ -10,6 +10,7 @@ from lvnav_trade.engines.lincov.history import forward_tape
 from lvnav_trade.engines.lincov.samples import nominal_tick
 from lvnav_trade.engines.lincov.workspace import Tape
 from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.filters.model import NOISE_STATES
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import apply_phi
 from lvnav_trade.kernels.jit import jit
@@ -85,6 +86,7 @@ class _Rows(NamedTuple):
     first_tick: Ints
     n_tick: Ints
     length: Ints
+    epoch: Ints
     first: Ints
     channel: Ints
     sums: Floats
@@ -101,7 +103,9 @@ class _Rows(NamedTuple):
 
 
 @jit
-def _gather(triangle, phi, D, row_of, sums, h, rows, dt, vehicle, reference, first_window, last_window):
+def _gather(
+    triangle, phi, D, row_of, sums, h, rows, dt, delayed, extra_offset, vehicle, reference, first_window, last_window
+):
     """Fold in every row of a stretch, times the transition since its start, in sigmas of its noise; return how many.
 
     triangle (n, n) and phi (n, n), the columns of the transition, updated; D (n_block, 9), row_of (n,), sums (18,) and
@@ -130,6 +134,8 @@ def _gather(triangle, phi, D, row_of, sums, h, rows, dt, vehicle, reference, fir
                 row_of[j] = rows.weight[row] * total
             fold(triangle, row_of)
             count += 1
+        if delayed is not None and rows.epoch[w] >= 0:
+            _begin_epoch(phi, delayed, extra_offset, rows.epoch[w])
     return count
 
 
@@ -137,38 +143,66 @@ def _rows(prepared: Prepared, true: Components, tape: Tape) -> _Rows:
     schedule, model, signals = prepared.schedule, prepared.model, prepared.signals
     used = slice(0, int(tape.used[0]))
     whitened = model.has_covariance & (tape.channel[used] < signals.n_receiver)
-    variance = np.where(whitened, 1.0, signals.variance[tape.epoch[used], tape.channel[used]])
+    variance = np.where(whitened, 1.0, _variances(prepared)[tape.epoch[used], tape.channel[used]])
     return _Rows(
-        schedule.first_tick, schedule.n_tick, schedule.length, tape.first, tape.channel, tape.sums, tape.position,
-        tape.h, 1.0 / np.sqrt(variance), model.n_entry, model.entry, model.column, model.seconds, model.decay,
-        (true.nav_rows, true.nav_columns, true.nav_kinds, true.nav_drivers), model.clock,
+        schedule.first_tick, schedule.n_tick, schedule.length, schedule.epoch, tape.first, tape.channel, tape.sums,
+        tape.position, tape.h, 1.0 / np.sqrt(variance), model.n_entry, model.entry, model.column, model.seconds,
+        model.decay, (true.nav_rows, true.nav_columns, true.nav_kinds, true.nav_drivers), model.clock,
     )  # fmt: skip
+
+
+@jit
+def _begin_epoch(phi, delayed, extra_offset, epoch):
+    """Let clones be what they are of, and forget what begins anew, in the columns phi (n, n) of the transition."""
+    for j in range(phi.shape[0]):
+        for e in range(extra_offset.shape[0]):
+            if delayed.renewed[epoch, e] >= 0.0:
+                phi[j, extra_offset[e]] = 0.0
+        for c in range(delayed.cloned.shape[0]):
+            phi[j, delayed.clone + c] = phi[j, delayed.cloned[c]]
 
 
 def _folded(prepared: Prepared, rows: _Rows, first: int, last: int) -> tuple[int, Floats]:
     """Return how many rows the windows from first to last have, and the triangle (n, n) that they fold into."""
     n, vehicle = prepared.layout.n_state, prepared.options.vehicle
     n_entry = 1 if vehicle is None else vehicle.columns.shape[1]
-    triangle, phi = np.zeros((n, n)), np.eye(n)  # row j of phi is the column of Phi that belongs to state j
+    triangle, phi, delayed = np.zeros((n, n)), np.eye(n), prepared.options.delayed
+    for clone, state in enumerate(prepared.layout.cloned, start=prepared.layout.clone):
+        phi[clone, clone], phi[state, clone] = 0.0, 1.0  # row j of phi is the column of Phi that belongs to state j
     count = _gather(
         triangle, phi, np.zeros((rows.blocks[0].size, 9)), np.zeros(n), np.zeros(N_SUM), np.zeros((N_SAMPLE, n_entry)),
-        rows, prepared.unit.dt, vehicle, None if vehicle is None else prepared.reference, first, last,
+        rows, prepared.unit.dt, delayed, prepared.model.extra_offset, vehicle,
+        None if vehicle is None else prepared.reference, first, last,
     )  # fmt: skip
     return count, triangle
 
 
 def _stretch(prepared: Prepared, rows: _Rows, start: float, end: float) -> Stretch:
-    schedule, n = prepared.schedule, prepared.layout.n_state
+    schedule, own = prepared.schedule, np.array(prepared.layout.reported)
     ends = prepared.reference.t[schedule.first_tick + schedule.n_tick]
     inside = np.flatnonzero((ends > start + 1e-9) & (ends <= end + 1e-9))
     count, triangle = _folded(prepared, rows, int(inside[0]), int(inside[-1]))
-    scale, root = initial_spread(prepared.start.P)
+    scale, root = initial_spread(prepared.start.P[np.ix_(own, own)])
     asked = scale > 0.0  # a state of no initial sigma is known, not unobservable
     root = root[np.ix_(asked, asked)]
-    singular, found = decompose((triangle * scale)[:, asked] @ root, root)
-    directions = np.zeros((singular.size, n))
+    singular, found = decompose((triangle[:, own] * scale)[:, asked] @ root, root)
+    directions = np.zeros((singular.size, own.size))
     directions[:, asked] = found
     return Stretch(start, end, int(np.sum(singular > TOLERANCE)), singular, directions[-1], count, directions)
+
+
+def _variances(prepared: Prepared) -> Floats:
+    """Return the variance (n_epoch, n_channel) that the filter assumes of its rows, where a state is the noise of a
+    difference as if that were white.
+    """
+    variance, delayed, first = prepared.signals.variance, prepared.options.delayed, 0
+    for block in prepared.layout.extras:
+        if delayed is not None and block.name in NOISE_STATES.values():
+            channels = np.flatnonzero(block.member >= 0)
+            variance = variance.copy()
+            variance[:, channels] = 2.0 * delayed.renewed[:, first + block.member[channels]]
+        first += len(block.labels)
+    return variance
 
 
 def initial_spread(P: Floats) -> tuple[Floats, Floats]:

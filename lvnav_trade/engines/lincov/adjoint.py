@@ -10,6 +10,7 @@ from typing import NamedTuple
 from lvnav_trade.engines.lincov.propagate import fill_inputs
 from lvnav_trade.engines.lincov.receiver_error import clone_back, solution_back
 from lvnav_trade.engines.lincov.samples import fill_partials, nominal_tick
+from lvnav_trade.engines.lincov.successive import joint_back, renew_back
 from lvnav_trade.engines.lincov.update import component_partial, measured_channel, n_entering
 from lvnav_trade.filters.late import place_of_channel
 from lvnav_trade.kernels import transition
@@ -44,7 +45,8 @@ def _update_back(back, gain, h, epoch, channel, time_bin, whitened, place, signa
     """Go back through one update: what its noise put in, and the multipliers before it."""
     source = true.noise_source[channel]
     # what is in a decorrelated solution went in with the solution's own error
-    variance = 0.0 if whitened else signals.sigma[epoch, measured_channel(signals, channel)] ** 2
+    is_in_states = whitened or source < 0
+    variance = 0.0 if is_in_states else signals.sigma[epoch, measured_channel(signals, channel)] ** 2
     for m in range(back.e.shape[0]):
         through = _dot(gain, back.e[m])
         if variance > 0.0:
@@ -161,8 +163,8 @@ def _window_back(back, scratch, tape, w, true, units, model, schedule, time_bin)
 
 @jit
 def go_back(
-    back, scratch, tape, last_window, time_bins, schedule, unit, units, signals, true, model, chain, late, vehicle,
-    reference,
+    back, scratch, tape, last_window, time_bins, schedule, unit, units, signals, true, model, chain, late, delayed,
+    successive, vehicle, reference,
 ):  # fmt: skip
     """Carry the multipliers from the end of a window back to the start of the flight; `back` is filled.
 
@@ -171,10 +173,13 @@ def go_back(
     back : Backward, with e set to the metrics' rows; scratch : BackwardScratch; tape : Tape of the forward pass
     last_window : the metric stands at its end; time_bins (n_window,) bin of each window
     schedule : Schedule; unit : Unit; units : Units, or None; signals : Signals; true : Components; model : FilterModel
-    chain : Chain; late : Late; vehicle : VehicleModel; or None; reference : Reference
+    chain : Chain; late : Late; delayed : Delayed; successive : Successive; vehicle : VehicleModel; or None; reference :
+    Reference
     """
     for w in range(last_window, -1, -1):
         time_bin = time_bins[w]
+        if schedule.epoch[w] >= 0:
+            joint_back(back, true, late, delayed, schedule.epoch[w])
         for row in range(tape.first[w + 1] - 1, tape.first[w] - 1, -1):
             epoch, channel = tape.epoch[row], tape.channel[row]
             whitened, place = chain is not None and channel < signals.n_receiver, 0
@@ -183,6 +188,9 @@ def go_back(
             _update_back(back, tape.gain[row], tape.h[row], epoch, channel, time_bin, whitened, place, signals, true)
         if chain is not None and schedule.epoch[w] >= 0:
             solution_back(back, scratch.y, chain, true, schedule.epoch[w], time_bin)
+        if successive is not None and schedule.epoch[w] >= 0:
+            renew_back(back, successive, model, schedule.epoch[w], time_bin)
+            solution_back(back, scratch.y, successive, true, schedule.epoch[w], time_bin)
         if schedule.n_tick[w] == 0:
             continue
         clone_back(back, true, late, w)

@@ -8,6 +8,7 @@ import numpy as np
 
 from lvnav_trade.engines.lincov.slots import Component, as_lanes, by_length, slot_tables
 from lvnav_trade.engines.lincov.sources import measurement_tables, n_joint, noise_sources, source_names
+from lvnav_trade.engines.lincov.successive import Successive, successive_of
 from lvnav_trade.engines.lincov.units import REMAINDER, WHITE, Differences, differences, stands_for
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.filters.model import transition_blocks
@@ -45,7 +46,8 @@ class Components(NamedTuple):
     states; n_entry (n_channel,), entry, column of measurements with respect to the N states, by place of the clone
     (n_place, n_channel, ...); solution: first state of the receiver's error (-1 none) with sources solution_source
     (n_in,) of its white errors; clone: first state of the clones (-1 none). sample_noise (n_source, 6) true variance of
-    a sample's noise, by source; differences of units.
+    a sample's noise, by source; differences of units; successive: errors of measurements that are differences of two
+    epochs (None: there are none).
     """
 
     group: Ints
@@ -90,6 +92,7 @@ class Components(NamedTuple):
     clone: int
     sample_noise: Floats
     differences: Differences
+    successive: Successive | None
 
 
 class _Block(NamedTuple):
@@ -256,6 +259,7 @@ def components(prepared: Prepared) -> Components:
         **measurement_tables(prepared, names),
         sample_noise=_sample_noise(prepared, names),
         differences=differences(prepared, sensor, driver, triad, profile, first, int(count.sum())),
+        successive=successive_of(prepared, names, own),
     )
 
 

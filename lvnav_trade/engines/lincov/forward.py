@@ -11,8 +11,10 @@ from lvnav_trade.engines.lincov.receiver_error import (
     extrapolate,
 )
 from lvnav_trade.engines.lincov.samples import expected_of_samples, sample_window
+from lvnav_trade.engines.lincov.successive import begin_epoch, end_epoch, measure_further
 from lvnav_trade.engines.lincov.units import add_sums, samples_of_units
 from lvnav_trade.engines.lincov.update import replace_state, update_joint
+from lvnav_trade.filters.delayed import begin_transition, follow, is_present
 from lvnav_trade.filters.ekf import (
     channel_of,
     fill_loose,
@@ -44,12 +46,13 @@ def record_window(tape, w, nominal):
 
 
 @jit
-def _measure(nominal, signals, sensors, differences, tight, epoch):
+def _measure(nominal, further, signals, sensors, differences, tight, epoch):
     """Set what is measured on the nominal flight at an epoch."""
     if tight:
         for slot in range(signals.n_used[epoch]):
             s = signals.used[epoch, slot]
             nominal.ranges[slot, 0], nominal.ranges[slot, 1] = signals.range[epoch, s], signals.rate[epoch, s]
+        measure_further(nominal, further, signals, epoch)
     else:
         for axis in range(3):
             nominal.solution[axis] = signals.position[epoch, axis]
@@ -64,10 +67,10 @@ def _measure(nominal, signals, sensors, differences, tight, epoch):
 
 
 @jit
-def _fill(nominal, signals, model, chain, late, epoch):
+def _fill(nominal, earlier, delayed, signals, model, chain, late, epoch):
     """Fill what the filter compares the receiver's measurements with."""
     if model.tight:
-        fill_tight(nominal, model, signals, epoch)
+        fill_tight(nominal, earlier, delayed, model, signals, epoch)
     else:
         if chain is not None:
             for i in range(6):
@@ -105,7 +108,7 @@ def _take_reference(joint, scratch, tape, nominal, signals, true, model, late, e
     """Make bias and drift of the clock what the reference satellite says, as the filter does."""
     if n_row > 0 and signals.reference[epoch] >= 0:
         for k in range(2):
-            row = 2 * signals.reference[epoch] + k
+            row = model.n_kind * signals.reference[epoch] + k
             channel = channel_of(model, signals, epoch, row)
             if model.measured[channel]:
                 n, h = model.n_entry[channel], nominal.H[row]
@@ -119,13 +122,13 @@ def _take_reference(joint, scratch, tape, nominal, signals, true, model, late, e
 
 
 @jit
-def _update_receiver(out, joint, scratch, tape, nominal, signals, true, model, chain, late, gains, epoch):
+def _update_receiver(out, joint, scratch, tape, nominal, signals, true, model, chain, late, delayed, gains, epoch):
     """Update by what the receiver measures at an epoch."""
     whitened, n_row = chain is not None, n_measured(model, signals, epoch)
     _take_reference(joint, scratch, tape, nominal, signals, true, model, late, epoch, n_row)
     for row in range(n_row):
         channel = channel_of(model, signals, epoch, row)
-        if model.measured[channel] and not is_reference(signals, epoch, row):
+        if is_present(delayed, model, epoch, channel) and not is_reference(model, signals, epoch, row):
             variance = signals.variance[epoch, channel]
             if whitened:
                 variance = 1.0 if gains is None else nominal.reported[row, row]
@@ -188,26 +191,28 @@ def _expect(joint, nominal, true, model, signals, late, watch, epoch):
 
 @jit
 def _process_permitted(
-    out, joint, scratch, tape, nominal, signals, true, model, chain, late, gains, rules, watch, epoch
+    out, joint, scratch, tape, nominal, earlier, signals, true, model, chain, late, delayed, gains, rules, watch, epoch
 ):
     """Update by what the receiver measures if the mode logic permits on the nominal flight; make its transitions."""
     solved = chain is None or chain.solved[epoch]
     good = rules.good[epoch] and solved
     if good:
-        _fill(nominal, signals, model, chain, late, epoch)
+        _fill(nominal, earlier, delayed, signals, model, chain, late, epoch)
         _expect(joint, nominal, true, model, signals, late, watch, epoch)
     check_measurements(watch, rules, model, signals, epoch, nominal.expected, n_measured(model, signals, epoch))
     if good:
         _start(joint, scratch, tape, nominal, watch, rules, signals, true, model, chain, late, epoch)
         _weight(nominal, joint.formal, model, chain, late, gains, epoch)
         if watch.sample[0] > 0.0:
-            _update_receiver(out, joint, scratch, tape, nominal, signals, true, model, chain, late, gains, epoch)
+            _update_receiver(
+                out, joint, scratch, tape, nominal, signals, true, model, chain, late, delayed, gains, epoch
+            )
     update_mode(watch, rules, epoch, joint.formal)
 
 
 @jit
-def _epoch(out, joint, scratch, work, tape, nominal, signals, sensors, true, model, dt, chain, late, gains, rules,
-           watch, vehicle, epoch):  # fmt: skip
+def _epoch(out, joint, scratch, work, tape, nominal, earlier, signals, sensors, further, true, model, dt, chain, late,
+           delayed, successive, gains, rules, watch, vehicle, epoch):  # fmt: skip
     """Update by what the filter would process at an epoch."""
     if vehicle is not None:
         out.expected_nis[epoch] += expected_of_samples(work, true, vehicle)
@@ -216,21 +221,26 @@ def _epoch(out, joint, scratch, work, tape, nominal, signals, sensors, true, mod
         joint.mean[model.clock] += signals.clock_jump[epoch]
     if chain is not None:
         advance_solution(joint, scratch, chain, true, epoch)
+    begin_epoch(joint, scratch, nominal, earlier, delayed, successive, true, model, epoch)
     place_antenna(nominal, nominal.past, late, model, dt, epoch)
-    _measure(nominal, signals, sensors, true.differences, model.tight, epoch)
+    _measure(nominal, further, signals, sensors, true.differences, model.tight, epoch)
     if rules is None:
         solved = chain is None or chain.solved[epoch]
         if n_measured(model, signals, epoch) > 0 and solved:
-            _fill(nominal, signals, model, chain, late, epoch)
+            _fill(nominal, earlier, delayed, signals, model, chain, late, epoch)
             _weight(nominal, joint.formal, model, chain, late, gains, epoch)
-            _update_receiver(out, joint, scratch, tape, nominal, signals, true, model, chain, late, gains, epoch)
+            _update_receiver(
+                out, joint, scratch, tape, nominal, signals, true, model, chain, late, delayed, gains, epoch
+            )
         _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, model, late, gains, epoch)
     elif (epoch + 1) % model.every == 0:
         _process_permitted(
-            out, joint, scratch, tape, nominal, signals, true, model, chain, late, gains, rules, watch, epoch
-        )
+            out, joint, scratch, tape, nominal, earlier, signals, true, model, chain, late, delayed, gains, rules,
+            watch, epoch,
+        )  # fmt: skip
         if is_running(watch.state[MODE]) > 0.0:
             _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, model, late, gains, epoch)
+    end_epoch(joint, nominal, earlier, late, delayed, true, model, epoch)
 
 
 @jit
@@ -336,21 +346,23 @@ def _write_solution(out, hist):
 
 @jit
 def forward(
-    out, joint, scratch, work, tape, nominal, schedule, unit, signals, sensors, record, axes_att, model, true,
-    reference, chain, late, gains, rules, watch, vehicle, samples, report, units,
+    out, joint, scratch, work, tape, nominal, earlier, schedule, unit, signals, sensors, further, record, axes_att,
+    model, true, reference, chain, late, delayed, successive, gains, rules, watch, vehicle, samples, report, units,
 ):  # fmt: skip
     """Propagate and update the filter's covariance and the true one, by source, over the nominal flight; fill `out`.
 
     Parameters
     ----------
     out : Recorded, joint : JointCovariance at the start, scratch : Scratch, work : SampleScratch, tape : Tape,
-    nominal : Nominal; all updated
+    nominal : Nominal, earlier : Earlier, or None; all updated
     schedule : Schedule, unit : Unit, signals : Signals, sensors : Sensors, record : Record, model : FilterModel,
     true : Components, axes_att : (n_hist, 3, 3) from frame i to body axes at the history times
-    reference : Reference, the true motion; chain : Chain, late : Late, gains : Gains, rules : Rules, watch : Watch of
-    the nominal flight, vehicle : VehicleModel, samples : Samples, report : Report, units : Units; or None
+    reference : Reference, the true motion; further : Further, chain : Chain, late : Late, delayed : Delayed, successive
+    : Successive, gains : Gains, rules : Rules, watch : Watch of the nominal flight, vehicle : VehicleModel, samples :
+    Samples, report : Report, units : Units; or None
     """
     begin_watch(watch)
+    begin_transition(earlier, delayed)
     step = unit.dt * model.strapdown.subsamples
     for w in range(schedule.n_tick.shape[0]):
         first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
@@ -359,6 +371,7 @@ def forward(
                 sample_window(joint, scratch, work, tape, true, unit, units, model, vehicle, reference, first, n_tick)
             nominal_window(nominal, reference, first, n_tick, unit.dt, model.strapdown, schedule.linearised[w])
             propagate(joint, scratch, nominal, true, unit, units, model, schedule, w, reference)
+            follow(earlier, delayed, scratch.D, model, schedule.length[w], schedule.injection[w])
             if tape.channel.shape[0] > 0:
                 record_window(tape, w, nominal)
             _clone(joint, nominal, true, model, reference, first + n_tick, step, late, w)
@@ -366,8 +379,8 @@ def forward(
         if epoch >= 0 and model.aided:
             place(nominal.nav, reference, first + n_tick)
             _epoch(
-                out, joint, scratch, work, tape, nominal, signals, sensors, true, model, step, chain, late, gains,
-                rules, watch, vehicle, epoch,
+                out, joint, scratch, work, tape, nominal, earlier, signals, sensors, further, true, model, step,
+                chain, late, delayed, successive, gains, rules, watch, vehicle, epoch,
             )  # fmt: skip
             if report is not None and chain.solved[epoch]:
                 _hold_solution(out, joint, true)

@@ -13,6 +13,7 @@ from lvnav_trade.engines.lincov.workspace import (
     new_backward_scratch,
     new_joint,
     new_nominal,
+    new_nominal_earlier,
     new_record,
     new_sample_scratch,
     new_scratch,
@@ -44,9 +45,10 @@ def _pass(prepared: Prepared, true: Components, tape: Tape, aided: bool = True) 
     axes_att = np.ascontiguousarray(np.swapaxes(matrices(prepared.record.q), 1, 2))
     forward(
         out, new_joint(prepared, true), new_scratch(prepared, true), new_sample_scratch(prepared, true), tape,
-        new_nominal(prepared), prepared.schedule, prepared.unit, prepared.signals, prepared.sensors, prepared.record,
-        axes_att, model, true, prepared.reference, prepared.chain, options.late, options.gains,
-        options.rules, watch, options.vehicle, options.samples, options.report, options.units,
+        new_nominal(prepared), new_nominal_earlier(prepared), prepared.schedule, prepared.unit, prepared.signals,
+        prepared.sensors, options.further, prepared.record, axes_att, model, true, prepared.reference, prepared.chain,
+        options.late, options.delayed, true.successive, options.gains, options.rules, watch, options.vehicle,
+        options.samples, options.report, options.units,
     )  # fmt: skip
     return out
 
@@ -68,7 +70,7 @@ def covariance(prepared: Prepared) -> CovHistory:
 
 def forward_tape(prepared: Prepared) -> Tape:
     """Return what a backward pass, or an observability analysis, needs of a forward one."""
-    per_satellite = 2 if prepared.model.tight else 0
+    per_satellite = prepared.model.n_kind if prepared.model.tight else 0
     n_sensor = sum(len(device.channels.labels) for device in prepared.devices)
     n_update = int(np.sum(np.maximum(6, per_satellite * prepared.signals.n_used) + n_sensor + 6)) + 1
     sampled = prepared.reference.dtheta.shape[0] if prepared.options.vehicle is not None else 0
@@ -91,8 +93,10 @@ def compile_backward(prepared: Prepared) -> None:
 
 
 def turns(prepared: Prepared) -> Floats:
-    """Return the matrices (n_hist, n, n) from the filter's error state to the reporting axes at the history times."""
-    n, record = prepared.layout.n_state, prepared.record
+    """Return the matrices (n_hist, n, n) from the filter's error state, as far as it is reported, to the reporting axes
+    at the history times.
+    """
+    n, record = len(prepared.layout.reported), prepared.record
     turn = np.zeros((prepared.t_hist.size, n, n))
     turn[:, ATT : ATT + 3, ATT : ATT + 3] = np.swapaxes(matrices(record.q), 1, 2)
     turn[:, VEL : VEL + 3, VEL : VEL + 3] = record.axes
@@ -154,7 +158,8 @@ def _go_back(
     )
     go_back(
         back, new_backward_scratch(prepared, true), tape, last, bins, schedule, prepared.unit, prepared.options.units,
-        prepared.signals, true, prepared.model, prepared.chain, prepared.options.late, vehicle, prepared.reference,
+        prepared.signals, true, prepared.model, prepared.chain, prepared.options.late, prepared.options.delayed,
+        true.successive, vehicle, prepared.reference,
     )  # fmt: skip
     return edges, back.contribution
 
@@ -173,23 +178,28 @@ def expected_nees(formal: Floats, total: Floats) -> Floats:
 
 
 def _history(prepared: Prepared, out: Recorded) -> CovHistory:
-    n, m = prepared.layout.n_state, prepared.layout.n_estimated
-    turn = turns(prepared)
-    total = out.true + out.mean[:, :, None] * out.mean[:, None, :]
-    formal, true = turn @ out.formal @ np.swapaxes(turn, 1, 2), turn @ out.true @ np.swapaxes(turn, 1, 2)
+    reported, m = np.array(prepared.layout.reported), prepared.layout.n_estimated
+    n, turn = reported.size, turns(prepared)
+    formal, true, mean, budget = out.formal, out.true, out.mean, out.budget
+    if n < prepared.layout.n_state:
+        formal, true = (np.ascontiguousarray(values[:, reported[:, None], reported]) for values in (formal, true))
+        mean, budget = mean[:, reported], budget[:, :, reported]
+    total = true + mean[:, :, None] * mean[:, None, :]
+    nees = expected_nees(formal[:, :m, :m], total[:, :m, :m])
+    formal, true = turn @ formal @ np.swapaxes(turn, 1, 2), turn @ true @ np.swapaxes(turn, 1, 2)
     diagonal = range(n)
     return CovHistory(
         t=prepared.t_hist,
         formal=np.sqrt(formal[:, diagonal, diagonal]),
         true_sigma=np.sqrt(np.maximum(0.0, true[:, diagonal, diagonal])),
-        mean=np.einsum("hij,hj->hi", turn, out.mean),
+        mean=np.einsum("hij,hj->hi", turn, mean),
         sources=source_labels(prepared),
-        budget=out.budget,
+        budget=budget,
         formal_cov=formal,
         true_cov=true,
         t_epoch=prepared.t_epoch,
         n_row=out.n_row.astype(np.int32),
-        expected_nees=expected_nees(out.formal[:, :m, :m], total[:, :m, :m]),
+        expected_nees=nees,
         expected_nis=out.expected_nis,
         false_rejection=false_rejection(prepared.model.gate_squared, out.worst_ratio),
     )

@@ -5,9 +5,11 @@ from typing import Any
 import numpy as np
 
 from lvnav_trade.engines.lincov.receiver_error import N_CLONE, N_NAV
+from lvnav_trade.engines.lincov.successive import difference_channels, noise_of
 from lvnav_trade.engines.setup.prepare import Prepared
-from lvnav_trade.filters.model import POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY
+from lvnav_trade.filters.model import CARRIER_PHASE, POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY
 from lvnav_trade.kernels.transition import VEL
+from lvnav_trade.observables.partials import PHASES
 from lvnav_trade.records import Ints
 from lvnav_trade.sources import PHASE_NOISE, label_of
 from lvnav_trade.world.sensors.units import keyed, mounted
@@ -28,6 +30,7 @@ def source_names(prepared: Prepared) -> list[str]:
     names += list(dict.fromkeys(family.source for family in prepared.families if model.aided))
     if model.tight:
         names += ["receiver clock start", "receiver clock", "pseudorange noise", "range-rate noise"]
+        names += ["carrier-phase noise"] if any(name in PHASES for name in prepared.channels.further) else []
     elif prepared.options.solver is not None:
         names += ["receiver clock", "pseudorange noise", "range-rate noise"]
         names += [] if prepared.options.solver.smoothing is None else [PHASE_NOISE]
@@ -47,9 +50,13 @@ def source_labels(prepared: Prepared) -> tuple[str, ...]:
 
 def n_joint(prepared: Prepared) -> int:
     """Return how many states the joint vector has: the filter's, those of the receiver's error, those of clones."""
-    chain, late = prepared.chain, prepared.options.late
-    solution = 0 if chain is None else chain.move.shape[1]
-    return prepared.layout.n_state + solution + (0 if late is None else N_CLONE * late.buffered.size)
+    late = prepared.options.late
+    return prepared.layout.n_state + n_receiver_error(prepared) + (0 if late is None else N_CLONE * late.buffered.size)
+
+
+def n_receiver_error(prepared: Prepared) -> int:
+    """Return how many states the receiver's error has: that of its solution, or of ranges and of those before."""
+    return 2 * len(difference_channels(prepared)) if prepared.chain is None else prepared.chain.move.shape[1]
 
 
 # By the codes of `solution`.
@@ -66,8 +73,9 @@ _WHITE = (
 def measurement_tables(prepared: Prepared, names: list[str]) -> dict[str, Any]:
     """Return the measurements with respect to the whole joint vector, and where the states behind e stand."""
     model, chain, late, n = prepared.model, prepared.chain, prepared.options.late, prepared.layout.n_state
-    solution = -1 if chain is None else n
-    clone = -1 if late is None else n + (0 if chain is None else chain.move.shape[1])
+    n_error, differences = n_receiver_error(prepared), difference_channels(prepared)
+    solution = n if n_error else -1
+    clone = -1 if late is None else n + n_error
     n_place, n_receiver = 1 if late is None else late.buffered.size, prepared.channels.n_receiver
     table = [
         [_pairs(prepared, channel, solution, clone + N_CLONE * place, channel < n_receiver)
@@ -79,13 +87,15 @@ def measurement_tables(prepared: Prepared, names: list[str]) -> dict[str, Any]:
         for channel, pairs in enumerate(rows):
             for i, (e, c) in enumerate(pairs):
                 entry[place, channel, i], column[place, channel, i] = e, c
-    kinds = np.zeros(0, dtype=np.int64) if chain is None else chain.kind
+    white = [_WHITE[kind] for kind in chain.kind] if chain is not None else [
+        noise_of(prepared.channels.observables[channel % model.n_kind]) for channel in differences
+    ]  # fmt: skip
     return {
         "n_entry": np.array([len(pairs) for pairs in table[0]], dtype=np.int64),
         "entry": entry,
         "column": column,
         "solution": solution,
-        "solution_source": np.array([names.index(_WHITE[kind]) for kind in kinds], dtype=np.int64),
+        "solution_source": np.array([names.index(name) for name in white], dtype=np.int64),
         "clone": clone,
     }
 
@@ -98,6 +108,9 @@ def _pairs(prepared: Prepared, channel: int, solution: int, clone: int, of_recei
     buffered = line >= 0 and not extrapolated
     stated = zip(model.entry[channel, :n].tolist(), model.column[channel, :n].tolist(), strict=True)
     pairs = [(e, clone + c if buffered and c < N_NAV else c) for e, c in stated]
+    if channel in (differences := difference_channels(prepared)):
+        own, at = model.entry.shape[1], solution + differences.index(channel)
+        pairs += [(own, at), (own + 1, at + len(differences))]
     if chain is not None and of_receiver:
         own = model.entry.shape[1]
         pairs += [(own + i, solution + int(chain.pick[i])) for i in range(6)]
@@ -109,12 +122,14 @@ def _pairs(prepared: Prepared, channel: int, solution: int, clone: int, of_recei
 
 _ROWS = {
     PSEUDORANGE: "pseudorange noise", RANGE_RATE: "range-rate noise", POSITION: "position solution noise",
-    VELOCITY: "velocity solution noise",
+    VELOCITY: "velocity solution noise", CARRIER_PHASE: "carrier-phase noise",
 }  # fmt: skip
 
 
 def noise_sources(prepared: Prepared, names: list[str]) -> Ints:
-    """Return the source of the noise of each channel, (n_channel,), -1 none."""
+    """Return the source of the noise of each channel, (n_channel,), -1 none: that of a difference is in the error of
+    what it is the difference of.
+    """
     found = [names.index(_ROWS[kind]) if kind in _ROWS and _ROWS[kind] in names else -1
              for kind in prepared.model.row_type.tolist()]  # fmt: skip
     for first, device in zip(prepared.channels.first, prepared.devices, strict=True):

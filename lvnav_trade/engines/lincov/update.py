@@ -44,6 +44,8 @@ def component_partial(h, signals, true, family, epoch, channel, whitened):
     has.
     """
     shared = signals.shared
+    if true.noise_source[channel] < 0 and not whitened:  # a difference: its errors are states
+        return -1, 0.0
     if whitened:
         extra = shared.extra[family]
         return (family if extra >= 0 else -1), (-h[N_ENTRY + extra] if extra >= 0 else 0.0)
@@ -151,7 +153,8 @@ def _update_truth(joint, scratch, tape, late, h, innovation, epoch, channel, whi
     entries, columns = true.entry[place, channel, :m], true.column[place, channel, :m]
     if tape.channel.shape[0] > 0:
         _record(tape, gain, h, epoch, channel)
-    noise = 0.0 if whitened else signals.sigma[epoch, measured_channel(signals, channel)] ** 2
+    is_in_states = whitened or true.noise_source[channel] < 0
+    noise = 0.0 if is_in_states else signals.sigma[epoch, measured_channel(signals, channel)] ** 2
     total = _update_sources(joint, scratch, true, gain, h, entries, columns, true.noise_source[channel], noise)
     total += _update_shared(joint, scratch, gain, h, signals, true, epoch, channel, whitened)
     total += _update_units(joint, scratch, gain, true, epoch, channel)

@@ -9,7 +9,9 @@ from lvnav_trade.engines.lincov.components import Components, initial_state
 from lvnav_trade.engines.lincov.receiver_error import N_SOLUTION_ENTRY
 from lvnav_trade.engines.lincov.slots import as_lanes
 from lvnav_trade.engines.lincov.sources import n_joint
+from lvnav_trade.engines.lincov.successive import N_ENTRIES
 from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.filters.delayed import Earlier, new_earlier
 from lvnav_trade.filters.late import N_PAST
 from lvnav_trade.kernels.groups import grouped_zeros
 from lvnav_trade.kernels.lanes import zeros_of
@@ -104,22 +106,35 @@ def _record(kind: Any, alone: dict[str, tuple[int, ...]], grouped: dict[str, tup
 
 def row_width(prepared: Prepared) -> int:
     """Return how many entries a Jacobian row has."""
+    if prepared.options.delayed is not None:
+        return prepared.model.entry.shape[1] + N_ENTRIES
     return prepared.model.entry.shape[1] + (0 if prepared.chain is None else N_SOLUTION_ENTRY)
 
 
 def new_nominal(prepared: Prepared) -> Nominal:
     """Return the work arrays of the nominal run, empty."""
     model, late, signals = prepared.model, prepared.options.late, prepared.signals
-    return Nominal(**zeros_of({
+    found = Nominal(**zeros_of({
         "nav": (10,), "sums": (N_SUM,), "rates": (2, N_SUM), "held": (N_SUM,), "previous": (6,),
         "increments": (int(prepared.schedule.n_tick.max()), 6), "antenna": (len(model.lever_arms), 21),
         "rate": (3,), "H": (prepared.n_row, row_width(prepared)), "z": (prepared.n_row,),
-        "expected": (prepared.n_row,), "ranges": (signals.used.shape[1], 2), "solution": (6,),
+        "expected": (prepared.n_row,), "ranges": (signals.used.shape[1], model.n_kind), "solution": (6,),
         "observed": (max(1, len(prepared.devices)), 4), "clock_hat": (2,),
         "par": (max(1, len(prepared.layout.parameters)), 3), "x": (model.n_state,),
         "extra": (max(1, model.extra_offset.size),), "reported": (6, 6),
         "past": (1 + (0 if late is None else late.buffered.size), N_PAST), "P": (1, 1),
     }))  # fmt: skip
+    if prepared.options.delayed is not None:  # the error of a measurement, and that of the epoch before
+        found.H[:, -N_ENTRIES:] = 1.0, -1.0
+    return found
+
+
+def new_nominal_earlier(prepared: Prepared) -> Earlier | None:
+    """Return what the nominal run stores of the epoch before, empty; None where no difference is measured."""
+    delayed, model = prepared.options.delayed, prepared.model
+    if delayed is None:
+        return None
+    return new_earlier(delayed, len(model.lever_arms), model.extra_offset.size, model.n_state)
 
 
 def new_joint(prepared: Prepared, true: Components) -> JointCovariance:

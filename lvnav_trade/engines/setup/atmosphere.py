@@ -37,6 +37,12 @@ class Delays(NamedTuple):
         true, taken = self.troposphere + self.ionosphere, self.modelled_troposphere + self.modelled_ionosphere
         return np.asarray(true - taken)
 
+    @property
+    def left_of_phase(self) -> Floats:
+        """What the filter's correction leaves of the true delay of a carrier phase, m, (n_epoch, n_sat)."""
+        air, charge = self.troposphere - self.modelled_troposphere, self.ionosphere - self.modelled_ionosphere
+        return np.asarray(air[..., 0] - charge[..., 0])
+
 
 def _geometry(trajectory: Trajectory, receiver: ReceiverCard, seen: Sky, shift: float) -> tuple[Geometry, Floats]:
     """Return where the antenna stands and looks `shift` seconds after each epoch, and those times (n_epoch,)."""

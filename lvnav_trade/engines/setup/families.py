@@ -8,7 +8,7 @@ import numpy as np
 from lvnav_trade.engines.setup.inputs import Shared
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.layout import StateLayout, standing_for
-from lvnav_trade.observables.partials import Channels, Geometry, members, partial
+from lvnav_trade.observables.partials import PHASES, Channels, Geometry, members, partial
 from lvnav_trade.records import Floats, Ints
 
 RECORDED = "recorded"  # kind of a family whose component is not drawn: the run's start in a recording sets it
@@ -33,7 +33,9 @@ class ErrorFamily(NamedTuple):
 
 
 class Cause(NamedTuple):
-    """A cause as cards state it: source, kind of partial, state, sigma, time constant; systems it is limited to."""
+    """A cause as cards state it: source, kind of partial, state, sigma, time constant; systems it is limited to;
+    of_code: it is not in the carrier's phase.
+    """
 
     source: str
     kind: str
@@ -41,19 +43,23 @@ class Cause(NamedTuple):
     sigma: float
     time_constant: float = math.inf
     systems: tuple[str, ...] = ()
+    of_code: bool = False
 
 
 def family_of(cause: Cause, geometry: Geometry, channels: Channels) -> ErrorFamily:
     """Return how a cause enters the rows of a case; without labels where it enters none."""
     labels, member = members(cause.kind, channels)
     if cause.systems and channels.tight:
-        of_channel = np.repeat([system in cause.systems for system in channels.systems], 2)
+        of_channel = np.repeat([system in cause.systems for system in channels.systems], len(channels.observables))
         of_channel = np.pad(of_channel, (0, channels.n_channel - of_channel.size))
         member = np.where(of_channel, member, -1)
         kept = sorted(set(member[member >= 0].tolist()))
         labels = tuple(labels[k] for k in kept)
         member = np.array([kept.index(m) if m >= 0 else -1 for m in member.tolist()], dtype=np.int64)
     entering = partial(cause.kind, geometry, channels)
+    for phase in PHASES if cause.of_code else ():
+        if phase in channels.further:
+            entering[:, channels.of(phase)] = 0.0
     return ErrorFamily(
         cause.source, cause.kind, cause.state, labels, member, entering, cause.sigma, cause.time_constant
     )  # fmt: skip

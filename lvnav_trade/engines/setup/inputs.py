@@ -109,8 +109,8 @@ class Shared(NamedTuple):
 
 
 class Signals(NamedTuple):
-    """What is true of the satellites and the receiver at the epochs. A channel is a kind of row of one satellite
-    (tight: pseudorange and range rate in turn) or an axis of the solution (loose).
+    """What is true of the satellites and the receiver at the epochs. A channel is an observable of one satellite
+    (tight: pseudorange, range rate and further ones in turn) or an axis of the solution (loose).
 
     used (n_epoch, n_slot) satellite index in each slot, -1 none; n_used (n_epoch,); words (n_sat,) of satellites;
     range, rate (n_epoch, n_sat) m and m/s that the receiver would measure without clock and random errors, less what
@@ -151,6 +151,23 @@ class Signals(NamedTuple):
     shift: int
     sources: NDArray[np.uint64]
     shared: Shared
+
+
+class Further(NamedTuple):
+    """What is true of the observables of satellites beside pseudorange and range rate.
+
+    phase (n_epoch, n_sat) m that a carrier phase would be without clock and random errors, less what the filter
+    corrects; is_phase, is_difference (n_kind,) of the observables of a satellite; restart (n_epoch, n_sat) whether a
+    carrier begins a new phase; ambiguity (n_sat,) component of the shared errors that is its constant, -1 none; source:
+    word of its noise.
+    """
+
+    phase: Floats
+    is_phase: Bools
+    is_difference: Bools
+    restart: Bools
+    ambiguity: Ints
+    source: np.uint64
 
 
 class Start(NamedTuple):
@@ -235,7 +252,8 @@ class Options(NamedTuple):
     samples (Samples), report (Report): of them or of the receiver's solution something is reported; misses (True): what
     the filter's transition misses is recorded in place of errors; units (Units): several inertial units are fused;
     direct (True): the filter corrects its total state scalar by scalar; backup (int): errors of a strapdown that is
-    never corrected are reported, from that output on.
+    never corrected are reported, from that output on; further (Further), delayed (filters.delayed.Delayed): carrier
+    phases or differences of two epochs are measured.
     """
 
     solver: Any = None
@@ -249,3 +267,5 @@ class Options(NamedTuple):
     units: Any = None
     direct: Any = None
     backup: Any = None
+    further: Any = None
+    delayed: Any = None

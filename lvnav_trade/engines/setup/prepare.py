@@ -8,6 +8,7 @@ import numpy as np
 
 from lvnav_trade.engines.setup.atmosphere import Delays, delays
 from lvnav_trade.engines.setup.families import ErrorFamily, shared_of
+from lvnav_trade.engines.setup.further import delayed_of, further_of
 from lvnav_trade.engines.setup.inputs import Options, Record, Report, Schedule, Sensors, Signals, Start, Unit, Units
 from lvnav_trade.engines.setup.options import clone_times, delays_taken, every, gains_of, late_of, solver_of
 from lvnav_trade.engines.setup.recorded import Recorded, recorded
@@ -93,7 +94,9 @@ class Prepared(NamedTuple):
     @property
     def n_row(self) -> int:
         """How many Jacobian rows an epoch has at most: the receiver's, then those of the sensors."""
-        return max(6, 2 * self.signals.used.shape[1]) + self.channels.n_channel - self.channels.n_receiver
+        return (
+            max(6, self.model.n_kind * self.signals.used.shape[1]) + self.channels.n_channel - self.channels.n_receiver
+        )
 
 
 @remembered(4)
@@ -245,9 +248,9 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     tabled = recorded(scenario, trajectory.theta0, line, seen, received, failed.frozen)
     shared_errors = (*families(scenario, geometry, received, failed, devices), *tabled.families)
     shared = shared_of(shared_errors, layout, epoch_interval(scenario), (t_epoch.size, received.n_channel))
-    left = late_by.left + time_offsets(scenario.constellation, seen.systems, trajectory.epoch, seen.t)
+    offsets = time_offsets(scenario.constellation, seen.systems, trajectory.epoch, seen.t)
     gain = smoothing_gains(scenario, seen)
-    left = left + smoothing_offsets(scenario, gain, late_by.ionosphere[:, :, 0], line)
+    left = late_by.left + offsets + smoothing_offsets(scenario, gain, late_by.ionosphere[:, :, 0], line)
     truth = signals(
         scenario, seen, line, receiver, layout, modelled, channels, received, shared, failed, left, tabled.mean, devices
     )  # fmt: skip
@@ -265,6 +268,9 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         scale = truth.scale[:, :6]
         chain = chain._replace(reported=chain.reported * scale[:, :, None] * scale[:, None, :])
         truth.variance[:, :6] = np.diagonal(chain.reported, axis1=1, axis2=2)
+    left_of_phase = line.distance + failed.bias + late_by.left_of_phase + offsets[..., 0]
+    further = further_of(scenario, seen, truth, shared_errors, channels, left_of_phase, failed.slip)
+    successive = delayed_of(scenario, receiver, seen, line, truth, layout, model, channels)
     report = _report(scenario, chain, channels, layout, solver)
     shown = (*outputs(layout, scenario.frame), *(solution_outputs(scenario.frame) if reported(scenario) else ()))
     return Prepared(
@@ -298,6 +304,8 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
             units=units,
             direct=True if card.feedback == "direct" else None,
             backup=len(shown) if card.backup else None,
+            further=further,
+            delayed=successive,
         ),
         chain=chain,
         devices=devices,

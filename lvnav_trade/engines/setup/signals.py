@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from lvnav_trade.engines.setup.families import Cause, ErrorFamily, families_of
 from lvnav_trade.engines.setup.inputs import Shared, Signals
 from lvnav_trade.engines.setup.options import direct
+from lvnav_trade.engines.setup.receiver_noise import assumed_variance, by_channel, grown_sigma, true_sigma
 from lvnav_trade.engines.setup.sensors import Sensor
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.filters.base import ReceiverModel
@@ -19,10 +20,17 @@ from lvnav_trade.kernels.earth import GM
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.layout import RELATIVE, ExtraBlock, StateLayout
 from lvnav_trade.noise import NoiseFactor
-from lvnav_trade.observables.partials import LEVER_AXES, Channels, Geometry, members, partial, sensor_states
-from lvnav_trade.observables.sensors import RANGES, RECEIVER_SOLUTION
+from lvnav_trade.observables.partials import (
+    FURTHER,
+    LEVER_AXES,
+    Channels,
+    Geometry,
+    members,
+    partial,
+    sensor_states,
+)
 from lvnav_trade.records import Bools, Floats, Ints, Sky
-from lvnav_trade.scenario import Scenario, epoch_interval, smoothing_of, solves
+from lvnav_trade.scenario import Scenario, epoch_interval, solves
 from lvnav_trade.sources import CLOCK_START, CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE
 from lvnav_trade.world.faults import Failures, missing_satellite
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
@@ -39,7 +47,8 @@ def channels_of(scenario: Scenario, seen: Sky, devices: tuple[Sensor, ...] = ())
     ever = tuple(bool(np.any(seen.tracked[:, s])) for s in range(len(seen.names)))
     sensors = tuple(device.channels for device in devices)
     receiver = scenario.filter.tight or scenario.filter.loose
-    return Channels(scenario.filter.tight, seen.names, seen.systems, ever, receiver, sensors)
+    further = tuple(name for name in scenario.filter.measurements if name in FURTHER)
+    return Channels(scenario.filter.tight, seen.names, seen.systems, ever, receiver, sensors, further)
 
 
 class Line:
@@ -124,8 +133,10 @@ def causes_of(scenario: Scenario, channels: Channels) -> list[Cause]:
         return bool(members(kind, channels)[0])
 
     if enters("range_bias"):
-        multipath = receiver.amplification * receiver.multipath
-        found.append(Cause("multipath", "range_bias", "range_bias", multipath, receiver.multipath_time))
+        reflected = receiver.amplification * receiver.multipath
+        found.append(Cause("multipath", "range_bias", "range_bias", reflected, receiver.multipath_time, of_code=True))
+    if enters("ambiguity"):
+        found.append(Cause("carrier ambiguity", "ambiguity", "ambiguity", receiver.carrier_ambiguity))
     if enters("range_rate_offset"):
         found += _of_rates(receiver)
     if enters("timing"):
@@ -193,7 +204,7 @@ def families(
     found += lasting_errors(devices, channels, len(failed.jump))
     partial_of_wild = np.zeros((len(failed.jump), channels.n_channel))
     if channels.tight:
-        partial_of_wild[:, 0 : channels.n_receiver : 2] = failed.wild
+        partial_of_wild[:, channels.of("pseudorange")] = failed.wild
     else:
         partial_of_wild[:, :3] = failed.solution_wild[:, None]
     hit = np.flatnonzero(np.any(partial_of_wild > 0.0, axis=0))
@@ -201,7 +212,8 @@ def families(
         return found
     member = np.full(channels.n_channel, -1, dtype=np.int64)
     member[hit] = range(hit.size)
-    labels = tuple(channels.satellites[c // 2] if channels.tight else "xyz"[c] for c in hit.tolist())
+    n_kind = len(channels.observables)
+    labels = tuple(channels.satellites[c // n_kind] if channels.tight else "xyz"[c] for c in hit.tolist())
     return (*found, ErrorFamily("wild samples", "wild", "", labels, member, partial_of_wild, 1.0, 0.0))
 
 
@@ -232,54 +244,6 @@ def _references(scenario: Scenario, channels: Channels, seen: Sky, used: Ints, n
     return found
 
 
-def _by_channel(
-    channels: Channels, n_epoch: int, pair: tuple[Any, Any], devices: tuple[Sensor, ...], field: str
-) -> Floats:
-    """Return a table (n_epoch, n_channel) of two values of the receiver's channels (of ranges and range rates, or of
-    position and velocity), each a number or (n_epoch, n_sat), and of a field of the sensors beside it.
-    """
-    table, n = np.empty((n_epoch, channels.n_channel)), channels.n_receiver
-    if channels.tight:
-        table[:, 0:n:2], table[:, 1:n:2] = pair
-    else:
-        table[:, :3], table[:, 3:n] = pair
-    for at, device in zip(channels.first, devices, strict=True):
-        values = getattr(device, field)
-        table[:, at : at + values.shape[1]] = values
-    return table
-
-
-def rate_sigma_of(scenario: Scenario, seen: Sky, trajectory: Trajectory) -> Floats:
-    """Return the sigma of range rates (n_epoch, n_sat): of the Doppler, or of differences of carrier phase."""
-    smoothing, receiver = smoothing_of(scenario), scenario.receiver
-    if smoothing is None or smoothing.velocity == "doppler":
-        return seen.rate_sigma
-    return math.sqrt(2.0) / smoothing.rate_interval * phase_sigma(receiver, seen, trajectory)
-
-
-def phase_sigma(receiver: ReceiverCard, seen: Sky, trajectory: Trajectory) -> Floats:
-    """Return the sigma of carrier phase (n_epoch, n_sat) m."""
-    (grown,) = factors(receiver.noise_by, ("carrier_phase",), trajectory, seen.t)
-    return np.full(seen.rate_sigma.shape, receiver.amplification * receiver.carrier_phase_sigma) * grown
-
-
-def _true_sigma(scenario: Scenario, seen: Sky, line: Line, channels: Channels) -> tuple[Any, Any]:
-    """Return the two sigmas of white noise of a receiver in which nothing has failed; see `_by_channel`."""
-    if channels.tight:
-        return seen.range_sigma, rate_sigma_of(scenario, seen, line.trajectory)
-    solution = direct(scenario)
-    of_position, of_velocity = line.noise_factors(scenario.receiver.noise_by, RECEIVER_SOLUTION)
-    return solution.position_sigma * of_position, solution.velocity_sigma * of_velocity
-
-
-def _grown(sigma: Floats, channels: Channels, failed: Failures) -> Floats:
-    """Return the true sigma, grown by what has failed; `sigma`, which the filter may assume, stays as it is."""
-    n, grown = channels.n_receiver, sigma.copy()
-    factor = np.repeat(failed.noise, 2, axis=1) if channels.tight else failed.solution_noise[:, None]
-    grown[:, :n] = sigma[:, :n] * factor
-    return grown
-
-
 def _shifts(line: Line, tracked: Bools, errors: Floats) -> Floats:
     """Return what errors of ranges or rates (n_epoch, n_sat) put into a least-squares solution, (n_epoch, 3)."""
     shift = np.zeros((len(errors), 3))
@@ -296,22 +260,6 @@ def hold(frozen: Bools, *tables: NDArray[Any]) -> None:
     for epoch in np.flatnonzero(frozen):
         for table in tables:
             table[epoch] = table[epoch - 1]
-
-
-def _assumed_variance(
-    scenario: Scenario, model: ReceiverModel, channels: Channels, seen: Sky, line: Line, devices: tuple[Sensor, ...]
-) -> Floats:
-    """Return the variance (n_epoch, n_channel) that the filter gives rows: its own numbers, or what the receiver tells
-    of its noise where the card says so; one for a receiver that reports the covariance with every solution.
-    """
-    if isinstance(scenario.filter.receiver, str):
-        sigma = _true_sigma(scenario, seen, line, channels)
-    else:
-        stated = RANGES if channels.tight else RECEIVER_SOLUTION
-        grown = line.noise_factors(model.noise_by, stated)
-        sigma = tuple(getattr(model, f"{name}_sigma") * factor for name, factor in zip(stated, grown, strict=True))
-    pair = sigma[0] ** 2, sigma[1] ** 2
-    return _by_channel(channels, seen.t.size, (1.0, 1.0) if solves(scenario) else pair, devices, "variance")
 
 
 def _extra_partial(block: ExtraBlock, geometry: Geometry, channels: Channels, devices: tuple[Sensor, ...]) -> Floats:
@@ -347,7 +295,7 @@ def signals(
     """
     clock = scenario.receiver.clock
     used, n_used = _slots(seen)
-    sigma = _by_channel(measured, seen.t.size, _true_sigma(scenario, seen, line, measured), devices, "sigma")
+    sigma = by_channel(measured, seen.t.size, true_sigma(scenario, seen, line, measured), devices, "sigma")
     extra = [_extra_partial(block, geometry, channels, devices) for block in layout.extras]
     interval = epoch_interval(scenario)
     off, off_rate = failed.bias + left[:, :, 0], failed.drift + left[:, :, 1]
@@ -356,7 +304,7 @@ def signals(
     velocity = line.velocity + _shifts(line, seen.tracked, off_rate) + tabled[:, 3:]
     if not solves(scenario):  # else the receiver goes on behind a frozen output
         hold(failed.frozen, used, n_used, ranges, rates, position, velocity)
-    variance = _assumed_variance(scenario, model, channels, seen, line, devices)
+    variance = assumed_variance(scenario, model, channels, seen, line, devices)
     return Signals(
         used=used,
         n_used=n_used,
@@ -368,7 +316,7 @@ def signals(
         satellite=np.ascontiguousarray(seen.r_i),
         satellite_velocity=np.ascontiguousarray(seen.v_i),
         antenna=seen.antenna if channels.tight else np.zeros_like(seen.antenna),
-        sigma=_grown(sigma, measured, failed),
+        sigma=grown_sigma(sigma, measured, failed),
         variance=variance,
         scale=np.ones_like(variance),
         beta=np.zeros_like(variance),

@@ -55,7 +55,7 @@ def watched(
     return Rules(
         interval=1.0 / card.update_rate,
         good=good,
-        limits=np.tile([position, velocity], len(channels.satellites))
+        limits=np.tile([position, velocity, *[math.inf] * len(channels.further)], len(channels.satellites))
         if channels.tight
         else np.repeat([position, velocity], 3),
         spread=np.repeat(np.square((logic.covariance_position or math.inf, logic.covariance_velocity or math.inf)), 3),

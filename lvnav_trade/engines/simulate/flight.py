@@ -3,6 +3,7 @@
 from lvnav_trade.engines.simulate.recording import hold_solution, record
 from lvnav_trade.engines.simulate.sensing import begin, begin_solver, measure_sensors, observe, sense
 from lvnav_trade.filters.backup import advance_backup, begin_backup, predict_backup
+from lvnav_trade.filters.delayed import begin_transition, clone_formal, clone_open_loop, follow, store_estimate
 from lvnav_trade.filters.ekf import clear_epoch, predict_window
 from lvnav_trade.filters.feedforward import apply_feedback, process_measurements, propagate_open_loop
 from lvnav_trade.filters.late import keep
@@ -59,6 +60,7 @@ def fly(work, parts, schedule, unit, signals, sensors, start, history, model, op
     begin_watch(parts.watch)
     begin_backup(parts.backup, work)
     begin_motion(parts.motion, options.samples)
+    begin_transition(parts.earlier, options.delayed)
     dt = unit.dt * model.strapdown.subsamples
     for w in range(schedule.n_tick.shape[0]):
         first, n_tick = schedule.first_tick[w], schedule.n_tick[w]
@@ -71,6 +73,7 @@ def fly(work, parts, schedule, unit, signals, sensors, start, history, model, op
             )
             linearised_sums(work.rates, work.sums, model.seconds[schedule.length[w]], schedule.linearised[w])
             predict_window(work, model, schedule.length[w], schedule.injection[w])
+            follow(parts.earlier, options.delayed, work.D, model, schedule.length[w], schedule.injection[w])
             predict_backup(parts.backup, work, model, schedule.length[w], schedule.injection[w])
             propagate_open_loop(work, parts.open_loop, model, schedule.length[w])
             keep(parts.past, work.nav, work.previous, work.x, options.late, w, dt, model.strapdown.gravity)
@@ -79,15 +82,18 @@ def fly(work, parts, schedule, unit, signals, sensors, start, history, model, op
             clear_epoch(work, epoch)
             _count_samples(work, parts.motion, options.vehicle, model, epoch)
         if epoch >= 0 and model.aided:
-            observe(work, parts.rx, options.solver, signals, model.tight, epoch, k0, k1)
+            observe(work, parts.rx, parts.last, options.solver, options.further, signals, model, epoch, k0, k1)
             hold_solution(work, parts.rx, parts.held, options.solver, options.report, epoch)
             measure_sensors(work, parts.units, sensors, options.units, signals, epoch, k0, k1)
             process_measurements(
-                work, parts.rx, parts.past, parts.watch, parts.open_loop, options.direct, options.rules, options.late,
-                options.gains, sensors, model, signals, epoch, dt,
+                work, parts.rx, parts.past, parts.earlier, parts.watch, parts.open_loop, options.direct, options.rules,
+                options.late, options.delayed, options.gains, sensors, model, signals, epoch, dt,
             )  # fmt: skip
             correct_vehicle(work, parts.motion, model, options.vehicle)
             apply_feedback(work, parts.past, parts.open_loop, options.late, model)
+            store_estimate(work, parts.earlier, parts.past, options.late, options.delayed, model, epoch)
+            clone_formal(work.P, parts.earlier, options.delayed)
+            clone_open_loop(work.x, parts.past, parts.open_loop, options.late, options.delayed, epoch)
         if schedule.hist[w] >= 0:
             tick = max(0, first + n_tick - 1)
             record(

@@ -13,6 +13,7 @@ from lvnav_trade.engines.setup.recorded import values_of
 from lvnav_trade.engines.simulate.flight import fly
 from lvnav_trade.engines.simulate.units import new_units
 from lvnav_trade.filters.backup import new_backup
+from lvnav_trade.filters.delayed import new_earlier
 from lvnav_trade.filters.feedforward import new_open_loop
 from lvnav_trade.filters.late import N_PAST
 from lvnav_trade.filters.monitor import Watch, new_watch
@@ -53,14 +54,15 @@ Work = namedtuple(
 """Arrays of a run (or of eight in lanes): states, work arrays, and what is output; shapes: `new_work`."""
 
 Parts = namedtuple(
-    "Parts", "rx open_loop watch past motion held missed units backup",
-    defaults=(None, None, None, None, None, None, None, None, None),
+    "Parts", "rx open_loop watch past motion held missed units backup earlier last",
+    defaults=(None, None, None, None, None, None, None, None, None, None, None),
 )  # fmt: skip
 """Arrays that belong to options and are None without them; whatever does without is compiled once for all options.
 
 rx (receivers.base.Receiver), open_loop (filters.feedforward.OpenLoop), watch (filters.monitor.Watch), past
-(n_place + 1, N_PAST) (filters.late), motion (filters.samples.Motion), held (Held), missed (Misses), units (UnitWork)
-and backup (filters.backup.Backup).
+(n_place + 1, N_PAST) (filters.late), motion (filters.samples.Motion), held (Held), missed (Misses), units (UnitWork),
+backup (filters.backup.Backup), earlier (filters.delayed.Earlier) and last (n_sat, n_kind) what differences are formed
+with.
 """
 
 
@@ -96,7 +98,7 @@ def new_work(prepared: Prepared, lanes: bool) -> tuple[Work, Parts]:
         "antenna": (len(model.lever_arms), 21), "rate": (3,), "true_par": (max(1, n_true), 3),
         "true_tables": (2, processes.N_TABLE), "par": (max(1, n_par), 3), "tables": (2, processes.N_TABLE),
         "remainder": (6,), "clock": (2,), "clock_hat": (2,), "shared": (max(1, signals.shared.start.size),),
-        "extra": (max(1, n_extra),), "ranges": (signals.used.shape[1], 2), "solution": (6,),
+        "extra": (max(1, n_extra),), "ranges": (signals.used.shape[1], model.n_kind), "solution": (6,),
         "err": (n_hist, n_out), "sigma": (n_hist, n_out), "nees": (n_hist,), "nis": (n_epoch,), "n_row": (n_epoch,),
         "n_reject": (n_epoch,), "innovation": (n_epoch, len(prepared.channel_names)), "failed": (1,),
         "t_failed": (1,), "reported": (6, 6), "observed": (max(1, len(prepared.devices)), 4),
@@ -125,6 +127,11 @@ def _new_parts(prepared: Prepared, n_lane: int) -> Parts:
     if options.units is not None:
         n_tick = int(prepared.schedule.n_tick.max(initial=0))
         found["units"] = new_units(options.units.n_axis.size, n_tick, options.units.pair_sensor.size, n_lane)
+    if options.delayed is not None:
+        n_extra, lever_arms = prepared.model.extra_offset.size, prepared.model.lever_arms
+        found["earlier"] = new_earlier(options.delayed, len(lever_arms), n_extra, n, n_lane)
+        shape = (len(prepared.sky.names), prepared.model.n_kind)
+        found["last"] = aligned_zeros((*shape, *((n_lane,) if n_lane else ())))
     if options.misses is not None:
         found["missed"] = Misses(**zeros_of(dict.fromkeys(Misses._fields, (prepared.t_hist.size, n)), n_lane))
     if options.backup is not None:

@@ -104,10 +104,11 @@ def _record_states(work, own, history, shared, units, model, hist):
     _extra_errors(work, shared, model)
     add_relative_biases(work, own, units)
     _record_motion(err, sigma, 0, x, P, history, hist)
-    for i in range(9, model.n_state):
-        err[i] = x[i]
-        sigma[i] = sqrt(P[i, i])
-    work.nees[hist] = normalised_square(P, work.X, work.K, x, model.n_estimated)
+    for i in range(9, model.reported.shape[0]):
+        state = model.reported[i]
+        err[i] = x[state]
+        sigma[i] = sqrt(P[state, state])
+    work.nees[hist] = normalised_square(P, work.X, work.K, x, model.n_assessed)
     _check(work, history, hist)
     for i in range(model.n_state):
         x[i] = like(x[i], 0.0)
@@ -138,7 +139,7 @@ def _motion_errors(work, motion, vehicle, tick):
 def _record_samples(work, motion, samples, model, tick, hist):
     """Write the errors of the last samples of rate and specific force: raw, and corrected by the estimated bias."""
     if samples is not None:
-        n = model.n_state
+        n = model.reported.shape[0]
         for i in range(N_SAMPLE):
             true = samples.rate[tick, i % 3] if i < 3 else samples.force[tick, i % 3]
             error = true - motion.sample[i]

@@ -192,12 +192,55 @@ def begin_solver(work, rx, solver):
 
 
 @jit
-def _measure_ranges(work, signals, word, epoch, k0, k1):
-    """Fill pseudorange and range rate of every satellite in use."""
+def _begin_phases(work, further, signals, word, epoch, k0, k1):
+    """Draw the constants of carriers that begin a new phase."""
+    shared = signals.shared
+    for s in range(further.ambiguity.shape[0]):
+        m = further.ambiguity[s]
+        if m >= 0 and further.restart[epoch, s]:
+            n0, _, _, _ = normals(k0, k1, shared.sources[m], work.run[0], word, shared.satellites[m])
+            work.shared[m] = shared.start[m] * n0
+
+
+@jit
+def _measure_further(work, last, further, signals, word, epoch, k0, k1):
+    """Fill what is measured of satellites beside pseudorange and range rate, which stand there already; a difference is
+    that with what was measured at the epoch before, last (n_sat, n_kind), updated.
+    """
+    _begin_phases(work, further, signals, word, epoch, k0, k1)
+    n_kind, run, shared = further.is_phase.shape[0], work.run[0], signals.shared
+    for slot in range(signals.n_used[epoch]):
+        s = signals.used[epoch, slot]
+        m0, _, _, _ = normals(k0, k1, further.source, run, word, signals.words[s])
+        for kind in range(2, n_kind):
+            channel = n_kind * s + kind
+            value = work.ranges[slot, 0]
+            if further.is_phase[kind]:
+                true_phase = further.phase[epoch, s] + _shared_error(work, shared, epoch, channel)
+                value = ranges.observe(true_phase, work.clock[0], signals.sigma[epoch, channel], m0)
+            work.ranges[slot, kind] = value
+            if further.is_difference[kind]:
+                work.ranges[slot, kind] = value - last[s, kind]
+                last[s, kind] = value
+
+
+@jit
+def _repeat(work, further, signals, epoch):
+    """Fill differences of an output that stands still: zero."""
+    if further is not None:
+        for slot in range(signals.n_used[epoch]):
+            for kind in range(2, further.is_phase.shape[0]):
+                if further.is_difference[kind]:
+                    work.ranges[slot, kind] = like(work.clock[0], 0.0)
+
+
+@jit
+def _measure_ranges(work, n_kind, signals, word, epoch, k0, k1):
+    """Fill pseudorange and range rate of every satellite in use; n_kind: channels of each."""
     run, shared, sigma = work.run[0], signals.shared, signals.sigma[epoch]
     for slot in range(signals.n_used[epoch]):
         s = signals.used[epoch, slot]
-        at_range, at_rate = 2 * s, 2 * s + 1
+        at_range, at_rate = n_kind * s, n_kind * s + 1
         m0, m1, _, _ = normals(k0, k1, signals.sources[1], run, word, signals.words[s])
         true_range = signals.range[epoch, s] + _shared_error(work, shared, epoch, at_range)
         true_rate = signals.rate[epoch, s] + _shared_error(work, shared, epoch, at_rate)
@@ -253,21 +296,25 @@ def measure_sensors(work, own, sensors, units, signals, epoch, k0, k1):
 
 
 @jit
-def observe(work, rx, solver, signals, tight, epoch, k0, k1):
+def observe(work, rx, last, solver, further, signals, model, epoch, k0, k1):
     """Step the receiver to the epoch and fill the measurements that the filter uses; a frozen output stays.
 
     rx, solver : Receiver and Solver, or None where the solution is simulated (loose) or there is none (tight)
+    last, further : what differences are formed with and Further, or None where there is none
     """
     word = np.uint64(epoch + 1)
     _step_receiver(work, signals, word, epoch, k0, k1)
     if solver is not None:
-        _measure_ranges(work, signals, word, epoch, k0, k1)
+        _measure_ranges(work, 2, signals, word, epoch, k0, k1)
         smooth(rx, work.ranges, work.shared, solver.smoothing, signals, work.run[0], word, epoch, k0, k1)
         _solve(work, rx, solver, signals, epoch)
         return
     if signals.frozen[epoch]:
+        _repeat(work, further, signals, epoch)
         return
-    if tight:
-        _measure_ranges(work, signals, word, epoch, k0, k1)
+    if model.tight:
+        _measure_ranges(work, model.n_kind, signals, word, epoch, k0, k1)
+        if further is not None:
+            _measure_further(work, last, further, signals, word, epoch, k0, k1)
     else:
         _measure_directly(work, signals, word, epoch, k0, k1)

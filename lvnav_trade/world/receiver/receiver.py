@@ -11,6 +11,7 @@ from lvnav_trade.kernels.media.ionosphere import L1, L2, L5, free_combination
 from lvnav_trade.noise import NoiseBy
 from lvnav_trade.world.receiver.link import AntennaCard, LinkCard
 from lvnav_trade.world.receiver.loops import LoopsCard
+from lvnav_trade.world.receiver.slips import CycleSlipCard
 from lvnav_trade.world.receiver.tracking import TrackingCard
 from lvnav_trade.world.user_file.error_table import ErrorTable
 
@@ -232,8 +233,14 @@ class ReceiverCard(units.NamedCard):
     channels: int = Field(16, ge=1, le=64, description="satellites tracked at most; the highest are kept")
     pseudorange_sigma: units.LengthSigma = Field(description="with loops: what is there beside their thermal noise")
     range_rate_sigma: units.SpeedSigma = Field(description="with loops: what is there beside their thermal noise")
-    carrier_phase_sigma: units.LengthSigma = Field(0.002, description="white noise of the carrier phase")
     noise_by: NoiseBy = ()
+    carrier_phase_sigma: units.LengthSigma = Field(
+        0.002, description="white noise of a carrier phase; with loops what is there beside their thermal noise"
+    )
+    carrier_ambiguity: units.LengthSigma = Field(
+        10.0, description="one-sigma of the constant that a carrier phase begins with at every acquisition or slip"
+    )
+    cycle_slips: CycleSlipCard | None = Field(None, description="none: a phase goes on while its signal is held")
     solution: SolutionCard
     clock: ClockCard
     antennas: tuple[AntennaCard, ...] = Field((), description="none: one at lever_b that hears all directions alike")
@@ -249,6 +256,8 @@ class ReceiverCard(units.NamedCard):
             yield "solution.smoothing.time: a window of one epoch smooths nothing"
         if smoothing is not None and smoothing.velocity != "doppler" and smoothing.rate_interval * self.rate > _HALF:
             yield "solution.smoothing.rate_interval: at most half of the interval between epochs"
+        if self.cycle_slips is not None and self.cycle_slips.below is not None and self.link is None:
+            yield "cycle_slips.below needs a link: it is a C/N0"
 
     @property
     def is_dual(self) -> bool:

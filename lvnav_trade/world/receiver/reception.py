@@ -12,8 +12,18 @@ from lvnav_trade.world.faults import highest
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
 from lvnav_trade.world.receiver.dynamics import factors
 from lvnav_trade.world.receiver.link import carrier_to_noise, gains, received_power
-from lvnav_trade.world.receiver.loops import LoopsCard, code_sigma, coherence_loss, holds, lag, rate_sigma, shaking
+from lvnav_trade.world.receiver.loops import (
+    LoopsCard,
+    code_sigma,
+    coherence_loss,
+    holds,
+    lag,
+    phase_sigma,
+    rate_sigma,
+    shaking,
+)
 from lvnav_trade.world.receiver.receiver import ReceiverCard
+from lvnav_trade.world.receiver.slips import continuous
 from lvnav_trade.world.receiver.tracking import (
     DEAF,
     DYNAMICS,
@@ -58,6 +68,8 @@ class Reception(NamedTuple):
     cn0: Floats
     range_sigma: Floats
     rate_sigma: Floats
+    phase_sigma: Floats
+    continuous: Bools
     state: NDArray[np.int8]
     transitions: tuple[Transition, ...]
 
@@ -100,18 +112,21 @@ def receive(
     at = np.arange(n_epoch) * steps.each
     cn0 = heard.cn0[at]
     transitions: tuple[Transition, ...] = ()
-    if receiver.tracking is None:
+    if receiver.tracking is None:  # then every step is an epoch
         tracked = highest(arrival.elevation, arrival.expected & ~arrival.faulty & heard.held[at], receiver.channels)
         state = np.where(tracked, TRACK, IDLE).astype(np.int8)
+        held = tracked
     else:
         signals = _signals(receiver, receiver.tracking, arrival, steps, heard)
         states, transitions = track(receiver.tracking, receiver.channels, arrival.names, signals)
         state = states[at]
         # A channel that waits for its signal to come back is still in track, but has nothing to measure.
         tracked = (state == TRACK) & heard.held[at] & ~arrival.faulty
+        held = (states == TRACK) & heard.held & ~arrival.faulty[steps.owner]
     shown = np.where(heard.heard[at] & (receiver.link is not None), cn0, np.nan)
+    lock = continuous(receiver.cycle_slips, arrival.names, steps.t, steps.owner, held, heard.antenna, heard.cn0)
     noise = _noise(receiver, trajectory, arrival.t, cn0)
-    return Reception(tracked, heard.antenna[at], shown, *noise, state, transitions)
+    return Reception(tracked, heard.antenna[at], shown, *noise, lock, state, transitions)
 
 
 def _plain(receiver: ReceiverCard, trajectory: Trajectory, arrival: Arrival) -> Reception:
@@ -119,8 +134,11 @@ def _plain(receiver: ReceiverCard, trajectory: Trajectory, arrival: Arrival) -> 
     tracked = highest(arrival.elevation, arrival.expected & ~arrival.faulty, receiver.channels)
     antenna, state = np.zeros(tracked.shape, dtype=np.int64), np.where(tracked, TRACK, IDLE).astype(np.int8)
     unknown = np.full(tracked.shape, np.nan)
+    lock = continuous(
+        receiver.cycle_slips, arrival.names, arrival.t, np.arange(arrival.t.size), tracked, antenna, unknown
+    )
     noise = _noise(receiver, trajectory, arrival.t, unknown)
-    return Reception(tracked, antenna, unknown, *noise, state, ())
+    return Reception(tracked, antenna, unknown, *noise, lock, state, ())
 
 
 def _steps(t: Floats, receiver: ReceiverCard) -> _Steps:
@@ -216,21 +234,25 @@ def _signals(receiver: ReceiverCard, tracking: TrackingCard, arrival: Arrival, s
     return Signals(steps.t, expected, cause, strong, arrival.elevation[steps.owner])
 
 
-def _noise(receiver: ReceiverCard, trajectory: Trajectory, t: Floats, cn0: Floats) -> tuple[Floats, Floats]:
-    """Return the sigma of range (m) and range rate (m/s) at times t (n_epoch,) s, (n_epoch, n_sat) each: of the loops
-    and of what the card adds, squares summed, grown by its tables and by a combination of two frequencies.
+def _noise(receiver: ReceiverCard, trajectory: Trajectory, t: Floats, cn0: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the sigma of range (m), range rate (m/s) and carrier phase (m) at times t (n_epoch,) s, (n_epoch, n_sat)
+    each: of the loops and of what the card adds, squares summed, grown by its tables and by a combination of two
+    frequencies.
     """
-    of_range, of_rate = factors(receiver.noise_by, ("pseudorange", "range_rate"), trajectory, t)
-    code, rate = _thermal(receiver, cn0)
+    measurements = ("pseudorange", "range_rate", "carrier_phase")
+    of_range, of_rate, of_phase = factors(receiver.noise_by, measurements, trajectory, t)
+    code, rate, phase = _thermal(receiver, cn0)
     same = receiver.amplification * np.ones(cn0.shape)
-    return code * (of_range * same), rate * (of_rate * same)
+    return code * (of_range * same), rate * (of_rate * same), phase * (of_phase * same)
 
 
-def _thermal(receiver: ReceiverCard, cn0: Floats) -> tuple[Floats | float, Floats | float]:
-    """Return the sigma of range and range rate at one frequency, whatever the flight does."""
+def _thermal(receiver: ReceiverCard, cn0: Floats) -> tuple[Floats | float, Floats | float, Floats | float]:
+    """Return the sigma of range, range rate and carrier phase at one frequency, whatever the flight does."""
     loops, link = receiver.loops, receiver.link
+    stated = receiver.pseudorange_sigma, receiver.range_rate_sigma, receiver.carrier_phase_sigma
     if loops is None or link is None:
-        return receiver.pseudorange_sigma, receiver.range_rate_sigma
+        return stated
     bounded = np.maximum(cn0, 0.0)  # what is fainter than any loop can hold is not measured: the tables stay finite
     code, rate = code_sigma(loops, bounded), rate_sigma(loops, bounded, link.wavelength)
-    return np.hypot(receiver.pseudorange_sigma, code), np.hypot(receiver.range_rate_sigma, rate)
+    phase = phase_sigma(loops, bounded) * link.wavelength / (2.0 * math.pi)
+    return np.hypot(stated[0], code), np.hypot(stated[1], rate), np.hypot(stated[2], phase)

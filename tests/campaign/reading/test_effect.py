@@ -34,6 +34,8 @@ INERTIAL = "filter.measurements=[]"
 SOLVER = "kind: bancroft, range_sigma: 1 m, rate_sigma: 0.1 m/s"
 CLOCKLESS = "no effect: only a filter that measures ranges has a clock"
 TWO_FREQUENCIES = "filter.corrections.ionosphere: no effect: ranges of two frequencies have no ionospheric delay"
+TDCP = "filter.measurements=[pseudorange, tdcp]"
+NO_PHASE = "no effect: no carrier phase is measured"
 UNREAD = "no effect: nothing that is computed for this campaign reads it"
 
 
@@ -84,6 +86,14 @@ def refused(*sets: str) -> list[str]:
         (("filter.clock=differenced", SOLUTION), f"filter.clock: {CLOCKLESS}"),
         (("filter.reference_satellite=G01",), "filter.reference_satellite: no effect: clock: differenced has one"),
         (("filter.clock=differenced", "filter.reference_satellite=A1"), ""),
+        (("receiver.carrier_phase_sigma=3 mm",), f"receiver.carrier_phase_sigma: {NO_PHASE}"),
+        (("receiver.cycle_slips={rate: 2 1/h}",), f"receiver.cycle_slips: {NO_PHASE}"),
+        (("faults=[{kind: cycle_slip, size: 1, start: 9 s}]",), f"faults.0: {NO_PHASE}"),
+        (("filter.delayed_state=consider",), f"filter.delayed_state: {UNREAD}"),
+        (("filter.previous_noise=estimated",), f"filter.previous_noise: {UNREAD}"),
+        (("receiver.carrier_ambiguity=3 m", TDCP), f"receiver.carrier_ambiguity: {UNREAD}"),
+        (("receiver.carrier_phase_sigma=3 mm", "faults=[{kind: cycle_slip, size: 1, start: 9 s}]",
+          "filter.previous_noise=estimated", "filter.delayed_state=consider", TDCP), ""),
         (("receiver.solution.bias_time=9 s", SOLUTION), ""),
         (("filter.extra_states=[position_bias]",), "filter.extra_states: position_bias: no measurement of the filter"),
         (("filter.consider=[velocity_bias]",), "filter.consider: velocity_bias: no measurement of the filter"),

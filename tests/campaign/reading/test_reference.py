@@ -24,7 +24,8 @@ def test_a_field_has_its_units_its_default_and_its_meaning() -> None:
     assert row("filter", "covariance_rate") == (units, "10 Hz", "")
     assert row("base.imu.gyro", "bandwidth") == (f"{units} or none", "none", "first-order bandwidth; none: ideal")
     assert row("filter", "measurements")[:2] == (
-        "list of position, velocity, pseudorange, range_rate, altitude, attitude, "
+        "list of position, velocity, pseudorange, range_rate, carrier_phase, tdcp, delta_pseudorange, altitude, "
+        "attitude, "
         "zero_velocity, pad_position, azimuth, angle_difference, velocity_difference, "
         "stellar_attitude, magnetic_field, pressure_altitude, ground_tracking, zero_rotation, imu", "required",
     )  # fmt: skip

@@ -19,7 +19,7 @@ Work = namedtuple("Work", "D_true block input shift y b seen noise spread")
 Truth = namedtuple(
     "Truth",
     "group lane n_slot followed moves factor noise echo source slot states state_from sensor driver profile first "
-    "moving nav_rows nav_columns white decay first_shared shared_family",
+    "moving nav_rows nav_columns white decay first_shared shared_family noise_source",
 )
 FilterModel = namedtuple("FilterModel", "seconds clock")
 
@@ -53,6 +53,7 @@ def small(starts, variances, *, factor, noise, decay, white, blocks, rows, colum
         "sensor": none, "driver": none, "profile": none, "first": none,
         "moving": np.zeros(0, dtype=np.bool_), "nav_rows": rows, "nav_columns": columns,
         "white": table(white[:, None]), "decay": decay[None], "first_shared": 0, "shared_family": none,
+        "noise_source": np.array([n_source - 1]),
     }  # fmt: skip
     true = Truth(**(fields | more))
     joint = Joint(

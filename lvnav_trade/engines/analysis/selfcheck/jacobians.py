@@ -6,11 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines.analysis.estimate import increments, place, tick_at
+from lvnav_trade.engines.analysis.estimate import increments, place, place_earlier, tick_at
 from lvnav_trade.engines.analysis.selfcheck.check import Check
 from lvnav_trade.engines.analysis.selfcheck.states import sizes
 from lvnav_trade.engines.lincov.workspace import Nominal, new_nominal
 from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.filters.delayed import is_present
 from lvnav_trade.filters.ekf import channel_of, fill_receiver, fill_sensor, n_measured, place_antenna, row_of
 from lvnav_trade.filters.model import TYPES
 from lvnav_trade.kernels.transition import CONSTANT, GYRO
@@ -113,10 +114,11 @@ def _estimate(prepared: Prepared, work: Nominal, epoch: int, d: Floats, time: fl
 def _receiver_rows(prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Rows:
     """Return the rows of the receiver that the filter takes."""
     model, signals = prepared.model, prepared.signals
+    delayed, earlier = prepared.options.delayed, place_earlier(prepared, work, epoch, d)
     _estimate(prepared, work, epoch, d)
-    fill_receiver(work, model, signals, epoch)
+    fill_receiver(work, earlier, delayed, model, signals, epoch)
     rows = [(row, channel_of(model, signals, epoch, row)) for row in range(n_measured(model, signals, epoch))]
-    return _dense(prepared, work, [(row, channel) for row, channel in rows if model.measured[channel]])
+    return _dense(prepared, work, [one for one in rows if is_present(delayed, model, epoch, one[1])])
 
 
 def _sensor_rows(k: int, prepared: Prepared, work: Nominal, epoch: int, d: Floats) -> Rows:

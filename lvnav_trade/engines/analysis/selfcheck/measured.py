@@ -11,7 +11,7 @@ from lvnav_trade.engines.analysis.selfcheck.check import Check
 from lvnav_trade.engines.analysis.selfcheck.draws import RUNS, correlation, moments
 from lvnav_trade.engines.setup.families import RECORDED
 from lvnav_trade.engines.setup.prepare import Prepared
-from lvnav_trade.engines.setup.signals import rate_sigma_of
+from lvnav_trade.engines.setup.receiver_noise import rate_sigma_of
 from lvnav_trade.engines.simulate.montecarlo import Work, new_work
 from lvnav_trade.engines.simulate.sensing import begin, measure_sensors, observe
 from lvnav_trade.kernels.clock import step_covariance
@@ -110,6 +110,7 @@ def _drawn(prepared: Prepared, seed: int) -> Drawn:
     """Let the receiver and the sensors of some runs measure the nominal flight at some epochs, one after another."""
     signals, (k0, k1), epochs = prepared.signals, seed_words(seed), _epochs(prepared)
     (work, parts), plain, ranges = new_work(prepared, lanes=False), _plain(prepared), _ranges(prepared)
+    further, model = prepared.options.further, prepared.model._replace(tight=ranges)
     clean = {epoch: _innovations(prepared, work, epoch, exact=True) for epoch in epochs.tolist()}
     start, steps = np.empty((RUNS, 2)), np.empty((RUNS, epochs.size, 2))
     shared, white = np.zeros((RUNS, 1 + epochs.size, signals.shared.start.size)), defaultdict[str, list[Floats]](list)
@@ -119,13 +120,14 @@ def _drawn(prepared: Prepared, seed: int) -> Drawn:
         start[run], shared[run, 0] = work.clock, work.shared[: shared.shape[2]]
         for k, epoch in enumerate(epochs.tolist()):
             bias, drift = work.clock
-            observe(work, None, None, signals, ranges, epoch, k0, k1)
+            observe(work, None, parts.last, None, further, signals, model, epoch, k0, k1)
             measure_sensors(work, parts.units, prepared.sensors, None, signals, epoch, k0, k1)
             bias += signals.interval * drift + signals.clock_jump[epoch]
             steps[run, k] = work.clock - (bias, drift)
             shared[run, k + 1] = work.shared[: shared.shape[2]]
             if plain[epoch] and prepared.channels.receiver:
                 _add_receiver(white, prepared, work, epoch, ranges)
+                _add_phases(white, prepared, work, parts.last, epoch)
             for name, found in _innovations(prepared, work, epoch).items():
                 z, sigma = found[0] - clean[epoch][name][0], found[1]
                 white[name].append(z[sigma > 0.0] / sigma[sigma > 0.0])
@@ -153,7 +155,7 @@ def _add_receiver(white: dict[str, list[Floats]], prepared: Prepared, work: Work
             ("pseudorange noise", signals.range, sky.range_sigma), ("range-rate noise", signals.rate, rate_sigma),
         )):  # fmt: skip
             error = work.ranges[: s.size, k] - true[epoch, s] - work.clock[k]
-            error -= _shared_errors(prepared, work, epoch, 2 * s + k)
+            error -= _shared_errors(prepared, work, epoch, prepared.model.n_kind * s + k)
             white[name].append(error[sigma[epoch, s] > 0.0] / sigma[epoch, s][sigma[epoch, s] > 0.0])
         return
     assert isinstance(card.solution, DirectSolution)
@@ -166,6 +168,24 @@ def _add_receiver(white: dict[str, list[Floats]], prepared: Prepared, work: Work
     )):  # fmt: skip
         if sigma > 0.0:
             white[name].append(error[3 * k : 3 * k + 3] / (sigma * np.ravel(grown[k])))
+
+
+def _add_phases(
+    white: dict[str, list[Floats]], prepared: Prepared, work: Work, last: Floats | None, epoch: int
+) -> None:
+    """Add the white noise of the carrier phases that the receiver has measured, in its sigma; last (n_sat, n_kind):
+    those that differences are formed with.
+    """
+    signals, further, n_kind = prepared.signals, prepared.options.further, prepared.model.n_kind
+    if further is None or last is None:
+        return
+    s = signals.used[epoch, : signals.n_used[epoch]]
+    for kind in np.flatnonzero(further.is_phase):
+        measured = last[s, kind] if further.is_difference[kind] else work.ranges[: s.size, kind]
+        error = measured - further.phase[epoch, s] - work.clock[0]
+        error = error - _shared_errors(prepared, work, epoch, n_kind * s + kind)
+        sigma = prepared.sky.phase_sigma[epoch, s]
+        white["carrier-phase noise"].append(error[sigma > 0.0] / sigma[sigma > 0.0])
 
 
 def _innovations(prepared: Prepared, work: Work, epoch: int, exact: bool = False) -> dict[str, tuple[Floats, Floats]]:

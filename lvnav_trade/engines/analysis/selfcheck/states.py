@@ -10,7 +10,7 @@ from lvnav_trade.engines.simulate.montecarlo import Parts, Work, new_work
 from lvnav_trade.engines.simulate.recording import record
 from lvnav_trade.filters.ekf import correct
 from lvnav_trade.filters.samples import correct_vehicle
-from lvnav_trade.layout import state_names
+from lvnav_trade.layout import state_names, state_outputs
 from lvnav_trade.records import Floats
 
 SIZE = {"attitude": 1e-3, "velocity": 1.0, "position": 100.0}
@@ -21,8 +21,8 @@ ALLOWED = 1e-6
 
 def sizes(prepared: Prepared) -> Floats:
     """Return the error (n_state,) that is put into each state, SI."""
-    names = [name.partition(" ")[0] for name in state_names(prepared.layout)]
-    return np.array([SIZE.get(name, 1.0 / prepared.outputs[k].label_factor) for k, name in enumerate(names)])
+    found = state_outputs(prepared.layout, prepared.scenario.frame)
+    return np.array([SIZE.get(one.quantity, 1.0 / one.label_factor) for one in found])
 
 
 def round_trip(prepared: Prepared) -> list[Check]:
@@ -30,16 +30,17 @@ def round_trip(prepared: Prepared) -> list[Check]:
     put in, found by the recording of runs, fed back by the filter, and found again. Figures are parts of the error.
     """
     (work, parts), size, names = new_work(prepared, lanes=False), sizes(prepared), state_names(prepared.layout)
-    turn = turns(prepared)
+    turn, reported = turns(prepared), np.array(prepared.layout.reported)
     worst: dict[str, tuple[float, str]] = {}
     for hist in sorted({0, prepared.t_hist.size // 2, prepared.t_hist.size - 1}):
-        for state, name in enumerate(names):
-            d = np.zeros(prepared.layout.n_state)
+        for state in reported.tolist():
+            name, d = names[state], np.zeros(prepared.layout.n_state)
             d[state] = size[state]
             _put_in(prepared, work, parts, hist, d)
-            found = turn[hist].T @ _found(prepared, work, parts, hist)
+            found, left = np.zeros_like(d), np.zeros_like(d)
+            found[reported] = turn[hist].T @ _found(prepared, work, parts, hist)
             _feed_back(prepared, work, parts, found)
-            left = turn[hist].T @ _found(prepared, work, parts, hist)
+            left[reported] = turn[hist].T @ _found(prepared, work, parts, hist)
             missed = float(max(np.abs((found - d) / size).max(), np.abs(left / size).max()))
             quantity = name.partition(" ")[0]
             if not missed <= worst.get(quantity, (-1.0, ""))[0]:
@@ -73,13 +74,13 @@ def _put_in(prepared: Prepared, work: Work, parts: Parts, hist: int, d: Floats) 
 
 
 def _found(prepared: Prepared, work: Work, parts: Parts, hist: int) -> Floats:
-    """Return the error (n_state,) that a run records, in reporting axes."""
+    """Return the error (n_reported,) that a run records, in reporting axes."""
     options = prepared.options
     record(
         work, None, None, parts.units, parts.motion, None, None, None, options.vehicle, None, None, None,
         prepared.record, prepared.signals.shared, options.units, prepared.model, _tick(prepared, hist), hist,
     )  # fmt: skip
-    return np.array(work.err[hist, : prepared.layout.n_state])
+    return np.array(work.err[hist, : len(prepared.layout.reported)])
 
 
 def _feed_back(prepared: Prepared, work: Work, parts: Parts, x: Floats) -> None:

@@ -1,0 +1,216 @@
+"""Differences of two epochs in the joint covariance: what is wrong with a measurement stays until the next epoch.
+
+The error of a measured range, apart from what the filter has states for, is a state of the joint vector, and so is that
+of the epoch before; a difference measures the first less the second. So its noise is the moving average that it is, in
+every source, forwards and backwards. The filter's clones are states of its error already: after an epoch they are those
+that they are of.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.engines.lincov.receiver_error import N_CLONE, advance_solution, clone_states
+from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.filters.delayed import clone_formal, find_earlier, renew, store_estimate
+from lvnav_trade.filters.late import place_of
+from lvnav_trade.kernels.groups import group
+from lvnav_trade.kernels.jit import inlined, jit
+from lvnav_trade.kernels.lanes import like
+from lvnav_trade.layout import OF_OBSERVABLES
+from lvnav_trade.observables.partials import DIFFERENCES, OF_ONE, PHASES
+from lvnav_trade.records import Floats, Ints
+
+N_ENTRIES = 2
+"""Entries of a row for the error of a measurement and of that before."""
+
+
+class Successive(NamedTuple):
+    """Errors of measurements by epochs; m states, of n channels (the first half) and of the same an epoch before.
+
+    move (n_epoch, m, m), white (n_epoch, m, n), variance (n_epoch, n), shared (n_epoch, m, n_component), push (n_epoch,
+    m): as of `solution.Chain`; kind (n,) is the number of a channel. source: names (n,) of the noise; renewed (n_epoch,
+    n_extra) true variance that a state of the filter begins anew with, -1 where it does not, renewed_source (n_extra,).
+    """
+
+    move: Floats
+    white: Floats
+    variance: Floats
+    kind: Ints
+    shared: Floats
+    push: Floats
+    renewed: Floats
+    renewed_source: Ints
+
+
+def noise_of(observable: str) -> str:
+    """Return the source of the noise of an observable, of a difference that of what it is of."""
+    if observable in PHASES:
+        return "carrier-phase noise"
+    return "range-rate noise" if observable == "range_rate" else "pseudorange noise"
+
+
+def difference_channels(prepared: Prepared) -> list[int]:
+    """Return the channels that are differences, of satellites that are ever tracked."""
+    channels = prepared.channels
+    if prepared.options.delayed is None:
+        return []
+    return [
+        int(channel) for name in channels.observables if name in DIFFERENCES
+        for channel, seen in zip(np.arange(channels.n_channel)[channels.of(name)], channels.seen, strict=True) if seen
+    ]  # fmt: skip
+
+
+def successive_of(prepared: Prepared, names: list[str], families: list[int]) -> Successive | None:
+    """Return the errors of successive measurements, None where no further observables are measured.
+
+    names of the sources; families: by family of shared errors that of the filter's extra states, -1 none.
+    """
+    if prepared.options.delayed is None:
+        return None
+    signals, frozen = prepared.signals, prepared.signals.frozen
+    own = difference_channels(prepared)
+    n, n_epoch, n_kind = len(own), prepared.t_epoch.size, prepared.model.n_kind
+    observables = [prepared.channels.observables[channel % n_kind] for channel in own]
+    used = np.zeros((n_epoch, len(prepared.sky.names)), dtype=np.bool_)
+    for epoch in range(n_epoch):
+        used[epoch, signals.used[epoch, : signals.n_used[epoch]]] = True
+    new = used & ~frozen[:, None]
+    move, white = np.zeros((n_epoch, 2 * n, 2 * n)), np.zeros((n_epoch, 2 * n, n))
+    variance, shared = np.zeros((n_epoch, n)), np.zeros((n_epoch, 2 * n, signals.shared.start.size))
+    is_state = prepared.scenario.filter.previous_noise == "estimated"
+    for i, (channel, name) in enumerate(zip(own, observables, strict=True)):
+        satellite = channel // n_kind
+        move[:, n + i, i], move[:, i, i] = 1.0, frozen
+        white[:, i, i] = 1.0
+        if not is_state:
+            variance[:, i] = np.where(new[:, satellite], signals.sigma[:, channel] ** 2, 0.0)
+        true = channel if name in PHASES else n_kind * satellite
+        for family, known in enumerate(families):
+            m = signals.shared.member[family, true]
+            if m >= 0:
+                assumed = signals.partial[known, :, channel] if known >= 0 else 0.0
+                beyond = signals.shared.partial[family, :, true] - assumed
+                shared[:, i, m] += np.where(new[:, satellite], beyond, 0.0)
+    return Successive(
+        move, white, variance, np.array(own, dtype=np.int64), shared, np.zeros((n_epoch, 2 * n)),
+        *_renewed(prepared, names),
+    )  # fmt: skip
+
+
+def _renewed(prepared: Prepared, names: list[str]) -> tuple[Floats, Ints]:
+    """Return the true variances of what begins anew, and their sources; see `Successive`."""
+    delayed, signals, n_kind = prepared.options.delayed, prepared.signals, prepared.model.n_kind
+    renewed, source = np.full(delayed.renewed.shape, -1.0), np.zeros(delayed.renewed.shape[1], dtype=np.int64)
+    first = 0
+    for block in prepared.layout.extras:
+        if block.name in OF_OBSERVABLES:
+            at = prepared.channels.observables.index(OF_ONE[block.name])
+            for k, label in enumerate(block.labels):
+                sigma = signals.sigma[:, n_kind * prepared.sky.names.index(label) + at]
+                name = noise_of(OF_ONE[block.name])
+                if block.name == "ambiguity":
+                    name, sigma = "carrier ambiguity", np.full(len(sigma), prepared.scenario.receiver.carrier_ambiguity)
+                anew = delayed.renewed[:, first + k] >= 0.0
+                renewed[anew, first + k] = sigma[anew] ** 2
+                source[first + k] = names.index(name) if name in names else 0
+        first += len(block.labels)
+    return renewed, source
+
+
+@jit
+def measure_further(nominal, further, signals, epoch):
+    """Set what is measured, on the nominal flight, of satellites beside pseudorange and range rate."""
+    if further is not None:
+        for slot in range(signals.n_used[epoch]):
+            s = signals.used[epoch, slot]
+            for kind in range(2, further.is_phase.shape[0]):
+                values = further.phase if further.is_phase[kind] else signals.range
+                nominal.ranges[slot, kind] = values[epoch, s]
+                if further.is_difference[kind] and epoch > 0:
+                    nominal.ranges[slot, kind] -= values[epoch - 1, s]
+
+
+@jit
+def _forget(P, at):
+    for i in range(P.shape[0]):
+        P[at, i], P[i, at] = like(P[0, 0], 0.0), like(P[0, 0], 0.0)
+
+
+@inlined
+def _renew_joint(joint, successive, true, model, epoch):
+    """Let states of the filter's error begin anew at an epoch, in every source and in the mean."""
+    if successive is not None:
+        for e in range(successive.renewed.shape[1]):
+            if successive.renewed[epoch, e] >= 0.0:
+                at = model.extra_offset[e]
+                for g in range(true.n_slot.shape[0]):
+                    _forget(group(joint.sources, g), at)
+                    for k in range(true.n_slot[g]):
+                        if true.followed[g, k]:
+                            y = group(joint.cross, g)[k]
+                            y[at] = like(y[at], 0.0)
+                joint.mean[at] = 0.0
+                source = successive.renewed_source[e]
+                joint.sources[true.group[source], at, at, true.lane[source]] = successive.renewed[epoch, e]
+
+
+@inlined
+def begin_epoch(joint, scratch, nominal, earlier, delayed, successive, true, model, epoch):
+    """Begin an epoch in every covariance: errors of measurements become those before, what begins anew does, and the
+    earlier state is found where it is no clone.
+    """
+    if successive is not None:
+        advance_solution(joint, scratch, successive, true, epoch)
+        find_earlier(joint.formal, earlier, delayed)
+        renew(joint.formal, scratch.x, nominal.extra, delayed, model, epoch)
+        _renew_joint(joint, successive, true, model, epoch)
+
+
+@inlined
+def renew_back(back, successive, model, epoch, time_bin):
+    """Go back through `begin_epoch` for what begins anew."""
+    if successive is not None:
+        for e in range(successive.renewed.shape[1]):
+            if successive.renewed[epoch, e] >= 0.0:
+                at, source = model.extra_offset[e], successive.renewed_source[e]
+                for m in range(back.e.shape[0]):
+                    through = back.e[m, at]
+                    back.contribution[m, source, time_bin] += through * through * successive.renewed[epoch, e]
+                    back.e[m, at] = 0.0
+
+
+@jit
+def _origin(true, late, delayed, epoch, c):
+    """Return the state that a clone of the filter is of after an epoch: of a late receiver that of its validity."""
+    state = delayed.cloned[c]
+    if late is not None and late.line[0] >= 0 and state < 9:
+        return true.clone + N_CLONE * place_of(late, 0, epoch) + state
+    return state
+
+
+@inlined
+def _clone_joint(joint, true, late, delayed, epoch):
+    """Let the filter's clones be what the states are at the end of an epoch, in every source and in the mean."""
+    if delayed is not None:
+        for c in range(delayed.cloned.shape[0]):
+            clone_states(joint, true, delayed.clone + c, _origin(true, late, delayed, epoch, c), 1)
+
+
+@inlined
+def end_epoch(joint, nominal, earlier, late, delayed, true, model, epoch):
+    """End an epoch: store the nominal state for the differences of the next one, and clone its error."""
+    store_estimate(nominal, earlier, nominal.past, late, delayed, model, epoch)
+    clone_formal(joint.formal, earlier, delayed)
+    _clone_joint(joint, true, late, delayed, epoch)
+
+
+@inlined
+def joint_back(back, true, late, delayed, epoch):
+    """Go back through `end_epoch`."""
+    if delayed is not None:
+        for m in range(back.e.shape[0]):
+            y = back.e[m]
+            for c in range(delayed.cloned.shape[0] - 1, -1, -1):
+                y[_origin(true, late, delayed, epoch, c)] += y[delayed.clone + c]
+                y[delayed.clone + c] = 0.0
