@@ -95,6 +95,22 @@ def is_present(delayed, model, epoch, channel):
 
 
 @jit
+def subtract_extra(work, earlier, delayed, model, signals, epoch, row, channel):
+    """Set the entries of a difference for extra states at its earlier epoch; return what their estimates take off the
+    prediction.
+    """
+    h = work.H[row]
+    total = like(work.x[0], 0.0)
+    for f in range(model.extra_member.shape[0]):
+        e = model.extra_member[f, channel]
+        if e >= 0:
+            partial = like(work.x[0], signals.partial[f, epoch - 1, channel])
+            h[delayed.earlier + D_EXTRA + f] = -partial
+            total = total + partial * earlier.extra[e]
+    return total
+
+
+@jit
 def _begin_anew(P, at, variance):
     """Let a state of the covariance P begin anew, with a variance and independent of the others."""
     for i in range(P.shape[0]):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lvnav_trade.filters.delayed import correct_earlier, is_present
+from lvnav_trade.filters.delayed import correct_earlier, is_present, subtract_extra
 from lvnav_trade.filters.late import LAST, carry_on, correct_stored, place_of, predicted_of_stored
 from lvnav_trade.kernels import processes, transition
 from lvnav_trade.kernels.covariance import inflate, predict, update_scalar, update_with_gain, whiten
@@ -11,7 +11,7 @@ from lvnav_trade.kernels.lanes import like, where
 from lvnav_trade.kernels.strapdown import R
 from lvnav_trade.kernels.transition import correct_motion
 from lvnav_trade.observables import solution
-from lvnav_trade.observables.base import D_EXTRA, N_ENTRY, antenna, line_of_sight
+from lvnav_trade.observables.base import N_ENTRY, antenna, line_of_sight
 from lvnav_trade.observables.ranges import range_row, rate_row, subtract_earlier
 from lvnav_trade.observables.sensors import fill
 
@@ -102,22 +102,6 @@ def _add_extra(work, model, signals, epoch, row, channel):
 
 
 @jit
-def _subtract_extra(work, earlier, delayed, model, signals, epoch, row, channel):
-    """Set the entries of a difference for extra states at its earlier epoch; return what their estimates take off the
-    prediction.
-    """
-    h = work.H[row]
-    total = like(work.x[0], 0.0)
-    for f in range(model.extra_member.shape[0]):
-        e = model.extra_member[f, channel]
-        if e >= 0:
-            partial = like(work.x[0], signals.partial[f, epoch - 1, channel])
-            h[delayed.earlier + D_EXTRA + f] = -partial
-            total = total + partial * earlier.extra[e]
-    return total
-
-
-@jit
 def _fill_further(work, earlier, delayed, model, signals, epoch):
     """Set the rows of what is measured of satellites beside pseudorange and range rate: phases, differences."""
     for slot in range(signals.n_used[epoch]):
@@ -136,7 +120,7 @@ def _fill_further(work, earlier, delayed, model, signals, epoch):
                 predicted = predicted - subtract_earlier(
                     work.H[row], delayed.earlier, before, ux, uy, uz, distance, earlier.clock[0]
                 )
-                predicted = predicted - _subtract_extra(work, earlier, delayed, model, signals, epoch, row, channel)
+                predicted = predicted - subtract_extra(work, earlier, delayed, model, signals, epoch, row, channel)
             work.z[row] = work.ranges[slot, kind] - predicted
 
 

@@ -6,26 +6,17 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.filters.base import BIASES, EnvelopeCard, FilterCard, ImuModel, InitialModel, ReceiverModel
-from lvnav_trade.filters.delayed import cloned_states, earlier_entries
+from lvnav_trade.filters.delayed import cloned_states
+from lvnav_trade.filters.rows import NOISE_STATES, TYPES, extra_tables, row_tables, row_types
 from lvnav_trade.filters.strapdown import strapdown_of
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.clock import spectral_densities
 from lvnav_trade.kernels.strapdown import Strapdown
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL
 from lvnav_trade.layout import BY_SATELLITE, EXTRAS, PARAMETERS, RELATIVE, ExtraBlock, ParameterBlock, StateLayout
-from lvnav_trade.observables.base import D_EXTRA, H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL, N_ENTRY
 from lvnav_trade.observables.partials import Channels, members, sensor_states
-from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS, SENSORS
 from lvnav_trade.records import Bools, Floats, Ints
 
-PSEUDORANGE, RANGE_RATE, POSITION, VELOCITY, CARRIER_PHASE, TDCP, DELTA_PSEUDORANGE, FIRST_SENSOR = range(8)
-# The number of each type of measurement in the kernels, by name.
-TYPES = {
-    "pseudorange": PSEUDORANGE, "range_rate": RANGE_RATE, "position": POSITION, "velocity": VELOCITY,
-    "carrier_phase": CARRIER_PHASE, "tdcp": TDCP, "delta_pseudorange": DELTA_PSEUDORANGE,
-} | {name: FIRST_SENSOR + k for k, name in enumerate(SENSOR_MEASUREMENTS)}  # fmt: skip
-# States of an observable that a filter has without its card naming them.
-NOISE_STATES = {"tdcp": "phase_noise", "delta_pseudorange": "code_noise"}
 # One-sigma (m) of the receiver's clock at an epoch before the filter starts: such a difference tells nothing.
 UNKNOWN = 1e6
 # Time constant (s) of what is new in every window.
@@ -240,69 +231,6 @@ def _densities(card: FilterCard, layout: StateLayout, imu: ImuModel, receiver: R
     return found
 
 
-def _row_types(channels: Channels) -> Ints:
-    types = [POSITION] * 3 + [VELOCITY] * 3
-    if channels.tight:
-        types = [TYPES[name] for name in channels.observables] * len(channels.satellites)
-    types += [TYPES[sensor.measures] for sensor in channels.sensors for _ in sensor.labels]
-    return np.array(types, dtype=np.int64)
-
-
-def _rate_state(layout: StateLayout) -> int:
-    """Return the first of the states that the body rate is known by: the rate itself or a gyro bias, -1 for neither."""
-    if layout.motion >= 0:
-        return layout.motion
-    found = [b.offset for b in layout.parameters if b.sensor == GYRO and b.driver == transition.CONSTANT]
-    return found[0] if found else -1
-
-
-def _row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, whitened: bool) -> tuple[Ints, Ints, Ints]:
-    """Return per channel how many entries its Jacobian row has, which, and the states that they stand for; a whitened
-    solution's rows have the entries of all of them.
-    """
-    navigation = (("position", H_POS, POS), ("velocity", H_VEL, VEL), ("attitude", H_ATT, ATT))
-    whole = {name: [(entry + i, state + i) for i in range(3)] for name, entry, state in navigation}
-    position, velocity, attitude = whole["position"], whole["velocity"], whole["attitude"] if has_lever else []
-    rate = [(H_RATE + i, _rate_state(layout) + i) for i in range(3)] if has_lever and _rate_state(layout) >= 0 else []
-    bias, drift = ([(H_CLOCK, layout.clock + k)] if layout.clock >= 0 else [] for k in (0, 1))
-    types = {
-        **dict.fromkeys((PSEUDORANGE, CARRIER_PHASE, TDCP, DELTA_PSEUDORANGE), position + attitude + bias),
-        RANGE_RATE: position + attitude + velocity + rate + drift,
-        POSITION: position + attitude + (velocity + rate if whitened else []),
-        VELOCITY: velocity + attitude + rate + (position if whitened else []),
-    }
-    for card in SENSORS:
-        types[TYPES[card.measurement]] = [pair for name in card.jacobian for pair in whole[name]]
-    extras = [e.offset + i for e in layout.extras for i in range(len(e.labels))]
-    count = np.zeros(row_type.size, dtype=np.int64)
-    width = N_ENTRY + len(extras if whitened else layout.extras)
-    n_earlier = D_EXTRA + len(layout.extras) if layout.cloned else 0
-    pairs = np.zeros((2, row_type.size, width + n_earlier), dtype=np.int64)
-    for channel, kind in enumerate(row_type.tolist()):
-        if whitened:
-            stood_for = [e.offset + int(e.member[channel]) for e in layout.extras if e.member[channel] >= 0]
-            own = [(N_ENTRY + e, at) for e, at in enumerate(extras) if kind in (POSITION, VELOCITY) or at in stood_for]
-        else:
-            own = [(N_ENTRY + f, e.offset + int(e.member[channel])) for f, e in enumerate(layout.extras)
-                   if e.member[channel] >= 0]  # fmt: skip
-        found = types[kind] + own
-        if kind in (TDCP, DELTA_PSEUDORANGE) and layout.cloned:
-            found += earlier_entries(layout, found, width)
-        count[channel] = len(found)
-        pairs[:, channel, : len(found)] = np.transpose(found)
-    return count, pairs[0], pairs[1]
-
-
-def _extra_tables(layout: StateLayout, n_channel: int) -> tuple[Ints, Ints]:
-    """Return the state of every extra one, (n_extra,), and by family which of them stands in a channel."""
-    offsets: list[int] = []
-    member = np.full((len(layout.extras), n_channel), -1, dtype=np.int64)
-    for f, block in enumerate(layout.extras):
-        member[f] = np.where(block.member >= 0, len(offsets) + block.member, -1)
-        offsets += [block.offset + i for i in range(len(block.labels))]
-    return np.array(offsets, dtype=np.int64), member
-
-
 def build_filter_model(
     card: FilterCard,
     imu: ImuModel,
@@ -326,14 +254,19 @@ def build_filter_model(
     expression of its own.
     """
     layout = state_layout(card, imu, receiver, channels, measurements, bool(np.any(lever_arms)))
-    rows, columns, kinds, drivers = transition_blocks(layout.parameters, card.transition_order)
+    rows, columns, block_kinds, drivers = transition_blocks(layout.parameters, card.transition_order)
     if "imu" in measurements:  # all but the gradient of gravity is propagated sample by sample
-        gradient = kinds == transition.VEL_POS
-        rows, columns, kinds, drivers = rows[gradient], columns[gradient], kinds[gradient], drivers[gradient]
+        gradient = block_kinds == transition.VEL_POS
+        rows, columns, block_kinds, drivers = (
+            rows[gradient],
+            columns[gradient],
+            block_kinds[gradient],
+            drivers[gradient],
+        )
     decay, noise = window_tables(layout, _densities(card, layout, imu, receiver, drift), seconds)
-    row_type = _row_types(channels)
-    count, entry, column = _row_tables(layout, row_type, bool(np.any(lever_arms)), has_covariance)
-    extra_offset, extra_member = _extra_tables(layout, channels.n_channel)
+    row_type = row_types(channels)
+    count, entry, column = row_tables(layout, row_type, bool(np.any(lever_arms)), has_covariance)
+    extra_offset, extra_member = extra_tables(layout, channels.n_channel)
     corrected = layout.delayed + layout.n_delayed if layout.n_delayed else layout.n_estimated
     considers = bool(layout.cloned) and card.delayed_state == "consider"
     model = FilterModel(
@@ -347,7 +280,7 @@ def build_filter_model(
         strapdown=strapdown or strapdown_of(card.strapdown, card.gravity),
         block_rows=rows,
         block_columns=columns,
-        block_kinds=kinds,
+        block_kinds=block_kinds,
         block_drivers=drivers,
         seconds=seconds,
         decay=decay,

@@ -82,8 +82,8 @@ def test_the_earlier_state_found_by_the_inverse_transition_is_the_clone():
     blocks[0] = 0.3 * np.eye(3).ravel()
     blocks[1:] = 0.2 * rng.standard_normal((2, 9))
     rows, columns = np.array([6, 3, 0]), np.array([3, 0, 9 - 3])
-    Model = namedtuple("Model", "seconds block_rows block_columns decay noise clock")
-    model = Model(np.array([0.3]), rows, columns, decay[None], noise[None], -1)
+    Model = namedtuple("Model", "seconds block_rows block_columns decay noise clock injected")
+    model = Model(np.array([0.3]), rows, columns, decay[None], noise[None], -1, np.zeros((0, n)))
     by_clone, by_inverse = P.copy(), P.copy()
     clones, inverse = delayed(cloned, first), delayed(cloned, first, back=True)
     earlier = new_earlier(inverse, 1, 0, n)
@@ -92,7 +92,7 @@ def test_the_earlier_state_found_by_the_inverse_transition_is_the_clone():
     for _ in range(4):
         for one in (by_clone, by_inverse):
             predict(one, blocks, rows, columns, decay, noise, -1, 0.3)
-        follow(earlier, inverse, blocks, model, 0)
+        follow(earlier, inverse, blocks, model, 0, -1)
     assert np.abs(by_inverse[first:]).max() == 0.0
     find_earlier(by_inverse, earlier, inverse)
     np.testing.assert_allclose(by_inverse, by_clone, rtol=0, atol=1e-10 * np.abs(by_clone).max())

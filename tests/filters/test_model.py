@@ -9,15 +9,8 @@ import pytest
 
 from lvnav_trade.filters import model as room
 from lvnav_trade.filters.base import FilterCard, ImuModel, InitialModel, ReceiverModel
-from lvnav_trade.filters.model import (
-    POSITION,
-    PSEUDORANGE,
-    RANGE_RATE,
-    VELOCITY,
-    build_filter_model,
-    initial_covariance,
-    window_tables,
-)
+from lvnav_trade.filters.model import build_filter_model, initial_covariance, window_tables
+from lvnav_trade.filters.rows import POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY
 from lvnav_trade.kernels.covariance import predict
 from lvnav_trade.kernels.transition import ATT, POS, SQUARE, VEL
 from lvnav_trade.layout import StateLayout

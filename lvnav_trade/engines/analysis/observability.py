@@ -10,7 +10,7 @@ from lvnav_trade.engines.lincov.history import forward_tape
 from lvnav_trade.engines.lincov.samples import nominal_tick
 from lvnav_trade.engines.lincov.workspace import Tape
 from lvnav_trade.engines.setup.prepare import Prepared
-from lvnav_trade.filters.model import NOISE_STATES
+from lvnav_trade.filters.rows import NOISE_STATES
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import apply_phi
 from lvnav_trade.kernels.jit import jit

@@ -7,7 +7,7 @@ import numpy as np
 from lvnav_trade.engines.lincov.receiver_error import N_CLONE, N_NAV
 from lvnav_trade.engines.lincov.successive import difference_channels, noise_of
 from lvnav_trade.engines.setup.prepare import Prepared
-from lvnav_trade.filters.model import CARRIER_PHASE, POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY
+from lvnav_trade.filters.rows import CARRIER_PHASE, POSITION, PSEUDORANGE, RANGE_RATE, VELOCITY
 from lvnav_trade.kernels.transition import VEL
 from lvnav_trade.observables.partials import PHASES
 from lvnav_trade.records import Ints

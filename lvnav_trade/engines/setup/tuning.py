@@ -6,7 +6,8 @@ import numpy as np
 
 from lvnav_trade.engines.setup.inputs import Schedule, Signals
 from lvnav_trade.filters.base import FilterCard
-from lvnav_trade.filters.model import TYPES, FilterModel
+from lvnav_trade.filters.model import FilterModel
+from lvnav_trade.filters.rows import TYPES
 from lvnav_trade.kernels.transition import ATT, EVERY_WINDOW, FIRST, KEPT, POS, RENEWED, VEL
 from lvnav_trade.layout import StateLayout
 from lvnav_trade.observables.tuning import RegionNoiseCard, UnderweightingCard

@@ -13,7 +13,7 @@ from lvnav_trade.engines.lincov.workspace import Nominal, new_nominal
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.filters.delayed import is_present
 from lvnav_trade.filters.ekf import channel_of, fill_receiver, fill_sensor, n_measured, place_antenna, row_of
-from lvnav_trade.filters.model import TYPES
+from lvnav_trade.filters.rows import TYPES
 from lvnav_trade.kernels.transition import CONSTANT, GYRO
 from lvnav_trade.kernels.vehicle import N_SAMPLE, fill_samples
 from lvnav_trade.layout import state_names
