@@ -7,7 +7,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from lvnav_trade.engines.analysis.error_bound import ErrorBound
 from lvnav_trade.engines.analysis.explain import FACTORS, Explanation, PhaseView, Sensitivity, SourceCovariance
@@ -17,7 +16,6 @@ from lvnav_trade.engines.setup.starts import StartDraws
 from lvnav_trade.engines.simulate.statistics import summarise
 from lvnav_trade.kernels.earth import OMEGA
 from lvnav_trade.records import LOST, TRACK, AdjointBudget, CovHistory, Output, Reference, RunBlock, Sky, Transition
-from lvnav_trade.store.read import Tables
 from lvnav_trade.store.tables import CaseInfo
 from lvnav_trade.store.write import open_results
 from lvnav_trade.world.conditions import Course
@@ -292,8 +290,10 @@ def results(
     return folder
 
 
-def with_allan_curves(tables: Tables) -> tuple[str, Tables]:
+def with_allan_curves(tables: Any) -> tuple[str, Any]:
     """Return the first case, and the tables with Allan deviations of both of its sensors."""
+    import pandas as pd  # here: workers, which this module stands in for, do without
+
     case, tau = next(iter(tables.labels)), np.array([0.1, 1.0, 10.0, 100.0])
     white, walk = 1e-6 / np.sqrt(tau), 1e-8 * np.sqrt(tau / 3.0)
     rows = [

@@ -30,7 +30,11 @@ DELAYS = {"corrections"}
 # Tables of factors on noise: tests/test_noise.py, tests/engines/setup/test_receiver_noise.py walk their fields.
 NOISE = {"noise_by"}
 # Noise of the carrier, of a receiver that smooths its ranges: tests/engines/setup/test_smoothing.py.
-PHASE = {"carrier_phase_sigma"}
+PHASE = {
+    "carrier_phase_sigma", "carrier_ambiguity", "cycle_slips", "ambiguity", "delayed_state", "previous_noise",
+}  # fmt: skip
+# What tunes and reports a filter: tests/filters/test_tuning, test_residuals, test_backup.
+TUNING = {"as_noise", "transition_rate", "underweighting", "fading_memory", "region_noise", "backup"}
 # Flicker noise by fitted processes: tests/world/sensors/test_imu.py walks its fields.
 FITTED = {"instability_fit"}
 # A recording in a file: tests/world/user_file/test_error_table.py walks its fields.
@@ -154,7 +158,7 @@ def leaves(model, before=""):
     for name, field in model.model_fields.items():
         within = [a for a in (field.annotation, *get_args(field.annotation)) if isinstance(a, type)]
         inner = [a for a in within if issubclass(a, BaseModel)]
-        if name in DELAYS | NOISE | PHASE | FITTED | RECORDED | POLICIES | MODELLED | SENSORS | RELATIVE or (
+        if name in DELAYS | NOISE | PHASE | TUNING | FITTED | RECORDED | POLICIES | MODELLED | SENSORS | RELATIVE or (
             (model is ReceiverCard and name in HEARING) or (model is FilterCard and name == "clock")
         ):
             continue

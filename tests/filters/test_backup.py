@@ -80,18 +80,18 @@ def test_a_direct_filter_linearises_every_scalar_where_the_one_before_has_left_t
         off[6:9] = [3000.0, -2000.0, 1000.0]
         correct_motion(work.nav, off)
         ekf.place_antenna(work, None, None, model, dt, epoch)
-        ekf.fill_receiver(work, model, signals, epoch)
+        ekf.fill_receiver(work, None, None, model, signals, epoch)
         ekf.clear_epoch(work, epoch)
         return work
 
     direct, closed, by_hand = start(), start(), start()
-    ekf.update_receiver(direct, None, None, True, None, model, signals, epoch, dt, np.inf)
-    ekf.update_receiver(closed, None, None, None, None, model, signals, epoch, dt, np.inf)
+    ekf.update_receiver(direct, None, None, None, None, True, None, model, signals, epoch, dt, np.inf)
+    ekf.update_receiver(closed, None, None, None, None, None, None, model, signals, epoch, dt, np.inf)
     ekf.correct(closed, None, None, model)
     P = np.array(by_hand.P)
     for row in range(n_row):
         ekf.place_antenna(by_hand, None, None, model, dt, epoch)
-        ekf.fill_receiver(by_hand, model, signals, epoch)
+        ekf.fill_receiver(by_hand, None, None, model, signals, epoch)
         H, z, R = dense_rows(prepared, by_hand, epoch)
         gain = P @ H[row] / (H[row] @ P @ H[row] + R[row])
         P = P - np.outer(gain, H[row] @ P)

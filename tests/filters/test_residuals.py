@@ -42,7 +42,7 @@ def observed(prepared, epoch, offset):
         work.ranges[slot] = signals.range[epoch, s], signals.rate[epoch, s]
     work.ranges[: signals.n_used[epoch]] += offset.reshape(-1, 2)
     ekf.place_antenna(work, None, None, model, prepared.unit.dt, epoch)
-    ekf.fill_receiver(work, model, signals, epoch)
+    ekf.fill_receiver(work, None, None, model, signals, epoch)
     return work
 
 
@@ -78,7 +78,8 @@ def test_noise_that_rows_share_is_the_dense_update_with_the_full_covariance(sche
     assert np.abs(whole[0, 1]) > 0.0  # a satellite's range with its rate
     gain = P @ H[:, others].T @ np.linalg.inv(H[:, others] @ P @ H[:, others].T + whole)
     ekf.clear_epoch(work, epoch)
-    ekf.update_receiver(work, None, None, None, None, prepared.model, prepared.signals, epoch, prepared.unit.dt, np.inf)
+    none, model, dt = (None,) * 6, prepared.model, prepared.unit.dt
+    ekf.update_receiver(work, *none, model, prepared.signals, epoch, dt, np.inf)
     sigma = np.sqrt(np.diag(P))
     np.testing.assert_allclose(work.x[others] / sigma, gain @ z / sigma, rtol=0, atol=1e-9)
     expected = P - gain @ H[:, others] @ P

@@ -39,13 +39,13 @@ MUTATIONS = {
         "observables/solution.py", "= at[6 + first + (axis + 2) % 3]", "= -at[6 + first + (axis + 2) % 3]", OBSERVABLE
     ),
     "assumed variance four times too large, seen in the numbers": Mutation(
-        "engines/setup/signals.py", "pair = sigma[0] ** 2, sigma[1] ** 2",
-        "pair = 4.0 * sigma[0] ** 2, 4.0 * sigma[1] ** 2",
+        "engines/setup/receiver_noise.py", "line, name) ** 2 for name in channels.observables)",
+        "line, name) ** 2 * 4.0 for name in channels.observables)",
         "tests/engines/setup/test_signals.py::test_the_variances_of_rows_are_the_squares_of_the_assumed_sigmas",
     ),
     "assumed variance four times too large, seen in the statistics": Mutation(
-        "engines/setup/signals.py", "pair = sigma[0] ** 2, sigma[1] ** 2",
-        "pair = 4.0 * sigma[0] ** 2, 4.0 * sigma[1] ** 2",
+        "engines/setup/receiver_noise.py", "line, name) ** 2 for name in channels.observables)",
+        "line, name) ** 2 * 4.0 for name in channels.observables)",
         "tests/engines/simulate/test_montecarlo.py::test_a_matched_filter_is_consistent",
     ),
     "weight of a row its variance instead of the inverse": Mutation(
@@ -69,7 +69,8 @@ MUTATIONS = {
         "tests/filters/test_model.py::test_a_gauss_markov_state_keeps_its_sigma_whatever_the_window",
     ),
     "measurement tagged half a tick early": Mutation(
-        "engines/setup/signals.py", "at = motion(trajectory, seen.t)", "at = motion(trajectory, seen.t - 0.0025)",
+        "engines/setup/signals.py", "at, self.trajectory, self.t = motion(trajectory, seen.t),",
+        "at, self.trajectory, self.t = motion(trajectory, seen.t - 0.0025),",
         "tests/engines/setup/test_prepare.py::test_measurements_are_taken_on_ticks_where_the_increments_end",
     ),
     "attitude correction with the wrong sign": Mutation(
@@ -78,12 +79,13 @@ MUTATIONS = {
         "tests/engines/simulate/test_recording.py::test_an_error_that_is_injected_computed_and_fed_back_leaves_nothing",
     ),
     "true parameters that start without correlation to the filter's error": Mutation(
-        "engines/lincov/components.py", "cross[source, slot, at] += variance", "cross[source, slot, at] += 0.0",
+        "engines/lincov/components.py", "cross[source, slot, states] += variance", "cross[source, slot, states] += 0.0",
         "tests/engines/lincov/test_components.py"
         "::test_the_estimate_starts_at_zero_so_error_and_component_are_the_same_thing",
     ),
     "true errors that do not start in the filter's parameters at all": Mutation(
-        "engines/lincov/components.py", "sources[source, at, at] += variance", "sources[source, at, at] += 0.0",
+        "engines/lincov/components.py", "sources[source, states[:, None], states] += variance",
+        "sources[source, states[:, None], states] += 0.0",
         "tests/engines/lincov/test_history.py::test_a_matched_filter_knows_its_own_error",
     ),
     "true covariance updated as if every gain were optimal": Mutation(
@@ -92,7 +94,7 @@ MUTATIONS = {
         "tests/kernels/test_joint.py::test_the_true_update_is_josephs_form_for_any_gain",
     ),
     "coning with the wrong sign": Mutation(
-        "kernels/strapdown.py", "from_rotation(wx + twelfth * coning_x,", "from_rotation(wx - twelfth * coning_x,",
+        "kernels/strapdown.py", "from_rotation(wx + coning_x,", "from_rotation(wx - coning_x,",
         "tests/kernels/test_strapdown.py::test_coning_drifts_as_the_closed_form_says",
     ),
     "thrust that turns the velocity error the wrong way": Mutation(

@@ -14,7 +14,7 @@ RADAR = {"kind": "altimeter", "name": "a", "source": "b", "sigma": "1 m", "share
 def test_the_members_give_the_measurements_and_the_models():
     assert {card.measurement for card in SENSORS} == set(SensorModels.model_fields)
     assert set(MEASUREMENTS) == {
-        *("position", "velocity", "pseudorange", "range_rate", "imu"),
+        *("position", "velocity", "pseudorange", "range_rate", "carrier_phase", "tdcp", "delta_pseudorange", "imu"),
         *(card.measurement for card in SENSORS),
     }
 

@@ -45,6 +45,7 @@ def test_a_filter_card_reads(name: str) -> None:
         "tight": ("pseudorange", "range_rate"),
         "tight_001": ("pseudorange",),
         "inertial": (),
+        "uncoupled": (),
         "baseline": ("position", "velocity", "attitude"),
         "pad": ("zero_velocity",),
         "vehicle": ("position", "velocity", "attitude", "imu"),

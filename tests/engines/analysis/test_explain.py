@@ -35,7 +35,7 @@ RECEIVER = {
 }  # fmt: skip
 ELSEWHERE = {
     "troposphere scale", "ionosphere scale", "satellite clock and ephemeris", "system time offset",
-    "recorded receiver error", "wild samples",
+    "recorded receiver error", "wild samples", "carrier-phase noise", "carrier ambiguity",
 }  # fmt: skip
 """Sources of the world around the flight, of a record and of faults: see test_families, test_recorded, test_faults."""
 
