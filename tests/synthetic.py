@@ -11,7 +11,7 @@ import numpy as np
 from lvnav_trade.engines.analysis.error_bound import ErrorBound
 from lvnav_trade.engines.analysis.explain import FACTORS, Explanation, PhaseView, Sensitivity, SourceCovariance
 from lvnav_trade.engines.analysis.nonlinearity import Nonlinearity
-from lvnav_trade.engines.setup.atmosphere import Delays
+from lvnav_trade.engines.setup.receiver.atmosphere import Delays
 from lvnav_trade.engines.setup.starts import StartDraws
 from lvnav_trade.engines.simulate.statistics import summarise
 from lvnav_trade.kernels.earth import OMEGA

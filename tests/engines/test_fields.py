@@ -25,11 +25,12 @@ LABELS = {"name", "source"}
 
 # Hearing and tracking: tests/world/receiver/test_reception.py walks these cards, the sky shows all that they do.
 HEARING = {"antennas", "link", "loops", "tracking"}
-# Models of delays: tests/delays walks their fields, tests/engines/setup/test_atmosphere.py what engines make of them.
+# Models of delays: tests/delays walks their fields, tests/engines/setup/receiver/test_atmosphere.py what engines
+# make of them.
 DELAYS = {"corrections"}
-# Tables of factors on noise: tests/test_noise.py, tests/engines/setup/test_receiver_noise.py walk their fields.
+# Tables of factors on noise: tests/test_noise.py, tests/engines/setup/receiver/test_noise.py walk their fields.
 NOISE = {"noise_by"}
-# Noise of the carrier, of a receiver that smooths its ranges: tests/engines/setup/test_smoothing.py.
+# Noise of the carrier, of a receiver that smooths its ranges: tests/engines/setup/receiver/test_smoothing.py.
 PHASE = {
     "carrier_phase_sigma", "carrier_ambiguity", "cycle_slips", "ambiguity", "delayed_state", "previous_noise",
 }  # fmt: skip
@@ -46,7 +47,7 @@ SENSORS = {"sensor_models"}
 # States of a difference of two units: tests/observables/test_imu_difference.py.
 RELATIVE = {f"{kind}_relative_bias{end}" for kind in ("gyro", "accel") for end in ("", "_walk", "_correlation")}
 # Policies: walked in tests/filters/test_{late,feedforward,monitor}.py, tests/campaign/test_gains.py,
-# tests/engines/setup/test_clocks.py, which walks the filter's clock too.
+# tests/engines/setup/receiver/test_clocks.py, which walks the filter's clock too.
 POLICIES = {"delay_compensation", "feedback", "logic", "init", "gains", "reference_satellite"}
 
 RAMP = {"start": "1 s", "end": "20 s", "amplitude": ["10 deg/h", "0 deg/h", "5 deg/h"]}

@@ -39,12 +39,12 @@ MUTATIONS = {
         "observables/solution.py", "= at[6 + first + (axis + 2) % 3]", "= -at[6 + first + (axis + 2) % 3]", OBSERVABLE
     ),
     "assumed variance four times too large, seen in the numbers": Mutation(
-        "engines/setup/receiver_noise.py", "line, name) ** 2 for name in channels.observables)",
+        "engines/setup/receiver/noise.py", "line, name) ** 2 for name in channels.observables)",
         "line, name) ** 2 * 4.0 for name in channels.observables)",
-        "tests/engines/setup/test_signals.py::test_the_variances_of_rows_are_the_squares_of_the_assumed_sigmas",
+        "tests/engines/setup/receiver/test_signals.py::test_the_variances_of_rows_are_the_squares_of_the_assumed_sigmas",
     ),
     "assumed variance four times too large, seen in the statistics": Mutation(
-        "engines/setup/receiver_noise.py", "line, name) ** 2 for name in channels.observables)",
+        "engines/setup/receiver/noise.py", "line, name) ** 2 for name in channels.observables)",
         "line, name) ** 2 * 4.0 for name in channels.observables)",
         "tests/engines/simulate/test_montecarlo.py::test_a_matched_filter_is_consistent",
     ),
@@ -69,7 +69,7 @@ MUTATIONS = {
         "tests/filters/test_model.py::test_a_gauss_markov_state_keeps_its_sigma_whatever_the_window",
     ),
     "measurement tagged half a tick early": Mutation(
-        "engines/setup/signals.py", "at, self.trajectory, self.t = motion(trajectory, seen.t),",
+        "engines/setup/receiver/signals.py", "at, self.trajectory, self.t = motion(trajectory, seen.t),",
         "at, self.trajectory, self.t = motion(trajectory, seen.t - 0.0025),",
         "tests/engines/setup/test_prepare.py::test_measurements_are_taken_on_ticks_where_the_increments_end",
     ),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.setup.signals import Line
+from lvnav_trade.engines.setup.receiver.signals import Line
 from lvnav_trade.observables.partials import LEVER_AXES, Channels, Geometry, members, partial
 from lvnav_trade.world.receiver.visibility import sky
 from tests.building import hop, loaded, with_fields

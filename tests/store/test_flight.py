@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.setup.atmosphere import Delays
+from lvnav_trade.engines.setup.receiver.atmosphere import Delays
 from lvnav_trade.frames import earth_angle, matrices, rotation_i_n
 from lvnav_trade.records import IDLE, LOST
 from lvnav_trade.store.flight import STEP, flight_columns

@@ -27,7 +27,7 @@ from lvnav_trade.engines.analysis import explain as explained
 from lvnav_trade.engines.lincov import history as lincov
 from lvnav_trade.engines.setup import starts
 from lvnav_trade.engines.setup.prepare import Prepared, prepare, trajectory_of
-from lvnav_trade.engines.setup.recorded import table_of
+from lvnav_trade.engines.setup.receiver.recorded import table_of
 from lvnav_trade.engines.simulate import montecarlo, statistics
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.reads import recorded

@@ -6,16 +6,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from lvnav_trade.engines.setup.atmosphere import Delays, delays
 from lvnav_trade.engines.setup.families import ErrorFamily, shared_of
-from lvnav_trade.engines.setup.further import delayed_of, further_of
 from lvnav_trade.engines.setup.inputs import Options, Record, Report, Schedule, Sensors, Signals, Start, Unit, Units
 from lvnav_trade.engines.setup.options import clone_times, delays_taken, every, gains_of, late_of, solver_of
-from lvnav_trade.engines.setup.recorded import Recorded, recorded
+from lvnav_trade.engines.setup.receiver.atmosphere import Delays, delays
+from lvnav_trade.engines.setup.receiver.further import delayed_of, further_of
+from lvnav_trade.engines.setup.receiver.recorded import Recorded, recorded
+from lvnav_trade.engines.setup.receiver.signals import Line, channels_of, families, geometry_of, signals
+from lvnav_trade.engines.setup.receiver.smoothing import smoothing_gains, smoothing_numbers, smoothing_offsets
+from lvnav_trade.engines.setup.receiver.solution import Chain, chain_of
 from lvnav_trade.engines.setup.sensors import Sensor, for_kernels, sensors_of
-from lvnav_trade.engines.setup.signals import Line, channels_of, families, geometry_of, signals
-from lvnav_trade.engines.setup.smoothing import smoothing_gains, smoothing_numbers, smoothing_offsets
-from lvnav_trade.engines.setup.solution import Chain, chain_of
 from lvnav_trade.engines.setup.times import epochs_of, times_of
 from lvnav_trade.engines.setup.tuning import underweighted, with_linearisation, with_regions
 from lvnav_trade.engines.setup.units import arriving, fused, units_of

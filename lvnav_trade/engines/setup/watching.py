@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from lvnav_trade.engines.setup.inputs import Signals
-from lvnav_trade.engines.setup.solution import Chain
+from lvnav_trade.engines.setup.receiver.solution import Chain
 from lvnav_trade.filters.base import FilterCard, LogicCard
 from lvnav_trade.filters.monitor import Rules
 from lvnav_trade.observables.partials import Channels

@@ -9,7 +9,7 @@ from numba import config
 
 from lvnav_trade.engines.setup.inputs import Schedule
 from lvnav_trade.engines.setup.prepare import Prepared, prepare
-from lvnav_trade.engines.setup.recorded import values_of
+from lvnav_trade.engines.setup.receiver.recorded import values_of
 from lvnav_trade.engines.simulate.flight import fly
 from lvnav_trade.engines.simulate.units import new_units
 from lvnav_trade.filters.backup import new_backup

@@ -19,7 +19,7 @@ from lvnav_trade.engines.lincov.receiver_error import (
     solution_back,
 )
 from lvnav_trade.engines.lincov.slots import as_lanes
-from lvnav_trade.engines.setup.solution import Chain
+from lvnav_trade.engines.setup.receiver.solution import Chain
 from lvnav_trade.kernels.groups import GROUP, grouped_zeros
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.transition import ATT, POS, VEL

@@ -11,7 +11,7 @@ from lvnav_trade.engines.analysis.selfcheck.check import Check
 from lvnav_trade.engines.analysis.selfcheck.draws import RUNS, correlation, moments
 from lvnav_trade.engines.setup.families import RECORDED
 from lvnav_trade.engines.setup.prepare import Prepared
-from lvnav_trade.engines.setup.receiver_noise import rate_sigma_of
+from lvnav_trade.engines.setup.receiver.noise import rate_sigma_of
 from lvnav_trade.engines.simulate.montecarlo import Work, new_work
 from lvnav_trade.engines.simulate.sensing import begin, measure_sensors, observe
 from lvnav_trade.kernels.clock import step_covariance

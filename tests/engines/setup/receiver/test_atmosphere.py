@@ -9,7 +9,7 @@ import pytest
 
 from lvnav_trade.delays.cards import AtmosphereCard, CorrectionsCard
 from lvnav_trade.engines.lincov.history import covariance
-from lvnav_trade.engines.setup.atmosphere import delays
+from lvnav_trade.engines.setup.receiver.atmosphere import delays
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.world.receiver.visibility import sky
 from tests.building import LOOSE, MATCHED, loaded, prepare_hop, with_fields

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import chi2, norm
 
 from lvnav_trade.engines.lincov.history import adjoint, covariance
-from lvnav_trade.engines.setup.solution import RANGE, simulated
+from lvnav_trade.engines.setup.receiver.solution import RANGE, simulated
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.scenario import Scenario
 from tests.building import MATCHED, loaded, prepare_hop

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from lvnav_trade.engines.setup.families import ErrorFamily
-from lvnav_trade.engines.setup.receiver_noise import phase_sigma
-from lvnav_trade.engines.setup.signals import Line
+from lvnav_trade.engines.setup.receiver.noise import phase_sigma
+from lvnav_trade.engines.setup.receiver.signals import Line
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.receivers.hatch import Smoothing, divergence, gains
 from lvnav_trade.records import Bools, Floats, Sky

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.setup.further import linked, wavelength
+from lvnav_trade.engines.setup.receiver.further import linked, wavelength
 from tests.building import loaded
 
 N = 6

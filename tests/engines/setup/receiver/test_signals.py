@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.engines.lincov.history import covariance
-from lvnav_trade.engines.setup.signals import Line, _shifts
+from lvnav_trade.engines.setup.receiver.signals import Line, _shifts
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.world.faults import DegradedNoise
 from lvnav_trade.world.receiver.visibility import sky

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import chi2, norm
 
 from lvnav_trade.engines.lincov.history import adjoint, covariance
-from lvnav_trade.engines.setup.solution import CLOCK
+from lvnav_trade.engines.setup.receiver.solution import CLOCK
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from tests.building import LOOSE, MATCHED, loaded, prepare_hop, with_fields
 

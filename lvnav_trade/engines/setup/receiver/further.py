@@ -4,8 +4,8 @@ import numpy as np
 
 from lvnav_trade.engines.setup.families import ErrorFamily
 from lvnav_trade.engines.setup.inputs import Further, Signals
-from lvnav_trade.engines.setup.receiver_noise import assumed_sigma
-from lvnav_trade.engines.setup.signals import Line, hold
+from lvnav_trade.engines.setup.receiver.noise import assumed_sigma
+from lvnav_trade.engines.setup.receiver.signals import Line, hold
 from lvnav_trade.filters.base import ReceiverModel
 from lvnav_trade.filters.delayed import Delayed
 from lvnav_trade.filters.model import FilterModel

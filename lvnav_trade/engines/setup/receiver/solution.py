@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.engines.setup.inputs import Signals
-from lvnav_trade.engines.setup.signals import Line
+from lvnav_trade.engines.setup.receiver.signals import Line
 from lvnav_trade.receivers.base import BIAS, DRIFT, N_STATE, ReceiverFilter, Solver
 from lvnav_trade.receivers.cascade import (
     SOLUTION,

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from lvnav_trade.engines.lincov.history import adjoint, covariance
 from lvnav_trade.engines.lincov.sources import source_names
-from lvnav_trade.engines.setup.recorded import SOURCE, start_of
+from lvnav_trade.engines.setup.receiver.recorded import SOURCE, start_of
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.frames import earth_angle
 from lvnav_trade.scenario import Scenario

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lvnav_trade.engines.setup.families import RECORDED, ErrorFamily
-from lvnav_trade.engines.setup.signals import Line, hold
+from lvnav_trade.engines.setup.receiver.signals import Line, hold
 from lvnav_trade.frames import earth_angle
 from lvnav_trade.kernels.random import philox, seed_words, source_word
 from lvnav_trade.observables.partials import Channels

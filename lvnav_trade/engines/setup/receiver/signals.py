@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lvnav_trade.engines.setup.families import Cause, ErrorFamily, families_of
 from lvnav_trade.engines.setup.inputs import Shared, Signals
 from lvnav_trade.engines.setup.options import direct
-from lvnav_trade.engines.setup.receiver_noise import assumed_variance, by_channel, grown_sigma, true_sigma
+from lvnav_trade.engines.setup.receiver.noise import assumed_variance, by_channel, grown_sigma, true_sigma
 from lvnav_trade.engines.setup.sensors import Sensor
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.filters.base import ReceiverModel
