@@ -236,10 +236,14 @@ def split_metric(name: str) -> tuple[str, str]:
     return quantity, axis.removeprefix("_") or "3d"
 
 
+# Prefix of the errors of a strapdown that is never corrected
+BACKUP = "backup_"
+
+
 def backup_outputs(frame: str) -> tuple[Output, ...]:
     """Return what is reported of a strapdown that is never corrected, behind all other outputs."""
-    attitude = [Output("backup_attitude", axis, "rad", "mrad", 1e3) for axis in _BODY["rate"]]
-    return (*attitude, *_moving("backup_", frame))
+    attitude = [Output(f"{BACKUP}attitude", axis, "rad", "mrad", 1e3) for axis in _BODY["rate"]]
+    return (*attitude, *_moving(BACKUP, frame))
 
 
 def solution_outputs(frame: str) -> tuple[Output, ...]:

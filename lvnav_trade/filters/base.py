@@ -68,8 +68,11 @@ class ImuModel(units.Card):
 
     def sigma(self, name: str) -> float:
         """Return the one-sigma of a parameter (SI); of a nonlinearity its slope, the error at full scale over that."""
-        value = float(getattr(self, name))
-        return value / getattr(self, name.replace("nonlinearity", "full_scale")) if "nonlinearity" in name else value
+        return float(getattr(self, name)) / self.full_scale(name)
+
+    def full_scale(self, name: str) -> float:
+        """Return what a parameter is stated at: of a nonlinearity the input at full scale (SI), else one."""
+        return float(getattr(self, name.replace("nonlinearity", "full_scale"))) if "nonlinearity" in name else 1.0
 
 
 class ReceiverModel(units.Card):
@@ -361,7 +364,7 @@ class FilterCard(units.NamedCard):
 
         if self.delayed_state == "back_propagated" and self.models_vehicle:
             yield "delayed_state: samples of the IMU are updates between epochs; no transition leads back through them"
-        if self.delayed_state == "back_propagated" and (self.as_noise or self.fading_memory is not None):
+        if self.delayed_state == "back_propagated" and self.as_noise:
             yield "delayed_state: what a filter forgets between epochs, no transition leads back through"
 
     @property

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from lvnav_trade.filters.late import ERROR, place_of
-from lvnav_trade.kernels.covariance import apply_phi, predict
+from lvnav_trade.kernels.covariance import apply_phi, inflate, predict
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, zeros_of
 from lvnav_trade.kernels.transition import ATT, POS
@@ -46,8 +46,8 @@ class Delayed(NamedTuple):
 
 class Earlier(NamedTuple):
     """What a filter stores of the epoch before: antenna (n_antenna, 21), clock (1,) m and extra (n_extra,) estimates;
-    phi and noise (n_state, n_state), the transition since then and its noise, and lu (n_state, n_state), all empty
-    unless the earlier state is found from the present one.
+    phi and noise (n_state, n_state), the transition since then and its noise, lu (n_state, n_state), all empty unless
+    the earlier state is found from the present one; growth (1,) of deviations by fading memory since then.
     """
 
     antenna: Floats
@@ -56,12 +56,13 @@ class Earlier(NamedTuple):
     phi: Floats
     noise: Floats
     lu: Floats
+    growth: Floats
 
 
 def new_earlier(delayed: Delayed, n_antenna: int, n_extra: int, n_state: int, lanes: int = 0) -> Earlier:
     """Return the arrays of a filter's earlier epoch: one run, or `lanes` runs on the last axis."""
     n = n_state if delayed.back else 1
-    shapes = {"antenna": (n_antenna, 21), "clock": (1,), "extra": (max(1, n_extra),)}
+    shapes = {"antenna": (n_antenna, 21), "clock": (1,), "extra": (max(1, n_extra),), "growth": (1,)}
     return Earlier(**zeros_of(shapes | dict.fromkeys(("phi", "noise", "lu"), (n, n)), lanes))
 
 
@@ -148,7 +149,13 @@ def clone(P, delayed):
 def follow(earlier, delayed, blocks, model, length, injection):
     """Follow transition and noise since the epoch before over a window, where the earlier state is found from them."""
     if delayed is not None and delayed.back:
-        seconds, n = model.seconds[length], earlier.phi.shape[0]
+        seconds, n, factor = model.seconds[length], earlier.phi.shape[0], model.inflation[length]
+        if factor != 1.0:
+            inflate(earlier.noise, factor, model.n_estimated)
+            for j in range(n):
+                for i in range(model.n_estimated):
+                    earlier.phi[j, i] = earlier.phi[j, i] * factor
+            earlier.growth[0] = earlier.growth[0] * factor
         # by columns: Phi of the window times each of them
         for j in range(n):
             apply_phi(
@@ -169,6 +176,7 @@ def begin_transition(earlier, delayed):
     """Start transition and noise at an epoch."""
     if delayed is not None and delayed.back:
         n = earlier.phi.shape[0]
+        earlier.growth[0] = like(earlier.clock[0], 1.0)
         for i in range(n):
             for j in range(n):
                 earlier.phi[i, j] = like(earlier.clock[0], 1.0 if i == j else 0.0)
@@ -210,9 +218,11 @@ def _solve(lu, y):
 def find_earlier(P, earlier, delayed):
     """Set the clones in the covariance P (n, n) to the earlier state as it follows from the present one.
 
-    earlier.noise becomes (P - Q) Phi^-T, where that of the clones themselves is as if they were no states.
+    earlier.noise becomes (P - Q) Phi^-T, where that of the clones themselves is as if they were no states. With a
+    fading memory the earlier state is as uncertain by now as a clone, which is a state, would be.
     """
     if delayed is not None and delayed.back:
+        growth = earlier.growth[0]
         n, n_clone, first = P.shape[0], delayed.cloned.shape[0], delayed.clone
         _factorise(earlier.lu, earlier.phi)
         back = earlier.noise  # row i: what state i of now has with the states of then
@@ -227,8 +237,8 @@ def find_earlier(P, earlier, delayed):
         for c in range(n_clone):
             for i in range(n):
                 if not (first <= i and i < first + n_clone):
-                    P[i, first + c] = back[i, delayed.cloned[c]]
-                    P[first + c, i] = back[i, delayed.cloned[c]]
+                    P[i, first + c] = growth * back[i, delayed.cloned[c]]
+                    P[first + c, i] = growth * back[i, delayed.cloned[c]]
         # then with then: Phi^-1 once more, on the other side
         for c in range(n_clone):
             column = earlier.phi[c]
@@ -236,7 +246,7 @@ def find_earlier(P, earlier, delayed):
                 column[i] = back[i, delayed.cloned[c]]
             _solve(earlier.lu, column)
             for d in range(n_clone):
-                P[first + d, first + c] = column[delayed.cloned[d]]
+                P[first + d, first + c] = growth * growth * column[delayed.cloned[d]]
 
 
 @jit

@@ -3,6 +3,7 @@
 import numpy as np
 
 from lvnav_trade.filters.delayed import correct_earlier, is_present, subtract_extra
+from lvnav_trade.filters.differenced import is_reference, leave_out, take_reference
 from lvnav_trade.filters.late import LAST, carry_on, correct_stored, place_of, predicted_of_stored
 from lvnav_trade.kernels import processes, transition
 from lvnav_trade.kernels.covariance import inflate, predict, update_scalar, update_with_gain, whiten
@@ -286,35 +287,6 @@ def fill_receiver(work, earlier, delayed, model, signals, epoch):
 
 
 @jit
-def is_reference(model, signals, epoch, row):
-    """Return whether a row is the range or range rate of the satellite that others are differenced with."""
-    first = model.n_kind * signals.reference[epoch]
-    return first >= 0 and first <= row and row < first + 2
-
-
-@jit
-def take_reference(work, model, signals, epoch, n_row, limit):
-    """Make bias and drift of the clock what the reference satellite's range and range rate say, and forget what was
-    known of them.
-
-    The other rows less the reference's follow: their clock is the reference's error, which all of them share. This is
-    the difference of measurements, with the noise that differences have in common in the clock's state in place of
-    off-diagonal terms to be whitened. limit: below zero where nothing is taken.
-    """
-    if n_row > 0 and signals.reference[epoch] >= 0:
-        for k in range(2):
-            row = model.n_kind * signals.reference[epoch] + k
-            channel = channel_of(model, signals, epoch, row)
-            if model.measured[channel]:
-                n = model.n_entry[channel]
-                update_with_gain(
-                    work.P, work.x, work.K, work.H[row], model.entry[channel, :n], model.column[channel, :n],
-                    model.clock_gain[k], work.z[row], like(work.x[0], signals.variance[epoch, channel]), limit,
-                    model.n_estimated,
-                )  # fmt: skip
-
-
-@jit
 def _correct_receiver_row(work, past, earlier, late, delayed, direct, model, signals, epoch, dt):
     """In a direct filter (direct, or None) correct the total state by a row, and linearise the rows that are left at
     it. A solution with a covariance of its own is one measurement: it is linearised once.
@@ -327,15 +299,18 @@ def _correct_receiver_row(work, past, earlier, late, delayed, direct, model, sig
 
 
 @inlined
-def update_receiver(work, past, earlier, late, delayed, direct, gains, model, signals, epoch, dt, gate_squared):
+def update_receiver(work, past, earlier, late, delayed, direct, gains, model, signals, epoch, dt, gate_squared, starts):
     """Update by what the receiver measures at an epoch: the observables of every satellite in use, or position and
-    velocity of a solution axis by axis, as far as they are among the filter's measurements.
+    velocity of a solution axis by axis, as far as they are among the filter's measurements. starts: where the filter
+    starts at this epoch (lanes), or None.
     """
     n_row = n_measured(model, signals, epoch)
-    take_reference(work, model, signals, epoch, n_row, where(gate_squared >= 0.0, np.inf, gate_squared))
+    limit = where(gate_squared >= 0.0, np.inf, gate_squared)
+    take_reference(work, delayed, model, signals, epoch, n_row, limit, starts)
     for row in range(n_row):
         channel = channel_of(model, signals, epoch, row)
         if is_present(delayed, model, epoch, channel) and not is_reference(model, signals, epoch, row):
+            leave_out(work.z, starts, delayed, model, row)
             update_and_count(work, gains, model, signals, epoch, row, channel, model.has_covariance, gate_squared)
             _correct_receiver_row(work, past, earlier, late, delayed, direct, model, signals, epoch, dt)
     _correct_at_once(work, past, late, direct, model)

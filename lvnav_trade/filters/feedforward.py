@@ -141,14 +141,16 @@ def _process_permitted(
         ekf.fill_receiver(work, earlier, delayed, model, signals, epoch)
         _compare_late(work, past, open_loop, late, model, signals, epoch)
         _predict_rows(work, watch, model, signals, epoch)
-    monitor.check_measurements(watch, rules, model, signals, epoch, work.z, n_row)
+    monitor.check_measurements(watch, rules, delayed, model, signals, epoch, work.z, n_row)
     if rules.good[epoch]:
         _sample_variance(watch.predicted, rx, signals.variance[epoch], signals.scale[epoch], rules.from_gnss)
         monitor.start_filter(work.P, work.x, watch, rules, work.z)
+        renew(work.P, work.x, work.extra, delayed, model, epoch)  # for those that start: at others it is done
         ekf.decorrelate(work, past, rx, late, gains, model, signals, epoch)
         used = watch.sample[0] > 0.0
         gate = where(used, model.gate_squared, -1.0)
-        ekf.update_receiver(work, past, earlier, late, delayed, direct, gains, model, signals, epoch, dt, gate)
+        starts = watch.sample[1] > 0.0
+        ekf.update_receiver(work, past, earlier, late, delayed, direct, gains, model, signals, epoch, dt, gate, starts)
         for row in range(n_row):
             channel = ekf.channel_of(model, signals, epoch, row)
             work.innovation[epoch, channel] = where(used, work.innovation[epoch, channel], np.nan)
@@ -173,7 +175,9 @@ def process_measurements(
             ekf.decorrelate(work, past, rx, late, gains, model, signals, epoch)
             _compare_late(work, past, open_loop, late, model, signals, epoch)
             gate = model.gate_squared
-            ekf.update_receiver(work, past, earlier, late, delayed, direct, gains, model, signals, epoch, dt, gate)
+            ekf.update_receiver(
+                work, past, earlier, late, delayed, direct, gains, model, signals, epoch, dt, gate, None
+            )
         ekf.update_sensors(
             work, past, open_loop, direct, late, gains, sensors, model, signals, epoch, model.gate_squared
         )

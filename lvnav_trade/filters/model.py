@@ -7,7 +7,7 @@ import numpy as np
 
 from lvnav_trade.filters.base import BIASES, EnvelopeCard, FilterCard, ImuModel, InitialModel, ReceiverModel
 from lvnav_trade.filters.delayed import cloned_states
-from lvnav_trade.filters.rows import NOISE_STATES, TYPES, extra_tables, row_tables, row_types
+from lvnav_trade.filters.rows import NOISE_STATES, TYPES, clock_gains, extra_tables, row_tables, row_types
 from lvnav_trade.filters.strapdown import strapdown_of
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.clock import spectral_densities
@@ -38,7 +38,8 @@ class FilterModel(NamedTuple):
     (n_channel,), entry and column (n_channel, n) by channel; lever_arms (n_antenna, 3) m; extra_offset (n_extra,) state
     of each extra one, extra_member (n_extra_family, n_channel) extra state in a channel, -1 none; every: of how many
     epochs the filter takes the last; has_covariance: solutions come with a covariance of their own and are
-    decorrelated; clock_gain (2, n_state) that makes bias or drift what a reference satellite measures.
+    decorrelated; clock_gain (n_kind, n_state) that makes the clock's part of an observable what a reference satellite
+    measures.
     """
 
     aided: bool
@@ -308,7 +309,7 @@ def build_filter_model(
         extra_member=extra_member,
         every=every,
         has_covariance=has_covariance,
-        clock_gain=np.eye(2, layout.n_state, k=layout.clock) if layout.clock >= 0 else np.zeros((2, layout.n_state)),
+        clock_gain=clock_gains(layout, channels),
     )
     return layout, model
 

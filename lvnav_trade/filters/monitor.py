@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from lvnav_trade.filters.delayed import is_present
 from lvnav_trade.filters.ekf import channel_of
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like, magnitude, where, zeros_of
@@ -94,7 +95,7 @@ def is_correcting(mode):
 
 
 @jit
-def check_measurements(watch, rules, model, signals, epoch, z, n_row):
+def check_measurements(watch, rules, delayed, model, signals, epoch, z, n_row):
     """Check an epoch's sample: set `watch.sample`, count good samples in a row.
 
     Parameters
@@ -111,7 +112,7 @@ def check_measurements(watch, rules, model, signals, epoch, z, n_row):
     wild, apart = zero, zero
     for row in range(n_row):
         channel = channel_of(model, signals, epoch, row)
-        if not model.measured[channel]:
+        if not is_present(delayed, model, epoch, channel):
             continue
         limit, before = rules.limits[channel], watch.before[channel]
         wild = where(magnitude(z[row] - watch.predicted[row]) <= limit, wild, 1.0)

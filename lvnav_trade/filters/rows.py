@@ -7,9 +7,9 @@ from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL
 from lvnav_trade.layout import StateLayout
 from lvnav_trade.observables.base import D_EXTRA, H_ATT, H_CLOCK, H_POS, H_RATE, H_VEL, N_ENTRY
-from lvnav_trade.observables.partials import Channels
+from lvnav_trade.observables.partials import DIFFERENCES, Channels
 from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS, SENSORS
-from lvnav_trade.records import Ints
+from lvnav_trade.records import Floats, Ints
 
 PSEUDORANGE, RANGE_RATE, POSITION, VELOCITY, CARRIER_PHASE, TDCP, DELTA_PSEUDORANGE, FIRST_SENSOR = range(8)
 # The number of each type of measurement in the kernels, by name.
@@ -73,6 +73,19 @@ def row_tables(layout: StateLayout, row_type: Ints, has_lever: bool, whitened: b
         count[channel] = len(found)
         pairs[:, channel, : len(found)] = np.transpose(found)
     return count, pairs[0], pairs[1]
+
+
+def clock_gains(layout: StateLayout, channels: Channels) -> Floats:
+    """Return the gain of each observable of a satellite that makes what it measures of the clock what it says,
+    (n_kind, n_state): of a range the bias, of a rate the drift, of a difference the bias at its earlier epoch.
+    """
+    found = np.zeros((len(channels.observables), layout.n_state))
+    for kind, name in enumerate(channels.observables):
+        if name in DIFFERENCES and layout.clock in layout.cloned:
+            found[kind, layout.clone + layout.cloned.index(layout.clock)] = -1.0
+        elif layout.clock >= 0 and name not in DIFFERENCES:
+            found[kind, layout.clock + (name == "range_rate")] = 1.0
+    return found
 
 
 def extra_tables(layout: StateLayout, n_channel: int) -> tuple[Ints, Ints]:

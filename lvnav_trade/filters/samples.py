@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from lvnav_trade.filters.delayed import correct_earlier
 from lvnav_trade.filters.ekf import correct_parameters, correct_receiver
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, zeros_of
@@ -88,12 +89,15 @@ def correct_vehicle(work, motion, model, vehicle):
 
 
 @inlined
-def _correct_tick(work, motion, open_loop, model, vehicle):
-    """Add the error state to the estimates after a tick; an open loop leaves attitude, velocity and position alone."""
+def _correct_tick(work, motion, earlier, open_loop, delayed, model, vehicle):
+    """Add the error state to the estimates after a tick, that of the epoch before among them; an open loop leaves
+    attitude, velocity and position alone.
+    """
     correct_vehicle(work, motion, model, vehicle)
     if open_loop is None:
         correct_motion(work.nav, work.x)
         correct_receiver(work, model)
+        correct_earlier(work.x, earlier, delayed, model)
         for i in range(model.n_state):
             work.x[i] = like(work.x[0], 0.0)
 
@@ -115,7 +119,7 @@ def _predict_samples(work, motion, vehicle, at, dt):
 
 
 @inlined
-def sample_window(work, motion, open_loop, unit, model, vehicle, first, n_tick):
+def sample_window(work, motion, earlier, open_loop, delayed, unit, model, vehicle, first, n_tick):
     """Update by the samples of a window, tick by tick, and put the estimates in the place of the increments; what is
     slow is propagated at the end of the window.
     """
@@ -128,7 +132,7 @@ def sample_window(work, motion, open_loop, unit, model, vehicle, first, n_tick):
             work.P, work.x, motion.K, motion.weight, motion.residual, motion.z, vehicle.variance, motion.h,
             vehicle.columns, model.n_estimated,
         )  # fmt: skip
-        _correct_tick(work, motion, open_loop, model, vehicle)
+        _correct_tick(work, motion, earlier, open_loop, delayed, model, vehicle)
         for i in range(3):
             work.increments[0, i] = unit.dt * motion.rate[i]
             work.increments[0, 3 + i] = unit.dt * motion.force[i]

@@ -29,7 +29,7 @@ _NAMED: dict[Any, tuple[str, ...]] = {
     rms: ("rms", "controlled", "ranking"),
     covariances: ("agreement", "budget", "contributions", "sensitivity", "observability", "nonlinearity", "observed"),
     filter: ("consistency", "nees", "nis", "whiteness", "autocorrelation", "logic", "modes", "stops"),
-    signals: ("in_view", "outages", "tracking", "losses", "recovery", "reacquisition", "transitions"),
+    signals: ("in_view", "outages", "tracking", "losses", "recovery", "transitions"),
     confirmation: ("expected", "spot_check", "improvements"),
     orbit: ("orbit", "correction"),
     impact: ("impact",),

@@ -1,6 +1,6 @@
 """Satellites: how many are tracked, errors while they are not, why they are lost, how soon they are back."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -197,36 +197,6 @@ def recovery(tables: Tables) -> pd.DataFrame:
     ]
     names = ["case", "fault", "t_start_s", "t_end_s", "before_count", "least_count", "lost_count", "to_fix_s"]
     return pd.DataFrame(rows, columns=[*names, "to_all_s", "gone_count"])
-
-
-def reacquisition(tables: Tables) -> pd.DataFrame:
-    """Return how soon satellites are back after every fault, over the draws of search times: of cases that differ in
-    the receiver's `realisation` alone.
-
-    Columns: case (the levels of the other axes), fault, draw_count, fix_count (draws in which four are tracked again
-    before the flight ends), and over all draws to_fix_median_s, to_fix_p5_s, to_fix_p95_s, to_all_median_s,
-    to_all_p95_s; infinite where a quantile lies among draws without. See `recovery`.
-    """
-    draws = recovery(tables)
-    labels = {tables.labels[case]: _without_draw(levels) for case, levels in tables.levels.items()}
-    return _over_draws(draws.assign(case=draws.case.map(labels)))
-
-
-def _without_draw(levels: Mapping[str, str]) -> str:
-    kept = {axis: level for axis, level in levels.items() if axis.rpartition(".")[2] != "realisation"}
-    return ", ".join(f"{axis}={level}" for axis, level in kept.items()) or "all"
-
-
-def _over_draws(draws: pd.DataFrame) -> pd.DataFrame:
-    """Return the quantiles of times to recover over the rows of a case and a fault."""
-    rows = []
-    for (case, fault), group in draws.groupby(["case", "fault"], sort=False):
-        to_fix, to_all = (group[name].fillna(np.inf).to_numpy(dtype=float) for name in ("to_fix_s", "to_all_s"))
-        of_fix, of_all = (np.quantile(times, [0.05, 0.5, 0.95], method="inverted_cdf") for times in (to_fix, to_all))
-        counts = (len(group), int(np.isfinite(to_fix).sum()))
-        rows.append((case, fault, *counts, of_fix[1], of_fix[0], of_fix[2], of_all[1], of_all[2]))
-    names = ["case", "fault", "draw_count", "fix_count", "to_fix_median_s", "to_fix_p5_s", "to_fix_p95_s"]
-    return pd.DataFrame(rows, columns=[*names, "to_all_median_s", "to_all_p95_s"])
 
 
 def _recovered(wide: pd.DataFrame, start: float, end: float) -> dict[str, float]:

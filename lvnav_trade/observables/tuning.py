@@ -60,6 +60,8 @@ class RegionNoiseCard(Conditions):
     accel_bias: AccelerationSigma = 0.0
     gyro_scale_factor: Fraction = 0.0
     accel_scale_factor: Fraction = 0.0
+    gyro_nonlinearity: Fraction = Field(0.0, description="scale-factor error at full scale")
+    accel_nonlinearity: Fraction = Field(0.0, description="scale-factor error at full scale")
     gyro_misalignment: AngleSigma = 0.0
     accel_misalignment: AngleSigma = 0.0
     gyro_g_sensitivity: GSensitivity = 0.0

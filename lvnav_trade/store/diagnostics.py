@@ -10,6 +10,7 @@ from lvnav_trade.engines.simulate.statistics import NORM
 from lvnav_trade.records import AdjointBudget, CovHistory, Floats
 
 _QUANTITIES = ("attitude", "velocity", "position")
+_WITH_BACKUP = (*_QUANTITIES, *(f"backup_{quantity}" for quantity in _QUANTITIES))
 _UPPER = tuple(zip(*np.triu_indices(3), strict=True))
 Rows = list[dict[str, Any]]
 
@@ -30,8 +31,8 @@ def explained_rows(prepared: Prepared, cov: CovHistory, found: Explanation | Non
 
 
 def _groups(prepared: Prepared) -> list[list[int]]:
-    """Return the columns of attitude, velocity and position that have three axes."""
-    found = ([k for k, one in enumerate(prepared.outputs) if one.quantity == quantity] for quantity in _QUANTITIES)
+    """Return the columns of attitude, velocity and position that have three axes; then those of a backup."""
+    found = ([k for k, one in enumerate(prepared.outputs) if one.quantity == quantity] for quantity in _WITH_BACKUP)
     return [columns for columns in found if len(columns) == 3]
 
 
@@ -76,7 +77,7 @@ def _by_source(prepared: Prepared, found: Explanation) -> Rows:
 def _adjoint(event: str, budget: AdjointBudget) -> Rows:
     """List the contributions by axis and, as their sum, of the norm; bins without any are left out."""
     series = [(o.quantity, o.axis, o.unit, budget.contribution[k]) for k, o in enumerate(budget.outputs)]
-    for quantity in _QUANTITIES:
+    for quantity in dict.fromkeys(output.quantity for output in budget.outputs):
         members = [entry for entry in series if entry[0] == quantity and entry[1] != NORM]
         series.append((quantity, NORM, members[0][2], np.sum([entry[3] for entry in members], axis=0)))
     return [

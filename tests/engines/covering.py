@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
+from lvnav_trade.filters.base import FilterCard
 from lvnav_trade.refusals import refused
 from tests.building import UNLIKE
 
@@ -32,6 +34,8 @@ STATION = {"kind": "ground_station", "name": "station", "source": "test", "latit
            "longest_range": "2000 km"}  # fmt: skip
 SENSORS = {"attitude": REFERENCE, "altitude": ALTIMETER, "stellar_attitude": TRACKER, "magnetic_field": COMPASS,
            "ground_tracking": STATION}  # fmt: skip
+OBSERVABLES = {"pseudorange", "range_rate", "carrier_phase", "tdcp", "delta_pseudorange"}
+FURTHER = OBSERVABLES - {"pseudorange", "range_rate"}
 SENSOR_LATENCY = "0.2 s"
 """Of every sensor, where late measurements are compensated by stored states."""
 LATE = {"receiver.latency": "0.3 s"}
@@ -60,9 +64,13 @@ DIMENSIONS: dict[str, dict[str, dict[str, Any]]] = {
         "solution, differences": {"filter.measurements": ["position", "velocity", "angle_difference",
                                                           "velocity_difference"]},
         "solution, tracking": {"filter.measurements": ["position", "velocity", "ground_tracking"]},
+        "pseudorange, tdcp": {"filter.measurements": ["pseudorange", "tdcp"]},
+        "tdcp, star tracker": {"filter.measurements": ["tdcp", "stellar_attitude"]},
+        "carrier phase, delta-range": {"filter.measurements": ["carrier_phase", "delta_pseudorange"]},
+        "pseudorange, tdcp, attitude, imu": {"filter.measurements": ["pseudorange", "tdcp", "attitude", "imu"]},
         "none": {"filter.measurements": []},
     },
-    "correction": {"closed": {}, "open": {"filter.feedback": "open"}},
+    "correction": {"closed": {}, "open": {"filter.feedback": "open"}, "direct": {"filter.feedback": "direct"}},
     "gains": {"own": {}, "stored": {"gains": True}},
     "start": {
         "at once": {},
@@ -76,13 +84,49 @@ DIMENSIONS: dict[str, dict[str, dict[str, Any]]] = {
         "buffered, 1.4 s": {"receiver.latency": "1.4 s", "filter.delay_compensation": BUFFERED},
         "extrapolated": {**LATE, "filter.delay_compensation": EXTRAPOLATED},
     },
-    "receiver": {"direct": {}, "point": {"receiver.solution": POINT}, "filtered": {"receiver.solution": FILTERED}},
+    "receiver": {
+        "direct": {}, "point": {"receiver.solution": POINT}, "filtered": {"receiver.solution": FILTERED},
+        "smoothed": {"receiver.solution": POINT | {"smoothing": {"time": "20 s"}}},
+    },
+    "ranges": {
+        "one frequency": {}, "two frequencies": {"receiver.frequencies": "L1_L2"},
+        "two systems": {"constellation": "constellations/gps_galileo"},
+        "noise by altitude": {"receiver.noise_by": [{"altitude": ["200 km", "400 km"], "factor": [1.0, 4.0]}]},
+        "slips": {"receiver.cycle_slips": {"rate": "100 1/h"}},
+        "offset of rates": {"receiver.range_rate_offset": "0.1 m/s"},
+    },
+    "earlier epoch": {
+        "clone": {}, "considered": {"filter.delayed_state": "consider"},
+        "found back": {"filter.delayed_state": "back_propagated"},
+        "noise estimated": {"filter.previous_noise": "estimated"},
+    },
+    "clock": {"two states": {}, "one state": {"filter.clock": "one_state"},
+              "differenced": {"filter.clock": "differenced"}},
+    "residual delay": {
+        "none": {}, "one state": {"filter.extra_states": ["troposphere_scale"]},
+        "by satellite": {"filter.extra_states": ["troposphere_scale_by_satellite"]},
+        "as noise": {"filter.as_noise": ["ionosphere_scale"]},
+    },
+    "tuning": {
+        "none": {}, "under-weighting": {"filter.underweighting": [{"beta": 0.5, "noise_factor": 2.0, "until": "30 s"}]},
+        "fading memory": {"filter.fading_memory": "60 s"},
+        "region noise": {"filter.region_noise": [{"force_change": "5 m/s^2", "velocity": "0.1 m/s"}]},
+        "transition rate": {"filter.transition_rate": "2 Hz"},
+    },
+    "strapdown": {
+        "two-sample": {}, "summed, half rate": {"filter.strapdown": {"algorithm": "summed", "ratio": 2}},
+        "optimised, pad": {"filter.strapdown": {"algorithm": "optimised", "ratio": 4}, "filter.mechanisation": "pad"},
+        "4 Hz, Earth": {"filter.update_rate": "4 Hz", "receiver.rate": "4 Hz", "filter.mechanisation": "earth"},
+    },
+    "backup": {"none": {}, "beside": {"filter.backup": True}},
     "states": {
         "biases": {},
         "considered": {"filter.consider": ["accel_scale_factor", "accel_bias"], "imu.accel.scale_factor": "300 ppm"},
         "neglected": {"filter.neglect": ["gyro_bias"]},
         "scale factors": {"filter.extra_states": ["gyro_scale_factor", "accel_scale_factor"],
                           "imu.gyro.scale_factor": "20 ppm", "imu.accel.scale_factor": "300 ppm"},
+        "nonlinear": {"filter.extra_states": ["accel_nonlinearity", "gyro_scale_factor"],
+                      "imu.accel.nonlinearity": "0.1 percent", "imu.gyro.scale_factor": "20 ppm"},
         "of sensors": {"sensor states": True},
         "unmodelled": {"imu.accel.misalignment": "0.3 mrad", "imu.gyro.scale_factor": "10 ppm",
                        "gravity": {"sigma": "30 mGal"}},
@@ -104,8 +148,11 @@ DIMENSIONS: dict[str, dict[str, dict[str, Any]]] = {
 }  # fmt: skip
 
 Case = dict[str, str]
+_FIRST = {name: next(iter(levels)) for name, levels in DIMENSIONS.items()}
+_DEFAULTS = {name: field.default for name, field in FilterCard.model_fields.items()}
 
 
+@functools.cache
 def covering(seed: int = 1) -> list[Case]:
     """Return cases in which every pair of levels of two dimensions stands at least once, in a case that is not refused
     if there is one; a pair that physics refuses stands in one refused case.
@@ -139,8 +186,8 @@ def covering(seed: int = 1) -> list[Case]:
     return cases
 
 
-POLICIES = ("correction", "gains", "start", "latency", "receiver", "units")
-NEW_KERNELS = 6
+POLICIES = ("correction", "gains", "start", "latency", "receiver", "units", "backup")
+NEW_KERNELS = 12
 """Pairs of levels that a case has to cover beyond others, if new kernels have to be compiled for it."""
 
 
@@ -148,9 +195,9 @@ def kernels_of(case: Case) -> tuple[object, ...]:
     """Return what of a case decides which kernels are compiled: the options of a flight that it has."""
     listed = DIMENSIONS["measurements"][case["measurements"]]["filter.measurements"]
     return (
-        bool(set(listed) - {"position", "velocity", "pseudorange", "range_rate", "imu"}), "imu" in listed,
-        case["correction"], case["gains"], case["start"] == "mode logic", case["latency"] == "none", case["receiver"],
-        case["units"] == "one",
+        bool(set(listed) - {"position", "velocity", "imu", *OBSERVABLES}), "imu" in listed, bool(FURTHER & set(listed)),
+        case["correction"], case["gains"], case["start"] == "mode logic", case["latency"] == "none",
+        case["receiver"] if {"position", "velocity"} & set(listed) else "", case["units"] == "one", case["backup"],
     )  # fmt: skip
 
 
@@ -168,18 +215,35 @@ def _grown(
 
 def refusal(case: Case) -> str:
     """Return why a case is refused, empty if it is not; what it leaves open is at its first level."""
-    fields: dict[str, Any] = {}
-    for name, found in DIMENSIONS.items():
-        fields |= found[case.get(name, next(iter(found)))]
+    return _refusal(*(case.get(name, next(iter(DIMENSIONS[name]))) for name in _RULED))
+
+
+# What decides whether a case is refused.
+_RULED = (
+    "measurements", "gains", "start", "latency", "earlier epoch", "clock", "residual delay", "tuning", "strapdown",
+    "units", "backup",
+)  # fmt: skip
+
+
+@functools.cache
+def _refusal(*levels: str) -> str:
+    fields = fields_of(_FIRST | dict(zip(_RULED, levels, strict=True)))
     listed, late = fields["filter.measurements"], fields.get("filter.delay_compensation")
+    stated = {path.removeprefix("filter."): value for path, value in fields.items() if path.startswith("filter.")}
+    ratio = SimpleNamespace(ratio=stated.pop("strapdown", {"ratio": 1})["ratio"])
+    rates = {"covariance_rate": 10.0, "transition_rate": 2.0 if stated.pop("transition_rate", None) else None}
+    weighted = [SimpleNamespace(measurements=()) for _ in stated.pop("underweighting", ())]
+    own = _DEFAULTS | stated | rates | {"strapdown": ratio, "underweighting": weighted, "logic": None}
+    wrong = next(FilterCard._faults(SimpleNamespace(**own | _what_is_measured(listed))), "")
+    if wrong:
+        return wrong
     card = SimpleNamespace(
-        measurements=listed, aided=bool(listed), models_vehicle="imu" in listed,
-        tight="pseudorange" in listed, loose="position" in listed, init=fields.get("filter.init", "from_card"),
+        measurements=listed, **_what_is_measured(listed), init=fields.get("filter.init", "from_card"),
         logic=fields.get("filter.logic"), gains=fields.get("gains"), extra_states=["standing_attitude"], consider=[],
         delay_compensation=None if late is None else SimpleNamespace(**late),
         sensor_models=SimpleNamespace(**dict.fromkeys((*SENSORS, *DIFFERENCES), "matched")),
     )  # fmt: skip
-    latency = 1.0 if lateness(case) else 0.0
+    latency = 1.0 if lateness({"latency": levels[_RULED.index("latency")]}) else 0.0
     sensors = {
         name: SimpleNamespace(measurement=name, latency=latency, at_once=False) for name in SENSORS if name in listed
     }
@@ -199,6 +263,40 @@ def refusal(case: Case) -> str:
         SimpleNamespace(filter=card, imu=imu, control=None, sensors=sensors, faults=(), trajectory=trajectory)
     )
     return "" if found_one is None else f"{found_one.path}: {found_one.reason}"
+
+
+def _what_is_measured(listed: list[str]) -> dict[str, bool]:
+    return {
+        "aided": bool(listed), "models_vehicle": "imu" in listed, "tight": bool(OBSERVABLES & set(listed)),
+        "loose": "position" in listed,
+    }  # fmt: skip
+
+
+def fields_of(case: Case) -> dict[str, Any]:
+    """Return the fields that a case states, without those that mean nothing to what it measures."""
+    fields: dict[str, Any] = {}
+    for name, level in case.items():
+        fields |= {} if name in _idle(case) else DIMENSIONS[name][level]
+    more = [DIMENSIONS[name][case[name]].get("filter.extra_states", []) for name in ("states", "residual delay")
+            if name not in _idle(case)]  # fmt: skip
+    return fields | ({"filter.extra_states": [*itertools.chain(*more)]} if any(more) else {})
+
+
+def _idle(case: Case) -> set[str]:
+    """Return the dimensions whose setting would mean nothing to what a case measures, so that it is left out."""
+    listed = set(DIMENSIONS["measurements"][case["measurements"]]["filter.measurements"])
+    is_tight, is_loose = bool(OBSERVABLES & listed), "position" in listed
+    found = set() if {"tdcp", "delta_pseudorange"} & listed else {"earlier epoch"}
+    found |= set() if is_tight else {"clock"}
+    if not is_loose:
+        found.add("receiver")
+    of_ranges = {"slips": {"tdcp", "carrier_phase"}, "offset of rates": {"range_rate", "velocity"}}
+    level, solves = case["ranges"], is_loose and case["receiver"] != "direct"
+    if not (is_tight or solves) or not of_ranges.get(level, listed) & listed or (solves and level == "slips"):
+        found.add("ranges")
+    if not is_tight and (not is_loose or case["residual delay"] == "by satellite"):
+        found.add("residual delay")
+    return found
 
 
 def _key(names: list[str], one: tuple[str, str], two: tuple[str, str]) -> tuple[tuple[str, str], tuple[str, str]]:

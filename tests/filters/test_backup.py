@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from lvnav_trade.engines.lincov.history import covariance
+from lvnav_trade.engines.lincov.history import adjoint, covariance, source_covariances
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.filters import ekf
 from lvnav_trade.kernels.transition import correct_motion
@@ -65,6 +65,23 @@ def test_linear_covariance_gives_it_by_source_as_of_a_pure_inertial_system():
         )
 
 
+def test_its_adjoint_and_its_covariances_by_source_are_those_of_linear_covariance():
+    prepared, last = flown(backup=True), 30.0
+    history, back = covariance(prepared), adjoint(prepared, last)
+    n = history.formal.shape[1] - 9
+    assert [output.quantity for output in back.outputs[9::3]] == [o.quantity for o in prepared.outputs[n::3]]
+    found, expected = back.contribution.sum(axis=2).T, history.budget[-1]
+    for columns, part in ((slice(0, 9), slice(0, 9)), (slice(n, None), slice(9, None))):
+        np.testing.assert_allclose(
+            found[:, part], expected[:, columns], rtol=1e-6, atol=1e-9 * expected[:, columns].max()
+        )
+    alone = covariance(flown(INERTIAL))
+    by_source = source_covariances(prepared, last)
+    assert by_source.shape[1:] == (6, 3, 3)
+    total = np.diagonal(by_source.sum(axis=0), axis1=1, axis2=2).ravel()
+    np.testing.assert_allclose(total[9:], alone.true_sigma[-1, :9] ** 2, rtol=1e-6)
+
+
 # ------------------------------------------------------------------------------------------------------------- direct
 
 
@@ -85,8 +102,8 @@ def test_a_direct_filter_linearises_every_scalar_where_the_one_before_has_left_t
         return work
 
     direct, closed, by_hand = start(), start(), start()
-    ekf.update_receiver(direct, None, None, None, None, True, None, model, signals, epoch, dt, np.inf)
-    ekf.update_receiver(closed, None, None, None, None, None, None, model, signals, epoch, dt, np.inf)
+    ekf.update_receiver(direct, None, None, None, None, True, None, model, signals, epoch, dt, np.inf, None)
+    ekf.update_receiver(closed, None, None, None, None, None, None, model, signals, epoch, dt, np.inf, None)
     ekf.correct(closed, None, None, model)
     P = np.array(by_hand.P)
     for row in range(n_row):

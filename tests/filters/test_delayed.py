@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from lvnav_trade.filters.delayed import Delayed, begin_transition, clone, find_earlier, follow, new_earlier, renew
+from lvnav_trade.filters.ekf import forget
 from lvnav_trade.kernels.covariance import predict, update_scalar
 
 N, T, SIGMA = 20, 0.5, 2e-3
@@ -70,7 +71,8 @@ def test_differences_whose_noise_is_a_state_give_the_straight_line_through_all_p
     assert true == pytest.approx(formal, rel=1e-4)
 
 
-def test_the_earlier_state_found_by_the_inverse_transition_is_the_clone():
+@pytest.mark.parametrize("growth", [1.0, 1.02], ids=["all remembered", "fading memory"])
+def test_the_earlier_state_found_by_the_inverse_transition_is_the_clone(growth):
     rng, n, cloned, first = np.random.default_rng(3), 12, [6, 7, 8, 9], 10
     n = first + len(cloned)
     root = rng.standard_normal((first, first))
@@ -82,8 +84,12 @@ def test_the_earlier_state_found_by_the_inverse_transition_is_the_clone():
     blocks[0] = 0.3 * np.eye(3).ravel()
     blocks[1:] = 0.2 * rng.standard_normal((2, 9))
     rows, columns = np.array([6, 3, 0]), np.array([3, 0, 9 - 3])
-    Model = namedtuple("Model", "seconds block_rows block_columns decay noise clock injected")
-    model = Model(np.array([0.3]), rows, columns, decay[None], noise[None], -1, np.zeros((0, n)))
+    Model = namedtuple(
+        "Model", "seconds block_rows block_columns decay noise clock injected inflation n_estimated n_state"
+    )
+    model = Model(
+        np.array([0.3]), rows, columns, decay[None], noise[None], -1, np.zeros((0, n)), np.array([growth]), n, n
+    )
     by_clone, by_inverse = P.copy(), P.copy()
     clones, inverse = delayed(cloned, first), delayed(cloned, first, back=True)
     earlier = new_earlier(inverse, 1, 0, n)
@@ -91,6 +97,7 @@ def test_the_earlier_state_found_by_the_inverse_transition_is_the_clone():
     begin_transition(earlier, inverse)
     for _ in range(4):
         for one in (by_clone, by_inverse):
+            forget(one, model, 0)
             predict(one, blocks, rows, columns, decay, noise, -1, 0.3)
         follow(earlier, inverse, blocks, model, 0, -1)
     assert np.abs(by_inverse[first:]).max() == 0.0

@@ -36,6 +36,7 @@ N_EPOCH, N = 60, 9
 # As much of the filter and of the measurements as says which channel a row is of.
 FilterModel = namedtuple("FilterModel", "tight measured n_kind")
 Signals = namedtuple("Signals", "used")
+Present = namedtuple("Present", "present")  # of what a filter knows of differences
 P0 = np.diag([1e-6] * 3 + [4.0] * 3 + [100.0] * 3)
 SIGMA = 5.0
 VARIANCE = np.array([SIGMA**2] * 3 + [0.01] * 3)
@@ -66,7 +67,7 @@ def epoch_of(watch, rules, model, signals, epoch, P, x, z, grown, variance):
         P[i, i] = P[i, i] + grown
     for row in range(6):
         watch.predicted[row] = x[6 + row] if row < 3 else x[row]
-    check_measurements(watch, rules, model, signals, epoch, z, 6)
+    check_measurements(watch, rules, None, model, signals, epoch, z, 6)
     if rules.good[epoch]:
         for row in range(6):
             watch.predicted[row] = variance[row]
@@ -232,7 +233,7 @@ def test_a_start_sets_error_state_and_covariance_and_from_gnss_takes_the_sample(
 
 @jit
 def has_covariance(watch, rules, model, signals, epoch, z, n_row):
-    check_measurements(watch, rules, model, signals, epoch, z, n_row)
+    check_measurements(watch, rules, None, model, signals, epoch, z, n_row)
 
 
 def test_ranges_are_checked_by_the_channels_of_their_satellites():
@@ -257,6 +258,19 @@ def test_ranges_are_checked_by_the_channels_of_their_satellites():
     assert watch.state[COUNT] == 1.0
 
 
+def test_a_difference_that_is_not_there_is_not_checked():
+    """A row that an epoch lacks holds what an earlier one has left, here no number."""
+    model, signals = FilterModel(True, np.ones(2, dtype=bool), 2), Signals(np.array([[0]]))
+    z = np.array([1.0, np.nan])
+    for present, count in ((False, 1.0), (True, 0.0)):
+        settings, watch = rules(limits=np.full(2, np.inf)), new_watch(1, 2, 2)
+        begin_watch(watch)
+        watch.state[MODE] = AIDING
+        here = np.array([[True, present]])
+        check_measurements(watch, settings, Present(here), model, signals, 0, z, 2)
+        assert watch.sample[0] == count
+
+
 def test_it_runs_and_corrects_in_the_modes_that_are_named_so():
     assert [is_running(float(mode)) for mode in range(5)] == [0.0, 1.0, 1.0, 1.0, 0.0]
     assert [is_correcting(float(mode)) for mode in range(5)] == [0.0, 0.0, 1.0, 1.0, 0.0]
@@ -277,7 +291,7 @@ def eight(w, rules, model, signals, P, x, z, gates, variance):
         sample = zv[epoch]
         for row in range(6):
             watch.predicted[row] = xv[6 + row] if row < 3 else xv[row]
-        check_measurements(watch, rules, model, signals, epoch, sample, 6)
+        check_measurements(watch, rules, None, model, signals, epoch, sample, 6)
         if rules.good[epoch]:
             for row in range(6):
                 watch.predicted[row] = like(xv[0], variance[row])

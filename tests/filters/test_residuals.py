@@ -79,7 +79,7 @@ def test_noise_that_rows_share_is_the_dense_update_with_the_full_covariance(sche
     gain = P @ H[:, others].T @ np.linalg.inv(H[:, others] @ P @ H[:, others].T + whole)
     ekf.clear_epoch(work, epoch)
     none, model, dt = (None,) * 6, prepared.model, prepared.unit.dt
-    ekf.update_receiver(work, *none, model, prepared.signals, epoch, dt, np.inf)
+    ekf.update_receiver(work, *none, model, prepared.signals, epoch, dt, np.inf, None)
     sigma = np.sqrt(np.diag(P))
     np.testing.assert_allclose(work.x[others] / sigma, gain @ z / sigma, rtol=0, atol=1e-9)
     expected = P - gain @ H[:, others] @ P

@@ -8,7 +8,7 @@ import pytest
 
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.numbers import columns
-from lvnav_trade.metrics.signals import _over_draws, _recovered, _without_draw, reacquisition_times, values_of
+from lvnav_trade.metrics.signals import _recovered, reacquisition_times, values_of
 
 
 def test_satellites_vanish_during_the_outage(good):
@@ -127,23 +127,3 @@ def test_satellites_come_back_one_after_the_other_after_the_outage(good):
     assert len(reacquisition_times(good, case, "liftoff + 20 s")) == 0
     stated = {"metric": "reacquisition_time", "at": "stage1_cutoff + 34 s"}
     assert columns(good, case, stated, "s").true == pytest.approx(4.5)
-
-
-def test_times_to_recover_are_quantiles_over_the_draws_of_search_times():
-    """Of 20 draws one never has a fix again: the median is that of the rest nearly, the 95 % quantile is finite."""
-    times = [*range(1, 20), np.nan]
-    draws = pd.DataFrame({"case": "aiding=none", "fault": "outage", "to_fix_s": times, "to_all_s": 40.0})
-    row = _over_draws(draws).iloc[0]
-    assert (row.case, row.draw_count, row.fix_count) == ("aiding=none", 20, 19)
-    assert (row.to_fix_median_s, row.to_fix_p5_s, row.to_fix_p95_s) == (10.0, 1.0, 19.0)
-    assert (row.to_all_median_s, row.to_all_p95_s) == (40.0, 40.0)
-    lost = _over_draws(draws.assign(to_fix_s=np.nan)).iloc[0]
-    assert (lost.fix_count, lost.to_fix_median_s) == (0, np.inf)
-
-
-def test_draws_are_the_cases_that_differ_in_the_realisation_alone(good):
-    assert _without_draw({"aiding": "none", "realisation": "7"}) == "aiding=none"
-    assert _without_draw({"receiver.tracking.realisation": "7"}) == "all"
-    found = METRICS["reacquisition"](good)
-    assert list(found.case) == ["imu=fine", "imu=coarse"]
-    assert set(found.to_fix_median_s) == set(METRICS["recovery"](good).to_fix_s)

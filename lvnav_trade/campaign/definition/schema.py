@@ -20,11 +20,15 @@ from lvnav_trade.campaign.definition.published import (
 )
 from lvnav_trade.campaign.syntax.tree import Written, hint
 from lvnav_trade.errors import InputError, quoted
-from lvnav_trade.layout import MISSION
+from lvnav_trade.layout import BACKUP, MISSION
 from lvnav_trade.scenario import Scenario
 
 _FRAME_AXES = ("north", "east", "down", "x", "y", "z", "radial", "along", "cross")
-_AXES = {"position": _FRAME_AXES, "velocity": _FRAME_AXES, "attitude": ("roll", "pitch", "yaw")}
+_AXES = {
+    f"{prefix}{quantity}": axes
+    for prefix in ("", BACKUP)
+    for quantity, axes in (("position", _FRAME_AXES), ("velocity", _FRAME_AXES), ("attitude", ("roll", "pitch", "yaw")))
+}
 # What a requirement can name
 METRICS = (
     *(f"{quantity}_error_3d" for quantity in _AXES),

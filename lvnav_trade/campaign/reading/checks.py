@@ -11,7 +11,7 @@ from lvnav_trade.campaign.syntax.tree import Node, hint, mistake, mistake_at, ne
 from lvnav_trade.errors import Mistake, quoted
 from lvnav_trade.expression import readings
 from lvnav_trade.layout import AXES as FRAME_AXES
-from lvnav_trade.layout import MISSION, split_metric
+from lvnav_trade.layout import BACKUP, MISSION, split_metric
 from lvnav_trade.limits import AXES, CASES
 from lvnav_trade.scenario import Scenario, filter_models, solves
 
@@ -68,7 +68,7 @@ def requirements(campaign: Campaign, root: Node) -> Iterator[Mistake]:
     known = FRAME_AXES[campaign.base.frame]
     names = [requirement.name for requirement in campaign.requirements]
     for index, (name, requirement) in enumerate(zip(names, campaign.requirements, strict=True)):
-        quantity, axis = split_metric(requirement.metric)
+        quantity, axis = split_metric(requirement.metric.removeprefix(BACKUP))
         if requirement.metric not in MISSION and quantity != "attitude" and axis not in (*known, "3d"):
             message = f"{requirement.metric!r}: frame {campaign.base.frame} has the axes {', '.join(known)}"
             yield mistake_at(root, f"requirements.{index}.metric", message)

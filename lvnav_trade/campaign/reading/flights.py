@@ -17,6 +17,7 @@ from lvnav_trade.campaign.reading.explain import explain
 from lvnav_trade.campaign.syntax import fields, tree
 from lvnav_trade.campaign.syntax.cards import Shelf, nowhere
 from lvnav_trade.errors import InputError, Mistake
+from lvnav_trade.layout import BACKUP
 from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS
 from lvnav_trade.scenario import Scenario, measured
 from lvnav_trade.world.faults import AnyFault, missing_antenna, missing_satellite
@@ -63,6 +64,9 @@ def _named(campaign: Campaign, case: Case, times: Mapping[str, float]) -> Iterat
             near = tree.hint(event, times) or f" (it has {', '.join(times)})"
             yield campaign.written.mistake(path, f"{event!r} is not an event of the trajectory{near}")
     for index, requirement in enumerate(campaign.requirements):
+        if requirement.metric.startswith(BACKUP) and not case.scenario.filter.backup:
+            message = f"{requirement.metric!r}: a case has no such strapdown (filter.backup)"
+            yield campaign.written.mistake(f"requirements.{index}.metric", message)
         ends = requirement.events
         if requirement.during and len(ends) == 2 and all(end in times for end in ends):
             first, last = (times[end] for end in ends)

@@ -46,6 +46,7 @@ def used(prepared: Prepared, read: Collection[str]) -> Used:
     exact = dict(_exact(prepared))
     idle = dict([
         *_untouched(prepared), *_late(prepared), *_of_ranges(scenario), *_of_noise(scenario), *_of_phases(prepared),
+        *_of_clock(scenario),
     ])  # fmt: skip
     return Used(frozenset(read), whole, exact | idle, frozenset(exact.keys() - idle.keys()))
 
@@ -124,6 +125,16 @@ def _of_ranges(scenario: Scenario) -> Iterator[tuple[str, str]]:
         elif isinstance(fault, DegradedNoise | WildSamples):
             for field in (*fault.by_elevation, *(("satellites",) if fault.satellites else ())):
                 yield f"faults.{number}.{field}", reason
+    if scenario.receiver.is_dual and scenario.atmosphere.ionosphere.kind == "none":
+        yield "receiver.frequencies", f"{reason}, and there is no ionosphere"
+
+
+def _of_clock(scenario: Scenario) -> Iterator[tuple[str, str]]:
+    """Yield the noise of a clock of which nothing is remembered."""
+    if scenario.filter.clock == "differenced":
+        for number, _ in enumerate(scenario.filter.region_noise):
+            for field in ("clock_bias", "clock_drift"):
+                yield f"filter.region_noise.{number}.{field}", "no effect: differences forget the clock at every epoch"
 
 
 def _of_phases(prepared: Prepared) -> Iterator[tuple[str, str]]:

@@ -10,6 +10,7 @@ from lvnav_trade.engines.lincov.workspace import Tape
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.errors import InputError
 from lvnav_trade.filters.rows import CARRIER_PHASE, DELTA_PSEUDORANGE, POSITION, PSEUDORANGE, TDCP, TYPES
+from lvnav_trade.filters.ekf import inject
 from lvnav_trade.kernels import transition
 from lvnav_trade.kernels.covariance import predict
 from lvnav_trade.kernels.jit import jit
@@ -62,6 +63,7 @@ def _gather(noise, P, D, tape, schedule, true, model):
                 P, D, true.nav_rows, true.nav_columns, model.decay[length], model.noise[length], model.clock,
                 seconds,
             )  # fmt: skip
+            inject(P, model, schedule.injection[w])
         if tape.first[w + 1] > tape.first[w]:
             for i in range(n):
                 for j in range(n):

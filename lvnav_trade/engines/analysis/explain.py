@@ -166,7 +166,8 @@ def _in_words(prepared: Prepared, start: float, direction: Floats) -> str:
     that has none, in its unit.
     """
     turn = turns(prepared)[int(np.argmin(np.abs(prepared.t_hist - start)))]
-    P = prepared.start.P
+    own = np.array(prepared.layout.reported)
+    P = prepared.start.P[np.ix_(own, own)]
     spread, sigma = np.sqrt(np.diag(P)), np.sqrt(np.diag(turn @ P @ turn.T))
     found = turn @ (np.where(spread > 0.0, spread, 1.0) * direction) / np.where(sigma > 0.0, sigma, 1.0)
     names = tuple(f"{o.quantity.replace('_', ' ')} {o.axis}" for o in prepared.outputs)

@@ -1,7 +1,5 @@
 """The forward pass of linear covariance: the filter's covariance by its own model, the true one by source."""
 
-import numpy as np
-
 from lvnav_trade.engines.lincov.propagate import nominal_window, propagate
 from lvnav_trade.engines.lincov.receiver_error import (
     advance_solution,
@@ -13,21 +11,21 @@ from lvnav_trade.engines.lincov.receiver_error import (
 from lvnav_trade.engines.lincov.samples import expected_of_samples, sample_window
 from lvnav_trade.engines.lincov.successive import begin_epoch, end_epoch, measure_further
 from lvnav_trade.engines.lincov.units import add_sums, samples_of_units
-from lvnav_trade.engines.lincov.update import replace_state, update_joint
-from lvnav_trade.filters.delayed import begin_transition, follow, is_present
+from lvnav_trade.engines.lincov.update import is_left_out, replace_state, take_reference, update_joint
+from lvnav_trade.filters.delayed import begin_transition, follow, is_present, renew
+from lvnav_trade.filters.differenced import is_reference
 from lvnav_trade.filters.ekf import (
     channel_of,
     fill_loose,
     fill_sensor,
     fill_tight,
-    is_reference,
     n_measured,
     place_antenna,
     row_of,
 )
 from lvnav_trade.filters.late import keep, place_of_channel
 from lvnav_trade.filters.monitor import MODE, begin_watch, check_measurements, is_running, start_filter, update_mode
-from lvnav_trade.kernels.covariance import update_with_gain, variance_along
+from lvnav_trade.kernels.covariance import variance_along
 from lvnav_trade.kernels.groups import group, total_of, whole
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.strapdown import place
@@ -104,31 +102,16 @@ def _update(
 
 
 @jit
-def _take_reference(joint, scratch, tape, nominal, signals, true, model, late, epoch, n_row):
-    """Make bias and drift of the clock what the reference satellite says, as the filter does."""
-    if n_row > 0 and signals.reference[epoch] >= 0:
-        for k in range(2):
-            row = model.n_kind * signals.reference[epoch] + k
-            channel = channel_of(model, signals, epoch, row)
-            if model.measured[channel]:
-                n, h = model.n_entry[channel], nominal.H[row]
-                update_with_gain(
-                    joint.formal, scratch.x, scratch.K, h, model.entry[channel, :n], model.column[channel, :n],
-                    model.clock_gain[k], 0.0, signals.variance[epoch, channel], np.inf, model.n_estimated,
-                )  # fmt: skip
-                replace_state(
-                    joint, scratch, tape, late, model.clock + k, h, nominal.z[row], epoch, channel, False, signals, true
-                )
-
-
-@jit
-def _update_receiver(out, joint, scratch, tape, nominal, signals, true, model, chain, late, delayed, gains, epoch):
-    """Update by what the receiver measures at an epoch."""
+def _update_receiver(
+    out, joint, scratch, tape, nominal, signals, true, model, chain, late, delayed, gains, epoch, starts
+):
+    """Update by what the receiver measures at an epoch; starts: whether the filter starts at it."""
     whitened, n_row = chain is not None, n_measured(model, signals, epoch)
-    _take_reference(joint, scratch, tape, nominal, signals, true, model, late, epoch, n_row)
+    take_reference(joint, scratch, tape, nominal, signals, true, model, late, delayed, epoch, n_row, starts)
     for row in range(n_row):
         channel = channel_of(model, signals, epoch, row)
-        if is_present(delayed, model, epoch, channel) and not is_reference(model, signals, epoch, row):
+        left_out = is_reference(model, signals, epoch, row) or is_left_out(starts, delayed, model, row)
+        if is_present(delayed, model, epoch, channel) and not left_out:
             variance = signals.variance[epoch, channel]
             if whitened:
                 variance = 1.0 if gains is None else nominal.reported[row, row]
@@ -199,14 +182,18 @@ def _process_permitted(
     if good:
         _fill(nominal, earlier, delayed, signals, model, chain, late, epoch)
         _expect(joint, nominal, true, model, signals, late, watch, epoch)
-    check_measurements(watch, rules, model, signals, epoch, nominal.expected, n_measured(model, signals, epoch))
+    check_measurements(
+        watch, rules, delayed, model, signals, epoch, nominal.expected, n_measured(model, signals, epoch)
+    )
     if good:
         _start(joint, scratch, tape, nominal, watch, rules, signals, true, model, chain, late, epoch)
+        renew(joint.formal, scratch.x, nominal.extra, delayed, model, epoch)
         _weight(nominal, joint.formal, model, chain, late, gains, epoch)
         if watch.sample[0] > 0.0:
             _update_receiver(
-                out, joint, scratch, tape, nominal, signals, true, model, chain, late, delayed, gains, epoch
-            )
+                out, joint, scratch, tape, nominal, signals, true, model, chain, late, delayed, gains, epoch,
+                watch.sample[1] > 0.0,
+            )  # fmt: skip
     update_mode(watch, rules, epoch, joint.formal)
 
 
@@ -230,7 +217,7 @@ def _epoch(out, joint, scratch, work, tape, nominal, earlier, signals, sensors, 
             _fill(nominal, earlier, delayed, signals, model, chain, late, epoch)
             _weight(nominal, joint.formal, model, chain, late, gains, epoch)
             _update_receiver(
-                out, joint, scratch, tape, nominal, signals, true, model, chain, late, delayed, gains, epoch
+                out, joint, scratch, tape, nominal, signals, true, model, chain, late, delayed, gains, epoch, False
             )
         _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, model, late, gains, epoch)
     elif (epoch + 1) % model.every == 0:

@@ -68,8 +68,10 @@ def covariance(prepared: Prepared) -> CovHistory:
     return _behind(found, alone.budget[:, :, motion], mean, formal, total)
 
 
-def forward_tape(prepared: Prepared) -> Tape:
-    """Return what a backward pass, or an observability analysis, needs of a forward one."""
+def forward_tape(prepared: Prepared, aided: bool = True) -> Tape:
+    """Return what a backward pass, or an observability analysis, needs of a forward one; not aided: of one without
+    measurements.
+    """
     per_satellite = prepared.model.n_kind if prepared.model.tight else 0
     n_sensor = sum(len(device.channels.labels) for device in prepared.devices)
     n_update = int(np.sum(np.maximum(6, per_satellite * prepared.signals.n_used) + n_sensor + 6)) + 1
@@ -78,7 +80,7 @@ def forward_tape(prepared: Prepared) -> Tape:
         prepared.schedule.n_tick.size, n_update, n_joint(prepared), row_width(prepared), sampled,
         prepared.layout.n_state,
     )  # fmt: skip
-    _pass(prepared, components(prepared), tape)
+    _pass(prepared, components(prepared), tape, aided)
     return tape
 
 
@@ -106,7 +108,8 @@ def turns(prepared: Prepared) -> Floats:
 
 
 def adjoint(prepared: Prepared, time: float, bin_seconds: float = 10.0, tape: Tape | None = None) -> AdjointBudget:
-    """Return what every source put into the navigation errors at a time, and when it did.
+    """Return what every source put into the navigation errors at a time, and when it did; those of a strapdown that is
+    never corrected stand behind, if there is one.
 
     Parameters
     ----------
@@ -118,17 +121,29 @@ def adjoint(prepared: Prepared, time: float, bin_seconds: float = 10.0, tape: Ta
         The forward pass (`forward_tape`) where it is known already.
     """
     hist = int(np.argmin(np.abs(prepared.t_hist - time)))
-    edges, contribution = _go_back(prepared, hist, turns(prepared)[hist, :9], bin_seconds, tape)
-    sources = source_labels(prepared)
-    return AdjointBudget(float(prepared.t_hist[hist]), edges, sources, prepared.outputs[:9], contribution)
+    rows, first = turns(prepared)[hist, :N_MOTION], prepared.options.backup
+    edges, contribution = _go_back(prepared, hist, rows, bin_seconds, tape)
+    sources, shown = source_labels(prepared), prepared.outputs[:N_MOTION]
+    if first is not None:
+        alone = _go_back(prepared, hist, rows, bin_seconds, forward_tape(prepared, aided=False))[1]
+        contribution = np.concatenate([contribution, alone])
+        shown = (*shown, *prepared.outputs[first : first + N_MOTION])
+    return AdjointBudget(float(prepared.t_hist[hist]), edges, sources, shown, contribution)
 
 
 def source_covariances(prepared: Prepared, time: float, tape: Tape | None = None) -> Floats:
     """Return the true covariance of attitude, velocity and position at a time by source, (n_source, 3, 3, 3), in the
-    reporting axes.
+    reporting axes; (n_source, 6, 3, 3) with those of a strapdown that is never corrected behind, if there is one.
 
     By the backward pass for each component and for each sum of two: Cov(x, y) = (Var(x + y) - Var x - Var y) / 2.
     """
+    found = _by_source(prepared, time, tape)
+    if prepared.options.backup is None:
+        return found
+    return np.concatenate([found, _by_source(prepared, time, forward_tape(prepared, aided=False))], axis=1)
+
+
+def _by_source(prepared: Prepared, time: float, tape: Tape | None) -> Floats:
     hist = int(np.argmin(np.abs(prepared.t_hist - time)))
     single = turns(prepared)[hist, :9]
     pairs = [(3 * q + i, 3 * q + j) for q in range(3) for i, j in ((0, 1), (0, 2), (1, 2))]

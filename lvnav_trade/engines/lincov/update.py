@@ -191,3 +191,27 @@ def update_joint(
     )  # fmt: skip
     _set_gain(scratch.gain, scratch.K, weight, model.n_estimated, true, late, epoch)
     return _update_truth(joint, scratch, tape, late, h, innovation, epoch, channel, whitened, signals, true) * weight
+
+
+@jit
+def is_left_out(starts, delayed, model, row):
+    """Return whether a row is a difference with the epoch before the filter starts."""
+    return delayed is not None and starts and delayed.difference[row % model.n_kind]
+
+
+@jit
+def take_reference(joint, scratch, tape, nominal, signals, true, model, late, delayed, epoch, n_row, starts):
+    """Make the clock what the reference satellite says, as the filter does."""
+    for k in range(signals.reference.shape[1]):
+        if n_row > 0 and signals.reference[epoch, k] >= 0:
+            slot = signals.reference[epoch, k]
+            row, channel = model.n_kind * slot + k, model.n_kind * signals.used[epoch, slot] + k
+            if model.measured[channel] and not is_left_out(starts, delayed, model, row):
+                n, h = model.n_entry[channel], nominal.H[row]
+                update_with_gain(
+                    joint.formal, scratch.x, scratch.K, h, model.entry[channel, :n], model.column[channel, :n],
+                    model.clock_gain[k], 0.0, signals.variance[epoch, channel], np.inf, model.n_state,
+                )  # fmt: skip
+                for i in range(scratch.gain.shape[0]):
+                    scratch.gain[i] = model.clock_gain[k, i] if i < model.n_state else 0.0
+                _update_truth(joint, scratch, tape, late, h, nominal.z[row], epoch, channel, False, signals, true)

@@ -121,9 +121,9 @@ class Signals(NamedTuple):
     n_epoch, n_channel) of rows with respect to the filter's extra states, as it assumes; clock_step (3,) Cholesky
     factor over an epoch; clock_start (2,) sigma; clock_jump (n_epoch,) m; frozen (n_epoch,): the output is that of the
     epoch before; interval s between epochs; n_receiver: channels of the receiver in the filter, which come first;
-    reference (n_epoch,): slot of the satellite that others are differenced with, -1 none; shift: sigma and shared
-    errors are of what the receiver measures itself, so there the channels of sensors stand so much later; sources (4,)
-    words: clock, ranges, solution, clock start.
+    reference (n_epoch, n_kind): slot of the satellite that an observable of others is differenced with, -1 none;
+    shift: sigma and shared errors are of what the receiver measures itself, so there the channels of sensors stand so
+    much later; sources (4,) words: clock, ranges, solution, clock start.
     """
 
     used: Ints

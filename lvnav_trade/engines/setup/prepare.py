@@ -10,7 +10,7 @@ from lvnav_trade.engines.setup.families import ErrorFamily, shared_of
 from lvnav_trade.engines.setup.inputs import Options, Record, Report, Schedule, Sensors, Signals, Start, Unit, Units
 from lvnav_trade.engines.setup.options import clone_times, delays_taken, every, gains_of, late_of, solver_of
 from lvnav_trade.engines.setup.receiver.atmosphere import Delays, delays
-from lvnav_trade.engines.setup.receiver.further import delayed_of, further_of
+from lvnav_trade.engines.setup.receiver.further import delayed_of, further_of, references_of
 from lvnav_trade.engines.setup.receiver.recorded import Recorded, recorded
 from lvnav_trade.engines.setup.receiver.signals import Line, channels_of, families, geometry_of, signals
 from lvnav_trade.engines.setup.receiver.smoothing import smoothing_gains, smoothing_numbers, smoothing_offsets
@@ -235,7 +235,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         card, imu, receiver, lever_arms, at.lengths, channels, _strapdown(scenario, trajectory, ref), every(scenario),
         has_covariance(scenario), solves(scenario), measured(scenario), initial.clock_drift,
     )  # fmt: skip
-    schedule, model = with_regions(card.region_noise, trajectory.course, ref, at.schedule, model, layout)
+    schedule, model = with_regions(card.region_noise, trajectory.course, ref, at.schedule, model, layout, imu)
     schedule = with_linearisation(card, scenario.imu.rate, schedule)
     gains = gains_of(scenario, layout, channels, t_epoch, trajectory.events)
     if gains is not None:
@@ -271,6 +271,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     left_of_phase = line.distance + failed.bias + late_by.left_of_phase + offsets[..., 0]
     further = further_of(scenario, seen, truth, shared_errors, channels, left_of_phase, failed.slip)
     successive = delayed_of(scenario, receiver, seen, line, truth, layout, model, channels)
+    truth = truth._replace(reference=references_of(scenario, seen, truth, channels, successive))
     report = _report(scenario, chain, channels, layout, solver)
     shown = (*outputs(layout, scenario.frame), *(solution_outputs(scenario.frame) if reported(scenario) else ()))
     return Prepared(

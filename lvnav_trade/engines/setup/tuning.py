@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from lvnav_trade.engines.setup.inputs import Schedule, Signals
-from lvnav_trade.filters.base import FilterCard
+from lvnav_trade.filters.base import FilterCard, ImuModel
 from lvnav_trade.filters.model import FilterModel
 from lvnav_trade.filters.rows import TYPES
 from lvnav_trade.kernels.transition import ATT, EVERY_WINDOW, FIRST, KEPT, POS, RENEWED, VEL
@@ -37,8 +37,11 @@ def with_regions(
     schedule: Schedule,
     model: FilterModel,
     layout: StateLayout,
+    imu: ImuModel,
 ) -> tuple[Schedule, FilterModel]:
-    """Return the windows at whose end variance is added to states, and how much; ref: the true motion, tick by tick."""
+    """Return the windows at whose end variance is added to states, and how much; ref: the true motion, tick by tick;
+    imu: what the filter assumes of its inertial unit.
+    """
     if not cards:
         return schedule, model
     moved = schedule.n_tick > 0
@@ -47,7 +50,7 @@ def with_regions(
     for card in cards:
         changed = np.zeros(schedule.n_tick.size, dtype=bool)
         changed[moved] = _changes(card, course, ref, first, end)
-        added[changed] += _variance(card, layout)
+        added[changed] += _variance(card, layout, imu)
     at = np.flatnonzero(np.any(added > 0.0, axis=1))
     number = np.full(schedule.n_tick.size, -1, dtype=np.int64)
     number[at] = np.arange(at.size)
@@ -78,14 +81,16 @@ def _jumps(values: Floats, limit: float) -> Bools:
     return found
 
 
-def _variance(card: RegionNoiseCard, layout: StateLayout) -> Floats:
+def _variance(card: RegionNoiseCard, layout: StateLayout, imu: ImuModel) -> Floats:
     """Return what a change of region adds to the variance of the states, (n_state,)."""
     variance = np.zeros(layout.n_state)
     blocks = {"attitude": ATT, "velocity": VEL, "position": POS}
     for name, at in [*blocks.items(), *((block.name, block.offset) for block in layout.parameters)]:
-        variance[at : at + 3] = getattr(card, name, 0.0) ** 2
+        variance[at : at + 3] = (getattr(card, name, 0.0) / imu.full_scale(name)) ** 2
     if layout.clock >= 0:
-        variance[layout.clock : layout.clock + 2] = card.clock_bias**2, card.clock_drift**2
+        variance[layout.clock] = card.clock_bias**2
+        if not layout.has_reduced_clock:
+            variance[layout.clock + 1] = card.clock_drift**2
     return variance
 
 

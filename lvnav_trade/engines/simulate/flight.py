@@ -18,13 +18,13 @@ from lvnav_trade.kernels.vehicle import N_SAMPLE
 
 
 @inlined
-def _advance(work, motion, open_loop, unit, model, vehicle, samples, first, n_tick, dt):
+def _advance(work, motion, earlier, open_loop, delayed, unit, model, vehicle, samples, first, n_tick, dt):
     """Let the filter propagate its motion over a window: by the compensated increments, or by its model of the vehicle
     with every sample as a measurement.
     """
     last_sample(work, motion, samples, n_tick, unit.dt)
     if vehicle is not None:
-        sample_window(work, motion, open_loop, unit, model, vehicle, first, n_tick)
+        sample_window(work, motion, earlier, open_loop, delayed, unit, model, vehicle, first, n_tick)
     else:
         processes.compensate(work.increments, n_tick, work.tables[0], work.tables[1], model.biases_only, unit.dt)
         how = model.strapdown
@@ -69,8 +69,9 @@ def fly(work, parts, schedule, unit, signals, sensors, start, history, model, op
             sense(work, parts.units, unit, options.units, first, n_tick, k0, k1)
             advance_backup(parts.backup, work, model, n_tick, dt, unit.dt * first)
             _advance(
-                work, parts.motion, parts.open_loop, unit, model, options.vehicle, options.samples, first, n_tick, dt
-            )
+                work, parts.motion, parts.earlier, parts.open_loop, options.delayed, unit, model, options.vehicle,
+                options.samples, first, n_tick, dt,
+            )  # fmt: skip
             linearised_sums(work.rates, work.sums, model.seconds[schedule.length[w]], schedule.linearised[w])
             predict_window(work, model, schedule.length[w], schedule.injection[w])
             follow(parts.earlier, options.delayed, work.D, model, schedule.length[w], schedule.injection[w])

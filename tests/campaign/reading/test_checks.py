@@ -227,3 +227,13 @@ def test_a_step_of_the_strapdown_is_not_longer_than_one_of_the_covariance(study)
     study.edit("configs/filters/near.yaml", measured, f"{measured}\ncovariance_rate: 50 Hz\nstrapdown: {{ratio: 5}}")
     with pytest.raises(InputError, match=r"ratio: a step longer than a covariance step of 4 increments; at most 4 fit"):
         load("campaign.yaml")
+
+
+def test_a_requirement_on_the_backup_needs_one_in_every_case(study):
+    stated = (
+        "requirements: [{name: a, metric: backup_velocity_error_north, probability: 0.9, below: 1 m/s, at: liftoff}]"
+    )
+    study.edit("campaign.yaml", "seed: 7", f"seed: 7\n{stated}")
+    (found,) = reported(study)
+    assert "requirements.0.metric: 'backup_velocity_error_north': a case has no such strapdown (filter.backup)" in found
+    assert not reported(study, ("base.filter.backup=true",))

@@ -68,3 +68,18 @@ def test_a_transition_is_renewed_where_its_interval_is_over_and_in_the_second_wi
     assert np.flatnonzero(codes == RENEWED)[1:4].tolist() == [20, 40, 60]
     assert np.all(np.delete(schedule.linearised, moved) == EVERY_WINDOW)
     assert np.all(flown().schedule.linearised == EVERY_WINDOW)
+
+
+def test_a_change_of_region_reaches_nonlinearities_and_only_the_states_that_a_clock_has():
+    entry = {"from": "5 s", "accel_nonlinearity": "1 percent", "clock_bias": "3 m"}
+    prepared = flown(region_noise=[entry], extra_states=["accel_nonlinearity"])
+    at = next(b.offset for b in prepared.layout.parameters if b.name == "accel_nonlinearity")
+    full_scale = prepared.scenario.imu.accel.full_scale
+    np.testing.assert_allclose(prepared.model.injected[0, at : at + 3], (0.01 / full_scale) ** 2, rtol=1e-12)
+    drifting = entry | {"clock_drift": "1 m/s"}
+    clock = prepared.layout.clock
+    np.testing.assert_allclose(flown(region_noise=[drifting]).model.injected[0, clock - 3 : clock - 1], [9.0, 1.0])
+    ranges = ["pseudorange"]
+    reduced = flown(region_noise=[drifting], clock="one_state", measurements=ranges)  # the drift is taken for zero
+    at = reduced.layout.clock
+    np.testing.assert_allclose(reduced.model.injected[0, at : at + 2], [9.0, 0.0])

@@ -6,6 +6,7 @@ from lvnav_trade.engines.setup.families import ErrorFamily
 from lvnav_trade.engines.setup.inputs import Further, Signals
 from lvnav_trade.engines.setup.receiver.noise import assumed_sigma
 from lvnav_trade.engines.setup.receiver.signals import Line, hold
+from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.filters.base import ReceiverModel
 from lvnav_trade.filters.delayed import Delayed
 from lvnav_trade.filters.model import FilterModel
@@ -14,9 +15,10 @@ from lvnav_trade.kernels.random import source_word
 from lvnav_trade.layout import StateLayout
 from lvnav_trade.observables.base import D_EXTRA
 from lvnav_trade.observables.partials import DIFFERENCES, OF_ONE, PHASES, Channels
-from lvnav_trade.records import Bools, Floats, Sky
+from lvnav_trade.records import Bools, Floats, Ints, Sky
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.sources import PHASE_NOISE
+from lvnav_trade.world.faults import missing_satellite
 
 L1 = 1.57542e9  # Hz; of a receiver without a link
 
@@ -111,3 +113,36 @@ def delayed_of(
         clone=layout.clone,
         back=bool(layout.cloned) and scenario.filter.delayed_state == "back_propagated",
     )
+
+
+def references_of(scenario: Scenario, seen: Sky, signals: Signals, channels: Channels, delayed: Delayed | None) -> Ints:
+    """Return by observable the slot (n_epoch, n_kind) of the satellite that others are differenced with, -1 none.
+
+    Of several observables with the same unknown of the clock the first one has a reference: what the others say beyond
+    it is independent of the clock. InputError where the name is none of the constellation.
+    """
+    card, found = scenario.filter, signals.reference.copy()
+    if not channels.tight or card.clock != "differenced":
+        return found
+    name = card.reference_satellite
+    if name is not None and name not in seen.names:
+        raise InputError(records=[Mistake(missing_satellite(name, seen.names), "filter.reference_satellite")])
+    for kind in _leading(card.measurements, channels.observables):
+        for epoch in np.flatnonzero(signals.n_used):
+            use = signals.used[epoch, : signals.n_used[epoch]]
+            slots = np.arange(use.size)
+            if delayed is not None:
+                slots = slots[delayed.present[epoch, len(channels.observables) * use + kind]]
+            named = [slot for slot in slots if seen.names[use[slot]] == name]
+            if slots.size:
+                found[epoch, kind] = named[0] if named else slots[np.argmax(seen.elevation[epoch, use[slots]])]
+    return found
+
+
+def _leading(measurements: tuple[str, ...], observables: tuple[str, ...]) -> list[int]:
+    """Return the first measured observable of each unknown of the clock: bias, drift, bias at the epoch before."""
+    first: dict[str, int] = {}
+    for kind, name in enumerate(observables):
+        if name in measurements:
+            first.setdefault("before" if name in DIFFERENCES else "drift" if name == "range_rate" else "bias", kind)
+    return list(first.values())

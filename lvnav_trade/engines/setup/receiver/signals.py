@@ -12,7 +12,6 @@ from lvnav_trade.engines.setup.inputs import Shared, Signals
 from lvnav_trade.engines.setup.options import direct
 from lvnav_trade.engines.setup.receiver.noise import assumed_variance, by_channel, grown_sigma, true_sigma
 from lvnav_trade.engines.setup.sensors import Sensor
-from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.filters.base import ReceiverModel
 from lvnav_trade.frames import matrices
 from lvnav_trade.kernels.clock import clock_step
@@ -29,10 +28,10 @@ from lvnav_trade.observables.partials import (
     partial,
     sensor_states,
 )
-from lvnav_trade.records import Bools, Floats, Ints, Sky
+from lvnav_trade.records import Bools, Floats, Sky
 from lvnav_trade.scenario import Scenario, epoch_interval, solves
 from lvnav_trade.sources import CLOCK_START, CLOCK_STEP, RANGE_NOISE, SOLUTION_NOISE
-from lvnav_trade.world.faults import Failures, missing_satellite
+from lvnav_trade.world.faults import Failures
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
 from lvnav_trade.world.receiver.dynamics import factors
 from lvnav_trade.world.receiver.receiver import ReceiverCard
@@ -227,23 +226,6 @@ def _slots(seen: Sky) -> tuple[np.ndarray, np.ndarray]:
     return used, n_used
 
 
-def _references(scenario: Scenario, channels: Channels, seen: Sky, used: Ints, n_used: Ints) -> Ints:
-    """Return the slot (n_epoch,) of the satellite that ranges of others are differenced with, -1 none: the one named,
-    while it is in use, or the highest. InputError where the name is none of the constellation.
-    """
-    found, card = np.full(n_used.size, -1, dtype=np.int64), scenario.filter
-    if not channels.tight or card.clock != "differenced":
-        return found
-    name = card.reference_satellite
-    if name is not None and name not in seen.names:
-        raise InputError(records=[Mistake(missing_satellite(name, seen.names), "filter.reference_satellite")])
-    for epoch in np.flatnonzero(n_used):
-        use = used[epoch, : n_used[epoch]]
-        named = np.flatnonzero(use == (-1 if name is None else seen.names.index(name)))
-        found[epoch] = named[0] if named.size else np.argmax(seen.elevation[epoch, use])
-    return found
-
-
 def _shifts(line: Line, tracked: Bools, errors: Floats) -> Floats:
     """Return what errors of ranges or rates (n_epoch, n_sat) put into a least-squares solution, (n_epoch, 3)."""
     shift = np.zeros((len(errors), 3))
@@ -327,7 +309,7 @@ def signals(
         frozen=failed.frozen,
         interval=interval,
         n_receiver=channels.n_receiver,
-        reference=_references(scenario, channels, seen, used, n_used),
+        reference=np.full((n_used.size, len(channels.observables)), -1, dtype=np.int64),
         shift=measured.n_receiver - channels.n_receiver,
         sources=np.array([source_word(name) for name in _DRAWS], dtype=np.uint64),
         shared=shared,

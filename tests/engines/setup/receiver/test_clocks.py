@@ -64,6 +64,25 @@ def test_taking_the_reference_for_the_clock_is_differencing_and_whitening(refere
     np.testing.assert_allclose(P[:5, :5], expected, rtol=1e-10, atol=1e-12)
 
 
+@pytest.mark.parametrize("reference", [0, 3])
+def test_a_difference_of_two_epochs_is_differenced_by_the_clock_at_the_earlier_one(reference):
+    draw = np.random.default_rng(5)
+    n, m = 9, 5  # three states now and three before, another; then the clock now and its clone
+    root, H = draw.normal(size=(n - 2, n - 2)), draw.normal(size=(m, n - 2))
+    R, P = draw.uniform(0.5, 4.0, m), np.zeros((n, n))
+    whole = draw.normal(size=(n, n))
+    P[:] = whole @ whole.T
+    P[: n - 2, : n - 2] = root @ root.T + 3.0 * np.eye(n - 2)
+    P[n - 2 :, n - 2 :] += 10.0 * np.eye(2)
+    expected = whitened_differences(P[: n - 2, : n - 2], H, R, reference)
+    rows, every = np.hstack([H, np.ones((m, 1)), -np.ones((m, 1))]), np.arange(n)
+    x, K = np.zeros(n), np.zeros(n)
+    update_with_gain(P, x, K, rows[reference], every, every, -np.eye(n)[n - 1], 0.0, R[reference], np.inf, n)
+    for i in set(range(m)) - {reference}:
+        update_scalar(P, x, K, rows[i], every, every, 0.0, R[i], np.inf, n, False)
+    np.testing.assert_allclose(P[: n - 2, : n - 2], expected, rtol=1e-9, atol=1e-11)
+
+
 def test_differences_are_a_clock_of_unbounded_noise_and_whichever_satellite_is_the_reference():
     differenced = prepared("differenced")
     limit = prepared("two_state", ("filter.receiver", tuple(unbounded().items())))
@@ -75,7 +94,7 @@ def test_differences_are_a_clock_of_unbounded_noise_and_whichever_satellite_is_t
     assert np.all(np.abs(runs[0] - runs[1]) <= 1e-5 * one.true_sigma[None, :, NAVIGATION])
     use = differenced.signals.used[0, : differenced.signals.n_used[0]]
     lowest = use[np.argmin(differenced.sky.elevation[0, use])]
-    assert use[differenced.signals.reference[0]] != lowest
+    assert np.all(use[differenced.signals.reference[0]] != lowest)
     named = covariance(prepared("differenced", ("filter.reference_satellite", differenced.sky.names[lowest])))
     np.testing.assert_allclose(named.formal[:, NAVIGATION], one.formal[:, NAVIGATION], rtol=1e-7)
 
@@ -89,7 +108,8 @@ def test_differences_cost_what_the_clock_knew():
     assert np.all(differenced.n_row == modelled.n_row - 2)
 
 
-def agree(case):
+def agree(case, rounding=1e-8):
+    """Both engines and the adjoint agree; rounding: relative, of the adjoint (ambiguities of 10 m beside 2 mm)."""
     history, runs = covariance(case), run_block(case, 5, 0, RUNS)
     at = [4, 10, 20, len(case.t_hist) - 1]
     ratio = np.mean(runs.err[:, at][:, :, NAVIGATION] ** 2, axis=0) / (
@@ -100,7 +120,7 @@ def agree(case):
     np.testing.assert_allclose(history.budget.sum(axis=1), history.true_sigma**2, rtol=1e-9, atol=1e-30)
     back = adjoint(case, 30.0)
     np.testing.assert_allclose(
-        back.contribution.sum(axis=2).T, history.budget[-1, :, :9], rtol=1e-8, atol=1e-12 * history.budget[-1].max()
+        back.contribution.sum(axis=2).T, history.budget[-1, :, :9], rtol=rounding, atol=1e-12 * history.budget[-1].max()
     )
     return history
 
@@ -137,6 +157,69 @@ def test_one_state_takes_the_drift_for_white_noise_in_both_engines():
     assert np.all(history.expected_nees[5:] < 1.05 * layout.n_estimated)
     two = covariance(of_ranges("two_state", CLOCK))
     assert np.all(history.true_sigma[-1, 6:9] > two.true_sigma[-1, 6:9])
+
+
+def of_differences(clock, measurements, *changes):
+    fields = {name: dict(value) if isinstance(value, tuple) else value for name, value in changes}
+    return prepare_hop(
+        with_fields(loaded(MATCHED), **{"filter.clock": clock, "filter.measurements": measurements} | fields)
+    )
+
+
+@pytest.mark.parametrize("measurements", [["pseudorange", "tdcp"], ["carrier_phase", "delta_pseudorange"]])
+def test_both_engines_difference_every_observable_of_a_satellite(measurements):
+    case = of_differences("differenced", measurements)
+    taken = case.signals.reference
+    kinds = [case.channels.observables.index(name) for name in measurements]
+    assert np.all(taken[1:, kinds] >= 0)  # a difference has none at the first epoch
+    assert np.all(np.delete(taken, kinds, axis=1) == -1)
+    history = agree(case, rounding=1e-4)
+    assert np.all(history.n_row[1:] == 2 * (case.signals.n_used[1:] - 1))
+    use = case.signals.used[0, : case.signals.n_used[0]]
+    lowest = case.sky.names[use[np.argmin(case.sky.elevation[0, use])]]
+    named = covariance(of_differences("differenced", measurements, ("filter.reference_satellite", lowest)))
+    np.testing.assert_allclose(named.formal[:, NAVIGATION], history.formal[:, NAVIGATION], rtol=1e-6)
+
+
+@pytest.mark.parametrize("measurements", [["tdcp"], ["delta_pseudorange"], ["carrier_phase"]])
+def test_what_the_filter_assumes_of_the_clock_is_nothing_to_differences(measurements):
+    assumed, wild = of_differences("differenced", measurements), unbounded() | {"carrier_phase_sigma": "2 mm"}
+    # 10 m and 1 m/s a second: of 10 km and phases of 2 mm rounding is seen
+    wild |= {"clock_h0": 1e-6 * wild["clock_h0"], "clock_h_minus2": 1e-6 * wild["clock_h_minus2"]}
+    loose = of_differences("differenced", measurements, ("filter.receiver", wild))
+    one, other = covariance(assumed), covariance(loose)
+    np.testing.assert_allclose(other.formal[:, NAVIGATION], one.formal[:, NAVIGATION], rtol=1e-5)
+    np.testing.assert_allclose(other.true_sigma[:, NAVIGATION], one.true_sigma[:, NAVIGATION], rtol=1e-5)
+
+
+def test_phases_beside_ranges_have_the_ranges_for_their_clock():
+    case = of_differences("differenced", ["pseudorange", "carrier_phase"])
+    kinds = case.channels.observables
+    assert np.all(case.signals.reference[:, kinds.index("pseudorange")] >= 0)
+    assert np.all(case.signals.reference[:, kinds.index("carrier_phase")] == -1)
+
+
+def test_a_difference_is_not_referred_to_a_satellite_that_has_none():
+    slips = ("receiver.cycle_slips", {"rate": "300 1/h"})
+    case = of_differences("differenced", ["pseudorange", "tdcp"], slips)
+    kinds, signals = case.channels.observables, case.signals
+    kind, first = kinds.index("tdcp"), kinds.index("pseudorange")
+    apart = 0
+    for epoch in range(1, len(signals.n_used)):
+        slot = signals.reference[epoch, kind]
+        assert case.options.delayed.present[epoch, len(kinds) * signals.used[epoch, slot] + kind]
+        apart += slot != signals.reference[epoch, first]
+    assert apart > 0
+
+
+def test_one_state_stands_before_the_clones_and_its_drift_stays_zero():
+    case = of_differences("one_state", ["pseudorange", "tdcp"], CLOCK)
+    layout = case.layout
+    assert layout.has_reduced_clock
+    assert layout.delayed == layout.clock + 2 == layout.n_estimated + 1
+    assert case.model.n_estimated == layout.n_state
+    history = agree(case)
+    assert np.all(history.formal[:, layout.clock + 1] == 0.0)
 
 
 def test_what_makes_no_sense_is_refused():
