@@ -147,6 +147,7 @@ DIMENSIONS: dict[str, dict[str, dict[str, Any]]] = {
     },
 }  # fmt: skip
 
+PHASES = {name for name, fields in DIMENSIONS["measurements"].items() if FURTHER & set(fields["filter.measurements"])}
 Case = dict[str, str]
 _FIRST = {name: next(iter(levels)) for name, levels in DIMENSIONS.items()}
 _DEFAULTS = {name: field.default for name, field in FilterCard.model_fields.items()}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,9 @@ import pytest
 from lvnav_trade.engines.setup.vehicle import steady_ratio
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.engines.simulate.recording import N_SAMPLE_OUTPUT
+from lvnav_trade.filters import samples
+from lvnav_trade.filters.delayed import Delayed, new_earlier
+from lvnav_trade.kernels.transition import POS
 from lvnav_trade.steering.axis import filter_gain
 from tests.engines.modelled import BASELINE, MODEL, UNKNOWN, modelled
 
@@ -128,3 +132,19 @@ def test_a_run_is_the_same_in_any_block():
         np.testing.assert_array_equal(getattr(block, name)[8:], getattr(part, name))
     assert len(prepared.channel_names) == 15
     assert prepared.channel_names[6:9] == ("attitude x", "attitude y", "attitude z")
+
+
+def test_samples_correct_the_state_at_the_earlier_epoch_of_a_difference(monkeypatch):
+    """In closed loop the error state is fed back at every tick: what samples tell of a clone goes into its estimate."""
+    for name in ("correct_vehicle", "correct_motion", "correct_receiver"):
+        monkeypatch.setattr(samples, name, lambda *_: None)
+    monkeypatch.setattr(samples, "correct_earlier", samples.correct_earlier.py_func)
+    cloned = np.array([POS, POS + 1, POS + 2])
+    delayed = Delayed(np.ones(3, bool), np.ones((1, 3), bool), 0, np.full((1, 1), -1.0), cloned, 9, False)
+    model = SimpleNamespace(n_state=12, clock=-1, extra_offset=np.zeros(0, dtype=int))
+    for open_loop, expected in ((None, [1.0, 2.0, 3.0]), (object(), [0.0, 0.0, 0.0])):
+        work, earlier = SimpleNamespace(x=np.zeros(12), nav=None), new_earlier(delayed, 1, 0, 12)
+        work.x[9:] = 1.0, 2.0, 3.0
+        samples._correct_tick.py_func(work, None, earlier, open_loop, delayed, model, None)
+        np.testing.assert_array_equal(earlier.antenna[0, :3], expected)
+        assert np.any(work.x) == (open_loop is not None)

@@ -52,6 +52,18 @@ def test_the_largest_is_that_of_a_walk_that_outgrows_all_others_by_its_closed_fo
     assert bound(prepared).high == pytest.approx(imu.accel_bias_walk**2 / imu.accel_bias**2, rel=1e-2)
 
 
+def test_noise_at_a_change_of_region_enters_the_interval_that_it_lies_in():
+    entry = {"from": "10 s", "velocity": "1 m/s"}
+    scenario = loaded(LOOSE)
+    plain, added = (
+        bound(prepare_hop(scenario)),
+        bound(prepare_hop(with_fields(scenario, **{"filter.region_noise": [entry]}))),
+    )
+    assert added.low == pytest.approx(plain.low, abs=1e-12)
+    # 1 m/s beside 1 cm/s at the start
+    assert added.high == pytest.approx(1.0 / scenario.initial.velocity**2, rel=1e-3)
+
+
 def test_rows_have_the_noise_of_the_receiver():
     scenario = loaded(LOOSE)
     (first, second), solution = bound(case(LOOSE)).rows, scenario.receiver.solution

@@ -88,6 +88,15 @@ def test_a_direction_of_a_state_without_an_initial_sigma_is_reported_all_the_sam
     assert room._in_words(known, 0.0, np.eye(P.shape[0])[-1]).startswith("+1.00 ")
 
 
+def test_a_filter_with_clones_is_explained_too():
+    prepared = case("base.filter.measurements=[pseudorange, tdcp]")
+    asked = Asked(adjoint=False, sensitivity=False, error_bound=True)
+    what = explain(prepared.scenario, prepared, covariance(prepared), asked)
+    assert len(what.phases[0].singular) == what.bound.states == len(prepared.layout.reported)
+    assert what.unbounded.startswith("+1.00 ")
+    assert len(what.nonlinear) == 3
+
+
 def test_every_event_has_its_nonlinearity():
     assert [name for name, _ in found()[2].nonlinear] == ["liftoff", "end0", "end1"]
 

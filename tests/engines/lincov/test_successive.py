@@ -127,7 +127,7 @@ def test_the_first_difference_of_a_filter_is_that_after_its_start():
     # of a single difference the noise of both epochs is new, whether it is a state or not
     estimated = started(TDCP, "base.filter.previous_noise=estimated")
     np.testing.assert_allclose(estimated.formal[at + 1, :9], phases.formal[at + 1, :9], rtol=1e-7)
-    assert np.all(phases.formal[at + 1, 3:6] < 0.98 * phases.formal[at, 3:6])
+    assert np.all(phases.formal[at + 1, 3:6] < 0.9 * ranges.formal[at + 1, 3:6])
 
 
 def test_differences_sum_to_the_change_of_the_phase():
