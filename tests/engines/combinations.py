@@ -67,12 +67,12 @@ def scenario_of(case: Case) -> tuple[Scenario, str, bool]:
         # the output of eight kilometres ago is beyond a linear model: a filter has to check the flag
         fields.setdefault("filter.logic", {"start_after": 1})
     of_phases = bool(FURTHER & set(listed))
-    if case["vehicle"] == "spinning" and (
-        case["latency"] == "extrapolated" or (of_phases and case["latency"] != "none")
-    ):
-        # a solution of a swinging antenna, extrapolated by its velocity, or phases of a second ago, turn the roll by
-        # 10 deg: not linear either
+    if (case["vehicle"], case["latency"]) == ("spinning", "extrapolated"):
+        # a solution of a swinging antenna, extrapolated by its velocity, turns the roll by 10 deg: not linear either
         fields["receiver.lever_b"] = ["1 m", "0 m", "0 m"]
+    if case["vehicle"] == "spinning" and of_phases and case["latency"] != "none":
+        # phases of half a turn ago, with the gain of now, turn the roll by 15 deg: not linear either
+        fields["receiver.latency"] = "20 ms"
     if (case["start"], case["latency"]) == ("from GNSS", "extrapolated"):
         # a start from a solution of 0.3 s ago is 120 m off, which turns the attitude by 15 mrad: not linear either
         fields["receiver.latency"] = "0.1 s"
@@ -80,8 +80,12 @@ def scenario_of(case: Case) -> tuple[Scenario, str, bool]:
         # a receiver's filter that begins with measurements of before the flight is 460 m off: not linear either
         fields["receiver.latency"] = "1.1 s"
     if of_phases and (case["correction"] == "open" or case["latency"] != "none"):
-        # carrier phases see the second order of 0.2 deg: of a state that is never corrected, or that is of 0.3 s ago
+        # carrier phases see the second order of 0.2 deg in a state that is never corrected
         fields |= {"initial.tilt": "0.02 deg", "initial.heading": "0.02 deg"}
+    if of_phases and case["latency"] != "none":
+        # and what a gain of now does to the state of then
+        fields |= {"initial.tilt": "0.002 deg", "initial.heading": "0.002 deg"}
+        fields |= {"initial.velocity": "1 cm/s", "initial.position": "1 m"}
     if "imu" in listed and case["states"] in ("scale factors", "nonlinear"):
         kind += STEADY  # at a step the estimated acceleration, which scale factors are multiplied with, is wrong
     if set(listed) & set(ON_PAD):
