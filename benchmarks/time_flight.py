@@ -1,4 +1,6 @@
-"""Simulated seconds per wall second and core: identical work (covariance at 200 Hz) and the default setting (10 Hz)."""
+"""Simulated seconds per wall second and core: identical work (covariance at 200 Hz), and the default setting (10 Hz)
+with an extended and with an unscented filter.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,11 @@ def speed(prepared: Prepared, runs: int = RUNS) -> float:
 
 
 def measure() -> dict[str, float]:
-    """Return the speed of the default setting and of the identical work."""
-    default = prepare(scenario())
+    """Return the speed of the default setting, of the identical work, and of an unscented filter with its cost."""
+    default, unscented = prepare(scenario()), prepare(scenario("base.filter.algorithm=unscented"))
     identical = prepare(scenario("base.filter.covariance_rate=200 Hz"))
-    return {"default_sim_s_per_s_core": speed(default), "identical_sim_s_per_s_core": speed(identical)}
+    found = {
+        "default_sim_s_per_s_core": speed(default), "identical_sim_s_per_s_core": speed(identical),
+        "unscented_sim_s_per_s_core": speed(unscented),
+    }  # fmt: skip
+    return found | {"unscented_cost_ratio": found["default_sim_s_per_s_core"] / found["unscented_sim_s_per_s_core"]}

@@ -56,6 +56,6 @@ def advance_backup(backup, work, model, n_tick, dt, seconds):
 
 @inlined
 def predict_backup(backup, work, model, length, injection):
-    """Propagate its covariance over a window, with the blocks that `predict_window` has filled."""
+    """Propagate its covariance over a window, with the blocks that `fill_transition` has filled."""
     if backup is not None:
         predict_covariance(backup.P, work.D, model, length, injection)

@@ -253,6 +253,7 @@ class FilterCard(units.NamedCard):
     neglect: tuple[Literal["gyro_bias", "accel_bias"], ...] = Field((), description="standard states left out")
     update: Literal["symmetric", "joseph"] = "symmetric"
     transition_order: Literal[1, 2] = 2
+    algorithm: Literal["extended", "unscented"] = Field("extended", description="by Jacobians, or by points")
     gate: float | None = Field(None, gt=0, description="innovation gate in sigma per row; none: no gate")
     gravity: Literal["point", "j2", "j4"] = "j4"
     feedback: Literal["closed", "open", "direct"] = Field(
@@ -353,6 +354,10 @@ class FilterCard(units.NamedCard):
             yield "transition_rate: a filter with imu among its measurements propagates by every sample"
         if self.backup and self.models_vehicle:
             yield "backup: a filter with imu among its measurements has no strapdown of increments to run beside"
+        if self.algorithm == "unscented" and self.models_vehicle:
+            yield "algorithm: points are flown by the strapdown; a filter with imu among its measurements has none"
+        if self.algorithm == "unscented" and (self.transition_rate is not None or self.transition_order != 2):
+            yield "algorithm: an unscented filter has no transition, whose rate or order could be chosen"
         if self.transition_rate is not None and self.transition_rate > self.covariance_rate:
             yield "transition_rate: exceeds covariance_rate, at which the covariance is propagated"
         if self.underweighting and not self.aided:

@@ -2,13 +2,12 @@
 
 import numpy as np
 
-from lvnav_trade.filters.delayed import correct_earlier, is_present, subtract_extra
-from lvnav_trade.filters.differenced import is_reference, leave_out, take_reference
+from lvnav_trade.filters.delayed import subtract_extra
 from lvnav_trade.filters.late import LAST, carry_on, correct_stored, place_of, predicted_of_stored
 from lvnav_trade.kernels import processes, transition
-from lvnav_trade.kernels.covariance import inflate, predict, update_scalar, update_with_gain, whiten
+from lvnav_trade.kernels.covariance import inflate, predict, whiten
 from lvnav_trade.kernels.jit import inlined, jit
-from lvnav_trade.kernels.lanes import like, where
+from lvnav_trade.kernels.lanes import like
 from lvnav_trade.kernels.strapdown import R
 from lvnav_trade.kernels.transition import correct_motion
 from lvnav_trade.observables import solution
@@ -45,17 +44,20 @@ def predict_covariance(P, D, model, length, injection):
     inject(P, model, injection)
 
 
-@inlined
-def predict_window(work, model, length, injection):
-    """Propagate covariance, fading parameters and clock estimate over a window; see `predict_covariance`."""
-    seconds = model.seconds[length]
+@jit
+def fill_transition(work, model, length):
+    """Set the blocks of the transition over a window of a known length index."""
     transition.fill(
         work.D, model.block_kinds, model.block_drivers, work.sums, work.nav[R], work.nav[R + 1], work.nav[R + 2],
-        seconds,
+        model.seconds[length],
     )  # fmt: skip
-    predict_covariance(work.P, work.D, model, length, injection)
+
+
+@jit
+def fade_estimates(work, model, length):
+    """Propagate clock estimate and fading parameters over a window."""
     if model.clock >= 0:
-        work.clock_hat[0] = work.clock_hat[0] + seconds * work.clock_hat[1]
+        work.clock_hat[0] = work.clock_hat[0] + model.seconds[length] * work.clock_hat[1]
     if model.fading:
         for b in range(model.par_offset.shape[0]):
             for i in range(3):
@@ -63,6 +65,14 @@ def predict_window(work, model, length, injection):
         for e in range(model.extra_offset.shape[0]):
             work.extra[e] = model.decay[length, model.extra_offset[e]] * work.extra[e]
         processes.gather(work.tables, work.par, model.par_sensor, model.par_driver)
+
+
+@inlined
+def predict_window(work, model, length, injection):
+    """Propagate covariance and estimates over a window by its transition; see `predict_covariance`."""
+    fill_transition(work, model, length)
+    predict_covariance(work.P, work.D, model, length, injection)
+    fade_estimates(work, model, length)
 
 
 @jit
@@ -210,9 +220,9 @@ def channel_of(model, signals, epoch, row):
 
 
 @jit
-def decorrelate(work, past, rx, late, gains, model, signals, epoch):
+def decorrelate(work, points, past, rx, late, gains, model, signals, epoch):
     """Decorrelate the rows of a solution by the covariance that it comes with, if it comes with one. With stored gains
-    (Gains) they stay as they are.
+    (Gains) they stay as they are. What points (Points, or None) leave of a row is noise of it.
     """
     if rx is None and late is None:
         return
@@ -223,6 +233,8 @@ def decorrelate(work, past, rx, late, gains, model, signals, epoch):
                     work.reported[i, j] = rx.covariance[i, j] * (signals.scale[epoch, i] * signals.scale[epoch, j])
                 else:  # a simulated solution: the filter's own variances
                     work.reported[i, j] = like(work.x[0], signals.variance[epoch, i] if i == j else 0.0)
+            if points is not None:
+                work.reported[i, i] = work.reported[i, i] + points.spread[i]
         if late is not None and late.extrapolated:
             carry_on(work.z, work.reported, past, work.P, late, epoch)
         if gains is None:
@@ -241,33 +253,6 @@ def separate(covariance, model):
                 covariance[i, j], covariance[j, i] = 0.0 * covariance[i, i], 0.0 * covariance[i, i]
 
 
-@inlined
-def update_and_count(work, gains, model, signals, epoch, row, channel, whitened, gate_squared):
-    """Update by one filled row of a channel, with a stored gain (Gains) or, without (None), that of the covariance;
-    store its innovation and count it: accepted, or rejected by the gate.
-    """
-    n = model.n_entry[channel]
-    entries, columns = model.entry[channel, :n], model.column[channel, :n]
-    if gains is None:
-        variance = 1.0 if whitened else signals.variance[epoch, channel]
-        normalised, weight = update_scalar(
-            work.P, work.x, work.K, work.H[row], entries, columns, work.z[row], variance, gate_squared,
-            model.n_estimated, model.joseph, signals.beta[epoch, channel],
-        )  # fmt: skip
-    else:
-        variance = work.reported[row, row] if whitened else like(work.x[0], signals.variance[epoch, channel])
-        normalised, weight = update_with_gain(
-            work.P, work.x, work.K, work.H[row], entries, columns, gains.gain[epoch, channel], work.z[row], variance,
-            gate_squared, model.n_estimated, signals.beta[epoch, channel],
-        )  # fmt: skip
-    work.innovation[epoch, channel] = normalised
-    accepted = weight > 0.0
-    rejected = (normalised == normalised) & (weight == 0.0)  # what is not a number is no row
-    work.nis[epoch] = work.nis[epoch] + where(accepted, normalised * normalised, 0.0)
-    work.n_row[epoch] = work.n_row[epoch] + where(accepted, 1.0, 0.0)
-    work.n_reject[epoch] = work.n_reject[epoch] + where(rejected, 1.0, 0.0)
-
-
 @jit
 def clear_epoch(work, epoch):
     """Start an epoch's counts at zero and its innovations at not-a-number (no row)."""
@@ -284,60 +269,6 @@ def fill_receiver(work, earlier, delayed, model, signals, epoch):
         fill_tight(work, earlier, delayed, model, signals, epoch)
     else:
         fill_loose(work, model, signals, epoch)
-
-
-@jit
-def _correct_receiver_row(work, past, earlier, late, delayed, direct, model, signals, epoch, dt):
-    """In a direct filter (direct, or None) correct the total state by a row, and linearise the rows that are left at
-    it. A solution with a covariance of its own is one measurement: it is linearised once.
-    """
-    if direct is not None and not model.has_covariance:
-        correct_earlier(work.x, earlier, delayed, model)
-        correct(work, past, late, model)
-        place_antenna(work, past, late, model, dt, epoch)
-        fill_receiver(work, earlier, delayed, model, signals, epoch)
-
-
-@inlined
-def update_receiver(work, past, earlier, late, delayed, direct, gains, model, signals, epoch, dt, gate_squared, starts):
-    """Update by what the receiver measures at an epoch: the observables of every satellite in use, or position and
-    velocity of a solution axis by axis, as far as they are among the filter's measurements. starts: where the filter
-    starts at this epoch (lanes), or None.
-    """
-    n_row = n_measured(model, signals, epoch)
-    limit = where(gate_squared >= 0.0, np.inf, gate_squared)
-    take_reference(work, delayed, model, signals, epoch, n_row, limit, starts)
-    for row in range(n_row):
-        channel = channel_of(model, signals, epoch, row)
-        if is_present(delayed, model, epoch, channel) and not is_reference(model, signals, epoch, row):
-            leave_out(work.z, starts, delayed, model, row)
-            update_and_count(work, gains, model, signals, epoch, row, channel, model.has_covariance, gate_squared)
-            _correct_receiver_row(work, past, earlier, late, delayed, direct, model, signals, epoch, dt)
-    _correct_at_once(work, past, late, direct, model)
-
-
-@jit
-def _correct_at_once(work, past, late, direct, model):
-    """Correct the total state of a direct filter (direct, or None)."""
-    if direct is not None:
-        correct(work, past, late, model)
-
-
-@inlined
-def update_sensors(work, past, open_loop, direct, late, gains, sensors, model, signals, epoch, gate_squared):
-    """Update by what the sensors beside the receiver (Sensors, or None) measure at an epoch."""
-    if sensors is not None:
-        for k in range(sensors.code.shape[0]):
-            if sensors.on[k, epoch] and model.measured[sensors.channel[k]]:
-                at = row_of(model, work, sensors.channel[k])
-                fill_sensor(work, past, open_loop, late, model, signals, sensors, k, at, epoch)
-                for i in range(sensors.scalars[k]):
-                    update_and_count(
-                        work, gains, model, signals, epoch, at + i, sensors.channel[k] + i, False, gate_squared
-                    )
-                    if direct is not None:
-                        correct(work, past, late, model)
-                        fill_sensor(work, past, open_loop, late, model, signals, sensors, k, at, epoch)
 
 
 @jit

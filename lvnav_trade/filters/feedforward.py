@@ -16,6 +16,8 @@ import numpy as np
 from lvnav_trade.filters import ekf, monitor
 from lvnav_trade.filters.delayed import find_earlier, renew
 from lvnav_trade.filters.late import correct_stored_errors, place_of, predicted_of_stored
+from lvnav_trade.filters.unscented import measure_receiver
+from lvnav_trade.filters.updates import update_receiver, update_sensors
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.covariance import apply_phi
 from lvnav_trade.kernels.jit import inlined, jit
@@ -42,13 +44,18 @@ def new_open_loop(n_state: int, n_par: int, n_extra: int, lanes: int = 0) -> Ope
 
 
 @jit
-def propagate_open_loop(work, open_loop, model, length):
-    """Propagate the error state of an open loop over a window, with the blocks that `predict_window` has filled."""
+def propagate_open_loop(work, points, open_loop, model, length):
+    """Propagate the error state of an open loop over a window: by the blocks of the transition, the motion of an
+    unscented filter by its points (Points, or None).
+    """
     if open_loop is not None:
         apply_phi(
             work.x, work.D, model.block_rows, model.block_columns, model.decay[length], model.clock,
             model.seconds[length],
         )  # fmt: skip
+        if points is not None:
+            for i in range(points.mean.shape[0]):
+                work.x[i] = points.mean[i]
 
 
 @jit
@@ -133,12 +140,13 @@ def _sample_variance(out, rx, variance, scale, from_gnss):
 
 @inlined
 def _process_permitted(
-    work, rx, past, earlier, watch, open_loop, direct, rules, late, delayed, gains, model, signals, epoch, dt
-):
+    work, points, rx, past, earlier, watch, open_loop, direct, rules, late, delayed, gains, model, signals,
+    epoch, dt,
+):  # fmt: skip
     """Process the receiver's measurements at an epoch if the mode logic permits, and make its transitions."""
     n_row = ekf.n_measured(model, signals, epoch)
     if rules.good[epoch]:
-        ekf.fill_receiver(work, earlier, delayed, model, signals, epoch)
+        measure_receiver(work, points, past, earlier, late, delayed, model, signals, epoch, dt)
         _compare_late(work, past, open_loop, late, model, signals, epoch)
         _predict_rows(work, watch, model, signals, epoch)
     monitor.check_measurements(watch, rules, delayed, model, signals, epoch, work.z, n_row)
@@ -146,11 +154,13 @@ def _process_permitted(
         _sample_variance(watch.predicted, rx, signals.variance[epoch], signals.scale[epoch], rules.from_gnss)
         monitor.start_filter(work.P, work.x, watch, rules, work.z)
         renew(work.P, work.x, work.extra, delayed, model, epoch)  # for those that start: at others it is done
-        ekf.decorrelate(work, past, rx, late, gains, model, signals, epoch)
+        ekf.decorrelate(work, points, past, rx, late, gains, model, signals, epoch)
         used = watch.sample[0] > 0.0
         gate = where(used, model.gate_squared, -1.0)
         starts = watch.sample[1] > 0.0
-        ekf.update_receiver(work, past, earlier, late, delayed, direct, gains, model, signals, epoch, dt, gate, starts)
+        update_receiver(
+            work, points, past, earlier, late, delayed, direct, gains, model, signals, epoch, dt, gate, starts
+        )
         for row in range(n_row):
             channel = ekf.channel_of(model, signals, epoch, row)
             work.innovation[epoch, channel] = where(used, work.innovation[epoch, channel], np.nan)
@@ -159,8 +169,9 @@ def _process_permitted(
 
 @inlined
 def process_measurements(
-    work, rx, past, earlier, watch, open_loop, direct, rules, late, delayed, gains, sensors, model, signals, epoch, dt
-):
+    work, points, rx, past, earlier, watch, open_loop, direct, rules, late, delayed, gains, sensors, model,
+    signals, epoch, dt,
+):  # fmt: skip
     """Process what the receiver and the other sensors measure at an epoch; if the filter has a mode logic, once it
     permits.
     """
@@ -171,19 +182,19 @@ def process_measurements(
     renew(work.P, work.x, work.extra, delayed, model, epoch)
     if rules is None:
         if ekf.n_measured(model, signals, epoch) > 0:
-            ekf.fill_receiver(work, earlier, delayed, model, signals, epoch)
-            ekf.decorrelate(work, past, rx, late, gains, model, signals, epoch)
+            measure_receiver(work, points, past, earlier, late, delayed, model, signals, epoch, dt)
+            ekf.decorrelate(work, points, past, rx, late, gains, model, signals, epoch)
             _compare_late(work, past, open_loop, late, model, signals, epoch)
             gate = model.gate_squared
-            ekf.update_receiver(
-                work, past, earlier, late, delayed, direct, gains, model, signals, epoch, dt, gate, None
+            update_receiver(
+                work, points, past, earlier, late, delayed, direct, gains, model, signals, epoch, dt, gate, None
             )
-        ekf.update_sensors(
-            work, past, open_loop, direct, late, gains, sensors, model, signals, epoch, model.gate_squared
-        )
+        gate = model.gate_squared
+        update_sensors(work, points, past, open_loop, direct, late, gains, sensors, model, signals, epoch, gate)
     elif (epoch + 1) % model.every == 0:
         _process_permitted(
-            work, rx, past, earlier, watch, open_loop, direct, rules, late, delayed, gains, model, signals, epoch, dt
-        )
+            work, points, rx, past, earlier, watch, open_loop, direct, rules, late, delayed, gains, model,
+            signals, epoch, dt,
+        )  # fmt: skip
         gate = where(monitor.is_running(watch.state[monitor.MODE]) > 0.0, model.gate_squared, -1.0)
-        ekf.update_sensors(work, past, open_loop, direct, late, gains, sensors, model, signals, epoch, gate)
+        update_sensors(work, points, past, open_loop, direct, late, gains, sensors, model, signals, epoch, gate)

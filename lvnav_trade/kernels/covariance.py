@@ -74,6 +74,25 @@ def _advance(P, blocks, rows, columns, n):
 
 
 @jit
+def fade(P, decay, noise, clock, seconds):
+    """Let a covariance's parameters decay and its clock move on over a window; add the second half of the noise."""
+    n = P.shape[0]
+    for j in range(N_NAV_ERROR, n):
+        if decay[j] != 1.0:
+            for i in range(n):
+                P[i, j] = P[i, j] * decay[j]
+            for i in range(n):
+                P[j, i] = P[j, i] * decay[j]
+    if clock >= 0:
+        for j in range(n):
+            P[clock, j] = P[clock, j] + seconds * P[clock + 1, j]
+        for i in range(n):
+            P[i, clock] = P[i, clock] + seconds * P[i, clock + 1]
+    for i in range(n):
+        P[i, i] = P[i, i] + 0.5 * noise[i]
+
+
+@jit
 def predict(P, blocks, rows, columns, decay, noise, clock, seconds):
     """Propagate the covariance over a window: P <- Phi (P + Q/2) Phi' + Q/2, Q diagonal.
 
@@ -91,19 +110,7 @@ def predict(P, blocks, rows, columns, decay, noise, clock, seconds):
     for i in range(n):
         P[i, i] = P[i, i] + 0.5 * noise[i]
     _advance(P, blocks, rows, columns, n)
-    for j in range(N_NAV_ERROR, n):
-        if decay[j] != 1.0:
-            for i in range(n):
-                P[i, j] = P[i, j] * decay[j]
-            for i in range(n):
-                P[j, i] = P[j, i] * decay[j]
-    if clock >= 0:
-        for j in range(n):
-            P[clock, j] = P[clock, j] + seconds * P[clock + 1, j]
-        for i in range(n):
-            P[i, clock] = P[i, clock] + seconds * P[i, clock + 1]
-    for i in range(n):
-        P[i, i] = P[i, i] + 0.5 * noise[i]
+    fade(P, decay, noise, clock, seconds)
 
 
 @jit

@@ -138,6 +138,8 @@ def columns(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> 
     metric, statistic = str(stated["metric"]), str(stated.get("statistic", "rms"))
     if metric.endswith("_nees"):
         return _nees(tables, case, stated)
+    if metric.endswith("_convergence_time"):
+        return _convergence(tables, case, stated, unit)
     quantity, axis = split_metric(metric)
     rows = history_of(tables, case, quantity, axis)
     if rows.empty or statistic in ("worst", "least"):
@@ -202,6 +204,28 @@ def _nees(tables: Tables, case: str, stated: Mapping[str, Any]) -> Columns:
     each = np.mean(runs, axis=0)
     at = f"at {len(expected)} events"
     return Columns(1.0, float(np.mean(expected)), float(np.mean(each)) if len(each) else np.nan, at, each, False)
+
+
+def _convergence(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Columns:
+    """Return the median over the runs of the time after the start of a phase from which on the error (3-D) stays below
+    a limit at the phase's events; its length where it never does, or where the run fails.
+    """
+    quantity = str(stated["metric"]).removesuffix("_convergence_time")
+    first, last = phase(tables, case, str(stated["during"]))
+    events = rows_between(flight_events(tables, case), first, last)
+    if len(events) < 2 or pick(tables.runs, case=case).empty:
+        return _NO_COLUMNS._replace(remark="no runs, or no events in this phase")
+    limit = units.parse(str(stated["below"]), str(pick(tables.outputs, case=case, quantity=quantity).unit.iloc[0]))
+    below = []
+    for event in events.event:
+        rows = errors_by_axis(tables, case, event, quantity)
+        size = np.linalg.norm(rows.drop(columns="failure").to_numpy(dtype=float), axis=1)
+        below.append((size < limit) & (rows.failure == "").to_numpy())
+    t = np.append(events.t_s.to_numpy(), last)
+    converged = np.cumprod(np.array(below)[::-1], axis=0).sum(axis=0)  # events at the end at which all is below
+    times = (t[len(events) - converged] - first) / (1.0 if unit == "-" else units.parse(f"1 {unit}", "s"))
+    always = "" if converged.min() < len(events) else ", below the limit throughout"
+    return _NO_COLUMNS._replace(monte_carlo=float(np.median(times)), remark=f"median, at {len(events)} events{always}")
 
 
 def _beyond_linear(tables: Tables, case: str, stated: Mapping[str, Any], quantity: str, unit: str) -> str:

@@ -10,6 +10,7 @@ import pytest
 from lvnav_trade.engines.lincov.history import adjoint, covariance, source_covariances
 from lvnav_trade.engines.simulate.montecarlo import run_block
 from lvnav_trade.filters import ekf
+from lvnav_trade.filters.updates import update_receiver
 from lvnav_trade.kernels.transition import correct_motion
 from tests.building import INERTIAL, MATCHED, loaded, prepare_hop, with_fields
 from tests.filters.test_residuals import dense_rows, observed
@@ -102,8 +103,8 @@ def test_a_direct_filter_linearises_every_scalar_where_the_one_before_has_left_t
         return work
 
     direct, closed, by_hand = start(), start(), start()
-    ekf.update_receiver(direct, None, None, None, None, True, None, model, signals, epoch, dt, np.inf, None)
-    ekf.update_receiver(closed, None, None, None, None, None, None, model, signals, epoch, dt, np.inf, None)
+    update_receiver(direct, None, None, None, None, None, True, None, model, signals, epoch, dt, np.inf, None)
+    update_receiver(closed, None, None, None, None, None, None, None, model, signals, epoch, dt, np.inf, None)
     ekf.correct(closed, None, None, model)
     P = np.array(by_hand.P)
     for row in range(n_row):

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from lvnav_trade.campaign.definition.published import Term
 from lvnav_trade.expression import readings
 from lvnav_trade.metrics.numbers import Columns, columns
 from lvnav_trade.metrics.published import references
@@ -101,6 +102,41 @@ def test_the_nees_of_matched_runs_is_one_and_of_larger_ones_their_square(good, w
     found = rows(wrong, **stated).iloc[0]
     assert found.monte_carlo == pytest.approx(1.6**2 + mean, rel=0.15)
     assert found.verdict == FAILS
+
+
+def test_a_convergence_time_is_that_after_which_a_run_stays_below_the_limit(good):
+    case = next(digest for digest, levels in good.levels.items() if levels == FINE)
+    events = good.events[(good.events.case == case) & (good.events.kind == "event")].sort_values("t_s")
+    runs = good.runs[good.runs.case == case]
+    names = [name for name in runs.columns if name.startswith("velocity_") and name.endswith("_error_m_per_s")]
+    end, times = float(events.t_s.iloc[-1]), []
+    for _, run in runs.groupby("run_number"):
+        flown = run.set_index("event").loc[list(events.event)]
+        above = ~((np.sqrt((flown[names] ** 2).sum(axis=1)) < 0.25) & (flown.failure == ""))
+        after = np.flatnonzero(above.to_numpy())
+        later = [*events.t_s, end]
+        times.append(later[after[-1] + 1] if len(after) else later[0])
+    first, last = events.event.iloc[0], events.event.iloc[-1]
+    term = {"metric": "velocity_convergence_time", "during": f"{first} to {last}", "below": "0.25 m/s", "case": FINE}
+    found = columns(good, case, term, "s")
+    assert found.monte_carlo == pytest.approx(np.median(times) - float(events.t_s.iloc[0]))
+    assert len(set(times)) > 1
+    row = rows(good, value="t", unit="min", terms={"t": term}, at_most=1e3, tested_by=["monte_carlo"])
+    assert row.iloc[0].monte_carlo == pytest.approx(found.monte_carlo / 60.0)
+
+
+@pytest.mark.parametrize(
+    ("term", "message"),
+    [
+        ({"metric": "attitude_convergence_time", "during": "flight"}, "give during and below"),
+        ({"metric": "attitude_convergence_time", "at": "injection", "below": "1 deg"}, "give during and below"),
+        ({"metric": "attitude_convergence_time", "during": "flight", "below": "1 m"}, "1 m"),
+        ({"metric": "attitude_error_3d", "below": "1 deg"}, "limit of a convergence time"),
+    ],
+)
+def test_a_convergence_time_has_a_phase_and_a_limit(term, message):
+    with pytest.raises(ValueError, match=message):
+        Term.model_validate(term)
 
 
 def test_without_runs_linear_covariance_decides_and_says_so(alone):

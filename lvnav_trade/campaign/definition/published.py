@@ -28,7 +28,9 @@ COUNTED = (
 )
 # Mean of the normalised estimation error squared per degree of freedom, over the events of a phase
 NEES = tuple(f"{quantity}_nees" for quantity in ("attitude", "velocity", "position"))
-_NO_ERRORS = (*MISSION, *COUNTED, *STEERED, RANK, *NEES)
+# Time (s) after the start of a phase from which on the error of a run stays below a limit, at its events
+CONVERGENCE = tuple(f"{quantity}_convergence_time" for quantity in ("attitude", "velocity", "position"))
+_NO_ERRORS = (*MISSION, *COUNTED, *STEERED, RANK, *NEES, *CONVERGENCE)
 # Words of a phase that are no events: from lift-off on; the first and the last time of the flight
 FLIGHT, ENDS = "flight", ("start", "end")
 _INSTANT = re.compile(r"\s*(?P<event>[A-Za-z_]\w*)\s*(?:[+-]\s*(?P<offset>\S.*))?$")
@@ -55,8 +57,8 @@ def unit_of(metric: str) -> str:
         return {COUNTED[0]: "-", COUNTED[-1]: "s"}.get(metric, "m")
     if metric in STEERED or metric == RANK:
         return "%" if metric in STEERED else "-"
-    if metric in NEES:
-        return "-"
+    if metric in NEES or metric in CONVERGENCE:
+        return "s" if metric in CONVERGENCE else "-"
     unit = _UNITS[split_metric(metric)[0]]
     return "dimensionless" if unit == "1" else unit
 
@@ -138,6 +140,7 @@ class Measured(Card):
 
     elevation: tuple[Angle, Angle] | None = Field(None, description="of signals: of the satellites, from and to")
     altitude: tuple[Length, Length] | None = Field(None, description="of signals: of the vehicle, from and to")
+    below: str | None = Field(None, description="of a convergence time: limit of the error, in three dimensions")
 
     @property
     def events(self) -> tuple[str, ...]:
@@ -156,6 +159,12 @@ class Measured(Card):
             yield "elevation and altitude go from the smaller to the larger"
         if self.metric in NEES and (self.during is None or self.statistic != "rms"):
             yield f"{self.metric} is a mean over a phase; give during, and no statistic"
+        if self.metric in CONVERGENCE and (self.during is None or self.statistic != "rms" or self.below is None):
+            yield f"{self.metric} is of a phase and a limit; give during and below, and no statistic"
+        if self.below is not None and self.metric not in CONVERGENCE:
+            yield f"below is the limit of a convergence time ({', '.join(CONVERGENCE)})"
+        elif self.below is not None:
+            parse(self.below, _UNITS[self.metric.removesuffix("_convergence_time")])
 
 
 class Published(Measured, Stated):

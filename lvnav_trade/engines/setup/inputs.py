@@ -253,7 +253,7 @@ class Options(NamedTuple):
     the filter's transition misses is recorded in place of errors; units (Units): several inertial units are fused;
     direct (True): the filter corrects its total state scalar by scalar; backup (int): errors of a strapdown that is
     never corrected are reported, from that output on; further (Further), delayed (filters.delayed.Delayed): carrier
-    phases or differences of two epochs are measured.
+    phases or differences of two epochs are measured; unscented (True): points in place of Jacobians.
     """
 
     solver: Any = None
@@ -269,3 +269,4 @@ class Options(NamedTuple):
     backup: Any = None
     further: Any = None
     delayed: Any = None
+    unscented: Any = None

@@ -307,6 +307,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
             backup=len(shown) if card.backup else None,
             further=further,
             delayed=successive,
+            unscented=True if card.algorithm == "unscented" else None,
         ),
         chain=chain,
         devices=devices,

@@ -4,11 +4,12 @@ from lvnav_trade.engines.simulate.recording import hold_solution, record
 from lvnav_trade.engines.simulate.sensing import begin, begin_solver, measure_sensors, observe, sense
 from lvnav_trade.filters.backup import advance_backup, begin_backup, predict_backup
 from lvnav_trade.filters.delayed import begin_transition, clone_formal, clone_open_loop, follow, store_estimate
-from lvnav_trade.filters.ekf import clear_epoch, predict_window
+from lvnav_trade.filters.ekf import clear_epoch
 from lvnav_trade.filters.feedforward import apply_feedback, process_measurements, propagate_open_loop
 from lvnav_trade.filters.late import keep
 from lvnav_trade.filters.monitor import begin_watch
 from lvnav_trade.filters.samples import begin_motion, correct_vehicle, last_sample, sample_window
+from lvnav_trade.filters.unscented import hold_window, predict
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import sqrt
@@ -68,15 +69,16 @@ def fly(work, parts, schedule, unit, signals, sensors, start, history, model, op
             linearise(work.rates, work.nav, schedule.linearised[w])
             sense(work, parts.units, unit, options.units, first, n_tick, k0, k1)
             advance_backup(parts.backup, work, model, n_tick, dt, unit.dt * first)
+            hold_window(parts.points, work, n_tick)
             _advance(
                 work, parts.motion, parts.earlier, parts.open_loop, options.delayed, unit, model, options.vehicle,
                 options.samples, first, n_tick, dt,
             )  # fmt: skip
             linearised_sums(work.rates, work.sums, model.seconds[schedule.length[w]], schedule.linearised[w])
-            predict_window(work, model, schedule.length[w], schedule.injection[w])
+            predict(work, parts.points, parts.open_loop, model, unit, schedule, w, dt)
             follow(parts.earlier, options.delayed, work.D, model, schedule.length[w], schedule.injection[w])
             predict_backup(parts.backup, work, model, schedule.length[w], schedule.injection[w])
-            propagate_open_loop(work, parts.open_loop, model, schedule.length[w])
+            propagate_open_loop(work, parts.points, parts.open_loop, model, schedule.length[w])
             keep(parts.past, work.nav, work.previous, work.x, options.late, w, dt, model.strapdown.gravity)
         epoch = schedule.epoch[w]
         if epoch >= 0:
@@ -87,8 +89,9 @@ def fly(work, parts, schedule, unit, signals, sensors, start, history, model, op
             hold_solution(work, parts.rx, parts.held, options.solver, options.report, epoch)
             measure_sensors(work, parts.units, sensors, options.units, signals, epoch, k0, k1)
             process_measurements(
-                work, parts.rx, parts.past, parts.earlier, parts.watch, parts.open_loop, options.direct, options.rules,
-                options.late, options.delayed, options.gains, sensors, model, signals, epoch, dt,
+                work, parts.points, parts.rx, parts.past, parts.earlier, parts.watch,
+                parts.open_loop, options.direct, options.rules, options.late, options.delayed, options.gains, sensors,
+                model, signals, epoch, dt,
             )  # fmt: skip
             correct_vehicle(work, parts.motion, model, options.vehicle)
             apply_feedback(work, parts.past, parts.open_loop, options.late, model)

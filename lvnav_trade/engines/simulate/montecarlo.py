@@ -18,6 +18,7 @@ from lvnav_trade.filters.feedforward import new_open_loop
 from lvnav_trade.filters.late import N_PAST
 from lvnav_trade.filters.monitor import Watch, new_watch
 from lvnav_trade.filters.samples import new_motion
+from lvnav_trade.filters.unscented import new_points
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import aligned_zeros, view, zeros_of
@@ -54,15 +55,15 @@ Work = namedtuple(
 """Arrays of a run (or of eight in lanes): states, work arrays, and what is output; shapes: `new_work`."""
 
 Parts = namedtuple(
-    "Parts", "rx open_loop watch past motion held missed units backup earlier last",
-    defaults=(None, None, None, None, None, None, None, None, None, None, None),
+    "Parts", "rx open_loop watch past motion held missed units backup earlier last points",
+    defaults=(None, None, None, None, None, None, None, None, None, None, None, None),
 )  # fmt: skip
 """Arrays that belong to options and are None without them; whatever does without is compiled once for all options.
 
 rx (receivers.base.Receiver), open_loop (filters.feedforward.OpenLoop), watch (filters.monitor.Watch), past
 (n_place + 1, N_PAST) (filters.late), motion (filters.samples.Motion), held (Held), missed (Misses), units (UnitWork),
 backup (filters.backup.Backup), earlier (filters.delayed.Earlier) and last (n_sat, n_kind) what differences are formed
-with.
+with, points (filters.unscented.Points).
 """
 
 
@@ -136,6 +137,9 @@ def _new_parts(prepared: Prepared, n_lane: int) -> Parts:
         found["missed"] = Misses(**zeros_of(dict.fromkeys(Misses._fields, (prepared.t_hist.size, n)), n_lane))
     if options.backup is not None:
         found["backup"] = new_backup(n, n_lane)
+    if options.unscented is not None:
+        n_tick = int(prepared.schedule.n_tick.max(initial=0))
+        found["points"] = new_points(n, len(layout.parameters), n_tick, prepared.n_row, n_lane)
     return Parts(**found)
 
 
