@@ -18,7 +18,7 @@ from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS, Sensor, model_o
 from lvnav_trade.refusals import refused
 from lvnav_trade.units import AngleSigma, Card, Length, LengthSigma, SpeedSigma
 from lvnav_trade.world.control.cards import ControlledCard
-from lvnav_trade.world.faults import Fault
+from lvnav_trade.world.fault_cards import Fault
 from lvnav_trade.world.flight.trajectory import TrajectoryCard
 from lvnav_trade.world.gravity import GravityCard
 from lvnav_trade.world.receiver.receiver import DirectSolution, ReceiverCard, SmoothingCard
@@ -187,7 +187,7 @@ def _matched_imu(imu: ImuCard) -> ImuModel:
             f"{name}_scale_factor": sensor.scale_factor,
             f"{name}_misalignment": sensor.misalignment,
             f"{name}_nonlinearity": sensor.nonlinearity,
-            f"{name}_full_scale": sensor.full_scale,
+            f"{name}_full_scale": sensor.nonlinearity_scale,
         }
     # SI numbers are not quantities with a unit, so they bypass the reading of cards
     return ImuModel.model_construct(**model)

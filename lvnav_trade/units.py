@@ -296,6 +296,7 @@ CarrierToNoise = quantity("dB-Hz")
 TurnRate = quantity("Hz")
 Gain = quantity("dBi")
 Level = quantity("dBW")
+SignedFraction = quantity("dimensionless")
 
 # These have no sign: a mass, the length of a pause, and every one-sigma.
 Mass = quantity("kg", minimum=0.0)

@@ -19,7 +19,7 @@ from lvnav_trade.records import LOST, TRACK, AdjointBudget, CovHistory, Output, 
 from lvnav_trade.store.tables import CaseInfo
 from lvnav_trade.store.write import open_results
 from lvnav_trade.world.conditions import Course
-from lvnav_trade.world.faults import SatelliteOutage
+from lvnav_trade.world.fault_cards import SatelliteOutage
 
 OUTPUTS = (
     *(Output("attitude", axis, "rad", "mrad", 1e3) for axis in ("roll", "pitch", "yaw")),

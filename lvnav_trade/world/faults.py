@@ -1,199 +1,40 @@
 """Faults that a campaign names: what fails, when, and what that does to satellites and receiver at the epochs."""
 
-from collections.abc import Iterable, Iterator, Sequence
-from typing import Annotated, Any, Literal, NamedTuple
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, Field
 
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.records import Floats
-from lvnav_trade.units import Acceleration, AngularRate, Card, Duration, Length, LengthSigma, Pause, Speed, distinct
-from lvnav_trade.world.conditions import ROUNDING, Conditions, Course, Intervals, SightConditions, both, inside
+from lvnav_trade.units import Card
+from lvnav_trade.world.conditions import ROUNDING, Course, Intervals, both, inside
+from lvnav_trade.world.fault_cards import (
+    AntennaFailure,
+    AnyFault,
+    ClockDrift,
+    ClockJump,
+    CycleSlip,
+    DegradedNoise,
+    FrozenOutput,
+    InvalidOutput,
+    Jump,
+    LatencyChange,
+    RangeBias,
+    SatelliteOutage,
+    TimedInSight,
+    WildSamples,
+)
 
 Mask = NDArray[np.bool_]
-
-Names = Annotated[tuple[str, ...], AfterValidator(distinct)]
-
-
-class Timed(Conditions):
-    """What every fault has: when it starts and how long it lasts, or conditions while which it holds, or both."""
-
-    start: str | None = Field(
-        None, description="time such as '100 s', or relative to an event: 'stage1_cutoff + 20 s'; with a duration"
-    )
-    duration: Pause | None = Field(None, description="how long it lasts from its start")
-
-    def _faults(self) -> Iterator[str]:
-        yield from super()._faults()
-        if self.start is None and self.duration is None and not self.stated:
-            yield "start: is missing, or a condition such as from or above"
-        elif self.start is None and self.duration is not None:
-            yield "duration: counts from a start, which is missing; an end without one is until"
-        elif self.start is not None and self.duration is None:
-            yield "duration: is missing; a beginning without one is from"
-
-
-class TimedInSight(Timed, SightConditions):
-    """The same of a fault that strikes the satellites of some elevations."""
-
-
-class SatelliteOutage(TimedInSight):
-    """All satellites lost, or all but `keep` (the highest at the start of the outage)."""
-
-    kind: Literal["satellite_outage"] = "satellite_outage"
-    keep: int = Field(0, ge=0)
-
-
-class AntennaFailure(Timed):
-    """Antennas that receive nothing, by their numbers from 1 in the receiver's list."""
-
-    kind: Literal["antenna_failure"] = "antenna_failure"
-    antennas: Annotated[tuple[Annotated[int, Field(ge=1)], ...], AfterValidator(distinct)] = Field(min_length=1)
-
-
-class DegradedNoise(TimedInSight):
-    """White noise of the measurements grown by a factor; the filter does not know it."""
-
-    kind: Literal["degraded_noise"] = "degraded_noise"
-    factor: float = Field(gt=0.0)
-    satellites: Names = Field((), description="such as G05; all, and the solution, if empty")
-
-
-class RangeBias(TimedInSight):
-    """Pseudoranges of some satellites wrong by a step and a drift (a satellite's clock that runs away)."""
-
-    kind: Literal["range_bias"] = "range_bias"
-    satellites: Names = Field((), description="such as G05; the highest at the start if empty")
-    size: Length = 0.0
-    drift: Speed = 0.0
-
-
-class Jump(Conditions):
-    """Something that jumps once."""
-
-    start: str | None = Field(None, description="time, or relative to an event; or conditions, once they begin to hold")
-
-    @property
-    def duration(self) -> float:
-        """A jump takes no time."""
-        return 0.0
-
-    def _faults(self) -> Iterator[str]:
-        yield from super()._faults()
-        if (self.start is None) == (not self.stated):
-            yield (
-                "start: is missing, or a condition such as from or above"
-                if self.start is None
-                else (f"start: {self.once} once, at its start or when its conditions begin to hold")
-            )
-
-    @property
-    def once(self) -> str:
-        """What jumps, in words."""
-        return "a clock jumps"
-
-
-class ClockJump(Jump):
-    """The receiver's clock jumps by so much range, once."""
-
-    kind: Literal["clock_jump"] = "clock_jump"
-    size: Length
-
-
-class CycleSlip(Jump):
-    """The carrier phases of some satellites jump by so many cycles, once, and the receiver does not notice."""
-
-    kind: Literal["cycle_slip"] = "cycle_slip"
-    satellites: Names = Field((), description="such as G05; the highest at the start if empty")
-    size: float = Field(description="cycles of the carrier")
-
-    @property
-    def once(self) -> str:
-        """What jumps, in words."""
-        return "a phase slips"
-
-
-class WildSamples(TimedInSight):
-    """Measurements with a further random error, new at every epoch: ranges, or each axis of the solution."""
-
-    kind: Literal["wild_samples"] = "wild_samples"
-    sigma: LengthSigma
-    satellites: Names = Field((), description="such as G05; all if empty")
-
-
-class FrozenOutput(Timed):
-    """The receiver goes on putting out what it measured when the fault began."""
-
-    kind: Literal["frozen_output"] = "frozen_output"
-
-
-class InvalidOutput(Timed):
-    """The receiver's own checks (checksum, hardware, time synchronisation) mark its output as invalid; a filter whose
-    logic does not ask for them uses it all the same.
-    """
-
-    kind: Literal["invalid_output"] = "invalid_output"
-
-
-class LatencyChange(Timed):
-    """Measurements arrive later than the filter knows."""
-
-    kind: Literal["latency_change"] = "latency_change"
-    by: Duration
-
-
-class UnitFault(Timed):
-    """A fault of one of several inertial units."""
-
-    unit: int = Field(1, ge=1, description="its number in the list of units")
-
-
-class GyroBiasStep(UnitFault):
-    """A step of the gyros' bias, along the (first three) axes of the unit."""
-
-    kind: Literal["gyro_bias_step"] = "gyro_bias_step"
-    size: tuple[AngularRate, AngularRate, AngularRate]
-
-
-class AccelBiasStep(UnitFault):
-    """A step of the accelerometers' bias, along the (first three) axes of the unit."""
-
-    kind: Literal["accel_bias_step"] = "accel_bias_step"
-    size: tuple[Acceleration, Acceleration, Acceleration]
-
-
-class DroppedSamples(UnitFault):
-    """Increments of the inertial unit that do not arrive; the strapdown sees none, or the last one again."""
-
-    kind: Literal["dropped_samples"] = "dropped_samples"
-    instead: Literal["nothing", "last"] = "nothing"
-
-
-AnyFault = (
-    SatelliteOutage
-    | AntennaFailure
-    | DegradedNoise
-    | RangeBias
-    | ClockJump
-    | CycleSlip
-    | WildSamples
-    | FrozenOutput
-    | InvalidOutput
-    | LatencyChange
-    | GyroBiasStep
-    | AccelBiasStep
-    | DroppedSamples
-)
-Fault = Annotated[AnyFault, Field(discriminator="kind")]
 
 
 class Failures(NamedTuple):
     """What faults do at the epochs. noise (n_epoch, n_sat) factor on white noise, solution_noise (n_epoch,); bias and
     drift (n_epoch, n_sat) m and m/s in range and its rate; slip (n_epoch, n_sat) cycles in the carrier phase; jump
-    (n_epoch,) m of the clock at this epoch; wild (n_epoch, n_sat) and solution_wild (n_epoch,) sigma (m); frozen,
-    invalid (n_epoch,).
+    (n_epoch, 2) of the clock's bias (m) and drift (m/s) at this epoch; wild (n_epoch, n_sat) and solution_wild
+    (n_epoch,) sigma (m); frozen, invalid (n_epoch,).
     """
 
     noise: Floats
@@ -217,6 +58,11 @@ def missing_antenna(number: int, n_antenna: int) -> str:
     if n_antenna == 0:
         return "the receiver has no antennas; it sees all satellites above its mask"
     return f"antenna {number}: the receiver has {n_antenna}, counted from 1"
+
+
+def missing_axis(number: int, n_axis: int) -> str:
+    """Say that an inertial unit has no sensing axis of this number."""
+    return f"axis {number}: the unit has {n_axis}, counted from 1"
 
 
 def missing_satellite(name: str, names: Sequence[str]) -> str:
@@ -332,7 +178,7 @@ def failures(
     and tracked (n_epoch, n_sat).
     """
     n, shape = t.size, (t.size, len(names))
-    bias, drift, slip, jump, wild, solution_wild = (np.zeros(size) for size in (shape, shape, shape, n, shape, n))
+    bias, drift, slip, jump, wild, solution_wild = (np.zeros(size) for size in (shape, shape, shape, (n, 2), shape, n))
     frozen, invalid = np.zeros((2, n), dtype=bool)
     out = Failures(np.ones(shape), np.ones(n), bias, drift, slip, jump, wild, solution_wild, frozen, invalid)
     for number, fault, within, *_ in active(faults, DegradedNoise, course, t):
@@ -352,7 +198,10 @@ def failures(
         hit = _named(number, fault.satellites, names)
         slip[first:] += fault.size * (hit if fault.satellites else highest(elevation[first], tracked[first], 1))
     for _, fault, _, start, _ in active(faults, ClockJump, course, t):
-        jump[min(int(np.searchsorted(t, start - ROUNDING)), n - 1)] += fault.size
+        jump[min(int(np.searchsorted(t, start - ROUNDING)), n - 1), 0] += fault.size
+    for _, fault, _, start, end in active(faults, ClockDrift, course, t):
+        _add_drift(jump, t, start, fault.rate)
+        _add_drift(jump, t, end, -fault.rate)
     for number, fault, within, *_ in active(faults, WildSamples, course, t):
         struck = _struck(number, fault, within, elevation, tracked) & _named(number, fault.satellites, names)
         wild[struck] = np.hypot(wild[struck], fault.sigma)
@@ -364,6 +213,13 @@ def failures(
     for _, _, within, *_ in active(faults, InvalidOutput, course, t):
         invalid |= within
     return out
+
+
+def _add_drift(jump: Floats, t: Floats, since: float, rate: float) -> None:
+    """Let a clock drift from a time on: drift changes at the next epoch, bias by what has come up until then."""
+    if since <= t[-1] + ROUNDING:
+        first = int(np.searchsorted(t, since - ROUNDING))
+        jump[first] += rate * max(0.0, t[first] - since), rate
 
 
 def highest(elevation: Floats, candidates: Mask, count: int) -> Any:

@@ -22,6 +22,19 @@ FAULTS = {
     "late": {"kind": "latency_change", "by": "20 ms", **DURING},
     "gyro": {"kind": "gyro_bias_step", "size": ["60 deg/h", "0 deg/h", "30 deg/h"], **DURING},
     "accel": {"kind": "accel_bias_step", "size": ["10 mg", "0 mg", "-5 mg"], **DURING},
+    "drift": {"kind": "clock_drift", "rate": "4 m/s", "start": "12.4 s", "duration": "5 s"},
+    "spoofed": {"kind": "spoofing", "velocity": ["4 m/s", "-3 m/s", "2 m/s"], **DURING},
+    "gyro scale": {"kind": "gyro_scale_factor_step", "size": ["1 %", "0 %", "-2 %"], **DURING},
+    "accel scale": {"kind": "accel_scale_factor_step", "size": ["3000 ppm", "0 ppm", "0 ppm"], **DURING},
+    "dead": {"kind": "dead_axis", "sensor": "gyro", "axis": 1, "start": "12 s", "duration": "0.2 s"},
+    "stuck": {
+        "kind": "dead_axis",
+        "sensor": "accelerometer",
+        "axis": 1,
+        "output": "last",
+        "start": "19.5 s",
+        "duration": "0.7 s",
+    },
     "dropped": {"kind": "dropped_samples", "start": "12 s", "duration": "20 ms", "instead": "last"},
     "outage": {"kind": "satellite_outage", "keep": 2, **DURING},
 }
@@ -55,6 +68,32 @@ def test_it_changes_nothing_before_it_begins(fault):
     before, after = one.t < 12.0 - 1e-9, one.t >= 15.0
     np.testing.assert_array_equal(one.err[:, before], two.err[:, before])
     assert not np.array_equal(one.err[:, after], two.err[:, after])
+
+
+def test_the_output_is_clipped_at_full_scale_in_both_engines():
+    """Closed form: a specific force f along x, clipped at c, leaves f - c; the rest is within the range."""
+    scenario = with_fields(loaded(MATCHED, "base.filter=filters/inertial"), **{"imu.accel.full_scale": "29.5 m/s^2"})
+    prepared = prepare_hop(scenario)
+    history, block = covariance(prepared), run_block(prepared, 3, 0, 80)
+    at = int(np.argmin(np.abs(block.t - 10.0)))
+    wanted = np.linalg.norm(prepared.reference.dvel[:2000] - prepared.unit.dvel[:2000], axis=1).sum()
+    speed = np.linalg.norm(history.mean[at, 3:6])
+    assert speed == pytest.approx(wanted, rel=2e-3)  # the body turns by 10 deg, along its x axis as the force
+    assert 3.0 < speed < 5.1
+    spread = history.true_sigma[at, 3:6]
+    off = np.abs(block.err[:, at, 3:6].mean(axis=0) - history.mean[at, 3:6])
+    assert np.all(off < 5.0 * spread / np.sqrt(80) + 0.01 * speed)
+
+
+@pytest.mark.parametrize(("kind", "state", "own"), [("accel", slice(3, 6), "dvel"), ("gyro", slice(0, 3), "dtheta")])
+def test_unaided_a_step_of_scale_factor_errs_by_its_share_of_what_is_sensed(kind, state, own):
+    fault = {"kind": f"{kind}_scale_factor_step", "size": ["1000 ppm"] * 3, "start": "5 s", "duration": "20 s"}
+    prepared = prepare_hop(with_fields(loaded(MATCHED, "base.filter=filters/inertial"), faults=[fault]))
+    history = covariance(prepared)
+    at = int(np.argmin(np.abs(history.t - 9.0)))
+    sensed = getattr(prepared.reference, own)[1000:1800]  # 5 s to 9 s at 200 Hz, body axes
+    wanted = 1e-3 * np.linalg.norm(sensed.sum(axis=0))
+    assert np.linalg.norm(history.mean[at, state]) == pytest.approx(wanted, rel=5e-3)
 
 
 def test_a_frozen_output_holds_the_satellites_and_pulls_the_estimate_behind():

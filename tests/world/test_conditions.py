@@ -12,17 +12,15 @@ from lvnav_trade.engines.setup.prepare import _profiles
 from lvnav_trade.errors import InputError
 from lvnav_trade.frames import earth_angle, ecef_from_eci, geodetic_from_ecef
 from lvnav_trade.world.conditions import Conditions, Course, SightConditions, both, inside, never
-from lvnav_trade.world.faults import (
+from lvnav_trade.world.fault_cards import (
     ClockJump,
     DegradedNoise,
     FrozenOutput,
     GyroBiasStep,
     RangeBias,
     SatelliteOutage,
-    failures,
-    lost,
-    periods,
 )
+from lvnav_trade.world.faults import failures, lost, periods
 from lvnav_trade.world.truth import motion
 from tests.building import hop, loaded
 

@@ -4,8 +4,9 @@ from pydantic import ValidationError
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.world.conditions import Course
-from lvnav_trade.world.faults import (
+from lvnav_trade.world.fault_cards import (
     AntennaFailure,
+    ClockDrift,
     ClockJump,
     DegradedNoise,
     FrozenOutput,
@@ -13,12 +14,8 @@ from lvnav_trade.world.faults import (
     RangeBias,
     SatelliteOutage,
     WildSamples,
-    antennas_alive,
-    delay,
-    failures,
-    highest,
-    lost,
 )
+from lvnav_trade.world.faults import antennas_alive, delay, failures, highest, lost
 
 T = np.arange(0.0, 20.0)
 COURSE = Course({"lift_off": 0.0, "stage1_cutoff": 8.0})
@@ -143,10 +140,22 @@ def test_each_fault_touches_its_own_satellites_and_times_only():
     np.testing.assert_allclose(out.bias[8:12, 2], [20.0, 23.0, 26.0, 29.0])
     assert np.count_nonzero(out.bias) == 4
     np.testing.assert_allclose(out.drift[8:12, 2], 3.0)
-    assert np.flatnonzero(out.jump).tolist() == [13]
+    assert np.flatnonzero(out.jump[:, 0]).tolist() == [13]
     assert out.jump.sum() == 150.0
     assert {tuple(place) for place in np.argwhere(out.wild > 0.0).tolist()} == {(5, 3), (6, 3)}
     assert np.flatnonzero(out.frozen).tolist() == [17, 18, 19]
+
+
+def test_a_clock_that_drifts_gains_from_its_start_to_its_end_whatever_the_epochs():
+    card = ClockDrift(start="4.25 s", duration="10 s", rate="2 m/s")
+    jump = failures([card], COURSE, T, ("a", "b", "c", "d"), ELEVATION, VISIBLE).jump
+    assert np.flatnonzero(jump.any(axis=1)).tolist() == [5, 15]
+    np.testing.assert_allclose(jump[[5, 15]], [[1.5, 2.0], [-1.5, -2.0]])
+    # bias and drift as a receiver steps them
+    bias = drift = 0.0
+    for t, (jumped, changed) in zip(T, jump, strict=True):
+        bias, drift = bias + drift + jumped, drift + changed
+        assert bias == pytest.approx(2.0 * np.clip(t - 4.25, 0.0, 10.0))
 
 
 def test_a_satellite_that_is_none_of_the_constellation_is_named():

@@ -20,8 +20,10 @@ from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.layout import BACKUP
 from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS
 from lvnav_trade.scenario import Scenario, measured
-from lvnav_trade.world.faults import AnyFault, missing_antenna, missing_satellite
+from lvnav_trade.world.fault_cards import AnyFault, DeadAxis, Jamming
+from lvnav_trade.world.faults import missing_antenna, missing_axis, missing_satellite
 from lvnav_trade.world.flight.trajectory import TrajectoryCard, build, identity, motion
+from lvnav_trade.world.sensors.units import axis_counts
 from lvnav_trade.world.sky.satellites import satellites
 from lvnav_trade.world.truth import BEYOND, NOTE, WARNING, Remark
 
@@ -91,6 +93,10 @@ def _of_fault(fault: AnyFault, scenario: Scenario, events: Mapping[str, float]) 
     for antenna in getattr(fault, "antennas", ()):
         if antenna > n_antenna:
             yield "antennas", missing_antenna(antenna, n_antenna)
+    if isinstance(fault, DeadAxis) and fault.axis > (count := axis_counts(scenario.imu)[fault.unit - 1]):
+        yield "axis", missing_axis(fault.axis, count)
+    if isinstance(fault, Jamming) and scenario.receiver.link is None:
+        yield "kind", "jamming lowers C/N0, and the receiver has no link budget (receiver.link)"
     if wanted := getattr(fault, "satellites", ()):
         names = satellites(scenario.constellation, scenario.trajectory.epoch).names
         yield from (("satellites", missing_satellite(name, names)) for name in wanted if name not in names)

@@ -10,7 +10,8 @@ from lvnav_trade.errors import InputError
 from lvnav_trade.observables.sensor import SensorCard
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.conditions import BOUNDS, Conditions, Course, inside, never
-from lvnav_trade.world.faults import AnyFault, periods
+from lvnav_trade.world.fault_cards import AnyFault
+from lvnav_trade.world.faults import periods
 
 Found = Iterator[tuple[str, str]]
 """Field and message of each mistake."""

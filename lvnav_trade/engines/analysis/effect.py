@@ -11,7 +11,16 @@ from lvnav_trade.noise import idle_tables
 from lvnav_trade.observables.partials import DIFFERENCES, PHASES
 from lvnav_trade.observables.sensors import RANGES, SENSOR_STATES
 from lvnav_trade.scenario import Scenario, smoothing_of, solves
-from lvnav_trade.world.faults import ClockJump, CycleSlip, DegradedNoise, RangeBias, WildSamples
+from lvnav_trade.world.fault_cards import (
+    ClockDrift,
+    ClockJump,
+    CycleSlip,
+    DegradedNoise,
+    Jamming,
+    RangeBias,
+    Spoofing,
+    WildSamples,
+)
 from lvnav_trade.world.receiver.receiver import DirectSolution
 
 _FLIGHT_LOOP = ("filter.feedback",)
@@ -120,7 +129,9 @@ def _of_ranges(scenario: Scenario) -> Iterator[tuple[str, str]]:
     what = "solution is simulated, not solved from ranges" if scenario.filter.loose else "measurements are not taken"
     reason = f"no effect: the receiver's {what}"
     for number, fault in enumerate(scenario.faults):
-        if isinstance(fault, RangeBias | ClockJump):
+        if isinstance(fault, RangeBias | ClockJump | ClockDrift) or (
+            not scenario.filter.loose and isinstance(fault, Spoofing | Jamming)
+        ):
             yield f"faults.{number}", reason
         elif isinstance(fault, DegradedNoise | WildSamples):
             for field in (*fault.by_elevation, *(("satellites",) if fault.satellites else ())):

@@ -58,7 +58,7 @@ def _at_rest(prepared: Prepared, triad: int, card: ImuCard, n_tick: int) -> Unit
     own = unit.sensors // 2 == triad
     white = [sensor.random_walk * math.sqrt(unit.dt) for sensor in (card.gyro, card.accel)]
     at_hand = {name: getattr(unit, name)[: own.size][own] for name in ("sigma", "decay", "walk", "sources", "drivers")}
-    empty = {name: getattr(unit, name)[:0] for name in ("profile_sensor", "profile_start", "profile_end", "profile")}
+    empty = {name: getattr(unit, name)[:0] for name in Unit._fields if name.startswith("profile")}
     return unit._replace(
         **at_hand, **empty, sensors=unit.sensors[own] % 2, dtheta=none, dvel=none, gravity=-1, drifting=True,
         white=np.array([*white, card.gyro.quantisation, card.accel.quantisation]),

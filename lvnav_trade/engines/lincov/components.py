@@ -13,7 +13,7 @@ from lvnav_trade.engines.lincov.units import REMAINDER, WHITE, Differences, diff
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.filters.model import transition_blocks
 from lvnav_trade.kernels.clock import spectral_densities
-from lvnav_trade.kernels.transition import ACCEL, ATT, CONSTANT, GYRO, POS, VEL
+from lvnav_trade.kernels.transition import ACCEL, ATT, GYRO, POS, VEL
 from lvnav_trade.layout import standing_for
 from lvnav_trade.records import Bools, Floats, Ints
 from lvnav_trade.world.sensors.imu import ImuCard
@@ -126,7 +126,8 @@ def _blocks(prepared: Prepared, names: list[str]) -> list[_Block]:
                 found.append(_Block(sensor, WHITE, -1, source, variance, 0.0, WHITE_TIME, triad=triad))
     for profile, code in enumerate(prepared.unit.profile_sensor.tolist()):
         triad, sensor = divmod(code, 2)
-        found.append(_Block(sensor, CONSTANT, states.get((sensor, CONSTANT), -1), 0, profile=profile, triad=triad))
+        driver = int(prepared.unit.profile_driver[profile])
+        found.append(_Block(sensor, driver, states.get((sensor, driver), -1), 0, profile=profile, triad=triad))
     return found
 
 

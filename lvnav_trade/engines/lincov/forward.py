@@ -205,7 +205,8 @@ def _epoch(out, joint, scratch, work, tape, nominal, earlier, signals, sensors, 
         out.expected_nis[epoch] += expected_of_samples(work, true, vehicle)
         out.n_row[epoch] += N_SAMPLE
     if model.clock >= 0:
-        joint.mean[model.clock] += signals.clock_jump[epoch]
+        joint.mean[model.clock] += signals.clock_jump[epoch, 0]
+        joint.mean[model.clock + 1] += signals.clock_jump[epoch, 1]
     if chain is not None:
         advance_solution(joint, scratch, chain, true, epoch)
     begin_epoch(joint, scratch, nominal, earlier, delayed, successive, true, model, epoch)

@@ -24,7 +24,7 @@ from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.simulate.sensing import profile_value
 from lvnav_trade.filters.monitor import new_watch
 from lvnav_trade.frames import matrices
-from lvnav_trade.kernels.transition import ATT, POS, VEL
+from lvnav_trade.kernels.transition import ATT, CONSTANT, POS, VEL
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.receivers import base as receiver
 from lvnav_trade.records import AdjointBudget, CovHistory, Floats
@@ -248,15 +248,20 @@ def sample_outputs(prepared: Prepared, true: Components, history: CovHistory, ou
 
 
 def _profiles(prepared: Prepared) -> Floats:
-    """Return the biases (n_hist, 6) that are the same in every run at the history times."""
+    """Return the errors of samples (n_hist, 6) that are the same in every run at the history times."""
     found, unit = np.zeros((prepared.t_hist.size, N_SAMPLE)), prepared.unit
-    units = prepared.options.units
+    units, ref = prepared.options.units, prepared.reference
+    ticks = np.clip(np.rint((prepared.t_hist - unit.start) / unit.dt).astype(np.int64) - 1, 0, len(unit.dtheta) - 1)
     for profile, code in enumerate(unit.profile_sensor.tolist()):
         triad, sensor = divmod(code, 2)
         solved = np.eye(3) if units is None else units.solved[triad, sensor]
-        value = [[profile_value(unit, profile, axis, t) for axis in range(3)] for t in prepared.t_hist]
-        found[:, 3 * sensor : 3 * sensor + 3] += np.array(value) @ solved.T
-    return found
+        value = np.array([[profile_value(unit, profile, axis, t) for axis in range(3)] for t in prepared.t_hist])
+        if unit.profile_driver[profile] != CONSTANT:
+            own = (ref.dtheta, ref.dvel)[sensor] if units is None else (units.dtheta, units.dvel)[sensor][triad]
+            value *= own[ticks] @ (np.eye(3) if units is None else units.frames[triad, :, 0]).T / unit.dt
+        found[:, 3 * sensor : 3 * sensor + 3] += value @ solved.T
+    lacking = (unit.dtheta - ref.dtheta)[ticks], (unit.dvel - ref.dvel)[ticks]
+    return found + np.hstack(lacking) / unit.dt
 
 
 def solution_outputs_of(prepared: Prepared, history: CovHistory, out: Recorded) -> CovHistory:

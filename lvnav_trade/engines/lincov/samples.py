@@ -6,7 +6,7 @@ from lvnav_trade.kernels.attitude import cross, matrix
 from lvnav_trade.kernels.groups import group, whole
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like
-from lvnav_trade.kernels.transition import sensed_driver
+from lvnav_trade.kernels.transition import CONSTANT, GYRO, sensed_driver
 from lvnav_trade.kernels.vehicle import (
     N_SAMPLE,
     advance,
@@ -54,24 +54,29 @@ def _fill_partials(a, true, vehicle, tick):
 
 
 @jit
-def _add_profiles(z, true, unit, t):
+def _add_profiles(z, true, unit, reference, tick, t):
     for j in range(true.sensor.shape[0]):
         if true.profile[j] >= 0 and true.sampled[j]:
+            first = 3 * true.sensor[j]
+            own = reference.dtheta[tick] if true.sensor[j] == GYRO else reference.dvel[tick]
             for axis in range(3):
-                z[3 * true.sensor[j] + axis] += profile_value(unit, true.profile[j], axis, t)
+                u = 1.0 if true.driver[j] == CONSTANT else own[axis] / unit.dt
+                z[first + axis] += u * profile_value(unit, true.profile[j], axis, t)
 
 
 @jit
 def _deviations(z, true, unit, units, reference, tick):
-    """Set what the samples hold in every run beyond the truth: bandwidth, and profiles that no state stands for."""
+    """Set what the samples hold in every run beyond the truth: bandwidth, what sensing elements lack, and profiles that
+    no state stands for.
+    """
     for i in range(3):
         z[i] = (unit.dtheta[tick, i] - reference.dtheta[tick, i]) / unit.dt
         z[3 + i] = (unit.dvel[tick, i] - reference.dvel[tick, i]) / unit.dt
     t = unit.start + unit.dt * (tick + 0.5)
     if units is None:
-        _add_profiles(z, true, unit, t)
+        _add_profiles(z, true, unit, reference, tick, t)
     else:
-        add_unit_profiles(z, true, unit, units, t)
+        add_unit_profiles(z, true, unit, units, tick, t)
 
 
 @jit

@@ -109,12 +109,13 @@ def _tick_input(units, triad, sensor, c, driver, tick, dt):
 
 
 @jit
-def add_unit_profiles(z, true, unit, units, t):
-    """Add to the samples' deviations (6,) the biases that the units of a set have alike in every run."""
+def add_unit_profiles(z, true, unit, units, tick, t):
+    """Add to the samples' deviations (6,) the errors that the units of a set have alike in every run."""
     for j in range(true.sensor.shape[0]):
         if true.profile[j] >= 0:
             for c in range(3):
-                value = profile_value(unit, true.profile[j], c, t)
+                u = _tick_input(units, true.triad[j], true.sensor[j], c, true.driver[j], tick, unit.dt)
+                value = u * profile_value(unit, true.profile[j], c, t)
                 for i in range(3):
                     z[3 * true.sensor[j] + i] += units.solved[true.triad[j], true.sensor[j], i, c] * value
 
@@ -244,9 +245,11 @@ def differences(
         ticks = np.rint((np.stack([prepared.t_epoch - device.since, prepared.t_epoch]) - prepared.unit.start) / dt)
         nominal[p] = _summed(np.einsum("tic,tnc->ni", solved, along[s]), ticks)
         for j in np.flatnonzero((sensor == s) & (driver >= CONSTANT)).tolist():
-            inputs = _summed(_inputs(prepared, units, j, int(driver[j]), int(triad[j]), s), ticks)
+            entering = _inputs(prepared, units, j, int(driver[j]), int(triad[j]), s)
+            inputs = _summed(entering, ticks)
             if profile[j] >= 0:
-                nominal[p] += _summed(_profile(prepared, int(profile[j])), ticks) @ solved[triad[j]].T
+                held = _profile(prepared, int(profile[j])) * (entering / dt)
+                nominal[p] += _summed(held, ticks) @ solved[triad[j]].T
             else:
                 here = slice(int(first[j]), int(first[j]) + 3)
                 reach[3 * p : 3 * p + 3, :, here] = np.einsum("ic,ec->iec", solved[triad[j]], inputs)
@@ -274,7 +277,7 @@ def _inputs(prepared: Prepared, units: Units, j: int, driver: int, triad: int, s
 
 
 def _profile(prepared: Prepared, profile: int) -> Floats:
-    """Return a bias that is the same in every run, times the tick, (n_tick, 3)."""
+    """Return an error that is the same in every run, times the tick, (n_tick, 3)."""
     unit = prepared.unit
     middle = unit.start + unit.dt * (np.arange(unit.dtheta.shape[0]) + 0.5)
     first, last = unit.profile_start[profile], unit.profile_end[profile]

@@ -31,9 +31,9 @@ class Unit(NamedTuple):
 
     dtheta, dvel (n_imu, 3); white (4,) per-tick sigma of gyro and accelerometer, quantisation steps; process_ticks
     between steps of varying parameters; drifting: any of these; sigma, decay, walk (n_block,); sources words,
-    sensors, drivers (n_block,); bias profiles that are the same in every run: profile_sensor (n_profile,),
-    profile_start, profile_end (n_profile,) s, profile (n_profile, 3) SI; gravity: block of the gravity disturbance,
-    -1 none; start s since lift-off of tick 0.
+    sensors, drivers (n_block,); profiles of bias or scale factor that are the same in every run: profile_sensor,
+    profile_driver (n_profile,), profile_start, profile_end (n_profile,) s, profile (n_profile, 3) SI; gravity: block of
+    the gravity disturbance, -1 none; start s since lift-off of tick 0.
     """
 
     dt: float
@@ -51,6 +51,7 @@ class Unit(NamedTuple):
     sensors: Ints
     drivers: Ints
     profile_sensor: Ints
+    profile_driver: Ints
     profile_start: Floats
     profile_end: Floats
     profile: Floats
@@ -119,9 +120,9 @@ class Signals(NamedTuple):
     (n_epoch, n_channel) of white noise; variance (n_epoch, n_channel) as the filter assumes, with the factor of its
     tuning, whose root is scale, and beta of its under-weighting (n_epoch, n_channel); partial (n_extra_family,
     n_epoch, n_channel) of rows with respect to the filter's extra states, as it assumes; clock_step (3,) Cholesky
-    factor over an epoch; clock_start (2,) sigma; clock_jump (n_epoch,) m; frozen (n_epoch,): the output is that of the
-    epoch before; interval s between epochs; n_receiver: channels of the receiver in the filter, which come first;
-    reference (n_epoch, n_kind): slot of the satellite that an observable of others is differenced with, -1 none;
+    factor over an epoch; clock_start (2,) sigma; clock_jump (n_epoch, 2) m and m/s; frozen (n_epoch,): the output is
+    that of the epoch before; interval s between epochs; n_receiver: channels of the receiver in the filter, which come
+    first; reference (n_epoch, n_kind): slot of the satellite that an observable of others is differenced with, -1 none;
     shift: sigma and shared errors are of what the receiver measures itself, so there the channels of sensors stand so
     much later; sources (4,) words: clock, ranges, solution, clock start.
     """

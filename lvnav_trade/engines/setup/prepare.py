@@ -18,7 +18,7 @@ from lvnav_trade.engines.setup.receiver.solution import Chain, chain_of
 from lvnav_trade.engines.setup.sensors import Sensor, for_kernels, sensors_of
 from lvnav_trade.engines.setup.times import epochs_of, times_of
 from lvnav_trade.engines.setup.tuning import underweighted, with_linearisation, with_regions
-from lvnav_trade.engines.setup.units import arriving, fused, units_of
+from lvnav_trade.engines.setup.units import arriving, elements, fused, units_of
 from lvnav_trade.engines.setup.vehicle import samples_of, vehicle_of
 from lvnav_trade.engines.setup.watching import left_out, pdop, watched
 from lvnav_trade.filters.base import EnvelopeCard
@@ -27,7 +27,7 @@ from lvnav_trade.filters.strapdown import strapdown_of
 from lvnav_trade.frames import earth_angle, rotation_i_e, rotation_i_n, rotation_i_o
 from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.strapdown import Strapdown
-from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
+from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OWN_0
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.layout import StateLayout, backup_outputs, outputs, solution_outputs
 from lvnav_trade.observables.partials import Channels
@@ -36,7 +36,14 @@ from lvnav_trade.records import Floats, Ints, Output, Reference, Sky
 from lvnav_trade.scenario import Scenario, epoch_interval, filter_models, has_covariance, measured, reported, solves
 from lvnav_trade.sources import IMU_NOISE
 from lvnav_trade.world.conditions import Course
-from lvnav_trade.world.faults import AccelBiasStep, AnyFault, GyroBiasStep, delay, failures, periods
+from lvnav_trade.world.fault_cards import (
+    AccelBiasStep,
+    AccelScaleFactorStep,
+    AnyFault,
+    GyroBiasStep,
+    GyroScaleFactorStep,
+)
+from lvnav_trade.world.faults import delay, failures, periods
 from lvnav_trade.world.flight.trajectory import (
     Trajectory,
     TrajectoryCard,
@@ -46,14 +53,21 @@ from lvnav_trade.world.flight.trajectory import (
     refuse_contradiction,
 )
 from lvnav_trade.world.gravity import disturbance
+from lvnav_trade.world.receiver.interference import feigned
 from lvnav_trade.world.receiver.visibility import sky
 from lvnav_trade.world.sensors.imu import ErrorBlock, ImuCard
 from lvnav_trade.world.sensors.units import ImuSet, blocks_of, equivalent, triads_of
 from lvnav_trade.world.sky.satellites import time_offsets
 
-# Sensor (of several units 2 triad + sensor), start and end (s) of its growth, amplitude (SI): a bias that is the same
-# in every run.
-Profile = tuple[int, float, float, tuple[float, float, float]]
+# Sensor (of several units 2 triad + sensor), what it multiplies (CONSTANT: a bias, OWN_0: a scale factor), start and
+# end (s) of its growth, amplitude (SI): an error that is the same in every run.
+Profile = tuple[int, int, float, float, tuple[float, float, float]]
+_STEPS = {
+    GyroBiasStep: (GYRO, CONSTANT),
+    AccelBiasStep: (ACCEL, CONSTANT),
+    GyroScaleFactorStep: (GYRO, OWN_0),
+    AccelScaleFactorStep: (ACCEL, OWN_0),
+}
 # What begins with a step is a profile that grows within this time (s), far less than an IMU tick.
 STEP = 1e-6
 
@@ -126,23 +140,24 @@ def _sampled(identity: str, card: TrajectoryCard, rate: float) -> Reference:
 
 
 def _profiles(card: ImuCard | ImuSet, faults: Sequence[AnyFault], course: Course) -> list[Profile]:
-    """List the profiles of bias that are the same in every run: warming, and faults that begin and end with a step."""
+    """List the errors that are the same in every run: warming, and faults that begin and end with a step."""
     found: list[Profile] = []
     owners = [0] if isinstance(card, ImuCard) else [triad.unit for triad in triads_of(card)]
     for triad, number in enumerate(owners):
         unit = card if isinstance(card, ImuCard) else card.units[number]
         for sensor, ramp in ((GYRO, unit.gyro.temperature), (ACCEL, unit.accel.temperature)):
             if ramp is not None:
-                found.append((2 * triad + sensor, ramp.start, ramp.end, ramp.amplitude))
+                found.append((2 * triad + sensor, CONSTANT, ramp.start, ramp.end, ramp.amplitude))
     for number, fault in enumerate(faults):
-        if isinstance(fault, GyroBiasStep | AccelBiasStep):
-            sensor = 2 * owners.index(fault.unit - 1) + (GYRO if isinstance(fault, GyroBiasStep) else ACCEL)
+        if isinstance(fault, GyroBiasStep | AccelBiasStep | GyroScaleFactorStep | AccelScaleFactorStep):
+            kind, driver = _STEPS[type(fault)]
+            sensor = 2 * owners.index(fault.unit - 1) + kind
             x, y, z = fault.size
             for start, end in periods(number, fault, course):
                 begin = start if math.isfinite(start) else course.begin(start) - STEP
-                found.append((sensor, begin, begin + STEP, (x, y, z)))
+                found.append((sensor, driver, begin, begin + STEP, (x, y, z)))
                 if math.isfinite(end):
-                    found.append((sensor, end, end + STEP, (-x, -y, -z)))
+                    found.append((sensor, driver, end, end + STEP, (-x, -y, -z)))
     return found
 
 
@@ -163,11 +178,15 @@ def _unit(
         ]
     )
     profiles = _profiles(card, scenario.faults, course)
-    dtheta, dvel = arriving(ref, one, scenario.faults, course) if units is None else fused(units, dt)
+    if units is None:
+        sensed = arriving(ref, one, scenario.faults, course)
+        dtheta, dvel = elements(sensed, one, np.eye(3), 0, scenario.faults, course, ref.t[1:])
+    else:
+        dtheta, dvel = fused(units, dt)
     return Unit(
         dt=dt,
         noise_source=source_word(IMU_NOISE),
-        biases_only=all(b.driver == CONSTANT for b in inertial),
+        biases_only=all(b.driver == CONSTANT for b in inertial) and all(p[1] == CONSTANT for p in profiles),
         dtheta=dtheta,
         dvel=dvel,
         white=np.array([
@@ -183,9 +202,10 @@ def _unit(
         sensors=np.array([b.sensor for b in inertial], dtype=np.int64),
         drivers=np.array([b.driver for b in inertial], dtype=np.int64),
         profile_sensor=np.array([p[0] for p in profiles], dtype=np.int64),
-        profile_start=np.array([p[1] for p in profiles], dtype=float),
-        profile_end=np.array([p[2] for p in profiles], dtype=float),
-        profile=np.array([p[3] for p in profiles], dtype=float).reshape(len(profiles), 3),
+        profile_driver=np.array([p[1] for p in profiles], dtype=np.int64),
+        profile_start=np.array([p[2] for p in profiles], dtype=float),
+        profile_end=np.array([p[3] for p in profiles], dtype=float),
+        profile=np.array([p[4] for p in profiles], dtype=float).reshape(len(profiles), 3),
         gravity=len(inertial) if len(blocks) > len(inertial) else -1,
         start=float(ref.t[0]),
     )  # fmt: skip
@@ -245,6 +265,8 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     geometry = geometry_of(line, seen.tracked, late_by.troposphere, late_by.ionosphere)
     modelled = geometry_of(line, seen.tracked, late_by.modelled_troposphere, late_by.modelled_ionosphere)
     failed = failures(scenario.faults, trajectory.course, t_epoch, seen.names, seen.elevation, seen.tracked)
+    walked = feigned(scenario.faults, trajectory, t_epoch, line.position, line.line, line.moving)
+    failed = failed._replace(bias=failed.bias + walked[..., 0], drift=failed.drift + walked[..., 1])
     tabled = recorded(scenario, trajectory.theta0, line, seen, received, failed.frozen)
     shared_errors = (*families(scenario, geometry, received, failed, devices), *tabled.families)
     shared = shared_of(shared_errors, layout, epoch_interval(scenario), (t_epoch.size, received.n_channel))

@@ -1,5 +1,6 @@
 """Several inertial units on the nominal flight: what each senses where it sits, and what they are fused to."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -15,7 +16,9 @@ from lvnav_trade.records import Floats, Reference
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.sources import IMU_NOISE
 from lvnav_trade.world.conditions import Course
-from lvnav_trade.world.faults import AnyFault, DroppedSamples, periods
+from lvnav_trade.world.fault_cards import AnyFault, DeadAxis, DroppedSamples
+from lvnav_trade.world.faults import periods
+from lvnav_trade.world.sensors.elements import Dead, put_out
 from lvnav_trade.world.sensors.imu import ImuCard, lag
 from lvnav_trade.world.sensors.units import ImuSet, Triad, blocks_of, difference, keyed, triads_of
 
@@ -24,7 +27,7 @@ def arriving(
     ref: Reference, card: ImuCard, faults: Sequence[AnyFault], course: Course, unit: int = 0,
     beside: Floats | None = None,
 ) -> list[Floats]:  # fmt: skip
-    """Return increments (n_imu, 3) of angle and velocity, body axes, as an ideal unit of this bandwidth puts them out,
+    """Return increments (n_imu, 3) of angle and velocity, body axes, as an ideal unit of this bandwidth senses them,
     where samples are dropped without them; `beside`: what the place of the unit adds to those of velocity.
     """
     dt = 1.0 / card.rate
@@ -44,6 +47,29 @@ def arriving(
         for array in out:
             array[gone] = array[max(0, gone[0] - 1)] if gone.size and fault.instead == "last" else 0.0
     return out
+
+
+def elements(
+    sensed: Sequence[Floats], card: ImuCard, axes: Floats, first: int, faults: Sequence[AnyFault], course: Course,
+    t: Floats, unit: int = 0,
+) -> list[Floats]:  # fmt: skip
+    """Return increments of angle and velocity as the elements of a triad put them out, at most full scale.
+
+    axes (k, 3): directions of the triad, body axes, whose numbers in the unit count from `first` (0); t (n_imu,) s ends
+    of the ticks.
+    """
+    found = []
+    for name, increments, triad in zip(("gyro", "accelerometer"), sensed, (card.gyro, card.accel), strict=True):
+        dead = [
+            Dead(fault.axis - 1 - first, (t > start + 1e-9) & (t <= end + 1e-9), fault.output == "last")
+            for number, fault in enumerate(faults)
+            if isinstance(fault, DeadAxis) and fault.unit == unit + 1 and fault.sensor == name
+            if first < fault.axis <= first + len(axes)
+            for start, end in periods(number, fault, course)
+        ]
+        limit = math.inf if triad.full_scale is None else triad.full_scale / card.rate
+        found.append(np.ascontiguousarray(put_out(increments, axes, limit, dead)))
+    return found
 
 
 def swing(ref: Reference, lever: Floats) -> Floats:
@@ -70,11 +96,18 @@ def units_of(
     ]
     owner = [triad.unit for triad in triads]
     part = [owner[:k].count(unit) for k, unit in enumerate(owner)]
+    out = [
+        elements(
+            sensed[triad.unit], card.units[triad.unit], triad.frames[: triad.n_axis, 0], 3 * k, scenario.faults,
+            course, ref.t[1:], triad.unit,
+        )
+        for triad, k in zip(triads, part, strict=True)
+    ]  # fmt: skip
     keys = [keyed(f"{IMU_NOISE} {k}" if k else IMU_NOISE, unit) for unit, k in zip(owner, part, strict=True)]
     lever = np.array([card.units[unit].lever_arm for unit in owner], dtype=float)
     return Units(
-        dtheta=np.array([sensed[unit][GYRO] for unit in owner]),
-        dvel=np.array([sensed[unit][ACCEL] for unit in owner]),
+        dtheta=np.array([one[GYRO] for one in out]),
+        dvel=np.array([one[ACCEL] for one in out]),
         n_axis=np.array([triad.n_axis for triad in triads], dtype=np.int64),
         frames=np.array([triad.frames for triad in triads]),
         solved=np.array([[triad.gyro, triad.accel] for triad in triads]),

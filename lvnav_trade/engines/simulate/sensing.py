@@ -9,6 +9,7 @@ from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like
 from lvnav_trade.kernels.random import normals
 from lvnav_trade.kernels.strapdown import Q, R, V
+from lvnav_trade.kernels.transition import CONSTANT
 from lvnav_trade.observables import ranges, solution
 from lvnav_trade.observables.sensors import measure
 from lvnav_trade.receivers.base import switch_on
@@ -75,7 +76,7 @@ def from_errors(work, start, k0, k1, run):
 
 @jit
 def profile_value(unit, profile, axis, t):
-    """Return the bias (SI) that a profile has on an axis at time t (s since lift-off)."""
+    """Return the bias or scale factor (SI) that a profile has on an axis at time t (s since lift-off)."""
     first, last = unit.profile_start[profile], unit.profile_end[profile]
     share = min(1.0, max(0.0, (t - first) / (last - first)))
     return share * unit.profile[profile, axis]
@@ -94,13 +95,29 @@ def _gather_tables(work, own, unit, units):
 
 
 @jit
-def _add_profiles(tables, unit, tick):
-    """Add the profiles of bias to the tables, for the process step that starts at a tick."""
+def _add_scale_factor(table, units, code, axis, value):
+    """Add a scale factor of an axis to the table of a sensor, of several units (Units) by the direction of the axis."""
+    if units is None:
+        table[processes.OWN + 4 * axis] = table[processes.OWN + 4 * axis] + value
+    else:
+        for j in range(3):
+            at = processes.OWN + 3 * axis + j
+            table[at] = table[at] + units.frames[code // 2, axis, 0, j] * value
+
+
+@jit
+def _add_profiles(tables, unit, units, tick):
+    """Add the profiles of bias and scale factor to the tables, for the process step that starts at a tick."""
     middle = unit.start + unit.dt * (tick + 0.5 * unit.process_ticks)
     for profile in range(unit.profile_sensor.shape[0]):
-        table = tables[unit.profile_sensor[profile]]
+        code = unit.profile_sensor[profile]
+        table = tables[code]
         for axis in range(3):
-            table[axis] = table[axis] + profile_value(unit, profile, axis, middle)
+            value = profile_value(unit, profile, axis, middle)
+            if unit.profile_driver[profile] == CONSTANT:
+                table[axis] = table[axis] + value
+            else:
+                _add_scale_factor(table, units, code, axis, value)
 
 
 @jit
@@ -108,10 +125,10 @@ def _set_true_tables(work, own, unit, units, tick):
     """Set what true parameters and profiles multiply, for the process step that starts at a tick."""
     if units is None:
         processes.gather(work.true_tables, work.true_par, unit.sensors, unit.drivers)
-        _add_profiles(work.true_tables, unit, tick)
+        _add_profiles(work.true_tables, unit, units, tick)
     else:
         gather_units(own, units, work.true_par, unit.sensors, unit.drivers)
-        _add_profiles(own.tables, unit, tick)
+        _add_profiles(own.tables, unit, units, tick)
         fuse_tables(work.true_tables, own, units)
 
 
@@ -164,8 +181,8 @@ def _step_receiver(work, signals, word, epoch, k0, k1):
     run = work.run[0]
     n0, n1, _, _ = normals(k0, k1, signals.sources[0], run, word, _ZERO)
     step = signals.clock_step
-    work.clock[0] = work.clock[0] + signals.interval * work.clock[1] + step[0] * n0 + signals.clock_jump[epoch]
-    work.clock[1] = work.clock[1] + step[1] * n0 + step[2] * n1
+    work.clock[0] = work.clock[0] + signals.interval * work.clock[1] + step[0] * n0 + signals.clock_jump[epoch, 0]
+    work.clock[1] = work.clock[1] + step[1] * n0 + step[2] * n1 + signals.clock_jump[epoch, 1]
     shared = signals.shared
     for m in range(shared.walk.shape[0]):
         if shared.walk[m] > 0.0:

@@ -37,6 +37,9 @@ class TableGain(Card):
         require_rising("angle", self.angle)
 
 
+Pattern = Annotated[CosineGain | TableGain, Field(discriminator="kind")]
+
+
 class AntennaCard(Card):
     """An antenna on the body: where its phase centre is, which way it looks, its gain around that axis."""
 
@@ -46,7 +49,7 @@ class AntennaCard(Card):
         (0.0, 0.0, 0.0), description="phase centre from the inertial unit, body axes"
     )
     boresight: tuple[float, float, float] = Field((1.0, 0.0, 0.0), description="direction in body axes, of any length")
-    pattern: Annotated[CosineGain | TableGain, Field(discriminator="kind")]
+    pattern: Pattern
     cutoff: Annotated[Angle, Field(gt=0.0)] = Field(
         math.pi, description="off boresight; what lies further off is hidden by the body"
     )
@@ -58,14 +61,16 @@ class AntennaCard(Card):
 
 def gain(card: AntennaCard, angle: Floats) -> Floats:
     """Return the gain (dBi) at angles off boresight (rad, any shape); -inf beyond the cut-off."""
-    pattern = card.pattern
+    return np.asarray(np.where(angle <= card.cutoff, pattern_gain(card.pattern, angle), -np.inf))
+
+
+def pattern_gain(pattern: CosineGain | TableGain, angle: Floats) -> Floats:
+    """Return the gain (dBi) of a pattern at angles off boresight (rad, any shape)."""
     if isinstance(pattern, CosineGain):
         ahead = np.clip(np.cos(angle), 1e-30, None)
         fall = np.maximum(10.0 * pattern.exponent * np.log10(ahead), -pattern.front_to_back)
-        level = pattern.peak + np.where(angle < 0.5 * math.pi, fall, -pattern.front_to_back)
-    else:
-        level = np.interp(angle, pattern.angle, pattern.gain)
-    return np.asarray(np.where(angle <= card.cutoff, level, -np.inf))
+        return np.asarray(pattern.peak + np.where(angle < 0.5 * math.pi, fall, -pattern.front_to_back))
+    return np.asarray(np.interp(angle, pattern.angle, pattern.gain))
 
 
 def gains(cards: Sequence[AntennaCard], direction_b: Floats) -> Floats:

@@ -1,6 +1,7 @@
 """What a receiver makes of the signals over a flight: best antenna, C/N0, noise, and which satellites it tracks."""
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -8,9 +9,11 @@ from numpy.typing import NDArray
 
 from lvnav_trade.frames import matrices
 from lvnav_trade.records import IDLE, TRACK, Bools, Floats, Ints, Transition
+from lvnav_trade.world.fault_cards import AnyFault, Jamming
 from lvnav_trade.world.faults import highest
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
 from lvnav_trade.world.receiver.dynamics import factors
+from lvnav_trade.world.receiver.interference import effective, jamming_density
 from lvnav_trade.world.receiver.link import carrier_to_noise, gains, received_power
 from lvnav_trade.world.receiver.loops import (
     LoopsCard,
@@ -97,18 +100,20 @@ class _Heard(NamedTuple):
 
 
 def receive(
-    receiver: ReceiverCard, trajectory: Trajectory, arrival: Arrival, antenna_alive: Bools | None = None
-) -> Reception:
+    receiver: ReceiverCard, trajectory: Trajectory, arrival: Arrival, antenna_alive: Bools | None = None,
+    faults: Sequence[AnyFault] = (),
+) -> Reception:  # fmt: skip
     """Return what the receiver makes of the signals.
 
     antenna_alive (n_epoch, n_antenna) bool; it holds from the epoch before (excluded) to its own (included). None: all.
+    faults: jammers among them lower C/N0.
     """
     n_epoch = arrival.t.size
     simple = not receiver.antennas and receiver.link is None and receiver.tracking is None
     if n_epoch == 0 or (simple and antenna_alive is None):
         return _plain(receiver, trajectory, arrival)
     steps = _steps(arrival.t, receiver)
-    heard = _hear(receiver, trajectory, arrival, steps, antenna_alive)
+    heard = _hear(receiver, trajectory, arrival, steps, antenna_alive, faults)
     at = np.arange(n_epoch) * steps.each
     cn0 = heard.cn0[at]
     transitions: tuple[Transition, ...] = ()
@@ -160,8 +165,9 @@ def _divided(t: Floats, count: int) -> tuple[Floats, Ints]:
 
 
 def _hear(
-    receiver: ReceiverCard, trajectory: Trajectory, arrival: Arrival, steps: _Steps, antenna_alive: Bools | None
-) -> _Heard:
+    receiver: ReceiverCard, trajectory: Trajectory, arrival: Arrival, steps: _Steps, antenna_alive: Bools | None,
+    faults: Sequence[AnyFault],
+) -> _Heard:  # fmt: skip
     at = motion(trajectory, steps.t)
     # a row vector times C_b_i: the components along the body's axes
     level = gains(receiver.antennas, arrival.direction_i[steps.owner] @ matrices(at.q_b_i))
@@ -172,7 +178,11 @@ def _hear(
     heard, link, loops = np.isfinite(gain), receiver.link, receiver.loops
     if link is None:
         return _Heard(antenna, gain, heard, heard, heard)
-    quiet = carrier_to_noise(link, received_power(link, arrival.distance, arrival.off_nadir)[steps.owner] + gain)
+    carrier = received_power(link, arrival.distance, arrival.off_nadir)[steps.owner] + gain
+    quiet = carrier_to_noise(link, carrier)
+    if any(isinstance(fault, Jamming) for fault in faults):
+        density = jamming_density(faults, link, receiver, trajectory, steps.t, at)
+        quiet = effective(quiet, carrier, np.take_along_axis(density, antenna, axis=1))
     floor = -np.inf if receiver.tracking is None else receiver.tracking.track_above
     if loops is None:
         held = heard & (quiet >= floor)

@@ -9,7 +9,8 @@ from lvnav_trade import frames
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.kernels.earth import OMEGA, SEMI_MAJOR, SEMI_MINOR
 from lvnav_trade.records import Floats, Motion, Sky
-from lvnav_trade.world.faults import AntennaFailure, AnyFault, Mask, antennas_alive, lost
+from lvnav_trade.world.fault_cards import AntennaFailure, AnyFault
+from lvnav_trade.world.faults import Mask, antennas_alive, lost
 from lvnav_trade.world.flight.trajectory import Trajectory, motion
 from lvnav_trade.world.receiver.link import off_nadir
 from lvnav_trade.world.receiver.receiver import ReceiverCard
@@ -73,7 +74,7 @@ def sky(
         azimuth=azimuth,
         elevation=elevation,
         lever_arms=np.array(receiver.lever_arms),
-        **receive(receiver, trajectory, arrival, antenna_alive)._asdict(),
+        **receive(receiver, trajectory, arrival, antenna_alive, faults)._asdict(),
     )
 
 

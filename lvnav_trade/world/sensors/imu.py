@@ -42,6 +42,11 @@ _FIT = (
 )
 
 
+_FULL_SCALE = "input beyond which an element puts out no more; none: no limit, and a nonlinearity is that at {}"
+# rad/s and m/s^2: 500 deg/s and 30 g
+_USUAL = {GYRO: 8.7266462599716477, ACCEL: 294.1995}
+
+
 class InstabilityFit(Card):
     """Flicker noise by several Gauss-Markov processes, fitted to the flat part of the Allan deviation."""
 
@@ -61,6 +66,7 @@ class SensorCard(Card):
         bias_instability: float
         instability_time: float
         instability_fit: InstabilityFit | None
+        full_scale: float | None
 
     @property
     def instability_processes(self) -> tuple[Process, ...]:
@@ -80,6 +86,11 @@ class SensorCard(Card):
         found = self.instability_processes
         variance, slowest = sum(one.sigma**2 for one in found), found[-1]
         return Process(math.sqrt(variance), slowest.time_constant * variance / slowest.sigma**2)
+
+    @property
+    def nonlinearity_scale(self) -> float:
+        """Input (SI) at which the nonlinearity is what the card says."""
+        return self.full_scale or _USUAL[GYRO if isinstance(self, GyroCard) else ACCEL]
 
     @property
     def instability_sigma(self) -> float:
@@ -102,7 +113,9 @@ class GyroCard(SensorCard):
     scale_factor: units.Fraction = Field(0.0, description="repeatability")
     scale_factor_drift: units.ScaleDrift = 0.0
     nonlinearity: units.Fraction = Field(0.0, description="scale-factor error at full scale, growing with the rate")
-    full_scale: Annotated[units.AngularRate, Field(gt=0.0)] = 8.7266462599716477  # 500 deg/s
+    full_scale: Annotated[units.AngularRate, Field(gt=0.0)] | None = Field(
+        None, description=_FULL_SCALE.format("500 deg/s")
+    )
     quantisation: units.AngleSigma = 0.0
     temperature: GyroRamp | None = None
 
@@ -123,7 +136,9 @@ class AccelCard(SensorCard):
     nonlinearity: units.Fraction = Field(
         0.0, description="scale-factor error at full scale, growing with specific force"
     )
-    full_scale: Annotated[units.Acceleration, Field(gt=0.0)] = 294.1995  # 30 g
+    full_scale: Annotated[units.Acceleration, Field(gt=0.0)] | None = Field(
+        None, description=_FULL_SCALE.format("30 g")
+    )
     quantisation: units.SpeedSigma = 0.0
     temperature: AccelRamp | None = None
 
@@ -171,7 +186,7 @@ def error_blocks(card: ImuCard) -> list[ErrorBlock]:
             ErrorBlock(f"{name} scale-factor drift", 0, sensor, OWN_0, 0.0, of.scale_factor_drift),
             ErrorBlock(f"{name} misalignment", 0, sensor, OWN_1, of.misalignment),
             ErrorBlock(f"{name} misalignment", 1, sensor, OWN_1 + 1, of.misalignment),
-            ErrorBlock(f"{name} nonlinearity", 0, sensor, SQUARE, of.nonlinearity / of.full_scale),
+            ErrorBlock(f"{name} nonlinearity", 0, sensor, SQUARE, of.nonlinearity / of.nonlinearity_scale),
         ]
         if isinstance(of, GyroCard):
             blocks += [ErrorBlock("gyro g-sensitivity", j, GYRO, OTHER_0 + j, of.g_sensitivity) for j in range(3)]

@@ -227,6 +227,11 @@ def keyed(label: str, unit: int) -> str:
     return f"unit {unit + 1} {label}" if unit else label
 
 
+def axis_counts(imu: ImuCard | ImuSet) -> tuple[int, ...]:
+    """Return how many sensing axes each unit has."""
+    return (3,) if isinstance(imu, ImuCard) else tuple(len(unit.directions) for unit in imu.units)
+
+
 def mounted(imu: ImuCard | ImuSet) -> list[tuple[int, ImuCard]]:
     """Return number (from 0) and card of the unit of every triad; of a unit alone its own."""
     return [(0, imu)] if isinstance(imu, ImuCard) else [(triad.unit, imu.units[triad.unit]) for triad in triads_of(imu)]

@@ -8,7 +8,7 @@ from scipy.interpolate import make_interp_spline
 
 from lvnav_trade.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, gmst, matrices, quaternions
 from lvnav_trade.records import IDLE, TRACK
-from lvnav_trade.world.faults import SatelliteOutage
+from lvnav_trade.world.fault_cards import SatelliteOutage
 from lvnav_trade.world.flight.trajectory import Phase, Trajectory, motion
 from lvnav_trade.world.receiver.link import AntennaCard, CosineGain, LinkCard, TableGain, carrier_to_noise, gains
 from lvnav_trade.world.receiver.loops import LoopsCard, code_sigma, rate_sigma

@@ -17,7 +17,7 @@ from lvnav_trade.frames import (
 )
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.kernels.earth import OMEGA, SEMI_MAJOR, SEMI_MINOR
-from lvnav_trade.world.faults import SatelliteOutage
+from lvnav_trade.world.fault_cards import SatelliteOutage
 from lvnav_trade.world.flight.trajectory import Phase, Trajectory, motion
 from lvnav_trade.world.receiver.receiver import ReceiverCard
 from lvnav_trade.world.receiver.visibility import (

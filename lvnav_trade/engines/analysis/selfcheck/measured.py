@@ -22,7 +22,8 @@ from lvnav_trade.observables.sensors import RECEIVER_SOLUTION, fill, measure
 from lvnav_trade.records import Bools, Floats, Ints
 from lvnav_trade.scenario import solves
 from lvnav_trade.sources import label_of
-from lvnav_trade.world.faults import DegradedNoise, active
+from lvnav_trade.world.fault_cards import DegradedNoise
+from lvnav_trade.world.faults import active
 from lvnav_trade.world.receiver.dynamics import factors
 from lvnav_trade.world.receiver.receiver import DirectSolution
 
@@ -122,7 +123,8 @@ def _drawn(prepared: Prepared, seed: int) -> Drawn:
             bias, drift = work.clock
             observe(work, None, parts.last, None, further, signals, model, epoch, k0, k1)
             measure_sensors(work, parts.units, prepared.sensors, None, signals, epoch, k0, k1)
-            bias += signals.interval * drift + signals.clock_jump[epoch]
+            bias += signals.interval * drift + signals.clock_jump[epoch, 0]
+            drift += signals.clock_jump[epoch, 1]
             steps[run, k] = work.clock - (bias, drift)
             shared[run, k + 1] = work.shared[: shared.shape[2]]
             if plain[epoch] and prepared.channels.receiver:

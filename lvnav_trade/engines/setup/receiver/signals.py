@@ -55,8 +55,8 @@ class Line:
 
     at: Motion of the vehicle; C_b_i (n_epoch, 3, 3); position, velocity, push (n_epoch, 3) of the point that the
     receiver's solution is for, frame i (push without the swing of the lever arm); from the antenna that hears the
-    satellite: direction (n_epoch, n_sat, 3) and its rate of change, drift; distance,
-    rate, acceleration (n_epoch, n_sat).
+    satellite: line (n_epoch, n_sat, 3) m and its derivative, moving; direction (n_epoch, n_sat, 3) and its rate of
+    change, drift; distance, rate, acceleration (n_epoch, n_sat).
     """
 
     def __init__(self, trajectory: Trajectory, lever_b: Floats, seen: Sky) -> None:
@@ -68,6 +68,7 @@ class Line:
         places, speeds = (np.stack(arrays, axis=1) for arrays in zip(*points, strict=True))
         line = seen.r_i - np.take_along_axis(places, seen.antenna[:, :, None], axis=1)
         moving = seen.v_i - np.take_along_axis(speeds, seen.antenna[:, :, None], axis=1)
+        self.line, self.moving = line, moving
         self.distance = np.linalg.norm(line, axis=2)
         self.direction = line / self.distance[:, :, None]
         self.rate = np.einsum("esi,esi->es", self.direction, moving)

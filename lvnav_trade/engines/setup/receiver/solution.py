@@ -122,7 +122,8 @@ def _moved(model: ReceiverFilter, point: Floats, acceleration: Floats, begun: in
     """Return what true motion and clock jumps do to the error of the receiver's filter, (n_epoch, 11)."""
     known = acceleration if len(model.rows) > 1 else np.zeros_like(acceleration)
     moved = mismatch(model, known, point[:, 3:], point[:, :3])
-    moved[:, BIAS] += signals.clock_jump
+    moved[:, BIAS] += signals.clock_jump[:, 0]
+    moved[:, DRIFT] += signals.clock_jump[:, 1]
     # before it starts the filter knows nothing, so all of the acceleration is its error then
     moved[begun, :3] = known[begun]
     return moved

@@ -10,7 +10,7 @@ import pytest
 from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.setup.receiver.signals import Line, _shifts
 from lvnav_trade.engines.simulate.montecarlo import run_block
-from lvnav_trade.world.faults import DegradedNoise
+from lvnav_trade.world.fault_cards import DegradedNoise
 from lvnav_trade.world.receiver.visibility import sky
 from lvnav_trade.world.sky.constellation import RinexConstellation
 from tests.building import LOOSE, MATCHED, case, hop, loaded, prepare_hop, with_fields

@@ -1,0 +1,272 @@
+"""Cards of the faults that a campaign names: what fails, when, and by how much."""
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
+
+from lvnav_trade.units import (
+    Acceleration,
+    Angle,
+    AngularRate,
+    Duration,
+    Length,
+    LengthSigma,
+    Level,
+    Pause,
+    SignedFraction,
+    Speed,
+    distinct,
+)
+from lvnav_trade.world.conditions import Conditions, SightConditions
+from lvnav_trade.world.receiver.link import Pattern
+
+Names = Annotated[tuple[str, ...], AfterValidator(distinct)]
+
+
+class Timed(Conditions):
+    """What every fault has: when it starts and how long it lasts, or conditions while which it holds, or both."""
+
+    start: str | None = Field(
+        None, description="time such as '100 s', or relative to an event: 'stage1_cutoff + 20 s'; with a duration"
+    )
+    duration: Pause | None = Field(None, description="how long it lasts from its start")
+
+    def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
+        if self.start is None and self.duration is None and not self.stated:
+            yield "start: is missing, or a condition such as from or above"
+        elif self.start is None and self.duration is not None:
+            yield "duration: counts from a start, which is missing; an end without one is until"
+        elif self.start is not None and self.duration is None:
+            yield "duration: is missing; a beginning without one is from"
+
+
+class TimedInSight(Timed, SightConditions):
+    """The same of a fault that strikes the satellites of some elevations."""
+
+
+class SatelliteOutage(TimedInSight):
+    """All satellites lost, or all but `keep` (the highest at the start of the outage)."""
+
+    kind: Literal["satellite_outage"] = "satellite_outage"
+    keep: int = Field(0, ge=0)
+
+
+class AntennaFailure(Timed):
+    """Antennas that receive nothing, by their numbers from 1 in the receiver's list."""
+
+    kind: Literal["antenna_failure"] = "antenna_failure"
+    antennas: Annotated[tuple[Annotated[int, Field(ge=1)], ...], AfterValidator(distinct)] = Field(min_length=1)
+
+
+class DegradedNoise(TimedInSight):
+    """White noise of the measurements grown by a factor; the filter does not know it."""
+
+    kind: Literal["degraded_noise"] = "degraded_noise"
+    factor: float = Field(gt=0.0)
+    satellites: Names = Field((), description="such as G05; all, and the solution, if empty")
+
+
+class RangeBias(TimedInSight):
+    """Pseudoranges of some satellites wrong by a step and a drift (a satellite's clock that runs away)."""
+
+    kind: Literal["range_bias"] = "range_bias"
+    satellites: Names = Field((), description="such as G05; the highest at the start if empty")
+    size: Length = 0.0
+    drift: Speed = 0.0
+
+
+class Jump(Conditions):
+    """Something that jumps once."""
+
+    start: str | None = Field(None, description="time, or relative to an event; or conditions, once they begin to hold")
+
+    @property
+    def duration(self) -> float:
+        """A jump takes no time."""
+        return 0.0
+
+    def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
+        if (self.start is None) == (not self.stated):
+            yield (
+                "start: is missing, or a condition such as from or above"
+                if self.start is None
+                else (f"start: {self.once} once, at its start or when its conditions begin to hold")
+            )
+
+    @property
+    def once(self) -> str:
+        """What jumps, in words."""
+        return "a clock jumps"
+
+
+class ClockJump(Jump):
+    """The receiver's clock jumps by so much range, once."""
+
+    kind: Literal["clock_jump"] = "clock_jump"
+    size: Length
+
+
+class ClockDrift(Timed):
+    """The frequency of the receiver's clock is off by so much range rate: ranges and range rates of all satellites."""
+
+    kind: Literal["clock_drift"] = "clock_drift"
+    rate: Speed
+
+
+class CycleSlip(Jump):
+    """The carrier phases of some satellites jump by so many cycles, once, and the receiver does not notice."""
+
+    kind: Literal["cycle_slip"] = "cycle_slip"
+    satellites: Names = Field((), description="such as G05; the highest at the start if empty")
+    size: float = Field(description="cycles of the carrier")
+
+    @property
+    def once(self) -> str:
+        """What jumps, in words."""
+        return "a phase slips"
+
+
+class WildSamples(TimedInSight):
+    """Measurements with a further random error, new at every epoch: ranges, or each axis of the solution."""
+
+    kind: Literal["wild_samples"] = "wild_samples"
+    sigma: LengthSigma
+    satellites: Names = Field((), description="such as G05; all if empty")
+
+
+class FrozenOutput(Timed):
+    """The receiver goes on putting out what it measured when the fault began."""
+
+    kind: Literal["frozen_output"] = "frozen_output"
+
+
+class InvalidOutput(Timed):
+    """The receiver's own checks (checksum, hardware, time synchronisation) mark its output as invalid; a filter whose
+    logic does not ask for them uses it all the same.
+    """
+
+    kind: Literal["invalid_output"] = "invalid_output"
+
+
+class Spoofing(Timed):
+    """Ranges, rates and phases of all satellites are those of a place that moves away from the antenna, at the power of
+    the true signals: the solution walks off and its ranges stay consistent.
+    """
+
+    kind: Literal["spoofing"] = "spoofing"
+    velocity: tuple[Speed, Speed, Speed] = Field(description="of that place to the antenna: north, east, down")
+
+    def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
+        if not any(self.velocity):
+            yield "velocity: a place that does not move away is the antenna's own"
+
+
+class Jamming(Timed):
+    """A transmitter on the ground in the receiver's band: C/N0 falls as the link budget says."""
+
+    kind: Literal["jamming"] = "jamming"
+    latitude: Annotated[Angle, Field(ge=-0.5 * math.pi, le=0.5 * math.pi)]
+    longitude: Angle
+    height: Length = 0.0
+    power: Level = Field(description="into the transmitter's antenna")
+    pattern: Pattern | None = Field(None, description="of the transmitter's antenna; none: 0 dBi in all directions")
+    azimuth: Angle = Field(0.0, description="of the boresight, from north over east")
+    elevation: Angle = Field(0.5 * math.pi, description="of the boresight")
+    quality: float = Field(
+        1.0,
+        gt=0.0,
+        description="Q of the effective C/N0: 1 a narrow band, 1.5 the spectrum of the signal, 2.22 white noise over "
+        "its main lobe",
+    )
+
+    def _faults(self) -> Iterator[str]:
+        yield from super()._faults()
+        pointed = [name for name in ("azimuth", "elevation") if name in self.model_fields_set]
+        if self.pattern is None and pointed:
+            yield f"{pointed[0]}: without a pattern the antenna radiates alike in all directions"
+
+
+class LatencyChange(Timed):
+    """Measurements arrive later than the filter knows."""
+
+    kind: Literal["latency_change"] = "latency_change"
+    by: Duration
+
+
+class UnitFault(Timed):
+    """A fault of one of several inertial units."""
+
+    unit: int = Field(1, ge=1, description="its number in the list of units")
+
+
+class GyroBiasStep(UnitFault):
+    """A step of the gyros' bias, along the (first three) axes of the unit."""
+
+    kind: Literal["gyro_bias_step"] = "gyro_bias_step"
+    size: tuple[AngularRate, AngularRate, AngularRate]
+
+
+class AccelBiasStep(UnitFault):
+    """A step of the accelerometers' bias, along the (first three) axes of the unit."""
+
+    kind: Literal["accel_bias_step"] = "accel_bias_step"
+    size: tuple[Acceleration, Acceleration, Acceleration]
+
+
+class GyroScaleFactorStep(UnitFault):
+    """A step of the gyros' scale factor, along the (first three) axes of the unit."""
+
+    kind: Literal["gyro_scale_factor_step"] = "gyro_scale_factor_step"
+    size: tuple[SignedFraction, SignedFraction, SignedFraction]
+
+
+class AccelScaleFactorStep(UnitFault):
+    """A step of the accelerometers' scale factor, along the (first three) axes of the unit."""
+
+    kind: Literal["accel_scale_factor_step"] = "accel_scale_factor_step"
+    size: tuple[SignedFraction, SignedFraction, SignedFraction]
+
+
+class DeadAxis(UnitFault):
+    """A sensing element that answers no more; bias and noise of its electronics go on."""
+
+    kind: Literal["dead_axis"] = "dead_axis"
+    sensor: Literal["gyro", "accelerometer"]
+    axis: int = Field(ge=1, description="number of the sensing axis in the unit: 1 is x")
+    output: Literal["zero", "last"] = Field("zero", description="of the element: none, or what it was at the start")
+
+
+class DroppedSamples(UnitFault):
+    """Increments of the inertial unit that do not arrive; the strapdown sees none, or the last one again."""
+
+    kind: Literal["dropped_samples"] = "dropped_samples"
+    instead: Literal["nothing", "last"] = "nothing"
+
+
+AnyFault = (
+    SatelliteOutage
+    | AntennaFailure
+    | DegradedNoise
+    | RangeBias
+    | ClockJump
+    | ClockDrift
+    | CycleSlip
+    | WildSamples
+    | FrozenOutput
+    | InvalidOutput
+    | Spoofing
+    | Jamming
+    | LatencyChange
+    | GyroBiasStep
+    | AccelBiasStep
+    | GyroScaleFactorStep
+    | AccelScaleFactorStep
+    | DeadAxis
+    | DroppedSamples
+)
+Fault = Annotated[AnyFault, Field(discriminator="kind")]
