@@ -205,7 +205,7 @@ def main() -> int:
 
 
 def _by_kernels(cases: list[Case]) -> list[int]:
-    """Return the numbers of the cases: refused ones, then those that share kernels together, the largest group first."""
+    """Return the numbers of the cases: refused ones, then those that share kernels, the largest group first."""
     share = Counter(kernels_of(case) for case in cases if not refusal(case))
     order = [(not refusal(case), -share[kernels_of(case)], str(kernels_of(case))) for case in cases]
     return sorted(range(len(cases)), key=lambda number: (*order[number], number))

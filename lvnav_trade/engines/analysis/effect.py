@@ -6,10 +6,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from lvnav_trade.engines.setup.prepare import Prepared
-from lvnav_trade.layout import PARAMETERS
+from lvnav_trade.layout import PARAMETERS, ExtraBlock
 from lvnav_trade.noise import idle_tables
 from lvnav_trade.observables.partials import DIFFERENCES, PHASES
 from lvnav_trade.observables.sensors import RANGES, SENSOR_STATES
+from lvnav_trade.records import Bools, Floats
 from lvnav_trade.scenario import Scenario, smoothing_of, solves
 from lvnav_trade.world.fault_cards import (
     ClockDrift,
@@ -76,7 +77,8 @@ def _uncertain(prepared: Prepared) -> set[str]:
 def _untouched(prepared: Prepared) -> Iterator[tuple[str, str]]:
     """Yield the states that no measurement touches: their column of the Jacobian is zero at every epoch."""
     layout, taken = prepared.layout, prepared.model.measured
-    entering = np.any(prepared.signals.partial != 0.0, axis=1)
+    entering = [_enters(prepared, block, partial) for block, partial in zip(
+        layout.extras, prepared.signals.partial, strict=True)]  # fmt: skip
     touched = {block.name for block, row in zip(layout.extras, entering, strict=True)
                if np.any(row & (block.member >= 0) & taken)}  # fmt: skip
     for path, name in _named(prepared):
@@ -84,6 +86,16 @@ def _untouched(prepared: Prepared) -> Iterator[tuple[str, str]]:
             yield path, f"{name}: no sensor has such an error"
         elif name not in PARAMETERS and name not in touched:
             yield path, f"{name}: no measurement of the filter depends on it"
+
+
+def _enters(prepared: Prepared, block: ExtraBlock, partial: Floats) -> Bools:
+    """Return the channels (n_channel,) that a block of states enters; what is constant does not enter a difference."""
+    found = np.asarray(np.any(partial != 0.0, axis=0))
+    if np.isinf(block.time_constant) and block.walk == 0.0:
+        for name in prepared.scenario.filter.differences:
+            own = prepared.channels.of(name)
+            found[own] &= np.any(np.diff(partial[:, own], axis=0) != 0.0, axis=0)
+    return found
 
 
 def _exact(prepared: Prepared) -> Iterator[tuple[str, str]]:
