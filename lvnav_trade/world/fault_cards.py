@@ -20,7 +20,7 @@ from lvnav_trade.units import (
     distinct,
 )
 from lvnav_trade.world.conditions import Conditions, SightConditions
-from lvnav_trade.world.receiver.link import Pattern
+from lvnav_trade.world.patterns import Pattern
 
 Names = Annotated[tuple[str, ...], AfterValidator(distinct)]
 

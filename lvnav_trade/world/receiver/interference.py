@@ -11,7 +11,8 @@ from lvnav_trade.records import Floats, Motion
 from lvnav_trade.world.fault_cards import AnyFault, Jamming, Spoofing
 from lvnav_trade.world.faults import active
 from lvnav_trade.world.flight.trajectory import Trajectory
-from lvnav_trade.world.receiver.link import LinkCard, gains, path_loss, pattern_gain
+from lvnav_trade.world.patterns import pattern_gain
+from lvnav_trade.world.receiver.link import LinkCard, gains, path_loss
 from lvnav_trade.world.receiver.loops import LoopsCard
 from lvnav_trade.world.receiver.receiver import ReceiverCard
 

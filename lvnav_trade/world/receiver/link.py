@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
@@ -10,34 +10,10 @@ from pydantic import Field
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
 from lvnav_trade.records import Floats
 from lvnav_trade.units import Angle, Card, Decibels, Frequency, Gain, Length, Level, Temperature, require_rising
+from lvnav_trade.world.patterns import Pattern, pattern_gain
 
 BOLTZMANN_DB = -228.599167  # dBW/K/Hz: 10 log10 of 1.380649e-23 J/K, exact since 2019
 ROOM = 290.0  # K; the temperature that noise figures refer to
-
-
-class CosineGain(Card):
-    """Gain that falls with a power of the cosine of the angle off boresight, down to that of the back lobes."""
-
-    kind: Literal["cosine"] = "cosine"
-    peak: Gain = Field(description="on boresight, right-hand circular")
-    exponent: float = Field(1.0, ge=0, description="of the cosine, in power: 1 loses 3 dB at 60 deg")
-    front_to_back: Decibels = Field(15.0, description="the gain is never lower than the peak by more than this")
-
-
-class TableGain(Card):
-    """Gain over the angle off boresight, straight lines in dBi between the entries and level beyond them."""
-
-    kind: Literal["table"] = "table"
-    angle: tuple[Angle, ...] = Field(min_length=1, description="off boresight, rising")
-    gain: tuple[Gain, ...] = Field(min_length=1, description="at those angles")
-
-    def _faults(self) -> Iterator[str]:
-        if len(self.angle) != len(self.gain):
-            yield f"{len(self.angle)} angles but {len(self.gain)} gains"
-        require_rising("angle", self.angle)
-
-
-Pattern = Annotated[CosineGain | TableGain, Field(discriminator="kind")]
 
 
 class AntennaCard(Card):
@@ -62,15 +38,6 @@ class AntennaCard(Card):
 def gain(card: AntennaCard, angle: Floats) -> Floats:
     """Return the gain (dBi) at angles off boresight (rad, any shape); -inf beyond the cut-off."""
     return np.asarray(np.where(angle <= card.cutoff, pattern_gain(card.pattern, angle), -np.inf))
-
-
-def pattern_gain(pattern: CosineGain | TableGain, angle: Floats) -> Floats:
-    """Return the gain (dBi) of a pattern at angles off boresight (rad, any shape)."""
-    if isinstance(pattern, CosineGain):
-        ahead = np.clip(np.cos(angle), 1e-30, None)
-        fall = np.maximum(10.0 * pattern.exponent * np.log10(ahead), -pattern.front_to_back)
-        return np.asarray(pattern.peak + np.where(angle < 0.5 * math.pi, fall, -pattern.front_to_back))
-    return np.asarray(np.interp(angle, pattern.angle, pattern.gain))
 
 
 def gains(cards: Sequence[AntennaCard], direction_b: Floats) -> Floats:

@@ -9,11 +9,10 @@ import pytest
 from pydantic import ValidationError
 from ruamel.yaml import YAML
 
+from lvnav_trade.world.patterns import CosineGain, TableGain
 from lvnav_trade.world.receiver.link import (
     AntennaCard,
-    CosineGain,
     LinkCard,
-    TableGain,
     carrier_to_noise,
     gain,
     gains,

@@ -10,7 +10,8 @@ from lvnav_trade.frames import earth_angle, ecef_from_geodetic, eci_from_ecef, g
 from lvnav_trade.records import IDLE, TRACK
 from lvnav_trade.world.fault_cards import SatelliteOutage
 from lvnav_trade.world.flight.trajectory import Phase, Trajectory, motion
-from lvnav_trade.world.receiver.link import AntennaCard, CosineGain, LinkCard, TableGain, carrier_to_noise, gains
+from lvnav_trade.world.patterns import CosineGain, TableGain
+from lvnav_trade.world.receiver.link import AntennaCard, LinkCard, carrier_to_noise, gains
 from lvnav_trade.world.receiver.loops import LoopsCard, code_sigma, rate_sigma
 from lvnav_trade.world.receiver.receiver import ReceiverCard
 from lvnav_trade.world.receiver.tracking import TrackingCard
