@@ -24,6 +24,11 @@ REASONS = (
 )  # fmt: skip
 NO_CHANGES = np.zeros((0, 5))
 
+# What a filter that tests for faults has isolated, by number and by name.
+OF_CHANNEL, OF_CLOCK, OF_INERTIAL = 1, 2, 3
+ISOLATED = ("", "channel", "clock", "inertial")
+NO_DECISIONS = np.zeros((0, 4))
+
 
 class Motion(NamedTuple):
     """True motion at given times; at a jump of thrust the value just after it. SI, frames i and b.
@@ -110,7 +115,9 @@ class RunBlock(NamedTuple):
     accepted rows; n_row, n_reject (n_run, n_epoch) rows accepted and rejected by the gate; innovation
     (n_run, n_epoch, n_channel) normalised innovation before the gate, NaN where no row; failed (n_run,) int8, 0 good,
     1 not finite, 2 diverged (position error over the scenario's limit); t_failed (n_run,) s or NaN; changes (n_change,
-    5) of what filters with a logic do, run after run: run, t s, mode before, mode after, reason (see MODES).
+    5) of what filters with a logic do, run after run: run, t s, mode before, mode after, reason (see MODES); decisions
+    (n_decision, 4) of filters that test for faults: run, t s, what was isolated (see ISOLATED), channel of the filter
+    that was excluded (-1 none).
     """
 
     first_run: int
@@ -126,6 +133,7 @@ class RunBlock(NamedTuple):
     failed: NDArray[np.int8]
     t_failed: Floats
     changes: Floats = NO_CHANGES
+    decisions: Floats = NO_DECISIONS
 
 
 class CovHistory(NamedTuple):

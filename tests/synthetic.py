@@ -119,6 +119,11 @@ def changes(first: int, n_run: int) -> np.ndarray:
     )
 
 
+def decisions(first: int, n_run: int) -> np.ndarray:
+    """Return what a filter that tests for faults decides: every run excludes its second channel at 40 s."""
+    return np.array([(run, 40.0, 1, 1) for run in range(first, first + n_run)], dtype=float)
+
+
 def prepared(logic: bool = False) -> Any:
     """Return what the store reads of a prepared scenario: a climb due east, eight satellites, one outage."""
     t = np.arange(-5.0, 100.01, 0.1)
@@ -180,7 +185,7 @@ def prepared(logic: bool = False) -> Any:
         outputs=OUTPUTS,
         layout=SimpleNamespace(n_estimated=len(OUTPUTS)),
         model=SimpleNamespace(gate_squared=np.inf),
-        options=SimpleNamespace(rules=() if logic else None),
+        options=SimpleNamespace(rules=() if logic else None, integrity=() if logic else None),
         channel_names=tuple(f"{name} {what}" for name in names for what in ("range", "range rate")),
     )
 
@@ -281,7 +286,8 @@ def results(
             count = min(size, n_run - first)
             if (first, count) not in done:
                 runs = block(drawn, first, count, failing=failing)
-                runs = runs._replace(changes=changes(first, count)) if logic else runs
+                if logic:
+                    runs = runs._replace(changes=changes(first, count), decisions=decisions(first, count))
                 written.write_part(case.id, summarise(runs, EVENTS, reported.true_sigma, OUTPUTS))
         parts = written.parts(case.id) if n_run else None
         drawn = starts(n_run) if n_run else None

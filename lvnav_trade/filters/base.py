@@ -7,6 +7,7 @@ from pydantic import Field, field_validator, model_validator
 
 from lvnav_trade import units
 from lvnav_trade.delays.cards import CorrectionsCard
+from lvnav_trade.filters.integrity.card import IntegrityCard
 from lvnav_trade.filters.scheduled import GainSchedule
 from lvnav_trade.filters.strapdown import StrapdownCard
 from lvnav_trade.layout import BY_SATELLITE, EXTRAS, OF_OBSERVABLES, PARAMETERS, RELATIVE
@@ -265,6 +266,7 @@ class FilterCard(units.NamedCard):
         "from_card", description="position and velocity, and their covariance, when the filter starts"
     )
     logic: LogicCard | None = Field(None, description="none: it starts at once and uses what the gate accepts")
+    integrity: IntegrityCard | None = Field(None, description="tests for faults; none: nothing but the gate")
     imu: Matched | ImuModel = "matched"
     receiver: Matched | ReceiverModel = "matched"
     initial: Matched | InitialModel = "matched"

@@ -15,6 +15,7 @@ import numpy as np
 
 from lvnav_trade.filters import ekf, monitor
 from lvnav_trade.filters.delayed import find_earlier, renew
+from lvnav_trade.filters.integrity.assess import assess
 from lvnav_trade.filters.late import correct_stored_errors, place_of, predicted_of_stored
 from lvnav_trade.filters.unscented import measure_receiver
 from lvnav_trade.filters.updates import update_receiver, update_sensors
@@ -138,10 +139,25 @@ def _sample_variance(out, rx, variance, scale, from_gnss):
                 out[row] = rx.covariance[row, row] * (scale[row] * scale[row])
 
 
+@jit
+def _assess(work, points, monitor, tests, delayed, running, gains, model, signals, epoch):
+    """Test an epoch's rows for faults (Monitor and Tests, or None); of an open loop less what its error state says."""
+    if monitor is not None:
+        for row in range(ekf.n_measured(model, signals, epoch)):
+            channel, total = ekf.channel_of(model, signals, epoch, row), like(work.x[0], 0.0)
+            for c in range(model.n_entry[channel]):
+                total = total + work.H[row, model.entry[channel, c]] * work.x[model.column[channel, c]]
+            monitor.z[row] = work.z[row] - total
+            if points is not None:
+                monitor.spread[row] = points.spread[row]
+        whitened = model.has_covariance and gains is None
+        assess(monitor, tests, work.P, work.H, monitor.z, running, whitened, delayed, model, signals, epoch)
+
+
 @inlined
 def _process_permitted(
-    work, points, rx, past, earlier, watch, open_loop, direct, rules, late, delayed, gains, model, signals,
-    epoch, dt,
+    work, points, rx, past, earlier, watch, monitor, open_loop, direct, rules, tests, late, delayed, gains, model,
+    signals, epoch, dt,
 ):  # fmt: skip
     """Process the receiver's measurements at an epoch if the mode logic permits, and make its transitions."""
     n_row = ekf.n_measured(model, signals, epoch)
@@ -155,11 +171,12 @@ def _process_permitted(
         monitor.start_filter(work.P, work.x, watch, rules, work.z)
         renew(work.P, work.x, work.extra, delayed, model, epoch)  # for those that start: at others it is done
         ekf.decorrelate(work, points, past, rx, late, gains, model, signals, epoch)
+        _assess(work, points, monitor, tests, delayed, watch.sample[0], gains, model, signals, epoch)
         used = watch.sample[0] > 0.0
         gate = where(used, model.gate_squared, -1.0)
         starts = watch.sample[1] > 0.0
         update_receiver(
-            work, points, past, earlier, late, delayed, direct, gains, model, signals, epoch, dt, gate, starts
+            work, points, past, earlier, late, delayed, direct, monitor, gains, model, signals, epoch, dt, gate, starts
         )
         for row in range(n_row):
             channel = ekf.channel_of(model, signals, epoch, row)
@@ -169,8 +186,8 @@ def _process_permitted(
 
 @inlined
 def process_measurements(
-    work, points, rx, past, earlier, watch, open_loop, direct, rules, late, delayed, gains, sensors, model,
-    signals, epoch, dt,
+    work, points, rx, past, earlier, watch, monitor, open_loop, direct, rules, tests, late, delayed, gains, sensors,
+    model, signals, epoch, dt,
 ):  # fmt: skip
     """Process what the receiver and the other sensors measure at an epoch; if the filter has a mode logic, once it
     permits.
@@ -185,16 +202,31 @@ def process_measurements(
             measure_receiver(work, points, past, earlier, late, delayed, model, signals, epoch, dt)
             ekf.decorrelate(work, points, past, rx, late, gains, model, signals, epoch)
             _compare_late(work, past, open_loop, late, model, signals, epoch)
+            _assess(work, points, monitor, tests, delayed, like(work.x[0], 1.0), gains, model, signals, epoch)
             gate = model.gate_squared
             update_receiver(
-                work, points, past, earlier, late, delayed, direct, gains, model, signals, epoch, dt, gate, None
+                work,
+                points,
+                past,
+                earlier,
+                late,
+                delayed,
+                direct,
+                monitor,
+                gains,
+                model,
+                signals,
+                epoch,
+                dt,
+                gate,
+                None,
             )
         gate = model.gate_squared
         update_sensors(work, points, past, open_loop, direct, late, gains, sensors, model, signals, epoch, gate)
     elif (epoch + 1) % model.every == 0:
         _process_permitted(
-            work, points, rx, past, earlier, watch, open_loop, direct, rules, late, delayed, gains, model,
-            signals, epoch, dt,
+            work, points, rx, past, earlier, watch, monitor, open_loop, direct, rules, tests, late, delayed, gains,
+            model, signals, epoch, dt,
         )  # fmt: skip
         gate = where(monitor.is_running(watch.state[monitor.MODE]) > 0.0, model.gate_squared, -1.0)
         update_sensors(work, points, past, open_loop, direct, late, gains, sensors, model, signals, epoch, gate)

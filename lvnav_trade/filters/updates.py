@@ -5,6 +5,7 @@ import numpy as np
 from lvnav_trade.filters.delayed import correct_earlier, is_present
 from lvnav_trade.filters.differenced import is_reference, leave_out, take_reference
 from lvnav_trade.filters.ekf import channel_of, correct, n_measured, place_antenna, row_of
+from lvnav_trade.filters.integrity.state import permitted
 from lvnav_trade.filters.unscented import measure_receiver, measure_sensor
 from lvnav_trade.kernels.covariance import update_scalar, update_with_gain
 from lvnav_trade.kernels.jit import inlined, jit
@@ -59,11 +60,11 @@ def _correct_receiver_row(work, points, past, earlier, late, delayed, direct, mo
 
 @inlined
 def update_receiver(
-    work, points, past, earlier, late, delayed, direct, gains, model, signals, epoch, dt, gate_squared, starts
+    work, points, past, earlier, late, delayed, direct, own, gains, model, signals, epoch, dt, gate_squared, starts
 ):
     """Update by what the receiver measures at an epoch: the observables of every satellite in use, or position and
-    velocity of a solution axis by axis, as far as they are among the filter's measurements. starts: where the filter
-    starts at this epoch (lanes), or None.
+    velocity of a solution axis by axis, as far as they are among the filter's measurements and not excluded (own:
+    Monitor, or None). starts: where the filter starts at this epoch (lanes), or None.
     """
     n_row = n_measured(model, signals, epoch)
     limit = where(gate_squared >= 0.0, np.inf, gate_squared)
@@ -72,8 +73,8 @@ def update_receiver(
         channel = channel_of(model, signals, epoch, row)
         if is_present(delayed, model, epoch, channel) and not is_reference(model, signals, epoch, row):
             leave_out(work.z, starts, delayed, model, row)
-            whitened = model.has_covariance
-            update_and_count(work, points, gains, model, signals, epoch, row, channel, whitened, gate_squared)
+            whitened, gate = model.has_covariance, permitted(own, channel, gate_squared)
+            update_and_count(work, points, gains, model, signals, epoch, row, channel, whitened, gate)
             _correct_receiver_row(work, points, past, earlier, late, delayed, direct, model, signals, epoch, dt)
     _correct_at_once(work, past, late, direct, model)
 

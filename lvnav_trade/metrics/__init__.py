@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from lvnav_trade.metrics import filter, inertial, published, signals, vehicle
+from lvnav_trade.metrics import filter, inertial, integrity, published, signals, vehicle
 from lvnav_trade.metrics.errors import covariances, rms
 from lvnav_trade.metrics.mission import impact, orbit
 from lvnav_trade.metrics.requirements import confirmation
@@ -29,6 +29,7 @@ _NAMED: dict[Any, tuple[str, ...]] = {
     rms: ("rms", "controlled", "ranking"),
     covariances: ("agreement", "budget", "contributions", "sensitivity", "observability", "nonlinearity", "observed"),
     filter: ("consistency", "nees", "nis", "whiteness", "autocorrelation", "logic", "modes", "stops"),
+    integrity: ("integrity",),
     signals: ("in_view", "outages", "tracking", "losses", "recovery", "transitions"),
     confirmation: ("expected", "spot_check", "improvements"),
     orbit: ("orbit", "correction"),
@@ -47,5 +48,6 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
 # The metrics that stand beside a report as CSV, with the columns that users and their CI rely on.
 CSV = (
     "rms", "agreement", "controlled", "references", "requirements", "budget", "expected", "spot_check", "sensitivity",
-    "orbit", "correction", "impact", "corridor", "transitions", "logic", "motion", "nozzle", "turning", "allan",
+    "orbit", "correction", "impact", "corridor", "transitions", "logic", "integrity", "motion", "nozzle",
+    "turning", "allan",
 )  # fmt: skip

@@ -43,7 +43,7 @@ def rms_column(quantity: str, axis: str, unit: str) -> str:
 
 def kind_of(column: str) -> pa.DataType:
     """Return the type of a column, which its name says: numbers end with their unit, counts and numbers are whole."""
-    if column in ("logic", "tracked"):
+    if column in ("logic", "integrity", "tracked"):
         return pa.bool_()
     if column.endswith(("_count", "_number")):
         return pa.int64()

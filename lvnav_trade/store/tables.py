@@ -10,7 +10,7 @@ from lvnav_trade.engines.analysis.explain import Explanation
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.setup.starts import StartDraws
 from lvnav_trade.engines.simulate.statistics import NORM, BlockSummary, add_norms, columns, norm_groups, quantiles
-from lvnav_trade.records import MODES, REASONS, CovHistory, Floats, Output
+from lvnav_trade.records import ISOLATED, MODES, REASONS, CovHistory, Floats, Output
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.steering.nozzle import AXES, FEEDS, PHASES, Controlled
 from lvnav_trade.store.columns import column
@@ -18,7 +18,7 @@ from lvnav_trade.store.diagnostics import explained_rows
 from lvnav_trade.store.flight import event_rows, flight_columns, state_columns
 from lvnav_trade.store.schema import TABLES, arrow_schema, error_column, rms_column
 
-_OF_RUNS = ("runs", "worst", "logic", "starts")
+_OF_RUNS = ("runs", "worst", "logic", "integrity", "starts")
 _DRAWN = ("attitude", "velocity", "position")  # quantities of which the budget is kept over the whole flight
 _NORM_LIKE_CONSTANT = 1e9  # degrees of freedom of a mean square that does not vary from run to run
 
@@ -58,9 +58,11 @@ def case_tables(
     return {name: _arrow(name, case.id, contents.get(name, {})) for name in TABLES if name not in _OF_RUNS}
 
 
-def row_tables(case_id: str, outputs: tuple[Output, ...], part: BlockSummary | None) -> dict[str, pa.Table]:
+def row_tables(
+    case_id: str, outputs: tuple[Output, ...], part: BlockSummary | None, channels: tuple[str, ...] = ()
+) -> dict[str, pa.Table]:
     """Return the tables with rows of every run, for some runs of a case; without rows where there are none."""
-    return {name: _arrow(name, case_id, content) for name, content in run_columns(outputs, part).items()}
+    return {name: _arrow(name, case_id, content) for name, content in run_columns(outputs, part, channels).items()}
 
 
 def starts_table(case_id: str, starts: StartDraws | None) -> dict[str, pa.Table]:
@@ -76,7 +78,7 @@ def requirement_tables(case_id: str, prepared: Prepared, cov: CovHistory, summar
         **state_columns(prepared, cov),
     }
     tables = {name: _arrow(name, case_id, content) for name, content in contents.items()}
-    return tables | row_tables(case_id, prepared.outputs, summary)
+    return tables | row_tables(case_id, prepared.outputs, summary, prepared.channel_names)
 
 
 def _arrow(name: str, case_id: str, content: dict[str, Any] | list[dict[str, Any]]) -> pa.Table:
@@ -132,6 +134,7 @@ def _cases(case: CaseInfo, prepared: Prepared, summary: BlockSummary | None) -> 
         "nees_dof_count": int(prepared.layout.n_estimated),
         "gate_ratio": gate if np.isfinite(gate) else np.nan,
         "logic": prepared.options.rules is not None,
+        "integrity": prepared.options.integrity is not None,
         **thresholds(prepared.scenario),
         "epoch": prepared.trajectory.epoch,
         "facts": json.dumps(prepared.trajectory.facts, sort_keys=True, default=float),
@@ -237,17 +240,25 @@ def _budget(prepared: Prepared, cov: CovHistory) -> dict[str, Any]:
 FAILURES = {0: "", 1: "not finite", 2: "diverged"}
 
 
-def run_columns(outputs: tuple[Output, ...], summary: BlockSummary | None) -> dict[str, dict[str, Any]]:
-    """Return the columns of `runs`, `worst` and `logic` for some runs; without runs those of the outputs, empty.
+def run_columns(
+    outputs: tuple[Output, ...], summary: BlockSummary | None, channels: tuple[str, ...] = ()
+) -> dict[str, dict[str, Any]]:
+    """Return the columns of `runs`, `worst`, `logic` and `integrity` for some runs; without runs those of the
+    outputs, empty.
 
-    `worst` has one row per run and span from an event to the next.
+    `worst` has one row per run and span from an event to the next. channels: names of the filter's channels.
     """
     every = columns(outputs)
     errors, means = (
         [column(output.quantity, output.axis, output.unit) for output in every] for column in (error_column, rms_column)
     )
     if summary is None:
-        return {"runs": {name: [] for name in errors}, "worst": {name: [] for name in (*errors, *means)}, "logic": {}}
+        return {
+            "runs": {name: [] for name in errors},
+            "worst": {name: [] for name in (*errors, *means)},
+            "logic": {},
+            "integrity": {},
+        }
     n_event, n_span = len(summary.events), summary.worst.shape[1]
     failures = np.array([FAILURES.get(int(code), f"code {code}") for code in summary.failed])
     run, t, before, after, why = summary.changes.T
@@ -274,7 +285,18 @@ def run_columns(outputs: tuple[Output, ...], summary: BlockSummary | None) -> di
     }
     runs |= _named(errors, summary.event_error)
     worst |= _named(errors, summary.worst) | _named(means, np.sqrt(summary.mean_square))
-    return {"runs": runs, "worst": worst, "logic": logic}
+    return {"runs": runs, "worst": worst, "logic": logic, "integrity": _integrity(summary, channels)}
+
+
+def _integrity(summary: BlockSummary, channels: tuple[str, ...]) -> dict[str, Any]:
+    """Return the columns of `integrity`: what filters that test for faults decided."""
+    run, t, isolated, channel = summary.decisions.T
+    return {
+        "run_number": run.astype(np.int64),
+        "t_s": t,
+        "isolated": np.array(ISOLATED)[isolated.astype(int)],
+        "channel": np.array([*channels, ""])[channel.astype(int)],
+    }
 
 
 def _named(names: list[str], values: Any) -> dict[str, Any]:

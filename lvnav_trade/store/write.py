@@ -80,7 +80,10 @@ class Results:
         summary = None
         with row_files(folder, row_tables(case.id, prepared.outputs, None)) as rows:
             if parts is not None:
-                summary = merge(rows.noted(parts, partial(row_tables, case.id, prepared.outputs)), rows=False)
+                summary = merge(
+                    rows.noted(parts, partial(row_tables, case.id, prepared.outputs, channels=prepared.channel_names)),
+                    rows=False,
+                )
         with row_files(folder, starts_table(case.id, None)) as rows:
             for piece in starts.pieces() if starts is not None else ():
                 rows.add(starts_table(case.id, piece))

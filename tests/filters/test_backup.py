@@ -103,8 +103,9 @@ def test_a_direct_filter_linearises_every_scalar_where_the_one_before_has_left_t
         return work
 
     direct, closed, by_hand = start(), start(), start()
-    update_receiver(direct, None, None, None, None, None, True, None, model, signals, epoch, dt, np.inf, None)
-    update_receiver(closed, None, None, None, None, None, None, None, model, signals, epoch, dt, np.inf, None)
+    none = (None,) * 5
+    update_receiver(direct, *none, True, None, None, model, signals, epoch, dt, np.inf, None)
+    update_receiver(closed, *none, None, None, None, model, signals, epoch, dt, np.inf, None)
     ekf.correct(closed, None, None, model)
     P = np.array(by_hand.P)
     for row in range(n_row):

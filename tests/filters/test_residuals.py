@@ -79,7 +79,7 @@ def test_noise_that_rows_share_is_the_dense_update_with_the_full_covariance(sche
     assert np.abs(whole[0, 1]) > 0.0  # a satellite's range with its rate
     gain = P @ H[:, others].T @ np.linalg.inv(H[:, others] @ P @ H[:, others].T + whole)
     ekf.clear_epoch(work, epoch)
-    none, model, dt = (None,) * 7, prepared.model, prepared.unit.dt
+    none, model, dt = (None,) * 8, prepared.model, prepared.unit.dt
     update_receiver(work, *none, model, prepared.signals, epoch, dt, np.inf, None)
     sigma = np.sqrt(np.diag(P))
     np.testing.assert_allclose(work.x[others] / sigma, gain @ z / sigma, rtol=0, atol=1e-9)

@@ -204,6 +204,7 @@ OF_TESTS = (
         "filter.transition_rate": "1 Hz",
         "filter.region_noise": [{"force_change": "5 m/s^2", "velocity": "1 m/s"}],
         "filter.feedback": "direct",
+        "filter.integrity": {},
         "filter.backup": True,
     },
     {

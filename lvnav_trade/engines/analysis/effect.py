@@ -57,6 +57,7 @@ def used(prepared: Prepared, read: Collection[str]) -> Used:
     idle = dict([
         *_untouched(prepared), *_late(prepared), *_of_ranges(scenario), *_of_noise(scenario), *_of_phases(prepared),
         *_of_clock(scenario),
+        *_of_tests(scenario),
     ])  # fmt: skip
     return Used(frozenset(read), whole, exact | idle, frozenset(exact.keys() - idle.keys()))
 
@@ -158,6 +159,15 @@ def _of_clock(scenario: Scenario) -> Iterator[tuple[str, str]]:
         for number, _ in enumerate(scenario.filter.region_noise):
             for field in ("clock_bias", "clock_drift"):
                 yield f"filter.region_noise.{number}.{field}", "no effect: differences forget the clock at every epoch"
+
+
+def _of_tests(scenario: Scenario) -> Iterator[tuple[str, str]]:
+    """Yield tests for faults of what is not measured, and of ranges where a solution is."""
+    if not (scenario.filter.tight or scenario.filter.loose):
+        yield "filter.integrity", "no effect: what the receiver measures is tested, and the filter takes nothing of it"
+    elif scenario.filter.loose:
+        for field in ("isolation", "exclusions"):
+            yield f"filter.integrity.{field}", "no effect: a solution has no redundancy, only ranges are compared"
 
 
 def _of_phases(prepared: Prepared) -> Iterator[tuple[str, str]]:

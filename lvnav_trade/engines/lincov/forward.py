@@ -8,9 +8,10 @@ from lvnav_trade.engines.lincov.receiver_error import (
     decorrelate,
     extrapolate,
 )
+from lvnav_trade.engines.lincov.recording import hold_solution, write, write_samples, write_solution
 from lvnav_trade.engines.lincov.samples import expected_of_samples, sample_window
 from lvnav_trade.engines.lincov.successive import begin_epoch, end_epoch, measure_further
-from lvnav_trade.engines.lincov.units import add_sums, samples_of_units
+from lvnav_trade.engines.lincov.units import add_sums
 from lvnav_trade.engines.lincov.update import is_left_out, replace_state, take_reference, update_joint
 from lvnav_trade.filters.delayed import begin_transition, follow, is_present, renew
 from lvnav_trade.filters.differenced import is_reference
@@ -23,13 +24,13 @@ from lvnav_trade.filters.ekf import (
     place_antenna,
     row_of,
 )
+from lvnav_trade.filters.integrity.assess import assess
+from lvnav_trade.filters.integrity.state import begin_monitor, permitted
 from lvnav_trade.filters.late import keep, place_of_channel
 from lvnav_trade.filters.monitor import MODE, begin_watch, check_measurements, is_running, start_filter, update_mode
-from lvnav_trade.kernels.covariance import variance_along
-from lvnav_trade.kernels.groups import group, total_of, whole
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.strapdown import place
-from lvnav_trade.kernels.transition import ATT, POS, VEL, sensed_driver
+from lvnav_trade.kernels.transition import POS, VEL
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.observables.sensors import measure
 
@@ -103,15 +104,18 @@ def _update(
 
 @jit
 def _update_receiver(
-    out, joint, scratch, tape, nominal, signals, true, model, chain, late, delayed, gains, epoch, starts
+    out, joint, scratch, tape, nominal, signals, true, model, chain, late, delayed, monitor, gains, epoch, starts
 ):
-    """Update by what the receiver measures at an epoch; starts: whether the filter starts at it."""
+    """Update by what the receiver measures at an epoch, less what is excluded (Monitor, or None); starts: whether the
+    filter starts at it.
+    """
     whitened, n_row = chain is not None, n_measured(model, signals, epoch)
     take_reference(joint, scratch, tape, nominal, signals, true, model, late, delayed, epoch, n_row, starts)
     for row in range(n_row):
         channel = channel_of(model, signals, epoch, row)
         left_out = is_reference(model, signals, epoch, row) or is_left_out(starts, delayed, model, row)
-        if is_present(delayed, model, epoch, channel) and not left_out:
+        kept = permitted(monitor, channel, 1.0) > 0.0
+        if kept and is_present(delayed, model, epoch, channel) and not left_out:
             variance = signals.variance[epoch, channel]
             if whitened:
                 variance = 1.0 if gains is None else nominal.reported[row, row]
@@ -160,22 +164,41 @@ def _start(joint, scratch, tape, nominal, watch, rules, signals, true, model, ch
 
 
 @jit
+def _mean_innovation(joint, nominal, true, signals, late, row, channel, epoch):
+    """Return the mean of an innovation of the receiver: that of a run without noise."""
+    place, total = 0, nominal.z[row]
+    if late is not None:
+        place = place_of_channel(late, channel, epoch)
+    for k in range(true.n_entry[channel]):
+        total += nominal.H[row, true.entry[place, channel, k]] * joint.mean[true.column[place, channel, k]]
+    return total
+
+
+@jit
+def _assess(joint, nominal, true, model, signals, late, delayed, monitor, tests, gains, epoch):
+    """Test the mean of the rows for faults (Monitor and Tests, or None), as the filter does its innovations."""
+    if monitor is not None:
+        for row in range(n_measured(model, signals, epoch)):
+            channel = channel_of(model, signals, epoch, row)
+            monitor.z[row] = _mean_innovation(joint, nominal, true, signals, late, row, channel, epoch)
+        whitened = model.has_covariance and gains is None
+        assess(monitor, tests, joint.formal, nominal.H, monitor.z, 1.0, whitened, delayed, model, signals, epoch)
+
+
+@jit
 def _expect(joint, nominal, true, model, signals, late, watch, epoch):
     """Set the mean of every innovation of the receiver: what the mode logic sees in a run without noise."""
     for row in range(n_measured(model, signals, epoch)):
-        channel, place = channel_of(model, signals, epoch, row), 0
-        if late is not None:
-            place = place_of_channel(late, channel, epoch)
-        total = nominal.z[row]
-        for k in range(true.n_entry[channel]):
-            total += nominal.H[row, true.entry[place, channel, k]] * joint.mean[true.column[place, channel, k]]
-        nominal.expected[row], watch.predicted[row] = total, 0.0
+        channel = channel_of(model, signals, epoch, row)
+        nominal.expected[row] = _mean_innovation(joint, nominal, true, signals, late, row, channel, epoch)
+        watch.predicted[row] = 0.0
 
 
 @jit
 def _process_permitted(
-    out, joint, scratch, tape, nominal, earlier, signals, true, model, chain, late, delayed, gains, rules, watch, epoch
-):
+    out, joint, scratch, tape, nominal, earlier, signals, true, model, chain, late, delayed, gains, rules, watch,
+    monitor, tests, epoch,
+):  # fmt: skip
     """Update by what the receiver measures if the mode logic permits on the nominal flight; make its transitions."""
     solved = chain is None or chain.solved[epoch]
     good = rules.good[epoch] and solved
@@ -190,8 +213,9 @@ def _process_permitted(
         renew(joint.formal, scratch.x, nominal.extra, delayed, model, epoch)
         _weight(nominal, joint.formal, model, chain, late, gains, epoch)
         if watch.sample[0] > 0.0:
+            _assess(joint, nominal, true, model, signals, late, delayed, monitor, tests, gains, epoch)
             _update_receiver(
-                out, joint, scratch, tape, nominal, signals, true, model, chain, late, delayed, gains, epoch,
+                out, joint, scratch, tape, nominal, signals, true, model, chain, late, delayed, monitor, gains, epoch,
                 watch.sample[1] > 0.0,
             )  # fmt: skip
     update_mode(watch, rules, epoch, joint.formal)
@@ -199,7 +223,7 @@ def _process_permitted(
 
 @jit
 def _epoch(out, joint, scratch, work, tape, nominal, earlier, signals, sensors, further, true, model, dt, chain, late,
-           delayed, successive, gains, rules, watch, vehicle, epoch):  # fmt: skip
+           delayed, successive, gains, rules, watch, monitor, tests, vehicle, epoch):  # fmt: skip
     """Update by what the filter would process at an epoch."""
     if vehicle is not None:
         out.expected_nis[epoch] += expected_of_samples(work, true, vehicle)
@@ -217,14 +241,29 @@ def _epoch(out, joint, scratch, work, tape, nominal, earlier, signals, sensors, 
         if n_measured(model, signals, epoch) > 0 and solved:
             _fill(nominal, earlier, delayed, signals, model, chain, late, epoch)
             _weight(nominal, joint.formal, model, chain, late, gains, epoch)
+            _assess(joint, nominal, true, model, signals, late, delayed, monitor, tests, gains, epoch)
             _update_receiver(
-                out, joint, scratch, tape, nominal, signals, true, model, chain, late, delayed, gains, epoch, False
+                out,
+                joint,
+                scratch,
+                tape,
+                nominal,
+                signals,
+                true,
+                model,
+                chain,
+                late,
+                delayed,
+                monitor,
+                gains,
+                epoch,
+                False,
             )
         _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, model, late, gains, epoch)
     elif (epoch + 1) % model.every == 0:
         _process_permitted(
             out, joint, scratch, tape, nominal, earlier, signals, true, model, chain, late, delayed, gains, rules,
-            watch, epoch,
+            watch, monitor, tests, epoch,
         )  # fmt: skip
         if is_running(watch.state[MODE]) > 0.0:
             _update_sensors(out, joint, scratch, tape, nominal, sensors, signals, true, model, late, gains, epoch)
@@ -241,101 +280,10 @@ def _clone(joint, nominal, true, model, reference, tick, dt, late, window):
 
 
 @jit
-def _write(out, hist, joint, scratch, true, axes_att, axes):
-    """Write covariances and mean at a history time; the budget in reporting axes."""
-    n = joint.formal.shape[0]
-    for i in range(n):
-        out.mean[hist, i] = joint.mean[i]
-        for j in range(i, n):
-            out.formal[hist, i, j], out.formal[hist, j, i] = joint.formal[i, j], joint.formal[i, j]
-            sum_of = whole(scratch.spread)
-            sum_of[0] = group(joint.sources, 0)[i, j]
-            for g in range(1, true.n_slot.shape[0]):
-                sum_of[0] = sum_of[0] + group(joint.sources, g)[i, j]
-            total = total_of(scratch.spread)
-            out.true[hist, i, j], out.true[hist, j, i] = total, total
-    for g in range(true.n_slot.shape[0]):
-        P, budget = group(joint.sources, g), group(scratch.budget, g)
-        for i in range(3):
-            budget[ATT + i, 0] = variance_along(P, ATT, axes_att[i, 0], axes_att[i, 1], axes_att[i, 2])
-            budget[VEL + i, 0] = variance_along(P, VEL, axes[i, 0], axes[i, 1], axes[i, 2])
-            budget[POS + i, 0] = variance_along(P, POS, axes[i, 0], axes[i, 1], axes[i, 2])
-        for i in range(9, n):
-            budget[i, 0] = P[i, i]
-    for source in range(true.group.shape[0]):
-        budget = scratch.budget[true.group[source], ..., true.lane[source]]
-        for i in range(n):
-            out.budget[hist, source, i] = budget[i, 0]
-
-
-@jit
-def _write_samples(out, hist, joint, true, units, samples, tick, dt):
-    """Write by source the variance of the errors of the IMU's samples beside their noise: raw, and corrected by the
-    estimated bias.
-    """
-    _write_biases(out, hist, joint, true, samples)
-    if units is None:
-        _write_components(out, hist, joint, true, samples, tick)
-    else:
-        samples_of_units(out, hist, joint, true, units, samples, tick, dt)
-
-
-@jit
-def _write_biases(out, hist, joint, true, samples):
-    for source in range(true.group.shape[0]):
-        P = joint.sources[true.group[source], ..., true.lane[source]]
-        for r in range(N_SAMPLE):
-            at = samples.bias[r]
-            if at >= 0:
-                out.samples[hist, source, 6 + r] += P[at, at]
-
-
-@jit
-def _write_components(out, hist, joint, true, samples, tick):
-    for j in range(true.sensor.shape[0]):
-        if true.profile[j] >= 0 or true.driver[j] < 0:
-            continue
-        u = sensed_driver(true.sensor[j], true.driver[j], samples.rate[tick], samples.force[tick])
-        for axis in range(3):
-            r, c = 3 * true.sensor[j] + axis, true.first[j] + axis
-            source, k, at = true.source[c], true.slot[c], samples.bias[r]
-            g, lane = true.group[source], true.lane[source]
-            variance = u[axis] * u[axis] * joint.variance[g, k, 0, lane]
-            out.samples[hist, source, r] += variance
-            if at < 0:
-                out.samples[hist, source, 6 + r] += variance
-            elif true.state_from[c] == true.state_from[c + 1] or true.states[true.state_from[c]] != at:
-                shared = 2.0 * u[axis] * joint.cross[g, k, at, lane]
-                out.samples[hist, source, 6 + r] += variance + shared
-
-
-@jit
-def _hold_solution(out, joint, true):
-    """Hold the covariance of the solution's error by source, and its mean, until the next solution."""
-    at, n = true.solution, out.held_mean.shape[0]
-    for source in range(true.group.shape[0]):
-        P = joint.sources[true.group[source], ..., true.lane[source]]
-        for i in range(n):
-            for j in range(n):
-                out.held[source, i, j] = P[at + i, at + j]
-    for i in range(n):
-        out.held_mean[i] = joint.mean[at + i]
-
-
-@jit
-def _write_solution(out, hist):
-    """Write what is held of the receiver's solution at a history time."""
-    for i in range(out.held_mean.shape[0]):
-        out.receiver_mean[hist, i] = out.held_mean[i]
-        for j in range(out.held_mean.shape[0]):
-            for source in range(out.held.shape[0]):
-                out.receiver[hist, source, i, j] = out.held[source, i, j]
-
-
-@jit
 def forward(
     out, joint, scratch, work, tape, nominal, earlier, schedule, unit, signals, sensors, further, record, axes_att,
-    model, true, reference, chain, late, delayed, successive, gains, rules, watch, vehicle, samples, report, units,
+    model, true, reference, chain, late, delayed, successive, gains, rules, watch, monitor, tests, vehicle, samples,
+    report, units,
 ):  # fmt: skip
     """Propagate and update the filter's covariance and the true one, by source, over the nominal flight; fill `out`.
 
@@ -346,10 +294,12 @@ def forward(
     schedule : Schedule, unit : Unit, signals : Signals, sensors : Sensors, record : Record, model : FilterModel,
     true : Components, axes_att : (n_hist, 3, 3) from frame i to body axes at the history times
     reference : Reference, the true motion; further : Further, chain : Chain, late : Late, delayed : Delayed, successive
-    : Successive, gains : Gains, rules : Rules, watch : Watch of the nominal flight, vehicle : VehicleModel, samples :
+    : Successive, gains : Gains, rules : Rules, watch : Watch of the nominal flight, monitor : Monitor and
+    tests : Tests of the same, vehicle : VehicleModel, samples :
     Samples, report : Report, units : Units; or None
     """
     begin_watch(watch)
+    begin_monitor(monitor)
     begin_transition(earlier, delayed)
     step = unit.dt * model.strapdown.subsamples
     for w in range(schedule.n_tick.shape[0]):
@@ -368,16 +318,16 @@ def forward(
             place(nominal.nav, reference, first + n_tick)
             _epoch(
                 out, joint, scratch, work, tape, nominal, earlier, signals, sensors, further, true, model, step,
-                chain, late, delayed, successive, gains, rules, watch, vehicle, epoch,
+                chain, late, delayed, successive, gains, rules, watch, monitor, tests, vehicle, epoch,
             )  # fmt: skip
             if report is not None and chain.solved[epoch]:
-                _hold_solution(out, joint, true)
+                hold_solution(out, joint, true)
         if tape.channel.shape[0] > 0:
             tape.first[w + 1] = tape.used[0]
         if hist >= 0:
-            _write(out, hist, joint, scratch, true, axes_att[hist], record.axes[hist])
+            write(out, hist, joint, scratch, true, axes_att[hist], record.axes[hist])
             add_sums(out, hist, joint, true, units)
             if samples is not None:
-                _write_samples(out, hist, joint, true, units, samples, max(0, first + n_tick - 1), unit.dt)
+                write_samples(out, hist, joint, true, units, samples, max(0, first + n_tick - 1), unit.dt)
             if report is not None:
-                _write_solution(out, hist)
+                write_solution(out, hist)

@@ -22,6 +22,7 @@ from lvnav_trade.engines.lincov.workspace import (
 )
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.simulate.sensing import profile_value
+from lvnav_trade.filters.integrity.state import new_monitor
 from lvnav_trade.filters.monitor import new_watch
 from lvnav_trade.frames import matrices
 from lvnav_trade.kernels.transition import ATT, CONSTANT, POS, VEL
@@ -42,13 +43,14 @@ def _pass(prepared: Prepared, true: Components, tape: Tape, aided: bool = True) 
     out = new_record(prepared, true.group.size)
     sizes = (prepared.t_epoch.size, prepared.channels.n_receiver, prepared.n_row)
     watch = None if options.rules is None else new_watch(*sizes)
+    monitor = None if options.integrity is None else new_monitor(*sizes, options.integrity.window)
     axes_att = np.ascontiguousarray(np.swapaxes(matrices(prepared.record.q), 1, 2))
     forward(
         out, new_joint(prepared, true), new_scratch(prepared, true), new_sample_scratch(prepared, true), tape,
         new_nominal(prepared), new_nominal_earlier(prepared), prepared.schedule, prepared.unit, prepared.signals,
         prepared.sensors, options.further, prepared.record, axes_att, model, true, prepared.reference, prepared.chain,
-        options.late, options.delayed, true.successive, options.gains, options.rules, watch, options.vehicle,
-        options.samples, options.report, options.units,
+        options.late, options.delayed, true.successive, options.gains, options.rules, watch, monitor,
+        options.integrity, options.vehicle, options.samples, options.report, options.units,
     )  # fmt: skip
     return out
 

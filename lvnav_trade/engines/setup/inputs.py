@@ -254,7 +254,8 @@ class Options(NamedTuple):
     the filter's transition misses is recorded in place of errors; units (Units): several inertial units are fused;
     direct (True): the filter corrects its total state scalar by scalar; backup (int): errors of a strapdown that is
     never corrected are reported, from that output on; further (Further), delayed (filters.delayed.Delayed): carrier
-    phases or differences of two epochs are measured; unscented (True): points in place of Jacobians.
+    phases or differences of two epochs are measured; unscented (True): points in place of Jacobians; integrity
+    (filters.integrity.state.Tests): faults are tested for.
     """
 
     solver: Any = None
@@ -271,3 +272,4 @@ class Options(NamedTuple):
     further: Any = None
     delayed: Any = None
     unscented: Any = None
+    integrity: Any = None

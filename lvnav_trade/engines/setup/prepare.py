@@ -20,7 +20,7 @@ from lvnav_trade.engines.setup.times import epochs_of, times_of
 from lvnav_trade.engines.setup.tuning import underweighted, with_linearisation, with_regions
 from lvnav_trade.engines.setup.units import arriving, elements, fused, units_of
 from lvnav_trade.engines.setup.vehicle import samples_of, vehicle_of
-from lvnav_trade.engines.setup.watching import left_out, pdop, watched
+from lvnav_trade.engines.setup.watching import integrity_of, left_out, pdop, watched
 from lvnav_trade.filters.base import EnvelopeCard
 from lvnav_trade.filters.model import FilterModel, build_filter_model, initial_covariance
 from lvnav_trade.filters.strapdown import strapdown_of
@@ -330,6 +330,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
             further=further,
             delayed=successive,
             unscented=True if card.algorithm == "unscented" else None,
+            integrity=None if card.integrity is None else integrity_of(card.integrity, truth, model, card.update_rate),
         ),
         chain=chain,
         devices=devices,

@@ -8,6 +8,9 @@ import numpy as np
 from lvnav_trade.engines.setup.inputs import Signals
 from lvnav_trade.engines.setup.receiver.solution import Chain
 from lvnav_trade.filters.base import FilterCard, LogicCard
+from lvnav_trade.filters.integrity.card import IntegrityCard, thresholds_of
+from lvnav_trade.filters.integrity.state import Tests
+from lvnav_trade.filters.model import FilterModel
 from lvnav_trade.filters.monitor import Rules
 from lvnav_trade.observables.partials import Channels
 from lvnav_trade.records import Bools, Floats
@@ -66,6 +69,12 @@ def watched(
         from_gnss=card.init == "from_gnss",
         P=P,
     )
+
+
+def integrity_of(card: IntegrityCard, signals: Signals, model: FilterModel, rate: float) -> Tests:
+    """Return the tests for faults: as many as the receiver has rows on the nominal flight."""
+    per_epoch = model.n_kind * signals.n_used if model.tight else np.where(signals.n_used >= 4, 6, 0)
+    return thresholds_of(card, int(np.sum(per_epoch)), signals.used.shape[1], 1.0 / rate)
 
 
 def left_out(rules: Rules | None, signals: Signals, chain: Chain | None) -> Signals:

@@ -6,6 +6,7 @@ from lvnav_trade.filters.backup import advance_backup, begin_backup, predict_bac
 from lvnav_trade.filters.delayed import begin_transition, clone_formal, clone_open_loop, follow, store_estimate
 from lvnav_trade.filters.ekf import clear_epoch
 from lvnav_trade.filters.feedforward import apply_feedback, process_measurements, propagate_open_loop
+from lvnav_trade.filters.integrity.state import begin_monitor
 from lvnav_trade.filters.late import keep
 from lvnav_trade.filters.monitor import begin_watch
 from lvnav_trade.filters.samples import begin_motion, correct_vehicle, last_sample, sample_window
@@ -59,6 +60,7 @@ def fly(work, parts, schedule, unit, signals, sensors, start, history, model, op
     begin(work, parts.units, unit, options.units, signals, start, model, k0, k1)
     begin_solver(work, parts.rx, options.solver)
     begin_watch(parts.watch)
+    begin_monitor(parts.monitor)
     begin_backup(parts.backup, work)
     begin_motion(parts.motion, options.samples)
     begin_transition(parts.earlier, options.delayed)
@@ -89,9 +91,9 @@ def fly(work, parts, schedule, unit, signals, sensors, start, history, model, op
             hold_solution(work, parts.rx, parts.held, options.solver, options.report, epoch)
             measure_sensors(work, parts.units, sensors, options.units, signals, epoch, k0, k1)
             process_measurements(
-                work, parts.points, parts.rx, parts.past, parts.earlier, parts.watch,
-                parts.open_loop, options.direct, options.rules, options.late, options.delayed, options.gains, sensors,
-                model, signals, epoch, dt,
+                work, parts.points, parts.rx, parts.past, parts.earlier, parts.watch, parts.monitor,
+                parts.open_loop, options.direct, options.rules, options.integrity, options.late, options.delayed,
+                options.gains, sensors, model, signals, epoch, dt,
             )  # fmt: skip
             correct_vehicle(work, parts.motion, model, options.vehicle)
             apply_feedback(work, parts.past, parts.open_loop, options.late, model)

@@ -15,6 +15,7 @@ from lvnav_trade.engines.simulate.units import new_units
 from lvnav_trade.filters.backup import new_backup
 from lvnav_trade.filters.delayed import new_earlier
 from lvnav_trade.filters.feedforward import new_open_loop
+from lvnav_trade.filters.integrity.state import Monitor, new_monitor
 from lvnav_trade.filters.late import N_PAST
 from lvnav_trade.filters.monitor import Watch, new_watch
 from lvnav_trade.filters.samples import new_motion
@@ -27,7 +28,7 @@ from lvnav_trade.kernels.strapdown import N_SUM
 from lvnav_trade.kernels.vector import WIDTH
 from lvnav_trade.receivers.base import N_STATE as N_RECEIVER
 from lvnav_trade.receivers.base import new_receiver
-from lvnav_trade.records import NO_CHANGES, WAITING, Floats, RunBlock
+from lvnav_trade.records import NO_CHANGES, NO_DECISIONS, WAITING, Floats, RunBlock
 
 
 class Held(NamedTuple):
@@ -55,15 +56,15 @@ Work = namedtuple(
 """Arrays of a run (or of eight in lanes): states, work arrays, and what is output; shapes: `new_work`."""
 
 Parts = namedtuple(
-    "Parts", "rx open_loop watch past motion held missed units backup earlier last points",
-    defaults=(None, None, None, None, None, None, None, None, None, None, None, None),
+    "Parts", "rx open_loop watch past motion held missed units backup earlier last points monitor",
+    defaults=(None, None, None, None, None, None, None, None, None, None, None, None, None),
 )  # fmt: skip
 """Arrays that belong to options and are None without them; whatever does without is compiled once for all options.
 
 rx (receivers.base.Receiver), open_loop (filters.feedforward.OpenLoop), watch (filters.monitor.Watch), past
 (n_place + 1, N_PAST) (filters.late), motion (filters.samples.Motion), held (Held), missed (Misses), units (UnitWork),
 backup (filters.backup.Backup), earlier (filters.delayed.Earlier) and last (n_sat, n_kind) what differences are formed
-with, points (filters.unscented.Points).
+with, points (filters.unscented.Points), monitor (filters.integrity.state.Monitor).
 """
 
 
@@ -120,6 +121,9 @@ def _new_parts(prepared: Prepared, n_lane: int) -> Parts:
         found["past"] = aligned_zeros((options.late.buffered.size + 1, N_PAST, *((n_lane,) if n_lane else ())))
     if options.rules is not None:
         found["watch"] = new_watch(prepared.t_epoch.size, n_channel, prepared.n_row, n_lane)
+    if options.integrity is not None:
+        sizes = (prepared.t_epoch.size, n_channel, prepared.n_row, options.integrity.window)
+        found["monitor"] = new_monitor(*sizes, n_lane)
     if options.vehicle is not None or options.samples is not None:
         n_entry = 0 if options.vehicle is None else options.vehicle.columns.shape[1]
         found["motion"] = new_motion(n, n_entry, n_lane)
@@ -191,7 +195,7 @@ def run_block(prepared: Prepared, seed: int, first_run: int, n_run: int, lanes: 
     use_lanes = not config.DISABLE_JIT if lanes is None else lanes
     width = WIDTH if use_lanes else 1
     joined: dict[str, Any] = {}
-    changes = [NO_CHANGES]
+    changes, decisions = [NO_CHANGES], [NO_DECISIONS]
     for done in range(0, n_run, width):
         first, new = first_run + done, min(width, n_run - done)
         work, parts = _fly(prepared, seed, first, use_lanes)
@@ -200,9 +204,16 @@ def run_block(prepared: Prepared, seed: int, first_run: int, n_run: int, lanes: 
             joined.setdefault(name, np.empty((n_run, *runs.shape[1:]), dtype=kind))[done : done + new] = runs[:new]
         if parts.watch is not None:
             changes.append(_changes(prepared, parts.watch, first, new, use_lanes))
+        if parts.monitor is not None:
+            decisions.append(_decisions(prepared, parts.monitor, first, new, use_lanes))
     joined |= {name: joined[name][:, 0] for name in ("failed", "t_failed")}
     return RunBlock(
-        first_run=first_run, t=prepared.t_hist, t_epoch=prepared.t_epoch, changes=np.concatenate(changes), **joined
+        first_run=first_run,
+        t=prepared.t_hist,
+        t_epoch=prepared.t_epoch,
+        changes=np.concatenate(changes),
+        decisions=np.concatenate(decisions),
+        **joined,
     )
 
 
@@ -212,6 +223,16 @@ def _changes(prepared: Prepared, watch: Watch, first_run: int, n_run: int, lanes
     before = np.hstack([np.full((n_run, 1), WAITING), mode[:, :-1]])
     run, at = np.nonzero(reason)
     return np.stack([first_run + run, prepared.t_epoch[at], before[run, at], mode[run, at], reason[run, at]], axis=1)
+
+
+def _decisions(prepared: Prepared, monitor: Monitor, first_run: int, n_run: int, lanes: bool) -> Floats:
+    """Return the decisions (n, 4) of the filters of some runs: run, t, what was isolated, channel that was excluded."""
+    isolated, excluded = (_by_run(array, lanes)[:n_run] for array in (monitor.isolated, monitor.excluded))
+    found = []
+    for run, at in zip(*np.nonzero(isolated), strict=True):
+        channels = np.flatnonzero(excluded[run, at]).tolist() or [-1]
+        found += [(first_run + run, prepared.t_epoch[at], isolated[run, at], channel) for channel in channels]
+    return np.array(found, dtype=float).reshape(-1, 4)
 
 
 def replay(prepared: Prepared, seed: int, run: int) -> RunBlock:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from lvnav_trade.records import NO_CHANGES, Bools, Floats, Ints, Output, RunBlock
+from lvnav_trade.records import NO_CHANGES, NO_DECISIONS, Bools, Floats, Ints, Output, RunBlock
 
 # Axis name of the norm of a three-axis quantity.
 NORM = "3d"
@@ -34,7 +34,8 @@ class BlockSummary(NamedTuple):
     events: names in time order; t_event (n_event,) s. t_bound (n_interval + 1,) s: events and both ends of the history;
     worst (n_run, n_interval, n_column) SI: largest |error| of each run at the history times from one bound to the next,
     both included; mean_square, of that shape, SI squared: its squared error's mean over the time between (trapezoidal
-    rule). changes (n_change, 5) of what filters with a logic do: see RunBlock.
+    rule). changes (n_change, 5) of what filters with a logic do, decisions (n_decision, 4) of those
+    that test for faults: see RunBlock.
     """
 
     runs: Ints
@@ -64,6 +65,7 @@ class BlockSummary(NamedTuple):
     worst: Floats
     mean_square: Floats
     changes: Floats = NO_CHANGES
+    decisions: Floats = NO_DECISIONS
 
     @property
     def first_run(self) -> int:
@@ -81,7 +83,7 @@ _SUMMED = (
     "lag_sum", "lag_count",
 )  # fmt: skip
 _PER_RUN = ("runs", "failed", "t_failed")
-_ROWS = ("event_error", "event_sigma", "event_nees", "worst", "mean_square", "changes")
+_ROWS = ("event_error", "event_sigma", "event_nees", "worst", "mean_square", "changes", "decisions")
 _SHARED = ("t", "scale", "t_epoch", "t_event", "t_bound")
 
 
@@ -160,6 +162,7 @@ def summarise(
         worst=_by_span(block.t, error, t_bound, lambda _, span: np.abs(span).max(axis=1)),
         mean_square=_by_span(block.t, error, t_bound, lambda t, e: np.trapezoid(e**2, t, axis=1) / (t[-1] - t[0])),
         changes=block.changes,
+        decisions=block.decisions,
     )
 
 

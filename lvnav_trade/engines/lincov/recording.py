@@ -1,0 +1,100 @@
+"""What the forward pass of linear covariance writes at a history time: covariances, means, budget, samples."""
+
+from lvnav_trade.engines.lincov.units import samples_of_units
+from lvnav_trade.kernels.covariance import variance_along
+from lvnav_trade.kernels.groups import group, total_of, whole
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.transition import ATT, POS, VEL, sensed_driver
+from lvnav_trade.kernels.vehicle import N_SAMPLE
+
+
+@jit
+def write(out, hist, joint, scratch, true, axes_att, axes):
+    """Write covariances and mean at a history time; the budget in reporting axes."""
+    n = joint.formal.shape[0]
+    for i in range(n):
+        out.mean[hist, i] = joint.mean[i]
+        for j in range(i, n):
+            out.formal[hist, i, j], out.formal[hist, j, i] = joint.formal[i, j], joint.formal[i, j]
+            sum_of = whole(scratch.spread)
+            sum_of[0] = group(joint.sources, 0)[i, j]
+            for g in range(1, true.n_slot.shape[0]):
+                sum_of[0] = sum_of[0] + group(joint.sources, g)[i, j]
+            total = total_of(scratch.spread)
+            out.true[hist, i, j], out.true[hist, j, i] = total, total
+    for g in range(true.n_slot.shape[0]):
+        P, budget = group(joint.sources, g), group(scratch.budget, g)
+        for i in range(3):
+            budget[ATT + i, 0] = variance_along(P, ATT, axes_att[i, 0], axes_att[i, 1], axes_att[i, 2])
+            budget[VEL + i, 0] = variance_along(P, VEL, axes[i, 0], axes[i, 1], axes[i, 2])
+            budget[POS + i, 0] = variance_along(P, POS, axes[i, 0], axes[i, 1], axes[i, 2])
+        for i in range(9, n):
+            budget[i, 0] = P[i, i]
+    for source in range(true.group.shape[0]):
+        budget = scratch.budget[true.group[source], ..., true.lane[source]]
+        for i in range(n):
+            out.budget[hist, source, i] = budget[i, 0]
+
+
+@jit
+def write_samples(out, hist, joint, true, units, samples, tick, dt):
+    """Write by source the variance of the errors of the IMU's samples beside their noise: raw, and corrected by the
+    estimated bias.
+    """
+    _write_biases(out, hist, joint, true, samples)
+    if units is None:
+        _write_components(out, hist, joint, true, samples, tick)
+    else:
+        samples_of_units(out, hist, joint, true, units, samples, tick, dt)
+
+
+@jit
+def _write_biases(out, hist, joint, true, samples):
+    for source in range(true.group.shape[0]):
+        P = joint.sources[true.group[source], ..., true.lane[source]]
+        for r in range(N_SAMPLE):
+            at = samples.bias[r]
+            if at >= 0:
+                out.samples[hist, source, 6 + r] += P[at, at]
+
+
+@jit
+def _write_components(out, hist, joint, true, samples, tick):
+    for j in range(true.sensor.shape[0]):
+        if true.profile[j] >= 0 or true.driver[j] < 0:
+            continue
+        u = sensed_driver(true.sensor[j], true.driver[j], samples.rate[tick], samples.force[tick])
+        for axis in range(3):
+            r, c = 3 * true.sensor[j] + axis, true.first[j] + axis
+            source, k, at = true.source[c], true.slot[c], samples.bias[r]
+            g, lane = true.group[source], true.lane[source]
+            variance = u[axis] * u[axis] * joint.variance[g, k, 0, lane]
+            out.samples[hist, source, r] += variance
+            if at < 0:
+                out.samples[hist, source, 6 + r] += variance
+            elif true.state_from[c] == true.state_from[c + 1] or true.states[true.state_from[c]] != at:
+                shared = 2.0 * u[axis] * joint.cross[g, k, at, lane]
+                out.samples[hist, source, 6 + r] += variance + shared
+
+
+@jit
+def hold_solution(out, joint, true):
+    """Hold the covariance of the solution's error by source, and its mean, until the next solution."""
+    at, n = true.solution, out.held_mean.shape[0]
+    for source in range(true.group.shape[0]):
+        P = joint.sources[true.group[source], ..., true.lane[source]]
+        for i in range(n):
+            for j in range(n):
+                out.held[source, i, j] = P[at + i, at + j]
+    for i in range(n):
+        out.held_mean[i] = joint.mean[at + i]
+
+
+@jit
+def write_solution(out, hist):
+    """Write what is held of the receiver's solution at a history time."""
+    for i in range(out.held_mean.shape[0]):
+        out.receiver_mean[hist, i] = out.held_mean[i]
+        for j in range(out.held_mean.shape[0]):
+            for source in range(out.held.shape[0]):
+                out.receiver[hist, source, i, j] = out.held[source, i, j]
