@@ -52,7 +52,9 @@ def case_tables(
         "budget": _budget(prepared, cov) if cov.sources else {},
         **flight_columns(prepared, cov),
         **explained_rows(prepared, cov, explained),
-        "spot_runs": run_columns(prepared.outputs, explained.spot if explained is not None else None)["runs"],
+        "spot_runs": run_columns(
+            prepared.outputs, explained.spot if explained is not None else None, prepared.channel_names
+        )["runs"],
         **(controlled_columns(control) if control is not None else {}),
     }
     return {name: _arrow(name, case.id, contents.get(name, {})) for name in TABLES if name not in _OF_RUNS}
