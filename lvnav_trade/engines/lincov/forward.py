@@ -307,7 +307,8 @@ def forward(
         if n_tick > 0:
             if vehicle is not None:
                 sample_window(joint, scratch, work, tape, true, unit, units, model, vehicle, reference, first, n_tick)
-            nominal_window(nominal, reference, first, n_tick, unit.dt, model.strapdown, schedule.linearised[w])
+            sensed, how = not true.by_samples, model.strapdown
+            nominal_window(nominal, reference, unit, first, n_tick, how, sensed, schedule.linearised[w])
             propagate(joint, scratch, nominal, true, unit, units, model, schedule, w, reference)
             follow(earlier, delayed, scratch.D, model, schedule.length[w], schedule.injection[w])
             if tape.channel.shape[0] > 0:

@@ -5,10 +5,10 @@ from lvnav_trade.engines.lincov.units import REMAINDER, unit_input_matrix
 from lvnav_trade.engines.simulate.sensing import profile_value
 from lvnav_trade.filters.ekf import predict_covariance
 from lvnav_trade.kernels import transition
-from lvnav_trade.kernels.attitude import small_rotation
+from lvnav_trade.kernels.attitude import cross, matrix, small_rotation
 from lvnav_trade.kernels.covariance import apply_phi, enter, predict
 from lvnav_trade.kernels.groups import group
-from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.strapdown import J4, Q, R, V, gravity, mechanise, place
 from lvnav_trade.kernels.transition import (
     ATT,
@@ -28,17 +28,22 @@ N_NAV = 9
 
 
 @jit
-def nominal_window(nominal, reference, first, n_tick, dt, how, linearised=EVERY_WINDOW):
+def nominal_window(nominal, reference, unit, first, n_tick, how, sensed, linearised=EVERY_WINDOW):
     """Mechanise the ideal unit's increments over a window from the true state: the sums that the transition needs.
 
-    linearised : what the window does to the rates of `transition.linearise`
+    sensed : take those that the unit puts out (bandwidth) in place of the true ones where the strapdown's own error is
+        counted, for the algorithm sees no others; linearised : what the window does to the rates of
+        `transition.linearise`
     """
+    dt = unit.dt
     place(nominal.nav, reference, first)
     linearise(nominal.rates, nominal.nav, linearised)
-    for k in range(n_tick):
+    for k in range(first, first + n_tick):
         for axis in range(3):
-            nominal.increments[k, axis] = reference.dtheta[first + k, axis]
-            nominal.increments[k, 3 + axis] = reference.dvel[first + k, axis]
+            turned, gained = reference.dtheta[k, axis], reference.dvel[k, axis]
+            if sensed and how.approximate:
+                turned, gained = unit.dtheta[k, axis], unit.dvel[k, axis]
+            nominal.increments[k - first, axis], nominal.increments[k - first, 3 + axis] = turned, gained
     n_step, step = n_tick // how.subsamples, dt * how.subsamples
     mechanise(nominal.nav, nominal.sums, nominal.previous, nominal.increments, n_step, step, how, dt * first)
 
@@ -216,36 +221,60 @@ def _advance_profiles(joint, scratch, true, unit, units, model, sums, length, fi
 
 
 @jit
-def _set_deviation(deviation, unit, nav, model, first, n_tick, reference):
-    """Set what the window holds in every run: sensed minus true increments (6), error of the filter's gravity (3)."""
-    for i in range(6):
+def set_deviation(deviation, unit, nav, model, first, n_tick, reference):
+    """Set what a window holds in every run: error of the estimate by sensed minus true increments (bandwidth) in
+    attitude, velocity and position (9), inertial axes; error of the filter's gravity (3).
+
+    Increment by increment: a vehicle that spins or shakes turns far between the ends of a window.
+    """
+    for i in range(12):
         deviation[i] = 0.0
+    d, dt = deviation, unit.dt
     for k in range(first, first + n_tick):
-        for axis in range(3):
-            deviation[axis] += unit.dtheta[k, axis] - reference.dtheta[k, axis]
-            deviation[3 + axis] += unit.dvel[k, axis] - reference.dvel[k, axis]
+        a, f, q = reference.dtheta[k], reference.dvel[k], reference.q_b_i[k]
+        c = matrix(q[0], q[1], q[2], q[3])
+        turned = _at_middle(c, a, unit.dtheta[k, 0] - a[0], unit.dtheta[k, 1] - a[1], unit.dtheta[k, 2] - a[2])
+        gained = _at_middle(c, a, unit.dvel[k, 0] - f[0], unit.dvel[k, 1] - f[1], unit.dvel[k, 2] - f[2])
+        x, y, z = _at_middle(c, a, f[0], f[1], f[2])
+        tilted = cross(d[0] + 0.5 * turned[0], d[1] + 0.5 * turned[1], d[2] + 0.5 * turned[2], x, y, z)
+        for i in range(3):
+            step = gained[i] + tilted[i]
+            d[POS + i] += dt * (d[VEL + i] + 0.5 * step)
+            d[VEL + i] += step
+            d[ATT + i] += turned[i]
     x, y, z = nav[R], nav[R + 1], nav[R + 2]
     tx, ty, tz = gravity(J4, x, y, z)
     ox, oy, oz = gravity(model.strapdown.gravity, x, y, z)
-    deviation[6], deviation[7], deviation[8] = tx - ox, ty - oy, tz - oz
+    d[9], d[10], d[11] = tx - ox, ty - oy, tz - oz
     if model.strapdown.approximate:  # the strapdown's own error over the window has the gravity's in it
-        deviation[6] = deviation[7] = deviation[8] = 0.0
+        d[9] = d[10] = d[11] = 0.0
+
+
+@inlined
+def _at_middle(c, a, x, y, z):
+    """Return inertial components of a body vector in the attitude of the middle of a tick: c (9,) at its start, a its
+    rotation.
+    """
+    rx, ry, rz = cross(a[0], a[1], a[2], x, y, z)
+    x, y, z = x + 0.5 * rx, y + 0.5 * ry, z + 0.5 * rz
+    return (
+        c[0] * x + c[1] * y + c[2] * z,
+        c[3] * x + c[4] * y + c[5] * z,
+        c[6] * x + c[7] * y + c[8] * z,
+    )  # fmt: skip
 
 
 @jit
-def _add_deviation(mean, deviation, sums, seconds, sensed):
-    """Add what is the same in every run to the mean: sensed minus true increments (bandwidth) where they are what is
-    propagated, and a gravity model that is not the truth's.
+def _add_deviation(mean, deviation, seconds, sensed):
+    """Add what is the same in every run to the mean: what sensed increments err by, where they are what is propagated,
+    and a gravity model that is not the truth's.
     """
+    if sensed:
+        for i in range(N_NAV):
+            mean[i] -= deviation[i]
     for i in range(3):
-        turned, gained = 0.0, 0.0
-        if sensed:
-            for axis in range(3):
-                turned += sums[3 * i + axis] * deviation[axis] / seconds
-                gained += sums[3 * i + axis] * deviation[3 + axis] / seconds
-        mean[ATT + i] -= turned
-        mean[VEL + i] += deviation[6 + i] * seconds - gained
-        mean[POS + i] += 0.5 * seconds * (deviation[6 + i] * seconds - gained)
+        mean[VEL + i] += deviation[9 + i] * seconds
+        mean[POS + i] += 0.5 * seconds * deviation[9 + i] * seconds
 
 
 @jit
@@ -285,7 +314,9 @@ def propagate(joint, scratch, nominal, true, unit, units, model, schedule, w, re
     transition.fill(scratch.D_true, true.nav_kinds, true.nav_drivers, sums, x, y, z, seconds)
     propagate_sources(joint, scratch, true, units, model, sums, length, first, n_tick)
     _advance_profiles(joint, scratch, true, unit, units, model, sums, length, first, n_tick)
-    _set_deviation(scratch.deviation, unit, nav, model, first, n_tick, reference)
-    _add_deviation(joint.mean, scratch.deviation, sums, seconds, not true.by_samples)
+    set_deviation(scratch.deviation, unit, nav, model, first, n_tick, reference)
+    # the strapdown's own error over the window has that of the sensed increments in it
+    counted = not (true.by_samples or model.strapdown.approximate)
+    _add_deviation(joint.mean, scratch.deviation, seconds, counted)
     if model.strapdown.approximate:
         _add_strapdown_error(joint.mean, nav, reference, first + n_tick)

@@ -157,7 +157,7 @@ def new_scratch(prepared: Prepared, true: Components) -> Scratch:
         {
             "D": (prepared.model.block_rows.size, 9), "D_true": (true.nav_rows.size, 9), "block": (9,),
             "input": (9, 3), "mean_input": (2, 3), "shift": (n,), "K": (n_state,), "x": (n_state,), "gain": (n,),
-            "deviation": (9,), "receiver": (n,),
+            "deviation": (12,), "receiver": (n,),
         },
         {
             "y": (n,), "b": (n_group, n_slot, 9), "seen": (n_group, n_slot, 1), "noise": (n_group, 1, 1),
