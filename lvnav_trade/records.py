@@ -174,8 +174,9 @@ class Output(NamedTuple):
 class Asked(NamedTuple):
     """What linear covariance leaves of a case: budget by source over the flight; and of the event `at` (empty:
     injection, or else the last one) when each source acted, what a better one is worth, by source the covariance at
-    `events` too; observability by phase, or by windows of that many seconds; bounds of the assumed noise; the runs of
-    a spot check, with the campaign's seed; and of its inertial units the Allan deviation of a stream of `allan` s.
+    `events` too; observability by phase, or by windows of that many seconds; nonlinearity at every event; bounds of
+    the assumed noise; the runs of a spot check, with the campaign's seed; and of its inertial units the Allan deviation
+    of a stream of `allan` s.
     """
 
     at: str = ""
@@ -185,6 +186,7 @@ class Asked(NamedTuple):
     observability: bool = True
     budget: bool = True
     window: float = 0.0
+    nonlinearity: bool = True
     error_bound: bool = False
     spot_check: int = 0
     seed: int = 0

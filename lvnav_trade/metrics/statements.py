@@ -131,7 +131,8 @@ def rows(tables: Tables, stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
                 "without an interval" if found.monte_carlo == found.monte_carlo else "linear covariance alone"
             )
         open_levels = tuple(sorted((axis, level) for axis, level in levels.items() if axis != along))
-        crossing = where_bound(locus.get(open_levels, ()), low, high) if word != HOLDS else ""
+        names = stated.get("tested_by") or NUMBERS
+        crossing = where_bound(locus.get(open_levels, ()), low, high, names) if word != HOLDS else ""
         remarks.append(f"bound reached at {along} = {crossing}" if crossing else "")
         ours = next((v for v in (found.monte_carlo, found.true, found.formal) if v == v), np.nan)
         yield {
@@ -220,16 +221,23 @@ def _locus(
     return found
 
 
-def where_bound(values: Sequence[tuple[str, Value]], low: float, high: float) -> str:
-    """Return the level at which the true error first reaches a bound, interpolated between levels that are numbers."""
-    points = [(size, value.true, level) for level, value in values if (size := _size(level)) is not None]
-    points.sort()
-    for (x0, y0, first), (x1, y1, _) in pairwise(points):
-        for bound in (low, high):
-            if (y0 - bound) * (y1 - bound) < 0.0:
-                part = (bound - y0) / (y1 - y0)
-                x = x0 * (x1 / x0) ** part if x0 > 0.0 else x0 + part * (x1 - x0)
-                return f"{x:.3g}{_NUMBER.sub('', first, count=1)}"
+def where_bound(
+    values: Sequence[tuple[str, Value]], low: float, high: float, tested_by: Sequence[str] = ("true",)
+) -> str:
+    """Return the level at which the true error first reaches a bound, interpolated between levels that are numbers; if
+    it never does, that at which another of the numbers that are tested does, and which.
+    """
+    points = [(size, value, level) for level, value in values if (size := _size(level)) is not None]
+    points.sort(key=lambda point: point[0])
+    for name in sorted(tested_by, key=lambda name: name != "true"):
+        for (x0, first, level), (x1, second, _) in pairwise(points):
+            y0, y1 = getattr(first, name), getattr(second, name)
+            for bound in (low, high):
+                if (y0 - bound) * (y1 - bound) < 0.0:
+                    part = (bound - y0) / (y1 - y0)
+                    x = x0 * (x1 / x0) ** part if x0 > 0.0 else x0 + part * (x1 - x0)
+                    which = "" if name == "true" else f" ({name.replace('_', ' ')})"
+                    return f"{x:.3g}{_NUMBER.sub('', level, count=1)}{which}"
     return ""
 
 

@@ -191,6 +191,9 @@ def test_where_a_bound_is_reached_is_interpolated_between_levels():
     values = [(f"{x} m/s", Value(np.nan, y, *[np.nan] * 3, 0, ())) for x, y in ((0.1, 0.8), (0.01, 0.4))]
     assert where_bound(values, np.nan, 0.6) == "0.0316 m/s"  # half way of the logarithm
     assert where_bound(values, np.nan, 0.9) == ""
+    formal = [(f"{x} deg", Value(y, 0.5, *[np.nan] * 3, 0, ())) for x, y in ((0.1, 0.8), (0.01, 0.4))]
+    assert where_bound(formal, np.nan, 0.6) == ""  # the true error never does
+    assert where_bound(formal, np.nan, 0.6, ["formal", "true"]) == "0.0316 deg (formal)"
 
 
 def test_the_bound_of_a_nees_is_that_of_its_runs():

@@ -163,6 +163,7 @@ class Covariance(units.Card):
     window: units.Duration | None = Field(
         None, gt=0, description="or in each window of this length, in place of phases"
     )
+    nonlinearity: bool = Field(True, description="how far each case is from linear at every event and gap")
     error_bound: bool = Field(
         False, description="whether the noise that the filter assumes keeps its error bounded (q I <= Q, r I <= R)"
     )

@@ -1,5 +1,6 @@
 """Behind a case's linear covariance: which source, when, what a better one is worth, what the rows can tell."""
 
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -103,14 +104,20 @@ def explain(scenario: Scenario, prepared: Prepared, history: CovHistory, asked: 
         _by_source(prepared, events, (at, *asked.events), tape) if at and asked.adjoint else (),
         _sensitivities(scenario, prepared, history, events[at]) if at and asked.sensitivity else (),
         _phases(prepared, events, tape, asked.window) if asked.observability else (),
-        (
-            *((name, nonlinearity(prepared, history, t)) for name, t in events.items()),
-            *((gap.name, nonlinearity(prepared, history, gap.begin, end=gap.end)) for gap in gaps(history)),
-        ),
+        _nonlinearities(prepared, history, events) if asked.nonlinearity else (),
         bound,
         _in_words(prepared, float(prepared.reference.t[0]), bound.weakest) if bound is not None else "",
         spot_check(prepared, history, events, asked.seed, asked.spot_check) if asked.spot_check else None,
         allan_curves(prepared, asked.allan, asked.seed) if asked.allan else (),
+    )
+
+
+def _nonlinearities(
+    prepared: Prepared, history: CovHistory, events: Mapping[str, float]
+) -> tuple[tuple[str, Nonlinearity], ...]:
+    return (
+        *((name, nonlinearity(prepared, history, t)) for name, t in events.items()),
+        *((gap.name, nonlinearity(prepared, history, gap.begin, end=gap.end)) for gap in gaps(history)),
     )
 
 

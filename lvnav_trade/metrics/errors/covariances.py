@@ -15,6 +15,11 @@ from lvnav_trade.store.read import Tables
 REJECTS_TOO_MUCH = 0.01
 # rad; a larger one-sigma of attitude at or before lift-off is beyond the linear form: 1 - cos is 4 % of 5 deg.
 LINEAR_ATTITUDE = math.radians(5.0)
+# Of the expected size: what linear covariance is trusted with, however many runs there are and however little they
+# spread.
+FIRST_ORDER = 0.01
+# sigma; an error whose mean is larger is nearly the same in every run: its second order is no smaller than the spread.
+LARGE_MEAN = 5.0
 AGREEMENT = ["case", "event", "state", "unit", "monte_carlo", "lincov", "ratio", "low", "high", "agree"]
 # Probability that any row of a case disagrees although both engines describe the same errors.
 ALPHA = 0.01
@@ -96,12 +101,33 @@ def why_not_applicable(tables: Tables, case: str) -> str:
     return f"the gate rejects {100 * rejected:.2g} % of good rows at {at:.0f} s"
 
 
+def why_second_order(tables: Tables, case: str) -> str:
+    """Say what of a case is too large for a first order, where engines disagree: attitude in flight, or a mean that
+    the runs hardly spread about; empty where neither is.
+    """
+    rows = pick(tables.history, case=case)
+    rows = rows[rows.quantity.isin(NAVIGATION) & (rows.axis != "3d") & (rows.lincov_true_si > 0.0)]
+    tilted = rows[rows.quantity == "attitude"]
+    if len(tilted) and tilted.lincov_true_si.max() > LINEAR_ATTITUDE:
+        at = tilted.loc[tilted.lincov_true_si.idxmax()]
+        return beyond_linear(float(at.lincov_true_si), f" at {at.t_s:.0f} s")
+    ratio = rows.lincov_mean_si.abs() / rows.lincov_true_si
+    if not ratio.max() > LARGE_MEAN:
+        return ""
+    at = rows.loc[ratio.idxmax()]
+    return (
+        f"the mean error is {ratio.max():.2g} sigma ({at.quantity} {at.axis} at {at.t_s:.0f} s): runs hardly spread, "
+        "and the second order of the mean counts"
+    )
+
+
 def agreement(tables: Tables) -> pd.DataFrame:
     """Return Monte-Carlo RMS over LinCov RMS at every event for the nine navigation errors, in the units of people.
 
     low and high bound the ratio: chi-square with the runs' degrees of freedom, two-sided, Bonferroni over the rows of a
-    case. agree is "agree", "disagree", "no runs", or "not applicable" where the case's gate rejects more than 1 % of
-    good rows at some epoch: there linear covariance, which knows no gate, does not describe the filter.
+    case, and never closer to one than `FIRST_ORDER`. agree is "agree", "disagree", "no runs", or "not applicable":
+    where linear covariance does not describe the case (`why_not_applicable`: a gate that rejects more than 1 % of good
+    rows), and where the engines disagree over what is no first order (`why_second_order`).
     """
     rows = []
     for case, quantity, axis, history in series(tables):
@@ -116,7 +142,12 @@ def agreement(tables: Tables) -> pd.DataFrame:
                 sizes = (at.rms_si * factor, expected * factor, at.rms_si / expected)
                 rows.append((*head, *sizes, at.run_count * at.dof_ratio))
     found = _with_verdicts(pd.DataFrame(rows, columns=[*AGREEMENT[:7], "freedom"]))
-    outside = [label for case, label in tables.labels.items() if why_not_applicable(tables, case)]
+    differ = set(found.case[found.agree == "disagree"])
+    outside = [
+        label
+        for case, label in tables.labels.items()
+        if why_not_applicable(tables, case) or (label in differ and why_second_order(tables, case))
+    ]
     tested = found.agree.isin(["agree", "disagree"])
     return found.assign(agree=found.agree.mask(tested & found.case.isin(outside), "not applicable"))
 
@@ -127,6 +158,7 @@ def _with_verdicts(frame: pd.DataFrame) -> pd.DataFrame:
     for size in np.unique(members):
         chosen = members == size
         low[chosen], high[chosen] = ratio_interval(frame.freedom[chosen], ALPHA / size)
+    low, high = np.minimum(low, 1.0 - FIRST_ORDER), np.maximum(high, 1.0 + FIRST_ORDER)
     inside = (frame.ratio >= low) & (frame.ratio <= high)
     verdict = np.where(frame.freedom == 0, "no runs", np.where(inside, "agree", "disagree"))
     return frame.assign(low=low, high=high, agree=verdict)[AGREEMENT]
@@ -152,7 +184,10 @@ def by_case(tables: Tables) -> pd.DataFrame:
         sources = pick(tables.budget, case=case, event=worst.event, quantity=quantity, axis=axis)
         share = sources.set_index("source").share_ratio
         largest = (share.idxmax(), float(share.max())) if len(share) else ("", float("nan"))
-        head = (label, verdict, why_not_applicable(tables, case), ALPHA, len(group), outside)
+        reason = why_not_applicable(tables, case)
+        if verdict == "not applicable" and not reason:
+            reason = why_second_order(tables, case)
+        head = (label, verdict, reason, ALPHA, len(group), outside)
         found.append((*head, *worst[["state", "event", "ratio", "low", "high"]], *largest))
     names = ["case", "verdict", "reason", "alpha_ratio", "tested_count", "outside_count", "state", "event", "ratio"]
     return pd.DataFrame(found, columns=[*names, "low", "high", "source", "share_ratio"])

@@ -103,8 +103,9 @@ def test_every_event_has_its_nonlinearity():
 
 def test_what_is_not_asked_for_is_not_computed():
     prepared, history, _ = found()
-    what = explain(prepared.scenario, prepared, history, Asked(adjoint=False, observability=False))
+    what = explain(prepared.scenario, prepared, history, Asked(adjoint=False, observability=False, nonlinearity=False))
     assert (what.adjoint, what.by_source, what.sensitivity, what.phases) == (None, (), (), ())
+    assert what.nonlinear == ()
     assert what.event == "end1"  # no injection: the last event
 
 

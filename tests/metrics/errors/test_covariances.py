@@ -185,3 +185,39 @@ def test_what_attitude_becomes_in_flight_is_no_matter_of_alignment(good):
     history.loc[(history.quantity == "attitude") & (history.t_s > 0.0), "lincov_true_si"] *= 1e3
     found = SimpleNamespace(cases=good.cases, history=history, innovations=good.innovations, campaign={})
     assert not why_not_applicable(found, case)
+
+
+def changed_history(tables, **columns):
+    """The tables with columns of the history of velocity set to (factor, added)."""
+    found = copy.copy(tables)
+    history = tables.history.copy()
+    chosen = (history.quantity == "velocity") & (history.axis != "3d")
+    for name, (factor, added) in columns.items():
+        history.loc[chosen, name] = history.loc[chosen, name] * factor + added
+    found.history = history
+    return found
+
+
+def test_however_little_runs_spread_a_hundredth_of_the_mean_is_agreement(good):
+    """The mean is a million sigma, so that chi-square's bounds are 1e-7 wide: 0.9 % is agreement, 1.1 % is not."""
+    for off, inside in ((1.009, True), (1.011, False)):
+        small = {"lincov_true_si": (0.0, 1e-6), "lincov_mean_si": (0.0, 1.0), "dof_ratio": (0.0, 1e9)}
+        found = changed_history(good, **small, rms_si=(0.0, off))
+        rows = agreement(found)
+        rows = rows[rows.state.str.startswith("velocity")]
+        assert (((rows.ratio >= rows.low) & (rows.ratio <= rows.high)) == inside).all()
+
+
+@pytest.mark.parametrize(("sigmas", "verdict"), [(4.0, "disagree"), (6.0, "not applicable")])
+def test_engines_that_differ_over_a_mean_of_many_sigma_are_told_why(good, sigmas, verdict):
+    mean = sigmas * 0.01
+    found = changed_history(good, lincov_true_si=(0.0, 0.01), lincov_mean_si=(0.0, mean), rms_si=(0.0, 2.0 * mean))
+    rows = by_case(found)
+    assert set(rows.verdict) == {verdict}
+    assert rows.reason.str.contains(r"the mean error is 6 sigma \(velocity").all() == (verdict == "not applicable")
+
+
+def test_engines_that_agree_need_no_reason(good):
+    """Mean and runs as large as each other, twenty sigma."""
+    found = changed_history(good, lincov_true_si=(0.0, 0.01), lincov_mean_si=(0.0, 0.2), rms_si=(0.0, 0.2003))
+    assert set(by_case(found).verdict) == {"agree"}
