@@ -13,10 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lvnav_trade.filters import ekf, monitor
+from lvnav_trade.filters import ekf
 from lvnav_trade.filters.delayed import find_earlier, renew
 from lvnav_trade.filters.integrity.assess import assess
 from lvnav_trade.filters.late import correct_stored_errors, place_of, predicted_of_stored
+from lvnav_trade.filters.monitor import MODE, check_measurements, is_correcting, is_running, start_filter, update_mode
 from lvnav_trade.filters.unscented import measure_receiver
 from lvnav_trade.filters.updates import update_receiver, update_sensors
 from lvnav_trade.kernels import processes
@@ -93,7 +94,7 @@ def apply_correction(work, open_loop, watch, model):
     _copy_estimates(open_loop, work)
     if watch is not None:
         for i in range(work.x.shape[0]):
-            work.x[i] = where(monitor.is_correcting(watch.state[monitor.MODE]) > 0.0, work.x[i], 0.0)
+            work.x[i] = where(is_correcting(watch.state[MODE]) > 0.0, work.x[i], 0.0)
     ekf.correct(work, None, None, model)
 
 
@@ -165,10 +166,10 @@ def _process_permitted(
         measure_receiver(work, points, past, earlier, late, delayed, model, signals, epoch, dt)
         _compare_late(work, past, open_loop, late, model, signals, epoch)
         _predict_rows(work, watch, model, signals, epoch)
-    monitor.check_measurements(watch, rules, delayed, model, signals, epoch, work.z, n_row)
+    check_measurements(watch, rules, delayed, model, signals, epoch, work.z, n_row)
     if rules.good[epoch]:
         _sample_variance(watch.predicted, rx, signals.variance[epoch], signals.scale[epoch], rules.from_gnss)
-        monitor.start_filter(work.P, work.x, watch, rules, work.z)
+        start_filter(work.P, work.x, watch, rules, work.z)
         renew(work.P, work.x, work.extra, delayed, model, epoch)  # for those that start: at others it is done
         ekf.decorrelate(work, points, past, rx, late, gains, model, signals, epoch)
         _assess(work, points, monitor, tests, delayed, watch.sample[0], gains, model, signals, epoch)
@@ -181,7 +182,7 @@ def _process_permitted(
         for row in range(n_row):
             channel = ekf.channel_of(model, signals, epoch, row)
             work.innovation[epoch, channel] = where(used, work.innovation[epoch, channel], np.nan)
-    monitor.update_mode(watch, rules, epoch, work.P)
+    update_mode(watch, rules, epoch, work.P)
 
 
 @inlined
@@ -228,5 +229,5 @@ def process_measurements(
             work, points, rx, past, earlier, watch, monitor, open_loop, direct, rules, tests, late, delayed, gains,
             model, signals, epoch, dt,
         )  # fmt: skip
-        gate = where(monitor.is_running(watch.state[monitor.MODE]) > 0.0, model.gate_squared, -1.0)
+        gate = where(is_running(watch.state[MODE]) > 0.0, model.gate_squared, -1.0)
         update_sensors(work, points, past, open_loop, direct, late, gains, sensors, model, signals, epoch, gate)

@@ -203,7 +203,7 @@ def test_a_bias_step_by_speed_is_that_of_the_same_times():
     by_time = GyroBiasStep(start="75 s", duration="50 s", size=size)
     by_speed = GyroBiasStep.model_validate({"speed_below": "100 m/s", "from": "1 s", "size": size})
     steps = [_profiles(loaded().imu, [fault], STONE) for fault in (by_time, by_speed)]
-    np.testing.assert_allclose([p[1] for p in steps[1]], [p[1] for p in steps[0]], atol=1e-6)
-    assert [p[3] for p in steps[1]] == [p[3] for p in steps[0]]
+    np.testing.assert_allclose([p[2] for p in steps[1]], [p[2] for p in steps[0]], atol=1e-6)
+    assert [p[4] for p in steps[1]] == [p[4] for p in steps[0]]
     always = _profiles(loaded().imu, [GyroBiasStep(below="30 km", size=size)], STONE)
-    assert [(p[2], p[3][0] > 0.0) for p in always] == [(-10.0, True)]  # full at the first tick, and it does not end
+    assert [(p[3], p[4][0] > 0.0) for p in always] == [(-10.0, True)]  # full at the first tick, and it does not end

@@ -74,7 +74,7 @@ def test_a_change_of_region_reaches_nonlinearities_and_only_the_states_that_a_cl
     entry = {"from": "5 s", "accel_nonlinearity": "1 percent", "clock_bias": "3 m"}
     prepared = flown(region_noise=[entry], extra_states=["accel_nonlinearity"])
     at = next(b.offset for b in prepared.layout.parameters if b.name == "accel_nonlinearity")
-    full_scale = prepared.scenario.imu.accel.full_scale
+    full_scale = prepared.scenario.imu.accel.nonlinearity_scale
     np.testing.assert_allclose(prepared.model.injected[0, at : at + 3], (0.01 / full_scale) ** 2, rtol=1e-12)
     drifting = entry | {"clock_drift": "1 m/s"}
     clock = prepared.layout.clock
