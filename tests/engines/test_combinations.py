@@ -25,9 +25,7 @@ SAMPLE = [
         "fault": "gyro bias step",
     },
     {"measurements": "attitude", "states": "neglected", "fault": "noise"},
-    {"measurements": "position", "gains": "stored", "fault": "noise"},
     {"measurements": "ranges", "units": "two", "states": "scale factors", "vehicle": "spinning"},
-    {"measurements": "solution, differences", "units": "two", "fault": "gyro bias step"},
 ]
 
 

@@ -243,6 +243,7 @@ def test_a_tight_filter_checks_ranges_and_bridges_a_loss():
     assert np.all(apart.n_row.sum(axis=1) < block.n_row.sum(axis=1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["buffered", "extrapolated"])
 def test_of_late_measurements_open_and_closed_loop_make_the_same_and_one_run_is_a_lane(kind):
     """A delay of 0.3 s: the open loop compares with the error state of the time of validity, too."""

@@ -33,7 +33,9 @@ def of_units(units, gyro=None, accel=None, **fields):
     return covariance(prepare_hop(with_units(scenario, units, **fields), thrusting()))
 
 
-@pytest.mark.parametrize("settings", [RICH, SAMPLES], ids=["increments", "samples as measurements"])
+@pytest.mark.parametrize(
+    "settings", [RICH, pytest.param(SAMPLES, marks=pytest.mark.slow)], ids=["increments", "samples as measurements"]
+)
 def test_a_set_of_one_unit_is_that_unit(settings):
     scenario = loaded(*settings)
     one, many = prepare_hop(scenario), prepare_hop(with_units(scenario, [{}]))

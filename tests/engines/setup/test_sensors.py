@@ -198,6 +198,7 @@ def test_an_open_loop_takes_it_too():
     np.testing.assert_allclose(opened, closed, atol=0.01)  # m
 
 
+@pytest.mark.slow
 def test_it_stands_beside_a_receiver_with_a_filter_of_its_own_and_one_run_is_a_lane():
     prepared = prepare_hop(with_fields(radar(), **{"receiver.solution": FILTERED, "faults": []}))
     block, alone = run_block(prepared, 7, 0, N_RUN), run_block(prepared, 7, 5, 1, lanes=False)
@@ -301,7 +302,9 @@ def test_a_latency_that_is_not_compensated_acts_in_both_engines_as_an_error():
 
 
 @pytest.mark.parametrize("feedback", ["closed", "open"])
-@pytest.mark.parametrize("latency", [LATENCY, 0.333, 1.4])
+@pytest.mark.parametrize(
+    "latency", [LATENCY, pytest.param(0.333, marks=pytest.mark.slow), pytest.param(1.4, marks=pytest.mark.slow)]
+)
 def test_a_buffered_sensor_is_compared_with_the_state_of_its_time(feedback, latency):
     """333 ms are between two ticks, 1.4 s are more than an interval of the filter."""
     case = referenced(latency=f"{latency} s", sigma="0.5 mrad")
