@@ -54,7 +54,7 @@ def fill_transition(work, model, length):
 
 
 @jit
-def fade_estimates(work, model, length):
+def propagate_estimates(work, model, length):
     """Propagate clock estimate and fading parameters over a window."""
     if model.clock >= 0:
         work.clock_hat[0] = work.clock_hat[0] + model.seconds[length] * work.clock_hat[1]
@@ -72,7 +72,7 @@ def predict_window(work, model, length, injection):
     """Propagate covariance and estimates over a window by its transition; see `predict_covariance`."""
     fill_transition(work, model, length)
     predict_covariance(work.P, work.D, model, length, injection)
-    fade_estimates(work, model, length)
+    propagate_estimates(work, model, length)
 
 
 @jit

@@ -119,14 +119,19 @@ def _compare_late(work, past, open_loop, late, model, signals, epoch):
 
 
 @jit
+def _predicted(work, model, signals, epoch, row):
+    """Return what the error state predicts of a row's measured minus predicted."""
+    channel, total = ekf.channel_of(model, signals, epoch, row), like(work.x[0], 0.0)
+    for c in range(model.n_entry[channel]):
+        total = total + work.H[row, model.entry[channel, c]] * work.x[model.column[channel, c]]
+    return total
+
+
+@jit
 def _predict_rows(work, watch, model, signals, epoch):
-    """Set what the error state predicts of every row's measured minus predicted."""
+    """Set what the error state predicts of every row."""
     for row in range(ekf.n_measured(model, signals, epoch)):
-        channel = ekf.channel_of(model, signals, epoch, row)
-        total = like(work.x[0], 0.0)
-        for c in range(model.n_entry[channel]):
-            total = total + work.H[row, model.entry[channel, c]] * work.x[model.column[channel, c]]
-        watch.predicted[row] = total
+        watch.predicted[row] = _predicted(work, model, signals, epoch, row)
 
 
 @jit
@@ -145,10 +150,7 @@ def _assess(work, points, monitor, tests, delayed, running, gains, model, signal
     """Test an epoch's rows for faults (Monitor and Tests, or None); of an open loop less what its error state says."""
     if monitor is not None:
         for row in range(ekf.n_measured(model, signals, epoch)):
-            channel, total = ekf.channel_of(model, signals, epoch, row), like(work.x[0], 0.0)
-            for c in range(model.n_entry[channel]):
-                total = total + work.H[row, model.entry[channel, c]] * work.x[model.column[channel, c]]
-            monitor.z[row] = work.z[row] - total
+            monitor.z[row] = work.z[row] - _predicted(work, model, signals, epoch, row)
             if points is not None:
                 monitor.spread[row] = points.spread[row]
         whitened = model.has_covariance and gains is None

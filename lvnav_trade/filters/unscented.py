@@ -16,7 +16,6 @@ latency and mode logic are those of the extended filter.
 from typing import NamedTuple
 
 from lvnav_trade.filters.ekf import (
-    fade_estimates,
     fill_receiver,
     fill_sensor,
     fill_transition,
@@ -25,10 +24,11 @@ from lvnav_trade.filters.ekf import (
     n_measured,
     place_antenna,
     predict_window,
+    propagate_estimates,
 )  # fmt: skip
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.attitude import multiply
-from lvnav_trade.kernels.covariance import fade
+from lvnav_trade.kernels.covariance import finish_window
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, sqrt, where, zeros_of
 from lvnav_trade.kernels.strapdown import N_SUM, Q, R, V, mechanise
@@ -214,11 +214,11 @@ def predict(work, points, open_loop, model, unit, schedule, w, dt):
         factorise(points.root, P, model, points.odd.shape[0])
         _fly_points(points, work, open_loop, model, unit, schedule.first_tick[w], schedule.n_tick[w], dt)
         _join(P, points)
-        fade(P, model.decay[length], noise, model.clock, model.seconds[length])
+        finish_window(P, model.decay[length], noise, model.clock, model.seconds[length])
         inject(P, model, injection)
         if open_loop is None:
             correct_motion(work.nav, points.mean)
-        fade_estimates(work, model, length)
+        propagate_estimates(work, model, length)
 
 
 @jit

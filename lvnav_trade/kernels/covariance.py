@@ -74,7 +74,7 @@ def _advance(P, blocks, rows, columns, n):
 
 
 @jit
-def fade(P, decay, noise, clock, seconds):
+def finish_window(P, decay, noise, clock, seconds):
     """Let a covariance's parameters decay and its clock move on over a window; add the second half of the noise."""
     n = P.shape[0]
     for j in range(N_NAV_ERROR, n):
@@ -110,7 +110,7 @@ def predict(P, blocks, rows, columns, decay, noise, clock, seconds):
     for i in range(n):
         P[i, i] = P[i, i] + 0.5 * noise[i]
     _advance(P, blocks, rows, columns, n)
-    fade(P, decay, noise, clock, seconds)
+    finish_window(P, decay, noise, clock, seconds)
 
 
 @jit
