@@ -38,6 +38,11 @@ if TYPE_CHECKING:
 __all__ = ["InputError", "Results", "check", "load", "run"]
 
 
+def __dir__() -> list[str]:
+    """Return the names that are there for the asking, beside those that are imported."""
+    return sorted({*globals(), *__all__, "__version__"})
+
+
 def __getattr__(name: str) -> Any:
     """Import what is asked for when it is asked for: ``import lvnav_trade`` stays fast."""
     import importlib

@@ -4,73 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading.load import load as load_campaign
 from lvnav_trade.campaign.running import execute, work
+from lvnav_trade.campaign.running.demonstrable import undemonstrable
 from lvnav_trade.campaign.running.plan import Estimate, estimate
 from lvnav_trade.campaign.running.progress import Progress, staged
 from lvnav_trade.campaign.running.replay import find
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.errors import InputError, refuse_all, writing
+from lvnav_trade.results import FAILED as FAILED
+from lvnav_trade.results import INTERNAL as INTERNAL
+from lvnav_trade.results import INTERRUPTED as INTERRUPTED
+from lvnav_trade.results import MET as MET
+from lvnav_trade.results import UNDECIDED as UNDECIDED
+from lvnav_trade.results import USAGE as USAGE
+from lvnav_trade.results import VIOLATED as VIOLATED
+from lvnav_trade.results import Results as Results
+from lvnav_trade.results import exit_code as exit_code
 from lvnav_trade.store.contents import owned
 from lvnav_trade.store.read import load as read
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from lvnav_trade.campaign.derived import ProcessNoise
     from lvnav_trade.campaign.running.selfcheck import Checked
     from lvnav_trade.filters.scheduled import GainSchedule
     from lvnav_trade.metrics.comparison.comparison import Comparison
-
-# Exit codes: all requirements met, one violated, bad usage or file, undecided, some runs failed, our fault, Ctrl-C
-MET, VIOLATED, USAGE, UNDECIDED, FAILED, INTERNAL, INTERRUPTED = 0, 1, 2, 3, 4, 5, 130
-
-
-class Results:
-    """A folder of results.
-
-    Attributes
-    ----------
-    cases, runs, history, budget, events, ... : pandas.DataFrame
-        The stored tables, one row per observation, the unit at the end of every column's name.
-    rms, agreement, requirements : pandas.DataFrame
-        What is computed from them: errors by case, phase or event, and axis, with their intervals; Monte Carlo against
-        linear covariance; requirement, case, verdict (met, violated, undecided, not confirmed), estimate and what it
-        rests on.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.tables = read(folder)
-
-    def __getattr__(self, name: str) -> pd.DataFrame:
-        if name.startswith("_") or name == "tables":
-            raise AttributeError(name)
-        if name in ("rms", "agreement", "requirements"):
-            from lvnav_trade.metrics import METRICS
-
-            return METRICS[name](self.tables)
-        return getattr(self.tables, name)
-
-    @property
-    def failures(self) -> list[str]:
-        """One line per failed run, with the command that flies it again, and per unit of work that was lost."""
-        runs = self.tables.runs
-        failed = runs[runs.failure != ""].drop_duplicates(["case", "run_number"])
-        return self.tables.manifest.get("lost", []) + [
-            f"{self.tables.labels[row.case]}, run {row.run_number} {row.failure} at {row.t_failed_s:g} s; "
-            f"lvnav-trade replay {self.folder} {row.case} {row.run_number}"
-            for row in failed.itertuples(index=False)
-        ]
-
-    @property
-    def exit_code(self) -> int:
-        """What the command line would leave with."""
-        return exit_code(list(self.requirements.verdict), self.failures)
 
 
 def check(campaign: str | Path, sets: Sequence[str] = ()) -> Campaign:
@@ -89,14 +51,20 @@ def examine(campaign: str | Path, sets: Sequence[str] = ()) -> tuple[Campaign, d
     found = load_campaign(campaign, sets)
     remarks = _checked(found).remarks
     execute.check_effect(found, cases(found), work.ENGINE)
-    return found, remarks
+    return found, remarks | {"warnings": [*remarks.get("warnings", ()), *map(str, undemonstrable(found))]}
+
+
+def refuse_undemonstrable(campaign: Campaign) -> None:
+    """Raise InputError where runs of a campaign, all of them good, would leave a requirement undecided."""
+    refuse_all(list(undemonstrable(campaign)))
 
 
 def plan(campaign: str | Path, sets: Sequence[str] = (), folder: str | Path | None = None) -> Estimate:
     """Return the cases of a campaign, what they will take, and what of it `folder` (``results/NAME``) holds already."""
     found = load_campaign(campaign, sets)
     duration = {case: max(times.values()) - min(times.values()) for case, times in _checked(found).events.items()}
-    return estimate(found, _place(found, folder), duration)
+    made = estimate(found, _place(found, folder), duration)
+    return made._replace(warnings=[str(one) for one in undemonstrable(found)])
 
 
 def _place(campaign: Campaign, folder: str | Path | None) -> Path:
@@ -381,11 +349,3 @@ def write_kml(
     seen = preview(read_card(str(source), Path.cwd()))
     flight = kml.Flight(seen.name, pd.DataFrame(seen.reference), pd.DataFrame(seen.events))
     return kml.write_kml(Path(file), seen.name, [flight], magnify)
-
-
-def exit_code(verdicts: Sequence[str], failures: Sequence[Any]) -> int:
-    """Return the exit code of a finished campaign; failed runs come first, because no verdict is safe beside them."""
-    if failures:
-        return FAILED
-    undecided = {"undecided", "not confirmed"} & set(verdicts)
-    return VIOLATED if "violated" in verdicts else UNDECIDED if undecided else MET

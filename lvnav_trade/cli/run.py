@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from lvnav_trade.campaign.definition.schema import Campaign
 
 _MOST = 10  # failed runs that are listed one by one
+Strict = Annotated[
+    bool, typer.Option("--strict", help="exit code 2 where the runs cannot show a requirement, however good they are")
+]
 VERDICTS = ("passed", "failed", "not checked")
 
 
@@ -55,6 +58,7 @@ def run(
 def _answer(results: Any, answers: Sequence[Any], report: bool) -> Answer:
     """Return verdicts and where the results are, with the exit code that they mean."""
     from lvnav_trade.campaign.reading.flights import KINDS, remark_lines
+    from lvnav_trade.metrics.requirements.requirements import in_words
 
     verdicts, failures = results.requirements, results.failures
     remarks = {name: results.tables.manifest.get(name, []) for name in KINDS}
@@ -62,7 +66,8 @@ def _answer(results: Any, answers: Sequence[Any], report: bool) -> Answer:
     lines = remark_lines(remarks) + [f"failed: {line}" for line in failures[:_MOST]]
     if len(verdicts):
         at = 1 if remarks["beyond_limits"] else 0
-        lines.insert(at, table(list(verdicts.columns), list(verdicts.itertuples(index=False))))
+        shown = in_words(verdicts)
+        lines.insert(at, table(list(shown.columns), list(shown.itertuples(index=False))))
     if len(failures) > _MOST:
         lines.append(f"failed: {len(failures) - _MOST} more; all of them: column failed of the table runs, or --json")
     lines.append(f"report: {page}" if page else f"results: {results.folder}")
@@ -87,13 +92,15 @@ def _print_answers(answers: Sequence[Any], cases: Sequence[Any]) -> None:
 
 
 @verb()
-def check(campaign: CampaignFile, sets: Sets = None) -> Answer:
+def check(campaign: CampaignFile, sets: Sets = None, strict: Strict = False) -> Answer:
     """Validate a campaign without running it."""
     from lvnav_trade import api
     from lvnav_trade.campaign.definition.axes import cases
     from lvnav_trade.campaign.reading.flights import remark_lines
 
     loaded, remarks = api.examine(campaign, sets or ())
+    if strict:
+        api.refuse_undemonstrable(loaded)
     found = cases(loaded)
     good = f"{campaign}: good, {len(found)} {'case' if len(found) == 1 else 'cases'}"
     known = [{"id": case.id, "label": case.label} for case in found]
@@ -101,14 +108,21 @@ def check(campaign: CampaignFile, sets: Sets = None) -> Answer:
 
 
 @verb()
-def plan(campaign: CampaignFile, sets: Sets = None, out: Out = None) -> Answer:
+def plan(campaign: CampaignFile, sets: Sets = None, out: Out = None, strict: Strict = False) -> Answer:
     """Show the cases, their cost, and what is already done."""
     from lvnav_trade import api
+    from lvnav_trade.campaign.reading.flights import remark_lines
+    from lvnav_trade.campaign.reading.load import load
 
     found = api.plan(campaign, sets or (), out)
+    if strict:
+        api.refuse_undemonstrable(load(campaign, sets or ()))
     rows = table(["case", "label", "runs", "done"], [list(row.values()) for row in found.cases])
     cost = f"{found.disk_mb:.0f} MB of disk, {found.memory_mb:.0f} MB a job"
-    return Answer(f"{rows}\nabout {found.seconds:.0f} s of one core once compiled, {cost}", found._asdict())
+    lines = [rows, *remark_lines({"warnings": found.warnings})]
+    return Answer(
+        "\n".join([*lines, f"about {found.seconds:.0f} s of one core once compiled, {cost}"]), found._asdict()
+    )
 
 
 @verb()
@@ -237,6 +251,25 @@ def cards(
     found = found or every
     listed = table(["card", "what", "source"], [[card.name, card.title, card.source] for card in found])
     return Answer(listed, {"cards": [card._asdict() for card in found]})
+
+
+@verb()
+def metrics(
+    name: Annotated[str | None, typer.Argument(metavar="NAME", help="only those whose name contains this")] = None,
+) -> Answer:
+    """List the metrics that a campaign can name, then the tables."""
+    from lvnav_trade.campaign.reading.quantities import known_metrics
+    from lvnav_trade.campaign.syntax.tree import hint
+    from lvnav_trade.metrics import METRICS
+
+    known = [one for one in known_metrics() if (name or "") in one.metric]
+    made = {key: (metric.__doc__ or "").partition("\n")[0] for key, metric in METRICS.items() if (name or "") in key}
+    if not known and not made:
+        names = [*(one.metric for one in known_metrics()), *METRICS]
+        raise InputError(f"metrics: no metric contains {name!r}{hint(str(name), names)}")
+    blocks = [table(["metric", "unit", "meaning", "named by"], known)] if known else []
+    blocks += [table(["table", "what it holds"], list(made.items()))] if made else []
+    return Answer("\n\n".join(blocks), {"metrics": [one._asdict() for one in known], "tables": made})
 
 
 @verb()

@@ -11,6 +11,7 @@ from lvnav_trade.metrics import filter, inertial, integrity, published, signals,
 from lvnav_trade.metrics.errors import covariances, rms
 from lvnav_trade.metrics.mission import impact, orbit
 from lvnav_trade.metrics.requirements import confirmation
+from lvnav_trade.metrics.requirements import curves as along
 from lvnav_trade.store.read import Tables, load
 
 
@@ -31,6 +32,7 @@ _NAMED: dict[Any, tuple[str, ...]] = {
     filter: ("consistency", "nees", "nis", "whiteness", "autocorrelation", "logic", "modes", "stops"),
     integrity: ("integrity",),
     signals: ("in_view", "outages", "tracking", "losses", "recovery", "transitions"),
+    along: ("curves", "crossings", "tornado"),
     confirmation: ("expected", "spot_check", "improvements"),
     orbit: ("orbit", "correction"),
     impact: ("impact",),
@@ -48,6 +50,6 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
 # The metrics that stand beside a report as CSV, with the columns that users and their CI rely on.
 CSV = (
     "rms", "agreement", "controlled", "references", "requirements", "budget", "expected", "spot_check", "sensitivity",
-    "orbit", "correction", "impact", "corridor", "transitions", "logic", "integrity", "motion", "nozzle",
-    "turning", "allan",
+    "orbit", "correction", "impact", "corridor", "transitions", "logic", "integrity", "curves", "crossings", "tornado",
+    "motion", "nozzle", "turning", "allan",
 )  # fmt: skip

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from lvnav_trade.errors import InputError, writing
 from lvnav_trade.metrics import CSV, METRICS
+from lvnav_trade.report import curves, evidence, flight
 from lvnav_trade.report import diagnostics as explained
-from lvnav_trade.report import evidence, flight
 from lvnav_trade.report import models as registered
 from lvnav_trade.report.blocks import Block, Blocks, Picture, Section, Text
 from lvnav_trade.report.escape import csv_text, render, source
@@ -25,6 +25,7 @@ def _agreement(tables: Tables) -> list[Block]:
 SECTIONS: dict[str, tuple[str, Blocks]] = {
     "summary": ("Answer", summary),
     "requirements": ("Requirements", evidence.requirements),
+    "curves": ("Curves", curves.curves),
     "trajectory": ("Trajectory", evidence.trajectory),
     "envelopes": ("Errors", evidence.envelopes),
     "consistency": ("Consistency", evidence.consistency),
@@ -49,7 +50,19 @@ SECTIONS: dict[str, tuple[str, Blocks]] = {
 """Every section by name, in the order in which they stand unless the campaign says otherwise; one that has nothing to
 show stands on the page only where it was asked for by name.
 """
-_WHERE_ANY = ("spot_check", "transitions", "logic", "motion", "nozzle", "turning", "allan", "models")
+_WHERE_ANY = (
+    "spot_check",
+    "transitions",
+    "logic",
+    "motion",
+    "nozzle",
+    "turning",
+    "allan",
+    "models",
+    "curves",
+    "crossings",
+    "tornado",
+)
 """CSV tables that are written only where they have rows."""
 
 

@@ -12,7 +12,7 @@ from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.select import final_event, flight_events
 from lvnav_trade.metrics.errors.covariances import by_case
 from lvnav_trade.metrics.requirements.improvements import ABOVE_ONLY
-from lvnav_trade.metrics.requirements.requirements import where
+from lvnav_trade.metrics.requirements.requirements import in_words, where
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.signals import LAYERS, layers_of
 from lvnav_trade.report.blocks import (
@@ -51,20 +51,22 @@ _FLOWN = 1e-6  # seconds: what is younger counts as present
 @of("requirements", "The campaign states no requirement.")
 def requirements(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the verdicts in figures."""
+    failed = np.isinf(frame.estimate).any()
+    text = note("requirements") + (", ∞ where more runs failed." if failed else ".")
+    frame = in_words(frame)
     frame = frame.assign(probability=frame.probability.map(percent), confidence=frame.confidence.map(percent))
-    text = note("requirements") + (", ∞ where more runs failed." if frame.estimate.str.startswith("∞").any() else ".")
     if (tables.campaign.get("monte_carlo") or {}).get("stop"):
         text += " " + note("stopping")
     return [table(frame.rename(columns=words)), Text(text), *_expected(tables)]
 
 
 def _expected(tables: Tables) -> list[Block]:
-    frame = METRICS["expected"](tables)
+    frame = in_words(METRICS["expected"](tables))
     frame = frame.assign(
         expected=expectation(frame),
         asked=100.0 * frame.probability,
-        estimate=frame.estimate.where(frame.reason != ABOVE_ONLY).fillna("–"),
-        limit=frame.limit.fillna("–"),
+        estimate=frame.estimate.where(frame.reason != ABOVE_ONLY, "–").replace("", "–"),
+        limit=frame.limit.replace("", "–"),
         remark=frame.reason.fillna(""),
     )
     found = stated("expected", frame if frame.remark.any() else frame.drop(columns="remark"))

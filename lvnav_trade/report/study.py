@@ -18,6 +18,7 @@ from lvnav_trade.metrics.errors.covariances import agreement, by_case
 from lvnav_trade.metrics.errors.rms import coverage, paired_levels
 from lvnav_trade.metrics.numbers import cases_of, ours
 from lvnav_trade.metrics.published import references
+from lvnav_trade.metrics.requirements.requirements import in_words
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.published import ratios, single, steps
 from lvnav_trade.report.blocks import Block, Section, Text, number, of, percent, picture, stated, table, words
@@ -251,7 +252,7 @@ def _requirements(tables: Tables, frame: pd.DataFrame) -> list[Block]:
         f"{int((frame.verdict == 'met').sum())} of {len(frame)} cells pass: at least {100 * part:g} % of flights "
         f"within the limit, at a confidence of {100 * sure:g} %."
     )
-    frame = frame.assign(verdict=frame.verdict.map(said), beyond=beyond)
+    frame = in_words(frame).assign(verdict=frame.verdict.map(said), beyond=beyond)
     return [Text(text), stated("study_requirements", frame)]
 
 

@@ -10,7 +10,7 @@ from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.select import mean_at
 from lvnav_trade.metrics.errors.covariances import by_case, why_not_applicable
 from lvnav_trade.metrics.requirements.improvements import asked
-from lvnav_trade.metrics.requirements.requirements import where
+from lvnav_trade.metrics.requirements.requirements import in_words, where
 from lvnav_trade.report.blocks import Block, Text, figure, number, percent, table, words
 from lvnav_trade.store.read import Tables
 
@@ -22,7 +22,7 @@ _WORDS = {  # of verdicts, from the best to the worst
 
 def summary(tables: Tables) -> list[Block]:
     """Return the answer: what each requirement says of the cases, how sure it is, and the ranking."""
-    verdicts = METRICS["requirements"](tables)
+    verdicts = in_words(METRICS["requirements"](tables))
     blocks: list[Block] = [*_beyond(tables), Text(_scale(tables)), *_together(verdicts)]
     blocks += [Text(f"{line}.", "Warning:") for line in tables.manifest.get("warnings", [])]
     blocks += [Text(f"{line}.", "Note:") for line in tables.manifest.get("notes", [])]

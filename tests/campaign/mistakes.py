@@ -184,7 +184,7 @@ BAD: dict[str, tuple[str, str, str, str]] = {
         "campaign.yaml",
         "seed: 7",
         "seed: 7\ndesign: gird",
-        "campaign.yaml:3:9: design: 'gird' is not one of grid, zip, one_at_a_time (did you mean 'grid'?)",
+        "campaign.yaml:3:9: design: 'gird' is not one of grid, zip, one_at_a_time, latin_hypercube, sobol, box_behnken (did you mean 'grid'?)",
     ),
     "an_axis_over_nothing_is_refused": (
         "campaign.yaml",

@@ -18,9 +18,9 @@ from tests import synthetic
 
 
 def test_every_section_stands_on_the_page(text):
-    # these filters have no logic and no model of the vehicle, which is not controlled, and the campaign no scenario and
-    # no Allan deviation
-    absent = ("logic", "motion", "control", "models", "allan")
+    # these filters have no logic and no model of the vehicle, which is not controlled, and the campaign no scenario, no
+    # numeric axis and no Allan deviation
+    absent = ("logic", "motion", "control", "models", "allan", "curves")
     for name in SECTIONS:
         assert (f'<section id="{name}">' in text) == (name not in absent), name
 

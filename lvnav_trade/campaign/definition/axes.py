@@ -3,12 +3,14 @@
 import hashlib
 import itertools
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from pydantic import BaseModel
 
+from lvnav_trade import expression
 from lvnav_trade.campaign.definition.schema import Axis, Campaign
 from lvnav_trade.campaign.syntax import fields
 from lvnav_trade.campaign.syntax.tree import is_index
@@ -43,6 +45,72 @@ def levels(design: str, sizes: Sequence[int]) -> Iterator[tuple[int | None, ...]
         for axis, size in enumerate(sizes):
             for level in range(size):
                 yield tuple(level if index == axis else None for index in range(len(sizes)))
+
+
+def combinations(
+    design: str,
+    axes: Sequence[Axis],
+    exclude: Sequence[Mapping[str, str | Sequence[str]]] = (),
+    constraints: Sequence[str] = (),
+    base: Mapping[str, Any] | None = None,
+) -> list[tuple[int | None, ...]]:
+    """Return for each case the level of every axis, as `levels`, without those that are excluded, repeat another one
+    because of a `when`, or break a constraint.
+
+    base : the base scenario, whose own value an axis has at level None; constraints need it
+    """
+    names = axis_names(axes)
+    found: dict[tuple[int | None, ...], None] = {}
+    for chosen in levels(design, [len(axis.values or axis.cards or ()) for axis in axes]):
+        labels = choice(axes, chosen)
+        nested: list[int | None] = []
+        for axis, name, index in zip(axes, names, chosen, strict=True):
+            nested.append(index if _has(labels, axis.when) else None)
+            labels[name] = labels[name] if nested[-1] is not None else BASE_LABEL
+        if not any(one and _has(labels, one) for one in exclude) and all(
+            _keeps(one, axes, nested, base or {}) for one in constraints
+        ):
+            found.setdefault(tuple(nested))
+    return list(found)
+
+
+def _has(labels: Mapping[str, str], wanted: Mapping[str, str | Sequence[str]]) -> bool:
+    """Whether every axis named has its level, or one of its levels."""
+    return all(labels.get(name) in ([one] if isinstance(one, str) else one) for name, one in wanted.items())
+
+
+def sides(constraint: str) -> tuple[str, str, str]:
+    """Return left side, comparison and right side of a constraint; ValueError where it is none."""
+    parts = re.split(r"(<=|>=|<|>)", constraint)
+    if len(parts) != 3:
+        raise ValueError("should compare two expressions, such as 'update_rate <= covariance_rate'")
+    left, comparison, right = parts
+    for side in (left, right):
+        expression.names(side)
+    return left, comparison, right
+
+
+def _keeps(constraint: str, axes: Sequence[Axis], chosen: Sequence[int | None], base: Mapping[str, Any]) -> bool:
+    """Whether a combination keeps a constraint; ValueError names what is no number."""
+    left, comparison, right = sides(constraint)
+    values = {
+        name: get(base, axis.steps) if index is None else (axis.values or ())[index]
+        for name, axis, index in zip(axis_names(axes), axes, chosen, strict=True)
+    }
+    numbers = {name: _number(name, values) for name in (*expression.names(left), *expression.names(right))}
+    a, b = (float(expression.evaluate(side, numbers)) for side in (left, right))
+    return {"<=": a <= b, ">=": a >= b, "<": a < b, ">": a > b}[comparison]
+
+
+def _number(name: str, values: Mapping[str, Any]) -> float:
+    """Return the number of an axis in SI."""
+    if name not in values:
+        raise ValueError(f"no axis {name!r}")
+    text = str(values[name]).partition(" ")[0]
+    try:
+        return float(text)
+    except ValueError:
+        raise ValueError(f"the axis {name!r} has no numbers") from None
 
 
 def level_label(axis: Axis, index: int) -> str:
@@ -85,7 +153,7 @@ def cases(campaign: Campaign) -> list[Case]:
     """Return the cases of a loaded campaign in the order of its design; two equal scenarios are one case."""
     found: dict[str, Case] = {}
     base = campaign.base.model_dump(mode="json")
-    for chosen in levels(campaign.design, [len(axis.values or ()) for axis in campaign.axes]):
+    for chosen in chosen_levels(campaign):
         data = base
         for axis, index in zip(campaign.axes, chosen, strict=True):
             if index is not None:
@@ -95,6 +163,12 @@ def cases(campaign: Campaign) -> list[Case]:
         digest = case_id(scenario, campaign.seed, campaign.keep.history)
         found.setdefault(digest, Case(digest, case_label(axes), axes, scenario))
     return list(found.values())
+
+
+def chosen_levels(campaign: Campaign) -> list[tuple[int | None, ...]]:
+    """Return for each case of a loaded campaign the level of every axis."""
+    base = campaign.base.model_dump(mode="json") if campaign.constraints else None
+    return combinations(campaign.design, campaign.axes, campaign.exclude, campaign.constraints, base)
 
 
 def put(data: Any, path: Sequence[str], value: Any) -> Any:

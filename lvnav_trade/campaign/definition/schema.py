@@ -70,6 +70,14 @@ class Axis(units.Card):
     cards: tuple[str, ...] | None = Field(None, description="cards, one per level")
     values: tuple[Any, ...] | None = Field(None, description="values, one per level")
     labels: tuple[str, ...] | None = Field(None, description="names of the levels; from the cards or values if absent")
+    linspace: tuple[Any, Any, int] | None = Field(None, description="or [first, last, count], equally spaced")
+    logspace: tuple[Any, Any, int] | None = Field(None, description="or [first, last, count], in equal ratios")
+    range: tuple[Any, Any, Any] | None = Field(None, description="or [first, last, step]")
+    between: tuple[Any, Any] | None = Field(None, description="or [least, largest], of a design that is sampled")
+    log: bool = Field(False, description="samples are even in the logarithm")
+    when: dict[str, str | tuple[str, ...]] = Field(
+        {}, description="varied only where another axis has this level, or one of these; else the base's own value"
+    )
 
     @property
     def steps(self) -> list[str]:
@@ -78,8 +86,10 @@ class Axis(units.Card):
 
     def _faults(self) -> list[str]:
         levels, labels = self.cards or self.values or (), self.labels or ()
+        ways = (self.cards, self.values, self.linspace, self.logspace, self.range, self.between)
         rules = {
-            "an axis has either cards or values": (self.cards is None) == (self.values is None),
+            "an axis has either cards or values": sum(way is not None for way in ways) != 1,
+            "log is of an axis with between": self.log and self.between is None,
             "an axis needs at least one card or value": not levels,
             f"{len(labels)} labels for {len(levels)} levels": self.labels is not None and len(labels) != len(levels),
         }
@@ -245,7 +255,14 @@ class Campaign(units.Card):
     seed: int = Field(ge=0, lt=2**63)
     base: Scenario
     axes: tuple[Axis, ...] = Field((), max_length=limits.AXES)
-    design: Literal["grid", "zip", "one_at_a_time"] = "grid"
+    design: Literal["grid", "zip", "one_at_a_time", "latin_hypercube", "sobol", "box_behnken"] = "grid"
+    samples: int | None = Field(None, description="points of a Latin hypercube, or of Sobol's sequence (a power of 2)")
+    exclude: tuple[dict[str, str | tuple[str, ...]], ...] = Field(
+        (), description="combinations that are left out: level of some axes, or lists of levels"
+    )
+    constraints: tuple[str, ...] = Field(
+        (), description="what numeric axes must keep, in SI: 'update_rate <= covariance_rate'"
+    )
     monte_carlo: MonteCarlo | None = None
     covariance: Covariance = Covariance()
     keep: Keep = Keep()

@@ -5,7 +5,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from operator import attrgetter
 from typing import Any, NamedTuple
 
-from lvnav_trade.campaign.definition.axes import BASE_LABEL, case_label, choice, get, levels
+from lvnav_trade.campaign.definition.axes import (
+    BASE_LABEL,
+    case_label,
+    choice,
+    chosen_levels,
+    get,
+)
 from lvnav_trade.campaign.definition.schema import Axis, Campaign
 from lvnav_trade.campaign.syntax.tree import Node, hint, mistake, mistake_at, nearest
 from lvnav_trade.errors import Mistake, quoted
@@ -131,13 +137,13 @@ def _expressions(campaign: Campaign, cases: Sequence[Mapping[str, str]], root: N
         path = f"statements.{index}"
         if one.along and (not cases or one.along not in cases[0]):
             known = list(cases[0]) if cases else []
-            yield mistake_at(root, f"{path}.along", f"no axis {quoted(one.along)}{_meant(one.along, known)}")
+            yield mistake_at(root, f"{path}.along", f"no axis {quoted(one.along)}{meant(one.along, known)}")
         if one.id and one.id in ids[:index]:
             yield mistake_at(root, f"{path}.id", f"{quoted(one.id)} stands twice")
         wanted = {name: one.case_of(name) for name in one.terms}
         for name, term in one.terms.items():
             if term.over and cases and term.over not in cases[0]:
-                message = f"no axis {quoted(term.over)}{_meant(term.over, cases[0])}"
+                message = f"no axis {quoted(term.over)}{meant(term.over, cases[0])}"
                 yield mistake_at(root, f"{path}.terms.{name}.over", message)
             elif term.over and cases:
                 wanted[name] |= {term.over: cases[0][term.over]}
@@ -207,7 +213,7 @@ def of_study(part: Any, campaign: Campaign) -> Iterator[tuple[str, str]]:
         if figure.plot == "bound" and not along.get(figure.statement):
             yield f"figures.{i}.statement", f"no statement {quoted(figure.statement)} that is along an axis"
     if part.paired and part.paired not in cases[0]:
-        yield "paired", f"no axis {quoted(part.paired)}{_meant(part.paired, cases[0])}"
+        yield "paired", f"no axis {quoted(part.paired)}{meant(part.paired, cases[0])}"
 
 
 def named_cases(campaign: Campaign) -> list[dict[str, str]]:
@@ -215,12 +221,11 @@ def named_cases(campaign: Campaign) -> list[dict[str, str]]:
 
     Where one axis is varied at a time, the base's own value is no case beside the base.
     """
-    sizes = [len(axis.values or ()) for axis in campaign.axes]
     base = campaign.base.model_dump(mode="json")
     own = [get(base, axis.path.split(".")) for axis in campaign.axes]
     return [
         choice(campaign.axes, chosen)
-        for chosen in levels(campaign.design, sizes)
+        for chosen in chosen_levels(campaign)
         if campaign.design != "one_at_a_time"
         or not any(
             index is not None and (axis.values or ())[index] == value
@@ -234,17 +239,17 @@ def unknown_case(wanted: Mapping[str, str], cases: Sequence[Mapping[str, str]], 
     for axis, level in wanted.items():
         names = list(cases[0]) if cases else []
         if axis not in names:
-            return f"no axis {quoted(axis)}{_meant(axis, names)}"
+            return f"no axis {quoted(axis)}{meant(axis, names)}"
         known = list(dict.fromkeys(case[axis] for case in cases))
         if level not in known:
-            return f"no level {quoted(level)} of the axis {axis}{_meant(level, known)}"
+            return f"no level {quoted(level)} of the axis {axis}{meant(level, known)}"
     count = sum(all(case[axis] == level for axis, level in wanted.items()) for case in cases)
     if not count:
         return "no case has these levels together"
     return f"{count} cases have these levels; name one" if single and count > 1 else ""
 
 
-def _meant(name: str, known: Iterable[str]) -> str:
+def meant(name: str, known: Iterable[str]) -> str:
     """Return the name that is probably meant, else the first of those known."""
     shown = [quoted(one).strip("'\"") for one in known]
     listed = f" (known: {', '.join(shown[:12])}{', ...' if len(shown) > 12 else ''})" if shown else ""
@@ -320,15 +325,15 @@ def bad_levels(
         yield mistake(place, path, "two levels have the same label; give labels")
 
 
-def equal_cases(kind: str, axes: Sequence[Axis], root: Node) -> Iterator[Mistake]:
+def equal_cases(campaign: Campaign, root: Node) -> Iterator[Mistake]:
     """Yield a mistake where two cases of a design have the same label, or two pairs of a zip are equal."""
+    kind, axes = campaign.design, campaign.axes
     pairs = list(zip(*(axis.values or () for axis in axes), strict=True)) if kind == "zip" else []
     for index, pair in enumerate(pairs):
         if pair in pairs[:index]:
             same = f"level {index} of every axis is the same as level {pairs.index(pair)} (0 is the first)"
             yield mistake_at(root, "axes", same)
-    sizes = [len(axis.values or ()) for axis in axes]
-    labels = [case_label(choice(axes, chosen)) for chosen in levels(kind, sizes)]
+    labels = [case_label(choice(axes, chosen)) for chosen in chosen_levels(campaign)]
     twice = next((label for index, label in enumerate(labels) if label in labels[:index]), None)
     if twice is not None:
         yield mistake_at(root, "axes", f"two cases have the label {quoted(twice)}; give other labels")

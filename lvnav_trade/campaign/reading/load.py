@@ -10,8 +10,10 @@ from lvnav_trade.campaign.definition import axes as design
 from lvnav_trade.campaign.definition.schema import Axis, Campaign
 from lvnav_trade.campaign.reading import checks
 from lvnav_trade.campaign.reading.checks import Varied
+from lvnav_trade.campaign.reading.combining import narrowing
 from lvnav_trade.campaign.reading.expand import expand, expanded, splice
 from lvnav_trade.campaign.reading.explain import explain
+from lvnav_trade.campaign.reading.spaced import spaced
 from lvnav_trade.campaign.syntax import fields, tree
 from lvnav_trade.campaign.syntax.cards import Shelf, campaign_file, nowhere
 from lvnav_trade.errors import InputError, Mistake, quoted, refuse_all
@@ -54,11 +56,14 @@ class _Loader:
     def __init__(self, root: tree.Node, shelf: Shelf) -> None:
         self.root, self.shelf = root, shelf
         self.mistakes: list[Mistake] = []
-        kind = tree.find(root, ["design"])
-        self.design = str(kind.value) if kind else "grid"
+        self.design = "grid"
 
     def campaign(self, is_narrowed: bool) -> Campaign:
         """Return the campaign or raise all mistakes; `is_narrowed`: without statements on levels that are gone."""
+        self.root, self.mistakes = spaced(self.root)
+        self._raise()
+        kind = tree.find(self.root, ["design"])
+        self.design = str(kind.value) if kind else "grid"
         axes = self._axes()
         sizes = [len(varied.levels) for varied in axes]
         beyond = [*checks.too_many(self.design, sizes, self.root), *checks.replaced(self.design, axes)]
@@ -71,14 +76,21 @@ class _Loader:
         found = self._validate(root, Campaign, "")
         base = root.value["base"]
         levels = [self._levels(base, axis, index) for index, axis in enumerate(axes) if base.is_map]
+        sizes = [len(values) for values in levels]
+        if self.design == "zip" and len(set(sizes)) > 1:
+            message = f"design zip needs axes of equal length, not {sizes}"
+            self.mistakes.append(tree.mistake_at(self.root, "axes", message))
         self._raise()
         assert found is not None
         whole_axes = [self._whole(found, *one, index) for index, one in enumerate(zip(axes, levels, strict=True))]
         whole = found.model_copy(update={"axes": tuple(whole_axes)})
-        self._check_cases(base, axes, levels)
+        self._raise()
+        self.mistakes += narrowing(whole, root)
+        self._raise()
+        self._check_cases(base, axes, levels, whole)
         self._raise()
         self.mistakes += [*checks.requirements(whole, root), *checks.without_effect(whole, root)]
-        self.mistakes += checks.equal_cases(whole.design, whole.axes, self.root)
+        self.mistakes += checks.equal_cases(whole, self.root)
         if is_narrowed:
             whole = checks.narrowed(whole)
         self.mistakes += checks.statements(whole, root)
@@ -180,15 +192,9 @@ class _Loader:
             update={"path": ".".join(axis.steps), "cards": None, "values": tuple(plain), "labels": tuple(names)}
         )
 
-    def _check_cases(self, base: tree.Node, axes: list[Varied], levels: list[list[tree.Node]]) -> None:
+    def _check_cases(self, base: tree.Node, axes: list[Varied], levels: list[list[tree.Node]], whole: Campaign) -> None:
         """Cross-check every case; a mistake stands where the field that breaks the rule was written."""
-        sizes = [len(values) for values in levels]
-        if self.design == "zip" and len(set(sizes)) > 1:
-            self.mistakes.append(
-                tree.mistake_at(self.root, "axes", f"design zip needs axes of equal length, not {sizes}")
-            )
-            return
-        for chosen in design.levels(self.design, sizes):
+        for chosen in design.chosen_levels(whole):
             node = base
             try:
                 for (axis, _), values, index in zip(axes, levels, chosen, strict=True):

@@ -43,13 +43,16 @@ def blocks(campaign: Campaign, cases: Sequence[Case], done: Mapping[str, Sequenc
 
 
 class Estimate(NamedTuple):
-    """What a campaign will take: one mapping per case (id, label, runs, done), seconds of one core, megabytes."""
+    """What a campaign will take: one mapping per case (id, label, runs, done), seconds of one core, megabytes;
+    warnings: what its runs cannot show.
+    """
 
     cases: list[dict[str, Any]]
     blocks: int
     seconds: float
     disk_mb: float
     memory_mb: float
+    warnings: Sequence[str] = ()
 
 
 def estimate(campaign: Campaign, folder: Path, duration: Mapping[str, float]) -> Estimate:

@@ -16,7 +16,7 @@ COLUMNS = [
     "lincov_q99", "runs", "mc_sigma", "mc_bias", "mc_q99", "remark",
 ]  # fmt: skip
 CORRECTION = [
-    "case", "event", "unit", "by", "count", "mean", "q50", "q95", "q99", "velocity_q99", "position_q99",
+    "case", "event", "unit", "by", "draw_count", "mean_delta_v", "q50", "q95", "q99", "velocity_q99", "position_q99",
 ]  # fmt: skip
 _DRAWS = 2**10
 # Quantities of an orbit, and the component of the error metric that belongs to each.

@@ -13,13 +13,13 @@ from lvnav_trade.metrics.basics.probability import norm_probability, norm_quanti
 from lvnav_trade.metrics.basics.select import flight_events, history_of, number_in, pick, rows_between
 from lvnav_trade.metrics.errors.covariances import Gaussian, gaussian, why_not_applicable
 from lvnav_trade.metrics.mechanics.mission import expected_at
-from lvnav_trade.metrics.requirements.requirements import phase_of, verdicts, where, with_unit
+from lvnav_trade.metrics.requirements.requirements import phase_of, verdicts, where
 from lvnav_trade.store.read import Tables
 
 UNKNOWN = "linear covariance does not hold this error there"
 ABOVE_ONLY = "the worst of a phase: linear covariance bounds its probability from above only"
 EXPECTED = [
-    "requirement", "case", "verdict", "probability", "expected_probability", "estimate", "limit", "reason",
+    "requirement", "case", "verdict", "probability", "expected_probability", "estimate", "limit", "unit", "reason",
 ]  # fmt: skip
 IMPROVEMENTS = ["requirement", "case", "verdict", "source", "factor_ratio", "share_ratio", "remark"]
 # Smaller factors are no advice: no sensor gets twenty times better.
@@ -100,8 +100,9 @@ def expected(tables: Tables) -> pd.DataFrame:
 
     expected_probability: that the error, Gaussian with LinCov's mean and covariance, stays below the bound (exact, see
     `norm_probability`). verdict: "met" or "violated" by it, "not applicable" with the reason where a gate
-    rejects too many good rows. estimate: the error that the asked fraction stays below. Of the worst error in a phase
-    the probability is no more than that of its worst moment, which is what stands there: it can show a violation only.
+    rejects too many good rows. estimate: the error that the asked fraction stays below, in `unit`. Of the worst error
+    in a phase the probability is no more than that of its worst moment, which is what stands there: it can show a
+    violation only.
     """
     return pd.DataFrame([_expected(tables, *pair) for pair in _pairs(tables)], columns=EXPECTED)
 
@@ -121,8 +122,9 @@ def _expected(tables: Tables, requirement: Mapping[str, Any], case: str, found: 
         "verdict": verdict if shown else "not applicable",
         "reason": reason,
         "expected_probability": kept,
-        "estimate": with_unit(limit * found.factor, found.unit),
-        "limit": with_unit(found.bound * found.factor, found.unit),
+        "estimate": limit * found.factor,
+        "limit": found.bound * found.factor,
+        "unit": found.unit,
     }
 
 

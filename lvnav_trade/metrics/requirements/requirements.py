@@ -25,7 +25,7 @@ from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
 
 COLUMNS = [
-    "requirement", "case", "verdict", "estimate", "limit", "probability", "confidence", "runs", "failures",
+    "requirement", "case", "verdict", "estimate", "limit", "unit", "probability", "confidence", "runs", "failures",
     "runs_to_decide",
 ]  # fmt: skip
 # Word of a campaign that stops once every requirement is decided; runs in a block where it is not said.
@@ -40,7 +40,7 @@ def verdicts(tables: Tables) -> pd.DataFrame:
     "met": the lower bound on the probability of success reaches the probability asked for; "violated": the upper bound
     stays below it; "undecided" otherwise. The bounds are exact binomial (Clopper and Pearson), each one-sided at the
     confidence asked for; where a campaign stops once all is decided, those of `boundaries`. A failed run is a failure.
-    estimate: the error that the stated fraction of runs stays below, limit: the bound on it, both with their unit;
+    estimate: the error that the stated fraction of runs stays below, limit: the bound on it, both in `unit`;
     runs_to_decide: further runs, all good, after which it would be met.
     """
     rows = [
@@ -84,8 +84,8 @@ def _verdict(tables: Tables, case: str, requirement: dict[str, Any]) -> tuple[An
         verdict, more = decide_in_order(failed, probability, confidence, int(stated.get("block", BLOCK)))
     else:
         verdict, more = decide_fixed(len(error), int(failed.sum()), probability, confidence)
-    estimate, limit = (with_unit(size * factor, unit) for size in (_quantile(error, probability), bound))
-    return verdict, estimate, limit, probability, confidence, len(error), int(failed.sum()), more
+    estimate, limit = (size * factor for size in (_quantile(error, probability), bound if unit else float("nan")))
+    return verdict, estimate, limit, unit, probability, confidence, len(error), int(failed.sum()), more
 
 
 def errors_of(tables: Tables, case: str, requirement: Mapping[str, Any]) -> Errors | None:
@@ -126,6 +126,15 @@ def _quantile(error: np.ndarray[Any, Any], probability: float) -> float:
 def with_unit(value: float, unit: str) -> str:
     """Write a value with its unit, three digits; empty where there is none, ∞ where so many runs failed."""
     return "" if np.isnan(value) else f"∞ {unit}" if np.isinf(value) else f"{float(f'{value:.3g}'):g} {unit}"
+
+
+def in_words(frame: pd.DataFrame) -> pd.DataFrame:
+    """Return verdicts in which estimate and limit are texts with their unit, as a page shows them."""
+    texts = {
+        name: [with_unit(value, unit) for value, unit in zip(frame[name], frame.unit, strict=True)]
+        for name in ("estimate", "limit")
+    }
+    return frame.assign(**texts).drop(columns="unit")
 
 
 def spent(runs: int, probability: float, confidence: float) -> float:

@@ -74,7 +74,7 @@ def reported(tmp_path_factory):
 def test_runs_and_linear_covariance_agree_on_the_quantiles(reported):
     _, found = reported
     runs, lincov = found.loc["Monte Carlo"], found.loc["linear covariance"]
-    assert runs["count"] == 199
+    assert runs.draw_count == 199
     assert runs.q50 == pytest.approx(lincov.q50, rel=0.15)
     assert runs.q95 == pytest.approx(lincov.q95, rel=0.15)
     assert lincov.q50 < lincov.q95 < lincov.q99

@@ -20,7 +20,7 @@ def test_the_expected_probability_is_that_of_the_gaussian_of_the_case(good):
     sigma, mean = AT_END * synthetic.SIGMA[6:9], AT_END * synthetic.MEAN[6:9]
     assert row.expected_probability == pytest.approx(norm_probability(mean, np.diag(sigma**2), 4.0), abs=1e-9)
     assert row.verdict == "violated"
-    assert row.limit == "4 m"
+    assert (row.limit, row.unit) == (pytest.approx(4.0), "m")
 
 
 def test_a_lever_meets_the_requirement_exactly(tmp_path):

@@ -38,8 +38,8 @@ def test_verdicts_follow_the_bounds(runs, failures, verdict, more):
 
 def test_requirements_have_the_columns_that_users_rely_on(good):
     assert list(METRICS["requirements"](good).columns) == [
-        "requirement", "case", "verdict", "estimate", "limit", "probability", "confidence", "runs", "failures",
-        "runs_to_decide",
+        "requirement", "case", "verdict", "estimate", "limit", "unit", "probability", "confidence", "runs",
+        "failures", "runs_to_decide",
     ]  # fmt: skip
 
 
@@ -50,7 +50,7 @@ def test_requirements_are_checked_on_the_runs_and_failed_runs_fail(good):
     assert found.loc[("tight bound", "imu=coarse"), "verdict"] == "violated"
     rare = found.loc[("rare", "imu=fine")]
     assert (rare.verdict, rare.failures, rare.runs_to_decide) == ("undecided", 1, 1440 - 200)
-    assert rare.limit == "1000 mrad"
+    assert (rare.limit, rare.unit) == (1000.0, "mrad")
 
 
 def test_without_runs_a_requirement_is_undecided(alone):

@@ -1,0 +1,57 @@
+"""What leaves combinations of levels out (when, exclude, constraints) must name what is there and leave some out."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from lvnav_trade.campaign.definition.axes import BASE_LABEL, axis_names, combinations, level_label
+from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.reading.checks import meant
+from lvnav_trade.campaign.syntax.tree import Node, mistake_at
+from lvnav_trade.errors import Mistake, quoted
+
+
+def narrowing(campaign: Campaign, root: Node) -> Iterator[Mistake]:
+    """Yield what is wrong with `when`, `exclude` and `constraints`: axes and levels that are not there, expressions
+    that are none, and what leaves nothing out, or everything.
+    """
+    known = {
+        name: [level_label(axis, index) for index in range(len(axis.values or ()))]
+        for name, axis in zip(axis_names(campaign.axes), campaign.axes, strict=True)
+    }
+    wanted = [(f"axes.{k}.when", axis.when) for k, axis in enumerate(campaign.axes)]
+    wanted += [(f"exclude.{k}", one) for k, one in enumerate(campaign.exclude)]
+    found = [mistake_at(root, path, message) for path, one in wanted for message in _unknown_levels(one, known)]
+    found += [mistake_at(root, f"exclude.{k}", "names no axis") for k, one in enumerate(campaign.exclude) if not one]
+    if found:
+        yield from found
+        return
+    base = campaign.base.model_dump(mode="json")
+    whole = combinations(campaign.design, campaign.axes, (), (), base)
+    for key in ("exclude", "constraints"):
+        for k, one in enumerate(getattr(campaign, key)):
+            alone = {"exclude": (), "constraints": ()} | {key: (one,)}
+            try:
+                left = combinations(campaign.design, campaign.axes, alone["exclude"], alone["constraints"], base)
+            except ValueError as error:
+                yield mistake_at(root, f"{key}.{k}", str(error))
+                continue
+            if len(left) in (0, len(whole)):
+                yield mistake_at(root, f"{key}.{k}", f"leaves {'nothing' if left else 'everything'} out")
+    unlimited = combinations(campaign.design, [axis.model_copy(update={"when": {}}) for axis in campaign.axes])
+    for k, axis in enumerate(campaign.axes):
+        if axis.when and len(unlimited) == len(
+            combinations(
+                campaign.design,
+                [one if one is axis else one.model_copy(update={"when": {}}) for one in campaign.axes],
+            )
+        ):
+            yield mistake_at(root, f"axes.{k}.when", "no effect: every case has these levels")
+
+
+def _unknown_levels(wanted: Mapping[str, str | Sequence[str]], known: Mapping[str, Sequence[str]]) -> Iterator[str]:
+    for name, stated in wanted.items():
+        if name not in known:
+            yield f"no axis {quoted(name)}{meant(name, known)}"
+            continue
+        for level in [stated] if isinstance(stated, str) else stated:
+            if level not in (*known[name], BASE_LABEL):
+                yield f"no level {quoted(level)} of the axis {name}{meant(level, known[name])}"

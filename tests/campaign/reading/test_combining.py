@@ -1,0 +1,48 @@
+"""Nested choice, exclusion and constraints."""
+
+from __future__ import annotations
+
+import pytest
+
+from lvnav_trade.errors import InputError
+from tests.campaign.reading.test_spaced import labels, loaded
+
+NESTED = (
+    "axes:\n  - {path: imu, cards: [imu/good, imu/poor]}\n  - {path: filter.gate, values: [4, 5], when: {imu: poor}}\n"
+)
+
+
+def test_a_nested_axis_is_varied_where_its_condition_holds(study) -> None:
+    assert labels(study, NESTED) == ["imu=good", "imu=poor, gate=4", "imu=poor, gate=5"]
+
+
+def test_combinations_are_left_out_by_level_and_by_constraint(study) -> None:
+    text = "axes:\n  - {path: imu, cards: [imu/good, imu/poor]}\n  - {path: filter.gate, range: [3, 6, 1]}\n"
+    more = "exclude: [{imu: poor, gate: ['3', '4']}]\nconstraints: ['2 * gate < 11']\n"
+    assert labels(study, text + more) == [
+        "imu=good, gate=3",
+        "imu=good, gate=4",
+        "imu=good, gate=5",
+        "imu=poor, gate=5",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("axes: [{path: filter.gate, values: [4, 5], when: {imu: good}}]", "axes.0.when: no axis 'imu'"),
+        ("axes: [{path: filter.gate, values: [4, 5]}]\nexclude: [{gate: '6'}]", "no level '6' of the axis gate"),
+        ("axes: [{path: filter.gate, values: [4, 5]}]\nexclude: [{gate: ['4', '5']}]", "leaves everything out"),
+        ("axes: [{path: filter.gate, values: [4, 5]}]\nconstraints: [gate < 9]", "leaves nothing out"),
+        ("axes: [{path: filter.gate, values: [4, 5]}]\nconstraints: [gate]", "should compare two expressions"),
+        ("axes: [{path: filter.gate, values: [4, 5]}]\nconstraints: [gat < 9]", "constraints.0: no axis 'gat'"),
+        ("axes: [{path: imu, cards: [imu/good, imu/poor]}]\nconstraints: [imu < 9]", "the axis 'imu' has no numbers"),
+        (NESTED.replace("imu: poor", "imu: [good, poor]"), "axes.1.when: no effect: every case has these levels"),
+        ("axes: [{path: filter.gate, values: [4, 5]}]\nexclude: [{}]", "exclude.0: names no axis"),
+    ],
+)
+def test_what_leaves_nothing_out_or_names_nothing_is_refused_at_its_place(study, text: str, message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        loaded(study, f"{text}\n")
+    assert message in str(caught.value)
+    assert all(record.line > 0 for record in caught.value.records)
