@@ -129,8 +129,12 @@ REFUSALS = (
     ),
     Refusal(
         "imu.weights",
-        "noise of a difference is correlated with that of fused increments, unless both weight units by random_walk",
-        lambda s: bool(_differences(s)) and s.imu.weights != "random_walk",
+        "noise of a difference is correlated with that of fused increments, unless both weight all units by "
+        "random_walk throughout: no selection, no exclusion",
+        lambda s: (
+            bool(_differences(s))
+            and (s.imu.weights != "random_walk" or s.imu.selection != "mean" or s.imu.parity is not None)
+        ),
     ),
     Refusal(
         "imu",

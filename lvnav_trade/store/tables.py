@@ -136,7 +136,7 @@ def _cases(case: CaseInfo, prepared: Prepared, summary: BlockSummary | None) -> 
         "nees_dof_count": int(prepared.layout.n_estimated),
         "gate_ratio": gate if np.isfinite(gate) else np.nan,
         "logic": prepared.options.rules is not None,
-        "integrity": prepared.options.integrity is not None,
+        "integrity": prepared.options.integrity is not None or _tested(prepared),
         **thresholds(prepared.scenario),
         "epoch": prepared.trajectory.epoch,
         "facts": json.dumps(prepared.trajectory.facts, sort_keys=True, default=float),
@@ -290,14 +290,23 @@ def run_columns(
     return {"runs": runs, "worst": worst, "logic": logic, "integrity": _integrity(summary, channels)}
 
 
+def _tested(prepared: Prepared) -> bool:
+    """Return whether inertial units are tested against each other."""
+    units = prepared.options.units
+    return units is not None and units.redundant is not None and bool(units.redundant.ticks)
+
+
 def _integrity(summary: BlockSummary, channels: tuple[str, ...]) -> dict[str, Any]:
     """Return the columns of `integrity`: what filters that test for faults decided."""
     run, t, isolated, channel = summary.decisions.T
+    number = channel.astype(int)
+    units = [f"unit {unit + 1}" for unit in range(max(0, -2 - int(number.min(initial=0))) + 1)]  # see unit_code
+    names = np.array([*channels, *reversed(units), ""])
     return {
         "run_number": run.astype(np.int64),
         "t_s": t,
         "isolated": np.array(ISOLATED)[isolated.astype(int)],
-        "channel": np.array([*channels, ""])[channel.astype(int)],
+        "channel": names[number],
     }
 
 

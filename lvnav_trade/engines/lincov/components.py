@@ -35,11 +35,11 @@ class Components(NamedTuple):
     state_from[c + 1] (n_component + 1,) are the filter's for component c.
 
     Blocks of three components: sensor, driver (REMAINDER, GRAVITY: see there), matched (first state of the filter for
-    the same thing, -1 none), profile (that is its mean, -1 none), triad of a set, stands (n_block, 3, n_state) how much
-    of a component is in each state of the filter where units are fused, first (n_block,) of its components, whose slots
-    are neighbours (-1 a profile), moving, sampled (n_block,): see moves, samples. by_samples: samples are measurements.
-    Errors that measurements share are the components from first_shared on; shared_family (n_family,) family of the
-    filter's extra states for the same thing, -1 none.
+    the same thing, -1 none), profile (that is its mean, -1 none), triad of a set, stands (n_stage, n_block, 3, n_state)
+    how much of a component is in each state of the filter where units are fused, first (n_block,) of its components,
+    whose slots are neighbours (-1 a profile), moving, sampled (n_block,): see moves, samples. by_samples: samples are
+    measurements. Errors that measurements share are the components from first_shared on; shared_family (n_family,)
+    family of the filter's extra states for the same thing, -1 none.
 
     nav_rows ... nav_drivers: blocks of the true transition. white (n_length, n_group, N, n_lane) noise of each source;
     initial (n_source, N, N); noise_source (n_channel,) source of the noise of each channel; decay (n_length, N) of the
@@ -198,7 +198,9 @@ def _white_noise(prepared: Prepared, names: list[str]) -> Floats:
 def _sample_noise(prepared: Prepared, names: list[str]) -> Floats:
     imu, noise, units = prepared.scenario.imu, np.zeros((len(names), 6)), prepared.options.units
     for triad, (number, unit) in enumerate(mounted(imu)):
-        gyro, accel = np.ones((2, 3)) if units is None else np.sum(units.solved[triad] ** 2, axis=2)
+        gyro, accel = np.ones((2, 3)) if units is None else np.sum(units.solved[0, triad] ** 2, axis=2)
+        if units is not None:
+            gyro, accel = (gyro, accel) * units.noisy[0, :, 1] ** 2
         noise[names.index(keyed("gyro random walk", number)), :3] += gyro * (unit.gyro.random_walk**2 * imu.rate)
         source = names.index(keyed("accelerometer random walk", number))
         noise[source, 3:] += accel * (unit.accel.random_walk**2 * imu.rate)
@@ -242,7 +244,7 @@ def components(prepared: Prepared) -> Components:
         matched=matched,
         profile=profile,
         triad=triad,
-        stands=np.zeros((0, 3, 0)) if units is None else stands_for(prepared.layout, units, sensor, driver, triad),
+        stands=np.zeros((0, 0, 3, 0)) if units is None else stands_for(prepared.layout, units, sensor, driver, triad),
         first=first,
         moving=moving,
         sampled=sampled,

@@ -327,7 +327,7 @@ def forward(
             tape.first[w + 1] = tape.used[0]
         if hist >= 0:
             write(out, hist, joint, scratch, true, axes_att[hist], record.axes[hist])
-            add_sums(out, hist, joint, true, units)
+            add_sums(out, hist, joint, true, units, max(0, first + n_tick - 1))
             if samples is not None:
                 write_samples(out, hist, joint, true, units, samples, max(0, first + n_tick - 1), unit.dt)
             if report is not None:

@@ -256,12 +256,12 @@ def _profiles(prepared: Prepared) -> Floats:
     ticks = np.clip(np.rint((prepared.t_hist - unit.start) / unit.dt).astype(np.int64) - 1, 0, len(unit.dtheta) - 1)
     for profile, code in enumerate(unit.profile_sensor.tolist()):
         triad, sensor = divmod(code, 2)
-        solved = np.eye(3) if units is None else units.solved[triad, sensor]
+        solved = np.eye(3) if units is None else units.solved[units.stage[ticks], triad, sensor]
         value = np.array([[profile_value(unit, profile, axis, t) for axis in range(3)] for t in prepared.t_hist])
         if unit.profile_driver[profile] != CONSTANT:
             own = (ref.dtheta, ref.dvel)[sensor] if units is None else (units.dtheta, units.dvel)[sensor][triad]
             value *= own[ticks] @ (np.eye(3) if units is None else units.frames[triad, :, 0]).T / unit.dt
-        found[:, 3 * sensor : 3 * sensor + 3] += value @ solved.T
+        found[:, 3 * sensor : 3 * sensor + 3] += np.einsum("...ij,...j->...i", solved, value)
     lacking = (unit.dtheta - ref.dtheta)[ticks], (unit.dvel - ref.dvel)[ticks]
     return found + np.hstack(lacking) / unit.dt
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from lvnav_trade.engines.setup.inputs import Units
 from lvnav_trade.engines.setup.prepare import Prepared
-from lvnav_trade.engines.setup.units import along_axes
+from lvnav_trade.engines.setup.units import along_axes, inputs_of
 from lvnav_trade.engines.simulate.sensing import profile_value
 from lvnav_trade.kernels.attitude import cross
 from lvnav_trade.kernels.jit import jit
@@ -62,14 +62,19 @@ def unit_input_matrix(b, mean, j, true, units, sums, seconds, first, n_tick):
         return
     sensor, driver, triad = true.sensor[j], true.driver[j], true.triad[j]
     _means(mean, units, triad, sensor, first, n_tick, seconds)
-    size = 1.0
+    size, stage = 1.0, units.stage[first]
+    kx, ky, kz = 1.0, 1.0, 1.0  # a known error enters by the gain alone
+    if true.profile[j] < 0:
+        noisy = units.noisy[stage, sensor, 1 if driver == WHITE else 0]
+        kx, ky, kz = noisy[0], noisy[1], noisy[2]
     if driver == WHITE:  # variance per second: as a bias over the window
         size = 1.0 / np.sqrt(seconds)
     elif driver == REMAINDER:
         size = -1.0 / seconds
     for c in range(3):
-        u, solved = size * unit_input(units.frames[triad], c, driver, mean[0], mean[1]), units.solved[triad, sensor]
-        x, y, z = u * solved[0, c], u * solved[1, c], u * solved[2, c]
+        u = size * unit_input(units.frames[triad], c, driver, mean[0], mean[1])
+        solved = units.solved[stage, triad, sensor]
+        x, y, z = kx * u * solved[0, c], ky * u * solved[1, c], kz * u * solved[2, c]
         for i in range(3):
             at = SUM_C + 3 * i
             b[(ATT if sensor == GYRO else VEL) + i, c] = -(sums[at] * x + sums[at + 1] * y + sums[at + 2] * z)
@@ -94,8 +99,15 @@ def fill_unit_partials(a, true, units, tick, dt):
             for c in range(3):
                 u = _tick_input(units, triad, sensor, c, true.driver[j], tick, dt)
                 for i in range(3):
-                    entering = units.solved[triad, sensor, i, c] * u
+                    entering = _entering(units, tick, triad, sensor, i, c) * u
                     a[true.group[source], k + c, 3 * sensor + i, true.lane[source]] = entering
+
+
+@jit
+def _entering(units, tick, triad, sensor, i, c):
+    """Return how an error of an axis that lasts enters axis i of the fused triad at a tick."""
+    stage = units.stage[tick]
+    return units.solved[stage, triad, sensor, i, c] * units.noisy[stage, sensor, 0, i]
 
 
 @jit
@@ -114,10 +126,11 @@ def add_unit_profiles(z, true, unit, units, tick, t):
     for j in range(true.sensor.shape[0]):
         if true.profile[j] >= 0:
             for c in range(3):
-                u = _tick_input(units, true.triad[j], true.sensor[j], c, true.driver[j], tick, unit.dt)
+                sensor, solved = true.sensor[j], units.solved[units.stage[tick], true.triad[j], true.sensor[j]]
+                u = _tick_input(units, true.triad[j], sensor, c, true.driver[j], tick, unit.dt)
                 value = u * profile_value(unit, true.profile[j], c, t)
                 for i in range(3):
-                    z[3 * true.sensor[j] + i] += units.solved[true.triad[j], true.sensor[j], i, c] * value
+                    z[3 * sensor + i] += solved[i, c] * value
 
 
 @jit
@@ -135,7 +148,7 @@ def samples_of_units(out, hist, joint, true, units, samples, tick, dt):
             g, lane = true.group[source], true.lane[source]
             u, variance = _tick_input(units, triad, sensor, c, true.driver[j], tick, dt), joint.variance[g, k, 0, lane]
             for i in range(3):
-                entering, r = units.solved[triad, sensor, i, c] * u, 3 * sensor + i
+                entering, r = _entering(units, tick, triad, sensor, i, c) * u, 3 * sensor + i
                 out.samples[hist, source, r] += entering * entering * variance
                 out.samples[hist, source, 6 + r] += entering * entering * variance
                 if samples.bias[r] >= 0:
@@ -158,12 +171,12 @@ def _add_component(out, hist, joint, true, weights, component):
 
 
 @jit
-def add_sums(out, hist, joint, true, units):
-    """Add to what is written at a history time the sums of errors that states of the filter stand for."""
+def add_sums(out, hist, joint, true, units, tick):
+    """Add to what is written at a history time, after a tick, the sums of errors that states of the filter are for."""
     if units is not None:
         for j in range(true.sensor.shape[0]):
             for c in range(3):
-                weights = true.stands[j, c]
+                weights = true.stands[units.stage[tick], j, c]
                 if true.profile[j] >= 0:
                     for i in range(weights.shape[0]):
                         out.mean[hist, i] += weights[i] * joint.profile[true.profile[j], c]
@@ -172,24 +185,24 @@ def add_sums(out, hist, joint, true, units):
 
 
 def stands_for(layout: StateLayout, units: Units, sensor: Ints, driver: Ints, triad: Ints) -> Floats:
-    """Return how much of each component of a block stands in each state of the filter, (n_block, 3, n_state): the error
-    of an axis enters the fused triad by its column of A, and multiplies what its frame projects.
+    """Return how much of each component of a block stands in each state of the filter, (n_stage, n_block, 3, n_state):
+    the error of an axis enters the fused triad by its column of A, and multiplies what its frame projects.
     """
-    found = np.zeros((sensor.size, 3, layout.n_state))
-    for j in range(sensor.size):
+    found = np.zeros((len(units.solved), sensor.size, 3, layout.n_state))
+    for stage, j in np.ndindex(found.shape[:2]):
         if driver[j] < CONSTANT or driver[j] == SQUARE:
             continue
-        frames, solved = units.frames[triad[j]], units.solved[triad[j], sensor[j]]
+        frames, solved = units.frames[triad[j]], units.solved[stage, triad[j], sensor[j]]
         for c in range(3):
             for block in layout.parameters:
                 if block.sensor != sensor[j]:
                     continue
-                found[j, c, block.offset : block.offset + 3] += solved[:, c] * _share(
+                found[stage, j, c, block.offset : block.offset + 3] += solved[:, c] * _share(
                     frames[c], c, int(driver[j]), block.driver
                 )
         for p, at in enumerate(units.pair_state.tolist()):
             if at >= 0 and units.pair_sensor[p] == sensor[j] and driver[j] == CONSTANT:
-                found[j, :, at : at + 3] += units.pair_solved[p, triad[j]].T
+                found[stage, j, :, at : at + 3] += units.pair_solved[p, triad[j]].T
     return found
 
 
@@ -245,7 +258,7 @@ def differences(
         ticks = np.rint((np.stack([prepared.t_epoch - device.since, prepared.t_epoch]) - prepared.unit.start) / dt)
         nominal[p] = _summed(np.einsum("tic,tnc->ni", solved, along[s]), ticks)
         for j in np.flatnonzero((sensor == s) & (driver >= CONSTANT)).tolist():
-            entering = _inputs(prepared, units, j, int(driver[j]), int(triad[j]), s)
+            entering = inputs_of(units, dt, int(driver[j]), int(triad[j]), s)
             inputs = _summed(entering, ticks)
             if profile[j] >= 0:
                 held = _profile(prepared, int(profile[j])) * (entering / dt)
@@ -261,19 +274,6 @@ def _summed(increments: Floats, ticks: Floats) -> Floats:
     total = np.vstack([np.zeros((1, increments.shape[1])), np.cumsum(increments, axis=0)])
     first, last = ticks.astype(np.int64)
     return np.asarray(total[last] - total[first])
-
-
-def _inputs(prepared: Prepared, units: Units, j: int, driver: int, triad: int, sensor: int) -> Floats:
-    """Return what the parameters of a block multiply in every tick, times the tick, (n_tick, 3) by axis."""
-    dt, frames = prepared.unit.dt, units.frames[triad]
-    own, other = (units.dtheta, units.dvel)[:: 1 if sensor == GYRO else -1]
-    if driver == CONSTANT:
-        return np.full((own.shape[1], 3), dt)
-    if driver == SQUARE:
-        return np.asarray((own[triad] @ frames[:, 0].T) ** 2 / dt)
-    if OWN_0 <= driver <= OWN_2:
-        return np.asarray(own[triad] @ frames[:, driver - OWN_0].T)
-    return np.stack([other[triad] @ frames[c, (driver - OTHER_0 - c) % 3] for c in range(3)], axis=1)
 
 
 def _profile(prepared: Prepared, profile: int) -> Floats:

@@ -64,11 +64,16 @@ class Units(NamedTuple):
 
     dtheta, dvel (n_triad, n_imu, 3) increments where the unit sits, without errors, body axes; n_axis (n_triad,);
     frames (n_triad, 3, 3, 3) of each axis: its direction, then those that its misalignments are towards; solved
-    (n_triad, 2, 3, 3) how errors of the axes of gyro and accelerometer enter the fused triad; lever (n_triad, 3) m that
-    is compensated; noise_sources (n_triad,) words; white (n_triad, 4) as of `Unit`; triads (n_block,) of the blocks of
-    the unit's true parameters. Differences of two units (n_pair): pair_sensor (n_pair,) gyro or accelerometer,
-    pair_solved (n_pair, n_triad, 3, 3) as solved, pair_state (n_pair,) first state of the filter for its bias (-1
-    none), pair_of (n_device,) which one a sensor measures (-1 none).
+    (n_stage, n_triad, 2, 3, 3) how errors of the axes of gyro and accelerometer enter the fused triad; lever
+    (n_triad, 3) m that is compensated; noise_sources (n_triad,) words; white (n_triad, 4) as of `Unit`; triads
+    (n_block,) of the blocks of the unit's true parameters. Differences of two units (n_pair): pair_sensor (n_pair,)
+    gyro or accelerometer, pair_solved (n_pair, n_triad, 3, 3) as solved, pair_state (n_pair,) first state of the filter
+    for its bias (-1 none), pair_of (n_device,) which one a sensor measures (-1 none).
+
+    Of a stage of the flight (all of it is one without redundancy): noisy (n_stage, 2, 2, 3) factor on errors that last
+    and on white noise, by sensor and fused axis; shift (n_stage, 2, 3) rad and m/s of the mean of an increment; stage
+    (n_imu,) of each tick in linear covariance, flown (n_imu,) as if no unit were excluded, which a run knows itself.
+    redundant (Redundant): of units that are tested or selected, None of others.
     """
 
     dtheta: Floats
@@ -84,6 +89,28 @@ class Units(NamedTuple):
     pair_solved: Floats
     pair_state: Ints
     pair_of: Ints
+    noisy: Floats
+    shift: Floats
+    stage: Ints
+    flown: Ints
+    redundant: Any = None
+
+
+class Redundant(NamedTuple):
+    """Units that are tested against each other, or of which the middle one is selected. middle: it is; ticks of a test
+    (0: none); weight (n_window, 2, n_triad, 3) inverse variance of increments summed over a test by the cards (0: no
+    axis); limits (n_dof + 1,) of the weighted squares that a fit leaves, by its degrees of freedom; owner (n_triad,)
+    unit of a triad; alone (n_triad, 3, 3) how axes enter the solution of their unit alone; shares (2, n_triad) weights
+    of the axes in the mean.
+    """
+
+    middle: bool
+    ticks: int
+    weight: Floats
+    limits: Floats
+    owner: Ints
+    alone: Floats
+    shares: Floats
 
 
 class Shared(NamedTuple):

@@ -15,6 +15,7 @@ from lvnav_trade.engines.setup.receiver.recorded import Recorded, recorded
 from lvnav_trade.engines.setup.receiver.signals import Line, channels_of, families, geometry_of, signals
 from lvnav_trade.engines.setup.receiver.smoothing import smoothing_gains, smoothing_numbers, smoothing_offsets
 from lvnav_trade.engines.setup.receiver.solution import Chain, chain_of
+from lvnav_trade.engines.setup.redundancy import Profile, redundant_of
 from lvnav_trade.engines.setup.sensors import Sensor, for_kernels, sensors_of
 from lvnav_trade.engines.setup.times import epochs_of, times_of
 from lvnav_trade.engines.setup.tuning import underweighted, with_linearisation, with_regions
@@ -59,9 +60,6 @@ from lvnav_trade.world.sensors.imu import ErrorBlock, ImuCard
 from lvnav_trade.world.sensors.units import ImuSet, blocks_of, equivalent, triads_of
 from lvnav_trade.world.sky.satellites import time_offsets
 
-# Sensor (of several units 2 triad + sensor), what it multiplies (CONSTANT: a bias, OWN_0: a scale factor), start and
-# end (s) of its growth, amplitude (SI): an error that is the same in every run.
-Profile = tuple[int, int, float, float, tuple[float, float, float]]
 _STEPS = {
     GyroBiasStep: (GYRO, CONSTANT),
     AccelBiasStep: (ACCEL, CONSTANT),
@@ -279,6 +277,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
     truth = underweighted(card.underweighting, trajectory.course, model.row_type, t_epoch, truth)
     blocks = (*blocks_of(scenario.imu), *disturbance(scenario.gravity))
     units = units_of(scenario, ref, trajectory.course, devices, layout)
+    units = redundant_of(scenario.imu, units, ref, _profiles(scenario.imu, scenario.faults, trajectory.course))
     C_n_i = reporting_axes("ned", ref.t[:1], ref.r_i[:1], ref.v_i[:1], trajectory.theta0)[0].T
     P = initial_covariance(layout, initial, C_n_i, card.envelope or EnvelopeCard())
     rules = watched(card, failed, truth, channels, lambda: pdop(line.direction, seen.tracked), P)

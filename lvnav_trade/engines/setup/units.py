@@ -9,7 +9,7 @@ import numpy as np
 from lvnav_trade.engines.setup.inputs import Units
 from lvnav_trade.engines.setup.sensors import Sensor
 from lvnav_trade.kernels.random import source_word
-from lvnav_trade.kernels.transition import ACCEL, GYRO
+from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OTHER_0, OWN_0, OWN_2, SQUARE
 from lvnav_trade.layout import RELATIVE, StateLayout
 from lvnav_trade.observables.imu_difference import ImuDifferenceCard
 from lvnav_trade.records import Floats, Reference
@@ -110,7 +110,11 @@ def units_of(
         dvel=np.array([one[ACCEL] for one in out]),
         n_axis=np.array([triad.n_axis for triad in triads], dtype=np.int64),
         frames=np.array([triad.frames for triad in triads]),
-        solved=np.array([[triad.gyro, triad.accel] for triad in triads]),
+        solved=np.array([[[triad.gyro, triad.accel] for triad in triads]]),
+        noisy=np.ones((1, 2, 2, 3)),
+        shift=np.zeros((1, 2, 3)),
+        stage=np.zeros(ref.dtheta.shape[0], dtype=np.int64),
+        flown=np.zeros(ref.dtheta.shape[0], dtype=np.int64),
         lever=lever * (card.lever_arms == "compensated"),
         noise_sources=np.array([source_word(key) for key in keys], dtype=np.uint64),
         white=np.array([_white(card, triad, dt) for triad in triads]),
@@ -153,7 +157,7 @@ def along_axes(units: Units, dt: float) -> tuple[Floats, Floats]:
     """
     own = units.frames[:, :, 0]
     angles = np.einsum("tcj,tnj->tnc", own, units.dtheta)
-    angle = np.einsum("tic,tnc->ni", units.solved[:, GYRO], angles)
+    angle = _solved(units, GYRO, angles)
     change = np.diff(angle, axis=0, prepend=angle[:1])
     swung = [(np.cross(change, lever) + np.cross(angle, np.cross(angle, lever))) / dt for lever in units.lever]
     return angles, np.einsum("tcj,tnj->tnc", own, units.dvel - np.array(swung))
@@ -161,6 +165,28 @@ def along_axes(units: Units, dt: float) -> tuple[Floats, Floats]:
 
 def fused(units: Units, dt: float) -> tuple[Floats, Floats]:
     """Return the increments (n_imu, 3) of angle and velocity of units fused without errors, body axes."""
-    found = (np.einsum("tic,tnc->ni", units.solved[:, k], along) for k, along in enumerate(along_axes(units, dt)))
-    angle, velocity = (np.ascontiguousarray(one) for one in found)
+    found = (_solved(units, k, along) for k, along in enumerate(along_axes(units, dt)))
+    angle, velocity = (np.ascontiguousarray(one + units.shift[units.stage, k]) for k, one in enumerate(found))
     return angle, velocity
+
+
+def _solved(units: Units, sensor: int, along: Floats) -> Floats:
+    """Return the fused increments (n_imu, 3) of those along the axes, (n_triad, n_imu, 3)."""
+    found = np.einsum("tic,tnc->ni", units.solved[0, :, sensor], along)
+    for stage in np.unique(units.stage[units.stage > 0]):
+        here = units.stage == stage
+        found[here] = np.einsum("tic,tnc->ni", units.solved[stage, :, sensor], along[:, here])
+    return np.asarray(found)
+
+
+def inputs_of(units: Units, dt: float, driver: int, triad: int, sensor: int) -> Floats:
+    """Return what parameters of a triad multiply in every tick, times the tick, (n_imu, 3) by axis."""
+    frames = units.frames[triad]
+    own, other = (units.dtheta, units.dvel)[:: 1 if sensor == GYRO else -1]
+    if driver == CONSTANT:
+        return np.full((own.shape[1], 3), dt)
+    if driver == SQUARE:
+        return np.asarray((own[triad] @ frames[:, 0].T) ** 2 / dt)
+    if OWN_0 <= driver <= OWN_2:
+        return np.asarray(own[triad] @ frames[:, driver - OWN_0].T)
+    return np.stack([other[triad] @ frames[c, (driver - OTHER_0 - c) % 3] for c in range(3)], axis=1)

@@ -11,6 +11,7 @@ from lvnav_trade.engines.setup.inputs import Schedule
 from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.engines.setup.receiver.recorded import values_of
 from lvnav_trade.engines.simulate.flight import fly
+from lvnav_trade.engines.simulate.redundancy import RedundantWork
 from lvnav_trade.engines.simulate.units import new_units
 from lvnav_trade.filters.backup import new_backup
 from lvnav_trade.filters.delayed import new_earlier
@@ -28,7 +29,7 @@ from lvnav_trade.kernels.strapdown import N_SUM
 from lvnav_trade.kernels.vector import WIDTH
 from lvnav_trade.receivers.base import N_STATE as N_RECEIVER
 from lvnav_trade.receivers.base import new_receiver
-from lvnav_trade.records import NO_CHANGES, NO_DECISIONS, WAITING, Floats, RunBlock
+from lvnav_trade.records import NO_CHANGES, NO_DECISIONS, OF_UNIT, WAITING, Floats, RunBlock, unit_code
 
 
 class Held(NamedTuple):
@@ -131,7 +132,7 @@ def _new_parts(prepared: Prepared, n_lane: int) -> Parts:
         found["held"] = Held(**zeros_of({"error": (N_RECEIVER,), "covariance": (N_RECEIVER, N_RECEIVER)}, n_lane))
     if options.units is not None:
         n_tick = int(prepared.schedule.n_tick.max(initial=0))
-        found["units"] = new_units(options.units.n_axis.size, n_tick, options.units.pair_sensor.size, n_lane)
+        found["units"] = new_units(options.units, n_tick, n_lane)
     if options.delayed is not None:
         n_extra, lever_arms = prepared.model.extra_offset.size, prepared.model.lever_arms
         found["earlier"] = new_earlier(options.delayed, len(lever_arms), n_extra, n, n_lane)
@@ -206,6 +207,8 @@ def run_block(prepared: Prepared, seed: int, first_run: int, n_run: int, lanes: 
             changes.append(_changes(prepared, parts.watch, first, new, use_lanes))
         if parts.monitor is not None:
             decisions.append(_decisions(prepared, parts.monitor, first, new, use_lanes))
+        if parts.units is not None and parts.units.redundant is not None:
+            decisions.append(_excluded(prepared, parts.units.redundant, first, new, use_lanes))
     joined |= {name: joined[name][:, 0] for name in ("failed", "t_failed")}
     return RunBlock(
         first_run=first_run,
@@ -233,6 +236,14 @@ def _decisions(prepared: Prepared, monitor: Monitor, first_run: int, n_run: int,
         channels = np.flatnonzero(excluded[run, at]).tolist() or [-1]
         found += [(first_run + run, prepared.t_epoch[at], isolated[run, at], channel) for channel in channels]
     return np.array(found, dtype=float).reshape(-1, 4)
+
+
+def _excluded(prepared: Prepared, redundant: RedundantWork, first_run: int, n_run: int, lanes: bool) -> Floats:
+    """Return the decisions (n, 4) on inertial units of some runs, in the same form; of a unit OF_UNIT and its code."""
+    out, when = (_by_run(array, lanes)[:n_run] for array in (redundant.out, redundant.when))
+    run, unit = np.nonzero(out)
+    t = prepared.unit.start + prepared.unit.dt * when[run, unit]
+    return np.stack([first_run + run, t, np.full(run.size, OF_UNIT), unit_code(unit)], axis=1)
 
 
 def replay(prepared: Prepared, seed: int, run: int) -> RunBlock:

@@ -91,7 +91,7 @@ def _gather_tables(work, own, unit, units):
         processes.gather(work.true_tables, work.true_par, unit.sensors, unit.drivers)
     else:
         gather_units(own, units, work.true_par, unit.sensors, unit.drivers)
-        fuse_tables(work.true_tables, own, units)
+        fuse_tables(work.true_tables, own, units, 0)
 
 
 @jit
@@ -129,7 +129,7 @@ def _set_true_tables(work, own, unit, units, tick):
     else:
         gather_units(own, units, work.true_par, unit.sensors, unit.drivers)
         _add_profiles(own.tables, unit, units, tick)
-        fuse_tables(work.true_tables, own, units)
+        fuse_tables(work.true_tables, own, units, tick)
 
 
 @jit

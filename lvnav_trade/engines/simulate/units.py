@@ -4,10 +4,11 @@ Errors of a unit are in axes of its own: its tables (`processes.gather`) have a 
 multiply increments in body axes.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from lvnav_trade.engines.simulate.redundancy import begin_redundant, check, combine, entering, new_redundant, note
 from lvnav_trade.kernels.attitude import cross
 from lvnav_trade.kernels.jit import inlined, jit
 from lvnav_trade.kernels.lanes import like, zeros_of
@@ -21,7 +22,8 @@ class UnitWork(NamedTuple):
     """Arrays of the units of a run: tables (2 n_triad, N_TABLE) of gyro and accelerometer of each triad; sensed
     (n_triad, n_tick, 6) increments of the window as they leave the units, along their axes; remainder (n_triad, 6) that
     quantisation holds back; before (4,) fused angle of the tick before, and whether there is one; difference
-    (n_pair, 3) of two units, summed since it was measured.
+    (n_pair, 3) of two units, summed since it was measured; redundant (RedundantWork): of units that are tested or
+    selected, None of others.
     """
 
     tables: Floats
@@ -29,15 +31,18 @@ class UnitWork(NamedTuple):
     remainder: Floats
     before: Floats
     difference: Floats
+    redundant: Any = None
 
 
-def new_units(n_triad: int, n_tick: int, n_pair: int, lanes: int = 0) -> UnitWork:
-    """Return the arrays of a run's units: one run, or `lanes` runs on the last axis."""
+def new_units(units: Any, n_tick: int, lanes: int = 0) -> UnitWork:
+    """Return the arrays of a run's units (Units): one run, or `lanes` runs on the last axis."""
+    n_triad, n_pair, vote = units.n_axis.size, units.pair_sensor.size, units.redundant
     shapes = {
         "tables": (2 * n_triad, N_TABLE), "sensed": (n_triad, n_tick, 6), "remainder": (n_triad, 6), "before": (4,),
         "difference": (max(1, n_pair), 3),
     }  # fmt: skip
-    return UnitWork(**zeros_of(shapes, lanes))
+    redundant = None if vote is None else new_redundant(int(vote.owner.max()) + 1, n_triad, lanes)
+    return UnitWork(**zeros_of(shapes, lanes), redundant=redundant)
 
 
 @jit
@@ -52,6 +57,7 @@ def begin_units(own, units):
         for p in range(own.difference.shape[0]):
             for i in range(3):
                 own.difference[p, i] = like(own.before[i], 0.0)
+        begin_redundant(own.redundant, units)
 
 
 @jit
@@ -110,22 +116,23 @@ def gather_units(own, units, values, sensors, drivers):
 
 
 @jit
-def fuse_tables(fused, own, units):
-    """Set the tables (2, N_TABLE) of the fused triad: what the parameters of a filter stand for; nonlinearity, which
-    enters by squares along the axes of the units, is none of them.
+def fuse_tables(fused, own, units, tick):
+    """Set the tables (2, N_TABLE) of the fused triad at a tick: what the parameters of a filter stand for;
+    nonlinearity, which enters by squares along the axes of the units, is none of them.
     """
     for sensor in range(2):
         for i in range(N_TABLE):
             fused[sensor, i] = like(fused[sensor, i], 0.0)
         for k in range(units.n_axis.shape[0]):
-            table, solved = own.tables[2 * k + sensor], units.solved[k, sensor]
+            table = own.tables[2 * k + sensor]
             for c in range(units.n_axis[k]):
                 for i in range(3):
-                    fused[sensor, BIAS + i] = fused[sensor, BIAS + i] + solved[i, c] * table[BIAS + c]
+                    share = entering(own.redundant, units, tick, k, sensor, i, c)
+                    fused[sensor, BIAS + i] = fused[sensor, BIAS + i] + share * table[BIAS + c]
                     for first in (OWN, OTHER):
                         for j in range(3):
                             at = first + 3 * i + j
-                            fused[sensor, at] = fused[sensor, at] + solved[i, c] * table[first + 3 * c + j]
+                            fused[sensor, at] = fused[sensor, at] + share * table[first + 3 * c + j]
 
 
 @inlined
@@ -197,7 +204,7 @@ def _fuse(increments, own, units, at, n_tick, dt):
         for k in range(n):
             for c in range(units.n_axis[k]):
                 for i in range(3):
-                    increments[row, i] = increments[row, i] + units.solved[k, 0, i, c] * own.sensed[k, row, c]
+                    increments[row, i] = increments[row, i] + units.solved[0, k, 0, i, c] * own.sensed[k, row, c]
                 _add_difference(own, units, 0, k, c, own.sensed[k, row, c])
         x, y, z = increments[row, 0], increments[row, 1], increments[row, 2]
         for k in range(n):
@@ -206,9 +213,37 @@ def _fuse(increments, own, units, at, n_tick, dt):
                 h = units.frames[k, c, 0]
                 value = own.sensed[k, row, 3 + c] - (h[0] * sx + h[1] * sy + h[2] * sz)
                 for i in range(3):
-                    increments[row, 3 + i] = increments[row, 3 + i] + units.solved[k, 1, i, c] * value
+                    increments[row, 3 + i] = increments[row, 3 + i] + units.solved[0, k, 1, i, c] * value
                 _add_difference(own, units, 1, k, c, value)
         own.before[0], own.before[1], own.before[2], own.before[3] = x, y, z, like(x, 1.0)
+
+
+@jit
+def _fuse_redundant(increments, own, units, vote, at, first_tick, n_tick, dt):
+    """Do the same for units that are tested against each other, or of which the middle one is selected."""
+    n, mine = units.n_axis.shape[0], own.redundant
+    for row in range(at, at + n_tick):
+        for k in range(n):
+            for c in range(units.n_axis[k]):
+                note(mine, 0, k, c, own.sensed[k, row, c])
+        combine(increments, mine, units, vote, row, 0)
+        x, y, z = increments[row, 0], increments[row, 1], increments[row, 2]
+        for k in range(n):
+            sx, sy, sz = swung(own, units, k, x, y, z, dt)
+            for c in range(units.n_axis[k]):
+                h = units.frames[k, c, 0]
+                note(mine, 1, k, c, own.sensed[k, row, 3 + c] - (h[0] * sx + h[1] * sy + h[2] * sz))
+        combine(increments, mine, units, vote, row, 1)
+        own.before[0], own.before[1], own.before[2], own.before[3] = x, y, z, like(x, 1.0)
+        check(mine, units, vote, first_tick + row - at)
+
+
+@jit
+def _fuse_ticks(increments, own, units, vote, at, first_tick, n_tick, dt):
+    if vote is None:
+        _fuse(increments, own, units, at, n_tick, dt)
+    else:
+        _fuse_redundant(increments, own, units, vote, at, first_tick, n_tick, dt)
 
 
 @jit
@@ -218,4 +253,4 @@ def sense_units(work, own, units, at, first_tick, n_tick, dt, k0, k1):
     """
     for k in range(units.n_axis.shape[0]):
         _sense_triad(own, units, k, at, first_tick, n_tick, dt, k0, k1, work.run[0])
-    _fuse(work.increments, own, units, at, n_tick, dt)
+    _fuse_ticks(work.increments, own, units, units.redundant, at, first_tick, n_tick, dt)

@@ -16,6 +16,7 @@ from lvnav_trade.kernels.transition import ACCEL, GYRO
 from lvnav_trade.records import Floats
 from lvnav_trade.units import Card
 from lvnav_trade.world.sensors.imu import AccelCard, ErrorBlock, GyroCard, ImuCard, error_blocks
+from lvnav_trade.world.sensors.redundancy import ParityCard
 
 SMALLEST = 1e-6
 """Smallest ratio of singular values of sensing axes that still span three dimensions."""
@@ -77,9 +78,17 @@ class ImuSet(Card):
         "sample, are taken off what each unit senses; ignored: they stay in it",
     )
 
+    selection: Literal["mean", "mid_value"] = Field(
+        "mean",
+        description="mean: least squares of all; mid_value: on each body axis the middle one of what the units sense, "
+        "of an even number the mean of the middle two",
+    )
+    parity: ParityCard | None = Field(None, description="test of the units against each other; none: no test")
+
     def _faults(self) -> Iterable[str]:
         if not self.units:
             yield "units: there is none"
+        yield from _unfit_for_redundancy(self)
         for number, unit in enumerate(self.units[1:], start=1):
             if unit.rate != self.rate:
                 yield (
@@ -103,6 +112,35 @@ class ImuSet(Card):
     def process_rate(self) -> float:
         """How often time-varying errors take a step (Hz): the most that a unit asks for."""
         return max(unit.process_rate for unit in self.units)
+
+
+def _unfit_for_redundancy(card: ImuSet) -> Iterable[str]:
+    """Yield what a selection, or a test of units against each other, lacks."""
+    spans = [np.linalg.matrix_rank(unit.directions, tol=SMALLEST) for unit in card.units]
+    if card.selection == "mid_value":
+        if min(spans, default=3) < 3:
+            yield f"selection: mid_value: units.{int(np.argmin(spans))} senses along {min(spans)} of 3 dimensions"
+        if card.weights != "random_walk":
+            yield f"weights: {card.weights}: the middle one of several readings has none"
+        if len(card.units) < 3:
+            yield f"selection: mid_value: the middle of {len(card.units)} is their mean; it takes three units or more"
+        if any(one.quantisation > 0.0 for unit in card.units for one in (unit.gyro, unit.accel)):
+            yield "selection: mid_value: what quantisation holds back of a unit is lost where another one is selected"
+    if card.parity is not None and not any(_tested_without(card, number) for number in range(len(card.units))):
+        yield "parity: without a unit the others have no axis more than they need: none could be told from them"
+    if card.parity is not None and card.parity.window * card.rate < 1.0:
+        yield f"parity.window: {card.parity.window:g} s is less than a sample of {1.0 / card.rate:g} s"
+    for number, unit in enumerate(card.units):
+        for name, one in (("gyro", unit.gyro), ("accel", unit.accel)):
+            if (card.parity is not None or card.selection == "mid_value") and one.random_walk <= 0.0:
+                yield f"units.{number}.{name}.random_walk: none; limits of redundant units follow from their noise"
+
+
+def _tested_without(card: ImuSet, number: int) -> bool:
+    """Return whether the units of a set without one of them sense along four axes or more, in three dimensions."""
+    left = [unit.directions for at, unit in enumerate(card.units) if at != number]
+    axes = np.vstack(left) if left else np.zeros((0, 3))
+    return len(axes) > 3 and int(np.linalg.matrix_rank(axes, tol=SMALLEST)) == 3
 
 
 def _kind_of(value: Any) -> str:
@@ -225,6 +263,28 @@ def relative_errors(imu: ImuSet, sensor: int, first: int, second: int) -> Relati
 def keyed(label: str, unit: int) -> str:
     """Return the key of an error source of a unit (from 0): the first has those of a unit alone."""
     return f"unit {unit + 1} {label}" if unit else label
+
+
+def own_solutions(card: ImuSet) -> Floats:
+    """Return for every triad the columns (n_triad, 3, 3) by which its axes enter the solution of their unit alone."""
+    found = [np.zeros((3, 3)) for _ in triads_of(card)]
+    for number, unit in enumerate(card.units):
+        A, at = least_squares(unit.directions, np.ones(len(unit.directions))), 0
+        for triad, one in enumerate(triads_of(card)):
+            if one.unit == number:
+                found[triad][:, : one.n_axis], at = A[:, at : at + one.n_axis], at + one.n_axis
+    return np.array(found)
+
+
+def axis_weights(card: ImuSet) -> Floats:
+    """Return the weight in the least squares of the axes of every triad, (2, n_triad) of gyro and accelerometer; one
+    for a selection.
+    """
+    owners = [triad.unit for triad in triads_of(card)]
+    if card.selection == "mid_value":
+        return np.ones((2, len(owners)))
+    sizes = [_sizes(card, sensor) for sensor in ("gyro", "accel")]
+    return np.array([(own / own[0] if own.all() else np.ones(own.size))[owners] ** -2.0 for own in sizes])
 
 
 def axis_counts(imu: ImuCard | ImuSet) -> tuple[int, ...]:

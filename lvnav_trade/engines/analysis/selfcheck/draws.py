@@ -130,9 +130,9 @@ def _of_unit(prepared: Prepared, seed: int, n: int) -> Floats:
 def _of_units(prepared: Prepared, seed: int, n: int) -> Floats:
     """Return the same of several units, (n_run, n_triad, n, 6): half the difference of two runs each."""
     units, (work, _) = prepared.options.units, new_work(prepared, lanes=False)
-    own = new_units(units.n_axis.size, n, units.pair_sensor.size)
     work = work._replace(increments=np.zeros((n, 6)))
-    quiet = units._replace(white=units.white * np.array([1.0, 1.0, 0.0, 0.0]))
+    quiet = units._replace(white=units.white * np.array([1.0, 1.0, 0.0, 0.0]), redundant=None)
+    own = new_units(quiet, n)
     sensed = []
     for run in range(2 * _NOISE_RUNS):
         work.run[0] = run

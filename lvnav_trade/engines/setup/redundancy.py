@@ -1,0 +1,249 @@
+"""Redundant inertial units on the nominal flight: limits of their test, and what linear covariance takes for fused.
+
+Linear covariance decides on the mean, as a run without noise does: it leaves a unit out from the tick on at which the
+known errors fail the test. The middle one of several readings enters it by statistical linearisation.
+"""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import chdtri
+
+from lvnav_trade.engines.setup.inputs import Redundant, Units
+from lvnav_trade.engines.setup.units import along_axes, inputs_of
+from lvnav_trade.records import Floats, Reference
+from lvnav_trade.world.sensors.imu import ImuCard
+from lvnav_trade.world.sensors.redundancy import Middle, ParityCard, middle
+from lvnav_trade.world.sensors.units import ImuSet, axis_weights, blocks_of, least_squares, own_solutions, triads_of
+
+STAGE = 1.0
+"""Interval (s) at which the statistics of the middle reading are looked up."""
+
+# Sensor (of several units 2 triad + sensor), what it multiplies (CONSTANT: a bias, OWN_0: a scale factor), start and
+# end (s) of its growth, amplitude (SI): an error that is the same in every run.
+Profile = tuple[int, int, float, float, tuple[float, float, float]]
+
+
+def redundant_of(
+    card: ImuCard | ImuSet, units: Units | None, ref: Reference, profiles: Sequence[Profile]
+) -> Units | None:
+    """Return the units with what their test and selection need; as they are without either."""
+    if units is None or isinstance(card, ImuCard) or (card.parity is None and card.selection == "mean"):
+        return units
+    dt = 1.0 / card.rate
+    parity = card.parity or ParityCard()
+    ticks = max(1, round(parity.window / dt))
+    owner = np.array([triad.unit for triad in triads_of(card)], dtype=np.int64)
+    known = _known(units, profiles, 0.5 * (ref.t[:-1] + ref.t[1:]), dt)
+    weight = 1.0 / _variance(card, units, dt, ticks)
+    n_axis, n_test = int(units.n_axis.sum()), 2 * weight.shape[0]
+    limits = np.concatenate([[np.inf], chdtri(np.arange(1, max(2, n_axis - 2)), parity.false_alarm / max(1, n_test))])
+    found = Redundant(
+        middle=card.selection == "mid_value",
+        ticks=ticks if card.parity is not None else 0,
+        weight=weight,
+        limits=limits,
+        owner=owner,
+        alone=own_solutions(card),
+        shares=axis_weights(card),
+    )
+    along = np.array(along_axes(units, dt))
+    lost = failed(along + known, units.frames[:, :, 0], found) if found.ticks else []
+    return _staged(card, units._replace(redundant=found), ref, along, known, lost, dt)
+
+
+def _known(units: Units, profiles: Sequence[Profile], t: Floats, dt: float) -> Floats:
+    """Return what errors that every run has put into increments along the axes, (2, n_triad, n_tick, 3)."""
+    n_triad, n_tick = units.dtheta.shape[:2]
+    found = np.zeros((2, n_triad, n_tick, 3))
+    for code, driver, start, end, size in profiles:
+        triad, sensor = divmod(code, 2)
+        share = np.clip((t - start) / (end - start), 0.0, 1.0)[:, None] * np.array(size)
+        found[sensor, triad] += share * inputs_of(units, dt, driver, triad, sensor)
+    return found * (np.arange(3) < units.n_axis[:, None])[None, :, None, :]
+
+
+def _spread(card: ImuSet, units: Units, dt: float, ticks: int) -> tuple[Floats, Floats]:
+    """Return the variances (n_window, 2, n_triad, 3) of what lasting errors and white noise of the cards put into
+    increments along the axes, summed over windows of some ticks.
+    """
+    n_triad, n_tick = units.dtheta.shape[:2]
+    edges = np.arange(0, n_tick + 1, ticks)
+    lasting = np.zeros((edges.size - 1, 2, n_triad, 3))
+    for block in blocks_of(card):
+        entering = np.cumsum(inputs_of(units, dt, block.driver, block.triad, block.sensor), axis=0)
+        summed = np.diff(np.vstack([np.zeros((1, 3)), entering])[edges], axis=0)
+        grown = block.sigma**2 + block.walk**2 * dt * edges[1:, None]
+        lasting[:, block.sensor, block.triad] += grown * summed**2
+    white = np.stack([
+        ticks * units.white[:, sensor] ** 2 + units.white[:, 2 + sensor] ** 2 / 6.0 for sensor in range(2)
+    ])  # fmt: skip
+    return lasting, np.broadcast_to(white[None, :, :, None], lasting.shape)
+
+
+def _variance(card: ImuSet, units: Units, dt: float, ticks: int) -> Floats:
+    """Return the variance (n_window, 2, n_triad, 3) of a summed increment along an axis; inf where there is no axis."""
+    lasting, white = _spread(card, units, dt, ticks)
+    return np.asarray(np.where(np.arange(3) < units.n_axis[:, None], lasting + white, np.inf))
+
+
+def failed(along: Floats, directions: Floats, tests: Redundant) -> list[tuple[int, int]]:
+    """Return which units fail the test on increments (2, n_triad, n_tick, 3) along their directions (n_triad, 3, 3):
+    tick from which on they are left out, and number. Weighted least squares by NumPy; a run's kernel is another one.
+    """
+    out, found = set[int](), list[tuple[int, int]]()
+    n_window, n_unit = len(tests.weight), int(tests.owner.max()) + 1
+    sums = along[:, :, : n_window * tests.ticks].reshape(2, along.shape[1], n_window, tests.ticks, 3).sum(axis=3)
+    for window in range(n_window):
+        for sensor in range(2):
+            y, weight = sums[sensor, :, window], tests.weight[window, sensor]
+            if _over(y, directions, weight, tests, out) <= 1.0:
+                continue
+            ratios = [_over(y, directions, weight, tests, out | {u}, True) for u in range(n_unit)]
+            worst = min((ratio, u) for u, ratio in enumerate(ratios) if u not in out)
+            if np.isfinite(worst[0]):
+                out.add(worst[1])
+                found.append(((window + 1) * tests.ticks, worst[1]))
+    return found
+
+
+def _over(y: Floats, directions: Floats, weight: Floats, tests: Redundant, out: set[int], alone: bool = False) -> float:
+    """Return the weighted squares that a fit without some units leaves, over their limit; with no axis to spare 0, or
+    where it is asked what is left alone inf.
+    """
+    use = (weight > 0.0) & ~np.isin(tests.owner, list(out))[:, None]
+    spare = int(use.sum()) - 3
+    if spare < 1:
+        return np.inf if alone else 0.0
+    root = np.sqrt(weight[use])
+    H, z = directions[use] * root[:, None], y[use] * root
+    left = z - H @ np.linalg.lstsq(H, z, rcond=None)[0]
+    return float(left @ left / tests.limits[spare])
+
+
+class _Stage(NamedTuple):
+    """How errors enter the fused triad: solved (n_triad, 2, 3, 3), noisy (2, 2, 3) factor on errors that last and on
+    white noise by sensor and axis, shift (2, 3) of the mean of an increment.
+    """
+
+    solved: Floats
+    noisy: Floats
+    shift: Floats
+
+
+def _staged(
+    card: ImuSet, units: Units, ref: Reference, along: Floats, known: Floats, lost: list[tuple[int, int]], dt: float
+) -> Units:
+    """Return the units with the stages of their flight: what enters how, tick by tick, and without a test beside."""
+    n_tick = units.dtheta.shape[1]
+    step = min(n_tick, max(1, round(STAGE / dt)))
+    middle_one = card.selection == "mid_value"
+    looked = _Looked(card, units, ref, along, known, dt, step) if middle_one else None
+    stages: list[_Stage] = []
+    index: dict[tuple[bytes, bytes, bytes], int] = {}
+
+    def number(stage: _Stage) -> int:
+        key = (stage.solved.tobytes(), stage.noisy.tobytes(), stage.shift.tobytes())
+        if key not in index:
+            index[key] = len(stages)
+            stages.append(stage)
+        return index[key]
+
+    edges = sorted({0, n_tick, *(at for at, _ in lost), *(range(0, n_tick, step) if middle_one else ())})
+    stage, flown = np.zeros(n_tick, dtype=np.int64), np.zeros(n_tick, dtype=np.int64)
+    for first, last in pairwise(edges):
+        out = {unit for at, unit in lost if at <= first}
+        for numbers, left in ((flown, set[int]()), (stage, out)):
+            numbers[first:last] = number(_mean(card, units, left) if looked is None else looked.at(first, left))
+    return units._replace(
+        solved=np.array([one.solved for one in stages]),
+        noisy=np.array([one.noisy for one in stages]),
+        shift=np.array([one.shift for one in stages]),
+        stage=stage,
+        flown=flown,
+    )
+
+
+def _mean(card: ImuSet, units: Units, out: set[int]) -> _Stage:
+    """Return the least squares of the units that are not out."""
+    solved = units.solved[0]
+    if out:
+        solved = np.zeros_like(solved)
+        redundant: Redundant = units.redundant
+        use = (np.arange(3) < units.n_axis[:, None]) & ~np.isin(redundant.owner, list(out))[:, None]
+        triad, axis = np.nonzero(use)
+        for sensor, shares in enumerate(redundant.shares):
+            A = least_squares(units.frames[triad, axis, 0], shares[triad])
+            solved[triad, sensor, :, axis] = A.T
+    return _Stage(solved, np.ones((2, 2, 3)), np.zeros((2, 3)))
+
+
+class _Looked:
+    """Statistics of the middle reading along a flight."""
+
+    def __init__(
+        self, card: ImuSet, units: Units, ref: Reference, along: Floats, known: Floats, dt: float, step: int
+    ) -> None:
+        lasting, white = _spread(card, units, dt, step)
+        self._units, self._step, self._alone = units, step, units.redundant.alone
+        self._n = int(units.redundant.owner.max()) + 1
+        self._white = np.sqrt(self._of_units(white)[0] / step)
+        self._lasting = np.sqrt(self._of_units(lasting)) / step
+        true = np.stack([ref.dtheta, ref.dvel])
+        sensed = np.stack([self._solved(along[s] + known[s]) for s in range(2)])
+        # errors of a tick: the mean over a stage, which a last one of less ticks shares with the one before
+        off = (sensed - true[:, None])[:, :, : len(lasting) * step]
+        self._off = off.reshape(2, self._n, len(lasting), step, 3).mean(axis=3)
+
+    def _solved(self, along: Floats) -> Floats:
+        """Return what each unit senses alone, (n_unit, n_tick, 3), of increments (n_triad, n_tick, 3)."""
+        found = np.zeros((self._n, *along.shape[1:]))
+        for triad, unit in enumerate(self._units.redundant.owner):
+            found[unit] += along[triad] @ self._alone[triad].T
+        return found
+
+    def _of_units(self, variance: Floats) -> Floats:
+        """Return variances (n, 2, n_unit, 3) of the units' own solutions by those of their axes, (n, 2, n_triad, 3)."""
+        found = np.zeros((len(variance), 2, self._n, 3))
+        for triad, unit in enumerate(self._units.redundant.owner):
+            found[:, :, unit] += variance[:, :, triad] @ (self._alone[triad] ** 2).T
+        return found
+
+    def at(self, tick: int, out: set[int]) -> _Stage:
+        """Return the stage of a tick without some units."""
+        window = min(tick // self._step, self._off.shape[2] - 1)
+        left = [unit for unit in range(self._n) if unit not in out]
+        solved, noisy, shift = np.zeros_like(self._units.solved[0]), np.ones((2, 2, 3)), np.zeros((2, 3))
+        for sensor in range(2):
+            for axis in range(3):
+                off = self._off[sensor, left, window, axis]
+                white, lasting = self._white[sensor, left, axis], self._lasting[window, sensor, left, axis]
+                found = _rounded(off, white, lasting)
+                for triad, unit in enumerate(self._units.redundant.owner):
+                    if unit in left:
+                        gain = found.gains[left.index(int(unit))]
+                        solved[triad, sensor, axis] = gain * self._alone[triad][axis]
+                noisy[sensor, :, axis] = found.lasting, found.white
+                shift[sensor, axis] = white[0] * found.mean - found.gains @ (off - np.median(off))
+        return _Stage(solved, noisy, shift)
+
+
+def _rounded(off: Floats, white: Floats, lasting: Floats) -> Middle:
+    """Return the statistics of readings about the median of what is known of them, in the unit of the first noise, of
+    ratios rounded: errors to a tenth of it, at most forty of it; what lasts to a tenth of its logarithm. Variances are
+    replaced by factors on the sigmas of the linear part.
+    """
+    steps = np.clip(np.rint((off - np.median(off)) / white[0] * 10.0), -400.0, 400.0)
+    exponents = np.rint(np.log(np.maximum(lasting / white[0], 1e-4)) * 10.0)
+    return _remembered(tuple(steps), tuple(np.round(white / white[0], 6)), tuple(exponents))
+
+
+@lru_cache(maxsize=4096)
+def _remembered(steps: tuple[float, ...], white: tuple[float, ...], exponents: tuple[float, ...]) -> Middle:
+    held, fresh = np.exp(np.array(exponents) / 10.0), np.array(white)
+    found = middle(np.array(steps) / 10.0, fresh, held)
+    lasting, noise = (np.sum((found.gains * size) ** 2) for size in (held, fresh))
+    return found._replace(lasting=float(np.sqrt(found.lasting / lasting)), white=float(np.sqrt(found.white / noise)))

@@ -1,0 +1,219 @@
+"""Redundant inertial units in a run, or in eight at once: the test against each other, exclusion, and selection.
+
+A test sums the increments along the axes over a window, fits the rate or specific force of the body to them by weighted
+least squares, and compares the squares that are left with chi-square of as many degrees of freedom as there are axes to
+spare (Sturza, Navigation 35(4), 1988). The unit without which least is left, over its limit, is out from then on.
+"""
+
+from typing import Any, NamedTuple
+
+from numba import types
+from numba.extending import overload
+
+from lvnav_trade.filters.integrity.fit import invert, limit
+from lvnav_trade.kernels.jit import jit
+from lvnav_trade.kernels.lanes import like, where, zeros_of
+from lvnav_trade.records import Floats
+
+FAR = 1e300
+
+
+class RedundantWork(NamedTuple):
+    """Arrays of redundant units: out (n_unit,) 1 of those excluded, when (n_unit,) the tick from which on; solved
+    (n_triad, 2, 3, 3) how axes enter the mean of the others, and reduced (1,): 1 once it is not that of all; value
+    (n_triad, 3) of a tick along the axes, sums (2, n_triad, 3) since the test before; order, ratio (n_unit,), A,
+    inverse (3, 3), b, fit (3,), over (1,) scratch.
+    """
+
+    out: Floats
+    when: Floats
+    solved: Floats
+    reduced: Floats
+    value: Floats
+    sums: Floats
+    order: Floats
+    ratio: Floats
+    A: Floats
+    inverse: Floats
+    b: Floats
+    fit: Floats
+    over: Floats
+
+
+def new_redundant(n_unit: int, n_triad: int, lanes: int = 0) -> RedundantWork:
+    """Return the arrays of redundant units: one run, or `lanes` runs on the last axis."""
+    shapes = {
+        "out": (n_unit,), "when": (n_unit,), "solved": (n_triad, 2, 3, 3), "reduced": (1,), "value": (n_triad, 3),
+        "sums": (2, n_triad, 3), "order": (n_unit,), "ratio": (n_unit,), "A": (3, 3), "inverse": (3, 3), "b": (3,),
+        "fit": (3,), "over": (1,),
+    }  # fmt: skip
+    return RedundantWork(**zeros_of(shapes, lanes))
+
+
+@jit
+def begin_redundant(own, units):
+    """Begin a run: every unit is in use (RedundantWork, or None)."""
+    if own is not None:
+        zero = like(own.over[0], 0.0)
+        own.reduced[0] = zero
+        for u in range(own.out.shape[0]):
+            own.out[u], own.when[u] = zero, zero
+        _clear(own)
+        for k in range(own.value.shape[0]):
+            for sensor in range(2):
+                for i in range(3):
+                    for c in range(3):
+                        own.solved[k, sensor, i, c] = like(zero, units.solved[0, k, sensor, i, c])
+
+
+@jit
+def _clear(own):
+    for sensor in range(2):
+        for k in range(own.value.shape[0]):
+            for c in range(3):
+                own.sums[sensor, k, c] = like(own.over[0], 0.0)
+
+
+def entering(own: Any, units: Any, tick: Any, k: Any, sensor: Any, i: Any, c: Any) -> Any:
+    """Return how the error of axis c of a triad enters axis i of the fused triad at a tick (RedundantWork, or None)."""
+    whole = units.solved[units.flown[tick], k, sensor, i, c]
+    return whole if own is None else where(own.reduced[0] > 0.0, own.solved[k, sensor, i, c], whole)
+
+
+@overload(entering)
+def _entering(own, units, tick, k, sensor, i, c):
+    if own == types.none:
+        return lambda own, units, tick, k, sensor, i, c: units.solved[0, k, sensor, i, c]
+    return lambda own, units, tick, k, sensor, i, c: where(
+        own.reduced[0] > 0.0, own.solved[k, sensor, i, c], units.solved[units.flown[tick], k, sensor, i, c]
+    )
+
+
+@jit
+def note(own, sensor, k, c, value):
+    """Keep an increment along an axis for selection and test."""
+    own.value[k, c] = value
+    own.sums[sensor, k, c] = own.sums[sensor, k, c] + value
+
+
+@jit
+def combine(increments, own, units, vote, row, sensor):
+    """Set what is fused of the increments of a tick: the mean of the units in use, or on each axis their middle one."""
+    n = units.n_axis.shape[0]
+    for i in range(3):
+        if vote.middle:
+            for u in range(own.order.shape[0]):
+                own.order[u] = where(own.out[u] > 0.0, FAR, like(own.over[0], 0.0))
+            for k in range(n):
+                u = vote.owner[k]
+                for c in range(units.n_axis[k]):
+                    own.order[u] = own.order[u] + vote.alone[k, i, c] * own.value[k, c]
+            increments[row, 3 * sensor + i] = _middle_of(own)
+        else:
+            total = like(own.over[0], 0.0)
+            for k in range(n):
+                for c in range(units.n_axis[k]):
+                    total = total + own.solved[k, sensor, i, c] * own.value[k, c]
+            increments[row, 3 * sensor + i] = total
+
+
+@jit
+def _middle_of(own):
+    """Return the middle one of own.order, which is sorted, of an even number the mean of the middle two; those of the
+    units that are out come last.
+    """
+    n, used = own.order.shape[0], like(own.over[0], 0.0)
+    for u in range(n):
+        used = used + where(own.out[u] > 0.0, 0.0, 1.0)
+    for last in range(n - 1, 0, -1):
+        for u in range(last):
+            a, b = own.order[u], own.order[u + 1]
+            own.order[u], own.order[u + 1] = where(b < a, b, a), where(b < a, a, b)
+    found = own.order[0]
+    for m in range(2, n + 1):
+        found = where(used == float(m), 0.5 * (own.order[(m - 1) // 2] + own.order[m // 2]), found)
+    return found
+
+
+@jit
+def _weight(own, skip, vote, weights, k, c):
+    """Return the weight of an axis: 0 of a unit that is out, or is skipped."""
+    u = vote.owner[k]
+    return where(own.out[u] > 0.0, 0.0, 0.0 if u == skip else weights[k, c])
+
+
+@jit
+def _left(own, units, vote, sensor, window, skip):
+    """Return the squares that a fit without a unit (-1: with all in use) leaves, and its degrees of freedom."""
+    weights, n, zero = vote.weight[window, sensor], units.n_axis.shape[0], like(own.over[0], 0.0)
+    for i in range(3):
+        own.b[i] = zero
+        for j in range(3):
+            own.A[i, j] = zero + (1e-12 * weights[0, 0] if i == j else 0.0)  # too few axes leave a direction open
+    dof = zero - 3.0
+    for k in range(n):
+        for c in range(units.n_axis[k]):
+            h, w = units.frames[k, c, 0], _weight(own, skip, vote, weights, k, c)
+            dof = dof + where(w > 0.0, 1.0, 0.0)
+            for i in range(3):
+                own.b[i] = own.b[i] + w * h[i] * own.sums[sensor, k, c]
+                for j in range(3):
+                    own.A[i, j] = own.A[i, j] + w * h[i] * h[j]
+    invert(own.inverse, own.A)
+    for i in range(3):
+        own.fit[i] = own.inverse[i, 0] * own.b[0] + own.inverse[i, 1] * own.b[1] + own.inverse[i, 2] * own.b[2]
+    square = zero
+    for k in range(n):
+        for c in range(units.n_axis[k]):
+            h, w = units.frames[k, c, 0], _weight(own, skip, vote, weights, k, c)
+            off = own.sums[sensor, k, c] - (h[0] * own.fit[0] + h[1] * own.fit[1] + h[2] * own.fit[2])
+            square = square + w * off * off
+    return square, dof
+
+
+@jit
+def _reduce(own, units, vote):
+    """Set how axes enter the mean of the units in use."""
+    n, zero = units.n_axis.shape[0], like(own.over[0], 0.0)
+    for sensor in range(2):
+        for i in range(3):
+            for j in range(3):
+                own.A[i, j] = zero + (1e-12 if i == j else 0.0)
+        for k in range(n):
+            w = where(own.out[vote.owner[k]] > 0.0, 0.0, vote.shares[sensor, k])
+            for c in range(units.n_axis[k]):
+                h = units.frames[k, c, 0]
+                for i in range(3):
+                    for j in range(3):
+                        own.A[i, j] = own.A[i, j] + w * h[i] * h[j]
+        invert(own.inverse, own.A)
+        for k in range(n):
+            w = where(own.out[vote.owner[k]] > 0.0, 0.0, vote.shares[sensor, k])
+            for c in range(units.n_axis[k]):
+                h = units.frames[k, c, 0]
+                for i in range(3):
+                    value = own.inverse[i, 0] * h[0] + own.inverse[i, 1] * h[1] + own.inverse[i, 2] * h[2]
+                    held = own.solved[k, sensor, i, c]
+                    own.solved[k, sensor, i, c] = where(own.reduced[0] > 0.0, w * value, held)
+
+
+@jit
+def check(own, units, vote, tick):
+    """Test the units after a tick that ends a window, and exclude the one that has failed."""
+    if vote.ticks == 0 or (tick + 1) % vote.ticks != 0:
+        return
+    window = (tick + 1) // vote.ticks - 1
+    for sensor in range(2):
+        square, dof = _left(own, units, vote, sensor, window, -1)
+        fails = where((dof >= 1.0) & (square > limit(vote.limits, dof)), 1.0, 0.0)
+        least = like(own.over[0], FAR)
+        for u in range(own.out.shape[0]):
+            square, dof = _left(own, units, vote, sensor, window, u)
+            own.ratio[u] = where((own.out[u] > 0.0) | (dof < 1.0), FAR, square / limit(vote.limits, dof))
+            least = where(own.ratio[u] < least, own.ratio[u], least)
+        for u in range(own.out.shape[0]):
+            worst = (fails > 0.0) & (own.ratio[u] == least) & (least < FAR)
+            own.out[u], own.when[u] = where(worst, 1.0, own.out[u]), where(worst, tick + 1.0, own.when[u])
+            own.reduced[0] = where(worst, 1.0, own.reduced[0])
+    _reduce(own, units, vote)
+    _clear(own)

@@ -1,0 +1,96 @@
+"""Redundant inertial units in both engines: selection, test against each other, exclusion."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import binomtest
+
+from lvnav_trade.engines.lincov.history import covariance
+from lvnav_trade.engines.simulate.montecarlo import run_block
+from lvnav_trade.records import OF_UNIT
+from lvnav_trade.world.fault_cards import AccelBiasStep, DeadAxis, GyroBiasStep
+from tests.building import INERTIAL, loaded, prepare_hop, with_fields, with_units
+from tests.engines.test_closed_forms import NOWHERE, SECONDS, thrusting
+
+RUNS = 240
+STEP = GyroBiasStep(unit=2, size=["60 deg/h", "0 deg/h", "0 deg/h"], **{"from": "10 s"})
+DEAD = DeadAxis(unit=3, sensor="accelerometer", axis=1, **{"from": "10 s"})
+
+
+def three(*faults, **fields):
+    """Three like units on the hop, tightly coupled; `fields` of the set."""
+    scenario = loaded("base.imu=imu/tactical_fog_matched", "base.filter=filters/tight")
+    return prepare_hop(with_units(scenario, [{}] * 3, **fields).model_copy(update={"faults": faults}))
+
+
+def walks(fields, faults=()):
+    """Three units with random walk alone, without aiding, on 100 s of thrust along x."""
+    scenario = loaded(INERTIAL)
+    noise = {"gyro": {"random_walk": "1e-5 rad/s**0.5"}, "accel": {"random_walk": "1e-4 m/s**1.5"}}
+    scenario = scenario.model_copy(
+        update={
+            "imu": with_fields(scenario.imu, rate="100 Hz", **noise),
+            "initial": with_fields(scenario.initial, **NOWHERE),
+            "frame": "inertial",
+        }
+    )
+    scenario = with_units(scenario, [{}] * 3, **fields).model_copy(update={"faults": faults})
+    return prepare_hop(scenario, thrusting())
+
+
+@pytest.mark.parametrize(
+    ("fields", "faults"),
+    [
+        ({"parity": {}}, (STEP,)),
+        ({"parity": {"window": "0.5 s"}, "selection": "mid_value"}, (DEAD,)),
+        ({"selection": "mid_value"}, ()),
+        ({"selection": "mid_value"}, (STEP,)),
+    ],
+    ids=["tested, gyro", "middle and tested, dead axis", "middle", "middle, gyro"],
+)
+def test_runs_are_what_linear_covariance_says(fields, faults):
+    prepared = three(*faults, **fields)
+    found, block = covariance(prepared), run_block(prepared, 5, 0, RUNS)
+    spread, mean = block.err.std(axis=0), block.err.mean(axis=0)
+    at = [hist for hist in range(1, prepared.t_hist.size) if abs(prepared.t_hist[hist] - 10.0) > 1.5]
+    sigma = found.true_sigma[at, :9]
+    ratio = spread[at, :9] / sigma
+    assert np.all(np.abs(ratio - 1.0) < 5.0 / math.sqrt(2.0 * RUNS))
+    assert np.abs(ratio - 1.0).mean() < 0.06
+    assert np.all(np.abs(mean[at, :9] - found.mean[at, :9]) < 5.0 * sigma / math.sqrt(RUNS))
+    if "parity" in fields:
+        units = prepared.options.units
+        when = prepared.unit.start + prepared.unit.dt * int(np.argmax(units.stage != units.flown))
+        run, t, kind, code = block.decisions.T
+        assert len(block.decisions) == RUNS == np.unique(run).size
+        assert set(kind) == {OF_UNIT}
+        assert set(code) == {-2.0 - (faults[0].unit - 1)}
+        assert np.all(np.abs(t - when) < prepared.scenario.imu.parity.window + 1e-9)
+
+
+def test_a_random_walk_after_an_exclusion_is_that_of_the_units_that_are_left():
+    """N^2 (t / 3 + (T - t) / 2), by source: all of it of the first, of the third what it put in before."""
+    fault = AccelBiasStep(unit=3, size=["1 g", "0 g", "0 g"], **{"from": "39.5 s"})
+    found = covariance(walks({"parity": {}}, (fault,)))
+    before = 40.0
+    variance = 1e-10 * (before / 3.0 + (SECONDS - before) / 2.0)
+    assert found.true_sigma[-1, 0] == pytest.approx(math.sqrt(variance), rel=1e-3)
+    third = found.budget[-1, found.sources.index("unit 3 gyro random walk"), 0]
+    assert third == pytest.approx(1e-10 * before / 9.0, rel=1e-3)
+    # what the accelerometer put in before: a third of 1 g for half a second
+    assert found.mean[-1, 3] == pytest.approx(-9.80665 / 3.0 * 0.5, rel=0.25)
+
+
+def test_a_random_walk_of_the_middle_reading_is_the_published_one():
+    found = covariance(walks({"selection": "mid_value"}))
+    assert found.true_sigma[-1, 0] == pytest.approx(math.sqrt(0.448671 * 1e-10 * SECONDS), rel=0.01)
+
+
+def test_alarms_without_a_fault_are_as_many_as_stated():
+    """Tests of white noise are independent: 1 - (1 - a / n)^n of the runs have an alarm."""
+    block = run_block(walks({"parity": {"false_alarm": 0.3}}), 7, 0, 400)
+    share = binomtest(np.unique(block.decisions[:, 0]).size, 400).proportion_ci(0.999, method="exact")
+    assert share.low < 1.0 - math.exp(-0.3) < share.high
