@@ -28,11 +28,8 @@ NO_CHANGES = np.zeros((0, 5))
 OF_CHANNEL, OF_CLOCK, OF_INERTIAL, OF_UNIT = 1, 2, 3, 4
 ISOLATED = ("", "channel", "clock", "inertial", "unit")
 NO_DECISIONS = np.zeros((0, 4))
-
-
-def unit_code(unit: Ints) -> Ints:
-    """Return what stands in the place of a channel in a decision on inertial units (numbers from 0): -2 and less."""
-    return np.asarray(-2 - unit)
+# In a decision on inertial units, what stands in the place of a channel: this for the first, one less for the next.
+FIRST_UNIT = -2
 
 
 class Motion(NamedTuple):
@@ -122,7 +119,7 @@ class RunBlock(NamedTuple):
     1 not finite, 2 diverged (position error over the scenario's limit); t_failed (n_run,) s or NaN; changes (n_change,
     5) of what filters with a logic do, run after run: run, t s, mode before, mode after, reason (see MODES); decisions
     (n_decision, 4) of filters that test for faults: run, t s, what was isolated (see ISOLATED), channel of the filter
-    that was excluded (-1 none, `unit_code` of an inertial unit).
+    that was excluded (-1 none, of inertial units see FIRST_UNIT).
     """
 
     first_run: int

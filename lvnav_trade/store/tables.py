@@ -10,7 +10,7 @@ from lvnav_trade.engines.analysis.explain import Explanation
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.setup.starts import StartDraws
 from lvnav_trade.engines.simulate.statistics import NORM, BlockSummary, add_norms, columns, norm_groups, quantiles
-from lvnav_trade.records import ISOLATED, MODES, REASONS, CovHistory, Floats, Output
+from lvnav_trade.records import FIRST_UNIT, ISOLATED, MODES, REASONS, CovHistory, Floats, Output
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.steering.nozzle import AXES, FEEDS, PHASES, Controlled
 from lvnav_trade.store.columns import column
@@ -300,7 +300,7 @@ def _integrity(summary: BlockSummary, channels: tuple[str, ...]) -> dict[str, An
     """Return the columns of `integrity`: what filters that test for faults decided."""
     run, t, isolated, channel = summary.decisions.T
     number = channel.astype(int)
-    units = [f"unit {unit + 1}" for unit in range(max(0, -2 - int(number.min(initial=0))) + 1)]  # see unit_code
+    units = [f"unit {unit + 1}" for unit in range(max(0, FIRST_UNIT - int(number.min(initial=0))) + 1)]
     names = np.array([*channels, *reversed(units), ""])
     return {
         "run_number": run.astype(np.int64),

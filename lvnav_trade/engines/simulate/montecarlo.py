@@ -29,7 +29,7 @@ from lvnav_trade.kernels.strapdown import N_SUM
 from lvnav_trade.kernels.vector import WIDTH
 from lvnav_trade.receivers.base import N_STATE as N_RECEIVER
 from lvnav_trade.receivers.base import new_receiver
-from lvnav_trade.records import NO_CHANGES, NO_DECISIONS, OF_UNIT, WAITING, Floats, RunBlock, unit_code
+from lvnav_trade.records import FIRST_UNIT, NO_CHANGES, NO_DECISIONS, OF_UNIT, WAITING, Floats, RunBlock
 
 
 class Held(NamedTuple):
@@ -239,11 +239,11 @@ def _decisions(prepared: Prepared, monitor: Monitor, first_run: int, n_run: int,
 
 
 def _excluded(prepared: Prepared, redundant: RedundantWork, first_run: int, n_run: int, lanes: bool) -> Floats:
-    """Return the decisions (n, 4) on inertial units of some runs, in the same form; of a unit OF_UNIT and its code."""
+    """Return the decisions (n, 4) on inertial units of some runs, in the same form."""
     out, when = (_by_run(array, lanes)[:n_run] for array in (redundant.out, redundant.when))
     run, unit = np.nonzero(out)
     t = prepared.unit.start + prepared.unit.dt * when[run, unit]
-    return np.stack([first_run + run, t, np.full(run.size, OF_UNIT), unit_code(unit)], axis=1)
+    return np.stack([first_run + run, t, np.full(run.size, OF_UNIT), FIRST_UNIT - unit], axis=1)
 
 
 def replay(prepared: Prepared, seed: int, run: int) -> RunBlock:

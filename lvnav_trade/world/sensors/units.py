@@ -127,7 +127,7 @@ def _unfit_for_redundancy(card: ImuSet) -> Iterable[str]:
         if any(one.quantisation > 0.0 for unit in card.units for one in (unit.gyro, unit.accel)):
             yield "selection: mid_value: what quantisation holds back of a unit is lost where another one is selected"
     if card.parity is not None and not any(_tested_without(card, number) for number in range(len(card.units))):
-        yield "parity: without a unit the others have no axis more than they need: none could be told from them"
+        yield "parity: without a unit the others have no axis more than they need: none can be isolated"
     if card.parity is not None and card.parity.window * card.rate < 1.0:
         yield f"parity.window: {card.parity.window:g} s is less than a sample of {1.0 / card.rate:g} s"
     for number, unit in enumerate(card.units):
@@ -269,7 +269,7 @@ def own_solutions(card: ImuSet) -> Floats:
     """Return for every triad the columns (n_triad, 3, 3) by which its axes enter the solution of their unit alone."""
     found = [np.zeros((3, 3)) for _ in triads_of(card)]
     for number, unit in enumerate(card.units):
-        A, at = least_squares(unit.directions, np.ones(len(unit.directions))), 0
+        A, at = np.linalg.pinv(unit.directions), 0  # of fewer than three axes it is none, and stands for nothing
         for triad, one in enumerate(triads_of(card)):
             if one.unit == number:
                 found[triad][:, : one.n_axis], at = A[:, at : at + one.n_axis], at + one.n_axis
