@@ -254,7 +254,8 @@ class FilterCard(units.NamedCard):
     neglect: tuple[Literal["gyro_bias", "accel_bias"], ...] = Field((), description="standard states left out")
     update: Literal["symmetric", "joseph"] = "symmetric"
     transition_order: Literal[1, 2] = 2
-    algorithm: Literal["extended", "unscented"] = Field("extended", description="by Jacobians, or by points")
+    algorithm: Literal["extended", "iterated", "unscented"] = Field("extended", description="by Jacobians, or points")
+    iterations: int = Field(3, ge=2, le=20, description="passes of an iterated update, each linearised anew")
     gate: float | None = Field(None, gt=0, description="innovation gate in sigma per row; none: no gate")
     gravity: Literal["point", "j2", "j4"] = "j4"
     feedback: Literal["closed", "open", "direct"] = Field(
@@ -292,7 +293,6 @@ class FilterCard(units.NamedCard):
         0.0, description="process noise beyond the unit's own, root PSD per axis"
     )
     velocity_noise: units.VelocityRandomWalk = 0.0
-
     backup: bool = Field(
         False, description="a second strapdown, never corrected, takes the same increments; its errors are reported too"
     )
@@ -301,7 +301,6 @@ class FilterCard(units.NamedCard):
         None, description="the covariance of what is estimated grows by exp(2 t / this); none: nothing is forgotten"
     )
     region_noise: tuple[RegionNoiseCard, ...] = Field((), description="variance added at a change of operating region")
-
     report_imu_samples: bool = Field(
         False, description="errors of the IMU's samples, raw and corrected, are reported beside the states"
     )
@@ -356,6 +355,8 @@ class FilterCard(units.NamedCard):
             yield "transition_rate: a filter with imu among its measurements propagates by every sample"
         if self.backup and self.models_vehicle:
             yield "backup: a filter with imu among its measurements has no strapdown of increments to run beside"
+        if self.algorithm == "iterated" and self.feedback == "direct":
+            yield "feedback: direct linearises at every scalar where the one before has led; an iterated update too"
         if self.algorithm == "unscented" and self.models_vehicle:
             yield "algorithm: points are flown by the strapdown; a filter with imu among its measurements has none"
         if self.algorithm == "unscented" and (self.transition_rate is not None or self.transition_order != 2):
@@ -368,9 +369,8 @@ class FilterCard(units.NamedCard):
             for name in weighted.measurements:
                 if name not in self.measurements:
                     yield f"underweighting.{number}.measurements: {name} is not among the filter's measurements"
-
         if self.delayed_state == "back_propagated" and self.models_vehicle:
-            yield "delayed_state: samples of the IMU are updates between epochs; no transition leads back through them"
+            yield "delayed_state: samples of the IMU are updates between epochs, which no transition leads back through"
         if self.delayed_state == "back_propagated" and self.as_noise:
             yield "delayed_state: what a filter forgets between epochs, no transition leads back through"
 

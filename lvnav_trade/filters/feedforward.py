@@ -16,10 +16,11 @@ import numpy as np
 from lvnav_trade.filters import ekf
 from lvnav_trade.filters.delayed import find_earlier, renew
 from lvnav_trade.filters.integrity.assess import assess
+from lvnav_trade.filters.iterated import hold
 from lvnav_trade.filters.late import correct_stored_errors, place_of, predicted_of_stored
 from lvnav_trade.filters.monitor import MODE, check_measurements, is_correcting, is_running, start_filter, update_mode
 from lvnav_trade.filters.unscented import measure_receiver
-from lvnav_trade.filters.updates import update_receiver, update_sensors
+from lvnav_trade.filters.updates import iterate_receiver, update_receiver, update_sensors
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.covariance import apply_phi
 from lvnav_trade.kernels.jit import inlined, jit
@@ -159,8 +160,8 @@ def _assess(work, points, monitor, tests, delayed, running, gains, model, signal
 
 @inlined
 def _process_permitted(
-    work, points, rx, past, earlier, watch, monitor, open_loop, direct, rules, tests, late, delayed, gains, model,
-    signals, epoch, dt,
+    work, points, again, rx, past, earlier, watch, monitor, open_loop, direct, passes, rules, tests, late, delayed,
+    gains, model, signals, epoch, dt,
 ):  # fmt: skip
     """Process the receiver's measurements at an epoch if the mode logic permits, and make its transitions."""
     n_row = ekf.n_measured(model, signals, epoch)
@@ -178,9 +179,14 @@ def _process_permitted(
         used = watch.sample[0] > 0.0
         gate = where(used, model.gate_squared, -1.0)
         starts = watch.sample[1] > 0.0
+        hold(again, work, epoch)
         update_receiver(
             work, points, past, earlier, late, delayed, direct, monitor, gains, model, signals, epoch, dt, gate, starts
         )
+        iterate_receiver(
+            work, again, passes, rx, past, earlier, late, delayed, monitor, gains, model, signals, epoch, dt, gate,
+            starts,
+        )  # fmt: skip
         for row in range(n_row):
             channel = ekf.channel_of(model, signals, epoch, row)
             work.innovation[epoch, channel] = where(used, work.innovation[epoch, channel], np.nan)
@@ -189,8 +195,8 @@ def _process_permitted(
 
 @inlined
 def process_measurements(
-    work, points, rx, past, earlier, watch, monitor, open_loop, direct, rules, tests, late, delayed, gains, sensors,
-    model, signals, epoch, dt,
+    work, points, again, rx, past, earlier, watch, monitor, open_loop, direct, passes, rules, tests, late, delayed,
+    gains, sensors, model, signals, epoch, dt,
 ):  # fmt: skip
     """Process what the receiver and the other sensors measure at an epoch; if the filter has a mode logic, once it
     permits.
@@ -207,6 +213,7 @@ def process_measurements(
             _compare_late(work, past, open_loop, late, model, signals, epoch)
             _assess(work, points, monitor, tests, delayed, like(work.x[0], 1.0), gains, model, signals, epoch)
             gate = model.gate_squared
+            hold(again, work, epoch)
             update_receiver(
                 work,
                 points,
@@ -224,12 +231,20 @@ def process_measurements(
                 gate,
                 None,
             )
+            iterate_receiver(
+                work, again, passes, rx, past, earlier, late, delayed, monitor, gains, model, signals, epoch, dt, gate,
+                None,
+            )  # fmt: skip
         gate = model.gate_squared
-        update_sensors(work, points, past, open_loop, direct, late, gains, sensors, model, signals, epoch, gate)
+        update_sensors(
+            work, points, again, passes, past, open_loop, direct, late, gains, sensors, model, signals, epoch, gate
+        )
     elif (epoch + 1) % model.every == 0:
         _process_permitted(
-            work, points, rx, past, earlier, watch, monitor, open_loop, direct, rules, tests, late, delayed, gains,
-            model, signals, epoch, dt,
+            work, points, again, rx, past, earlier, watch, monitor, open_loop, direct, passes, rules, tests, late,
+            delayed, gains, model, signals, epoch, dt,
         )  # fmt: skip
         gate = where(is_running(watch.state[MODE]) > 0.0, model.gate_squared, -1.0)
-        update_sensors(work, points, past, open_loop, direct, late, gains, sensors, model, signals, epoch, gate)
+        update_sensors(
+            work, points, again, passes, past, open_loop, direct, late, gains, sensors, model, signals, epoch, gate
+        )

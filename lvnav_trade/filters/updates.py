@@ -6,6 +6,7 @@ from lvnav_trade.filters.delayed import correct_earlier, is_present
 from lvnav_trade.filters.differenced import is_reference, leave_out, take_reference
 from lvnav_trade.filters.ekf import channel_of, correct, n_measured, place_antenna, row_of
 from lvnav_trade.filters.integrity.state import permitted
+from lvnav_trade.filters.iterated import hold, linearise_receiver, linearise_sensor
 from lvnav_trade.filters.unscented import measure_receiver, measure_sensor
 from lvnav_trade.kernels.covariance import update_scalar, update_with_gain
 from lvnav_trade.kernels.jit import inlined, jit
@@ -80,6 +81,44 @@ def update_receiver(
 
 
 @jit
+def is_stored(late):
+    """Return whether what the receiver measures is compared with a stored state (Late, or None)."""
+    if late is None:
+        return False
+    return not late.extrapolated and late.line[0] >= 0
+
+
+@jit
+def iterate_receiver(
+    work, again, passes, rx, past, earlier, late, delayed, own, gains, model, signals, epoch, dt, gate_squared, starts
+):
+    """Repeat the update by what the receiver measures, with rows linearised at what it has found (Again and Passes, or
+    None).
+    """
+    if again is not None:
+        for _ in range(0 if is_stored(late) else passes.count):
+            linearise_receiver(work, again, passes, rx, past, earlier, late, delayed, gains, model, signals, epoch, dt)
+            update_receiver(
+                work, None, past, earlier, late, delayed, None, own, gains, model, signals, epoch, dt, gate_squared,
+                starts,
+            )  # fmt: skip
+
+
+@jit
+def _iterate_sensor(
+    work, again, passes, past, open_loop, late, gains, sensors, model, signals, epoch, gate_squared, k, at
+):
+    """Do the same with what sensor k measures."""
+    if again is not None:
+        for _ in range(0 if late is not None and late.of_sensor[k] >= 0 else passes.count):
+            linearise_sensor(work, again, passes, past, open_loop, late, model, signals, sensors, k, at, epoch)
+            for i in range(sensors.scalars[k]):
+                update_and_count(
+                    work, None, gains, model, signals, epoch, at + i, sensors.channel[k] + i, False, gate_squared
+                )
+
+
+@jit
 def _correct_at_once(work, past, late, direct, model):
     """Correct the total state of a direct filter (direct, or None)."""
     if direct is not None:
@@ -87,13 +126,16 @@ def _correct_at_once(work, past, late, direct, model):
 
 
 @inlined
-def update_sensors(work, points, past, open_loop, direct, late, gains, sensors, model, signals, epoch, gate_squared):
+def update_sensors(
+    work, points, again, passes, past, open_loop, direct, late, gains, sensors, model, signals, epoch, gate_squared
+):
     """Update by what the sensors beside the receiver (Sensors, or None) measure at an epoch."""
     if sensors is not None:
         for k in range(sensors.code.shape[0]):
             if sensors.on[k, epoch] and model.measured[sensors.channel[k]]:
                 at = row_of(model, work, sensors.channel[k])
                 measure_sensor(work, points, past, open_loop, late, model, signals, sensors, k, at, epoch)
+                hold(again, work, epoch)
                 for i in range(sensors.scalars[k]):
                     update_and_count(
                         work, points, gains, model, signals, epoch, at + i, sensors.channel[k] + i, False, gate_squared
@@ -101,3 +143,7 @@ def update_sensors(work, points, past, open_loop, direct, late, gains, sensors, 
                     if direct is not None:
                         correct(work, past, late, model)
                         measure_sensor(work, points, past, open_loop, late, model, signals, sensors, k, at, epoch)
+                _iterate_sensor(
+                    work, again, passes, past, open_loop, late, gains, sensors, model, signals, epoch, gate_squared, k,
+                    at,
+                )  # fmt: skip

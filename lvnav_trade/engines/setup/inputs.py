@@ -282,7 +282,7 @@ class Options(NamedTuple):
     direct (True): the filter corrects its total state scalar by scalar; backup (int): errors of a strapdown that is
     never corrected are reported, from that output on; further (Further), delayed (filters.delayed.Delayed): carrier
     phases or differences of two epochs are measured; unscented (True): points in place of Jacobians; integrity
-    (filters.integrity.state.Tests): faults are tested for.
+    (filters.integrity.state.Tests): faults are tested for; iterated (filters.iterated.Passes): so is the update.
     """
 
     solver: Any = None
@@ -300,3 +300,4 @@ class Options(NamedTuple):
     delayed: Any = None
     unscented: Any = None
     integrity: Any = None
+    iterated: Any = None

@@ -8,7 +8,8 @@ import numpy as np
 from lvnav_trade.engines.setup.inputs import Schedule
 from lvnav_trade.engines.setup.sensors import Sensor
 from lvnav_trade.errors import InputError, Mistake
-from lvnav_trade.filters.base import ReceiverModel
+from lvnav_trade.filters.base import FilterCard, ReceiverModel
+from lvnav_trade.filters.iterated import Passes
 from lvnav_trade.filters.late import Late
 from lvnav_trade.filters.scheduled import Gains, gains_at
 from lvnav_trade.layout import StateLayout, state_names
@@ -25,6 +26,13 @@ class DelayTaken(NamedTuple):
 
     sensor: int
     delay: Floats
+
+
+def passes_of(card: FilterCard, layout: StateLayout) -> Passes | None:
+    """Return how updates are iterated; None where they are not."""
+    if card.algorithm != "iterated":
+        return None
+    return Passes(card.iterations - 1, layout.clone if layout.clone >= 0 else layout.n_state)
 
 
 class CloneTimes(NamedTuple):

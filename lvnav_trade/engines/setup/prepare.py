@@ -8,7 +8,7 @@ import numpy as np
 
 from lvnav_trade.engines.setup.families import ErrorFamily, shared_of
 from lvnav_trade.engines.setup.inputs import Options, Record, Report, Schedule, Sensors, Signals, Start, Unit, Units
-from lvnav_trade.engines.setup.options import clone_times, delays_taken, every, gains_of, late_of, solver_of
+from lvnav_trade.engines.setup.options import clone_times, delays_taken, every, gains_of, late_of, passes_of, solver_of
 from lvnav_trade.engines.setup.receiver.atmosphere import Delays, delays
 from lvnav_trade.engines.setup.receiver.further import delayed_of, further_of, references_of
 from lvnav_trade.engines.setup.receiver.recorded import Recorded, recorded
@@ -330,6 +330,7 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
             delayed=successive,
             unscented=True if card.algorithm == "unscented" else None,
             integrity=None if card.integrity is None else integrity_of(card.integrity, truth, model, card.update_rate),
+            iterated=passes_of(card, layout),
         ),
         chain=chain,
         devices=devices,

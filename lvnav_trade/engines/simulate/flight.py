@@ -91,9 +91,9 @@ def fly(work, parts, schedule, unit, signals, sensors, start, history, model, op
             hold_solution(work, parts.rx, parts.held, options.solver, options.report, epoch)
             measure_sensors(work, parts.units, sensors, options.units, signals, epoch, k0, k1)
             process_measurements(
-                work, parts.points, parts.rx, parts.past, parts.earlier, parts.watch, parts.monitor,
-                parts.open_loop, options.direct, options.rules, options.integrity, options.late, options.delayed,
-                options.gains, sensors, model, signals, epoch, dt,
+                work, parts.points, parts.again, parts.rx, parts.past, parts.earlier, parts.watch, parts.monitor,
+                parts.open_loop, options.direct, options.iterated, options.rules, options.integrity, options.late,
+                options.delayed, options.gains, sensors, model, signals, epoch, dt,
             )  # fmt: skip
             correct_vehicle(work, parts.motion, model, options.vehicle)
             apply_feedback(work, parts.past, parts.open_loop, options.late, model)

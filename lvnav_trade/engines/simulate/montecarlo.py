@@ -17,6 +17,7 @@ from lvnav_trade.filters.backup import new_backup
 from lvnav_trade.filters.delayed import new_earlier
 from lvnav_trade.filters.feedforward import new_open_loop
 from lvnav_trade.filters.integrity.state import Monitor, new_monitor
+from lvnav_trade.filters.iterated import new_again
 from lvnav_trade.filters.late import N_PAST
 from lvnav_trade.filters.monitor import Watch, new_watch
 from lvnav_trade.filters.samples import new_motion
@@ -57,15 +58,17 @@ Work = namedtuple(
 """Arrays of a run (or of eight in lanes): states, work arrays, and what is output; shapes: `new_work`."""
 
 Parts = namedtuple(
-    "Parts", "rx open_loop watch past motion held missed units backup earlier last points monitor",
-    defaults=(None, None, None, None, None, None, None, None, None, None, None, None, None),
+    "Parts", "rx open_loop watch past motion held missed units backup earlier last points monitor "
+    "again",
+    defaults=(None, None, None, None, None, None, None, None, None, None, None, None, None, None),
 )  # fmt: skip
 """Arrays that belong to options and are None without them; whatever does without is compiled once for all options.
 
 rx (receivers.base.Receiver), open_loop (filters.feedforward.OpenLoop), watch (filters.monitor.Watch), past
 (n_place + 1, N_PAST) (filters.late), motion (filters.samples.Motion), held (Held), missed (Misses), units (UnitWork),
 backup (filters.backup.Backup), earlier (filters.delayed.Earlier) and last (n_sat, n_kind) what differences are formed
-with, points (filters.unscented.Points), monitor (filters.integrity.state.Monitor).
+with, points (filters.unscented.Points), monitor (filters.integrity.state.Monitor), again
+(filters.iterated.Again).
 """
 
 
@@ -145,6 +148,8 @@ def _new_parts(prepared: Prepared, n_lane: int) -> Parts:
     if options.unscented is not None:
         n_tick = int(prepared.schedule.n_tick.max(initial=0))
         found["points"] = new_points(n, len(layout.parameters), n_tick, prepared.n_row, n_lane)
+    if options.iterated is not None:
+        found["again"] = new_again(n, prepared.model.extra_offset.size, n_lane)
     return Parts(**found)
 
 
