@@ -1,5 +1,5 @@
 """Simulated seconds per wall second and core: identical work (covariance at 200 Hz), and the default setting (10 Hz)
-with an extended and with an unscented filter.
+with an extended, an iterated and an unscented filter.
 """
 
 from __future__ import annotations
@@ -18,11 +18,16 @@ def speed(prepared: Prepared, runs: int = RUNS) -> float:
 
 
 def measure() -> dict[str, float]:
-    """Return the speed of the default setting, of the identical work, and of an unscented filter with its cost."""
+    """Return the speed of the default setting, of the identical work, and of other filters with their cost."""
     default, unscented = prepare(scenario()), prepare(scenario("base.filter.algorithm=unscented"))
+    iterated = prepare(scenario("base.filter.algorithm=iterated"))
     identical = prepare(scenario("base.filter.covariance_rate=200 Hz"))
     found = {
         "default_sim_s_per_s_core": speed(default), "identical_sim_s_per_s_core": speed(identical),
-        "unscented_sim_s_per_s_core": speed(unscented),
+        "unscented_sim_s_per_s_core": speed(unscented), "iterated_sim_s_per_s_core": speed(iterated),
     }  # fmt: skip
-    return found | {"unscented_cost_ratio": found["default_sim_s_per_s_core"] / found["unscented_sim_s_per_s_core"]}
+    costs = {
+        f"{name}_cost_ratio": found["default_sim_s_per_s_core"] / found[f"{name}_sim_s_per_s_core"]
+        for name in ("unscented", "iterated")
+    }
+    return found | costs

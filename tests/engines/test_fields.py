@@ -48,7 +48,9 @@ SENSORS = {"sensor_models"}
 RELATIVE = {f"{kind}_relative_bias{end}" for kind in ("gyro", "accel") for end in ("", "_walk", "_correlation")}
 # Policies: walked in tests/filters/test_{late,feedforward,monitor}.py, tests/campaign/test_gains.py,
 # tests/engines/setup/receiver/test_clocks.py, which walks the filter's clock too; tests/filters/integrity.
-POLICIES = {"delay_compensation", "feedback", "logic", "integrity", "init", "gains", "reference_satellite"}
+POLICIES = {
+    "delay_compensation", "feedback", "logic", "integrity", "init", "gains", "reference_satellite", "iterations",
+}  # fmt: skip
 
 RAMP = {"start": "1 s", "end": "20 s", "amplitude": ["10 deg/h", "0 deg/h", "5 deg/h"]}
 ACCEL_RAMP = {"start": "1 s", "end": "20 s", "amplitude": ["1 mg", "0 mg", "2 mg"]}
