@@ -28,9 +28,9 @@ from lvnav_trade.records import Floats
 
 
 class Passes(NamedTuple):
-    """How an update is iterated: count of passes after the first one; n_present states before the clones."""
+    """How an update is iterated: repeats after the first pass; n_present states before the clones."""
 
-    count: int
+    repeats: int
     n_present: int
 
 

@@ -96,7 +96,7 @@ def iterate_receiver(
     None).
     """
     if again is not None:
-        for _ in range(0 if is_stored(late) else passes.count):
+        for _ in range(0 if is_stored(late) else passes.repeats):
             linearise_receiver(work, again, passes, rx, past, earlier, late, delayed, gains, model, signals, epoch, dt)
             update_receiver(
                 work, None, past, earlier, late, delayed, None, own, gains, model, signals, epoch, dt, gate_squared,
@@ -110,7 +110,7 @@ def _iterate_sensor(
 ):
     """Do the same with what sensor k measures."""
     if again is not None:
-        for _ in range(0 if late is not None and late.of_sensor[k] >= 0 else passes.count):
+        for _ in range(0 if late is not None and late.of_sensor[k] >= 0 else passes.repeats):
             linearise_sensor(work, again, passes, past, open_loop, late, model, signals, sensors, k, at, epoch)
             for i in range(sensors.scalars[k]):
                 update_and_count(

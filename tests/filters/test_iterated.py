@@ -105,7 +105,7 @@ def test_small_errors_leave_an_extended_filter():
 
 
 def test_from_far_off_the_first_epoch_is_as_good_as_from_near():
-    """From 30 km off one update leaves what the lines of sight turn by: some 50 m, of which the filter does not know."""
+    """From 30 km off one pass leaves what the lines of sight turn by: some 50 m, and the filter does not know."""
 
     def after_one(distance, name):
         block = run_block(flown((("position", distance),), algorithm=name), SEED, 0, RUNS)
