@@ -72,12 +72,22 @@ def _solved(rows: list[list[Fraction]]) -> list[Fraction]:
     return [row[-1] for row in rows]
 
 
+EXACT_TURN = 5e-3
+"""Rotation (rad) of a sample up to which two samples count as exact: of 30 m/s^2 it loses 2e-5 m/s^2."""
+
+
 def strapdown_of(
-    card: StrapdownCard, gravity: str, mechanisation: str = "inertial", angle: float = 0.0, start: Floats | None = None
+    card: StrapdownCard,
+    gravity: str,
+    mechanisation: str = "inertial",
+    angle: float = 0.0,
+    start: Floats | None = None,
+    turn: float = 0.0,
 ) -> Strapdown:
     """Return a strapdown in numbers; angle (rad) from the i to the e x axis, and start (3,) m of the flight in frame i,
-    both at tick 0.
+    both at tick 0; turn: the largest rotation (rad) of a sample on the nominal flight.
     """
+    general = card.algorithm != "two_sample" or card.ratio > 1
     weights, across = np.zeros(0), 0.0
     if card.algorithm == "two_sample":
         across = 1.0 / 12.0
@@ -96,5 +106,6 @@ def strapdown_of(
         rotating=mechanisation != "inertial",
         angle=angle,
         origin=origin,
-        approximate=card.algorithm != "two_sample" or card.ratio > 1,
+        general=general,
+        counted=general or turn > EXACT_TURN,
     )

@@ -39,7 +39,7 @@ class Strapdown(NamedTuple):
     product of their weighted sum with the last (none: no such product); across: weight of the product of the sums of
     the step before and of this one; at_end: no compensation, the velocity gained has the attitude at the end of the
     step; rotating: integrated in Earth-fixed axes, which are at `angle` (rad) at tick 0, about `origin` (3,) m;
-    approximate: linear covariance counts its error on the nominal flight.
+    general: other than `full_rate`; counted: linear covariance counts its error on the nominal flight.
     """
 
     gravity: int
@@ -50,12 +50,13 @@ class Strapdown(NamedTuple):
     rotating: bool
     angle: float
     origin: Floats
-    approximate: bool
+    general: bool
+    counted: bool
 
 
 def full_rate(gravity: int) -> Strapdown:
     """Return the two-sample algorithm of every tick, in the inertial frame."""
-    return Strapdown(gravity, 1, np.zeros(0), 1.0 / 12.0, False, False, 0.0, np.zeros(3), False)
+    return Strapdown(gravity, 1, np.zeros(0), 1.0 / 12.0, False, False, 0.0, np.zeros(3), False, False)
 
 
 @inlined
@@ -218,7 +219,7 @@ def mechanise(nav, sums, previous, increments, n_step, dt, how, seconds):
     increments : (n, 6) compensated angle (rad) and velocity (m/s) increments, body frame; how.subsamples to a step
     dt : seconds of a step; how : Strapdown; seconds : from tick 0 to the first step
     """
-    if not how.approximate and not how.rotating:
+    if not how.general and not how.rotating:
         _integrate(nav, sums, previous, increments, n_step, dt, how, False)
         return
     if how.rotating:

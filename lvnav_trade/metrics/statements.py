@@ -210,12 +210,15 @@ def _locus(
     tables: Tables, stated: Mapping[str, Any], wanted: Mapping[str, Mapping[str, str]], along: str
 ) -> dict[tuple[tuple[str, str], ...], list[tuple[str, Value]]]:
     known = list(tables.levels.values())
+    named = {name: levels[along] for name, levels in wanted.items() if along in levels}
+    here = (stated.get("case") or {}).get(along, next(iter(named.values()), None))
+    fixed = {name for name, level in named.items() if level != here}  # what the others are held against
     found: dict[tuple[tuple[str, str], ...], list[tuple[str, Value]]] = {}
     for level in dict.fromkeys(levels[along] for levels in known):
-        moved = {name: {**levels, along: level} for name, levels in wanted.items()}
-        there = {name for name, levels in moved.items() if matching(known, levels)}
+        moved = {name: {**levels, along: level} for name, levels in wanted.items() if name not in fixed}
+        there = {name: levels for name, levels in moved.items() if matching(known, levels)}
         if there:  # a term that has no case there stays where it is
-            asked = {name: moved[name] if name in there else levels for name, levels in wanted.items()}
+            asked = {**wanted, **there}
             for levels, value in _read(tables, stated, asked):
                 found.setdefault(tuple(sorted(levels.items())), []).append((level, value))
     return found

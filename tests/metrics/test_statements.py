@@ -234,11 +234,13 @@ def test_errors_of_two_cases_are_subtracted_run_by_run(good):
     assert found.monte_carlo == pytest.approx(2.0 * own.monte_carlo, rel=1e-9)
 
 
-def test_a_locus_follows_its_axis_and_terms_without_a_case_there_stay(good):
+def test_a_locus_follows_its_axis_and_what_it_is_held_against_stays(good):
     terms = {"a": SPEED | {"case": COARSE}, "b": SPEED | {"case": FINE}}
     stated = {"source": "x", "value": "a / b", "terms": terms, "at_most": 2.0, "along": "imu", "case": {}}
-    ((others, values),) = locus(good, stated)  # both terms move: one at each level
+    ((others, values),) = locus(good, stated)  # b names another level
     assert others == ""
+    assert [(level, round(value.formal, 9)) for level, value in values] == [("fine", 1.0), ("coarse", 3.0)]
+    ((_, values),) = locus(good, stated | {"terms": {"a": SPEED | {"case": COARSE}, "b": SPEED | {"case": COARSE}}})
     assert [(level, round(value.formal, 9)) for level, value in values] == [("fine", 1.0), ("coarse", 1.0)]
     levels = good.levels | {"aaaaaaaaaaaa": {"imu": "fine", "set": "x"}, "bbbbbbbbbbbb": {"imu": "coarse", "set": "y"}}
     terms = {"a": SPEED | {"case": {"set": "y", "imu": "coarse"}}, "b": SPEED | {"case": {"set": "x"}}}

@@ -1,17 +1,31 @@
-"""The study of paper 001: its statements are all there with their bounds, and a small version of a campaign answers."""
+"""The study of paper 001: its statements are all there with their bounds, and every campaign answers in small.
+
+In small is linear covariance: of the first and the last case of each, and of every case where tests may take long.
+"""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from lvnav_trade import api
+from lvnav_trade.campaign.definition.axes import cases
+from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.campaign.reading.study import load_study
+from lvnav_trade.engines.lincov.history import covariance
+from lvnav_trade.engines.setup.prepare import prepare
 from lvnav_trade.metrics.published import references
 
 FOLDER = Path(__file__).resolve().parents[2] / "campaigns" / "dlr"
+KEPT = FOLDER.parents[1] / "reports" / "dlr" / "references.csv"
+CAMPAIGNS = sorted(path.stem for path in FOLDER.glob("*.yaml") if path.stem != "study")
+BY_COVARIANCE = (
+    "monte_carlo=null", "covariance={budget: false, adjoint: false, observability: false, nonlinearity: false}"
+)  # fmt: skip
 LATER = {29, 34, 35, 36}
 # Bounds by number of the statement, at_least and at_most of its rows, chosen before anything was flown; 1.139 is the
 # 99 % bound of a NEES of 200 runs
@@ -53,10 +67,37 @@ def test_every_statement_is_tested_with_its_bounds_or_named_as_not_set_up() -> N
     assert {key: bounds for key, bounds in stated.items() if not bounds <= BOUNDS[key]} == {}
 
 
+@pytest.mark.parametrize("name", CAMPAIGNS)
+def test_the_first_and_the_last_case_of_a_campaign_have_a_covariance(name: str) -> None:
+    every = cases(load(FOLDER / f"{name}.yaml"))
+    for case in (every[0], every[-1]):
+        prepared = prepare(case.scenario, 10.0)
+        found = covariance(prepared)
+        errors = [
+            k for k, output in enumerate(prepared.outputs) if output.quantity in ("attitude", "velocity", "position")
+        ]
+        assert len(errors) == 9
+        assert np.all(found.true_sigma[1:, errors] > 0.0)
+        assert np.all(np.isfinite(found.true_sigma)), case.label
+        assert np.all(np.isfinite(found.mean)), case.label
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CAMPAIGNS)
+def test_linear_covariance_gives_the_kept_figures_again(name: str, tmp_path: Path) -> None:
+    """Formal and true of every statement; on another processor they are equal to rounding."""
+    found = references(api.run(FOLDER / f"{name}.yaml", BY_COVARIANCE, tmp_path, jobs=1, report=False).tables)
+    kept = pd.read_csv(KEPT).set_index("id")
+    for row in found.itertuples():
+        if pd.notna(row.true):
+            assert row.true == pytest.approx(kept.true[row.id], rel=1e-3), row.id
+
+
 def test_the_grade_of_the_unit_decides_what_it_did(tmp_path: Path) -> None:
     """Linear covariance alone: position is that of the fixes, velocity and attitude are those of the unit."""
-    asked = ("monte_carlo=null", "covariance={budget: false, adjoint: false, observability: false}", "keep.history=5 s")
-    frame = references(api.run(FOLDER / "imu_grades.yaml", asked, tmp_path, jobs=1, report=False).tables)
+    frame = references(
+        api.run(FOLDER / "imu_grades.yaml", (*BY_COVARIANCE, "keep.history=5 s"), tmp_path, jobs=1, report=False).tables
+    )
     found = frame.set_index(["id", "case"])
     first = {id_: rows.iloc[0] for id_, rows in frame.groupby("id")}
     assert len(found) == 14  # two starts

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 import tomllib
 
+import pytest
+
 from lvnav_trade.store.read import load
 from lvnav_trade.store.versions import _COMPUTES, _COMPUTES_TOO, PACKAGE, campaign_digest
 from tests.synthetic import CAMPAIGN
@@ -14,6 +16,11 @@ def test_more_runs_or_another_requirement_is_the_same_campaign():
     assert campaign_digest(CAMPAIGN) == campaign_digest(CAMPAIGN.replace("runs: 200", "runs: 400"))
     assert campaign_digest(CAMPAIGN) == campaign_digest(CAMPAIGN.replace("below: 2.0", "below: 3.0"))
     assert campaign_digest(CAMPAIGN) != campaign_digest(CAMPAIGN.replace("block: 40", "block: 80"))
+
+
+@pytest.mark.parametrize("key", ["statements", "orderings", "innovations", "report"])
+def test_what_is_said_of_the_runs_is_no_other_campaign(key):
+    assert campaign_digest(f"{CAMPAIGN}\n{key}: of one kind\n") == campaign_digest(f"{CAMPAIGN}\n{key}: of another\n")
 
 
 def test_the_manifest_names_versions_machine_and_order(written):

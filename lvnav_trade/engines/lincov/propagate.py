@@ -41,7 +41,7 @@ def nominal_window(nominal, reference, unit, first, n_tick, how, sensed, lineari
     for k in range(first, first + n_tick):
         for axis in range(3):
             turned, gained = reference.dtheta[k, axis], reference.dvel[k, axis]
-            if sensed and how.approximate:
+            if sensed and how.counted:
                 turned, gained = unit.dtheta[k, axis], unit.dvel[k, axis]
             nominal.increments[k - first, axis], nominal.increments[k - first, 3 + axis] = turned, gained
     n_step, step = n_tick // how.subsamples, dt * how.subsamples
@@ -246,7 +246,7 @@ def set_deviation(deviation, unit, nav, model, first, n_tick, reference):
     tx, ty, tz = gravity(J4, x, y, z)
     ox, oy, oz = gravity(model.strapdown.gravity, x, y, z)
     d[9], d[10], d[11] = tx - ox, ty - oy, tz - oz
-    if model.strapdown.approximate:  # the strapdown's own error over the window has the gravity's in it
+    if model.strapdown.counted:  # the strapdown's own error over the window has the gravity's in it
         d[9] = d[10] = d[11] = 0.0
 
 
@@ -316,7 +316,7 @@ def propagate(joint, scratch, nominal, true, unit, units, model, schedule, w, re
     _advance_profiles(joint, scratch, true, unit, units, model, sums, length, first, n_tick)
     set_deviation(scratch.deviation, unit, nav, model, first, n_tick, reference)
     # the strapdown's own error over the window has that of the sensed increments in it
-    counted = not (true.by_samples or model.strapdown.approximate)
+    counted = not (true.by_samples or model.strapdown.counted)
     _add_deviation(joint.mean, scratch.deviation, seconds, counted)
-    if model.strapdown.approximate:
+    if model.strapdown.counted:
         _add_strapdown_error(joint.mean, nav, reference, first + n_tick)

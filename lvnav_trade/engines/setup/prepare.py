@@ -343,7 +343,8 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
 def _strapdown(scenario: Scenario, trajectory: Trajectory, ref: Reference) -> Strapdown:
     """Return the algorithm of the strapdown, with the Earth's angle and the place where the flight starts."""
     card, angle = scenario.filter, float(earth_angle(trajectory.theta0, ref.t[0]))
-    return strapdown_of(card.strapdown, card.gravity, card.mechanisation, angle, ref.r_i[0])
+    turn = float(np.sqrt(np.max(np.sum(ref.dtheta * ref.dtheta, axis=1))))
+    return strapdown_of(card.strapdown, card.gravity, card.mechanisation, angle, ref.r_i[0], turn)
 
 
 def _seen(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: float) -> Sky:
