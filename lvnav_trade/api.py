@@ -143,11 +143,14 @@ def load(folder: str | Path) -> Results:
     return Results(Path(folder))
 
 
-def build_report(folder: Path) -> Path:
-    """Build report.html, report.md, figures and CSV tables from a folder of results; return the page."""
+def build_report(folder: Path, figures: Sequence[str] = (), brief: bool = False) -> Path:
+    """Build report.html and CSV tables from a folder of results, figures in formats too (png, svg); return the page.
+
+    brief: a page for ten sheets of paper too, which is returned.
+    """
     from lvnav_trade.report import build
 
-    return build(folder)
+    return build(folder, figures=figures, brief=brief)
 
 
 class Studied(NamedTuple):
@@ -269,7 +272,7 @@ def estimate_q(
     from lvnav_trade.campaign.derived import process_noise
     from lvnav_trade.campaign.syntax.cards import write_card
     from lvnav_trade.plots.published import steps
-    from lvnav_trade.plots.style import look
+    from lvnav_trade.plots.raster import written
     from lvnav_trade.report.escape import csv_text
 
     found = process_noise(*_case_of(campaign, sets, case), runs, step)
@@ -278,8 +281,7 @@ def estimate_q(
     write_card(card, found.card)
     with writing(card, "its tables cannot be written there"):
         files[1].write_text(csv_text(found.steps), encoding="utf-8")
-        with look():
-            steps(found.steps, [phase[:3] for phase in found.phases]).savefig(files[2])
+        files[2].write_bytes(written(steps(found.steps, [phase[:3] for phase in found.phases]), "png"))
     return found, files
 
 

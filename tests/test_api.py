@@ -88,7 +88,7 @@ def test_a_campaign_leaves_tidy_frames_with_units(flown: api.Results) -> None:
 @pytest.mark.slow
 def test_a_campaign_leaves_a_report_and_csv_tables(flown: api.Results) -> None:
     names = {file.name for file in flown.folder.iterdir()}
-    assert {"report.html", "report.md", "rms.csv", "requirements.csv", "campaign.resolved.yaml"} <= names
+    assert {"report.html", "rms.csv", "requirements.csv", "campaign.resolved.yaml"} <= names
 
 
 @pytest.mark.slow

@@ -78,8 +78,10 @@ def report(
     folder: Annotated[Path, typer.Argument(metavar="RESULTS")],
     keep: Annotated[
         Path | None,
-        typer.Option("--keep", metavar="FOLDER", help="copy the Markdown report, figures and CSV tables here"),
+        typer.Option("--keep", metavar="FOLDER", help="write the Markdown report, PNG figures and CSV tables here"),
     ] = None,
+    figures: Annotated[bool, typer.Option("--figures", help="write PNG and SVG figures beside the report too")] = False,
+    brief: Annotated[bool, typer.Option("--brief", help="write brief.html too, for at most ten sheets of A4")] = False,
 ) -> Answer:
     """Build the report again from results."""
     from lvnav_trade import api
@@ -89,7 +91,7 @@ def report(
     api.load(folder)
     if keep is not None:
         owned(keep, "report")  # refused before the report is built
-    page = str(api.build_report(folder))
+    page = str(api.build_report(folder, ("png", "svg") if figures else (), brief))
     kept = str(keep_report(folder, keep)) if keep is not None else None
     return Answer(f"report: {page}" + (f"\nkept: {kept}" if kept else ""), {"report": page, "kept": kept})
 

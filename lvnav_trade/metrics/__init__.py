@@ -8,19 +8,21 @@ from typing import Any
 import pandas as pd
 
 from lvnav_trade.metrics import filter, inertial, integrity, published, signals, vehicle
+from lvnav_trade.metrics.basics.select import once
 from lvnav_trade.metrics.errors import covariances, rms
 from lvnav_trade.metrics.mission import impact, orbit
-from lvnav_trade.metrics.requirements import confirmation
+from lvnav_trade.metrics.requirements import confirmation, margins
 from lvnav_trade.metrics.requirements import curves as along
 from lvnav_trade.store.read import Tables, load
 
 
 def _of_results(metric: Callable[[Tables], pd.DataFrame]) -> Callable[[Path | str | Tables], pd.DataFrame]:
-    """Return a metric of tables that takes a results folder too."""
+    """Return a metric of tables that takes a results folder too, and is computed once."""
+    computed = once(metric)
 
     @wraps(metric)
     def of_results(results: Path | str | Tables) -> pd.DataFrame:
-        return metric(load(results))
+        return computed(load(results))
 
     return of_results
 
@@ -34,6 +36,7 @@ _NAMED: dict[Any, tuple[str, ...]] = {
     signals: ("in_view", "outages", "tracking", "losses", "recovery", "transitions"),
     along: ("curves", "crossings", "tornado"),
     confirmation: ("expected", "spot_check", "improvements"),
+    margins: ("margins",),
     orbit: ("orbit", "correction"),
     impact: ("impact",),
     inertial: ("allan",),

@@ -1,10 +1,10 @@
 """Errors over a numeric axis, with their limits and where they cross them; tornado of axes varied one at a time."""
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.plots.style import GREY, canvas, drawing, legend_below, line_of, panel, scale_up
+from lvnav_trade.plots.figure import GREY, Figure, canvas, named_ticks, panel
+from lvnav_trade.plots.style import drawing, line_of, scale_up
 from lvnav_trade.store.read import Tables
 
 _MOST = 8  # curves of one panel
@@ -26,17 +26,17 @@ def curves(tables: Tables, axis: str) -> Figure:
         rows = frame[frame.requirement == name]
         for number, (others, curve) in enumerate(list(rows.groupby("others", sort=False))[:_MOST]):
             ax.plot(curve.value, curve.lincov, label=others or "linear covariance", **line_of(number))
-            ax.plot(curve.value, curve.monte_carlo.replace(np.inf, np.nan), "o", color=line_of(number)["color"], ms=3)
+            dots = {"ls": "none", "marker": "o", "ms": 3, "color": line_of(number)["color"]}
+            ax.plot(curve.value, curve.monte_carlo.replace(np.inf, np.nan), **dots)
         limit, unit = float(rows.limit.iloc[0]), rows.unit.iloc[0]
-        ax.axhline(limit, color=GREY, linestyle="--", linewidth=1.0)
+        ax.axhline(limit, color=GREY, ls="--", lw=1.0)
         met = crossing[crossing.requirement == name].crossing
-        ax.plot(met, np.full(len(met), limit), "x", color="black", ms=5, zorder=3)
+        ax.plot(met, np.full(len(met), limit), ls="none", marker="x", color="black", ms=5)
         errors = [*rows.lincov, *rows.monte_carlo.replace(np.inf, np.nan), limit]
-        scale_up(ax.yaxis, errors)
-        scale_up(ax.xaxis, rows.value, from_zero=False)
-        ax.set(ylabel=f"{name} ({unit})")
-        ax.set_xlabel(f"{axis.replace('_', ' ')} ({rows.axis_unit.iloc[0] or '-'})")
-    return legend_below(figure, grid[0, 0])
+        scale_up(ax, "y", errors)
+        scale_up(ax, "x", rows.value, from_zero=False)
+        ax.set(ylabel=f"{name} ({unit})", xlabel=f"{axis.replace('_', ' ')} ({rows.axis_unit.iloc[0] or '-'})")
+    return figure
 
 
 @drawing
@@ -46,14 +46,13 @@ def tornado(tables: Tables, requirement: str) -> Figure:
     frame = frame[frame.requirement == requirement].iloc[::-1]
     figure, ax = panel(0.9 + 0.3 * len(frame))
     at = np.arange(len(frame))
-    ax.barh(at, frame.high - frame.low, left=frame.low, height=0.6, color=line_of(0)["color"])
-    ax.axvline(float(frame.base.iloc[0]), color="black", linewidth=1.0)
-    ax.axvline(float(frame.limit.iloc[0]), color=GREY, linestyle="--", linewidth=1.0)
+    ax.boxes(frame.low, frame.high, at - 0.3, at + 0.3, color=line_of(0)["color"])
+    ax.axvline(float(frame.base.iloc[0]), color="black", lw=1.0)
+    ax.axvline(float(frame.limit.iloc[0]), color=GREY, ls="--", lw=1.0)
     for row, low, high in zip(at, frame.low_level, frame.high_level, strict=True):
         ends = frame.iloc[row]
-        ax.text(ends.low, row, f"{low} ", ha="right", va="center", fontsize=7)
-        ax.text(ends.high, row, f" {high}", ha="left", va="center", fontsize=7)
-    ax.margins(x=0.25)
-    ax.set(yticks=at, yticklabels=[name.replace("_", " ") for name in frame.axis])
-    ax.set_xlabel(f"{requirement} ({frame.unit.iloc[0]})")
+        ax.text(ends.low, row, f"{low} ", ha="right")
+        ax.text(ends.high, row, f" {high}", ha="left")
+    ax.set(yticks=named_ticks([name.replace("_", " ") for name in frame.axis]), margin=0.25)
+    ax.set(xlabel=f"{requirement} ({frame.unit.iloc[0]})")
     return figure

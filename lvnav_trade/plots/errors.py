@@ -3,43 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.probability import rms_interval
 from lvnav_trade.metrics.basics.select import history_of, lincov_rms, phase, pick
 from lvnav_trade.metrics.errors.covariances import REJECTS_TOO_MUCH
 from lvnav_trade.metrics.numbers import cases_of
-from lvnav_trade.plots.style import (
-    PALETTE,
-    canvas,
-    drawing,
-    legend_below,
-    line_of,
-    over_time,
-    panel,
-    scale_up,
-    with_gaps,
-)
+from lvnav_trade.plots.figure import GREY, SHADE, Figure, Panel, canvas, named_ticks, panel
+from lvnav_trade.plots.style import PALETTE, drawing, line_of, message, over_time, scale_up, with_gaps
 from lvnav_trade.records import MODES
 from lvnav_trade.store.read import Tables
 
+MOST_COMPARED = 12  # cases whose errors stand in one panel; of more the best and the two worst
+MOST_RANKED = 30  # cases of the ranking that are drawn
 _LEAST = 0.2  # autocorrelation that is always within the panels: chance is not blown up
 _ONE_FLIGHT = 600  # innovations of a channel in one flight, one a second
 _OWN = "dots: filter's own sigma over its true error"
 Cases = Sequence[Mapping[str, str]]
 # Look of each mode: hatching tells them apart where there is no colour.
 _LOOKS = {
-    "waiting": {"facecolor": "0.85"},
-    "converging": {"facecolor": PALETTE[5], "hatch": "..."},
-    "aiding": {"facecolor": PALETTE[0]},
-    "predicting": {"facecolor": PALETTE[4], "hatch": "////"},
-    "stopped": {"facecolor": PALETTE[1], "hatch": "xxx"},
+    "waiting": {"color": "#d1d5db"},
+    "converging": {"color": PALETTE[5], "hatch": "..."},
+    "aiding": {"color": PALETTE[0]},
+    "predicting": {"color": PALETTE[4], "hatch": "////"},
+    "stopped": {"color": PALETTE[1], "hatch": "xxx"},
 }
 
 
@@ -57,17 +47,17 @@ def envelope(tables: Tables, case: str, quantity: str) -> Figure:
     for ax, axis in zip(grid[:, 0], single, strict=True):
         rows = history_of(tables, case, quantity, axis)
         _lines(ax, rows, factor)
-        ax.set_ylabel(f"{axis}, RMS or\n1 sigma ({unit})")
-        scale_up(ax.yaxis, pd.concat([rows.rms_si, rows.lincov_true_si, rows.lincov_formal_si]))
+        ax.set(ylabel=f"{axis}, RMS or\n1 sigma ({unit})")
+        scale_up(ax, "y", pd.concat([rows.rms_si, rows.lincov_true_si, rows.lincov_formal_si]))
     over_time(grid[:, 0], tables, case)
-    return legend_below(figure, grid[0, 0])
+    return figure
 
 
-def _lines(ax: Any, rows: pd.DataFrame, factor: float) -> None:
+def _lines(ax: Panel, rows: pd.DataFrame, factor: float) -> None:
     n = int(rows.run_count.iloc[0])
     if n:
         low, high = rms_interval(rows.rms_si, rows.run_count * rows.dof_ratio)
-        ax.fill_between(rows.t_s, low * factor, high * factor, color=PALETTE[0], alpha=0.2, linewidth=0)
+        ax.fill_between(rows.t_s, low * factor, high * factor, color=PALETTE[0], alpha=0.2)
         ax.plot(rows.t_s, rows.rms_si * factor, color=PALETTE[0], label=f"Monte Carlo RMS, {n} runs (95 % band)")
         ax.plot(rows.t_s, rows.filter_sigma_si * factor, color=PALETTE[2], lw=1.0, label="filter's own sigma")
     ax.plot(rows.t_s, rows.lincov_formal_si * factor, color="black", ls=":", lw=1.1, label="LinCov, filter's own")
@@ -79,7 +69,11 @@ def comparison(tables: Tables, quantity: str) -> Figure:
     """Draw the 3-D error of all cases on one axis: Monte-Carlo RMS, or LinCov's where there are no runs."""
     unit, factor = tables.people[quantity, "3d"]
     label = f"{quantity} error,\n3D RMS ({unit})"
-    return _together(tables, _frames(tables, quantity, (), "3d", None), factor, label, 3.0, dashes=False)
+    order = list(METRICS["ranking"](tables).case)
+    shown = {*order[: MOST_COMPARED - 2], *order[-2:]}
+    every = _frames(tables, quantity, (), "3d", None)
+    frames = {case: rows for case, rows in every.items() if tables.labels[case] in shown}
+    return _together(tables, frames, factor, label, 3.0, dashes=False)
 
 
 def _together(
@@ -91,29 +85,30 @@ def _together(
         shown = rows.rms_si * factor if flown else expected
         _line(ax, number, rows.t_s, shown, expected if flown and dashes else None, tables.labels[case])
         every += [shown, expected] if dashes else [shown]
-    scale_up(ax.yaxis, pd.concat(every))
-    ax.set_ylabel(label)
+    scale_up(ax, "y", pd.concat(every))
+    ax.set(ylabel=label)
     over_time([ax], tables, next(iter(frames)))
-    return legend_below(figure, ax, columns=2)
+    return figure
 
 
 @drawing
 def rank(tables: Tables) -> Figure:
-    """Draw the cases in order of their 3-D velocity error at injection, position beside it, with 95 % intervals."""
-    frame = METRICS["ranking"](tables)
+    """Draw the cases in order of their 3-D velocity error at injection, position beside it, with 95 % intervals.
+
+    Of many cases the best ones.
+    """
+    frame = METRICS["ranking"](tables).head(MOST_RANKED)
     quantities = [name for name in ("velocity", "position") if name in frame]
     figure, grid = canvas(1, max(1, len(quantities)), 1.05 + 0.26 * len(frame), sharey=True)
     place = np.arange(len(frame))
     for ax, quantity in zip(grid[0], quantities, strict=False):
         value = frame[quantity].to_numpy(dtype=float)
-        spread = np.array([value - frame[f"{quantity}_low"], frame[f"{quantity}_high"] - value], dtype=float)
-        ax.barh(place, value, color=PALETTE[0], height=0.6)
-        ax.errorbar(value, place, xerr=np.nan_to_num(spread), fmt="none", ecolor="black", capsize=2, lw=0.9)
-        ax.set_xlabel(f"{quantity} error at {frame.event.iloc[0]}\n3D RMS ({frame[f'{quantity}_unit'].iloc[0]})")
-        scale_up(ax.xaxis, value)
-        ax.grid(axis="y", visible=False)
-    grid[0, 0].set(yticks=place, yticklabels=frame.case, ylabel="case")
-    grid[0, 0].invert_yaxis()
+        ax.barh(place, value, 0.6, color=PALETTE[0])
+        ax.hlines(place, frame[f"{quantity}_low"], frame[f"{quantity}_high"], color="black", lw=1.4)
+        ax.set(xlabel=f"{quantity} error at {frame.event.iloc[0]}\n3D RMS ({frame[f'{quantity}_unit'].iloc[0]})")
+        scale_up(ax, "x", value)
+        ax.set(ylim=(len(frame) - 0.5, -0.5), yticks=named_ticks(frame.case), grid=False)
+    grid[0, 0].set(ylabel="case")
     return figure
 
 
@@ -144,10 +139,10 @@ def relative(tables: Tables, quantity: str, cases: Cases = (), axis: str = "3d",
         ax.plot(rows.t_s, own, color=line_of(number)["color"], ls=":", lw=1.2, label=None if number else _OWN)
         every += [*own]
     ax.axhline(1.0, color=line_of(0)["color"], lw=1.2, label=f"{tables.labels[first]} (the base)")
-    scale_up(ax.yaxis, every, from_zero=max(every, default=0.0) > 1.5)  # a few percent should be seen
-    ax.set_ylabel(f"{_named(quantity, axis)},\nover the base (-; short dashes: LinCov)")
+    scale_up(ax, "y", every, from_zero=max(every, default=0.0) > 1.5)  # a few percent should be seen
+    ax.set(ylabel=f"{_named(quantity, axis)},\nover the base (-; short dashes: LinCov)")
     over_time([ax], tables, first)
-    return legend_below(figure, ax, columns=2)
+    return figure
 
 
 def _frames(tables: Tables, quantity: str, cases: Cases, axis: str, during: str | None) -> dict[str, pd.DataFrame]:
@@ -166,13 +161,13 @@ def _has_runs(rows: pd.DataFrame) -> bool:
 
 
 def _line(
-    ax: Axes, number: int, t: pd.Series[float], shown: pd.Series[float], expected: pd.Series[float] | None, label: str
+    ax: Panel, number: int, t: pd.Series[float], shown: pd.Series[float], expected: pd.Series[float] | None, label: str
 ) -> None:
     """Draw a case, and beside it what LinCov expects where that is another line."""
     style = line_of(number)
     ax.plot(t, shown, label=label, **style)
     if expected is not None:
-        ax.plot(t, expected, color=style["color"], ls=(0, (2, 2)), lw=0.7)
+        ax.plot(t, expected, color=style["color"], ls=(0, (2, 2)), lw=0.9)
 
 
 def _named(quantity: str, axis: str) -> str:
@@ -192,22 +187,23 @@ def autocorrelation(tables: Tables, cases: Cases = (), channels: str = "") -> Fi
     labels = [tables.labels[case] for wanted in cases for case in cases_of(tables, wanted)]
     frame = METRICS["autocorrelation"](tables)
     frame = frame[frame.channel.str.contains(channels, regex=False) & (frame.pair_count >= 100)]
+    if frame.empty:
+        return message("there are no runs to correlate", "lag (epochs)", "autocorrelation (-)")
     shown = list(dict.fromkeys(labels or frame.case))
-    columns = min(3, max(1, len(shown)))
-    figure, grid = canvas(-(-max(1, len(shown)) // columns), columns, 2.3, sharex=True, sharey=True)
+    columns = min(3, len(shown))
+    figure, grid = canvas(-(-len(shown) // columns), columns, 2.3)
     bound = 1.96 / np.sqrt(_ONE_FLIGHT)
+    found = [-_LEAST, _LEAST, *frame[frame.case.isin(shown) & (frame.lag_number > 0)].autocorrelation_ratio]
+    limits = 1.1 * float(np.min(found)), 1.1 * float(np.max(found))
     for ax, label in zip(grid.ravel(), shown, strict=False):
-        ax.axhspan(-bound, bound, color="#9ca3af", alpha=0.35, lw=0)
+        ax.axhspan(-bound, bound, color=SHADE, alpha=0.35)
         for channel, rows in frame[frame.case == label].groupby("channel", sort=False):
             lags = rows[rows.lag_number > 0]
             colour = PALETTE[1] if "rate" in str(channel) or "vel" in str(channel) else PALETTE[0]
             ax.plot(lags.lag_number, lags.autocorrelation_ratio, color=colour, lw=0.8, marker=".", ms=3)
-        ax.set_title(label.replace(", ", "\n"), fontsize=7)
-    for ax in grid.ravel():
-        ax.set(ylabel="autocorrelation (-)", xlabel="lag (epochs)")
-        ax.label_outer()
-    low, high = grid[0, 0].get_ylim()
-    grid[0, 0].set_ylim(min(low, -_LEAST), max(high, _LEAST))  # all panels share it
+        ax.set(title=label.replace(", ", "\n"), xlabel="lag (epochs)", ylim=limits)
+    for ax in grid[:, 0]:
+        ax.set(ylabel="autocorrelation (-)")
     return figure
 
 
@@ -226,24 +222,24 @@ def consistency(tables: Tables, case: str) -> Figure:
     if gated:
         _gate(grid[2, 0], innovations)
     over_time(grid[:, 0], tables, case)
-    return legend_below(figure, grid[0, 0])
+    return figure
 
 
-def _gate(ax: Any, rows: pd.DataFrame) -> None:
+def _gate(ax: Panel, rows: pd.DataFrame) -> None:
     ax.plot(rows.t_s, 100.0 * rows.rejected_ratio, color=PALETTE[0], lw=1.0)
     ax.plot(rows.t_s, 100.0 * rows.false_rejection_ratio, color=PALETTE[1], ls="--", lw=1.1)
     ax.axhline(100.0 * REJECTS_TOO_MUCH, color="black", ls=":", lw=0.9)
     ax.set(ylabel="rows rejected (%)\ndotted: LinCov's limit", ylim=(0.0, None))
 
 
-def _panel(ax: Any, rows: pd.DataFrame, value: str, name: str) -> None:
+def _panel(ax: Panel, rows: pd.DataFrame, value: str, name: str) -> None:
     if rows[value].notna().any():
-        bounds = {"color": "#9ca3af", "alpha": 0.35, "lw": 0, "label": "95 % of a matched filter"}
+        bounds = {"color": SHADE, "alpha": 0.35, "label": "95 % of a matched filter"}
         ax.fill_between(rows.t_s, rows.low_ratio, rows.high_ratio, **bounds)
         ax.plot(rows.t_s, rows[value], color=PALETTE[0], lw=1.0, label="Monte Carlo")
     ax.plot(rows.t_s, rows.expected_ratio, color=PALETTE[1], ls="--", lw=1.1, label="LinCov expectation")
-    scale_up(ax.yaxis, pd.concat([rows[value], rows.expected_ratio]), from_zero=False)
-    ax.set_ylabel(name)
+    scale_up(ax, "y", pd.concat([rows[value], rows.expected_ratio]), from_zero=False)
+    ax.set(ylabel=name)
 
 
 @drawing
@@ -258,11 +254,9 @@ def logic(tables: Tables, case: str) -> Figure:
     figure, axes = panel(2.2)
     for mode in MODES:
         if (upper[mode] > lower[mode]).any():
-            style = {"label": mode, "edgecolor": "white", "linewidth": 0.0, **_LOOKS[mode]}
-            axes.fill_between(wide.index, lower[mode], upper[mode], step="post", **style)
+            axes.fill_between(wide.index, lower[mode], upper[mode], step=True, label=mode, ec="white", **_LOOKS[mode])
     if wide.empty:
-        axes.text(0.5, 0.5, "the filter has no logic", transform=axes.transAxes, ha="center", color="0.4")
+        axes.text(0.5, 0.5, "the filter has no logic", x_part=True, y_part=True, ha="center", color=GREY)
     axes.set(xlim=(history.t_s.min(), history.t_s.max()), ylim=(0.0, 100.0), ylabel="runs (%)")
     over_time([axes], tables, case, margin=0.0)
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=5)
     return figure

@@ -1,10 +1,9 @@
 """Inertial units: Allan deviation over the averaging time."""
 
-from matplotlib.figure import Figure
-
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.select import pick
-from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, legend_below
+from lvnav_trade.plots.figure import GREY, Figure, canvas
+from lvnav_trade.plots.style import PALETTE, drawing
 from lvnav_trade.store.read import Tables
 
 _PARTS = (("white", "white noise", ":"), ("instability", "bias instability", "--"), ("walk", "random walk", "-."))
@@ -18,8 +17,6 @@ def allan(tables: Tables, case: str) -> Figure:
     rows = pick(METRICS["allan"](tables), case=tables.labels[case])
     sensors = list(dict.fromkeys(rows.sensor))
     figure, grid = canvas(-(-len(sensors) // 2), 2, 2.7)
-    for axes in grid.ravel()[len(sensors) :]:
-        axes.set_axis_off()
     for axes, sensor in zip(grid.ravel(), sensors, strict=False):
         one = rows[rows.sensor == sensor]
         axes.set(xscale="log", yscale="log", xlabel="averaging time (s)")
@@ -27,7 +24,7 @@ def allan(tables: Tables, case: str) -> Figure:
         for name, label, dashes in _PARTS:
             if (one[name] > 0.0).any():
                 axes.plot(one.tau_s, one[name], color=GREY, lw=0.8, ls=dashes, label=label)
-        axes.plot(one.tau_s, one.stream, "o", ms=3, color=PALETTE[1], label="simulated stream")
+        axes.plot(one.tau_s, one.stream, ls="none", marker="o", ms=3, color=PALETTE[1], label="simulated stream")
         least = one[["card", "stream"]].to_numpy().min()
         axes.set(ylabel=f"{sensor}\n({one.unit.iloc[0]})", ylim=(0.3 * max(least, 1e-30), None))
-    return legend_below(figure, grid[0, 0], columns=5)
+    return figure

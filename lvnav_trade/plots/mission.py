@@ -1,11 +1,7 @@
 """The mission: errors of the orbit at injection and what a correction costs; the point of impact with its corridor."""
 
-from typing import Any
-
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
-from matplotlib.patches import Polygon
 
 from lvnav_trade.layout import MISSION
 from lvnav_trade.metrics.basics.probability import outline_of
@@ -13,7 +9,8 @@ from lvnav_trade.metrics.basics.select import final_event
 from lvnav_trade.metrics.mechanics import impulses, meanorbit, mission
 from lvnav_trade.metrics.mission.impact import corridor_of, ellipse
 from lvnav_trade.metrics.mission.impact import impact as impact_points
-from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, message, over_time, scale_up
+from lvnav_trade.plots.figure import GREY, Figure, Panel, canvas
+from lvnav_trade.plots.style import PALETTE, drawing, message, over_time, scale_up
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
 
@@ -42,17 +39,17 @@ def orbit(tables: Tables, case: str) -> Figure:
     if state is None or not bool(meanorbit.osculating(state.r_i, state.v_i).elliptic):
         return message("the flight does not end in an orbit", "perigee error (km)", "apogee error (km)")
     law = mission.law_at(tables, case, event)
-    figure, grid = canvas(2, 2, 2.9)
+    figure, grid = canvas(2, 2, 2.9, title=f"{tables.labels[case]}, {event.replace('_', ' ')}")
     good = mission.good_errors(tables, case, state)
     for ax, pair in zip(grid.ravel()[:3], _PLANES, strict=True):
         _plane(ax, state, law, good, pair)
     _cost(grid[1, 1], state, law, good)
-    figure.legend(*grid[0, 1].get_legend_handles_labels(), loc="outside lower center", ncols=3)
-    figure.suptitle(f"{tables.labels[case]}, {event.replace('_', ' ')}", fontsize=9)
     return figure
 
 
-def _plane(ax: Any, state: mission.State, law: mission.Law, good: Floats, pair: tuple[_Component, _Component]) -> None:
+def _plane(
+    ax: Panel, state: mission.State, law: mission.Law, good: Floats, pair: tuple[_Component, _Component]
+) -> None:
     *_, units, factors = zip(*(MISSION[metric] for metric, _, _ in pair), strict=True)
     scale = np.array(factors)
 
@@ -60,33 +57,32 @@ def _plane(ax: Any, state: mission.State, law: mission.Law, good: Floats, pair: 
         return np.stack([mission.signed(state, error, metric)[:, k] for metric, k, _ in pair], axis=1) * scale
 
     if len(good):
-        ax.plot(*errors(good).T, ".", ms=2.5, color=PALETTE[0], label="runs", zorder=2)
+        ax.plot(*errors(good).T, ls="none", marker=".", ms=2.5, color=PALETTE[0], label="runs")
     if any(mission.applies(state, metric, law.true) for metric, _, _ in pair):
         drawn = errors(mission.draws(law.mean, law.true, 512))
-        ax.plot(*drawn.T, "x", ms=2.5, color=PALETTE[1], label="draws of LinCov", zorder=1.5)
-        ax.set_title("no first-order sigma: circular to within 3 sigma", fontsize=7.5)
+        ax.plot(*drawn.T, ls="none", marker="x", ms=2.5, color=PALETTE[1], label="draws of LinCov")
+        ax.set(title="no first-order sigma: circular to within 3 sigma")
     else:
         slope = np.stack([mission.jacobian(state, metric)[k] for metric, k, _ in pair]) * scale[:, None]
         outline = slope @ law.mean + outline_of(slope @ law.true @ slope.T)
-        ax.plot(*outline.T, color=PALETTE[1], ls="--", label="LinCov, true, 3 sigma", zorder=3)
-        ax.plot(*outline_of(slope @ law.formal @ slope.T).T, "k:", label="LinCov, filter's own, 3 sigma", zorder=3)
+        ax.plot(*outline.T, color=PALETTE[1], ls="--", label="LinCov, true, 3 sigma")
+        own = outline_of(slope @ law.formal @ slope.T)
+        ax.plot(*own.T, color="black", ls=":", label="LinCov, filter's own, 3 sigma")
     (*_, across), (*_, up) = pair
     ax.set(xlabel=f"{across.replace(chr(10), ' ')} ({units[0]})", ylabel=f"{up} ({units[1]})")
-    ax.ticklabel_format(style="sci", scilimits=(-3, 4), axis="both")
-    ax.margins(0.08)
+    ax.set(margin=0.08)
 
 
-def _cost(ax: Any, state: mission.State, law: mission.Law, good: Floats) -> None:
+def _cost(ax: Panel, state: mission.State, law: mission.Law, good: Floats) -> None:
     drawn = mission.draws(law.mean, law.true, 1024)
     for name, error, colour, dashes in (("runs", good, PALETTE[0], "-"), ("LinCov", drawn, PALETTE[1], "--")):
         if len(error):
             cost = np.sort(impulses.least_at(state.r_i, state.v_i, error).delta_v)
             part = 100.0 * (np.arange(1, len(cost) + 1) / len(cost))
             label = f"{name}: 99 % below {np.quantile(cost, 0.99):.3g} m/s"
-            ax.step(cost, part, where="post", label=label, color=colour, ls=dashes)
+            ax.step(cost, part, label=label, color=colour, ls=dashes)
     ax.axhline(99.0, color=GREY, lw=0.7, ls=":")
-    ax.set(xlim=0, ylim=(0, 102), xlabel="least delta-v of a correction (m/s)", ylabel="flights (%)")
-    ax.legend(loc="lower right", fontsize=7.5)
+    ax.set(xlim=0.0, ylim=(0.0, 102.0), xlabel="least delta-v of a correction (m/s)", ylabel="flights (%)")
 
 
 @drawing
@@ -99,23 +95,22 @@ def impact(tables: Tables, case: str) -> Figure:
     if rows.empty:
         nothing = "no point of impact in the stored flight"
         return message(nothing, "longitude (deg east)", "geodetic latitude\n(deg north)")
-    figure, grid = canvas(2, 2, 2.9)
-    for ax in grid[0]:
-        ax.remove()
-    _chart(figure.add_subplot(grid[0, 0].get_gridspec()[0, :]), tables, case, rows)
-    _sizes(grid[1, 0], tables, case, rows)
-    _last(grid[1, 1], tables, case, rows)
+    figure, grid = canvas(1, 3, 2.9, widths=[2, 1, 1])
+    _chart(grid[0, 0], tables, case, rows)
+    _sizes(grid[0, 1], tables, case, rows)
+    _last(grid[0, 2], tables, case, rows)
     return figure
 
 
-def _chart(ax: Any, tables: Tables, case: str, rows: pd.DataFrame) -> None:
+def _chart(ax: Panel, tables: Tables, case: str, rows: pd.DataFrame) -> None:
     flown = tables.reference[(tables.reference.case == case) & (tables.reference.t_s >= 0.0)]
     track = np.degrees(np.unwrap(flown.longitude_rad))
     longitude = np.degrees(np.unwrap(np.radians(rows.longitude_deg)))
     longitude += 360.0 * np.round((track[0] - longitude[0]) / 360.0)
     ax.plot(track, np.degrees(flown.latitude_rad), color=GREY, lw=0.9, label="ground track")
     ax.plot(longitude, rows.latitude_deg, color=PALETTE[0], label="point of impact")
-    ax.plot(longitude[rows.event != ""], rows.latitude_deg[rows.event != ""], "o", ms=3, color=PALETTE[0])
+    dots = {"ls": "none", "marker": "o", "ms": 3, "color": PALETTE[0]}
+    ax.plot(longitude[rows.event != ""], rows.latitude_deg[rows.event != ""], **dots)
     width = max(float(np.ptp(longitude)), float(np.ptp(rows.latitude_deg)), 0.1)
     times = _magnification(float(rows.major_3sigma_km.max()), width)
     for number, k in enumerate(np.unique(np.linspace(0, len(rows) - 1, _DRAWN).astype(int))):
@@ -127,11 +122,10 @@ def _chart(ax: Any, tables: Tables, case: str, rows: pd.DataFrame) -> None:
     if corridor is not None:
         corners = np.degrees(corridor.corners)
         corners[:, 1] += 360.0 * np.round((longitude.mean() - corners[:, 1].mean()) / 360.0)
-        ax.add_patch(Polygon(corners[:, ::-1], fill=False, ec=PALETTE[2], lw=1.2, label="corridor"))
-        ax.autoscale_view()
-    ax.set_title(f"{tables.labels[case]}" + (f"; ellipses {times:g} times as large" if times > 1 else ""), fontsize=8.5)
-    ax.set(xlabel="longitude (deg east)", ylabel="geodetic latitude\n(deg north)", xmargin=0.06, ymargin=0.06)
-    ax.legend(loc="best", fontsize=7.5)
+        closed = np.vstack([corners, corners[:1]])
+        ax.plot(closed[:, 1], closed[:, 0], color=PALETTE[2], lw=1.2, label="corridor")
+    ax.set(title=f"{tables.labels[case]}" + (f"; ellipses {times:g} times as large" if times > 1 else ""))
+    ax.set(xlabel="longitude (deg east)", ylabel="geodetic latitude\n(deg north)", margin=0.06)
 
 
 def _magnification(major_km: float, width_deg: float) -> float:
@@ -139,31 +133,30 @@ def _magnification(major_km: float, width_deg: float) -> float:
     return float(10.0 ** max(0, np.floor(np.log10(_SEEN * width_deg * 111.0 / max(major_km, 1e-9)))))
 
 
-def _sizes(ax: Any, tables: Tables, case: str, rows: pd.DataFrame) -> None:
+def _sizes(ax: Panel, tables: Tables, case: str, rows: pd.DataFrame) -> None:
     flown = rows[rows.runs > 1]
     for name, colour in (("down", PALETTE[0]), ("cross", PALETTE[1])):
         ax.plot(rows.t_s, 3.0 * rows[f"{name}_sigma_km"], color=colour, label=f"{name}-range, LinCov")
-        ax.plot(rows.t_s, 3.0 * rows[f"{name}_filter_sigma_km"], color=colour, ls=":", lw=1.0)
+        own, of_runs = rows[f"{name}_filter_sigma_km"], flown[f"mc_{name}_sigma_km"]
+        ax.plot(rows.t_s, 3.0 * own, color=colour, ls=":", lw=1.0, label=f"{name}-range, filter's own")
         if len(flown):
-            ax.plot(flown.t_s, 3.0 * flown[f"mc_{name}_sigma_km"], "o", ms=3.5, mfc="none", color=colour)
-    scale_up(ax.yaxis, 3.0 * pd.concat([rows.down_sigma_km, rows.cross_sigma_km]))
-    ax.set_ylabel("error of the point\nof impact (km, 3 sigma)")
-    over_time([ax], tables, case, margin=0.03, names=False)
-    ax.legend(loc="best", fontsize=7, title="dots: runs; dotted: filter's own", title_fontsize=7)
+            style = {"ls": "none", "marker": "o", "ms": 3.5, "mfc": "none", "color": colour}
+            ax.plot(flown.t_s, 3.0 * of_runs, label=f"{name}-range, runs", **style)
+    scale_up(ax, "y", 3.0 * pd.concat([rows.down_sigma_km, rows.cross_sigma_km]))
+    ax.set(ylabel="error of the point\nof impact (km, 3 sigma)")
+    over_time([ax], tables, case, margin=0.03)
 
 
-def _last(ax: Any, tables: Tables, case: str, rows: pd.DataFrame) -> None:
+def _last(ax: Panel, tables: Tables, case: str, rows: pd.DataFrame) -> None:
     named = rows[rows.event != ""]
-    row: Any = (named if len(named) else rows).iloc[-1]
+    row = (named if len(named) else rows).iloc[-1]
     if row.event and row.runs > 1:
         state = next(s for s in mission.states(tables, case) if s.event == row.event and abs(s.t - row.t_s) < 1e-6)
         off = mission.impact_errors(state, mission.good_errors(tables, case, state)) * 1e-3
-        ax.plot(off[:, 1], off[:, 0], ".", ms=2.5, color=PALETTE[0], label="runs")
+        ax.plot(off[:, 1], off[:, 0], ls="none", marker=".", ms=2.5, color=PALETTE[0], label="runs")
     mixed = row.correlation * row.down_sigma_km * row.cross_sigma_km
     outline = outline_of(np.array([[row.cross_sigma_km**2, mixed], [mixed, row.down_sigma_km**2]]))
     outline += np.array([row.cross_bias_km, row.down_bias_km])
     ax.plot(*outline.T, color=PALETTE[1], ls="--", label="LinCov, 3 sigma")
-    ax.set_aspect("equal", adjustable="datalim")
-    ax.set(xlabel="cross-range error (km)", ylabel="down-range error (km)", xmargin=0.08, ymargin=0.08)
-    ax.set_title(f"{row.event.replace('_', ' ') or 'last'}, {row.t_s:.0f} s", fontsize=8.5)
-    ax.legend(loc="upper left", fontsize=7)
+    ax.set(xlabel="cross-range error (km)", ylabel="down-range error (km)", margin=0.08, equal=True)
+    ax.set(title=f"{row.event.replace('_', ' ') or 'last'}, {row.t_s:.0f} s")

@@ -5,13 +5,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from lvnav_trade.metrics.numbers import cases_of, name_of, ours
 from lvnav_trade.metrics.statements import NUMBERS, bounds
 from lvnav_trade.metrics.statements import locus as values_along
-from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, legend_below, line_of, look, panel, scale_up
+from lvnav_trade.plots.figure import GREY, SHADE, Figure, Panel, canvas, named_ticks, panel
+from lvnav_trade.plots.style import PALETTE, drawing, line_of, scale_up
 from lvnav_trade.store.read import Tables
 from lvnav_trade.units import parse
 
@@ -20,7 +19,6 @@ _UNITS = {"velocity": "m/s", "position": "m"}
 _ERRORS = (("attitude", "rad", 1e3, "mrad"), ("velocity", "m_per_s", 1.0, "m/s"), ("position", "m", 1.0, "m"))
 
 
-@look()
 def ratios(references: pd.DataFrame) -> Figure:
     """Draw ours over published of every number, with its band; those outside stand out.
 
@@ -32,27 +30,24 @@ def ratios(references: pd.DataFrame) -> Figure:
     place = np.arange(len(frame))
     low, high, ratio = (column.clip(*_DRAWN) for column in (frame.band_low, frame.band_high, frame.ratio))
     figure, ax = panel(1.1 + 0.17 * len(frame))
-    ax.hlines(place, low, high, color="#9ca3af", lw=5, alpha=0.6, label="band")
+    ax.hlines(place, low, high, color=SHADE, lw=5, alpha=0.6, label="band")
     for inside, colour, marker, label in ((True, PALETTE[0], "o", "in band"), (False, PALETTE[1], "D", "out of band")):
         chosen = (frame.in_band == inside).to_numpy()
         for end, sign in ((0.0, marker), (-1.0, "<"), (1.0, ">")):
             here = chosen & (np.sign(frame.ratio - ratio) == end).to_numpy()
-            ax.plot(ratio[here], place[here], sign, color=colour, ms=4.5, label="" if end else label)
+            if end == 0.0 or here.any():
+                style = {"ls": "none", "marker": sign, "color": colour, "ms": 4.5, "label": "" if end else label}
+                ax.plot(ratio[here], place[here], **style)
     ax.axvline(1.0, color=GREY, lw=0.8)
     _ratio_axes(ax, names, "ours / published (-)")
-    return legend_below(figure, ax)
+    return figure
 
 
-def _ratio_axes(ax: Any, names: Sequence[str], label: str) -> None:
+def _ratio_axes(ax: Panel, names: Sequence[str], label: str) -> None:
     """Make the horizontal axis one of ratios, logarithmic, with plain numbers, and name items from the top down."""
-    ax.set_xscale("log")
-    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    ax.xaxis.set_minor_formatter(NullFormatter())
     short = [name if len(name) <= 62 else name[:59] + "..." for name in names]
-    ax.set_yticks(np.arange(len(names)), short, fontsize=6.5)
-    ax.grid(axis="y", visible=False)
-    ax.set(ylim=(len(names) - 0.4, -0.6), xlabel=label, ylabel="item")
+    ax.set(xscale="log", ylim=(len(names) - 0.4, -0.6), yticks=named_ticks(short), grid=False)
+    ax.set(xlabel=label, ylabel="item")
 
 
 @drawing
@@ -75,15 +70,15 @@ def spread(tables: Tables, references: Sequence[Mapping[str, Any]]) -> Figure | 
     for place, (_, found, band) in enumerate(rows):
         q = np.quantile(found, [0.05, 0.25, 0.5, 0.75, 0.95])
         for low, high, label, style in (
-            (max(band[0], 0.02), band[1], "band", {"color": "#9ca3af", "lw": 9, "alpha": 0.35}),
+            (max(band[0], 0.02), band[1], "band", {"color": SHADE, "lw": 9, "alpha": 0.35}),
             (q[0], q[4], "90 % of our flights", {"color": PALETTE[0], "lw": 1.2}),
             (q[1], q[3], "half of them", {"color": PALETTE[0], "lw": 5}),
         ):
             ax.hlines(place, low, high, label=label if place == 0 else None, **style)
-        ax.plot(q[2], place, "|", color="white", ms=7, mew=1.6)
+        ax.plot([q[2]], [place], ls="none", marker="|", color="white", ms=7)
     ax.axvline(1.0, color=PALETTE[1], lw=1.6, label="published, one flight")
     _ratio_axes(ax, [name for name, _, _ in rows], "our flights, each by itself / published (-)")
-    return legend_below(figure, ax)
+    return figure
 
 
 @drawing
@@ -105,7 +100,7 @@ def missions(tables: Tables, flown: Sequence[Mapping[str, Any]]) -> Figure | Non
     figure, grid = canvas(1, len(panels), 2.6, sharey=True)
     for ax, (metric, mine, found) in zip(grid[0], panels, strict=True):
         part = 100.0 * np.arange(1, len(found) + 1) / len(found)
-        ax.step(found, part, where="post", color="black", lw=1.2, label=f"our {len(found)} flights")
+        ax.step(found, part, color="black", lw=1.2, label=f"our {len(found)} flights")
         for one in mine:
             name = str(one["item"]).partition(",")[0]
             ax.axvline(float(one["value"]), lw=1.3, label=name, color=line_of(names.index(name))["color"])
@@ -115,8 +110,8 @@ def missions(tables: Tables, flown: Sequence[Mapping[str, Any]]) -> Figure | Non
             ylim=(0.0, 100.0),
             xlabel=f"|{metric.replace('_', ' ')}| ({mine[0]['unit']})",
         )
-    grid[0, 0].set_ylabel("flights below (%)")
-    return legend_below(figure, grid[0, 0])
+    grid[0, 0].set(ylabel="flights below (%)")
+    return figure
 
 
 @drawing
@@ -141,7 +136,7 @@ def bound(tables: Tables, stated: Mapping[str, Any]) -> Figure:
     unit = str(stated.get("unit") or "-")
     axis = str(stated["along"]).replace("_", " ") + (f" ({kind})" if kind else "")
     ax.set(xlabel=axis, ylabel=f"{stated['value']} ({unit})")
-    return legend_below(figure, ax)
+    return figure
 
 
 @drawing
@@ -176,22 +171,22 @@ def locus(
         ax.plot(x, group.value, marker="o", ms=4, label=str(others) or "ours", **line_of(number))
     if published is not None:
         ax.axhline(published, color="black", lw=1.1, label="published")
-        ax.axhspan(published * band[0], published * band[1], color="#9ca3af", alpha=0.25, lw=0, label="band")
+        ax.axhspan(published * band[0], published * band[1], color=SHADE, alpha=0.25, label="band")
     _levels(ax, sizes, names, kind)
-    scale_up(ax.yaxis, [*frame.value, *([published] if published else [])])
+    scale_up(ax, "y", [*frame.value, *([published] if published else [])])
     ax.set(
         xlabel=axis.replace("_", " ") + (f" ({kind})" if kind else ""),
         ylabel=f"{name_of(stated).replace('_', ' ')}\n({unit})".replace(", ", ",\n"),
     )
-    return legend_below(figure, ax, columns=2)
+    return figure
 
 
-def _levels(ax: Any, sizes: Sequence[float], names: Sequence[str], kind: str | None) -> None:
+def _levels(ax: Panel, sizes: Sequence[float], names: Sequence[str], kind: str | None) -> None:
     """Mark the levels of an axis: by their names where they are no numbers of one unit."""
     if kind is None:
-        ax.set_xticks(sizes, names)
+        ax.set(xticks=list(zip(sizes, map(str, names), strict=True)))
     else:
-        scale_up(ax.xaxis, sizes, from_zero=False)
+        scale_up(ax, "x", sizes, from_zero=False)
 
 
 def _sizes(names: Sequence[str]) -> tuple[list[float], str | None]:
@@ -208,7 +203,6 @@ def _sizes(names: Sequence[str]) -> tuple[list[float], str | None]:
     return numbers, first or "-"
 
 
-@look()
 def single(table: pd.DataFrame) -> Figure:
     """Draw position and velocity axis by axis, the error and its estimate above each other, what is left below; table
     as of campaign.behind.flight_of.
@@ -223,17 +217,13 @@ def single(table: pd.DataFrame) -> Figure:
             above.plot(table.t_s, table[f"{name}_estimated"], color="black", ls="--", lw=1.0, label="estimated")
             below.plot(table.t_s, table[f"{name}_left"], color=PALETTE[0], lw=0.9, label="left in the aided output")
             below.axhline(0.0, color=GREY, lw=0.5)
-            above.set_title(f"{kind}, {name.removeprefix(f'{kind}_')}", fontsize=8)
-            above.set_ylabel(_UNITS[kind])
-            below.set_ylabel(f"left ({_UNITS[kind]})")
+            above.set(title=f"{kind}, {name.removeprefix(f'{kind}_')}", ylabel=_UNITS[kind])
+            below.set(ylabel=f"left ({_UNITS[kind]})")
     for ax in grid[-1]:
-        ax.set_xlabel("time since lift-off (s)")
-    above, below = (ax.get_legend_handles_labels() for ax in grid[:2, 0])
-    figure.legend(above[0] + below[0], above[1] + below[1], loc="outside lower center", ncols=3)
+        ax.set(xlabel="time since lift-off (s)")
     return figure
 
 
-@look()
 def steps(table: pd.DataFrame, phases: Sequence[tuple[str, float, float]] = ()) -> Figure:
     """Draw the unaided error and what the transition misses of it per step, one sigma per axis, logarithmic.
 
@@ -248,7 +238,7 @@ def steps(table: pd.DataFrame, phases: Sequence[tuple[str, float, float]] = ()) 
         ):
             ax.plot(table.t_s, factor * table[column].where(table[column] > 0.0), label=text, **style)
         for _, start, _ in phases:
-            ax.axvline(start, color="0.6", lw=0.5)
-        ax.set(yscale="log", ylabel=f"{name}, one sigma\n({label})", xlim=(table.t_s.min(), table.t_s.max()))
-    grid[-1, 0].set_xlabel("time since lift-off (s)")
-    return legend_below(figure, grid[-1, 0])
+            ax.axvline(start, color=GREY, lw=0.5)
+        ax.set(yscale="log", ylabel=f"{name}, one sigma\n({label})", margin=0.0)
+    grid[-1, 0].set(xlabel="time since lift-off (s)")
+    return figure

@@ -4,13 +4,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
-from matplotlib.font_manager import FontProperties
-from matplotlib.patches import Patch
 
 from lvnav_trade.metrics.basics.select import final_event, flight_events, pick
 from lvnav_trade.metrics.signals import in_view, recovery
-from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, event_key, legend_below, over_time, panel, scale_up
+from lvnav_trade.plots.figure import GREY, Figure, Panel, canvas, named_ticks, panel
+from lvnav_trade.plots.style import PALETTE, drawing, over_time, scale_up
 from lvnav_trade.store.read import Tables
 
 _FAINT = "#c4c9d1"
@@ -20,15 +18,15 @@ _STATES = (
     ("track", "tracked", {"color": PALETTE[0]}),
     ("acquire", "acquired, not yet measured", {"color": PALETTE[5]}),
     ("search", "searched for", {"color": PALETTE[4]}),
-    ("lost", "lost", {"color": PALETTE[1], "markerfacecolor": "none"}),
+    ("lost", "lost", {"color": PALETTE[1], "mfc": "none"}),
     ("", "not tracked", {"color": _FAINT}),
 )
 # Height of a bar and its look: heights tell states apart where there is no colour.
 _LOOKS: dict[str, tuple[float, dict[str, Any]]] = {
-    "track": (0.8, {"facecolor": PALETTE[0]}),
-    "acquire": (0.6, {"facecolor": PALETTE[5], "edgecolor": "black", "linewidth": 0.3}),
-    "search": (0.42, {"facecolor": PALETTE[4], "edgecolor": "white", "hatch": "////", "linewidth": 0.0}),
-    "lost": (0.14, {"facecolor": PALETTE[1]}),
+    "track": (0.8, {"color": PALETTE[0]}),
+    "acquire": (0.6, {"color": PALETTE[5], "ec": "black", "lw": 0.3}),
+    "search": (0.42, {"color": PALETTE[4], "ec": "white", "hatch": "////", "lw": 0.0}),
+    "lost": (0.14, {"color": PALETTE[1]}),
 }
 # Marker of why tracking ended.
 _REASONS = {"dynamics": "v", "weak signal": "o", "no antenna": "X", "fault": "s", "out of view": ">"}
@@ -44,20 +42,18 @@ def satellites(tables: Tables, case: str) -> Figure:
     linked = bool(mine.cn0_db_hz.notna().any())
     figure, grid = canvas(1 + linked, 1, 2.9 - 0.5 * linked, sharex=True)
     axes = grid[0, 0]
-    axes.step(rows.t_s, rows.above_count, where="post", color=GREY, ls="--", label="above the local horizontal")
-    axes.step(rows.t_s, rows.tracked_count, where="post", color=PALETTE[0], label="tracked")
-    axes.axhline(4, color=PALETTE[1], linewidth=0.8, ls=":", label="four: a receiver's own solution")
-    axes.yaxis.get_major_locator().set_params(integer=True)
+    axes.step(rows.t_s, rows.above_count, color=GREY, ls="--", label="above the local horizontal")
+    axes.step(rows.t_s, rows.tracked_count, color=PALETTE[0], label="tracked")
+    axes.axhline(4, color=PALETTE[1], lw=0.8, ls=":", label="four: a receiver's own solution")
     most = rows[["above_count", "tracked_count"]].to_numpy().max()
-    axes.set(ylim=(0, max(5, most + 1)), ylabel="satellites (number)")
+    axes.set(ylim=(0.0, float(max(5, most + 1))), ylabel="satellites (number)")
     if linked:
         _carrier(grid[1, 0], mine, tables.cases.set_index("case").loc[case])
     over_time(grid[:, 0], tables, case)
-    figure.legend(loc="outside lower center", ncols=3)
     return figure
 
 
-def _carrier(axes: Any, rows: pd.DataFrame, case: pd.Series) -> None:
+def _carrier(axes: Panel, rows: pd.DataFrame, case: pd.Series) -> None:
     times = pd.Index(np.sort(rows.t_s.unique()))
     for number, (_, one) in enumerate(rows.groupby("satellite")):
         line = one.set_index("t_s").reindex(times)
@@ -73,7 +69,7 @@ def _carrier(axes: Any, rows: pd.DataFrame, case: pd.Series) -> None:
     for value, name, dashes in (found, kept):
         if value == value:
             axes.axhline(value, color=PALETTE[1], lw=1.0, ls=dashes, label=f"{name} {value:g} dB-Hz")
-    axes.set_ylabel("C/N0 (dB-Hz)")
+    axes.set(ylabel="C/N0 (dB-Hz)")
 
 
 @drawing
@@ -90,14 +86,13 @@ def sky(tables: Tables, case: str) -> Figure:
     antennas = sorted(rows.antenna_number.dropna().unique())
     lowest = np.degrees(min(0.0, float(rows.elevation_rad[rows.tracked].min()) if rows.tracked.any() else 0.0))
     shown = []
-    figure, grid = canvas(1, len(wanted), 3.5 if len(wanted) < 4 else 3.0, subplot_kw={"projection": "polar"})
+    figure, grid = canvas(1, len(wanted), 3.0 if len(wanted) < 4 else 2.6)
     for axes, (name, moment) in zip(grid[0], wanted, strict=True):
         t = times[int(np.argmin(np.abs(times - moment)))]
         shown.append(rows[(rows.t_s == t) & ((rows.elevation_rad > 0) | rows.tracked)])
         _one_sky(axes, shown[-1], antennas, 90.0 + 15.0 * np.ceil(-lowest / 15.0))
-        axes.set_title(f"{name}\n{t:.0f} s", pad=12, fontsize=8.5)
-        axes.set_xlabel("azimuth, elevation (deg)", fontsize=7)
-    _key(figure, grid[0, 0], pd.concat(shown), antennas)
+        axes.set(title=f"{name}\n{t:.0f} s", xlabel="azimuth, elevation (deg)")
+    _key(grid[0, 0], pd.concat(shown), antennas)
     return figure
 
 
@@ -113,18 +108,28 @@ def _moments(tables: Tables, case: str, rows: pd.DataFrame) -> list[tuple[str, f
     return [("lift-off", 0.0), *(within[:2] or [("half way", end / 2)]), (last.replace("_", " ") or "end", end)]
 
 
-def _one_sky(axes: Any, rows: pd.DataFrame, antennas: list[int], edge: float) -> None:
+def _one_sky(axes: Panel, rows: pd.DataFrame, antennas: list[int], edge: float) -> None:
+    """Draw a sky, north up and east to the right: the distance from the middle is 90 degrees less the elevation."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 121)
+    for distance in (30.0, 60.0, 90.0):
+        style = {"color": GREY, "lw": 1.1} if distance == 90.0 else {"color": _FAINT, "lw": 0.6}
+        axes.plot(distance * np.sin(turn), distance * np.cos(turn), **style)
+    for azimuth in np.radians([0.0, 90.0, 180.0, 270.0]):
+        axes.plot([0.0, edge * np.sin(azimuth)], [0.0, edge * np.cos(azimuth)], color=_FAINT, lw=0.6)
+    axes.text(0.0, [-31.0, -61.0, -91.0], ["60", "30", "0"], color=GREY, ha="center", va="top")
+    axes.text([0.0, edge, 0.0, -edge], [edge, 0.0, -edge, 0.0], ["0", "90", "180", "270"], color=GREY, ha="center")
     for marker, antenna in zip(_MARKERS * len(antennas), antennas, strict=False):
         for _, style, group in _by_state(rows[rows.antenna_number == antenna]):
-            axes.plot(group.azimuth_rad, 90.0 - np.degrees(group.elevation_rad), marker, ms=5, **style)
-    for row in rows.itertuples():
-        place = (row.azimuth_rad, 90.0 - np.degrees(row.elevation_rad))
-        axes.annotate(row.satellite, place, xytext=(4, 3), textcoords="offset points", fontsize=6)
-    axes.plot(np.linspace(0.0, 2.0 * np.pi, 181), np.full(181, 90.0), color=GREY, lw=1.1)
-    axes.set_theta_zero_location("N")
-    axes.set_theta_direction(-1)
-    axes.set(ylim=(0, edge), yticks=[30, 60, 90], yticklabels=["60", "30", "0"])
-    axes.tick_params(labelsize=6.5)
+            axes.plot(*_place(group), ls="none", marker=marker, ms=5, **style)
+    east, north = _place(rows)
+    axes.text(east + 3.0, north + 3.0, rows.satellite, ha="left", va="bottom")
+    reach = -1.08 * edge, 1.08 * edge
+    axes.set(xlim=reach, ylim=reach, xticks=[], yticks=[], equal=True, grid=False)
+
+
+def _place(rows: pd.DataFrame) -> tuple[Any, Any]:
+    distance = 90.0 - np.degrees(rows.elevation_rad)
+    return distance * np.sin(rows.azimuth_rad), distance * np.cos(rows.azimuth_rad)
 
 
 def _by_state(rows: pd.DataFrame) -> list[tuple[str, dict[str, Any], pd.DataFrame]]:
@@ -134,13 +139,13 @@ def _by_state(rows: pd.DataFrame) -> list[tuple[str, dict[str, Any], pd.DataFram
     return [(label, style, rows[state == name]) for name, label, style in _STATES if (state == name).any()]
 
 
-def _key(figure: Figure, axes: Any, rows: pd.DataFrame, antennas: list[int]) -> None:
+def _key(axes: Panel, rows: pd.DataFrame, antennas: list[int]) -> None:
     for label, style, _ in _by_state(rows):
-        axes.plot([], [], "o", ms=5, label=label, **style)
+        axes.plot([], [], ls="none", marker="o", ms=5, label=label, **style)
     if len(antennas) > 1:
         for marker, antenna in zip(_MARKERS * len(antennas), antennas, strict=False):
-            axes.plot([], [], marker, ms=5, color=GREY, markerfacecolor="none", label=f"antenna {antenna:.0f}")
-    legend_below(figure, axes, columns=5)
+            style = {"ls": "none", "marker": marker, "ms": 5, "color": GREY, "mfc": "none"}
+            axes.plot([], [], label=f"antenna {antenna:.0f}", **style)
 
 
 @drawing
@@ -153,18 +158,17 @@ def timeline(tables: Tables, case: str) -> Figure:
     bars = _from_changes(changes, float(rows.t_s.max())) if len(changes) else _from_rows(rows)
     names = sorted(bars.satellite.unique())
     figure, axes = panel(1.1 + 0.185 * max(4, len(names)))
+    for state, (_, style) in _LOOKS.items():
+        if (bars.state == state).any():
+            axes.boxes([], [], [], [], label=state, **style)
     for (name, state), group in bars.groupby(["satellite", "state"], sort=False):
         height, style = _LOOKS[str(state)]
-        spans = list(zip(group.t_s, group.t_end_s - group.t_s, strict=True))
-        axes.broken_barh(spans, (names.index(name) - height / 2, height), **style)
+        middle = names.index(name)
+        axes.boxes(group.t_s, group.t_end_s, middle - height / 2, middle + height / 2, **style)
     _mark_losses(axes, changes, names)
-    axes.set_yticks(range(len(names)), names, fontsize=7)
-    axes.grid(axis="y", visible=False)
-    axes.set(ylim=(len(names) - 0.4, -0.6), xlim=(rows.t_s.min(), rows.t_s.max()), ylabel="satellite")
+    axes.set(ylim=(len(names) - 0.4, -0.6), yticks=named_ticks(names), ylabel="satellite", grid=False)
+    axes.set(xlim=(float(rows.t_s.min()), float(rows.t_s.max())))
     over_time([axes], tables, case, margin=0.0)
-    shown = [state for state in _LOOKS if (bars.state == state).any()]
-    handles = [*(Patch(**_LOOKS[state][1], label=state) for state in shown), *axes.get_legend_handles_labels()[0]]
-    figure.legend(handles=handles, loc="outside lower center", ncols=5)
     return figure
 
 
@@ -187,11 +191,11 @@ def _from_rows(rows: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(found, columns=["satellite", "state", "t_s", "t_end_s"])
 
 
-def _mark_losses(axes: Any, changes: pd.DataFrame, names: list[str]) -> None:
+def _mark_losses(axes: Panel, changes: pd.DataFrame, names: list[str]) -> None:
     for reason, group in pick(changes, from_state="track").groupby("reason", sort=False):
-        style = {"marker": _REASONS.get(str(reason), "P"), "ms": 4.5, "color": "black", "mfc": "white", "mew": 0.8}
+        style = {"marker": _REASONS.get(str(reason), "P"), "ms": 4.5, "color": "black", "mfc": "white"}
         places = [names.index(name) for name in group.satellite]
-        axes.plot(group.t_s, places, ls="none", label=f"tracking ends: {reason}", clip_on=False, zorder=4, **style)
+        axes.plot(group.t_s, places, ls="none", label=f"tracking ends: {reason}", **style)
 
 
 def layers_of(rows: pd.DataFrame) -> list[str]:
@@ -210,21 +214,17 @@ def delays(tables: Tables, case: str) -> Figure:
         _lines(true, rows, f"{layer}_m", PALETTE[0])
         _lines(left, rows, f"{layer}_left_m", PALETTE[1])
         drawn = rows[f"{layer}_m"][rows[f"{layer}_m"] >= _LEAST]
-        scale_up(true.yaxis, drawn)
-        if true.get_yscale() == "log":
-            true.set_ylim(bottom=0.7 * drawn.min())
+        scale_up(true, "y", drawn)
+        if true.axes.get("yscale") == "log":
+            true.set(ylim=0.7 * float(drawn.min()))
         left.axhline(0.0, color="black", lw=0.7)
-        true.set_ylabel(f"{layer}, true\ndelay (m)")
-        left.set_ylabel(f"{layer}, left by\nthe correction (m)")
-        over_time(panels, tables, case, numbers=len(layers) > 1)
-    legend_below(figure, grid[0, 0])
-    if len(layers) > 1:
-        figure.legends[0].set_title(event_key(pick(tables.events, case=case)), FontProperties(size=7.5))
-        figure.legends[0].get_title().set_color(GREY)
+        true.set(ylabel=f"{layer}, true\ndelay (m)")
+        left.set(ylabel=f"{layer}, left by\nthe correction (m)")
+        over_time(panels, tables, case)
     return figure
 
 
-def _lines(axes: Any, rows: pd.DataFrame, column: str, colour: str) -> None:
+def _lines(axes: Panel, rows: pd.DataFrame, column: str, colour: str) -> None:
     times = pd.Index(np.sort(rows.t_s.unique()))
     for number, (_, one) in enumerate(rows.groupby("satellite")):
         label = "each satellite tracked" if number == 0 else None
@@ -238,7 +238,7 @@ def latency(tables: Tables, case: str) -> Figure:
     rows = pick(tables.satellites, case=case).drop_duplicates("t_s")
     figure, ax = panel(2.3)
     age = rows.latency_s * 1e3
-    ax.step(rows.t_s, age, where="post", color=PALETTE[0])
+    ax.step(rows.t_s, age, color=PALETTE[0])
     ax.set(ylim=(0.0, max(1.0, 1.15 * float(age.max()))), ylabel="age of the\nmeasurements (ms)")
     over_time([ax], tables, case)
     return figure

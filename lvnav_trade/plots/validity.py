@@ -2,11 +2,10 @@
 
 import numpy as np
 import pandas as pd
-from matplotlib.colors import LogNorm
-from matplotlib.figure import Figure
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.plots.style import drawing, panel
+from lvnav_trade.plots.figure import Figure, named_ticks, panel
+from lvnav_trade.plots.style import drawing
 from lvnav_trade.store.read import Tables
 
 _WORST = 100.0  # larger ratios have its colour
@@ -39,15 +38,14 @@ def validity(tables: Tables) -> Figure:
         image[at] = furthest.get(label, np.nan)
         marks[at] = "–" if outside.get(label, False) else "✗" if refuted.get(label, False) else ""
     figure, ax = panel(1.3 + 0.32 * len(rows))
-    ax.grid(visible=False)
-    cells = ax.pcolormesh(np.ma.masked_invalid(image), norm=LogNorm(1.0, _WORST), cmap="YlOrBr")
+    label = "furthest ratio of RMS\nto linear covariance (-)"
+    across_edges, down_edges = (np.arange(count + 1) for count in image.T.shape)
+    ax.cells(across_edges, down_edges, image, (1.0, _WORST), cmap="YlOrBr", label=label)
     for (row, column), mark in marks.items():
         ratio = image[row, column]
         size = "" if np.isnan(ratio) else f"> {_WORST:g}" if ratio >= _WORST else f"{ratio:.2g}"
         colour = "white" if ratio > _DARK else "black"
-        ax.text(column + 0.5, row + 0.5, f"{mark} {size}".strip(), ha="center", va="center", fontsize=8, color=colour)
-    ax.set(xticks=np.arange(len(columns)) + 0.5, xticklabels=columns, xlabel=across.replace("_", " "))
-    ax.set(yticks=np.arange(len(rows)) + 0.5, yticklabels=rows, ylabel=down.replace("_", " "))
-    bar = figure.colorbar(cells, ax=ax, pad=0.02, label="furthest ratio of RMS\nto linear covariance (-)")
-    bar.set_ticks([1, 2, 5, 10, 20, 50, 100], labels=["1", "2", "5", "10", "20", "50", "100"])
+        ax.text(column + 0.5, row + 0.5, f"{mark} {size}".strip(), ha="center", color=colour)
+    ax.set(xticks=named_ticks(columns, 0.5), xlabel=across.replace("_", " "), xlim=(0.0, float(len(columns))))
+    ax.set(yticks=named_ticks(rows, 0.5), ylabel=down.replace("_", " "), ylim=(0.0, float(len(rows))), grid=False)
     return figure

@@ -4,14 +4,14 @@ import textwrap
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.select import NAVIGATION, flight_events, history_of, lincov_rms, pick
 from lvnav_trade.metrics.errors.covariances import is_position_bias
 from lvnav_trade.metrics.numbers import cases_of
 from lvnav_trade.metrics.published import short_names
-from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, event_key, legend_below, line_of, over_time, panel
+from lvnav_trade.plots.figure import GREY, Figure, canvas, named_ticks, panel
+from lvnav_trade.plots.style import PALETTE, drawing, line_of, over_time
 from lvnav_trade.store.read import Tables
 
 G = 9.80665
@@ -27,18 +27,16 @@ def trajectory(tables: Tables, case: str) -> Figure:
     altitude.plot(rows.t_s, rows.altitude_m / 1e3, color=PALETTE[0])
     speed.plot(rows.t_s, rows.ground_speed_m_per_s / 1e3, color=PALETTE[0], label="relative to the ground")
     speed.plot(rows.t_s, rows.inertial_speed_m_per_s / 1e3, color=PALETTE[1], ls="--", label="inertial")
-    speed.legend(loc="best")
     force.plot(rows.t_s, rows.specific_force_m_per_s2 / G, color=PALETTE[0])
     for axes, label in ((altitude, "altitude (km)"), (speed, "speed (km/s)"), (force, "specific force (g)")):
-        axes.set_ylabel(label)
-        over_time([axes], tables, case, numbers=True)
+        axes.set(ylabel=label)
+        over_time([axes], tables, case)
     longitude, latitude = np.degrees(np.unwrap(rows.longitude_rad)), np.degrees(rows.latitude_rad)
     track.plot(longitude, latitude, color=PALETTE[0])
     at = [int(np.argmin(np.abs(rows.t_s.to_numpy() - t))) for t in flight_events(tables, case).t_s]
-    track.plot(longitude[at], latitude.to_numpy()[at], "o", ms=3, color=GREY)
+    track.plot(longitude[at], latitude.to_numpy()[at], ls="none", marker="o", ms=3, color=GREY)
     track.set(xlabel="longitude (deg east)", ylabel="geodetic latitude (deg north)")
-    track.set(title="ground track, events as dots", xmargin=0.1, ymargin=0.1)
-    figure.supxlabel(event_key(pick(tables.events, case=case)), fontsize=7.5, color=GREY)
+    track.set(title="ground track, events as dots", margin=0.1)
     return figure
 
 
@@ -62,7 +60,7 @@ def motion(tables: Tables, case: str, quantity: str) -> Figure:
         ax.plot(estimate.t_s, lincov_rms(estimate) * factor, color=PALETTE[2], ls="--", label="filtered, LinCov true")
         ax.set(ylabel=f"{axis}\n({unit}, 1 sigma)", ylim=(0.0, 1.6 * float(raw.lincov_formal_si.max()) * factor))
     over_time(grid[:, 0], tables, case)
-    return legend_below(figure, grid[0, 0], columns=3)
+    return figure
 
 
 @drawing
@@ -73,14 +71,13 @@ def ignition(tables: Tables, case: str) -> Figure:
         filtered, raw = (history_of(tables, case, name, axis) for name in (quantity, f"corrected_{quantity}"))
         near = filtered.t_s.between(-5.0, 15.0).to_numpy()
         ratio = filtered.lincov_formal_si.to_numpy() / raw.lincov_formal_si.to_numpy()
-        ax.plot(filtered.t_s[near], ratio[near], "o-", ms=3, color=PALETTE[number], label=f"{quantity} {axis}")
+        ax.plot(filtered.t_s[near], ratio[near], marker="o", ms=3, color=PALETTE[number], label=f"{quantity} {axis}")
     ax.axhline(1.0, color=GREY, lw=0.8)
     ax.set(
         ylim=(0.0, 1.1),
         xlabel="time since lift-off (s)",
         ylabel="sigma, filtered over raw\n(bias estimated on both sides)",
     )
-    ax.legend(loc="lower right")
     return figure
 
 
@@ -98,11 +95,10 @@ def apart(tables: Tables, cases: Sequence[Mapping[str, str]]) -> Figure:
             flown = (one.t_s >= 0.0).to_numpy()
             ax.plot(one.t_s[flown], 100.0 * (1.0 - sigma[flown]), color=PALETTE[k], label=quantity)
         ax.axhline(0.0, color=GREY, lw=0.8)
-        ax.set_title(f"{tables.labels[first]}, against {tables.labels[second]}", loc="left", fontsize=7.5)
-        ax.set_ylabel("3D sigma smaller\nby (%)")
-        over_time([ax], tables, first, names=False, label="")
-    grid[-1, 0].set_xlabel("time since lift-off (s); lines: events")
-    return legend_below(figure, grid[0, 0])
+        ax.set(title=f"{tables.labels[first]}, against {tables.labels[second]}", ylabel="3D sigma smaller\nby (%)")
+        over_time([ax], tables, first, label="")
+    grid[-1, 0].set(xlabel="time since lift-off (s); lines: events")
+    return figure
 
 
 @drawing
@@ -126,12 +122,11 @@ def interpretations(tables: Tables) -> Figure:
             ax.bar(x, rows[column], 0.92 * width, color=PALETTE[number % len(cases)], **style)
             if raw:
                 label = "stated" if number == 0 else None
-                ax.plot(x, rows.stated_percent, "_", color="black", ms=11, mew=1.6, label=label)
-        ax.set_title(phase.replace("_", " "), loc="left")
-        ax.set(ylabel="sigma below\nthe sample's (%)", ylim=(0.0, 100.0))
-        ax.grid(axis="x", visible=False)
-    grid[-1, 0].set(xticks=place, xticklabels=errors, xlabel="error")
-    return legend_below(figure, grid[0, 0], columns=2)
+                ax.plot(x, rows.stated_percent, ls="none", marker="_", color="black", ms=11, label=label)
+        ax.set(title=phase.replace("_", " "), ylabel="sigma below\nthe sample's (%)", ylim=(0.0, 100.0))
+        ax.set(grid=False, xticks=named_ticks(errors))
+    grid[-1, 0].set(xlabel="error")
+    return figure
 
 
 @drawing
@@ -149,7 +144,7 @@ def singular(tables: Tables, case: str) -> Figure:
         ax.hlines(rows.singular_ratio[chosen], first, last, color=colour, lw=1.6, label=label)
     ax.axhline(float(rows.tolerance_ratio.iloc[0]), color=GREY, ls=":", label="tolerance of the rank with information")
     ax.set(yscale="log", xlabel="time since lift-off (s)", ylabel="singular value (-)")
-    return legend_below(figure, ax, columns=3)
+    return figure
 
 
 @drawing
@@ -161,12 +156,12 @@ def movement(tables: Tables, case: str) -> Figure:
         for number, feed in enumerate(dict.fromkeys(rows.feed)):
             one, style = pick(rows, feed=feed, axis=axis), line_of(number)
             low, high = np.degrees(one.low_rad), np.degrees(one.high_rad)
-            axes.fill_between(one.t_s, low, high, color=style["color"], alpha=0.25, linewidth=0)
+            axes.fill_between(one.t_s, low, high, color=style["color"], alpha=0.25)
             axes.plot(one.t_s, np.degrees(one.mean_rad), lw=1.4, label=f"{feed} rate", **style)
-        axes.set_title(axis)
-        over_time([axes], tables, case, names=False, label="time since lift-off (s); lines: events")
-    grid[0, 0].set(ylim=0.0, ylabel="total nozzle movement (deg)")
-    return legend_below(figure, grid[0, 0])
+        axes.set(title=axis, ylim=0.0)
+        over_time([axes], tables, case, label="time since lift-off (s); lines: events")
+    grid[0, 0].set(ylabel="total nozzle movement (deg)")
+    return figure
 
 
 @drawing
@@ -185,15 +180,15 @@ def sweep(tables: Tables) -> Figure:
         for number, (name, gains) in enumerate(lines.items()):
             rows = found[(found.axis == axis) & found.case.isin(gains)]
             rows = rows.assign(gain=rows.case.map(gains)).sort_values(["gain", "case"])
-            reach = [rows.less_percent - rows.low_percent, rows.high_percent - rows.less_percent]
-            style = {**line_of(number), "label": name, "linestyle": ("-", "-", ":", "--")[number % 4]}
-            style |= {"marker": ("o", "s", "^", "D")[number % 4], "yerr": reach}
+            style = {**line_of(number), "label": name, "ls": ("-", "-", ":", "--")[number % 4]}
+            style |= {"marker": ("o", "s", "^", "D")[number % 4]}
+            axes.vlines(rows.gain, rows.low_percent, rows.high_percent, color=style["color"], lw=1.0)
             style |= {"ms": 7.0, "mfc": "none"} if number % 2 == 0 else {"ms": 3.5, "mfc": style["color"]}  # apart
-            axes.errorbar(rows.gain, rows.less_percent, **style)
-        axes.axhspan(50.0, 85.0, color=GREY, alpha=0.15, lw=0)
+            axes.plot(rows.gain, rows.less_percent, **style)
+        axes.axhspan(50.0, 85.0, color=GREY, alpha=0.15)
         axes.set(title=axis, xlabel="rate gain over that of the card (-)")
-    grid[0, 0].set_ylabel("less nozzle movement\nwith the filtered rate (%, 95 %)")
-    return legend_below(figure, grid[0, 0], columns=2)
+    grid[0, 0].set(ylabel="less nozzle movement\nwith the filtered rate (%, 95 %)")
+    return figure
 
 
 @drawing
@@ -213,17 +208,15 @@ def worth(tables: Tables, cases: Sequence[Mapping[str, str]] = ()) -> Figure:
             above.bar(x, rows[f"{feed}_deg"], 0.25, color=colour, label=f"{feed} rate")
             below.bar(x, rows[f"{feed}_error_mrad"], 0.25, color=colour)
         for at_case, row in zip(place, rows.itertuples(), strict=True):
-            text, at = f"{row.less_percent:.1f} % less", (at_case, row.raw_deg)
-            above.annotate(text, at, (0, 3), textcoords="offset points", ha="center", fontsize=7)
-        above.set(title=axis, ymargin=0.12)
+            above.text(at_case, row.raw_deg, f"{row.less_percent:.1f} % less", ha="center", va="bottom")
+        above.set(title=axis, ylim=(0.0, 1.12 * float(rows.raw_deg.max())))
         labels = [textwrap.fill(name.replace("^2", "²"), 18) for name in names.values()]
-        below.set_xticks(place, labels, fontsize=8.5 if len(names) < 4 else 7.0)
-        below.set_xlabel("case")
+        below.set(xlabel="case")
         for axes in (above, below):
-            axes.grid(axis="x", visible=False)
-    grid[0, 0].set_ylabel("total nozzle movement (deg)\nin %: less with the filtered rate")
-    grid[1, 0].set_ylabel("attitude error in burns\n(mrad, RMS)")
-    return legend_below(figure, grid[0, 0])
+            axes.set(xticks=named_ticks(labels), grid=False)
+    grid[0, 0].set(ylabel="total nozzle movement (deg)\nin %: less with the filtered rate")
+    grid[1, 0].set(ylabel="attitude error in burns\n(mrad, RMS)")
+    return figure
 
 
 @drawing
@@ -238,7 +231,6 @@ def turning(tables: Tables, case: str) -> Figure:
         axes.plot(rows.t_s, rows[value], lw=0.5, color=PALETTE[0], label="true")
         axes.plot(rows.t_s, rows[bound], lw=1.2, color=PALETTE[1], label="envelope, 1 sigma of what the filter expects")
         axes.plot(rows.t_s, -rows[bound], lw=1.2, color=PALETTE[1])
-        axes.set(ylabel=label, xmargin=0.0)
-    grid[0, 0].legend(loc="upper right")
-    grid[1, 0].set_xlabel("time since lift-off (s)")
+        axes.set(ylabel=label, margin=0.0)
+    grid[1, 0].set(xlabel="time since lift-off (s)")
     return figure

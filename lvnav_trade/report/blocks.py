@@ -1,6 +1,5 @@
 """What a report is made of: paragraphs, tables, figures of cases; and how names and numbers are written in it."""
 
-import io
 import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
@@ -8,23 +7,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-from PIL import Image
 
+from lvnav_trade.layout import split_metric
 from lvnav_trade.metrics import METRICS
+from lvnav_trade.metrics.basics.select import NAVIGATION
+from lvnav_trade.metrics.requirements.margins import key_cases
 from lvnav_trade.plots import PLOTS
-from lvnav_trade.plots.style import look
+from lvnav_trade.plots.browser import data_of
+from lvnav_trade.plots.figure import Figure
 from lvnav_trade.report.escape import note, texts
 from lvnav_trade.store.read import Tables
 
-COLOURS = 96
-"""Colours kept in a picture, far from each other: line art loses nothing that one could see, not even the colour of a
-line that shows in the legend alone, and is a third of the size.
-"""
-_EXACT = 24  # of them the most frequent, which are left as they are: a grey shade should not turn pink
 MOST_CASES = 8
-"""Cases whose own figures are drawn; of more, the best and the worst."""
+"""Cases whose own figures are drawn; of more, those that decide and the best."""
 
 
 class Text(NamedTuple):
@@ -46,12 +41,22 @@ class Table(NamedTuple):
 
 
 class Picture(NamedTuple):
-    """A figure as PNG: file name without ending, bytes, caption."""
+    """A figure: file name without ending, its data, caption."""
 
     name: str
-    png: bytes
+    figure: Figure
     caption: str
     kind: str = "picture"
+
+    @property
+    def data(self) -> str:
+        """The figure as JSON, for the script of the page."""
+        return data_of(self.figure)
+
+    @property
+    def height(self) -> int:
+        """Pixels that the page keeps free for it until it is drawn, about."""
+        return int(88 * self.figure.height * len(self.figure.grid)) + 60
 
 
 class Grades(NamedTuple):
@@ -61,7 +66,15 @@ class Grades(NamedTuple):
     kind: str = "grades"
 
 
-Block = Text | Table | Picture | Grades
+class More(NamedTuple):
+    """Blocks that are one click away on the page, and below a heading in Markdown; a brief report leaves them out."""
+
+    title: str
+    blocks: Sequence[Any]
+    kind: str = "more"
+
+
+Block = Text | Table | Picture | Grades | More
 Blocks = Callable[[Tables], list[Block]]
 
 
@@ -156,33 +169,6 @@ def same_once(frame: pd.DataFrame) -> pd.DataFrame:
     return kept.assign(case=kept.case.map(names))
 
 
-def picture(name: str, figure: Figure, caption: str) -> Picture:
-    """Return a figure as a small PNG that holds no date."""
-    small = io.BytesIO()
-    with look():
-        canvas: Any = FigureCanvasAgg(figure)
-        canvas.draw()  # savefig would draw twice, for the layout and for the picture
-    image = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
-    _few_colours(image).save(small, format="PNG", optimize=True)
-    return Picture(name, small.getvalue(), caption)
-
-
-def _few_colours(image: Image.Image) -> Image.Image:
-    """Return a picture of `COLOURS` colours; those of large areas (shades, grids) are what they were."""
-    found = image.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
-    red, green, blue = np.moveaxis(np.asarray(image).reshape(-1, 3).astype(np.uint32), 1, 0)
-    code, index = (red << 16) | (green << 8) | blue, np.asarray(found).ravel()
-    every, count = np.unique(code, return_counts=True)
-    palette, kept = np.array(found.getpalette()).reshape(-1, 3), set()
-    for one in every[np.argsort(-count, kind="stable")][:_EXACT]:
-        place = int(index[np.argmax(code == one)])
-        if place not in kept:  # of several that became one colour the largest
-            palette[place] = one >> 16, (one >> 8) & 255, one & 255
-            kept.add(place)
-    found.putpalette(palette.ravel().tolist())
-    return found
-
-
 def of(metric: str, nothing: str = "") -> Callable[[Callable[[Tables, pd.DataFrame], list[Block]]], Blocks]:
     """Make the blocks of a function from the rows of a metric; without rows they are the text `nothing`, or none."""
 
@@ -216,15 +202,27 @@ def chosen_cases(tables: Tables) -> dict[str, str]:
     """Return digest and label of the cases that get figures of their own, in the order of the plan."""
     if len(tables.labels) <= MOST_CASES:
         return tables.labels
-    order = list(METRICS["ranking"](tables).case)
-    kept = {*order[: MOST_CASES - 2], *order[-2:]}
+    order = [*key_cases(tables), *METRICS["ranking"](tables).case]
+    kept = list(dict.fromkeys(order))[:MOST_CASES]
     return {case: label for case, label in tables.labels.items() if label in kept}
+
+
+def deciding(tables: Tables) -> tuple[list[str], list[str]]:
+    """Return the cases (digests) and the quantities that requirements are decided by: those of the open sections.
+
+    Without requirements the best case, and all quantities.
+    """
+    asked = [split_metric(str(one["metric"]))[0] for one in tables.campaign.get("requirements") or ()]
+    known = [quantity for quantity in NAVIGATION if (quantity, "3d") in tables.people]
+    labels = list(key_cases(tables)) or list(METRICS["ranking"](tables).case[:1])
+    digests = {label: case for case, label in tables.labels.items()}
+    return [digests[label] for label in labels], [one for one in known if one in asked] or known
 
 
 def left_out(tables: Tables) -> list[Block]:
     """Say that cases are left out, where some are."""
     more = len(tables.labels) - len(chosen_cases(tables))
-    text = f"Shown are the {MOST_CASES - 2} best cases and the 2 worst; {more} more are in the tables."
+    text = f"Shown are the cases that decide and the best ones, {MOST_CASES} in all; {more} more are in the tables."
     return [Text(text)] * (more > 0)
 
 
@@ -251,7 +249,7 @@ def named(tables: Tables, case: str, cases: Sequence[str]) -> str:
 def figures(tables: Tables, plot: str, cases: Sequence[str], **content: str) -> list[Block]:
     """Return a figure of each case, numbered; the caption names it where there are several."""
     return [
-        picture(
+        Picture(
             f"{plot}-{k}",
             PLOTS[plot](tables, case),
             note(plot, "figures", **content) + named(tables, case, cases),
@@ -268,4 +266,4 @@ def figure(tables: Tables, plot: str, *about: str, name: str = "", **content: st
     case, quantity = (about[0], about[-1]) if about else ("", "")
     content |= {"label": tables.labels.get(case, ""), "quantity": quantity, "Quantity": quantity.capitalize()}
     caption = note(name or plot, "figures", **content)
-    return picture("-".join((name or plot, *about)), PLOTS[plot](tables, *about), caption)
+    return Picture("-".join((name or plot, *about)), PLOTS[plot](tables, *about), caption)

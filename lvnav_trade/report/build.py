@@ -1,19 +1,20 @@
-"""report.html (one file, nothing from the network), report.md with its figures, and the CSV tables."""
+"""report.html (one file, nothing from the network) and CSV tables; report.md with its figures, for a repository."""
 
 import base64
 import difflib
 import hashlib
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from lvnav_trade.errors import InputError, writing
 from lvnav_trade.metrics import CSV, METRICS
 from lvnav_trade.report import curves, evidence, flight
 from lvnav_trade.report import diagnostics as explained
 from lvnav_trade.report import models as registered
-from lvnav_trade.report.blocks import Block, Blocks, Picture, Section, Text
+from lvnav_trade.report.blocks import Block, Blocks, Grades, More, Picture, Section, Table, Text
 from lvnav_trade.report.escape import csv_text, render, source
-from lvnav_trade.report.summary import summary
+from lvnav_trade.report.summary import SIGNS, answers, summary
 from lvnav_trade.store.contents import owned
 from lvnav_trade.store.read import Tables, load
 
@@ -22,9 +23,13 @@ def _agreement(tables: Tables) -> list[Block]:
     return evidence.agreement(tables) + explained.spot_check(tables) + explained.nonlinearity(tables)
 
 
+def _requirements(tables: Tables) -> list[Block]:
+    return answers(tables) + evidence.requirements(tables)
+
+
 SECTIONS: dict[str, tuple[str, Blocks]] = {
     "summary": ("Answer", summary),
-    "requirements": ("Requirements", evidence.requirements),
+    "requirements": ("Requirements", _requirements),
     "curves": ("Curves", curves.curves),
     "trajectory": ("Trajectory", evidence.trajectory),
     "envelopes": ("Errors", evidence.envelopes),
@@ -50,6 +55,10 @@ SECTIONS: dict[str, tuple[str, Blocks]] = {
 """Every section by name, in the order in which they stand unless the campaign says otherwise; one that has nothing to
 show stands on the page only where it was asked for by name.
 """
+OPEN = ("summary", "requirements", "envelopes", "budget")
+"""Sections that the page shows at once; the others are one click away, and a brief report leaves them out."""
+_BRIEF_ROWS, _BRIEF_FIGURES = 20, 9  # of a table, and in all, of a brief report
+_SCRIPTS = ("uplot/uPlot.iife.min.js", "figures.js", "page.js", "grades.js")
 _WHERE_ANY = (
     "spot_check",
     "transitions",
@@ -66,34 +75,77 @@ _WHERE_ANY = (
 """CSV tables that are written only where they have rows."""
 
 
-def build(folder: Path | str, sections: Sequence[str] | None = None) -> Path:
-    """Write report.html, report.md, figures/ and the CSV tables into a results folder; return the page.
+class Made(NamedTuple):
+    """What a report says, before it is written in a form: title, question, sections, CSV tables by file name."""
 
-    `sections` or else the campaign's ``report: {sections: [...]}`` choose and order the sections; InputError names one
-    that does not exist.
+    title: str
+    asked: str
+    sections: list[Section]
+    csv: dict[str, str]
+
+
+def make(tables: Tables, sections: Sequence[str] | None = None) -> Made:
+    """Return the report of results: `sections`, or else those of the campaign's ``report: {sections: [...]}``.
+
+    InputError names a section that does not exist.
     """
-    tables = load(folder)
     stated = (tables.campaign.get("report") or {}).get("sections")
     names = list(sections or stated or SECTIONS)
     _check(names)
-    place = owned(tables.folder, "results")
     made = [Section(name, SECTIONS[name][0], SECTIONS[name][1](tables)) for name in names]
     if sections or stated:
         made = [section._replace(blocks=section.blocks or [Text("Nothing to show.")]) for section in made]
-    made = [section for section in made if section.blocks]
     title = str(tables.manifest.get("campaign") or tables.campaign.get("name"))
-    asked = str(tables.campaign.get("description") or "")
     frames = {name: METRICS[name](tables) for name in CSV} | {"models": registered.evidence(tables)}
     csv = {f"{name}.csv": csv_text(frame) for name, frame in frames.items() if len(frame) or name not in _WHERE_ANY}
-    pages = {"report.html": _html_page(title, asked, made), "report.md": markdown_page(title, asked, made)}
-    place.publish("report", {**csv, **pictures(made), **pages})
-    return tables.folder / "report.html"
+    asked = str(tables.campaign.get("description") or "")
+    return Made(title, asked, [section for section in made if section.blocks], csv)
+
+
+def build(
+    folder: Path | str, sections: Sequence[str] | None = None, figures: Sequence[str] = (), brief: bool = False
+) -> Path:
+    """Write report.html and the CSV tables into a results folder; return the page.
+
+    figures: formats (png, svg) of the figures that are written into figures/ too; brief: a page for ten sheets of
+    paper, without what report.html shows on demand, is written as brief.html too, and returned.
+    InputError as of `make`.
+    """
+    tables = load(folder)
+    made = make(tables, sections)
+    pages = {"report.html": _html_page(made.title, made.asked, made.sections)}
+    if brief:
+        pages["brief.html"] = _html_page(made.title, made.asked, _shortened(made.sections))
+    owned(tables.folder, "results").publish("report", {**made.csv, **pictures(made.sections, figures), **pages})
+    return tables.folder / ("brief.html" if brief else "report.html")
+
+
+def _shortened(sections: Sequence[Section]) -> list[Section]:
+    """Return the open sections without what is shown on demand, and the first rows and figures of what is long."""
+    left = _BRIEF_FIGURES
+
+    def short(block: Block) -> list[Block]:
+        nonlocal left
+        if isinstance(block, Table) and len(block.rows) > _BRIEF_ROWS:
+            note = Text(f"{len(block.rows) - _BRIEF_ROWS} more rows stand in the full report.")
+            return [block._replace(rows=block.rows[:_BRIEF_ROWS]), note]
+        left -= isinstance(block, Picture)
+        return [] if isinstance(block, More | Grades) or (isinstance(block, Picture) and left < 0) else [block]
+
+    return [
+        section._replace(blocks=[found for block in section.blocks for found in short(block)])
+        for section in sections
+        if section.name in OPEN
+    ]
 
 
 def _html_page(title: str, asked: str, sections: Sequence[Section]) -> str:
-    style, script = source("page.css"), source("grades.js")
+    style = source("page.css") + source("uplot/uPlot.min.css")
+    script = "\n".join(source(name) for name in _SCRIPTS)
     allowed = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    page = {"title": title, "asked": asked, "sections": sections}
+    signs = {sign: verdict for verdict, sign in SIGNS.items() if sign != "–"}  # a dash stands for a missing number too
+    page = {"title": title, "asked": asked, "sections": sections, "open": {*OPEN, sections[0].name}}
+    page |= {"signs": signs, "verdicts": {*SIGNS, "agree", "disagree"}}
     return render("page.html.j2", **page, style=style, script=script, allowed=allowed)
 
 
@@ -103,16 +155,14 @@ def markdown_page(title: str, asked: str, sections: Sequence[Section]) -> str:
 
 
 def keep(results: Path | str, folder: Path | str) -> Path:
-    """Copy what a repository keeps of a report into a folder, and return its Markdown page: page, figures, CSV tables.
+    """Write what a repository keeps of a report into a folder, and return its Markdown page: page, figures, CSV tables.
 
     What an earlier report left there is replaced, and no other file; the HTML page is remade from results, not kept.
     """
-    built, target = owned(load(results).folder, "results"), owned(folder, "report")
-    names = [name for name in built.listed("report") if name != "report.html"]
-    if "report.md" not in names:
-        raise InputError(f"{built.folder}: no report here; lvnav-trade report {built.folder} builds it")
+    target, made = owned(folder, "report"), make(load(results))
+    page = markdown_page(made.title, made.asked, made.sections)
     with writing(folder, "the report cannot be kept there"):
-        target.publish("report", {name: built.place(name).read_bytes() for name in names})
+        target.publish("report", {**made.csv, **pictures(made.sections), "report.md": page})
     return target.folder / "report.md"
 
 
@@ -124,7 +174,13 @@ def _check(names: Sequence[str]) -> None:
             raise InputError(f"report.sections: no section {name!r}{hint}")
 
 
-def pictures(sections: Sequence[Section]) -> dict[str, bytes]:
-    """Return the pictures of a Markdown page: file name and PNG."""
+def pictures(sections: Sequence[Section], formats: Sequence[str] = ("png",)) -> dict[str, bytes]:
+    """Return the figures of sections as files, drawn by worker processes: names within figures/, and contents."""
+    if not formats:
+        return {}
+    from lvnav_trade.plots.raster import files  # matplotlib, which a report as HTML does not need
+
     blocks = [block for section in sections for block in section.blocks]
-    return {f"figures/{block.name}.png": block.png for block in blocks if isinstance(block, Picture)}
+    blocks += [inner for block in blocks if isinstance(block, More) for inner in block.blocks]
+    figures = {f"figures/{block.name}": block.figure for block in blocks if isinstance(block, Picture)}
+    return files(figures, formats)

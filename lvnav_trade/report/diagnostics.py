@@ -14,9 +14,11 @@ from lvnav_trade.plots.validity import is_a_grid
 from lvnav_trade.report.blocks import (
     Block,
     Grades,
+    More,
     Table,
     Text,
     chosen_cases,
+    deciding,
     figure,
     left_out,
     number,
@@ -34,17 +36,20 @@ _LEAST_SHARE = 0.01  # part of the variance below which a source is summed with 
 @of("budget", "The campaign asked for no error budget.")
 def budget(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return linear covariance's errors by source: tables at every event, sandpiles, and when each source acted."""
-    blocks: list[Block] = [Text(note("budget")), *left_out(tables)]
-    for case, label in chosen_cases(tables).items():
+    key, asked = deciding(tables)
+    blocks: list[Block] = [Text(note("budget"))]
+    rest: list[Block] = list(left_out(tables))
+    for case in dict.fromkeys([*key, *chosen_cases(tables)]):
         for quantity in NAVIGATION:
-            rows = frame[(frame.case == label) & (frame.metric == f"{quantity}_error")]
+            place = blocks if case in key and quantity in asked else rest
+            rows = frame[(frame.case == tables.labels[case]) & (frame.metric == f"{quantity}_error")]
+            if len(rows) and (place is blocks or quantity != "attitude"):
+                place.append(figure(tables, "budget", case, quantity))
             if len(rows):
-                blocks.append(_by_event(tables, case, quantity, rows))
-        for quantity in ("position", "velocity"):
-            blocks.append(figure(tables, "budget", case, quantity))
-            if (tables.adjoint.case == case).any():
-                blocks.append(figure(tables, "heatmap", case, quantity, name="when"))
-    return blocks
+                rest.append(_by_event(tables, case, quantity, rows))
+            if len(rows) and quantity != "attitude" and (tables.adjoint.case == case).any():
+                rest.append(figure(tables, "heatmap", case, quantity, name="when"))
+    return [*blocks, More("Budgets at every event, of other cases and quantities, and when errors were made", rest)]
 
 
 def _by_event(tables: Tables, case: str, quantity: str, rows: pd.DataFrame) -> Table:

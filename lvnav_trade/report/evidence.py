@@ -17,9 +17,12 @@ from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.signals import LAYERS, layers_of
 from lvnav_trade.report.blocks import (
     Block,
+    More,
+    Picture,
     Table,
     Text,
     chosen_cases,
+    deciding,
     distinct,
     few,
     figure,
@@ -29,7 +32,6 @@ from lvnav_trade.report.blocks import (
     number,
     of,
     percent,
-    picture,
     stated,
     table,
     words,
@@ -107,15 +109,21 @@ def fact(name: str, value: float | str) -> tuple[str, str]:
 def envelopes(tables: Tables) -> list[Block]:
     """Return the errors of all cases together, then of each case against its covariances, then the RMS table."""
     known = [quantity for quantity in NAVIGATION if (quantity, "3d") in tables.people]
-    blocks: list[Block] = [figure(tables, "comparison", quantity, name="compare") for quantity in known]
-    blocks += left_out(tables)
-    blocks += [figure(tables, "envelope", case, quantity) for case in chosen_cases(tables) for quantity in known]
+    key, asked = deciding(tables)
+    compared = [figure(tables, "comparison", quantity, name="compare") for quantity in (asked or known)]
+    rest: list[Block] = [
+        figure(tables, "comparison", quantity, name="compare") for quantity in known if quantity not in asked
+    ]
+    own = [(case, quantity) for case in dict.fromkeys([*key, *chosen_cases(tables)]) for quantity in known]
+    open_ones = [(case, quantity) for case, quantity in own if case in key and quantity in asked]
+    blocks: list[Block] = [*compared, *(figure(tables, "envelope", *about) for about in open_ones)]
+    rest += [*left_out(tables), *(figure(tables, "envelope", *about) for about in own if about not in open_ones)]
     frame = METRICS["rms"](tables)
     frame = frame[(frame.axis == "3d") & frame.metric.isin([f"{quantity}_error" for quantity in known])]
     places = _places(tables)
     frame = frame[[place in places[case] for case, place in zip(frame.case, frame.phase_or_event, strict=True)]]
     frame = frame.assign(metric=words(frame.metric), phase_or_event=words(frame.phase_or_event)).drop(columns="axis")
-    return [*blocks, stated("envelopes", frame)]
+    return [*blocks, More("Errors of other cases and quantities", rest), More("Numbers", [stated("envelopes", frame)])]
 
 
 def _places(tables: Tables) -> dict[str, set[str]]:
@@ -227,8 +235,8 @@ def satellites(tables: Tables) -> list[Block]:
         rows, label = tables.satellites[tables.satellites.case == case], named(tables, case, group)
         linked = " and their C/N0" * bool(rows.cn0_db_hz.notna().any())
         caption = note("satellites", "figures", signal=linked) + label
-        blocks.append(picture(f"satellites-{k}", PLOTS["satellites"](tables, case), caption))
-        blocks.append(picture(f"sky-{k}", PLOTS["sky"](tables, case), note("sky", "figures") + label))
+        blocks.append(Picture(f"satellites-{k}", PLOTS["satellites"](tables, case), caption))
+        blocks.append(Picture(f"sky-{k}", PLOTS["sky"](tables, case), note("sky", "figures") + label))
         blocks += _measured(rows, label)
     return blocks
 

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure as Drawing
 
 from lvnav_trade.campaign.definition.published import Case
 from lvnav_trade.campaign.definition.schema import Campaign
@@ -20,8 +19,9 @@ from lvnav_trade.metrics.numbers import cases_of, ours
 from lvnav_trade.metrics.published import references
 from lvnav_trade.metrics.requirements.requirements import in_words
 from lvnav_trade.plots import PLOTS
+from lvnav_trade.plots.figure import Figure as Drawing
 from lvnav_trade.plots.published import ratios, single, steps
-from lvnav_trade.report.blocks import Block, Section, Text, number, of, percent, picture, stated, table, words
+from lvnav_trade.report.blocks import Block, Picture, Section, Text, number, of, percent, stated, table, words
 from lvnav_trade.report.build import markdown_page, pictures
 from lvnav_trade.report.diagnostics import error_bound
 from lvnav_trade.report.escape import csv_text, note
@@ -108,7 +108,7 @@ def _answer(answered: Sequence[Answered], every: pd.DataFrame) -> Section:
     blocks += verdicts(every[numbered])
     blocks.append(table(pd.DataFrame([_line(one, every) for one in answered]), "The campaigns of this study."))
     if len(numbers):
-        blocks.append(picture("ratios", ratios(numbers), "All published numbers at once."))
+        blocks.append(Picture("ratios", ratios(numbers), "All published numbers at once."))
     outside = frame[~frame.in_band]
     if len(outside):
         blocks.append(stated("out_of_band", outside))
@@ -146,7 +146,7 @@ def _campaign(one: Answered) -> Section:
         drawn = _draw(one, figure)
         if drawn is not None:
             caption = figure.caption or note(figure.plot, "figures_of_a_study", **figure.model_dump())
-            blocks.append(picture(f"{part.campaign}-{name}", drawn, " ".join(caption.split())))
+            blocks.append(Picture(f"{part.campaign}-{name}", drawn, " ".join(caption.split())))
     if part.kml is not None:
         file = f"{part.campaign}.kml"
         blocks.append(Text(f"The flight with its 3-sigma position errors, for viewers of the Earth: {file}."))
@@ -160,11 +160,11 @@ def _behind(one: Answered) -> list[Block]:
         return blocks
     if one.behind.single is not None:
         caption = f"One flight (run {one.part.single.run if one.part.single else 0}): what the filter estimates."
-        blocks.append(picture(f"{one.part.campaign}-single", single(one.behind.single), caption))
+        blocks.append(Picture(f"{one.part.campaign}-single", single(one.behind.single), caption))
     for step, found in one.behind.noise:
         drawn = steps(found.steps, [phase[:3] for phase in found.phases])
         caption = f"Error of the unaided system, and what the transition misses of it in steps of {step:g} s."
-        blocks += [noise_table(found, step), picture(f"{one.part.campaign}-steps-{step:g}", drawn, caption)]
+        blocks += [noise_table(found, step), Picture(f"{one.part.campaign}-steps-{step:g}", drawn, caption)]
     return blocks
 
 

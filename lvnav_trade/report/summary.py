@@ -1,8 +1,9 @@
-"""The first screen: the question, the answer in plain words, the ranking."""
+"""The first screen: the answer in a few lines, margins of all cases, the ranking; the answer to each requirement."""
 
 import math
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from lvnav_trade.layout import split_metric
@@ -10,48 +11,127 @@ from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.select import mean_at
 from lvnav_trade.metrics.errors.covariances import by_case, why_not_applicable
 from lvnav_trade.metrics.requirements.improvements import asked
-from lvnav_trade.metrics.requirements.requirements import in_words, where
-from lvnav_trade.report.blocks import Block, Text, figure, number, percent, table, words
+from lvnav_trade.metrics.requirements.margins import ORDER, key_cases, worst
+from lvnav_trade.metrics.requirements.requirements import errors_of, in_words, where, with_unit
+from lvnav_trade.report.blocks import Block, More, Table, Text, figure, number, percent, table, words
 from lvnav_trade.store.read import Tables
 
 _FEW = 4  # cases that are all named beside their verdict
+SIGNS = {"met": "✓", "undecided": "?", "not applicable": "–", "not confirmed": "!", "violated": "✗"}
 _WORDS = {  # of verdicts, from the best to the worst
     "met": "Met by", "undecided": "Undecided for", "not confirmed": "Not confirmed for", "violated": "Violated by",
 }  # fmt: skip
 
 
 def summary(tables: Tables) -> list[Block]:
-    """Return the answer: what each requirement says of the cases, how sure it is, and the ranking."""
-    verdicts = in_words(METRICS["requirements"](tables))
-    blocks: list[Block] = [*_beyond(tables), Text(_scale(tables)), *_together(verdicts)]
-    blocks += [Text(f"{line}.", "Warning:") for line in tables.manifest.get("warnings", [])]
-    blocks += [Text(f"{line}.", "Note:") for line in tables.manifest.get("notes", [])]
-    for requirement in tables.campaign.get("requirements") or ():
-        blocks += _answer(tables, requirement, verdicts[verdicts.requirement == requirement["name"]])
-    if not len(verdicts):
+    """Return the answer in a few lines, the margin of every requirement in every case, and the ranking."""
+    frame = METRICS["margins"](tables)
+    blocks: list[Block] = [*_beyond(tables), *_verdict(frame), *_cases_that_decide(tables, frame)]
+    first = METRICS["improvements"](tables)
+    if len(first):
+        lead = "What would make it met (by linear covariance, gains frozen; re-tuned may differ):"
+        row = first.iloc[:1]
+        more = f" {len(first) - 1} more under Requirements." * (len(first) > 1)
+        blocks.append(Text(f"{_improvements(row)[0]}.{more}", lead))
+    blocks.append(Text(" ".join([_scale(tables), *_agreement(tables)])))
+    for lead in ("Warning:", "Note:"):
+        lines = [Text(f"{line}.", lead) for line in tables.manifest.get(f"{lead[:-1].lower()}s", [])]
+        blocks += lines if len(lines) <= _FEW else [More(f"{len(lines)} {lead[:-1].lower()}s", lines)]
+    if len(frame):
+        blocks.append(_matrix(tables, frame))
+    else:
         blocks.append(Text("The campaign states no requirement; the cases are ranked below."))
     at = words(METRICS["ranking"](tables).event.iloc[0])
-    blocks += [_ranking(tables), figure(tables, "rank", name="ranking", event=at)]
-    return blocks + [Text(" ".join(sentences)) for sentences in [_agreement(tables)] if sentences]
+    drawn = figure(tables, "rank", name="ranking", event=at)
+    ranking = _ranking(tables)
+    return [*blocks, drawn, More("Ranking with intervals", [ranking]) if len(frame) else ranking]
+
+
+def _verdict(frame: pd.DataFrame) -> list[Block]:
+    """Say how many cases meet all requirements, and of which the others violate."""
+    if frame.empty:
+        return []
+    cases, count = frame.groupby("case", sort=False), frame.requirement.nunique()
+    of_cases = cases.verdict.agg(worst)
+    parts = []
+    for verdict, rows in of_cases.groupby(of_cases, sort=False):
+        these = frame[frame.case.isin(rows.index) & (frame.verdict == verdict)]
+        counts = these.groupby("requirement", sort=False).size()
+        which = f" ({', '.join(f'{name}: {number}' for name, number in counts.items())})" * (count > 1)
+        parts.append((ORDER.index(str(verdict)), f"{verdict}: {len(rows)}{which * (verdict != 'met')}"))
+    name = f"All {count} requirements together" if count > 1 else f"{str(frame.requirement.iloc[0]).capitalize()}"
+    shown = "; ".join(text for _, text in sorted(parts))
+    by = " by linear covariance" if (frame.by == "LinCov").all() else ""
+    return [Text(f"{len(of_cases)} case{'s' * (len(of_cases) > 1)}{by}: {shown}.", f"{name}.")]
+
+
+def _cases_that_decide(tables: Tables, frame: pd.DataFrame) -> list[Block]:
+    """Name the worst case, the one that keeps its limits with the smallest margin, and the best."""
+    found = []
+    for case, role in key_cases(tables).items():
+        rows = frame[frame.case == case]
+        row = rows.loc[rows.margin_ratio.idxmin()]
+        size, limit = (with_unit(value, row.unit) for value in (row.estimate, row.limit))
+        found.append(f"{role}: {case} ({_signed(row)}, {size} of {limit})")
+    return [Text(f"{'; '.join(found)}.", "Margins.")] if found else []
+
+
+def _signed(row: Any) -> str:
+    """Write a margin with the sign of its verdict."""
+    size = row.margin_ratio
+    if pd.isna(size):
+        return SIGNS[row.verdict]
+    text = f" {100.0 * size:+.0f} %" if size > -1.0 else f" {number(1.0 - size)} times the limit"
+    return f"{SIGNS[row.verdict]}{text}"
+
+
+def _matrix(tables: Tables, frame: pd.DataFrame) -> Block:
+    """Return the matrix of cases and requirements, smallest margin first, with the errors that rank the cases."""
+    names = list(dict.fromkeys(frame.requirement))
+    ranking = METRICS["ranking"](tables).set_index("case")
+    shown = [name for name in ("velocity", "position", "attitude") if name in ranking]
+    cells = {(row.case, row.requirement): _signed(row) for row in frame.itertuples()}
+    rows = tuple(
+        (case, *(cells.get((case, name), "") for name in names), *(number(ranking.at[case, name]) for name in shown))
+        for case in dict.fromkeys(frame.case)
+    )
+    units = [f"{name} ({ranking[f'{name}_unit'].iloc[0]})" for name in shown]
+    by = " Verdicts and margins are linear covariance's." if (frame.by == "LinCov").all() else ""
+    signs = ", ".join(f"{sign} {verdict}" for verdict, sign in SIGNS.items() if (frame.verdict == verdict).any())
+    caption = (
+        f"Margin to the limit, smallest first: {signs}.{by} Beside it the 3D RMS error at "
+        f"{words(METRICS['ranking'](tables).event.iloc[0])}."
+    )
+    return Table(("case", *names, *units), rows, (False, *(True for _ in (*names, *shown))), caption)
+
+
+def answers(tables: Tables) -> list[Block]:
+    """Return what each requirement says of the cases, how sure it is, what would make it met, and the worst runs."""
+    verdicts = in_words(METRICS["requirements"](tables))
+    blocks: list[Block] = []
+    for requirement in tables.campaign.get("requirements") or ():
+        blocks += _answer(tables, requirement, verdicts[verdicts.requirement == requirement["name"]])
+    return blocks + _worst_runs(tables)
+
+
+def _worst_runs(tables: Tables) -> list[Block]:
+    """Return the run with the largest error of each requirement in the cases that decide, and how to fly it again."""
+    digests, rows = {label: case for case, label in tables.labels.items()}, []
+    for requirement in tables.campaign.get("requirements") or ():
+        for label in key_cases(tables):
+            found = errors_of(tables, digests[label], requirement)
+            if found is not None and found.size.size:
+                run = int(np.argmax(found.size))
+                error = with_unit(float(found.size[run]) * found.label_factor, found.label_unit)
+                rows.append((requirement["name"], label, run, error, f"lvnav-trade replay . {digests[label]} {run}"))
+    frame = pd.DataFrame(rows, columns=["requirement", "case", "run", "error", "command, in the folder of results"])
+    return [table(frame, "Worst run of each requirement in the cases that decide.")] if rows else []
 
 
 def _beyond(tables: Tables) -> list[Block]:
     """Say what of the flights is beyond usual limits, because their cards allow it: nobody should overlook it."""
     lines = tables.manifest.get("beyond_limits", [])
     return [Text(f"{'; '.join(lines)}. All results below rest on that.", "Beyond usual limits:")] if lines else []
-
-
-def _together(verdicts: pd.DataFrame) -> list[Block]:
-    count = verdicts.requirement.nunique()
-    if count < 2:
-        return []
-    found: dict[str, list[str]] = {verdict: [] for verdict in _WORDS}
-    for case, rows in verdicts.groupby("case", sort=False):
-        worst = next(verdict for verdict in reversed(_WORDS) if (rows.verdict == verdict).any())
-        why = f" ({', '.join(rows.requirement[rows.verdict == worst])})" if worst != "met" else ""
-        found[worst].append(f"{case}{why}")
-    parts = [f"{_WORDS[verdict]} {'; '.join(names)}." for verdict, names in found.items() if names]
-    return [Text(" ".join(["Met by no case."] * (not found["met"]) + parts), f"All {count} requirements together.")]
 
 
 def _scale(tables: Tables) -> str:
@@ -82,13 +162,19 @@ def _answer(tables: Tables, requirement: dict[str, Any], rows: pd.DataFrame) -> 
         chosen = rows[rows.verdict == verdict]
         if len(chosen):
             every = f"all {len(rows)} cases: " if len(chosen) == len(rows) > 1 else ""
-            blocks.append(Text(f"{every}{'; '.join(_cases(verdict, chosen))}.", f"{_WORDS[verdict]}:"))
+            blocks.append(Text(f"{every}{_listed(_cases(verdict, chosen))}.", f"{_WORDS[verdict]}:"))
     blocks += [Text(text, "Linear covariance alone:") for text in _by_covariance(tables, name, rows)]
-    better = _improvements(tables, name)
-    if better:
-        lead = "What would make it met (by linear covariance, gains frozen; re-tuned may differ):"
-        return [*blocks, Text(f"{'; '.join(better)}.", lead)]
+    better = METRICS["improvements"](tables)
+    better = better[better.requirement == name]
+    if len(better):
+        return [*blocks, Text(f"{_listed(_improvements(better))}.", "What would make it met:")]
     return blocks + [Text(text) for text in _largest_sources(tables, requirement, rows[rows.verdict == "violated"])]
+
+
+def _listed(texts: list[str]) -> str:
+    """Join texts; of many the first ones, and how many more there are."""
+    more = len(texts) - 2 * _FEW
+    return "; ".join(texts[: 2 * _FEW]) + f"; and {more} more, see the table" * (more > 0)
 
 
 def _cases(verdict: str, rows: pd.DataFrame) -> list[str]:
@@ -137,7 +223,7 @@ def _by_covariance(tables: Tables, name: str, verdicts: pd.DataFrame) -> list[st
     if not found:
         return ["the same verdict" + (f" in all {same} cases." if same > 1 else ".")]
     start = f"the same verdict in {same} of {len(frame)} cases; " if same and len(frame) > _FEW else ""
-    return [start + "; ".join(found) + "."]
+    return [start + _listed(found) + "."]
 
 
 def _chance(probability: float) -> str:
@@ -145,10 +231,9 @@ def _chance(probability: float) -> str:
     return "more than 99.9 %" if probability > 0.999 else f"{100 * probability:.3g} %"
 
 
-def _improvements(tables: Tables, name: str) -> list[str]:
-    frame = METRICS["improvements"](tables)
+def _improvements(frame: pd.DataFrame) -> list[str]:
     found = []
-    for row in frame[frame.requirement == name].itertuples():
+    for row in frame.itertuples():
         together, _, beyond = row.remark.partition("; ") if row.remark.startswith("together") else ("", "", row.remark)
         together, beyond = f", {together}," if together else "", f", {beyond}" if beyond else ""
         part = f"{100 * row.share_ratio:.0f} % of the mean square"
@@ -190,7 +275,7 @@ def _largest_sources(tables: Tables, requirement: dict[str, Any], violated: pd.D
             share = f"{top.source} ({100 * top.share_ratio:.0f} % of the variance{there})"
             same = f"the mean, {number(mean)} {top.unit} in every flight{there}"
             found.append(f"{case}: {same if biased else share}")
-    return [f"Largest source in the 3D error, by linear covariance: {'; '.join(found)}."] if found else []
+    return [f"Largest source in the 3D error, by linear covariance: {_listed(found)}."] if found else []
 
 
 def _ranking(tables: Tables) -> Block:
@@ -211,7 +296,7 @@ def _agreement(tables: Tables) -> list[str]:
     found = by_case(tables)
     tested = found[found.verdict.isin(["agree", "disagree"])]
     outside = found[found.verdict == "not applicable"].groupby("reason", sort=False)
-    why = [f"{'; '.join(rows.case)} ({reason})" for reason, rows in outside]
+    why = [f"{_listed(list(rows.case))} ({reason})" for reason, rows in outside]
     parts = [f"Not applicable: {'; '.join(why)}."] * bool(why)
     if not len(tested):
         return parts
@@ -220,13 +305,13 @@ def _agreement(tables: Tables) -> list[str]:
     if bad.empty:
         everywhere = "in the one case" if len(tested) == 1 else f"in all {len(tested)} cases"
         return [f"Monte Carlo and linear covariance agree {everywhere} {level}.", *parts]
-    worst = "; ".join(
+    named = [
         f"{row.case} (worst: {row.state} at {words(row.event)}, ratio {number(row.ratio)}, "
         f"bounds {number(row.low)} to {number(row.high)}, largest source there: {row.source or 'unknown'})"
         for row in bad.itertuples()
-    )
+    ]
     disagree = (
-        f"Monte Carlo and linear covariance disagree in {len(bad)} of {len(tested)} cases {level}: {worst}. There the "
-        "Monte-Carlo numbers count."
+        f"Monte Carlo and linear covariance disagree in {len(bad)} of {len(tested)} cases {level}: {_listed(named)}. "
+        "There the Monte-Carlo numbers count."
     )
     return [disagree, *parts]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import weakref
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
@@ -16,6 +17,9 @@ import ruamel.yaml
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.store.schema import TABLES, arrow_schema
+
+PLACES: dict[int, dict[tuple[str, ...], dict[Any, Any]]] = {}
+"""Where the rows of values stand in a frame that is a table, by its identity and the columns; filled when asked for."""
 
 
 class Tables:
@@ -47,7 +51,11 @@ class Tables:
             raise AttributeError(name)
         if name not in self._read:
             self._read[name] = _whole(name, read_table(self.folder / f"{name}.parquet")).to_pandas()
-        return self._read[name]
+        frame = self._read[name]
+        if id(frame) not in PLACES:
+            PLACES[id(frame)] = {}
+            weakref.finalize(frame, PLACES.pop, id(frame), None).atexit = False
+        return frame
 
     @cached_property
     def manifest(self) -> dict[str, Any]:

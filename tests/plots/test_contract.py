@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
 from lvnav_trade.plots import PLOTS
-from lvnav_trade.plots.style import look
+from lvnav_trade.plots.browser import data_of
+from lvnav_trade.plots.raster import drawn, written
 
 CASE = "aaaaaaaaaaaa"
 ELSEWHERE = (
@@ -52,7 +55,7 @@ ARGUMENTS = {
 
 @pytest.mark.parametrize("name", [name for name in PLOTS if name not in ELSEWHERE])
 def test_every_axis_is_labelled(name, good):
-    figure = PLOTS[name](good, *ARGUMENTS[name])
+    figure = drawn(PLOTS[name](good, *ARGUMENTS[name]))
     for axes in figure.axes:
         if axes.get_label() == "<colorbar>":
             assert "%" in axes.get_ylabel()
@@ -70,11 +73,12 @@ def test_every_axis_is_labelled(name, good):
 
 @pytest.mark.parametrize("name", [name for name in PLOTS if name not in ELSEWHERE])
 @pytest.mark.parametrize("which", ["good", "alone"])
-def test_every_figure_can_be_saved(name, which, request, tmp_path):
+def test_every_figure_is_a_picture_and_data(name, which, request):
     figure = PLOTS[name](request.getfixturevalue(which), *ARGUMENTS[name])
     if (name, which) in (("spread", "alone"), ("missions", "alone")):
         assert figure is None  # there are no flights to stand by themselves
         return
-    with look():
-        figure.savefig(tmp_path / "figure.png")
-    assert (tmp_path / "figure.png").stat().st_size > 5000
+    assert len(written(figure, "png")) > 5000
+    found = json.loads(data_of(figure))
+    assert len(found["panels"]) == len(figure.panels)
+    assert any(panel["marks"] for panel in found["panels"])

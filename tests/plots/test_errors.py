@@ -8,6 +8,7 @@ import pytest
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.errors import autocorrelation, errors, relative
+from lvnav_trade.plots.raster import drawn
 from lvnav_trade.store.read import load
 from tests import synthetic
 
@@ -20,7 +21,7 @@ def lines(axes):
 
 
 def test_envelope_shows_the_history_in_the_units_of_people(good):
-    figure = PLOTS["envelope"](good, CASE, "attitude")
+    figure = drawn(PLOTS["envelope"](good, CASE, "attitude"))
     axes = figure.axes[0]
     assert axes.get_ylabel() == "roll, RMS or\n1 sigma (mrad)"
     history = good.history
@@ -33,7 +34,7 @@ def test_envelope_shows_the_history_in_the_units_of_people(good):
 
 
 def test_comparison_shows_every_case(good):
-    shown = lines(PLOTS["comparison"](good, "position").axes[0])
+    shown = lines(drawn(PLOTS["comparison"](good, "position")).axes[0])
     history = good.history
     for case, label in good.labels.items():
         rows = history[(history.case == case) & (history.quantity == "position") & (history.axis == "3d")]
@@ -41,7 +42,7 @@ def test_comparison_shows_every_case(good):
 
 
 def test_ranking_bars_are_the_ranking(good):
-    axes = PLOTS["rank"](good).axes[0]
+    axes = drawn(PLOTS["rank"](good)).axes[0]
     widths = [patch.get_width() for patch in axes.patches]
     np.testing.assert_allclose(widths, METRICS["ranking"](good).velocity)
 
@@ -54,7 +55,7 @@ def tables(tmp_path_factory):
 
 
 def test_errors_are_those_of_the_cases_and_the_phase_that_are_asked_for(tables):
-    ax = errors(tables, "velocity", [{"imu": "coarse"}], "north", "liftoff to stage1_cutoff").axes[0]
+    ax = drawn(errors(tables, "velocity", [{"imu": "coarse"}], "north", "liftoff to stage1_cutoff")).axes[0]
     runs, expected = ax.get_lines()[:2]
     assert runs.get_label() == "imu=coarse"
     history = tables.history
@@ -66,19 +67,21 @@ def test_errors_are_those_of_the_cases_and_the_phase_that_are_asked_for(tables):
 
 
 def test_all_cases_are_drawn_where_none_is_chosen(tables):
-    labels = [line.get_label() for line in errors(tables, "position").axes[0].get_lines()]
+    labels = [line.get_label() for line in drawn(errors(tables, "position")).axes[0].get_lines()]
     assert {"imu=fine", "imu=coarse"} <= set(labels)
 
 
 def test_every_case_has_a_panel_with_a_line_per_channel(tables):
-    figure = autocorrelation(tables, [{"imu": "fine"}], "rate")
+    figure = drawn(autocorrelation(tables, [{"imu": "fine"}], "rate"))
     panel = next(ax for ax in figure.axes if ax.get_title() == "imu=fine")
     assert len(panel.get_lines()) == synthetic.N_SAT
     assert list(panel.get_lines()[0].get_xdata()) == list(range(1, 11))
 
 
 def test_relative_errors_are_over_those_of_the_first_case(tables):
-    ax = relative(tables, "velocity", [{"imu": "fine"}, {"imu": "coarse"}], "north", "liftoff to stage1_cutoff").axes[0]
+    ax = drawn(
+        relative(tables, "velocity", [{"imu": "fine"}, {"imu": "coarse"}], "north", "liftoff to stage1_cutoff")
+    ).axes[0]
     lines = {line.get_label(): line for line in ax.get_lines()}
     history = tables.history
     rows = history[(history.quantity == "velocity") & (history.axis == "north") & history.t_s.between(0.0, 40.0)]
@@ -90,7 +93,7 @@ def test_relative_errors_are_over_those_of_the_first_case(tables):
 
 
 def test_consistency_shows_the_tests(good):
-    axes = PLOTS["consistency"](good, CASE).axes
+    axes = drawn(PLOTS["consistency"](good, CASE)).axes
     for panel, name, value in ((axes[0], "nees", "anees_ratio"), (axes[1], "nis", "anis_ratio")):
         frame = METRICS[name](good)
         np.testing.assert_array_equal(lines(panel)["Monte Carlo"].get_ydata(), frame[frame.case == "imu=fine"][value])
@@ -102,11 +105,11 @@ def watched(tmp_path_factory):
 
 
 def test_the_legend_names_the_modes_that_occur(watched):
-    figure = PLOTS["logic"](watched, watched.cases.case[0])
+    figure = drawn(PLOTS["logic"](watched, watched.cases.case[0]))
     named = {text.get_text() for text in figure.legends[0].get_texts()}
     assert {"waiting", "converging", "aiding", "predicting", "stopped"} <= named
 
 
 def test_without_a_logic_it_says_so(good):
-    figure = PLOTS["logic"](good, good.cases.case[0])
+    figure = drawn(PLOTS["logic"](good, good.cases.case[0]))
     assert "no logic" in figure.axes[0].texts[0].get_text()

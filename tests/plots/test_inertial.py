@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from lvnav_trade.plots import PLOTS
+from lvnav_trade.plots.raster import drawn
 from lvnav_trade.report.flight import allan as section
 from tests.synthetic import with_allan_curves
 
 
 def test_a_panel_has_the_card_as_a_line_and_the_stream_as_dots(good):
     case, tables = with_allan_curves(good)
-    figure = PLOTS["allan"](tables, case)
+    figure = drawn(PLOTS["allan"](tables, case))
     gyro, accel = figure.axes[:2]
     assert (gyro.get_ylabel(), accel.get_ylabel()) == ("gyro\n(deg/h)", "accelerometer\n(mg)")
     lines = {line.get_label(): line for line in gyro.get_lines()}

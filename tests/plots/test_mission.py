@@ -9,6 +9,7 @@ from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.select import errors_at
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.mission import _magnification, outline_of
+from lvnav_trade.plots.raster import drawn
 from lvnav_trade.store.read import load
 from tests import mission as flights
 from tests.metrics.mechanics.test_mission import falling
@@ -17,18 +18,19 @@ from tests.metrics.mission.test_impact import INSIDE, with_corridor
 
 def test_dots_are_the_runs_and_ellipses_those_of_linear_covariance(tmp_path):
     tables = load(flights.results(tmp_path, n_run=80))
-    axes = PLOTS["orbit"](tables, flights.CASE).axes
+    figure = PLOTS["orbit"](tables, flights.CASE)
+    axes = drawn(figure).axes
     lines = {line.get_label(): line for line in axes[0].get_lines()}
     size = errors_at(tables, flights.CASE, "injection", "perigee_error").size * 1e-3
     np.testing.assert_allclose(np.abs(lines["runs"].get_xdata()), size, rtol=1e-9)
     assert set(lines) == {"runs", "LinCov, true, 3 sigma", "LinCov, filter's own, 3 sigma"}
     assert axes[0].get_xlabel() == "perigee error (km)"
-    assert "99 % below" in axes[3].get_legend().get_texts()[0].get_text()
+    assert any("99 % below" in mark.label for mark in figure.legend())
 
 
 def test_where_the_orbit_is_circular_perigee_and_apogee_have_draws_and_no_ellipse(tmp_path):
     tables = load(flights.results(tmp_path, flights.CIRCULAR, n_run=0, factor=40.0))
-    axes = PLOTS["orbit"](tables, flights.CASE).axes
+    axes = drawn(PLOTS["orbit"](tables, flights.CASE)).axes
     assert [line.get_label() for line in axes[0].get_lines()] == ["draws of LinCov"]
     assert "no first-order sigma" in axes[0].get_title()
     assert "LinCov, true, 3 sigma" in [line.get_label() for line in axes[1].get_lines()]
@@ -41,20 +43,19 @@ def test_an_outline_lies_at_so_many_sigmas():
 
 
 def test_a_flight_that_does_not_end_in_an_orbit_says_so(good):
-    figure = PLOTS["orbit"](good, "aaaaaaaaaaaa")
+    figure = drawn(PLOTS["orbit"](good, "aaaaaaaaaaaa"))
     assert figure.axes[0].texts[0].get_text() == "the flight does not end in an orbit"
     assert len(figure.axes) == pytest.approx(1)
 
 
 def test_trace_corridor_and_runs_are_those_of_the_table(tmp_path):
     tables = load(flights.results(tmp_path, falling(), 80, campaign=with_corridor(INSIDE)))
-    figure = PLOTS["impact"](tables, flights.CASE)
-    chart, last = figure.axes[-1], figure.axes[1]
+    figure = drawn(PLOTS["impact"](tables, flights.CASE))
+    chart, _, last = figure.axes
     rows = METRICS["impact"](tables)
     lines = {line.get_label(): line for line in chart.get_lines()}
     np.testing.assert_allclose(lines["point of impact"].get_ydata(), rows.latitude_deg)
-    assert chart.patches[0].get_label() == "corridor"
-    np.testing.assert_allclose(chart.patches[0].get_xy()[0], [17.0, 28.0])
+    np.testing.assert_allclose(lines["corridor"].get_xydata()[[0, -1]], [[17.0, 28.0], [17.0, 28.0]])
     dots = next(line for line in last.get_lines() if line.get_label() == "runs")
     assert np.std(dots.get_ydata(), ddof=1) == pytest.approx(rows[rows.event == "injection"].mc_down_sigma_km.iloc[0])
 
@@ -66,5 +67,5 @@ def test_ellipses_are_drawn_a_power_of_ten_larger(major, width, times):
 
 def test_an_orbit_has_nothing_to_draw(tmp_path):
     tables = load(flights.results(tmp_path, n_run=0))
-    figure = PLOTS["impact"](tables, flights.CASE)
+    figure = drawn(PLOTS["impact"](tables, flights.CASE))
     assert figure.axes[0].texts[0].get_text() == "no point of impact in the stored flight"

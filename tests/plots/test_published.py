@@ -11,6 +11,7 @@ import pytest
 from lvnav_trade.metrics.numbers import ours
 from lvnav_trade.metrics.published import references
 from lvnav_trade.plots.published import bound, locus, missions, ratios, single, spread, steps
+from lvnav_trade.plots.raster import drawn
 from lvnav_trade.store.read import load
 from tests import synthetic
 
@@ -24,32 +25,33 @@ def tables(tmp_path_factory):
 
 def test_every_ratio_is_a_mark_and_those_out_of_band_are_distinguished(tables):
     frame = references(tables)
-    ax = ratios(frame).axes[0]
-    drawn = {line.get_label(): line.get_xdata() for line in ax.get_lines()}
-    np.testing.assert_allclose(drawn["out of band"], frame.ratio)
-    assert not len(drawn["in band"])
+    ax = drawn(ratios(frame)).axes[0]
+    shown = {line.get_label(): line.get_xdata() for line in ax.get_lines()}
+    np.testing.assert_allclose(shown["out of band"], frame.ratio)
+    assert not len(shown["in band"])
     assert ax.get_xlabel() == "ours / published (-)"
 
 
 def test_a_ratio_far_beyond_is_an_arrow_at_the_end_of_the_axis(tables):
     frame = references(tables)
     frame.loc[0, ["ratio", "band_low", "band_high"]] = [1e-5, 0.0, 900.0]
-    ax = ratios(frame).axes[0]
+    ax = drawn(ratios(frame)).axes[0]
     arrows = {line.get_marker(): list(line.get_xdata()) for line in ax.get_lines() if len(line.get_xdata())}
     assert arrows["<"] == [0.02]
     assert ">" not in arrows
-    assert next(tuple(piece[:, 0]) for piece in ax.collections[0].get_segments()) == (0.02, 50.0)
+    band = next(line for line in ax.get_lines() if line.get_label() == "band")
+    assert tuple(band.get_xdata()[:2]) == (0.02, 50.0)
 
 
 def test_items_that_stand_alone_need_no_case(tables):
     frame = references(tables).assign(item="")
     frame.loc[0, "item"] = "alone"
-    assert ratios(frame).axes[0].get_yticklabels()[0].get_text() == "alone"
+    assert drawn(ratios(frame)).axes[0].get_yticklabels()[0].get_text() == "alone"
 
 
 def test_a_single_flight_stands_among_ours_each_over_the_published_number(tables):
     published = STATED | {"value": 0.5, "unit": "m/s", "single": True, "case": {"imu": "fine"}}
-    ax = spread(tables, [published, published | {"single": False}]).axes[0]
+    ax = drawn(spread(tables, [published, published | {"single": False}])).axes[0]
     assert [label.get_text() for label in ax.get_yticklabels()] == ["velocity_error_3d at injection: imu=fine"]
     median = next(line for line in ax.get_lines() if line.get_marker() == "|").get_xdata()[0]
     assert median == pytest.approx(np.median(ours(tables, "aaaaaaaaaaaa", STATED, "m/s").runs) / 0.5)
@@ -60,7 +62,7 @@ def test_without_a_single_flight_there_is_nothing_to_draw(tables):
 
 
 def test_a_locus_has_the_published_value_as_a_line_and_levels_by_name(tables):
-    ax = locus(tables, "imu", STATED, "cm/s", published=30.0).axes[0]
+    ax = drawn(locus(tables, "imu", STATED, "cm/s", published=30.0)).axes[0]
     line, published = (line.get_ydata() for line in ax.get_lines()[:2])
     expected = [ours(tables, case, STATED, "cm/s").value for case in ("aaaaaaaaaaaa", "bbbbbbbbbbbb")]
     np.testing.assert_allclose(line, expected)
@@ -73,7 +75,7 @@ def test_the_base_of_one_at_a_time_has_no_place_among_the_levels(tables):
     cases = tables.cases.assign(axes=['{"imu": "base"}', '{"imu": "2 deg/h"}'])
     other = copy.copy(tables)
     other._read = {**tables._read, "cases": cases}
-    ax = locus(other, "imu", STATED, "cm/s").axes[0]
+    ax = drawn(locus(other, "imu", STATED, "cm/s")).axes[0]
     assert list(ax.get_lines()[0].get_xdata()) == [2.0]
     assert ax.get_xlabel() == "imu (deg/h)"
 
@@ -86,7 +88,7 @@ FLOWN = [
 
 
 def test_a_panel_for_every_metric_with_its_unit_and_a_line_for_every_mission(tables):
-    figure = missions(tables, FLOWN)
+    figure = drawn(missions(tables, FLOWN))
     assert [ax.get_xlabel() for ax in figure.axes] == ["|velocity error 3d| (m/s)", "|position error 3d| (m)"]
     lines = {line.get_label(): line.get_xdata()[0] for line in figure.axes[0].lines}
     assert (lines["C20"], lines["C19"]) == (0.2, 0.4)
@@ -102,7 +104,7 @@ def test_every_axis_has_its_error_and_its_estimate_and_what_is_left_with_units()
     names = [f"{kind}_{axis}" for kind in ("velocity", "position") for axis in ("radial", "along", "cross")]
     table = {f"{name}_{what}": np.linspace(0.0, k, 20) for k, name in enumerate(names)
              for what in ("true", "estimated", "left")}  # fmt: skip
-    figure = single(pd.DataFrame({"t_s": np.arange(20.0), **table}))
+    figure = drawn(single(pd.DataFrame({"t_s": np.arange(20.0), **table})))
     assert [ax.get_title() for ax in figure.axes[:3]] == ["position, radial", "position, along", "position, cross"]
     assert [ax.get_ylabel() for ax in figure.axes[::3]] == ["m", "left (m)", "m/s", "left (m/s)"]
     assert [len(ax.lines) for ax in figure.axes[:6]] == [2, 2, 2, 2, 2, 2]
@@ -113,7 +115,9 @@ def test_three_panels_with_units_and_a_line_for_every_phase():
     columns = ("attitude_{}_rad", "velocity_{}_m_per_s", "position_{}_m")
     kinds = ("error", "missed", "missed_mean")
     table = pd.DataFrame({c.format(k): np.linspace(1.0, 2.0, 30) for c in columns for k in kinds})
-    figure = steps(table.assign(t_s=np.arange(30.0)), [("start to cutoff", 0.0, 12.0), ("cutoff to end", 12.0, 29.0)])
+    figure = drawn(
+        steps(table.assign(t_s=np.arange(30.0)), [("start to cutoff", 0.0, 12.0), ("cutoff to end", 12.0, 29.0)])
+    )
     assert [ax.get_ylabel().split("(")[-1] for ax in figure.axes] == ["mrad)", "m/s)", "m)"]
     assert "s)" in figure.axes[-1].get_xlabel()
     assert all(len(ax.lines) == 5 for ax in figure.axes)
@@ -122,7 +126,7 @@ def test_three_panels_with_units_and_a_line_for_every_phase():
 def test_the_value_of_a_statement_stands_over_its_axis_with_its_bounds(tables):
     size = {"metric": "velocity_error_3d", "at": "injection"}
     stated = {"value": "a", "terms": {"a": size}, "unit": "cm/s", "along": "imu", "at_least": 20.0, "at_most": 70.0}
-    ax = bound(tables, stated).axes[0]
+    ax = drawn(bound(tables, stated)).axes[0]
     lines = {line.get_label(): line.get_ydata() for line in ax.get_lines()}
     np.testing.assert_allclose(lines["formal"], 199.5 * np.sqrt(0.1**2 + 0.12**2 + 0.2**2) * np.array([1.0, 3.0]))
     assert sorted(float(line.get_ydata()[0]) for line in ax.get_lines() if line.get_label() == "bound") == [20.0, 70.0]

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from lvnav_trade.plots.raster import drawn
 from lvnav_trade.plots.validity import is_a_grid, validity
 from lvnav_trade.store.read import Tables
 
@@ -37,7 +38,7 @@ def test_a_cell_holds_the_ratio_furthest_from_one_and_a_mark():
         (cases[3], "m", 1.0, "not applicable"),
     ]
     frame = pd.DataFrame(rows, columns=["case", "unit", "ratio", "verdict"])
-    cells, bar = validity(tables(LEVELS, frame)).axes
+    cells, bar = drawn(validity(tables(LEVELS, frame))).axes
     assert (cells.get_xlabel(), cells.get_ylabel()) == ("heading", "gap")
     assert "(-)" in bar.get_ylabel()
     texts = [text.get_text() for text in cells.texts]

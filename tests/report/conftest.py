@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from lvnav_trade.report import build
+from lvnav_trade.report import build, keep
 from tests import synthetic
 
 
@@ -17,3 +17,8 @@ def page(tmp_path_factory):
 @pytest.fixture(scope="module")
 def text(page):
     return page.read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def kept(page, tmp_path_factory):
+    return keep(page.parent, tmp_path_factory.mktemp("kept") / "report")

@@ -15,6 +15,7 @@ from lvnav_trade.campaign.reading.load import load, resolved
 from lvnav_trade.campaign.syntax import fields
 from lvnav_trade.filters.base import FilterCard
 from lvnav_trade.report import build, models
+from lvnav_trade.report.build import make, markdown_page
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.store.read import load as results_of
 from lvnav_trade.world.receiver.receiver import ReceiverCard
@@ -247,8 +248,8 @@ def page(tmp_path_factory):
 
 
 def test_the_page_has_a_row_for_each_model_in_use_and_for_no_other(page):
-    text = (page.parent / "report.md").read_text(encoding="utf-8").partition("## What checks these models")[2]
-    rows = {line.split("|")[1].strip() for line in text.partition("\n## ")[0].splitlines() if line.startswith("| ")}
+    text = markdown_page(*make(results_of(page.parent), ["models"])[:3])
+    rows = {line.split("|")[1].strip() for line in text.splitlines() if line.startswith("| ")}
     found = list(models.scenarios(results_of(page.parent)).values())
     used = {name for name, entry in ENTRIES.items() if any(models.is_used(entry, one) for one in found)}
     assert rows - {"model", "---"} == used

@@ -12,7 +12,7 @@ import pandas as pd
 from lvnav_trade.layout import MISSION, split_metric
 from lvnav_trade.metrics.mechanics.mission import sizes_at
 from lvnav_trade.records import Floats
-from lvnav_trade.store.read import Tables
+from lvnav_trade.store.read import PLACES, Tables
 from lvnav_trade.store.schema import error_column
 from lvnav_trade.units import parse
 
@@ -24,10 +24,22 @@ _Found = TypeVar("_Found")  # frame or list
 
 
 def pick(rows: pd.DataFrame, **wanted: str) -> pd.DataFrame:
-    """Return the rows of a table whose columns have the values wanted."""
-    for column, value in wanted.items():
-        rows = rows[rows[column] == value]
-    return rows
+    """Return the rows of a table whose columns have the values wanted; of a whole table without a search."""
+    if (known := PLACES.get(id(rows))) is None:
+        for column, value in wanted.items():
+            rows = rows[rows[column] == value]
+        return rows
+    columns = tuple(wanted)
+    if columns not in known:
+        known[columns] = {value: _slice(at) for value, at in rows.groupby(list(columns), sort=False).indices.items()}
+    values = tuple(wanted.values())
+    return rows.iloc[known[columns].get(values if len(values) > 1 else values[0], slice(0, 0))]
+
+
+def _slice(places: Any) -> Any:
+    """Return places as a slice, which copies nothing, where they are adjacent."""
+    first, last = int(places[0]), int(places[-1])
+    return slice(first, last + 1) if last - first + 1 == len(places) else places
 
 
 def history_of(tables: Tables, case: str, quantity: str, axis: str) -> pd.DataFrame:

@@ -9,6 +9,7 @@ from scipy import stats
 from lvnav_trade.metrics.basics.probability import rms_interval, success_bounds
 from lvnav_trade.metrics.basics.select import (
     NAVIGATION,
+    SAME_TIME,
     at_time,
     errors_by_axis,
     final_event,
@@ -17,7 +18,6 @@ from lvnav_trade.metrics.basics.select import (
     lincov_rms,
     phases,
     pick,
-    rows_between,
     series,
     time_mean,
 )
@@ -52,19 +52,17 @@ def rms(tables: Tables) -> pd.DataFrame:
     for case, quantity, axis, history in series(tables):
         unit, factor = tables.people[quantity, axis]
         formal = history.filter_sigma_si if history.run_count.any() else history.lincov_formal_si
-        squares = history[["t_s", "dof_ratio", "run_count"]].assign(
-            rms=history.rms_si**2, formal=formal**2, true=lincov_rms(history) ** 2
-        )
+        squares = [values.to_numpy(dtype=float) ** 2 for values in (history.rms_si, formal, lincov_rms(history))]
+        t, runs, dof = (history[name].to_numpy(dtype=float) for name in ("t_s", "run_count", "dof_ratio"))
         for name, start, end in spans[case]:
-            part = rows_between(squares, start, end)
-            if part.empty:
-                continue
-            means = (time_mean(part.t_s.to_numpy(), part[of].to_numpy()) for of in ("rms", "formal", "true"))
-            size, formal_sigma, true = map(np.sqrt, means)
-            values = (size, *rms_interval(size, float(part.run_count.min() * part.dof_ratio.min())), formal_sigma, true)
-            head = (tables.labels[case], name, f"{quantity}_error", axis, unit)
-            rows.append((*head, *(float(value) * factor for value in values)))
-    return pd.DataFrame(rows, columns=COLUMNS)
+            part = slice(np.searchsorted(t, start - SAME_TIME), np.searchsorted(t, end + SAME_TIME, side="right"))
+            if len(t[part]):
+                means = (factor * np.sqrt(time_mean(t[part], values[part])) for values in squares)
+                head = (tables.labels[case], name, f"{quantity}_error", axis, unit)
+                rows.append((*head, *means, float(runs[part].min() * dof[part].min())))
+    frame = pd.DataFrame(rows, columns=[*COLUMNS[:6], *COLUMNS[8:], "dof"])
+    frame["low"], frame["high"] = rms_interval(frame.rms.to_numpy(), frame.dof.to_numpy())
+    return frame[COLUMNS]
 
 
 def ranking(tables: Tables) -> pd.DataFrame:

@@ -7,7 +7,7 @@ import pandas as pd
 from scipy.stats import binom, ncx2
 
 from lvnav_trade.metrics.basics.probability import norm_quantile
-from lvnav_trade.metrics.basics.select import NAVIGATION, at_time, errors_at, errors_by_axis, history_of, once, pick
+from lvnav_trade.metrics.basics.select import NAVIGATION, errors_at, history_of, once, pick
 from lvnav_trade.metrics.errors.covariances import why_not_applicable
 from lvnav_trade.metrics.requirements import improvements as by_covariance
 from lvnav_trade.metrics.requirements import requirements as by_runs
@@ -43,24 +43,26 @@ def spot_check(tables: Tables) -> pd.DataFrame:
 
 def _sizes(flown: Tables, case: str) -> list[tuple[Any, ...]]:
     """Return the rows of the navigation errors of a case."""
-    found = []
-    moments = pick(flown.runs, case=case).drop_duplicates("event")
+    heads, numbers = [], []
+    runs = {str(event): rows for event, rows in pick(flown.runs, case=case).groupby("event", sort=False)}
     for quantity, axis in ((q, a) for q, a in flown.people if q in NAVIGATION and a != "3d"):
         history = history_of(flown, case, quantity, axis)
+        t, sigmas, means = (history[name].to_numpy() for name in ("t_s", "lincov_true_si", "lincov_mean_si"))
         unit, factor = flown.people[quantity, axis]
-        for moment in moments.itertuples() if len(history) else ():
-            at = at_time(history, moment.t_s)
-            sigma, mean = float(at.lincov_true_si), float(at.lincov_mean_si)
-            errors = errors_by_axis(flown, case, moment.event, quantity).filter(like=f"{quantity}_{axis}_").to_numpy()
-            if sigma <= 0.0 or not errors.size:
-                continue
-            n, expected = len(errors), float(np.hypot(sigma, mean))
-            rms = float(np.sqrt(np.mean(errors**2))) if np.isfinite(errors).all() else float("inf")  # a run failed
-            law, size = ncx2(n, n * (mean / sigma) ** 2), n * (rms / sigma) ** 2
-            chance = 2.0 * min(law.cdf(size), law.sf(size))
-            head = (flown.labels[case], moment.event, moment.t_s, f"{quantity} {axis}", n, unit)
-            found.append((*head, expected * factor, rms * factor, rms / expected, chance))
-    return found
+        for event, rows in runs.items() if len(history) else ():
+            moment = float(rows.t_s.iloc[0])
+            at = int(np.argmin(np.abs(t - moment)))
+            errors = rows[[name for name in rows if name.startswith(f"{quantity}_{axis}_")]].to_numpy(dtype=float)
+            if sigmas[at] > 0.0 and errors.size:
+                rms = float(np.sqrt(np.mean(errors**2))) if np.isfinite(errors).all() else np.inf  # a run failed
+                heads.append((flown.labels[case], event, moment, f"{quantity} {axis}", len(errors), unit))
+                numbers.append((len(errors), sigmas[at], means[at], rms, factor))
+    n, sigma, mean, found_rms, scale = np.array(numbers, dtype=float).reshape(-1, 5).T
+    law, expected = ncx2(n, n * (mean / sigma) ** 2), np.hypot(sigma, mean)
+    size = n * (found_rms / sigma) ** 2
+    chance = 2.0 * np.minimum(law.cdf(size), law.sf(size))
+    found = np.stack([expected * scale, found_rms * scale, found_rms / expected, chance], axis=1)
+    return [(*head, *map(float, values)) for head, values in zip(heads, found, strict=True)]
 
 
 def _tails(flown: Tables, case: str) -> list[tuple[Any, ...]]:

@@ -1,0 +1,45 @@
+"""Pictures are small and keep the colours that one needs to read them."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+from PIL import Image
+
+from lvnav_trade.plots.figure import SHADE, panel
+from lvnav_trade.plots.raster import files, written
+from lvnav_trade.plots.style import PALETTE
+
+
+def test_a_colour_that_shows_in_the_legend_alone_is_kept():
+    figure, axes = panel(3.0)
+    for number, colour in enumerate(PALETTE[:6]):  # each line hides those before it
+        axes.plot(np.arange(500), np.sin(np.linspace(0.0, 9.0, 500)), color=colour, label=str(number))
+    with Image.open(io.BytesIO(written(figure, "png"))) as image:
+        found = np.array(image.convert("RGB")).reshape(-1, 3).astype(int)
+    for colour in PALETTE[:6]:
+        wanted = [int(colour[k : k + 2], 16) for k in (1, 3, 5)]
+        assert np.abs(found - wanted).max(axis=1).min() <= 24, colour
+
+
+def test_the_colours_of_large_areas_are_left_as_they_are():
+    figure, axes = panel(3.0)
+    for number, colour in enumerate(PALETTE[:6]):
+        axes.plot(np.arange(500), np.sin(np.linspace(0.0, 9.0 + number, 500)), color=colour, label=str(number))
+    axes.axvspan(100, 140, color=SHADE, alpha=0.25)
+    with Image.open(io.BytesIO(written(figure, "png"))) as image:
+        found = image.convert("RGB").getcolors(1 << 20)
+    often = [colour for _, colour in sorted(found, reverse=True)[:2]]
+    assert often[0] == (255, 255, 255)
+    assert (230, 232, 235) in often or (230, 231, 235) in often or (230, 231, 234) in often
+    assert all(max(colour) - min(colour) <= 8 for colour in often)
+
+
+def test_files_of_workers_are_those_of_one_process():
+    figure, axes = panel(2.0)
+    axes.plot([0.0, 1.0], [1.0, 2.0], label="line")
+    found = files({"a": figure, "b": figure}, ("png", "svg"), jobs=2)
+    assert list(found) == ["a.png", "a.svg", "b.png", "b.svg"]
+    assert found["a.png"] == written(figure, "png")
+    assert found["b.svg"].startswith(b"<?xml")
