@@ -4,6 +4,7 @@ import hashlib
 import itertools
 import json
 import re
+import weakref
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -149,8 +150,20 @@ def case_label(axes: Mapping[str, str]) -> str:
     return ", ".join(f"{name}={level}" for name, level in axes.items() if level != BASE_LABEL)
 
 
+_KNOWN: dict[int, tuple[Any, tuple[Case, ...]]] = {}  # cases of campaigns that are still in use, by identity
+
+
 def cases(campaign: Campaign) -> list[Case]:
     """Return the cases of a loaded campaign in the order of its design; two equal scenarios are one case."""
+    known, found = _KNOWN.get(id(campaign), (None, ()))
+    if known is None or known() is not campaign:  # a campaign is frozen, and what is read from it stays
+        place = id(campaign)
+        found = tuple(_cases(campaign))
+        _KNOWN[place] = weakref.ref(campaign, lambda _: _KNOWN.pop(place, None)), found
+    return list(found)
+
+
+def _cases(campaign: Campaign) -> list[Case]:
     found: dict[str, Case] = {}
     base = campaign.base.model_dump(mode="json")
     for chosen in chosen_levels(campaign):

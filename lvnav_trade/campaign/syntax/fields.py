@@ -3,6 +3,7 @@
 import types
 from collections import Counter
 from collections.abc import Sequence
+from functools import cache
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
@@ -56,6 +57,7 @@ def old_key(kind: Kind, key: str) -> str:
     return next((str(old[key]) for old in (getattr(one, "OLD_KEYS", {}) for one in models(kind)) if key in old), "")
 
 
+@cache
 def is_path(model: type[BaseModel], key: str) -> bool:
     """Whether the field holds a file path, relative to the file that names it."""
     field = by_key(model).get(key)
