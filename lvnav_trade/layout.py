@@ -211,6 +211,10 @@ def _of_motion(prefix: str) -> list[Output]:
     ]
 
 
+# Quantities that have a protection level, and its metrics; the metrics of how long it stays below a limit
+PROTECTED = {"position": "m", "velocity": "m/s"}
+LEVELS = tuple(f"{quantity}_protection_level" for quantity in PROTECTED)
+AVAILABILITY = tuple(f"{quantity}_availability" for quantity in PROTECTED)
 # Metrics of a mission that a requirement may name: functions of the errors of velocity and position together
 MISSION = {
     name: Output(name, "3d", unit, label_unit, factor)

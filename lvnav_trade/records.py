@@ -173,12 +173,22 @@ class Output(NamedTuple):
     label_factor: float
 
 
+class Protecting(NamedTuple):
+    """What protection levels hold for: probabilities of an error beyond it unnoticed, of an alarm without a fault, and
+    that a satellite has failed, each at any one time.
+    """
+
+    integrity_risk: float
+    false_alarm: float
+    satellite_fault: float
+
+
 class Asked(NamedTuple):
     """What linear covariance leaves of a case: budget by source over the flight; and of the event `at` (empty:
     injection, or else the last one) when each source acted, what a better one is worth, by source the covariance at
     `events` too; observability by phase, or by windows of that many seconds; nonlinearity at every event; bounds of
     the assumed noise; the runs of a spot check, with the campaign's seed; and of its inertial units the Allan deviation
-    of a stream of `allan` s.
+    of a stream of `allan` s; protection levels, None: none.
     """
 
     at: str = ""
@@ -193,6 +203,7 @@ class Asked(NamedTuple):
     spot_check: int = 0
     seed: int = 0
     allan: float = 0.0
+    protection: Protecting | None = None
 
 
 class AdjointBudget(NamedTuple):

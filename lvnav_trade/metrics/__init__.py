@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from lvnav_trade.metrics import filter, inertial, integrity, published, signals, vehicle
+from lvnav_trade.metrics import filter, inertial, integrity, protection, published, signals, vehicle
 from lvnav_trade.metrics.basics.select import once
 from lvnav_trade.metrics.errors import covariances, rms
 from lvnav_trade.metrics.mission import impact, orbit
@@ -40,6 +40,7 @@ _NAMED: dict[Any, tuple[str, ...]] = {
     orbit: ("orbit", "correction"),
     impact: ("impact",),
     inertial: ("allan",),
+    protection: ("protection",),
     vehicle: ("motion", "nozzle", "turning", "worth"),
     published: ("references", "interpretations"),
 }
@@ -54,5 +55,5 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
 CSV = (
     "rms", "agreement", "controlled", "references", "requirements", "budget", "expected", "spot_check", "sensitivity",
     "orbit", "correction", "impact", "corridor", "transitions", "logic", "integrity", "curves", "crossings", "tornado",
-    "motion", "nozzle", "turning", "allan",
+    "motion", "nozzle", "turning", "allan", "protection",
 )  # fmt: skip

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade import units
-from lvnav_trade.layout import MISSION, split_metric
+from lvnav_trade.layout import AVAILABILITY, MISSION, PROTECTED, split_metric
 from lvnav_trade.metrics.basics.select import (
     SAME_TIME,
     errors_at,
@@ -29,6 +29,7 @@ from lvnav_trade.metrics.errors.covariances import (
     gaussian,
     observed,
 )
+from lvnav_trade.metrics.protection import is_of_protection, value_of
 from lvnav_trade.metrics.signals import REACQUIRED, is_of_signals, reacquisition_times, values_of
 from lvnav_trade.metrics.vehicle import nozzle
 from lvnav_trade.records import Floats
@@ -86,6 +87,10 @@ def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Our
         return _of_rank(tables, case)
     if is_of_signals(metric):
         return _of_signals(tables, case, stated, unit)
+    if is_of_protection(metric):
+        scale = 1.0 if metric in AVAILABILITY else _scale(unit, PROTECTED[metric.partition("_")[0]])
+        value = value_of(tables, case, stated)
+        return Ours(value / scale if scale else np.nan, "" if np.isfinite(value) else "no protection levels there")
     quantity, axis = split_metric(metric)
     rows = history_of(tables, case, quantity, axis)
     if rows.empty:
@@ -174,6 +179,8 @@ def _other_columns(tables: Tables, case: str, stated: Mapping[str, Any], unit: s
     """Return the columns of what is no error in the history: of the runs where it differs between them."""
     metric = str(stated["metric"])
     of_signals = {"satellites_tracked": "-", REACQUIRED: "s"}.get(metric, "m") if is_of_signals(metric) else "-"
+    if is_of_protection(metric) and metric not in AVAILABILITY:
+        of_signals = PROTECTED[metric.partition("_")[0]]
     si = MISSION[metric].unit if metric in MISSION else of_signals
     found = ours(tables, case, stated, si if unit == "-" else unit)
     if not len(found.runs):

@@ -1,6 +1,20 @@
 """FAMILY 5: results -> figure. Each takes a results folder (or its tables), most of them a case or a quantity too."""
 
-from lvnav_trade.plots import budget, curves, errors, inertial, mission, published, signals, validity, vehicle
+from lvnav_trade.plots import (
+    budget,
+    curves,
+    errors,
+    inertial,
+    mission,
+    protection,
+    published,
+    signals,
+    validity,
+    vehicle,
+)
 from lvnav_trade.plots.style import PLOTS
 
-__all__ = ["PLOTS", "budget", "curves", "errors", "inertial", "mission", "published", "signals", "validity", "vehicle"]
+__all__ = [
+    "PLOTS", "budget", "curves", "errors", "inertial", "mission", "protection", "published", "signals", "validity",
+    "vehicle",
+]  # fmt: skip

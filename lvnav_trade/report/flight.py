@@ -145,6 +145,17 @@ def allan(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     return [Text(note("allan")), found, *(figure(tables, "allan", case) for case in shown)]
 
 
+@of("protection")
+def protection(tables: Tables, frame: pd.DataFrame) -> list[Block]:
+    """Return the protection levels of every case, how often errors of runs exceed them, and both over time."""
+    card = tables.campaign["covariance"]["protection"]
+    stated_numbers = {name: f"{float(value):g}" for name, value in card.items()}
+    percents = frame.assign(low=100.0 * frame.low_ratio, high=100.0 * frame.high_ratio)
+    shown = [case for case, label in chosen_cases(tables).items() if label in set(frame.case)]
+    drawn = [figure(tables, "protection", case) for case in shown]
+    return [Text(note("protection", **stated_numbers)), stated("protection", percents), *left_out(tables), *drawn]
+
+
 def control_tables(tables: Tables, brief: bool = False) -> list[Block]:
     """Return nozzle movement by burn with paired reductions, what it is worth, and the motion in its envelopes.
 

@@ -7,6 +7,7 @@ import numpy as np
 from lvnav_trade.engines.analysis.explain import Explanation
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.simulate.statistics import NORM
+from lvnav_trade.layout import PROTECTED
 from lvnav_trade.records import AdjointBudget, CovHistory, Floats
 
 _QUANTITIES = ("attitude", "velocity", "position")
@@ -27,6 +28,7 @@ def explained_rows(prepared: Prepared, cov: CovHistory, found: Explanation | Non
         "nonlinearity": _nonlinearity(found),
         "error_bound": _error_bound(found),
         "allan": _allan(found),
+        "protection": _protection(prepared, found),
     }
 
 
@@ -158,6 +160,25 @@ def _allan(found: Explanation) -> Rows:
         for one in found.allan
         for tau, *row in zip(one.tau, one.stream, one.card, one.white, one.instability, one.walk, strict=True)
     ]
+
+
+def _protection(prepared: Prepared, found: Explanation) -> Rows:
+    """Return the protection levels by time, quantity and axis; 3d: the length of the box of the three axes."""
+    one, rows = found.protected, list[dict[str, Any]]()
+    if one is None:
+        return rows
+    axes = [output.axis for output in prepared.outputs if output.quantity == "position"]
+    for quantity, (name, unit) in enumerate(PROTECTED.items()):
+        named = np.array([*one.satellites, ""])[one.worst[:, quantity].astype(int)]
+        sizes = [np.hstack([part[:, quantity], np.linalg.norm(part[:, quantity], axis=1)[:, None]])
+                 for part in (one.level, one.fault_free, one.sigma)]  # fmt: skip
+        for axis, label in enumerate((*axes, "3d")):
+            rows += [
+                {"t_s": float(t), "quantity": name, "axis": label, "unit": unit, "level_si": float(level),
+                 "fault_free_si": float(free), "sigma_si": float(sigma), "satellite": str(worst)}
+                for t, level, free, sigma, worst in zip(one.t, *(size[:, axis] for size in sizes), named, strict=True)
+            ]  # fmt: skip
+    return rows
 
 
 def _error_bound(found: Explanation) -> Rows:

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 from lvnav_trade import expression
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.errors import quoted
-from lvnav_trade.layout import EXTRAS, MISSION, MOTION, PARAMETERS, split_metric
+from lvnav_trade.layout import AVAILABILITY, EXTRAS, LEVELS, MISSION, MOTION, PARAMETERS, PROTECTED, split_metric
 from lvnav_trade.observables.sensors import SENSOR_STATES
 from lvnav_trade.units import Angle, Card, Length, parse
 
@@ -30,7 +30,9 @@ COUNTED = (
 NEES = tuple(f"{quantity}_nees" for quantity in ("attitude", "velocity", "position"))
 # Time (s) after the start of a phase from which on the error of a run stays below a limit, at its events
 CONVERGENCE = tuple(f"{quantity}_convergence_time" for quantity in ("attitude", "velocity", "position"))
-_NO_ERRORS = (*MISSION, *COUNTED, *STEERED, RANK, *NEES, *CONVERGENCE)
+_NO_ERRORS = (*MISSION, *COUNTED, *STEERED, RANK, *NEES, *CONVERGENCE, *LEVELS, *AVAILABILITY)
+# Metrics of a phase with a limit
+_LIMITED = (*CONVERGENCE, *AVAILABILITY)
 # Words of a phase that are no events: from lift-off on; the first and the last time of the flight
 FLIGHT, ENDS = "flight", ("start", "end")
 _INSTANT = re.compile(r"\s*(?P<event>[A-Za-z_]\w*)\s*(?:[+-]\s*(?P<offset>\S.*))?$")
@@ -57,7 +59,9 @@ def unit_of(metric: str) -> str:
         return {COUNTED[0]: "-", COUNTED[-1]: "s"}.get(metric, "m")
     if metric in STEERED or metric == RANK:
         return "%" if metric in STEERED else "-"
-    if metric in NEES or metric in CONVERGENCE:
+    if metric in LEVELS:
+        return PROTECTED[metric.partition("_")[0]]
+    if metric in NEES or metric in _LIMITED:
         return "s" if metric in CONVERGENCE else "-"
     unit = _UNITS[split_metric(metric)[0]]
     return "dimensionless" if unit == "1" else unit
@@ -140,7 +144,7 @@ class Measured(Card):
 
     elevation: tuple[Angle, Angle] | None = Field(None, description="of signals: of the satellites, from and to")
     altitude: tuple[Length, Length] | None = Field(None, description="of signals: of the vehicle, from and to")
-    below: str | None = Field(None, description="of a convergence time: limit of the error, in three dimensions")
+    below: str | None = Field(None, description="of a convergence time or an availability: limit in three dimensions")
 
     @property
     def events(self) -> tuple[str, ...]:
@@ -159,12 +163,14 @@ class Measured(Card):
             yield "elevation and altitude go from the smaller to the larger"
         if self.metric in NEES and (self.during is None or self.statistic != "rms"):
             yield f"{self.metric} is a mean over a phase; give during, and no statistic"
-        if self.metric in CONVERGENCE and (self.during is None or self.statistic != "rms" or self.below is None):
+        if self.metric in _LIMITED and (self.during is None or self.statistic != "rms" or self.below is None):
             yield f"{self.metric} is of a phase and a limit; give during and below, and no statistic"
-        if self.below is not None and self.metric not in CONVERGENCE:
-            yield f"below is the limit of a convergence time ({', '.join(CONVERGENCE)})"
+        if self.metric in LEVELS and self.statistic != "rms":
+            yield f"{self.metric} is the same in every run; give no statistic"
+        if self.below is not None and self.metric not in _LIMITED:
+            yield f"below is the limit of a metric that has one ({', '.join(_LIMITED)})"
         elif self.below is not None:
-            parse(self.below, _UNITS[self.metric.removesuffix("_convergence_time")])
+            parse(self.below, _UNITS[self.metric.partition("_")[0]])
 
 
 class Published(Measured, Stated):

@@ -20,7 +20,7 @@ from lvnav_trade.campaign.definition.published import (
 )
 from lvnav_trade.campaign.syntax.tree import Written, hint
 from lvnav_trade.errors import InputError, quoted
-from lvnav_trade.layout import BACKUP, MISSION
+from lvnav_trade.layout import BACKUP, LEVELS, MISSION
 from lvnav_trade.scenario import Scenario
 
 _FRAME_AXES = ("north", "east", "down", "x", "y", "z", "radial", "along", "cross")
@@ -34,6 +34,7 @@ METRICS = (
     *(f"{quantity}_error_3d" for quantity in _AXES),
     *(f"{quantity}_error_{axis}" for quantity, axes in _AXES.items() for axis in axes),
     *MISSION,
+    *LEVELS,
 )
 
 
@@ -158,6 +159,21 @@ class Requirement(units.Card):
         return f"{value!r} {unit_of(self.metric)}"
 
 
+class ProtectionCard(units.Card):
+    """Protection levels by solution separation, at any one time of the flight."""
+
+    integrity_risk: float = Field(
+        1e-7, gt=0.0, lt=0.5, description="probability of an error beyond the level without an alarm"
+    )
+    false_alarm: float = Field(1e-5, gt=0.0, lt=0.5, description="probability of an alarm without a fault")
+    satellite_fault: float = Field(
+        1e-4,
+        ge=0.0,
+        le=1.0,
+        description="probability that a satellite has failed; 1: any one of them for certain",
+    )
+
+
 class Covariance(units.Card):
     """What linear covariance leaves."""
 
@@ -176,6 +192,9 @@ class Covariance(units.Card):
     nonlinearity: bool = Field(True, description="how far each case is from linear at every event and gap")
     error_bound: bool = Field(
         False, description="whether the noise that the filter assumes keeps its error bounded (q I <= Q, r I <= R)"
+    )
+    protection: ProtectionCard | None = Field(
+        None, description="bounds on position and velocity: a further linear covariance for every satellite in use"
     )
     spot_check: int = Field(
         limits.SPOT_CHECK, description="runs of each case that linear covariance is checked with; 0: no check"

@@ -11,7 +11,7 @@ from lvnav_trade.campaign.definition.published import (
     unit_of,
 )
 from lvnav_trade.campaign.definition.schema import METRICS
-from lvnav_trade.layout import BACKUP, EXTRAS, MISSION, MOTION, PARAMETERS, split_metric
+from lvnav_trade.layout import AVAILABILITY, BACKUP, EXTRAS, LEVELS, MISSION, MOTION, PARAMETERS, split_metric
 from lvnav_trade.observables.sensors import SENSOR_STATES
 
 BOTH, STATEMENTS = "requirements, statements", "statements"
@@ -50,6 +50,10 @@ _OTHERS = {
     **dict.fromkeys(STEERED, "reduction of the nozzle's movement by the filtered rate"),
     **{name: f"normalised error squared of {name[:-5]}, per degree of freedom" for name in NEES},
     **{name: f"time until the error of {name.split('_')[0]} stays below a limit" for name in CONVERGENCE},
+    **{
+        name: f"share of time for which the protection level of {name.split('_')[0]} keeps a limit"
+        for name in AVAILABILITY
+    },
 }
 
 
@@ -81,6 +85,8 @@ def known_metrics() -> list[Known]:
 def _meaning(name: str) -> str:
     if name in MISSION:
         return f"error of the mission: {_MISSION[name]}"
+    if name in LEVELS:
+        return f"protection level of {name.split('_')[0]}, the box of three axes"
     quantity, axis = split_metric(name)
     of_backup = " of the strapdown that is never corrected" if quantity.startswith(BACKUP) else ""
     size = "length of the three-axis error" if axis == "3d" else f"{axis} component of the error"

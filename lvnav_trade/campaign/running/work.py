@@ -31,7 +31,7 @@ from lvnav_trade.engines.setup.receiver.recorded import table_of
 from lvnav_trade.engines.simulate import montecarlo, statistics
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.reads import recorded
-from lvnav_trade.records import Asked, CovHistory, Output
+from lvnav_trade.records import Asked, CovHistory, Output, Protecting
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.steering import nozzle
 from lvnav_trade.store import scratch
@@ -143,7 +143,8 @@ def asked_of(campaign: Campaign) -> Asked:
     """Return what a campaign asks of linear covariance."""
     card = campaign.covariance
     events = tuple(dict.fromkeys(event for requirement in campaign.requirements for event in requirement.events))
-    given = card.model_dump() | {"at": card.at or "", "window": card.window or 0.0}
+    protection = None if card.protection is None else Protecting(**card.protection.model_dump())
+    given = card.model_dump() | {"at": card.at or "", "window": card.window or 0.0, "protection": protection}
     return Asked(events=events, seed=campaign.seed, allan=campaign.keep.allan or 0.0, **given)
 
 

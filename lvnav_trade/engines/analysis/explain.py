@@ -9,6 +9,7 @@ import numpy as np
 from lvnav_trade.engines.analysis.error_bound import ErrorBound, error_bound
 from lvnav_trade.engines.analysis.nonlinearity import Nonlinearity, nonlinearity
 from lvnav_trade.engines.analysis.observability import TOLERANCE, in_words, observability
+from lvnav_trade.engines.analysis.protection import Protection, protection
 from lvnav_trade.engines.analysis.spot_check import gaps, spot_check
 from lvnav_trade.engines.analysis.stream import Curve, allan_curves
 from lvnav_trade.engines.lincov.history import (
@@ -75,7 +76,7 @@ class Sensitivity(NamedTuple):
 class Explanation(NamedTuple):
     """All that was asked of a case; empty where not asked. nonlinear: nonlinearity at every event and over every gap,
     with its name; bound of the assumed noise, and unbounded, its weakest direction in words; spot: runs that check
-    linear covariance; allan: of the inertial units.
+    linear covariance; allan: of the inertial units; protected: by protection levels.
     """
 
     event: str = ""
@@ -88,6 +89,7 @@ class Explanation(NamedTuple):
     unbounded: str = ""
     spot: BlockSummary | None = None
     allan: tuple[Curve, ...] = ()
+    protected: Protection | None = None
 
 
 def explain(scenario: Scenario, prepared: Prepared, history: CovHistory, asked: Asked) -> Explanation:
@@ -109,6 +111,7 @@ def explain(scenario: Scenario, prepared: Prepared, history: CovHistory, asked: 
         _in_words(prepared, float(prepared.reference.t[0]), bound.weakest) if bound is not None else "",
         spot_check(prepared, history, events, asked.seed, asked.spot_check) if asked.spot_check else None,
         allan_curves(prepared, asked.allan, asked.seed) if asked.allan else (),
+        protection(prepared, history, asked.protection) if asked.protection else None,
     )
 
 

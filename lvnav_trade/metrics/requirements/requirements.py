@@ -21,6 +21,7 @@ from lvnav_trade.metrics.basics.select import (
     pick,
     rows_between,
 )
+from lvnav_trade.metrics.protection import is_of_protection, required
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
 
@@ -94,6 +95,8 @@ def errors_of(tables: Tables, case: str, requirement: Mapping[str, Any]) -> Erro
     Of a phase that is the largest error of each run at the times of the history within it, both ends included.
     """
     metric, during = str(requirement["metric"]), requirement.get("during")
+    if is_of_protection(metric):
+        return required(tables, case, requirement)
     if not during:
         return errors_at(tables, case, where(requirement), metric)
     known = errors_named(tables, case, metric)

@@ -1,0 +1,113 @@
+"""Protection levels: how large they are, how long below a limit, and how often errors of runs exceed them."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from lvnav_trade import units
+from lvnav_trade.layout import AVAILABILITY, LEVELS, PROTECTED
+from lvnav_trade.metrics.basics.probability import success_bounds
+from lvnav_trade.metrics.basics.select import (
+    Errors,
+    errors_by_axis,
+    final_event,
+    flight_events,
+    instant,
+    phase,
+    pick,
+    rows_between,
+    time_mean,
+)
+from lvnav_trade.store.read import Tables
+
+CONFIDENCE = 0.975  # of either bound: both hold with 95 %
+COLUMNS = [
+    "case", "quantity", "unit", "largest", "final", "fault_free", "sigma", "satellite", "error_count", "beyond_count",
+    "low_ratio", "high_ratio",
+]  # fmt: skip
+
+
+def series_of(tables: Tables, case: str, quantity: str) -> pd.DataFrame:
+    """Return the levels of a quantity over the flight, lengths of the box of its three axes, in time order."""
+    return pick(tables.protection, case=case, quantity=quantity, axis="3d").sort_values("t_s", kind="stable")
+
+
+def beyond(tables: Tables, case: str, quantity: str) -> tuple[int, int]:
+    """Return how many errors of runs at the events there are, and how many exceed their level on any axis; a failed
+    run's do.
+    """
+    rows, count, total = pick(tables.protection, case=case, quantity=quantity), 0, 0
+    for event in flight_events(tables, case).itertuples():
+        errors = errors_by_axis(tables, case, str(event.event), quantity)
+        if errors.empty or not len(rows):
+            continue
+        at = rows[np.abs(rows.t_s - event.t_s) == np.abs(rows.t_s - event.t_s).min()]
+        level = at[at.axis != "3d"].level_si.to_numpy()
+        sizes = np.abs(errors.drop(columns="failure").to_numpy(dtype=float))
+        out = (sizes > level).any(axis=1) | (errors.failure != "").to_numpy()
+        count, total = count + int(out.sum()), total + len(out)
+    return count, total
+
+
+def protection(tables: Tables) -> pd.DataFrame:
+    """Return the levels of every case and quantity, in units for people: the largest of the flight, that at its last
+    event (injection), the same without faults and the filter's sigma there, the satellite that asks for most; how many
+    errors of runs at events there are, how many exceed the level, and the exact interval (95 %) of their share.
+    """
+    found: list[tuple[Any, ...]] = []
+    for case, label in tables.labels.items():
+        for quantity in PROTECTED:
+            rows = series_of(tables, case, quantity)
+            if rows.empty:
+                continue
+            unit, factor = tables.people[quantity, "3d"]
+            at = instant(tables, case, final_event(tables, case) or "end")
+            last = rows.iloc[int(np.argmin(np.abs(rows.t_s.to_numpy() - at)))]
+            sizes = [float(value) * float(factor) for value in (
+                rows.level_si.max(), last.level_si, last.fault_free_si, last.sigma_si)]  # fmt: skip
+            count, total = beyond(tables, case, quantity)
+            low, high = success_bounds(total, total - count, CONFIDENCE) if total else (np.nan, np.nan)
+            found.append((label, quantity, unit, *sizes, last.satellite, total, count, low, high))
+    return pd.DataFrame(found, columns=COLUMNS)
+
+
+def is_of_protection(metric: str) -> bool:
+    """Whether a metric is a protection level, or how long one stays below a limit."""
+    return metric in LEVELS or metric in AVAILABILITY
+
+
+def value_of(tables: Tables, case: str, stated: Mapping[str, Any]) -> float:
+    """Return a protection level (SI) at an event, the largest of a phase, or the share of a phase's time for which it
+    stays at or below a limit; NaN where there is none.
+    """
+    metric = str(stated["metric"])
+    quantity = metric.partition("_")[0]
+    rows = series_of(tables, case, quantity)
+    if rows.empty:
+        return float("nan")
+    if not stated.get("during"):
+        at = instant(tables, case, str(stated.get("at") or "injection"))
+        found = rows.level_si.iloc[int(np.argmin(np.abs(rows.t_s.to_numpy() - at)))]
+        return float(found) if np.isfinite(at) else float("nan")
+    rows = rows_between(rows, *phase(tables, case, str(stated["during"])))
+    if rows.empty:
+        return float("nan")
+    if metric in LEVELS:
+        return float(rows.level_si.max())
+    limit = units.parse(str(stated["below"]), PROTECTED[quantity])
+    return time_mean(rows.t_s.to_numpy(), (rows.level_si <= limit).to_numpy(dtype=float))
+
+
+def required(tables: Tables, case: str, requirement: Mapping[str, Any]) -> Errors | None:
+    """Return the protection level that a requirement names as the error of every run: it is the same in all of them,
+    infinite in one that failed.
+    """
+    metric = str(requirement["metric"])
+    value, runs = value_of(tables, case, requirement), pick(tables.runs, case=case).drop_duplicates("run_number")
+    if not np.isfinite(value):
+        return None
+    unit, factor = tables.people[metric.partition("_")[0], "3d"]
+    size = np.where(runs.failure != "", np.inf, value)
+    return Errors(size, PROTECTED[metric.partition("_")[0]], unit, float(factor))
