@@ -15,6 +15,7 @@ from lvnav_trade.engines.setup.receiver.atmosphere import Delays
 from lvnav_trade.engines.setup.starts import StartDraws
 from lvnav_trade.engines.simulate.statistics import summarise
 from lvnav_trade.kernels.earth import OMEGA
+from lvnav_trade.layout import PROTECTED
 from lvnav_trade.records import LOST, TRACK, AdjointBudget, CovHistory, Output, Reference, RunBlock, Sky, Transition
 from lvnav_trade.store.tables import CaseInfo
 from lvnav_trade.store.write import open_results
@@ -310,3 +311,22 @@ def with_allan_curves(tables: Any) -> tuple[str, Any]:
         for sensor, unit in (("gyro", "rad/s"), ("accelerometer", "m/s^2"))
     ]  # fmt: skip
     return case, tables.with_frames(allan=pd.concat(rows, ignore_index=True))
+
+
+def with_protection_levels(tables: Any, level: float = 9.0) -> tuple[str, Any]:
+    """Return the first case, and the tables with levels of its position (m) and velocity (a tenth) on each axis, twice
+    as large before the cutoff of stage 1; without faults two thirds of it.
+    """
+    import pandas as pd  # here: workers, which this module stands in for, do without
+
+    case, t = next(iter(tables.labels)), np.unique(tables.history.t_s)
+    axes = {name: [*dict.fromkeys(tables.outputs[tables.outputs.quantity == name].axis)] for name in PROTECTED}
+    rows = []
+    for (name, unit), size in zip(PROTECTED.items(), (level, 0.1 * level), strict=True):
+        for axis in (*(one for one in axes[name] if one != "3d"), "3d"):
+            sizes = np.where(t < EVENTS["stage1_cutoff"], 2.0, 1.0) * size * (3.0**0.5 if axis == "3d" else 1.0)
+            rows.append(pd.DataFrame({
+                "case": case, "t_s": t, "quantity": name, "axis": axis, "unit": unit, "level_si": sizes,
+                "fault_free_si": sizes / 1.5, "sigma_si": sizes / 6.0, "satellite": "G01",
+            }))  # fmt: skip
+    return case, tables.with_frames(protection=pd.concat(rows, ignore_index=True))

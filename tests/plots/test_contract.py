@@ -23,7 +23,9 @@ ELSEWHERE = (
     "worth",
     "interpretations",
     "allan",
-)  # of a grid of two axes, see test_validity; of a vehicle, see test_vehicle; of an IMU, see test_inertial
+    "protection",
+)  # of a grid of two axes, see test_validity; of a vehicle, see test_vehicle; of an IMU, see test_inertial; of levels,
+# see test_protection
 
 
 SIZE = {"metric": "velocity_error_3d", "at": "injection"}

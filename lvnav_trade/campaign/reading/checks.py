@@ -17,7 +17,7 @@ from lvnav_trade.campaign.syntax.tree import Node, hint, mistake, mistake_at, ne
 from lvnav_trade.errors import Mistake, quoted
 from lvnav_trade.expression import readings
 from lvnav_trade.layout import AXES as FRAME_AXES
-from lvnav_trade.layout import BACKUP, MISSION, split_metric
+from lvnav_trade.layout import BACKUP, LEVELS, MISSION, split_metric
 from lvnav_trade.limits import AXES, CASES
 from lvnav_trade.scenario import Scenario, filter_models, solves
 
@@ -77,6 +77,9 @@ def requirements(campaign: Campaign, root: Node) -> Iterator[Mistake]:
         quantity, axis = split_metric(requirement.metric.removeprefix(BACKUP))
         if requirement.metric not in MISSION and quantity != "attitude" and axis not in (*known, "3d"):
             message = f"{requirement.metric!r}: frame {campaign.base.frame} has the axes {', '.join(known)}"
+            yield mistake_at(root, f"requirements.{index}.metric", message)
+        if requirement.metric in LEVELS and campaign.covariance.protection is None:
+            message = f"{requirement.metric!r}: the campaign asks for no protection levels (covariance.protection)"
             yield mistake_at(root, f"requirements.{index}.metric", message)
         if name in names[:index]:
             yield mistake_at(root, f"requirements.{index}.name", f"{name!r} stands twice")

@@ -81,9 +81,23 @@ def _named(campaign: Campaign, case: Case, times: Mapping[str, float]) -> Iterat
     elif campaign.covariance.error_bound and "attitude" in measured(case.scenario):
         message = "not available with attitude among the measurements"
         yield campaign.written.mistake("covariance.error_bound", message)
+    if campaign.covariance.protection is not None and (why := _unprotected(case.scenario)):
+        yield campaign.written.mistake("covariance.protection", why)
     for index, fault in enumerate(case.scenario.faults):
         for field, message in _of_fault(fault, case.scenario, times):
             yield written(campaign, case, f"base.faults.{index}.{field}", message)
+
+
+def _unprotected(scenario: Scenario) -> str:
+    """Return why a filter has no solution separation; empty where it has."""
+    card = scenario.filter
+    if not card.tight:
+        return "sub-filters leave out satellites one by one, and the filter takes no ranges"
+    if card.clock == "differenced":
+        return "every difference has the reference satellite in it; no sub-filter is without"
+    if card.gains is not None or card.consider:
+        return "the separation's variance is that of optimal filters: no stored gains, no considered states"
+    return ""
 
 
 def _of_fault(fault: AnyFault, scenario: Scenario, events: Mapping[str, float]) -> Iterator[tuple[str, str]]:

@@ -206,6 +206,20 @@ def test_a_filter_that_has_no_bound_to_tell_is_reported_where_it_was_asked(study
     assert [message in line and "covariance.error_bound" in line for line in found] == [True] * bool(message)
 
 
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("base.filter=filters/tight", ""),
+        ("base.filter=filters/loose", "takes no ranges"),
+        ("base.filter.clock=differenced", "no sub-filter is without"),
+        ("base.filter.consider=[gyro_scale_factor]", "that of optimal filters"),
+    ],
+)
+def test_protection_levels_are_of_filters_that_have_sub_filters(study, setting, message):
+    found = reported(study, ("covariance.protection={integrity_risk: 0.001}", "base.filter=filters/tight", setting))
+    assert [message in line and "covariance.protection" in line for line in found] == [True] * bool(message)
+
+
 @pytest.mark.parametrize("start", ["start", "start + 10 s", "end - 20 s"])
 def test_a_fault_may_begin_at_an_end_of_the_flight_as_a_phase_does(study, start: str) -> None:
     study.edit("configs/vehicles/small.yaml", '"300 kg"', '"150 kg"')
