@@ -39,7 +39,7 @@ _NAMED: dict[Any, tuple[str, ...]] = {
     margins: ("margins",),
     orbit: ("orbit", "correction"),
     impact: ("impact",),
-    inertial: ("allan",),
+    inertial: ("allan", "exclusions"),
     protection: ("protection",),
     vehicle: ("motion", "nozzle", "turning", "worth"),
     published: ("references", "interpretations"),
@@ -55,5 +55,5 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
 CSV = (
     "rms", "agreement", "controlled", "references", "requirements", "budget", "expected", "spot_check", "sensitivity",
     "orbit", "correction", "impact", "corridor", "transitions", "logic", "integrity", "curves", "crossings", "tornado",
-    "motion", "nozzle", "turning", "allan", "protection",
+    "motion", "nozzle", "turning", "allan", "protection", "exclusions",
 )  # fmt: skip

@@ -1,7 +1,10 @@
-"""Inertial units: Allan deviation of a simulated stream beside the curve of the card."""
+"""Inertial units: Allan deviation of a simulated stream beside the curve of the card; units that a test excludes."""
 
+import numpy as np
 import pandas as pd
 
+from lvnav_trade.metrics.basics.probability import success_bounds
+from lvnav_trade.metrics.basics.select import faults, pick
 from lvnav_trade.store.read import Tables
 
 COLUMNS = ["case", "sensor", "unit", "tau_s", "stream", "card", "ratio", "white", "instability", "walk"]
@@ -21,3 +24,22 @@ def allan(tables: Tables) -> pd.DataFrame:
         **{name: rows[f"{name}_si"] * factor for name in ("stream", "card", "white", "instability", "walk")},
     )
     return found[COLUMNS].reset_index(drop=True)
+
+
+EXCLUDED = ["case", "unit", "faults", "run_count", "count", "share_ratio", "low_ratio", "high_ratio", "t_s", "after_s"]
+
+
+def exclusions(tables: Tables) -> pd.DataFrame:
+    """Return which inertial units their test against each other has excluded: share of the runs with its exact interval
+    (95 %), median time, and time after the first fault of the case (NaN before one, or without).
+    """
+    rows = tables.integrity[tables.integrity.isolated == "unit"]
+    found = []
+    for (case, unit), chosen in rows.groupby(["case", "channel"], sort=False):
+        known, runs = faults(tables, str(case)), int(pick(tables.cases, case=str(case)).run_count.iloc[0])
+        count, t = chosen.run_number.nunique(), float(chosen.t_s.median())
+        after = t - float(known.t_s.iloc[0]) if len(known) and t >= known.t_s.iloc[0] else np.nan
+        low, high = success_bounds(runs, runs - count, 0.975)
+        names = ", ".join(known.event)
+        found.append((tables.labels[str(case)], unit, names, runs, count, count / runs, low, high, t, after))
+    return pd.DataFrame(found, columns=EXCLUDED)

@@ -145,6 +145,13 @@ def allan(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     return [Text(note("allan")), found, *(figure(tables, "allan", case) for case in shown)]
 
 
+@of("exclusions", "No test between inertial units has excluded one.")
+def exclusions(tables: Tables, frame: pd.DataFrame) -> list[Block]:
+    """Return which inertial units were excluded, in how many runs and when."""
+    percents = frame.assign(share=100.0 * frame.share_ratio, low=100.0 * frame.low_ratio, high=100.0 * frame.high_ratio)
+    return [Text(note("exclusions")), stated("exclusions", percents)]
+
+
 @of("protection")
 def protection(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return the protection levels of every case, how often errors of runs exceed them, and both over time."""

@@ -136,7 +136,7 @@ def _cases(case: CaseInfo, prepared: Prepared, summary: BlockSummary | None) -> 
         "nees_dof_count": int(prepared.layout.n_estimated),
         "gate_ratio": gate if np.isfinite(gate) else np.nan,
         "logic": prepared.options.rules is not None,
-        "integrity": prepared.options.integrity is not None or _tested(prepared),
+        "integrity": prepared.options.integrity is not None,
         **thresholds(prepared.scenario),
         "epoch": prepared.trajectory.epoch,
         "facts": json.dumps(prepared.trajectory.facts, sort_keys=True, default=float),
@@ -288,12 +288,6 @@ def run_columns(
     runs |= _named(errors, summary.event_error)
     worst |= _named(errors, summary.worst) | _named(means, np.sqrt(summary.mean_square))
     return {"runs": runs, "worst": worst, "logic": logic, "integrity": _integrity(summary, channels)}
-
-
-def _tested(prepared: Prepared) -> bool:
-    """Return whether inertial units are tested against each other."""
-    units = prepared.options.units
-    return units is not None and units.redundant is not None and bool(units.redundant.ticks)
 
 
 def _integrity(summary: BlockSummary, channels: tuple[str, ...]) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from scipy import optimize, special
 
-from lvnav_trade.layout import MISSION, split_metric
+from lvnav_trade.layout import LEVELS, MISSION, split_metric
 from lvnav_trade.metrics.basics.probability import norm_probability, norm_quantile
 from lvnav_trade.metrics.basics.select import flight_events, history_of, number_in, pick, rows_between
 from lvnav_trade.metrics.errors.covariances import Gaussian, gaussian, why_not_applicable
@@ -52,6 +52,8 @@ def asked(tables: Tables, requirement: Mapping[str, Any], case: str) -> Asked | 
     metric, at = str(requirement["metric"]), where(requirement)
     quantity, axis = split_metric(metric)
     law: Gaussian | None
+    if metric in LEVELS:
+        return "a protection level is the same in every run"
     if metric in MISSION:
         found = expected_at(tables, case, at, metric)
         if not isinstance(found, tuple):
