@@ -1,12 +1,12 @@
 """Protection levels over the flight, beside the true error."""
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from lvnav_trade.layout import PROTECTED
 from lvnav_trade.metrics.basics.select import history_of
 from lvnav_trade.metrics.protection import series_of
-from lvnav_trade.plots.style import GREY, PALETTE, canvas, drawing, legend_below, over_time
+from lvnav_trade.plots.figure import GREY, Figure, canvas
+from lvnav_trade.plots.style import PALETTE, drawing, over_time
 from lvnav_trade.store.read import Tables
 
 
@@ -27,4 +27,4 @@ def protection(tables: Tables, case: str) -> Figure:
         if (errors.run_count > 0).any():
             axes.plot(errors.t_s, factor * errors.rms_si, color=PALETTE[0], lw=0.8, label="runs (RMS)")
     over_time(list(grid.ravel()), tables, case)
-    return legend_below(figure, grid[0, 0], columns=4)
+    return figure
