@@ -145,7 +145,7 @@ def allan(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     return [Text(note("allan")), found, *(figure(tables, "allan", case) for case in shown)]
 
 
-@of("exclusions", "No test between inertial units has excluded one.")
+@of("exclusions")
 def exclusions(tables: Tables, frame: pd.DataFrame) -> list[Block]:
     """Return which inertial units were excluded, in how many runs and when."""
     percents = frame.assign(share=100.0 * frame.share_ratio, low=100.0 * frame.low_ratio, high=100.0 * frame.high_ratio)
