@@ -28,7 +28,7 @@ def margins(tables: Tables) -> pd.DataFrame:
     for name in _OF_EITHER:
         both[name] = both[name].where(flown, both[f"{name}_lincov"])
     both["by"] = np.where(flown, "runs", "LinCov")
-    both["margin_ratio"] = 1.0 - both.estimate / both.limit
+    both["margin_ratio"] = (1.0 - both.estimate / both.limit).astype(float)  # without requirements it is of no type
     cases, finite = both.case, both.margin_ratio.where(np.isfinite(both.margin_ratio))
     both["least"], both["finite"] = (one.groupby(cases).transform("min") for one in (both.margin_ratio, finite))
     return both.sort_values(["least", "finite"], kind="stable", ignore_index=True)[COLUMNS]
