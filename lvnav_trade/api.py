@@ -119,8 +119,10 @@ def run(
     mode: execute.Mode = "fresh" if fresh else "resume"
     execute.run(found, place, jobs, mode, fail_fast, progress, on_answers)
     if report:
-        with staged(progress, "report"):
-            build_report(place)
+        from lvnav_trade.report import SECTIONS, build
+
+        with staged(progress, "report", len(found.report.sections or SECTIONS) + 1) as step:
+            build(place, step=step)
     return load(place)
 
 

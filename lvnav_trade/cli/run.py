@@ -70,7 +70,9 @@ def _answer(results: Any, answers: Sequence[Any], report: bool) -> Answer:
         lines.insert(at, table(list(shown.columns), list(shown.itertuples(index=False))))
     if len(failures) > _MOST:
         lines.append(f"failed: {len(failures) - _MOST} more; all of them: column failed of the table runs, or --json")
-    lines.append(f"report: {page}" if page else f"results: {results.folder}")
+    counts = verdicts.verdict.value_counts(sort=False).items()
+    said = f"{', '.join(f'{verdict} {count}' for verdict, count in counts)}; " if len(verdicts) else ""
+    lines.append(said + (f"report: {page}" if page else f"results: {results.folder}"))
     content = {
         "folder": str(results.folder),
         "report": str(page) if page else None,

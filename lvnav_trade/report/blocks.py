@@ -11,6 +11,7 @@ import pandas as pd
 from lvnav_trade.layout import split_metric
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.select import NAVIGATION
+from lvnav_trade.metrics.mission.orbit import LEAST
 from lvnav_trade.metrics.requirements.margins import key_cases
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.browser import data_of
@@ -116,9 +117,9 @@ def shown(frame: pd.DataFrame, columns: str) -> pd.DataFrame:
     """Return columns of a frame as they are shown.
 
     columns : entries ``HEADING = COLUMN: FORM`` between bars. FORM is a format of Python (a number that is missing is
-        a dash), ``words``, ``number``, ``percent`` or ``time`` (s; "never" where it is missing); without it the column
-        stays what it is. ``COLUMN to OTHER: FORM`` are bounds. Without a heading the column's own name is it, in words.
-        Columns that the frame lacks are left out.
+        a dash), ``words``, ``number``, ``percent``, ``element`` (seven digits; a zero has its bound) or ``time`` (s;
+        "never" where it is missing); without it the column stays what it is. ``COLUMN to OTHER: FORM`` are bounds.
+        Without a heading the column's own name is it, in words. Columns that the frame lacks are left out.
     """
     found = {}
     for entry in columns.split(" | "):
@@ -136,6 +137,7 @@ def _written(values: pd.Series, form: str) -> pd.Series:
     named: dict[str, Callable[[float], str]] = {
         "number": number,
         "percent": percent,
+        "element": lambda value: "–" if value != value else f"{value:.7g}" if value else f"0 (below {LEAST:g})",
         "time": lambda value: f"{value:.0f}" if value == value else "never",
     }
     return values.map(named.get(form, lambda value: format(value, form) if value == value else "–"))

@@ -3,7 +3,7 @@
 import base64
 import difflib
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -88,15 +88,18 @@ class Made(NamedTuple):
     csv: dict[str, str]
 
 
-def make(tables: Tables, sections: Sequence[str] | None = None) -> Made:
+def make(tables: Tables, sections: Sequence[str] | None = None, step: Callable[[], None] = lambda: None) -> Made:
     """Return the report of results: `sections`, or else those of the campaign's ``report: {sections: [...]}``.
 
-    InputError names a section that does not exist.
+    `step` is called after each. InputError names a section that does not exist.
     """
     stated = (tables.campaign.get("report") or {}).get("sections")
     names = list(sections or stated or SECTIONS)
     _check(names)
-    made = [Section(name, SECTIONS[name][0], SECTIONS[name][1](tables)) for name in names]
+    made = []
+    for name in names:
+        made.append(Section(name, SECTIONS[name][0], SECTIONS[name][1](tables)))
+        step()
     if sections or stated:
         made = [section._replace(blocks=section.blocks or [Text("Nothing to show.")]) for section in made]
     title = str(tables.manifest.get("campaign") or tables.campaign.get("name"))
@@ -107,7 +110,11 @@ def make(tables: Tables, sections: Sequence[str] | None = None) -> Made:
 
 
 def build(
-    folder: Path | str, sections: Sequence[str] | None = None, figures: Sequence[str] = (), brief: bool = False
+    folder: Path | str,
+    sections: Sequence[str] | None = None,
+    figures: Sequence[str] = (),
+    brief: bool = False,
+    step: Callable[[], None] = lambda: None,
 ) -> Path:
     """Write report.html and the CSV tables into a results folder; return the page.
 
@@ -116,7 +123,7 @@ def build(
     InputError as of `make`.
     """
     tables = load(folder)
-    made = make(tables, sections)
+    made = make(tables, sections, step)
     pages = {"report.html": _html_page(made.title, made.asked, made.sections)}
     if brief:
         pages["brief.html"] = _html_page(made.title, made.asked, _shortened(made.sections))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pandas as pd
 import pytest
 
+from lvnav_trade.metrics import METRICS
 from lvnav_trade.report import build, flight
 from lvnav_trade.report.blocks import Picture, Table
 from lvnav_trade.report.flight import control, control_tables, motion, motion_summary, motion_table
@@ -40,6 +41,16 @@ def test_elements_have_seven_digits(orbit_page):
     row = next(row for row in table.rows if row[0] == "semi-major axis")
     assert row[1:4] == ("km", "6900", row[3])
     assert len(row[3]) >= 7
+
+
+def test_an_element_below_the_bound_is_zero_with_the_bound(tmp_path, monkeypatch):
+    monkeypatch.setattr("lvnav_trade.metrics.mission.orbit.LEAST", 1e-3)  # J2 makes this circle's eccentricity 3e-4
+    tables = load(flights.results(tmp_path, flights.CIRCULAR, n_run=0))
+    frame = METRICS["orbit"](tables).drop_duplicates("quantity").set_index("quantity")
+    assert frame.osculating["eccentricity"] == 0.0
+    assert frame.osculating["semi-major axis"] > 6000.0
+    shown = next(block for block in flight.orbit(tables) if block.kind == "table")
+    assert next(row for row in shown.rows if row[0] == "eccentricity")[2] == "0 (below 1e-07)"
 
 
 def test_a_fall_has_points_of_impact_and_a_verdict_on_the_corridor(tmp_path):

@@ -223,7 +223,7 @@ class _Run:
         """Find every case's linear covariance; with several workers another compiles the backward pass and the flight
         of the first case beside it, so that a fresh machine compiles on all of them.
         """
-        self.watch.stage("linear covariance", len(self.cases))
+        self.watch.stage("compilation and first case", 1)
         found: dict[str, work.Answer] = {}
         units: list[tuple[Any, ...]] = [(self.job, case, None) for case in self.cases]
         if self.jobs > 1 and self.campaign.monte_carlo:
@@ -237,6 +237,8 @@ class _Run:
                 raise InputError(records=flights.located(self.campaign, case, one.mistakes))
             found[one.case] = one
             self.watch.advance(1)
+            if len(found) == 1 and len(self.cases) > 1:
+                self.watch.stage("linear covariance of the others", len(self.cases) - 1)
             if one.error:
                 self._fail(f"{self.labels[one.case]}: linear covariance: {one.error}", lost=True)
             if len(found) == len(self.cases):

@@ -3,7 +3,7 @@
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from rich import console, progress
@@ -31,16 +31,20 @@ class Plain(Progress):
     def stage(self, name: str, total: int) -> None:
         """Begin a stage and say so."""
         self.start = time.monotonic()
-        self.name, self.total, self.done, self.tenth = name, total, 0, 0
+        self.name, self.total, self.done, self.tenth, self.first = name, total, 0, 0, 0
         self.note(f"{name}: {total}")
 
     def advance(self, count: int) -> None:
         """Count, and say every tenth with the time left."""
+        if not self.first:  # it compiled or loaded kernels: what is left is told from those after it
+            self.first, self.begun = count, time.monotonic()
         self.done += count
         tenth = 10 * self.done // max(self.total, 1)
         if tenth > self.tenth:
             self.tenth = tenth
-            left = (time.monotonic() - self.start) * (self.total - self.done) / max(self.done, 1)
+            later = self.done - self.first
+            spent, units = (time.monotonic() - self.begun, later) if later else (self.begun - self.start, self.first)
+            left = spent * (self.total - self.done) / max(units, 1)
             self.note(f"{self.name}: {self.done}/{self.total}, {left:.0f} s left")
 
     def note(self, line: str) -> None:
@@ -84,14 +88,14 @@ class Bar(Progress):
 
 
 @contextmanager
-def staged(watch: Progress | None, name: str) -> Iterator[None]:
-    """Tell of work that is a stage of its own, in one step, while it is done."""
+def staged(watch: Progress | None, name: str, total: int = 1) -> Iterator[Callable[[], None]]:
+    """Tell of work that is a stage of its own while it is done; what it yields counts a step, the end is one too."""
     if watch is None:
-        yield
+        yield lambda: None
         return
-    watch.stage(name, 1)
+    watch.stage(name, total)
     try:
-        yield
+        yield lambda: watch.advance(1)
         watch.advance(1)
     finally:
         watch.close()

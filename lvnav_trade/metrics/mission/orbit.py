@@ -29,6 +29,10 @@ QUANTITIES = {
 }  # fmt: skip
 
 
+LEAST = 1e-7
+"""Smallest size of an element, in its unit: below it is what the solution of the ascent leaves, and rounding."""
+
+
 def orbit(tables: Tables) -> pd.DataFrame:
     """Return the orbit of each case at its final event, and at earlier ones from which it does not fall, with errors.
 
@@ -37,7 +41,7 @@ def orbit(tables: Tables) -> pd.DataFrame:
     passes, the swing included. An error is true less estimated. lincov_sigma, filter_sigma: first order, true and
     formal; empty where an orbit is circular to within three sigma, with the remark. lincov_q99: 99 %
     quantile of |error|, from Gaussian draws through the map itself, so it stands there too. mc_sigma, mc_bias, mc_q99:
-    of the runs that did not fail.
+    of the runs that did not fail. An element below `LEAST` is 0.
     """
     rows = [
         {"case": label, "event": state.event} | row
@@ -84,7 +88,9 @@ def _rows(tables: Tables, case: str, state: mission.State) -> list[dict[str, Any
     rows: list[dict[str, Any]] = []
     for name, (metric, component) in QUANTITIES.items():
         *_, unit, factor = MISSION[metric]
-        row = {"quantity": name, "unit": unit, "osculating": now[name] * factor, "averaged": average[name] * factor}
+        given = {"osculating": now[name] * factor, "averaged": average[name] * factor}
+        given = {column: value if abs(value) >= LEAST else 0.0 for column, value in given.items()}
+        row = {"quantity": name, "unit": unit, **given}
         row["remark"] = mission.applies(state, metric, law.true)
         if not row["remark"]:
             slope = mission.jacobian(state, metric)[component]

@@ -40,6 +40,18 @@ def test_the_time_left_is_that_of_the_units_left(
     assert capsys.readouterr().err.splitlines()[-1] == "runs: 10/40, 90 s left"
 
 
+def test_the_first_unit_which_compiles_does_not_count_in_the_time_left(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = iter([0.0, 60.0, 61.0])
+    monkeypatch.setattr("lvnav_trade.campaign.running.progress.time.monotonic", lambda: next(clock))
+    progress = Plain()
+    progress.stage("cases", 10)
+    progress.advance(1)
+    progress.advance(1)
+    assert capsys.readouterr().err.splitlines()[-1] == "cases: 2/10, 8 s left"
+
+
 def test_a_stage_of_nothing_is_no_division_by_zero(capsys: pytest.CaptureFixture[str]) -> None:
     for progress in (Plain(), Progress(), Bar()):
         go_through(progress, 0)
@@ -82,8 +94,12 @@ def test_the_page_is_a_stage_of_its_own_that_ends_whatever_happens(capsys: pytes
     with staged(Plain(), "report"):
         assert capsys.readouterr().err == "report: 1\n"
     assert capsys.readouterr().err == "report: 1/1, 0 s left\n"
-    with staged(None, "report"):
-        pass
+    with staged(None, "report") as step:
+        step()
     with pytest.raises(OSError, match="full"), staged(Plain(), "report"):
         raise OSError("full")
     assert capsys.readouterr().err == "report: 1\n"
+    with staged(Plain(), "report", 3) as step:
+        step()
+        step()
+        assert "report: 2/3" in capsys.readouterr().err
