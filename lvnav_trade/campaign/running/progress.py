@@ -36,7 +36,7 @@ class Plain(Progress):
 
     def advance(self, count: int) -> None:
         """Count, and say every tenth with the time left."""
-        if not self.first:  # it compiled or loaded kernels: what is left is told from those after it
+        if not self.first:  # it compiled or loaded kernels: the time left is that of those after it
             self.first, self.begun = count, time.monotonic()
         self.done += count
         tenth = 10 * self.done // max(self.total, 1)
