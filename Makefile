@@ -14,7 +14,7 @@ from_wheels := $(if $(WHEELS),--no-index --find-links "$(WHEELS)")
 wheels_needed := pip 'hatchling>=1.27,<2' editables
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint unit smoke slow bounds lowest bench study-conae study-dlr study-drdc study-gains wheelhouse clean
+.PHONY: help demo test lint unit smoke slow bounds lowest bench study-conae study-dlr study-drdc study-gains trade wheelhouse clean
 
 help:
 	@sed -n 's/^# //p' Makefile | head -4
@@ -98,6 +98,16 @@ bench: $(VENV)/.installed-bench
 # A published study again, every campaign of its folder: an hour or so; killed, the same command goes on.
 study-conae study-dlr study-drdc study-gains: study-%: $(VENV)/.installed
 	@$(bin)/lvnav-trade study $* --keep reports/$* --jobs $(JOBS)
+
+# Searches over designs: their pages in reports/trade.
+trade: $(VENV)/.installed
+	@$(bin)/lvnav-trade solve campaigns/trade/heading_needed.yaml --out reports/trade/heading_needed --jobs $(JOBS)
+	@$(bin)/lvnav-trade indices campaigns/trade/sobol.yaml --out reports/trade/sobol --jobs $(JOBS)
+	@$(bin)/lvnav-trade tune campaigns/trade/tune.yaml --out reports/trade/tune --jobs $(JOBS)
+	$(call run,trade/find_imu)
+	$(call run,trade/bias_by_latency)
+	@$(bin)/lvnav-trade report results/find_imu --keep reports/trade/find_imu
+	@$(bin)/lvnav-trade report results/bias_by_latency --keep reports/trade/bias_by_latency
 
 wheelhouse: pyproject.toml | $(bin)/python
 	@$(pip) wheel --wheel-dir wheelhouse '.[test]' $(wheels_needed)

@@ -156,6 +156,8 @@ _EXAMPLES = {
     "m/s**2": "acceleration (m/s^2, g, mg, ug)",
     "Hz": "frequency (Hz)",
     "kg": "mass (kg, t)",
+    "W": "power (W)",
+    "m**3": "volume (l, m^3, cm^3)",
     "N": "force (N, kN)",
     "rad/s**0.5": "angle random walk (deg/sqrt(h), deg/h/sqrt(Hz))",
     "m/s**1.5": "velocity random walk (m/s/sqrt(h), ug/sqrt(Hz))",
@@ -300,6 +302,9 @@ SignedFraction = quantity("dimensionless")
 
 # These have no sign: a mass, the length of a pause, and every one-sigma.
 Mass = quantity("kg", minimum=0.0)
+Power = quantity("W", minimum=0.0)
+Volume = quantity("m**3", minimum=0.0)
+Hours = quantity("s", above=0.0)
 Area = quantity("m**2", minimum=0.0)
 Pause = quantity("s", minimum=0.0)
 LengthSigma = quantity("m", minimum=0.0)

@@ -32,6 +32,10 @@ def run(
     fresh: Annotated[bool, typer.Option("--fresh/--resume", help="begin again, or go on with what is there")] = False,
     fail_fast: Annotated[bool, typer.Option("--fail-fast", help="stop at the first failed run")] = False,
     report: Annotated[bool, typer.Option("--report/--no-report", help="build the report at the end")] = True,
+    prefer: Annotated[
+        list[str] | None,
+        typer.Option("--prefer", metavar="NAME", help="rank cases by cost, mass, power, volume or error; repeatable"),
+    ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="no progress")] = False,
     as_json: Json = False,
 ) -> Answer:
@@ -44,6 +48,7 @@ def run(
     from lvnav_trade.campaign.running.progress import choose
 
     loaded = load(campaign, sets or ())
+    _check_preferred(prefer or ())
     folder = out or Path("results") / loaded.name
     found: list[Any] = []
 
@@ -52,7 +57,33 @@ def run(
         if not as_json:
             _print_answers(answers, cases)
 
-    return _answer(api.run(loaded, (), folder, jobs, fresh, fail_fast, report, choose(quiet), show), found, report)
+    results = api.run(loaded, (), folder, jobs, fresh, fail_fast, report, choose(quiet), show)
+    answer = _answer(results, found, report)
+    return _with_ranking(answer, results, prefer) if prefer else answer
+
+
+def _check_preferred(prefer: Sequence[str]) -> None:
+    from lvnav_trade.campaign.syntax.tree import hint
+    from lvnav_trade.metrics.resources import PREFERRED
+
+    for name in prefer:
+        if name not in PREFERRED:
+            raise InputError(f"--prefer {name}: should be one of {', '.join(PREFERRED)}{hint(name, PREFERRED)}")
+
+
+def _with_ranking(answer: Answer, results: Any, prefer: Sequence[str]) -> Answer:
+    """Return an answer with the cases in the order that is preferred, those first that meet every requirement."""
+    from lvnav_trade.metrics.resources import ranked
+
+    frame = results.pareto
+    if frame.empty:
+        return answer._replace(text=f"{answer.text}\n--prefer: no card states resources, or there is no requirement")
+    order = ranked(frame, prefer)
+    shown = order[["case", "meets", "error_ratio", "binding", "cost", "mass_kg", "power_w", "volume_l", "front"]]
+    text = f"{answer.text}\n{table(list(shown.columns), list(shown.itertuples(index=False)))}"
+    return answer._replace(
+        text=text, content={**answer.content, "preferred": json.loads(order.to_json(orient="records"))}
+    )
 
 
 def _answer(results: Any, answers: Sequence[Any], report: bool) -> Answer:

@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from lvnav_trade.metrics import filter, inertial, integrity, protection, published, signals, vehicle
+from lvnav_trade.metrics import filter, inertial, integrity, protection, published, resources, signals, vehicle
 from lvnav_trade.metrics.basics.select import once
 from lvnav_trade.metrics.errors import covariances, rms
 from lvnav_trade.metrics.mission import impact, orbit
@@ -34,6 +34,7 @@ _NAMED: dict[Any, tuple[str, ...]] = {
     filter: ("consistency", "nees", "nis", "whiteness", "autocorrelation", "logic", "modes", "stops"),
     integrity: ("integrity",),
     signals: ("in_view", "outages", "tracking", "losses", "recovery", "transitions"),
+    resources: ("totals", "pareto"),
     along: ("curves", "crossings", "tornado"),
     confirmation: ("expected", "spot_check", "improvements"),
     margins: ("margins",),
@@ -55,5 +56,5 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
 CSV = (
     "rms", "agreement", "controlled", "references", "requirements", "budget", "expected", "spot_check", "sensitivity",
     "orbit", "correction", "impact", "corridor", "transitions", "logic", "integrity", "curves", "crossings", "tornado",
-    "motion", "nozzle", "turning", "allan", "protection", "exclusions",
+    "totals", "pareto", "motion", "nozzle", "turning", "allan", "protection", "exclusions",
 )  # fmt: skip

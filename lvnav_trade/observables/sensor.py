@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from lvnav_trade.records import Bools, Floats
+from lvnav_trade.resources import Resources
 from lvnav_trade.units import Card, Frequency, Pause
 from lvnav_trade.world.conditions import Conditions
 
@@ -132,6 +133,7 @@ class SensorCard(Conditions):
     source: str
     rate: Frequency | None = Field(None, description="of its measurements; none: at every update of the filter")
     latency: Pause = Field(0.0, description="from the time that a measurement is of to its arrival at the filter")
+    resources: Resources | None = Field(None, description="cost, mass, power, volume, reliability")
 
     def matched(self) -> SensorModel:
         """Return the filter model that takes every number from this card."""

@@ -56,3 +56,25 @@ def tornado(tables: Tables, requirement: str) -> Figure:
     ax.set(yticks=named_ticks([name.replace("_", " ") for name in frame.axis]), margin=0.25)
     ax.set(xlabel=f"{requirement} ({frame.unit.iloc[0]})")
     return figure
+
+
+@drawing
+def pareto(tables: Tables) -> Figure:
+    """Draw the error over its limit of every case over its cost, or its mass where no cost is stated; dominated ones
+    are grey, the line is the front.
+    """
+    frame = METRICS["pareto"](tables)
+    column, label = ("cost", "cost") if frame.cost.notna().all() else ("mass_kg", "mass (kg)")
+    figure, ax = panel(3.4)
+    front = frame[frame.front].sort_values(column)
+    ax.plot(front[column], front.error_ratio, ".", color=line_of(0)["color"], zorder=1)
+    for row in frame.itertuples():
+        colour = line_of(0)["color"] if row.front else GREY
+        x = float(getattr(row, column))
+        ax.plot(x, row.error_ratio, "o" if row.meets else "x", color=colour, ms=5)
+        ax.annotate(str(row.case), (x, row.error_ratio), (4, 3), textcoords="offset points", fontsize=7, color=colour)
+    ax.axhline(1.0, color=GREY, linestyle="--", linewidth=1.0)
+    scale_up(ax.xaxis, frame[column], from_zero=False)
+    scale_up(ax.yaxis, frame.error_ratio)
+    ax.set(xlabel=label, ylabel="largest error over its limit (-)")
+    return figure

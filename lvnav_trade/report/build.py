@@ -30,6 +30,7 @@ def _requirements(tables: Tables) -> list[Block]:
 SECTIONS: dict[str, tuple[str, Blocks]] = {
     "summary": ("Answer", summary),
     "requirements": ("Requirements", _requirements),
+    "pareto": ("Cost and performance", curves.pareto),
     "curves": ("Curves", curves.curves),
     "trajectory": ("Trajectory", evidence.trajectory),
     "envelopes": ("Errors", evidence.envelopes),
@@ -75,6 +76,8 @@ _WHERE_ANY = (
     "curves",
     "crossings",
     "tornado",
+    "totals",
+    "pareto",
 )
 """CSV tables that are written only where they have rows."""
 
@@ -124,9 +127,9 @@ def build(
     """
     tables = load(folder)
     made = make(tables, sections, step)
-    pages = {"report.html": _html_page(made.title, made.asked, made.sections)}
+    pages = {"report.html": html_page(made.title, made.asked, made.sections)}
     if brief:
-        pages["brief.html"] = _html_page(made.title, made.asked, _shortened(made.sections))
+        pages["brief.html"] = html_page(made.title, made.asked, _shortened(made.sections))
     owned(tables.folder, "results").publish("report", {**made.csv, **pictures(made.sections, figures), **pages})
     return tables.folder / ("brief.html" if brief else "report.html")
 
@@ -150,7 +153,8 @@ def _shortened(sections: Sequence[Section]) -> list[Section]:
     ]
 
 
-def _html_page(title: str, asked: str, sections: Sequence[Section]) -> str:
+def html_page(title: str, asked: str, sections: Sequence[Section]) -> str:
+    """Return the HTML page of a title, the question and sections, in one file."""
     style = source("page.css") + source("uplot/uPlot.min.css")
     script = "\n".join(source(name) for name in _SCRIPTS)
     allowed = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()

@@ -1,7 +1,9 @@
-"""Section on numeric axes: curves with their limits and crossings; tornado of axes that are varied alone."""
+"""Sections on choice: curves over numeric axes with crossings, tornado, cost against performance."""
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.report.blocks import Block, figure, stated
+from lvnav_trade.metrics.resources import ranked
+from lvnav_trade.report.blocks import Block, Text, figure, stated
+from lvnav_trade.report.escape import note
 from lvnav_trade.store.read import Tables
 
 
@@ -18,3 +20,16 @@ def curves(tables: Tables) -> list[Block]:
         drawn = figure(tables, "tornado", name, requirement=name)
         found.append(drawn._replace(name=f"tornado-{number}"))
     return found
+
+
+def pareto(tables: Tables) -> list[Block]:
+    """Return the cheapest case that meets everything, the cases with their totals, and the front."""
+    frame = METRICS["pareto"](tables)
+    if frame.empty:
+        return []
+    known = {"cost": "cost", "mass": "mass_kg"}
+    order = ranked(frame, [name for name, column in known.items() if frame[column].notna().all()])
+    best = order.iloc[0]
+    said = f"{best.case} (cost {best.cost:g}, {best.mass_kg:g} kg; error over limit {best.error_ratio:.2g})."
+    lead = "Cheapest that meets all requirements:" if best.meets else "No case meets all requirements. Cheapest:"
+    return [Text(said, lead), Text(note("pareto")), stated("pareto", order), figure(tables, "pareto")]

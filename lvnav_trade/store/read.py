@@ -34,9 +34,11 @@ class Tables:
         self._read: dict[str, pd.DataFrame] = {}
 
     @classmethod
-    def of(cls, tables: Mapping[str, pa.Table]) -> Tables:
-        """Return tables that are in memory, without a folder."""
+    def of(cls, tables: Mapping[str, pa.Table], campaign: Mapping[str, Any] | None = None) -> Tables:
+        """Return tables that are in memory, without a folder; campaign: the resolved one, where it is known."""
         found = cls(Path())
+        if campaign is not None:
+            found.__dict__["campaign"] = dict(campaign)
         found._read = {name: table.to_pandas() for name, table in tables.items()}
         return found
 

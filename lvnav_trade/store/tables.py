@@ -72,6 +72,22 @@ def starts_table(case_id: str, starts: StartDraws | None) -> dict[str, pa.Table]
     return {"starts": _arrow("starts", case_id, start_columns(starts))}
 
 
+def covariance_tables(case: CaseInfo, prepared: Prepared, cov: CovHistory) -> dict[str, pa.Table]:
+    """Return the tables that linear covariance's statement on a requirement rests on, without those of the flight."""
+    contents: dict[str, Any] = {
+        "cases": _cases(case, prepared, None),
+        "outputs": _outputs(prepared.outputs),
+        "history": _history(prepared.outputs, cov, None),
+        "innovations": _innovations(cov, None),
+        "worst": {},
+        "events": event_rows(prepared),
+        "consistency": _consistency(prepared, cov, None),
+        **state_columns(prepared, cov),
+        **explained_rows(prepared, cov, None),
+    }
+    return {name: _arrow(name, case.id, content) for name, content in contents.items()}
+
+
 def requirement_tables(case_id: str, prepared: Prepared, cov: CovHistory, summary: BlockSummary) -> dict[str, pa.Table]:
     """Return the tables that requirements are tested on, of some runs of a case."""
     contents: dict[str, Any] = {

@@ -17,6 +17,7 @@ from lvnav_trade.campaign.syntax import fields
 from lvnav_trade.campaign.syntax.tree import is_index
 from lvnav_trade.input_files import read_bytes
 from lvnav_trade.limits import DATA_BYTES
+from lvnav_trade.resources import Resources
 from lvnav_trade.scenario import Scenario
 
 RESULTS_VERSION = 1  # raised when the same scenario and seed no longer give the same numbers
@@ -220,7 +221,9 @@ def _canonical(model: BaseModel) -> dict[str, Any]:
     data = model.model_dump(mode="json")
     for name in type(model).model_fields:
         value = getattr(model, name)
-        if isinstance(value, BaseModel):
+        if isinstance(value, Resources) or (name == "resources" and value is None):
+            data.pop(name)
+        elif isinstance(value, BaseModel):
             data[name] = _canonical(value)
         elif isinstance(value, tuple) and value and isinstance(value[0], BaseModel):
             data[name] = [_canonical(item) for item in value]

@@ -18,6 +18,7 @@ from lvnav_trade.campaign.definition.published import (
     place,
     unit_of,
 )
+from lvnav_trade.campaign.definition.searches import Indices, Solve, Tune
 from lvnav_trade.campaign.syntax.tree import Written, hint
 from lvnav_trade.errors import InputError, quoted
 from lvnav_trade.layout import BACKUP, LEVELS, MISSION
@@ -301,6 +302,9 @@ class Campaign(units.Card):
     corridor: Corridor | None = Field(None, description="where the point of impact must stay")
     report: Report = Report()
     compare: Compare = Compare()
+    solve: Solve | None = Field(None, description="an inverse question, which lvnav-trade solve answers")
+    indices: Indices | None = Field(None, description="global sensitivity, which lvnav-trade indices computes")
+    tune: Tune | None = Field(None, description="a filter's tuning, which lvnav-trade tune finds")
     _written: Written = PrivateAttr(default_factory=Written)
 
     @property

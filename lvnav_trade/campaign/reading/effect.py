@@ -13,7 +13,7 @@ from lvnav_trade.engines.analysis.effect import Used
 from lvnav_trade.errors import Mistake, quoted
 from lvnav_trade.scenario import Scenario
 
-_DESCRIPTIONS = ("kind", "name", "source")
+_DESCRIPTIONS = ("kind", "name", "source", "resources")
 # States that no measurement touches are refused in a card too: whoever names the filter wants to estimate them.
 _OF_FILTERS = re.compile(r"filter\.(extra_states|consider|as_noise)\.\d+")
 # Every case has one of these, so that a whole one has an effect wherever it stands.

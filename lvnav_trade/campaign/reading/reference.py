@@ -16,7 +16,7 @@ _PLAIN = {str: "text", int: "whole number", float: "number", bool: "true or fals
 # What a campaign is made of is written out; anything else may be a card.
 _WRITTEN_OUT = (
     "MonteCarlo", "Axis", "Published", "Ordering", "Innovations", "Statement", "Term", "Covariance", "Keep", "Report",
-    "Compare",
+    "Compare", "Solve", "Vary", "Indices", "Tune", "Variable",
 )  # fmt: skip
 _CARD = {"type": "string", "description": "name or path of a card, such as imu/tactical_fog"}
 

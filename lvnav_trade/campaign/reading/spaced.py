@@ -72,7 +72,7 @@ def _written(axis: Node, index: int) -> Node:
                 parts = tree.plain(stated)
                 if not isinstance(parts, list) or len(parts) != 3:
                     raise ValueError(f"should be [first, last, {'step' if key == 'range' else 'count'}]")
-                ends = _ends(parts[:2])
+                ends = ends_of(parts[:2])
                 values = make(parts, ends)
             except ValueError as error:
                 raise refuse(stated.place, path, str(error)) from None
@@ -91,7 +91,7 @@ def _with_values(axis: Node, key: str, values: Sequence[Any]) -> Node:
     return tree.with_child(left, "values", held, place)
 
 
-def _ends(parts: Sequence[Any]) -> Ends:
+def ends_of(parts: Sequence[Any]) -> Ends:
     """Return both ends; ValueError where they are no two numbers, or quantities in one unit."""
     found = [_QUANTITY.fullmatch(str(one)) if not isinstance(one, bool) else None for one in parts]
     first, last = found[0], found[1]
@@ -196,7 +196,7 @@ def _drawn(axis: Node, index: int, part: Floats) -> Node:
             limits = tree.plain(stated)
             if not isinstance(limits, list) or len(limits) != 2:
                 raise ValueError("should be [least, largest]")
-            ends = _ends(limits)._replace(whole=False)
+            ends = ends_of(limits)._replace(whole=False)
             values = _between(part, ends, bool(log is not None and log.value))
         except ValueError as error:
             raise refuse(stated.place, f"axes.{index}.between", str(error)) from None

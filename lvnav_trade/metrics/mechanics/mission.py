@@ -23,6 +23,7 @@ from lvnav_trade.store.read import Tables
 # Steps of the central differences, m/s and m: their second order is 1e-6 of the first, round-off less.
 STEP = np.array([1e-2] * 3 + [10.0] * 3)
 DRAWS = 2**11
+QUANTILE_DRAWS = 2**15  # of a quantile of a requirement: 88 of them lie beyond 99.73 %
 _LEAST_SIGMAS = 3.0
 
 
@@ -210,6 +211,23 @@ def applies(state: State, metric: str, covariance: Floats) -> str:
     if metric == "correction_delta_v":
         return "a sum of impulses is no linear function of the error"
     return "" if np.isfinite(jacobian(state, metric)).all() else "not defined there"
+
+
+def drawn_at(tables: Tables, case: str, event: str, metric: str) -> Floats | None:
+    """Return the sizes (n,) of perigee, apogee or eccentricity errors, growing, of draws of linear covariance's
+    Gaussian of velocity and position through the map itself, SI.
+
+    They stand where `near_circular` says that the first order does not. None for other metrics, where the state at the
+    event is not stored, and for an orbit that is not closed.
+    """
+    state = state_at(tables, case, event)
+    if state is None or metric not in ("perigee_error", "apogee_error", "eccentricity_error"):
+        return None
+    law = law_at(tables, case, event)
+    if not np.isfinite(jacobian(state, "eccentricity_vector_error")).all():
+        return None
+    size = np.sort(np.abs(orbit_errors(state, draws(law.mean, law.true, QUANTILE_DRAWS))[metric][:, 0]))
+    return size if np.isfinite(size).all() else None
 
 
 def expected_at(tables: Tables, case: str, event: str, metric: str) -> tuple[Floats, Floats] | str | None:

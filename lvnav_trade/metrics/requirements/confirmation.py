@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 from scipy.stats import binom, ncx2
 
-from lvnav_trade.metrics.basics.probability import norm_quantile
 from lvnav_trade.metrics.basics.select import NAVIGATION, errors_at, history_of, once, pick
 from lvnav_trade.metrics.errors.covariances import why_not_applicable
 from lvnav_trade.metrics.requirements import improvements as by_covariance
@@ -73,7 +72,7 @@ def _tails(flown: Tables, case: str) -> list[tuple[Any, ...]]:
         runs = None if requirement.get("during") else errors_at(flown, case, event, str(requirement["metric"]))
         if isinstance(law, str) or runs is None or not runs.size.size:
             continue
-        n, limit = runs.size.size, norm_quantile(law.law.mean, law.law.covariance, 1.0 - TAIL)
+        n, limit = runs.size.size, law.quantile(1.0 - TAIL)
         beyond = int((runs.size > limit).sum())
         name = f"{requirement['name']}, runs beyond the 99.9 % quantile"
         t = float(pick(flown.runs, case=case, event=event).t_s.iloc[0])

@@ -12,8 +12,9 @@ from lvnav_trade.layout import LEVELS, MISSION, split_metric
 from lvnav_trade.metrics.basics.probability import norm_probability, norm_quantile
 from lvnav_trade.metrics.basics.select import flight_events, history_of, number_in, pick, rows_between
 from lvnav_trade.metrics.errors.covariances import Gaussian, gaussian, why_not_applicable
-from lvnav_trade.metrics.mechanics.mission import expected_at
+from lvnav_trade.metrics.mechanics.mission import drawn_at, expected_at
 from lvnav_trade.metrics.requirements.requirements import phase_of, verdicts, where
+from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
 
 UNKNOWN = "linear covariance does not hold this error there"
@@ -30,7 +31,8 @@ class Asked(NamedTuple):
     """A requirement in one case: the metric's Gaussian, bound (SI), probability, unit for people and its factor.
 
     moment: where the Gaussian is that of; above_only: it is that of the worst moment of a phase, so that the
-    probability that it keeps the bound is no less than that of the whole phase.
+    probability that it keeps the bound is no less than that of the whole phase; drawn: sizes (n,), growing, of a metric
+    that is no Gaussian (an orbit that is circular to within its errors), which then stand for it.
     """
 
     law: Gaussian
@@ -40,9 +42,18 @@ class Asked(NamedTuple):
     factor: float
     moment: str
     above_only: bool = False
+    drawn: Floats | None = None
+
+    def quantile(self, probability: float) -> float:
+        """Return the size (SI) that the metric stays below with a probability."""
+        if self.drawn is not None:
+            return float(np.quantile(self.drawn, probability))
+        return norm_quantile(self.law.mean, self.law.covariance, probability)
 
     def kept(self, sources: tuple[str, ...] = (), factor: float = 1.0) -> float:
         """Return the probability that the bound holds with the sigmas of sources multiplied, gains frozen."""
+        if self.drawn is not None:
+            return float(np.searchsorted(self.drawn, self.bound) / self.drawn.size)
         part = np.sum([self.law.sources[name] for name in sources], axis=0)
         return norm_probability(self.law.mean, self.law.covariance + (factor**2 - 1.0) * part, self.bound)
 
@@ -56,9 +67,14 @@ def asked(tables: Tables, requirement: Mapping[str, Any], case: str) -> Asked | 
         return "a protection level is the same in every run"
     if metric in MISSION:
         found = expected_at(tables, case, at, metric)
+        _, _, si, unit, factor = MISSION[metric]
         if not isinstance(found, tuple):
-            return found or UNKNOWN
-        law, (_, _, si, unit, factor) = Gaussian(*found, {}), MISSION[metric]
+            drawn = drawn_at(tables, case, at, metric)
+            if drawn is None:
+                return found or UNKNOWN
+            none, bound = Gaussian(np.empty(0), np.empty((0, 0)), {}), number_in(requirement["below"], si)
+            return Asked(none, bound, float(requirement["probability"]), unit, float(factor), at, drawn=drawn)
+        law = Gaussian(*found, {})
     elif (quantity, axis) in tables.people:
         unit, factor = tables.people[quantity, axis]
         si = str(pick(tables.outputs, quantity=quantity, axis=axis).unit.iloc[0])
@@ -114,7 +130,7 @@ def _expected(tables: Tables, requirement: Mapping[str, Any], case: str, found: 
     row["probability"] = float(requirement["probability"])
     if isinstance(found, str):
         return row | {"verdict": "not applicable", "reason": found}
-    limit = norm_quantile(found.law.mean, found.law.covariance, found.probability)
+    limit = found.quantile(found.probability)
     why_not, kept = why_not_applicable(tables, case), found.kept()
     verdict, reason = ("met" if kept >= found.probability else "violated"), why_not
     if found.above_only:

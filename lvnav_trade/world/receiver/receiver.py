@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from lvnav_trade import units
 from lvnav_trade.kernels.media.ionosphere import L1, L2, L5, free_combination
 from lvnav_trade.noise import NoiseBy
+from lvnav_trade.resources import Resources
 from lvnav_trade.world.receiver.link import AntennaCard, LinkCard
 from lvnav_trade.world.receiver.loops import LoopsCard
 from lvnav_trade.world.receiver.slips import CycleSlipCard
@@ -204,6 +205,7 @@ class ReceiverCard(units.NamedCard):
     """
 
     rate: units.Frequency = Field(1.0, description="of its measurements; a filter uses all of them or every n-th")
+    resources: Resources | None = Field(None, description="cost, mass, power, volume, reliability")
     latency: units.Pause = Field(
         0.0, description="age of a measurement when the filter takes it for present; not compensated"
     )

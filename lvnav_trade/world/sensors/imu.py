@@ -9,6 +9,7 @@ from pydantic import Field
 from lvnav_trade import units
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OTHER_0, OWN_0, OWN_1, SQUARE
 from lvnav_trade.records import Floats
+from lvnav_trade.resources import Resources
 from lvnav_trade.units import Card
 from lvnav_trade.world.sensors.allan import Process, fit_floor
 
@@ -152,6 +153,7 @@ class ImuCard(Card):
     process_rate: units.Frequency = Field(10.0, description="how often time-varying errors take a step")
     gyro: GyroCard
     accel: AccelCard
+    resources: Resources | None = Field(None, description="cost, mass, power, volume, reliability")
 
 
 class ErrorBlock(NamedTuple):

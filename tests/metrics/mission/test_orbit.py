@@ -8,11 +8,15 @@ import pytest
 from lvnav_trade.frames import state_from_elements
 from lvnav_trade.kernels.earth import SEMI_MAJOR
 from lvnav_trade.metrics import METRICS
+from lvnav_trade.metrics.basics.probability import norm_quantile
 from lvnav_trade.metrics.basics.select import errors_at
 from lvnav_trade.metrics.mechanics import meanorbit
+from lvnav_trade.metrics.mechanics.mission import drawn_at, expected_at
 from lvnav_trade.metrics.mission.orbit import QUANTITIES, orbital_states
 from lvnav_trade.store.read import load
 from tests import mission as flights
+from tests import synthetic
+from tests.mission import CASE
 
 
 @pytest.fixture(scope="module")
@@ -95,3 +99,32 @@ def test_the_parts_stand_beside_the_whole(reported):
 
 def test_a_flight_that_falls_back_has_no_correction(good):
     assert METRICS["correction"](good).empty
+
+
+ROUND = """\
+requirements:
+  - {{name: perigee, metric: perigee_error, at: injection, probability: {p}, below: {below} km, confidence: 0.9}}
+"""
+
+
+def test_the_perigee_of_a_circular_orbit_gets_a_verdict_by_draws_and_runs_agree(tmp_path):
+    """The quantile is that of the runs' own Gaussian through the map: both engines say the same of |perigee error|."""
+    head = synthetic.CAMPAIGN.partition("requirements:")[0]
+    campaign = head + ROUND.format(p=0.9, below=1.0)
+    tables = load(flights.results(tmp_path, flights.CIRCULAR, n_run=400, factor=40.0, campaign=campaign))
+    assert at_injection(tables).loc["perigee height", "remark"] != ""
+    row = METRICS["expected"](tables).iloc[0]
+    assert row.verdict in ("met", "violated")
+    runs = METRICS["requirements"](tables).iloc[0]
+    assert row.estimate == pytest.approx(runs.estimate, rel=0.1)
+    part = 1.0 - runs.failures / runs.runs
+    assert row.expected_probability == pytest.approx(part, abs=3.0 * np.sqrt(part * (1.0 - part) / 400) + 1e-3)
+
+
+def test_far_from_circular_draws_give_the_quantile_of_the_first_order(reached):
+    """Where the perigee is linear in the error, the draws reproduce the Gaussian quantile."""
+    drawn = drawn_at(reached, CASE, "injection", "perigee_error")
+    mean, covariance = expected_at(reached, CASE, "injection", "perigee_error")
+    for probability in (0.9, 0.9973):
+        assert np.quantile(drawn, probability) == pytest.approx(norm_quantile(mean, covariance, probability), rel=0.02)
+    assert drawn_at(reached, CASE, "injection", "correction_delta_v") is None

@@ -1,0 +1,65 @@
+"""What a campaign may ask to be searched: an inverse question (solve), sensitivity indices, a filter's tuning."""
+
+from collections.abc import Iterator
+from typing import Any, Literal
+
+from pydantic import Field
+
+from lvnav_trade import units
+
+
+class Vary(units.Card):
+    """A field of the base that is searched over: between two values, or over a list."""
+
+    path: str = Field(description="field of the base scenario, dotted: initial.heading, imu.gyro.bias_repeatability")
+    between: tuple[Any, Any] | None = Field(None, description="[least, largest], numbers or quantities in one unit")
+    values: tuple[Any, ...] | None = Field(None, description="or numbers or quantities in one unit, growing")
+    log: bool = Field(False, description="searched in the logarithm")
+    points: int = Field(9, ge=3, le=100, description="of the first look, between which crossings are searched")
+
+    def _faults(self) -> Iterator[str]:
+        if (self.between is None) == (self.values is None):
+            yield "vary has either between or values"
+        if self.values is not None and (self.log or len(self.values) < 2):
+            yield "values are two or more, and have no log"
+
+
+class Solve(units.Card):
+    """The largest value of one field that still meets the requirements; of two, along the second."""
+
+    vary: tuple[Vary, ...] = Field(min_length=1, max_length=2)
+    meet: tuple[str, ...] = Field((), description="names of the requirements; all if absent")
+    margin: float = Field(0.1, gt=0, lt=1, description="how far beside the answer runs are flown")
+
+
+class Indices(units.Card):
+    """Global sensitivity of one requirement's error to the sigmas of the largest error sources."""
+
+    requirement: str = Field("", description="whose error is looked at; the first if absent")
+    sources: int = Field(10, ge=2, le=20, description="so many of the largest sources of the error budget")
+    factor: float = Field(2.0, gt=1, description="each sigma is times 1/factor to factor, even in the logarithm")
+    samples: int = Field(256, ge=16, le=4096, description="linear covariances with the filter re-tuned")
+
+
+class Variable(units.Card):
+    """A field of the filter that is tuned between two values, in the logarithm."""
+
+    path: str = Field(
+        description="field of the filter: filter.attitude_noise, filter.gate, filter.receiver.pseudorange_sigma"
+    )
+    between: tuple[Any, Any]
+
+
+class Tune(units.Card):
+    """A filter card whose numbers make an error small, over several cases at once."""
+
+    variables: tuple[Variable, ...] = Field(min_length=1, max_length=8)
+    requirement: str = Field("", description="whose error is made small; the first if absent")
+    over: Literal["worst", "mean"] = Field(
+        "worst", description="of the cases: the largest error over its limit, or the mean"
+    )
+    nees: tuple[float, float] | None = Field(
+        None, description="bounds of the expected normalised error squared at the requirement's event, per state"
+    )
+    hold_out: tuple[str, ...] = Field((), description="labels of cases that are left out, and validate")
+    evaluations: int = Field(120, ge=10, le=2000, description="at most so many looks at all cases")

@@ -1,0 +1,1 @@
+"""Searches over designs by linear covariance: inverse questions, sensitivity, tuning. Read `point.py` first."""

@@ -1,0 +1,143 @@
+"""Global sensitivity of an error to the sigmas of its sources: frozen in closed form, re-tuned by polynomials."""
+
+import time
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.polynomial import legendre
+
+from lvnav_trade.campaign.definition.axes import Case, cases
+from lvnav_trade.campaign.definition.schema import Campaign, Requirement
+from lvnav_trade.campaign.definition.searches import Indices
+from lvnav_trade.campaign.reading.spaced import points
+from lvnav_trade.campaign.running.execute import each
+from lvnav_trade.engines.analysis.explain import flown_events, scaled
+from lvnav_trade.engines.lincov.history import covariance
+from lvnav_trade.engines.setup.prepare import Prepared, prepare
+from lvnav_trade.errors import InputError, quoted
+from lvnav_trade.layout import split_metric
+from lvnav_trade.records import CovHistory, Floats
+from lvnav_trade.scenario import Scenario
+
+COLUMNS = [
+    "source", "share_ratio", "local", "frozen_first", "frozen_total", "retuned_first", "retuned_first_half_width",
+    "retuned_total", "retuned_total_half_width",
+]  # fmt: skip
+DEGREE = 3
+RESAMPLED = 300
+
+
+class Indexed(NamedTuple):
+    """Indices of the largest sources (`COLUMNS`), the case and error that they are of, the part of the mean square
+    that these sources make, how well the polynomial predicts left-out designs (1: exactly), designs, and seconds.
+    """
+
+    frame: pd.DataFrame
+    case: str
+    error: str
+    covered: float
+    predicted: float
+    samples: int
+    seconds: float
+
+
+def indices(campaign: Campaign, asked: Indices, jobs: int = 1) -> Indexed:
+    """Return the sensitivity indices of the mean square of a requirement's error in the first case of a campaign.
+
+    The sigma of each source is times f, log f even between -log F and log F. Frozen: the mean square is c + sum s_k
+    f_k^2 (s_k by the budget), so first-order and total index are both s_k^2 / sum s_j^2. Re-tuned: linear covariance of
+    `samples` designs (Sobol's points), in each of which a `matched` filter follows; indices are those of the Legendre
+    polynomials fitted to it (Sudret, Global sensitivity analysis using polynomial chaos expansions, 2008), half-widths
+    the 95 % of `RESAMPLED` fits to resampled designs. local: derivative of log RMS by log sigma, gains frozen.
+    """
+    begun = time.monotonic()
+    requirement = _requirement(campaign, asked.requirement)
+    case = cases(campaign)[0]
+    prepared = prepare(case.scenario, campaign.keep.history)
+    history = covariance(prepared)
+    at, columns = _place(prepared, history, requirement, case)
+    by_source = history.budget[at][:, columns].sum(axis=1)
+    total = float(by_source.sum() + np.sum(history.mean[at, columns] ** 2))
+    able = [k for k in np.argsort(-by_source) if _is_scaled(case.scenario, history.sources[k])][: asked.sources]
+    sources, s = [history.sources[k] for k in able], by_source[able]
+    d = len(sources)
+    if asked.samples < 2 * (terms := len(basis(d))):
+        raise InputError(f"indices.samples: {asked.samples} are too few for {terms} polynomials; give {2 * terms}")
+    u = 2.0 * points("sobol", d, 1 << (asked.samples - 1).bit_length(), campaign.seed)[: asked.samples] - 1.0
+    units = [(case.scenario, sources, asked.factor**one, float(history.t[at]), columns) for one in u]
+    value = np.array(list(each(jobs, mean_square, units, ordered=True)))
+    first, whole, predicted = chaos(u, value)
+    rng = np.random.default_rng(campaign.seed)
+    again = [chaos(u[pick], value[pick])[:2] for pick in rng.integers(0, len(u), (RESAMPLED, len(u)))]
+    widths = [
+        0.5 * np.ptp(np.quantile([one[order] for one in again], (0.025, 0.975), axis=0), axis=0) for order in (0, 1)
+    ]
+    frozen = s**2 / np.sum(s**2)
+    rows = zip(sources, s / total, s / total, frozen, frozen, first, widths[0], whole, widths[1], strict=True)
+    return Indexed(
+        pd.DataFrame(list(rows), columns=COLUMNS), case.label, f"{requirement.metric} at {requirement.at}",
+        float(s.sum() / total), predicted, asked.samples, time.monotonic() - begun,
+    )  # fmt: skip
+
+
+def _requirement(campaign: Campaign, name: str) -> Requirement:
+    found = [one for one in campaign.requirements if not name or one.name == name]
+    if not found or found[0].during is not None or "_error_" not in found[0].metric:
+        raise InputError(
+            f"indices.requirement: no requirement {quoted(name)} on an error of the navigation at an event"
+        )
+    return found[0]
+
+
+def _place(prepared: Prepared, history: CovHistory, asked: Requirement, case: Case) -> tuple[int, list[int]]:
+    """Return the history time and the columns of a requirement's error."""
+    quantity, axis = split_metric(asked.metric)
+    events = flown_events(prepared)
+    columns = [k for k, one in enumerate(prepared.outputs) if one.quantity == quantity and axis in ("3d", one.axis)]
+    if asked.at not in events or not columns:
+        raise InputError(f"{case.label}: linear covariance does not hold {asked.metric} at {asked.at}")
+    return int(np.argmin(np.abs(history.t - events[str(asked.at)]))), columns
+
+
+def _is_scaled(scenario: Scenario, source: str) -> bool:
+    return scaled(scenario, source, 2.0) != scenario
+
+
+def mean_square(scenario: Scenario, sources: list[str], factors: Floats, t: float, columns: list[int]) -> float:
+    """Return the true mean square of an error at a time, with the sigma of each source times a factor."""
+    for source, factor in zip(sources, factors, strict=True):
+        scenario = scaled(scenario, source, float(factor))
+    history = covariance(prepare(scenario))
+    at = int(np.argmin(np.abs(history.t - t)))
+    return float(np.sum(history.true_sigma[at, columns] ** 2 + history.mean[at, columns] ** 2))
+
+
+def basis(d: int) -> list[tuple[tuple[int, int], ...]]:
+    """Return the polynomials of `chaos`, each as (variable, degree): single ones to `DEGREE`, products of two lines."""
+    single = [((k, degree),) for k in range(d) for degree in range(1, DEGREE + 1)]
+    return [(), *single, *(((i, 1), (j, 1)) for i, j in combinations(range(d), 2))]
+
+
+def chaos(u: Floats, value: Floats) -> tuple[Floats, Floats, float]:
+    """Return first-order and total indices (d,) of values (n,) at points (n, d) even in [-1, 1], by least squares on
+    normalised Legendre polynomials, and 1 - (mean squared error of leaving one out) / variance.
+    """
+    d, terms = u.shape[1], basis(u.shape[1])
+    single = {
+        degree: np.sqrt(2 * degree + 1) * legendre.legval(u, [0.0] * degree + [1.0]) for degree in range(1, DEGREE + 1)
+    }
+    design = np.column_stack([np.prod([single[g][:, k] for k, g in term], axis=0) * np.ones(len(u)) for term in terms])
+    q, _ = np.linalg.qr(design)
+    coefficient: Any = np.linalg.lstsq(design, value, rcond=None)[0]
+    leverage = np.minimum(np.sum(q**2, axis=1), 1.0 - 1e-9)
+    left_out = (value - design @ coefficient) / (1.0 - leverage)
+    part = coefficient**2
+    variance = float(part[1:].sum())
+    first, whole = np.zeros(d), np.zeros(d)
+    for term, size in zip(terms, part, strict=True):
+        for k, _ in term:
+            whole[k] += size
+            first[k] += size if len(term) == 1 else 0.0
+    return first / variance, whole / variance, float(1.0 - np.mean(left_out**2) / np.var(value))

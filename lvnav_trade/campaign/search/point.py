@@ -1,0 +1,146 @@
+"""One design looked at by linear covariance: its requirements' errors over their limits, and the same by runs."""
+
+from collections.abc import Mapping, Sequence
+from functools import reduce
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from lvnav_trade.campaign.definition.axes import get, put
+from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.running import stopping, work
+from lvnav_trade.engines.analysis.explain import flown_events
+from lvnav_trade.engines.lincov.history import covariance
+from lvnav_trade.engines.setup.prepare import prepare
+from lvnav_trade.engines.simulate.statistics import summarise
+from lvnav_trade.errors import InputError
+from lvnav_trade.filters.base import FilterCard, ReceiverModel
+from lvnav_trade.metrics.basics.probability import success_verdict
+from lvnav_trade.metrics.requirements.improvements import asked
+from lvnav_trade.records import CovHistory
+from lvnav_trade.scenario import Scenario, filter_models, sensor_model, sensors_used, solves
+from lvnav_trade.store.read import Tables
+from lvnav_trade.store.tables import CaseInfo, covariance_tables
+from lvnav_trade.units import registry
+
+_NAME = CaseInfo("0" * 12, "searched", {})
+RETUNED, FROZEN = "re-tuned", "frozen"
+
+
+class Looked(NamedTuple):
+    """What linear covariance says of a requirement: the error that the asked fraction of flights stays below and its
+    limit (in `unit`), the probability that the limit is kept. why: why it says nothing; the numbers are NaN then.
+    """
+
+    estimate: float
+    limit: float
+    probability: float
+    unit: str
+    why: str = ""
+
+    @property
+    def ratio(self) -> float:
+        """The estimate over the limit: at most 1 where the requirement is met."""
+        return self.estimate / self.limit
+
+
+def look(campaign: Campaign, scenario: Scenario, names: Sequence[str] = ()) -> dict[str, Looked]:
+    """Return what linear covariance says of the requirements of a campaign (those named, or all) in a scenario."""
+    return looked(campaign, scenario, names)[0]
+
+
+def looked(
+    campaign: Campaign, scenario: Scenario, names: Sequence[str] = ()
+) -> tuple[dict[str, Looked], CovHistory, int]:
+    """Return the same, the linear covariance behind it, and the degrees of freedom of its NEES."""
+    prepared = prepare(scenario, campaign.keep.history)
+    history = covariance(prepared)
+    tables = Tables.of(covariance_tables(_NAME, prepared, history), {"covariance": {}})
+    found = {}
+    for one in campaign.requirements:
+        if names and one.name not in names:
+            continue
+        law = asked(tables, one.model_dump(mode="json"), _NAME.id)
+        if isinstance(law, str):
+            found[one.name] = Looked(np.nan, np.nan, np.nan, "", law)
+        else:
+            sizes = (law.quantile(law.probability) * law.factor, law.bound * law.factor)
+            found[one.name] = Looked(*sizes, law.kept(), law.unit)
+    return found, history, int(tables.consistency.nees_dof_count.iloc[0])
+
+
+def changed(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
+    """Return a scenario with other values at dotted paths, as a campaign states them; InputError where it cannot be."""
+    data = scenario.model_dump(mode="json")
+    try:
+        return Scenario.model_validate(
+            reduce(lambda now, item: put(now, item[0].removeprefix("base.").split("."), item[1]), values.items(), data)
+        )
+    except (ValueError, IndexError) as error:
+        wanted = ", ".join(f"{path}={value}" for path, value in values.items())
+        raise InputError(f"{wanted}: {str(error).splitlines()[0]}") from None
+
+
+def number_at(scenario: Scenario, path: str, unit: str) -> float:
+    """Return the number at a dotted path of a scenario, in a unit; NaN where there is none."""
+    value = get(scenario.model_dump(mode="json"), path.removeprefix("base.").split("."))
+    if value is None or isinstance(value, bool | dict | list):
+        return float("nan")
+    number, _, spelled = str(value).partition(" ")
+    try:
+        found = float(number)
+        return float(registry().Quantity(found, spelled).to(unit).magnitude) if spelled and unit else found
+    except Exception:
+        return float("nan")
+
+
+def frozen(start: Scenario) -> FilterCard:
+    """Return the filter of a scenario with its models as numbers: what was `matched` no longer follows the truth.
+
+    With the same measurements and rates it has the gains of that scenario. A receiver that solves for itself still
+    reports the covariance of its solutions.
+    """
+    imu, receiver, initial = filter_models(start)
+    update: dict[str, Any] = {"imu": imu, "initial": initial}
+    if isinstance(start.filter.receiver, str) and not solves(start):
+        known = {name: getattr(receiver, name) for name in ReceiverModel.model_fields}
+        update["receiver"] = ReceiverModel.model_construct(**known)
+    models = {card.measurement: sensor_model(start, card) for card in sensors_used(start).values()}
+    update["sensor_models"] = start.filter.sensor_models.model_copy(update=models)
+    return start.filter.model_copy(update=update)
+
+
+class Flown(NamedTuple):
+    """Runs beyond a requirement's limit, runs, the verdict of these, and the part that linear covariance expects."""
+
+    beyond: int
+    runs: int
+    verdict: str
+    expected: float
+
+
+def fly(campaign: Campaign, scenario: Scenario, runs: int) -> dict[str, Flown]:
+    """Return what runs say of the requirements in a scenario, beside linear covariance."""
+    prepared = prepare(scenario, campaign.keep.history)
+    history = covariance(prepared)
+    stated = [one.model_dump(mode="json") for one in campaign.requirements]
+    size = campaign.monte_carlo.block if campaign.monte_carlo else 40
+    events = flown_events(prepared)
+    counts = np.zeros(len(stated), dtype=int)
+    for first in range(0, runs, size):
+        block = work.ENGINE.run_block(prepared, campaign.seed, first, min(size, runs - first))
+        summary = summarise(block, events, history.true_sigma, prepared.outputs)
+        counts += [one or 0 for one in stopping.beyond(stated, _NAME.id, prepared, history, summary)]
+    expected = look(campaign, scenario)
+    return {
+        one.name: Flown(
+            int(count), runs, success_verdict(runs, int(count), one.probability, one.confidence),
+            1.0 - expected[one.name].probability,
+        )
+        for one, count in zip(campaign.requirements, counts, strict=True)
+    }  # fmt: skip
+
+
+def with_filter(scenario: Scenario, card: FilterCard) -> Scenario:
+    """Return a scenario with a filter of which some models are numbers that no card states."""
+    return scenario.model_copy(update={"filter": card})

@@ -1,0 +1,78 @@
+"""Verbs that search designs by linear covariance: solve, indices, tune."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lvnav_trade.campaign.text import table
+from lvnav_trade.cli.console import Answer, CampaignFile, Jobs, Sets, verb
+
+Page = Annotated[Path | None, typer.Option("--out", "-o", metavar="FOLDER", help="folder of the page and its tables")]
+
+
+@verb()
+def solve(
+    campaign: CampaignFile,
+    sets: Sets = None,
+    vary: Annotated[
+        list[str] | None,
+        typer.Option("--vary", metavar="PATH=LEAST:LARGEST", help="field that is searched; twice: a boundary"),
+    ] = None,
+    log: Annotated[bool, typer.Option("--log", help="search in the logarithm")] = False,
+    meet: Annotated[
+        list[str] | None, typer.Option("--meet", metavar="REQUIREMENT", help="only these requirements [all]")
+    ] = None,
+    out: Page = None,
+    jobs: Jobs = -1,
+) -> Answer:
+    """Find the largest value of a field that meets the requirements.
+
+    By linear covariance, with the filter re-tuned and frozen; runs on both sides of the answer confirm it. What is
+    varied stands in the campaign (solve: ...) unless --vary states it.
+    """
+    from lvnav_trade import searches
+
+    found, page = searches.solve(campaign, sets or (), vary or (), log, meet or (), out, jobs)
+    shown = found.answers.drop(columns=["evaluations", "base_value"])
+    lines = [table(list(shown.columns), list(shown.itertuples(index=False)))]
+    if len(found.confirmed):
+        lines += ["", table(list(found.confirmed.columns), list(found.confirmed.itertuples(index=False)))]
+    lines += [f"{found.seconds:.0f} s", f"report: {page}"]
+    content = {"answers": found.answers.to_dict("records"), "confirmed": found.confirmed.to_dict("records")}
+    return Answer("\n".join(lines), {**content, "seconds": found.seconds, "report": str(page)})
+
+
+@verb()
+def indices(campaign: CampaignFile, sets: Sets = None, out: Page = None, jobs: Jobs = -1) -> Answer:
+    """Compute global sensitivity to the sigmas of error sources.
+
+    Of the block indices of a campaign: frozen in closed form, re-tuned by polynomials fitted to linear covariances.
+    """
+    from lvnav_trade import searches
+
+    found, page = searches.indices(campaign, sets or (), out, jobs)
+    lines = [table(list(found.frame.columns), list(found.frame.itertuples(index=False)))]
+    lines += [f"{found.samples} designs, {found.seconds:.0f} s", f"report: {page}"]
+    content = {"case": found.case, "error": found.error, "predicted": found.predicted, "seconds": found.seconds}
+    return Answer("\n".join(lines), {**content, "indices": found.frame.to_dict("records"), "report": str(page)})
+
+
+@verb()
+def tune(campaign: CampaignFile, sets: Sets = None, out: Page = None, jobs: Jobs = -1) -> Answer:
+    """Tune a filter's numbers over several cases; write its card.
+
+    As the block tune of a campaign asks: by linear covariance; cases that are held out validate it.
+    """
+    from lvnav_trade import searches
+
+    found, page = searches.tune(campaign, sets or (), out, jobs)
+    parts = [(frame.columns, frame.itertuples(index=False)) for frame in (found.values, found.cases)]
+    lines = [table(list(columns), list(rows)) for columns, rows in parts]
+    lines += [
+        f"{found.evaluations} looks, {found.seconds:.0f} s",
+        f"report: {page}",
+        f"card: {page.parent / 'filter.yaml'}",
+    ]
+    content = {"values": found.values.to_dict("records"), "cases": found.cases.to_dict("records")}
+    return Answer("\n".join(lines), {**content, "seconds": found.seconds, "report": str(page)})

@@ -1,0 +1,51 @@
+"""One design by linear covariance: frozen filters, other values, ratios."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lvnav_trade.campaign.definition.axes import cases
+from lvnav_trade.campaign.reading.load import load
+from lvnav_trade.campaign.search.point import changed, frozen, look, number_at, with_filter
+from lvnav_trade.errors import InputError
+from lvnav_trade.scenario import filter_models
+
+TILT = "requirements=[{name: tilt, metric: attitude_error_3d, at: liftoff, probability: 0.95, below: 3 mrad}]"
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return cases(load("campaigns/smoke.yaml"))[0].scenario
+
+
+def test_a_frozen_filter_has_the_numbers_of_its_start_and_follows_no_longer(scenario) -> None:
+    card = frozen(scenario)
+    stays = with_filter(changed(scenario, {"initial.tilt": "1 deg", "imu.gyro.bias_repeatability": "7 deg/h"}), card)
+    follows = changed(scenario, {"initial.tilt": "1 deg"})
+    (imu, receiver, start), (was_imu, was_receiver, was) = filter_models(stays), filter_models(scenario)
+    assert imu == was_imu
+    assert start == was
+    assert receiver.pseudorange_sigma == was_receiver.pseudorange_sigma
+    assert receiver.clock_h0 == was_receiver.clock_h0
+    assert filter_models(follows)[2].tilt == pytest.approx(np.radians(1.0))
+    assert stays.initial.tilt == pytest.approx(np.radians(1.0))
+
+
+def test_values_are_read_and_set_with_their_units(scenario) -> None:
+    assert number_at(changed(scenario, {"initial.heading": "2 mrad"}), "initial.heading", "deg") == pytest.approx(
+        0.1145915
+    )
+    assert np.isnan(number_at(scenario, "imu.gyro", "deg"))
+    with pytest.raises(InputError, match=r"initial\.heading=-1 deg"):
+        changed(scenario, {"initial.heading": "-1 deg"})
+
+
+@pytest.mark.slow
+def test_at_its_start_a_frozen_filter_is_the_re_tuned_one_and_elsewhere_no_better(scenario) -> None:
+    campaign = load("campaigns/smoke.yaml", [TILT])
+    for tilt, equal in (("0.1 deg", True), ("1 deg", False)):
+        follows = changed(scenario, {"initial.tilt": tilt})
+        tuned, stays = (look(campaign, one)["tilt"] for one in (follows, with_filter(follows, frozen(scenario))))
+        assert (stays.estimate == pytest.approx(tuned.estimate, rel=1e-12)) == equal
+        assert stays.estimate >= tuned.estimate * (1.0 - 1e-12)
