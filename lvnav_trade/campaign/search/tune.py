@@ -90,24 +90,25 @@ def tune(campaign: Campaign, asked: Tune, jobs: int = 1) -> Tuned:
         (path, start, number_at(changed(used[0].scenario, chosen), path, ends.unit), ends.unit, ends.first, ends.last)
         for path, start, ends in zip(paths, starts, spans, strict=True)
     ]
+    shown = pd.DataFrame(_before_and_after(campaign, asked, every, name, chosen, jobs), columns=CASES)
+    return Tuned(pd.DataFrame(table, columns=VALUES), shown, card, len(known), time.monotonic() - begun)
+
+
+def _before_and_after(
+    campaign: Campaign, asked: Tune, every: Sequence[Case], name: str, chosen: Mapping[str, Any], jobs: int
+) -> list[tuple[Any, ...]]:
+    """Return the rows of `CASES`."""
     units = [(campaign, case, name, values) for case in every for values in ({}, chosen)]
     looks = list(each(jobs, point, units, ordered=True))
     runs = campaign.monte_carlo.runs if campaign.monte_carlo else 0
     flights = list(each(jobs, _fly, [(campaign, case, chosen, runs, name) for case in every], ordered=True))
-    rows = [
+    return [
         (
             case.label, "held out" if case.label in asked.hold_out else "tuned", before.ratio, after.ratio,
             before.nees, after.nees, *flight,
         )
         for case, before, after, flight in zip(every, looks[::2], looks[1::2], flights, strict=True)
     ]  # fmt: skip
-    return Tuned(
-        pd.DataFrame(table, columns=VALUES),
-        pd.DataFrame(rows, columns=CASES),
-        card,
-        len(known),
-        time.monotonic() - begun,
-    )
 
 
 def _fly(campaign: Campaign, case: Case, values: Mapping[str, Any], runs: int, name: str) -> tuple[int, int, str]:
