@@ -26,7 +26,7 @@ def solve(
     out: Page = None,
     jobs: Jobs = -1,
 ) -> Answer:
-    """Find the largest value of a field that meets the requirements.
+    """Find the largest value of a field that suffices.
 
     By linear covariance, with the filter re-tuned and frozen; runs on both sides of the answer confirm it. What is
     varied stands in the campaign (solve: ...) unless --vary states it.

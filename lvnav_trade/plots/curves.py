@@ -61,20 +61,18 @@ def tornado(tables: Tables, requirement: str) -> Figure:
 @drawing
 def pareto(tables: Tables) -> Figure:
     """Draw the error over its limit of every case over its cost, or its mass where no cost is stated; dominated ones
-    are grey, the line is the front.
+    are grey, crosses violate a requirement.
     """
     frame = METRICS["pareto"](tables)
     column, label = ("cost", "cost") if frame.cost.notna().all() else ("mass_kg", "mass (kg)")
     figure, ax = panel(3.4)
-    front = frame[frame.front].sort_values(column)
-    ax.plot(front[column], front.error_ratio, ".", color=line_of(0)["color"], zorder=1)
     for row in frame.itertuples():
         colour = line_of(0)["color"] if row.front else GREY
         x = float(getattr(row, column))
-        ax.plot(x, row.error_ratio, "o" if row.meets else "x", color=colour, ms=5)
-        ax.annotate(str(row.case), (x, row.error_ratio), (4, 3), textcoords="offset points", fontsize=7, color=colour)
-    ax.axhline(1.0, color=GREY, linestyle="--", linewidth=1.0)
-    scale_up(ax.xaxis, frame[column], from_zero=False)
-    scale_up(ax.yaxis, frame.error_ratio)
-    ax.set(xlabel=label, ylabel="largest error over its limit (-)")
+        ax.plot([x], [row.error_ratio], ls="none", marker="o" if row.meets else "x", color=colour, ms=5)
+        ax.text(x, row.error_ratio, f"  {row.case}", ha="left", color=colour)
+    ax.axhline(1.0, color=GREY, ls="--", lw=1.0)
+    scale_up(ax, "x", frame[column], from_zero=False)
+    scale_up(ax, "y", frame.error_ratio)
+    ax.set(xlabel=label, ylabel="largest error over its limit (-)", margin=0.2)
     return figure

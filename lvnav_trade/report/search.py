@@ -7,7 +7,7 @@ import pandas as pd
 
 from lvnav_trade.errors import writing
 from lvnav_trade.plots import search as plots
-from lvnav_trade.report.blocks import Block, Section, Text, picture, table
+from lvnav_trade.report.blocks import Block, Picture, Section, Text, table
 from lvnav_trade.report.build import html_page, markdown_page, pictures
 from lvnav_trade.report.escape import csv_text, note
 from lvnav_trade.store.contents import owned
@@ -39,9 +39,9 @@ def solved(answers: pd.DataFrame, scanned: pd.DataFrame, confirmed: pd.DataFrame
         shown = shown.drop(columns=["along", "along unit"])
     found: list[Block] = [Text(note("solve")), table(shown, f"Largest {names[0]} that meets the requirements.")]
     if answers.along.notna().any():
-        found.append(picture("boundary", plots.boundary(answers, names), note("boundary", "figures")))
+        found.append(Picture("boundary", plots.boundary(answers, names), note("boundary", "figures")))
     else:
-        found.append(picture("solve", plots.ratios(scanned, answers, names[0]), note("solve", "figures")))
+        found.append(Picture("solve", plots.ratios(scanned, answers, names[0]), note("solve", "figures")))
     if len(confirmed):
         found += [Text(note("solve_confirmed")), table(confirmed, "Runs on both sides of each answer.")]
     return found
@@ -53,7 +53,7 @@ def indexed(frame: pd.DataFrame, case: str, error: str, covered: float, predicte
         f"{error.replace('_', ' ')}, case {case}: they make {100 * covered:.3g} % of the mean square. Polynomials "
         f"of {samples} re-tuned designs leave {100 * (1 - predicted):.2g} % of the variance of those left out."
     )
-    drawn = picture("indices", plots.indices(frame), note("indices", "figures"))
+    drawn = Picture("indices", plots.indices(frame), note("indices", "figures"))
     return [Text(said), Text(note("indices")), table(frame.rename(columns=lambda name: name.replace("_", " "))), drawn]
 
 

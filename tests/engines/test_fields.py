@@ -21,7 +21,7 @@ from lvnav_trade.world.sky.constellation import CombinedConstellation
 from tests.building import LOOSE, loaded, prepare_hop, with_fields
 
 # What names a card and says where it is from; both stand in the report, no engine reads them.
-LABELS = {"name", "source"}
+LABELS = {"name", "source", "resources"}
 
 # Hearing and tracking: tests/world/receiver/test_reception.py walks these cards, the sky shows all that they do.
 HEARING = {"antennas", "link", "loops", "tracking"}
@@ -162,13 +162,15 @@ def leaves(model, before=""):
     for name, field in model.model_fields.items():
         within = [a for a in (field.annotation, *get_args(field.annotation)) if isinstance(a, type)]
         inner = [a for a in within if issubclass(a, BaseModel)]
-        if name in DELAYS | NOISE | PHASE | TUNING | FITTED | RECORDED | POLICIES | MODELLED | SENSORS | RELATIVE or (
-            (model is ReceiverCard and name in HEARING) or (model is FilterCard and name == "clock")
+        if (
+            name in DELAYS | NOISE | PHASE | TUNING | FITTED | RECORDED | POLICIES | MODELLED | SENSORS | RELATIVE
+            or ((model is ReceiverCard and name in HEARING) or (model is FilterCard and name == "clock"))
+            or (name in LABELS and not before)
         ):
             continue
         if inner:
             yield from leaves(inner[0], f"{before}{name}.")
-        elif not (name in LABELS and not before):
+        else:
             yield before + name
 
 

@@ -21,7 +21,7 @@ from lvnav_trade.records import CovHistory
 from lvnav_trade.scenario import Scenario, filter_models, sensor_model, sensors_used, solves
 from lvnav_trade.store.read import Tables
 from lvnav_trade.store.tables import CaseInfo, covariance_tables
-from lvnav_trade.units import registry
+from lvnav_trade.units import parse
 
 _NAME = CaseInfo("0" * 12, "searched", {})
 RETUNED, FROZEN = "re-tuned", "frozen"
@@ -86,11 +86,10 @@ def number_at(scenario: Scenario, path: str, unit: str) -> float:
     value = get(scenario.model_dump(mode="json"), path.removeprefix("base.").split("."))
     if value is None or isinstance(value, bool | dict | list):
         return float("nan")
-    number, _, spelled = str(value).partition(" ")
+    number, _, si = str(value).partition(" ")
     try:
-        found = float(number)
-        return float(registry().Quantity(found, spelled).to(unit).magnitude) if spelled and unit else found
-    except Exception:
+        return float(number) / (parse(f"1 {unit}", si) if si and unit else 1.0)
+    except ValueError:
         return float("nan")
 
 

@@ -11,7 +11,7 @@ import pandas as pd
 from lvnav_trade.metrics.basics.select import once
 from lvnav_trade.metrics.requirements import improvements, requirements
 from lvnav_trade.store.read import Tables
-from lvnav_trade.units import registry
+from lvnav_trade.units import parse
 
 CURVES = [
     "axis", "value", "axis_unit", "others", "case", "requirement", "unit", "limit", "lincov", "lincov_probability",
@@ -69,8 +69,7 @@ def _base_value(tables: Tables, path: str, unit: str) -> float | None:
         return None
     if (read[2] or "") == unit:
         return float(read[1])
-    units = registry()
-    return float(units.Quantity(float(read[1]), read[2]).to(unit).magnitude) if read[2] and unit else None
+    return float(read[1]) / parse(f"1 {unit}", read[2]) if read[2] and unit else None
 
 
 @once

@@ -36,6 +36,8 @@ def test_values_are_read_and_set_with_their_units(scenario) -> None:
     assert number_at(changed(scenario, {"initial.heading": "2 mrad"}), "initial.heading", "deg") == pytest.approx(
         0.1145915
     )
+    noisy = changed(scenario, {"filter.velocity_noise": "0.3 m/s/sqrt(h)"})
+    assert number_at(noisy, "filter.velocity_noise", "m/s/sqrt(h)") == pytest.approx(0.3)
     assert np.isnan(number_at(scenario, "imu.gyro", "deg"))
     with pytest.raises(InputError, match=r"initial\.heading=-1 deg"):
         changed(scenario, {"initial.heading": "-1 deg"})

@@ -29,9 +29,22 @@ READINGS = ("_published", "_unbiased", "_3sigma")
 """Endings of cards that are another reading of a unit whose twin there is."""
 
 
+SOLD = [name for name in IMUS if imu(name).resources is not None]
+"""Units that can be bought, with public data."""
+
+
 @pytest.mark.parametrize("name", IMUS)
 def test_an_inertial_unit_states_its_source(name: str) -> None:
-    assert "table" in imu(name).source
+    assert ("as quoted by" if name in SOLD and name != "kvh_1750" else "table") in imu(name).source
+
+
+def test_units_that_can_be_bought_say_what_of_their_resources_is_assumed() -> None:
+    assert len(SOLD) >= 8
+    for name in SOLD:
+        stated = imu(name).resources
+        assert stated is not None
+        assert "assumed" in stated.source
+        assert None not in (stated.cost, stated.mass, stated.power, stated.volume)
 
 
 @pytest.mark.parametrize("name", FILTERS)
@@ -66,7 +79,9 @@ def test_the_numbers_of_a_published_table_become_si() -> None:
     assert card.accel.misalignment == pytest.approx(1e-3, rel=1e-12)
 
 
-@pytest.mark.parametrize("name", [name for name in IMUS if not name.endswith(("_matched", *READINGS))])
+@pytest.mark.parametrize(
+    "name", [name for name in IMUS if not (name.endswith(("_matched", *READINGS)) or name in SOLD)]
+)
 def test_a_matched_twin_holds_only_what_the_standard_filter_models(name: str) -> None:
     unit, twin = imu(name), imu(f"{name}_matched")
     for triad in ("gyro", "accel"):
