@@ -10,7 +10,7 @@ import pandas as pd
 
 from lvnav_trade.layout import split_metric
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.basics.select import NAVIGATION
+from lvnav_trade.metrics.basics.select import NAVIGATION, pick
 from lvnav_trade.metrics.mission.orbit import LEAST
 from lvnav_trade.metrics.requirements.margins import key_cases
 from lvnav_trade.plots import PLOTS
@@ -232,7 +232,7 @@ def distinct(tables: Tables, name: str, columns: Sequence[str], cases: Iterable[
     """Return one of these cases for each group whose rows of a table are the same."""
     frame, first = getattr(tables, name), dict[bytes, str]()
     for case in cases:
-        rows = frame.loc[frame.case == case, columns]
+        rows = pick(frame, case=case)[[*columns]]
         first.setdefault(pd.util.hash_pandas_object(rows, index=False).to_numpy().tobytes(), case)
     return list(first.values())
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.basics.select import final_event, flight_events
+from lvnav_trade.metrics.basics.select import final_event, flight_events, pick
 from lvnav_trade.metrics.errors.covariances import by_case
 from lvnav_trade.metrics.requirements.improvements import ABOVE_ONLY
 from lvnav_trade.metrics.requirements.requirements import in_words, where
@@ -232,7 +232,7 @@ def satellites(tables: Tables) -> list[Block]:
     columns = ["t_s", "satellite", "tracked", "state", "cn0_db_hz", "antenna_number"]
     group, blocks = few(distinct(tables, "satellites", columns, tables.labels))
     for k, case in enumerate(group, 1):
-        rows, label = tables.satellites[tables.satellites.case == case], named(tables, case, group)
+        rows, label = pick(tables.satellites, case=case), named(tables, case, group)
         linked = " and their C/N0" * bool(rows.cn0_db_hz.notna().any())
         caption = note("satellites", "figures", signal=linked) + label
         blocks.append(Picture(f"satellites-{k}", PLOTS["satellites"](tables, case), caption))
@@ -295,7 +295,7 @@ def delays(tables: Tables) -> list[Block]:
 
 
 def _layers(tables: Tables, case: str) -> list[str]:
-    return layers_of(tables.satellites[tables.satellites.case == case])
+    return layers_of(pick(tables.satellites, case=case))
 
 
 def _delay_table(tables: Tables) -> Block:

@@ -33,7 +33,8 @@ def spot_check(tables: Tables) -> pd.DataFrame:
     "not applicable" where a gate or a logic makes a case one that linear covariance does not describe.
     """
     flown = tables.with_frames(runs=tables.spot_runs)
-    rows = [row for case in tables.labels for row in (*_sizes(flown, case), *_tails(flown, case))]
+    checked = list(tables.labels) if len(flown.runs) else []
+    rows = [row for case in checked for row in (*_sizes(flown, case), *_tails(flown, case))]
     frame = pd.DataFrame(rows, columns=COLUMNS[:-1])
     applies = ~frame.case.isin({label for case, label in tables.labels.items() if why_not_applicable(tables, case)})
     agree = np.where(frame.chance_ratio < ALPHA / max(1, int(applies.sum())), "disagree", "agree")
