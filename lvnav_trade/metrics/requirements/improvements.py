@@ -10,7 +10,7 @@ from scipy import optimize, special
 
 from lvnav_trade.layout import LEVELS, MISSION, split_metric
 from lvnav_trade.metrics.basics.probability import norm_probability, norm_quantile
-from lvnav_trade.metrics.basics.select import flight_events, history_of, number_in, pick, rows_between
+from lvnav_trade.metrics.basics.select import flight_events, history_of, number_in, once, pick, rows_between
 from lvnav_trade.metrics.errors.covariances import Gaussian, gaussian, why_not_applicable
 from lvnav_trade.metrics.mechanics.mission import drawn_at, expected_at
 from lvnav_trade.metrics.requirements.requirements import phase_of, verdicts, where
@@ -166,6 +166,7 @@ def improvements(tables: Tables) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=IMPROVEMENTS)
 
 
+@once
 def _pairs(tables: Tables) -> list[tuple[dict[str, Any], str, Asked | str]]:
     return [
         (requirement, case, asked(tables, requirement, case))
