@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.stats import qmc
 
 from lvnav_trade.campaign.syntax import tree
 from lvnav_trade.campaign.syntax.tree import Node, find, mistake_at, refuse
@@ -163,6 +162,8 @@ def points(kind: str, dimensions: int, count: int, seed: int) -> Floats:
                     point[[i, j]] = a, b
                     found.append(point)
         return np.array(found)
+    from scipy.stats import qmc  # half a second of every process, for few campaigns
+
     if kind == "sobol":
         if count & (count - 1):
             raise ValueError(
