@@ -24,8 +24,11 @@ ELSEWHERE = (
     "interpretations",
     "allan",
     "protection",
+    "curves",
+    "tornado",
+    "pareto",
 )  # of a grid of two axes, see test_validity; of a vehicle, see test_vehicle; of an IMU, see test_inertial; of levels,
-# see test_protection
+# see test_protection; of numeric axes and of costs, see test_curves
 
 
 SIZE = {"metric": "velocity_error_3d", "at": "injection"}
