@@ -11,6 +11,8 @@ from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load as load_campaign
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.resources import PREFERRED, ranked
+from lvnav_trade.plots import PLOTS
+from lvnav_trade.plots.raster import drawn
 from lvnav_trade.store.read import load
 from tests import synthetic
 
@@ -82,3 +84,12 @@ def test_resources_are_in_no_digest() -> None:
     assert priced.base.imu.resources.mass == 1.0
     assert [case.id for case in cases(priced)] == [case.id for case in cases(plain)]
     assert np.isfinite(priced.base.receiver.resources.cost)
+
+
+def test_the_front_is_drawn_with_a_cross_for_a_case_that_violates(stated) -> None:
+    (ax,) = drawn(PLOTS["pareto"](stated)).axes
+    points = {line.get_marker(): line.get_xydata()[0] for line in ax.lines if line.get_marker() in ("o", "x")}
+    frame = METRICS["pareto"](stated).set_index("case")
+    assert points["o"] == pytest.approx([106.0, frame.error_ratio["imu=fine"]])
+    assert points["x"] == pytest.approx([6.0, frame.error_ratio["imu=coarse"]])
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("cost", "largest error over its limit (-)")

@@ -28,7 +28,7 @@ ELSEWHERE = (
     "tornado",
     "pareto",
 )  # of a grid of two axes, see test_validity; of a vehicle, see test_vehicle; of an IMU, see test_inertial; of levels,
-# see test_protection; of numeric axes and of costs, see test_curves
+# see test_protection; of numeric axes, see test_curves; of costs, see test_resources
 
 
 SIZE = {"metric": "velocity_error_3d", "at": "injection"}
