@@ -254,7 +254,11 @@ def _refusal(*levels: str) -> str:
         SimpleNamespace(gyro=exact, accel=exact, directions=np.array(unit.get("axes", np.eye(3)), dtype=float))
         for unit in fields.get("units", [{}])
     )
-    imu = SimpleNamespace(units=units, weights="random_walk") if "units" in fields else units[0]
+    imu = (
+        SimpleNamespace(units=units, weights="random_walk", selection="mean", parity=None)
+        if "units" in fields
+        else units[0]
+    )
     sensors |= {
         name: SimpleNamespace(measurement=name, units=(1, 2), at_once=True, latency=0.0)
         for name in listed

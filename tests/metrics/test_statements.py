@@ -131,7 +131,7 @@ def test_a_convergence_time_is_that_after_which_a_run_stays_below_the_limit(good
         ({"metric": "attitude_convergence_time", "during": "flight"}, "give during and below"),
         ({"metric": "attitude_convergence_time", "at": "injection", "below": "1 deg"}, "give during and below"),
         ({"metric": "attitude_convergence_time", "during": "flight", "below": "1 m"}, "1 m"),
-        ({"metric": "attitude_error_3d", "below": "1 deg"}, "limit of a convergence time"),
+        ({"metric": "attitude_error_3d", "below": "1 deg"}, "limit of a metric that has one"),
     ],
 )
 def test_a_convergence_time_has_a_phase_and_a_limit(term, message):

@@ -19,8 +19,13 @@ def tables(page):
     return load(page.parent)
 
 
+def budget_tables(tables):
+    (rest,) = [block for block in explained.budget(tables) if block.kind == "more"]
+    return [block for block in rest.blocks if block.kind == "table"]
+
+
 def test_the_budget_table_has_every_event_and_every_quantity(tables):
-    shown = [block for block in explained.budget(tables) if block.kind == "table"]
+    shown = budget_tables(tables)
     assert len(shown) == 2 * 3
     assert shown[0].head == ("position (m)", "liftoff", "stage1 cutoff", "injection")
     assert [row[0] for row in shown[0].rows[:3]] == ["gyro bias", "range noise", "all"]
@@ -28,7 +33,7 @@ def test_the_budget_table_has_every_event_and_every_quantity(tables):
 
 
 def test_a_mean_error_that_counts_stands_below_the_sources_and_in_the_root_mean_square(tables):
-    position, velocity, attitude = [block for block in explained.budget(tables) if block.kind == "table"][:3]
+    position, velocity, attitude = budget_tables(tables)[3:]  # the worst case stands first
     assert [row[0] for row in position.rows[3:]] == ["mean, the same in every flight", "root mean square"]
     at_liftoff = [float(row[1]) for row in position.rows[2:]]
     assert at_liftoff == [pytest.approx(float(np.hypot.reduce(part)), rel=5e-3) for part in (

@@ -145,11 +145,11 @@ PLAIN = {
     # names; rates and sizes of what other entries are about; what a filter assumes of it
     Scenario: {"filter", "receiver", "imu", "sensors", "faults", "atmosphere", "frame", "diverged"},
     FilterCard: {"name", "source", "covariance_rate", "update_rate", "imu", "receiver", "initial", "sensor_models",
-                 "envelope", "corrections", "report_imu_samples", "strapdown",
+                 "envelope", "corrections", "report_imu_samples", "strapdown", "iterations",
                  "reference_satellite", "delayed_state", "previous_noise"},
     ReceiverCard: {"name", "source", "rate", "multipath_time", "range_rate_instability_time", "channels",
                    "pseudorange_sigma", "range_rate_sigma", "carrier_phase_sigma",
-                   "carrier_ambiguity", "clock"},
+                   "carrier_ambiguity", "clock", "resources"},
     GyroCard: {"instability_time"},
     AccelCard: {"instability_time"},
 }  # fmt: skip

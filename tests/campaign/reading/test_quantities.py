@@ -21,12 +21,10 @@ def test_every_metric_of_requirements_is_listed_with_its_unit_and_meaning() -> N
 
 @pytest.mark.parametrize("one", known_metrics(), ids=lambda one: one.metric)
 def test_what_is_listed_can_be_named_in_a_statement(one) -> None:
-    more = {"during": "flight"} if one.metric.endswith(("_nees", "_time")) else {}
-    more |= (
-        {"below": f"1 {unit_of(one.metric.replace('_convergence_time', '_error_3d'))}"}
-        if "convergence" in one.metric
-        else {}
-    )
+    quantity, _, kind = one.metric.partition("_")
+    more = {"during": "flight"} if one.metric.endswith(("_nees", "_time", "_availability")) else {}
+    if kind in ("convergence_time", "availability"):
+        more |= {"below": f"1 {unit_of(f'{quantity}_error_3d')}"}
     assert Measured.model_validate({"metric": one.metric, **more}).metric == one.metric
     assert unit_of(one.metric) in (one.unit, one.unit.replace("1", "dimensionless"))
 
