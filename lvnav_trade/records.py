@@ -145,7 +145,8 @@ class CovHistory(NamedTuple):
     mean, that mean; sources (n_source,) names; budget (n_hist, n_source, n_out) variance of the true error by source
     (sums over sources to true_sigma squared); formal_cov, true_cov (n_hist, n_out, n_out) full matrices;
     t_epoch, n_row (n_epoch,); expected_nees (n_hist,), expected_nis (n_epoch,); false_rejection (n_epoch,)
-    probability that the gate rejects a good measurement, of the most endangered row.
+    probability that the gate rejects a good measurement, of the most endangered row; decisions (n_decision, 4) of a
+    filter that tests for faults, on the mean of its innovations, as in RunBlock.
     """
 
     t: Floats
@@ -161,6 +162,7 @@ class CovHistory(NamedTuple):
     expected_nees: Floats
     expected_nis: Floats
     false_rejection: Floats
+    decisions: Floats = NO_DECISIONS
 
 
 class Output(NamedTuple):

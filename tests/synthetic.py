@@ -281,6 +281,8 @@ def results(
     written = open_results(folder, "synthetic", campaign, {"seed": 7}, "resume")
     for case, factor in CASES:
         reported, drawn = covariance(factor), covariance(factor, wrong)
+        if logic:
+            reported = reported._replace(decisions=decisions(0, 1))
         reported.false_rejection[50] = rejects
         done = written.done(case.id)
         for first in range(0, n_run, size):

@@ -9,6 +9,7 @@ measures.
 
 import numpy as np
 
+from lvnav_trade.filters.integrity.state import permitted
 from lvnav_trade.kernels.covariance import update_with_gain
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like, where
@@ -30,13 +31,14 @@ def leave_out(z, starts, delayed, model, row):
 
 
 @jit
-def take_reference(work, delayed, model, signals, epoch, n_row, limit, starts):
+def take_reference(work, own, delayed, model, signals, epoch, n_row, limit, starts):
     """Make bias and drift of the clock, and its bias at the earlier epoch of differences, what measurements of a
     reference satellite say, and forget what was known of them.
 
     The other rows less the reference's follow: their clock is the reference's error, which all of them share. This is
     the difference of measurements, with the noise that differences have in common in the clock's state in place of
-    off-diagonal terms to be whitened. limit: below zero where nothing is taken.
+    off-diagonal terms to be whitened. limit: below zero where nothing is taken. Runs that exclude the reference (own:
+    Monitor, or None) keep what the clock's model predicts.
     """
     for k in range(signals.reference.shape[1]):
         if n_row > 0 and signals.reference[epoch, k] >= 0:
@@ -47,6 +49,6 @@ def take_reference(work, delayed, model, signals, epoch, n_row, limit, starts):
                 n = model.n_entry[channel]
                 update_with_gain(
                     work.P, work.x, work.K, work.H[row], model.entry[channel, :n], model.column[channel, :n],
-                    model.clock_gain[k], work.z[row], like(work.x[0], signals.variance[epoch, channel]), limit,
-                    model.n_state,
+                    model.clock_gain[k], work.z[row], like(work.x[0], signals.variance[epoch, channel]),
+                    permitted(own, channel, limit), model.n_state,
                 )  # fmt: skip

@@ -16,6 +16,7 @@ import numpy as np
 from lvnav_trade.filters import ekf
 from lvnav_trade.filters.delayed import find_earlier, renew
 from lvnav_trade.filters.integrity.assess import assess
+from lvnav_trade.filters.integrity.state import forget
 from lvnav_trade.filters.iterated import hold
 from lvnav_trade.filters.late import correct_stored_errors, place_of, predicted_of_stored
 from lvnav_trade.filters.monitor import MODE, check_measurements, is_correcting, is_running, start_filter, update_mode
@@ -175,6 +176,7 @@ def _process_permitted(
         start_filter(work.P, work.x, watch, rules, work.z)
         renew(work.P, work.x, work.extra, delayed, model, epoch)  # for those that start: at others it is done
         ekf.decorrelate(work, points, past, rx, late, gains, model, signals, epoch)
+        forget(monitor, watch.sample[1])
         _assess(work, points, monitor, tests, delayed, watch.sample[0], gains, model, signals, epoch)
         used = watch.sample[0] > 0.0
         gate = where(used, model.gate_squared, -1.0)

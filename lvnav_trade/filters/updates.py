@@ -69,7 +69,7 @@ def update_receiver(
     """
     n_row = n_measured(model, signals, epoch)
     limit = where(gate_squared >= 0.0, np.inf, gate_squared)
-    take_reference(work, delayed, model, signals, epoch, n_row, limit, starts)
+    take_reference(work, own, delayed, model, signals, epoch, n_row, limit, starts)
     for row in range(n_row):
         channel = channel_of(model, signals, epoch, row)
         if is_present(delayed, model, epoch, channel) and not is_reference(model, signals, epoch, row):

@@ -32,7 +32,7 @@ _NAMED: dict[Any, tuple[str, ...]] = {
     rms: ("rms", "controlled", "ranking"),
     covariances: ("agreement", "budget", "contributions", "sensitivity", "observability", "nonlinearity", "observed"),
     filter: ("consistency", "nees", "nis", "whiteness", "autocorrelation", "logic", "modes", "stops"),
-    integrity: ("integrity",),
+    integrity: ("integrity", "decisions", "tested_errors"),
     signals: ("in_view", "outages", "tracking", "losses", "recovery", "transitions"),
     resources: ("totals", "pareto"),
     along: ("curves", "crossings", "tornado"),
@@ -55,6 +55,6 @@ METRICS: dict[str, Callable[[Path | str | Tables], pd.DataFrame]] = {
 # The metrics that stand beside a report as CSV, with the columns that users and their CI rely on.
 CSV = (
     "rms", "agreement", "controlled", "references", "requirements", "budget", "expected", "spot_check", "sensitivity",
-    "orbit", "correction", "impact", "corridor", "transitions", "logic", "integrity", "curves", "crossings", "tornado",
-    "totals", "pareto", "motion", "nozzle", "turning", "allan", "protection", "exclusions",
+    "orbit", "correction", "impact", "corridor", "transitions", "logic", "integrity", "tested_errors", "curves",
+    "crossings", "tornado", "totals", "pareto", "motion", "nozzle", "turning", "allan", "protection", "exclusions",
 )  # fmt: skip

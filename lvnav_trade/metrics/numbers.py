@@ -20,6 +20,7 @@ from lvnav_trade.metrics.basics.select import (
     rows_between,
     time_mean,
 )
+from lvnav_trade.metrics.convergence import convergence
 from lvnav_trade.metrics.errors.covariances import (
     LINEAR_ATTITUDE,
     NUMERICAL,
@@ -29,6 +30,7 @@ from lvnav_trade.metrics.errors.covariances import (
     gaussian,
     observed,
 )
+from lvnav_trade.metrics.integrity import rate
 from lvnav_trade.metrics.protection import is_of_protection, value_of
 from lvnav_trade.metrics.signals import REACQUIRED, is_of_signals, reacquisition_times, values_of
 from lvnav_trade.metrics.vehicle import nozzle
@@ -121,7 +123,8 @@ def ours(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Our
 
 class Columns(NamedTuple):
     """Our number three times: formal sigma, true error of linear covariance (sigma and mean), runs; NaN where there is
-    none. runs (n_run,): what it is the mean of, in the order of the runs, squares if is_root; empty where not stored.
+    none. runs (n_run,): what it is the mean of, in the order of the runs, squares if is_root, one or zero if is_share;
+    empty where not stored.
     """
 
     formal: float
@@ -130,6 +133,7 @@ class Columns(NamedTuple):
     remark: str = ""
     runs: Floats = np.empty(0)
     is_root: bool = True
+    is_share: bool = False
 
 
 _NO_COLUMNS = Columns(np.nan, np.nan, np.nan)
@@ -145,6 +149,8 @@ def columns(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> 
         return _nees(tables, case, stated)
     if metric.endswith("_convergence_time"):
         return _convergence(tables, case, stated, unit)
+    if metric.endswith("_rate"):
+        return _rate(tables, case, stated)
     quantity, axis = split_metric(metric)
     rows = history_of(tables, case, quantity, axis)
     if rows.empty or statistic in ("worst", "least"):
@@ -215,24 +221,27 @@ def _nees(tables: Tables, case: str, stated: Mapping[str, Any]) -> Columns:
 
 def _convergence(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Columns:
     """Return the median over the runs of the time after the start of a phase from which on the error (3-D) stays below
-    a limit at the phase's events; its length where it never does, or where the run fails.
+    a limit at the phase's events; its length where it never does, or where the run fails. A limit in sigmas has the
+    time of linear covariance's root mean square too.
     """
-    quantity = str(stated["metric"]).removesuffix("_convergence_time")
-    first, last = phase(tables, case, str(stated["during"]))
-    events = rows_between(flight_events(tables, case), first, last)
-    if len(events) < 2 or pick(tables.runs, case=case).empty:
+    other = [""]
+    if stated.get("sigma_of") is not None:
+        other = cases_of(tables, {**tables.levels[case], **stated["sigma_of"]})
+    found = convergence(tables, case, stated, other[0]) if other else None
+    if found is None:
         return _NO_COLUMNS._replace(remark="no runs, or no events in this phase")
-    limit = units.parse(str(stated["below"]), str(pick(tables.outputs, case=case, quantity=quantity).unit.iloc[0]))
-    below = []
-    for event in events.event:
-        rows = errors_by_axis(tables, case, event, quantity)
-        size = np.linalg.norm(rows.drop(columns="failure").to_numpy(dtype=float), axis=1)
-        below.append((size < limit) & (rows.failure == "").to_numpy())
-    t = np.append(events.t_s.to_numpy(), last)
-    converged = np.cumprod(np.array(below)[::-1], axis=0).sum(axis=0)  # events at the end at which all is below
-    times = (t[len(events) - converged] - first) / (1.0 if unit == "-" else units.parse(f"1 {unit}", "s"))
-    always = ", half the runs are below the limit throughout" if np.median(times) == 0.0 else ""
-    return _NO_COLUMNS._replace(monte_carlo=float(np.median(times)), remark=f"median, at {len(events)} events{always}")
+    scale, median = 1.0 if unit == "-" else units.parse(f"1 {unit}", "s"), float(np.median(found.times))
+    always = ", half the runs are below the limit throughout" if median == 0.0 else ""
+    true = found.expected / scale if other[0] else np.nan
+    return Columns(np.nan, true, median / scale, f"median, at {found.n_event} events{always}")
+
+
+def _rate(tables: Tables, case: str, stated: Mapping[str, Any]) -> Columns:
+    """Return the share of runs with an outcome of the tests for faults; linear covariance decides once, on the mean."""
+    if pick(tables.runs, case=case).empty:
+        return _NO_COLUMNS._replace(remark="no runs")
+    each, nominal = rate(tables, case, str(stated["metric"]), phase(tables, case, str(stated["during"])))
+    return Columns(np.nan, nominal, float(each.mean()), runs=each, is_root=False, is_share=True)
 
 
 def _beyond_linear(tables: Tables, case: str, stated: Mapping[str, Any], quantity: str, unit: str) -> str:

@@ -10,6 +10,7 @@ from scipy import stats
 
 from lvnav_trade import expression
 from lvnav_trade.expression import matching, readings
+from lvnav_trade.metrics.integrity import share
 from lvnav_trade.metrics.numbers import Columns, cases_of, columns, difference, name_of
 from lvnav_trade.metrics.signals import REACQUIRED, reacquisition_times
 from lvnav_trade.records import Floats
@@ -41,7 +42,8 @@ def value_of(text: str, terms: Mapping[str, Columns]) -> Value:
     """Return the value of an expression of terms.
 
     The interval is Student's with the jackknife's variance over the runs, which belong together run by run; of the
-    logarithm where the expression has no sums. Runs that failed in any of the terms are left out.
+    logarithm where the expression has no sums; the exact one of a share of the runs. Runs that failed in any of the
+    terms are left out.
     """
     remarks = [one.remark for one in terms.values() if one.remark]
     formal, true, drawn = (
@@ -62,6 +64,9 @@ def value_of(text: str, terms: Mapping[str, Columns]) -> Value:
             expression.evaluate(text, {name: _root(pair[k], one) for name, *pair, one in of_terms}) for k in (0, 1)
         )
         low, high = _interval(float(drawn), np.asarray(others), expression.is_product(text))
+        only = next(iter(terms.values()))
+        if only.is_share and len(terms) == 1 and text.strip() in terms:
+            low, high = share(int(only.runs.sum()), n)[1:]
     return Value(formal, true, float(drawn), low, high, n, tuple(dict.fromkeys(remarks)))
 
 

@@ -5,6 +5,7 @@ from lvnav_trade.plots import (
     curves,
     errors,
     inertial,
+    integrity,
     mission,
     protection,
     published,
@@ -16,6 +17,6 @@ from lvnav_trade.plots import (
 from lvnav_trade.plots.style import PLOTS
 
 __all__ = [
-    "PLOTS", "budget", "curves", "errors", "inertial", "mission", "protection", "published", "search", "signals",
-    "validity", "vehicle",
+    "PLOTS", "budget", "curves", "errors", "inertial", "integrity", "mission", "protection", "published", "search",
+    "signals", "validity", "vehicle",
 ]  # fmt: skip

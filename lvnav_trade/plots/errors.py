@@ -13,6 +13,7 @@ from lvnav_trade.metrics.basics.select import history_of, lincov_rms, phase, pic
 from lvnav_trade.metrics.errors.covariances import REJECTS_TOO_MUCH
 from lvnav_trade.metrics.numbers import cases_of
 from lvnav_trade.plots.figure import GREY, SHADE, Figure, Panel, canvas, named_ticks, panel
+from lvnav_trade.plots.integrity import mark_decisions
 from lvnav_trade.plots.style import PALETTE, drawing, line_of, message, over_time, scale_up, with_gaps
 from lvnav_trade.records import MODES
 from lvnav_trade.store.read import Tables
@@ -49,6 +50,7 @@ def envelope(tables: Tables, case: str, quantity: str) -> Figure:
         _lines(ax, rows, factor)
         ax.set(ylabel=f"{axis}, RMS or\n1 sigma ({unit})")
         scale_up(ax, "y", pd.concat([rows.rms_si, rows.lincov_true_si, rows.lincov_formal_si]))
+        mark_decisions(ax, tables, case)
     over_time(grid[:, 0], tables, case)
     return figure
 
@@ -219,6 +221,7 @@ def consistency(tables: Tables, case: str) -> Figure:
     figure, grid = canvas(2 + gated, 1, 2.1, sharex=True)
     _panel(grid[0, 0], errors, "anees_ratio", "ANEES per degree\nof freedom (-)")
     _panel(grid[1, 0], innovations, "anis_ratio", "ANIS per row,\ncorrected (-)" if gated else "ANIS per row (-)")
+    mark_decisions(grid[1, 0], tables, case)
     if gated:
         _gate(grid[2, 0], innovations)
     over_time(grid[:, 0], tables, case)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from lvnav_trade.errors import InputError, writing
 from lvnav_trade.metrics import CSV, METRICS
-from lvnav_trade.report import curves, evidence, flight
+from lvnav_trade.report import curves, evidence, flight, integrity
 from lvnav_trade.report import diagnostics as explained
 from lvnav_trade.report import models as registered
 from lvnav_trade.report.blocks import Block, Blocks, Grades, More, Picture, Section, Table, Text
@@ -39,6 +39,7 @@ SECTIONS: dict[str, tuple[str, Blocks]] = {
     "satellites": ("Satellites", evidence.satellites),
     "tracking": ("Tracking", evidence.tracking),
     "logic": ("The filter's logic", evidence.logic),
+    "integrity": ("Faults found", integrity.integrity),
     "delays": ("Delays and latency", evidence.delays),
     "outages": ("Outages", evidence.outages),
     "references": ("Published numbers", evidence.references),
@@ -66,6 +67,8 @@ _WHERE_ANY = (
     "spot_check",
     "transitions",
     "logic",
+    "integrity",
+    "tested_errors",
     "motion",
     "nozzle",
     "turning",

@@ -3,10 +3,12 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from lvnav_trade.campaign.definition.published import Stated
 from lvnav_trade.campaign.definition.schema import Campaign
+from lvnav_trade.campaign.reading.study import Elsewhere
 from lvnav_trade.metrics.published import COLUMNS
 from lvnav_trade.metrics.statements import FAILS, HOLDS, NOT_FLOWN, NOT_SET_UP, UNDECIDED
 from lvnav_trade.report.blocks import Block, Text, stated
@@ -21,9 +23,11 @@ _HEADINGS = {
 }
 
 
-def with_those_left_out(frame: pd.DataFrame, missing: Sequence[Stated], unflown: Sequence[Campaign]) -> pd.DataFrame:
-    """Return a table of references with a row for each statement that no campaign answers, and for those of campaigns
-    without results.
+def with_those_left_out(
+    frame: pd.DataFrame, missing: Sequence[Stated], unflown: Sequence[Campaign], elsewhere: Sequence[Elsewhere] = ()
+) -> pd.DataFrame:
+    """Return a table of references with a row for each statement that no campaign answers, for those of campaigns
+    without results, and for those that a number from elsewhere answers.
     """
     rows = [(one, NOT_SET_UP, one.remark) for one in missing]
     rows += [
@@ -32,11 +36,20 @@ def with_those_left_out(frame: pd.DataFrame, missing: Sequence[Stated], unflown:
         for one in campaign.statements
     ]
     left = {"case": "", "metric": "", "unit": "-", "in_band": False}
-    found = [
+    found: list[dict[str, Any]] = [
         {"id": one.id, "source": one.source, "item": one.item, **left, "verdict": word, "remark": remark}
         for one, word, remark in rows
     ]
+    found += [_of_number(one) for one in elsewhere]
     return pd.concat([frame, pd.DataFrame(found, columns=COLUMNS)], ignore_index=True) if found else frame
+
+
+def _of_number(one: Elsewhere) -> dict[str, Any]:
+    low, high = (np.nan if bound is None else bound for bound in (one.at_least, one.at_most))
+    holds = not (one.value < low or one.value > high)
+    known = {"id": one.id, "source": one.source, "item": one.item, "case": "", "metric": "", "unit": "-"}
+    numbers = {"monte_carlo": one.value, "ours": one.value, "band_low": low, "band_high": high, "in_band": holds}
+    return {**known, **numbers, "verdict": HOLDS if holds else FAILS, "remark": one.remark}
 
 
 def is_statement(frame: pd.DataFrame, campaigns: Sequence[Mapping[str, Any]]) -> pd.Series:

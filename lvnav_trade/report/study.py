@@ -27,6 +27,7 @@ from lvnav_trade.report.diagnostics import error_bound
 from lvnav_trade.report.escape import csv_text, note
 from lvnav_trade.report.evidence import logic_tables
 from lvnav_trade.report.flight import control_tables, motion_summary, observed_table
+from lvnav_trade.report.integrity import rates, worth
 from lvnav_trade.report.kml import flights, kml
 from lvnav_trade.report.statements import is_statement, verdicts, with_those_left_out
 from lvnav_trade.store.contents import owned
@@ -57,7 +58,7 @@ def build(study: Study, answered: Sequence[Answered], folder: Path | str, unflow
     """
     target = owned(folder, "study")
     published = _together(answered, [references(one.tables, one.stated) for one in answered])
-    published = with_those_left_out(published, study.not_set_up, unflown)
+    published = with_those_left_out(published, study.not_set_up, unflown, study.elsewhere)
     agreed = _together(answered, [agreement(one.tables).dropna(subset="monte_carlo") for one in answered])
     assumptions: list[Block] = [Text(f"{k}. {text}") for k, text in enumerate(study.assumptions, 1)]
     sections = [
@@ -232,13 +233,17 @@ def _reproduce(study: Study, answered: Sequence[Answered]) -> Section:
 
 
 def study_tables(tables: Tables, wanted: Sequence[str], axis: str) -> list[Block]:
-    """Return the tables wanted: requirements, logic, coverage, paired (of the levels of `axis`), error_bound."""
+    """Return the tables wanted: requirements, logic, coverage, paired (of the levels of `axis`), error_bound,
+    integrity, tested_errors.
+    """
     made: dict[str, Callable[[Tables], list[Block]]] = {
         "requirements": _requirements,
         "logic": logic_tables,
         "coverage": _coverage,
         "paired": partial(_paired, axis=axis),
         "error_bound": error_bound,
+        "integrity": rates,
+        "tested_errors": worth,
     }
     return [block for name, make in made.items() if name in wanted for block in make(tables)]
 

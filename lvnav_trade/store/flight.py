@@ -7,7 +7,7 @@ import numpy as np
 from lvnav_trade import frames
 from lvnav_trade.engines.setup.prepare import Prepared, reporting_axes
 from lvnav_trade.records import IDLE, TRACKING, CovHistory, Floats, Reference
-from lvnav_trade.world.faults import periods
+from lvnav_trade.world.faults import periods, singled_out
 
 # Seconds between the stored states, or the step of the history where that is longer; events are stored too
 STEP = 5.0
@@ -47,15 +47,17 @@ def _reference(prepared: Prepared, t: Floats) -> dict[str, Any]:
 
 
 def event_rows(prepared: Prepared) -> list[dict[str, Any]]:
-    """Return events and faults, with their times."""
-    rows = [{"event": name, "kind": "event", "t_s": t, "t_end_s": t} for name, t in prepared.trajectory.events.items()]
-    course = prepared.trajectory.course
-    for number, fault in enumerate(prepared.scenario.faults, start=1):
+    """Return events and faults, with their times and the satellites that a fault strikes singly."""
+    events = prepared.trajectory.events.items()
+    rows = [{"event": name, "kind": "event", "t_s": t, "t_end_s": t, "satellites": ""} for name, t in events]
+    course, sky, faults = prepared.trajectory.course, prepared.sky, prepared.scenario.faults
+    struck = singled_out(faults, course, sky.t, tuple(sky.names), sky.elevation, sky.tracked)
+    for number, fault in enumerate(faults, start=1):
         found = periods(number - 1, fault, course)
         for part, (start, end) in enumerate(found, start=1):
             name = f"{fault.kind} {number}" + (f".{part}" if len(found) > 1 else "")
             span = {"t_s": course.begin(start), "t_end_s": course.instants["end"] if end == np.inf else end}
-            rows.append({"event": name, "kind": "fault", **span})
+            rows.append({"event": name, "kind": "fault", **span, "satellites": " ".join(struck[number - 1])})
     return rows
 
 

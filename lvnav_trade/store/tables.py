@@ -49,6 +49,7 @@ def case_tables(
         "consistency": _consistency(prepared, cov, summary),
         "innovations": _innovations(cov, summary),
         "whiteness": _whiteness(prepared, summary) if summary else {},
+        "nominal_integrity": _integrity(cov.decisions, prepared.channel_names),
         "budget": _budget(prepared, cov) if cov.sources else {},
         **flight_columns(prepared, cov),
         **explained_rows(prepared, cov, explained),
@@ -303,12 +304,12 @@ def run_columns(
     }
     runs |= _named(errors, summary.event_error)
     worst |= _named(errors, summary.worst) | _named(means, np.sqrt(summary.mean_square))
-    return {"runs": runs, "worst": worst, "logic": logic, "integrity": _integrity(summary, channels)}
+    return {"runs": runs, "worst": worst, "logic": logic, "integrity": _integrity(summary.decisions, channels)}
 
 
-def _integrity(summary: BlockSummary, channels: tuple[str, ...]) -> dict[str, Any]:
-    """Return the columns of `integrity`: what filters that test for faults decided."""
-    run, t, isolated, channel = summary.decisions.T
+def _integrity(decisions: Floats, channels: tuple[str, ...]) -> dict[str, Any]:
+    """Return the columns of `integrity` and `nominal_integrity`: what filters that test for faults decided."""
+    run, t, isolated, channel = decisions.T
     number = channel.astype(int)
     units = [f"unit {unit + 1}" for unit in range(max(0, FIRST_UNIT - int(number.min(initial=0))) + 1)]
     names = np.array([*channels, *reversed(units), ""])

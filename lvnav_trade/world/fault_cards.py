@@ -186,7 +186,9 @@ class Jamming(Timed):
 
     def _faults(self) -> Iterator[str]:
         yield from super()._faults()
-        pointed = [name for name in ("azimuth", "elevation") if name in self.model_fields_set]
+        # not by whether they were given: levels of an axis come with every default
+        fields = type(self).model_fields
+        pointed = [name for name in ("azimuth", "elevation") if getattr(self, name) != fields[name].default]
         if self.pattern is None and pointed:
             yield f"{pointed[0]}: without a pattern the antenna radiates alike in all directions"
 

@@ -166,6 +166,23 @@ def _struck(number: int, fault: TimedInSight, within: Mask, elevation: Floats, c
     return within[:, None] & sighted
 
 
+def singled_out(
+    faults: Sequence[AnyFault], course: Course, t: Floats, names: tuple[str, ...], elevation: Floats, tracked: Mask
+) -> list[tuple[str, ...]]:
+    """Return the satellites that each fault strikes by name, or as the highest at its start; none where it strikes
+    others or all. Parameters as of `failures`.
+    """
+    found = []
+    for number, fault in enumerate(faults):
+        struck = tuple(getattr(fault, "satellites", ()))
+        if not struck and isinstance(fault, RangeBias | CycleSlip) and t.size:
+            start = min((begin for begin, _ in periods(number, fault, course)), default=t[0])
+            first = min(int(np.searchsorted(t, start - ROUNDING)), t.size - 1)
+            struck = tuple(np.array(names)[np.asarray(highest(elevation[first], tracked[first], 1))].tolist())
+        found.append(struck)
+    return found
+
+
 def failures(
     faults: Sequence[AnyFault],
     course: Course,

@@ -23,6 +23,7 @@ from lvnav_trade.metrics.statements import (
     verdict,
     where_bound,
 )
+from lvnav_trade.store.read import load
 from tests import synthetic
 
 FINE, COARSE = {"imu": "fine"}, {"imu": "coarse"}
@@ -131,12 +132,43 @@ def test_a_convergence_time_is_that_after_which_a_run_stays_below_the_limit(good
         ({"metric": "attitude_convergence_time", "during": "flight"}, "give during and below"),
         ({"metric": "attitude_convergence_time", "at": "injection", "below": "1 deg"}, "give during and below"),
         ({"metric": "attitude_convergence_time", "during": "flight", "below": "1 m"}, "1 m"),
-        ({"metric": "attitude_error_3d", "below": "1 deg"}, "limit of a metric that has one"),
+        ({"metric": "attitude_error_3d", "below": "1 deg"}, "limit of a metric"),
+        ({"metric": "attitude_convergence_time", "during": "flight", "below": "3 sigma"}, "sigma_of"),
+        ({"metric": "attitude_convergence_time", "during": "flight", "below": "1 deg", "sigma_of": FINE}, "sigma_of"),
+        ({"metric": "detection_rate", "at": "injection"}, "of a phase"),
     ],
 )
 def test_a_convergence_time_has_a_phase_and_a_limit(term, message):
     with pytest.raises(ValueError, match=message):
         Term.model_validate(term)
+
+
+def test_a_limit_in_sigmas_is_the_root_mean_square_of_another_case(good):
+    """The coarse case is three times the fine one at every event: above it times 2.9, below it times 3.1."""
+    term = {"metric": "velocity_convergence_time", "during": "liftoff to injection", "sigma_of": FINE, "case": COARSE}
+    small, large = (columns(good, case_of(good, COARSE), term | {"below": f"{n} sigma"}, "s") for n in ("2.9", "3.1"))
+    assert (small.true, large.true) == (99.5, 0.0)
+    by_size = columns(good, case_of(good, COARSE), term | {"below": "1e7 m/s", "sigma_of": None}, "s")
+    assert np.isnan(by_size.true)
+    assert by_size.monte_carlo == 0.0
+    assert columns(good, case_of(good, COARSE), term | {"below": "1e9 sigma"}, "s").monte_carlo == 0.0
+
+
+def case_of(tables, levels):
+    return next(digest for digest, mine in tables.levels.items() if mine == levels)
+
+
+def test_a_share_of_runs_has_its_exact_interval(tmp_path):
+    tested = load(synthetic.results(tmp_path / "tested", n_run=8, size=8, logic=True))
+    term = {"metric": "detection_rate", "during": "stage1_cutoff to stage1_cutoff + 5 s", "case": FINE}
+    stated = {"value": "d", "terms": {"d": term}, "at_least": 0.6, "tested_by": ["monte_carlo"]}
+    found = rows(tested, **stated).iloc[0]
+    assert (found.monte_carlo, found.true, found.high, found.verdict) == (1.0, 1.0, 1.0, HOLDS)
+    assert found.low == pytest.approx(0.025 ** (1.0 / 8.0))  # all of eight
+    term["during"] = "stage1_cutoff + 5 s to injection"
+    found = rows(tested, **stated).iloc[0]
+    assert (found.monte_carlo, found.low, found.verdict) == (0.0, 0.0, FAILS)
+    assert found.high == pytest.approx(1.0 - 0.025 ** (1.0 / 8.0))
 
 
 def test_without_runs_linear_covariance_decides_and_says_so(alone):

@@ -39,6 +39,7 @@ ARGUMENTS = {
     "sky": (CASE,),
     "timeline": (CASE,),
     "logic": (CASE,),
+    "decisions": (CASE,),
     "delays": (CASE,),
     "latency": (CASE,),
     "envelope": (CASE, "velocity"),

@@ -18,9 +18,20 @@ from tests import synthetic
 
 
 def test_every_section_stands_on_the_page(text):
-    # these filters have no logic and no model of the vehicle, which is not controlled, and the campaign no scenario, no
-    # numeric axis, no Allan deviation, no protection level and no exclusion
-    absent = ("logic", "motion", "control", "models", "allan", "curves", "pareto", "protection", "exclusions")
+    # these filters have no logic, no tests for faults and no model of the vehicle, which is not controlled, and the
+    # campaign no scenario, no numeric axis, no Allan deviation, no protection level and no exclusion
+    absent = (
+        "logic",
+        "integrity",
+        "motion",
+        "control",
+        "models",
+        "allan",
+        "curves",
+        "pareto",
+        "protection",
+        "exclusions",
+    )
     for name in SECTIONS:
         assert (f' id="{name}">' in text) == (name not in absent), name
 

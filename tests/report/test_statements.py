@@ -5,8 +5,10 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import pandas as pd
+import pytest
 
 from lvnav_trade.campaign.definition.published import Stated, Statement
+from lvnav_trade.campaign.reading.study import Elsewhere
 from lvnav_trade.metrics.published import COLUMNS
 from lvnav_trade.report.blocks import Table, Text
 from lvnav_trade.report.statements import is_statement, verdicts, with_those_left_out
@@ -46,3 +48,16 @@ def test_a_study_without_statements_says_nothing_of_them() -> None:
     frame = pd.DataFrame(ROWS[:1], columns=COLUMNS)
     assert verdicts(frame[is_statement(frame, [{"name": "p"}])]) == []
     assert with_those_left_out(frame, [], []) is frame
+
+
+def test_a_number_from_elsewhere_has_its_verdict_and_says_where_it_is_from() -> None:
+    stated = {"id": "cost", "source": "x", "item": "#29 cost", "value": 3.5, "at_least": 2.0, "remark": "benchmark"}
+    numbers = [Elsewhere.model_validate(stated), Elsewhere.model_validate(stated | {"value": 1.5})]
+    frame = with_those_left_out(pd.DataFrame(ROWS[:1], columns=COLUMNS), [], [], numbers)
+    assert frame[["monte_carlo", "verdict", "remark"]].iloc[1:].to_numpy().tolist() == [
+        [3.5, "holds", "benchmark"], [1.5, "does not hold here", "benchmark"]
+    ]  # fmt: skip
+    assert frame[is_statement(frame, [{"name": "p"}])].id.tolist() == ["cost", "cost"]
+    for wrong in ({"remark": ""}, {"at_least": None}):
+        with pytest.raises(ValueError, match=r"bound|from"):
+            Elsewhere.model_validate(stated | wrong)

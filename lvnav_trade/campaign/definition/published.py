@@ -30,9 +30,12 @@ COUNTED = (
 NEES = tuple(f"{quantity}_nees" for quantity in ("attitude", "velocity", "position"))
 # Time (s) after the start of a phase from which on the error of a run stays below a limit, at its events
 CONVERGENCE = tuple(f"{quantity}_convergence_time" for quantity in ("attitude", "velocity", "position"))
-_NO_ERRORS = (*MISSION, *COUNTED, *STEERED, RANK, *NEES, *CONVERGENCE, *LEVELS, *AVAILABILITY)
+# Shares of runs by what a filter that tests for faults decides during a phase
+RATES = ("false_alarm_rate", "detection_rate", "isolation_rate", "wrong_isolation_rate")
+_NO_ERRORS = (*MISSION, *COUNTED, *STEERED, RANK, *NEES, *CONVERGENCE, *LEVELS, *AVAILABILITY, *RATES)
 # Metrics of a phase with a limit
 _LIMITED = (*CONVERGENCE, *AVAILABILITY)
+_SIGMA = re.compile(r"\d+(\.\d*)? sigma$")  # limit of a convergence time in place of a size
 # Words of a phase that are no events: from lift-off on; the first and the last time of the flight
 FLIGHT, ENDS = "flight", ("start", "end")
 _INSTANT = re.compile(r"\s*(?P<event>[A-Za-z_]\w*)\s*(?:[+-]\s*(?P<offset>\S.*))?$")
@@ -57,7 +60,7 @@ def unit_of(metric: str) -> str:
         return MISSION[metric].unit
     if metric in COUNTED:
         return {COUNTED[0]: "-", COUNTED[-1]: "s"}.get(metric, "m")
-    if metric in STEERED or metric == RANK:
+    if metric in STEERED or metric in (RANK, *RATES):
         return "%" if metric in STEERED else "-"
     if metric in LEVELS:
         return PROTECTED[metric.partition("_")[0]]
@@ -144,7 +147,12 @@ class Measured(Card):
 
     elevation: tuple[Angle, Angle] | None = Field(None, description="of signals: of the satellites, from and to")
     altitude: tuple[Length, Length] | None = Field(None, description="of signals: of the vehicle, from and to")
-    below: str | None = Field(None, description="of a convergence time or an availability: limit in three dimensions")
+    below: str | None = Field(
+        None,
+        description="of a convergence time or an availability: limit in three dimensions; '3 sigma': so many times "
+        "the root mean square by linear covariance of the case `sigma_of`",
+    )
+    sigma_of: Case | None = Field(None, description="levels of the case whose sigmas are the limit")
 
     @property
     def events(self) -> tuple[str, ...]:
@@ -167,10 +175,18 @@ class Measured(Card):
             yield f"{self.metric} is of a phase and a limit; give during and below, and no statistic"
         if self.metric in LEVELS and self.statistic != "rms":
             yield f"{self.metric} is the same in every run; give no statistic"
+        if self.metric in RATES and (self.during is None or self.statistic != "rms"):
+            yield f"{self.metric} is of a phase; give during, and no statistic"
+        yield from self._limits()
+
+    def _limits(self) -> Iterator[str]:
+        by_sigma = self.below is not None and self.metric in CONVERGENCE and bool(_SIGMA.match(self.below))
         if self.below is not None and self.metric not in _LIMITED:
             yield f"below is the limit of a metric that has one ({', '.join(_LIMITED)})"
-        elif self.below is not None:
+        elif self.below is not None and not by_sigma:
             parse(self.below, _UNITS[self.metric.partition("_")[0]])
+        if by_sigma != (self.sigma_of is not None):
+            yield "a limit in sigmas has the case that they are of, sigma_of, and no other limit has it"
 
 
 class Published(Measured, Stated):

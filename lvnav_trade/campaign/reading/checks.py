@@ -150,8 +150,9 @@ def _expressions(campaign: Campaign, cases: Sequence[Mapping[str, str]], root: N
                 yield mistake_at(root, f"{path}.terms.{name}.over", message)
             elif term.over and cases:
                 wanted[name] |= {term.over: cases[0][term.over]}
-            if term.minus is not None and (message := unknown_case(wanted[name] | term.minus, cases)):
-                yield mistake_at(root, f"{path}.terms.{name}.minus", message)
+            for key, other in (("minus", term.minus), ("sigma_of", term.sigma_of)):
+                if other is not None and (message := unknown_case(wanted[name] | other, cases)):
+                    yield mistake_at(root, f"{path}.terms.{name}.{key}", message)
         unknown = {name: message for name, levels in wanted.items() if (message := unknown_case(levels, cases))}
         if not unknown and not readings(cases, wanted):
             unknown = {name: unknown_case(levels, cases, True) for name, levels in wanted.items()}

@@ -1,5 +1,6 @@
 """A study: the campaigns of a folder that answer one publication, what its page says, and which figures it shows."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -16,6 +17,7 @@ from lvnav_trade.errors import InputError, refuse_all
 from lvnav_trade.units import Card, Duration
 
 FILE = "study.yaml"
+Shown = Literal["requirements", "logic", "coverage", "paired", "error_bound", "integrity", "tested_errors"]
 
 
 class Figure(Card):
@@ -25,7 +27,7 @@ class Figure(Card):
         "errors", "relative", "locus", "spread", "bound", "envelope", "budget", "consistency", "autocorrelation",
         "trajectory", "satellites", "sky", "timeline", "delays", "latency", "orbit", "impact", "logic",
         "missions", "motion", "ignition", "singular", "movement", "sweep", "turning", "worth", "interpretations",
-        "apart", "allan",
+        "apart", "allan", "decisions",
     ]  # fmt: skip
     caption: str = ""
     case: Case = Field(default_factory=dict, description="level of each axis: the one case that is drawn")
@@ -67,9 +69,7 @@ class Part(Card):
     question: str = Field("", description="what it asks; the campaign's own description if absent")
     figures: tuple[Figure, ...] = ()
     text: str = Field("", description="what should be said of what came out")
-    tables: tuple[Literal["requirements", "logic", "coverage", "paired", "error_bound"], ...] = Field(
-        (), description="tables of it that the study shows"
-    )
+    tables: tuple[Shown, ...] = Field((), description="tables of it that the study shows")
     paired: str = Field("", description="axis whose levels are compared run by run, on the same draws")
     flown: tuple[Published, ...] = Field(
         (), description="published numbers of single flights, shown among ours; items are 'MISSION, WHAT'"
@@ -83,6 +83,20 @@ class Part(Card):
     )
 
 
+class Elsewhere(Stated):
+    """A statement that a number answers which no campaign has, such as one of the benchmark; remark: its origin."""
+
+    value: float = Field(description="the number that was found")
+    at_least: float | None = None
+    at_most: float | None = None
+
+    def _faults(self) -> Iterator[str]:
+        if self.at_least is None and self.at_most is None:
+            yield "there is no bound; give at_least or at_most"
+        if not self.remark:
+            yield "remark: should say where the number is from"
+
+
 class Study(Card):
     """What a study's page says beside the numbers."""
 
@@ -92,6 +106,9 @@ class Study(Card):
     assumptions: tuple[str, ...] = Field((), description="what the publication leaves open, and how it is filled")
     not_set_up: tuple[Stated, ...] = Field(
         (), description="statements of the publication that no campaign answers; remark: what is missing"
+    )
+    elsewhere: tuple[Elsewhere, ...] = Field(
+        (), description="statements that a number from elsewhere answers, such as a measured time"
     )
     campaigns: tuple[Part, ...] = Field((), description="in the order in which they stand; all of the folder if absent")
 

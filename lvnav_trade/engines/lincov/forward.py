@@ -25,7 +25,7 @@ from lvnav_trade.filters.ekf import (
     row_of,
 )
 from lvnav_trade.filters.integrity.assess import assess
-from lvnav_trade.filters.integrity.state import begin_monitor, permitted
+from lvnav_trade.filters.integrity.state import begin_monitor, forget, permitted
 from lvnav_trade.filters.late import keep, place_of_channel
 from lvnav_trade.filters.monitor import MODE, begin_watch, check_measurements, is_running, start_filter, update_mode
 from lvnav_trade.kernels.jit import jit
@@ -110,7 +110,7 @@ def _update_receiver(
     filter starts at it.
     """
     whitened, n_row = chain is not None, n_measured(model, signals, epoch)
-    take_reference(joint, scratch, tape, nominal, signals, true, model, late, delayed, epoch, n_row, starts)
+    take_reference(joint, scratch, tape, nominal, signals, true, model, late, delayed, monitor, epoch, n_row, starts)
     for row in range(n_row):
         channel = channel_of(model, signals, epoch, row)
         left_out = is_reference(model, signals, epoch, row) or is_left_out(starts, delayed, model, row)
@@ -175,14 +175,14 @@ def _mean_innovation(joint, nominal, true, signals, late, row, channel, epoch):
 
 
 @jit
-def _assess(joint, nominal, true, model, signals, late, delayed, monitor, tests, gains, epoch):
+def _assess(joint, nominal, true, model, signals, late, delayed, monitor, tests, running, gains, epoch):
     """Test the mean of the rows for faults (Monitor and Tests, or None), as the filter does its innovations."""
     if monitor is not None:
         for row in range(n_measured(model, signals, epoch)):
             channel = channel_of(model, signals, epoch, row)
             monitor.z[row] = _mean_innovation(joint, nominal, true, signals, late, row, channel, epoch)
         whitened = model.has_covariance and gains is None
-        assess(monitor, tests, joint.formal, nominal.H, monitor.z, 1.0, whitened, delayed, model, signals, epoch)
+        assess(monitor, tests, joint.formal, nominal.H, monitor.z, running, whitened, delayed, model, signals, epoch)
 
 
 @jit
@@ -212,8 +212,10 @@ def _process_permitted(
         _start(joint, scratch, tape, nominal, watch, rules, signals, true, model, chain, late, epoch)
         renew(joint.formal, scratch.x, nominal.extra, delayed, model, epoch)
         _weight(nominal, joint.formal, model, chain, late, gains, epoch)
+        forget(monitor, watch.sample[1])
+        running = watch.sample[0]
+        _assess(joint, nominal, true, model, signals, late, delayed, monitor, tests, running, gains, epoch)
         if watch.sample[0] > 0.0:
-            _assess(joint, nominal, true, model, signals, late, delayed, monitor, tests, gains, epoch)
             _update_receiver(
                 out, joint, scratch, tape, nominal, signals, true, model, chain, late, delayed, monitor, gains, epoch,
                 watch.sample[1] > 0.0,
@@ -241,7 +243,7 @@ def _epoch(out, joint, scratch, work, tape, nominal, earlier, signals, sensors, 
         if n_measured(model, signals, epoch) > 0 and solved:
             _fill(nominal, earlier, delayed, signals, model, chain, late, epoch)
             _weight(nominal, joint.formal, model, chain, late, gains, epoch)
-            _assess(joint, nominal, true, model, signals, late, delayed, monitor, tests, gains, epoch)
+            _assess(joint, nominal, true, model, signals, late, delayed, monitor, tests, 1.0, gains, epoch)
             _update_receiver(
                 out,
                 joint,

@@ -22,7 +22,7 @@ from lvnav_trade.engines.lincov.workspace import (
 )
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.simulate.sensing import profile_value
-from lvnav_trade.filters.integrity.state import new_monitor
+from lvnav_trade.filters.integrity.state import Monitor, decisions_of, new_monitor
 from lvnav_trade.filters.monitor import new_watch
 from lvnav_trade.frames import matrices
 from lvnav_trade.kernels.transition import ATT, CONSTANT, POS, VEL
@@ -36,8 +36,10 @@ N_MOTION = 9
 N_SOLUTION = 8
 
 
-def _pass(prepared: Prepared, true: Components, tape: Tape, aided: bool = True) -> Recorded:
-    """Return what a forward pass records; not aided: no measurement is processed."""
+def _pass(prepared: Prepared, true: Components, tape: Tape, aided: bool = True) -> tuple[Recorded, Monitor | None]:
+    """Return what a forward pass records, and the monitor of a filter that tests for faults; not aided: no measurement
+    is processed.
+    """
     options = prepared.options
     model = prepared.model._replace(aided=prepared.model.aided and aided)
     out = new_record(prepared, true.group.size)
@@ -52,18 +54,21 @@ def _pass(prepared: Prepared, true: Components, tape: Tape, aided: bool = True) 
         options.late, options.delayed, true.successive, options.gains, options.rules, watch, monitor,
         options.integrity, options.vehicle, options.samples, options.report, options.units,
     )  # fmt: skip
-    return out
+    return out, monitor
 
 
 def covariance(prepared: Prepared) -> CovHistory:
     """Return the filter's own and the true covariance of a case over its nominal flight, the true one by source."""
     true, tape = components(prepared), new_tape(0, 0, n_joint(prepared), row_width(prepared))
-    out = _pass(prepared, true, tape)
+    out, monitor = _pass(prepared, true, tape)
     found = solution_outputs_of(prepared, sample_outputs(prepared, true, _history(prepared, out), out), out)
+    if monitor is not None:
+        logs = (monitor.isolated[None], monitor.excluded[None])
+        found = found._replace(decisions=decisions_of(*logs, prepared.t_epoch, 0))
     if prepared.options.backup is None:
         return found
     # nothing of a strapdown that is never corrected depends on measurements: it is the same pass without them
-    alone, motion = _pass(prepared, true, tape, aided=False), slice(0, N_MOTION)
+    (alone, _), motion = _pass(prepared, true, tape, aided=False), slice(0, N_MOTION)
     turn = turns(prepared)[:, motion, motion]
     formal, total = (turn @ P[:, motion, motion] @ np.swapaxes(turn, 1, 2) for P in (alone.formal, alone.true))
     mean = np.einsum("hij,hj->hi", turn, alone.mean[:, motion])

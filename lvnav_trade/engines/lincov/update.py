@@ -3,6 +3,7 @@
 import numpy as np
 
 from lvnav_trade.engines.lincov.receiver_error import N_CLONE, N_NAV
+from lvnav_trade.filters.integrity.state import permitted
 from lvnav_trade.filters.late import place_of_channel
 from lvnav_trade.kernels.covariance import enter, update_covariance, update_scalar, update_vector, update_with_gain
 from lvnav_trade.kernels.groups import group, total_of, whole
@@ -200,13 +201,14 @@ def is_left_out(starts, delayed, model, row):
 
 
 @jit
-def take_reference(joint, scratch, tape, nominal, signals, true, model, late, delayed, epoch, n_row, starts):
-    """Make the clock what the reference satellite says, as the filter does."""
+def take_reference(joint, scratch, tape, nominal, signals, true, model, late, delayed, monitor, epoch, n_row, starts):
+    """Make the clock what the reference satellite says, as the filter does, unless that is excluded (Monitor)."""
     for k in range(signals.reference.shape[1]):
         if n_row > 0 and signals.reference[epoch, k] >= 0:
             slot = signals.reference[epoch, k]
             row, channel = model.n_kind * slot + k, model.n_kind * signals.used[epoch, slot] + k
-            if model.measured[channel] and not is_left_out(starts, delayed, model, row):
+            excluded = permitted(monitor, channel, 1.0) <= 0.0
+            if model.measured[channel] and not excluded and not is_left_out(starts, delayed, model, row):
                 n, h = model.n_entry[channel], nominal.H[row]
                 update_with_gain(
                     joint.formal, scratch.x, scratch.K, h, model.entry[channel, :n], model.column[channel, :n],

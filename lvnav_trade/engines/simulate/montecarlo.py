@@ -16,7 +16,7 @@ from lvnav_trade.engines.simulate.units import new_units
 from lvnav_trade.filters.backup import new_backup
 from lvnav_trade.filters.delayed import new_earlier
 from lvnav_trade.filters.feedforward import new_open_loop
-from lvnav_trade.filters.integrity.state import Monitor, new_monitor
+from lvnav_trade.filters.integrity.state import decisions_of, new_monitor
 from lvnav_trade.filters.iterated import new_again
 from lvnav_trade.filters.late import N_PAST
 from lvnav_trade.filters.monitor import Watch, new_watch
@@ -211,7 +211,10 @@ def run_block(prepared: Prepared, seed: int, first_run: int, n_run: int, lanes: 
         if parts.watch is not None:
             changes.append(_changes(prepared, parts.watch, first, new, use_lanes))
         if parts.monitor is not None:
-            decisions.append(_decisions(prepared, parts.monitor, first, new, use_lanes))
+            isolated, excluded = (
+                _by_run(log, use_lanes)[:new] for log in (parts.monitor.isolated, parts.monitor.excluded)
+            )
+            decisions.append(decisions_of(isolated, excluded, prepared.t_epoch, first))
         if parts.units is not None and parts.units.redundant is not None:
             decisions.append(_excluded(prepared, parts.units.redundant, first, new, use_lanes))
     joined |= {name: joined[name][:, 0] for name in ("failed", "t_failed")}
@@ -231,16 +234,6 @@ def _changes(prepared: Prepared, watch: Watch, first_run: int, n_run: int, lanes
     before = np.hstack([np.full((n_run, 1), WAITING), mode[:, :-1]])
     run, at = np.nonzero(reason)
     return np.stack([first_run + run, prepared.t_epoch[at], before[run, at], mode[run, at], reason[run, at]], axis=1)
-
-
-def _decisions(prepared: Prepared, monitor: Monitor, first_run: int, n_run: int, lanes: bool) -> Floats:
-    """Return the decisions (n, 4) of the filters of some runs: run, t, what was isolated, channel that was excluded."""
-    isolated, excluded = (_by_run(array, lanes)[:n_run] for array in (monitor.isolated, monitor.excluded))
-    found = []
-    for run, at in zip(*np.nonzero(isolated), strict=True):
-        channels = np.flatnonzero(excluded[run, at]).tolist() or [-1]
-        found += [(first_run + run, prepared.t_epoch[at], isolated[run, at], channel) for channel in channels]
-    return np.array(found, dtype=float).reshape(-1, 4)
 
 
 def _excluded(prepared: Prepared, redundant: RedundantWork, first_run: int, n_run: int, lanes: bool) -> Floats:

@@ -1,21 +1,26 @@
 """Detection, isolation and recovery in one epoch, of one run or of eight at once, before its update.
 
 Detection: normalised innovations of the prediction, one by one and summed over a window. What is detected is isolated
-by the ranges alone: if a fit of position and clock leaves residuals beyond chance, single satellites are excluded, the
-worst first; if it does not, its shift of position and that of the clock, each over its own covariance, say whether the
-inertial solution or the clock has failed (Trigo and Theil, section 6.3 and figure 13). A solution has no redundancy:
-what disagrees with it for as long as the hold time is taken for a failure of the inertial solution.
+by the ranges: if a fit of position and clock leaves residuals beyond chance, single satellites are excluded, the
+largest innovation first; if it does not, its shift of position and that of the clock, each over its own covariance, say
+whether the inertial solution or the clock has failed (Trigo and Theil, section 6.3 and figure 13). A solution has no
+redundancy: what disagrees with it for as long as the hold time is taken for a failure of the inertial solution.
 """
 
 from lvnav_trade.filters.delayed import is_present
 from lvnav_trade.filters.ekf import channel_of, n_measured
 from lvnav_trade.filters.integrity.fit import fit, invert, limit
-from lvnav_trade.filters.integrity.state import N_FIT
+from lvnav_trade.filters.integrity.state import N_FIT, forget
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like, where
-from lvnav_trade.kernels.transition import POS, VEL
+from lvnav_trade.kernels.transition import ACCEL, CONSTANT, POS, VEL
 from lvnav_trade.observables.base import H_POS, H_VEL
 from lvnav_trade.records import OF_CHANNEL, OF_CLOCK, OF_INERTIAL
+
+RETURNING = 0.5
+"""Stands for the epochs left without a channel where its hold time is over: it is used again if it passes its test."""
+SLIPS = 3.0
+"""So many inertial decisions, one within the hold time of the other, are of an error of the unit that persists."""
 
 
 @jit
@@ -29,27 +34,30 @@ def _innovation_variance(P, h, entries, columns):
 
 @jit
 def _test_rows(own, tests, P, H, z, whitened, delayed, model, signals, epoch, n_row):
-    """Test every row that is in use; return 1 where one of them is beyond its limits."""
-    fails, zero = like(P[0, 0], 0.0), like(P[0, 0], 0.0)
+    """Set the squared normalised innovation of every row that is in use, or may be again, and its inverse variance."""
+    zero = like(P[0, 0], 0.0)
     at = epoch % tests.window
     for row in range(n_row):
         channel = channel_of(model, signals, epoch, row)
-        own.weight[row], own.square[row], own.stat[row] = zero, zero, zero
+        own.weight[row], own.square[row] = zero, zero
         if not model.measured[channel] or not is_present(delayed, model, epoch, channel):
             continue
         n = model.n_entry[channel]
         entries, columns = model.entry[channel, :n], model.column[channel, :n]
         variance = 1.0 if whitened else signals.variance[epoch, channel]
         s = _innovation_variance(P, H[row], entries, columns) + own.spread[row] + variance
-        in_use = (own.out[channel] <= 0.0) & (z[row] == z[row])
+        in_use = (own.out[channel] <= RETURNING) & (z[row] == z[row])
         square = where(in_use, z[row] * z[row] / s, 0.0)
         own.past[channel, at], own.square[row] = square, square
         own.weight[row] = where(in_use, 1.0 / variance, 0.0)
-        total = zero
-        for k in range(own.past.shape[1]):
-            total = total + own.past[channel, k]
-        fails = where((square > tests.single) | (total > tests.windowed), 1.0, fails)
-    return fails
+
+
+@jit
+def _count_down(own, ends):
+    """Let an epoch of every hold time pass; `ends` is what is set where it is over."""
+    for c in range(own.out.shape[0]):
+        out = own.out[c]
+        own.out[c] = where(out > 1.0, out - 1.0, where(out == 1.0, ends, 0.0))
 
 
 @jit
@@ -65,8 +73,11 @@ def _exclude(own, tests, wanted, n_kind, epoch, channel):
 
 @jit
 def _isolate_satellites(own, tests, H, z, fails, first, kind, model, signals, epoch, n_row):
-    """Exclude satellites whose residuals a fit of the others does not explain; return 1 where some were, and whether
-    what is left agrees (1).
+    """Exclude satellites while a fit to the rows of a kind leaves residuals beyond chance; return 1 where some were,
+    and whether what is left agrees (1).
+
+    Which one: the largest innovation. The residuals of the fit say that a satellite has failed, but of two failures
+    the largest is often that of a sound one.
     """
     found, agrees = like(fails, 0.0), like(fails, 0.0)
     for attempt in range(tests.exclusions + 1):
@@ -76,23 +87,55 @@ def _isolate_satellites(own, tests, H, z, fails, first, kind, model, signals, ep
         if attempt < tests.exclusions:
             worst = like(fails, 0.0)
             for row in range(kind, n_row, model.n_kind):
-                worst = where(own.stat[row] > worst, own.stat[row], worst)
-            wanted = where((fails > 0.0) & (beyond > 0.0) & (dof >= 2.0), 1.0, 0.0)
+                square = where(own.weight[row] > 0.0, own.square[row], 0.0)
+                worst = where(square > worst, square, worst)
+            wanted = where((fails > 0.0) & (beyond > 0.0) & (dof >= 1.0), 1.0, 0.0)
             found = where(wanted > 0.0, 1.0, found)
             for row in range(kind, n_row, model.n_kind):
-                this = where((wanted > 0.0) & (own.stat[row] == worst) & (own.weight[row] > 0.0), 1.0, 0.0)
-                base = row - kind
-                for k in range(model.n_kind):
-                    own.weight[base + k] = where(this > 0.0, 0.0, own.weight[base + k])
-                _exclude(own, tests, this, model.n_kind, epoch, channel_of(model, signals, epoch, row))
+                this = where((wanted > 0.0) & (own.square[row] == worst) & (own.weight[row] > 0.0), 1.0, 0.0)
+                _exclude_row(own, tests, this, model, signals, epoch, row)
     return found, agrees
 
 
 @jit
-def _left(own, tests, model, signals, epoch, n_row):
-    """Return 1 where a row that is still in use is beyond its limits."""
+def _exclude_row(own, tests, wanted, model, signals, epoch, row):
+    """Exclude the satellite of a row, all its rows, in the runs that want it (1)."""
+    base = row - row % model.n_kind
+    for k in range(model.n_kind):
+        own.weight[base + k] = where(wanted > 0.0, 0.0, own.weight[base + k])
+    _exclude(own, tests, wanted, model.n_kind, epoch, channel_of(model, signals, epoch, row))
+
+
+@jit
+def _readmit(own, tests, running, model, signals, epoch, n_row):
+    """Exclude satellites whose hold time is over and that the prediction still disagrees with; use the others again.
+    Return 1 where some are excluded: a satellite that has failed does not return into the fit of the sound ones. With
+    fewer than five of these the prediction may be what is wrong, and all return.
+    """
+    again, sound = like(own.fit[0], 0.0), like(own.fit[0], 0.0)
+    for row in range(0, n_row, model.n_kind):
+        sound = where(own.out[channel_of(model, signals, epoch, row)] == 0.0, sound + 1.0, sound)
+    for row in range(n_row):
+        returning = own.out[channel_of(model, signals, epoch, row)] == RETURNING
+        wanted = returning & (running > 0.0) & (sound > N_FIT) & (own.square[row] > tests.single)
+        this = where(wanted, 1.0, 0.0)
+        _exclude_row(own, tests, this, model, signals, epoch, row)
+        again = where(this > 0.0, 1.0, again)
+    for c in range(own.out.shape[0]):
+        own.out[c] = where(own.out[c] == RETURNING, 0.0, own.out[c])
+    return again
+
+
+@jit
+def _left(own, tests, model, signals, epoch, kind, n_row):
+    """Return 1 where a row of a kind that is in use is beyond its limits; kind -1: any row. Carrier phases, and
+    differences, count among either kind.
+    """
     fails = like(own.fit[0], 0.0)
     for row in range(n_row):
+        own_kind = row % model.n_kind if model.tight else -1
+        if kind >= 0 and own_kind != kind and own_kind < 2:
+            continue
         channel, total = channel_of(model, signals, epoch, row), like(own.fit[0], 0.0)
         for k in range(own.past.shape[1]):
             total = total + own.past[channel, k]
@@ -138,36 +181,54 @@ def _inflate(P, at, count, wanted, variance):
 
 
 @jit
-def _forget(own, wanted):
-    """Forget past innovations in the runs that want it (1): they were of what has been corrected."""
-    for c in range(own.past.shape[0]):
-        for k in range(own.past.shape[1]):
-            own.past[c, k] = where(wanted > 0.0, 0.0, own.past[c, k])
+def _persists(own, tests, P, model, inertial, speed):
+    """Count inertial decisions that follow each other within the hold time; from the third on the unit has not slipped
+    but is wrong, and the biases of the accelerometers are inflated by the shift of velocity over an interval.
+    """
+    left, count = own.waited[0], own.waited[1]
+    count = where(left > 0.0, count, 0.0) + inertial
+    own.waited[0] = where(inertial > 0.0, tests.hold, where(left > 0.0, left - 1.0, 0.0))
+    own.waited[1] = count
+    wanted = where((inertial > 0.0) & (count >= SLIPS), 1.0, 0.0)
+    size = tests.recovery / tests.interval
+    for b in range(model.par_offset.shape[0]):
+        if model.par_sensor[b] == ACCEL and model.par_driver[b] == CONSTANT and model.par_offset[b] < model.n_estimated:
+            _inflate(P, model.par_offset[b], 3, wanted, size * size * speed)
 
 
 @jit
-def _assess_ranges(own, tests, P, H, z, model, signals, epoch, n_row, fails):
-    """Isolate what has failed by the ranges and range rates of an epoch, and recover."""
+def _assess_ranges(own, tests, P, H, z, running, model, signals, epoch, n_row):
+    """Isolate what has failed by the ranges and range rates of an epoch, and recover. Range rates come first: what they
+    show of velocity or drift is looked for in position or bias too.
+    """
     factor, clock = tests.recovery * tests.recovery, model.clock
-    isolated = like(fails, 0.0)
-    for kind in range(2):
+    again = _readmit(own, tests, running, model, signals, epoch, n_row)
+    fails = running * _left(own, tests, model, signals, epoch, -1, n_row)
+    zero = like(fails, 0.0)
+    isolated, seen_motion, seen_clock, speed = zero, zero, zero, zero
+    for step in range(2):
+        kind = 1 - step
         first, at = (H_POS, POS) if kind == 0 else (H_VEL, VEL)
         found, agrees = _isolate_satellites(own, tests, H, z, fails, first, kind, model, signals, epoch, n_row)
-        isolated = where(found > 0.0, OF_CHANNEL, isolated)
-        left = _left(own, tests, model, signals, epoch, n_row) * agrees * fails
-        motion, of_clock, size, offset = _compare(own, tests, P, left, at, clock + kind)
-        isolated = where(of_clock > 0.0, OF_CLOCK, isolated)
-        isolated = where((motion > 0.0) & (of_clock == 0.0), OF_INERTIAL, isolated)
+        isolated = where((found > 0.0) & (isolated == 0.0), OF_CHANNEL, isolated)
+        left = _left(own, tests, model, signals, epoch, kind, n_row)
+        motion, of_clock, size, offset = _compare(own, tests, P, agrees * fails, at, clock + kind)
+        motion, of_clock = motion * where(seen_motion > 0.0, 1.0, left), of_clock * where(seen_clock > 0.0, 1.0, left)
+        seen_clock = where(of_clock > 0.0, 1.0, seen_clock)
+        seen_motion = where((motion > 0.0) & (of_clock == 0.0), 1.0, seen_motion)
         _inflate(P, at, 3, motion, factor * size)
         _inflate(P, clock + kind, 1, of_clock, factor * offset)
+        speed = where(motion > 0.0, size, zero) if kind == 1 else speed
+    isolated = where(seen_clock > 0.0, OF_CLOCK, where(seen_motion > 0.0, OF_INERTIAL, isolated))
+    _persists(own, tests, P, model, where(isolated == OF_INERTIAL, 1.0, 0.0), speed)
     # neither a satellite alone nor what they have in common: rows that are beyond their limits are left out
     alone = where(isolated == 0.0, fails, 0.0)
     for row in range(n_row):
-        this = where((alone > 0.0) & (own.square[row] > tests.single), 1.0, 0.0)
+        this = where((alone > 0.0) & (own.square[row] > tests.single) & (own.weight[row] > 0.0), 1.0, 0.0)
         _exclude(own, tests, this, model.n_kind, epoch, channel_of(model, signals, epoch, row))
         isolated = where(this > 0.0, OF_CHANNEL, isolated)
-    _forget(own, where(isolated > OF_CHANNEL, 1.0, 0.0))
-    return isolated
+    forget(own, where(isolated > OF_CHANNEL, 1.0, 0.0))
+    return where((isolated == 0.0) & (again > 0.0), OF_CHANNEL, isolated)
 
 
 @jit
@@ -185,7 +246,7 @@ def _assess_solution(own, tests, P, fails, n_channel):
         P[VEL + i, VEL + i] = P[VEL + i, VEL + i] * (1.0 + growth)
     for c in range(n_channel):
         own.out[c] = where((fails > 0.0) & (over == 0.0), 1.0, own.out[c])
-    _forget(own, over)
+    forget(own, over)
     own.waited[0] = where(over > 0.0, 0.0, own.waited[0])
     return where(over > 0.0, OF_INERTIAL, where(fails > 0.0, OF_CHANNEL, 0.0))
 
@@ -202,13 +263,14 @@ def assess(own, tests, P, H, z, running, whitened, delayed, model, signals, epoc
     if own is not None:
         own.isolated[epoch] = like(own.fit[0], 0.0)
         for c in range(own.out.shape[0]):
-            own.out[c] = where(own.out[c] > 0.0, own.out[c] - 1.0, 0.0)
             own.excluded[epoch, c] = like(own.fit[0], 0.0)
+        _count_down(own, RETURNING if model.tight else 0.0)
         n_row = n_measured(model, signals, epoch)
         if n_row > 0:
-            fails = running * _test_rows(own, tests, P, H, z, whitened, delayed, model, signals, epoch, n_row)
+            _test_rows(own, tests, P, H, z, whitened, delayed, model, signals, epoch, n_row)
             if model.tight:
-                isolated = _assess_ranges(own, tests, P, H, z, model, signals, epoch, n_row, fails)
+                isolated = _assess_ranges(own, tests, P, H, z, running, model, signals, epoch, n_row)
             else:
+                fails = running * _left(own, tests, model, signals, epoch, -1, n_row)
                 isolated = _assess_solution(own, tests, P, fails, model.n_receiver)
             own.isolated[epoch] = isolated

@@ -41,4 +41,5 @@ def thresholds_of(card: IntegrityCard, n_test: int, most: int, interval: float) 
         hold=max(1.0, float(np.ceil(card.hold / interval - 1e-9))),
         exclusions=card.exclusions,
         recovery=card.recovery,
+        interval=interval,
     )

@@ -45,8 +45,7 @@ def _direction(H, row, first, i):
 @jit
 def fit(own, H, z, first, kind, n_kind, n_row):
     """Fit position or velocity (entries from `first` on) and clock to the rows of a kind that are in use: own.fit and
-    its covariance, own.inverse; own.stat of each row. Return the weighted sum of squared residuals and the degrees of
-    freedom.
+    its covariance, own.inverse. Return the weighted sum of squared residuals and the degrees of freedom.
     """
     zero = like(own.fit[0], 0.0)
     for i in range(N_FIT):
@@ -71,15 +70,8 @@ def fit(own, H, z, first, kind, n_kind, n_row):
         own.fit[i] = total
     square = zero
     for row in range(kind, n_row, n_kind):
-        w = own.weight[row]
-        residual, known = z[row], zero
+        residual = z[row]
         for i in range(N_FIT):
-            g = _direction(H, row, first, i)
-            residual = residual - g * own.fit[i]
-            for j in range(N_FIT):
-                known = known + g * own.inverse[i, j] * _direction(H, row, first, j)
-        square = square + w * residual * residual
-        free = 1.0 - w * known  # share of the variance that is left in the residual
-        sound = (w > 0.0) & (free > 1e-6)
-        own.stat[row] = where(sound, w * residual * residual / where(sound, free, 1.0), 0.0)
+            residual = residual - _direction(H, row, first, i) * own.fit[i]
+        square = square + own.weight[row] * residual * residual
     return square, dof

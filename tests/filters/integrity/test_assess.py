@@ -100,6 +100,55 @@ def test_linear_covariance_decides_on_the_mean_and_agrees(name):
     assert np.all((ratio > 0.8) & (ratio < 1.25)), ratio.round(2)
 
 
+@pytest.mark.parametrize("name", ["none", "channel", "clock", "inertial"])
+def test_linear_covariance_logs_what_most_runs_decide(name):
+    found, (_, t, kind) = covariance(prepared(name)).decisions, first_decisions(flown(name))
+    assert len(found) == 0 if name == "none" else len(found) > 0
+    if len(found):
+        assert found[0, 1] == np.median(t)
+        assert found[0, 2] == np.median(kind)
+    if name == "channel":
+        _, at = np.unique(flown(name).decisions[:, 0], return_index=True)
+        assert found[0, 3] == np.median(flown(name).decisions[at, 3])
+
+
+def held(faults, hold="5 s"):
+    """Return the flight with faults from 12 s to its end, and a short hold time."""
+    during = {"start": f"{START} s", "duration": "60 s"}
+    faults = [{**fault, **during} for fault in faults]
+    return prepare_hop(with_fields(loaded(MATCHED), faults=faults, **{"filter.integrity": {"hold": hold}}))
+
+
+def late_errors(block, states):
+    """Return the norm of each run's error over the last ten seconds, (n_run, n)."""
+    return np.linalg.norm(block.err[:, block.t > block.t[-1] - 10.0][..., states], axis=2)
+
+
+def test_satellites_that_have_failed_do_not_return_into_the_fit_of_the_sound_ones():
+    sky = prepared("none").sky
+    names = [sky.names[int(k)] for k in np.flatnonzero(sky.tracked[12])[:2]]
+    ramps = [{"kind": "range_bias", "drift": rate, "satellites": [name]}
+             for name, rate in zip(names, ("4 m/s", "-6 m/s"), strict=True)]  # fmt: skip
+    case = held(ramps)
+    block = run_block(case, 3, 0, 80)
+    excluded = {case.channel_names[int(c)].split()[0] for c in block.decisions[:, 3] if c >= 0}
+    assert excluded == set(names)
+    again = block.decisions[block.decisions[:, 1] > START + 6.0]
+    assert np.unique(again[:, 0]).size == 80  # their hold time was over, and they were excluded anew
+    sound = np.median(late_errors(flown("none"), slice(6, 9)))
+    assert np.median(late_errors(block, slice(6, 9))) < 2.0 * sound
+
+
+def test_a_unit_that_stays_wrong_is_learned_after_three_inertial_decisions():
+    block = run_block(held([{"kind": "accel_bias_step", "size": ["200 mg", "0 mg", "0 mg"]}]), 3, 0, 80)
+    _, _, kind = first_decisions(block)
+    assert np.count_nonzero(kind == OF_INERTIAL) >= 0.95 * 80
+    _, counts = np.unique(block.decisions[:, 0], return_counts=True)
+    assert np.median(counts) < 6  # it is not decided epoch after epoch
+    sound = np.median(late_errors(flown("none"), slice(3, 6)))
+    assert np.median(late_errors(block, slice(3, 6))) < 3.0 * sound
+
+
 def test_a_solution_is_left_out_for_the_hold_time():
     scenario = loaded(MATCHED, LOOSE)
     faults = [{"kind": "spoofing", "velocity": ["40 m/s", "0 m/s", "0 m/s"], "start": "12 s", "duration": "5 s"}]

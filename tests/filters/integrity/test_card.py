@@ -14,7 +14,7 @@ def test_thresholds_are_those_of_chi_square_at_the_level_of_one_test():
     np.testing.assert_allclose(found.consistent[1:5], chi2.isf(1e-4, [1, 2, 3, 4]), rtol=1e-9)
     assert np.isinf(found.consistent[0])
     assert (found.shift, found.offset) == pytest.approx((chi2.isf(1e-4, 3), chi2.isf(1e-4, 1)), rel=1e-9)
-    assert found.hold == 20.0
+    assert (found.hold, found.interval) == (20.0, 0.5)
 
 
 @pytest.mark.parametrize("wrong", [{"false_alarm": 0.0}, {"isolation": 1.0}, {"window": 1}, {"exclusions": 0}])

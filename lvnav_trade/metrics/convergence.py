@@ -1,0 +1,86 @@
+"""Time after which the error of a run stays below a limit: a size, or three sigma of another case."""
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from lvnav_trade import units
+from lvnav_trade.metrics.basics.select import (
+    at_time,
+    errors_by_axis,
+    flight_events,
+    history_of,
+    phase,
+    pick,
+    rows_between,
+)
+from lvnav_trade.records import Floats
+from lvnav_trade.store.read import Tables
+
+
+class Converged(NamedTuple):
+    """Times (n_run,) s after the start of a phase, the same of linear covariance's root mean square, and at how many
+    events they are read; one that never converges has the length of the phase.
+    """
+
+    times: Floats
+    expected: float
+    n_event: int
+    length: float
+
+
+def sigmas_in(text: str) -> float | None:
+    """Return how many sigmas a limit such as ``3 sigma`` has; None where it is a quantity."""
+    number, _, word = text.strip().partition(" ")
+    return float(number) if word.strip() == "sigma" else None
+
+
+def converged(
+    tables: Tables, case: str, quantity: str, during: tuple[float, float], below: str, other: str = ""
+) -> Converged | None:
+    """Return after what time the 3-D error of a quantity stays below a limit at the events of a phase (first, last s);
+    None without runs or events there. A failed run is above.
+
+    below: a size, or sigmas of the case `other`: its root mean square error by linear covariance at each event.
+    """
+    first, last = during
+    events = rows_between(flight_events(tables, case), first, last)
+    if len(events) < 2 or pick(tables.runs, case=case).empty:
+        return None
+    limits, mine = _limits(tables, case, quantity, events, below, other), history_of(tables, case, quantity, "3d")
+    small, expected = [], []
+    for event, t, limit in zip(events.event, events.t_s, limits, strict=True):
+        rows = errors_by_axis(tables, case, event, quantity)
+        size = np.linalg.norm(rows.drop(columns="failure").to_numpy(dtype=float), axis=1)
+        small.append((size < limit) & (rows.failure == "").to_numpy())
+        expected.append([_expected(mine, t) < limit])
+    t = np.append(events.t_s.to_numpy(), last)
+
+    def after(below_limit: list[Any]) -> Floats:
+        at_end = np.cumprod(np.array(below_limit)[::-1], axis=0).sum(axis=0)  # events at the end at which all is below
+        return np.asarray(t[len(events) - at_end] - first)
+
+    return Converged(after(small), float(after(expected)[0]), len(events), last - first)
+
+
+def _limits(tables: Tables, case: str, quantity: str, events: pd.DataFrame, below: str, other: str) -> list[float]:
+    sigmas = sigmas_in(below)
+    if sigmas is None:
+        unit = str(pick(tables.outputs, case=case, quantity=quantity).unit.iloc[0])
+        return [units.parse(below, unit)] * len(events)
+    base = history_of(tables, other, quantity, "3d")
+    return [sigmas * _expected(base, t) for t in events.t_s]
+
+
+def _expected(rows: pd.DataFrame, t: float) -> float:
+    row = at_time(rows, t)
+    return math.hypot(row.lincov_true_si, row.lincov_mean_si)
+
+
+def convergence(tables: Tables, case: str, stated: Mapping[str, Any], other: str = "") -> Converged | None:
+    """Return the same of what is stated of a case: a metric such as position_convergence_time, during, below."""
+    quantity = str(stated["metric"]).removesuffix("_convergence_time")
+    return converged(tables, case, quantity, phase(tables, case, str(stated["during"])), str(stated["below"]), other)

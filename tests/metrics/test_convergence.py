@@ -1,0 +1,35 @@
+import numpy as np
+import pytest
+
+from lvnav_trade.metrics.convergence import converged, sigmas_in
+from tests import synthetic
+
+FINE, COARSE = (case.id for case, _ in synthetic.CASES)
+
+
+@pytest.mark.parametrize(("text", "sigmas"), [("3 sigma", 3.0), ("2.5 sigma", 2.5), ("3 m", None), ("1 mrad", None)])
+def test_a_limit_is_a_size_or_a_number_of_sigmas(text, sigmas):
+    assert sigmas_in(text) == sigmas
+
+
+def test_a_run_has_converged_when_it_stays_below_to_the_end_of_the_phase(good):
+    found = converged(good, FINE, "velocity", (0.0, 99.5), "0.35 m/s")
+    assert (found.n_event, found.length) == (3, 99.5)
+    runs = good.runs[good.runs.case == FINE].set_index(["run_number", "event"])
+    names = [f"velocity_{axis}_error_m_per_s" for axis in ("north", "east", "down")]
+    for run in range(20):
+        mine = runs.loc[run].loc[list(synthetic.EVENTS)]
+        below = (np.linalg.norm(mine[names], axis=1) < 0.35) & (mine.failure == "")
+        at_end = int(np.cumprod(below[::-1]).sum())
+        assert found.times[run] == [*synthetic.EVENTS.values(), 99.5][3 - at_end]
+
+
+def test_without_events_in_the_phase_nothing_is_known(good):
+    assert converged(good, FINE, "velocity", (41.0, 60.0), "1 m/s") is None
+
+
+def test_sigmas_are_those_of_the_other_case_at_each_event(good):
+    """The coarse case is three times the fine one."""
+    far, near = (converged(good, COARSE, "position", (0.0, 99.5), f"{n} sigma", FINE) for n in (2.9, 3.1))
+    assert (far.expected, near.expected) == (99.5, 0.0)
+    assert far.times.mean() > near.times.mean()
