@@ -384,7 +384,9 @@
       panel.labelled = !(columns > 1 && index % figure.columns && figure.sharey && panel.yticks);
       panel.named = !(above >= 0 && figure.panels[above].events) || narrow;
       if (panel.title) { node(cell, "div", "title", panel.title); }
-      if (panel.ylabel) { node(cell, "div", "axis", panel.ylabel.replace(/\n/g, " ")); }
+      // a panel beside one with a label has an empty line, so that both stand at the same height
+      const beside = columns > 1 && figure.panels.some((other) => other.ylabel);
+      if (panel.ylabel || beside) { node(cell, "div", "axis", panel.ylabel ? panel.ylabel.replace(/\n/g, " ") : "\u00a0"); }
       const width = Math.floor(least[column]), stated = panel.equal && panel.xlim;
       const height = Math.max(stated ? Math.min(width, 0.92 * width + 30) : 96 * figure.height * (narrow ? 0.8 : 0.92) - 34, 96);
       const x = limits(figure, index, "x"), y = limits(figure, index, "y");
