@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from lvnav_trade.world.sensors.allan import (
@@ -82,3 +83,43 @@ def test_an_autoregressive_model_has_the_autocovariance_that_it_was_fitted_to():
     response = lfilter([noise], [1.0, *(-coefficients)], np.eye(1, 40_000)[0])  # its autocovariance is the model's
     found = [response[: response.size - lag] @ response[lag:] for lag in range(order + 1)]
     np.testing.assert_allclose(found, autocovariance(processes, dt * np.arange(order + 1)), rtol=1e-6)
+
+
+def _deviation(covariance, factors):
+    """Return the Allan deviation of a process with steps of 1 s from its autocovariance (2 max + 1,)."""
+    found = []
+    for m in factors:
+        lags = np.arange(1, 2 * m)
+        mean = m * covariance[0] + 2.0 * np.sum((m - lags[: m - 1]) * covariance[1:m])  # m^2 variance of a mean
+        found.append((mean - np.sum((m - np.abs(m - lags)) * covariance[1 : 2 * m])) / m**2)
+    return np.sqrt(found)
+
+
+def _autoregressive_misfit(order):
+    """Return how far the best autoregressive process is from the floor between 1 s and 1000 s (logarithm)."""
+    factors = np.unique(np.round(np.geomspace(1, 1000, 16)).astype(int))
+
+    def misses(x):
+        coefficients = np.zeros(0)
+        for reflection in np.tanh(x[:order]):  # any of them is stable (Levinson's recursion)
+            coefficients = np.append(coefficients - reflection * coefficients[::-1], reflection)
+        response = np.abs(np.fft.rfft(np.append(1.0, -coefficients), 1 << 14)) ** -2
+        covariance = np.fft.irfft(np.exp(2.0 * x[order]) * response)
+        return np.log(_deviation(covariance, factors) / FLOOR)
+
+    start = np.append(np.arctanh(np.append(0.96, 1.0 / (np.arange(2, order + 1) + 0.5))), -1.0)
+    return np.abs(least_squares(misses, start).fun).max()
+
+
+def test_the_deviation_from_an_autocovariance_is_the_closed_form():
+    lags, factors, fine = np.arange(2001), [100, 300, 1000], Process(1.0, 200.0)
+    found = _deviation(autocovariance([fine], lags), factors)
+    np.testing.assert_allclose(found, gauss_markov(fine, np.array(factors, dtype=float)), rtol=2e-3)
+
+
+@pytest.mark.parametrize("order", [2, 3, 5])
+def test_two_processes_are_nearer_to_the_floor_than_an_autoregressive_one_of_higher_order(order):
+    tau = np.geomspace(1.0, 1000.0, 60)
+    two = np.log(together(*(gauss_markov(one, tau) for one in fit_floor(1.0, 2, 1.0, 1000.0))) / FLOOR)
+    assert 0.15 < np.abs(two).max() < 0.20
+    assert 0.25 < _autoregressive_misfit(order) < 0.65
