@@ -31,8 +31,8 @@ def column(values: ArrayLike | Iterable[str], kind: pa.DataType) -> pa.Array:
 
 def texts(values: list[str]) -> pa.StringArray:
     """Return texts, of which there are few different ones, as an Arrow array."""
-    numbers: dict[str, int] = {}
-    index = np.fromiter((numbers.setdefault(value, len(numbers)) for value in values), np.int32, len(values))
+    numbers = {value: number for number, value in enumerate(dict.fromkeys(values))}
+    index = np.fromiter(map(numbers.__getitem__, values), np.int32, len(values))
     encoded = [value.encode() for value in numbers]
     ends = np.cumsum([0, *map(len, encoded)], dtype=np.int32)
     distinct = pa.StringArray.from_buffers(len(encoded), pa.py_buffer(ends), pa.py_buffer(b"".join(encoded)))

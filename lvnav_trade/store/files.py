@@ -40,7 +40,7 @@ def replace_file(path: Path, content: bytes | str) -> None:
 def replace_table(table: pa.Table, path: Path, **how: Any) -> None:
     """Write a table as one row group in one step that either happens or does not."""
     with replacing(path) as temporary:
-        pq.write_table(table, temporary, row_group_size=_WHOLE, **_HOW, **how)
+        pq.write_table(table, temporary, row_group_size=_WHOLE, **{**_HOW, **how})
 
 
 @contextmanager

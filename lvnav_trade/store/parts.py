@@ -40,8 +40,8 @@ def write(folder: Path, summary: BlockSummary, identity: str = "") -> Path:
     table = _pack(summary)
     identity = _with_runs(identity, summary)
     table = table.replace_schema_metadata({_IDENTITY: identity, _CHECKSUM: _checksum(_rows(table), identity.encode())})
-    # neither a dictionary of its few large values nor the smallest and the largest of them is of use
-    replace_table(table, path, use_dictionary=False, write_statistics=False)
+    # compressed it is half as large, and takes as long as three runs; nor is a dictionary of few large values of use
+    replace_table(table, path, use_dictionary=False, write_statistics=False, compression="none")
     for other in paths(folder):
         if span(other)[0] == summary.first_run and other != path:
             other.unlink(missing_ok=True)
@@ -150,11 +150,9 @@ def _rows(table: pa.Table) -> Iterator[tuple[str, str, list[int], Any]]:
 
 
 def _unpack(rows: Iterable[tuple[str, str, list[int], Any]]) -> BlockSummary:
-    """Return the summary; its histogram, most of it, is a view of what was read."""
-    arrays: dict[str, Any] = {}
-    for name, dtype, shape, content in rows:
-        found = np.frombuffer(content, dtype=dtype).reshape(shape)
-        arrays[name] = found if name == "histogram" else found.copy()
+    arrays: dict[str, Any] = {
+        name: np.frombuffer(content, dtype=dtype).reshape(shape).copy() for name, dtype, shape, content in rows
+    }
     text = arrays["events"].tobytes().decode()
     return BlockSummary(**{**arrays, "events": tuple(text.split("\n")) if text else ()})
 

@@ -108,6 +108,7 @@ def _compile_kernels(prepared: Prepared, asked: Asked) -> None:
     if asked.adjoint:  # first: another worker wants it after the forward pass, the flight later
         lincov.compile_backward(prepared)
     montecarlo.compile_kernels(prepared)
+    statistics.compile_kernels()
 
 
 ENGINE = Engine(

@@ -1,12 +1,12 @@
 """What is kept of a block of runs: sums, histograms, one row per run and event; mergeable in run order."""
 
-from collections.abc import Callable, Iterable
-from itertools import pairwise
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lvnav_trade.engines.simulate.sums import add_errors, add_lags, count_bins
 from lvnav_trade.records import NO_CHANGES, NO_DECISIONS, Bools, Floats, Ints, Output, RunBlock
 
 # Axis name of the norm of a three-axis quantity.
@@ -18,7 +18,9 @@ LOWEST, HIGHEST = 1e-3, 1e3
 N_BIN = int(np.ceil(np.log(HIGHEST / LOWEST) / BIN)) + 2
 # Lags of the innovation products: 0 to 10 epochs.
 N_LAG = 11
+_COUNTED = 8  # blocks whose bins are counted together
 NOT_FINITE = 1
+NO_COUNTS = np.zeros((0, 0, N_BIN), dtype=np.uint32)
 
 
 class BlockSummary(NamedTuple):
@@ -29,9 +31,10 @@ class BlockSummary(NamedTuple):
     which a failed run counts until it fails: total, squares, sigma_squares (n_hist, n_column) sums of error, its
     square, the filter's variance (for a norm the norm, its square, the trace); nees (n_hist,) sum; t_epoch, nis, n_row,
     n_reject (n_epoch,) sums; lag_sum, lag_count (N_LAG, n_channel) products of normalised innovations that many epochs
-    apart. histogram (n_hist, n_column, N_BIN) counts of |error| / scale of all runs, infinite from a failure on. One
-    row per run, failed ones too: event_error, event_sigma (n_run, n_event, n_column) SI, event_nees (n_run, n_event).
-    events: names in time order; t_event (n_event,) s. t_bound (n_interval + 1,) s: events and both ends of the history;
+    apart. bins (n_run, n_hist, n_column) of a block: the bin of |error| / scale, the last one from a failure on;
+    histogram (n_hist, n_column, N_BIN) counts of them, of what is merged. One row per run, failed ones too:
+    event_error, event_sigma (n_run, n_event, n_column) SI, event_nees (n_run, n_event). events: names in time order;
+    t_event (n_event,) s. t_bound (n_interval + 1,) s: events and both ends of the history;
     worst (n_run, n_interval, n_column) SI: largest |error| of each run at the history times from one bound to the next,
     both included; mean_square, of that shape, SI squared: its squared error's mean over the time between (trapezoidal
     rule). changes (n_change, 5) of what filters with a logic do, decisions (n_decision, 4) of those
@@ -48,7 +51,7 @@ class BlockSummary(NamedTuple):
     total: Floats
     squares: Floats
     sigma_squares: Floats
-    histogram: NDArray[np.uint8 | np.uint32]
+    bins: NDArray[np.uint16]
     nees: Floats
     t_epoch: Floats
     nis: Floats
@@ -66,6 +69,7 @@ class BlockSummary(NamedTuple):
     mean_square: Floats
     changes: Floats = NO_CHANGES
     decisions: Floats = NO_DECISIONS
+    histogram: NDArray[np.uint32] = NO_COUNTS
 
     @property
     def first_run(self) -> int:
@@ -79,8 +83,8 @@ class BlockSummary(NamedTuple):
 
 
 _SUMMED = (
-    "n_good", "n_good_epoch", "total", "squares", "sigma_squares", "histogram", "nees", "nis", "n_row", "n_reject",
-    "lag_sum", "lag_count",
+    "n_good", "n_good_epoch", "total", "squares", "sigma_squares", "nees", "nis", "n_row", "n_reject", "lag_sum",
+    "lag_count",
 )  # fmt: skip
 _PER_RUN = ("runs", "failed", "t_failed")
 _ROWS = ("event_error", "event_sigma", "event_nees", "worst", "mean_square", "changes", "decisions")
@@ -125,14 +129,13 @@ def summarise(
     names = tuple(sorted(event_times, key=lambda name: (event_times[name], name)))
     t_event = np.array([event_times[name] for name in names], dtype=float)
     at_event = _history_index(block.t, names, t_event)
-    error = add_norms(block.err, outputs)
-    sigma = add_norms(block.sigma, outputs)
     failed = np.where(np.isfinite(block.err).all(axis=(1, 2)) | (block.failed != 0), block.failed, NOT_FINITE)
     until = _sound_until(block, failed)
     alive, alive_epoch = (None if until is None else t < until[:, None] for t in (block.t, block.t_epoch))
+    until = np.full(len(failed), np.inf) if until is None else until
     unit = add_norms(scale, outputs)
     unit = np.where(np.isfinite(unit) & (unit > 0), unit, 1.0)  # what LinCov holds for zero is counted in SI units
-    lag_sum, lag_count = _lag_products(_or(block.innovation, alive_epoch, np.nan))
+    lag_sum, lag_count = _lag_products(block, until)
     t_bound = np.unique(np.concatenate([block.t[[0, -1]], block.t[at_event]]))
     return BlockSummary(
         runs=np.arange(block.first_run, block.first_run + len(failed), dtype=np.int64),
@@ -142,10 +145,7 @@ def summarise(
         scale=unit,
         n_good=_count(alive, len(failed), block.t),
         n_good_epoch=_count(alive_epoch, len(failed), block.t_epoch),
-        total=_or(error, alive).sum(axis=0),
-        squares=(_or(error, alive) ** 2).sum(axis=0),
-        sigma_squares=(_or(sigma, alive) ** 2).sum(axis=0),
-        histogram=_histogram(_or(error, alive, np.inf), unit),
+        **_errors(block, until, unit, np.searchsorted(block.t, t_bound), outputs),
         nees=_or(block.nees, alive).sum(axis=0),
         t_epoch=block.t_epoch,
         nis=_or(block.nis, alive_epoch).sum(axis=0),
@@ -155,12 +155,10 @@ def summarise(
         lag_count=lag_count,
         events=names,
         t_event=t_event,
-        event_error=error[:, at_event],
-        event_sigma=sigma[:, at_event],
+        event_error=add_norms(block.err[:, at_event], outputs),
+        event_sigma=add_norms(block.sigma[:, at_event], outputs),
         event_nees=block.nees[:, at_event],
         t_bound=t_bound,
-        worst=_by_span(block.t, error, t_bound, lambda _, span: np.abs(span).max(axis=1)),
-        mean_square=_by_span(block.t, error, t_bound, lambda t, e: np.trapezoid(e**2, t, axis=1) / (t[-1] - t[0])),
         changes=block.changes,
         decisions=block.decisions,
     )
@@ -186,11 +184,27 @@ def _count(alive: Bools | None, runs: int, t: Floats) -> Ints:
     return np.full(len(t), runs, dtype=np.int64) if alive is None else alive.sum(axis=0, dtype=np.int64)
 
 
-def _by_span(t: Floats, error: Floats, bounds: Floats, value: Callable[[Floats, Floats], Floats]) -> Floats:
-    """Return a value (n_run, n_column) of times (n,) and errors (n_run, n, n_column) from each bound to the next."""
-    at = np.searchsorted(t, bounds)
-    spans = [value(t[first : last + 1], error[:, first : last + 1]) for first, last in pairwise(at)]
-    return np.stack(spans, axis=1) if spans else np.zeros((error.shape[0], 0, error.shape[2]))
+def _errors(block: RunBlock, until: Floats, unit: Floats, at: Ints, outputs: tuple[Output, ...]) -> dict[str, Any]:
+    """Return all that is added up of the errors of runs, and by span between the times number `at`."""
+    (n_run, n_hist, _), n_column, n_span = block.err.shape, unit.shape[1], len(at) - 1
+    groups = np.array(list(norm_groups(outputs).values()), dtype=np.int64).reshape(-1, 3)
+    total, squares, sigma_squares = np.zeros((3, n_hist, n_column))
+    worst, mean_square = np.zeros((2, n_run, n_span, n_column))
+    bins = np.empty((n_run, n_hist, n_column), dtype=np.uint16)
+    add_errors(
+        np.ascontiguousarray(block.err), np.ascontiguousarray(block.sigma), groups, np.searchsorted(block.t, until),
+        (unit * LOWEST).ravel(), BIN, total.ravel(), squares.ravel(), sigma_squares.ravel(), bins.reshape(n_run, -1),
+        N_BIN, block.t, at, worst, mean_square, np.empty((n_hist, n_column)),
+    )  # fmt: skip
+    mean_square /= np.diff(block.t[at])[:, None]
+    return {
+        "total": total,
+        "squares": squares,
+        "sigma_squares": sigma_squares,
+        "bins": bins,
+        "worst": worst,
+        "mean_square": mean_square,
+    }
 
 
 def _history_index(t: Floats, names: tuple[str, ...], t_event: Floats) -> NDArray[np.intp]:
@@ -201,31 +215,17 @@ def _history_index(t: Floats, names: tuple[str, ...], t_event: Floats) -> NDArra
     return index
 
 
-def _histogram(error: Floats, scale: Floats) -> NDArray[np.uint8 | np.uint32]:
-    """Count |error| / scale in log-spaced bins; error (n_run, n_hist, n_column). Few runs are counted in bytes."""
-    n_hist, n_column = error.shape[1:]
-    counts = np.empty((n_hist, n_column, N_BIN), dtype=np.uint8 if len(error) < 256 else np.uint32)
-    row = np.arange(n_hist) * N_BIN
-    for column in range(n_column):  # one column at a time bounds the memory of the count
-        with np.errstate(divide="ignore"):
-            place = np.floor(np.log(np.abs(error[:, :, column]) / (scale[:, column] * LOWEST)) / BIN) + 1
-        bins = np.clip(place, 0, N_BIN - 1).astype(np.int64)
-        counts[:, column] = np.bincount((row + bins).ravel(), minlength=n_hist * N_BIN).reshape(n_hist, N_BIN)
-    return counts
-
-
-def _lag_products(innovation: Floats) -> tuple[Floats, Ints]:
-    """Sum products of innovations l epochs apart where both exist: innovation (n_run, n_epoch, n_channel)."""
-    n_epoch, n_channel = innovation.shape[1:]
-    there = np.isfinite(innovation)
-    value = np.where(there, innovation, 0.0)
-    total, count = np.zeros((N_LAG, n_channel)), np.zeros((N_LAG, n_channel), dtype=np.int64)
-    for lag in range(min(N_LAG, n_epoch)):
-        early, late = slice(0, n_epoch - lag), slice(lag, n_epoch)
-        total[lag] = np.einsum("ijk,ijk->k", value[:, early], value[:, late])
-        both = (there[:, early] & there[:, late]).view(np.uint8)
-        count[lag] = both.sum(axis=0, dtype=np.uint8 if len(both) < 256 else np.int64).sum(axis=0, dtype=np.int64)
-    return total, count
+def _lag_products(block: RunBlock, until: Floats) -> tuple[Floats, Ints]:
+    """Sum products of innovations l epochs apart where both exist, of runs that count until then."""
+    innovation = np.ascontiguousarray(block.innovation)
+    _, n_epoch, n_channel = innovation.shape
+    used = np.flatnonzero(np.isfinite(innovation).any(axis=(0, 1)))
+    value, there = np.zeros((2, n_epoch, len(used)))
+    total, count = np.zeros((2, N_LAG, n_channel))
+    found, pairs, pairs_of_run = np.zeros((3, N_LAG, len(used)))
+    add_lags(innovation, block.t_epoch, until, used, value, there, found, pairs, pairs_of_run)
+    total[:, used], count[:, used] = found, pairs
+    return total, count.astype(np.int64)
 
 
 def merge(parts: Iterable[BlockSummary], rows: bool = True) -> BlockSummary:
@@ -241,16 +241,23 @@ def merge(parts: Iterable[BlockSummary], rows: bool = True) -> BlockSummary:
     except StopIteration:
         raise ValueError("there is no part to merge") from None
     sums: dict[str, Any] = {name: getattr(first, name).copy() for name in _SUMMED}
-    sums["histogram"] = sums["histogram"].astype(np.uint32)  # many blocks of few runs
+    histogram = sums["histogram"] = counts(first)
     joined = {name: [getattr(first, name)] for name in (_PER_RUN + _ROWS if rows else _PER_RUN)}
     none = {} if rows else {name: getattr(first, name)[:0].copy() for name in _ROWS}
-    first = first._replace(**sums, **none)  # lets the first part's own histogram go
+    first = first._replace(**sums, **none, bins=first.bins[:0].copy())  # lets the first part's own bins go
+    bins = []
     for part in stream:
         _check_follows(first, joined["runs"][-1], part)
         for name in _SUMMED:
             sums[name] += getattr(part, name)
         for name, values in joined.items():
             values.append(getattr(part, name))
+        bins.append(part.bins)
+        if len(bins) == _COUNTED:  # the histogram is far larger than the bins of a block
+            count_bins(histogram, np.concatenate(bins))
+            bins.clear()
+    if bins:
+        count_bins(histogram, np.concatenate(bins))
     whole: dict[str, Any] = {name: np.concatenate(values) for name, values in joined.items()}
     return first._replace(**sums, **whole)
 
@@ -263,6 +270,23 @@ def _check_follows(first: BlockSummary, runs_before: Ints, part: BlockSummary) -
         raise ValueError(f"the part that starts at run {part.first_run} belongs to another history")
 
 
+def counts(summary: BlockSummary) -> NDArray[np.uint32]:
+    """Return the histogram (n_hist, n_column, N_BIN) of what is merged, or of a block."""
+    if not len(summary.bins):
+        return summary.histogram
+    found = np.zeros((*summary.bins.shape[1:], N_BIN), dtype=np.uint32)
+    count_bins(found, summary.bins)
+    return found
+
+
+def compile_kernels() -> None:
+    """Compile what adds up blocks (or load it from the cache), with a block of a run at one time."""
+    one, none = np.zeros(1), np.zeros((1, 1, 0))
+    whole = np.zeros((1, 1), dtype=np.int32)
+    block = RunBlock(0, one, none, none, one[None], one, one[None], whole, whole, none, np.zeros(1, np.int8), one)
+    merge([summarise(block, {}, none[0], ())])
+
+
 def quantiles(summary: BlockSummary, probability: float) -> Floats:
     """Return the quantile of |error| (n_hist, n_column), SI, to half a bin (1 %); 0 below the bins, inf above.
 
@@ -271,7 +295,8 @@ def quantiles(summary: BlockSummary, probability: float) -> Floats:
     """
     rank = max(1, int(np.ceil(probability * summary.n_run - 1e-9)))
     bins = np.empty(summary.total.shape, dtype=np.int64)
+    histogram = counts(summary)
     for k in range(len(bins)):  # one time after another: the cumulated histogram is as large as the histogram
-        bins[k] = np.argmax(np.cumsum(summary.histogram[k], axis=-1, dtype=np.uint32) >= rank, axis=-1)
+        bins[k] = np.argmax(np.cumsum(histogram[k], axis=-1, dtype=np.uint32) >= rank, axis=-1)
     middle = summary.scale * LOWEST * np.exp((bins - 0.5) * BIN)
     return np.where(bins == 0, 0.0, np.where(bins == N_BIN - 1, np.inf, middle))

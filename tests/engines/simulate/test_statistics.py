@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from lvnav_trade.engines.simulate import statistics
-from lvnav_trade.engines.simulate.statistics import columns, merge, quantiles, summarise
+from lvnav_trade.engines.simulate.statistics import columns, counts, merge, quantiles, summarise
 from tests.synthetic import EVENTS, OUTPUTS, SIGMA, block, covariance
 
 COV = covariance()
@@ -104,8 +104,8 @@ def test_a_failed_run_counts_until_it_fails_and_is_infinite_in_quantiles_from_th
     assert summary.failed.sum() == 4
     np.testing.assert_array_equal(summary.squares[before], whole.squares[before])
     assert np.sqrt(summary.squares[-1, 6] / 38) < 5 * COV.true_sigma[-1, 6]
-    assert (summary.histogram.sum(axis=-1) == 40).all()
-    np.testing.assert_array_equal(summary.histogram[after, :, -1], 2)
+    assert (counts(summary).sum(axis=-1) == 40).all()
+    np.testing.assert_array_equal(counts(summary)[after, :, -1], 2)
     assert np.isfinite(quantiles(summary, 0.95)).all()
     assert np.isinf(quantiles(summary, 0.96)[after]).all()
     assert np.isfinite(quantiles(summary, 0.96)[before]).all()
