@@ -4,6 +4,7 @@ import math
 from typing import NamedTuple
 
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OTHER_0, OWN_0, OWN_1, SQUARE
+from lvnav_trade.per_axis import PerAxis
 from lvnav_trade.records import Ints, Output
 
 
@@ -37,15 +38,17 @@ PARAMETERS = {
 
 
 class ParameterBlock(NamedTuple):
-    """Three parameter states: offset of the first, sensor, driver; initial sigma, walk (root PSD), time constant."""
+    """Three parameter states: offset of the first, sensor, driver; initial sigma and walk (root PSD), alike or by axis;
+    time constant.
+    """
 
     name: str
     part: int
     offset: int
     sensor: int
     driver: int
-    sigma: float
-    walk: float
+    sigma: PerAxis
+    walk: PerAxis
     time_constant: float
 
 

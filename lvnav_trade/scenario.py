@@ -15,6 +15,7 @@ from lvnav_trade.limits import FAULTS
 from lvnav_trade.observables.imu_difference import ImuDifferenceCard
 from lvnav_trade.observables.sensor import SensorCard
 from lvnav_trade.observables.sensors import SENSOR_MEASUREMENTS, Sensor, model_of
+from lvnav_trade.per_axis import each_axis
 from lvnav_trade.refusals import refused
 from lvnav_trade.units import AngleSigma, Card, Length, LengthSigma, SpeedSigma
 from lvnav_trade.world.control.cards import ControlledCard
@@ -178,11 +179,14 @@ def _matched_imu(imu: ImuCard) -> ImuModel:
     model: dict[str, Any] = {"gyro_g_sensitivity": imu.gyro.g_sensitivity}
     for name, sensor in (("gyro", imu.gyro), ("accel", imu.accel)):
         instability = sensor.instability
-        drift = instability.sigma * math.sqrt(2.0 / instability.time_constant)
+        flicker = sensor.instability_axes(instability.sigma)
+        rate = math.sqrt(2.0 / instability.time_constant)
         model |= {
             f"{name}_random_walk": sensor.random_walk,
-            f"{name}_bias": math.hypot(sensor.bias_repeatability, instability.sigma),
-            f"{name}_bias_walk": math.hypot(sensor.rate_random_walk, drift),
+            f"{name}_bias": each_axis(math.hypot, sensor.bias_repeatability, flicker),
+            f"{name}_bias_walk": each_axis(
+                lambda walk, one, rate=rate: math.hypot(walk, one * rate), sensor.rate_random_walk, flicker
+            ),
             f"{name}_bias_time": None,
             f"{name}_scale_factor": sensor.scale_factor,
             f"{name}_misalignment": sensor.misalignment,

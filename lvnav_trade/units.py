@@ -91,11 +91,11 @@ def parse(text: str, unit: str) -> float:
 def _no_quantity(text: str, unit: str) -> str:
     """Say what is wrong with a text that is no number, space and unit."""
     if _BARE.fullmatch(text):
-        return f"{quoted(text)} has no unit; write it as a quantity in a unit of {_example(unit)}"
+        return f"{quoted(text)} has no unit; write it as a quantity in a unit of {example(unit)}"
     beside = _BESIDE.fullmatch(text)
-    example = f"{beside[1]} {beside[2]}" if beside else "0.5 deg/h"
+    sample = f"{beside[1]} {beside[2]}" if beside else "0.5 deg/h"
     more = "; write a decimal point, and no thousands separators" if _SEPARATED.match(text) else ""
-    return f"{quoted(text)} is not a quantity: a number, one space and a unit, such as {example!r}{more}"
+    return f"{quoted(text)} is not a quantity: a number, one space and a unit, such as {sample!r}{more}"
 
 
 def _converted(text: str, value: float, spelled: str, unit: str) -> float:
@@ -107,11 +107,11 @@ def _converted(text: str, value: float, spelled: str, unit: str) -> float:
     try:
         return float(registry().Quantity(value, registry().parse_units(_spelled_for_pint(spelled))).to(unit).magnitude)
     except pint.DimensionalityError:
-        raise ValueError(f"{text!r} has the wrong unit; expected {_example(unit)}") from None
+        raise ValueError(f"{text!r} has the wrong unit; expected {example(unit)}") from None
     except OverflowError:
         return math.inf
     except Exception as error:  # what is no unit fails in the grammar, in the registry or in the conversion
-        raise ValueError(f"{text!r} has no unit that is known ({spelled!r}); expected {_example(unit)}") from error
+        raise ValueError(f"{text!r} has no unit that is known ({spelled!r}); expected {example(unit)}") from error
 
 
 _EXPONENT = r"-?[0-9]+(?:\.[0-9]+)?"
@@ -185,7 +185,8 @@ _EXAMPLES = {
 }
 
 
-def _example(unit: str) -> str:
+def example(unit: str) -> str:
+    """Return what a quantity of SI `unit` is, with units that it is written in."""
     return _EXAMPLES.get(unit, unit)
 
 
@@ -195,23 +196,24 @@ def quantity(unit: str, minimum: float | None = None, above: float | None = None
     It is refused below `minimum`, and unless it is greater than `above` (both SI). Dumped in JSON mode it becomes text
     again (``"0.0003 m/s"``), so that a resolved card reads back to the same number.
     """
-
-    def read(value: Any) -> float:
-        if isinstance(value, bool) or not isinstance(value, str | int | float):
-            raise ValueError(f"expected a quantity in a unit of {_example(unit)}")
-        if isinstance(value, str):
-            return parse(str(value), unit)
-        if value == 0:
-            return 0.0  # zero is the same in every unit
-        raise ValueError(f"{quoted(value)} has no unit; write it as a quantity in a unit of {_example(unit)}")
-
     return Annotated[
         float,
-        BeforeValidator(read),
+        BeforeValidator(lambda value: read(value, unit)),
         PlainSerializer(lambda value: f"{value!r} {unit}", return_type=str, when_used="json"),
-        WithJsonSchema({"type": ["string", "number"], "description": f"quantity with a unit: {_example(unit)}"}),
+        WithJsonSchema({"type": ["string", "number"], "description": f"quantity with a unit: {example(unit)}"}),
         Field(ge=minimum, gt=above, allow_inf_nan=False),
     ]
+
+
+def read(value: Any, unit: str) -> float:
+    """Return the number of SI `unit` that a field of a card states; ValueError where it is none."""
+    if isinstance(value, bool) or not isinstance(value, str | int | float):
+        raise ValueError(f"expected a quantity in a unit of {example(unit)}")
+    if isinstance(value, str):
+        return parse(str(value), unit)
+    if value == 0:
+        return 0.0  # zero is the same in every unit
+    raise ValueError(f"{quoted(value)} has no unit; write it as a quantity in a unit of {example(unit)}")
 
 
 def _stricter(schema: Any) -> Any:

@@ -21,6 +21,7 @@ from lvnav_trade.filters.base import FilterCard
 from lvnav_trade.filters.scheduled import GainSchedule, schedule_of
 from lvnav_trade.kernels.transition import ATT, POS, VEL
 from lvnav_trade.layout import state_names
+from lvnav_trade.per_axis import rms
 from lvnav_trade.scenario import filter_models, has_covariance
 from lvnav_trade.world.flight.trajectory import identity
 
@@ -87,8 +88,8 @@ def _card(case: Case, noise: Densities, words: str) -> FilterCard:
     imu, _, _ = filter_models(case.scenario)
     card = case.scenario.filter
     beyond = {
-        "attitude_noise": math.sqrt(max(0.0, noise.attitude**2 - imu.gyro_random_walk**2)),
-        "velocity_noise": math.sqrt(max(0.0, noise.velocity**2 - imu.accel_random_walk**2)),
+        "attitude_noise": math.sqrt(max(0.0, noise.attitude**2 - rms(imu.gyro_random_walk) ** 2)),
+        "velocity_noise": math.sqrt(max(0.0, noise.velocity**2 - rms(imu.accel_random_walk) ** 2)),
     }
     return card.model_copy(update={**beyond, "name": f"{card.name}, process noise of an ensemble", "source": words})
 

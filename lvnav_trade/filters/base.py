@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from lvnav_trade import units
+from lvnav_trade import per_axis, units
 from lvnav_trade.delays.cards import CorrectionsCard
 from lvnav_trade.filters.integrity.card import IntegrityCard
 from lvnav_trade.filters.scheduled import GainSchedule
@@ -37,27 +37,27 @@ _KINDS = {
 
 
 class ImuModel(units.Card):
-    """What the filter assumes of its inertial unit; `matched` in the filter card takes each number from the truth."""
+    """What the filter assumes of its inertial unit, by axis or not; `matched` in its card takes all from the truth."""
 
-    gyro_random_walk: units.AngleRandomWalk
-    accel_random_walk: units.VelocityRandomWalk
-    gyro_bias: units.AngularRateSigma
-    gyro_bias_walk: units.RateRandomWalk = 0.0
+    gyro_random_walk: per_axis.AngleRandomWalk
+    accel_random_walk: per_axis.VelocityRandomWalk
+    gyro_bias: per_axis.AngularRate
+    gyro_bias_walk: per_axis.RateRandomWalk = 0.0
     gyro_bias_time: units.TimeConstant | None = None
-    accel_bias: units.AccelerationSigma
-    accel_bias_walk: units.AccelerationRandomWalk = 0.0
+    accel_bias: per_axis.Acceleration
+    accel_bias_walk: per_axis.AccelerationRandomWalk = 0.0
     accel_bias_time: units.TimeConstant | None = None
-    gyro_scale_factor: units.Fraction = 0.0
-    gyro_scale_factor_walk: units.ScaleDrift = Field(0.0, description="also to cover what is no state: nonlinearity")
-    accel_scale_factor: units.Fraction = 0.0
-    accel_scale_factor_walk: units.ScaleDrift = 0.0
-    gyro_nonlinearity: units.Fraction = Field(0.0, description="scale-factor error at full scale")
+    gyro_scale_factor: per_axis.Fraction = 0.0
+    gyro_scale_factor_walk: per_axis.ScaleDrift = Field(0.0, description="also to cover what is no state: nonlinearity")
+    accel_scale_factor: per_axis.Fraction = 0.0
+    accel_scale_factor_walk: per_axis.ScaleDrift = 0.0
+    gyro_nonlinearity: per_axis.Fraction = Field(0.0, description="scale-factor error at full scale")
     gyro_full_scale: Annotated[units.AngularRate, Field(gt=0.0)] = 8.7266462599716477  # 500 deg/s
-    accel_nonlinearity: units.Fraction = 0.0
+    accel_nonlinearity: per_axis.Fraction = 0.0
     accel_full_scale: Annotated[units.Acceleration, Field(gt=0.0)] = 294.1995  # 30 g
-    gyro_misalignment: units.AngleSigma = 0.0
-    accel_misalignment: units.AngleSigma = 0.0
-    gyro_g_sensitivity: units.GSensitivity = 0.0
+    gyro_misalignment: per_axis.Angle = 0.0
+    accel_misalignment: per_axis.Angle = 0.0
+    gyro_g_sensitivity: per_axis.GSensitivity = 0.0
     gyro_relative_bias: units.AngularRateSigma = Field(
         0.0, description="of two units whose difference is measured: bias of the first minus that of the second"
     )
@@ -67,9 +67,9 @@ class ImuModel(units.Card):
     accel_relative_bias_walk: units.AccelerationRandomWalk = 0.0
     accel_relative_bias_correlation: float = Field(0.0, gt=-1.0, lt=1.0, description="with accel_bias, at the start")
 
-    def sigma(self, name: str) -> float:
+    def sigma(self, name: str) -> per_axis.PerAxis:
         """Return the one-sigma of a parameter (SI); of a nonlinearity its slope, the error at full scale over that."""
-        return float(getattr(self, name)) / self.full_scale(name)
+        return per_axis.each_axis(lambda one: float(one) / self.full_scale(name), getattr(self, name))
 
     def full_scale(self, name: str) -> float:
         """Return what a parameter is stated at: of a nonlinearity the input at full scale (SI), else one."""

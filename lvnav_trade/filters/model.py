@@ -15,6 +15,7 @@ from lvnav_trade.kernels.strapdown import Strapdown
 from lvnav_trade.kernels.transition import ATT, GYRO, POS, VEL
 from lvnav_trade.layout import BY_SATELLITE, EXTRAS, PARAMETERS, RELATIVE, ExtraBlock, ParameterBlock, StateLayout
 from lvnav_trade.observables.partials import Channels, members, sensor_states
+from lvnav_trade.per_axis import PerAxis, axes, squares
 from lvnav_trade.records import Bools, Floats, Ints
 
 # One-sigma (m) of the receiver's clock at an epoch before the filter starts: such a difference tells nothing.
@@ -192,9 +193,15 @@ def transition_blocks(parameters: tuple[ParameterBlock, ...], order: int) -> tup
     return rows, columns, kinds, drivers
 
 
-def _blocks(layout: StateLayout) -> list[tuple[slice, float, float]]:
+def _square(value: PerAxis) -> float | Floats:
+    return np.array(squares(value)) if isinstance(value, tuple) else value**2
+
+
+def _blocks(layout: StateLayout) -> list[tuple[slice, PerAxis, float]]:
     """Return the states, the sigma and the time constant of every block of parameters or extra states."""
-    found = [(slice(b.offset, b.offset + 3), b.sigma, b.time_constant) for b in layout.parameters]
+    found: list[tuple[slice, PerAxis, float]] = [
+        (slice(b.offset, b.offset + 3), b.sigma, b.time_constant) for b in layout.parameters
+    ]
     return found + [(slice(e.offset, e.offset + len(e.labels)), e.sigma, e.time_constant) for e in layout.extras]
 
 
@@ -209,7 +216,7 @@ def window_tables(layout: StateLayout, densities: Floats, seconds: Floats) -> tu
         if math.isfinite(time_constant):
             decay[:, states] = np.exp(-seconds / time_constant)[:, None]
             # half of it enters before the decay d, half after: 2 (1 - d^2) / (1 + d^2) of the variance then holds it
-            noise[:, states] += 2.0 * sigma**2 * np.tanh(seconds / time_constant)[:, None]
+            noise[:, states] += 2.0 * _square(sigma) * np.tanh(seconds / time_constant)[:, None]
     return decay, noise
 
 
@@ -217,10 +224,10 @@ def _densities(card: FilterCard, layout: StateLayout, imu: ImuModel, receiver: R
     found = np.zeros(layout.n_state)
     # with a model of the vehicle the noise of samples enters by their rows, and nowhere else
     by_window = layout.motion < 0
-    found[ATT : ATT + 3] = by_window * imu.gyro_random_walk**2 + card.attitude_noise**2
-    found[VEL : VEL + 3] = by_window * imu.accel_random_walk**2 + card.velocity_noise**2
+    found[ATT : ATT + 3] = by_window * np.array(squares(imu.gyro_random_walk)) + card.attitude_noise**2
+    found[VEL : VEL + 3] = by_window * np.array(squares(imu.accel_random_walk)) + card.velocity_noise**2
     for block in layout.parameters:
-        found[block.offset : block.offset + 3] = block.walk**2
+        found[block.offset : block.offset + 3] = _square(block.walk)
     for extra in layout.extras:
         found[extra.offset : extra.offset + len(extra.labels)] = extra.walk**2
     if layout.clock >= 0:
@@ -323,7 +330,7 @@ def initial_covariance(
     variance, clock, motion = np.zeros(layout.n_state), layout.clock, layout.motion
     variance[VEL : VEL + 3], variance[POS : POS + 3] = initial.velocity**2, initial.position**2
     for states, sigma, _ in _blocks(layout):
-        variance[states] = sigma**2
+        variance[states] = _square(sigma)
     biases = {BIAS_OF[b.name]: b for b in layout.parameters if b.name in BIAS_OF}
     if clock >= 0:
         drift = 0.0 if layout.has_reduced_clock else initial.clock_drift
@@ -340,6 +347,6 @@ def initial_covariance(
         if extra.correlation and extra.name in biases:
             bias = biases[extra.name]
             for i in range(3):
-                shared = extra.correlation * extra.sigma * bias.sigma
+                shared = extra.correlation * extra.sigma * axes(bias.sigma)[i]
                 P[extra.offset + i, bias.offset + i] = P[bias.offset + i, extra.offset + i] = shared
     return P

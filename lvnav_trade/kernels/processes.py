@@ -22,21 +22,23 @@ _ROUND = 6755399441055744.0
 
 @jit
 def start(values, sigma, sources, k0, k1, run):
-    """Draw every block's value at the start: values (n_block, 3) set; sigma (n_block,), sources (n_block,) words."""
+    """Draw every block's value at the start: values, sigma (n_block, 3), the first set; sources (n_block,) words."""
     for b in range(sigma.shape[0]):
         normal = normals(k0, k1, sources[b], run, _START, _ZERO)
         for axis in range(3):
-            values[b, axis] = sigma[b] * normal[axis]
+            values[b, axis] = sigma[b, axis] * normal[axis]
 
 
 @jit
 def step(values, decay, walk, sources, k0, k1, run, epoch):
-    """Step every block that varies to the next process epoch (a word from 1): values (n_block, 3) updated."""
+    """Step every block that varies to the next process epoch (a word from 1): values (n_block, 3) updated; decay
+    (n_block,), walk (n_block, 3).
+    """
     for b in range(decay.shape[0]):
-        if walk[b] > 0.0:
+        if walk[b, 0] + walk[b, 1] + walk[b, 2] > 0.0:
             normal = normals(k0, k1, sources[b], run, epoch, _ZERO)
             for axis in range(3):
-                values[b, axis] = decay[b] * values[b, axis] + walk[b] * normal[axis]
+                values[b, axis] = decay[b] * values[b, axis] + walk[b, axis] * normal[axis]
 
 
 @jit
@@ -102,7 +104,7 @@ def corrupt(increments, at, first_tick, n_tick, dtheta, dvel, gyro, accel, noise
     increments : (n, 6); n_tick rows from `at` set
     dtheta, dvel : (n_imu, 3) increments of the ideal unit (rad, m/s)
     gyro, accel : (24,) tables of `gather`
-    noise : (4,) standard deviation of white noise per tick (gyro, accel), quantisation steps (0: none)
+    noise : (8,) standard deviation of white noise per tick by axis (gyro, accel), quantisation steps (0: none)
     remainder : (6,) what quantisation has held back; updated
     unit : NamedTuple with dt, noise_source, biases_only (no scale factor or other driver)
     """
@@ -116,17 +118,17 @@ def corrupt(increments, at, first_tick, n_tick, dtheta, dvel, gyro, accel, noise
         n4, n5, _, _ = normals(k0, k1, unit.noise_source, run, epoch, np.uint64(1))
         e0, e1, e2, e3, e4, e5 = _errors(gyro, accel, unit.biases_only, a0, a1, a2, f0, f1, f2, dt)
         increments[out, 0], increments[out, 1], increments[out, 2] = (
-            a0 + e0 + noise[0] * n0, a1 + e1 + noise[0] * n1, a2 + e2 + noise[0] * n2,
+            a0 + e0 + noise[0] * n0, a1 + e1 + noise[1] * n1, a2 + e2 + noise[2] * n2,
         )  # fmt: skip
         increments[out, 3], increments[out, 4], increments[out, 5] = (
-            f0 + e3 + noise[1] * n3, f1 + e4 + noise[1] * n4, f2 + e5 + noise[1] * n5,
+            f0 + e3 + noise[3] * n3, f1 + e4 + noise[4] * n4, f2 + e5 + noise[5] * n5,
         )  # fmt: skip
     for sensor in range(2):
-        if noise[2 + sensor] > 0.0:
+        if noise[6 + sensor] > 0.0:
             for k in range(at, at + n_tick):
                 for axis in range(3 * sensor, 3 * sensor + 3):
                     increments[k, axis], remainder[axis] = quantise(
-                        increments[k, axis], remainder[axis], noise[2 + sensor]
+                        increments[k, axis], remainder[axis], noise[6 + sensor]
                     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from lvnav_trade.engines.setup.vehicle import changing, steady_ratio
 from lvnav_trade.filters.base import EnvelopeCard
 from lvnav_trade.kernels.random import seed_words
+from lvnav_trade.per_axis import rms
 from lvnav_trade.records import Floats, Ints
 from lvnav_trade.steering import loop
 from lvnav_trade.world.control.ascent import Ascent, Body, body_along, changes
@@ -110,7 +111,7 @@ def _feed(launch: Launch, card: FeedbackCard) -> loop.Feed:
     ticks = max(1, round(launch.imu.rate / card.reference_rate))
     driving = ticks * (noise / launch.imu.rate) ** 2
     gain = steady_ratio(driving, card.reference_sigma**2) if card.reference_sigma > 0.0 else 1.0
-    bias = 0.0 if card.noise == "none" else launch.imu.gyro.bias_repeatability
+    bias = 0.0 if card.noise == "none" else rms(launch.imu.gyro.bias_repeatability)
     navigated = card.attitude == "navigation"
     start = math.sqrt(gain) * card.reference_sigma if navigated else 0.0
     return loop.Feed(_RATES[card.rate], navigated, noise, bias, card.reference_sigma, ticks, gain, start)

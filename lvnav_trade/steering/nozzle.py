@@ -7,6 +7,7 @@ import numpy as np
 
 from lvnav_trade.engines.setup.vehicle import burns
 from lvnav_trade.observables.attitude import AttitudeReferenceCard
+from lvnav_trade.per_axis import rms
 from lvnav_trade.records import Floats
 from lvnav_trade.scenario import Scenario, sensors_measuring
 from lvnav_trade.steering import loop
@@ -114,7 +115,7 @@ def _turning(launch: Launch, flown: Missions, feed: str) -> Floats:
     sums = flown.sums.sum(axis=0)
     furthest = flown.sums.max(axis=0)
     ticks = np.where(sums[..., loop.TICKS] > 0.0, sums[..., loop.TICKS], np.nan)
-    raw = launch.imu.gyro.random_walk * np.sqrt(launch.imu.rate) if feed == "raw" else np.nan
+    raw = rms(launch.imu.gyro.random_walk) * np.sqrt(launch.imu.rate) if feed == "raw" else np.nan
     return np.stack([
         sums[..., loop.TICKS], sums[..., loop.INSIDE_TURNING] / ticks, sums[..., loop.INSIDE_JERK] / ticks,
         furthest[..., loop.TURNING_RATIO], furthest[..., loop.JERK_RATIO],

@@ -10,6 +10,7 @@ from lvnav_trade.layout import PARAMETERS, ExtraBlock
 from lvnav_trade.noise import idle_tables
 from lvnav_trade.observables.partials import DIFFERENCES, PHASES
 from lvnav_trade.observables.sensors import RANGES, SENSOR_STATES
+from lvnav_trade.per_axis import rms
 from lvnav_trade.records import Bools, Floats
 from lvnav_trade.scenario import Scenario, smoothing_of, solves
 from lvnav_trade.world.fault_cards import (
@@ -72,7 +73,7 @@ def _named(prepared: Prepared) -> Iterator[tuple[str, str]]:
 def _uncertain(prepared: Prepared) -> set[str]:
     """Return the names of the states that are not known exactly, or are driven."""
     blocks: list[Any] = [*prepared.layout.extras, *prepared.layout.parameters]
-    return {block.name for block in blocks if block.sigma > 0.0 or block.walk > 0.0}
+    return {block.name for block in blocks if rms(block.sigma) > 0.0 or rms(block.walk) > 0.0}
 
 
 def _untouched(prepared: Prepared) -> Iterator[tuple[str, str]]:

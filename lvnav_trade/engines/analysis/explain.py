@@ -205,6 +205,8 @@ def _marks(prepared: Prepared, events: dict[str, float]) -> list[tuple[str, floa
 
 def _multiplied(model: Any, path: tuple[str, ...], factor: float) -> Any:
     """Return a card (or the cards of a mapping or list) with one number multiplied; of several parts it is in each."""
+    if not path:
+        return tuple(factor * one for one in model) if isinstance(model, tuple) else model * factor
     head, rest = path[0], path[1:]
     if isinstance(model, dict):
         return model | {head: _multiplied(model[head], rest, factor)}
@@ -215,7 +217,7 @@ def _multiplied(model: Any, path: tuple[str, ...], factor: float) -> Any:
     value = getattr(model, head, None)
     if value is None:
         return model
-    return model.model_copy(update={head: _multiplied(value, rest, factor) if rest else value * factor})
+    return model.model_copy(update={head: _multiplied(value, rest, factor)})
 
 
 def _fields(scenario: Scenario, source: str) -> tuple[Field, ...]:

@@ -8,11 +8,13 @@ import numpy as np
 
 from lvnav_trade.engines.setup.inputs import Unit
 from lvnav_trade.engines.setup.prepare import Prepared
+from lvnav_trade.engines.setup.units import white_of
 from lvnav_trade.engines.simulate.sensing import sense
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.kernels.transition import CONSTANT
+from lvnav_trade.per_axis import rms
 from lvnav_trade.records import Floats
 from lvnav_trade.world.sensors import allan
 from lvnav_trade.world.sensors.imu import AccelCard, GyroCard, ImuCard
@@ -56,19 +58,18 @@ def _at_rest(prepared: Prepared, triad: int, card: ImuCard, n_tick: int) -> Unit
     """Return a unit of the case at rest, alone, its blocks those of the triad; no warming, nothing of the flight."""
     unit, none = prepared.unit, np.zeros((n_tick, 3))
     own = unit.sensors // 2 == triad
-    white = [sensor.random_walk * math.sqrt(unit.dt) for sensor in (card.gyro, card.accel)]
     at_hand = {name: getattr(unit, name)[: own.size][own] for name in ("sigma", "decay", "walk", "sources", "drivers")}
     empty = {name: getattr(unit, name)[:0] for name in Unit._fields if name.startswith("profile")}
     return unit._replace(
         **at_hand, **empty, sensors=unit.sensors[own] % 2, dtheta=none, dvel=none, gravity=-1, drifting=True,
-        white=np.array([*white, card.gyro.quantisation, card.accel.quantisation]),
+        white=white_of(card, unit.dt),
         biases_only=bool(np.all(at_hand["drivers"] == CONSTANT)),
     )  # fmt: skip
 
 
 def _stream(unit: Unit, n_mean: int, seed: int) -> Floats:
     """Return the means over its process steps (n_mean, 6) of what a unit at rest puts out."""
-    n_block, out = max(1, unit.sigma.size), np.zeros((n_mean, 6))
+    n_block, out = max(1, len(unit.sigma)), np.zeros((n_mean, 6))
     work = _Work(
         np.zeros(1, dtype=np.uint64), np.zeros(10), np.zeros((n_block, 3)), np.zeros((2, processes.N_TABLE)),
         np.zeros((unit.process_ticks, 6)), np.zeros(6),
@@ -81,15 +82,17 @@ def _stream(unit: Unit, n_mean: int, seed: int) -> Floats:
 
 def by_card(card: GyroCard | AccelCard, tau: Floats) -> tuple[Floats, Floats, Floats]:
     """Return the Allan deviation that a card states over tau (n,) s: white noise with quantisation, bias instability,
-    random walk. What quantisation holds back is uniform over a step and independent: sqrt(3) times its sigma over tau.
+    random walk, root mean square of the axes. What quantisation holds back is uniform over a step and independent:
+    sqrt(3) times its sigma over tau.
     """
-    white = allan.together(allan.white(card.random_walk, tau), 0.5 * card.quantisation / tau)
+    white = allan.together(allan.white(rms(card.random_walk), tau), 0.5 * card.quantisation / tau)
     instability = np.zeros_like(tau)
-    if card.bias_instability > 0.0 and card.instability_fit is not None:
-        instability = np.full_like(tau, card.bias_instability * allan.FLOOR)
-    elif card.bias_instability > 0.0:
+    flicker = rms(card.bias_instability)
+    if flicker > 0.0 and card.instability_fit is not None:
+        instability = np.full_like(tau, flicker * allan.FLOOR)
+    elif flicker > 0.0:
         instability = allan.gauss_markov(card.instability, tau)
-    return white, instability, allan.random_walk(card.rate_random_walk, tau)
+    return white, instability, allan.random_walk(rms(card.rate_random_walk), tau)
 
 
 def allan_curves(prepared: Prepared, seconds: float, seed: int) -> tuple[Curve, ...]:

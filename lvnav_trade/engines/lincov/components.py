@@ -15,6 +15,7 @@ from lvnav_trade.filters.model import transition_blocks
 from lvnav_trade.kernels.clock import spectral_densities
 from lvnav_trade.kernels.transition import ACCEL, ATT, GYRO, POS, VEL
 from lvnav_trade.layout import standing_for
+from lvnav_trade.per_axis import rms, squares
 from lvnav_trade.records import Bools, Floats, Ints
 from lvnav_trade.world.sensors.imu import ImuCard
 from lvnav_trade.world.sensors.units import keyed, mounted
@@ -96,14 +97,16 @@ class Components(NamedTuple):
 
 
 class _Block(NamedTuple):
-    """Three components: sensor, driver, first matched state, source, variance, walk PSD, time constant, profile."""
+    """Three components: sensor, driver, first matched state, source, variance and walk PSD by axis, time constant,
+    profile.
+    """
 
     sensor: int
     driver: int
     matched: int
     source: int
-    variance: float = 0.0
-    walk: float = 0.0
+    variance: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    walk: tuple[float, float, float] = (0.0, 0.0, 0.0)
     time_constant: float = math.inf
     profile: int = -1
     triad: int = 0
@@ -113,17 +116,18 @@ def _blocks(prepared: Prepared, names: list[str]) -> list[_Block]:
     several = prepared.options.units is not None  # then a state stands for a sum, and for no component alone
     states = {} if several else {(p.sensor, p.driver): p.offset for p in prepared.layout.parameters}
     found = [
-        _Block(b.sensor, b.driver, states.get((b.sensor, b.driver), -1), names.index(b.source), b.sigma**2, b.walk**2,
-               b.time_constant, triad=b.triad) for b in prepared.sources
+        _Block(b.sensor, b.driver, states.get((b.sensor, b.driver), -1), names.index(b.source), squares(b.sigma),
+               squares(b.walk), b.time_constant, triad=b.triad) for b in prepared.sources
     ]  # fmt: skip
     for triad, (number, unit) in enumerate(mounted(prepared.scenario.imu)):
         for sensor, card, label in ((GYRO, unit.gyro, "gyro"), (ACCEL, unit.accel, "accelerometer")):
             if card.quantisation > 0.0:
                 source = names.index(keyed(f"{label} quantisation", number))
-                found.append(_Block(sensor, REMAINDER, -1, source, walk=card.quantisation**2 / 12.0, triad=triad))
-            if several and prepared.layout.motion < 0 and card.random_walk > 0.0:
-                source, variance = names.index(keyed(f"{label} random walk", number)), card.random_walk**2
-                found.append(_Block(sensor, WHITE, -1, source, variance, 0.0, WHITE_TIME, triad=triad))
+                walk = (card.quantisation**2 / 12.0,) * 3
+                found.append(_Block(sensor, REMAINDER, -1, source, walk=walk, triad=triad))
+            if several and prepared.layout.motion < 0 and rms(card.random_walk) > 0.0:
+                source, variance = names.index(keyed(f"{label} random walk", number)), squares(card.random_walk)
+                found.append(_Block(sensor, WHITE, -1, source, variance, time_constant=WHITE_TIME, triad=triad))
     for profile, code in enumerate(prepared.unit.profile_sensor.tolist()):
         triad, sensor = divmod(code, 2)
         driver = int(prepared.unit.profile_driver[profile])
@@ -138,17 +142,17 @@ def _of_block(prepared: Prepared, block: _Block, moves: bool, samples: bool) -> 
         return []
     if block.driver == REMAINDER:
         # a new remainder at the end of every window, uniform over a step; a window of no ticks leaves it as it was
-        factor, noise = np.where(seconds > 0.0, 0.0, 1.0), np.where(seconds > 0.0, block.walk, 0.0)
+        factor = np.where(seconds > 0.0, 0.0, 1.0)
+        noise = [np.where(seconds > 0.0, walk, 0.0) for walk in block.walk]
     else:
         factor = np.exp(-seconds / block.time_constant)
-        noise = block.walk * seconds - block.variance * np.expm1(-2.0 * seconds / block.time_constant)
+        left = np.expm1(-2.0 * seconds / block.time_constant)
+        noise = [walk * seconds - one * left for one, walk in zip(block.variance, block.walk, strict=True)]
     alike = block.matched >= 0 and np.array_equal(factor, prepared.model.decay[:, block.matched])
     states = [(block.matched + i,) for i in range(3)] if block.matched >= 0 else [(), (), ()]
     return [
-        Component(
-            block.source, factor, noise, block.variance, own, not alike, moves, samples, block.driver == REMAINDER
-        )
-        for own in states
+        Component(block.source, factor, driven, variance, own, not alike, moves, samples, block.driver == REMAINDER)
+        for driven, variance, own in zip(noise, block.variance, states, strict=True)
     ]
 
 
@@ -187,8 +191,8 @@ def _white_noise(prepared: Prepared, names: list[str]) -> Floats:
     seconds = prepared.lengths[:, None]
     # the noise of several units enters by blocks, that of samples by their update
     if layout.motion < 0 and isinstance(imu, ImuCard):
-        noise[names.index("gyro random walk"), :, ATT : ATT + 3] = imu.gyro.random_walk**2 * seconds
-        noise[names.index("accelerometer random walk"), :, VEL : VEL + 3] = imu.accel.random_walk**2 * seconds
+        for label, at, card in (("gyro", ATT, imu.gyro), ("accelerometer", VEL, imu.accel)):
+            noise[names.index(f"{label} random walk"), :, at : at + 3] = np.array(squares(card.random_walk)) * seconds
     if layout.clock >= 0:
         densities = np.array(spectral_densities(receiver.clock.h0, receiver.clock.h_minus2))
         noise[names.index("receiver clock"), :, layout.clock : layout.clock + 2] = seconds * densities
@@ -198,12 +202,11 @@ def _white_noise(prepared: Prepared, names: list[str]) -> Floats:
 def _sample_noise(prepared: Prepared, names: list[str]) -> Floats:
     imu, noise, units = prepared.scenario.imu, np.zeros((len(names), 6)), prepared.options.units
     for triad, (number, unit) in enumerate(mounted(imu)):
-        gyro, accel = np.ones((2, 3)) if units is None else np.sum(units.solved[0, triad] ** 2, axis=2)
-        if units is not None:
-            gyro, accel = (gyro, accel) * units.noisy[0, :, 1] ** 2
-        noise[names.index(keyed("gyro random walk", number)), :3] += gyro * (unit.gyro.random_walk**2 * imu.rate)
-        source = names.index(keyed("accelerometer random walk", number))
-        noise[source, 3:] += accel * (unit.accel.random_walk**2 * imu.rate)
+        sizes = np.array([squares(unit.gyro.random_walk), squares(unit.accel.random_walk)]) * imu.rate
+        if units is not None:  # (2, 3, 3) how each axis enters the fused triad
+            sizes = np.einsum("sic,sc->si", units.solved[0, triad] ** 2, sizes) * units.noisy[0, :, 1] ** 2
+        noise[names.index(keyed("gyro random walk", number)), :3] += sizes[0]
+        noise[names.index(keyed("accelerometer random walk", number)), 3:] += sizes[1]
     return noise
 
 

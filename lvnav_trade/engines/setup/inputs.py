@@ -29,11 +29,11 @@ class Unit(NamedTuple):
     Of several units it holds their blocks one after the other, what belongs to a sensor by the number 2 triad + sensor,
     and the increments of the fused triad; the rest is in `Units`.
 
-    dtheta, dvel (n_imu, 3); white (4,) per-tick sigma of gyro and accelerometer, quantisation steps; process_ticks
-    between steps of varying parameters; drifting: any of these; sigma, decay, walk (n_block,); sources words,
-    sensors, drivers (n_block,); profiles of bias or scale factor that are the same in every run: profile_sensor,
-    profile_driver (n_profile,), profile_start, profile_end (n_profile,) s, profile (n_profile, 3) SI; gravity: block of
-    the gravity disturbance, -1 none; start s since lift-off of tick 0.
+    dtheta, dvel (n_imu, 3); white (8,) per-tick sigma by axis of gyro and accelerometer, quantisation steps;
+    process_ticks between steps of varying parameters; drifting: any of these; sigma, walk (n_block, 3), decay
+    (n_block,); sources words, sensors, drivers (n_block,); profiles of bias or scale factor that are the same in every
+    run: profile_sensor, profile_driver (n_profile,), profile_start, profile_end (n_profile,) s, profile (n_profile, 3)
+    SI; gravity: block of the gravity disturbance, -1 none; start s since lift-off of tick 0.
     """
 
     dt: float
@@ -65,7 +65,7 @@ class Units(NamedTuple):
     dtheta, dvel (n_triad, n_imu, 3) increments where the unit sits, without errors, body axes; n_axis (n_triad,);
     frames (n_triad, 3, 3, 3) of each axis: its direction, then those that its misalignments are towards; solved
     (n_stage, n_triad, 2, 3, 3) how errors of the axes of gyro and accelerometer enter the fused triad; lever
-    (n_triad, 3) m that is compensated; noise_sources (n_triad,) words; white (n_triad, 4) as of `Unit`; triads
+    (n_triad, 3) m that is compensated; noise_sources (n_triad,) words; white (n_triad, 8) as of `Unit`; triads
     (n_block,) of the blocks of the unit's true parameters. Differences of two units (n_pair): pair_sensor (n_pair,)
     gyro or accelerometer, pair_solved (n_pair, n_triad, 3, 3) as solved, pair_state (n_pair,) first state of the filter
     for its bias (-1 none), pair_of (n_device,) which one a sensor measures (-1 none).

@@ -19,7 +19,7 @@ from lvnav_trade.engines.setup.redundancy import Profile, redundant_of
 from lvnav_trade.engines.setup.sensors import Sensor, for_kernels, sensors_of
 from lvnav_trade.engines.setup.times import epochs_of, times_of
 from lvnav_trade.engines.setup.tuning import underweighted, with_linearisation, with_regions
-from lvnav_trade.engines.setup.units import arriving, elements, fused, units_of
+from lvnav_trade.engines.setup.units import arriving, elements, fused, units_of, white_of
 from lvnav_trade.engines.setup.vehicle import samples_of, vehicle_of
 from lvnav_trade.engines.setup.watching import integrity_of, left_out, pdop, watched
 from lvnav_trade.filters.base import EnvelopeCard
@@ -32,6 +32,7 @@ from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OWN_0
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.layout import StateLayout, backup_outputs, outputs, solution_outputs
 from lvnav_trade.observables.partials import Channels
+from lvnav_trade.per_axis import axes
 from lvnav_trade.reads import remembered
 from lvnav_trade.records import Floats, Ints, Output, Reference, Sky
 from lvnav_trade.scenario import Scenario, epoch_interval, filter_models, has_covariance, measured, reported, solves
@@ -169,12 +170,10 @@ def _unit(
     process_ticks = max(1, round(card.rate / card.process_rate))
     step = process_ticks * dt
     decay = np.array([math.exp(-step / b.time_constant) for b in blocks])
-    walk = np.array(
-        [
-            math.hypot(b.walk * math.sqrt(step), b.sigma * math.sqrt(-math.expm1(-2.0 * step / b.time_constant)))
-            for b in blocks
-        ]
-    )
+    walk = np.array([
+        [math.hypot(w * math.sqrt(step), s * math.sqrt(-math.expm1(-2.0 * step / b.time_constant)))
+         for w, s in zip(axes(b.walk), axes(b.sigma), strict=True)] for b in blocks
+    ]).reshape(-1, 3)  # fmt: skip
     profiles = _profiles(card, scenario.faults, course)
     if units is None:
         sensed = arriving(ref, one, scenario.faults, course)
@@ -187,13 +186,10 @@ def _unit(
         biases_only=all(b.driver == CONSTANT for b in inertial) and all(p[1] == CONSTANT for p in profiles),
         dtheta=dtheta,
         dvel=dvel,
-        white=np.array([
-            one.gyro.random_walk * math.sqrt(dt), one.accel.random_walk * math.sqrt(dt),
-            one.gyro.quantisation, one.accel.quantisation,
-        ]),
+        white=white_of(one, dt),
         process_ticks=process_ticks,
         drifting=bool(np.any(walk > 0.0)) or bool(profiles),
-        sigma=np.array([b.sigma for b in blocks], dtype=float),
+        sigma=np.array([axes(b.sigma) for b in blocks], dtype=float).reshape(-1, 3),
         decay=decay,
         walk=walk,
         sources=np.array([source_word(f"{b.source} {b.part}") for b in blocks], dtype=np.uint64),
@@ -392,7 +388,7 @@ def _record(
     scenario: Scenario, trajectory: Trajectory, ref: Reference, ticks: Ints, t_hist: Floats, epoch_tick: Ints
 ) -> Record:
     r, v, q = (np.ascontiguousarray(a[ticks]) for a in (ref.r_i, ref.v_i, ref.q_b_i))
-    axes = reporting_axes(scenario.frame, t_hist, r, v, trajectory.theta0)
+    shown = reporting_axes(scenario.frame, t_hist, r, v, trajectory.theta0)
     marks = np.concatenate([[0], epoch_tick])
     since = (ticks - marks[np.searchsorted(marks, ticks, side="right") - 1]) / scenario.imu.rate
-    return Record(r, v, q, np.ascontiguousarray(axes), t_hist, since, scenario.diverged)
+    return Record(r, v, q, np.ascontiguousarray(shown), t_hist, since, scenario.diverged)

@@ -14,6 +14,7 @@ from scipy.special import chdtri
 
 from lvnav_trade.engines.setup.inputs import Redundant, Units
 from lvnav_trade.engines.setup.units import along_axes, inputs_of
+from lvnav_trade.per_axis import squares
 from lvnav_trade.records import Floats, Reference
 from lvnav_trade.world.sensors.imu import ImuCard
 from lvnav_trade.world.sensors.redundancy import Middle, ParityCard, middle
@@ -76,12 +77,13 @@ def _spread(card: ImuSet, units: Units, dt: float, ticks: int) -> tuple[Floats, 
     for block in blocks_of(card):
         entering = np.cumsum(inputs_of(units, dt, block.driver, block.triad, block.sensor), axis=0)
         summed = np.diff(np.vstack([np.zeros((1, 3)), entering])[edges], axis=0)
-        grown = block.sigma**2 + block.walk**2 * dt * edges[1:, None]
+        grown = np.array(squares(block.sigma)) + np.array(squares(block.walk)) * dt * edges[1:, None]
         lasting[:, block.sensor, block.triad] += grown * summed**2
     white = np.stack([
-        ticks * units.white[:, sensor] ** 2 + units.white[:, 2 + sensor] ** 2 / 6.0 for sensor in range(2)
+        ticks * units.white[:, 3 * sensor : 3 * sensor + 3] ** 2 + units.white[:, 6 + sensor, None] ** 2 / 6.0
+        for sensor in range(2)
     ])  # fmt: skip
-    return lasting, np.broadcast_to(white[None, :, :, None], lasting.shape)
+    return lasting, np.broadcast_to(white[None], lasting.shape)
 
 
 def _variance(card: ImuSet, units: Units, dt: float, ticks: int) -> Floats:

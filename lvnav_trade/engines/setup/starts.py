@@ -35,21 +35,22 @@ def start_draws(prepared: Prepared, seed: int, n_run: int) -> StartDraws:
     A draw is addressed, not ordered: these are the numbers that the runs flew with, found again without flying.
     """
     found = [
-        (block.source if block.part == 0 else f"{block.source} {block.part + 1}", word)
-        for block, word in zip(prepared.sources, prepared.unit.sources, strict=True)
-        if block.sigma > 0.0
+        (block.source if block.part == 0 else f"{block.source} {block.part + 1}", word, sigma > 0.0)
+        for block, word, sigma in zip(prepared.sources, prepared.unit.sources, prepared.unit.sigma, strict=True)
     ]
     found += [
-        (name, word)
+        (name, word, np.ones(3, dtype=bool))
         for name, root, word in zip(INITIAL, prepared.start.roots, prepared.start.sources, strict=True)
         if np.any(root)
     ]
-    words = np.array([word for _, word in found], dtype=np.uint64)
+    words = np.array([word for _, word, _ in found], dtype=np.uint64)
+    on = np.array([drawn for _, _, drawn in found], dtype=bool).reshape(-1, 3)
     k0, k1 = seed_words(seed)
     values = np.empty((n_run, len(words), 3))
     _fill(values, words, k0, k1)
-    names = tuple(name for name, _ in found for _ in "xyz")
-    return StartDraws(np.arange(n_run), names, ("x", "y", "z") * len(found), values.reshape(n_run, -1))
+    pairs = [(name, axis) for name, _, drawn in found for axis, is_drawn in zip("xyz", drawn, strict=True) if is_drawn]
+    names, axes = zip(*pairs, strict=True)
+    return StartDraws(np.arange(n_run), names, axes, values[:, on])
 
 
 @jit

@@ -12,6 +12,7 @@ from lvnav_trade.kernels.random import source_word
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OTHER_0, OWN_0, OWN_2, SQUARE
 from lvnav_trade.layout import RELATIVE, StateLayout
 from lvnav_trade.observables.imu_difference import ImuDifferenceCard
+from lvnav_trade.per_axis import axes
 from lvnav_trade.records import Floats, Reference
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.sources import IMU_NOISE
@@ -20,7 +21,7 @@ from lvnav_trade.world.fault_cards import AnyFault, DeadAxis, DroppedSamples
 from lvnav_trade.world.faults import periods
 from lvnav_trade.world.sensors.elements import Dead, put_out
 from lvnav_trade.world.sensors.imu import ImuCard, lag
-from lvnav_trade.world.sensors.units import ImuSet, Triad, blocks_of, difference, keyed, triads_of
+from lvnav_trade.world.sensors.units import ImuSet, blocks_of, difference, keyed, triads_of
 
 
 def arriving(
@@ -117,7 +118,7 @@ def units_of(
         flown=np.zeros(ref.dtheta.shape[0], dtype=np.int64),
         lever=lever * (card.lever_arms == "compensated"),
         noise_sources=np.array([source_word(key) for key in keys], dtype=np.uint64),
-        white=np.array([_white(card, triad, dt) for triad in triads]),
+        white=np.array([white_of(card.units[triad.unit], dt) for triad in triads]),
         triads=np.array([block.triad for block in blocks_of(card)], dtype=np.int64),
         **_pairs(card, devices, layout),
     )
@@ -143,12 +144,10 @@ def _pairs(card: ImuSet, devices: tuple[Sensor, ...], layout: StateLayout) -> di
     }
 
 
-def _white(card: ImuSet, triad: Triad, dt: float) -> list[float]:
-    unit = card.units[triad.unit]
-    return [
-        unit.gyro.random_walk * dt**0.5, unit.accel.random_walk * dt**0.5, unit.gyro.quantisation,
-        unit.accel.quantisation,
-    ]  # fmt: skip
+def white_of(unit: ImuCard, dt: float) -> Floats:
+    """Return the sigma of a tick's white noise, by axis of gyro and accelerometer, then quantisation steps, (8,)."""
+    noise = [one * math.sqrt(dt) for card in (unit.gyro, unit.accel) for one in axes(card.random_walk)]
+    return np.array([*noise, unit.gyro.quantisation, unit.accel.quantisation])
 
 
 def along_axes(units: Units, dt: float) -> tuple[Floats, Floats]:

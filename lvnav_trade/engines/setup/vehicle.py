@@ -11,15 +11,16 @@ from lvnav_trade.filters.samples import VehicleModel
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO
 from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.layout import StateLayout
+from lvnav_trade.per_axis import PerAxis, squares
 from lvnav_trade.records import Bools, Floats, Reference
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.control.ascent import changes
 from lvnav_trade.world.truth import Trajectory
 
 
-def _by_sensor(gyro: float, accel: float) -> Floats:
-    """Return values (6,) of the samples of the gyro and of the accelerometer, alike on all axes."""
-    return np.repeat([gyro, accel], 3)
+def _by_sensor(gyro: PerAxis, accel: PerAxis) -> Floats:
+    """Return the squares (6,) of one-sigmas of the gyro and of the accelerometer."""
+    return np.array([*squares(gyro), *squares(accel)])
 
 
 def vehicle_of(
@@ -42,7 +43,7 @@ def vehicle_of(
         blocks=blocks,
         columns=columns,
         walk=walks(scenario.filter.envelope or EnvelopeCard(), trajectory, ref),
-        variance=_by_sensor(imu.gyro_random_walk**2 / dt, imu.accel_random_walk**2 / dt),
+        variance=_by_sensor(imu.gyro_random_walk, imu.accel_random_walk) / dt,
         rate=ref.dtheta / dt,
         force=ref.dvel / dt,
     )
@@ -53,7 +54,7 @@ def samples_of(scenario: Scenario, ref: Reference, layout: StateLayout, imu: Imu
     if not layout.samples:
         return None
     dt = 1.0 / scenario.imu.rate
-    noise = _by_sensor(imu.gyro_random_walk**2 / dt, imu.accel_random_walk**2 / dt)
+    noise = _by_sensor(imu.gyro_random_walk, imu.accel_random_walk) / dt
     found = {(block.sensor, block.driver): number for number, block in enumerate(layout.parameters)}
     par = np.array([found.get((sensor, CONSTANT), -1) for sensor in (GYRO, ACCEL)], dtype=np.int64)
     bias = [layout.parameters[p].offset + i if p >= 0 else -1 for p in par for i in range(3)]
@@ -62,7 +63,7 @@ def samples_of(scenario: Scenario, ref: Reference, layout: StateLayout, imu: Imu
         force=ref.dvel / dt,
         par=par,
         bias=np.array(bias, dtype=np.int64),
-        raw=noise + _by_sensor(imu.gyro_bias**2, imu.accel_bias**2),
+        raw=noise + _by_sensor(imu.gyro_bias, imu.accel_bias),
         variance=noise,
     )
 

@@ -96,7 +96,7 @@ def new_work(prepared: Prepared, lanes: bool) -> tuple[Work, Parts]:
     model, signals, layout = prepared.model, prepared.signals, prepared.layout
     n, n_row, n_lane = layout.n_state, prepared.n_row, WIDTH if lanes else 0
     n_hist, n_epoch, n_out = prepared.t_hist.size, prepared.t_epoch.size, len(prepared.outputs)
-    n_par, n_true, n_extra = len(layout.parameters), prepared.unit.sigma.size, model.extra_offset.size
+    n_par, n_true, n_extra = len(layout.parameters), len(prepared.unit.sigma), model.extra_offset.size
     arrays = zeros_of({
         "run": (1,), "nav": (10,), "sums": (N_SUM,), "rates": (2, N_SUM), "previous": (6,),
         "increments": (int(prepared.schedule.n_tick.max(initial=0)), 6), "P": (n, n), "X": (n, n),

@@ -161,13 +161,13 @@ def _sense_triad(own, units, k, at, first_tick, n_tick, dt, k0, k1, run):
             h = frames[c, 0]
             angle = h[0] * a[0] + h[1] * a[1] + h[2] * a[2]
             speed = h[0] * f[0] + h[1] * f[1] + h[2] * f[2]
-            out[row, c] = angle + _axis_error(gyro, c, angle, a, f, dt) + white[0] * turned[c]
-            out[row, 3 + c] = speed + _axis_error(accel, c, speed, f, a, dt) + white[1] * pushed[c]
+            out[row, c] = angle + _axis_error(gyro, c, angle, a, f, dt) + white[c] * turned[c]
+            out[row, 3 + c] = speed + _axis_error(accel, c, speed, f, a, dt) + white[3 + c] * pushed[c]
     for sensor in range(2):
-        if white[2 + sensor] > 0.0:
+        if white[6 + sensor] > 0.0:
             for row in range(at, at + n_tick):
                 for i in range(3 * sensor, 3 * sensor + 3):
-                    out[row, i], own.remainder[k, i] = quantise(out[row, i], own.remainder[k, i], white[2 + sensor])
+                    out[row, i], own.remainder[k, i] = quantise(out[row, i], own.remainder[k, i], white[6 + sensor])
 
 
 @jit

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from lvnav_trade import units
+from lvnav_trade import per_axis, units
 from lvnav_trade.frames import rotation_e_n
 from lvnav_trade.records import Floats
 from lvnav_trade.world.sensors.imu import ImuCard
@@ -141,7 +141,7 @@ def rate_noise(imu: ImuCard, reading: str) -> float:
     """Return the gyro's noise per sample, rad/s one sigma, by the reading of `FeedbackCard`."""
     if reading == "none":
         return 0.0
-    return float(imu.gyro.random_walk * (imu.rate if reading == "published" else math.sqrt(imu.rate)))
+    return float(per_axis.rms(imu.gyro.random_walk) * (imu.rate if reading == "published" else math.sqrt(imu.rate)))
 
 
 class WindCard(units.NamedCard):

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from pydantic import Field
 
-from lvnav_trade import units
+from lvnav_trade import per_axis, units
 from lvnav_trade.kernels.transition import ACCEL, CONSTANT, GYRO, OTHER_0, OWN_0, OWN_1, SQUARE
+from lvnav_trade.per_axis import PerAxis, axes, each_axis
 from lvnav_trade.records import Floats
 from lvnav_trade.resources import Resources
 from lvnav_trade.units import Card
@@ -64,29 +65,39 @@ class SensorCard(Card):
     """A triad with a bias that varies."""
 
     if TYPE_CHECKING:  # fields of the cards below, in their order
-        bias_instability: float
+        bias_instability: PerAxis
         instability_time: float
         instability_fit: InstabilityFit | None
         full_scale: float | None
 
     @property
     def instability_processes(self) -> tuple[Process, ...]:
-        """The Gauss-Markov processes of the true bias instability; none without one."""
-        if self.bias_instability <= 0.0:
+        """The Gauss-Markov processes of the true bias instability, of the root mean square of the axes; none without
+        one.
+        """
+        size = per_axis.rms(self.bias_instability)
+        if size <= 0.0:
             return ()
         if self.instability_fit is None:
-            return (Process(self.bias_instability, self.instability_time),)
+            return (Process(size, self.instability_time),)
         fit = self.instability_fit
-        return fit_floor(self.bias_instability, fit.processes, fit.shortest, fit.longest)
+        return fit_floor(size, fit.processes, fit.shortest, fit.longest)
 
     @property
     def instability(self) -> Process:
         """What one process has of them: their sigma together, and the drift over a short time of the slowest."""
-        if self.bias_instability <= 0.0 or self.instability_fit is None:
-            return Process(self.bias_instability, self.instability_time)
+        size = per_axis.rms(self.bias_instability)
+        if size <= 0.0 or self.instability_fit is None:
+            return Process(size, self.instability_time)
         found = self.instability_processes
         variance, slowest = sum(one.sigma**2 for one in found), found[-1]
         return Process(math.sqrt(variance), slowest.time_constant * variance / slowest.sigma**2)
+
+    def instability_axes(self, sigma: float) -> PerAxis:
+        """Return by axis the one-sigma of a process that is `sigma` for the root mean square of the axes."""
+        if not isinstance(self.bias_instability, tuple):
+            return sigma
+        return each_axis(lambda one: sigma * one / per_axis.rms(self.bias_instability), self.bias_instability)
 
     @property
     def nonlinearity_scale(self) -> float:
@@ -100,20 +111,20 @@ class SensorCard(Card):
 
 
 class GyroCard(SensorCard):
-    """Errors of the gyro triad, one sigma per axis (rows of table 1 of Trigo and Theil)."""
+    """Errors of the gyro triad, one sigma per axis (rows of table 1 of Trigo and Theil), alike or a list of three."""
 
     bandwidth: units.Frequency | None = Field(None, description="first-order bandwidth; none: ideal")
-    misalignment: units.AngleSigma = 0.0
-    random_walk: units.AngleRandomWalk = 0.0
-    rate_random_walk: units.RateRandomWalk = 0.0
-    bias_repeatability: units.AngularRateSigma = 0.0
-    bias_instability: units.AngularRateSigma = 0.0
+    misalignment: per_axis.Angle = 0.0
+    random_walk: per_axis.AngleRandomWalk = 0.0
+    rate_random_walk: per_axis.RateRandomWalk = 0.0
+    bias_repeatability: per_axis.AngularRate = 0.0
+    bias_instability: per_axis.AngularRate = 0.0
     instability_time: units.TimeConstant = 100.0
     instability_fit: InstabilityFit | None = Field(None, description=_FIT)
-    g_sensitivity: units.GSensitivity = 0.0
-    scale_factor: units.Fraction = Field(0.0, description="repeatability")
-    scale_factor_drift: units.ScaleDrift = 0.0
-    nonlinearity: units.Fraction = Field(0.0, description="scale-factor error at full scale, growing with the rate")
+    g_sensitivity: per_axis.GSensitivity = 0.0
+    scale_factor: per_axis.Fraction = Field(0.0, description="repeatability")
+    scale_factor_drift: per_axis.ScaleDrift = 0.0
+    nonlinearity: per_axis.Fraction = Field(0.0, description="scale-factor error at full scale, growing with the rate")
     full_scale: Annotated[units.AngularRate, Field(gt=0.0)] | None = Field(
         None, description=_FULL_SCALE.format("500 deg/s")
     )
@@ -122,19 +133,19 @@ class GyroCard(SensorCard):
 
 
 class AccelCard(SensorCard):
-    """Errors of the accelerometer triad, one sigma per axis."""
+    """Errors of the accelerometer triad, one sigma per axis, alike or a list of three."""
 
     bandwidth: units.Frequency | None = Field(None, description="first-order bandwidth; none: ideal")
-    misalignment: units.AngleSigma = 0.0
-    random_walk: units.VelocityRandomWalk = 0.0
-    rate_random_walk: units.AccelerationRandomWalk = 0.0
-    bias_repeatability: units.AccelerationSigma = 0.0
-    bias_instability: units.AccelerationSigma = 0.0
+    misalignment: per_axis.Angle = 0.0
+    random_walk: per_axis.VelocityRandomWalk = 0.0
+    rate_random_walk: per_axis.AccelerationRandomWalk = 0.0
+    bias_repeatability: per_axis.Acceleration = 0.0
+    bias_instability: per_axis.Acceleration = 0.0
     instability_time: units.TimeConstant = 100.0
     instability_fit: InstabilityFit | None = Field(None, description=_FIT)
-    scale_factor: units.Fraction = Field(0.0, description="repeatability")
-    scale_factor_drift: units.ScaleDrift = 0.0
-    nonlinearity: units.Fraction = Field(
+    scale_factor: per_axis.Fraction = Field(0.0, description="repeatability")
+    scale_factor_drift: per_axis.ScaleDrift = 0.0
+    nonlinearity: per_axis.Fraction = Field(
         0.0, description="scale-factor error at full scale, growing with specific force"
     )
     full_scale: Annotated[units.Acceleration, Field(gt=0.0)] | None = Field(
@@ -160,17 +171,23 @@ class ErrorBlock(NamedTuple):
     """One true error parameter on the three axes of a sensor: what it multiplies, how it starts and varies.
 
     source: physical cause; part: of causes that need several blocks; sigma at the start (SI), walk root PSD of a random
-    walk, time_constant s of a Gauss-Markov process that holds sigma (inf: none); triad of a set that has it.
+    walk, each of all axes or by axis, time_constant s of a Gauss-Markov process that holds sigma (inf: none); triad of
+    a set that has it.
     """
 
     source: str
     part: int
     sensor: int
     driver: int
-    sigma: float
-    walk: float = 0.0
+    sigma: PerAxis
+    walk: PerAxis = 0.0
     time_constant: float = math.inf
     triad: int = 0
+
+    @property
+    def varies(self) -> bool:
+        """Whether it has a size on any axis."""
+        return max(*axes(self.sigma), *axes(self.walk)) > 0.0
 
 
 def error_blocks(card: ImuCard) -> list[ErrorBlock]:
@@ -180,7 +197,15 @@ def error_blocks(card: ImuCard) -> list[ErrorBlock]:
         blocks += [
             ErrorBlock(f"{name} bias repeatability", 0, sensor, CONSTANT, of.bias_repeatability),
             *(
-                ErrorBlock(f"{name} bias instability", part, sensor, CONSTANT, one.sigma, 0.0, one.time_constant)
+                ErrorBlock(
+                    f"{name} bias instability",
+                    part,
+                    sensor,
+                    CONSTANT,
+                    of.instability_axes(one.sigma),
+                    0.0,
+                    one.time_constant,
+                )
                 for part, one in enumerate(of.instability_processes)
             ),
             ErrorBlock(f"{name} rate random walk", 0, sensor, CONSTANT, 0.0, of.rate_random_walk),
@@ -188,11 +213,17 @@ def error_blocks(card: ImuCard) -> list[ErrorBlock]:
             ErrorBlock(f"{name} scale-factor drift", 0, sensor, OWN_0, 0.0, of.scale_factor_drift),
             ErrorBlock(f"{name} misalignment", 0, sensor, OWN_1, of.misalignment),
             ErrorBlock(f"{name} misalignment", 1, sensor, OWN_1 + 1, of.misalignment),
-            ErrorBlock(f"{name} nonlinearity", 0, sensor, SQUARE, of.nonlinearity / of.nonlinearity_scale),
+            ErrorBlock(
+                f"{name} nonlinearity",
+                0,
+                sensor,
+                SQUARE,
+                each_axis(lambda one, at=of.nonlinearity_scale: one / at, of.nonlinearity),
+            ),
         ]
         if isinstance(of, GyroCard):
             blocks += [ErrorBlock("gyro g-sensitivity", j, GYRO, OTHER_0 + j, of.g_sensitivity) for j in range(3)]
-    return [block for block in blocks if block.sigma > 0.0 or block.walk > 0.0]
+    return [block for block in blocks if block.varies]
 
 
 def lag(increments: Floats, bandwidth: float | None, dt: float) -> Floats:

@@ -13,6 +13,7 @@ from pydantic import Discriminator, Field, Tag
 
 from lvnav_trade import units
 from lvnav_trade.kernels.transition import ACCEL, GYRO
+from lvnav_trade.per_axis import rms
 from lvnav_trade.records import Floats
 from lvnav_trade.units import Card
 from lvnav_trade.world.sensors.imu import AccelCard, ErrorBlock, GyroCard, ImuCard, error_blocks
@@ -132,7 +133,7 @@ def _unfit_for_redundancy(card: ImuSet) -> Iterable[str]:
         yield f"parity.window: {card.parity.window:g} s is less than a sample of {1.0 / card.rate:g} s"
     for number, unit in enumerate(card.units):
         for name, one in (("gyro", unit.gyro), ("accel", unit.accel)):
-            if (card.parity is not None or card.selection == "mid_value") and one.random_walk <= 0.0:
+            if (card.parity is not None or card.selection == "mid_value") and rms(one.random_walk) <= 0.0:
                 yield f"units.{number}.{name}.random_walk: none; limits of redundant units follow from their noise"
 
 
@@ -158,8 +159,8 @@ def _sizes(card: ImuSet, sensor: str) -> Floats:
     if card.weights == "equal":
         return np.ones(len(cards))
     if card.weights == "bias":
-        return np.array([math.hypot(one.bias_repeatability, one.instability_sigma) for one in cards])
-    return np.array([one.random_walk for one in cards])
+        return np.array([math.hypot(rms(one.bias_repeatability), one.instability_sigma) for one in cards])
+    return np.array([rms(one.random_walk) for one in cards])
 
 
 class Triad(NamedTuple):
@@ -248,10 +249,10 @@ def relative_errors(imu: ImuSet, sensor: int, first: int, second: int) -> Relati
         unit, D, A = imu.units[triad.unit], columns[sensor], (triad.gyro, triad.accel)[sensor]
         card = (unit.gyro, unit.accel)[sensor]
         instability = card.instability
-        lasting = card.bias_repeatability**2 + instability.sigma**2
-        drift = card.rate_random_walk**2 + instability.sigma**2 * 2.0 / instability.time_constant
+        lasting = rms(card.bias_repeatability) ** 2 + instability.sigma**2
+        drift = rms(card.rate_random_walk) ** 2 + instability.sigma**2 * 2.0 / instability.time_constant
         size = float(np.sum(D**2)) / 3.0
-        noise, bias, walk = noise + card.random_walk**2 * size, bias + lasting * size, walk + drift * size
+        noise, bias, walk = noise + rms(card.random_walk) ** 2 * size, bias + lasting * size, walk + drift * size
         shared += lasting * float(np.sum(D * A)) / 3.0
         own += lasting * float(np.sum(A**2)) / 3.0
     both = math.sqrt(bias * own)
@@ -317,7 +318,7 @@ def _fused(imu: ImuSet, sensor: int, name: str) -> float:
     for triad in triads_of(imu):
         A, card = (triad.gyro, imu.units[triad.unit].gyro) if sensor == GYRO else (
             triad.accel, imu.units[triad.unit].accel)  # fmt: skip
-        total += float(getattr(card, name)) ** 2 * float(np.sum(A**2))
+        total += rms(getattr(card, name)) ** 2 * float(np.sum(A**2))
     return math.sqrt(total / 3.0)
 
 
@@ -329,7 +330,7 @@ def _fused_matrix(imu: ImuSet, sensor: int, own: str, across: str) -> tuple[floa
     for triad in triads_of(imu):
         unit = imu.units[triad.unit]
         A, card = (triad.gyro, unit.gyro) if sensor == GYRO else (triad.accel, unit.accel)
-        scale, skew = float(getattr(card, own)) ** 2, float(getattr(card, across, 0.0)) ** 2 if across else 0.0
+        scale, skew = rms(getattr(card, own)) ** 2, rms(getattr(card, across, 0.0)) ** 2 if across else 0.0
         of_axis = scale * triad.frames[:, 0] ** 2 + skew * (triad.frames[:, 1] ** 2 + triad.frames[:, 2] ** 2)
         variance += A**2 @ of_axis
     diagonal = float(np.trace(variance))

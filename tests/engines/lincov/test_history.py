@@ -10,6 +10,7 @@ from scipy import stats
 
 from lvnav_trade.engines.lincov.history import adjoint, covariance
 from lvnav_trade.engines.simulate.montecarlo import run_block
+from lvnav_trade.scenario import filter_models
 from tests.building import INERTIAL, LOOSE, MATCHED, ascent, case, loaded, prepare_hop, with_fields
 
 SEED, ALPHA = 20260802, 1e-3
@@ -219,6 +220,35 @@ TRUTHS = {
 def test_linear_covariance_is_true_for_every_kind_of_error(name):
     ratio, interval = agrees(changed(**TRUTHS[name]), 800, [5.0, 20.0, 30.0])
     assert inside(ratio, interval), np.round(ratio, 3)
+
+
+BY_AXIS = {
+    "gyro.random_walk": ["0.02 deg/sqrt(h)", "0.2 deg/sqrt(h)", 0], "accel.random_walk": ["0.2 mg/sqrt(Hz)", 0, 0],
+    "gyro.bias_repeatability": ["0.1 deg/h", "2 deg/h", "20 deg/h"], "accel.bias_repeatability": ["0.5 mg", 0, "3 mg"],
+    "accel.scale_factor": [0, "500 ppm", "1500 ppm"], "gyro.rate_random_walk": [0, "100 deg/h/sqrt(h)", 0],
+    "accel.bias_instability": ["0.2 mg", "1 mg", 0], "accel.instability_time": "5 s",
+}  # fmt: skip
+
+
+def test_errors_by_axis_spread_as_linear_covariance_says_and_a_matched_filter_has_them():
+    prepared = changed(MATCHED, imu=BY_AXIS)
+    ratio, interval = agrees(prepared, 800, [5.0, 20.0, 30.0])
+    assert inside(ratio, interval), np.round(ratio, 3)
+    bias, _, _ = filter_models(prepared.scenario)
+    np.testing.assert_allclose(bias.gyro_bias, np.array([0.1, 2.0, 20.0]) * np.pi / 180.0 / 3600.0, rtol=1e-12)
+
+
+def test_an_error_by_axis_puts_into_an_unaided_flight_what_its_axes_put_there_alone():
+    name, field = "accelerometer bias repeatability", "accel.bias_repeatability"
+
+    def variance(*values):
+        cov = covariance(changed(MATCHED, INERTIAL, imu={field: list(values)}))
+        return cov.budget[:, cov.sources.index(name)]
+
+    one, two, three = variance("1 mg", 0, 0), variance(0, "1 mg", 0), variance(0, 0, "1 mg")
+    assert one[-1, 6:9].max() > 0.0
+    whole = variance("2 mg", "1 mg", "5 mg")
+    np.testing.assert_allclose(whole, 4.0 * one + two + 25.0 * three, rtol=1e-9, atol=1e-18)
 
 
 RAMP = {"start": "2 s", "end": "15 s", "amplitude": ["2 mg", "-4 mg", "1 mg"]}

@@ -18,7 +18,7 @@ def test_they_are_the_parameters_that_the_unit_of_a_run_starts_with():
     for run in range(3):
         values = np.zeros((len(sigma), 3))
         processes.start(values, sigma, prepared.unit.sources, k0, k1, np.uint64(run))
-        drawn = (values[sigma > 0.0] / sigma[sigma > 0.0][:, None]).ravel()
+        drawn = values[sigma > 0.0] / sigma[sigma > 0.0]
         np.testing.assert_allclose(found.values[run, : drawn.size], drawn, rtol=1e-12)
     assert found.sources[drawn.size :: 3] == INITIAL
 

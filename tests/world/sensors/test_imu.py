@@ -120,6 +120,20 @@ def test_repeatability_is_one_draw_a_run_on_every_axis():
     assert np.abs(np.corrcoef(error[:, 0].T) - np.eye(6)).max() < 5.0 / math.sqrt(2000)
 
 
+def test_each_axis_has_the_sigma_that_a_list_states_for_it():
+    deg_h = [1.0, 5.0, 20.0]
+    error = simulate(
+        {"bias_repeatability": [f"{one} deg/h" for one in deg_h]},
+        {"scale_factor": ["100 ppm", 0, "900 ppm"], "random_walk": [0, "50 ug/sqrt(Hz)", "200 ug/sqrt(Hz)"]},
+    )
+    for axis, one in enumerate(deg_h):
+        assert has_sigma(error[:, 0, axis], one * DEG / HOUR)
+    assert has_sigma(error[:, :, 3].mean(axis=1), 100e-6 * FORCE[0])
+    noise = math.sqrt(1.0 / (2.0 * 1.0))  # of a mean over 2 s, for a density of one
+    assert has_sigma(error[:, :, 4].mean(axis=1), 50e-6 * G * noise)
+    assert has_sigma(error[:, :, 5].mean(axis=1), math.hypot(200e-6 * G * noise, 900e-6 * FORCE[2]))
+
+
 @pytest.mark.parametrize("seconds", [1.0, 4.0])
 def test_a_rate_random_walk_grows_with_the_root_of_time(seconds):
     error = simulate(

@@ -15,6 +15,7 @@ from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.attitude import small_rotation
 from lvnav_trade.kernels.random import seed_words
 from lvnav_trade.kernels.strapdown import R, V
+from lvnav_trade.per_axis import axes, rms, squares
 from lvnav_trade.records import Floats
 from lvnav_trade.sources import label_of
 from lvnav_trade.world.sensors.imu import ErrorBlock, ImuCard
@@ -52,32 +53,35 @@ def of_imu(prepared: Prepared, seed: int) -> list[Check]:
         own = [(k, block) for k, block in enumerate(prepared.sources) if block.source == source]
         k, block = own[0]
         what, at = label_of(source), [k for k, _ in own]
-        if block.sigma > 0.0:
-            checks += moments(what, first[:, at] / block.sigma, "at the start")
+        begun, grown = np.array(axes(block.sigma)), np.sqrt(_variance(block, step, lags[k]))
+        draws, drawn = first[:, at][..., on := begun > 0.0] / begun[on], grown > 0.0
+        if on.any():
+            checks += moments(what, draws, "at the start")
         if lags[k]:
-            sigma = math.sqrt(_variance(block, step, lags[k]))
-            checks += moments(what, later[:, at] / sigma, f"after {lags[k] * step:.3g} s")
+            z = later[:, at][..., drawn] / grown[drawn]
+            checks += moments(what, z, f"after {lags[k] * step:.3g} s")
         if lags[k] and math.isfinite(block.time_constant):
             expected = math.exp(-lags[k] * step / block.time_constant)
-            checks.append(correlation(what, first[:, at] / sigma, later[:, at] / sigma, expected, lags[k] * step))
+            checks.append(correlation(what, first[:, at][..., drawn] / grown[drawn], z, expected, lags[k] * step))
     for what, z in _white(prepared, seed):
         checks += moments(what, z)
         checks.append(correlation(what, z[:, :-1], z[:, 1:], 0.0, prepared.unit.dt))
     return checks
 
 
-def _variance(block: ErrorBlock, step: float, count: int) -> float:
-    """Return the variance of an error parameter after some steps, by the numbers of its card."""
+def _variance(block: ErrorBlock, step: float, count: int) -> Floats:
+    """Return the variance (3,) of an error parameter after some steps, by the numbers of its card."""
+    start, rate = np.array(squares(block.sigma)), np.array(squares(block.walk))
     if math.isinf(block.time_constant):
-        return block.sigma**2 + block.walk**2 * step * count
+        return np.asarray(start + rate * step * count)
     decay = math.exp(-2.0 * step / block.time_constant)
-    return block.sigma**2 + block.walk**2 * step * (1.0 - decay**count) / (1.0 - decay)
+    return np.asarray(start + rate * step * (1.0 - decay**count) / (1.0 - decay))
 
 
 def _lag(block: ErrorBlock, step: float) -> int:
     """Return after how many steps a parameter is looked at again, 0 for one that does not vary."""
     if math.isinf(block.time_constant):
-        return _STEPS if block.walk > 0.0 else 0
+        return _STEPS if rms(block.walk) > 0.0 else 0
     return min(_STEPS, max(1, round(block.time_constant / step)))
 
 
@@ -103,22 +107,25 @@ def _white(prepared: Prepared, seed: int) -> Iterator[tuple[str, Floats]]:
     imu, n = prepared.scenario.imu, min(_TICKS, len(prepared.unit.dtheta))
     if isinstance(imu, ImuCard):
         noise, names = _of_unit(prepared, seed, n)[:, None], [""]
-        owners, axes = [imu], [3]
+        owners, count = [imu], [3]
     else:
         noise, triads = _of_units(prepared, seed, n), triads_of(imu)
-        owners, axes = [imu.units[triad.unit] for triad in triads], [triad.n_axis for triad in triads]
+        owners, count = [imu.units[triad.unit] for triad in triads], [triad.n_axis for triad in triads]
         names = [f"unit {triad.unit + 1} " for triad in triads]
     for triad, (card, name) in enumerate(zip(owners, names, strict=True)):
         for first, label, sensor in ((0, "gyro", card.gyro), (3, "accelerometer", card.accel)):
-            sigma = sensor.random_walk * math.sqrt(prepared.unit.dt)
-            if sigma > 0.0:
-                yield f"{name}{label} random walk", noise[:, triad, :, first : first + axes[triad]] / sigma
+            sigma = np.array(axes(sensor.random_walk))[: count[triad]] * math.sqrt(prepared.unit.dt)
+            if (on := sigma > 0.0).any():
+                yield (
+                    f"{name}{label} random walk",
+                    noise[:, triad, :, first : first + on.size][..., on] / sigma[on],
+                )
 
 
 def _of_unit(prepared: Prepared, seed: int, n: int) -> Floats:
     """Return what a unit without other errors adds to increments, (n_run, n, 6)."""
     unit, tables, out = prepared.unit, np.zeros((2, processes.N_TABLE)), np.zeros((_NOISE_RUNS, n, 6))
-    white = np.array([*unit.white[:2], 0.0, 0.0])  # what quantisation holds back is no noise of its own
+    white = np.array([*unit.white[:6], 0.0, 0.0])  # what quantisation holds back is no noise of its own
     for run in range(_NOISE_RUNS):
         processes.corrupt(
             out[run], 0, 0, n, unit.dtheta, unit.dvel, tables[0], tables[1], white, np.zeros(6), unit,
@@ -131,7 +138,7 @@ def _of_units(prepared: Prepared, seed: int, n: int) -> Floats:
     """Return the same of several units, (n_run, n_triad, n, 6): half the difference of two runs each."""
     units, (work, _) = prepared.options.units, new_work(prepared, lanes=False)
     work = work._replace(increments=np.zeros((n, 6)))
-    quiet = units._replace(white=units.white * np.array([1.0, 1.0, 0.0, 0.0]), redundant=None)
+    quiet = units._replace(white=units.white * np.repeat([1.0, 0.0], [6, 2]), redundant=None)
     own = new_units(quiet, n)
     sensed = []
     for run in range(2 * _NOISE_RUNS):
