@@ -20,21 +20,24 @@ def solve(
         typer.Option("--vary", metavar="PATH=LEAST:LARGEST", help="field that is searched; twice: a boundary"),
     ] = None,
     log: Annotated[bool, typer.Option("--log", help="search in the logarithm")] = False,
+    least: Annotated[
+        str, typer.Option("--least", metavar="TOTAL", help="or: the case with the least cost, mass, power or volume")
+    ] = "",
     meet: Annotated[
         list[str] | None, typer.Option("--meet", metavar="REQUIREMENT", help="only these requirements [all]")
     ] = None,
     out: Page = None,
     jobs: Jobs = -1,
 ) -> Answer:
-    """Find the largest value of a field that suffices.
+    """Find the largest value of a field that suffices, or the cheapest case.
 
     By linear covariance, with the filter re-tuned and frozen; runs on both sides of the answer confirm it. What is
     varied stands in the campaign (solve: ...) unless --vary states it.
     """
     from lvnav_trade import searches
 
-    found, page = searches.solve(campaign, sets or (), vary or (), log, meet or (), out, jobs)
-    shown = found.answers.drop(columns=["evaluations", "base_value"])
+    found, page = searches.solve(campaign, sets or (), vary or (), log, meet or (), out, jobs, least)
+    shown = found.answers.drop(columns=["evaluations", "base_value"], errors="ignore")
     lines = [table(list(shown.columns), list(shown.itertuples(index=False)))]
     if len(found.confirmed):
         lines += ["", table(list(found.confirmed.columns), list(found.confirmed.itertuples(index=False)))]
@@ -52,10 +55,10 @@ def indices(campaign: CampaignFile, sets: Sets = None, out: Page = None, jobs: J
     from lvnav_trade import searches
 
     found, page = searches.indices(campaign, sets or (), out, jobs)
-    lines = [table(list(found.frame.columns), list(found.frame.itertuples(index=False)))]
+    lines = [table(list(found.indices.columns), list(found.indices.itertuples(index=False)))]
     lines += [f"{found.samples} designs, {found.seconds:.0f} s", f"report: {page}"]
     content = {"case": found.case, "error": found.error, "predicted": found.predicted, "seconds": found.seconds}
-    return Answer("\n".join(lines), {**content, "indices": found.frame.to_dict("records"), "report": str(page)})
+    return Answer("\n".join(lines), {**content, "indices": found.indices.to_dict("records"), "report": str(page)})
 
 
 @verb()

@@ -148,8 +148,8 @@ def _with_logic(tables: Tables) -> pd.DataFrame:
 
 
 def modes(tables: Tables) -> pd.DataFrame:
-    """Return the part of runs in each mode over time: case, t_s, mode, run_ratio; of cases with a logic only."""
-    found = [pd.DataFrame(columns=["case", "t_s", "mode", "run_ratio"])]
+    """Return the part of runs in each mode over time: case, t_s, filter_mode, run_ratio; of cases with a logic only."""
+    found = [pd.DataFrame(columns=["case", "t_s", "filter_mode", "run_ratio"])]
     for case in _with_logic(tables).itertuples():
         rows, ends = pick(tables.logic, case=case.case), pick(tables.history, case=case.case).t_s
         t = np.linspace(float(ends.min()), float(ends.max()), STEPS)
@@ -157,7 +157,9 @@ def modes(tables: Tables) -> pd.DataFrame:
             entered = np.searchsorted(np.sort(rows.t_s[rows.to_mode == mode]), t, side="right")
             left = np.searchsorted(np.sort(rows.t_s[rows.from_mode == mode]), t, side="right")
             part = (entered - left + (case.run_count if mode == MODES[0] else 0)) / max(1, case.run_count)
-            found.append(pd.DataFrame({"case": tables.labels[case.case], "t_s": t, "mode": mode, "run_ratio": part}))
+            found.append(
+                pd.DataFrame({"case": tables.labels[case.case], "t_s": t, "filter_mode": mode, "run_ratio": part})
+            )
     return pd.concat(found[1:] or found)
 
 

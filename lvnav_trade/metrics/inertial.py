@@ -26,7 +26,18 @@ def allan(tables: Tables) -> pd.DataFrame:
     return found[COLUMNS].reset_index(drop=True)
 
 
-EXCLUDED = ["case", "unit", "faults", "run_count", "count", "share_ratio", "low_ratio", "high_ratio", "t_s", "after_s"]
+EXCLUDED = [
+    "case",
+    "unit",
+    "faults",
+    "run_count",
+    "excluded_count",
+    "share_ratio",
+    "low_ratio",
+    "high_ratio",
+    "t_s",
+    "after_s",
+]
 
 
 def exclusions(tables: Tables) -> pd.DataFrame:

@@ -21,7 +21,8 @@ _CHANNEL = ("range_bias", "degraded_noise", "wild_samples", "cycle_slip", "froze
 _CLOCK = ("clock_jump", "clock_drift")
 _UNIT = ("gyro_", "accel_", "dead_axis", "dropped_samples", "satellite_outage", "antenna_failure", "jamming")
 _COLUMNS = [
-    "case", "fault", "outcome", "run_count", "count", "share_ratio", "low_ratio", "high_ratio", "median_s", "lincov_s",
+    "case", "fault", "outcome", "run_count", "outcome_count", "share_ratio", "low_ratio", "high_ratio", "median_s",
+    "lincov_s",
 ]  # fmt: skip
 
 
@@ -108,11 +109,12 @@ def _counted(rows: pd.DataFrame, faults: Struck, metric: str) -> pd.Index:
 def integrity(tables: Tables) -> pd.DataFrame:
     """Return, for each case whose filter tests for faults, shares of its runs with exact 95 % intervals.
 
-    Columns: case, fault, outcome, run_count, count, share_ratio, low_ratio, high_ratio, median_s after the fault began,
-    lincov_s: the same of linear covariance, which decides on the mean. Outcomes: false alarm (a decision before the
-    fault, or in a flight without one), detected, isolated, isolated in part, wrong isolation (by the decisions within
-    five epochs from the first one on, see `outcomes`), missed, recovered (position and velocity below three times the
-    root mean square of the case without the fault at every event from then on, where the campaign has that case).
+    Columns: case, fault, outcome, run_count, outcome_count, share_ratio, low_ratio, high_ratio, median_s after the
+    fault began, lincov_s: the same of linear covariance, which decides on the mean. Outcomes: false alarm (a decision
+    before the fault, or in a flight without one), detected, isolated, isolated in part, wrong isolation (by the
+    decisions within five epochs from the first one on, see `outcomes`), missed, recovered (position and velocity below
+    three times the root mean square of the case without the fault at every event from then on, where the campaign has
+    that case).
     """
     found: list[tuple[Any, ...]] = []
     chosen = tables.cases[tables.cases.integrity.fillna(False).astype(bool) & (tables.cases.run_count > 0)]

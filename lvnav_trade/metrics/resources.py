@@ -20,6 +20,7 @@ TOTALS = {
 PREFERRED = {
     "cost": "cost", "mass": "mass_kg", "power": "power_w", "volume": "volume_l", "error": "error_ratio",
 }  # fmt: skip
+TOTALLED = ["cost", "mass_kg", "power_w", "volume_l", "mtbf_h", "devices", "unknown"]
 _HOUR = 3600.0
 
 
@@ -32,11 +33,9 @@ def totals(tables: Tables) -> pd.DataFrame:
     """
     rows = []
     for case, label in tables.labels.items():
-        found = list(_resources(scenario_of(tables, case)))
-        if found:
-            rows.append({"case": label, **_sum(found)})
-    columns = ["case", "cost", "mass_kg", "power_w", "volume_l", "mtbf_h", "devices", "unknown"]
-    return pd.DataFrame(rows, columns=columns)
+        if found := total_of(scenario_of(tables, case)):
+            rows.append({"case": label, **found})
+    return pd.DataFrame(rows, columns=["case", *TOTALLED])
 
 
 def scenario_of(tables: Tables, case: str) -> dict[str, Any]:
@@ -69,13 +68,20 @@ def _resources(scenario: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
             yield device["resources"]
 
 
-def _sum(found: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+def total_of(scenario: Mapping[str, Any]) -> dict[str, float]:
+    """Return what the devices of a resolved scenario cost and need together (`TOTALLED`); nothing where none states
+    anything.
+    """
+    found = list(_resources(scenario))
+
     def total(name: str) -> float:
         _, si, factor = TOTALS[name]
         known = [one[name] for one in found if one.get(name) is not None]
         numbers = [parse(value, si) if si and isinstance(value, str) else float(value) for value in known]
         return factor * sum(numbers) if numbers else math.nan
 
+    if not found:
+        return {}
     rates = [1.0 / parse(str(one["mtbf"]), "s") for one in found if one.get("mtbf") is not None]
     return {
         "cost": total("cost"), "mass_kg": total("mass"), "power_w": total("power"), "volume_l": total("volume"),

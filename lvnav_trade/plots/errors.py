@@ -249,7 +249,7 @@ def _panel(ax: Panel, rows: pd.DataFrame, value: str, name: str) -> None:
 def logic(tables: Tables, case: str) -> Figure:
     """Draw the part of runs in each mode over time, modes on top of each other; events as lines, faults shaded."""
     wide = pick(METRICS["modes"](tables), case=tables.labels[case]).pivot(
-        index="t_s", columns="mode", values="run_ratio"
+        index="t_s", columns="filter_mode", values="run_ratio"
     )
     upper = 100.0 * wide.reindex(columns=list(MODES)).astype(float).cumsum(axis=1)
     lower = upper.shift(axis=1, fill_value=0.0)

@@ -12,7 +12,7 @@ from lvnav_trade.plots.style import line_of, scale_up
 def ratios(scanned: pd.DataFrame, answers: pd.DataFrame, name: str) -> Figure:
     """Draw every requirement's error over its limit along a field, case by case and filter by filter; dots: answers."""
     figure, ax = panel(3.2)
-    groups = scanned.groupby(["case", "filter", "requirement"], sort=False)
+    groups = scanned.groupby(["case", "tuning", "requirement"], sort=False)
     for number, ((case, way, requirement), rows) in enumerate(groups):
         label = ", ".join(part for part in (str(case), str(way), str(requirement)) if part != "base")
         ax.plot(rows.value, rows.ratio, label=label, **line_of(number))
@@ -27,7 +27,7 @@ def ratios(scanned: pd.DataFrame, answers: pd.DataFrame, name: str) -> Figure:
 def boundary(answers: pd.DataFrame, names: Sequence[str]) -> Figure:
     """Draw the largest value of the first field along the second: below a curve the requirements are met."""
     figure, ax = panel(3.2)
-    for number, ((case, way), rows) in enumerate(answers.groupby(["case", "filter"], sort=False)):
+    for number, ((case, way), rows) in enumerate(answers.groupby(["case", "tuning"], sort=False)):
         label = ", ".join(part for part in (str(case), str(way)) if part != "base")
         ax.plot(rows.along, rows.answer, marker="o", ms=3, label=label, **line_of(number))
     scale_up(ax, "x", answers.along, from_zero=False)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -11,6 +12,8 @@ from lvnav_trade.report.blocks import Block, Picture, Section, Text, table
 from lvnav_trade.report.build import html_page, markdown_page, pictures
 from lvnav_trade.report.escape import csv_text, note
 from lvnav_trade.store.contents import owned
+
+_FEW = 6  # answers that are said in a line each
 
 
 def write(
@@ -32,32 +35,85 @@ def write(
     return Path(folder) / "report.md"
 
 
-def solved(answers: pd.DataFrame, scanned: pd.DataFrame, confirmed: pd.DataFrame, names: Sequence[str]) -> list[Block]:
+def solved(
+    answers: pd.DataFrame, intervals: pd.DataFrame, scanned: pd.DataFrame, confirmed: pd.DataFrame, names: Sequence[str]
+) -> list[Block]:
     """Return what an inverse question found; names: of the fields that were varied."""
-    shown = answers.drop(columns=["evaluations"]).rename(columns=lambda name: name.replace("_", " "))
-    if not answers.along.notna().any():
-        shown = shown.drop(columns=["along", "along unit"])
-    found: list[Block] = [Text(note("solve")), table(shown, f"Largest {names[0]} that meets the requirements.")]
-    if answers.along.notna().any():
+    shown = answers.drop(columns=["evaluations"])
+    two = bool(answers.along.notna().any())
+    if not two:
+        shown = shown.drop(columns=["along", "along_unit"])
+    found: list[Block] = [Text(_answer(one, names), "") for one in answers.itertuples()] if len(answers) <= _FEW else []
+    found += [Text(note("solve")), table(_words(shown), f"Largest {names[0]} that meets the requirements.")]
+    if not answers.monotone.all():
+        found.append(table(_words(intervals), "Not monotone: the intervals in which the requirements are met."))
+    if two:
         found.append(Picture("boundary", plots.boundary(answers, names), note("boundary", "figures")))
     else:
         found.append(Picture("solve", plots.ratios(scanned, answers, names[0]), note("solve", "figures")))
     if len(confirmed):
-        found += [Text(note("solve_confirmed")), table(confirmed, "Runs on both sides of each answer.")]
+        found += [Text(note("solve_confirmed")), table(_words(confirmed), "Runs on both sides of each answer.")]
+    return found
+
+
+def _words(frame: pd.DataFrame) -> pd.DataFrame:
+    return frame.rename(columns=lambda name: name.replace("_", " "))
+
+
+def _answer(row: Any, names: Sequence[str]) -> str:
+    """Say one answer: the value, what it is the largest of, and what binds."""
+    where = ", ".join(part for part in (row.case, row.tuning) if part != "base")
+    along = f" at {names[1]} = {row.along:.4g} {row.along_unit}" if row.along == row.along else ""
+    if row.answer != row.answer:
+        return f"{where}{along}: no value of {names[0]} meets the requirements ({row.remark})."
+    bound = f"bound by {row.binding}" if row.binding else "the largest that was tried"
+    odd = "" if row.monotone else "; not monotone: see the intervals"
+    return f"{where}{along}: {names[0]} of at most {row.answer:.4g} {row.unit} ({bound}{odd})."
+
+
+def chosen(answers: pd.DataFrame, confirmed: pd.DataFrame, least: str) -> list[Block]:
+    """Return which case meets the requirements with the least of a total (its column)."""
+    best, name = answers[answers.chosen], least.split("_")[0]
+    if len(best):
+        one = best.iloc[0]
+        said = f"{one.case}: {name} {one[least]:g}, error over limit {one.error_ratio:.3g} (largest: {one.binding})."
+        lead = f"Least {name} that meets the requirements:"
+    else:
+        said, lead = "", "No case meets the requirements."
+    found: list[Block] = [Text(said, lead), table(_words(answers), f"All cases, smallest {name} first.")]
+    if len(confirmed):
+        caption = "Runs of the chosen case, and of the one before it, which does not suffice."
+        found += [Text(note("solve_confirmed")), table(_words(confirmed), caption)]
     return found
 
 
 def indexed(frame: pd.DataFrame, case: str, error: str, covered: float, predicted: float, samples: int) -> list[Block]:
-    """Return sensitivity indices, how much of the mean square they are of and how well the polynomials predict."""
-    said = (
-        f"{error.replace('_', ' ')}, case {case}: they make {100 * covered:.3g} % of the mean square. Polynomials "
-        f"of {samples} re-tuned designs leave {100 * (1 - predicted):.2g} % of the variance of those left out."
+    """Return sensitivity indices, how much of the mean square they are of and how well the surrogate predicts."""
+    order = frame.sort_values("retuned_total", ascending=False).iloc[:3]
+    said = "; ".join(
+        f"{one.source} {one.retuned_total:.2f} +- {one.retuned_total_half_width:.2f} (frozen {one.frozen_total:.2f})"
+        for one in order.itertuples()
+    )
+    about = (
+        f"{error.replace('_', ' ')}, case {case}: the sources make {100 * covered:.3g} % of the mean square. A fit to "
+        f"{samples} re-tuned designs leaves {100 * (1 - predicted):.2g} % of the variance of those left out."
     )
     drawn = Picture("indices", plots.indices(frame), note("indices", "figures"))
-    return [Text(said), Text(note("indices")), table(frame.rename(columns=lambda name: name.replace("_", " "))), drawn]
+    lead = "Largest total indices, filter re-tuned:"
+    return [Text(f"{said}.", lead), Text(about), Text(note("indices")), table(_words(frame)), drawn]
 
 
 def tuned(values: pd.DataFrame, cases: pd.DataFrame) -> list[Block]:
     """Return the numbers of a tuned filter and what they do in every case, those held out too."""
-    shown = cases.rename(columns=lambda name: name.replace("_", " "))
-    return [Text(note("tune")), table(values, "The filter's numbers."), table(shown, "Every case, before and after.")]
+    found: list[Block] = [Text(_tuning(cases), "Error over its limit:")]
+    numbers = table(_words(values), "The filter's numbers.")
+    return [*found, Text(note("tune")), numbers, table(_words(cases), "Every case, before and after.")]
+
+
+def _tuning(cases: pd.DataFrame) -> str:
+    """Say what tuning did to the worst of the cases that had a part in it, and to those held out."""
+    said = []
+    for role, rows in cases.groupby("role", sort=False):
+        before, after = rows.ratio_before.max(), rows.ratio_after.max()
+        said.append(f"{role}, worst of {len(rows)}: {before:.3g} before, {after:.3g} after")
+    return "; ".join(said) + "."

@@ -97,7 +97,7 @@ def test_every_kind_of_change_is_counted_with_its_reason(watched):
 
 def test_the_modes_of_all_runs_add_up_at_every_time(watched):
     modes = METRICS["modes"](watched)
-    mine = modes[modes.case == "imu=coarse"].pivot(index="t_s", columns="mode", values="run_ratio")
+    mine = modes[modes.case == "imu=coarse"].pivot(index="t_s", columns="filter_mode", values="run_ratio")
     np.testing.assert_allclose(mine.sum(axis=1), 1.0)
     at = mine.loc[mine.index[np.searchsorted(mine.index, [0.0, 15.0, 40.0, 65.0, 75.0, 90.0])]]
     assert at.waiting.tolist() == [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]

@@ -26,7 +26,7 @@ def test_exclusions_of_units_are_counted_by_case_and_unit(good):
     named = pd.DataFrame(rows, columns=["case", "run_number", "t_s", "isolated", "channel"])
     frame = METRICS["exclusions"](good.with_frames(integrity=named))
     assert list(frame.unit) == ["unit 2"]
-    assert (frame["count"].iloc[0], frame.run_count.iloc[0]) == (3, runs)
+    assert (frame.excluded_count.iloc[0], frame.run_count.iloc[0]) == (3, runs)
     assert frame.after_s.iloc[0] == pytest.approx(2.0)
     assert frame.low_ratio.iloc[0] < 3 / runs < frame.high_ratio.iloc[0]
     assert METRICS["exclusions"](good).empty

@@ -43,7 +43,7 @@ def tables(rows, faults=(("clock_jump 1", 50.0, ""),), runs=20, nominal=()):
 def test_runs_are_counted_by_what_they_decide_after_the_fault():
     rows = [(0, 51.0, "clock"), (0, 52.0, "inertial"), (1, 53.0, "clock"), (2, 51.0, "inertial"), (3, 20.0, "channel")]
     found = integrity(tables(rows)).set_index("outcome")
-    assert found["count"].to_dict() == {
+    assert found.outcome_count.to_dict() == {
         "false alarm": 1,
         "detected": 3,
         "isolated": 1,
@@ -58,7 +58,7 @@ def test_runs_are_counted_by_what_they_decide_after_the_fault():
 
 def test_a_decision_long_after_the_first_one_does_not_count():
     rows = [(0, 51.0, "clock"), (0, 56.0, "inertial"), (1, 51.0, "clock"), (1, 55.0, "inertial")]
-    found = integrity(tables(rows)).set_index("outcome")["count"]
+    found = integrity(tables(rows)).set_index("outcome").outcome_count
     assert (found["isolated"], found["wrong isolation"]) == (1, 1)
 
 
@@ -71,7 +71,7 @@ def test_every_struck_satellite_and_no_other_is_to_be_excluded():
     }
     rows = [(run, 51.0, "channel", name) for run, names in excluded.items() for name in names]
     results = tables(rows, faults)
-    found = integrity(results).set_index("outcome")["count"]
+    found = integrity(results).set_index("outcome").outcome_count
     assert (found["isolated"], found["isolated in part"], found["wrong isolation"]) == (1, 1, 1)
     every = decisions(results)
     assert every[["satellites", "run_count", "run_ratio"]].values.tolist() == [
@@ -82,16 +82,16 @@ def test_every_struck_satellite_and_no_other_is_to_be_excluded():
 
 def test_a_sound_satellite_that_is_excluded_beside_the_right_decision_makes_it_wrong():
     rows = [(0, 51.0, "clock"), (1, 51.0, "clock", "G05 range")]
-    found = integrity(tables(rows)).set_index("outcome")["count"]
+    found = integrity(tables(rows)).set_index("outcome").outcome_count
     assert (found["isolated"], found["wrong isolation"]) == (1, 1)
     of_all = (("degraded_noise 1", 50.0, ""),)  # any satellite is struck
-    found = integrity(tables([(0, 51.0, "channel", "G05 range")], of_all)).set_index("outcome")["count"]
+    found = integrity(tables([(0, 51.0, "channel", "G05 range")], of_all)).set_index("outcome").outcome_count
     assert (found["isolated"], found["wrong isolation"]) == (1, 0)
 
 
 def test_one_of_several_units_that_is_excluded_is_the_inertial_failure():
     faults = (("accel_bias_step 1", 50.0, ""),)
-    found = integrity(tables([(0, 51.0, "unit", "unit 2")], faults)).set_index("outcome")["count"]
+    found = integrity(tables([(0, 51.0, "unit", "unit 2")], faults)).set_index("outcome").outcome_count
     assert (found["isolated"], found["wrong isolation"]) == (1, 0)
 
 
@@ -127,7 +127,7 @@ def test_intervals_are_exact():
 def test_without_a_fault_every_decision_is_a_false_alarm():
     found = integrity(tables([(4, 51.0, "clock"), (4, 60.0, "channel")], faults=()))
     assert found.outcome.tolist() == ["false alarm"]
-    assert found["count"].tolist() == [1]
+    assert found.outcome_count.tolist() == [1]
 
 
 def test_decisions_reach_the_tables_with_the_name_of_the_channel(tmp_path):

@@ -65,7 +65,7 @@ MUTATIONS = {
         "tests/world/sensors/test_imu.py::test_bias_instability_is_a_stationary_gauss_markov_process",
     ),
     "noise of the filter's Gauss-Markov state scaled wrongly": Mutation(
-        "filters/model.py", "2.0 * sigma**2 * np.tanh", "sigma**2 * np.tanh",
+        "filters/model.py", "2.0 * _square(sigma) * np.tanh", "_square(sigma) * np.tanh",
         "tests/filters/test_model.py::test_a_gauss_markov_state_keeps_its_sigma_whatever_the_window",
     ),
     "measurement tagged half a tick early": Mutation(

@@ -24,12 +24,24 @@ class Vary(units.Card):
             yield "values are two or more, and have no log"
 
 
-class Solve(units.Card):
-    """The largest value of one field that still meets the requirements; of two, along the second."""
+Total = Literal["cost", "mass", "power", "volume"]
 
-    vary: tuple[Vary, ...] = Field(min_length=1, max_length=2)
+
+class Solve(units.Card):
+    """The largest value of one field that still meets the requirements, of two along the second; or the case that meets
+    them and costs least.
+    """
+
+    vary: tuple[Vary, ...] = Field((), max_length=2)
+    least: Total | None = Field(None, description="or: which case meets the requirements with the least of this total")
     meet: tuple[str, ...] = Field((), description="names of the requirements; all if absent")
     margin: float = Field(0.1, gt=0, lt=1, description="how far beside the answer runs are flown")
+
+    def _faults(self) -> Iterator[str]:
+        if bool(self.vary) == (self.least is not None):
+            yield "solve has either vary or least"
+        if self.least is not None and "margin" in self.model_fields_set:
+            yield "margin: runs are flown of the case itself where the least of a total is asked"
 
 
 class Indices(units.Card):

@@ -1,8 +1,8 @@
-"""Global sensitivity of an error to the sigmas of its sources: frozen in closed form, re-tuned by polynomials."""
+"""Global sensitivity of an error to the sigmas of its sources: frozen in closed form, re-tuned by a fit."""
 
 import time
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -26,15 +26,17 @@ COLUMNS = [
     "retuned_total", "retuned_total_half_width",
 ]  # fmt: skip
 DEGREE = 3
-RESAMPLED = 300
+RESAMPLED = 100
+POINTS, NODES = 512, 6  # of quadrature for the indices of a fit
+HISTORY = 60.0  # s between history times, beside events: of these alone something is asked
 
 
 class Indexed(NamedTuple):
     """Indices of the largest sources (`COLUMNS`), the case and error that they are of, the part of the mean square
-    that these sources make, how well the polynomial predicts left-out designs (1: exactly), designs, and seconds.
+    that these sources make, how well the fit predicts left-out designs (1: exactly), designs, and seconds.
     """
 
-    frame: pd.DataFrame
+    indices: pd.DataFrame
     case: str
     error: str
     covered: float
@@ -48,9 +50,9 @@ def indices(campaign: Campaign, asked: Indices, jobs: int = 1) -> Indexed:
 
     The sigma of each source is times f, log f even between -log F and log F. Frozen: the mean square is c + sum s_k
     f_k^2 (s_k by the budget), so first-order and total index are both s_k^2 / sum s_j^2. Re-tuned: linear covariance of
-    `samples` designs (Sobol's points), in each of which a `matched` filter follows; indices are those of the Legendre
-    polynomials fitted to it (Sudret, Global sensitivity analysis using polynomial chaos expansions, 2008), half-widths
-    the 95 % of `RESAMPLED` fits to resampled designs. local: derivative of log RMS by log sigma, gains frozen.
+    `samples` designs (Sobol's points), in each of which a `matched` filter follows; the logarithm of the mean square is
+    fitted by Legendre polynomials, and indices are those of the fit (`fitted_indices`), half-widths the 95 % of fits to
+    `RESAMPLED` draws from the designs. local: derivative of log RMS by log sigma, gains frozen.
     """
     begun = time.monotonic()
     requirement = _requirement(campaign, asked.requirement)
@@ -68,17 +70,16 @@ def indices(campaign: Campaign, asked: Indices, jobs: int = 1) -> Indexed:
     u = 2.0 * points("sobol", d, 1 << (asked.samples - 1).bit_length(), campaign.seed)[: asked.samples] - 1.0
     units = [(case.scenario, sources, asked.factor**one, float(history.t[at]), columns) for one in u]
     value = np.array(list(each(jobs, mean_square, units, ordered=True)))
-    first, whole, predicted = chaos(u, value)
     rng = np.random.default_rng(campaign.seed)
-    again = [chaos(u[pick], value[pick])[:2] for pick in rng.integers(0, len(u), (RESAMPLED, len(u)))]
-    widths = [
-        0.5 * np.ptp(np.quantile([one[order] for one in again], (0.025, 0.975), axis=0), axis=0) for order in (0, 1)
-    ]
+    picks = [np.arange(len(u)), *rng.integers(0, len(u), (RESAMPLED, len(u)))]
+    found = fitted_indices(np.array([fitted(u[pick], value[pick]) for pick in picks]), d)
+    first, whole = found[:, 0]
+    widths = 0.5 * np.ptp(np.quantile(found[:, 1:], (0.025, 0.975), axis=1), axis=0)
     frozen = s**2 / np.sum(s**2)
     rows = zip(sources, s / total, s / total, frozen, frozen, first, widths[0], whole, widths[1], strict=True)
     return Indexed(
         pd.DataFrame(list(rows), columns=COLUMNS), case.label, f"{requirement.metric} at {requirement.at}",
-        float(s.sum() / total), predicted, asked.samples, time.monotonic() - begun,
+        float(s.sum() / total), predicted(u, value), asked.samples, time.monotonic() - begun,
     )  # fmt: skip
 
 
@@ -109,7 +110,7 @@ def mean_square(scenario: Scenario, sources: list[str], factors: Floats, t: floa
     """Return the true mean square of an error at a time, with the sigma of each source times a factor."""
     for source, factor in zip(sources, factors, strict=True):
         scenario = scaled(scenario, source, float(factor))
-    history = covariance(prepare(scenario))
+    history = covariance(prepare(scenario, HISTORY))
     at = int(np.argmin(np.abs(history.t - t)))
     return float(np.sum(history.true_sigma[at, columns] ** 2 + history.mean[at, columns] ** 2))
 
@@ -120,24 +121,48 @@ def basis(d: int) -> list[tuple[tuple[int, int], ...]]:
     return [(), *single, *(((i, 1), (j, 1)) for i, j in combinations(range(d), 2))]
 
 
-def chaos(u: Floats, value: Floats) -> tuple[Floats, Floats, float]:
-    """Return first-order and total indices (d,) of values (n,) at points (n, d) even in [-1, 1], by least squares on
-    normalised Legendre polynomials, and 1 - (mean squared error of leaving one out) / variance.
+def _terms(u: Floats) -> Floats:
+    """Return the normalised polynomials of `basis` at points (n, d), as (n, n_term)."""
+    single = [np.ones_like(u)]
+    single += [np.sqrt(2 * g + 1) * legendre.legval(u, [0.0] * g + [1.0]) for g in range(1, DEGREE + 1)]
+    found = np.ones((len(basis(u.shape[1])), len(u)))
+    for column, term in zip(found, basis(u.shape[1]), strict=True):
+        for k, g in term:
+            column *= single[g][:, k]
+    return found.T
+
+
+def fitted(u: Floats, value: Floats) -> Floats:
+    """Return the coefficients (n_term,) of polynomials that fit the logarithm of values (n,) at points (n, d) even in
+    [-1, 1], by least squares.
     """
-    d, terms = u.shape[1], basis(u.shape[1])
-    single = {
-        degree: np.sqrt(2 * degree + 1) * legendre.legval(u, [0.0] * degree + [1.0]) for degree in range(1, DEGREE + 1)
-    }
-    design = np.column_stack([np.prod([single[g][:, k] for k, g in term], axis=0) * np.ones(len(u)) for term in terms])
-    q, _ = np.linalg.qr(design)
-    coefficient: Any = np.linalg.lstsq(design, value, rcond=None)[0]
-    leverage = np.minimum(np.sum(q**2, axis=1), 1.0 - 1e-9)
-    left_out = (value - design @ coefficient) / (1.0 - leverage)
-    part = coefficient**2
-    variance = float(part[1:].sum())
-    first, whole = np.zeros(d), np.zeros(d)
-    for term, size in zip(terms, part, strict=True):
-        for k, _ in term:
-            whole[k] += size
-            first[k] += size if len(term) == 1 else 0.0
-    return first / variance, whole / variance, float(1.0 - np.mean(left_out**2) / np.var(value))
+    return np.asarray(np.linalg.lstsq(_terms(u), np.log(value), rcond=None)[0])
+
+
+def predicted(u: Floats, value: Floats) -> float:
+    """Return 1 - (mean squared error of values that are left out of the fit, one by one) / variance."""
+    design, log = _terms(u), np.log(value)
+    leverage = np.minimum(np.sum(np.linalg.qr(design)[0] ** 2, axis=1), 1.0 - 1e-9)
+    left_out = (log - design @ fitted(u, value)) / (1.0 - leverage)
+    return float(1.0 - np.mean((value - np.exp(log - left_out)) ** 2) / np.var(value))
+
+
+def fitted_indices(coefficients: Floats, d: int) -> Floats:
+    """Return first-order and total indices of the exponentials of fits (n_fit, n_term), as (2, n_fit, d).
+
+    Over each variable by Gauss's quadrature, over the others by the mean of `POINTS` Sobol points: the first-order
+    index is the variance of the conditional mean, the total one the mean of the conditional variance.
+    """
+    nodes, weights = legendre.leggauss(NODES)
+    weights = 0.5 * weights
+    even, found = 2.0 * points("sobol", d, POINTS, 0) - 1.0, []
+    for k in range(d):
+        at = np.repeat(even[None], NODES, axis=0)
+        at[:, :, k] = nodes[:, None]
+        value = np.exp(coefficients @ _terms(at.reshape(-1, d)).T).reshape(-1, NODES, POINTS)
+        square = np.einsum("fqn,q->f", value**2, weights) / POINTS
+        by_variable, by_others = value.mean(axis=2), np.einsum("fqn,q->fn", value, weights)
+        mean = by_variable @ weights
+        found.append([by_variable**2 @ weights - mean**2, square - np.mean(by_others**2, axis=1), square - mean**2])
+    first, whole, variance = np.moveaxis(np.array(found), 0, 2)
+    return np.array([first, whole]) / variance.mean(axis=1)[None, :, None]

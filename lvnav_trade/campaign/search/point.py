@@ -5,15 +5,17 @@ from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy import stats
 
 from lvnav_trade.campaign.definition.axes import get, put
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.running import stopping, work
+from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.engines.analysis.explain import flown_events
 from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.setup.prepare import prepare
 from lvnav_trade.engines.simulate.statistics import summarise
-from lvnav_trade.errors import InputError
+from lvnav_trade.errors import InputError, quoted
 from lvnav_trade.filters.base import FilterCard, ReceiverModel
 from lvnav_trade.metrics.basics.probability import success_verdict
 from lvnav_trade.metrics.requirements.improvements import asked
@@ -25,6 +27,7 @@ from lvnav_trade.units import parse
 
 _NAME = CaseInfo("0" * 12, "searched", {})
 RETUNED, FROZEN = "re-tuned", "frozen"
+ALPHA = 0.01  # runs disagree with linear covariance where so many beyond the limit are less likely
 
 
 class Looked(NamedTuple):
@@ -138,6 +141,31 @@ def fly(campaign: Campaign, scenario: Scenario, runs: int) -> dict[str, Flown]:
         )
         for one, count in zip(campaign.requirements, counts, strict=True)
     }  # fmt: skip
+
+
+def confirm(
+    campaign: Campaign, scenario: Scenario, names: Sequence[str], runs: int
+) -> list[tuple[str, int, int, float, str, bool]]:
+    """Return for each requirement (of these names, or all) its name, runs, runs beyond its limit, the part that linear
+    covariance expects beyond, the verdict of the runs, and whether they agree with linear covariance: unless as many
+    beyond the limit, or as few, have a chance of less than `ALPHA`.
+    """
+    found = []
+    for name, one in fly(campaign, scenario, runs).items():
+        if not names or name in names:
+            chance = float(stats.binomtest(one.beyond, one.runs, min(1.0, max(0.0, one.expected))).pvalue)
+            found.append((name, one.runs, one.beyond, one.expected, one.verdict, chance >= ALPHA))
+    return found
+
+
+def check_names(campaign: Campaign, names: Sequence[str]) -> None:
+    """InputError where a campaign states no requirement, or none of a name."""
+    known = [one.name for one in campaign.requirements]
+    for name in names:
+        if name not in known:
+            raise InputError(f"solve: no requirement {quoted(name)}{hint(name, known)}")
+    if not known:
+        raise InputError("solve: the campaign states no requirement")
 
 
 def with_filter(scenario: Scenario, card: FilterCard) -> Scenario:

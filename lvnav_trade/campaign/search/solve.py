@@ -4,33 +4,42 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 import pandas as pd
-from scipy import optimize, stats
+from scipy import optimize
 
 from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.definition.searches import Solve, Vary
+from lvnav_trade.campaign.definition.searches import Solve, Total, Vary
 from lvnav_trade.campaign.reading.spaced import Ends, ends_of
 from lvnav_trade.campaign.running.execute import each
-from lvnav_trade.campaign.search.point import FROZEN, RETUNED, changed, fly, frozen, look, number_at, with_filter
-from lvnav_trade.campaign.syntax.tree import hint
+from lvnav_trade.campaign.search.point import (
+    FROZEN,
+    RETUNED,
+    changed,
+    check_names,
+    confirm,
+    frozen,
+    look,
+    number_at,
+    with_filter,
+)
 from lvnav_trade.errors import InputError, quoted
 from lvnav_trade.records import Floats
 
 _CLOSE = 1e-3  # of a value: crossings are found so closely
-ALPHA = 0.01  # runs disagree with linear covariance where so many beyond the limit are less likely
 ANSWERS = [
-    "case", "filter", "along", "along_unit", "answer", "unit", "binding", "monotone", "intervals", "base_value",
-    "evaluations", "remark",
+    "case", "tuning", "along", "along_unit", "answer", "unit", "binding", "monotone", "base_value", "evaluations",
+    "remark",
 ]  # fmt: skip
+INTERVALS = ["case", "tuning", "along", "along_unit", "least", "largest", "unit"]
 SCANNED = [
-    "case", "filter", "along", "value", "unit", "requirement", "estimate", "limit", "metric_unit", "ratio",
-    "probability",
+    "case", "tuning", "along", "along_unit", "value", "unit", "requirement", "estimate", "limit", "metric_unit",
+    "ratio", "probability",
 ]  # fmt: skip
-CONFIRMED = ["case", "filter", "value", "unit", "requirement", "runs", "beyond", "expected", "verdict", "agree"]
+CONFIRMED = ["case", "tuning", "value", "unit", "requirement", "runs", "beyond", "expected", "verdict", "agree"]
 
 
 class Found(NamedTuple):
@@ -102,9 +111,10 @@ def _largest(ratios: Mapping[str, float]) -> str:
 
 
 class Solved(NamedTuple):
-    """Tables `ANSWERS`, `SCANNED`, `CONFIRMED`, what was varied (name and unit of each), and seconds of wall time."""
+    """Tables `ANSWERS`, `INTERVALS`, `SCANNED`, `CONFIRMED`, what was varied (name and unit of each), and seconds."""
 
     answers: pd.DataFrame
+    intervals: pd.DataFrame
     scanned: pd.DataFrame
     confirmed: pd.DataFrame
     names: tuple[str, ...]
@@ -119,23 +129,19 @@ def solve(campaign: Campaign, asked: Solve, jobs: int = 1) -> Solved:
     InputError where a requirement or field is unknown, or no value of a field is possible.
     """
     start = time.monotonic()
-    known = [one.name for one in campaign.requirements]
-    for name in asked.meet:
-        if name not in known:
-            raise InputError(f"solve: no requirement {quoted(name)}{hint(name, known)}")
-    if not known:
-        raise InputError("solve: the campaign states no requirement")
+    check_names(campaign, asked.meet)
     spans = [span(vary) for vary in asked.vary]
     along = [spans[1][0].text(float(x)) for x in spans[1][1]] if len(spans) > 1 else [None]
     found_cases = cases(campaign)
-    ways = [FROZEN] if asked.vary[0].path.startswith("filter.") else [RETUNED, FROZEN]
+    ways = [RETUNED] if asked.vary[0].path.startswith("filter.") else [RETUNED, FROZEN]
     units = [(campaign, asked, case, way, second) for case in found_cases for way in ways for second in along]
     parts = list(each(jobs, _one, units, ordered=True))
     answers = pd.DataFrame([part[0] for part in parts], columns=ANSWERS)
-    scanned = pd.DataFrame([row for part in parts for row in part[1]], columns=SCANNED)
+    intervals = pd.DataFrame([row for part in parts for row in part[1]], columns=INTERVALS)
+    scanned = pd.DataFrame([row for part in parts for row in part[2]], columns=SCANNED)
     runs = campaign.monte_carlo.runs if campaign.monte_carlo and len(spans) == 1 else 0
     flights = [
-        (campaign, asked, case, row.filter, value, runs)
+        (campaign, asked, case, row.tuning, value, runs)
         for row in answers.itertuples()
         for case in found_cases
         if case.label == row.case and runs and np.isfinite(row.answer) and row.binding
@@ -143,8 +149,8 @@ def solve(campaign: Campaign, asked: Solve, jobs: int = 1) -> Solved:
     ]
     confirmed = [row for rows in each(jobs, _confirm, flights, ordered=True) for row in rows]
     return Solved(
-        answers, scanned, pd.DataFrame(confirmed, columns=CONFIRMED), tuple(vary.path for vary in asked.vary),
-        tuple(ends.unit for ends, _ in spans), time.monotonic() - start,
+        answers, intervals, scanned, pd.DataFrame(confirmed, columns=CONFIRMED),
+        tuple(vary.path for vary in asked.vary), tuple(ends.unit for ends, _ in spans), time.monotonic() - start,
     )  # fmt: skip
 
 
@@ -184,8 +190,10 @@ def _of_filter(asked: Solve) -> bool:
     return any(vary.path.startswith("filter.") for vary in asked.vary)
 
 
-def _one(campaign: Campaign, asked: Solve, case: Case, way: str, second: Any) -> tuple[tuple[Any, ...], list[Any]]:
-    """Return the answer of one case, with one filter, at one value of the second field, and all looks."""
+def _one(
+    campaign: Campaign, asked: Solve, case: Case, way: str, second: Any
+) -> tuple[tuple[Any, ...], list[Any], list[Any]]:
+    """Return the answer of one case, with one filter, at one value of the second field, its intervals, all looks."""
     ends, grid = span(asked.vary[0])
     seen: dict[float, Any] = {}
     impossible: list[str] = []
@@ -201,8 +209,11 @@ def _one(campaign: Campaign, asked: Solve, case: Case, way: str, second: Any) ->
     found = search(ratio, grid, asked.vary[0].log, asked.vary[0].values is None)
     if not seen:
         raise InputError(f"solve: no value of {asked.vary[0].path} is possible: {impossible[0]}")
+    along_unit = span(asked.vary[1])[0].unit if second is not None else ""
+    along = float(str(second).partition(" ")[0]) if second is not None else math.nan
+    place = (case.label, way, along, along_unit)
     rows = [
-        (case.label, way, second, value, ends.unit, name, *one[:2], one.unit, one.ratio, one.probability)
+        (*place, value, ends.unit, name, *one[:2], one.unit, one.ratio, one.probability)
         for value, looked in sorted(seen.items())
         for name, one in looked.items()
     ]
@@ -212,35 +223,24 @@ def _one(campaign: Campaign, asked: Solve, case: Case, way: str, second: Any) ->
         remark = "met by no value; " + remark
     elif found.intervals and not found.binding:
         remark = "met up to the largest value; " + remark
-    words = "; ".join(f"{low:.4g} to {high:.4g}" for low, high in found.intervals)
-    along_unit = span(asked.vary[1])[0].unit if second is not None else ""
-    along = float(str(second).partition(" ")[0]) if second is not None else math.nan
     base = number_at(case.scenario, asked.vary[0].path, ends.unit)
     row = (
-        case.label, way, along, along_unit, found.answer, ends.unit, found.binding, found.monotone, words, base,
-        len(seen), remark.removesuffix("; "),
+        *place, found.answer, ends.unit, found.binding, found.monotone, base, len(seen), remark.removesuffix("; "),
     )  # fmt: skip
-    return row, rows
+    return row, [(*place, *ends_at, ends.unit) for ends_at in found.intervals], rows
 
 
 def _confirm(campaign: Campaign, asked: Solve, case: Case, way: str, value: float, runs: int) -> list[tuple[Any, ...]]:
-    """Return what runs beside an answer say of each requirement; they agree with linear covariance unless as many
-    beyond the limit, or as few, have a chance of less than 1 %.
-    """
+    """Return the rows of `CONFIRMED`: what runs beside an answer say of each requirement."""
     unit = span(asked.vary[0])[0].unit
-    rows = []
-    for name, one in fly(campaign, _scenario(asked, case, way, None, value), runs).items():
-        if asked.meet and name not in asked.meet:
-            continue
-        chance = float(stats.binomtest(one.beyond, one.runs, min(1.0, max(0.0, one.expected))).pvalue)
-        rows.append(
-            (case.label, way, value, unit, name, one.runs, one.beyond, one.expected, one.verdict, chance >= ALPHA)
-        )
-    return rows
+    found = confirm(campaign, _scenario(asked, case, way, None, value), asked.meet, runs)
+    return [(case.label, way, value, unit, *one) for one in found]
 
 
-def from_words(varied: Sequence[str], log: bool, meet: Sequence[str]) -> Solve:
-    """Return the question of ``initial.heading=0.01 deg:2 deg`` (one or two), as the command line states it."""
+def from_words(varied: Sequence[str], log: bool, meet: Sequence[str], least: str = "") -> Solve:
+    """Return the question of ``initial.heading=0.01 deg:2 deg`` (one or two), or of the least of a total, as the
+    command line states it.
+    """
     found = []
     for text in varied:
         path, equals, limits = text.partition("=")
@@ -252,4 +252,8 @@ def from_words(varied: Sequence[str], log: bool, meet: Sequence[str]) -> Solve:
         found.append(Vary(path=path.strip(), between=(low.strip(), high.strip()), log=log))
     if len(found) > 2:
         raise InputError("--vary: one or two fields")
-    return Solve(vary=tuple(found), meet=tuple(meet))
+    if least not in ("", *get_args(Total)):
+        raise InputError(f"--least {quoted(least)}: should be one of {', '.join(get_args(Total))}")
+    if bool(found) == bool(least) or (least and log):
+        raise InputError("--vary or --least: one of them, and --log with --vary")
+    return Solve(vary=tuple(found), meet=tuple(meet), least=least or None)
