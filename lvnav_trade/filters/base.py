@@ -356,7 +356,7 @@ class FilterCard(units.NamedCard):
         if self.backup and self.models_vehicle:
             yield "backup: a filter with imu among its measurements has no strapdown of increments to run beside"
         if self.algorithm == "iterated" and self.feedback == "direct":
-            yield "feedback: direct linearises at every scalar where the one before has led; an iterated update too"
+            yield "feedback: a direct filter linearises after every scalar, which an iterated update would repeat"
         if self.algorithm == "unscented" and self.models_vehicle:
             yield "algorithm: points are flown by the strapdown; a filter with imu among its measurements has none"
         if self.algorithm == "unscented" and (self.transition_rate is not None or self.transition_order != 2):

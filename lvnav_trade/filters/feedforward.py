@@ -21,7 +21,7 @@ from lvnav_trade.filters.iterated import hold
 from lvnav_trade.filters.late import correct_stored_errors, place_of, predicted_of_stored
 from lvnav_trade.filters.monitor import MODE, check_measurements, is_correcting, is_running, start_filter, update_mode
 from lvnav_trade.filters.unscented import measure_receiver
-from lvnav_trade.filters.updates import iterate_receiver, update_receiver, update_sensors
+from lvnav_trade.filters.updates import iterate_receiver, noise_variance, update_receiver, update_sensors
 from lvnav_trade.kernels import processes
 from lvnav_trade.kernels.covariance import apply_phi
 from lvnav_trade.kernels.jit import inlined, jit
@@ -152,11 +152,12 @@ def _assess(work, points, monitor, tests, delayed, running, gains, model, signal
     """Test an epoch's rows for faults (Monitor and Tests, or None); of an open loop less what its error state says."""
     if monitor is not None:
         for row in range(ekf.n_measured(model, signals, epoch)):
+            channel = ekf.channel_of(model, signals, epoch, row)
             monitor.z[row] = work.z[row] - _predicted(work, model, signals, epoch, row)
-            if points is not None:
-                monitor.spread[row] = points.spread[row]
-        whitened = model.has_covariance and gains is None
-        assess(monitor, tests, work.P, work.H, monitor.z, running, whitened, delayed, model, signals, epoch)
+            monitor.variance[row] = noise_variance(
+                work, points, gains, signals, epoch, row, channel, model.has_covariance
+            )
+        assess(monitor, tests, work.P, work.H, monitor.z, running, delayed, model, signals, epoch)
 
 
 @inlined

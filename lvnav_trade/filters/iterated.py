@@ -21,6 +21,7 @@ from lvnav_trade.filters.ekf import (
     n_measured,
     place_antenna,
 )
+from lvnav_trade.filters.late import repeat_extrapolation
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like, zeros_of
 from lvnav_trade.kernels.transition import correct_motion
@@ -116,6 +117,7 @@ def linearise_receiver(work, again, passes, rx, past, earlier, late, delayed, ga
         _refer(work, again, model, row, channel_of(model, signals, epoch, row))
     _stay(work, again)
     place_antenna(work, past, late, model, dt, epoch)
+    repeat_extrapolation(past, late)
     decorrelate(work, None, past, rx, late, gains, model, signals, epoch)
 
 

@@ -18,8 +18,9 @@ from lvnav_trade.records import Bools, Floats, Ints
 
 # What is stored of a time of validity: navigation state, last increments, velocity a while before, error state.
 NAV, LAST, EARLY, ERROR, N_PAST = 0, 10, 16, 19, 28
-# In the last row of the store: acceleration that the epoch before was extrapolated with, and whether there was one.
-BEFORE, KNOWN = 0, 3
+# In the last row of the store: acceleration that an epoch was extrapolated with, whether there was one, and then the
+# same of the epoch before.
+BEFORE, KNOWN, N_EXTRAPOLATED = 0, 3, 4
 
 
 class Late(NamedTuple):
@@ -148,12 +149,22 @@ def predicted_of_stored(past, place, h, entries, columns, x):
 
 
 @jit
+def repeat_extrapolation(past, late):
+    """Let an epoch be extrapolated again, by another pass of an iterated update: from the epoch before."""
+    if late is not None and late.extrapolated:
+        last = past[late.buffered.shape[0]]
+        for i in range(N_EXTRAPOLATED):
+            last[i] = last[N_EXTRAPOLATED + i]
+
+
+@jit
 def carry_on(z, reported, past, P, late, epoch):
     """Extrapolate a late solution to the present, in the innovations z (6,), and add to its covariance `reported` (6,
     6) what that costs (eq. 7.20): the filter's own velocity and acceleration, the delay's error, and what an Euler step
     leaves.
 
-    P (n, n) of the filter gives the velocity's part. The acceleration of this epoch is stored for the next one.
+    P (n, n) of the filter gives the velocity's part. The acceleration of this epoch is stored for the next one, beside
+    that of the epoch before.
     """
     stored, last = past[place_of(late, 0, epoch)], past[late.buffered.shape[0]]
     delay, half = late.delay[epoch], 0.5 * late.delay[epoch] * late.delay[epoch]
@@ -165,6 +176,8 @@ def carry_on(z, reported, past, P, late, epoch):
     # half the acceleration is left of the position, half its change of the velocity; the first epoch knows none
     rate = where(last[KNOWN] > 0.0, half / late.interval, 0.0)
     bx, by, bz = rate * (ax - last[BEFORE]), rate * (ay - last[BEFORE + 1]), rate * (az - last[BEFORE + 2])
+    for i in range(N_EXTRAPOLATED):
+        last[N_EXTRAPOLATED + i] = last[i]
     moves, bends = (vx, vy, vz, ax, ay, az), (half * ax, half * ay, half * az, bx, by, bz)
     square = delay * delay
     for i in range(6):

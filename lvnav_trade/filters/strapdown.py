@@ -73,7 +73,8 @@ def _solved(rows: list[list[Fraction]]) -> list[Fraction]:
 
 
 EXACT_TURN = 5e-3
-"""Rotation (rad) of a sample up to which two samples count as exact: of 30 m/s^2 it loses 2e-5 m/s^2."""
+"""Largest rotation (rad) in a sample for which the two-sample algorithm is taken for exact: at 30 m/s^2 its error is
+2e-5 m/s^2."""
 
 
 def strapdown_of(

@@ -20,6 +20,16 @@ def _assumed(work, points, signals, epoch, row, channel):
     return variance if points is None else variance + points.spread[row]
 
 
+@jit
+def noise_variance(work, points, gains, signals, epoch, row, channel, whitened):
+    """Return the variance of a row's noise as the filter assumes it. Of a solution that comes with a covariance
+    (whitened) rows are decorrelated, of variance one; with stored gains (Gains, or None) they are not.
+    """
+    if whitened:
+        return like(work.x[0], 1.0) if gains is None else work.reported[row, row]
+    return _assumed(work, points, signals, epoch, row, channel)
+
+
 @inlined
 def update_and_count(work, points, gains, model, signals, epoch, row, channel, whitened, gate_squared):
     """Update by one filled row of a channel, with a stored gain (Gains) or, without (None), that of the covariance;
@@ -27,14 +37,13 @@ def update_and_count(work, points, gains, model, signals, epoch, row, channel, w
     """
     n = model.n_entry[channel]
     entries, columns = model.entry[channel, :n], model.column[channel, :n]
+    variance = noise_variance(work, points, gains, signals, epoch, row, channel, whitened)
     if gains is None:
-        variance = like(work.x[0], 1.0) if whitened else _assumed(work, points, signals, epoch, row, channel)
         normalised, weight = update_scalar(
             work.P, work.x, work.K, work.H[row], entries, columns, work.z[row], variance, gate_squared,
             model.n_estimated, model.joseph, signals.beta[epoch, channel],
         )  # fmt: skip
     else:
-        variance = work.reported[row, row] if whitened else _assumed(work, points, signals, epoch, row, channel)
         normalised, weight = update_with_gain(
             work.P, work.x, work.K, work.H[row], entries, columns, gains.gain[epoch, channel], work.z[row], variance,
             gate_squared, model.n_estimated, signals.beta[epoch, channel],

@@ -1,9 +1,14 @@
-"""A pairwise covering design over measurements and policies: the levels of each dimension, and what physics refuses."""
+"""A pairwise covering design over measurements and policies: the levels of each dimension, and what physics refuses.
+
+`python -m tests.engines.covering` appends cases to combinations.csv where a new level or dimension stands in none.
+"""
 
 from __future__ import annotations
 
+import csv
 import functools
 import itertools
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -144,29 +149,48 @@ DIMENSIONS: dict[str, dict[str, dict[str, Any]]] = {
                                        "start": "20 s", "duration": "15 s"}]},
         "frozen output": {"faults": [{"kind": "frozen_output", "start": "30 s", "duration": "3 s"}]},
         "noise": {"faults": [{"kind": "degraded_noise", "factor": 3.0, "start": "20 s", "duration": "20 s"}]},
+        "range bias": {"faults": [{"kind": "range_bias", "size": "60 m", "start": "20 s", "duration": "20 s"}]},
     },
+    "algorithm": {
+        "extended": {}, "iterated": {"filter.algorithm": "iterated"}, "unscented": {"filter.algorithm": "unscented"},
+    },
+    "integrity": {"none": {}, "tests": {"filter.integrity": {"hold": "8 s"}}},
 }  # fmt: skip
 
 PHASES = {name for name, fields in DIMENSIONS["measurements"].items() if FURTHER & set(fields["filter.measurements"])}
 Case = dict[str, str]
+Pair = tuple[tuple[str, str], tuple[str, str]]
+DESIGN = Path(__file__).with_name("combinations.csv")
 _FIRST = {name: next(iter(levels)) for name, levels in DIMENSIONS.items()}
 _DEFAULTS = {name: field.default for name, field in FilterCard.model_fields.items()}
 
 
 @functools.cache
-def covering(seed: int = 1) -> list[Case]:
-    """Return cases in which every pair of levels of two dimensions stands at least once, in a case that is not refused
-    if there is one; a pair that physics refuses stands in one refused case.
+def covering() -> list[Case]:
+    """Return the design: cases in which every pair of levels of two dimensions stands at least once, in a case that is
+    not refused if there is one; a pair that physics refuses stands in one refused case.
+
+    It is stored, so that cases keep their numbers: `python -m tests.engines.covering` appends what it lacks.
+    """
+    with DESIGN.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def extended(cases: list[Case], seed: int = 1) -> list[Case]:
+    """Return the cases and others that cover the pairs of levels which stand in none of them.
 
     A case of which new kernels have to be compiled takes as long as ten others: among candidates one that needs none
     is taken unless it covers far fewer pairs.
     """
     rng = np.random.default_rng(seed)
-    names = list(DIMENSIONS)
+    names, cases = list(DIMENSIONS), list(cases)
     levels = {name: list(DIMENSIONS[name]) for name in names}
     left = {((a, x), (b, y)) for a, b in itertools.combinations(names, 2) for x in levels[a] for y in levels[b]}
-    cases: list[Case] = []
     compiled: dict[tuple[object, ...], Case] = {}
+    for case in cases:
+        left -= _pairs(names, case)
+        if not refusal(case):
+            compiled.setdefault(kernels_of(case), case)
     while left:
         (a, x), (b, y) = sorted(left)[rng.integers(len(left))]
         pair = {a: x, b: y}
@@ -187,7 +211,7 @@ def covering(seed: int = 1) -> list[Case]:
     return cases
 
 
-POLICIES = ("correction", "gains", "start", "latency", "receiver", "units", "backup")
+POLICIES = ("correction", "gains", "start", "latency", "receiver", "units", "backup", "algorithm", "integrity")
 NEW_KERNELS = 12
 """Pairs of levels that a case has to cover beyond others, if new kernels have to be compiled for it."""
 
@@ -199,6 +223,7 @@ def kernels_of(case: Case) -> tuple[object, ...]:
         bool(set(listed) - {"position", "velocity", "imu", *OBSERVABLES}), "imu" in listed, bool(FURTHER & set(listed)),
         case["correction"], case["gains"], case["start"] == "mode logic", case["latency"] == "none",
         case["receiver"] if {"position", "velocity"} & set(listed) else "", case["units"] == "one", case["backup"],
+        case["algorithm"], case["integrity"],
     )  # fmt: skip
 
 
@@ -222,7 +247,7 @@ def refusal(case: Case) -> str:
 # What decides whether a case is refused.
 _RULED = (
     "measurements", "gains", "start", "latency", "earlier epoch", "clock", "residual delay", "tuning", "strapdown",
-    "units", "backup",
+    "units", "backup", "correction", "algorithm",
 )  # fmt: skip
 
 
@@ -293,6 +318,7 @@ def _idle(case: Case) -> set[str]:
     is_tight, is_loose = bool(OBSERVABLES & listed), "position" in listed
     found = set() if {"tdcp", "delta_pseudorange"} & listed else {"earlier epoch"}
     found |= set() if is_tight else {"clock"}
+    found |= set() if is_tight or {"position", "velocity"} & set(listed) else {"integrity"}
     if not is_loose:
         found.add("receiver")
     of_ranges = {"slips": {"tdcp", "carrier_phase"}, "offset of rates": {"range_rate", "velocity"}}
@@ -304,14 +330,22 @@ def _idle(case: Case) -> set[str]:
     return found
 
 
-def _key(names: list[str], one: tuple[str, str], two: tuple[str, str]) -> tuple[tuple[str, str], tuple[str, str]]:
+def _key(names: list[str], one: tuple[str, str], two: tuple[str, str]) -> Pair:
     return (one, two) if names.index(one[0]) < names.index(two[0]) else (two, one)
 
 
-def _pairs(names: list[str], case: Case) -> set[tuple[tuple[str, str], tuple[str, str]]]:
+def _pairs(names: list[str], case: Case) -> set[Pair]:
     return {((a, case[a]), (b, case[b])) for a, b in itertools.combinations(names, 2)}
 
 
 def lateness(case: Case) -> dict[str, Any]:
     """Return the latency of a case's sensors."""
     return {"latency": SENSOR_LATENCY} if case.get("latency", "none").startswith("buffered") else {}
+
+
+if __name__ == "__main__":
+    design = extended(covering())
+    with DESIGN.open("w", encoding="utf-8", newline="") as output:
+        table = csv.DictWriter(output, list(DIMENSIONS), lineterminator="\n")
+        table.writeheader()
+        table.writerows(design)

@@ -20,6 +20,7 @@ from lvnav_trade.filters.late import (
     place_of,
     place_of_channel,
     predicted_of_stored,
+    repeat_extrapolation,
 )
 from lvnav_trade.kernels.earth import gravity_j4
 from lvnav_trade.kernels.jit import jit
@@ -109,6 +110,19 @@ def test_the_first_epoch_knows_no_change_of_the_acceleration():
     assert not reported[3:, :].any()
     assert reported[0, 0] == pytest.approx((0.5 * 0.09 * 30.0) ** 2)
     assert past[1, KNOWN] == 1.0
+
+
+def test_an_epoch_that_is_extrapolated_again_gets_the_same_covariance():
+    past = np.zeros((2, N_PAST))
+    past[0, NAV + V : NAV + V + 3], past[0, EARLY : EARLY + 3] = V_I, V_I - 3.0
+    past[1, :3], past[1, KNOWN] = 25.0, 1.0
+    found = np.zeros((2, 6, 6))
+    carry_on(np.zeros(6), found[0], past, np.zeros((9, 9)), late(), 0)
+    repeat_extrapolation(past, late())
+    carry_on(np.zeros(6), found[1], past, np.zeros((9, 9)), late(), 0)
+    np.testing.assert_array_equal(found[1], found[0])
+    assert found[0, 3, 3] == pytest.approx((0.5 * 0.09 * 5.0) ** 2)
+    repeat_extrapolation(past, None)
 
 
 def test_a_delay_of_several_epochs_stores_several_states_at_once_each_in_its_place():

@@ -103,6 +103,14 @@ def _update(
 
 
 @jit
+def _noise_variance(nominal, signals, chain, gains, row, channel, epoch):
+    """Return the variance of a row's noise as the filter assumes it; see `filters.updates.noise_variance`."""
+    if chain is None:
+        return signals.variance[epoch, channel]
+    return 1.0 if gains is None else nominal.reported[row, row]
+
+
+@jit
 def _update_receiver(
     out, joint, scratch, tape, nominal, signals, true, model, chain, late, delayed, monitor, gains, epoch, starts
 ):
@@ -116,9 +124,7 @@ def _update_receiver(
         left_out = is_reference(model, signals, epoch, row) or is_left_out(starts, delayed, model, row)
         kept = permitted(monitor, channel, 1.0) > 0.0
         if kept and is_present(delayed, model, epoch, channel) and not left_out:
-            variance = signals.variance[epoch, channel]
-            if whitened:
-                variance = 1.0 if gains is None else nominal.reported[row, row]
+            variance = _noise_variance(nominal, signals, chain, gains, row, channel, epoch)
             _update(
                 out, joint, scratch, tape, nominal, signals, true, model, late, gains, row, channel, variance, whitened,
                 epoch,
@@ -175,14 +181,14 @@ def _mean_innovation(joint, nominal, true, signals, late, row, channel, epoch):
 
 
 @jit
-def _assess(joint, nominal, true, model, signals, late, delayed, monitor, tests, running, gains, epoch):
+def _assess(joint, nominal, true, model, signals, chain, late, delayed, monitor, tests, running, gains, epoch):
     """Test the mean of the rows for faults (Monitor and Tests, or None), as the filter does its innovations."""
     if monitor is not None:
         for row in range(n_measured(model, signals, epoch)):
             channel = channel_of(model, signals, epoch, row)
             monitor.z[row] = _mean_innovation(joint, nominal, true, signals, late, row, channel, epoch)
-        whitened = model.has_covariance and gains is None
-        assess(monitor, tests, joint.formal, nominal.H, monitor.z, running, whitened, delayed, model, signals, epoch)
+            monitor.variance[row] = _noise_variance(nominal, signals, chain, gains, row, channel, epoch)
+        assess(monitor, tests, joint.formal, nominal.H, monitor.z, running, delayed, model, signals, epoch)
 
 
 @jit
@@ -214,7 +220,7 @@ def _process_permitted(
         _weight(nominal, joint.formal, model, chain, late, gains, epoch)
         forget(monitor, watch.sample[1])
         running = watch.sample[0]
-        _assess(joint, nominal, true, model, signals, late, delayed, monitor, tests, running, gains, epoch)
+        _assess(joint, nominal, true, model, signals, chain, late, delayed, monitor, tests, running, gains, epoch)
         if watch.sample[0] > 0.0:
             _update_receiver(
                 out, joint, scratch, tape, nominal, signals, true, model, chain, late, delayed, monitor, gains, epoch,
@@ -243,7 +249,7 @@ def _epoch(out, joint, scratch, work, tape, nominal, earlier, signals, sensors, 
         if n_measured(model, signals, epoch) > 0 and solved:
             _fill(nominal, earlier, delayed, signals, model, chain, late, epoch)
             _weight(nominal, joint.formal, model, chain, late, gains, epoch)
-            _assess(joint, nominal, true, model, signals, late, delayed, monitor, tests, 1.0, gains, epoch)
+            _assess(joint, nominal, true, model, signals, chain, late, delayed, monitor, tests, 1.0, gains, epoch)
             _update_receiver(
                 out,
                 joint,

@@ -18,9 +18,10 @@ from lvnav_trade.observables.base import H_POS, H_VEL
 from lvnav_trade.records import OF_CHANNEL, OF_CLOCK, OF_INERTIAL
 
 RETURNING = 0.5
-"""Stands for the epochs left without a channel where its hold time is over: it is used again if it passes its test."""
-SLIPS = 3.0
-"""So many inertial decisions, one within the hold time of the other, are of an error of the unit that persists."""
+"""Value of `out` where the hold time of a channel is over: the channel is used again if it passes its test."""
+N_PERSISTENT = 3.0
+"""Number of successive inertial decisions, each within the hold time of the one before, from which on an error of the
+unit is taken for persistent."""
 
 
 @jit
@@ -33,10 +34,10 @@ def _innovation_variance(P, h, entries, columns):
 
 
 @jit
-def _test_rows(own, tests, P, H, z, whitened, delayed, model, signals, epoch, n_row):
+def _test_rows(own, tests, P, H, z, delayed, model, signals, epoch, n_row):
     """Set the squared normalised innovation of every row that is in use, or may be again, and its inverse variance."""
     zero = like(P[0, 0], 0.0)
-    at = epoch % tests.window
+    at = epoch // model.every % tests.window
     for row in range(n_row):
         channel = channel_of(model, signals, epoch, row)
         own.weight[row], own.square[row] = zero, zero
@@ -44,12 +45,11 @@ def _test_rows(own, tests, P, H, z, whitened, delayed, model, signals, epoch, n_
             continue
         n = model.n_entry[channel]
         entries, columns = model.entry[channel, :n], model.column[channel, :n]
-        variance = 1.0 if whitened else signals.variance[epoch, channel]
-        s = _innovation_variance(P, H[row], entries, columns) + own.spread[row] + variance
+        s = _innovation_variance(P, H[row], entries, columns) + own.variance[row]
         in_use = (own.out[channel] <= RETURNING) & (z[row] == z[row])
         square = where(in_use, z[row] * z[row] / s, 0.0)
         own.past[channel, at], own.square[row] = square, square
-        own.weight[row] = where(in_use, 1.0 / variance, 0.0)
+        own.weight[row] = where(in_use, 1.0 / own.variance[row], 0.0)
 
 
 @jit
@@ -182,14 +182,14 @@ def _inflate(P, at, count, wanted, variance):
 
 @jit
 def _persists(own, tests, P, model, inertial, speed):
-    """Count inertial decisions that follow each other within the hold time; from the third on the unit has not slipped
-    but is wrong, and the biases of the accelerometers are inflated by the shift of velocity over an interval.
+    """Count successive inertial decisions, each within the hold time of the one before. From the third on the error of
+    the unit persists: the variances of the accelerometer biases grow by the shift of velocity over an interval.
     """
     left, count = own.waited[0], own.waited[1]
     count = where(left > 0.0, count, 0.0) + inertial
     own.waited[0] = where(inertial > 0.0, tests.hold, where(left > 0.0, left - 1.0, 0.0))
     own.waited[1] = count
-    wanted = where((inertial > 0.0) & (count >= SLIPS), 1.0, 0.0)
+    wanted = where((inertial > 0.0) & (count >= N_PERSISTENT), 1.0, 0.0)
     size = tests.recovery / tests.interval
     for b in range(model.par_offset.shape[0]):
         if model.par_sensor[b] == ACCEL and model.par_driver[b] == CONSTANT and model.par_offset[b] < model.n_estimated:
@@ -252,13 +252,13 @@ def _assess_solution(own, tests, P, fails, n_channel):
 
 
 @jit
-def assess(own, tests, P, H, z, running, whitened, delayed, model, signals, epoch):
+def assess(own, tests, P, H, z, running, delayed, model, signals, epoch):
     """Test the receiver's rows of an epoch, exclude or inflate what failed, and log it (Monitor and Tests, or None).
 
     Parameters
     ----------
-    P : (n, n) predicted covariance, inflated where something is recovered; H, z : rows, measured minus predicted
-    running : 1 in the runs whose filter runs; whitened : the rows are decorrelated, of variance one
+    own : Monitor, whose `variance` is that of the rows; P : (n, n) predicted covariance, inflated where something is
+    recovered; H, z : rows, measured minus predicted; running : 1 in the runs whose filter runs
     """
     if own is not None:
         own.isolated[epoch] = like(own.fit[0], 0.0)
@@ -267,7 +267,7 @@ def assess(own, tests, P, H, z, running, whitened, delayed, model, signals, epoc
         _count_down(own, RETURNING if model.tight else 0.0)
         n_row = n_measured(model, signals, epoch)
         if n_row > 0:
-            _test_rows(own, tests, P, H, z, whitened, delayed, model, signals, epoch, n_row)
+            _test_rows(own, tests, P, H, z, delayed, model, signals, epoch, n_row)
             if model.tight:
                 isolated = _assess_ranges(own, tests, P, H, z, running, model, signals, epoch, n_row)
             else:

@@ -40,7 +40,7 @@ class Monitor(NamedTuple):
     isolated (n_epoch,) what was isolated (records.ISOLATED); excluded (n_epoch, n_channel) what was excluded there;
     waited (2,) epochs for which the prediction has disagreed with a solution, or, of ranges, epochs left of the hold
     time after an inertial decision, and how many have followed each other; z (n_row,) innovations of the rows;
-    spread (n_row,) variance beyond what their Jacobians say.
+    variance (n_row,) that the filter assumes of their noise.
     """
 
     out: Floats
@@ -55,7 +55,7 @@ class Monitor(NamedTuple):
     excluded: Floats
     waited: Floats
     z: Floats
-    spread: Floats
+    variance: Floats
 
 
 def new_monitor(n_epoch: int, n_channel: int, n_row: int, window: int, lanes: int = 0) -> Monitor:
@@ -63,7 +63,7 @@ def new_monitor(n_epoch: int, n_channel: int, n_row: int, window: int, lanes: in
     shapes = {
         "out": (n_channel,), "past": (n_channel, window), "weight": (n_row,), "square": (n_row,),
         "A": (N_FIT, N_FIT), "inverse": (N_FIT, N_FIT), "b": (N_FIT,), "fit": (N_FIT,), "isolated": (n_epoch,),
-        "excluded": (n_epoch, n_channel), "waited": (2,), "z": (n_row,), "spread": (n_row,),
+        "excluded": (n_epoch, n_channel), "waited": (2,), "z": (n_row,), "variance": (n_row,),
     }  # fmt: skip
     return Monitor(**zeros_of(shapes, lanes))
 
@@ -73,8 +73,6 @@ def begin_monitor(own):
     """Begin a run: every channel is in use."""
     if own is not None:
         own.waited[0], own.waited[1] = like(own.waited[0], 0.0), like(own.waited[0], 0.0)
-        for row in range(own.spread.shape[0]):
-            own.spread[row] = like(own.waited[0], 0.0)
         for c in range(own.out.shape[0]):
             own.out[c] = like(own.out[c], 0.0)
             for k in range(own.past.shape[1]):
