@@ -11,7 +11,7 @@ from lvnav_trade.engines.lincov.receiver_error import (
 from lvnav_trade.engines.lincov.recording import hold_solution, write, write_samples, write_solution
 from lvnav_trade.engines.lincov.samples import expected_of_samples, sample_window
 from lvnav_trade.engines.lincov.successive import begin_epoch, end_epoch, measure_further
-from lvnav_trade.engines.lincov.units import add_sums
+from lvnav_trade.engines.lincov.units import add_sums, inform_nominal
 from lvnav_trade.engines.lincov.update import is_left_out, replace_state, take_reference, update_joint
 from lvnav_trade.filters.delayed import begin_transition, follow, is_present, renew
 from lvnav_trade.filters.differenced import is_reference
@@ -318,6 +318,7 @@ def forward(
             sensed, how = not true.by_samples, model.strapdown
             nominal_window(nominal, reference, unit, first, n_tick, how, sensed, schedule.linearised[w])
             propagate(joint, scratch, nominal, true, unit, units, model, schedule, w, reference)
+            inform_nominal(joint.formal, units, model, first, n_tick, model.seconds[schedule.length[w]])
             follow(earlier, delayed, scratch.D, model, schedule.length[w], schedule.injection[w])
             if tape.channel.shape[0] > 0:
                 record_window(tape, w, nominal)

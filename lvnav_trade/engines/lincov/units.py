@@ -11,6 +11,7 @@ import numpy as np
 from lvnav_trade.engines.setup.inputs import Units
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.setup.units import along_axes, inputs_of
+from lvnav_trade.engines.simulate.redundancy import grow
 from lvnav_trade.engines.simulate.sensing import profile_value
 from lvnav_trade.kernels.attitude import cross
 from lvnav_trade.kernels.jit import jit
@@ -87,6 +88,24 @@ def unit_input_matrix(b, mean, j, true, units, sums, seconds, first, n_tick):
             b[VEL, c], b[VEL + 1, c], b[VEL + 2, c] = 0.5 * vx, 0.5 * vy, 0.5 * vz
         for i in range(3):
             b[POS + i, c] = 0.5 * seconds * b[VEL + i, c]
+
+
+@jit
+def inform_nominal(formal, units, model, first, n_tick, seconds):
+    """Inform the filter of units that are excluded on the nominal flight, as a run does: over a window of ticks."""
+    if units is not None:
+        _inform(formal, units, units.redundant, model, first, n_tick, seconds)
+
+
+@jit
+def _inform(formal, units, vote, model, first, n_tick, seconds):
+    if vote is not None:
+        before, after = 0, 0
+        for tick in vote.lost:
+            before += 1 if tick <= first else 0
+            after += 1 if tick <= first + n_tick else 0
+        if after > 0:
+            grow(formal, vote.mean[after], vote.mean[before], 1.0, units.n_axis, vote, model, seconds)
 
 
 @jit

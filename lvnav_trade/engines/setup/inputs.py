@@ -101,7 +101,10 @@ class Redundant(NamedTuple):
     (0: none); weight (n_window, 2, n_triad, 3) inverse variance of increments summed over a test by the cards (0: no
     axis); limits (n_dof + 1,) of the weighted squares that a fit leaves, by its degrees of freedom; owner (n_triad,)
     unit of a triad; alone (n_triad, 3, 3) how axes enter the solution of their unit alone; shares (2, n_triad) weights
-    of the axes in the mean.
+    of the axes in the mean. What the filter is informed of: lost (n_lost,) ticks from which on units are left out on
+    the nominal flight, mean (n_lost + 1, n_triad, 2, 3, 3) how axes enter the mean, of all units and then of those that
+    are left; noise, spread, walk (2, n_triad, 3) of an axis: variance per second of white noise, variance of biases,
+    variance per second of their walk.
     """
 
     middle: bool
@@ -111,6 +114,11 @@ class Redundant(NamedTuple):
     owner: Ints
     alone: Floats
     shares: Floats
+    noise: Floats
+    spread: Floats
+    walk: Floats
+    lost: Ints
+    mean: Floats
 
 
 class Shared(NamedTuple):

@@ -14,6 +14,7 @@ from scipy.special import chdtri
 
 from lvnav_trade.engines.setup.inputs import Redundant, Units
 from lvnav_trade.engines.setup.units import along_axes, inputs_of
+from lvnav_trade.kernels.transition import CONSTANT
 from lvnav_trade.per_axis import squares
 from lvnav_trade.records import Floats, Reference
 from lvnav_trade.world.sensors.imu import ImuCard
@@ -42,6 +43,7 @@ def redundant_of(
     weight = 1.0 / _variance(card, units, dt, ticks)
     n_axis, n_test = int(units.n_axis.sum()), 2 * weight.shape[0]
     limits = np.concatenate([[np.inf], chdtri(np.arange(1, max(2, n_axis - 2)), parity.false_alarm / max(1, n_test))])
+    spread, walk = _of_biases(card)
     found = Redundant(
         middle=card.selection == "mid_value",
         ticks=ticks if card.parity is not None else 0,
@@ -50,10 +52,32 @@ def redundant_of(
         owner=owner,
         alone=own_solutions(card),
         shares=axis_weights(card),
+        noise=units.white[:, :6].reshape(-1, 2, 3).swapaxes(0, 1) ** 2 / dt,
+        spread=spread,
+        walk=walk,
+        lost=np.zeros(0, dtype=np.int64),
+        mean=units.solved[:1],
     )
     along = np.array(along_axes(units, dt))
     lost = failed(along + known, units.frames[:, :, 0], found) if found.ticks else []
-    return _staged(card, units._replace(redundant=found), ref, along, known, lost, dt)
+    tested = units._replace(redundant=found)
+    left = [{unit for _, unit in lost[:n]} for n in range(len(lost) + 1)]
+    found = found._replace(
+        lost=np.array([at for at, _ in lost], dtype=np.int64),
+        mean=np.array([_mean(card, tested, out).solved for out in left]),
+    )
+    return _staged(card, tested._replace(redundant=found), ref, along, known, lost, dt)
+
+
+def _of_biases(card: ImuSet) -> tuple[Floats, Floats]:
+    """Return variance, and variance per second of the walk, (2, n_triad, 3) each, of the biases of an axis."""
+    spread, walk = np.zeros((2, 2, len(triads_of(card)), 3))
+    for block in blocks_of(card):
+        if block.driver == CONSTANT:
+            variance = np.array(squares(block.sigma))
+            spread[block.sensor, block.triad] += variance
+            walk[block.sensor, block.triad] += squares(block.walk) + 2.0 / block.time_constant * variance
+    return spread, walk
 
 
 def _known(units: Units, profiles: Sequence[Profile], t: Floats, dt: float) -> Floats:

@@ -1,6 +1,7 @@
 """One simulated flight, of one run or of eight at once: truth and filter meet in measurements only."""
 
 from lvnav_trade.engines.simulate.recording import hold_solution, record
+from lvnav_trade.engines.simulate.redundancy import inform
 from lvnav_trade.engines.simulate.sensing import begin, begin_solver, measure_sensors, observe, sense
 from lvnav_trade.filters.backup import advance_backup, begin_backup, predict_backup
 from lvnav_trade.filters.delayed import begin_transition, clone_formal, clone_open_loop, follow, store_estimate
@@ -78,6 +79,7 @@ def fly(work, parts, schedule, unit, signals, sensors, start, history, model, op
             )  # fmt: skip
             linearised_sums(work.rates, work.sums, model.seconds[schedule.length[w]], schedule.linearised[w])
             predict(work, parts.points, parts.open_loop, model, unit, schedule, w, dt)
+            inform(work.P, parts.units, options.units, model, model.seconds[schedule.length[w]])
             follow(parts.earlier, options.delayed, work.D, model, schedule.length[w], schedule.injection[w])
             predict_backup(parts.backup, work, model, schedule.length[w], schedule.injection[w])
             propagate_open_loop(work, parts.points, parts.open_loop, model, schedule.length[w])

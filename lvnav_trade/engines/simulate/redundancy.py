@@ -13,6 +13,7 @@ from numba.extending import overload
 from lvnav_trade.filters.integrity.fit import invert, limit
 from lvnav_trade.kernels.jit import jit
 from lvnav_trade.kernels.lanes import like, where, zeros_of
+from lvnav_trade.kernels.transition import ATT, CONSTANT, GYRO, VEL
 from lvnav_trade.records import Floats
 
 FAR = 1e300
@@ -20,7 +21,8 @@ FAR = 1e300
 
 class RedundantWork(NamedTuple):
     """Arrays of redundant units: out (n_unit,) 1 of those excluded, when (n_unit,) the tick from which on; solved
-    (n_triad, 2, 3, 3) how axes enter the mean of the others, and reduced (1,): 1 once it is not that of all; value
+    (n_triad, 2, 3, 3) how axes enter the mean of the others, reduced (1,): 1 once it is not that of all, and informed
+    (n_triad, 2, 3, 3) the mean that the filter has been informed of last; value
     (n_triad, 3) of a tick along the axes, sums (2, n_triad, 3) since the test before; order, ratio (n_unit,), A,
     inverse (3, 3), b, fit (3,), over (1,) scratch.
     """
@@ -29,6 +31,7 @@ class RedundantWork(NamedTuple):
     when: Floats
     solved: Floats
     reduced: Floats
+    informed: Floats
     value: Floats
     sums: Floats
     order: Floats
@@ -43,7 +46,8 @@ class RedundantWork(NamedTuple):
 def new_redundant(n_unit: int, n_triad: int, lanes: int = 0) -> RedundantWork:
     """Return the arrays of redundant units: one run, or `lanes` runs on the last axis."""
     shapes = {
-        "out": (n_unit,), "when": (n_unit,), "solved": (n_triad, 2, 3, 3), "reduced": (1,), "value": (n_triad, 3),
+        "out": (n_unit,), "when": (n_unit,), "solved": (n_triad, 2, 3, 3), "reduced": (1,),
+        "informed": (n_triad, 2, 3, 3), "value": (n_triad, 3),
         "sums": (2, n_triad, 3), "order": (n_unit,), "ratio": (n_unit,), "A": (3, 3), "inverse": (3, 3), "b": (3,),
         "fit": (3,), "over": (1,),
     }  # fmt: skip
@@ -64,6 +68,7 @@ def begin_redundant(own, units):
                 for i in range(3):
                     for c in range(3):
                         own.solved[k, sensor, i, c] = like(zero, units.solved[0, k, sensor, i, c])
+                        own.informed[k, sensor, i, c] = like(zero, units.redundant.mean[0, k, sensor, i, c])
 
 
 @jit
@@ -217,3 +222,59 @@ def check(own, units, vote, tick):
             own.reduced[0] = where(worst, 1.0, own.reduced[0])
     _reduce(own, units, vote)
     _clear(own)
+
+
+@jit
+def inform(P, own, units, model, seconds):
+    """Inform the filter of units that are excluded: its covariance grows by what the mean of the others has more, over
+    a window of some seconds (UnitWork and Units, or None).
+    """
+    if units is not None:
+        _inform(P, own.redundant, units, units.redundant, model, seconds)
+
+
+@jit
+def _inform(P, own, units, vote, model, seconds):
+    if own is not None:
+        grow(P, own.solved, own.informed, own.reduced[0], units.n_axis, vote, model, seconds)
+        for k in range(own.solved.shape[0]):
+            for sensor in range(2):
+                for i in range(3):
+                    for c in range(3):
+                        held = own.informed[k, sensor, i, c]
+                        own.informed[k, sensor, i, c] = where(own.reduced[0] > 0.0, own.solved[k, sensor, i, c], held)
+
+
+@jit
+def grow(P, solved, before, wanted, n_axis, vote, model, seconds):
+    """Let a covariance grow over a window where the mean of some units, `solved`, is what the increments are, and was
+    `before` at its start, both (n_triad, 2, 3, 3): by more white noise and more walk of the biases than the mean of all
+    has, and once by the variance of what their sum has changed. wanted: 1 where it is.
+    """
+    for sensor in range(2):
+        at, total = (ATT if sensor == GYRO else VEL), like(P[0, 0], 0.0)
+        for k in range(n_axis.shape[0]):
+            for c in range(n_axis[k]):
+                for i in range(3):
+                    all_units = vote.mean[0, k, sensor, i, c]
+                    more = solved[k, sensor, i, c] * solved[k, sensor, i, c] - all_units * all_units
+                    total = total + more * vote.noise[sensor, k, c]
+        total = where((wanted > 0.0) & (total > 0.0), total * (seconds / 3.0), 0.0)
+        for i in range(3):
+            P[at + i, at + i] = P[at + i, at + i] + total
+    for b in range(model.par_offset.shape[0]):
+        if model.par_driver[b] == CONSTANT:
+            _grow_bias(P, solved, before, wanted, n_axis, vote, model.par_sensor[b], model.par_offset[b], seconds)
+
+
+@jit
+def _grow_bias(P, solved, before, wanted, n_axis, vote, sensor, at, seconds):
+    for i in range(3):
+        total = like(P[0, 0], 0.0)
+        for k in range(n_axis.shape[0]):
+            for c in range(n_axis[k]):
+                all_units, now = vote.mean[0, k, sensor, i, c], solved[k, sensor, i, c]
+                change = now - before[k, sensor, i, c]
+                total = total + change * change * vote.spread[sensor, k, c]
+                total = total + (now * now - all_units * all_units) * vote.walk[sensor, k, c] * seconds
+        P[at + i, at + i] = P[at + i, at + i] + where((wanted > 0.0) & (total > 0.0), total, 0.0)

@@ -94,3 +94,19 @@ def test_alarms_without_a_fault_are_as_many_as_stated():
     block = run_block(walks({"parity": {"false_alarm": 0.3}}), 7, 0, 400)
     share = binomtest(np.unique(block.decisions[:, 0]).size, 400).proportion_ci(0.999, method="exact")
     assert share.low < 1.0 - math.exp(-0.3) < share.high
+
+
+@pytest.mark.parametrize("fault", [STEP, DEAD], ids=["gyro", "accelerometer"])
+def test_a_filter_knows_what_the_mean_of_the_units_left_is_worth(fault):
+    """Formal and true covariance are one for a filter that models everything, before and after an exclusion."""
+    prepared, whole = three(fault, parity={}), three(parity={})
+    history, without = covariance(prepared), covariance(whole)
+    after = (history.t > 11.5) & (history.t < 40.0)
+    np.testing.assert_allclose(history.formal[after], history.true_sigma[after], rtol=2e-3)
+    sensor = "gyro_bias" if fault is STEP else "accel_bias"
+    states = [k for k, output in enumerate(prepared.outputs) if output.quantity == sensor]
+    assert np.all(history.formal[after][:, states] > 1.05 * without.formal[after][:, states])
+    block = run_block(prepared, 5, 0, 16)
+    np.testing.assert_allclose(
+        block.sigma[:, after].mean(axis=0), history.formal[after], rtol=5e-2
+    )  # a dead axis moves what runs are linearised at
