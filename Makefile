@@ -14,11 +14,11 @@ from_wheels := $(if $(WHEELS),--no-index --find-links "$(WHEELS)")
 wheels_needed := pip 'hatchling>=1.27,<2' editables
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint unit smoke slow bounds lowest bench study-conae study-dlr study-drdc study-gains trade wheelhouse clean
+.PHONY: help demo test lint unit smoke slow bounds lowest bench docs study-conae study-dlr study-drdc study-gains trade wheelhouse clean
 
 help:
 	@sed -n 's/^# //p' Makefile | head -4
-	@echo 'also: make slow | bounds | lowest | bench | study-conae | study-dlr | study-drdc | study-gains | wheelhouse | clean'
+	@echo 'also: make slow | bounds | lowest | bench | docs | study-conae | study-dlr | study-drdc | study-gains | wheelhouse | clean'
 
 # A stamp stands for an installation and is older than pyproject.toml when that must be repeated.
 $(bin)/python:
@@ -92,6 +92,11 @@ lowest: | $(bin)/python
 	@NUMBA_CACHE_DIR="$(CURDIR)/$(VENV)-lowest/kernels" "$(VENV)-lowest/bin/python" -m pytest -m "not slow" \
 	    --numprocesses $(JOBS) --dist loadfile --no-header
 
+# The manual, in site/; needs no network once installed.
+docs: $(VENV)/.installed-docs
+	@$(bin)/mkdocs build --quiet --clean
+	@echo "the manual: site/index.html"
+
 bench: $(VENV)/.installed-bench
 	@$(bin)/python -m benchmarks.run
 
@@ -114,5 +119,5 @@ wheelhouse: pyproject.toml | $(bin)/python
 	@echo "wheelhouse/ holds $$(ls wheelhouse | wc -l) wheels, $$(du -sh wheelhouse | cut -f1)"
 
 clean:
-	@rm -rf "$(VENV)" "$(VENV)-lowest" build dist results wheelhouse .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
+	@rm -rf "$(VENV)" "$(VENV)-lowest" build dist results wheelhouse site .hypothesis .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
 	@find . -name __pycache__ -type d -prune -exec rm -rf {} +

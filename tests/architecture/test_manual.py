@@ -1,0 +1,167 @@
+"""The manual: links find their headings, samples run as they are printed, pages build without a network."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from ruamel.yaml import YAML
+
+from lvnav_trade.api import check
+from lvnav_trade.errors import InputError
+
+LINK = re.compile(r"(?<!!)\[[^\]]+\]\(([^)\s]+)\)")
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+SAVED = re.compile(r"[Ss]ave this as\s+`([^`]+)`")
+FEW = "monte_carlo.runs=8"  # what is printed takes 100 and more
+
+
+def _slug(title: str) -> str:
+    return re.sub(r"[^\w\- ]", "", re.sub(r"[`*]", "", title).strip().lower()).replace(" ", "-")
+
+
+def _anchors(page: Path) -> set[str]:
+    return {_slug(found[1]) for found in re.finditer(r"^#+ (.*)$", page.read_text(), re.MULTILINE)}
+
+
+def test_every_link_to_a_heading_finds_it(root):
+    lost = []
+    for page in [root / "README.md", root / "CHANGELOG.md", *sorted((root / "docs").rglob("*.md"))]:
+        for link in LINK.findall(page.read_text()):
+            target, _, anchor = link.partition("#")
+            if anchor and "://" not in link and anchor not in _anchors(page.parent / target if target else page):
+                lost.append(f"{page.relative_to(root)}: {link}")
+    assert lost == []
+
+
+@pytest.fixture(scope="module")
+def desk(root, tmp_path_factory):
+    """A folder with what a clone has, in which the samples are run one after the other."""
+    place = tmp_path_factory.mktemp("clone")
+    for name in ("configs", "campaigns", "lvnav_trade"):
+        (place / name).symlink_to(root / name)
+    return place
+
+
+def _save(desk: Path, text: str) -> list[str]:
+    """Write the files of a page that says `save this as` before a block, and return their names."""
+    saved = []
+    for found in BLOCK.finditer(text):
+        names = SAVED.findall(text[: found.start()].rsplit("```", 1)[-1])
+        if names:
+            (desk / names[-1]).parent.mkdir(parents=True, exist_ok=True)
+            (desk / names[-1]).write_text(found[2])
+            saved.append(names[-1])
+    return saved
+
+
+def _commands(text: str) -> list[list[str]]:
+    lines = [
+        line for kind, body in BLOCK.findall(text) if kind == "sh" for line in body.replace("\\\n", " ").splitlines()
+    ]
+    return [words for words in (shlex.split(line, comments=True) for line in lines) if words]
+
+
+def test_the_commands_of_the_tutorial_run_as_they_are_printed(root, desk):
+    text, path = (
+        (root / "docs/tutorial.md").read_text(),
+        f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+    )
+    assert len(_save(desk, text)) == 2
+    run = []
+    for words in _commands(text):
+        if words[0] in ("git", "make", "source"):  # what the tests themselves rest on
+            continue
+        if words[:2] in (["lvnav-trade", "run"], ["lvnav-trade", "solve"]):
+            words = [*words, "--set", FEW, "--jobs", "1"]
+        done = subprocess.run(
+            words, cwd=desk, capture_output=True, text=True, env=os.environ | {"PATH": path}, check=False
+        )
+        answer = (0, 1, 3) if words[1] in ("run", "solve", "compare") else (0,)
+        assert done.returncode in answer, f"{shlex.join(words)}\n{done.stderr[-500:]}"
+        run.append(words[1])
+    assert run == [
+        "-p",
+        "configs/trajectories/example_table.csv",
+        "check",
+        "plan",
+        "run",
+        "solve",
+        "report",
+        "keep-base",
+        "compare",
+    ]
+    assert (desk / "results/ascent/brief.html").is_file()
+    assert (desk / "results/gyro_bias/report.md").is_file()
+
+
+def test_the_mistake_of_the_tutorial_is_answered_as_printed(root, desk):
+    text = (root / "docs/tutorial.md").read_text()
+    _save(desk, text)
+    shutil.copy(root / "configs/trajectories/example_table.csv", desk / "my_vehicle/flight.csv")
+    campaign = desk / "my_vehicle/wrong.yaml"
+    campaign.write_text((desk / "my_vehicle/ascent.yaml").read_text().replace("satellite_outage", "gnss_outage"))
+    with pytest.raises(InputError) as found:
+        check(campaign)
+    printed = next(body for kind, body in BLOCK.findall(text) if kind == "text" and "gnss_outage" in body)
+    assert printed.strip().removesuffix("...").replace("ascent.yaml", "wrong.yaml") in str(found.value).replace(
+        f"{desk}/", ""
+    )
+
+
+def test_the_settings_of_the_recipes_are_accepted(root, desk):
+    text = (root / "docs/how_to.md").read_text()
+    settings = [body for kind, body in BLOCK.findall(text) if kind == "yaml"]
+    assert len(settings) == 2
+    base = YAML(typ="safe").load(root / "campaigns/smoke.yaml")
+    for number, body in enumerate(settings):
+        base["base"] |= YAML(typ="safe").load(body)
+        campaign = desk / f"recipe_{number}.yaml"
+        with campaign.open("w") as out:
+            YAML(typ="safe").dump(base, out)
+        check(campaign)
+
+
+def test_the_notebook_recipe_runs(root, desk):
+    body = next(body for kind, body in BLOCK.findall((root / "docs/how_to.md").read_text()) if kind == "python")
+    done = subprocess.run([sys.executable, "-c", body], cwd=desk, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-500:]
+    assert done.stdout.startswith("<Results of smoke: 1 cases, 8 runs each>")
+
+
+def test_the_manual_builds_with_every_formula_and_asks_for_nothing_from_a_network(root, tmp_path):
+    environment = os.environ | {
+        "NO_MKDOCS_2_WARNING": "1",
+        "http_proxy": "http://127.0.0.1:9",
+        "https_proxy": "http://127.0.0.1:9",
+    }
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")]
+    done = subprocess.run(command, cwd=root, capture_output=True, text=True, env=environment, check=False)
+    assert done.returncode == 0, done.stdout[-800:] + done.stderr[-800:]
+    theory = (tmp_path / "site/theory.html").read_text()
+    assert theory.count("<math") > 30
+    assert "arithmatex" not in theory
+    for page in (tmp_path / "site").rglob("*.html"):
+        asked = re.findall(r'(?:src|<link[^>]*href)="(https?://[^"]+)"', page.read_text())
+        assert asked == [], page.name
+    fields = (tmp_path / "site/reference/fields.html").read_text()
+    assert "imu.gyro" in fields
+    assert "receiver.clock" in fields
+    assert "bias_repeatability" in fields
+
+
+def test_the_validation_page_has_every_model_and_every_test(root):
+    spec = importlib.util.spec_from_file_location("generate", root / "docs/generate.py")
+    generate = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(generate)
+    page = generate.validation()
+    assert page.count("\n## ") > 130
+    assert page.count("*Left out:*") == page.count("\n## ")
+    assert "test_monte_carlo_spreads_as_linear_covariance_says" in page
