@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from typing import Annotated, Any
 
-from pydantic import BeforeValidator, PlainSerializer
+from pydantic import BeforeValidator, PlainSerializer, WithJsonSchema
 from pydantic_core import PydanticKnownError
 
 from lvnav_trade import units
@@ -31,7 +31,12 @@ def by_axis(unit: str) -> Any:
     def written(value: PerAxis) -> str | list[str]:
         return [f"{one!r} {unit}" for one in value] if isinstance(value, tuple) else f"{value!r} {unit}"
 
-    return Annotated[PerAxis, BeforeValidator(read), PlainSerializer(written, when_used="json")]
+    one = {"type": ["string", "number"]}
+    schema = {
+        "anyOf": [one, {"type": "array", "items": one, "minItems": 3, "maxItems": 3}],
+        "description": f"quantity with a unit: {units.example(unit)}, or three, of x, y and z",
+    }
+    return Annotated[PerAxis, BeforeValidator(read), PlainSerializer(written, when_used="json"), WithJsonSchema(schema)]
 
 
 def axes(value: PerAxis) -> tuple[float, float, float]:

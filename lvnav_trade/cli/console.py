@@ -65,11 +65,11 @@ class Answer(NamedTuple):
     code: int = 0
 
 
-def verb(with_json: bool = True) -> Callable[[Callable[..., Answer]], Callable[..., None]]:
+def verb(example: str, with_json: bool = True) -> Callable[[Callable[..., Answer]], Callable[..., None]]:
     """Add a command to the application: a function that returns its answer.
 
     Its arguments are those of the command, which has the options ``--json`` and ``--debug`` too. A function that prints
-    before it answers takes the former as `as_json`.
+    before it answers takes the former as `as_json`. `example` stands below its help, without the name of the tool.
     """
 
     def add(function: Callable[..., Answer]) -> Callable[..., None]:
@@ -81,7 +81,7 @@ def verb(with_json: bool = True) -> Callable[[Callable[..., Answer]], Callable[.
                 option, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind
             )
 
-        @app.command(name)
+        @app.command(name, epilog=f"Example: lvnav-trade {name} {example}")
         @wraps(function)
         def command(*, debug: bool, as_json: bool = False, **given: Any) -> None:
             with errors(as_json, debug):

@@ -15,7 +15,7 @@ CaseOf = Annotated[
 Card = Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="card to write")]
 
 
-@verb()
+@verb("gains/process_noise -o my_filter.yaml")
 def estimate_q(
     campaign: CampaignFile,
     out: Card,
@@ -48,7 +48,7 @@ def _row(name: str, noise: object) -> list[str]:
     return [name, f"{math.degrees(attitude) * 60.0:.3g}", f"{velocity:.3g}", f"{position:.3g}"]
 
 
-@verb()
+@verb("demo -o my_gains.yaml")
 def schedule_gains(
     campaign: CampaignFile,
     out: Card,
@@ -73,7 +73,7 @@ def schedule_gains(
     return Answer(text, {"card": str(out), "states": list(found.states), "knots": dict(rows)})
 
 
-@verb()
+@verb("results/demo --keep reports/demo --figures")
 def report(
     folder: Annotated[Path, typer.Argument(metavar="RESULTS")],
     keep: Annotated[
@@ -96,7 +96,7 @@ def report(
     return Answer(f"report: {page}" + (f"\nkept: {kept}" if kept else ""), {"report": page, "kept": kept})
 
 
-@verb()
+@verb("my_vehicle/base results/ascent --effect velocity_error_3d=5%")
 def compare(
     base: Annotated[str, typer.Argument(metavar="BASE", help="folder of results, or a campaign, which is run first")],
     candidate: Annotated[str, typer.Argument(metavar="CANDIDATE", help="the same")],
@@ -125,7 +125,7 @@ def compare(
     return Answer("\n".join(lines), content, comparison.EXIT[found.verdict])
 
 
-@verb(with_json=False)
+@verb("results/ascent my_vehicle/base", with_json=False)
 def keep_base(
     folder: Annotated[Path, typer.Argument(metavar="RESULTS")],
     target: Annotated[Path, typer.Argument(metavar="FOLDER", help="where, such as a folder of the repository")],
@@ -139,7 +139,7 @@ def keep_base(
     return Answer(f"base: {comparison.keep_base(folder, target)}")
 
 
-@verb()
+@verb("results/demo -o demo.kml --ellipses")
 def kml(
     source: Annotated[str, typer.Argument(metavar="CARD|RESULTS", help="trajectory card, or folder of results")],
     output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="file to write")],

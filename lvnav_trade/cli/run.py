@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -23,7 +25,7 @@ Strict = Annotated[
 VERDICTS = ("passed", "failed", "not checked")
 
 
-@verb()
+@verb("demo --set monte_carlo.runs=50")
 def run(
     campaign: CampaignFile,
     sets: Sets = None,
@@ -124,7 +126,7 @@ def _print_answers(answers: Sequence[Any], cases: Sequence[Any]) -> None:
     print(table(["case", "at", "position", "velocity", "attitude"], rows), flush=True)
 
 
-@verb()
+@verb("my_campaign.yaml --strict")
 def check(campaign: CampaignFile, sets: Sets = None, strict: Strict = False) -> Answer:
     """Validate a campaign without running it."""
     from lvnav_trade import api
@@ -140,7 +142,7 @@ def check(campaign: CampaignFile, sets: Sets = None, strict: Strict = False) -> 
     return Answer("\n".join([*remark_lines(remarks), good]), {**remarks, "cases": known, "mistakes": []})
 
 
-@verb()
+@verb("demo")
 def plan(campaign: CampaignFile, sets: Sets = None, out: Out = None, strict: Strict = False) -> Answer:
     """Show the cases, their cost, and what is already done."""
     from lvnav_trade import api
@@ -158,7 +160,7 @@ def plan(campaign: CampaignFile, sets: Sets = None, out: Out = None, strict: Str
     )
 
 
-@verb()
+@verb("smoke")
 def selfcheck(
     campaign: CampaignFile,
     sets: Sets = None,
@@ -186,7 +188,7 @@ def selfcheck(
     return Answer("\n".join(lines), content, api.VIOLATED if counts["failed"] else api.MET)
 
 
-@verb()
+@verb('results/demo "imu=tactical_mems, filter=tight" 17')
 def replay(
     source: Annotated[str, typer.Argument(metavar="CAMPAIGN|RESULTS", help="campaign file or folder of results")],
     case: Annotated[str, typer.Argument(metavar="CASE", help="digest of a case, its beginning, or its label")],
@@ -227,7 +229,7 @@ def _campaign_of(source: str, sets: Sequence[str]) -> tuple[Campaign, Path]:
     return load(frozen, sets), folder
 
 
-@verb()
+@verb("results/demo")
 def status(folder: Annotated[Path, typer.Argument(metavar="RESULTS")]) -> Answer:
     """Show the progress of a campaign: running, finished, damaged.
 
@@ -239,7 +241,7 @@ def status(folder: Annotated[Path, typer.Argument(metavar="RESULTS")]) -> Answer
     return Answer(found.text, found._asdict() | {"cases": [case._asdict() for case in found.cases]})
 
 
-@verb()
+@verb("imu.gyro")
 def fields(
     path: Annotated[
         str | None, typer.Argument(metavar="PATH", help="filter, receiver.clock, faults; the whole campaign if absent")
@@ -261,7 +263,7 @@ def fields(
     return Answer("\n\n".join(blocks), {"path": path or "", "parts": parts})
 
 
-@verb(with_json=False)
+@verb("> campaign.schema.json", with_json=False)
 def schema() -> Answer:
     """Print the JSON Schema of campaign files, for editors."""
     from lvnav_trade.campaign.reading.reference import json_schema
@@ -269,9 +271,14 @@ def schema() -> Answer:
     return Answer(json.dumps(json_schema(), indent=2))
 
 
-@verb()
+def _width() -> int:
+    return min(100, shutil.get_terminal_size().columns)
+
+
+@verb("imu --long")
 def cards(
     name: Annotated[str | None, typer.Argument(metavar="CARD", help="show this card, or list this folder")] = None,
+    long: Annotated[bool, typer.Option("--long", help="with the source of the numbers")] = False,
 ) -> Answer:
     """List the cards there are, all or of a folder, or show one."""
     from lvnav_trade.campaign.syntax import cards as shelf
@@ -282,11 +289,16 @@ def cards(
         text = shelf.card_text(name, Path.cwd())
         return Answer(text.removesuffix("\n"), {"name": name, "text": text})
     found = found or every
-    listed = table(["card", "what", "source"], [[card.name, card.title, card.source] for card in found])
+    listed = table(["card", "what"], [[card.name, card.title] for card in found])
+    if long:
+        listed = "\n\n".join(
+            f"{card.name}: {card.title}\n{fill(card.source, _width(), initial_indent='  ', subsequent_indent='  ')}"
+            for card in found
+        )
     return Answer(listed, {"cards": [card._asdict() for card in found]})
 
 
-@verb()
+@verb("velocity")
 def metrics(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="only those whose name contains this")] = None,
 ) -> Answer:
@@ -305,7 +317,7 @@ def metrics(
     return Answer("\n\n".join(blocks), {"metrics": [one._asdict() for one in known], "tables": made})
 
 
-@verb()
+@verb("dlr --keep reports/dlr")
 def study(
     folder: Annotated[
         str, typer.Argument(metavar="FOLDER", help="folder of campaigns, or one of the tool's: conae, dlr, drdc, gains")

@@ -11,7 +11,7 @@ from lvnav_trade.cli.console import Answer, CampaignFile, Jobs, Sets, verb
 Page = Annotated[Path | None, typer.Option("--out", "-o", metavar="FOLDER", help="folder of the page and its tables")]
 
 
-@verb()
+@verb('my_campaign.yaml --vary "initial.heading=0.02 deg:5 deg" --log')
 def solve(
     campaign: CampaignFile,
     sets: Sets = None,
@@ -29,7 +29,7 @@ def solve(
     out: Page = None,
     jobs: Jobs = -1,
 ) -> Answer:
-    """Find the largest value of a field that suffices, or the cheapest case.
+    """Find the largest value that suffices, or the cheapest case.
 
     By linear covariance, with the filter re-tuned and frozen; runs on both sides of the answer confirm it. What is
     varied stands in the campaign (solve: ...) unless --vary states it.
@@ -46,7 +46,7 @@ def solve(
     return Answer("\n".join(lines), {**content, "seconds": found.seconds, "report": str(page)})
 
 
-@verb()
+@verb("trade/sobol")
 def indices(campaign: CampaignFile, sets: Sets = None, out: Page = None, jobs: Jobs = -1) -> Answer:
     """Compute global sensitivity to the sigmas of error sources.
 
@@ -61,7 +61,7 @@ def indices(campaign: CampaignFile, sets: Sets = None, out: Page = None, jobs: J
     return Answer("\n".join(lines), {**content, "indices": found.indices.to_dict("records"), "report": str(page)})
 
 
-@verb()
+@verb("trade/tune")
 def tune(campaign: CampaignFile, sets: Sets = None, out: Page = None, jobs: Jobs = -1) -> Answer:
     """Tune a filter's numbers over several cases; write its card.
 

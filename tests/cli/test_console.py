@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from typer.main import get_command
 
 from lvnav_trade import api
 from lvnav_trade.campaign.running import work
+from lvnav_trade.cli import app
 from tests.cli.calling import call
 
 SMOKE = "campaigns/smoke.yaml"
@@ -129,3 +132,12 @@ def test_what_each_verb_does_is_reported_whole_in_eighty_columns() -> None:
     shown = call("--help").output
     assert "kml" in shown
     assert "..." not in shown.partition("Commands:")[2]
+
+
+def test_every_example_below_a_help_is_a_call_that_the_command_takes() -> None:
+    commands = get_command(app).commands
+    assert len(commands) > 15
+    for name, command in commands.items():
+        _, _, example = command.epilog.partition(f"lvnav-trade {name} ")
+        command.make_context(name, shlex.split(example.partition(">")[0]))
+        assert "Example: lvnav-trade" in call(name, "--help").output

@@ -251,7 +251,8 @@ def full_path(text: str, where: str) -> list[str]:
     if path[0] in Scenario.model_fields:
         return ["base", *path]
     known, old = (*Campaign.model_fields, *Scenario.model_fields), fields.old_key(Scenario, path[0])
-    raise InputError(f"{where}: {text}: {old or f'unknown path{tree.hint(path[0], known)}'}")
+    near = tree.hint(path[0], known) or f" (known: {', '.join(known)})"
+    raise InputError(f"{where}: {text}: {old or f'unknown path{near}'}")
 
 
 def _value(text: str, path: list[str]) -> tree.Node:

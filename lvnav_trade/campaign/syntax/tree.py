@@ -16,6 +16,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import AliasEvent
 from ruamel.yaml.nodes import MappingNode, ScalarNode, SequenceNode
 
+from lvnav_trade.campaign.syntax.meaning import MEANINGS, meant
 from lvnav_trade.errors import InputError, Mistake, quoted, refuse_all
 from lvnav_trade.input_files import read_bytes
 from lvnav_trade.limits import LIST_LENGTH, QUOTED_LENGTH, WORD_LENGTH, YAML_ALIASES, YAML_BYTES, YAML_DEPTH, YAML_NODES
@@ -112,10 +113,13 @@ def refuse(place: Place, path: str, message: str) -> InputError:
 
 
 def hint(word: str, known: Iterable[str]) -> str:
-    """Return `` (did you mean 'this'?)``, or nothing where no known word is near."""
+    """Return `` (did you mean 'this'?)``, by meaning or else by letters, or nothing where no known word is near."""
     if len(word) > QUOTED_LENGTH:
         return ""
     spelled = {str(name).lower(): str(name) for name in known}
+    if word.lower() in MEANINGS:
+        found = meant(word, spelled.values())
+        return f" (did you mean {found!r}?)" if found else ""
     near = difflib.get_close_matches(word.lower(), list(spelled), n=1, cutoff=0.6)
     near = near or [name for name in spelled if len(word) > 2 and name.startswith(f"{word.lower()}_")]
     return f" (did you mean {spelled[near[0]]!r}?)" if near else ""

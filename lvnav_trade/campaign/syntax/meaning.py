@@ -1,0 +1,67 @@
+"""Words that people use for what is named otherwise here, for suggestions."""
+
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+
+# Each line: words, then the parts of names that mean the same, the nearest first.
+_LINES = (
+    ("sextant star_sensor stellar", "star_tracker stellar"),
+    ("compass", "magnetometer magnetic_field azimuth heading"),
+    ("gps gnss navstar", "receiver constellation"),
+    ("rx", "receiver"),
+    ("ins irs sigi unit inertial_unit mems fog rlg", "imu"),
+    ("gyros gyroscope gyroscopes", "gyro imu"),
+    ("accelerometer accelerometers acc", "accel imu"),
+    ("arw angle_random_walk vrw velocity_random_walk noise_density white_noise", "random_walk noise"),
+    ("rrw", "rate_random_walk"),
+    ("bias turn_on_bias", "bias_repeatability bias"),
+    ("flicker bias_stability in_run_bias", "bias_instability"),
+    ("sf scalefactor", "scale_factor"),
+    ("nonorthogonality cross_axis", "misalignment"),
+    ("range_limit saturation measuring_range", "full_scale"),
+    ("lsb resolution", "quantisation"),
+    ("rocket launcher flight mission profile path", "trajectory vehicle"),
+    ("orbit", "trajectory perigee apogee"),
+    ("satellites almanac ephemeris sky", "constellation"),
+    ("kalman kf ekf estimator navigator", "filter"),
+    ("ukf sigma_points", "algorithm unscented"),
+    ("coupling", "filter measurements"),
+    ("observables aiding", "measurements sensors"),
+    ("delay lag", "latency delay_compensation"),
+    ("outage blackout loss", "satellite_outage faults"),
+    ("failure failures anomalies", "faults"),
+    ("fdir raim fde", "integrity"),
+    ("altimeter radar", "altimeter"),
+    ("baro pressure", "barometer pressure_altitude"),
+    ("elevation_mask cutoff_angle", "mask"),
+    ("lever_arm offset", "lever_arm lever antenna"),
+    ("runs trials samples mc montecarlo", "monte_carlo runs"),
+    ("lincov covariance_analysis", "covariance"),
+    ("limits specs specification acceptance", "requirements"),
+    ("sweep parameters trades variants", "axes"),
+    ("azimuth_error yaw", "heading"),
+    ("level leveling", "tilt alignment"),
+    ("price", "cost"),
+    ("weight", "mass"),
+)
+MEANINGS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {word: tuple(parts.split()) for words, parts in _LINES for word in words.split()}
+)
+
+
+def meant(word: str, known: Iterable[str]) -> str:
+    """Return the known name that means the same as a word, or nothing: one that is the term, or else one of its folder,
+    or else one that begins with it or holds it.
+    """
+    names = list(known)
+    for term in MEANINGS.get(word.rpartition("/")[2].lower().replace("-", "_").replace(" ", "_"), ()):
+        near = [(rank, name) for name in names if (rank := _rank(name.lower(), term))]
+        if near:
+            return min(near, key=lambda one: one[0])[1]
+    return ""
+
+
+def _rank(name: str, term: str) -> int:
+    folder, _, last = name.rpartition("/")
+    fits = (last == term, folder in (term, f"{term}s"), last.startswith(term), term in name)
+    return next((number for number, fit in enumerate(fits, 1) if fit), 0)
