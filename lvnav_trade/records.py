@@ -25,8 +25,8 @@ REASONS = (
 NO_CHANGES = np.zeros((0, 5))
 
 # What a filter that tests for faults has isolated, by number and by name.
-OF_CHANNEL, OF_CLOCK, OF_INERTIAL, OF_UNIT = 1, 2, 3, 4
-ISOLATED = ("", "channel", "clock", "inertial", "unit")
+OF_CHANNEL, OF_CLOCK, OF_INERTIAL, OF_UNIT, OF_SEPARATION = 1, 2, 3, 4, 5
+ISOLATED = ("", "channel", "clock", "inertial", "unit", "separation")
 NO_DECISIONS = np.zeros((0, 4))
 # In a decision on inertial units, what stands in the place of a channel: this for the first, one less for the next.
 FIRST_UNIT = -2
@@ -177,12 +177,13 @@ class Output(NamedTuple):
 
 class Protecting(NamedTuple):
     """What protection levels hold for: probabilities of an error beyond it unnoticed, of an alarm without a fault, and
-    that a satellite has failed, each at any one time.
+    that a satellite has failed, each at any one time; alarms: whether sub-filters are flown in every run.
     """
 
     integrity_risk: float
     false_alarm: float
     satellite_fault: float
+    alarms: bool = False
 
 
 class Asked(NamedTuple):

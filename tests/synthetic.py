@@ -186,7 +186,7 @@ def prepared(logic: bool = False) -> Any:
         outputs=OUTPUTS,
         layout=SimpleNamespace(n_estimated=len(OUTPUTS)),
         model=SimpleNamespace(gate_squared=np.inf),
-        options=SimpleNamespace(rules=() if logic else None, integrity=() if logic else None),
+        options=SimpleNamespace(rules=() if logic else None, integrity=() if logic else None, units=None),
         channel_names=tuple(f"{name} {what}" for name in names for what in ("range", "range rate")),
     )
 

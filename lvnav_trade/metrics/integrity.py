@@ -67,8 +67,8 @@ def outcomes(decisions: pd.DataFrame, faults: Struck) -> pd.Series:
 
 
 def _outcome(rows: pd.DataFrame, faults: Struck) -> str:
-    # one of several inertial units that is excluded is the inertial failure itself
-    kinds = set(rows.isolated.replace("unit", "inertial"))
+    # one of several inertial units that is excluded is the inertial failure itself, a separation names its satellite
+    kinds = set(rows.isolated.replace({"unit": "inertial", "separation": "channel"}))
     satellites = {name.split()[0] for name in rows.channel[rows.isolated != "unit"].dropna() if name}
     any_may_be = "channel" in faults.kinds and not faults.satellites
     if kinds - faults.kinds or (satellites - faults.satellites and not any_may_be):
@@ -86,8 +86,7 @@ def rate(tables: Tables, case: str, metric: str, during: tuple[float, float]) ->
     """Return whether each run (1 or 0), and linear covariance on the mean, has the outcome that a rate counts, by its
     decisions from a first to a last time (s).
 
-    false_alarm_rate, detection_rate: any decision; isolation_rate: isolated; wrong_isolation_rate. NaN for linear
-    covariance of results without its decisions.
+    false_alarm_rate, detection_rate: any decision; isolation_rate: isolated; wrong_isolation_rate.
     """
     runs = pick(tables.runs, case=case).run_number.unique()
     found = [
@@ -107,7 +106,7 @@ def _counted(rows: pd.DataFrame, faults: Struck, metric: str) -> pd.Index:
 
 @once
 def integrity(tables: Tables) -> pd.DataFrame:
-    """Return, for each case whose filter tests for faults, shares of its runs with exact 95 % intervals.
+    """Return, for each case in which faults are tested for, shares of its runs with exact 95 % intervals.
 
     Columns: case, fault, outcome, run_count, outcome_count, share_ratio, low_ratio, high_ratio, median_s after the
     fault began, lincov_s: the same of linear covariance, which decides on the mean. Outcomes: false alarm (a decision
@@ -190,8 +189,9 @@ def without_fault(tables: Tables, case: str) -> str:
 def decisions(tables: Tables) -> pd.DataFrame:
     """Return what filters that test for faults decide, and when: of each epoch the runs that isolate the same.
 
-    Columns: case, t_s, isolated (channel, clock, inertial), satellites (that are excluded there), run_count, run_ratio,
-    lincov (whether linear covariance decides so too).
+    Columns: case, t_s, isolated (channel, clock, inertial, unit, separation), satellites (that are excluded there, that
+    an alarm of separation names, or the inertial unit), run_count, run_ratio, lincov (whether linear covariance decides
+    so too).
     """
     keys = ["case", "t_s", "isolated", "satellites"]
     if tables.integrity.empty and tables.nominal_integrity.empty:
@@ -210,7 +210,8 @@ def decisions(tables: Tables) -> pd.DataFrame:
 
 def _by_epoch(rows: pd.DataFrame) -> pd.DataFrame:
     """Return a row for each run and epoch with a decision, its satellites in one text."""
-    named = rows.assign(satellites=rows.channel.fillna("").str.split(" ").str[0].fillna(""))
+    names = rows.channel.fillna("")
+    named = rows.assign(satellites=names.where(rows.isolated == "unit", names.str.split(" ").str[0].fillna("")))
     named = named.drop_duplicates(["case", "run_number", "t_s", "isolated", "satellites"])
     named = named.sort_values(["case", "run_number", "t_s", "satellites"], kind="stable")
     keys = ["case", "run_number", "t_s", "isolated"]

@@ -10,6 +10,7 @@ from lvnav_trade import units
 from lvnav_trade.layout import AVAILABILITY, LEVELS, PROTECTED
 from lvnav_trade.metrics.basics.probability import success_bounds
 from lvnav_trade.metrics.basics.select import (
+    SAME_TIME,
     Errors,
     errors_by_axis,
     final_event,
@@ -35,10 +36,11 @@ def series_of(tables: Tables, case: str, quantity: str) -> pd.DataFrame:
 
 
 def beyond(tables: Tables, case: str, quantity: str) -> tuple[int, int]:
-    """Return how many errors of runs at the events there are, and how many exceed their level on any axis; a failed
-    run's do.
+    """Return how many errors of runs at the events there are, and how many exceed their level on any axis without an
+    alarm of separation before, where alarms are looked for; a failed run's do.
     """
     rows, count, total = pick(tables.protection, case=case, quantity=quantity), 0, 0
+    alarm = pick(tables.integrity, case=case, isolated="separation").groupby("run_number").t_s.min()
     for event in flight_events(tables, case).itertuples():
         errors = errors_by_axis(tables, case, str(event.event), quantity)
         if errors.empty or not len(rows):
@@ -46,7 +48,8 @@ def beyond(tables: Tables, case: str, quantity: str) -> tuple[int, int]:
         at = rows[np.abs(rows.t_s - event.t_s) == np.abs(rows.t_s - event.t_s).min()]
         level = at[at.axis != "3d"].level_si.to_numpy()
         sizes = np.abs(errors.drop(columns="failure").to_numpy(dtype=float))
-        out = (sizes > level).any(axis=1) | (errors.failure != "").to_numpy()
+        silent = ~(alarm.reindex(errors.index).to_numpy() <= event.t_s + SAME_TIME)
+        out = silent & ((sizes > level).any(axis=1) | (errors.failure != "").to_numpy())
         count, total = count + int(out.sum()), total + len(out)
     return count, total
 

@@ -1,4 +1,4 @@
-"""Decisions of filters that test for faults: by themselves, and as marks on figures of errors and innovations."""
+"""Decisions of tests for faults: by themselves, and as marks on figures of errors and innovations."""
 
 import numpy as np
 import pandas as pd
@@ -10,7 +10,7 @@ from lvnav_trade.plots.style import PALETTE, drawing, message, over_time
 from lvnav_trade.records import ISOLATED
 from lvnav_trade.store.read import Tables
 
-_COLOURS = dict(zip(ISOLATED[1:], (PALETTE[0], PALETTE[4], PALETTE[1], PALETTE[5]), strict=True))
+_COLOURS = dict(zip(ISOLATED[1:], (PALETTE[0], PALETTE[4], PALETTE[1], PALETTE[5], PALETTE[2]), strict=True))
 
 
 def _of_case(tables: Tables, case: str) -> pd.DataFrame:
@@ -38,7 +38,7 @@ def decisions(tables: Tables, case: str) -> Figure:
 
 def mark_decisions(ax: Panel, tables: Tables, case: str) -> None:
     """Mark the epochs at which runs of a case isolate something, at the foot of a panel, by what they isolate."""
-    if not pick(tables.cases, case=case).integrity.fillna(False).any():
+    if pick(tables.integrity, case=case).empty:
         return
     rows = _of_case(tables, case)
     for isolated, colour in _COLOURS.items():

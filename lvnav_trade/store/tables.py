@@ -43,7 +43,7 @@ def case_tables(
     0.
     """
     contents: dict[str, Any] = {
-        "cases": _cases(case, prepared, summary),
+        "cases": _cases(case, prepared, summary, explained),
         "outputs": _outputs(prepared.outputs),
         "history": _history(prepared.outputs, cov, summary),
         "consistency": _consistency(prepared, cov, summary),
@@ -76,7 +76,7 @@ def starts_table(case_id: str, starts: StartDraws | None) -> dict[str, pa.Table]
 def covariance_tables(case: CaseInfo, prepared: Prepared, cov: CovHistory) -> dict[str, pa.Table]:
     """Return the tables that linear covariance's statement on a requirement rests on, without those of the flight."""
     contents: dict[str, Any] = {
-        "cases": _cases(case, prepared, None),
+        "cases": _cases(case, prepared, None, None),
         "outputs": _outputs(prepared.outputs),
         "history": _history(prepared.outputs, cov, None),
         "innovations": _innovations(cov, None),
@@ -143,7 +143,16 @@ def thresholds(scenario: Scenario) -> dict[str, float]:
 # --- one function per table -------------------------------------------------------------------------------------------
 
 
-def _cases(case: CaseInfo, prepared: Prepared, summary: BlockSummary | None) -> dict[str, Any]:
+def _is_tested(prepared: Prepared, explained: Explanation | None) -> bool:
+    """Whether faults are tested for: by innovations, of inertial units against each other, by solution separation."""
+    units, protected = prepared.options.units, None if explained is None else explained.protected
+    between_units = units is not None and units.redundant is not None and units.redundant.ticks > 0
+    return prepared.options.integrity is not None or between_units or (protected is not None and protected.alarms)
+
+
+def _cases(
+    case: CaseInfo, prepared: Prepared, summary: BlockSummary | None, explained: Explanation | None
+) -> dict[str, Any]:
     gate = float(np.sqrt(prepared.model.gate_squared))
     return {
         "label": case.label,
@@ -153,7 +162,7 @@ def _cases(case: CaseInfo, prepared: Prepared, summary: BlockSummary | None) -> 
         "nees_dof_count": int(prepared.layout.n_estimated),
         "gate_ratio": gate if np.isfinite(gate) else np.nan,
         "logic": prepared.options.rules is not None,
-        "integrity": prepared.options.integrity is not None,
+        "integrity": _is_tested(prepared, explained),
         **thresholds(prepared.scenario),
         "epoch": prepared.trajectory.epoch,
         "facts": json.dumps(prepared.trajectory.facts, sort_keys=True, default=float),

@@ -91,8 +91,17 @@ def test_a_sound_satellite_that_is_excluded_beside_the_right_decision_makes_it_w
 
 def test_one_of_several_units_that_is_excluded_is_the_inertial_failure():
     faults = (("accel_bias_step 1", 50.0, ""),)
-    found = integrity(tables([(0, 51.0, "unit", "unit 2")], faults)).set_index("outcome").outcome_count
+    results = tables([(0, 51.0, "unit", "unit 2")], faults)
+    found = integrity(results).set_index("outcome").outcome_count
     assert (found["isolated"], found["wrong isolation"]) == (1, 0)
+    assert decisions(results)[["isolated", "satellites"]].values.tolist() == [["unit", "unit 2"]]
+
+
+def test_an_alarm_of_solution_separation_isolates_the_satellite_that_it_names():
+    faults = (("range_bias 1", 50.0, "G05"),)
+    rows = [(0, 60.0, "separation", "G05 range"), (1, 60.0, "separation", "G12 range")]
+    found = integrity(tables(rows, faults)).set_index("outcome").outcome_count
+    assert (found["detected"], found["isolated"], found["wrong isolation"]) == (2, 1, 1)
 
 
 def test_linear_covariance_stands_beside_the_runs():

@@ -173,6 +173,11 @@ class ProtectionCard(units.Card):
         le=1.0,
         description="probability that a satellite has failed; 1: any one of them for certain",
     )
+    alarms: bool = Field(
+        False,
+        description="fly the sub-filters of every run too, and log where a separation is beyond its limit: as many "
+        "further flights as there are satellites",
+    )
 
 
 class Covariance(units.Card):

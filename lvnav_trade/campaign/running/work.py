@@ -24,6 +24,7 @@ from lvnav_trade.campaign.running import stopping
 from lvnav_trade.campaign.running.plan import Block
 from lvnav_trade.engines.analysis import effect
 from lvnav_trade.engines.analysis import explain as explained
+from lvnav_trade.engines.analysis.separation import with_alarms, with_nominal_alarms
 from lvnav_trade.engines.lincov import history as lincov
 from lvnav_trade.engines.setup import starts
 from lvnav_trade.engines.setup.prepare import Prepared, prepare, trajectory_of
@@ -231,6 +232,8 @@ def fly(job: Job, block: Block) -> Done:
     try:
         prepared, covariance = _prepared(job, block.case), _covariance(job, block.case)
         runs = job.engine.run_block(prepared, job.seed, block.first_run, block.n_run)
+        if job.asked.protection is not None and job.asked.protection.alarms:
+            runs = with_alarms(runs, prepared, _explanation(*_explained_file(job, block.case)).protected, job.seed)
         summary = job.engine.summarise(runs, explained.flown_events(prepared), covariance.true_sigma, prepared.outputs)
         job.results.write_part(block.case.id, summary)
         beyond: stopping.Counts = ()
@@ -259,6 +262,7 @@ def close(job: Job, case: Case, runs: int) -> Done:
         parts = job.results.parts(case.id, runs) if runs else None
         file, identity = _explained_file(job, case)
         behind = scratch.read(file, explained.Explanation, identity) if file.exists() else None
+        covariance = with_nominal_alarms(covariance, prepared, None if behind is None else behind.protected)
         draws = job.engine.starts(prepared, job.seed, runs) if runs else None
         control = job.engine.control(case.scenario, job.seed, runs) if runs else None
         job.results.write_case(case, prepared, covariance, parts, behind, draws, control)
@@ -291,6 +295,11 @@ def prepared_with(engine: Engine, case: Case, history: float) -> tuple[Any, effe
     with recorded(case.scenario) as reads:
         prepared = engine.prepare(case.scenario, history)
     return prepared, engine.used(prepared, reads.paths)
+
+
+@lru_cache(maxsize=2)
+def _explanation(file: Path, identity: str) -> explained.Explanation:
+    return scratch.read(file, explained.Explanation, identity)
 
 
 def _scratch_file(job: Job, case: Case) -> Path:

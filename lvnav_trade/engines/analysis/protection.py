@@ -21,7 +21,9 @@ _HALVINGS = 60
 class Protection(NamedTuple):
     """Levels over a flight, SI, reporting axes: t (n_hist,) s; sigma, fault_free, level (n_hist, n_quantity, 3) of the
     filter, without faults, and with those of a satellite; worst (n_hist, n_quantity) number of the satellite whose
-    hypothesis asks for most, of `satellites` (-1: none).
+    hypothesis asks for most, of `satellites` (-1: none). Of each sub-filter limits and apart, (n_satellite, n_hist,
+    n_quantity, 3): beyond which its separation is an alarm, and the mean of its separation; alarms: whether they are
+    looked for in every run.
     """
 
     t: Floats
@@ -30,6 +32,9 @@ class Protection(NamedTuple):
     level: Floats
     worst: Floats
     satellites: tuple[str, ...]
+    limits: Floats
+    apart: Floats
+    alarms: bool
 
 
 def beyond(size: Floats, sigma: Floats) -> Floats:
@@ -93,9 +98,11 @@ def protection(prepared: Prepared, history: CovHistory, asked: Protecting) -> Pr
     Each of three axes has a third of the risk and of the false alarms, so the three together hold with what is stated.
     """
     columns, used = columns_of(prepared), np.unique(prepared.signals.used[prepared.signals.used >= 0]).tolist()
-    sigma = history.formal[:, columns]
-    found = [covariance(without_satellite(prepared, satellite)).formal[:, columns] for satellite in used]
-    without = np.maximum(np.array(found).reshape(len(used), *sigma.shape), sigma)
+    sigma, mean = history.formal[:, columns], history.mean[:, columns]
+    found = [covariance(without_satellite(prepared, satellite)) for satellite in used]
+    shape = (len(used), *sigma.shape)
+    without = np.maximum(np.array([one.formal[:, columns] for one in found]).reshape(shape), sigma)
+    apart = mean - np.array([one.mean[:, columns] for one in found]).reshape(shape)
     limits = thresholds(sigma, without, asked.false_alarm / 3.0)
     level = protection_level(sigma, without, limits, asked.integrity_risk / 3.0, asked.satellite_fault)
     asking = limits + quantile(asked.integrity_risk / 3.0) * without
@@ -108,4 +115,7 @@ def protection(prepared: Prepared, history: CovHistory, asked: Protecting) -> Pr
         level,
         np.where(alike, -1, worst),
         tuple(prepared.sky.names[satellite] for satellite in used),
+        limits,
+        apart,
+        asked.alarms,
     )

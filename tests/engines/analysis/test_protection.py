@@ -76,6 +76,12 @@ def test_a_filter_and_its_sub_filter_are_as_far_apart_as_their_variances():
     assert apart.std(axis=0)[clear] == pytest.approx(expected[clear], rel=5.0 / np.sqrt(2.0 * RUNS))
 
 
+def fault_of(size):
+    """Return a step of the range of the satellite that comes first among those in use."""
+    name = case().sky.names[int(case().signals.used[10, 0])]
+    return RangeBias(satellites=[name], size=size, **{"from": "2 s"})
+
+
 def few_enough(count):
     """Whether so many of the runs are no more than the risk allows, but for one chance in 10,000."""
     return binom.sf(count - 1, RUNS, RISK) > 1e-4
@@ -96,7 +102,7 @@ def test_a_failed_satellite_takes_runs_beyond_their_level_only_with_an_alarm(siz
     """The largest separation that makes no alarm is hit by one of these steps; without alarms many runs are beyond."""
     prepared, found = case(), levels(SURE)
     satellite = int(prepared.signals.used[10, 0])
-    fault = (RangeBias(satellites=[prepared.sky.names[satellite]], size=size, **{"from": "2 s"}),)
+    fault = (fault_of(size),)
     columns = columns_of(prepared)
     without = np.array([
         covariance(without_satellite(prepared, prepared.sky.names.index(name))).formal[:, columns]
@@ -113,9 +119,7 @@ def test_a_failed_satellite_takes_runs_beyond_their_level_only_with_an_alarm(siz
 
 
 def test_a_large_fault_without_alarms_is_beyond_the_level():
-    prepared, found = case(), levels(SURE)
-    satellite = int(prepared.signals.used[10, 0])
-    fault = (RangeBias(satellites=[prepared.sky.names[satellite]], size="60 m", **{"from": "2 s"}),)
+    found, fault = levels(SURE), (fault_of("60 m"),)
     assert (np.abs(errors(fault, None)[:, 2, 0]) > found.level[AT[2], 0]).any(axis=1).mean() > 0.5
 
 
