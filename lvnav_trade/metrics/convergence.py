@@ -1,4 +1,4 @@
-"""Time after which the error of a run stays below a limit: a size, or three sigma of another case."""
+"""Time after which the error of a run stays below a limit: a size, or three times that of another case."""
 
 import math
 from collections.abc import Mapping
@@ -32,10 +32,10 @@ class Converged(NamedTuple):
     length: float
 
 
-def sigmas_in(text: str) -> float | None:
-    """Return how many sigmas a limit such as ``3 sigma`` has; None where it is a quantity."""
+def multiple_in(text: str) -> tuple[float, str] | None:
+    """Return number and word of a limit such as ``3 sigma`` or ``3 rms``; None where it is a quantity."""
     number, _, word = text.strip().partition(" ")
-    return float(number) if word.strip() == "sigma" else None
+    return (float(number), word.strip()) if word.strip() in ("sigma", "rms") else None
 
 
 def converged(
@@ -44,7 +44,8 @@ def converged(
     """Return after what time the 3-D error of a quantity stays below a limit at the events of a phase (first, last s);
     None without runs or events there. A failed run is above.
 
-    below: a size, or sigmas of the case `other`: its root mean square error by linear covariance at each event.
+    below: a size, or a multiple of the error of the case `other` by linear covariance at each event: ``rms`` with its
+    mean, ``sigma`` without.
     """
     first, last = during
     events = rows_between(flight_events(tables, case), first, last)
@@ -56,7 +57,7 @@ def converged(
         rows = errors_by_axis(tables, case, event, quantity)
         size = np.linalg.norm(rows.drop(columns="failure").to_numpy(dtype=float), axis=1)
         small.append((size < limit) & (rows.failure == "").to_numpy())
-        expected.append([_expected(mine, t) < limit])
+        expected.append([_rms(at_time(mine, t)) < limit])
     t = np.append(events.t_s.to_numpy(), last)
 
     def after(below_limit: list[Any]) -> Floats:
@@ -67,16 +68,17 @@ def converged(
 
 
 def _limits(tables: Tables, case: str, quantity: str, events: pd.DataFrame, below: str, other: str) -> list[float]:
-    sigmas = sigmas_in(below)
-    if sigmas is None:
+    multiple = multiple_in(below)
+    if multiple is None:
         unit = str(pick(tables.outputs, case=case, quantity=quantity).unit.iloc[0])
         return [units.parse(below, unit)] * len(events)
     base = history_of(tables, other, quantity, "3d")
-    return [sigmas * _expected(base, t) for t in events.t_s]
+    number, word = multiple
+    rows = [at_time(base, t) for t in events.t_s]
+    return [number * (row.lincov_true_si if word == "sigma" else _rms(row)) for row in rows]
 
 
-def _expected(rows: pd.DataFrame, t: float) -> float:
-    row = at_time(rows, t)
+def _rms(row: Any) -> float:
     return math.hypot(row.lincov_true_si, row.lincov_mean_si)
 
 

@@ -14,7 +14,7 @@ from lvnav_trade.store.read import Tables
 
 CONFIDENCE = 0.975  # of either bound: both hold with 95 %
 EPISODE = 5  # epochs from the first decision on within which a fault is to be isolated
-SIGMAS = 3.0  # of the case without the fault: an error that is smaller has recovered
+TIMES = 3.0  # the root mean square of the case without the fault: an error that is smaller has recovered
 ISOLATED, IN_PART, WRONG = "isolated", "isolated in part", "wrong isolation"
 
 _CHANNEL = ("range_bias", "degraded_noise", "wild_samples", "cycle_slip", "frozen_output", "invalid_output")
@@ -164,7 +164,7 @@ def _recovered(tables: Tables, case: str, faults: Struck) -> list[tuple[str, int
     if not other or end <= faults.start:
         return []
     both = [
-        converged(tables, case, quantity, (faults.start, float(end)), f"{SIGMAS:g} sigma", other)
+        converged(tables, case, quantity, (faults.start, float(end)), f"{TIMES:g} rms", other)
         for quantity in ("position", "velocity")
     ]
     known = [one for one in both if one is not None]

@@ -221,8 +221,8 @@ def _nees(tables: Tables, case: str, stated: Mapping[str, Any]) -> Columns:
 
 def _convergence(tables: Tables, case: str, stated: Mapping[str, Any], unit: str) -> Columns:
     """Return the median over the runs of the time after the start of a phase from which on the error (3-D) stays below
-    a limit at the phase's events; its length where it never does, or where the run fails. A limit in sigmas has the
-    time of linear covariance's root mean square too.
+    a limit at the phase's events; its length where it never does, or where the run fails. A limit by another case has
+    the time of linear covariance's root mean square too.
     """
     other = [""]
     if stated.get("sigma_of") is not None:

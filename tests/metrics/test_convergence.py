@@ -1,15 +1,17 @@
 import numpy as np
 import pytest
 
-from lvnav_trade.metrics.convergence import converged, sigmas_in
+from lvnav_trade.metrics.convergence import converged, multiple_in
 from tests import synthetic
 
 FINE, COARSE = (case.id for case, _ in synthetic.CASES)
 
 
-@pytest.mark.parametrize(("text", "sigmas"), [("3 sigma", 3.0), ("2.5 sigma", 2.5), ("3 m", None), ("1 mrad", None)])
-def test_a_limit_is_a_size_or_a_number_of_sigmas(text, sigmas):
-    assert sigmas_in(text) == sigmas
+@pytest.mark.parametrize(
+    ("text", "found"), [("3 sigma", (3.0, "sigma")), ("2.5 rms", (2.5, "rms")), ("3 m", None), ("1 mrad", None)]
+)
+def test_a_limit_is_a_size_or_a_multiple_of_a_sigma_or_of_a_root_mean_square(text, found):
+    assert multiple_in(text) == found
 
 
 def test_a_run_has_converged_when_it_stays_below_to_the_end_of_the_phase(good):
@@ -28,8 +30,15 @@ def test_without_events_in_the_phase_nothing_is_known(good):
     assert converged(good, FINE, "velocity", (41.0, 60.0), "1 m/s") is None
 
 
-def test_sigmas_are_those_of_the_other_case_at_each_event(good):
+def test_a_sigma_has_no_mean_and_a_root_mean_square_has_it(good):
+    history = good.history.assign(lincov_mean_si=10.0 * good.history.lincov_true_si)
+    tables = good.with_frames(history=history)
+    found = [converged(tables, FINE, "position", (0.0, 99.5), limit, FINE) for limit in ("1.01 rms", "9 sigma")]
+    assert [one.expected for one in found] == [0.0, 99.5]
+
+
+def test_limits_are_those_of_the_other_case_at_each_event(good):
     """The coarse case is three times the fine one."""
-    far, near = (converged(good, COARSE, "position", (0.0, 99.5), f"{n} sigma", FINE) for n in (2.9, 3.1))
+    far, near = (converged(good, COARSE, "position", (0.0, 99.5), f"{n} rms", FINE) for n in (2.9, 3.1))
     assert (far.expected, near.expected) == (99.5, 0.0)
     assert far.times.mean() > near.times.mean()

@@ -143,10 +143,10 @@ def test_a_convergence_time_has_a_phase_and_a_limit(term, message):
         Term.model_validate(term)
 
 
-def test_a_limit_in_sigmas_is_the_root_mean_square_of_another_case(good):
+def test_a_limit_in_rms_is_the_root_mean_square_of_another_case(good):
     """The coarse case is three times the fine one at every event: above it times 2.9, below it times 3.1."""
     term = {"metric": "velocity_convergence_time", "during": "liftoff to injection", "sigma_of": FINE, "case": COARSE}
-    small, large = (columns(good, case_of(good, COARSE), term | {"below": f"{n} sigma"}, "s") for n in ("2.9", "3.1"))
+    small, large = (columns(good, case_of(good, COARSE), term | {"below": f"{n} rms"}, "s") for n in ("2.9", "3.1"))
     assert (small.true, large.true) == (99.5, 0.0)
     by_size = columns(good, case_of(good, COARSE), term | {"below": "1e7 m/s", "sigma_of": None}, "s")
     assert np.isnan(by_size.true)

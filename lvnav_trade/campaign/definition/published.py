@@ -35,7 +35,7 @@ RATES = ("false_alarm_rate", "detection_rate", "isolation_rate", "wrong_isolatio
 _NO_ERRORS = (*MISSION, *COUNTED, *STEERED, RANK, *NEES, *CONVERGENCE, *LEVELS, *AVAILABILITY, *RATES)
 # Metrics of a phase with a limit
 _LIMITED = (*CONVERGENCE, *AVAILABILITY)
-_SIGMA = re.compile(r"\d+(\.\d*)? sigma$")  # limit of a convergence time in place of a size
+_SIGMA = re.compile(r"\d+(\.\d*)? (sigma|rms)$")  # limit of a convergence time in place of a size
 # Words of a phase that are no events: from lift-off on; the first and the last time of the flight
 FLIGHT, ENDS = "flight", ("start", "end")
 _INSTANT = re.compile(r"\s*(?P<event>[A-Za-z_]\w*)\s*(?:[+-]\s*(?P<offset>\S.*))?$")
@@ -149,8 +149,8 @@ class Measured(Card):
     altitude: tuple[Length, Length] | None = Field(None, description="of signals: of the vehicle, from and to")
     below: str | None = Field(
         None,
-        description="of a convergence time or an availability: limit in three dimensions; '3 sigma': so many times "
-        "the root mean square by linear covariance of the case `sigma_of`",
+        description="of a convergence time or an availability: limit in three dimensions; '3 rms', '3 sigma': so many "
+        "times the root mean square by linear covariance of the case `sigma_of`, or its sigma, without the mean",
     )
     sigma_of: Case | None = Field(None, description="levels of the case whose sigmas are the limit")
 
@@ -186,7 +186,7 @@ class Measured(Card):
         elif self.below is not None and not by_sigma:
             parse(self.below, _UNITS[self.metric.partition("_")[0]])
         if by_sigma != (self.sigma_of is not None):
-            yield "a limit in sigmas has the case that they are of, sigma_of, and no other limit has it"
+            yield "a limit in sigma or rms has the case that they are of, sigma_of, and no other limit has it"
 
 
 class Published(Measured, Stated):
