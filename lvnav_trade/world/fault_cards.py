@@ -38,9 +38,9 @@ class Timed(Conditions):
         if self.start is None and self.duration is None and not self.stated:
             yield "start: is missing, or a condition such as from or above"
         elif self.start is None and self.duration is not None:
-            yield "duration: counts from a start, which is missing; an end without one is until"
+            yield "duration: counts from a start, which is missing: add start, or give until, the time of its end"
         elif self.start is not None and self.duration is None:
-            yield "duration: is missing; a beginning without one is from"
+            yield "duration: is missing: add it, or give from in place of start, for a fault that lasts to the end"
 
 
 class TimedInSight(Timed, SightConditions):

@@ -155,8 +155,8 @@ def test_a_fault_holds_by_start_and_duration_by_conditions_or_by_both():
     ("stated", "reported"),
     [
         ({}, "start: is missing, or a condition"),
-        ({"start": "3 s"}, "duration: is missing"),
-        ({"duration": "3 s"}, "duration: counts from a start"),
+        ({"duration": "3 s"}, "duration: counts from a start.* give until"),
+        ({"start": "3 s"}, "duration: is missing: add it, or give from in place of start"),
         ({"duration": "3 s", "above": "3 km"}, "duration: counts from a start"),
     ],
 )
