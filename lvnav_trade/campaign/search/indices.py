@@ -13,6 +13,7 @@ from lvnav_trade.campaign.definition.schema import Campaign, Requirement
 from lvnav_trade.campaign.definition.searches import Indices
 from lvnav_trade.campaign.reading.spaced import points
 from lvnav_trade.campaign.running.execute import each
+from lvnav_trade.campaign.search.point import HISTORY
 from lvnav_trade.engines.analysis.explain import flown_events, scaled
 from lvnav_trade.engines.lincov.history import covariance
 from lvnav_trade.engines.setup.prepare import Prepared, prepare
@@ -28,7 +29,6 @@ COLUMNS = [
 DEGREE = 3
 RESAMPLED = 100
 POINTS, NODES = 512, 6  # of quadrature for the indices of a fit
-HISTORY = 60.0  # s between history times, beside events: of these alone something is asked
 
 
 class Indexed(NamedTuple):

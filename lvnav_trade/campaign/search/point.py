@@ -26,6 +26,7 @@ from lvnav_trade.store.tables import CaseInfo, covariance_tables
 from lvnav_trade.units import parse
 
 _NAME = CaseInfo("0" * 12, "searched", {})
+HISTORY = 60.0  # s between history times, beside events, where nothing between events is asked
 RETUNED, FROZEN = "re-tuned", "frozen"
 ALPHA = 0.01  # runs disagree with linear covariance where so many beyond the limit are less likely
 
@@ -56,13 +57,12 @@ def looked(
     campaign: Campaign, scenario: Scenario, names: Sequence[str] = ()
 ) -> tuple[dict[str, Looked], CovHistory, int]:
     """Return the same, the linear covariance behind it, and the degrees of freedom of its NEES."""
-    prepared = prepare(scenario, campaign.keep.history)
+    wanted = [one for one in campaign.requirements if not names or one.name in names]
+    prepared = prepare(scenario, campaign.keep.history if any(one.during for one in wanted) else HISTORY)
     history = covariance(prepared)
     tables = Tables.of(covariance_tables(_NAME, prepared, history), {"covariance": {}})
     found = {}
-    for one in campaign.requirements:
-        if names and one.name not in names:
-            continue
+    for one in wanted:
         law = asked(tables, one.model_dump(mode="json"), _NAME.id)
         if isinstance(law, str):
             found[one.name] = Looked(np.nan, np.nan, np.nan, "", law)

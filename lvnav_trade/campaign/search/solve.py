@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from scipy import optimize
 
-from lvnav_trade.campaign.definition.axes import Case, cases
+from lvnav_trade.campaign.definition.axes import Case, cases, get
 from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.definition.searches import Solve, Total, Vary
 from lvnav_trade.campaign.reading.spaced import Ends, ends_of
@@ -130,9 +130,10 @@ def solve(campaign: Campaign, asked: Solve, jobs: int = 1) -> Solved:
     """
     start = time.monotonic()
     check_names(campaign, asked.meet)
+    found_cases = cases(campaign)
+    asked = asked.model_copy(update={"vary": tuple(_counted(one, found_cases[0]) for one in asked.vary)})
     spans = [span(vary) for vary in asked.vary]
     along = [spans[1][0].text(float(x)) for x in spans[1][1]] if len(spans) > 1 else [None]
-    found_cases = cases(campaign)
     ways = [RETUNED] if asked.vary[0].path.startswith("filter.") else [RETUNED, FROZEN]
     units = [(campaign, asked, case, way, second) for case in found_cases for way in ways for second in along]
     parts = list(each(jobs, _one, units, ordered=True))
@@ -152,6 +153,17 @@ def solve(campaign: Campaign, asked: Solve, jobs: int = 1) -> Solved:
         answers, intervals, scanned, pd.DataFrame(confirmed, columns=CONFIRMED),
         tuple(vary.path for vary in asked.vary), tuple(ends.unit for ends, _ in spans), time.monotonic() - start,
     )  # fmt: skip
+
+
+def _counted(vary: Vary, case: Case) -> Vary:
+    """Return a field of whole numbers as a list of them; any other as it is."""
+    value = get(case.scenario.model_dump(mode="json"), vary.path.removeprefix("base.").split("."))
+    if vary.between is None or not isinstance(value, int) or isinstance(value, bool):
+        return vary
+    ends = span(vary)[0]
+    count = min(int(abs(ends.last - ends.first)) + 1, 100)
+    whole = np.unique(np.round(np.linspace(ends.first, ends.last, count))).astype(int).tolist()
+    return Vary(path=vary.path, values=tuple(whole))
 
 
 def span(vary: Vary) -> tuple[Ends, Floats]:
