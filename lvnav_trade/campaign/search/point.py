@@ -5,6 +5,7 @@ from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
+from pydantic import ValidationError
 from scipy import stats
 
 from lvnav_trade.campaign.definition.axes import get, put
@@ -79,9 +80,15 @@ def changed(scenario: Scenario, values: Mapping[str, Any]) -> Scenario:
         return Scenario.model_validate(
             reduce(lambda now, item: put(now, item[0].removeprefix("base.").split("."), item[1]), values.items(), data)
         )
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise InputError(f"{_said(values)}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
     except (ValueError, IndexError) as error:
-        wanted = ", ".join(f"{path}={value}" for path, value in values.items())
-        raise InputError(f"{wanted}: {str(error).splitlines()[0]}") from None
+        raise InputError(f"{_said(values)}: {str(error).splitlines()[0]}") from None
+
+
+def _said(values: Mapping[str, Any]) -> str:
+    return ", ".join(f"{path}={value}" for path, value in values.items())
 
 
 def number_at(scenario: Scenario, path: str, unit: str) -> float:

@@ -39,8 +39,10 @@ def test_values_are_read_and_set_with_their_units(scenario) -> None:
     noisy = changed(scenario, {"filter.velocity_noise": "0.3 m/s/sqrt(h)"})
     assert number_at(noisy, "filter.velocity_noise", "m/s/sqrt(h)") == pytest.approx(0.3)
     assert np.isnan(number_at(scenario, "imu.gyro", "deg"))
-    with pytest.raises(InputError, match=r"initial\.heading=-1 deg"):
+    with pytest.raises(InputError, match=r"initial\.heading=-1 deg: initial\.heading: Input should be greater"):
         changed(scenario, {"initial.heading": "-1 deg"})
+    with pytest.raises(InputError, match=r"initial\.heding=1 deg: initial\.heding: Extra inputs"):
+        changed(scenario, {"initial.heding": "1 deg"})
 
 
 @pytest.mark.slow
