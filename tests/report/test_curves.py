@@ -12,6 +12,8 @@ from tests.metrics.requirements.test_curves import FACTORS, tables
 def test_a_numeric_axis_has_a_figure_and_its_crossings(tmp_path):
     found = curves(tables(tmp_path, [f"{factor} deg" for factor in FACTORS]))
     assert [block.name for block in found if isinstance(block, Picture)] == ["curves-1"]
+    assert found[0].lead == "The limit is reached at:"
+    assert found[0].text.endswith(").")
     (listed,) = (block for block in found if isinstance(block, Table))
     assert {row[2] for row in listed.rows} <= {"north", "fast"}
 
