@@ -12,7 +12,7 @@ from lvnav_trade.metrics import CSV, METRICS
 from lvnav_trade.report import curves, evidence, flight, integrity
 from lvnav_trade.report import diagnostics as explained
 from lvnav_trade.report import models as registered
-from lvnav_trade.report.blocks import Block, Blocks, Grades, More, Picture, Section, Table, Text
+from lvnav_trade.report.blocks import Block, Blocks, Grades, More, Picture, Section, Table, Text, chosen_cases
 from lvnav_trade.report.escape import csv_text, render, source
 from lvnav_trade.report.summary import SIGNS, answers, summary
 from lvnav_trade.store.contents import owned
@@ -63,6 +63,9 @@ OPEN = ("summary", "requirements", "envelopes", "budget")
 """Sections that the page shows at once; the others are one click away, and a brief report leaves them out."""
 _BRIEF_ROWS, _BRIEF_FIGURES = 20, 9  # of a table, and in all, of a brief report
 _SCRIPTS = ("uplot/uPlot.iife.min.js", "figures.js", "page.js", "grades.js")
+_MANY = 50
+_DETAILED = ("orbit", "correction", "impact")
+"""Sections and tables whose numbers take a second a case; of more than `_MANY` cases they hold the first few."""
 _WHERE_ANY = (
     "spot_check",
     "transitions",
@@ -103,16 +106,25 @@ def make(tables: Tables, sections: Sequence[str] | None = None, step: Callable[[
     names = list(sections or stated or SECTIONS)
     _check(names)
     made = []
+    detailed = _detailed(tables)
     for name in names:
-        made.append(Section(name, SECTIONS[name][0], SECTIONS[name][1](tables)))
+        made.append(Section(name, SECTIONS[name][0], SECTIONS[name][1](detailed if name in _DETAILED else tables)))
         step()
     if sections or stated:
         made = [section._replace(blocks=section.blocks or [Text("Nothing to show.")]) for section in made]
     title = str(tables.manifest.get("campaign") or tables.campaign.get("name"))
-    frames = {name: METRICS[name](tables) for name in CSV} | {"models": registered.evidence(tables)}
+    frames = {name: METRICS[name](detailed if name in _DETAILED else tables) for name in CSV}
+    frames |= {"models": registered.evidence(tables)}
     csv = {f"{name}.csv": csv_text(frame) for name, frame in frames.items() if len(frame) or name not in _WHERE_ANY}
     asked = str(tables.campaign.get("description") or "")
     return Made(title, asked, [section for section in made if section.blocks], csv)
+
+
+def _detailed(tables: Tables) -> Tables:
+    """Return the results, of many cases only those that decide and the best ones."""
+    if len(tables.labels) <= _MANY:
+        return tables
+    return tables.with_frames(cases=tables.cases[tables.cases.case.isin(chosen_cases(tables))])
 
 
 def build(

@@ -52,7 +52,8 @@ class Tables:
         if name not in TABLES:
             raise AttributeError(name)
         if name not in self._read:
-            self._read[name] = _whole(name, read_table(self.folder / f"{name}.parquet")).to_pandas()
+            table = _whole(name, read_table(self.folder / f"{name}.parquet"))
+            self._read[name] = table.combine_chunks().to_pandas()  # rows are looked up in one piece, not case by case
         frame = self._read[name]
         if id(frame) not in PLACES:
             PLACES[id(frame)] = {}

@@ -1,6 +1,7 @@
 """The data dictionary, `tables.toml`: which tables there are, which columns, in which unit."""
 
 import tomllib
+from functools import lru_cache
 from importlib import resources
 
 import pyarrow as pa
@@ -50,6 +51,7 @@ def kind_of(column: str) -> pa.DataType:
     return pa.float64() if column.endswith(tuple(f"_{suffix}" for suffix in SUFFIXES)) else pa.string()
 
 
+@lru_cache(maxsize=128)
 def arrow_schema(table: str, extra: tuple[str, ...] = ()) -> pa.Schema:
     """Return the Arrow schema of a table; `extra` names more columns of real numbers at its end."""
     meanings = {"case": _STATED["shared"]["case"], **TABLES[table]}

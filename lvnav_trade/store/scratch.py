@@ -7,8 +7,10 @@ import logging
 import re
 import zipfile
 import zlib
+from collections import OrderedDict
 from collections.abc import Iterable
 from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
@@ -76,6 +78,33 @@ def is_sound(file: Path, root: type, identity: str) -> bool:
     return True
 
 
+_at_hand: OrderedDict[tuple[Path, str], Any] = OrderedDict()  # what this process had last, by file and identity
+
+
+def leave(file: Path, value: Any, identity: str) -> None:
+    """Write a value as `write` does, and keep it at hand."""
+    write(file, value, identity)
+    _keep(file, identity, value)
+
+
+def left(file: Path, root: type, identity: str) -> Any:
+    """Return what was left, by this process or another one; ValueError as of `read`."""
+    if (file, identity) not in _at_hand:
+        _keep(file, identity, read(file, root, identity))
+    return _at_hand[file, identity]
+
+
+def forget() -> None:
+    """Keep nothing at hand."""
+    _at_hand.clear()
+
+
+def _keep(file: Path, identity: str, value: Any) -> None:
+    _at_hand[file, identity] = value
+    while len(_at_hand) > 4:
+        _at_hand.popitem(last=False)
+
+
 def remove(folder: Path, cases: Iterable[str]) -> None:
     """Remove the scratch files of cases, and the folder where it is empty then."""
     if folder.is_symlink() or not folder.is_dir():
@@ -88,6 +117,7 @@ def remove(folder: Path, cases: Iterable[str]) -> None:
         folder.rmdir()
 
 
+@lru_cache(maxsize=8)
 def record_types(root: type) -> dict[str, type]:
     """Return the named tuples that a named tuple's fields can hold, itself among them, by name."""
     found: dict[str, type] = {}

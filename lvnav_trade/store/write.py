@@ -88,7 +88,11 @@ class Results:
             for piece in starts.pieces() if starts is not None else ():
                 rows.add(starts_table(case.id, piece))
         for name, table in case_tables(case, prepared, cov, summary, explained, control).items():
-            replace_table(table, folder / f"{name}.parquet")
+            file = folder / f"{name}.parquet"
+            if table.num_rows or table.num_columns > len(TABLES[name]) + 1:  # columns of this case's own
+                replace_table(table, file)
+            else:
+                file.unlink(missing_ok=True)
 
     def finish(self, extra_manifest: dict[str, Any]) -> None:
         """Write the tables of all cases, no row group of two cases, and the manifest (which alone carries times).
@@ -104,7 +108,8 @@ class Results:
         _write_json(self.folder / MANIFEST, self.manifest)
 
     def _merge_table(self, name: str, cases: Sequence[str]) -> None:
-        files = [self.case_folder(case) / "tables" / f"{name}.parquet" for case in cases]
+        of_cases = [self.case_folder(case) / "tables" / f"{name}.parquet" for case in cases]
+        files = [file for file in of_cases if file.is_file()]  # those that are empty are not there
         every = dict.fromkeys(column for file in files for column in pq.read_schema(file).names[1:])
         metadata = {
             "lvnav_trade.table": name,

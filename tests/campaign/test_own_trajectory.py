@@ -15,7 +15,7 @@ from lvnav_trade import api
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.cli import app
-from lvnav_trade.engines.setup.prepare import trajectory_of
+from lvnav_trade.engines.setup.shared import trajectory_of
 from lvnav_trade.errors import InputError
 
 CAMPAIGN = """\

@@ -4,8 +4,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from lvnav_trade.engines.setup.prepare import trajectory_of
 from lvnav_trade.engines.setup.sensors import view_of
+from lvnav_trade.engines.setup.shared import trajectory_of
 from lvnav_trade.errors import InputError
 from lvnav_trade.observables.sensor import SensorCard
 from lvnav_trade.scenario import Scenario

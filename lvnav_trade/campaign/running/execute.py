@@ -177,11 +177,12 @@ class _Run:
         self.job = self.job._replace(results=results)
         answers = self._answers(on_answers)
         able = [case for case, found in zip(self.cases, answers, strict=True) if not found.error]
+        left = [case for case, found in zip(self.cases, answers, strict=True) if not (found.error or found.is_whole)]
         why = "what is behind its linear covariance"
-        self._per_case("diagnostics", work.explain, [(self.job, case) for case in able], why)
-        unfinished = self._fly(able)
-        ends = [(self.job, case, self.stopping.runs(case.id)) for case in able if case.id not in unfinished]
-        lost = self._per_case("tables", work.close, ends, "tables")
+        self._per_case("diagnostics", work.explain, [(self.job, case) for case in left], why)
+        lost = self._fly(able)
+        ends = [(self.job, case, self.stopping.runs(case.id)) for case in left if case.id not in lost]
+        lost |= self._per_case("tables", work.close, ends, "tables")
         _end_workers(self.jobs)  # the page is made by this process alone: their memory is of no use to it
         reported = {
             **self.remarks,
@@ -189,7 +190,7 @@ class _Run:
             "lost": [*map(without_folders, self.lost)],
             "workers_died": self.deaths,
             # The order of the plan, not that in which the workers finished: the tables' bytes must not depend on it.
-            "cases": [case.id for _, case, _ in ends if case.id not in lost],
+            "cases": [case.id for case in able if case.id not in lost],
         }
         self.job.results.finish(reported)
         if not self.lost:
@@ -225,11 +226,14 @@ class _Run:
         """
         self.watch.stage("compilation and first case", 1)
         found: dict[str, work.Answer] = {}
-        units: list[tuple[Any, ...]] = [(self.job, case, None) for case in self.cases]
-        if self.jobs > 1 and self.campaign.monte_carlo:
+        units: list[tuple[Any, ...]] = [(self.job, case) for case in self.cases]
+        function: Any = work.whole
+        if self.campaign.monte_carlo:
+            function, units = work.answer_or_ahead, [(*unit, None) for unit in units]
+        if self.campaign.monte_carlo and self.jobs > 1:
             units.insert(0, (self.job, self.cases[0], work.compile_kernels))
             units.append((self.job, self.cases[0], work.explain))
-        for one in self._stage("covariance", work.answer_or_ahead, units):
+        for one in self._stage("covariance", function, units):
             if one is None:
                 continue
             if one.mistakes:
@@ -249,6 +253,8 @@ class _Run:
 
     def _per_case(self, name: str, function: Any, units: Sequence[Any], what: str) -> set[str]:
         """Do one unit of work for each case; return the digests of the cases where it was lost, as a line on `what`."""
+        if not units:
+            return set()
         self.watch.stage(name, len(units))
         lost = set()
         for one in self._stage(name, function, units):

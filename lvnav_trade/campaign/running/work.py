@@ -27,8 +27,9 @@ from lvnav_trade.engines.analysis import explain as explained
 from lvnav_trade.engines.analysis.separation import with_alarms, with_nominal_alarms
 from lvnav_trade.engines.lincov import history as lincov
 from lvnav_trade.engines.setup import starts
-from lvnav_trade.engines.setup.prepare import Prepared, prepare, trajectory_of
+from lvnav_trade.engines.setup.prepare import Prepared, prepare
 from lvnav_trade.engines.setup.receiver.recorded import table_of
+from lvnav_trade.engines.setup.shared import trajectory_of
 from lvnav_trade.engines.simulate import montecarlo, statistics
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.reads import recorded
@@ -161,6 +162,7 @@ class Answer(NamedTuple):
     error: str = ""
     mistakes: tuple[Mistake, ...] = ()  # of the user's, that show only when the case is put together
     used: effect.Used | None = None  # what of the scenario has an effect; None where that is not known
+    is_whole: bool = False  # diagnostics and tables of the case are done too
 
 
 class Done(NamedTuple):
@@ -189,13 +191,24 @@ def answer(job: Job, case: Case) -> Answer:
     try:
         prepared, used = _whole(job, case)
         file = _scratch_file(job, case)
-        if not scratch.is_sound(file, CovHistory, _identity(job, case)):
-            scratch.write(file, job.engine.covariance(prepared), _identity(job, case))
+        identity = _identity(job, case)
+        if not scratch.is_sound(file, CovHistory, identity):
+            scratch.leave(file, job.engine.covariance(prepared), identity)
         return _answer(case, prepared, _covariance(job, case))._replace(used=used)
     except InputError as error:
         return Answer(case.id, "", mistakes=error.records)
     except Exception as error:
         return Answer(case.id, "", error=_message(error))
+
+
+def whole(job: Job, case: Case) -> Answer:
+    """Answer a case without runs, and leave its diagnostics and tables too: all that they need is at hand. What fails
+    of these is reported when their stage comes.
+    """
+    found = answer(job, case)
+    if found.error or found.mistakes or explain(job, case).error:
+        return found
+    return found._replace(is_whole=not close(job, case, 0).error)
 
 
 def answer_or_ahead(job: Job, case: Case, ahead: Callable[[Job, Case], Any] | None) -> Answer | None:
@@ -220,7 +233,7 @@ def explain(job: Job, case: Case) -> Done:
         file, identity = _explained_file(job, case)
         if not scratch.is_sound(file, explained.Explanation, identity):
             covariance, prepared = _covariance(job, case), _prepared(job, case)
-            scratch.write(file, job.engine.explain(case.scenario, prepared, covariance, job.asked), identity)
+            scratch.leave(file, job.engine.explain(case.scenario, prepared, covariance, job.asked), identity)
         return Done(case.id, 0, 0)
     except Exception as error:
         return Done(case.id, 0, 0, error=_message(error))
@@ -261,7 +274,7 @@ def close(job: Job, case: Case, runs: int) -> Done:
             covariance = covariance._replace(sources=(), budget=covariance.budget[:, :0])
         parts = job.results.parts(case.id, runs) if runs else None
         file, identity = _explained_file(job, case)
-        behind = scratch.read(file, explained.Explanation, identity) if file.exists() else None
+        behind = scratch.left(file, explained.Explanation, identity) if file.exists() else None
         covariance = with_nominal_alarms(covariance, prepared, None if behind is None else behind.protected)
         draws = job.engine.starts(prepared, job.seed, runs) if runs else None
         control = job.engine.control(case.scenario, job.seed, runs) if runs else None
@@ -319,12 +332,8 @@ def _identity(job: Job, case: Case, question: str = "") -> str:
 
 
 def _covariance(job: Job, case: Case) -> CovHistory:
-    return _covariance_in(_scratch_file(job, case), _identity(job, case))
-
-
-@lru_cache(maxsize=2)
-def _covariance_in(file: Path, identity: str) -> CovHistory:
-    return scratch.read(file, CovHistory, identity)
+    found: CovHistory = scratch.left(_scratch_file(job, case), CovHistory, _identity(job, case))
+    return found
 
 
 def _answer(case: Case, prepared: Any, covariance: CovHistory) -> Answer:

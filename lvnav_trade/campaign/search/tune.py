@@ -14,7 +14,7 @@ from lvnav_trade.campaign.definition.searches import Tune
 from lvnav_trade.campaign.reading.spaced import Ends, ends_of
 from lvnav_trade.campaign.running.execute import each
 from lvnav_trade.campaign.search.point import changed, fly, looked, number_at
-from lvnav_trade.engines.setup.prepare import trajectory_of
+from lvnav_trade.engines.setup.shared import trajectory_of
 from lvnav_trade.errors import InputError, quoted
 from lvnav_trade.filters.base import FilterCard
 from lvnav_trade.records import Floats

@@ -17,6 +17,7 @@ from lvnav_trade.engines.setup.receiver.smoothing import smoothing_gains, smooth
 from lvnav_trade.engines.setup.receiver.solution import Chain, chain_of
 from lvnav_trade.engines.setup.redundancy import Profile, redundant_of
 from lvnav_trade.engines.setup.sensors import Sensor, for_kernels, sensors_of
+from lvnav_trade.engines.setup.shared import built, identity, sampled, seen_in
 from lvnav_trade.engines.setup.times import epochs_of, times_of
 from lvnav_trade.engines.setup.tuning import underweighted, with_linearisation, with_regions
 from lvnav_trade.engines.setup.units import arriving, elements, fused, units_of, white_of
@@ -33,7 +34,6 @@ from lvnav_trade.kernels.vehicle import N_SAMPLE
 from lvnav_trade.layout import StateLayout, backup_outputs, outputs, solution_outputs
 from lvnav_trade.observables.partials import Channels
 from lvnav_trade.per_axis import axes
-from lvnav_trade.reads import remembered
 from lvnav_trade.records import Floats, Ints, Output, Reference, Sky
 from lvnav_trade.scenario import Scenario, epoch_interval, filter_models, has_covariance, measured, reported, solves
 from lvnav_trade.sources import IMU_NOISE
@@ -46,17 +46,9 @@ from lvnav_trade.world.fault_cards import (
     GyroScaleFactorStep,
 )
 from lvnav_trade.world.faults import delay, failures, periods
-from lvnav_trade.world.flight.trajectory import (
-    Trajectory,
-    TrajectoryCard,
-    build,
-    content,
-    reference,
-    refuse_contradiction,
-)
+from lvnav_trade.world.flight.trajectory import Trajectory
 from lvnav_trade.world.gravity import disturbance
 from lvnav_trade.world.receiver.interference import feigned
-from lvnav_trade.world.receiver.visibility import sky
 from lvnav_trade.world.sensors.imu import ErrorBlock, ImuCard
 from lvnav_trade.world.sensors.units import ImuSet, blocks_of, equivalent, triads_of
 from lvnav_trade.world.sky.satellites import time_offsets
@@ -110,32 +102,6 @@ class Prepared(NamedTuple):
         return (
             max(6, self.model.n_kind * self.signals.used.shape[1]) + self.channels.n_channel - self.channels.n_receiver
         )
-
-
-@remembered(4)
-def _built(identity: str, card: TrajectoryCard) -> Trajectory:
-    return build(card)
-
-
-def _identity(card: TrajectoryCard) -> str:
-    """Return a card as a line of JSON, and in a second line the digest of the file it names: a changed one is read."""
-    return f"{card.model_dump_json()}\n{content(card)}"
-
-
-def trajectory_of(scenario: Scenario) -> Trajectory:
-    """Return the scenario's trajectory; the last few that were built are kept.
-
-    InputError where it cannot be flown, or where a user's own file contradicts itself.
-    """
-    card = scenario.trajectory
-    flight = _built(_identity(card), card)
-    refuse_contradiction(card, equivalent(scenario.imu))
-    return flight
-
-
-@remembered(4)
-def _sampled(identity: str, card: TrajectoryCard, rate: float) -> Reference:
-    return reference(_built(identity, card), rate)
 
 
 def _profiles(card: ImuCard | ImuSet, faults: Sequence[AnyFault], course: Course) -> list[Profile]:
@@ -231,11 +197,12 @@ def prepare(scenario: Scenario, history: float = 1.0, every_step_beside: Floats 
         History times (s) of a block; they are kept, and every covariance step is recorded beside them (for a replay:
         where windows are cut, and so the last bit of every number, is as in the block).
     """
-    flown, text, card = scenario.trajectory, _identity(scenario.trajectory), scenario.filter
-    trajectory, ref = _built(text, flown), _sampled(text, flown, scenario.imu.rate)
+    flown, card = scenario.trajectory, scenario.filter
+    text = identity(flown)
+    trajectory, ref = built(text, flown), sampled(text, flown, scenario.imu.rate)
     epochs = epochs_of(scenario, ref)
     t_epoch = epochs.t
-    seen = _seen(scenario, trajectory, t_epoch, float(ref.t[0]))
+    seen = seen_in(scenario, trajectory, t_epoch, float(ref.t[0]))
     unstamped = delay(scenario.faults, trajectory.course, t_epoch)
     devices = sensors_of(scenario, trajectory, t_epoch, float(ref.t[0]))
     delayed = delays_taken(scenario, t_epoch, np.minimum(t_epoch, seen.t + unstamped), devices)
@@ -341,18 +308,6 @@ def _strapdown(scenario: Scenario, trajectory: Trajectory, ref: Reference) -> St
     card, angle = scenario.filter, float(earth_angle(trajectory.theta0, ref.t[0]))
     turn = float(np.sqrt(np.max(np.sum(ref.dtheta * ref.dtheta, axis=1))))
     return strapdown_of(card.strapdown, card.gravity, card.mechanisation, angle, ref.r_i[0], turn)
-
-
-def _seen(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: float) -> Sky:
-    """Return the sky that the measurements of each epoch are of: that of a latency before."""
-    receiver, above = scenario.receiver, scenario.constellation
-    late = receiver.latency + delay(scenario.faults, trajectory.course, t_epoch)
-    if receiver.latency_per_satellite > 0.0:
-        now = sky(above, receiver, trajectory, t_epoch, scenario.faults)
-        late = late + receiver.latency_per_satellite * now.tracked.sum(axis=1)
-    # where the latency falls, a later epoch still measures no earlier
-    times = np.maximum.accumulate(np.maximum(start, t_epoch - late))
-    return sky(above, receiver, trajectory, times, scenario.faults)
 
 
 def _report(

@@ -1,18 +1,19 @@
 """Picking what a metric needs out of the tables: series, events, instants and phases, names of metrics, run errors."""
 
 import re
-from collections.abc import Callable, Iterator
-from functools import wraps
+from collections.abc import Iterator
 from itertools import pairwise
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from lvnav_trade.layout import MISSION, split_metric
+from lvnav_trade.metrics.basics.rows import once as once
+from lvnav_trade.metrics.basics.rows import pick as pick
 from lvnav_trade.metrics.mechanics.mission import sizes_at
 from lvnav_trade.records import Floats
-from lvnav_trade.store.read import PLACES, Tables
+from lvnav_trade.store.read import Tables
 from lvnav_trade.store.schema import error_column
 from lvnav_trade.units import parse
 
@@ -20,26 +21,6 @@ NAVIGATION = ("attitude", "velocity", "position")
 # Seconds: one instant.
 SAME_TIME = 1e-6
 _INSTANT = re.compile(r"\s*(?P<event>[A-Za-z_]\w*)\s*(?:(?P<sign>[+-])\s*(?P<offset>\S.*))?$")
-_Found = TypeVar("_Found")  # frame or list
-
-
-def pick(rows: pd.DataFrame, **wanted: str) -> pd.DataFrame:
-    """Return the rows of a table whose columns have the values wanted; of a whole table without a search."""
-    if (known := PLACES.get(id(rows))) is None:
-        for column, value in wanted.items():
-            rows = rows[rows[column] == value]
-        return rows
-    columns = tuple(wanted)
-    if columns not in known:
-        known[columns] = {value: _slice(at) for value, at in rows.groupby(list(columns), sort=False).indices.items()}
-    values = tuple(wanted.values())
-    return rows.iloc[known[columns].get(values if len(values) > 1 else values[0], slice(0, 0))]
-
-
-def _slice(places: Any) -> Any:
-    """Return places as a slice, which copies nothing, where they are adjacent."""
-    first, last = int(places[0]), int(places[-1])
-    return slice(first, last + 1) if last - first + 1 == len(places) else places
 
 
 def history_of(tables: Tables, case: str, quantity: str, axis: str) -> pd.DataFrame:
@@ -97,6 +78,7 @@ def errors_by_axis(tables: Tables, case: str, event: str, quantity: str) -> pd.D
     return pick(tables.runs, case=case, event=event).set_index("run_number")[["failure", *columns]]
 
 
+@once
 def flight_events(tables: Tables, case: str) -> pd.DataFrame:
     """Return the events of a case in time order (no faults)."""
     chosen = pick(tables.events, case=case, kind="event")
@@ -128,8 +110,10 @@ def phases(tables: Tables, case: str) -> list[tuple[str, float, float]]:
 
 def series(tables: Tables) -> Iterator[tuple[str, str, str, pd.DataFrame]]:
     """Yield (case, quantity, axis, rows in time order) of the history, in the order of the plan."""
-    for (case, quantity, axis), rows in tables.history.groupby(["case", "quantity", "axis"], sort=False):
-        yield str(case), str(quantity), str(axis), rows
+    columns = ["case", "quantity", "axis"]
+    for row in tables.history.drop_duplicates(columns)[columns].itertuples(index=False):
+        names = {name: str(value) for name, value in zip(columns, row, strict=True)}
+        yield *names.values(), pick(tables.history, **names)
 
 
 def final_event(tables: Tables, case: str) -> str:
@@ -188,17 +172,3 @@ def rows_between(rows: pd.DataFrame, first: float, last: float, end: str = "t_s"
 def time_mean(t: np.ndarray, value: np.ndarray) -> float:
     """Return the mean over time by the trapezoidal rule: event times between the grid add no weight."""
     return float(np.trapezoid(value, t) / (t[-1] - t[0])) if t[-1] > t[0] else float(value[0])
-
-
-def once(metric: Callable[..., _Found]) -> Callable[..., _Found]:
-    """Return a function of tables, and of words, that keeps with the tables what it found; each caller gets a copy."""
-
-    @wraps(metric)
-    def kept(tables: Tables, *asked: str) -> _Found:
-        key = (metric.__module__, metric.__qualname__, *asked)
-        if key not in tables.cache:
-            tables.cache[key] = metric(tables, *asked)
-        found: Any = tables.cache[key]
-        return found.copy()
-
-    return kept

@@ -7,7 +7,16 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.metrics.basics.probability import ratio_interval
-from lvnav_trade.metrics.basics.select import NAVIGATION, SAME_TIME, at_time, flight_events, history_of, pick, series
+from lvnav_trade.metrics.basics.select import (
+    NAVIGATION,
+    SAME_TIME,
+    at_time,
+    flight_events,
+    history_of,
+    once,
+    pick,
+    series,
+)
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
 
@@ -88,6 +97,16 @@ def beyond_at_start(tables: Tables, case: str) -> str:
 
 def why_not_applicable(tables: Tables, case: str) -> str:
     """Say why linear covariance does not describe a case at every epoch; empty where it does."""
+    found: str = _why_not(tables, case)[0]
+    return found
+
+
+@once
+def _why_not(tables: Tables, case: str) -> list[str]:
+    return [_why_not_applicable(tables, case)]
+
+
+def _why_not_applicable(tables: Tables, case: str) -> str:
     if bool(tables.cases.set_index("case").logic.get(case)):
         return "the filter starts, leaves out and stops by a logic of its own, run by run"
     checked = (tables.campaign.get("covariance") or {}).get("spot_check")  # then that tells, by runs
@@ -121,6 +140,7 @@ def why_second_order(tables: Tables, case: str) -> str:
     )
 
 
+@once
 def agreement(tables: Tables) -> pd.DataFrame:
     """Return Monte-Carlo RMS over LinCov RMS at every event for the nine navigation errors, in the units of people.
 
@@ -134,13 +154,15 @@ def agreement(tables: Tables) -> pd.DataFrame:
         if quantity not in NAVIGATION or axis == "3d":
             continue
         unit, factor = tables.people[quantity, axis]
-        for event in flight_events(tables, case).itertuples():
-            at = at_time(history, event.t_s)
-            expected = float(np.hypot(at.lincov_true_si, at.lincov_mean_si))
-            if expected > 0 and abs(at.t_s - event.t_s) < SAME_TIME:
-                head = (tables.labels[case], event.event, f"{quantity} {axis}", unit)
-                sizes = (at.rms_si * factor, expected * factor, at.rms_si / expected)
-                rows.append((*head, *sizes, at.run_count * at.dof_ratio))
+        events = flight_events(tables, case)
+        at = np.argmin(np.abs(history.t_s.to_numpy() - events.t_s.to_numpy()[:, None]), axis=1)
+        names = ("t_s", "rms_si", "lincov_true_si", "lincov_mean_si", "run_count", "dof_ratio")
+        values = zip(events.event, events.t_s, *(history[name].to_numpy()[at] for name in names), strict=True)
+        for event, when, t, rms, true, mean, runs, dof in values:
+            expected = float(np.hypot(true, mean))
+            if expected > 0 and abs(t - when) < SAME_TIME:
+                head = (tables.labels[case], event, f"{quantity} {axis}", unit)
+                rows.append((*head, rms * factor, expected * factor, rms / expected, runs * dof))
     found = _with_verdicts(pd.DataFrame(rows, columns=[*AGREEMENT[:7], "freedom"]))
     differ = set(found.case[found.agree == "disagree"])
     outside = [
@@ -164,6 +186,7 @@ def _with_verdicts(frame: pd.DataFrame) -> pd.DataFrame:
     return frame.assign(low=low, high=high, agree=verdict)[AGREEMENT]
 
 
+@once
 def by_case(tables: Tables) -> pd.DataFrame:
     """Return one verdict per case, with the row that is furthest from agreement.
 

@@ -19,7 +19,6 @@ from lvnav_trade.metrics.basics.select import (
     phases,
     pick,
     series,
-    time_mean,
 )
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
@@ -54,15 +53,24 @@ def rms(tables: Tables) -> pd.DataFrame:
         formal = history.filter_sigma_si if history.run_count.any() else history.lincov_formal_si
         squares = [values.to_numpy(dtype=float) ** 2 for values in (history.rms_si, formal, lincov_rms(history))]
         t, runs, dof = (history[name].to_numpy(dtype=float) for name in ("t_s", "run_count", "dof_ratio"))
+        areas = [np.diff(t) * (values[1:] + values[:-1]) / 2.0 for values in squares]  # of the trapezoidal rule
         for name, start, end in spans[case]:
             part = slice(np.searchsorted(t, start - SAME_TIME), np.searchsorted(t, end + SAME_TIME, side="right"))
             if len(t[part]):
-                means = (factor * np.sqrt(time_mean(t[part], values[part])) for values in squares)
+                means = (factor * np.sqrt(mean) for mean in _means(t, squares, areas, part))
                 head = (tables.labels[case], name, f"{quantity}_error", axis, unit)
                 rows.append((*head, *means, float(runs[part].min() * dof[part].min())))
     frame = pd.DataFrame(rows, columns=[*COLUMNS[:6], *COLUMNS[8:], "dof"])
     frame["low"], frame["high"] = rms_interval(frame.rms.to_numpy(), frame.dof.to_numpy())
     return frame[COLUMNS]
+
+
+def _means(t: Floats, values: list[Floats], areas: list[Floats], part: slice) -> list[float]:
+    """Return the means over a part of times t (n,) of values (n,), of which areas (n - 1,) are the integrals."""
+    length = t[part.stop - 1] - t[part.start]
+    if not length > 0.0:
+        return [float(one[part.start]) for one in values]
+    return [float(one[part.start : part.stop - 1].sum() / length) for one in areas]
 
 
 def ranking(tables: Tables) -> pd.DataFrame:

@@ -15,6 +15,7 @@ from scipy import special
 from scipy.stats import qmc
 
 from lvnav_trade import frames
+from lvnav_trade.metrics.basics.rows import once, pick
 from lvnav_trade.metrics.mechanics import impulses, meanorbit
 from lvnav_trade.metrics.mechanics.freefall import impact, offsets
 from lvnav_trade.records import Bools, Floats
@@ -46,9 +47,10 @@ class Law(NamedTuple):
     formal: Floats
 
 
+@once
 def states(tables: Tables, case: str) -> list[State]:
     """Return the stored true states of a case: at events (named) and over the flight (no name), in the order stored."""
-    rows = tables.states[tables.states.case == case]
+    rows = pick(tables.states, case=case)
     r_i, v_i = rows.filter(regex=r"^position_._m$"), rows.filter(regex=r"^velocity_._m_per_s$")
     turns = frames.matrices(rows.filter(regex=r"^axes_q").to_numpy())
     columns = (rows.event, rows.t_s, r_i.to_numpy(), v_i.to_numpy(), rows.earth_angle_rad, turns)
@@ -60,9 +62,10 @@ def state_at(tables: Tables, case: str, event: str) -> State | None:
     return next((state for state in states(tables, case) if state.event == event and event), None)
 
 
+@once
 def laws(tables: Tables, case: str) -> list[Law]:
     """Return LinCov of velocity and position at each of `states`."""
-    rows = tables.joint[tables.joint.case == case]
+    rows = pick(tables.joint, case=case)
     n = len(rows) // 21
     i, j = np.triu_indices(6)
 
@@ -92,10 +95,8 @@ def law_at(tables: Tables, case: str, event: str) -> Law:
 
 def run_errors(tables: Tables, case: str, state: State) -> tuple[Floats, Bools]:
     """Return the errors (n_run, 6) of velocity and position, frame i, at the state's event, and which runs failed."""
-    runs = tables.runs
-    chosen = runs[(runs.case == case) & (runs.event == state.event)]
-    outputs = tables.outputs
-    outputs = outputs[(outputs.case == case) & (outputs.axis != "3d")]
+    chosen, outputs = pick(tables.runs, case=case, event=state.event), pick(tables.outputs, case=case)
+    outputs = outputs[outputs.axis != "3d"]
     columns = [
         [f"{quantity}_{axis}_error_{suffix}" for axis in outputs.axis[outputs.quantity == quantity]]
         for quantity, suffix in (("velocity", "m_per_s"), ("position", "m"))

@@ -1,16 +1,20 @@
 """From a constellation card to satellites that can be asked where they are."""
 
+import hashlib
 from collections.abc import Iterable
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from lvnav_trade.errors import InputError
+from lvnav_trade.input_files import read_bytes
 from lvnav_trade.kernels.clock import SPEED_OF_LIGHT
+from lvnav_trade.limits import DATA_BYTES
 from lvnav_trade.records import Floats
 from lvnav_trade.world.sky.broadcast import Broadcast, Integrated, broadcast, integrated
 from lvnav_trade.world.sky.constellation import (
     LETTERS,
+    AlmanacConstellation,
     CombinedConstellation,
     Constellation,
     Orbits,
@@ -92,13 +96,28 @@ def satellites(constellation: Constellation, epoch: str) -> Satellites:
     return whole
 
 
+def content(constellation: Constellation) -> str:
+    """Return digests of the files that a constellation names, empty where it names none; InputError where one cannot be
+    read.
+    """
+    parts = constellation.parts if isinstance(constellation, CombinedConstellation) else (constellation,)
+    files = [file for part in parts for file in _files(part)]
+    return " ".join(hashlib.sha256(read_bytes(file, DATA_BYTES)).hexdigest() for file in files)
+
+
+def _files(card: Part) -> tuple[str, ...]:
+    if isinstance(card, RinexConstellation):
+        return (card.rinex,) if isinstance(card.rinex, str) else card.rinex
+    return (card.almanac,) if isinstance(card, AlmanacConstellation) else ()
+
+
 def _part(card: Part, epoch: str) -> Satellites:
     return _broadcast_part(card, epoch) if isinstance(card, RinexConstellation) else orbits(card, epoch)
 
 
 def _contents(card: RinexConstellation) -> tuple[str, list[Navigation], list[Ephemeris | StateVector], list[str]]:
     """Return the names of a card's files, what is in them, their records, and the letters of the systems to take."""
-    files = (card.rinex,) if isinstance(card.rinex, str) else card.rinex
+    files = _files(card)
     navigation = [read_navigation(file) for file in files]
     every: list[Ephemeris | StateVector] = []
     for file in navigation:

@@ -20,13 +20,14 @@ from lvnav_trade.campaign.running.plan import Block
 from lvnav_trade.campaign.running.work import Job
 from lvnav_trade.errors import InputError, Mistake
 from lvnav_trade.records import Asked
+from lvnav_trade.store import scratch
 
 
 @pytest.fixture(autouse=True)
 def _forget() -> None:
     """Let no test find what another one prepared."""
     work._kept.clear()
-    work._covariance_in.cache_clear()
+    scratch.forget()
 
 
 @pytest.fixture
@@ -49,7 +50,7 @@ def job(study, fakes):
 def test_linear_covariance_is_computed_once_and_left_for_all_workers(job, case: Case) -> None:
     fake, todo = job()
     first = work.answer(todo, case)
-    work._covariance_in.cache_clear()  # as another process
+    scratch.forget()  # as another process
     assert work.answer(todo, case) == first
     assert [call.what for call in fake.calls] == ["covariance"]
     assert [file.name for file in Path("scratch").iterdir()] == [f"{case.id}.1.0.covariance"]
@@ -203,3 +204,24 @@ def test_a_worker_does_not_search_what_it_has_loaded_for_garbage_and_a_process_o
     work.begin_worker()
     assert gc.get_freeze_count() == before
     assert min(each(2, gc.get_freeze_count, [()] * 4)) > 50_000
+
+
+def test_a_case_without_runs_is_done_whole(job, case: Case) -> None:
+    fake, todo = job()
+    found = work.whole(todo, case)
+    assert found.is_whole
+    assert found._replace(is_whole=False) == work.answer(todo, case)
+    assert [call.what for call in fake.calls] == ["covariance", "explain"]
+    assert [file.stem for file in Path().glob("*.pcase")] == [case.id]
+
+
+def test_what_fails_beside_an_answer_is_left_to_its_stage(job, case: Case) -> None:
+    def broken(*_: Any) -> None:
+        raise ValueError("no diagnostics")
+
+    _, todo = job()
+    todo = todo._replace(engine=todo.engine._replace(explain=broken))
+    found = work.whole(todo, case)
+    assert not found.is_whole
+    assert not found.error
+    assert work.explain(todo, case).error == "ValueError: no diagnostics"

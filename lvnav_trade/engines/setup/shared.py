@@ -1,0 +1,83 @@
+"""What cases have in common is built once: trajectories, their samples, skies. The last few of each are kept."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.reads import remembered
+from lvnav_trade.records import Floats, Reference, Sky
+from lvnav_trade.scenario import Scenario
+from lvnav_trade.world.faults import delay
+from lvnav_trade.world.flight.trajectory import (
+    Trajectory,
+    TrajectoryCard,
+    build,
+    content,
+    reference,
+    refuse_contradiction,
+)
+from lvnav_trade.world.receiver.visibility import sky
+from lvnav_trade.world.sensors.units import equivalent
+from lvnav_trade.world.sky.satellites import content as content_of_sky
+
+
+@remembered(4)
+def built(identity: str, card: TrajectoryCard) -> Trajectory:
+    """Return the trajectory of a card with this `identity`."""
+    return build(card)
+
+
+def identity(card: TrajectoryCard) -> str:
+    """Return a card as a line of JSON, and in a second line the digest of the file it names: a changed one is read."""
+    return f"{card.model_dump_json()}\n{content(card)}"
+
+
+def trajectory_of(scenario: Scenario) -> Trajectory:
+    """Return the scenario's trajectory; the last few that were built are kept.
+
+    InputError where it cannot be flown, or where a user's own file contradicts itself.
+    """
+    card = scenario.trajectory
+    flight = built(identity(card), card)
+    refuse_contradiction(card, equivalent(scenario.imu))
+    return flight
+
+
+@remembered(4)
+def sampled(identity: str, card: TrajectoryCard, rate: float) -> Reference:
+    """Return a trajectory at the samples of an inertial unit of this rate (Hz)."""
+    return reference(built(identity, card), rate)
+
+
+class _Same(NamedTuple):
+    """A trajectory that equals itself alone: its splines are not compared."""
+
+    flight: Trajectory
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and self.flight is other.flight
+
+    def __hash__(self) -> int:
+        return id(self.flight)
+
+
+def seen_in(scenario: Scenario, trajectory: Trajectory, t_epoch: Floats, start: float) -> Sky:
+    """Return the sky that the measurements of the epochs (n_epoch,) s are of: that of a latency before, not before
+    `start` s.
+    """
+    text = scenario.model_dump_json(include={"receiver", "constellation", "faults"})
+    key = (text, content_of_sky(scenario.constellation))
+    return _seen(key, scenario, _Same(trajectory), t_epoch.tobytes(), start)
+
+
+@remembered(4)
+def _seen(key: tuple[str, str], scenario: Scenario, flown: _Same, epochs: bytes, start: float) -> Sky:
+    t_epoch, trajectory = np.frombuffer(epochs).copy(), flown.flight
+    receiver, above = scenario.receiver, scenario.constellation
+    late = receiver.latency + delay(scenario.faults, trajectory.course, t_epoch)
+    if receiver.latency_per_satellite > 0.0:
+        now = sky(above, receiver, trajectory, t_epoch, scenario.faults)
+        late = late + receiver.latency_per_satellite * now.tracked.sum(axis=1)
+    # where the latency falls, a later epoch still measures no earlier
+    times = np.maximum.accumulate(np.maximum(start, t_epoch - late))
+    return sky(above, receiver, trajectory, times, scenario.faults)

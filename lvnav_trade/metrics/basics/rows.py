@@ -1,0 +1,45 @@
+"""Rows of a table by what stands in them, found without a search; results that are kept with the tables."""
+
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, TypeVar
+
+import pandas as pd
+
+from lvnav_trade.store.read import PLACES, Tables
+
+_Found = TypeVar("_Found")  # frame or list
+
+
+def once(metric: Callable[..., _Found]) -> Callable[..., _Found]:
+    """Return a function of tables, and of words, that keeps with the tables what it found; each caller gets a copy."""
+
+    @wraps(metric)
+    def kept(tables: Tables, *asked: str) -> _Found:
+        key = (metric.__module__, metric.__qualname__, *asked)
+        if key not in tables.cache:
+            tables.cache[key] = metric(tables, *asked)
+        found: Any = tables.cache[key]
+        return found.copy()
+
+    return kept
+
+
+def pick(rows: pd.DataFrame, **wanted: str) -> pd.DataFrame:
+    """Return the rows of a table whose columns have the values wanted; of a whole table without a search."""
+    if (known := PLACES.get(id(rows))) is None:
+        for column, value in wanted.items():
+            rows = rows[rows[column] == value]
+        return rows
+    columns = tuple(wanted)
+    if columns not in known:
+        known[columns] = {value: _within(at) for value, at in rows.groupby(list(columns), sort=False).indices.items()}
+    values = tuple(wanted.values())
+    span, places = known[columns].get(values if len(values) > 1 else values[0], (slice(0, 0), None))
+    return rows.iloc[span] if places is None else rows.iloc[span].iloc[places]
+
+
+def _within(places: Any) -> tuple[slice, Any]:
+    """Return a slice, which copies nothing, and the places in it; None where they are adjacent."""
+    first, last = int(places[0]), int(places[-1])
+    return slice(first, last + 1), None if last - first + 1 == len(places) else places - first

@@ -1,0 +1,63 @@
+"""Cases that see the same sky share it; whatever it depends on makes another."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lvnav_trade.engines.setup import shared
+from lvnav_trade.reads import recorded
+from lvnav_trade.world.sky.constellation import AlmanacConstellation
+from lvnav_trade.world.sky.satellites import content
+from tests.building import hop, loaded
+
+T = np.arange(1.0, 30.0)
+
+
+def seen(*settings: str, t=T, start: float = 0.0):
+    return shared.seen_in(loaded(*settings), hop(), t, start)
+
+
+def test_cases_that_differ_in_nothing_that_the_sky_depends_on_share_it():
+    assert seen("base.imu.gyro.bias_repeatability=3 deg/h", "base.filter.gate=7") is seen()
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [
+        "base.receiver.latency=0.5 s",
+        "base.constellation.range_error=3 m",
+        "base.faults=[{kind: satellite_outage, keep: 3, start: 5 s, duration: 3 s}]",
+    ],
+)
+def test_receiver_constellation_and_faults_make_another_sky(setting):
+    assert seen(setting) is not seen()
+
+
+def test_other_epochs_another_start_and_another_flight_make_another_sky():
+    own = seen()
+    assert seen(t=T[:-1]) is not own
+    assert seen(start=20.0) is not own
+    assert shared.seen_in(loaded(), hop(coast=11.0), T, 0.0) is not own
+
+
+def test_a_sky_that_was_kept_counts_as_having_read_what_it_was_computed_from():
+    found = []
+    for _ in range(2):
+        scenario = loaded("base.receiver.latency=0.25 s")
+        with recorded(scenario) as reads:
+            shared.seen_in(scenario, hop(), T, 0.0)
+        found.append(reads.paths)
+    assert found[0] == found[1]
+    assert {"receiver.latency", "constellation.kind"} & found[1]
+
+
+def test_a_file_of_satellites_that_is_written_again_is_another_one(tmp_path):
+    file = tmp_path / "own.alm"
+    card = AlmanacConstellation(almanac=str(file))
+    found = []
+    for text in ("one", "another", "one"):
+        file.write_text(text)
+        found.append(content(card))
+    assert found[0] == found[2] != found[1]
+    assert content(loaded().constellation) == ""
