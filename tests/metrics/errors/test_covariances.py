@@ -161,7 +161,7 @@ def enlarged(tables, factor, until=1e9):
     history = tables.history.copy()
     chosen = (history.quantity == "attitude") & (history.t_s <= until)
     history.loc[chosen, "lincov_true_si"] *= factor
-    return SimpleNamespace(cases=tables.cases, history=history, innovations=tables.innovations, campaign={})
+    return SimpleNamespace(cases=tables.cases, history=history, innovations=tables.innovations, campaign={}, cache={})
 
 
 @pytest.mark.parametrize(("factor", "applies"), [(43.0, True), (44.0, False)])  # the largest sigma is 2 mrad
@@ -183,7 +183,7 @@ def test_what_attitude_becomes_in_flight_is_no_matter_of_alignment(good):
     case = next(iter(good.labels))
     history = good.history.copy()
     history.loc[(history.quantity == "attitude") & (history.t_s > 0.0), "lincov_true_si"] *= 1e3
-    found = SimpleNamespace(cases=good.cases, history=history, innovations=good.innovations, campaign={})
+    found = SimpleNamespace(cases=good.cases, history=history, innovations=good.innovations, campaign={}, cache={})
     assert not why_not_applicable(found, case)
 
 
@@ -194,7 +194,7 @@ def changed_history(tables, **columns):
     chosen = (history.quantity == "velocity") & (history.axis != "3d")
     for name, (factor, added) in columns.items():
         history.loc[chosen, name] = history.loc[chosen, name] * factor + added
-    found.history = history
+    found.history, found.cache = history, {}
     return found
 
 
