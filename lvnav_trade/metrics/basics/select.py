@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.layout import MISSION, split_metric
-from lvnav_trade.metrics.basics.rows import once as once
-from lvnav_trade.metrics.basics.rows import pick as pick
 from lvnav_trade.metrics.mechanics.mission import sizes_at
 from lvnav_trade.records import Floats
+from lvnav_trade.store.lookup import once as once
+from lvnav_trade.store.lookup import pick as pick
 from lvnav_trade.store.read import Tables
 from lvnav_trade.store.schema import error_column
 from lvnav_trade.units import parse

@@ -15,10 +15,10 @@ from scipy import special
 from scipy.stats import qmc
 
 from lvnav_trade import frames
-from lvnav_trade.metrics.basics.rows import once, pick
 from lvnav_trade.metrics.mechanics import impulses, meanorbit
 from lvnav_trade.metrics.mechanics.freefall import impact, offsets
 from lvnav_trade.records import Bools, Floats
+from lvnav_trade.store.lookup import once, pick
 from lvnav_trade.store.read import Tables
 
 # Steps of the central differences, m/s and m: their second order is 1e-6 of the first, round-off less.

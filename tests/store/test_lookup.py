@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lvnav_trade.metrics.basics.rows import once, pick
+from lvnav_trade.store.lookup import once, pick
 from lvnav_trade.store.read import PLACES
 
 FRAME = pd.DataFrame(
