@@ -202,9 +202,7 @@ def answer(job: Job, case: Case) -> Answer:
 
 
 def whole(job: Job, case: Case) -> Answer:
-    """Answer a case without runs, and leave its diagnostics and tables too: all that they need is at hand. What fails
-    of these is reported when their stage comes.
-    """
+    """Answer a case without runs, with diagnostics and tables; what fails of these is reported by their stage."""
     found = answer(job, case)
     if found.error or found.mistakes or explain(job, case).error:
         return found
@@ -212,9 +210,7 @@ def whole(job: Job, case: Case) -> Answer:
 
 
 def answer_or_ahead(job: Job, case: Case, ahead: Callable[[Job, Case], Any] | None) -> Answer | None:
-    """Answer a case, or do ahead of its stage what `ahead` does and return None: on a fresh machine workers compile
-    side by side. A failure ahead is reported when its stage comes.
-    """
+    """Answer a case, or do `ahead` of its stage, which reports a failure, and return None: workers compile together."""
     if ahead is None:
         return answer(job, case)
     with suppress(Exception):
@@ -292,11 +288,8 @@ def _prepared(job: Job, case: Case) -> Any:
 
 
 def _whole(job: Job, case: Case) -> tuple[Any, effect.Used | None]:
-    """Return the prepared case and what has an effect on it; a worker keeps the last two, because blocks come case by
-    case.
-    """
-    key = (job.engine.prepare, case.id, job.history)
-    if key not in _kept:
+    """Return the prepared case and what has an effect on it; a worker keeps the last two: blocks come case by case."""
+    if (key := (job.engine.prepare, case.id, job.history)) not in _kept:
         while len(_kept) >= 2:
             del _kept[next(iter(_kept))]
         _kept[key] = prepared_with(job.engine, case, job.history)
@@ -381,9 +374,8 @@ _begun = itertools.count()  # units of work that this process has begun
 def begin_worker() -> None:
     """Let a worker process leave Ctrl-C to its parent, which ends the work in order, and end where that was killed.
 
-    What it has loaded (200,000 objects, most of them numba's) is no longer searched for garbage: the pool of workers
-    has that done once a second, and it took 0.1 s, a tenth of the time in which blocks could be flown. Loading goes on
-    in the first units of each kind, so this is repeated, more and more seldom.
+    What it has loaded (200,000 objects, most of them numba's) is no longer searched for garbage once a second, which
+    took a tenth of the time. Loading goes on in the first units, so this is repeated, more and more seldom.
     """
     parent = multiprocessing.parent_process()
     if parent is not None and parent.pid is not None:
