@@ -35,7 +35,7 @@ SOLD = [name for name in IMUS if imu(name).resources is not None]
 
 @pytest.mark.parametrize("name", IMUS)
 def test_an_inertial_unit_states_its_source(name: str) -> None:
-    assert ("as quoted by" if name in SOLD and name != "kvh_1750" else "table") in imu(name).source
+    assert ("second hand" if name in SOLD and name != "kvh_1750" else "table") in imu(name).source
 
 
 def test_units_that_can_be_bought_say_what_of_their_resources_is_assumed() -> None:
