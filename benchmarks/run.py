@@ -22,6 +22,7 @@ PARTS = (
     "time_kernels",
     "time_lincov",
     "time_vehicle",
+    "time_campaign",
     "time_compile",
     "scaling",
     "memory",
