@@ -122,4 +122,5 @@ def tune(
     made = tuning.tune(found, found.tune, _jobs(jobs))
     frames = ("values", "cases")
     card = dump(made.card.model_dump(mode="json", exclude_defaults=True))
-    return made, _written(found, place, page.tuned(made.values, made.cases), made, jobs, frames, {"filter.yaml": card})
+    blocks = page.tuned(made.values, made.cases, made.card.source)
+    return made, _written(found, place, blocks, made, jobs, frames, {"filter.yaml": card})

@@ -103,11 +103,17 @@ def indexed(frame: pd.DataFrame, case: str, error: str, covered: float, predicte
     return [Text(f"{said}.", lead), Text(about), Text(note("indices")), table(_words(frame)), drawn]
 
 
-def tuned(values: pd.DataFrame, cases: pd.DataFrame) -> list[Block]:
-    """Return the numbers of a tuned filter and what they do in every case, those held out too."""
+def tuned(values: pd.DataFrame, cases: pd.DataFrame, source: str) -> list[Block]:
+    """Return the numbers of a tuned filter, what they do in every case, those held out too, and its card's source."""
     found: list[Block] = [Text(_tuning(cases), "Error over its limit:")]
     numbers = table(_words(values), "The filter's numbers.")
-    return [*found, Text(note("tune")), numbers, table(_words(cases), "Every case, before and after.")]
+    return [
+        *found,
+        Text(note("tune")),
+        numbers,
+        table(_words(cases), "Every case, before and after."),
+        Text(source, "The card filter.yaml states its source:"),
+    ]
 
 
 def _tuning(cases: pd.DataFrame) -> str:

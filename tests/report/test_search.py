@@ -42,6 +42,7 @@ def test_indices_and_a_tuning_are_tables() -> None:
     assert "90 % of the mean square" in found[1].text
     cases = pd.DataFrame({"case": ["a", "b"], "role": ["tuned", "held out"], "ratio_before": [2.0, 3.0],
                           "ratio_after": [0.5, 0.75]})  # fmt: skip
-    made = search.tuned(pd.DataFrame({"path": ["x"]}), cases)
+    made = search.tuned(pd.DataFrame({"path": ["x"]}), cases, "tune of x")
+    assert made[-1].text == "tune of x"
     assert made[0].text == "tuned, worst of 1: 2 before, 0.5 after; held out, worst of 1: 3 before, 0.75 after."
     assert [len(block.rows) for block in made if isinstance(block, Table)] == [1, 2]
