@@ -14,7 +14,7 @@ PROBE = """\
 import os, sys
 from lvnav_trade.cli import console
 
-@console.verb(with_json=False)
+@console.verb("", with_json=False)
 def probe(code: int) -> console.Answer:
     sys.stderr.write("progress\\n")
     for _ in range(2000):
