@@ -81,7 +81,10 @@ def _with_ranking(answer: Answer, results: Any, prefer: Sequence[str]) -> Answer
     if frame.empty:
         return answer._replace(text=f"{answer.text}\n--prefer: no card states resources, or there is no requirement")
     order = ranked(frame, prefer)
-    shown = order[["case", "meets", "error_ratio", "binding", "cost", "mass_kg", "power_w", "volume_l", "front"]]
+    shown = order[
+        ["case", "meets", "verdict", "error_ratio", "binding", "cost", "mass_kg", "power_w", "volume_l", "front"]
+    ]
+    shown = shown.assign(cost=shown.cost.map("{:g}".format))
     text = f"{answer.text}\n{table(list(shown.columns), list(shown.itertuples(index=False)))}"
     return answer._replace(
         text=text, content={**answer.content, "preferred": json.loads(order.to_json(orient="records"))}

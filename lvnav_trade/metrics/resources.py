@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.metrics.basics.select import once
-from lvnav_trade.metrics.requirements import improvements, requirements
+from lvnav_trade.metrics.requirements import confirmation, requirements
+from lvnav_trade.metrics.requirements.margins import margins, worst
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
 from lvnav_trade.units import parse
@@ -95,9 +96,10 @@ def pareto(tables: Tables) -> pd.DataFrame:
     """Return every case with its totals and, of each requirement, its error over its limit; which are on the front.
 
     Smaller is better in all of them (totals that not every case states do not count, nor does the mean time between
-    failures). error_ratio: the largest error over its limit, by linear covariance where it applies, else by the runs;
-    meets: at most 1. front: no other case is as good in everything and better in something; dominated_by: the first
-    that is.
+    failures). error_ratio: the largest error over its limit, by linear covariance where it applies and is confirmed,
+    else by the runs. verdict: the worst of the requirements' verdicts, by the runs where there are any. meets: the
+    ratio is at most 1 and no verdict contradicts it (violated, not confirmed). front: no other case is as good in
+    everything and better in something; dominated_by: the first that is.
     No rows without totals or requirements.
     """
     found = totals(tables)
@@ -110,14 +112,17 @@ def pareto(tables: Tables) -> pd.DataFrame:
     values = frame[[*used, "error_ratio"]].to_numpy(dtype=float)
     by = [_dominating(values, k) for k in range(len(values))]
     return frame.assign(
-        meets=frame.error_ratio <= 1.0, front=[one < 0 for one in by],
+        meets=(frame.error_ratio <= 1.0) & frame.verdict.isin(["met", "undecided"]), front=[one < 0 for one in by],
         dominated_by=[str(frame.case.iloc[one]) if one >= 0 else "" for one in by],
     )  # fmt: skip
 
 
 def _ratios(tables: Tables) -> pd.DataFrame:
-    """Return case, the largest ratio of error to limit over the requirements, the requirement that has it."""
-    expected = improvements.expected(tables).set_index(["requirement", "case"])
+    """Return case, the largest ratio of error to limit over the requirements, the requirement that has it, and the
+    worst verdict.
+    """
+    verdict = margins(tables).groupby("case").verdict.agg(worst)
+    expected = confirmation.expected(tables).set_index(["requirement", "case"])
     runs = requirements.verdicts(tables).set_index(["requirement", "case"])
     rows = []
     for label in tables.labels.values():
@@ -127,9 +132,9 @@ def _ratios(tables: Tables) -> pd.DataFrame:
             chosen = chosen if chosen.verdict in ("met", "violated") else runs.loc[name, label]
             by_name[str(name)] = float(chosen.estimate) / float(chosen.limit)
         finite = {name: ratio for name, ratio in by_name.items() if ratio == ratio}
-        worst = max(finite, key=lambda name: finite[name]) if len(finite) == len(by_name) else ""
-        rows.append((label, finite.get(worst, math.inf), worst))
-    return pd.DataFrame(rows, columns=["case", "error_ratio", "binding"])
+        binding = max(finite, key=lambda name: finite[name]) if len(finite) == len(by_name) else ""
+        rows.append((label, finite.get(binding, math.inf), binding, verdict[label]))
+    return pd.DataFrame(rows, columns=["case", "error_ratio", "binding", "verdict"])
 
 
 def _dominating(values: Floats, k: int) -> int:

@@ -66,11 +66,11 @@ def pareto(tables: Tables) -> Figure:
     frame = METRICS["pareto"](tables)
     column, label = ("cost", "cost") if frame.cost.notna().all() else ("mass_kg", "mass (kg)")
     figure, ax = panel(3.4)
-    for row in frame.itertuples():
+    for number, row in enumerate(frame.sort_values(column).itertuples()):
         colour = line_of(0)["color"] if row.front else GREY
         x = float(getattr(row, column))
         ax.plot([x], [row.error_ratio], ls="none", marker="o" if row.meets else "x", color=colour, ms=5)
-        ax.text(x, row.error_ratio, f"  {row.case}", ha="left", color=colour)
+        ax.text(x, row.error_ratio, f"  {row.case}", ha="left", va=("bottom", "top")[number % 2], color=colour)
     ax.axhline(1.0, color=GREY, ls="--", lw=1.0)
     scale_up(ax, "x", frame[column], from_zero=False)
     scale_up(ax, "y", frame.error_ratio)

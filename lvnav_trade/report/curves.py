@@ -1,5 +1,8 @@
 """Sections on choice: curves over numeric axes with crossings, tornado, cost against performance."""
 
+from collections.abc import Iterator
+from typing import Any
+
 import pandas as pd
 
 from lvnav_trade.metrics import METRICS
@@ -49,6 +52,17 @@ def pareto(tables: Tables) -> list[Block]:
     known = {"cost": "cost", "mass": "mass_kg"}
     order = ranked(frame, [name for name, column in known.items() if frame[column].notna().all()])
     best = order.iloc[0]
-    said = f"{best.case} (cost {best.cost:g}, {best.mass_kg:g} kg; error over limit {best.error_ratio:.2g})."
+    found: list[Block] = []
     lead = "Cheapest that meets all requirements:" if best.meets else "No case meets all requirements. Cheapest:"
-    return [Text(said, lead), Text(note("pareto")), stated("pareto", order), figure(tables, "pareto")]
+    for one in (best, *_shown_to_meet(order)):
+        found.append(
+            Text(f"{one.case} (cost {one.cost:g}, {one.mass_kg:g} kg; error over limit {one.error_ratio:.2g}).", lead)
+        )
+        lead = "Its runs leave it undecided. Cheapest whose verdict is met:"
+    return [*found, Text(note("pareto")), stated("pareto", order), figure(tables, "pareto")]
+
+
+def _shown_to_meet(order: pd.DataFrame) -> Iterator[Any]:
+    """Yield the first case whose verdict is met, where the first that meets all by its estimate is undecided."""
+    if order.meets.iloc[0] and order.verdict.iloc[0] == "undecided":
+        yield from order[order.verdict == "met"].head(1).itertuples()

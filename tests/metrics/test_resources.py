@@ -9,7 +9,7 @@ import pytest
 
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading.load import load as load_campaign
-from lvnav_trade.metrics import METRICS
+from lvnav_trade.metrics import METRICS, resources
 from lvnav_trade.metrics.resources import PREFERRED, ranked
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.raster import drawn
@@ -59,6 +59,17 @@ def test_the_front_has_no_dominated_case_and_the_cheapest_that_meets_comes_first
     heavier = frame.reset_index().assign(meets=True)
     assert list(ranked(heavier, ["cost"]).case) == ["imu=coarse", "imu=fine"]
     assert set(PREFERRED.values()) <= set(heavier.columns)
+
+
+def test_runs_that_contradict_an_estimate_decide_what_meets(stated, monkeypatch) -> None:
+    """Verdicts of runs stand beside the estimate: a violated one is not met, an undecided one is named as such."""
+    own = resources.margins(stated)
+    for verdict, meets in (("violated", False), ("not confirmed", False), ("undecided", True), ("met", True)):
+        changed = own.assign(verdict=own.verdict.where(own.case != "imu=fine", verdict))
+        monkeypatch.setattr(resources, "margins", lambda _, found=changed: found)
+        row = resources.pareto.__wrapped__(stated).set_index("case").loc["imu=fine"]
+        assert (row.verdict, row.meets) == (verdict, meets)
+        assert row.error_ratio < 1.0
 
 
 def test_a_case_that_is_worse_in_everything_is_dominated(tmp_path) -> None:

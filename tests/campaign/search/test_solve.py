@@ -75,7 +75,7 @@ def campaign():
 def test_frozen_and_re_tuned_are_found_on_a_flight_and_runs_confirm_both_sides(campaign) -> None:
     asked = Solve(vary=(Vary(path="initial.tilt", between=("0.01 deg", "1 deg"), log=True, points=3),), margin=0.3)
     found = solve(campaign, asked)
-    answers = found.answers.set_index("filter")
+    answers = found.answers.set_index("tuning")
     assert set(answers.index) == {"re-tuned", "frozen"}
     assert (answers.binding == "tilt").all()
     np.testing.assert_allclose(answers.base_value, np.degrees(cases(campaign)[0].scenario.initial.tilt))
