@@ -72,6 +72,20 @@ def test_a_campaign_its_searches_and_a_study_write_numbers(tmp_path) -> None:
     assert {file.parent.name for file in tmp_path.rglob("*.csv")} >= {"run", *ASKED}
 
 
-@pytest.mark.parametrize("folder", ["trade", "conae", "dlr", "drdc", "gains", "combinations"])
+@pytest.mark.parametrize(
+    "folder",
+    [
+        "trade",
+        "conae",
+        "dlr",
+        "drdc",
+        "gains",
+        "combinations",
+        "demo",
+        "error_budget",
+        "requirements",
+        "falcon9_formosat5",
+    ],
+)
 def test_kept_pages_of_searches_and_studies_hold_numbers(folder) -> None:
     assert of_files(Path("reports") / folder) == []
