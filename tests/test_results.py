@@ -5,6 +5,7 @@ from __future__ import annotations
 import pandas as pd
 
 import lvnav_trade
+from lvnav_trade.metrics import METRICS
 from lvnav_trade.results import Results
 from lvnav_trade.store.schema import TABLES
 from tests import synthetic
@@ -28,5 +29,5 @@ def test_tables_are_joined_with_the_labels_and_levels_of_their_cases(tmp_path) -
     by_level = found.budget.groupby("axis_imu", observed=True).size()
     assert set(by_level.index) == {"fine", "coarse"}
     attributes = set(dir(pd.DataFrame))
-    for name in TABLES:
+    for name in {**TABLES, **METRICS}:
         assert not attributes & set(getattr(found, name).columns), name
