@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from lvnav_trade import units
 from lvnav_trade.metrics.basics.select import (
@@ -23,11 +24,14 @@ from lvnav_trade.store.read import Tables
 
 class Converged(NamedTuple):
     """Times (n_run,) s after the start of a phase, the same of linear covariance's root mean square, and at how many
-    events they are read; one that never converges has the length of the phase.
+    events they are read. A run that is not below the limit at the last event has the length of the phase as its time
+    and is not `done` (n_run,).
     """
 
     times: Floats
+    done: NDArray[np.bool_]
     expected: float
+    expected_done: bool
     n_event: int
     length: float
 
@@ -60,11 +64,12 @@ def converged(
         expected.append([_rms(at_time(mine, t)) < limit])
     t = np.append(events.t_s.to_numpy(), last)
 
-    def after(below_limit: list[Any]) -> Floats:
+    def after(below_limit: list[Any]) -> tuple[Floats, NDArray[np.bool_]]:
         at_end = np.cumprod(np.array(below_limit)[::-1], axis=0).sum(axis=0)  # events at the end at which all is below
-        return np.asarray(t[len(events) - at_end] - first)
+        return np.asarray(t[len(events) - at_end] - first), np.asarray(at_end > 0)
 
-    return Converged(after(small), float(after(expected)[0]), len(events), last - first)
+    (times, done), (own, own_done) = after(small), after(expected)
+    return Converged(times, done, float(own[0]), bool(own_done[0]), len(events), last - first)
 
 
 def _limits(tables: Tables, case: str, quantity: str, events: pd.DataFrame, below: str, other: str) -> list[float]:

@@ -36,9 +36,9 @@ def expected(fault: str) -> str:
     return "channel" if kind in _CHANNEL else "inertial" if kind.startswith(_UNIT) else ""
 
 
-class Struck(NamedTuple):
+class AppliedFaults(NamedTuple):
     """The faults of a case: names, start of the first (s; infinite without any), what is to be isolated, and the
-    satellites that are struck singly (none: of these nothing is known).
+    satellites that are affected singly (none: of these nothing is known).
     """
 
     names: str
@@ -47,26 +47,26 @@ class Struck(NamedTuple):
     satellites: frozenset[str]
 
 
-def struck(tables: Tables, case: str) -> Struck:
+def applied_faults(tables: Tables, case: str) -> AppliedFaults:
     """Return what fails in a case."""
     faults = pick(tables.events, case=case, kind="fault").sort_values("t_s", kind="stable")
     if faults.empty:
-        return Struck("", np.inf, frozenset(), frozenset())
+        return AppliedFaults("", np.inf, frozenset(), frozenset())
     kinds = frozenset(filter(None, map(expected, faults.event)))
     satellites = frozenset(" ".join(faults.satellites.fillna("")).split())
-    return Struck(", ".join(faults.event), float(faults.t_s.iloc[0]), kinds, satellites)
+    return AppliedFaults(", ".join(faults.event), float(faults.t_s.iloc[0]), kinds, satellites)
 
 
-def outcomes(decisions: pd.DataFrame, faults: Struck) -> pd.Series:
+def outcomes(decisions: pd.DataFrame, faults: AppliedFaults) -> pd.Series:
     """Return what the decisions of each run amount to, by its number.
 
-    Isolated: everything that is to be isolated is named, every satellite that is struck is excluded, and nothing else;
+    Isolated: everything that is to be isolated is named, every satellite that is affected is excluded, and nothing else;
     wrong isolation: something else is named, or a sound satellite excluded; isolated in part: neither.
     """
     return decisions.groupby("run_number").apply(_outcome, faults, include_groups=False)
 
 
-def _outcome(rows: pd.DataFrame, faults: Struck) -> str:
+def _outcome(rows: pd.DataFrame, faults: AppliedFaults) -> str:
     # one of several inertial units that is excluded is the inertial failure itself, a separation names its satellite
     kinds = set(rows.isolated.replace({"unit": "inertial", "separation": "channel"}))
     satellites = {name.split()[0] for name in rows.channel[rows.isolated != "unit"].dropna() if name}
@@ -90,13 +90,15 @@ def rate(tables: Tables, case: str, metric: str, during: tuple[float, float]) ->
     """
     runs = pick(tables.runs, case=case).run_number.unique()
     found = [
-        _counted(rows[rows.t_s.between(during[0] - SAME_TIME, during[1] + SAME_TIME)], struck(tables, case), metric)
+        _counted(
+            rows[rows.t_s.between(during[0] - SAME_TIME, during[1] + SAME_TIME)], applied_faults(tables, case), metric
+        )
         for rows in (pick(tables.integrity, case=case), pick(tables.nominal_integrity, case=case))
     ]
     return np.isin(np.sort(runs), list(found[0])).astype(float), float(len(found[1]) > 0)
 
 
-def _counted(rows: pd.DataFrame, faults: Struck, metric: str) -> pd.Index:
+def _counted(rows: pd.DataFrame, faults: AppliedFaults, metric: str) -> pd.Index:
     """Return the runs that have the outcome."""
     if rows.empty or metric in ("false_alarm_rate", "detection_rate"):
         return pd.Index(rows.run_number.unique())
@@ -118,7 +120,7 @@ def integrity(tables: Tables) -> pd.DataFrame:
     found: list[tuple[Any, ...]] = []
     chosen = tables.cases[tables.cases.integrity.fillna(False).astype(bool) & (tables.cases.run_count > 0)]
     for case in chosen.itertuples():
-        faults, runs = struck(tables, case.case), int(case.run_count)
+        faults, runs = applied_faults(tables, case.case), int(case.run_count)
         rows, nominal = (
             _episodes(pick(table, case=case.case), faults, _interval(tables, case.case))
             for table in (tables.integrity, tables.nominal_integrity)
@@ -137,14 +139,16 @@ def _interval(tables: Tables, case: str) -> float:
     return float(np.median(np.diff(t))) if len(t) > 1 else 1.0
 
 
-def _episodes(rows: pd.DataFrame, faults: Struck, interval: float) -> pd.DataFrame:
+def _episodes(rows: pd.DataFrame, faults: AppliedFaults, interval: float) -> pd.DataFrame:
     """Return the decisions of each run within some epochs from its first one after the fault began."""
     after = rows[rows.t_s >= faults.start - SAME_TIME]
     since = after.t_s - after.groupby("run_number").t_s.transform("min")
     return after[since < (EPISODE - 0.5) * interval]
 
 
-def _found(rows: pd.DataFrame, nominal: pd.DataFrame, faults: Struck, runs: int) -> list[tuple[str, int, float, float]]:
+def _found(
+    rows: pd.DataFrame, nominal: pd.DataFrame, faults: AppliedFaults, runs: int
+) -> list[tuple[str, int, float, float]]:
     """Return outcome, count, median time and that of linear covariance: detected, how isolated, missed."""
     first, own = (one.groupby("run_number").t_s.min() - faults.start for one in (rows, nominal))
     how, nominally = (outcomes(one, faults) if len(one) else pd.Series(dtype=object) for one in (rows, nominal))
@@ -157,7 +161,7 @@ def _found(rows: pd.DataFrame, nominal: pd.DataFrame, faults: Struck, runs: int)
     return [detected, *parts, ("missed", runs - len(first), np.nan, np.nan)]
 
 
-def _recovered(tables: Tables, case: str, faults: Struck) -> list[tuple[str, int, float, float]]:
+def _recovered(tables: Tables, case: str, faults: AppliedFaults) -> list[tuple[str, int, float, float]]:
     """Return how many runs recover, and when; nothing where no case is alike but for the fault, or without events."""
     other = without_fault(tables, case)
     end = flight_events(tables, case).set_index("event").t_s.get(final_event(tables, case), -np.inf)
@@ -170,10 +174,10 @@ def _recovered(tables: Tables, case: str, faults: Struck) -> list[tuple[str, int
     known = [one for one in both if one is not None]
     if len(known) < 2:
         return []
-    times, own = np.max([one.times for one in known], axis=0), max(one.expected for one in known)
-    done = times < known[0].length
+    times, done = np.max([one.times for one in known], axis=0), np.all([one.done for one in known], axis=0)
     median = float(np.median(times[done])) if done.any() else np.nan
-    return [("recovered", int(done.sum()), median, own if own < known[0].length else np.nan)]
+    own = max(one.expected for one in known) if all(one.expected_done for one in known) else np.nan
+    return [("recovered", int(done.sum()), median, own)]
 
 
 def without_fault(tables: Tables, case: str) -> str:
@@ -231,7 +235,7 @@ def tested_errors(tables: Tables) -> pd.DataFrame:
         for quantity in ("position", "velocity", "attitude") if other else ():
             unit, factor = tables.people[quantity, "3d"]
             without, with_tests = (_at_event(tables, one, event, quantity) * factor for one in (other, case))
-            head = (label, struck(tables, case).names, event, f"{quantity}_error", unit)
+            head = (label, applied_faults(tables, case).names, event, f"{quantity}_error", unit)
             rows.append((*head, without, with_tests, with_tests / without if without > 0.0 else np.nan))
     names = ["case", "fault", "event", "metric", "unit", "without", "with_tests", "ratio"]
     return pd.DataFrame(rows, columns=names)
@@ -242,7 +246,7 @@ def _alike(tables: Tables, case: str, tested: pd.Series) -> str:
     mine = tables.levels[case]
     for other, levels in tables.levels.items():
         if not tested[other] and sum(mine.get(axis) != level for axis, level in levels.items()) == 1:
-            same = struck(tables, other)[:2] == struck(tables, case)[:2]
+            same = applied_faults(tables, other)[:2] == applied_faults(tables, case)[:2]
             if same:
                 return other
     return ""

@@ -47,17 +47,17 @@ def _reference(prepared: Prepared, t: Floats) -> dict[str, Any]:
 
 
 def event_rows(prepared: Prepared) -> list[dict[str, Any]]:
-    """Return events and faults, with their times and the satellites that a fault strikes singly."""
+    """Return events and faults, with their times and the satellites that a fault affects singly."""
     events = prepared.trajectory.events.items()
     rows = [{"event": name, "kind": "event", "t_s": t, "t_end_s": t, "satellites": ""} for name, t in events]
     course, sky, faults = prepared.trajectory.course, prepared.sky, prepared.scenario.faults
-    struck = singled_out(faults, course, sky.t, tuple(sky.names), sky.elevation, sky.tracked)
+    affected = singled_out(faults, course, sky.t, tuple(sky.names), sky.elevation, sky.tracked)
     for number, fault in enumerate(faults, start=1):
         found = periods(number - 1, fault, course)
         for part, (start, end) in enumerate(found, start=1):
             name = f"{fault.kind} {number}" + (f".{part}" if len(found) > 1 else "")
             span = {"t_s": course.begin(start), "t_end_s": course.instants["end"] if end == np.inf else end}
-            rows.append({"event": name, "kind": "fault", **span, "satellites": " ".join(struck[number - 1])})
+            rows.append({"event": name, "kind": "fault", **span, "satellites": " ".join(affected[number - 1])})
     return rows
 
 

@@ -44,7 +44,7 @@ class Timed(Conditions):
 
 
 class TimedInSight(Timed, SightConditions):
-    """The same of a fault that strikes the satellites of some elevations."""
+    """The same of a fault that affects the satellites of some elevations."""
 
 
 class SatelliteOutage(TimedInSight):

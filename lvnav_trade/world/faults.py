@@ -122,8 +122,8 @@ def lost(faults: Sequence[AnyFault], course: Course, t: Floats, elevation: Float
     for number, fault, within, *_ in active(faults, SatelliteOutage, course, t):
         if np.any(within):
             first = int(np.argmax(within))
-            struck = _struck(number, fault, within, elevation, visible)
-            gone |= struck & ~highest(elevation[first], visible[first], fault.keep)
+            affected = _affected(number, fault, within, elevation, visible)
+            gone |= affected & ~highest(elevation[first], visible[first], fault.keep)
     return gone
 
 
@@ -155,10 +155,10 @@ def _named(number: int, wanted: tuple[str, ...], names: tuple[str, ...]) -> Mask
     return np.array([not wanted or name in wanted for name in names])
 
 
-def _struck(number: int, fault: TimedInSight, within: Mask, elevation: Floats, candidates: Mask) -> Mask:
-    """Return which satellites a fault strikes by their elevation, while it holds, (n_epoch, n_sat).
+def _affected(number: int, fault: TimedInSight, within: Mask, elevation: Floats, candidates: Mask) -> Mask:
+    """Return which satellites a fault affects by their elevation, while it holds, (n_epoch, n_sat).
 
-    InputError where it would strike none of the candidates (n_epoch, n_sat) at any time of the flight.
+    InputError where it would affect none of the candidates (n_epoch, n_sat) at any time of the flight.
     """
     sighted = fault.sights(elevation)
     if fault.by_elevation and within.size and not np.any(sighted & candidates):
@@ -169,17 +169,17 @@ def _struck(number: int, fault: TimedInSight, within: Mask, elevation: Floats, c
 def singled_out(
     faults: Sequence[AnyFault], course: Course, t: Floats, names: tuple[str, ...], elevation: Floats, tracked: Mask
 ) -> list[tuple[str, ...]]:
-    """Return the satellites that each fault strikes by name, or as the highest at its start; none where it strikes
+    """Return the satellites that each fault affects by name, or as the highest at its start; none where it affects
     others or all. Parameters as of `failures`.
     """
     found = []
     for number, fault in enumerate(faults):
-        struck = tuple(getattr(fault, "satellites", ()))
-        if not struck and isinstance(fault, RangeBias | CycleSlip) and t.size:
+        affected = tuple(getattr(fault, "satellites", ()))
+        if not affected and isinstance(fault, RangeBias | CycleSlip) and t.size:
             start = min((begin for begin, _ in periods(number, fault, course)), default=t[0])
             first = min(int(np.searchsorted(t, start - ROUNDING)), t.size - 1)
-            struck = tuple(np.array(names)[np.asarray(highest(elevation[first], tracked[first], 1))].tolist())
-        found.append(struck)
+            affected = tuple(np.array(names)[np.asarray(highest(elevation[first], tracked[first], 1))].tolist())
+        found.append(affected)
     return found
 
 
@@ -199,17 +199,17 @@ def failures(
     frozen, invalid = np.zeros((2, n), dtype=bool)
     out = Failures(np.ones(shape), np.ones(n), bias, drift, slip, jump, wild, solution_wild, frozen, invalid)
     for number, fault, within, *_ in active(faults, DegradedNoise, course, t):
-        struck = _struck(number, fault, within, elevation, tracked) & _named(number, fault.satellites, names)
-        out.noise[struck] *= fault.factor
+        affected = _affected(number, fault, within, elevation, tracked) & _named(number, fault.satellites, names)
+        out.noise[affected] *= fault.factor
         out.solution_noise[within] *= 1.0 if fault.satellites or fault.by_elevation else fault.factor
     for number, fault, within, start, _ in active(faults, RangeBias, course, t):
         hit = _named(number, fault.satellites, names)
         if not fault.satellites and np.any(within):
             first = int(np.argmax(within))
             hit = np.asarray(highest(elevation[first], tracked[first], 1))
-        struck = _struck(number, fault, within, elevation, tracked) & hit
-        bias += np.where(struck, (fault.size + fault.drift * (t - start))[:, None], 0.0)
-        drift[struck] += fault.drift
+        affected = _affected(number, fault, within, elevation, tracked) & hit
+        bias += np.where(affected, (fault.size + fault.drift * (t - start))[:, None], 0.0)
+        drift[affected] += fault.drift
     for number, fault, _, start, _ in active(faults, CycleSlip, course, t):
         first = min(int(np.searchsorted(t, start - ROUNDING)), n - 1)
         hit = _named(number, fault.satellites, names)
@@ -220,8 +220,8 @@ def failures(
         _add_drift(jump, t, start, fault.rate)
         _add_drift(jump, t, end, -fault.rate)
     for number, fault, within, *_ in active(faults, WildSamples, course, t):
-        struck = _struck(number, fault, within, elevation, tracked) & _named(number, fault.satellites, names)
-        wild[struck] = np.hypot(wild[struck], fault.sigma)
+        affected = _affected(number, fault, within, elevation, tracked) & _named(number, fault.satellites, names)
+        wild[affected] = np.hypot(wild[affected], fault.sigma)
         if not fault.by_elevation:
             solution_wild[within] = np.hypot(solution_wild[within], fault.sigma)
     for _, _, within, *_ in active(faults, FrozenOutput, course, t):

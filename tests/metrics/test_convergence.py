@@ -42,3 +42,17 @@ def test_limits_are_those_of_the_other_case_at_each_event(good):
     far, near = (converged(good, COARSE, "position", (0.0, 99.5), f"{n} rms", FINE) for n in (2.9, 3.1))
     assert (far.expected, near.expected) == (99.5, 0.0)
     assert far.times.mean() > near.times.mean()
+
+
+def test_a_run_that_is_below_at_the_last_event_alone_has_converged_at_the_end_of_the_phase(good):
+    """The phase ends with its last event: the time alone cannot tell such a run from one that never converges."""
+    runs = good.runs.copy()
+    names = [f"velocity_{axis}_error_m_per_s" for axis in ("north", "east", "down")]
+    last = max(synthetic.EVENTS, key=synthetic.EVENTS.__getitem__)
+    run = int(runs[(runs.case == FINE) & (runs.event == last) & (runs.failure == "")].run_number.iloc[-1])
+    runs.loc[runs.case == FINE, names] = 9.0
+    runs.loc[(runs.case == FINE) & (runs.event == last) & (runs.run_number == run), names] = 0.0
+    end = synthetic.EVENTS[last]
+    found = converged(good.with_frames(runs=runs), FINE, "velocity", (0.0, end), "1 m/s")
+    assert np.unique(found.times).tolist() == [end]
+    assert np.flatnonzero(found.done).tolist() == [run]

@@ -12,7 +12,7 @@ from lvnav_trade.metrics.integrity import (
     integrity,
     rate,
     share,
-    struck,
+    applied_faults,
     without_fault,
 )
 from lvnav_trade.store.read import load
@@ -77,14 +77,14 @@ def test_every_struck_satellite_and_no_other_is_to_be_excluded():
     assert every[["satellites", "run_count", "run_ratio"]].values.tolist() == [
         ["G05", 1, 0.05], ["G05 G12", 1, 0.05], ["G05 G12 G20", 1, 0.05],
     ]  # fmt: skip
-    assert struck(results, "a").satellites == {"G05", "G12"}
+    assert applied_faults(results, "a").satellites == {"G05", "G12"}
 
 
 def test_a_sound_satellite_that_is_excluded_beside_the_right_decision_makes_it_wrong():
     rows = [(0, 51.0, "clock"), (1, 51.0, "clock", "G05 range")]
     found = integrity(tables(rows)).set_index("outcome").outcome_count
     assert (found["isolated"], found["wrong isolation"]) == (1, 1)
-    of_all = (("degraded_noise 1", 50.0, ""),)  # any satellite is struck
+    of_all = (("degraded_noise 1", 50.0, ""),)  # any satellite is affected
     found = integrity(tables([(0, 51.0, "channel", "G05 range")], of_all)).set_index("outcome").outcome_count
     assert (found["isolated"], found["wrong isolation"]) == (1, 0)
 

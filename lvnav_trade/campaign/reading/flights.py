@@ -27,6 +27,8 @@ from lvnav_trade.world.sensors.units import axis_counts
 from lvnav_trade.world.sky.satellites import satellites
 from lvnav_trade.world.truth import BEYOND, NOTE, WARNING, Remark
 
+_NOT_RECEIVED = "is received at no time of the flight while the fault holds"
+
 # Kinds of remarks by their name in the manifest, the most important first
 KINDS = {"beyond_limits": BEYOND, "warnings": WARNING, "notes": NOTE}
 
@@ -42,7 +44,7 @@ def mistakes(campaign: Campaign, cases: Sequence[Case], events: Mapping[str, Map
         *(_windows(campaign, case, events[case.id]) for case in cases),
         _unmeasured(campaign, cases),
     )
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys(found)) or list(_without_effect(campaign, cases))
 
 
 def _named(campaign: Campaign, case: Case, times: Mapping[str, float]) -> Iterator[Mistake]:
@@ -163,7 +165,37 @@ def warnings(cases: Sequence[Case]) -> list[str]:
         for name, using, idle in _sensors(cases)
         if using and idle
     ]
+    for (_, name), (index, affected, idle) in _satellites(cases).items():
+        if affected and idle:
+            labels = "; ".join(case.label for case in idle)
+            found.append(f"faults.{index}.satellites: {name} {_NOT_RECEIVED} in {labels}")
     return found + [f"{case.label}: {line}" for case in cases if (line := _other_flight(case.scenario))]
+
+
+def _without_effect(campaign: Campaign, cases: Sequence[Case]) -> Iterator[Mistake]:
+    """Yield the satellites that a fault names and that are received in no case while it holds."""
+    for (_, name), (index, affected, idle) in _satellites(cases).items():
+        if not affected:
+            yield written(campaign, idle[0], f"base.faults.{index}.satellites", f"{name} {_NOT_RECEIVED}")
+
+
+class _Naming(NamedTuple):
+    """Number of a fault that names a satellite, and the cases with and without an effect of it."""
+
+    index: int
+    affected: list[Case]
+    idle: list[Case]
+
+
+def _satellites(cases: Sequence[Case]) -> dict[tuple[str, str], _Naming]:
+    """Return, by fault and satellite, in which cases the satellite is received while the fault holds."""
+    found: dict[tuple[str, str], _Naming] = {}
+    for case in cases:
+        for index, name, idle in switched.unreceived(case.scenario):
+            key = (case.scenario.faults[index].model_dump_json(), name)
+            one = found.setdefault(key, _Naming(index, [], []))
+            (one.idle if idle else one.affected).append(case)
+    return found
 
 
 def _other_flight(scenario: Scenario) -> str:

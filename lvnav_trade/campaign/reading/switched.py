@@ -5,12 +5,12 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from lvnav_trade.engines.setup.sensors import view_of
-from lvnav_trade.engines.setup.shared import trajectory_of
+from lvnav_trade.engines.setup.shared import seen_in, trajectory_of
 from lvnav_trade.errors import InputError
 from lvnav_trade.observables.sensor import SensorCard
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.world.conditions import BOUNDS, Conditions, Course, inside, never
-from lvnav_trade.world.fault_cards import AnyFault
+from lvnav_trade.world.fault_cards import AnyFault, Jump
 from lvnav_trade.world.faults import periods
 
 Found = Iterator[tuple[str, str]]
@@ -41,6 +41,25 @@ def of_fault(fault: AnyFault, scenario: Scenario, events: Mapping[str, float]) -
     yield from conditions
     if fault.start is not None and not conditions:
         yield from _timed(fault, fault.start, course)
+
+
+def unreceived(scenario: Scenario) -> Iterator[tuple[int, str, bool]]:
+    """Yield number (from 0) of each fault that names satellites, each name, and whether the satellite is received at no
+    time of the flight while the fault holds.
+    """
+    naming = [(number, fault) for number, fault in enumerate(scenario.faults) if getattr(fault, "satellites", ())]
+    if not naming:
+        return
+    flight = trajectory_of(scenario)
+    t = np.arange(flight.start, flight.end, 1.0 / scenario.filter.update_rate)
+    seen = seen_in(scenario, flight, t, flight.start)
+    for number, fault in naming:
+        found = periods(number, fault, flight.course)
+        within = inside(found, t)
+        if isinstance(fault, Jump):
+            within[[min(int(np.searchsorted(t, start)), t.size - 1) for start, _ in found]] = True
+        for name in getattr(fault, "satellites", ()):
+            yield number, name, not np.any(seen.tracked[within, seen.names.index(name)])
 
 
 def of_filter(scenario: Scenario, events: Mapping[str, float]) -> Found:

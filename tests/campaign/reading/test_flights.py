@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
 from lvnav_trade.campaign.definition.axes import cases
 from lvnav_trade.campaign.reading import flights, switched
 from lvnav_trade.campaign.reading.load import load
+from lvnav_trade.world.conditions import Course
 
 EVENTS = {"liftoff": 0.0, "stage1_cutoff": 150.0, "injection": 540.0}  # the climb holds 60 s and coasts 20 s
 LISTED = "filter.measurements=[pseudorange, range_rate, altitude]"
@@ -52,3 +58,41 @@ def test_stored_gains_of_another_flight_are_a_warning(study) -> None:
     card = unknown.scenario.filter.model_copy(update={"gains": gains})
     unknown = unknown._replace(scenario=unknown.scenario.model_copy(update={"filter": card}))
     assert "does not say for which flight" in flights.warnings([unknown])[0]
+
+
+def _sky(tracked):
+    """Return a stand-in for the sky of a flight of 560 s at one epoch a second: A1 is received as stated."""
+    return lambda scenario, flight, t, start: SimpleNamespace(
+        names=("A1", "A2"), tracked=np.stack([tracked(t, scenario), np.ones(t.size, dtype=bool)], axis=1)
+    )
+
+
+def _fly(monkeypatch, tracked):
+    course = Course({"start": -60.0, "end": 560.0, **EVENTS})
+    flight = SimpleNamespace(course=course, start=-60.0, end=560.0)
+    monkeypatch.setattr(switched, "trajectory_of", lambda _: flight)
+    monkeypatch.setattr(switched, "_unable", lambda *_: iter(()))
+    monkeypatch.setattr(switched, "seen_in", _sky(tracked))
+
+
+BIAS = "faults=[{kind: range_bias, size: 5 m, satellites: [A1, A2], start: 100 s, duration: 50 s}]"
+SLIP = "faults=[{kind: cycle_slip, size: 1, satellites: [A1], start: 149.5 s}]"
+
+
+@pytest.mark.parametrize("fault", [BIAS, SLIP])
+def test_a_satellite_that_is_not_received_while_its_fault_holds_is_refused(study, monkeypatch, fault) -> None:
+    _fly(monkeypatch, lambda t, _: t > 150.5)
+    (line,) = reported(fault)
+    assert line.endswith("base.faults.0.satellites: A1 is received at no time of the flight while the fault holds")
+    _fly(monkeypatch, lambda t, _: t > 148.5)
+    assert reported(fault) == []
+
+
+def test_a_satellite_that_some_cases_receive_is_a_warning(study, monkeypatch) -> None:
+    study.append("axes:\n  - {path: receiver.mask, values: [5 deg, 30 deg]}\n")
+    _fly(monkeypatch, lambda t, scenario: np.full(t.size, scenario.receiver.mask < 0.2))
+    assert reported(BIAS) == []
+    (line,) = warned(BIAS)
+    assert line.startswith("faults.0.satellites: A1 is received at no time of the flight while the fault holds in ")
+    assert "30 deg" in line
+    assert "; " not in line

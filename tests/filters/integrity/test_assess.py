@@ -60,11 +60,11 @@ def test_what_failed_is_isolated_within_five_epochs(name):
 
 def test_the_excluded_channel_is_that_of_the_fault():
     block, case = flown("channel"), prepared("channel")
-    struck = np.flatnonzero(np.any(case.sky.tracked[12:], axis=0) & (case.sky.elevation[12] == np.max(
+    affected = np.flatnonzero(np.any(case.sky.tracked[12:], axis=0) & (case.sky.elevation[12] == np.max(
         np.where(case.sky.tracked[12], case.sky.elevation[12], -9.0))))  # fmt: skip
     _, at = np.unique(block.decisions[:, 0], return_index=True)
     named = [case.channel_names[int(c)].split()[0] for c in block.decisions[at, 3]]
-    assert named.count(case.sky.names[int(struck[0])]) >= 0.95 * RUNS
+    assert named.count(case.sky.names[int(affected[0])]) >= 0.95 * RUNS
 
 
 @pytest.mark.parametrize("name", ["clock", "inertial"])
