@@ -7,12 +7,12 @@ from scipy.stats import beta
 
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.integrity import (
+    applied_faults,
     decisions,
     expected,
     integrity,
     rate,
     share,
-    applied_faults,
     without_fault,
 )
 from lvnav_trade.store.read import load
