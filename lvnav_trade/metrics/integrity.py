@@ -60,8 +60,8 @@ def applied_faults(tables: Tables, case: str) -> AppliedFaults:
 def outcomes(decisions: pd.DataFrame, faults: AppliedFaults) -> pd.Series:
     """Return what the decisions of each run amount to, by its number.
 
-    Isolated: everything that is to be isolated is named, every satellite that is affected is excluded, and nothing else;
-    wrong isolation: something else is named, or a sound satellite excluded; isolated in part: neither.
+    Isolated: everything that is to be isolated is named, every affected satellite is excluded, and nothing else; wrong
+    isolation: something else is named, or a sound satellite excluded; isolated in part: neither.
     """
     return decisions.groupby("run_number").apply(_outcome, faults, include_groups=False)
 
