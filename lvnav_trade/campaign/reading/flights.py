@@ -182,7 +182,7 @@ def _without_effect(campaign: Campaign, cases: Sequence[Case]) -> Iterator[Mista
 class _Naming(NamedTuple):
     """Number of a fault that names a satellite, and the cases with and without an effect of it."""
 
-    index: int
+    number: int
     affected: list[Case]
     idle: list[Case]
 
