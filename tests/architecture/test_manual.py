@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import os
 import re
 import shlex
@@ -10,6 +11,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from ruamel.yaml import YAML
@@ -134,6 +136,23 @@ def test_the_notebook_recipe_runs(root, desk):
     done = subprocess.run([sys.executable, "-c", body], cwd=desk, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-500:]
     assert done.stdout.startswith("<Results of smoke: 1 cases, 8 runs each>")
+
+
+def test_the_example_notebook_runs_and_shows_what_it_printed(root, desk, monkeypatch):
+    monkeypatch.chdir(desk)
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    names: dict[str, Any] = {}
+    cells = json.loads((root / "docs/example.ipynb").read_text())["cells"]
+    code = [cell for cell in cells if cell["cell_type"] == "code"]
+    for cell in code:
+        exec("".join(cell["source"]), names)
+    printed = [out["data"]["text/plain"] for cell in code for out in cell["outputs"]]
+    assert "".join(printed[1]) == repr(names["results"])
+    assert list(names["shares"].columns) == ["imu=tactical_fog", "imu=tactical_mems"]
+    stored = re.search(r"position_error +3d +m +([0-9.]+)", "".join(printed[2]))
+    mine = names["rms"].query("phase_or_event == 'injection' and metric == 'position_error' and axis == '3d'").rms
+    assert float(stored[1]) == pytest.approx(mine.iloc[0], rel=0.02)
+    assert len(names["axes"].lines) == 4
 
 
 def test_the_manual_builds_with_every_formula_and_asks_for_nothing_from_a_network(root, tmp_path):
