@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 
 from lvnav_trade import expression
 from lvnav_trade.campaign.definition.schema import Axis, Campaign
@@ -166,17 +166,43 @@ def cases(campaign: Campaign) -> list[Case]:
 
 def _cases(campaign: Campaign) -> list[Case]:
     found: dict[str, Case] = {}
-    base = campaign.base.model_dump(mode="json")
+    base, sections = campaign.base.model_dump(mode="json"), Sections([axis.steps[0] for axis in campaign.axes])
+    known: dict[int, Any] = {}
     for chosen in chosen_levels(campaign):
         data = base
         for axis, index in zip(campaign.axes, chosen, strict=True):
             if index is not None:
                 data = put(data, axis.steps, (axis.values or ())[index])
-        scenario = Scenario.model_validate(data)
+        scenario = sections.scenario(data, chosen)
         axes = choice(campaign.axes, chosen)
-        digest = case_id(scenario, campaign.seed, campaign.keep.history)
+        digest = case_id(scenario, campaign.seed, campaign.keep.history, known)
         found.setdefault(digest, Case(digest, case_label(axes), axes, scenario))
     return list(found.values())
+
+
+class Sections:
+    """Scenarios of a design: a card that several cases have in common is validated once, and they share it.
+
+    varied : for each axis the field of the scenario in which it varies something
+    """
+
+    def __init__(self, varied: Sequence[str]) -> None:
+        self.varied = varied
+        self.known: dict[tuple[str, tuple[int | None, ...]], Any] = {}
+
+    def scenario(self, data: Mapping[str, Any], chosen: Sequence[int | None]) -> Scenario:
+        """Return the scenario of plain data, which has these levels of the axes; ValidationError as pydantic's."""
+        places = {name: (name, self._levels(name, chosen)) for name in data}
+        try:
+            found = Scenario.model_validate({name: self.known.get(at, data[name]) for name, at in places.items()})
+        except ValidationError:
+            return Scenario.model_validate(data)
+        made = {at: getattr(found, name) for name, at in places.items()}
+        self.known.update({at: one for at, one in made.items() if isinstance(one, BaseModel)})
+        return found
+
+    def _levels(self, name: str, chosen: Sequence[int | None]) -> tuple[int | None, ...]:
+        return tuple(index for field, index in zip(self.varied, chosen, strict=True) if field == name)
 
 
 def chosen_levels(campaign: Campaign) -> list[tuple[int | None, ...]]:
@@ -207,33 +233,42 @@ def get(data: Any, path: Sequence[str]) -> Any:
     return data
 
 
-def case_id(scenario: Scenario, seed: int, history: float) -> str:
+def case_id(scenario: Scenario, seed: int, history: float, known: dict[int, Any] | None = None) -> str:
     """Return 12 hex digits that stand for the scenario, the seed, the history's step and the version of the numbers.
+
+    known : what fields of earlier scenarios came to, by their identity; those scenarios are still in use
 
     The step counts because covariance steps are cut at history times. A file that the scenario names counts by its
     content, not by its path: the same question asked in another folder has the same digest, an edited almanac another.
     """
-    data = {"scenario": _canonical(scenario), "seed": seed, "history": history, "results_version": RESULTS_VERSION}
+    data = {
+        "scenario": _canonical(scenario, known),
+        "seed": seed,
+        "history": history,
+        "results_version": RESULTS_VERSION,
+    }
     return hashlib.sha256(json.dumps(data, sort_keys=True, separators=(",", ":")).encode()).hexdigest()[:12]
 
 
-def _canonical(model: BaseModel) -> dict[str, Any]:
-    data = model.model_dump(mode="json")
-    for name in type(model).model_fields:
+def _canonical(model: BaseModel, known: dict[int, Any] | None = None) -> dict[str, Any]:
+    kind, without, below = type(model), set(), {}
+    for name in kind.model_fields:
         value = getattr(model, name)
         if isinstance(value, Resources) or (name == "resources" and value is None):
-            data.pop(name)
+            without.add(name)
         elif isinstance(value, BaseModel):
-            data[name] = _canonical(value)
+            below[name] = (known or {}).get(id(value)) or _canonical(value)
+            if known is not None:
+                known[id(value)] = below[name]
         elif isinstance(value, tuple) and value and isinstance(value[0], BaseModel):
-            data[name] = [_canonical(item) for item in value]
+            below[name] = [_canonical(item) for item in value]
         elif isinstance(value, dict):
-            data[name] = {k: _canonical(one) if isinstance(one, BaseModel) else one for k, one in value.items()}
-        elif fields.is_path(type(model), name) and isinstance(value, str):
-            data[name] = _content(value)
-        elif fields.is_path(type(model), name) and isinstance(value, tuple):
-            data[name] = [_content(item) for item in value]
-    return data
+            below[name] = {k: _canonical(one) if isinstance(one, BaseModel) else one for k, one in value.items()}
+        elif isinstance(value, str) and fields.is_path(kind, name):
+            below[name] = _content(value)
+        elif isinstance(value, tuple) and fields.is_path(kind, name):
+            below[name] = [_content(item) for item in value]
+    return model.model_dump(mode="json", exclude={*below, *without}) | below
 
 
 def _content(file: str) -> str:

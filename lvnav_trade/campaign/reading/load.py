@@ -1,6 +1,6 @@
 """From a YAML file and assignments to a checked campaign: every mistake found at once, each in one line."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -117,10 +117,12 @@ class _Loader:
         self.mistakes += mistakes
         return whole
 
-    def _validate(self, node: tree.Node, model: type[Model], path: str) -> Model | None:
+    def _validate(
+        self, node: tree.Node, model: type[Model], path: str, make: Callable[[Any], Model] | None = None
+    ) -> Model | None:
         """Return the model of an expanded tree; its mistakes are noted, save where expansion already found one."""
         try:
-            return model.model_validate(tree.plain(node))
+            return (make or model.model_validate)(tree.plain(node))
         except ValidationError as error:
             known = [record.path for record in self.mistakes]
             for record in explain(error, node, model, path):
@@ -194,6 +196,7 @@ class _Loader:
 
     def _check_cases(self, base: tree.Node, axes: list[Varied], levels: list[list[tree.Node]], whole: Campaign) -> None:
         """Cross-check every case; a mistake stands where the field that breaks the rule was written."""
+        sections = design.Sections([varied.axis.steps[0] for varied in axes])
         for chosen in design.chosen_levels(whole):
             node = base
             try:
@@ -203,7 +206,7 @@ class _Loader:
             except InputError as error:  # a level of another axis has no such item
                 self.mistakes += error.records
                 continue
-            scenario = self._validate(node, Scenario, "base")
+            scenario = self._validate(node, Scenario, "base", lambda data: sections.scenario(data, chosen))  # noqa: B023
             if scenario is not None:
                 self.mistakes += [*checks.rates(scenario, node), *checks.measurements(scenario, node)]
 

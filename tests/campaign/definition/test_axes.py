@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import pytest
+from pydantic import ValidationError
 
-from lvnav_trade.campaign.definition.axes import cases, levels, put
+from lvnav_trade.campaign.definition.axes import Sections, case_id, cases, levels, put
 from lvnav_trade.campaign.reading.load import load
 from lvnav_trade.errors import InputError
+from lvnav_trade.scenario import Scenario
 
 TWO = "axes:\n  - {path: imu, cards: [imu/good, imu/poor]}\n  - {path: filter.gate, values: [4, 5]}\n"
 
@@ -123,3 +125,22 @@ def test_an_axis_over_an_item_that_is_not_there_is_refused(study) -> None:
     study.append("axes: [{path: faults.0.keep, values: [1, 2, 3]}]\n")
     with pytest.raises(InputError, match=r"'faults\.0\.keep' is not a field of the base"):
         load(study.path)
+
+
+def test_cases_share_the_cards_that_no_axis_varies(study):
+    study.append(
+        "axes:\n  - {path: receiver.mask, values: [5 deg, 6 deg]}\n  - {path: initial.tilt, values: [1 mrad, 2 mrad]}\n"
+    )
+    found = cases(load("campaign.yaml"))
+    assert len({id(case.scenario.imu) for case in found}) == 1
+    assert len({id(case.scenario.receiver) for case in found}) == 2
+    assert len({id(case.scenario.initial) for case in found}) == 2
+    for case in found:
+        alone = Scenario.model_validate(case.scenario.model_dump(mode="json"))
+        assert case.id == case_id(alone, load("campaign.yaml").seed, load("campaign.yaml").keep.history)
+
+
+def test_a_case_that_is_refused_names_the_field_though_cards_are_shared():
+    sections = Sections(["receiver"])
+    with pytest.raises(ValidationError, match="mask"):
+        sections.scenario({"receiver": {"mask": "steep"}}, (0,))
