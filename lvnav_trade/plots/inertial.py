@@ -1,11 +1,16 @@
 """Inertial units: Allan deviation over the averaging time."""
 
+import math
+
+import pandas as pd
+
 from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.select import pick
 from lvnav_trade.plots.figure import GREY, Figure, canvas
 from lvnav_trade.plots.style import PALETTE, drawing
 from lvnav_trade.store.read import Tables
 
+_DEG_H, _MG = math.degrees(3600.0), 1e3 / 9.80665  # of rad/s and m/s^2
 _PARTS = (("white", "white noise", ":"), ("instability", "bias instability", "--"), ("walk", "random walk", "-."))
 
 
@@ -27,4 +32,20 @@ def allan(tables: Tables, case: str) -> Figure:
         axes.plot(one.tau_s, one.stream, ls="none", marker="o", ms=3, color=PALETTE[1], label="simulated stream")
         least = one[["card", "stream"]].to_numpy().min()
         axes.set(ylabel=f"{sensor}\n({one.unit.iloc[0]})", ylim=(0.3 * max(least, 1e-30), None))
+    return figure
+
+
+def allan_of_log(curves: pd.DataFrame) -> Figure:
+    """Draw the Allan deviation of each axis of a log as dots with its interval of 95 % as a band, the fit as a line."""
+    sensors = list(dict.fromkeys(curves.sensor))
+    figure, grid = canvas(-(-len(sensors) // 3), 3, 2.4)
+    for axes, sensor in zip(grid.ravel(), sensors, strict=False):
+        one = curves[curves.sensor == sensor]
+        unit, factor = ("deg/h", _DEG_H) if sensor.startswith("gyro") else ("mg", _MG)
+        axes.set(xscale="log", yscale="log", xlabel="averaging time (s)", ylabel=f"{sensor} ({unit})")
+        axes.fill_between(one.tau_s, factor * one.low_si, factor * one.high_si, color=PALETTE[1], alpha=0.25)
+        axes.plot(one.tau_s, factor * one.model_si, color=PALETTE[0], label="fit")
+        axes.plot(
+            one.tau_s, factor * one.deviation_si, ls="none", marker="o", ms=3, color=PALETTE[1], label="log, with 95 %"
+        )
     return figure

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 
 from lvnav_trade.plots import PLOTS
+from lvnav_trade.plots.inertial import allan_of_log
 from lvnav_trade.plots.raster import drawn
 from lvnav_trade.report.flight import allan as section
 from tests.synthetic import with_allan_curves
@@ -26,3 +28,17 @@ def test_a_section_stands_on_the_page_where_a_stream_was_asked_for(good):
     _, tables = with_allan_curves(good)
     assert len(section(tables)) == 3
     assert section(good) == []
+
+
+def test_a_log_has_a_panel_for_each_axis_with_the_fit_and_its_interval():
+    tau = np.geomspace(0.1, 100.0, 7)
+    names = [f"{sensor} {axis}" for sensor in ("gyro", "accelerometer") for axis in "xyz"]
+    curves = pd.concat([
+        pd.DataFrame({"sensor": name, "tau_s": tau, "deviation_si": 1e-3 / tau, "low_si": 9e-4 / tau,
+                      "high_si": 1.1e-3 / tau, "model_si": 1e-3 / tau}) for name in names
+    ])  # fmt: skip
+    figure = drawn(allan_of_log(curves))
+    assert [axes.get_ylabel() for axes in figure.axes[2:4]] == ["gyro z (deg/h)", "accelerometer x (mg)"]
+    fit = next(line for line in figure.axes[0].get_lines() if line.get_label() == "fit")
+    np.testing.assert_allclose(fit.get_ydata(), 206.26480624709636 / tau)
+    assert len(figure.axes) == 6

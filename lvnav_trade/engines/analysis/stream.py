@@ -67,8 +67,9 @@ def _at_rest(prepared: Prepared, triad: int, card: ImuCard, n_tick: int) -> Unit
     )  # fmt: skip
 
 
-def _stream(unit: Unit, n_mean: int, seed: int) -> Floats:
-    """Return the means over its process steps (n_mean, 6) of what a unit at rest puts out."""
+def stream_at_rest(prepared: Prepared, triad: int, card: ImuCard, n_mean: int, seed: int) -> Floats:
+    """Return the means over its process steps (n_mean, 6), rad/s and m/s^2, of what a unit of a case gives at rest."""
+    unit = _at_rest(prepared, triad, card, n_mean * prepared.unit.process_ticks)
     n_block, out = max(1, len(unit.sigma)), np.zeros((n_mean, 6))
     work = _Work(
         np.zeros(1, dtype=np.uint64), np.zeros(10), np.zeros((n_block, 3)), np.zeros((2, processes.N_TABLE)),
@@ -111,7 +112,7 @@ def allan_curves(prepared: Prepared, seconds: float, seed: int) -> tuple[Curve, 
         (k, imu.units[triad.unit], f"unit {triad.unit + 1} ") for k, triad in enumerate(triads_of(imu))
     ]  # fmt: skip
     for triad, card, name in owners:
-        means = _stream(_at_rest(prepared, triad, card, n_mean * prepared.unit.process_ticks), n_mean, seed)
+        means = stream_at_rest(prepared, triad, card, n_mean, seed)
         for first, label, sensor, unit in ((0, "gyro", card.gyro, "rad/s"), (3, "accelerometer", card.accel, "m/s^2")):
             deviation = np.sqrt(np.mean(allan.overlapping(means[:, first : first + 3], dt, factors) ** 2, axis=1))
             parts = by_card(sensor, tau)

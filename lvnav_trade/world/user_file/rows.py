@@ -43,6 +43,20 @@ def read_columns(
     return table, places
 
 
+def column_names(path: str, delimiter: str = ",") -> list[str]:
+    """Return the names of the columns of a CSV or Parquet file; InputError where it cannot be read."""
+    if Path(path).suffix.lower() not in (".parquet", ".pq"):
+        number, header = next(text_lines(path, DATA_BYTES), (0, ""))
+        return [title.strip() for title in _fields(header, delimiter, f"{path}:{number}")] if header else []
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        return list(pq.ParquetFile(path).schema_arrow.names)
+    except (OSError, pa.ArrowException) as error:
+        raise InputError(f"{path}: cannot be read as Parquet: {str(error).partition(chr(10))[0]}") from None
+
+
 def refuse_first(wrong: NDArray[np.bool_], path: str, places: list[str], fault: Callable[[int], str]) -> None:
     """InputError with place and fault of the first row that is wrong (n,)."""
     for k in np.flatnonzero(wrong)[:1]:

@@ -1,0 +1,165 @@
+"""The card of an inertial unit from its log at rest: coefficients of the Allan variance, with intervals as comments."""
+
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from lvnav_trade import units
+from lvnav_trade.errors import InputError
+from lvnav_trade.records import Floats
+from lvnav_trade.world.sensors.allan_fit import FEWEST, NAMES, AxisFit, Coefficient, fit, ladder
+from lvnav_trade.world.user_file.imu_log import ImuLog, part_of, read_log
+
+_SENSORS = {"gyro": "gyro", "accel": "accelerometer"}
+_UNITS = {
+    "gyro": {
+        "random_walk": ("deg/sqrt(h)", "rad/s**0.5"), "rate_random_walk": ("deg/h/sqrt(h)", "rad/s**1.5"),
+        "bias_instability": ("deg/h", "rad/s"), "quantisation": ("arcsec", "rad"),
+    },
+    "accel": {
+        "random_walk": ("m/s/sqrt(h)", "m/s**1.5"), "rate_random_walk": ("mg/sqrt(h)", "m/s**2.5"),
+        "bias_instability": ("mg", "m/s**2"), "quantisation": ("mm/s", "m/s"),
+    },
+}  # fmt: skip
+_MOST_PROCESSES = 6
+
+
+class FittedUnit(NamedTuple):
+    """fits: of x, y, z by sensor (gyro, accel); seconds, rate (Hz) of the log; text: the card; curves: Allan deviations
+    by sensor and axis (tau_s, deviation_si, low_si, high_si, model_si); coefficients: one row each, SI.
+    """
+
+    fits: dict[str, list[AxisFit]]
+    seconds: float
+    rate: float
+    text: str
+    curves: pd.DataFrame
+    coefficients: pd.DataFrame
+
+
+def fit_unit(
+    file: str, start: float | None = None, end: float | None = None, shortest: float = 0.0, longest: float = math.inf
+) -> FittedUnit:
+    """Return what a log of a unit at rest shows.
+
+    Parameters
+    ----------
+    start, end : part of the log, s after its first row
+    shortest, longest : averaging times (s) that are fitted
+
+    Raises
+    ------
+    InputError
+        A log that cannot be read, with gaps or uneven, too short, or whose output never changes.
+    """
+    log = part_of(read_log(file), start, end, file)
+    n, rate = log.t.size, 1.0 / log.dt
+    factors = ladder(n, log.dt, shortest, longest)
+    if n < FEWEST or len(factors) < len(NAMES) + 2:
+        raise InputError(
+            f"{file}: too short: {n} rows, {n * log.dt:.6g} s, {len(factors)} averaging times; at least {FEWEST} rows "
+            f"and {len(NAMES) + 2} averaging times of six a decade are needed"
+        )
+    fits = {part: _triad(file, part, getattr(log, part), log.dt, factors) for part in _SENSORS}
+    text = _card(file, log, fits)
+    return FittedUnit(fits, n * log.dt, rate, text, _curves(fits), _coefficients(fits))
+
+
+def _triad(file: str, part: str, rates: Floats, dt: float, factors: list[int]) -> list[AxisFit]:
+    for axis, column in zip("xyz", rates.T, strict=True):
+        if np.ptp(column) == 0.0:
+            raise InputError(f"{file}: {part} {axis} never changes: there is no noise to fit")
+    return [fit(column - np.mean(column), dt, factors) for column in rates.T]
+
+
+def _card(file: str, log: ImuLog, fits: dict[str, list[AxisFit]]) -> str:
+    """Return the text of the card."""
+    name = Path(file).stem
+    tau = fits["gyro"][0].tau
+    lines = [
+        f"# Written by lvnav-trade fit-unit {Path(file).name}; comments: intervals of 95 %, of x, y and z.",
+        "# A log at rest shows no bias repeatability, scale factor, misalignment or g-sensitivity: add them.",
+        f"name: {_quoted(name)}",
+        "source: >-",
+        f"  Allan variance of the log {Path(file).name}, {log.t.size} samples at {1.0 / log.dt:.6g} Hz,"
+        f" {log.t.size * log.dt:.6g} s; averaging times {tau[0]:.4g} to {tau[-1]:.4g} s",
+        f'rate: "{1.0 / log.dt:.9g} Hz"',
+    ]
+    for part, axes in fits.items():
+        body = [line for name in NAMES for line in _lines(part, name, [one.coefficients[name] for one in axes])]
+        if any(one.coefficients["bias_instability"].shown for one in axes):
+            body.append(f"  instability_fit: {_processes(tau)}")
+        worst = max(one.spread for one in axes)
+        if worst > 1.0:
+            body.insert(
+                0,
+                f"  # fits poorly: residuals are {worst:.3g} of their standard deviations; intervals are wider by that",
+            )
+        values = any(not line.lstrip().startswith("#") for line in body)
+        lines += [f"{part}:" if values else f"{part}: {{}}", *body]
+    return "\n".join(lines) + "\n"
+
+
+def _quoted(name: str) -> str:
+    return '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def _processes(tau: Floats) -> str:
+    """Return the processes that stand for flicker noise over the averaging times of the log, two or more a decade."""
+    longest = float(tau[-1])
+    shortest = min(1.0, 0.1 * longest)
+    count = min(_MOST_PROCESSES, 1 + math.ceil(math.log10(longest / shortest) - 1e-9))
+    return f'{{processes: {count}, shortest: "{shortest:.6g} s", longest: "{longest:.6g} s"}}'
+
+
+def _lines(part: str, name: str, axes: list[Coefficient]) -> list[str]:
+    """Return the lines of a coefficient: a value of each axis, intervals or bounds behind them."""
+    unit, si = _UNITS[part][name]
+    factor = units.parse(f"1 {unit}", si)
+    said = [
+        f"{one.low / factor:.4g} to {one.high / factor:.4g}"
+        if one.shown
+        else f"not shown, below {one.high / factor:.3g}"
+        for one in axes
+    ]
+    comment = f"  # {name}: {'; '.join(said)} {unit}"
+    shown = [one.value / factor for one in axes if one.shown]
+    if not shown:
+        return [comment]
+    if name == "quantisation":  # a card has one step of all axes
+        return [comment, f'  quantisation: "{np.sqrt(np.mean(np.square(shown))):.4g} {unit}"']
+    values = ", ".join(f'"{one.value / factor:.4g} {unit}"' for one in axes)
+    return [comment, f"  {name}: [{values}]"]
+
+
+def _curves(fits: dict[str, list[AxisFit]]) -> pd.DataFrame:
+    """Return the deviations with their interval of 95 %, chi-square of as many degrees of freedom as their variance."""
+    from scipy.stats import chi2
+
+    found = []
+    for part, axes in fits.items():
+        for axis, one in zip("xyz", axes, strict=True):
+            freedom = np.maximum(1.0, 0.5 * (one.model / one.sigma) ** 2)
+            low, high = (one.deviation * np.sqrt(freedom / chi2.ppf(p, freedom)) for p in (0.975, 0.025))
+            found.append(
+                pd.DataFrame({
+                    "sensor": f"{_SENSORS[part]} {axis}", "tau_s": one.tau, "deviation_si": one.deviation,
+                    "low_si": low, "high_si": high, "model_si": one.model,
+                })
+            )  # fmt: skip
+    return pd.concat(found, ignore_index=True)
+
+
+def _coefficients(fits: dict[str, list[AxisFit]]) -> pd.DataFrame:
+    rows = []
+    for part, axes in fits.items():
+        for axis, one in zip("xyz", axes, strict=True):
+            for name, found in one.coefficients.items():
+                unit, si = _UNITS[part][name]
+                factor = units.parse(f"1 {unit}", si)
+                numbers = [number / factor for number in found[:3]]
+                rows.append((f"{_SENSORS[part]} {axis}", name, unit, *numbers, found.shown))
+    return pd.DataFrame(rows, columns=["sensor", "coefficient", "unit", "estimate", "low", "high", "shown"])

@@ -1,0 +1,106 @@
+"""A recorded log of an inertial unit, CSV or Parquet: rates or increments of three gyros and accelerometers.
+
+Columns are named by what they hold and end in their unit: `t_s` (or time_ms, t_us, ...); `gyro_x_deg_s` is a rate,
+`gyro_x_rad` an increment; `accel_x_g` a specific force, `accel_x_m_s` an increment; y and z the same. A row holds what
+the unit put out since the row before it.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from lvnav_trade.errors import InputError
+from lvnav_trade.records import Floats
+from lvnav_trade.world.user_file.rows import column_names, read_columns, refuse_first, refuse_unordered, si
+
+FEWEST = 12
+_UNEVEN = 0.1  # of the interval, by which a row may be early or late
+TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+# Endings of columns: the unit, and whether a column is of increments.
+_GYRO = {
+    "rad_s": ("rad/s", False), "mrad_s": ("mrad/s", False), "deg_s": ("deg/s", False), "deg_h": ("deg/h", False),
+    "rad": ("rad", True), "mrad": ("mrad", True), "urad": ("urad", True), "deg": ("deg", True),
+    "arcsec": ("arcsec", True),
+}  # fmt: skip
+_ACCEL = {
+    "m_s2": ("m/s**2", False), "g": ("g", False), "mg": ("mg", False), "ug": ("ug", False), "m_s": ("m/s", True),
+    "mm_s": ("mm/s", True),
+}  # fmt: skip
+_SI = {"gyro": ("rad/s", "rad"), "accel": ("m/s**2", "m/s")}
+
+
+class ImuLog(NamedTuple):
+    """t (n,) s at the end of each interval, as the log counts it; dt s; gyro (n, 3) rad/s and accel (n, 3) m/s^2, means
+    over the interval, axes of the log.
+    """
+
+    t: Floats
+    dt: float
+    gyro: Floats
+    accel: Floats
+
+
+def read_log(file: str, delimiter: str = ",") -> ImuLog:
+    """Return the rows of a log; InputError names file, row and fault: a column, a number, a gap, uneven sampling."""
+    titles = column_names(file, delimiter)
+    time, scale = time_column(file, titles)
+    found = {part: _columns(file, titles, part) for part in _SI}
+    names = [time, *(name for columns, _, _ in found.values() for name in columns)]
+    table, places = read_columns(file, names, delimiter, FEWEST, "a log")
+    t = table[:, 0] * scale
+    dt = _interval(t - t[0], file, places)
+    means = {}
+    for at, (part, (_, unit, increments)) in zip((1, 4), found.items(), strict=True):
+        means[part] = table[:, at : at + 3] * (si(unit, _SI[part][increments]) / (dt if increments else 1.0))
+    return ImuLog(t, dt, means["gyro"], means["accel"])
+
+
+def time_column(file: str, titles: Sequence[str]) -> tuple[str, float]:
+    """Return the name of the column of time and its unit in s; InputError where there is none."""
+    for name in titles:
+        start, _, end = name.rpartition("_")
+        if start in ("t", "time") and end in TIMES:
+            return name, TIMES[end]
+    raise InputError(f"{file}: no column of time: name it t_s, t_ms, t_us or t_ns")
+
+
+def _columns(file: str, titles: Sequence[str], part: str) -> tuple[list[str], str, bool]:
+    """Return the names of the columns of x, y and z of a triad, their unit, and whether they are increments."""
+    endings = _GYRO if part == "gyro" else _ACCEL
+    for end, (unit, increments) in endings.items():
+        names = [f"{part}_{axis}_{end}" for axis in "xyz"]
+        if all(name in titles for name in names):
+            return names, unit, increments
+    raise InputError(
+        f"{file}: no columns {part}_x_UNIT, {part}_y_UNIT, {part}_z_UNIT of one unit: {', '.join(endings)}; it has "
+        f"{', '.join(titles[:12])}"
+    )
+
+
+def _interval(t: Floats, file: str, places: list[str]) -> float:
+    """Return the interval (s) of rows at times t (n,); InputError where they leave a gap or are uneven."""
+    steps = refuse_unordered(t, file, places)
+    dt = float(np.median(steps))
+    gap = steps > 1.5 * dt
+    refuse_first(
+        gap, file, places[1:],
+        lambda k: f"a gap: no rows between {t[k]:.9g} s and {t[k + 1]:.9g} s, {dt:.6g} s apart elsewhere",
+    )  # fmt: skip
+    refuse_first(
+        np.abs(steps - dt) > _UNEVEN * dt, file, places[1:],
+        lambda k: f"uneven sampling: a row {steps[k]:.6g} s after the one before, {dt:.6g} s elsewhere",
+    )  # fmt: skip
+    return float(t[-1] / (t.size - 1))
+
+
+def part_of(log: ImuLog, start: float | None, end: float | None, file: str) -> ImuLog:
+    """Return the rows between two times (s after the first row); InputError where there are too few."""
+    since = log.t - log.t[0]
+    first = -math.inf if start is None else start
+    last = math.inf if end is None else end
+    here = (since >= first - 1e-9) & (since <= last + 1e-9)
+    if np.count_nonzero(here) < FEWEST:
+        raise InputError(f"{file}: {np.count_nonzero(here)} rows from {first:g} to {last:g} s, needs {FEWEST} or more")
+    return ImuLog(log.t[here], log.dt, log.gyro[here], log.accel[here])
