@@ -30,6 +30,7 @@ from lvnav_trade.store.read import load as read
 
 if TYPE_CHECKING:
     from lvnav_trade.campaign.derived import ProcessNoise
+    from lvnav_trade.campaign.reading.exporting import Written
     from lvnav_trade.campaign.running.selfcheck import Checked
     from lvnav_trade.filters.scheduled import GainSchedule
     from lvnav_trade.metrics.comparison.comparison import Comparison
@@ -304,6 +305,24 @@ def schedule_gains(
     found = gain_schedule(*_case_of(campaign, sets, case), by, tolerance)
     write_card(Path(file), found)
     return found
+
+
+def export_trajectory(
+    source: str | Path, file: str | Path, sets: Sequence[str] = (), case: str | None = None, rate: float = 10.0
+) -> Written:
+    """Write a flight as a file of a user's own and the card that names it: that of a trajectory card, or of a case (the
+    first if none is named) of a campaign. Return the files, and by how much the export differs when it is flown.
+
+    rate : rows per second; force and rate that change faster than rows 0.1 s apart show are not resolved
+    """
+    from lvnav_trade.campaign.reading.exporting import is_card, write_flight
+    from lvnav_trade.campaign.reading.flights import read_card
+
+    if is_card(str(source), Path.cwd()):
+        if sets or case:
+            raise InputError(f"{source}: is a trajectory card; assignments and cases are those of a campaign")
+        return write_flight(read_card(str(source), Path.cwd()), Path(file), rate)
+    return write_flight(_case_of(source, sets, case)[1].scenario.trajectory, Path(file), rate)
 
 
 def _case_of(campaign: str | Path | Campaign, sets: Sequence[str], case: str | None) -> tuple[Campaign, Case]:

@@ -1,4 +1,4 @@
-"""Verbs that make something of a case or of results: estimate-q, schedule-gains; report, compare, keep-base, kml."""
+"""Verbs of a case, flight or results: estimate-q, schedule-gains, export-trajectory; report, compare, keep-base, kml."""
 
 import math
 from pathlib import Path
@@ -152,3 +152,25 @@ def kml(
 
     written = str(api.write_kml(source, output, ellipses, every, magnify))
     return Answer(f"kml: {written}", {"kml": written})
+
+
+@verb("trajectories/two_stage_leo -o my_flight.csv")
+def export_trajectory(
+    source: Annotated[str, typer.Argument(metavar="CARD|CAMPAIGN", help="trajectory card, or campaign")],
+    output: Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="CSV file; its card stands beside it")],
+    sets: Sets = None,
+    case: CaseOf = None,
+    rate: Annotated[float, typer.Option("--rate", metavar="HZ", help="rows per second")] = 10.0,
+) -> Answer:
+    """Write a flight as a CSV file and the card that names it.
+
+    The columns are those of trajectories/example_table; the events stand in the card. It is flown again to say by how
+    much it differs.
+    """
+    from lvnav_trade import api
+
+    found = api.export_trajectory(source, output, sets or (), case, rate)
+    apart = table(["largest difference when flown", "SI"], [[k, f"{v:.1e}"] for k, v in found.difference.items()])
+    text = f"{apart}\nevents: {', '.join(found.events)}\nrows: {found.file}\ncard: {found.card}"
+    content = {"file": str(found.file), "card": str(found.card), "events": found.events}
+    return Answer(text, content | {"difference": found.difference})

@@ -234,7 +234,7 @@ def _campaign_of(source: str, sets: Sequence[str]) -> tuple[Campaign, Path]:
 
 @verb("results/demo")
 def status(folder: Annotated[Path, typer.Argument(metavar="RESULTS")]) -> Answer:
-    """Show the progress of a campaign: running, finished, damaged.
+    """Show a campaign's progress: running, finished, damaged.
 
     Blocks and tables are checked.
     """
@@ -283,7 +283,7 @@ def cards(
     name: Annotated[str | None, typer.Argument(metavar="CARD", help="show this card, or list this folder")] = None,
     long: Annotated[bool, typer.Option("--long", help="with the source of the numbers")] = False,
 ) -> Answer:
-    """List the cards there are, all or of a folder, or show one."""
+    """List all cards, those of a folder, or show one."""
     from lvnav_trade.campaign.syntax import cards as shelf
 
     every = shelf.catalogue(Path.cwd())

@@ -29,7 +29,7 @@ def solve(
     out: Page = None,
     jobs: Jobs = -1,
 ) -> Answer:
-    """Find the largest value that suffices, or the cheapest case.
+    """Find the largest value that suffices, or cheapest case.
 
     By linear covariance, with the filter re-tuned and frozen; runs on both sides of the answer confirm it. What is
     varied stands in the campaign (solve: ...) unless --vary states it.
@@ -48,7 +48,7 @@ def solve(
 
 @verb("trade/sobol")
 def indices(campaign: CampaignFile, sets: Sets = None, out: Page = None, jobs: Jobs = -1) -> Answer:
-    """Compute global sensitivity to the sigmas of error sources.
+    """Compute global sensitivity to sigmas of error sources.
 
     Of the block indices of a campaign: frozen in closed form, re-tuned by polynomials fitted to linear covariances.
     """
@@ -63,7 +63,7 @@ def indices(campaign: CampaignFile, sets: Sets = None, out: Page = None, jobs: J
 
 @verb("trade/tune")
 def tune(campaign: CampaignFile, sets: Sets = None, out: Page = None, jobs: Jobs = -1) -> Answer:
-    """Tune a filter's numbers over several cases; write its card.
+    """Tune a filter over several cases; write its card.
 
     As the block tune of a campaign asks: by linear covariance; cases that are held out validate it.
     """

@@ -110,9 +110,11 @@ def splined(
     return Phase(name, float(t[0]), float(t[-1]), position_spline(t, r, v_ends, a_ends), attitude, spin)
 
 
-def pad_times(start: float, hold: float) -> Floats:
-    """Return times (n,) s of a rest of `hold` seconds on the pad that ends at `start`, knots of its splines."""
-    return start + np.linspace(-hold, 0.0, max(8, int(np.ceil(hold / _PAD_STEP))) + 1)
+def pad_times(start: float, hold: float, step: float = _PAD_STEP) -> Floats:
+    """Return times (n,) s, at most `step` apart, of a rest of `hold` seconds on the pad that ends at `start`: knots of
+    its splines.
+    """
+    return start + np.linspace(-hold, 0.0, max(8, int(np.ceil(hold / step))) + 1)
 
 
 def pad_phase(

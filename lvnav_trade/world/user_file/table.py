@@ -29,6 +29,7 @@ from lvnav_trade.world.user_file.splines import along_path, fit
 _SAME = 1e-6  # s; two times closer than this are one
 _REST = 1.0  # m/s relative to the Earth; more than this is no lift-off
 _COARSEST = 2.0  # s over which the force of the rows is averaged, at most, to tell a jump from noise
+_PAD_STEP, _CLOSEST = 2.5, 0.1  # s between the times of the rest before the rows, at most and at least
 _COMPONENTS = 0.5 * np.sqrt(0.75)  # RMS of a quaternion's four components for one radian of rotation per axis
 
 
@@ -266,7 +267,9 @@ def _attitude(card: TableTrajectory, path: Fitted, hold: float) -> BSpline:
         return along_path(path.position, path.edges, rows.theta0, card.pointing, card.roll, hold)
     t, q = rows.t, rows.q_b_i
     if hold > 0.0:
-        before = pad_times(rows.t[0], hold)[:-1]
+        # as close as the rows: the spline's end is tied down by roughness, which counts by their interval
+        step = min(_PAD_STEP, max(_CLOSEST, float(np.median(np.diff(t)))))
+        before = pad_times(rows.t[0], hold, step)[:-1]
         axes_e = ecef_from_eci(matrices(q[0]).T, earth_angle(rows.theta0, rows.t[0]))  # the body's axes, by rows
         axes = np.stack([eci_from_ecef(axis, earth_angle(rows.theta0, before)) for axis in axes_e], axis=-1)
         t = np.concatenate([before, t])

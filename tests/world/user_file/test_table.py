@@ -69,6 +69,19 @@ def test_pad_and_flight_meet_in_place_velocity_and_attitude():
     assert np.linalg.norm(on_pad.w_ib_b) == pytest.approx(7.292115e-5, rel=1e-3)
 
 
+def test_a_pad_before_rows_of_ten_hertz_is_at_rest_to_its_start(tmp_path):
+    t = np.arange(0.0, 80.05, 0.1)
+    r, v = path(t)
+    table = np.column_stack([t, r, v, np.tile([1.0, 0.0, 0.0, 0.0], (t.size, 1))])
+    names = ["t", "x", "y", "z", "vx", "vy", "vz", "q0", "q1", "q2", "q3"]
+    turned = {"form": "quaternion", "frame": "eci", "columns": names[7:], "scalar": "first", "turns": "body_to_frame"}
+    settings = write(tmp_path, events={"cutoff": f"{BREAK} s"}, attitude=turned, largest_force_angle="180 deg")
+    np.savetxt(tmp_path / "mine.csv", table, delimiter=",", header=",".join(names), comments="", fmt="%.12f")
+    flight = build(card({**settings, "pad_hold": "60 s"}))
+    at = motion(flight, np.arange(-60.0, -1.0, 0.037))
+    assert np.max(np.abs(np.linalg.norm(at.w_ib_b, axis=1) - 7.292115e-5)) < 1e-7
+
+
 def test_a_force_that_jumps_between_rows_is_found_at_its_event(tmp_path):
     late = np.maximum(T - BREAK - 0.2, 0.0)
     r, v = path(T)
