@@ -1,4 +1,4 @@
-"""Verbs of a case, flight or results: estimate-q, schedule-gains, export-trajectory; report, compare, keep-base, kml."""
+"""Verbs of a case, flight or results: estimate-q, schedule-gains, export-trajectory, report, compare, kml."""
 
 import math
 from pathlib import Path
@@ -61,7 +61,7 @@ def schedule_gains(
         float, typer.Option("--tolerance", help="between knots, as a share of each gain's largest size")
     ] = 0.02,
 ) -> Answer:
-    """Write a filter's gains on the nominal trajectory as a card.
+    """Write a filter's gains on the nominal flight as a card.
 
     Another filter replays them: filter.gains.
     """
@@ -162,7 +162,7 @@ def export_trajectory(
     case: CaseOf = None,
     rate: Annotated[float, typer.Option("--rate", metavar="HZ", help="rows per second")] = 10.0,
 ) -> Answer:
-    """Write a flight as a CSV file and the card that names it.
+    """Write a flight as a CSV file and its card.
 
     The columns are those of trajectories/example_table; the events stand in the card. It is flown again to say by how
     much it differs.

@@ -305,7 +305,7 @@ def cards(
 def metrics(
     name: Annotated[str | None, typer.Argument(metavar="NAME", help="only those whose name contains this")] = None,
 ) -> Answer:
-    """List the metrics that a campaign can name, then the tables."""
+    """List the metrics a campaign can name, then the tables."""
     from lvnav_trade.campaign.reading.quantities import known_metrics
     from lvnav_trade.campaign.syntax.tree import hint
     from lvnav_trade.metrics import METRICS
