@@ -28,12 +28,12 @@ def fit_unit(
     InputError where the log cannot be read, has gaps, is uneven or too short: nothing has been written.
     """
     from lvnav_trade.campaign import unit_card
+    from lvnav_trade.campaign.syntax.cards import write_text
     from lvnav_trade.plots.inertial import allan_of_log
     from lvnav_trade.plots.raster import written
 
     found = unit_card.fit_unit(str(log), start, end, shortest, longest)
-    with writing(card, "the card cannot be written there"):
-        Path(card).write_text(found.text, encoding="utf-8")
+    write_text(Path(card), found.text)
     if plot is not None:
         with writing(plot, "the figure cannot be written there"):
             Path(plot).write_bytes(written(allan_of_log(found.curves), "png"))

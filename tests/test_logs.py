@@ -18,3 +18,13 @@ def test_the_text_of_the_fit_is_the_card(tmp_path):
 def test_a_folder_that_is_not_there_is_named(tmp_path):
     with pytest.raises(InputError, match="the card cannot be written there"):
         fit_unit(log_of(tmp_path), tmp_path / "nowhere" / "unit.yaml")
+
+
+def test_a_file_that_the_tool_did_not_write_stays(tmp_path):
+    card, log = tmp_path / "unit.yaml", log_of(tmp_path)
+    fit_unit(log, card)
+    fit_unit(log, card)
+    card.write_text("name: mine\n")
+    with pytest.raises(InputError, match="exists and was not written by lvnav-trade"):
+        fit_unit(log, card)
+    assert card.read_text() == "name: mine\n"

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade import units
+from lvnav_trade.campaign.syntax.cards import MARK
 from lvnav_trade.errors import InputError
 from lvnav_trade.records import Floats
 from lvnav_trade.world.sensors.allan_fit import FEWEST, NAMES, AxisFit, Coefficient, fit, ladder
@@ -80,7 +81,7 @@ def _card(file: str, log: ImuLog, fits: dict[str, list[AxisFit]]) -> str:
     name = Path(file).stem
     tau = fits["gyro"][0].tau
     lines = [
-        f"# Written by lvnav-trade fit-unit {Path(file).name}; comments: intervals of 95 %, of x, y and z.",
+        f"{MARK} fit-unit {Path(file).name}; comments: intervals of 95 %, of x, y and z.",
         "# A log at rest shows no bias repeatability, scale factor, misalignment or g-sensitivity: add them.",
         f"name: {_quoted(name)}",
         "source: >-",

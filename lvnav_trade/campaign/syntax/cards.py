@@ -137,10 +137,20 @@ def card_text(name: str, folder: Path) -> str:
     return file.read_text(encoding="utf-8-sig")
 
 
+MARK = "# Written by lvnav-trade"
+
+
 def write_card(file: Path, card: BaseModel) -> None:
     """Write a card that was computed, without what is at its default; InputError where that cannot be."""
+    write_text(file, f"{MARK}\n{tree.dump(card.model_dump(mode='json', exclude_defaults=True))}")
+
+
+def write_text(file: Path, text: str) -> None:
+    """Write the text of a card, which begins with the mark; InputError where a file without it is in the way."""
     with writing(file, "the card cannot be written there"):
-        file.write_text(tree.dump(card.model_dump(mode="json", exclude_defaults=True)), encoding="utf-8")
+        if file.exists() and not file.read_bytes().startswith(MARK.encode()):
+            raise InputError(f"{file}: exists and was not written by lvnav-trade; give another name")
+        file.write_text(text, encoding="utf-8")
 
 
 def campaign_file(name: str) -> Path:

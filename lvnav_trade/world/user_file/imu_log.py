@@ -1,8 +1,8 @@
 """A recorded log of an inertial unit, CSV or Parquet: rates or increments of three gyros and accelerometers.
 
 Columns are named by what they hold and end in their unit: `t_s` (or time_ms, t_us, ...); `gyro_x_deg_s` is a rate,
-`gyro_x_rad` an increment; `accel_x_g` a specific force, `accel_x_m_s` an increment; y and z the same. A row holds what
-the unit put out since the row before it.
+`gyro_x_rad` an increment; `accel_x_g` a specific force, `accel_x_m_s` an increment; y and z the same. `deg_per_s`, as in
+the tool's own tables, is `deg_s`. A row holds what the unit put out since the row before it.
 """
 
 import math
@@ -69,10 +69,11 @@ def time_column(file: str, titles: Sequence[str]) -> tuple[str, float]:
 def _columns(file: str, titles: Sequence[str], part: str) -> tuple[list[str], str, bool]:
     """Return the names of the columns of x, y and z of a triad, their unit, and whether they are increments."""
     endings = _GYRO if part == "gyro" else _ACCEL
+    known = {title.replace("_per_", "_"): title for title in titles}
     for end, (unit, increments) in endings.items():
         names = [f"{part}_{axis}_{end}" for axis in "xyz"]
-        if all(name in titles for name in names):
-            return names, unit, increments
+        if all(name in known for name in names):
+            return [known[name] for name in names], unit, increments
     raise InputError(
         f"{file}: no columns {part}_x_UNIT, {part}_y_UNIT, {part}_z_UNIT of one unit: {', '.join(endings)}; it has "
         f"{', '.join(titles[:12])}"

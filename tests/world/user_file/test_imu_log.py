@@ -36,6 +36,12 @@ def test_rates_are_in_si(tmp_path, name):
     assert log.accel[4, 2] == pytest.approx(24.0 * 9.80665e-3)
 
 
+def test_units_may_be_written_as_in_the_tables_of_the_tool(tmp_path):
+    log = read_log(_written(_frame("rad_per_s", "m_per_s2", "time_s"), tmp_path))
+    assert log.gyro[3, 1] == pytest.approx(1.3)
+    assert log.accel[4, 2] == pytest.approx(24.0)
+
+
 def test_increments_are_divided_by_the_interval_and_time_has_its_unit(tmp_path):
     log = read_log(_written(_frame("arcsec", "mm_s", "time_us", 1e6), tmp_path))
     assert log.t[1] - log.t[0] == pytest.approx(DT)
