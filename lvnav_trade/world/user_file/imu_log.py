@@ -1,8 +1,8 @@
 """A recorded log of an inertial unit, CSV or Parquet: rates or increments of three gyros and accelerometers.
 
 Columns are named by what they hold and end in their unit: `t_s` (or time_ms, t_us, ...); `gyro_x_deg_s` is a rate,
-`gyro_x_rad` an increment; `accel_x_g` a specific force, `accel_x_m_s` an increment; y and z the same. `deg_per_s`, as in
-the tool's own tables, is `deg_s`. A row holds what the unit put out since the row before it.
+`gyro_x_rad` an increment; `accel_x_g` a specific force, `accel_x_m_s` an increment; y and z the same. `deg_per_s` is
+understood as `deg_s`. A row holds what the unit put out since the row before it.
 """
 
 import math
