@@ -69,6 +69,9 @@ def scenario_of(case: Case) -> tuple[Scenario, str, bool]:
     if case["fault"] == "frozen output" and {"position", *OBSERVABLES} & set(listed):
         # the output of eight kilometres ago is beyond a linear model: a filter has to check the flag
         fields.setdefault("filter.logic", {"start_after": 1})
+    if (case["vehicle"], case["strapdown"]) == ("spinning", "summed, half rate") and case["integrity"] != "none":
+        # the error of this strapdown on a spinning vehicle is near the limits of the tests
+        fields["filter.strapdown"] = {"algorithm": "summed"}
     if case["integrity"] != "none":
         # what is near the limit of a test is found in some runs only, which one covariance cannot show
         fields |= _BELOW_LIMITS.get(case["fault"], {})
@@ -89,6 +92,9 @@ def scenario_of(case: Case) -> tuple[Scenario, str, bool]:
     if case["correction"] == "open" and (of_phases or case["strapdown"].startswith("4 Hz")):
         # carrier phases, or four solutions a second, see the second order of 0.2 deg in a state that is never corrected
         fields |= {"initial.tilt": "0.02 deg", "initial.heading": "0.02 deg"}
+    if of_phases and stored and case["fault"] == "range bias" and case["integrity"] == "none":
+        # nothing rejects a step of 60 m with stored gains, and what it leaves grows with its square
+        fields["faults"] = [{"kind": "range_bias", "size": "6 m", "start": "20 s", "duration": "20 s"}]
     if of_phases and case["latency"] != "none":
         # and what the gain of now, in place of that of then, leaves of the state: half a metre does not
         fields["receiver.carrier_phase_sigma"] = "0.5 m"
@@ -209,6 +215,12 @@ REPORT = Path("reports/combinations")
 _NUMBERS = ("lowest ratio", "highest ratio", "lower bound", "upper bound")
 
 
+_DIFFER = """\
+  A differing case is an open loop on a spinning vehicle with `transition_rate`: the estimate is propagated by a transition that
+  is linearised twice a second, between which the vehicle turns. What that does to the estimate is an error of the filter that
+  grows with the estimate; the runs have it, linear covariance does not."""
+
+
 def main() -> int:
     """Run every case, or those whose numbers are given; write reports/combinations/ case by case."""
     cases = covering()
@@ -266,6 +278,7 @@ def write(verdicts: dict[int, Verdict], folder: Path) -> None:
         f"- Both engines agree: {agree} cases.",
         *([f"- Not run yet: {len(waiting)} ({', '.join(map(str, waiting))})."] if waiting else []),
         f"- They differ: {len(differ)}{' (' + ', '.join(map(str, differ)) + ')' if differ else ''}.",
+        *([_DIFFER] if differ else []),
         f"- Refused: {sum(bool(v.refused) for v in verdicts.values())}, for these reasons:",
         *(f"  - {reason}" for reason in refusals),
         "",
