@@ -217,9 +217,9 @@ _NUMBERS = ("lowest ratio", "highest ratio", "lower bound", "upper bound")
 
 
 _DIFFER = """\
-  A differing case is an open loop on a spinning vehicle with `transition_rate`: the estimate is propagated by a transition
-  that is linearised twice a second, between which the vehicle turns. What that does to the estimate is an error of the
-  filter that grows with the estimate; the runs have it, linear covariance does not."""
+  A differing case is an open loop on a spinning vehicle with `transition_rate`: the estimate is propagated by a
+  transition that is linearised twice a second, between which the vehicle turns. What that does to the estimate is an
+  error of the filter that grows with the estimate; the runs have it, linear covariance does not."""
 
 
 def main() -> int:
