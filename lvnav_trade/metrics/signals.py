@@ -11,11 +11,14 @@ from lvnav_trade.metrics.basics.select import (
     SAME_TIME,
     at_time,
     faults,
+    history_of,
     instant,
     lincov_rms,
+    names_of_series,
     number_in,
+    once,
     pick,
-    series,
+    pick_columns,
 )
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
@@ -88,10 +91,15 @@ def reacquisition_times(tables: Tables, case: str, at: str) -> Floats:
 
 def in_view(tables: Tables) -> pd.DataFrame:
     """Return the satellites tracked and above the horizon over time: case, t_s, tracked_count, above_count."""
-    rows = tables.satellites.assign(above=tables.satellites.elevation_rad > 0)
-    groups = rows.groupby(["case", "t_s"], sort=False, as_index=False)
-    found = groups.agg(tracked_count=("tracked", "sum"), above_count=("above", "sum"))
+    found = counted(tables.satellites)
     return found.assign(case=found.case.map(tables.labels))
+
+
+def counted(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return how many satellites of rows are tracked and above the horizon, by case and time."""
+    rows = rows[["case", "t_s", "tracked"]].assign(above=rows.elevation_rad > 0)
+    groups = rows.groupby(["case", "t_s"], sort=False, as_index=False)
+    return groups.agg(tracked_count=("tracked", "sum"), above_count=("above", "sum"))
 
 
 def outages(tables: Tables) -> pd.DataFrame:
@@ -102,13 +110,15 @@ def outages(tables: Tables) -> pd.DataFrame:
     Monte-Carlo RMS, or LinCov's without runs. Before is at the start, of a fault without duration at the time before.
     """
     rows = []
-    for case, quantity, axis, history in series(tables):
-        if quantity not in NAVIGATION or axis != "3d":
+    of_case = {case: faults(tables, case) for case in tables.labels}
+    for case, quantity, axis in names_of_series(tables):
+        if quantity not in NAVIGATION or axis != "3d" or of_case[case].empty:
             continue
         unit, factor = tables.people[quantity, axis]
+        history = history_of(tables, case, quantity, axis)
         expected = lincov_rms(history)
         error = history.assign(expected=expected, error=history.rms_si if history.run_count.iloc[0] else expected)
-        for fault in faults(tables, case).itertuples():
+        for fault in of_case[case].itertuples():
             end, after = (at_time(error, t) for t in (fault.t_end_s, fault.t_end_s + AFTER))
             ahead = error[error.t_s < fault.t_s - SAME_TIME]
             before = ahead.iloc[-1] if fault.t_end_s <= fault.t_s and len(ahead) else at_time(error, fault.t_s)
@@ -145,10 +155,15 @@ def losses(tables: Tables) -> pd.DataFrame:
     )
 
 
+@once
 def tracked_over_time(tables: Tables, case: str) -> pd.DataFrame:
     """Return whether each satellite is tracked: times (s) as index, one column each."""
-    wide = pick(tables.satellites, case=case).pivot(index="t_s", columns="satellite", values="tracked")
-    return wide.astype("boolean").fillna(False).astype(bool)
+    t, satellites, tracked = pick_columns(tables.satellites, ("t_s", "satellite", "tracked"), case=case)
+    times, row = np.unique(t, return_inverse=True)
+    column, names = pd.factorize(satellites, sort=True)
+    wide = np.zeros((len(times), len(names)), dtype=bool)
+    wide[row, column] = tracked
+    return pd.DataFrame(wide, pd.Index(times, name="t_s"), pd.Index(names, name="satellite"))
 
 
 def tracking(tables: Tables) -> pd.DataFrame:
@@ -192,8 +207,9 @@ def recovery(tables: Tables) -> pd.DataFrame:
         {"case": label, "fault": fault.event, "t_start_s": fault.t_s, "t_end_s": fault.t_end_s}
         | _recovered(wide, float(fault.t_s), float(fault.t_end_s))
         for case, label in tables.labels.items()
+        if len(found := faults(tables, case))
         for wide in (tracked_over_time(tables, case),)
-        for fault in faults(tables, case).itertuples()
+        for fault in found.itertuples()
     ]
     names = ["case", "fault", "t_start_s", "t_end_s", "before_count", "least_count", "lost_count", "to_fix_s"]
     return pd.DataFrame(rows, columns=[*names, "to_all_s", "gone_count"])

@@ -1,14 +1,14 @@
 """The vehicle: rate and acceleration against IMU samples and formal sigmas, and how much less a nozzle moves."""
 
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from scipy import stats
 
 from lvnav_trade.metrics.basics.probability import rms_interval
-from lvnav_trade.metrics.basics.select import flight_events, pick, time_mean
+from lvnav_trade.metrics.basics.select import flight_events, history_of, pick, time_mean
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
 
@@ -34,25 +34,40 @@ def motion(tables: Tables) -> pd.DataFrame:
     """
     rows = []
     for case, label in tables.labels.items():
-        history = pick(tables.history, case=case)
-        for first, second in pairwise(flight_events(tables, case).itertuples()):
+        pairs = [pair for quantity in QUANTITIES for pair in _pairs(tables, case, quantity)]
+        for first, second in pairwise(flight_events(tables, case).itertuples()) if pairs else ():
             if second.t_s - first.t_s >= _SHORTEST:
-                inside = history[(history.t_s > first.t_s + 2.0) & (history.t_s < second.t_s - 1.0)]
                 head = (label, f"{first.event} to {second.event}")
-                rows += [(*head, *row) for quantity in QUANTITIES for row in _rows(tables, inside, quantity)]
+                rows += [(*head, *row) for row in _rows(tables, pairs, first.t_s + 2.0, second.t_s - 1.0)]
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _rows(tables: Tables, inside: pd.DataFrame, quantity: str) -> list[tuple[Any, ...]]:
-    """Return the values of `COLUMNS` from the metric on, axis by axis."""
-    found = []
+class _Pair(NamedTuple):
+    """Histories of a raw sample and of its estimate along an axis."""
+
+    quantity: str
+    axis: str
+    raw: pd.DataFrame
+    estimate: pd.DataFrame
+
+
+def _pairs(tables: Tables, case: str, quantity: str) -> list[_Pair]:
+    known = pick(tables.outputs, case=case)
     # without a model of the vehicle the estimate is the sample less its estimated bias
-    name = quantity if (inside.quantity == quantity).any() else f"corrected_{quantity}"
-    for axis, raw in pick(inside, quantity=f"raw_{quantity}").groupby("axis", sort=False):
-        estimate = pick(inside, quantity=name, axis=str(axis))
-        if axis == "3d" or estimate.empty:
+    name = quantity if (known.quantity == quantity).any() else f"corrected_{quantity}"
+    axes = [str(axis) for axis in known.axis[known.quantity == f"raw_{quantity}"] if axis != "3d"]
+    histories = [(axis, *(history_of(tables, case, of, axis) for of in (f"raw_{quantity}", name))) for axis in axes]
+    return [_Pair(quantity, *found) for found in histories]
+
+
+def _rows(tables: Tables, pairs: list[_Pair], after: float, before: float) -> list[tuple[Any, ...]]:
+    """Return the values of `COLUMNS` from the metric on, axis by axis, between two times (s), both excluded."""
+    found = []
+    for quantity, axis, *both in pairs:
+        raw, estimate = (rows[(rows.t_s > after) & (rows.t_s < before)] for rows in both)
+        if raw.empty or estimate.empty:
             continue
-        unit, factor = tables.people[f"raw_{quantity}", str(axis)]
+        unit, factor = tables.people[f"raw_{quantity}", axis]
         (raw_rms, raw_sigma, _), (rms, sigma, true) = _sizes(raw), _sizes(estimate)
         runs, ratio = int(estimate.run_count.min()), rms / sigma
         low, high = (ratio * float(bound) for bound in rms_interval(1.0, max(1, runs)))

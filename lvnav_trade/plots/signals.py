@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.select import final_event, flight_events, pick
-from lvnav_trade.metrics.signals import in_view, recovery
+from lvnav_trade.metrics.signals import counted
 from lvnav_trade.plots.figure import GREY, Figure, Panel, canvas, named_ticks, panel
 from lvnav_trade.plots.style import PALETTE, drawing, over_time, scale_up
 from lvnav_trade.store.read import Tables
@@ -37,8 +38,8 @@ _LEAST = 1e-3  # metres: less is not drawn where an axis is logarithmic
 @drawing
 def satellites(tables: Tables, case: str) -> Figure:
     """Draw how many satellites are tracked and above the horizontal, and C/N0 where there is a link budget."""
-    rows = pick(in_view(tables), case=tables.labels[case])
     mine = pick(tables.satellites, case=case)
+    rows = counted(mine)
     linked = bool(mine.cn0_db_hz.notna().any())
     figure, grid = canvas(1 + linked, 1, 2.9 - 0.5 * linked, sharex=True)
     axes = grid[0, 0]
@@ -100,7 +101,7 @@ def _moments(tables: Tables, case: str, rows: pd.DataFrame) -> list[tuple[str, f
     """Return (name, time) of three skies: a fault is shown a second before its end, two faults at most."""
     last = final_event(tables, case)
     end = float(flight_events(tables, case).set_index("event").t_s.get(last, rows.t_s.max()))
-    frame = pick(recovery(tables), case=tables.labels[case])
+    frame = pick(METRICS["recovery"](tables), case=tables.labels[case])
     within = [
         (fault.fault.replace("_", " "), max(fault.t_start_s, fault.t_end_s - 1.0))
         for fault in frame[frame.lost_count > 0].itertuples()

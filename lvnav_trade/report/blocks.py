@@ -1,5 +1,6 @@
 """What a report is made of: paragraphs, tables, figures of cases; and how names and numbers are written in it."""
 
+import hashlib
 import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
@@ -10,7 +11,7 @@ import pandas as pd
 
 from lvnav_trade.layout import split_metric
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.basics.select import NAVIGATION, pick
+from lvnav_trade.metrics.basics.select import NAVIGATION
 from lvnav_trade.metrics.mission.orbit import LEAST
 from lvnav_trade.metrics.requirements.margins import key_cases
 from lvnav_trade.plots import PLOTS
@@ -160,9 +161,9 @@ def _cell(value: Any) -> str:
 def same_once(frame: pd.DataFrame) -> pd.DataFrame:
     """Return a frame with a column `case` in which cases that have the same rows stand once, named together."""
     groups: dict[tuple[tuple[str, ...], ...], list[str]] = {}
-    for case, rows in frame.groupby("case", sort=False):
-        said = rows.drop(columns="case").astype(str).itertuples(index=False, name=None)
-        groups.setdefault(tuple(said), []).append(str(case))
+    said = list(frame.drop(columns="case").astype(str).itertuples(index=False, name=None))
+    for case, places in _places(frame.case).items():
+        groups.setdefault(tuple(said[k] for k in places), []).append(case)
     if len(groups) == frame.case.nunique():
         return frame
     kept = frame[frame.case.isin([cases[0] for cases in groups.values()])]
@@ -231,10 +232,23 @@ def left_out(tables: Tables) -> list[Block]:
 def distinct(tables: Tables, name: str, columns: Sequence[str], cases: Iterable[str]) -> list[str]:
     """Return one of these cases for each group whose rows of a table are the same."""
     frame, first = getattr(tables, name), dict[bytes, str]()
+    values = [_numbers(frame[column]) for column in columns]
+    places = _places(frame.case)
     for case in cases:
-        rows = pick(frame, case=case)[[*columns]]
-        first.setdefault(pd.util.hash_pandas_object(rows, index=False).to_numpy().tobytes(), case)
+        at = places.get(case, np.empty(0, dtype=int))
+        said = b"".join(column[at].tobytes() for column in values)
+        first.setdefault(hashlib.sha256(said).digest(), case)
     return list(first.values())
+
+
+def _places(cases: pd.Series) -> dict[str, Any]:
+    """Return the places (n_row,) of the rows of each case, the case first that stands first."""
+    return {str(case): places for case, places in cases.groupby(cases, sort=False).indices.items()}
+
+
+def _numbers(column: pd.Series) -> Any:
+    """Return numbers (n_row,) as they are, texts as numbers that are the same where the texts are."""
+    return column.to_numpy() if pd.api.types.is_numeric_dtype(column) else pd.factorize(column)[0]
 
 
 def few(group: Sequence[str]) -> tuple[Sequence[str], list[Block]]:

@@ -116,7 +116,10 @@ def csv_text(frame: pd.DataFrame) -> str:
     """Return a frame as CSV with six digits; an apostrophe precedes text that a spreadsheet would take as a formula."""
     safe = frame.rename(columns=_csv_cell)
     for place, kind in enumerate(safe.dtypes):
-        if not pd.api.types.is_numeric_dtype(kind):
+        if isinstance(kind, pd.StringDtype):  # a name stands in many rows
+            names = safe.iloc[:, place]
+            safe.isetitem(place, names.map({name: _csv_cell(name) for name in names.unique()}))
+        elif not pd.api.types.is_numeric_dtype(kind):
             safe.isetitem(place, [_csv_cell(value) for value in safe.iloc[:, place]])
     return str(safe.to_csv(index=False, float_format="%.6g"))
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.basics.select import final_event, flight_events, pick
+from lvnav_trade.metrics.basics.select import final_event, flight_events, pick, pick_columns
 from lvnav_trade.metrics.errors.covariances import by_case
 from lvnav_trade.metrics.requirements.improvements import ABOVE_ONLY
 from lvnav_trade.metrics.requirements.requirements import in_words, where
@@ -134,9 +134,10 @@ def _places(tables: Tables) -> dict[str, set[str]]:
     wanted.add(str((tables.campaign.get("covariance") or {}).get("at") or ""))
     found = {}
     for case, label in tables.labels.items():
-        events = separate_events(tables, case)
-        asked = {final_event(tables, case), *(wanted & set(flight_events(tables, case).event))}
-        found[label] = {"flight", *(events.event if len(tables.labels) <= _FEW else asked)}
+        if len(tables.labels) <= _FEW:
+            found[label] = {"flight", *separate_events(tables, case).event}
+        else:
+            found[label] = {"flight", final_event(tables, case), *(wanted & set(flight_events(tables, case).event))}
     return found
 
 
@@ -295,7 +296,9 @@ def delays(tables: Tables) -> list[Block]:
 
 
 def _layers(tables: Tables, case: str) -> list[str]:
-    return layers_of(pick(tables.satellites, case=case))
+    names = [f"{layer}{kind}_m" for layer in LAYERS for kind in ("", "_left")]
+    columns = pick_columns(tables.satellites, names, case=case)
+    return layers_of(pd.DataFrame(dict(zip(names, columns, strict=True))))
 
 
 def _delay_table(tables: Tables) -> Block:

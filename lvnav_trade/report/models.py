@@ -12,6 +12,7 @@ import pandas as pd
 from lvnav_trade.campaign.definition.axes import put
 from lvnav_trade.report.blocks import Block, Text, stated
 from lvnav_trade.report.escape import note, source
+from lvnav_trade.store.lookup import once
 from lvnav_trade.store.read import Tables
 
 Conditions = Mapping[str, Any] | Sequence[Mapping[str, Any]]
@@ -79,6 +80,7 @@ def scenarios(tables: Tables) -> dict[str, Any]:
     return found
 
 
+@once
 def evidence(tables: Tables) -> pd.DataFrame:
     """Return a row for each check of each model that the campaign uses.
 

@@ -1,9 +1,10 @@
 """Rows of a table by what stands in them, found without a search; results that are kept with the tables."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import wraps
 from typing import Any, TypeVar
 
+import numpy as np
 import pandas as pd
 
 from lvnav_trade.store.read import PLACES, Tables
@@ -27,16 +28,27 @@ def once(metric: Callable[..., _Found]) -> Callable[..., _Found]:
 
 def pick(rows: pd.DataFrame, **wanted: str) -> pd.DataFrame:
     """Return the rows of a table whose columns have the values wanted; of a whole table without a search."""
-    if (known := PLACES.get(id(rows))) is None:
+    if id(rows) not in PLACES:
         for column, value in wanted.items():
             rows = rows[rows[column] == value]
         return rows
-    columns = tuple(wanted)
+    span, places = _where(rows, wanted)
+    return rows.iloc[span] if places is None else rows.iloc[span].iloc[places]
+
+
+def pick_columns(rows: pd.DataFrame, names: Sequence[str], **wanted: str) -> list[np.ndarray]:
+    """Return columns of the rows that `pick` finds in a whole table, each (n,), without a frame of the others."""
+    span, places = _where(rows, wanted)
+    found = [rows[name].iloc[span].to_numpy() for name in names]
+    return found if places is None else [values[places] for values in found]
+
+
+def _where(rows: pd.DataFrame, wanted: dict[str, str]) -> tuple[slice, Any]:
+    """Return where in a whole table the rows stand whose columns have the values wanted (see `_within`)."""
+    known, columns, values = PLACES[id(rows)], tuple(wanted), tuple(wanted.values())
     if columns not in known:
         known[columns] = {value: _within(at) for value, at in rows.groupby(list(columns), sort=False).indices.items()}
-    values = tuple(wanted.values())
-    span, places = known[columns].get(values if len(values) > 1 else values[0], (slice(0, 0), None))
-    return rows.iloc[span] if places is None else rows.iloc[span].iloc[places]
+    return known[columns].get(values if len(values) > 1 else values[0], (slice(0, 0), None))
 
 
 def _within(places: Any) -> tuple[slice, Any]:

@@ -87,7 +87,7 @@ class Tables:
             for case, label in zip(cases.case, cases.label, strict=True)
         }
 
-    @property
+    @cached_property
     def levels(self) -> dict[str, dict[str, str]]:
         """Level of every axis by case digest, in the order of the plan."""
         return {case: json.loads(axes) for case, axes in zip(self.cases.case, self.cases["axes"], strict=True)}

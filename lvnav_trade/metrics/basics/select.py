@@ -13,6 +13,7 @@ from lvnav_trade.metrics.mechanics.mission import sizes_at
 from lvnav_trade.records import Floats
 from lvnav_trade.store.lookup import once as once
 from lvnav_trade.store.lookup import pick as pick
+from lvnav_trade.store.lookup import pick_columns as pick_columns
 from lvnav_trade.store.read import Tables
 from lvnav_trade.store.schema import error_column
 from lvnav_trade.units import parse
@@ -110,10 +111,21 @@ def phases(tables: Tables, case: str) -> list[tuple[str, float, float]]:
 
 def series(tables: Tables) -> Iterator[tuple[str, str, str, pd.DataFrame]]:
     """Yield (case, quantity, axis, rows in time order) of the history, in the order of the plan."""
+    for case, quantity, axis in names_of_series(tables):
+        yield case, quantity, axis, history_of(tables, case, quantity, axis)
+
+
+@once
+def names_of_series(tables: Tables) -> list[tuple[str, str, str]]:
+    """Return (case, quantity, axis) of every series of the history, in the order of the plan."""
     columns = ["case", "quantity", "axis"]
-    for row in tables.history.drop_duplicates(columns)[columns].itertuples(index=False):
-        names = {name: str(value) for name, value in zip(columns, row, strict=True)}
-        yield *names.values(), pick(tables.history, **names)
+    return list(tables.history.drop_duplicates(columns)[columns].itertuples(index=False, name=None))
+
+
+def history_columns(tables: Tables, case: str, quantity: str, axis: str, *names: str) -> list[Floats]:
+    """Return columns of the history of one error of a case, each (n_time,) of floats."""
+    found = pick_columns(tables.history, names, case=case, quantity=quantity, axis=axis)
+    return [values.astype(float, copy=False) for values in found]
 
 
 def final_event(tables: Tables, case: str) -> str:

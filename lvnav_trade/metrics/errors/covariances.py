@@ -12,10 +12,11 @@ from lvnav_trade.metrics.basics.select import (
     SAME_TIME,
     at_time,
     flight_events,
+    history_columns,
     history_of,
+    names_of_series,
     once,
     pick,
-    series,
 )
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
@@ -87,12 +88,17 @@ def beyond_linear(attitude: float, when: str = "") -> str:
 
 def beyond_at_start(tables: Tables, case: str) -> str:
     """Say that the attitude of a case at or before lift-off is no small angle; empty where it is."""
-    rows = pick(tables.history, case=case, quantity="attitude")
-    rows = rows[(rows.t_s <= SAME_TIME) & (rows.axis != "3d")]
-    if not rows.lincov_true_si.max() > LINEAR_ATTITUDE:
-        return ""
-    largest = rows.loc[rows.lincov_true_si.idxmax()]
-    return beyond_linear(float(largest.lincov_true_si), f" at {largest.t_s:.0f} s")
+    largest, t = _first_tilts(tables).get(case, (0.0, 0.0))
+    return beyond_linear(largest, f" at {t:.0f} s") if largest > LINEAR_ATTITUDE else ""
+
+
+@once
+def _first_tilts(tables: Tables) -> dict[str, tuple[float, float]]:
+    """Return by case the largest sigma of attitude (rad) of an axis at or before lift-off, and its time (s)."""
+    rows = tables.history[tables.history.t_s <= SAME_TIME]
+    rows = rows[(rows.quantity == "attitude") & (rows.axis != "3d")].dropna(subset=["lincov_true_si"])
+    largest = rows.sort_values("lincov_true_si", ascending=False, kind="stable").drop_duplicates("case")
+    return dict(zip(largest.case, zip(largest.lincov_true_si, largest.t_s, strict=True), strict=True))
 
 
 def why_not_applicable(tables: Tables, case: str) -> str:
@@ -107,7 +113,7 @@ def _why_not(tables: Tables, case: str) -> list[str]:
 
 
 def _why_not_applicable(tables: Tables, case: str) -> str:
-    if bool(tables.cases.set_index("case").logic.get(case)):
+    if bool(pick(tables.cases, case=case).logic.any()):
         return "the filter starts, leaves out and stops by a logic of its own, run by run"
     checked = (tables.campaign.get("covariance") or {}).get("spot_check")  # then that tells, by runs
     if not checked and (beyond := beyond_at_start(tables, case)):
@@ -150,14 +156,16 @@ def agreement(tables: Tables) -> pd.DataFrame:
     rows), and where the engines disagree over what is no first order (`why_second_order`).
     """
     rows = []
-    for case, quantity, axis, history in series(tables):
+    names = ("t_s", "rms_si", "lincov_true_si", "lincov_mean_si", "run_count", "dof_ratio")
+    moments = {case: _moments(tables, case) for case in tables.labels}
+    for case, quantity, axis in names_of_series(tables):
         if quantity not in NAVIGATION or axis == "3d":
             continue
         unit, factor = tables.people[quantity, axis]
-        events = flight_events(tables, case)
-        at = np.argmin(np.abs(history.t_s.to_numpy() - events.t_s.to_numpy()[:, None]), axis=1)
-        names = ("t_s", "rms_si", "lincov_true_si", "lincov_mean_si", "run_count", "dof_ratio")
-        values = zip(events.event, events.t_s, *(history[name].to_numpy()[at] for name in names), strict=True)
+        events, times = moments[case]
+        history = history_columns(tables, case, quantity, axis, *names)
+        at = np.argmin(np.abs(history[0] - times[:, None]), axis=1)
+        values = zip(events, times, *(column[at] for column in history), strict=True)
         for event, when, t, rms, true, mean, runs, dof in values:
             expected = float(np.hypot(true, mean))
             if expected > 0 and abs(t - when) < SAME_TIME:
@@ -172,6 +180,11 @@ def agreement(tables: Tables) -> pd.DataFrame:
     ]
     tested = found.agree.isin(["agree", "disagree"])
     return found.assign(agree=found.agree.mask(tested & found.case.isin(outside), "not applicable"))
+
+
+def _moments(tables: Tables, case: str) -> tuple[list[str], Floats]:
+    events = flight_events(tables, case)
+    return list(events.event), events.t_s.to_numpy(dtype=float)
 
 
 def _with_verdicts(frame: pd.DataFrame) -> pd.DataFrame:

@@ -1,5 +1,7 @@
 """Root mean square errors, plain and by control variates, cases in order of them, part within the filter's sigmas."""
 
+from itertools import groupby
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,11 +16,12 @@ from lvnav_trade.metrics.basics.select import (
     errors_by_axis,
     final_event,
     flight_events,
+    history_columns,
     history_of,
     lincov_rms,
+    names_of_series,
     phases,
     pick,
-    series,
 )
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
@@ -46,31 +49,59 @@ def rms(tables: Tables) -> pd.DataFrame:
     from the runs where there are any, or else LinCov's. lincov_true_sigma: what LinCov expects of rms, the mean error
     included. A failed run counts until it fails; the interval of a phase is that of the fewest runs in it.
     """
-    spans = {case: phases(tables, case) for case in tables.labels}
     rows = []
-    for case, quantity, axis, history in series(tables):
-        unit, factor = tables.people[quantity, axis]
-        formal = history.filter_sigma_si if history.run_count.any() else history.lincov_formal_si
-        squares = [values.to_numpy(dtype=float) ** 2 for values in (history.rms_si, formal, lincov_rms(history))]
-        t, runs, dof = (history[name].to_numpy(dtype=float) for name in ("t_s", "run_count", "dof_ratio"))
-        areas = [np.diff(t) * (values[1:] + values[:-1]) / 2.0 for values in squares]  # of the trapezoidal rule
-        for name, start, end in spans[case]:
-            part = slice(np.searchsorted(t, start - SAME_TIME), np.searchsorted(t, end + SAME_TIME, side="right"))
-            if len(t[part]):
-                means = (factor * np.sqrt(mean) for mean in _means(t, squares, areas, part))
-                head = (tables.labels[case], name, f"{quantity}_error", axis, unit)
-                rows.append((*head, *means, float(runs[part].min() * dof[part].min())))
+    for case, group in groupby(names_of_series(tables), key=itemgetter(0)):
+        names = list(group)
+        means = _means_of_phases(tables, case, names)
+        for number, (_, quantity, axis) in enumerate(names):
+            unit, factor = tables.people[quantity, axis]
+            head = (tables.labels[case], f"{quantity}_error", axis, unit)
+            for name, (squares, freedom) in means[number].items():
+                rows.append((head[0], name, *head[1:], *(factor * np.sqrt(squares)), freedom))
     frame = pd.DataFrame(rows, columns=[*COLUMNS[:6], *COLUMNS[8:], "dof"])
     frame["low"], frame["high"] = rms_interval(frame.rms.to_numpy(), frame.dof.to_numpy())
     return frame[COLUMNS]
 
 
-def _means(t: Floats, values: list[Floats], areas: list[Floats], part: slice) -> list[float]:
-    """Return the means over a part of times t (n,) of values (n,), of which areas (n - 1,) are the integrals."""
+_Mean = tuple[Floats, float]  # mean squares (3,) of runs, formal sigma and linear covariance; degrees of freedom
+
+
+def _means_of_phases(tables: Tables, case: str, names: list[tuple[str, str, str]]) -> list[dict[str, _Mean]]:
+    """Return for each series of a case the mean squares by phase or event; series with the same times go together."""
+    together: dict[bytes, list[int]] = {}
+    columns = [_columns(tables, *name) for name in names]
+    for number, (t, _, _, _) in enumerate(columns):
+        together.setdefault(t.tobytes(), []).append(number)
+    found: list[dict[str, _Mean]] = [{} for _ in names]
+    for numbers in together.values():
+        t = columns[numbers[0]][0]
+        squares, runs, dof = (np.stack([columns[k][place] for k in numbers]) for place in (1, 2, 3))
+        areas = np.diff(t) * (squares[..., 1:] + squares[..., :-1]) / 2.0  # of the trapezoidal rule
+        for name, start, end in phases(tables, case):
+            part = slice(np.searchsorted(t, start - SAME_TIME), np.searchsorted(t, end + SAME_TIME, side="right"))
+            if len(t[part]):
+                freedom = runs[:, part].min(axis=1) * dof[:, part].min(axis=1)
+                means = _means(t, squares, areas, part)
+                for k, mean, one in zip(numbers, means, freedom, strict=True):
+                    found[k][name] = (mean, float(one))
+    return found
+
+
+def _columns(tables: Tables, case: str, quantity: str, axis: str) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return times (n,) of a series, squares (3, n) of runs, formal sigma, linear covariance, run count, freedom."""
+    names = ("t_s", "rms_si", "filter_sigma_si", "lincov_formal_si", "lincov_true_si", "lincov_mean_si")
+    t, rms, own, formal, true, mean, runs, dof = history_columns(
+        tables, case, quantity, axis, *names, "run_count", "dof_ratio"
+    )
+    return t, np.stack([rms, own if runs.any() else formal, np.hypot(true, mean)]) ** 2, runs, dof
+
+
+def _means(t: Floats, values: Floats, areas: Floats, part: slice) -> Floats:
+    """Return the means over a part of times t (n,) of values (..., n), of which areas (..., n - 1) are the integrals."""
     length = t[part.stop - 1] - t[part.start]
     if not length > 0.0:
-        return [float(one[part.start]) for one in values]
-    return [float(one[part.start : part.stop - 1].sum() / length) for one in areas]
+        return values[..., part.start]
+    return np.asarray(areas[..., part.start : part.stop - 1].sum(axis=-1) / length)
 
 
 def ranking(tables: Tables) -> pd.DataFrame:
@@ -80,15 +111,18 @@ def ranking(tables: Tables) -> pd.DataFrame:
     Monte-Carlo RMS with its 95 % interval, or LinCov's without interval where there are no runs.
     """
     found: dict[str, dict[str, Any]] = {case: {"case": label} for case, label in tables.labels.items()}
-    for case, quantity, axis, history in series(tables):
+    names = ("t_s", "rms_si", "lincov_true_si", "lincov_mean_si", "run_count", "dof_ratio")
+    for case, quantity, axis in names_of_series(tables):
         if quantity in NAVIGATION and axis == "3d":
             event = final_event(tables, case)
-            events = flight_events(tables, case).set_index("event").t_s
-            row = at_time(history.assign(expected=lincov_rms(history)), float(events.get(event, history.t_s.max())))
+            t, *values = history_columns(tables, case, quantity, axis, *names)
+            moment = pick(tables.events, case=case, kind="event", event=event).t_s
+            at = int(np.argmin(np.abs(t - (float(moment.iloc[0]) if len(moment) else t.max()))))
+            rms, true, mean, runs, dof = (float(column[at]) for column in values)
             unit, factor = tables.people[quantity, axis]
-            n = int(row.run_count)
-            value = row.rms_si if n else row.expected
-            low, high = rms_interval(value, n * row.dof_ratio)
+            n = int(runs)
+            value = rms if n else float(np.hypot(true, mean))
+            low, high = rms_interval(value, n * dof)
             found[case] |= {
                 "event": event,
                 "run_count": n,
@@ -236,6 +270,8 @@ def controlled(tables: Tables) -> pd.DataFrame:
     for case, label in tables.labels.items():
         event = final_event(tables, case)
         starts = pick(tables.starts, case=case)
+        if starts.empty:
+            continue
         draws = starts.pivot(index="run_number", columns=["source", "axis"], values="draw_ratio")
         for quantity in NAVIGATION:
             good = pick(errors_by_axis(tables, case, event, quantity), failure="").drop(columns="failure").dropna()

@@ -113,6 +113,7 @@ def _worst(tables: Tables, requirement: Mapping[str, Any], case: str, bound: flo
     return min(found, key=lambda one: one[0])[1:] if found else None
 
 
+@once
 def expected(tables: Tables) -> pd.DataFrame:
     """Return linear covariance's verdict on every requirement in every case, beside which the runs' one stands.
 

@@ -17,6 +17,7 @@ from lvnav_trade.metrics.basics.select import (
     errors_at,
     errors_named,
     number_in,
+    once,
     phase,
     pick,
     rows_between,
@@ -35,6 +36,7 @@ _NEGLIGIBLE = 1e-18
 _FURTHEST = 100_000  # looks ahead for the number of further runs; beyond them there is no telling
 
 
+@once
 def verdicts(tables: Tables) -> pd.DataFrame:
     """Return the verdict on every requirement in every case.
 
