@@ -1,4 +1,4 @@
-"""Memory against run count: the most that a campaign's processes take together at 100, 1,000 and 10,000 runs."""
+"""Memory against run count: the most that a campaign's processes take together at 100, 1,000 and 20,000 runs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 from benchmarks.common import HERE
 
-COUNTS = (100, 1_000, 10_000)
+COUNTS = (100, 1_000, 20_000)
 
 
 def _parents() -> dict[int, int]:

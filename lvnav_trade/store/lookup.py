@@ -37,8 +37,10 @@ def pick(rows: pd.DataFrame, **wanted: str) -> pd.DataFrame:
 
 
 def pick_columns(rows: pd.DataFrame, names: Sequence[str], **wanted: str) -> list[np.ndarray]:
-    """Return columns of the rows that `pick` finds in a whole table, each (n,), without a frame of the others."""
-    span, places = _where(rows, wanted)
+    """Return columns of the rows that `pick` finds, each (n,); of a whole table without a frame of the others."""
+    if id(rows) not in PLACES:
+        rows, wanted = pick(rows, **wanted), {}
+    span, places = _where(rows, wanted) if wanted else (slice(None), None)
     found = [rows[name].iloc[span].to_numpy() for name in names]
     return found if places is None else [values[places] for values in found]
 

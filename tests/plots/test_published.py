@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import copy
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -73,8 +71,8 @@ def test_a_locus_has_the_published_value_as_a_line_and_levels_by_name(tables):
 
 def test_the_base_of_one_at_a_time_has_no_place_among_the_levels(tables):
     cases = tables.cases.assign(axes=['{"imu": "base"}', '{"imu": "2 deg/h"}'])
-    other = copy.copy(tables)
-    other._read = {**tables._read, "cases": cases}
+    other = tables.with_frames(cases=cases)
+    other.campaign = tables.campaign
     ax = drawn(locus(other, "imu", STATED, "cm/s")).axes[0]
     assert list(ax.get_lines()[0].get_xdata()) == [2.0]
     assert ax.get_xlabel() == "imu (deg/h)"

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from lvnav_trade.store.lookup import once, pick
+from lvnav_trade.store.lookup import once, pick, pick_columns
 from lvnav_trade.store.read import PLACES
 
 FRAME = pd.DataFrame(
@@ -38,12 +38,21 @@ def test_rows_of_a_table_are_those_of_a_search_in_their_order(known, wanted):
     assert list(known) == [tuple(wanted)]
 
 
+@pytest.mark.parametrize("wanted", [{"case": "b"}, {"axis": "x"}, {"case": "c", "axis": "y"}, {"case": "no"}])
+def test_columns_of_rows_are_those_of_the_frame_of_them(known, wanted):
+    rows = pick(FRAME, **wanted)
+    axis, value = pick_columns(FRAME, ("axis", "value"), **wanted)
+    assert list(axis) == list(rows.axis)
+    np.testing.assert_array_equal(value, rows.value.to_numpy())
+
+
 def test_adjacent_rows_are_not_copied(known):
     assert np.shares_memory(pick(FRAME, case="b").value.to_numpy(), FRAME.value.to_numpy())
 
 
 def test_a_frame_that_is_no_table_is_searched():
     assert list(pick(FRAME.copy(), case="a", axis="z").value) == [2.0, 5.0]
+    assert list(pick_columns(FRAME.copy(), ("value",), case="a", axis="z")[0]) == [2.0, 5.0]
     assert not PLACES.get(id(FRAME))
 
 

@@ -12,8 +12,8 @@ from rich import console, progress
 class Progress:
     """What execution reports to whoever watches; this one says nothing."""
 
-    def stage(self, name: str, total: int) -> None:
-        """Begin a stage of `total` units of work."""
+    def stage(self, name: str, total: int, alike: bool = True) -> None:
+        """Begin a stage of `total` units of work; alike: all take as long, but for the first, which may compile."""
 
     def advance(self, count: int) -> None:
         """Count units of work as done."""
@@ -28,16 +28,16 @@ class Progress:
 class Plain(Progress):
     """One line per tenth of a stage, for logs."""
 
-    def stage(self, name: str, total: int) -> None:
+    def stage(self, name: str, total: int, alike: bool = True) -> None:
         """Begin a stage and say so."""
-        self.start = time.monotonic()
-        self.name, self.total, self.done, self.tenth, self.first = name, total, 0, 0, 0
+        self.start = self.begun = time.monotonic()
+        self.name, self.total, self.done, self.tenth, self.first, self.apart = name, total, 0, 0, 0, alike
         self.note(f"{name}: {total}")
 
     def advance(self, count: int) -> None:
         """Count, and say every tenth with the time left."""
-        if not self.first:  # it compiled or loaded kernels: the time left is that of those after it
-            self.first, self.begun = count, time.monotonic()
+        if self.apart:  # it compiled or loaded kernels: the time left is that of those after it
+            self.first, self.begun, self.apart = count, time.monotonic(), False
         self.done += count
         tenth = 10 * self.done // max(self.total, 1)
         if tenth > self.tenth:
@@ -66,7 +66,7 @@ class Bar(Progress):
             transient=True,
         )
 
-    def stage(self, name: str, total: int) -> None:
+    def stage(self, name: str, total: int, alike: bool = True) -> None:
         """Show a new bar."""
         self.bar.start()
         for task in self.bar.task_ids:
@@ -89,11 +89,14 @@ class Bar(Progress):
 
 @contextmanager
 def staged(watch: Progress | None, name: str, total: int = 1) -> Iterator[Callable[[], None]]:
-    """Tell of work that is a stage of its own while it is done; what it yields counts a step, the end is one too."""
+    """Tell of work that is a stage of its own while it is done; what it yields counts a step, the end is one too.
+
+    Its steps are unlike each other: the time left is estimated from all of them, the first too.
+    """
     if watch is None:
         yield lambda: None
         return
-    watch.stage(name, total)
+    watch.stage(name, total, alike=False)
     try:
         yield lambda: watch.advance(1)
         watch.advance(1)

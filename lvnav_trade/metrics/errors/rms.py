@@ -97,7 +97,7 @@ def _columns(tables: Tables, case: str, quantity: str, axis: str) -> tuple[Float
 
 
 def _means(t: Floats, values: Floats, areas: Floats, part: slice) -> Floats:
-    """Return the means over a part of times t (n,) of values (..., n), of which areas (..., n - 1) are the integrals."""
+    """Return means over a part of times t (n,) of values (..., n), of which areas (..., n - 1) are the integrals."""
     length = t[part.stop - 1] - t[part.start]
     if not length > 0.0:
         return values[..., part.start]

@@ -52,6 +52,19 @@ def test_the_first_unit_which_compiles_does_not_count_in_the_time_left(
     assert capsys.readouterr().err.splitlines()[-1] == "cases: 2/10, 8 s left"
 
 
+def test_of_steps_that_are_unlike_the_first_counts_too(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = iter([0.0, 20.0, 21.0])  # the first step of a report reads the tables that the others take up
+    monkeypatch.setattr("lvnav_trade.campaign.running.progress.time.monotonic", lambda: next(clock))
+    progress = Plain()
+    progress.stage("report", 10, alike=False)
+    progress.advance(1)
+    assert capsys.readouterr().err.splitlines()[-1] == "report: 1/10, 180 s left"
+    progress.advance(1)
+    assert capsys.readouterr().err.splitlines()[-1] == "report: 2/10, 84 s left"
+
+
 def test_a_stage_of_nothing_is_no_division_by_zero(capsys: pytest.CaptureFixture[str]) -> None:
     for progress in (Plain(), Progress(), Bar()):
         go_through(progress, 0)

@@ -19,7 +19,7 @@ class Watch(Progress):
     def __init__(self):
         self.heard = []
 
-    def stage(self, name, total):
+    def stage(self, name, total, alike=True):
         self.heard.append((name, total))
 
     def advance(self, count):
