@@ -1,6 +1,7 @@
 """What linear covariance says of an error, where it applies, whether Monte Carlo agrees, and what is behind it."""
 
 import math
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -10,13 +11,12 @@ from lvnav_trade.metrics.basics.probability import ratio_interval
 from lvnav_trade.metrics.basics.select import (
     NAVIGATION,
     SAME_TIME,
-    at_time,
     flight_events,
     history_columns,
-    history_of,
     names_of_series,
     once,
     pick,
+    pick_columns,
 )
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
@@ -54,14 +54,18 @@ class Gaussian(NamedTuple):
 
 def gaussian(tables: Tables, case: str, event: str, quantity: str, axis: str) -> Gaussian | None:
     """Return linear covariance's Gaussian of a metric (axis "3d": three components) at an event; None if unknown."""
-    rows = pick(tables.covariances, case=case, event=event, quantity=quantity)
-    axes = list(dict.fromkeys(rows.axis))
+    names = ("t_s", "source", "axis", "other_axis", "true_si2")
+    times, source, *elements = pick_columns(tables.covariances, names, case=case, event=event, quantity=quantity)
+    axes = list(dict.fromkeys(elements[0]))
     wanted = axes if axis == "3d" else [axis]
-    if rows.empty or not set(wanted) <= set(axes):
+    if not axes or not set(wanted) <= set(axes):
         return None
-    found = {str(source): _matrix(part, axes, wanted) for source, part in rows.groupby("source", sort=False)}
-    t = float(rows.t_s.iloc[0])
-    mean = [float(at_time(history_of(tables, case, quantity, name), t).lincov_mean_si) for name in wanted]
+    parts = {str(name): source == name for name in dict.fromkeys(source)}
+    found = {name: _matrix(axes, wanted, *(column[part] for column in elements)) for name, part in parts.items()}
+    mean = []
+    for name in wanted:
+        t, size = history_columns(tables, case, quantity, name, "t_s", "lincov_mean_si")
+        mean.append(float(size[np.argmin(np.abs(t - times[0]))]))
     return Gaussian(np.array(mean), found.pop(""), found)
 
 
@@ -69,13 +73,14 @@ def formal_covariance(tables: Tables, case: str, event: str, quantity: str) -> F
     """Return the filter's own covariance (3, 3) of a quantity at an event, of the nominal flight; None if unknown."""
     rows = pick(tables.covariances, case=case, event=event, quantity=quantity, source="")
     axes = list(dict.fromkeys(rows.axis))
-    return _matrix(rows, axes, axes, "formal_si2") if axes else None
+    return _matrix(axes, axes, rows.axis, rows.other_axis, rows.formal_si2.to_numpy()) if axes else None
 
 
-def _matrix(rows: pd.DataFrame, axes: list[str], wanted: list[str], column: str = "true_si2") -> Floats:
+def _matrix(axes: list[str], wanted: list[str], row: Iterable[str], column: Iterable[str], values: Floats) -> Floats:
+    """Return the symmetric matrix (k, k) of the axes wanted from its elements (n,) and the axes (n,) of each."""
     matrix = np.zeros((len(axes), len(axes)))
-    i, j = (pd.Index(axes).get_indexer(names) for names in (rows.axis, rows.other_axis))
-    matrix[i, j] = matrix[j, i] = rows[column].to_numpy()
+    i, j = ([axes.index(name) for name in names] for names in (row, column))
+    matrix[i, j] = matrix[j, i] = values
     chosen = [axes.index(name) for name in wanted]
     return matrix[np.ix_(chosen, chosen)]
 
