@@ -44,6 +44,9 @@ CASES = {
         "drift: 2 mm/s}]",
     ),
 }  # fmt: skip
+# Kernels that no other test of the suite needs are compiled by `make slow`; the combination matrix has them too.
+OWN_KERNELS = {"samples are measurements"}
+EACH = [pytest.param(name, marks=[pytest.mark.slow] if name in OWN_KERNELS else []) for name in CASES]
 
 
 @cache
@@ -57,7 +60,7 @@ def history(name):
     return covariance(prepared(name))
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", EACH)
 def test_monte_carlo_and_linear_covariance_agree(name):
     found, expected = run_block(prepared(name), SEED, 0, RUNS), history(name)
     assert not found.failed.any()
@@ -75,7 +78,7 @@ def test_monte_carlo_and_linear_covariance_agree(name):
     np.testing.assert_allclose(found.sigma.mean(axis=0)[at], expected.formal[at], rtol=rtol)
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", EACH)
 def test_the_adjoint_sums_to_the_variance(name):
     budget, forward = adjoint(prepared(name), 30.0), history(name)
     found, variance = budget.contribution.sum(axis=2), forward.true_sigma[-1, :9] ** 2
@@ -113,6 +116,7 @@ def test_differences_with_their_noise_as_a_state_know_what_a_phase_with_its_ambi
     np.testing.assert_allclose(differences.formal[2:, 6:9], phases.formal[2:, 6:9], rtol=1e-2)
 
 
+@pytest.mark.slow
 def test_the_first_difference_of_a_filter_is_that_after_its_start():
     """Of the epoch before a start nothing is known that is not known of the start: ranges alone are taken."""
 
