@@ -24,7 +24,7 @@ from lvnav_trade.world.oscillation import Oscillation, small_motion
 _AT_ONCE = 4096
 """Times whose motion is worked out together: what is needed meanwhile (3 KB a time) stays in the processor's cache and
 does not become part of the process."""
-_PAD_STEP = 2.5  # s between knots on the pad; the Earth's turn is so slow that rounding is the only error
+PAD_STEP = 2.5  # s between knots on the pad; the Earth's turn is so slow that rounding is the only error
 _SLIVER = 1e-9  # s; a piece of a tick shorter than this is rounding of the grid, not a piece
 
 
@@ -110,7 +110,7 @@ def splined(
     return Phase(name, float(t[0]), float(t[-1]), position_spline(t, r, v_ends, a_ends), attitude, spin)
 
 
-def pad_times(start: float, hold: float, step: float = _PAD_STEP) -> Floats:
+def pad_times(start: float, hold: float, step: float = PAD_STEP) -> Floats:
     """Return times (n,) s, at most `step` apart, of a rest of `hold` seconds on the pad that ends at `start`: knots of
     its splines.
     """

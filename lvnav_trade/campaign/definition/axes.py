@@ -167,7 +167,7 @@ def cases(campaign: Campaign) -> list[Case]:
 def _cases(campaign: Campaign) -> list[Case]:
     found: dict[str, Case] = {}
     base, sections = campaign.base.model_dump(mode="json"), Sections([axis.steps[0] for axis in campaign.axes])
-    known: dict[int, Any] = {}
+    known: dict[int, tuple[BaseModel, Any]] = {}
     for chosen in chosen_levels(campaign):
         data = base
         for axis, index in zip(campaign.axes, chosen, strict=True):
@@ -233,10 +233,13 @@ def get(data: Any, path: Sequence[str]) -> Any:
     return data
 
 
-def case_id(scenario: Scenario, seed: int, history: float, known: dict[int, Any] | None = None) -> str:
+def case_id(
+    scenario: Scenario, seed: int, history: float, known: dict[int, tuple[BaseModel, Any]] | None = None
+) -> str:
     """Return 12 hex digits that stand for the scenario, the seed, the history's step and the version of the numbers.
 
-    known : what fields of earlier scenarios came to, by their identity; those scenarios are still in use
+    known : the fields of earlier scenarios, by identity, each with its content; added to. It holds the field itself, so
+        that no other one can have its identity.
 
     The step counts because covariance steps are cut at history times. A file that the scenario names counts by its
     content, not by its path: the same question asked in another folder has the same digest, an edited almanac another.
@@ -250,16 +253,17 @@ def case_id(scenario: Scenario, seed: int, history: float, known: dict[int, Any]
     return hashlib.sha256(json.dumps(data, sort_keys=True, separators=(",", ":")).encode()).hexdigest()[:12]
 
 
-def _canonical(model: BaseModel, known: dict[int, Any] | None = None) -> dict[str, Any]:
+def _canonical(model: BaseModel, known: dict[int, tuple[BaseModel, Any]] | None = None) -> dict[str, Any]:
     kind, without, below = type(model), set(), {}
     for name in kind.model_fields:
         value = getattr(model, name)
         if isinstance(value, Resources) or (name == "resources" and value is None):
             without.add(name)
         elif isinstance(value, BaseModel):
-            below[name] = (known or {}).get(id(value)) or _canonical(value)
+            _, found = (known or {}).get(id(value), (None, None))
+            below[name] = _canonical(value) if found is None else found
             if known is not None:
-                known[id(value)] = below[name]
+                known[id(value)] = value, below[name]
         elif isinstance(value, tuple) and value and isinstance(value[0], BaseModel):
             below[name] = [_canonical(item) for item in value]
         elif isinstance(value, dict):

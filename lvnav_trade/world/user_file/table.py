@@ -20,7 +20,7 @@ from lvnav_trade.world.ascent.launch import achieved
 from lvnav_trade.world.ascent.plausibility import within_limits
 from lvnav_trade.world.ascent.vehicle import STANDARD_GRAVITY
 from lvnav_trade.world.jumps import missing_events
-from lvnav_trade.world.truth import NOTE, WARNING, Phase, Trajectory, motion, pad_phase, pad_times
+from lvnav_trade.world.truth import NOTE, PAD_STEP, WARNING, Phase, Trajectory, motion, pad_phase, pad_times
 from lvnav_trade.world.user_file.columns import TableTrajectory
 from lvnav_trade.world.user_file.contradiction import Residual, added
 from lvnav_trade.world.user_file.rows import Rows, read_rows
@@ -29,7 +29,7 @@ from lvnav_trade.world.user_file.splines import along_path, fit
 _SAME = 1e-6  # s; two times closer than this are one
 _REST = 1.0  # m/s relative to the Earth; more than this is no lift-off
 _COARSEST = 2.0  # s over which the force of the rows is averaged, at most, to tell a jump from noise
-_PAD_STEP, _CLOSEST = 2.5, 0.1  # s between the times of the rest before the rows, at most and at least
+_CLOSEST = 0.1  # s between the times of the rest before the rows, at least
 _COMPONENTS = 0.5 * np.sqrt(0.75)  # RMS of a quaternion's four components for one radian of rotation per axis
 
 
@@ -268,7 +268,7 @@ def _attitude(card: TableTrajectory, path: Fitted, hold: float) -> BSpline:
     t, q = rows.t, rows.q_b_i
     if hold > 0.0:
         # as close as the rows: the spline's end is tied down by roughness, which counts by their interval
-        step = min(_PAD_STEP, max(_CLOSEST, float(np.median(np.diff(t)))))
+        step = min(PAD_STEP, max(_CLOSEST, float(np.median(np.diff(t)))))
         before = pad_times(rows.t[0], hold, step)[:-1]
         axes_e = ecef_from_eci(matrices(q[0]).T, earth_angle(rows.theta0, rows.t[0]))  # the body's axes, by rows
         axes = np.stack([eci_from_ecef(axis, earth_angle(rows.theta0, before)) for axis in axes_e], axis=-1)

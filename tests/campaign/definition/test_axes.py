@@ -144,3 +144,12 @@ def test_a_case_that_is_refused_names_the_field_though_cards_are_shared():
     sections = Sections(["receiver"])
     with pytest.raises(ValidationError, match="mask"):
         sections.scenario({"receiver": {"mask": "steep"}}, (0,))
+
+
+def test_a_digest_does_not_take_another_card_for_one_that_is_gone(study):
+    """What is kept holds the card itself: a later one cannot stand at its place in memory."""
+    campaign, kept = load("campaign.yaml"), {}
+    scenario = campaign.base
+    case_id(scenario, 1, 1.0, kept)
+    assert all(id(card) == place for place, (card, _) in kept.items())
+    assert case_id(scenario, 1, 1.0, kept) == case_id(scenario, 1, 1.0)

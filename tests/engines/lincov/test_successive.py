@@ -44,7 +44,7 @@ CASES = {
         "drift: 2 mm/s}]",
     ),
 }  # fmt: skip
-# Kernels that no other test of the suite needs are compiled by `make slow`; the combination matrix has them too.
+# It needs kernels that take a minute to compile: `make slow` has it.
 OWN_KERNELS = {"samples are measurements"}
 EACH = [pytest.param(name, marks=[pytest.mark.slow] if name in OWN_KERNELS else []) for name in CASES]
 
