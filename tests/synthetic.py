@@ -272,11 +272,12 @@ def results(
     rejects: float = 0.0,
     logic: bool = False,
     explained: bool = True,
+    traced: bool = True,
 ) -> Path:
     """Write the results of two cases; the runs are drawn `wrong` times as large as the covariance history says.
 
     rejects: probability that the gate rejects a good row at one epoch; logic: the filters start and stop by one;
-    explained: linear covariance is explained.
+    explained: linear covariance is explained; traced: the worst runs are kept over time.
     """
     written = open_results(folder, "synthetic", campaign, {"seed": 7}, "resume")
     for case, factor in CASES:
@@ -295,7 +296,18 @@ def results(
         parts = written.parts(case.id) if n_run else None
         drawn = starts(n_run) if n_run else None
         written.write_case(case, prepared(logic), reported, parts, explanation(reported) if explained else None, drawn)
-    written.finish({"timings_s": {}, "cases": [case.id for case, _ in CASES]})
+
+    def trace(folder: Path) -> None:
+        """Leave the worst runs over time, as a campaign does."""
+        from lvnav_trade.metrics.requirements.margins import worst_runs  # here: workers do without pandas
+        from lvnav_trade.store.read import Tables
+
+        for case, runs in worst_runs(Tables(folder)).groupby("case").run_number:
+            drawn = covariance({one.id: factor for one, factor in CASES}[case], wrong)
+            again = (block(drawn, run, 1, failing=failing) for run in sorted(set(runs)))
+            written.write_traces(case, prepared(logic), again)
+
+    written.finish({"timings_s": {}, "cases": [case.id for case, _ in CASES]}, trace if n_run and traced else None)
     return folder
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from lvnav_trade.metrics.basics.select import history_of, pick
+from lvnav_trade.metrics.basics.select import history_of, once, pick
 from lvnav_trade.metrics.errors.covariances import contributions
 from lvnav_trade.plots.figure import Figure, Panel, canvas, named_ticks
 from lvnav_trade.plots.style import PALETTE, drawing, over_time
@@ -54,6 +54,7 @@ def budget(tables: Tables, case: str, quantity: str) -> Figure:
     return figure
 
 
+@once
 def _order(tables: Tables) -> list[str]:
     """Return the sources of all cases and quantities, largest mean part first: stacks of a report have one order."""
     rows = pick(tables.budget, event="", axis="3d")

@@ -55,6 +55,27 @@ def envelope(tables: Tables, case: str, quantity: str) -> Figure:
     return figure
 
 
+@drawing
+def worst_run(tables: Tables, case: str, run: str) -> Figure:
+    """Draw the errors of one run that is kept over time, beside three of the filter's own sigma and the RMS of all."""
+    rows = pick(tables.traces, case=case)
+    rows = rows[rows.run_number == int(run)]
+    if rows.empty:
+        return message(f"run {run} is not kept over time", "time since lift-off (s)", "error")
+    quantities = list(dict.fromkeys(rows.quantity))
+    figure, grid = canvas(len(quantities), 1, 1.95, sharex=True)
+    for ax, quantity in zip(grid[:, 0], quantities, strict=True):
+        mine, every = rows[rows.quantity == quantity], history_of(tables, case, quantity, "3d")
+        unit, factor = tables.people[quantity, "3d"]
+        ax.plot(mine.t_s, mine.error_si * factor, color=PALETTE[1], label=f"run {run}")
+        ax.plot(mine.t_s, 3.0 * mine.sigma_si * factor, color=PALETTE[2], lw=1.0, label="3 x filter's own sigma")
+        ax.plot(every.t_s, every.rms_si * factor, color=PALETTE[0], ls="--", lw=1.0, label="RMS of all runs")
+        ax.set(ylabel=f"{quantity},\n3D ({unit})")
+        scale_up(ax, "y", pd.concat([mine.error_si, every.rms_si]) * factor)
+    over_time(grid[:, 0], tables, case)
+    return figure
+
+
 def _lines(ax: Panel, rows: pd.DataFrame, factor: float) -> None:
     n = int(rows.run_count.iloc[0])
     if n:

@@ -6,15 +6,17 @@ import pandas as pd
 from lvnav_trade.layout import MISSION
 from lvnav_trade.metrics.basics.probability import outline_of
 from lvnav_trade.metrics.basics.select import final_event
-from lvnav_trade.metrics.mechanics import impulses, meanorbit, mission
+from lvnav_trade.metrics.mechanics import meanorbit, mission
 from lvnav_trade.metrics.mission.impact import corridor_of, ellipse
 from lvnav_trade.metrics.mission.impact import impact as impact_points
+from lvnav_trade.metrics.mission.orbit import costs
 from lvnav_trade.plots.figure import GREY, Figure, Panel, canvas
 from lvnav_trade.plots.style import PALETTE, drawing, message, over_time, scale_up
 from lvnav_trade.records import Floats
 from lvnav_trade.store.read import Tables
 
 _Component = tuple[str, int, str]  # metric, component of its error, label
+_Errors = dict[str, Floats]  # by metric, each (n, k)
 _PLANES: tuple[tuple[_Component, _Component], ...] = (
     (("perigee_error", 0, "perigee error"), ("apogee_error", 0, "apogee error")),
     (
@@ -23,7 +25,9 @@ _PLANES: tuple[tuple[_Component, _Component], ...] = (
     ),
     (("node_error", 0, "node error"), ("inclination_error", 0, "inclination error")),
 )
+_DRAWS = 512  # of linear covariance in a plane
 _SEEN = 0.03  # part of the map's width that the largest ellipse fills
+_BY = {"Monte Carlo": ("runs", PALETTE[0], "-"), "linear covariance": ("LinCov", PALETTE[1], "--")}
 _DRAWN = 14  # ellipses on the map, at most
 
 
@@ -40,27 +44,32 @@ def orbit(tables: Tables, case: str) -> Figure:
         return message("the flight does not end in an orbit", "perigee error (km)", "apogee error (km)")
     law = mission.law_at(tables, case, event)
     figure, grid = canvas(2, 2, 2.9, title=f"{tables.labels[case]}, {event.replace('_', ' ')}")
-    good = mission.good_errors(tables, case, state)
+    good, drawn = mission.good_errors(tables, case, state), mission.draws(law.mean, law.true, _DRAWS)
+    flown, spread = (mission.orbit_errors(state, errors) for errors in (good, drawn))
     for ax, pair in zip(grid.ravel()[:3], _PLANES, strict=True):
-        _plane(ax, state, law, good, pair)
-    _cost(grid[1, 1], state, law, good)
+        _plane(ax, state, law, flown, spread, pair)
+    _cost(grid[1, 1], costs(tables, case, event))
     return figure
 
 
 def _plane(
-    ax: Panel, state: mission.State, law: mission.Law, good: Floats, pair: tuple[_Component, _Component]
+    ax: Panel,
+    state: mission.State,
+    law: mission.Law,
+    flown: _Errors,
+    spread: _Errors,
+    pair: tuple[_Component, _Component],
 ) -> None:
     *_, units, factors = zip(*(MISSION[metric] for metric, _, _ in pair), strict=True)
     scale = np.array(factors)
 
-    def errors(error: Floats) -> Floats:
-        return np.stack([mission.signed(state, error, metric)[:, k] for metric, k, _ in pair], axis=1) * scale
+    def shown(errors: _Errors) -> Floats:
+        return np.stack([errors[metric][:, k] for metric, k, _ in pair]) * scale[:, None]
 
-    if len(good):
-        ax.plot(*errors(good).T, ls="none", marker=".", ms=2.5, color=PALETTE[0], label="runs")
+    if len(flown["node_error"]):
+        ax.plot(*shown(flown), ls="none", marker=".", ms=2.5, color=PALETTE[0], label="runs")
     if any(mission.applies(state, metric, law.true) for metric, _, _ in pair):
-        drawn = errors(mission.draws(law.mean, law.true, 512))
-        ax.plot(*drawn.T, ls="none", marker="x", ms=2.5, color=PALETTE[1], label="draws of LinCov")
+        ax.plot(*shown(spread), ls="none", marker="x", ms=2.5, color=PALETTE[1], label="draws of LinCov")
         ax.set(title="no first-order sigma: circular to within 3 sigma")
     else:
         slope = np.stack([mission.jacobian(state, metric)[k] for metric, k, _ in pair]) * scale[:, None]
@@ -73,11 +82,10 @@ def _plane(
     ax.set(margin=0.08)
 
 
-def _cost(ax: Panel, state: mission.State, law: mission.Law, good: Floats) -> None:
-    drawn = mission.draws(law.mean, law.true, 1024)
-    for name, error, colour, dashes in (("runs", good, PALETTE[0], "-"), ("LinCov", drawn, PALETTE[1], "--")):
-        if len(error):
-            cost = np.sort(impulses.least_at(state.r_i, state.v_i, error).delta_v)
+def _cost(ax: Panel, found: dict[str, Floats]) -> None:
+    for by, (name, colour, dashes) in _BY.items():
+        if by in found:
+            cost = np.sort(found[by][0])
             part = 100.0 * (np.arange(1, len(cost) + 1) / len(cost))
             label = f"{name}: 99 % below {np.quantile(cost, 0.99):.3g} m/s"
             ax.step(cost, part, label=label, color=colour, ls=dashes)

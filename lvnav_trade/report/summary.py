@@ -3,7 +3,6 @@
 import math
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from lvnav_trade.layout import split_metric
@@ -11,9 +10,9 @@ from lvnav_trade.metrics import METRICS
 from lvnav_trade.metrics.basics.select import mean_at
 from lvnav_trade.metrics.errors.covariances import by_case, why_not_applicable
 from lvnav_trade.metrics.requirements.improvements import asked
-from lvnav_trade.metrics.requirements.margins import ORDER, key_cases, worst
-from lvnav_trade.metrics.requirements.requirements import errors_of, in_words, where, with_unit
-from lvnav_trade.report.blocks import Block, More, Table, Text, figure, number, percent, table, words
+from lvnav_trade.metrics.requirements.margins import ORDER, key_cases, worst, worst_runs
+from lvnav_trade.metrics.requirements.requirements import in_words, where, with_unit
+from lvnav_trade.report.blocks import Block, More, Table, Text, figure, number, percent, stated, table, words
 from lvnav_trade.store.read import Tables
 
 _FEW = 4  # cases that are all named beside their verdict
@@ -115,17 +114,21 @@ def answers(tables: Tables) -> list[Block]:
 
 
 def _worst_runs(tables: Tables) -> list[Block]:
-    """Return the run with the largest error of each requirement in the cases that decide, and how to fly it again."""
-    digests, rows = {label: case for case, label in tables.labels.items()}, []
-    for requirement in tables.campaign.get("requirements") or ():
-        for label in key_cases(tables):
-            found = errors_of(tables, digests[label], requirement)
-            if found is not None and found.size.size:
-                run = int(np.argmax(found.size))
-                error = with_unit(float(found.size[run]) * found.label_factor, found.label_unit)
-                rows.append((requirement["name"], label, run, error, f"lvnav-trade replay . {digests[label]} {run}"))
-    frame = pd.DataFrame(rows, columns=["requirement", "case", "run", "error", "command, in the folder of results"])
-    return [table(frame, "Worst run of each requirement in the cases that decide.")] if rows else []
+    """Return the run with the largest error of each requirement in the cases that decide, how to fly it again, and
+    pictures of them.
+    """
+    found = worst_runs(tables)
+    if found.empty:
+        return []
+    shown = found.assign(
+        case=found.case.map(tables.labels),
+        error=[with_unit(row.error, row.unit) for row in found.itertuples()],
+        command=[f"lvnav-trade replay . {row.case} {row.run_number}" for row in found.itertuples()],
+    )
+    names = ["case", "run_number"]
+    kept = found[names].merge(tables.traces[names].drop_duplicates()).drop_duplicates()
+    drawn = [figure(tables, "worst_run", row.case, str(row.run_number)) for row in kept.itertuples()]
+    return [stated("worst_runs", shown), *[More("Pictures of the worst runs", drawn)] * bool(drawn)]
 
 
 def _beyond(tables: Tables) -> list[Block]:

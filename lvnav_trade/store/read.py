@@ -13,10 +13,10 @@ from typing import Any
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
-import ruamel.yaml
 
 from lvnav_trade.errors import InputError
 from lvnav_trade.store.schema import TABLES, arrow_schema
+from lvnav_trade.store.versions import parsed
 
 PLACES: dict[int, dict[tuple[str, ...], dict[Any, Any]]] = {}
 """Where the rows of values stand in a frame that is a table, by its identity and the columns; filled when asked for."""
@@ -46,6 +46,7 @@ class Tables:
         """Return the same results with other frames in the place of some tables."""
         found = Tables(self.folder)
         found._read = self._read | frames
+        found.__dict__ |= {name: self.__dict__[name] for name in ("campaign", "manifest") if name in self.__dict__}
         return found
 
     def __getattr__(self, name: str) -> pd.DataFrame:
@@ -75,7 +76,7 @@ class Tables:
     def campaign(self) -> dict[str, Any]:
         """The resolved campaign, all defaults filled in."""
         text = (self.folder / "campaign.resolved.yaml").read_text(encoding="utf-8")
-        return dict(ruamel.yaml.YAML(typ="safe", pure=True).load(text) or {})
+        return dict(parsed(text))
 
     @cached_property
     def labels(self) -> dict[str, str]:

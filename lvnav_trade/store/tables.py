@@ -1,6 +1,7 @@
 """The tables of one case, from what the engines hand over."""
 
 import json
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,16 +11,16 @@ from lvnav_trade.engines.analysis.explain import Explanation
 from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.setup.starts import StartDraws
 from lvnav_trade.engines.simulate.statistics import NORM, BlockSummary, add_norms, columns, norm_groups, quantiles
-from lvnav_trade.records import FIRST_UNIT, ISOLATED, MODES, REASONS, CovHistory, Floats, Output
+from lvnav_trade.records import CovHistory, Floats, Output, RunBlock
 from lvnav_trade.scenario import Scenario
 from lvnav_trade.steering.nozzle import AXES, FEEDS, PHASES, Controlled
 from lvnav_trade.store.columns import column
 from lvnav_trade.store.diagnostics import explained_rows
 from lvnav_trade.store.flight import event_rows, flight_columns, state_columns
-from lvnav_trade.store.schema import TABLES, arrow_schema, error_column, rms_column
+from lvnav_trade.store.runs import DRAWN, integrity_columns, run_columns, start_columns, trace_columns
+from lvnav_trade.store.schema import TABLES, arrow_schema
 
 _OF_RUNS = ("runs", "worst", "logic", "integrity", "starts")
-_DRAWN = ("attitude", "velocity", "position")  # quantities of which the budget is kept over the whole flight
 _NORM_LIKE_CONSTANT = 1e9  # degrees of freedom of a mean square that does not vary from run to run
 
 
@@ -49,7 +50,7 @@ def case_tables(
         "consistency": _consistency(prepared, cov, summary),
         "innovations": _innovations(cov, summary),
         "whiteness": _whiteness(prepared, summary) if summary else {},
-        "nominal_integrity": _integrity(cov.decisions, prepared.channel_names),
+        "nominal_integrity": integrity_columns(cov.decisions, prepared.channel_names),
         "budget": _budget(prepared, cov) if cov.sources else {},
         **flight_columns(prepared, cov),
         **explained_rows(prepared, cov, explained),
@@ -71,6 +72,11 @@ def row_tables(
 def starts_table(case_id: str, starts: StartDraws | None) -> dict[str, pa.Table]:
     """Return the table of what runs draw at their start, as `row_tables`."""
     return {"starts": _arrow("starts", case_id, start_columns(starts))}
+
+
+def traces_table(case_id: str, outputs: tuple[Output, ...], blocks: Iterable[RunBlock]) -> pa.Table:
+    """Return the table of runs over time, a block of one run each."""
+    return _arrow("traces", case_id, trace_columns(outputs, blocks))
 
 
 def covariance_tables(case: CaseInfo, prepared: Prepared, cov: CovHistory) -> dict[str, pa.Table]:
@@ -202,7 +208,7 @@ def _monte_carlo(summary: BlockSummary | None, shape: tuple[int, int]) -> dict[s
         return dict.fromkeys(names, np.full(shape, np.nan))
     n = np.where(summary.n_good > 0, summary.n_good, np.nan)[:, None]
     moments = (summary.total / n, np.sqrt(summary.squares / n), np.sqrt(summary.sigma_squares / n))
-    values = (*moments, *(quantiles(summary, probability) for probability in (0.5, 0.95, 0.997)))
+    values = (*moments, *quantiles(summary, 0.5, 0.95, 0.997))
     return dict(zip(names, values, strict=True))
 
 
@@ -245,7 +251,7 @@ def _budget(prepared: Prepared, cov: CovHistory) -> dict[str, Any]:
     variance = add_norms(np.sqrt(np.maximum(cov.budget, 0.0)), prepared.outputs) ** 2
     total = variance.sum(axis=1, keepdims=True)
     share = np.divide(variance, total, out=np.zeros_like(variance), where=total > 0)
-    summed = [k for k, output in enumerate(every) if output.axis == NORM and output.quantity in _DRAWN]
+    summed = [k for k, output in enumerate(every) if output.axis == NORM and output.quantity in DRAWN]
     at_events = [(name, np.array([np.argmin(np.abs(cov.t - t))])) for name, t in prepared.trajectory.events.items()]
     blocks = [("", np.arange(len(cov.t)), summed), *((*at, list(range(len(every)))) for at in at_events)]
     pieces: list[dict[str, Any]] = []
@@ -263,89 +269,6 @@ def _budget(prepared: Prepared, cov: CovHistory) -> dict[str, Any]:
             }
         )
     return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
-
-
-FAILURES = {0: "", 1: "not finite", 2: "diverged"}
-
-
-def run_columns(
-    outputs: tuple[Output, ...], summary: BlockSummary | None, channels: tuple[str, ...] = ()
-) -> dict[str, dict[str, Any]]:
-    """Return the columns of `runs`, `worst`, `logic` and `integrity` for some runs; without runs those of the
-    outputs, empty.
-
-    `worst` has one row per run and span from an event to the next. channels: names of the filter's channels.
-    """
-    every = columns(outputs)
-    errors, means = (
-        [column(output.quantity, output.axis, output.unit) for output in every] for column in (error_column, rms_column)
-    )
-    if summary is None:
-        return {
-            "runs": {name: [] for name in errors},
-            "worst": {name: [] for name in (*errors, *means)},
-            "logic": {},
-            "integrity": {},
-        }
-    n_event, n_span = len(summary.events), summary.worst.shape[1]
-    failures = np.array([FAILURES.get(int(code), f"code {code}") for code in summary.failed])
-    run, t, before, after, why = summary.changes.T
-    runs = {
-        "run_number": np.repeat(summary.runs, n_event),
-        "event": list(summary.events) * summary.n_run,
-        "t_s": np.tile(summary.t_event, summary.n_run),
-        "failure": np.repeat(failures, n_event),
-        "t_failed_s": np.repeat(summary.t_failed, n_event),
-        "nees_ratio": summary.event_nees.ravel(),
-    }
-    worst = {
-        "run_number": np.repeat(summary.runs, n_span),
-        "t_s": np.tile(summary.t_bound[:-1], summary.n_run),
-        "t_end_s": np.tile(summary.t_bound[1:], summary.n_run),
-        "failure": np.repeat(failures, n_span),
-    }
-    logic = {
-        "run_number": run.astype(np.int64),
-        "t_s": t,
-        "from_mode": np.array(MODES)[before.astype(int)],
-        "to_mode": np.array(MODES)[after.astype(int)],
-        "reason": np.array(REASONS)[why.astype(int)],
-    }
-    runs |= _named(errors, summary.event_error)
-    worst |= _named(errors, summary.worst) | _named(means, np.sqrt(summary.mean_square))
-    return {"runs": runs, "worst": worst, "logic": logic, "integrity": _integrity(summary.decisions, channels)}
-
-
-def _integrity(decisions: Floats, channels: tuple[str, ...]) -> dict[str, Any]:
-    """Return the columns of `integrity` and `nominal_integrity`: what filters that test for faults decided."""
-    run, t, isolated, channel = decisions.T
-    number = channel.astype(int)
-    units = [f"unit {unit + 1}" for unit in range(max(0, FIRST_UNIT - int(number.min(initial=0))) + 1)]
-    names = np.array([*channels, *reversed(units), ""])
-    return {
-        "run_number": run.astype(np.int64),
-        "t_s": t,
-        "isolated": np.array(ISOLATED)[isolated.astype(int)],
-        "channel": names[number],
-    }
-
-
-def _named(names: list[str], values: Any) -> dict[str, Any]:
-    """Return the last axis of values (n_run, n, n_name) as columns."""
-    return dict(zip(names, values.reshape(-1, len(names)).T, strict=True))
-
-
-def start_columns(starts: StartDraws | None) -> dict[str, Any]:
-    """Return the columns of the table of what runs draw at their start."""
-    if starts is None:
-        return {}
-    n_run, n_draw = starts.values.shape
-    return {
-        "run_number": np.repeat(starts.runs, n_draw),
-        "source": list(starts.sources) * n_run,
-        "axis": list(starts.axes) * n_run,
-        "draw_ratio": starts.values.ravel(),
-    }
 
 
 _TURNING = (

@@ -4,7 +4,7 @@ import hashlib
 import importlib.metadata
 import platform
 import subprocess
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -45,9 +45,15 @@ def code_digest() -> str:
     return digest.hexdigest()[:16]
 
 
+@lru_cache(maxsize=4)
+def parsed(resolved_yaml: str) -> dict[str, Any]:
+    """Return the tree of a resolved campaign, which nobody changes: reading it takes longer than writing the tables."""
+    return dict(ruamel.yaml.YAML(typ="safe", pure=True).load(resolved_yaml) or {})
+
+
 def campaign_digest(resolved_yaml: str) -> str:
     """Return a digest of what a resolved campaign computes: neither its number of runs nor what is asked of them."""
-    tree = ruamel.yaml.YAML(typ="safe", pure=True).load(resolved_yaml) or {}
+    tree = parsed(resolved_yaml)
     kept = {key: value for key, value in tree.items() if key not in _NOT_THE_RUNS}
     if isinstance(kept.get("monte_carlo"), dict):
         kept["monte_carlo"] = {key: value for key, value in kept["monte_carlo"].items() if key not in ("runs", "stop")}

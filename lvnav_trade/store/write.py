@@ -1,7 +1,7 @@
 """Writing results: parts while a campaign runs, tables and manifest at its end."""
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import partial
 from itertools import chain
@@ -16,13 +16,13 @@ from lvnav_trade.engines.setup.prepare import Prepared
 from lvnav_trade.engines.setup.starts import StartDraws
 from lvnav_trade.engines.simulate.statistics import BlockSummary, merge
 from lvnav_trade.errors import InputError, writing
-from lvnav_trade.records import CovHistory
+from lvnav_trade.records import CovHistory, RunBlock
 from lvnav_trade.steering.nozzle import Controlled
 from lvnav_trade.store import parts as part_files
 from lvnav_trade.store.contents import MANIFEST, RESOLVED, RUN_FILES, OwnedFolder, owned
 from lvnav_trade.store.files import replace_file, replace_table, row_files, row_groups, writers
 from lvnav_trade.store.schema import TABLES, arrow_schema
-from lvnav_trade.store.tables import CaseInfo, case_tables, row_tables, starts_table
+from lvnav_trade.store.tables import CaseInfo, case_tables, row_tables, starts_table, traces_table
 from lvnav_trade.store.versions import RESULTS_VERSION, across_machines, campaign_digest, environment
 
 # Those that compute: another version of one may round otherwise
@@ -94,13 +94,21 @@ class Results:
             else:
                 file.unlink(missing_ok=True)
 
-    def finish(self, extra_manifest: dict[str, Any]) -> None:
+    def write_traces(self, case_id: str, prepared: Prepared, blocks: Iterable[RunBlock]) -> None:
+        """Write what blocks of one run each leave of it over time, among the tables of the case."""
+        table = traces_table(case_id, prepared.outputs, blocks)
+        replace_table(table, self.case_folder(case_id) / "tables" / "traces.parquet")
+
+    def finish(self, extra_manifest: dict[str, Any], trace: Callable[[Path], None] | None = None) -> None:
         """Write the tables of all cases, no row group of two cases, and the manifest (which alone carries times).
 
         The cases come in the order of "cases", the digests in the order of the plan; those without tables are left out.
+        `trace` is called when all tables but that of single runs over time are there, and may write those.
         """
         found = [case for case in extra_manifest["cases"] if (self.case_folder(case) / "tables").is_dir()]
-        for name in TABLES:
+        for name in sorted(TABLES, key="traces".__eq__):
+            if name == "traces" and trace is not None:
+                trace(self.folder)
             self._merge_table(name, found)
         self.manifest |= extra_manifest
         self.manifest |= {"cases": found, "across_machines": across_machines(), "finished": _now()}

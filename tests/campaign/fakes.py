@@ -177,7 +177,7 @@ class Kept:
         row = ((info.id, info.label, info.axes), covariance.sources, numbers, explained)
         (self.folder / f"{info.id}.pcase").write_bytes(pickle.dumps(row))
 
-    def finish(self, extra: dict[str, Any]) -> None:
+    def finish(self, extra: dict[str, Any], trace: Any = None) -> None:
         (self.folder / "finished").write_text("\n".join(extra["cases"]))
 
 

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from lvnav_trade.metrics import METRICS
+from lvnav_trade.metrics.basics.select import pick
+from lvnav_trade.metrics.requirements.margins import worst_runs
 from lvnav_trade.plots import PLOTS
 from lvnav_trade.plots.errors import autocorrelation, errors, relative
 from lvnav_trade.plots.raster import drawn
@@ -113,3 +115,26 @@ def test_the_legend_names_the_modes_that_occur(watched):
 def test_without_a_logic_it_says_so(good):
     figure = drawn(PLOTS["logic"](good, good.cases.case[0]))
     assert "no logic" in figure.axes[0].texts[0].get_text()
+
+
+def test_a_worst_run_is_the_one_of_the_table_of_runs_up_to_its_failure(good, tmp_path):
+    row = worst_runs(good).iloc[0]
+    figure = drawn(PLOTS["worst_run"](good, row.case, str(row.run_number)))
+    runs = pick(good.runs, case=row.case, event="injection")
+    at_injection = runs[runs.run_number == row.run_number].iloc[0]
+    for axes, quantity, unit, factor in zip(
+        figure.axes, ("attitude", "velocity", "position"), ("rad", "m_per_s", "m"), (1e3, 1.0, 1.0), strict=True
+    ):
+        error = lines(axes)[f"run {row.run_number}"].get_ydata()
+        assert error[-1] == pytest.approx(factor * at_injection[f"{quantity}_3d_error_{unit}"], rel=1e-12)
+    failed = load(synthetic.results(tmp_path, n_run=40, failing=(7,)))
+    run = worst_runs(failed).iloc[0]
+    assert (run.run_number, run.error) == (7, np.inf)
+    until = failed.runs[(failed.runs.case == run.case) & (failed.runs.run_number == 7)].t_failed_s.iloc[0]
+    axes = drawn(PLOTS["worst_run"](failed, run.case, "7")).axes[0]
+    shown = lines(axes)["run 7"]
+    assert np.nanmax(np.where(np.isfinite(shown.get_ydata()), shown.get_xdata(), np.nan)) < until
+
+
+def test_a_run_that_is_not_kept_is_said(good):
+    assert "is not kept over time" in drawn(PLOTS["worst_run"](good, CASE, "1000")).axes[0].texts[0].get_text()

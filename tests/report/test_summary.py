@@ -69,6 +69,8 @@ def test_the_worst_run_has_the_command_that_flies_it_again(page):
     for _, case, run, error, command in worst.rows:
         assert command == f"lvnav-trade replay . {digests[case]} {run}"
         assert error
+    pictures = next(block for block in answers(tables) if block.kind == "more" and "worst runs" in block.title).blocks
+    assert {one.name for one in pictures} == {f"worst_run-{digests[row[1]]}-{row[2]}" for row in worst.rows}
 
 
 def test_warnings_of_a_campaign_stand_in_the_first_section(page, tmp_path):

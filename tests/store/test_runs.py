@@ -6,6 +6,7 @@ import numpy as np
 
 from lvnav_trade.engines.simulate.statistics import merge, summarise
 from lvnav_trade.store.read import load
+from lvnav_trade.store.runs import MOST_TIMES, trace_columns
 from lvnav_trade.store.tables import row_tables
 from tests import synthetic
 
@@ -35,3 +36,25 @@ def test_without_runs_the_tables_have_their_columns_and_no_row():
     empty, full = (row_tables("c", synthetic.OUTPUTS, summary) for summary in (None, one))
     assert {name: table.schema for name, table in empty.items()} == {name: table.schema for name, table in full.items()}
     assert {table.num_rows for table in empty.values()} == {0}
+
+
+def test_a_run_over_time_has_the_sizes_of_its_errors_and_no_more_times_than_are_drawn():
+    drawn = synthetic.block(synthetic.covariance(), 0, 4)
+    long = np.repeat(drawn.err[:, :1], 1001, axis=1)
+    many = drawn._replace(t=np.linspace(0.0, 99.5, 1001), err=long, sigma=np.ones_like(long))
+    found = trace_columns(synthetic.OUTPUTS, [one._replace(first_run=k) for k, one in enumerate((drawn, many))])
+    first = found["run_number"] == 0
+    for quantity, at in (("attitude", 0), ("velocity", 3), ("position", 6)):
+        mine = first & (found["quantity"] == quantity)
+        np.testing.assert_array_equal(found["t_s"][mine], drawn.t)
+        np.testing.assert_allclose(found["error_si"][mine], np.linalg.norm(drawn.err[0, :, at : at + 3], axis=1))
+        np.testing.assert_allclose(found["sigma_si"][mine], np.linalg.norm(drawn.sigma[0, :, at : at + 3], axis=1))
+    times = found["t_s"][~first & (found["quantity"] == "position")]
+    assert 300 < times.size <= MOST_TIMES
+    assert times[-1] == 99.5
+
+
+def test_a_run_over_time_ends_where_it_failed():
+    failed = synthetic.block(synthetic.covariance(), 0, 1, failing=(0,))
+    found = trace_columns(synthetic.OUTPUTS, [failed])
+    np.testing.assert_array_equal(np.isnan(found["error_si"]), found["t_s"] >= failed.t_failed[0])

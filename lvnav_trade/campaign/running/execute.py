@@ -19,7 +19,7 @@ from lvnav_trade.campaign.definition.schema import Campaign
 from lvnav_trade.campaign.reading import flights
 from lvnav_trade.campaign.reading.effect import Effects
 from lvnav_trade.campaign.reading.load import resolved
-from lvnav_trade.campaign.running import work
+from lvnav_trade.campaign.running import replay, work
 from lvnav_trade.campaign.running.lock import locked
 from lvnav_trade.campaign.running.plan import Block, blocks
 from lvnav_trade.campaign.running.progress import Progress
@@ -183,7 +183,6 @@ class _Run:
         lost = self._fly(able)
         ends = [(self.job, case, self.stopping.runs(case.id)) for case in left if case.id not in lost]
         lost |= self._per_case("tables", work.close, ends, "tables")
-        _end_workers(self.jobs)  # the page is made by this process alone: their memory is of no use to it
         reported = {
             **self.remarks,
             "timings_s": self.timings,
@@ -192,10 +191,22 @@ class _Run:
             # The order of the plan, not that in which the workers finished: the tables' bytes must not depend on it.
             "cases": [case.id for case in able if case.id not in lost],
         }
-        self.job.results.finish(reported)
+        is_tested = self.campaign.monte_carlo is not None and bool(self.campaign.requirements)
+        self.job.results.finish(reported, self._trace if is_tested else None)
+        _end_workers(self.jobs)  # the page is made by this process alone: their memory is of no use to it
         if not self.lost:
             self._remove_scratch()
         return Outcome(tuple(answers), tuple(self.failures))
+
+    def _trace(self, folder: Path) -> None:
+        """Fly the worst runs again and keep them over time."""
+        from lvnav_trade.metrics.requirements.margins import worst_runs
+        from lvnav_trade.store.read import Tables
+
+        worst = worst_runs(Tables(folder)).groupby("case", sort=False).run_number
+        runs = {str(case): sorted(set(numbers)) for case, numbers in worst}
+        units = [(self.job, case, runs[case.id]) for case in self.cases if case.id in runs]
+        self._per_case("worst runs", replay.trace, units, "its worst runs over time")
 
     def _remove_scratch(self) -> None:
         scratch.remove(self.job.scratch, self.labels)

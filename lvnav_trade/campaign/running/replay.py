@@ -10,7 +10,7 @@ import numpy as np
 
 from lvnav_trade.campaign.definition.axes import Case
 from lvnav_trade.campaign.definition.schema import Campaign
-from lvnav_trade.campaign.running.work import WHY, navigation
+from lvnav_trade.campaign.running.work import WHY, Done, Job, message_of, navigation, prepared_of
 from lvnav_trade.campaign.syntax.tree import hint
 from lvnav_trade.errors import InputError, writing
 
@@ -53,6 +53,17 @@ def replay(campaign: Campaign, case: Case, run: int) -> Replay:
     block = montecarlo.replay(prepared, campaign.seed, run)
     code = int(block.failed[0])
     return Replay(_trace(block, prepared.outputs), _at_events(block, prepared), WHY.get(code, "") if code else "")
+
+
+def trace(job: Job, case: Case, runs: Sequence[int]) -> Done:
+    """Fly runs of a case again and leave their errors over time among its tables; every worker does one case."""
+    try:
+        prepared = prepared_of(job, case)
+        blocks = (job.engine.run_block(prepared, job.seed, run, 1) for run in runs)
+        job.results.write_traces(case.id, prepared, blocks)
+        return Done(case.id, 0, 0)
+    except Exception as error:
+        return Done(case.id, 0, 0, error=message_of(error))
 
 
 def write_trace(found: Replay, folder: Path, case: Case, run: int) -> Path:

@@ -190,15 +190,14 @@ def answer(job: Job, case: Case) -> Answer:
     """Compute a case's linear covariance and leave it on the scratch disk for the workers that need it."""
     try:
         prepared, used = _whole(job, case)
-        file = _scratch_file(job, case)
-        identity = _identity(job, case)
+        file, identity = _scratch_file(job, case), _identity(job, case)
         if not scratch.is_sound(file, CovHistory, identity):
             scratch.leave(file, job.engine.covariance(prepared), identity)
         return _answer(case, prepared, _covariance(job, case))._replace(used=used)
     except InputError as error:
         return Answer(case.id, "", mistakes=error.records)
     except Exception as error:
-        return Answer(case.id, "", error=_message(error))
+        return Answer(case.id, "", error=message_of(error))
 
 
 def whole(job: Job, case: Case) -> Answer:
@@ -220,7 +219,7 @@ def answer_or_ahead(job: Job, case: Case, ahead: Callable[[Job, Case], Any] | No
 
 def compile_kernels(job: Job, case: Case) -> None:
     """Compile the backward pass of a case and what will fly it."""
-    job.engine.compile_kernels(_prepared(job, case), job.asked)
+    job.engine.compile_kernels(prepared_of(job, case), job.asked)
 
 
 def explain(job: Job, case: Case) -> Done:
@@ -228,18 +227,18 @@ def explain(job: Job, case: Case) -> Done:
     try:
         file, identity = _explained_file(job, case)
         if not scratch.is_sound(file, explained.Explanation, identity):
-            covariance, prepared = _covariance(job, case), _prepared(job, case)
+            covariance, prepared = _covariance(job, case), prepared_of(job, case)
             scratch.leave(file, job.engine.explain(case.scenario, prepared, covariance, job.asked), identity)
         return Done(case.id, 0, 0)
     except Exception as error:
-        return Done(case.id, 0, 0, error=_message(error))
+        return Done(case.id, 0, 0, error=message_of(error))
 
 
 def fly(job: Job, block: Block) -> Done:
     """Fly a block of runs and store its statistics."""
     what = (block.case.id, block.first_run, block.n_run)
     try:
-        prepared, covariance = _prepared(job, block.case), _covariance(job, block.case)
+        prepared, covariance = prepared_of(job, block.case), _covariance(job, block.case)
         runs = job.engine.run_block(prepared, job.seed, block.first_run, block.n_run)
         if job.asked.protection is not None and job.asked.protection.alarms:
             runs = with_alarms(runs, prepared, _explanation(*_explained_file(job, block.case)).protected, job.seed)
@@ -250,12 +249,12 @@ def fly(job: Job, block: Block) -> Done:
             beyond = job.engine.beyond(job.requirements, block.case.id, prepared, covariance, summary)
         return Done(*what, tuple(_failures(runs, block.first_run)), beyond=beyond)
     except Exception as error:
-        return Done(*what, error=_message(error))
+        return Done(*what, error=message_of(error))
 
 
 def tally(job: Job, case: Case) -> list[Done]:
     """Hold the blocks that are stored of a case against the requirements, one at a time."""
-    of_case = (job.requirements, case.id, _prepared(job, case), _covariance(job, case))
+    of_case = (job.requirements, case.id, prepared_of(job, case), _covariance(job, case))
     return [
         Done(case.id, part.first_run, part.n_run, beyond=job.engine.beyond(*of_case, part))
         for part in job.results.parts(case.id)
@@ -265,7 +264,7 @@ def tally(job: Job, case: Case) -> list[Done]:
 def close(job: Job, case: Case, runs: int) -> Done:
     """Merge the blocks of a case's first `runs` runs and write its tables."""
     try:
-        prepared, covariance = _prepared(job, case), _covariance(job, case)
+        prepared, covariance = prepared_of(job, case), _covariance(job, case)
         if not job.asked.budget:
             covariance = covariance._replace(sources=(), budget=covariance.budget[:, :0])
         parts = job.results.parts(case.id, runs) if runs else None
@@ -277,13 +276,14 @@ def close(job: Job, case: Case, runs: int) -> Done:
         job.results.write_case(case, prepared, covariance, parts, behind, draws, control)
         return Done(case.id, 0, runs)
     except Exception as error:
-        return Done(case.id, 0, runs, error=_message(error))
+        return Done(case.id, 0, runs, error=message_of(error))
 
 
 _kept: dict[tuple[Any, str, float], tuple[Any, effect.Used | None]] = {}
 
 
-def _prepared(job: Job, case: Case) -> Any:
+def prepared_of(job: Job, case: Case) -> Any:
+    """Return a case made ready for the engines."""
     return _whole(job, case)[0]
 
 
@@ -357,7 +357,7 @@ def _failures(runs: Any, first_run: int) -> Iterator[tuple[int, str]]:
         yield first_run + int(index), why if math.isnan(when) else f"{why} at {when:g} s"
 
 
-def _message(error: Exception) -> str:
+def message_of(error: Exception) -> str:
     """Return the error of a unit of work in one line; a user's mistake stops the campaign instead, and so does what the
     operating system refuses: no other unit would fare better on a full disk or a folder that went away.
     """

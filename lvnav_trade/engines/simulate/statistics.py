@@ -287,16 +287,17 @@ def compile_kernels() -> None:
     merge([summarise(block, {}, none[0], ())])
 
 
-def quantiles(summary: BlockSummary, probability: float) -> Floats:
-    """Return the quantile of |error| (n_hist, n_column), SI, to half a bin (1 %); 0 below the bins, inf above.
+def quantiles(summary: BlockSummary, *probabilities: float) -> list[Floats]:
+    """Return quantiles of |error|, each (n_hist, n_column), SI, to half a bin (1 %); 0 below the bins, inf above.
 
-    The quantile is the middle (geometric) of the bin that holds the run of rank ceil(probability * n), failed runs
+    A quantile is the middle (geometric) of the bin that holds the run of rank ceil(probability * n), failed runs
     among the n.
     """
-    rank = max(1, int(np.ceil(probability * summary.n_run - 1e-9)))
-    bins = np.empty(summary.total.shape, dtype=np.int64)
-    histogram = counts(summary)
-    for k in range(len(bins)):  # one time after another: the cumulated histogram is as large as the histogram
-        bins[k] = np.argmax(np.cumsum(histogram[k], axis=-1, dtype=np.uint32) >= rank, axis=-1)
+    ranks = [max(1, int(np.ceil(probability * summary.n_run - 1e-9))) for probability in probabilities]
+    bins = np.empty((len(ranks), *summary.total.shape), dtype=np.int64)
+    for k, histogram in enumerate(counts(summary)):  # one time after another: cumulated, they are as large again
+        cumulated = np.cumsum(histogram, axis=-1, dtype=np.uint32)
+        for found, rank in zip(bins, ranks, strict=True):
+            found[k] = np.argmax(cumulated >= rank, axis=-1)
     middle = summary.scale * LOWEST * np.exp((bins - 0.5) * BIN)
-    return np.where(bins == 0, 0.0, np.where(bins == N_BIN - 1, np.inf, middle))
+    return list(np.where(bins == 0, 0.0, np.where(bins == N_BIN - 1, np.inf, middle)))

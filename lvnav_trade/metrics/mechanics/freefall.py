@@ -16,7 +16,8 @@ from lvnav_trade.records import Floats
 
 # Height in m below which no point of impact is reported: it would be the vehicle's own place.
 LOWEST = 1e3
-_STEPS = 160  # steps of the numerical fall: centimetres over half a revolution
+_STEP = 16.0  # longest step of the numerical fall, s: centimetres over half a revolution
+_FEWEST = 8  # steps of a fall
 
 
 class Impact(NamedTuple):
@@ -49,7 +50,8 @@ def impact(r_i: ArrayLike, v_i: ArrayLike, earth_angle: ArrayLike, j2: bool = Tr
         fall = _kepler_fall(r_i, v_i)
         _, _, height = geodetic_from_ecef(r_i)  # height does not depend on the turn of the Earth
         fall = np.where(height >= lowest, fall, np.nan)
-        end = _fly(r_i, v_i, fall, j2, _STEPS)
+        longest = float(np.max(fall, initial=0.0, where=np.isfinite(fall)))
+        end = _fly(r_i, v_i, fall, j2, max(_FEWEST, int(np.ceil(longest / _STEP))))
         fall, end = _to_ground(fall, end, j2)
         turned, r_i, v_i = theta + OMEGA * fall, end[:, :3], end[:, 3:]
         r_e = ecef_from_eci(r_i, turned)
@@ -82,7 +84,8 @@ def _kepler_fall(r_i: Floats, v_i: Floats) -> Floats:
 def _pull(state: Floats, j2: bool) -> Floats:
     """Return the derivative (n, 6) of states in free fall."""
     r_i = state[:, :3]
-    pull = -GM * r_i / np.linalg.norm(r_i, axis=1, keepdims=True) ** 3
+    square = np.einsum("ij,ij->i", r_i, r_i)[:, None]
+    pull = -GM * r_i / (square * np.sqrt(square))
     return np.concatenate([state[:, 3:], pull + oblateness(r_i) if j2 else pull], axis=1)
 
 

@@ -19,7 +19,10 @@ from lvnav_trade.records import Floats
 # Places along the revolution where an impulse may be; between two of them 0.2 % are lost.
 PLACES = 48
 _ROUNDS = 400
-_CHUNK = 512
+_CHUNK = 4096
+# Powers of the rounds: 1 is the plain rule, 2 in every round is faster and may lose the rank; one large step after some
+# plain ones takes two thirds of the time of 1.5 in every round
+_POWERS = (1, 1, 1, 6)
 _FLOOR = 1e-9  # least part of the weight that a place keeps, so that what is solved stays regular
 
 
@@ -89,7 +92,7 @@ def _least(error: Floats, pushes: Floats, tolerance: float) -> Correction:
     weight = np.full((len(error), m), 1.0 / m)
     best, bound = np.full(len(error), np.inf), np.zeros(len(error))
     left = np.arange(len(error))
-    for _ in range(_ROUNDS):
+    for turn in range(_ROUNDS):
         primer = np.linalg.solve((weight @ squares).reshape(-1, 5, 5), goal[left, :, None])[:, :, 0]
         length = np.sqrt(sum((primer @ one) ** 2 for one in flat))
         best[left] = np.minimum(best[left], np.sum(weight * length, axis=1))
@@ -99,7 +102,7 @@ def _least(error: Floats, pushes: Floats, tolerance: float) -> Correction:
         if not len(left):
             break
         share = length / length.max(axis=1, keepdims=True)
-        weight = weight * (share * np.sqrt(share))  # a power of 1 is the plain rule, 2 is faster and may lose the rank
+        weight = weight * share ** _POWERS[turn % len(_POWERS)]
         weight = weight / weight.sum(axis=1, keepdims=True) + _FLOOR
     return Correction(size * best, size * bound)
 

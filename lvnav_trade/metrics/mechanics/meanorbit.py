@@ -144,7 +144,7 @@ def mean_anomaly(true: Floats, e: Floats) -> Floats:
 
 def oblateness(r_i: Floats) -> Floats:
     """Return the part of the gravitation (..., 3) in m/s^2 that is due to J2."""
-    r2 = np.sum(r_i * r_i, axis=-1, keepdims=True)
+    r2 = np.einsum("...i,...i->...", r_i, r_i)[..., None]
     s2 = r_i[..., 2:] ** 2 / r2
     k = 1.5 * J2 * GM * SEMI_MAJOR**2 / (r2 * r2 * np.sqrt(r2))
     return np.asarray(k * r_i * (5.0 * s2 - np.array([1.0, 1.0, 3.0])))

@@ -6,6 +6,7 @@ error of the injection.
 """
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +27,10 @@ STEP = np.array([1e-2] * 3 + [10.0] * 3)
 DRAWS = 2**11
 QUANTILE_DRAWS = 2**15  # of a quantile of a requirement: 88 of them lie beyond 99.73 %
 _LEAST_SIGMAS = 3.0
+_OF_ORBIT = (
+    "semi_major_axis_error", "eccentricity_error", "perigee_error", "apogee_error", "inclination_error", "node_error",
+    "eccentricity_vector_error",
+)  # fmt: skip
 
 
 class State(NamedTuple):
@@ -123,7 +128,7 @@ def orbit_errors(state: State, error: Floats) -> dict[str, Floats]:
     estimated = meanorbit.mean(state.r_i - error[:, 3:], state.v_i - error[:, :3])
     node = np.array([np.cos(true.node), np.sin(true.node), 0.0])
     plane = np.stack([node, np.cross(frames.unit(true.h_i), node)])
-    names = ("semi_major_axis", "eccentricity", "perigee", "apogee", "inclination", "node")
+    names = [name.removesuffix("_error") for name in _OF_ORBIT[:-1]]
     found = {f"{name}_error": (getattr(true, name) - getattr(estimated, name))[:, None] for name in names}
     found["node_error"] = np.mod(found["node_error"] + np.pi, 2.0 * np.pi) - np.pi
     return found | {"eccentricity_vector_error": (true.e_i - estimated.e_i) @ plane.T}
@@ -170,7 +175,24 @@ def sizes_at(tables: Tables, case: str, event: str, metric: str) -> Floats | Non
 
 def jacobian(state: State, metric: str) -> Floats:
     """Return the derivative (k, 6) of a metric's error by that of velocity and position, by central differences."""
+    if metric in _OF_ORBIT:
+        return _orbit_slopes(state.r_i.tobytes(), state.v_i.tobytes())[metric]
     return derivative(lambda error: signed(state, error, metric))
+
+
+@lru_cache(maxsize=64)
+def _orbit_slopes(r_i: bytes, v_i: bytes) -> dict[str, Floats]:
+    """Return the derivatives (k, 6) of all errors of the orbit at a state of which the numbers are given."""
+    state = State("", 0.0, np.frombuffer(r_i), np.frombuffer(v_i), 0.0, np.eye(3))
+
+    def errors(error: Floats) -> Floats:
+        found = orbit_errors(state, error)
+        return np.concatenate([found[name] for name in _OF_ORBIT], axis=1)
+
+    slopes = derivative(errors)
+    slopes.flags.writeable = False
+    ends = np.cumsum([2 if "vector" in name else 1 for name in _OF_ORBIT])
+    return dict(zip(_OF_ORBIT, np.split(slopes, ends[:-1]), strict=True))
 
 
 def derivative(function: Callable[[Floats], Floats]) -> Floats:

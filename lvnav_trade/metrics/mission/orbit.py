@@ -123,22 +123,35 @@ def correction(tables: Tables) -> pd.DataFrame:
     steers by the estimate it is what a perfect orbit determination would find to be corrected.
     """
     rows = [
-        (label, state.event, "m/s", by, len(errors), *_costs(state, errors))
+        (label, state.event, "m/s", by, cost.shape[1], *_quantiles(cost))
         for case, label in tables.labels.items()
         for state in orbital_states(tables, case)[-1:]
-        for law in (mission.law_at(tables, case, state.event),)
-        for by, errors in (
-            ("linear covariance", mission.draws(law.mean, law.true, _DRAWS)),
-            ("Monte Carlo", mission.good_errors(tables, case, state)),
-        )
-        if len(errors)
+        for by, cost in costs(tables, case, state.event).items()
     ]
     return pd.DataFrame(rows, columns=CORRECTION)
 
 
-def _costs(state: mission.State, error: Floats) -> list[float]:
-    """Return the values of `CORRECTION` from the mean on."""
-    keep = (np.ones(6), np.repeat([1.0, 0.0], 3), np.repeat([0.0, 1.0], 3))
-    whole, velocity, position = (impulses.least_at(state.r_i, state.v_i, error * kept).delta_v for kept in keep)
-    quantiles = [(whole, 0.5), (whole, 0.95), (whole, 0.99), (velocity, 0.99), (position, 0.99)]
-    return [float(whole.mean()), *(float(np.quantile(cost, part)) for cost, part in quantiles)]
+@once
+def costs(tables: Tables, case: str, event: str) -> dict[str, Floats]:
+    """Return the least delta-v (3, n) in m/s of a correction at an event, by "linear covariance" for draws of its
+    Gaussian, by "Monte Carlo" for the runs that did not fail: of the error, and of that of velocity or position alone.
+    """
+    state = mission.state_at(tables, case, event)
+    assert state is not None
+    law = mission.law_at(tables, case, event)
+    of = {
+        "linear covariance": mission.draws(law.mean, law.true, _DRAWS),
+        "Monte Carlo": mission.good_errors(tables, case, state),
+    }
+    kept = np.array([np.ones(6), np.repeat([1.0, 0.0], 3), np.repeat([0.0, 1.0], 3)])[:, None]
+    every = np.concatenate([error * kept for error in of.values()], axis=1)
+    least = impulses.least_at(state.r_i, state.v_i, every.reshape(-1, 6)).delta_v.reshape(3, -1)
+    parts = np.split(least, np.cumsum([len(error) for error in of.values()])[:-1], axis=1)
+    return {by: part for by, part in zip(of, parts, strict=True) if part.size}
+
+
+def _quantiles(cost: Floats) -> list[float]:
+    """Return the values of `CORRECTION` from the mean on, of costs (3, n)."""
+    whole, velocity, position = cost
+    shown = [(whole, 0.5), (whole, 0.95), (whole, 0.99), (velocity, 0.99), (position, 0.99)]
+    return [float(whole.mean()), *(float(np.quantile(part, probability)) for part, probability in shown)]

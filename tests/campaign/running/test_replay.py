@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -10,9 +11,11 @@ import pytest
 
 from lvnav_trade.campaign.definition.axes import Case, cases
 from lvnav_trade.campaign.reading.load import load
-from lvnav_trade.campaign.running import replay
+from lvnav_trade.campaign.running import replay, work
 from lvnav_trade.errors import InputError
+from lvnav_trade.store.runs import trace_columns
 from tests.building import flying, hop
+from tests.campaign import fakes
 
 
 @pytest.fixture
@@ -79,3 +82,35 @@ def test_a_trace_that_cannot_be_written_is_reported(again: replay.Replay, found:
     (tmp_path / "traces").write_text("")
     with pytest.raises(InputError, match="cannot be written: "):
         replay.write_trace(again, tmp_path, found[0], 3)
+
+
+def test_a_worst_run_over_time_is_the_same_run(again: replay.Replay, tmp_path: Path) -> None:
+    """Run 3 flown by a unit of work, against the run that was flown again for `again`."""
+    written: dict[str, object] = {}
+
+    class Results:
+        def write_traces(self, case: str, prepared: Any, blocks: Any) -> None:
+            written.update(trace_columns(prepared.outputs, blocks), case=case)
+
+    campaign = load("campaigns/smoke.yaml")
+    case = cases(campaign)[0]
+    with flying(hop()):
+        job = work.job_of(campaign, work.ENGINE, tmp_path)._replace(results=Results())
+        assert replay.trace(job, case, [3]).error == ""
+    assert (written["case"], set(written["run_number"])) == (case.id, {3})
+    frame = pd.DataFrame(written)
+    for quantity, axes in (("position", ("north", "east", "down")), ("attitude", ("roll", "pitch", "yaw"))):
+        mine = frame[frame.quantity == quantity]
+        unit = "m" if quantity == "position" else "rad"
+        there = again.trace.set_index("t_s").loc[mine.t_s, [f"{quantity}_{axis}_error_{unit}" for axis in axes]]
+        np.testing.assert_allclose(mine.error_si, np.linalg.norm(there, axis=1), rtol=1e-12)
+
+
+def test_a_worst_run_that_is_lost_is_named(found: list[Case], study, tmp_path: Path) -> None:
+    class Results:
+        def write_traces(self, case: str, prepared: Any, blocks: Any) -> None:
+            raise ValueError("no room")
+
+    engine = fakes.Fake().engine()
+    job = work.job_of(load(study.path), engine, tmp_path)._replace(results=Results())
+    assert replay.trace(job, found[0], [0]) == work.Done(found[0].id, 0, 0, error="ValueError: no room")

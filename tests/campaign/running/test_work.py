@@ -188,7 +188,7 @@ def test_a_campaign_asks_for_the_events_of_its_requirements(study) -> None:
 def test_a_worker_that_computes_and_stores_holds_neither_pandas_nor_figures_nor_statistics_in_memory(tmp_path) -> None:
     code = (
         "import sys\nfrom pathlib import Path\nfrom lvnav_trade.campaign.running import execute, work\n"
-        "from tests import synthetic\nsynthetic.results(Path(sys.argv[1]), n_run=20)\n"
+        "from tests import synthetic\nsynthetic.results(Path(sys.argv[1]), n_run=20, traced=False)\n"
         "heavy = ('pandas', 'pyarrow.dataset', 'matplotlib', 'scipy.stats', 'scipy.signal')\n"
         "print([name for name in heavy if name in sys.modules])"
     )

@@ -7,7 +7,8 @@ import pandas as pd
 import pytest
 
 from lvnav_trade.metrics import METRICS
-from lvnav_trade.metrics.requirements.margins import key_cases, worst
+from lvnav_trade.metrics.requirements.margins import key_cases, worst, worst_runs
+from lvnav_trade.metrics.requirements.requirements import errors_of
 from lvnav_trade.store.read import load
 from tests import synthetic
 
@@ -37,10 +38,19 @@ def test_cases_that_decide_are_the_worst_the_binding_and_the_best(flown, monkeyp
     frame = METRICS["margins"](flown)
     sizes = {"a": -0.5, "b": 0.1, "c": 0.3, "d": 0.9}
     made = frame.iloc[[0] * 4].assign(case=list(sizes), margin_ratio=list(sizes.values()))
-    monkeypatch.setattr("lvnav_trade.metrics.requirements.margins.margins", lambda tables: made)
+    monkeypatch.setattr("lvnav_trade.metrics.requirements.margins._unchecked", lambda tables: made)
     assert key_cases(flown) == {"a": "worst", "b": "binding", "d": "best"}
 
 
 def test_the_worst_verdict_counts():
     frame = pd.Series(["met", "not confirmed", "undecided"])
     assert worst(frame) == "not confirmed"
+
+
+def test_the_worst_run_of_a_requirement_has_the_largest_error_of_its_case(flown):
+    found, stated = worst_runs(flown), {one["name"]: one for one in flown.campaign["requirements"]}
+    assert set(found.case.map(flown.labels)) == set(key_cases(flown))
+    for row in found.itertuples():
+        errors = errors_of(flown, row.case, stated[row.requirement])
+        assert row.error == pytest.approx(errors.size.max() * errors.label_factor, rel=1e-12)
+        assert errors.size[row.run_number] == errors.size.max()

@@ -1,0 +1,125 @@
+"""Columns of the tables that hold single runs: their errors at events, their logic, their start, a few over time."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from lvnav_trade.engines.setup.starts import StartDraws
+from lvnav_trade.engines.simulate.statistics import NORM, BlockSummary, add_norms, columns
+from lvnav_trade.records import FIRST_UNIT, ISOLATED, MODES, REASONS, Floats, Output, RunBlock
+from lvnav_trade.store.schema import error_column, rms_column
+
+DRAWN = ("attitude", "velocity", "position")
+"""Quantities of which budget and single runs are kept over the whole flight."""
+MOST_TIMES = 400
+"""Times of a run that is kept over the flight."""
+FAILURES = {0: "", 1: "not finite", 2: "diverged"}
+
+
+def run_columns(
+    outputs: tuple[Output, ...], summary: BlockSummary | None, channels: tuple[str, ...] = ()
+) -> dict[str, dict[str, Any]]:
+    """Return the columns of `runs`, `worst`, `logic` and `integrity` for some runs; without runs those of the
+    outputs, empty.
+
+    `worst` has one row per run and span from an event to the next. channels: names of the filter's channels.
+    """
+    every = columns(outputs)
+    errors, means = (
+        [column(output.quantity, output.axis, output.unit) for output in every] for column in (error_column, rms_column)
+    )
+    if summary is None:
+        return {
+            "runs": {name: [] for name in errors},
+            "worst": {name: [] for name in (*errors, *means)},
+            "logic": {},
+            "integrity": {},
+        }
+    n_event, n_span = len(summary.events), summary.worst.shape[1]
+    failures = np.array([FAILURES.get(int(code), f"code {code}") for code in summary.failed])
+    run, t, before, after, why = summary.changes.T
+    runs = {
+        "run_number": np.repeat(summary.runs, n_event),
+        "event": list(summary.events) * summary.n_run,
+        "t_s": np.tile(summary.t_event, summary.n_run),
+        "failure": np.repeat(failures, n_event),
+        "t_failed_s": np.repeat(summary.t_failed, n_event),
+        "nees_ratio": summary.event_nees.ravel(),
+    }
+    worst = {
+        "run_number": np.repeat(summary.runs, n_span),
+        "t_s": np.tile(summary.t_bound[:-1], summary.n_run),
+        "t_end_s": np.tile(summary.t_bound[1:], summary.n_run),
+        "failure": np.repeat(failures, n_span),
+    }
+    logic = {
+        "run_number": run.astype(np.int64),
+        "t_s": t,
+        "from_mode": np.array(MODES)[before.astype(int)],
+        "to_mode": np.array(MODES)[after.astype(int)],
+        "reason": np.array(REASONS)[why.astype(int)],
+    }
+    runs |= _named(errors, summary.event_error)
+    worst |= _named(errors, summary.worst) | _named(means, np.sqrt(summary.mean_square))
+    return {"runs": runs, "worst": worst, "logic": logic, "integrity": integrity_columns(summary.decisions, channels)}
+
+
+def integrity_columns(decisions: Floats, channels: tuple[str, ...]) -> dict[str, Any]:
+    """Return the columns of `integrity` and `nominal_integrity`: what filters that test for faults decided."""
+    run, t, isolated, channel = decisions.T
+    number = channel.astype(int)
+    units = [f"unit {unit + 1}" for unit in range(max(0, FIRST_UNIT - int(number.min(initial=0))) + 1)]
+    names = np.array([*channels, *reversed(units), ""])
+    return {
+        "run_number": run.astype(np.int64),
+        "t_s": t,
+        "isolated": np.array(ISOLATED)[isolated.astype(int)],
+        "channel": names[number],
+    }
+
+
+def _named(names: list[str], values: Any) -> dict[str, Any]:
+    """Return the last axis of values (n_run, n, n_name) as columns."""
+    return dict(zip(names, values.reshape(-1, len(names)).T, strict=True))
+
+
+def start_columns(starts: StartDraws | None) -> dict[str, Any]:
+    """Return the columns of the table of what runs draw at their start."""
+    if starts is None:
+        return {}
+    n_run, n_draw = starts.values.shape
+    return {
+        "run_number": np.repeat(starts.runs, n_draw),
+        "source": list(starts.sources) * n_run,
+        "axis": list(starts.axes) * n_run,
+        "draw_ratio": starts.values.ravel(),
+    }
+
+
+def trace_columns(outputs: tuple[Output, ...], blocks: Iterable[RunBlock]) -> dict[str, Any]:
+    """Return the columns of `traces` for blocks of one run each: at most `MOST_TIMES` times, the last among them."""
+    every = columns(outputs)
+    chosen = [k for k, output in enumerate(every) if output.axis == NORM and output.quantity in DRAWN]
+    pieces = []
+    for block in blocks:
+        at = np.arange(len(block.t))[:: -max(1, -(-len(block.t) // MOST_TIMES))][::-1]
+        error, sigma = (add_norms(values[0, at], outputs)[:, chosen] for values in (block.err, block.sigma))
+        error[block.t[at] >= _end_of(block)] = np.nan
+        pieces.append(
+            {
+                "run_number": np.full(at.size * len(chosen), block.first_run),
+                "t_s": np.tile(block.t[at], len(chosen)),
+                "quantity": np.repeat([every[k].quantity for k in chosen], at.size),
+                "unit": np.repeat([every[k].unit for k in chosen], at.size),
+                "error_si": error.T.ravel(),
+                "sigma_si": sigma.T.ravel(),
+            }
+        )
+    return {name: np.concatenate([piece[name] for piece in pieces]) for name in (pieces[0] if pieces else ())}
+
+
+def _end_of(block: RunBlock) -> float:
+    """Return when (s) the only run of a block failed; infinite if it did not."""
+    failed = bool(block.failed[0]) and not np.isnan(block.t_failed[0])
+    return float(block.t_failed[0]) if failed else np.inf
